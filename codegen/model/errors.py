@@ -1,0 +1,62 @@
+"""Problems of a model: gathered with their places, printed one a line, raised all at once."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """One thing wrong with a model.
+
+    Attributes
+    ----------
+    file : str
+        File name, ``<string>``, or ``builder``.
+    line, column : int or None
+        Counted from 1; None where there is no text (a model built in Python).
+    path : str
+        Keys that lead to the value, such as ``bodies.crank.mass``; empty for the file as a whole.
+    message : str
+        What was seen; what is allowed; the nearest known name.
+    severity : str
+        ``error`` or ``warning``.
+    """
+
+    file: str
+    line: int | None
+    column: int | None
+    path: str
+    message: str
+    severity: str = "error"
+
+    def __str__(self) -> str:
+        place = self.file if self.line is None else f"{self.file}:{self.line}:{self.column}"
+        path = f" {self.path}:" if self.path else ""
+        warning = " warning:" if self.severity == "warning" else ""
+        return f"{place}:{warning}{path} {self.message}"
+
+
+class ModelError(Exception):
+    """A model that cannot be used; its text has one line for every problem.
+
+    Attributes
+    ----------
+    problems : list of Problem
+        The errors in the order of the file, then the warnings.
+    """
+
+    def __init__(self, problems: Iterable[Problem]) -> None:
+        self.problems = list(problems)
+        super().__init__(self.problems)
+
+    def __str__(self) -> str:
+        return "\n".join(str(p) for p in self.problems)
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """``; did you mean 'mass'?`` for a misspelt name, or nothing."""
+    matches = difflib.get_close_matches(name, list(known), n=1, cutoff=0.6)
+    return f"; did you mean {matches[0]!r}?" if matches else ""

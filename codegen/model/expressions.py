@@ -1,0 +1,687 @@
+"""Expressions of a model file: a small grammar, parsed once per text, never evaluated as Python.
+
+A parsed expression is a tree of tuples, so that engines and generator walk it with their own numbers:
+
+``("number", value)``, ``("name", name)``, ``("neg", a)``, ``("+", a, b)``, ``("-", a, b)``, ``("*", a, b)``,
+``("/", a, b)``, ``("**", a, b)`` and ``("call", function, a, ...)``.
+
+Names are those of parameters and inputs, ``t``, ``q.NAME`` and ``u.NAME``; constants and repeat indices have become
+numbers, ``pi`` too. Whole numbers below 2**53 are Python ints (exact in every arithmetic), all others are floats.
+
+Two more nodes exist between `parse` and `bind` only, because they are settled while a model is loaded:
+``("indexed", name, indices, suffix)`` for a name with repeat indices such as ``q.link(k-1)`` and ``("%", a, b)``.
+
+Expressions are interned: equal trees are one object, so structure repeated in a model is recognised by identity.
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+import re
+from collections.abc import Callable, Mapping
+from functools import lru_cache
+from types import ModuleType
+from typing import Any, Final
+from weakref import WeakValueDictionary
+
+Tree = tuple[Any, ...]
+Number = int | float
+
+FUNCTIONS: Final[dict[str, int]] = {
+    "sin": 1, "cos": 1, "tan": 1, "asin": 1, "acos": 1, "atan": 1, "atan2": 2, "sinh": 1, "cosh": 1, "tanh": 1,
+    "sqrt": 1, "exp": 1, "log": 1, "abs": 1, "sign": 1, "min": 2, "max": 2,
+}  # fmt: skip
+"""Functions of the grammar and how many arguments they take (``min`` and ``max``: at least so many)."""
+
+MAX_LENGTH: Final = 10_000
+MAX_NESTING: Final = 100
+MAX_DEPTH: Final = 200
+
+_EXACT = 2**53
+_ZERO: Tree = ("number", 0)
+_ONE: Tree = ("number", 1)
+
+
+class ExpressionError(ValueError):
+    """A text that is no expression, or one whose value does not exist.
+
+    Attributes
+    ----------
+    message : str
+        What was seen and what is allowed.
+    column : int or None
+        Where in the text, counted from 1; None if it concerns the expression as a whole.
+    """
+
+    def __init__(self, message: str, column: int | None = None) -> None:
+        super().__init__(message if column is None else f"column {column}: {message}")
+        self.message = message
+        self.column = column
+
+
+class Expression:
+    """An immutable expression of a model; equal trees are the same object.
+
+    Parameters
+    ----------
+    tree : tuple
+        As described at the top of this module.
+
+    Attributes
+    ----------
+    tree : tuple
+    names : frozenset of str
+        Free names, such as ``L``, ``t``, ``q.crank`` or ``u.ball.wx``.
+    """
+
+    __slots__ = ("__weakref__", "_names", "tree")
+
+    tree: Tree
+    _names: frozenset[str] | None
+
+    def __new__(cls, tree: Tree) -> Expression:
+        known = _interned.get(tree)
+        if known is not None:
+            return known
+        self = super().__new__(cls)
+        object.__setattr__(self, "tree", tree)
+        object.__setattr__(self, "_names", None)
+        return _interned.setdefault(tree, self)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"an Expression cannot be changed: {name}")
+
+    def __reduce__(self) -> tuple[type[Expression], tuple[Tree]]:
+        return Expression, (self.tree,)
+
+    @staticmethod
+    def number(value: Number) -> Expression:
+        """The expression of one finite number."""
+        return Expression(("number", _canonical(value)))
+
+    @property
+    def names(self) -> frozenset[str]:
+        if self._names is None:
+            found: set[str] = set()
+            _collect(self.tree, found)
+            object.__setattr__(self, "_names", frozenset(found))
+        assert self._names is not None
+        return self._names
+
+    @property
+    def is_number(self) -> bool:
+        return bool(self.tree[0] == "number")
+
+    @property
+    def value(self) -> Number:
+        """The number, if `is_number`.
+
+        Raises
+        ------
+        ValueError
+            If the expression has names.
+        """
+        if self.tree[0] != "number":
+            raise ValueError(f"{self} is no number; evaluate it with values for {', '.join(sorted(self.names))}")
+        number: Number = self.tree[1]
+        return number
+
+    def evaluate(self, values: Mapping[str, Any], functions: Mapping[str, Callable[..., Any]] | None = None) -> Any:
+        """Value of the expression in any arithmetic.
+
+        Parameters
+        ----------
+        values : mapping of str to number
+            A value for every name in `names`.
+        functions : mapping of str to callable, optional
+            The functions of the grammar, ``"**"``, and ``"number"``, which turns an int or float of the tree into
+            a number of the arithmetic before anything is computed with it. See `functions_for`; floats by default.
+
+        Raises
+        ------
+        ArithmeticError or ValueError
+            As the functions raise it: division by zero, overflow, a function outside its domain.
+        KeyError
+            A name without a value.
+        """
+        return _evaluate(self.tree, values, FLOAT_FUNCTIONS if functions is None else functions)
+
+    def __str__(self) -> str:
+        return _print(self.tree, 0)
+
+    def __repr__(self) -> str:
+        return f"Expression({str(self)!r})"
+
+
+_interned: WeakValueDictionary[Tree, Expression] = WeakValueDictionary()
+
+
+def _collect(tree: Tree, found: set[str]) -> None:
+    kind = tree[0]
+    if kind == "name":
+        found.add(tree[1])
+    elif kind == "call":
+        for argument in tree[2:]:
+            _collect(argument, found)
+    elif kind == "indexed":
+        for index in tree[2]:
+            _collect(index, found)
+    elif kind != "number":
+        for argument in tree[1:]:
+            _collect(argument, found)
+
+
+# --- values -----------------------------------------------------------------------------------------------------
+
+
+def _float_power(a: float, b: float) -> float:
+    return math.pow(a, b)
+
+
+def _float_sign(a: float) -> float:
+    return float((a > 0) - (a < 0))
+
+
+FLOAT_FUNCTIONS: Final[dict[str, Callable[..., Any]]] = {
+    **{name: getattr(math, name) for name in ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh")},
+    **{name: getattr(math, name) for name in ("tanh", "sqrt", "exp", "log")},
+    "abs": abs,
+    "sign": _float_sign,
+    "min": min,
+    "max": max,
+    "number": float,
+    "**": _float_power,
+}
+"""The functions of the grammar for Python floats."""
+
+_OTHER_NAMES = {
+    "numpy": {
+        "asin": "arcsin", "acos": "arccos", "atan": "arctan", "atan2": "arctan2", "min": "minimum", "max": "maximum",
+        "**": "power",
+    },
+    "mpmath": {"abs": "fabs", "**": "power", "number": "mpf"},
+    "sympy": {"abs": "Abs", "min": "Min", "max": "Max", "**": "Pow", "number": "sympify"},
+}  # fmt: skip
+
+
+def functions_for(module: ModuleType | Any) -> dict[str, Callable[..., Any]]:
+    """The functions of the grammar taken from a module, for `Expression.evaluate`.
+
+    Parameters
+    ----------
+    module : module
+        ``numpy``, ``mpmath`` (or a context such as ``mpmath.mp``), ``sympy``, or any module that calls its functions as
+        Python's ``math`` does.
+    """
+    root = getattr(module, "__name__", None) or type(module).__module__
+    others = _OTHER_NAMES.get(root.split(".")[0], {})
+    functions: dict[str, Callable[..., Any]] = {"number": float, "abs": abs, "min": min, "max": max, "**": operator.pow}
+    for name in [*FUNCTIONS, "number", "**"]:
+        found = getattr(module, others.get(name, name), None)
+        if found is not None and (name not in functions or name in others):
+            functions[name] = found
+        elif name not in functions:
+            raise TypeError(f"{root} has no function for {name!r}; numpy, mpmath, sympy and math do")
+    return functions
+
+
+def _evaluate(tree: Tree, values: Mapping[str, Any], functions: Mapping[str, Callable[..., Any]]) -> Any:
+    kind = tree[0]
+    if kind == "number":
+        return functions["number"](tree[1])
+    if kind == "name":
+        return values[tree[1]]
+    if kind == "call":
+        return functions[tree[1]](*[_evaluate(a, values, functions) for a in tree[2:]])
+    a = _evaluate(tree[1], values, functions)
+    if kind == "neg":
+        return -a
+    if kind == "**" and tree[2][0] == "number" and isinstance(tree[2][1], int):
+        return a ** tree[2][1]  # an int exponent is exact and allows a negative base in every arithmetic
+    b = _evaluate(tree[2], values, functions)
+    if kind == "+":
+        return a + b
+    if kind == "-":
+        return a - b
+    if kind == "*":
+        return a * b
+    if kind == "/":
+        return a / b
+    if kind == "**":
+        return functions["**"](a, b)
+    raise ValueError(f"{_print(tree, 0)} is settled by bind only")
+
+
+# --- text of a tree ---------------------------------------------------------------------------------------------
+
+_PRECEDENCE = {"+": 1, "-": 1, "*": 2, "/": 2, "%": 2, "neg": 3, "**": 4}
+
+
+def _print(tree: Tree, around: int) -> str:
+    """Text of a tree, in parentheses if its operator binds weaker than `around`."""
+    kind = tree[0]
+    if kind == "number":
+        text = repr(tree[1])
+        return f"({text})" if text.startswith("-") and around > 1 else text
+    if kind == "name":
+        return str(tree[1])
+    if kind == "call":
+        return f"{tree[1]}({', '.join(_print(a, 0) for a in tree[2:])})"
+    if kind == "indexed":
+        return tree[1] + "".join(f"({_print(i, 0)})" for i in tree[2]) + str(tree[3])
+    own = _PRECEDENCE[kind]
+    if kind == "neg":
+        text = "-" + _print(tree[1], own)
+    elif kind == "**":
+        text = f"{_print(tree[1], own + 1)}**{_print(tree[2], own)}"
+    else:
+        space = " " if own == 1 else ""
+        text = f"{_print(tree[1], own)}{space}{kind}{space}{_print(tree[2], own + 1)}"
+    return f"({text})" if own < around else text
+
+
+# --- numbers ----------------------------------------------------------------------------------------------------
+
+
+def _canonical(value: Number) -> Number:
+    """The one representation of a number: whole numbers below 2**53 are ints, all others floats; no -0.0."""
+    if isinstance(value, int):
+        if -_EXACT < value < _EXACT:
+            return int(value)
+        value = float(value)
+    value = float(value)
+    if not math.isfinite(value):
+        raise OverflowError("the number is not finite")
+    return int(value) if value == math.floor(value) and abs(value) < _EXACT else value
+
+
+def _compute(kind: str, a: Number, b: Number) -> Number:
+    """One operation on numbers: sums and products of ints stay exact, division is the float one."""
+    if kind == "+":
+        return a + b
+    if kind == "-":
+        return a - b
+    if kind == "*":
+        return a * b
+    if kind == "/":
+        return a / b
+    if kind == "%":
+        return a % b
+    # The float power first: it overflows at once where the exact one of two ints would run for hours.
+    power = math.pow(a, b)
+    if isinstance(a, int) and isinstance(b, int) and b >= 0 and abs(power) < _EXACT:
+        return int(a**b)
+    return power
+
+
+def combine(kind: str, *arguments: Tree) -> Tree:
+    """A node of the tree with its numbers computed, and multiplications by 0 and 1 and additions of 0 removed.
+
+    Parameters
+    ----------
+    kind : str
+        An operator, ``neg``, or the name of a function.
+    *arguments : tuple
+        Trees.
+
+    Raises
+    ------
+    ExpressionError
+        If the numbers have no finite result.
+    """
+    if all(a[0] == "number" for a in arguments):
+        numbers = [a[1] for a in arguments]
+        try:
+            if kind == "neg":
+                value = -numbers[0]
+            elif kind in _PRECEDENCE:
+                value = _compute(kind, *numbers)
+            else:
+                value = FLOAT_FUNCTIONS[kind](*numbers)
+            return ("number", _canonical(value))
+        except ZeroDivisionError:
+            raise ExpressionError(f"{_print(_node(kind, arguments), 0)} divides by zero") from None
+        except OverflowError:
+            raise ExpressionError(
+                f"{_print(_node(kind, arguments), 0)} is too large; numbers up to 1.8e308 are allowed"
+            ) from None
+        except ValueError:
+            raise ExpressionError(f"{_print(_node(kind, arguments), 0)} has no real value") from None
+    if kind == "neg":
+        return arguments[0][1] if arguments[0][0] == "neg" else ("neg", arguments[0])
+    if kind in FUNCTIONS:
+        return ("call", kind, *arguments)
+    a, b = arguments
+    if kind == "*":
+        if a == _ZERO or b == _ZERO:
+            return _ZERO
+        if a == _ONE:
+            return b
+        if b == _ONE:
+            return a
+    elif kind == "+":
+        if a == _ZERO:
+            return b
+        if b == _ZERO:
+            return a
+    elif kind == "-":
+        if b == _ZERO:
+            return a
+        if a == _ZERO:
+            return combine("neg", b)
+    elif kind == "/":
+        if b == _ZERO:
+            raise ExpressionError(f"{_print((kind, a, b), 0)} divides by zero")
+        if a == _ZERO or b == _ONE:
+            return a
+    elif kind == "**":
+        if b == _ONE:
+            return a
+    elif kind == "%":
+        raise ExpressionError(
+            f"{_print((kind, a, b), 0)}: the remainder % takes numbers, constants and repeat indices only"
+        )
+    return (kind, a, b)
+
+
+def _node(kind: str, arguments: tuple[Tree, ...]) -> Tree:
+    return ("call", kind, *arguments) if kind in FUNCTIONS else (kind, *arguments)
+
+
+# --- binding ----------------------------------------------------------------------------------------------------
+
+
+def bind(expression: Expression, numbers: Mapping[str, Number | str]) -> Expression:
+    """Put numbers in the place of constants and repeat indices, settle indexed names, and compute what is numeric.
+
+    Parameters
+    ----------
+    expression : Expression
+    numbers : mapping of str to int, float or str
+        Constants and indices. A str is the label of a repetition and may be used as an index only.
+
+    Raises
+    ------
+    ExpressionError
+        A number without a finite value, an index that is no whole number, a remainder or an index of unknown names.
+    """
+    tree = _bind(expression.tree, numbers)
+    return expression if tree is expression.tree else Expression(tree)
+
+
+def index_text(tree: Tree, numbers: Mapping[str, Number | str]) -> str:
+    """Text of a repeat index in a generated name, such as ``3`` or ``left``.
+
+    Raises
+    ------
+    ExpressionError
+        If it is neither a label nor a whole number from 0.
+    """
+    if tree[0] == "name" and isinstance(numbers.get(tree[1]), str):
+        return str(numbers[tree[1]])
+    value = _bind(tree, numbers)
+    if value[0] == "number" and isinstance(value[1], int) and value[1] >= 0:
+        return str(value[1])
+    if value[0] != "number":
+        raise ExpressionError(f"index ({_print(tree, 0)}) needs a value; only constants and repeat indices have one here")
+    raise ExpressionError(f"index ({_print(tree, 0)}) is {value[1]!r}; an index is a whole number from 0, or a label")
+
+
+def _bind(tree: Tree, numbers: Mapping[str, Number | str]) -> Tree:
+    kind = tree[0]
+    if kind == "number":
+        return tree
+    if kind == "name":
+        value = numbers.get(tree[1])
+        if value is None:
+            return tree
+        if isinstance(value, str):
+            raise ExpressionError(f"{tree[1]} is the label {value!r} here, not a number; a label can only be an index")
+        return ("number", _canonical(value))
+    if kind == "call":
+        return combine(tree[1], *[_bind(a, numbers) for a in tree[2:]])
+    if kind == "indexed":
+        try:
+            name = "_".join([tree[1], *[index_text(i, numbers) for i in tree[2]]]) + tree[3]
+        except ExpressionError as error:
+            from .errors import nearest
+
+            hint = nearest(tree[1], FUNCTIONS)
+            raise ExpressionError(
+                f"{tree[1]}(...) is neither a function nor a name with a repeat index: {error.message}{hint}"
+            ) from None
+        return _bind(("name", name), numbers)
+    return combine(kind, *[_bind(a, numbers) for a in tree[1:]])
+
+
+class Binder:
+    """Binds many expressions to the same constants and remembers the results.
+
+    Parameters
+    ----------
+    constants : mapping of str to number
+        Read at every new binding; constants that were used must not change afterwards.
+    """
+
+    def __init__(self, constants: Mapping[str, Number]) -> None:
+        self.constants = constants
+        self._results: dict[Any, Expression] = {}
+
+    def __call__(self, expression: Expression, indices: Mapping[str, int | str]) -> Expression:
+        """`bind` to the constants and these repeat indices; shared between repetitions that use equal values."""
+        names = expression.names
+        key = (expression, *[(i, indices[i]) for i in indices if i in names]) if indices else (expression,)
+        result = self._results.get(key)
+        if result is None:
+            result = bind(expression, {**self.constants, **indices})
+            self._results[key] = result
+        return result
+
+
+# --- parsing ----------------------------------------------------------------------------------------------------
+
+_TOKEN = re.compile(
+    r"(?P<space>[ \t\r\n]+)"
+    r"|(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)"
+    r"|(?P<name>[A-Za-z_][A-Za-z0-9_]*(?:\.[A-Za-z0-9_]+)*)"
+    r"|(?P<operator>\*\*|[-+*/%(),])"
+)
+_SUFFIX = re.compile(r"(?:\.[A-Za-z0-9_]+)+")
+_BINARY = {"+": 1, "-": 1, "*": 2, "/": 2, "%": 2, "**": 4}
+_UNARY = 3
+
+
+@lru_cache(maxsize=4096)
+def parse(text: str) -> Expression:
+    """Parse a text of the expression grammar.
+
+    Parameters
+    ----------
+    text : str
+
+    Returns
+    -------
+    Expression
+        As written; `bind` computes its numeric parts.
+
+    Raises
+    ------
+    ExpressionError
+        With the column, what was seen there and what is allowed.
+    """
+    if len(text) > MAX_LENGTH:
+        raise ExpressionError(f"an expression of {len(text)} characters; up to {MAX_LENGTH} are allowed, name its parts")
+    parser = _Parser(text)
+    if parser.kind == "end":
+        raise ExpressionError("nothing here; a number or an expression is needed", 1)
+    tree, _ = parser.expression(1, 0)
+    if parser.kind != "end":
+        if parser.token == ")":
+            parser.fail("a closing parenthesis that was never opened")
+        if parser.token == ",":
+            parser.fail("a comma outside a function's parentheses")
+        parser.fail(f"{parser.token!r} follows a complete expression; an operator + - * / ** is missing before it")
+    return Expression(tree)
+
+
+class _Parser:
+    """Precedence climbing over one text; `kind`, `token` and `start` describe the next token."""
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+        self.end = 0
+        self.advance()
+
+    def advance(self) -> None:
+        while True:
+            self.start = self.end
+            if self.start == len(self.text):
+                self.kind, self.token = "end", ""
+                return
+            match = _TOKEN.match(self.text, self.start)
+            if match is None:
+                self.kind, self.token = "other", self.text[self.start]
+                hint = {
+                    "^": "; a power is written **",
+                    "[": "; an index is written in round parentheses: link(k)",
+                    "=": "; an expression has no equals sign",
+                    "'": "; an expression has no quotes",
+                    '"': "; an expression has no quotes",
+                }.get(self.token, "; an expression has numbers, names, + - * / ** ( ) and functions")
+                self.fail(f"character {self.token!r}{hint}")
+            self.end = match.end()
+            self.kind, self.token = str(match.lastgroup), match.group()
+            if self.kind != "space":
+                return
+
+    def fail(self, message: str, start: int | None = None) -> None:
+        raise ExpressionError(message, (self.start if start is None else start) + 1)
+
+    def node(self, tree: Tree, depth: int) -> tuple[Tree, int]:
+        if depth > MAX_DEPTH:
+            self.fail(
+                f"more than {MAX_DEPTH} operations in a row or inside each other; group the terms in parentheses or split it"
+            )
+        return tree, depth
+
+    def expression(self, least: int, nesting: int) -> tuple[Tree, int]:
+        """The expression here whose operators bind at least as strongly as `least`, and the depth of its tree."""
+        if nesting > MAX_NESTING:
+            self.fail(f"more than {MAX_NESTING} levels of parentheses or signs; split the expression")
+        if self.token in ("+", "-"):
+            sign = self.token
+            self.advance()
+            left, depth = self.expression(_UNARY, nesting + 1)
+            if sign == "-":
+                left, depth = self.node(("neg", left), depth + 1)
+        else:
+            left, depth = self.operand(nesting)
+        while _BINARY.get(self.token, 0) >= least:
+            kind = self.token
+            strength = _BINARY[kind]
+            self.advance()
+            # ** groups to the right, the others to the left
+            right, right_depth = self.expression(strength if kind == "**" else strength + 1, nesting + 1)
+            left, depth = self.node((kind, left, right), max(depth, right_depth) + 1)
+        return left, depth
+
+    def operand(self, nesting: int) -> tuple[Tree, int]:
+        start, token = self.start, self.token
+        if self.kind == "number":
+            self.advance()
+            return self.number(token, start), 1
+        if self.kind == "name":
+            self.advance()
+            if self.token == "(" and self.kind == "operator":
+                return self.call(token, start, nesting)
+            return self.name(token, start), 1
+        if token == "(":
+            self.advance()
+            result = self.expression(1, nesting + 1)
+            self.close(start)
+            return result
+        if self.kind == "end":
+            self.fail("the expression ends here; a number, a name or ( is needed")
+        self.fail(f"{token!r} where a number, a name or ( is needed")
+        raise AssertionError
+
+    def close(self, opened: int) -> None:
+        if self.token != ")":
+            self.fail(
+                "the parenthesis is not closed; inside [ ] or { } of YAML a comma ends the value, put quotes around it"
+                if self.kind == "end"
+                else f"{self.token!r} where a closing parenthesis or an operator is needed",
+                opened if self.kind == "end" else None,
+            )
+        self.advance()
+
+    def number(self, token: str, start: int) -> Tree:
+        value = float(token)
+        if math.isinf(value):
+            self.fail(f"number {token if len(token) < 30 else token[:27] + '...'} is too large; up to 1.8e308", start)
+        if value != 0 and abs(value) < _EXACT and token.isdigit():
+            return ("number", int(token))
+        return ("number", _canonical(value))
+
+    def name(self, name: str, start: int) -> Tree:
+        if name == "pi":
+            return ("number", math.pi)
+        first, dot, rest = name.partition(".")
+        if dot and (first not in ("q", "u") or rest[0].isdigit()):
+            self.fail(f"name {name}; only coordinates q.NAME and speeds u.NAME have a dot", start)
+        if name in ("q", "u"):
+            self.fail(f"{name} alone; write {name}.NAME with the name of a joint", start)
+        if name in FUNCTIONS:
+            self.fail(f"function {name} without its argument; write {name}(...)", start)
+        return ("name", name)
+
+    def call(self, name: str, start: int, nesting: int) -> tuple[Tree, int]:
+        if name not in FUNCTIONS:
+            return self.indexed(name, start, nesting)
+        opened = self.start
+        self.advance()
+        arguments = []
+        if self.token == ")":
+            self.fail(f"{name} without an argument; it takes {FUNCTIONS[name]}")
+        while True:
+            arguments.append(self.expression(1, nesting + 1))
+            if self.token != ",":
+                break
+            self.advance()
+        self.close(opened)
+        needed, many = FUNCTIONS[name], name in ("min", "max")
+        if len(arguments) != needed and not (many and len(arguments) > needed):
+            self.fail(
+                f"{name} with {len(arguments)} argument{'s' * (len(arguments) > 1)}; "
+                f"it takes {'at least ' * many}{needed}",
+                start,
+            )
+        if not many:
+            return self.node(("call", name, *[a for a, _ in arguments]), 1 + max(d for _, d in arguments))
+        result = arguments[0]
+        for tree, depth in arguments[1:]:  # min(a, b, c) is min(min(a, b), c): every walker then knows two arguments
+            result = self.node(("call", name, result[0], tree), 1 + max(result[1], depth))
+        return result
+
+    def indexed(self, name: str, start: int, nesting: int) -> tuple[Tree, int]:
+        first, dot, rest = name.partition(".")
+        if (dot and first not in ("q", "u")) or "." in rest or name in ("q", "u", "t", "pi") or rest[:1].isdigit():
+            self.fail(f"{name}(...) is neither a function nor a name with a repeat index", start)
+        indices, deepest = [], 0
+        while self.token == "(":
+            opened = self.start
+            self.advance()
+            tree, depth = self.expression(1, nesting + 1)
+            if self.token == ",":
+                from .errors import nearest
+
+                self.fail(f"{name} is no function{nearest(name, FUNCTIONS)}; two indices are written {name}(i)(j)", start)
+            if self.token == ")" and (match := _SUFFIX.match(self.text, self.end)):
+                self.end = match.end()
+                self.advance()
+                return ("indexed", name, (*indices, tree), match.group()), max(deepest, depth) + 1
+            self.close(opened)
+            indices.append(tree)
+            deepest = max(deepest, depth)
+        return self.node(("indexed", name, tuple(indices), ""), deepest + 1)
