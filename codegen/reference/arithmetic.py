@@ -1,0 +1,150 @@
+"""The two kinds of numbers the reference engines run on, and the little linear algebra that must work on both.
+
+``float64`` arrays are ordinary NumPy arrays. ``mpmath`` arrays have dtype object and hold `mpmath.mpf`; their precision
+is the caller's ``mpmath.mp.dps`` at the time of the call. Both multiply with ``@``, so the engines are written once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import mpmath
+import numpy as np
+
+Array = np.ndarray[Any, Any]
+
+
+class SingularMatrixError(ArithmeticError):
+    """A mass matrix, or a part of one, that cannot be inverted."""
+
+
+class Arithmetic:
+    """Conversion, constants and functions of one kind of numbers.
+
+    Parameters
+    ----------
+    numbers : {"float64", "mpmath"}
+    """
+
+    def __init__(self, numbers: str = "float64") -> None:
+        if numbers not in ("float64", "mpmath"):
+            raise ValueError(f"numbers: {numbers!r} is not known; allowed are 'float64' and 'mpmath'")
+        self.numbers = numbers
+        self.extended = numbers == "mpmath"
+        self.dtype: Any = object if self.extended else np.float64
+
+    def number(self, x: Any) -> Any:
+        """One number, exactly the value of ``x`` (an int, a float or an mpf) where the kind can hold it."""
+        if isinstance(x, mpmath.mpf) or not self.extended:
+            return x if self.extended else np.float64(x)
+        return mpmath.mpf(int(x)) if isinstance(x, (int, np.integer)) else mpmath.mpf(float(x))
+
+    def array(self, x: Any) -> Array:
+        """An array of this kind's numbers with the shape of ``x``."""
+        if not self.extended:
+            return np.array(x, dtype=np.float64)
+        source = np.asarray(x, dtype=object)
+        result = np.empty(source.shape, dtype=object)
+        for index in np.ndindex(source.shape):
+            result[index] = self.number(source[index])
+        return result
+
+    def zeros(self, *shape: int) -> Array:
+        return self.array(np.zeros(shape, dtype=int))
+
+    def eye(self, n: int) -> Array:
+        return self.array(np.eye(n, dtype=int))
+
+    @property
+    def epsilon(self) -> Any:
+        """Spacing of the numbers at one."""
+        return mpmath.mp.eps if self.extended else np.finfo(np.float64).eps
+
+    def function(self, name: str) -> Callable[..., Any]:
+        """The elementary function of that name, on single numbers."""
+        if self.extended:
+            return getattr(mpmath, {"abs": "fabs"}.get(name, name))
+        return getattr(np, {"asin": "arcsin", "acos": "arccos", "atan": "arctan", "atan2": "arctan2"}.get(name, name))
+
+    def ldl(self, A: Array) -> tuple[Array, Array]:
+        """Factor a small symmetric positive definite A = L diag(d) L^T.
+
+        Parameters
+        ----------
+        A : (n, n)
+
+        Returns
+        -------
+        L : (n, n)
+            Unit lower triangular.
+        d : (n,)
+
+        Raises
+        ------
+        SingularMatrixError
+            A pivot is zero or negative within the rounding of its row.
+        """
+        n = len(A)
+        L, d = self.eye(n), self.zeros(n)
+        for j in range(n):
+            d[j] = A[j, j] - sum(L[j, i] * L[j, i] * d[i] for i in range(j))
+            if not d[j] > 8 * n * self.epsilon * abs(A[j, j]):
+                raise SingularMatrixError(f"pivot {j + 1} of {n} is {d[j]}")
+            for r in range(j + 1, n):
+                L[r, j] = (A[r, j] - sum(L[r, i] * L[j, i] * d[i] for i in range(j))) / d[j]
+        return L, d
+
+    def inverse(self, A: Array) -> Array:
+        """The inverse of a small symmetric positive definite matrix, (n, n), by `ldl`."""
+        n = len(A)
+        L, d = self.ldl(A)
+        X = self.eye(n)
+        for i in range(n):  # L Y = U
+            for j in range(i):
+                X[i] = X[i] - L[i, j] * X[j]
+        for i in range(n):  # D Z = Y
+            X[i] = X[i] / d[i]
+        for i in reversed(range(n)):  # L^T X = Z
+            for j in range(i + 1, n):
+                X[i] = X[i] - L[j, i] * X[j]
+        return X
+
+    def solve(self, A: Array, B: Array) -> Array:
+        """Solve A X = B by elimination with partial pivoting.
+
+        Parameters
+        ----------
+        A : (n, n)
+            Any regular matrix; symmetry is not assumed (the indefinite systems of closed loops come here too).
+        B : (n, m)
+
+        Returns
+        -------
+        (n, m)
+
+        Raises
+        ------
+        SingularMatrixError
+        """
+        n = len(A)
+        if n == 0:
+            return B
+        if not self.extended:
+            try:
+                return np.linalg.solve(A, B)
+            except np.linalg.LinAlgError as error:
+                raise SingularMatrixError(str(error)) from None
+        A, B = A.copy(), B.copy()
+        for j in range(n):
+            pivot = max(range(j, n), key=lambda i: abs(A[i, j]))
+            if A[pivot, j] == 0:
+                raise SingularMatrixError(f"no pivot in column {j + 1} of {n}")
+            A[[j, pivot]], B[[j, pivot]] = A[[pivot, j]], B[[pivot, j]]
+            for i in range(j + 1, n):
+                factor = A[i, j] / A[j, j]
+                A[i, j:] = A[i, j:] - factor * A[j, j:]
+                B[i] = B[i] - factor * B[j]
+        for j in reversed(range(n)):
+            B[j] = (B[j] - A[j, j + 1 :] @ B[j + 1 :]) / A[j, j]
+        return B

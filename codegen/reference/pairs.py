@@ -1,0 +1,223 @@
+"""Forward pairs: a value with its derivatives along k directions, for expressions and joint geometry.
+
+A pair's value is a number or a matrix; its tangent has the k directions first, the value's shape after. This is
+Eq. 10 applied operation by operation: the derivative of a result along direction j is the sum over the operands of
+partial derivative times operand derivative.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..model.expressions import Expression
+from .arithmetic import Arithmetic, Array
+
+
+class Pair:
+    """A number or a matrix, and its derivatives along k directions.
+
+    Attributes
+    ----------
+    value : number or (r, c) array
+    tangent : (k,) or (k, r, c) array
+    """
+
+    __slots__ = ("tangent", "value")
+
+    def __init__(self, value: Any, tangent: Array) -> None:
+        self.value = value
+        self.tangent = tangent
+
+    def __add__(self, other: Pair) -> Pair:
+        return Pair(self.value + other.value, self.tangent + other.tangent)
+
+    def __sub__(self, other: Pair) -> Pair:
+        return Pair(self.value - other.value, self.tangent - other.tangent)
+
+    def __neg__(self) -> Pair:
+        return Pair(-self.value, -self.tangent)
+
+    def __mul__(self, other: Pair) -> Pair:
+        """Product of numbers, number times matrix, or matrix times number."""
+        da = self.tangent[:, None, None] if np.ndim(other.value) > np.ndim(self.value) else self.tangent
+        db = other.tangent[:, None, None] if np.ndim(self.value) > np.ndim(other.value) else other.tangent
+        return Pair(self.value * other.value, da * other.value + self.value * db)
+
+    def __truediv__(self, other: Pair) -> Pair:
+        """Quotient of numbers."""
+        value = self.value / other.value
+        return Pair(value, (self.tangent - value * other.tangent) / other.value)
+
+    def __matmul__(self, other: Pair) -> Pair:
+        return Pair(self.value @ other.value, self.tangent @ other.value + self.value @ other.tangent)
+
+    def __getitem__(self, index: Any) -> Pair:
+        index = index if isinstance(index, tuple) else (index,)
+        return Pair(self.value[index], self.tangent[(slice(None), *index)])
+
+    @property
+    def mT(self) -> Pair:
+        """The transposed matrix."""
+        return Pair(self.value.mT, self.tangent.mT)
+
+
+def skew(v: Array) -> Array:
+    """The matrix of the cross product, v x: (..., 3, 1) to (..., 3, 3)."""
+    result = 0 * (v + v.mT)  # zeros of the numbers' own kind
+    x, y, z = v[..., 0, 0], v[..., 1, 0], v[..., 2, 0]
+    result[..., 0, 1], result[..., 0, 2] = -z, y
+    result[..., 1, 0], result[..., 1, 2] = z, -x
+    result[..., 2, 0], result[..., 2, 1] = -y, x
+    return result
+
+
+class Pairs:
+    """Makes pairs: numbers, matrices, elementary functions, expressions, all with k directions.
+
+    Parameters
+    ----------
+    arithmetic : Arithmetic
+    k : int
+        Number of directions; 0 where no derivative is wanted.
+    environment : mapping of str to Pair
+        Parameters, inputs, ``t``, ``q.NAME`` and ``u.NAME``.
+    """
+
+    def __init__(self, arithmetic: Arithmetic, k: int, environment: Mapping[str, Pair]) -> None:
+        self.arithmetic = arithmetic
+        self.k = k
+        self.environment = environment
+        self._zero = arithmetic.zeros(k)
+        # Bodies of a repeat share their Expression objects: each is evaluated once per call.
+        self._known: dict[int, Pair] = {}
+
+    # --- numbers and matrices -------------------------------------------------------------------------------------
+
+    def number(self, x: Any) -> Pair:
+        """A constant number."""
+        return Pair(self.arithmetic.number(x), self._zero)
+
+    def constant(self, x: Any) -> Pair:
+        """A constant matrix, (r, c)."""
+        value = self.arithmetic.array(x)
+        return Pair(value, self.arithmetic.zeros(self.k, *value.shape))
+
+    def matrix(self, rows: Sequence[Sequence[Pair]]) -> Pair:
+        """A matrix of numbers, (r, c)."""
+        value = np.empty((len(rows), len(rows[0])), self.arithmetic.dtype)
+        tangent = np.empty((self.k, *value.shape), self.arithmetic.dtype)
+        for i, row in enumerate(rows):
+            for j, x in enumerate(row):
+                value[i, j], tangent[:, i, j] = x.value, x.tangent
+        return Pair(value, tangent)
+
+    def column(self, entries: Sequence[Pair]) -> Pair:
+        """A column of numbers, (r, 1)."""
+        return self.matrix([[x] for x in entries]) if entries else self.constant(np.zeros((0, 1), int))
+
+    def block(self, rows: Sequence[Sequence[Pair]]) -> Pair:
+        """A matrix of matrices."""
+        return Pair(np.block([[x.value for x in r] for r in rows]), np.block([[x.tangent for x in r] for r in rows]))
+
+    def skew(self, v: Pair) -> Pair:
+        """The cross product matrix of a column, (3, 3)."""
+        return Pair(skew(v.value), skew(v.tangent))
+
+    def dot(self, a: Pair, b: Pair) -> Pair:
+        """The scalar product of two columns, a number."""
+        return (a.mT @ b)[0, 0]
+
+    def unit(self, v: Pair) -> Pair:
+        """A column divided by its length."""
+        return v * (self.number(1) / self.call("sqrt", self.dot(v, v)))
+
+    # --- functions ------------------------------------------------------------------------------------------------
+
+    def call(self, name: str, *arguments: Pair) -> Pair:
+        """An elementary function of numbers, by its name in the expression grammar."""
+        if name in ("min", "max"):
+            result = arguments[0]
+            for x in arguments[1:]:  # on a tie the first one counts, for the derivative too
+                result = x if (x.value < result.value if name == "min" else x.value > result.value) else result
+            return result
+        if name == "atan2":
+            return self._atan2(*arguments)
+        (a,) = arguments
+        x, f = a.value, self.arithmetic.function
+        value = f(name)(x)
+        # Derivatives with respect to the argument; called only where there are directions, so that a value at the
+        # edge of a function's domain (sqrt(0)) does not fail for a derivative nobody asked for.
+        partials: dict[str, Callable[[], Any]] = {
+            "sin": lambda: f("cos")(x),
+            "cos": lambda: -f("sin")(x),
+            "tan": lambda: 1 + value * value,
+            "asin": lambda: 1 / f("sqrt")((1 - x) * (1 + x)),
+            "acos": lambda: -1 / f("sqrt")((1 - x) * (1 + x)),
+            "atan": lambda: 1 / (1 + x * x),
+            "sinh": lambda: f("cosh")(x),
+            "cosh": lambda: f("sinh")(x),
+            "tanh": lambda: 1 / f("cosh")(x) ** 2,
+            "sqrt": lambda: 1 / (2 * value),
+            "exp": lambda: value,
+            "log": lambda: 1 / x,
+            "sign": lambda: 0,
+            "abs": lambda: f("sign")(x),
+        }
+        return Pair(value, partials[name]() * a.tangent if self.k else self._zero)
+
+    def _atan2(self, y: Pair, x: Pair) -> Pair:
+        value = self.arithmetic.function("atan2")(y.value, x.value)
+        if not self.k:
+            return Pair(value, self._zero)
+        r2 = x.value * x.value + y.value * y.value
+        return Pair(value, (x.value * y.tangent - y.value * x.tangent) / r2)
+
+    def power(self, x: Pair, y: Pair) -> Pair:
+        """x**y for numbers; an exponent without derivative asks no logarithm of the base."""
+        value = x.value**y.value
+        if not self.k:
+            return Pair(value, self._zero)
+        # The exponents 0, 1 and 2 must not meet 0**-1 and the like at a base of zero.
+        tangent = y.value * x.value ** (y.value - 1) * x.tangent if y.value != 0 else self._zero
+        if np.any(y.tangent != 0):
+            tangent = tangent + value * self.arithmetic.function("log")(x.value) * y.tangent
+        return Pair(value, tangent)
+
+    # --- expressions of the model ---------------------------------------------------------------------------------
+
+    def expression(self, expression: Expression) -> Pair:
+        """Value and derivatives of a model expression, a number."""
+        key = id(expression)
+        if key not in self._known:
+            self._known[key] = self._tree(expression.tree)
+        return self._known[key]
+
+    def vector(self, expressions: Sequence[Expression]) -> Pair:
+        """A column of model expressions."""
+        return self.column([self.expression(e) for e in expressions])
+
+    def _tree(self, tree: tuple[Any, ...]) -> Pair:
+        operator, *operands = tree
+        if operator == "number":
+            return self.number(operands[0])
+        if operator == "name":
+            return self.environment[operands[0]]
+        if operator == "call":
+            return self.call(operands[0], *(self._tree(a) for a in operands[1:]))
+        if operator == "neg":
+            return -self._tree(operands[0])
+        a, b = (self._tree(x) for x in operands)
+        if operator == "+":
+            return a + b
+        if operator == "-":
+            return a - b
+        if operator == "*":
+            return a * b
+        if operator == "/":
+            return a / b
+        if operator == "**":
+            return self.power(a, b)
+        raise ValueError(f"unknown operator {operator!r} in an expression")
