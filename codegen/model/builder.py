@@ -1,0 +1,224 @@
+"""Models built in Python: the same structure as a file, through the same checks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from .assembly import assemble
+from .errors import Problem
+from .expressions import Expression
+from .model import Model
+from .positions import Document
+
+Scalar = str | int | float | Expression
+"""A number, or an expression as the format writes it."""
+
+
+class ModelBuilder:
+    """Builds a `Model` step by step; every argument means what the key of that name means in a model file.
+
+    Nothing is checked before `build`, which reports all problems at once.
+
+    Parameters
+    ----------
+    name : str
+        Names the generated package.
+    gravity : sequence of three numbers, optional
+        m/s^2 in the ground frame.
+
+    Examples
+    --------
+    >>> b = ModelBuilder("pendulum", gravity=[0, 0, -9.81])
+    >>> L = b.parameter("L", 1.0, unit="m")
+    >>> arm = b.body("arm", joint="revolute", axis="y", mass=2, com=[0, 0, -L / 2], inertia={"yy": 0.1})
+    >>> b.joint_force("damper", arm, f"-0.1*u.{arm}")
+    >>> model = b.build()
+    >>> model.nu
+    1
+    """
+
+    def __init__(self, name: str, gravity: Sequence[Scalar] | None = None) -> None:
+        self._root: dict[str, Any] = {"model": name}
+        if gravity is not None:
+            self._root["gravity"] = _plain(gravity)
+        self._problems: list[Problem] = []
+
+    def constant(self, name: str, value: Scalar | Sequence[Scalar]) -> Name:
+        """A number known at generation time."""
+        self._put("constants", name, _plain(value))
+        return Name(name)
+
+    def parameter(
+        self,
+        name: str,
+        value: Scalar,
+        unit: str = "",
+        min: Scalar | None = None,
+        max: Scalar | None = None,
+    ) -> Name:
+        """A design parameter; the result may be used in expressions as it is or by its name."""
+        self._put("parameters", name, _given(value=value, unit=unit, min=min, max=max))
+        return Name(name)
+
+    def input(self, name: str) -> Name:
+        """A run-time input."""
+        self._root.setdefault("inputs", []).append(name)
+        return Name(name)
+
+    def body(
+        self,
+        name: str,
+        parent: str = "ground",
+        joint: str | Mapping[str, Any] = "revolute",
+        *,
+        axis: str | Sequence[Scalar] | None = None,
+        axes: Sequence[str | Sequence[Scalar]] | None = None,
+        at: Sequence[Scalar] | None = None,
+        rotate: Sequence[Mapping[str, Any]] | None = None,
+        rpy: Sequence[Scalar] | None = None,
+        mass: Scalar | None = None,
+        com: Sequence[Scalar] | None = None,
+        inertia: Mapping[str, Scalar] | None = None,
+        shape: Mapping[str, Any] | None = None,
+    ) -> str:
+        """A body and its joint; the result is its name, for use as a parent.
+
+        Parameters
+        ----------
+        name, parent : str
+        joint : str or mapping
+            Type of the joint, with `axis`, `axes`, `at`, `rotate` and `rpy` beside it; or everything in a mapping.
+        mass, com, inertia, shape
+            As in a model file; left out: 0, or from `shape`.
+        """
+        placed = _given(axis=axis, axes=axes, at=at, rotate=rotate, rpy=rpy)
+        whole = {**_plain(joint), **placed} if isinstance(joint, Mapping) else {"type": joint, **placed}
+        entry = _given(parent=parent, joint=whole, mass=mass, com=com, inertia=inertia, shape=shape)
+        self._put("bodies", name, entry)
+        return name
+
+    def point(self, name: str, body: str, at: Sequence[Scalar] = (0, 0, 0)) -> str:
+        """A named point fixed in a body."""
+        self._put("points", name, {"body": body, "at": _plain(at)})
+        return name
+
+    def joint_force(self, name: str, joint: str, value: Scalar | Sequence[Scalar]) -> None:
+        """A generalised force on the freedoms of a joint, positive where it raises u."""
+        self._put("forces", name, {"type": "joint", "joint": joint, "value": _plain(value)})
+
+    def output(
+        self,
+        name: str,
+        measure: str | None = None,
+        *,
+        position: str | Mapping[str, Any] | None = None,
+        velocity: str | Mapping[str, Any] | None = None,
+        axis: str | Sequence[Scalar] | None = None,
+        value: Scalar | None = None,
+    ) -> None:
+        """A named scalar: ``"kinetic_energy"``, ``"potential_energy"``, or one of position, velocity and value."""
+        given = _given(position=position, velocity=velocity, axis=axis, value=value)
+        self._put("outputs", name, measure if measure is not None and not given else {**given, **_given(measure=measure)})
+
+    def initial(
+        self,
+        q: Mapping[str, Scalar | Sequence[Scalar]] | None = None,
+        u: Mapping[str, Scalar | Sequence[Scalar]] | None = None,
+    ) -> None:
+        """Initial coordinates and speeds; may be called several times."""
+        initial = self._root.setdefault("initial", {})
+        for key, values in (("q", q), ("u", u)):
+            for name, value in (values or {}).items():
+                self._put_into(initial.setdefault(key, {}), f"initial.{key}", name, _plain(value))
+
+    def build(self) -> Model:
+        """The model.
+
+        Raises
+        ------
+        ModelError
+            With every problem; the place is ``builder`` and the path of the key.
+        """
+        document = Document("builder", self._root)
+        document.problems.extend(self._problems)
+        return assemble(document)
+
+    def _put(self, section: str, name: str, value: Any) -> None:
+        self._put_into(self._root.setdefault(section, {}), section, name, value)
+
+    def _put_into(self, mapping: dict[str, Any], section: str, name: Any, value: Any) -> None:
+        problem = None
+        if not isinstance(name, str):
+            problem = f"{name!r} is no name; a str is needed"
+        elif name.startswith("repeat ") or "(" in name:
+            problem = f"{name!r} is no name; in Python, repeat with a loop"
+        elif name in mapping:
+            problem = f"name {name!r} is given twice; each name may be given once"
+        if problem is None:
+            mapping[name] = value
+        else:
+            self._problems.append(Problem("builder", None, None, f"{section}.{name}", problem))
+
+
+class Name(str):
+    """Name of a parameter, constant or input that may be calculated with: ``L / 2`` is the expression of that text."""
+
+    __slots__ = ()
+
+    def __add__(self, other: object) -> Name:
+        return _joined(self, "+", other)
+
+    def __radd__(self, other: object) -> Name:
+        return _joined(other, "+", self)
+
+    def __sub__(self, other: object) -> Name:
+        return _joined(self, "-", other)
+
+    def __rsub__(self, other: object) -> Name:
+        return _joined(other, "-", self)
+
+    def __mul__(self, other: object) -> Name:  # type: ignore[override]
+        return _joined(self, "*", other)
+
+    def __rmul__(self, other: object) -> Name:  # type: ignore[override]
+        return _joined(other, "*", self)
+
+    def __truediv__(self, other: object) -> Name:
+        return _joined(self, "/", other)
+
+    def __rtruediv__(self, other: object) -> Name:
+        return _joined(other, "/", self)
+
+    def __pow__(self, other: object) -> Name:
+        return _joined(self, "**", other)
+
+    def __neg__(self) -> Name:
+        return Name(f"(-{_operand(self)})")
+
+
+def _joined(left: object, operator: str, right: object) -> Name:
+    return Name(f"({_operand(left)} {operator} {_operand(right)})")
+
+
+def _operand(value: object) -> str:
+    return str(value) if isinstance(value, Name) else f"({value})"
+
+
+def _plain(value: Any) -> Any:
+    """Mappings, lists and scalars, whatever kinds of sequence and array they came as."""
+    if isinstance(value, str):
+        return str(value)
+    if isinstance(value, (int, float, Expression)) or value is None:
+        return value
+    if isinstance(value, Mapping):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    if isinstance(value, Sequence):
+        return [_plain(v) for v in value]
+    return value
+
+
+def _given(**values: Any) -> dict[str, Any]:
+    return {k: _plain(v) for k, v in values.items() if v is not None}

@@ -1,0 +1,46 @@
+"""Model files and texts to models."""
+
+from __future__ import annotations
+
+from os import PathLike, fspath
+
+from .assembly import assemble
+from .errors import ModelError, Problem
+from .model import Model
+from .positions import compose, read_file
+
+
+def load_model(path: str | PathLike[str]) -> Model:
+    """Read a model file.
+
+    Parameters
+    ----------
+    path : str or path
+
+    Returns
+    -------
+    Model
+        Checked; doubts are in `Model.warnings`.
+
+    Raises
+    ------
+    ModelError
+        With every problem of the file, each with its place.
+    """
+    name = fspath(path)
+    return parse_model(read_file(name), name)
+
+
+def parse_model(text: str, filename: str = "<string>") -> Model:
+    """Read a model from YAML text; like `load_model`.
+
+    Parameters
+    ----------
+    text : str
+    filename : str
+        Name for messages.
+    """
+    if not text.strip():
+        message = "the file is empty; a model has at least the keys model and bodies"
+        raise ModelError([Problem(filename, 1, 1, "", message)])
+    return assemble(compose(text, filename))

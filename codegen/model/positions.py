@@ -1,0 +1,320 @@
+"""YAML text to plain mappings, lists and strings that remember where in the file they stand.
+
+The text is read event by event and not through `yaml.compose`: libyaml composes recursively in C and a deeply nested
+file ends the process there, and the events cost a third of the time. Scalars stay text, since a model's grammar and
+not YAML's decides what a number is (``1e-4`` is a string in YAML 1.1).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import yaml
+
+from .errors import ModelError, Problem
+
+MAX_BYTES: Final = 64 * 2**20
+MAX_DEPTH: Final = 60
+ALIAS_ALLOWANCE: Final = 100_000
+"""Values that aliases may add to those written in the file."""
+
+Key = str | int
+Path_ = tuple[Key, ...]
+
+_TAGS = {"tag:yaml.org,2002:" + t for t in ("str", "int", "float", "map", "seq")}
+_MERGE = "<<"
+
+
+class Document:
+    """Plain data with the place of every value.
+
+    Parameters
+    ----------
+    file : str
+        Name for messages.
+    root : Any
+        Mappings, lists, and scalars; scalars of a file are str, or None where nothing is written.
+    """
+
+    def __init__(self, file: str, root: Any = None) -> None:
+        self.file = file
+        self.root = root
+        self.problems: list[Problem] = []
+        # by id of a mapping or list: for every key or index the events of key and value
+        self._places: dict[int, dict[Key, tuple[Any, Any]]] = {}
+
+    def event(self, start: Any, path: Path_, key: bool = False) -> Any:
+        """The YAML event of the value (or its key) that `path` leads to from `start`, or of the last part that exists."""
+        found, container = None, start
+        for part in path:
+            places = self._places.get(id(container))
+            if places is None or part not in places:
+                continue  # a missing key, or pydantic's name for an alternative
+            found = places[part][0 if key else 1] or places[part][1]
+            container = container[part]
+        return found
+
+    def problem(
+        self,
+        start: Any,
+        path: Path_,
+        message: str,
+        *,
+        shown: str,
+        key: bool = False,
+        inside: int | None = None,
+        severity: str = "error",
+    ) -> Problem:
+        """A problem placed at a value.
+
+        Parameters
+        ----------
+        start : dict or list
+            Where `path` begins.
+        path : tuple
+        message, severity : str
+        shown : str
+            Path to print.
+        key : bool
+            Place it at the key instead of the value.
+        inside : int, optional
+            Column inside the scalar, counted from 1.
+        """
+        event = self.event(start, path, key)
+        if event is None:
+            top = self._places.get(id(self.root))
+            return Problem(self.file, 1 if top is not None else None, 1 if top is not None else None, shown, message, severity)
+        mark = event.start_mark
+        line, column = mark.line + 1, mark.column + 1
+        if inside and isinstance(event, yaml.ScalarEvent) and event.end_mark.line == mark.line:
+            column += inside - 1 + (1 if event.style in ("'", '"') else 0)
+        return Problem(self.file, line, column, shown, message, severity)
+
+    def merged(self, base: dict[str, Any], over: Mapping[str, Any], drop: tuple[str, ...] = ()) -> dict[str, Any]:
+        """`base` without the keys `drop`, overlaid with `over`: mappings are merged, everything else is replaced."""
+        result = {k: v for k, v in base.items() if k not in drop}
+        places = {k: v for k, v in self._places.get(id(base), {}).items() if k not in drop}
+        over_places = self._places.get(id(over), {})
+        for key, value in over.items():
+            if key in over_places:
+                places[key] = over_places[key]
+            old = result.get(key)
+            both = isinstance(old, dict) and isinstance(value, Mapping)
+            result[key] = self.merged(old, value) if both and old is not None else value
+        self._places[id(result)] = places
+        return result
+
+
+def show_path(path: Path_) -> str:
+    """``bodies.crank.joint.at[0]``."""
+    text = ""
+    for part in path:
+        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else part
+    return text
+
+
+def read_file(path: str | Path) -> str:
+    """Text of a model file.
+
+    Raises
+    ------
+    ModelError
+        If it cannot be read, is too large or no text.
+    """
+    file = str(path)
+    try:
+        with open(path, "rb") as stream:
+            data = stream.read(MAX_BYTES + 1)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise ModelError([Problem(file, 1, 1, "", f"cannot be read: {reason}; a readable model file is needed")]) from None
+    if len(data) > MAX_BYTES:
+        raise ModelError([Problem(file, 1, 1, "", f"is larger than {MAX_BYTES >> 20} MB; use repeat for repeated structure")])
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        before = data[: error.start].decode("utf-8", "replace")
+        line, column = before.count("\n") + 1, len(before) - before.rfind("\n")
+        message = f"byte 0x{data[error.start]:02x} is no text in UTF-8; a model file is YAML in UTF-8"
+        raise ModelError([Problem(file, line, column, "", message)]) from None
+
+
+def compose(text: str, file: str) -> Document:
+    """Read YAML text.
+
+    Raises
+    ------
+    ModelError
+        If the text is no YAML, or its nesting or aliases go beyond every model.
+    """
+    document = Document(file)
+    try:
+        document.root = _Composer(document).compose(_events(text))
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        what = " ".join(str(p) for p in (error.context, error.problem) if p)
+        if "\t" in text and "cannot start any token" in what:
+            what += " (a tab? YAML is indented with spaces)"
+        line, column = (mark.line + 1, mark.column + 1) if mark else (1, 1)
+        raise ModelError([Problem(file, line, column, "", f"this is not YAML: {what}")]) from None
+    except yaml.reader.ReaderError as error:
+        line, column = _place_of_control(text)
+        message = f"this is not YAML: {error.reason}; a model file is text"
+        raise ModelError([Problem(file, line, column, "", message)]) from None
+    except UnicodeError:
+        raise ModelError([Problem(file, 1, 1, "", "holds characters that are no Unicode text")]) from None
+    return document
+
+
+def _events(text: str) -> Iterator[Any]:
+    loader: Any = getattr(yaml, "CBaseLoader", yaml.BaseLoader)  # the fallback is slower, no different
+    parser = loader(text)
+    try:
+        while (event := parser.get_event()) is not None:
+            yield event
+    finally:
+        parser.dispose()
+
+
+def _place_of_control(text: str) -> tuple[int, int]:
+    match = re.search("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]", text)
+    start = match.start() if match else 0
+    return text.count("\n", 0, start) + 1, start - text.rfind("\n", 0, start)
+
+
+class _Frame:
+    """A mapping or list that is being read."""
+
+    __slots__ = ("data", "event", "expects_key", "key", "key_event", "merges", "places", "size")
+
+    def __init__(self, data: Any, places: dict[Key, tuple[Any, Any]], event: Any) -> None:
+        self.data = data
+        self.places = places
+        self.event = event
+        self.expects_key = isinstance(data, dict)
+        self.key: str | None = None
+        self.key_event: Any = None
+        self.merges: list[Any] = []
+        self.size = 1
+
+
+class _Composer:
+    def __init__(self, document: Document) -> None:
+        self.document = document
+        self.anchors: dict[str, Any] = {}
+        self.sizes: dict[int, int] = {}
+        self.stack: list[_Frame] = []
+        self.root: Any = None
+        self.documents = 0
+        self.written = 0
+
+    def compose(self, events: Iterator[Any]) -> Any:
+        for event in events:
+            kind = type(event)
+            if kind is yaml.ScalarEvent:
+                # nothing written, as after "forces:" with every line commented out
+                value = None if event.style in (None, "") and event.value in ("", "~", "null") else event.value
+                self.tag(event)
+                self.anchor(event, value)
+                self.add(value, event, 1)
+            elif kind is yaml.MappingStartEvent or kind is yaml.SequenceStartEvent:
+                self.open({} if kind is yaml.MappingStartEvent else [], event)
+            elif kind is yaml.MappingEndEvent or kind is yaml.SequenceEndEvent:
+                self.close()
+            elif kind is yaml.AliasEvent:
+                self.alias(event)
+            elif kind is yaml.DocumentStartEvent:
+                self.documents += 1
+                if self.documents == 2:
+                    self.note(event, "a second YAML document begins here; a model file holds one")
+        return self.root
+
+    def note(self, event: Any, message: str) -> None:
+        mark = event.start_mark
+        path = show_path(tuple(f.key for f in self.stack if f.key is not None))
+        self.document.problems.append(Problem(self.document.file, mark.line + 1, mark.column + 1, path, message))
+
+    def stop(self, event: Any, message: str) -> None:
+        self.note(event, message)
+        raise ModelError(self.document.problems)
+
+    def tag(self, event: Any) -> None:
+        if event.tag is not None and event.tag not in _TAGS:
+            self.note(event, f"tag {event.tag}; a model file has no tags, leave it out")
+
+    def anchor(self, event: Any, value: Any) -> None:
+        if event.anchor is not None:
+            self.anchors[event.anchor] = value
+
+    def open(self, data: Any, event: Any) -> None:
+        if len(self.stack) >= MAX_DEPTH:
+            self.stop(event, f"more than {MAX_DEPTH} levels of nesting; a model needs far fewer")
+        self.tag(event)
+        self.anchor(event, data)
+        places: dict[Key, tuple[Any, Any]] = {}
+        self.document._places[id(data)] = places
+        self.add(data, event, 0)
+        self.stack.append(_Frame(data, places, event))
+
+    def close(self) -> None:
+        frame = self.stack.pop()
+        for source in frame.merges:
+            for one in source if isinstance(source, list) else [source]:
+                if not isinstance(one, dict):
+                    self.note(frame.event, "<< is followed by something else than a mapping or a list of mappings")
+                    continue
+                known = self.document._places.get(id(one), {})
+                for key, value in one.items():
+                    if key not in frame.data:
+                        frame.data[key] = value
+                        frame.places[key] = known[key]
+        self.sizes[id(frame.data)] = frame.size
+        self.grow(frame.size, frame.event)
+
+    def grow(self, size: int, event: Any) -> None:
+        if self.stack:
+            self.stack[-1].size += size
+            if self.stack[-1].size > self.written + ALIAS_ALLOWANCE:
+                self.stop(event, f"aliases repeat more than {ALIAS_ALLOWANCE} values here; use repeat for repeated structure")
+
+    def alias(self, event: Any) -> None:
+        if event.anchor not in self.anchors:
+            self.stop(event, f"alias *{event.anchor} has no anchor &{event.anchor} before it")
+        value = self.anchors[event.anchor]
+        if any(f.data is value for f in self.stack):
+            self.stop(event, f"alias *{event.anchor} stands inside the value it repeats")
+        self.add(value, event, self.sizes.get(id(value), 1))
+
+    def add(self, value: Any, event: Any, size: int) -> None:
+        """Put a value where the innermost mapping or list expects it."""
+        self.written += 1
+        if not self.stack:
+            if self.documents == 1:
+                self.root = value
+            return
+        frame = self.stack[-1]
+        if size:
+            self.grow(size, event)
+        if isinstance(frame.data, list):
+            frame.places[len(frame.data)] = (None, event)
+            frame.data.append(value)
+        elif frame.expects_key:
+            frame.expects_key = False
+            frame.key, frame.key_event = None, event
+            if not isinstance(value, str):
+                self.note(event, "a key that is not a name; quote it, or put a name before the colon")
+            elif value in frame.data:
+                first = frame.places[value][0].start_mark
+                self.note(event, f"key {value!r} is there already, on line {first.line + 1}; each key may stand once")
+            else:
+                frame.key = value
+        else:
+            frame.expects_key = True
+            if frame.key == _MERGE and frame.key_event.style in (None, ""):
+                frame.merges.append(value)
+            elif frame.key is not None:
+                frame.data[frame.key] = value
+                frame.places[frame.key] = (frame.key_event, event)

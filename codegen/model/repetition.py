@@ -1,0 +1,185 @@
+"""``repeat INDEX in RANGE:`` blocks: one entry of a section written once and meant many times.
+
+The entries inside a block are templates. They are read and parsed once; a repetition is the template together with the
+values of its indices, and whatever does not use an index is shared by all repetitions.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+from .errors import Problem
+from .expressions import ExpressionError, Number, bind, index_text, parse
+from .positions import Document, Path_, show_path
+from .schema import RESERVED
+
+MAX_REPETITIONS: Final = 1_000_000
+
+_HEADER = re.compile(r"repeat\s+([A-Za-z_][A-Za-z0-9_]*)\s+in\s+(.*\S)\s*", re.DOTALL)
+_LABEL = re.compile(r"[A-Za-z0-9_]+")
+_FORM = "write 'repeat k in 1..n:', 'repeat k in 1..n step 2:' or 'repeat leg in left, right:'"
+
+
+@dataclass(slots=True)
+class Instance:
+    """One entry of a section after repetition.
+
+    Attributes
+    ----------
+    key : str
+        As written, such as ``link(k)``.
+    value : Any
+        The entry's plain data; the same object for all repetitions that mean the same.
+    container : dict
+        Where `key` stands, for places in messages.
+    section : tuple of str
+        Path to print before the key.
+    indices : dict of str to int or str
+        Values of the repeat indices here.
+    """
+
+    key: str
+    value: Any
+    container: dict[str, Any]
+    section: Path_
+    indices: dict[str, int | str]
+
+
+class Repetition:
+    """Expands the sections of one model.
+
+    Parameters
+    ----------
+    document : Document
+    report : callable
+        Takes a `Problem`.
+    constants : mapping of str to number
+        Read when a range is; may still grow.
+    """
+
+    def __init__(
+        self, document: Document, report: Callable[[Problem], None], constants: Mapping[str, Number]
+    ) -> None:
+        self.document = document
+        self.report = report
+        self.constants = constants
+        self.count = 0
+        self._variants: dict[tuple[int, bool, bool], tuple[Any, dict[str, Any]]] = {}
+
+    def expand(self, section: dict[str, Any], path: Path_) -> Iterator[Instance]:
+        """Entries of a section in order, those of repeat blocks one repetition after the other."""
+        return self._expand(section, path, {}, False, False)
+
+    def _expand(
+        self, container: dict[str, Any], path: Path_, indices: dict[str, int | str], first: bool, last: bool
+    ) -> Iterator[Instance]:
+        for key, value in container.items():
+            if key != "repeat" and not key.startswith("repeat "):
+                if indices and isinstance(value, dict) and ("first" in value or "last" in value):
+                    value, holder = self._variant(container, key, first, last, path)
+                    yield Instance(key, value, holder, path, indices)
+                else:
+                    yield Instance(key, value, container, path, indices)
+                continue
+            header = self._header(container, key, path, indices)
+            if header is None:
+                continue
+            index, values = header
+            for number, chosen in enumerate(values):
+                self.count += 1
+                if self.count > MAX_REPETITIONS:
+                    self._problem(container, key, path, f"more than {MAX_REPETITIONS} repetitions; a smaller range is needed")
+                    return
+                inner = {**indices, index: chosen}
+                yield from self._expand(value, path, inner, number == 0, number == len(values) - 1)
+
+    def _variant(
+        self, container: dict[str, Any], key: str, first: bool, last: bool, path: Path_
+    ) -> tuple[Any, dict[str, Any]]:
+        """An entry with its ``first`` and ``last`` applied, and a container in which it has its places."""
+        value = container[key]
+        known = self._variants.get((id(value), first, last))
+        if known is None:
+            merged = value
+            for part, applies in (("first", first), ("last", last)):
+                over = value.get(part)
+                if part in value and not isinstance(over, dict):
+                    message = "a mapping is needed: the keys that differ in this repetition"
+                    self.report(self.document.problem(container, (key, part), message, shown=show_path((*path, key, part))))
+                    over = {}
+                merged = self.document.merged(merged, over if applies and over else {}, drop=("first", "last"))
+            known = self._variants[id(value), first, last] = merged, self.document.merged(container, {key: merged})
+        return known
+
+    def _problem(self, container: dict[str, Any], key: str, path: Path_, message: str, inside: int | None = None) -> None:
+        shown = show_path((*path, key))
+        self.report(self.document.problem(container, (key,), message, shown=shown, key=True, inside=inside))
+
+    def _header(
+        self, container: dict[str, Any], key: str, path: Path_, indices: dict[str, int | str]
+    ) -> tuple[str, range | list[int | str]] | None:
+        """Index and values of a repeat block, or None after reporting what is wrong with it."""
+        match = _HEADER.fullmatch(key)
+        if match is None:
+            self._problem(container, key, path, f"{key!r} is no repetition; {_FORM}")
+            return None
+        index, text = match.groups()
+        if index in RESERVED or index in indices or index in self.constants:
+            taken = "reserved" if index in RESERVED else "already the name of an index or a constant"
+            self._problem(container, key, path, f"index {index!r} is {taken}; choose another name")
+            return None
+        if not isinstance(container[key], dict):
+            message = "a repeat block without entries; put the entries to repeat under it"
+            self._problem(container, key, path, message)
+            return None
+        try:
+            return index, self._values(text, {**self.constants, **indices})
+        except ExpressionError as error:
+            self._problem(container, key, path, f"{text!r}: {error.message}; {_FORM}")
+            return None
+
+    def _values(self, text: str, numbers: Mapping[str, Number | str]) -> range | list[int | str]:
+        if ".." in text:
+            begin, _, rest = text.partition("..")
+            end, *more = re.split(r"\bstep\b", rest)
+            ends = [self._whole(t, numbers) for t in (begin, end, *more)]
+            if len(ends) > 3:
+                raise ExpressionError("step stands once")
+            step = ends[2] if len(ends) == 3 else 1
+            if step < 1:
+                raise ExpressionError(f"step {step}; a step is at least 1")
+            return range(ends[0], ends[1] + 1, step)
+        labels = [t.strip() for t in text.split(",")]
+        for label in labels:
+            if not _LABEL.fullmatch(label):
+                raise ExpressionError(f"{label!r} is no label; a label has letters, digits and _")
+        if len(labels) == 1 and not labels[0].isdigit():
+            raise ExpressionError("this is neither a range nor a list of labels")
+        if len(set(labels)) < len(labels):
+            raise ExpressionError("a label stands twice")
+        return [int(t) if t.isdigit() and len(t) < 16 else t for t in labels]
+
+    @staticmethod
+    def _whole(text: str, numbers: Mapping[str, Number | str]) -> int:
+        value = bind(parse(text.strip()), numbers)
+        if not value.is_number:
+            raise ExpressionError(f"{text.strip()} is unknown here; a range has numbers, constants and indices of outer blocks")
+        if not isinstance(value.value, int):
+            raise ExpressionError(f"{text.strip()} is {value.value}; a whole number is needed")
+        return value.value
+
+
+def name_of(tree: Any, numbers: Mapping[str, Number | str]) -> str:
+    """The name that a name tree means, with its indices in place: ``link(k-1)`` is ``link_2`` at k = 3.
+
+    Raises
+    ------
+    ExpressionError
+        If an index has no value.
+    """
+    if tree[0] == "name":
+        return str(tree[1])
+    return "_".join([tree[1], *[index_text(i, numbers) for i in tree[2]]]) + str(tree[3])

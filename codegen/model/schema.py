@@ -1,0 +1,434 @@
+"""The structure of a model file: which keys stand where and what kind of value each takes.
+
+Pydantic models, one for each kind of entry. They know nothing of names and values: numbers arrive as parsed
+expressions, references as parsed names, and `loading` gives them their meaning. A new type of joint or force is a class
+here, listed in its union, and its conversion in `entries`.
+"""
+
+from __future__ import annotations
+
+import numbers
+from collections.abc import Callable
+from typing import Annotated, Any, Final, Literal, get_args
+
+from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationError, WrapValidator, model_validator
+from pydantic_core import PydanticCustomError
+
+from .errors import nearest
+from .expressions import FUNCTIONS, Expression, ExpressionError, parse
+from .positions import Path_
+
+ZERO: Final = Expression.number(0)
+ONE: Final = Expression.number(1)
+
+SECTIONS: Final = ("model", "gravity", "constants", "parameters", "inputs", "bodies", "points", "forces", "initial", "outputs")
+LATER_SECTIONS: Final = ("loops", "motion", "independent")
+LATER_JOINTS: Final = ("screw", "cylindrical", "planar")
+LATER_FORCES: Final = ("spring", "body")
+RESERVED: Final = frozenset({"t", "q", "u", "pi", "ground", *FUNCTIONS})
+ENERGIES: Final = ("kinetic_energy", "potential_energy")
+
+
+def _custom(message: str, column: int | None = None) -> PydanticCustomError:
+    return PydanticCustomError("model", "{message}", {"message": message, "column": column or 0})
+
+
+def _seen(value: Any) -> str:
+    if value is None:
+        return "nothing"
+    if isinstance(value, dict):
+        return "a mapping"
+    if isinstance(value, (list, tuple)):
+        return f"a list of {len(value)}"
+    text = str(value) if isinstance(value, Expression) else repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _expression(value: Any) -> Expression:
+    if type(value) is str:
+        try:
+            return parse(value)
+        except ExpressionError as error:
+            raise _custom(f"{_seen(value)}: {error.message}", error.column) from None
+    if isinstance(value, Expression):
+        return value
+    if isinstance(value, numbers.Real) and not isinstance(value, bool):
+        try:
+            return Expression.number(int(value) if isinstance(value, numbers.Integral) else float(value))
+        except (OverflowError, ValueError):
+            raise _custom(f"{value!r}; a finite number or an expression is needed") from None
+    raise _custom(f"{_seen(value)}; a number or an expression is needed")
+
+
+def _reference(value: Any) -> Expression:
+    tree = parse_name(value)
+    return Expression(tree)
+
+
+def parse_name(value: Any, prefix: str = "") -> tuple[Any, ...]:
+    """Tree of a name or an indexed name such as ``link(k-1)``, with `prefix` (``q.`` or ``u.``) put before it.
+
+    Raises
+    ------
+    PydanticCustomError
+        A ValueError that says what was seen and what a name is.
+    """
+    if not isinstance(value, str):
+        raise _custom(f"{_seen(value)}; a name is needed")
+    if not prefix and value in RESERVED:
+        return ("name", value)  # "pi" is a number to the parser; who refers to a name decides whether it exists
+    try:
+        tree = parse(prefix + value).tree
+    except ExpressionError:
+        tree = ("none",)
+    if tree[0] not in ("name", "indexed") or ("." in tree[1] and not prefix):
+        raise _custom(
+            f"{_seen(value)} is no name; a name has letters, digits and _ and begins with no digit, "
+            f"and may have repeat indices: link(k)"
+        )
+    return tree
+
+
+_LETTERS: Final = {
+    sign + letter: tuple(Expression.number((-1 if sign else 1) if k == i else 0) for k in range(3))
+    for i, letter in enumerate("xyz")
+    for sign in ("", "-")
+}
+
+
+def _axis(value: Any, handler: Callable[[Any], Any]) -> Any:
+    if isinstance(value, str):
+        if value not in _LETTERS:
+            raise _custom(f"{_seen(value)} is no axis; x, y, z, -x, -y, -z or a vector [x, y, z] is allowed")
+        return _LETTERS[value]
+    return handler(value)
+
+
+def _list_or_one(value: Any, handler: Callable[[Any], Any]) -> Any:
+    return handler(value if isinstance(value, (list, tuple)) else (value,))
+
+
+Expr = Annotated[Expression, PlainValidator(_expression)]
+Reference = Annotated[Expression, PlainValidator(_reference)]
+Vector = tuple[Expr, Expr, Expr]
+Axis = Annotated[Vector, WrapValidator(_axis)]
+Origin: Final = (ZERO, ZERO, ZERO)
+
+
+class Entry(BaseModel):
+    """A mapping of the file with fixed keys."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
+
+
+class Turn(Entry):
+    axis: Axis
+    angle: Expr
+
+
+class JointEntry(Entry):
+    """What every joint has: where it stands in its parent."""
+
+    at: Vector = Origin
+    rotate: tuple[Turn, ...] | None = None
+    rpy: Vector | None = None
+
+    @model_validator(mode="after")
+    def _one_rotation(self) -> JointEntry:
+        if self.rotate is not None and self.rpy is not None:
+            raise _custom("rotate and rpy are both given; one of them is allowed")
+        return self
+
+
+class FixedEntry(JointEntry):
+    type: Literal["fixed"]
+
+
+class RevoluteEntry(JointEntry):
+    type: Literal["revolute"]
+    axis: Axis
+
+
+class PrismaticEntry(JointEntry):
+    type: Literal["prismatic"]
+    axis: Axis
+
+
+class UniversalEntry(JointEntry):
+    type: Literal["universal"]
+    axes: tuple[Axis, Axis]
+
+
+class SphericalEntry(JointEntry):
+    type: Literal["spherical"]
+
+
+class FreeEntry(JointEntry):
+    type: Literal["free"]
+
+
+AnyJoint = Annotated[
+    FixedEntry | RevoluteEntry | PrismaticEntry | UniversalEntry | SphericalEntry | FreeEntry, Field(discriminator="type")
+]
+
+
+class ShapeEntry(Entry):
+    """What every shape has."""
+
+    center: Vector = Origin
+    mass: Expr | None = None
+    density: Expr | None = None
+
+
+class BoxEntry(ShapeEntry):
+    type: Literal["box"]
+    size: Vector
+
+
+class CylinderEntry(ShapeEntry):
+    type: Literal["cylinder"]
+    axis: Axis
+    length: Expr
+    radius: Expr
+
+
+class CapsuleEntry(ShapeEntry):
+    type: Literal["capsule"]
+    axis: Axis
+    length: Expr
+    radius: Expr
+
+
+class SphereEntry(ShapeEntry):
+    type: Literal["sphere"]
+    radius: Expr
+
+
+class RodEntry(ShapeEntry):
+    type: Literal["rod"]
+    axis: Axis
+    length: Expr
+
+
+AnyShape = Annotated[BoxEntry | CylinderEntry | CapsuleEntry | SphereEntry | RodEntry, Field(discriminator="type")]
+
+
+class InertiaEntry(Entry):
+    xx: Expr = ZERO
+    yy: Expr = ZERO
+    zz: Expr = ZERO
+    xy: Expr = ZERO
+    xz: Expr = ZERO
+    yz: Expr = ZERO
+
+
+class BodyEntry(Entry):
+    parent: Reference
+    joint: AnyJoint
+    mass: Expr | None = None
+    com: Vector | None = None
+    inertia: InertiaEntry | None = None
+    shape: AnyShape | None = None
+
+    @model_validator(mode="after")
+    def _one_source_of_mass(self) -> BodyEntry:
+        shape = self.shape
+        if shape is None:
+            return self
+        if self.mass is None:
+            if self.com is not None or self.inertia is not None:
+                raise _custom("com or inertia beside a shape that gives them; give mass too, or leave them to the shape")
+            if (shape.mass is None) == (shape.density is None):
+                seen = "neither mass nor density" if shape.mass is None else "both mass and density"
+                raise _custom(f"a shape with {seen}; exactly one is needed where the body has no mass of its own")
+        elif shape.mass is not None or shape.density is not None:
+            raise _custom("mass both in the body and in its shape; with a mass in the body the shape is for display only")
+        return self
+
+
+class ParameterEntry(Entry):
+    value: Expr
+    unit: str = ""
+    min: Expr | None = None
+    max: Expr | None = None
+
+
+class PointEntry(Entry):
+    body: Reference
+    at: Vector = Origin
+
+
+class JointForceEntry(Entry):
+    type: Literal["joint"]
+    joint: Reference
+    value: Annotated[tuple[Expr, ...], WrapValidator(_list_or_one)]
+
+
+
+
+AnyForce = JointForceEntry
+
+
+def _point(value: Any, handler: Callable[[Any], Any]) -> Any:
+    return _reference(value) if isinstance(value, str) else handler(value)
+
+
+PointOrName = Annotated[PointEntry, WrapValidator(_point)]
+
+
+class OutputEntry(Entry):
+    position: PointOrName | None = None
+    velocity: PointOrName | None = None
+    axis: Axis | None = None
+    value: Expr | None = None
+
+    @model_validator(mode="after")
+    def _one_measure(self) -> OutputEntry:
+        given = [k for k in ("position", "velocity", "value") if getattr(self, k) is not None]
+        if len(given) != 1:
+            raise _custom(
+                f"{' and '.join(given) or 'no measure'}; an output has exactly one of position, velocity, value, "
+                f"or is {' or '.join(ENERGIES)}"
+            )
+        if given == ["value"] and self.axis is not None:
+            raise _custom("an axis beside value; axis belongs to position and velocity")
+        if given != ["value"] and self.axis is None:
+            raise _custom(f"{given[0]} without axis; add axis: x, y, z or a vector in the ground frame")
+        return self
+
+
+# --- pydantic's errors in our words -----------------------------------------------------------------------------
+
+
+def explain(cls: type[Entry], error: ValidationError) -> list[tuple[Path_, str, bool, int]]:
+    """What pydantic found, in the words of the format.
+
+    Returns
+    -------
+    list of (path, message, at_key, column)
+        `path` relative to the entry; `at_key` if the key is wrong and not its value; `column` inside a text, or 0.
+    """
+    result: list[tuple[Path_, str, bool, int]] = []
+    said: set[Path_] = set()
+    for item in error.errors(include_url=False):
+        loc: Path_ = tuple(item["loc"])
+        kind, value, context = item["type"], item["input"], item.get("ctx", {})
+        here = _entry_at(cls, loc)
+        shown = _without_alternatives(cls, loc)
+        at_key, column = False, 0
+        if kind == "model":
+            message, column = str(context["message"]), int(context["column"])
+        elif kind == "missing" and isinstance(loc[-1], int):
+            loc, shown = loc[:-1], shown[:-1]
+            message = f"too few numbers; {_wanted(loc)}"
+        elif kind in ("too_long", "too_short", "tuple_type", "list_type"):
+            message = f"{_seen(value)}; {_wanted(loc)}"
+        elif kind == "missing":
+            message = f"key {loc[-1]!r} is missing; keys here: {_keys(here)}"
+            shown = shown[:-1]
+        elif kind == "extra_forbidden":
+            message = _unknown_key(str(loc[-1]), here)
+            at_key = True
+        elif kind == "union_tag_not_found":
+            message = f"key 'type' is missing; one of {_tags(_alternatives(cls, loc))} is needed"
+        elif kind in ("union_tag_invalid", "literal_error"):
+            base = loc[:-1] if kind == "literal_error" else loc
+            message = _unknown_type(str(base[-1]) if base else "force", value, _alternatives(cls, base) or [cls])
+            shown = (*shown, "type") if kind == "union_tag_invalid" else shown
+        elif kind in ("model_type", "model_attributes_type", "dict_type"):
+            choices = _alternatives(cls, loc)
+            keys = f"the keys {_keys(here)}" if len(choices) < 2 else f"a type: one of {_tags(choices)}"
+            message = f"{_seen(value)}; a mapping is needed with {keys}"
+        elif kind == "string_type":
+            message = f"{_seen(value)}; a text is needed"
+        else:
+            message = f"{_seen(value)}: {item['msg']}"
+        if (shown, message) not in said:
+            said.add((shown, message))
+            result.append((shown, message, at_key, column))
+    return result
+
+
+def _wanted(loc: Path_) -> str:
+    last = loc[-1] if loc else ""
+    if last == "axes":
+        return "two axes are needed: [y, x]"
+    if last == "rotate":
+        return "a list of rotations is needed: [{axis: z, angle: 0.5}]"
+    if last == "axis" or isinstance(last, int):
+        return "x, y, z, -x, -y, -z or a vector [x, y, z] is allowed"
+    if last == "rpy":
+        return "three angles are needed: [roll, pitch, yaw]"
+    return "three numbers are needed: [x, y, z]"
+
+
+def _keys(cls: type[Entry]) -> str:
+    return ", ".join(cls.model_fields)
+
+
+def _unknown_key(key: str, here: type[Entry]) -> str:
+    if key in ("first", "last"):
+        return f"{key!r} stands only directly inside an entry of a repeat block"
+    return f"unknown key {key!r}; keys here: {_keys(here)}{nearest(key, here.model_fields)}"
+
+
+def _tag(cls: type[Entry]) -> str:
+    return str(get_args(cls.model_fields["type"].annotation)[0])
+
+
+def _tags(classes: list[type[Entry]]) -> str:
+    return ", ".join(_tag(c) for c in classes)
+
+
+def _unknown_type(what: str, value: Any, classes: list[type[Entry]]) -> str:
+    name = value.get("type") if isinstance(value, dict) else value
+    force = classes[0] is JointForceEntry
+    kind = "force" if force else what
+    if name in (LATER_FORCES if force else LATER_JOINTS if what == "joint" else ()):
+        return f"{kind} type {name!r} is not supported yet by this version; available: {_tags(classes)}"
+    hint = nearest(name, [_tag(c) for c in classes]) if isinstance(name, str) else ""
+    return f"unknown {kind} type {_seen(name)}; one of {_tags(classes)} is allowed{hint}"
+
+
+def _models(annotation: Any) -> list[type[Entry]]:
+    if isinstance(annotation, type) and issubclass(annotation, Entry):
+        return [annotation]
+    return [m for a in get_args(annotation) for m in _models(a)]
+
+
+def _steps(cls: type[Entry], loc: Path_) -> list[tuple[Any, list[type[Entry]], bool]]:
+    """For every part of a location: the part, the entry classes that its value may have, and whether it names one."""
+    steps: list[tuple[Any, list[type[Entry]], bool]] = []
+    classes = [cls]
+    for part in loc:
+        tagged = [c for c in classes if len(classes) > 1 and "type" in c.model_fields and _tag(c) == part]
+        if tagged:
+            classes = tagged
+            steps.append((part, classes, True))
+            continue
+        if isinstance(part, str):
+            found = [c.model_fields[part].annotation for c in classes if part in c.model_fields]
+            if found or len(classes) != 1:
+                classes = [m for a in found[:1] for m in _models(a)]
+            elif part.startswith("function-") or "[" in part:
+                steps.append((part, classes, True))
+                continue
+        steps.append((part, classes, False))
+    return steps
+
+
+def _alternatives(cls: type[Entry], loc: Path_) -> list[type[Entry]]:
+    return _steps(cls, loc)[-1][1] if loc else [cls]
+
+
+def _entry_at(cls: type[Entry], loc: Path_) -> type[Entry]:
+    """The class of the mapping that holds (or is) the value at `loc`."""
+    entry = cls
+    for _, classes, _alternative in _steps(cls, loc):
+        if len(classes) == 1:
+            entry = classes[0]
+    return entry
+
+
+def _without_alternatives(cls: type[Entry], loc: Path_) -> Path_:
+    return tuple(part for part, _, alternative in _steps(cls, loc) if not alternative)
