@@ -324,12 +324,13 @@ class Engine(ABC):
                     raise ValueError(f"{name} has shape {array.shape}, expected (k, n)")
         if not arrays:
             raise ValueError(f"no seed given; give at least one of {', '.join(seeds)}")
-        k = max(len(a) for a in arrays.values())
+        first = next(iter(arrays))
+        k = len(arrays[first])
         for name in seeds:
             shape = (k,) if name == "dt" else (k, n[name])
             array = arrays.setdefault(name, self.arithmetic.zeros(*shape))
             if array.shape != shape:
-                raise ValueError(f"{name} has shape {array.shape}, expected {shape}")
+                raise ValueError(f"{name} has shape {array.shape}, expected {shape}: {first} has {k} directions")
         return arrays
 
     def _udot(self, state: State, udot: Any, dudot: Any) -> Pair:
