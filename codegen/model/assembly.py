@@ -1,7 +1,8 @@
 """From the plain data of a file or the builder to a checked `Model`, with every problem on the way.
 
 One pass over the sections in the order in which they need each other: constants, parameters, inputs, gravity, bodies,
-points, forces, outputs, initial values. A section that is wrong is reported and left out, so that the others are still read.
+points, forces, outputs, initial values. A section that is wrong is reported and left out,
+so that the others are still read.
 """
 
 from __future__ import annotations
@@ -36,9 +37,10 @@ from .schema import (
     PointEntry,
     explain,
     parse_name,
+    seen,
 )
-from .shapes import mass_properties
 from .schema import Vector as VectorType
+from .shapes import Inertia, mass_properties
 
 MAX_PROBLEMS: Final = 200
 
@@ -50,6 +52,9 @@ _REFERENCES: Final = frozenset({"parent", "body", "position", "velocity"})
 _EXPRESSION: Final = TypeAdapter(Expr)
 _VECTOR: Final[TypeAdapter[Any]] = TypeAdapter(VectorType, config={"arbitrary_types_allowed": True})
 _AXES: Final = tuple(tuple(Expression.number(int(i == k)) for i in range(3)) for k in range(3))
+
+
+_Parts = tuple[Joint, Expression, Vector, Inertia, bool]
 
 
 class _TooMany(Exception):
@@ -90,13 +95,15 @@ class _Assembly:
         self.inputs: list[str] = []
         self.used: set[str] = set()
         self.first_seen: dict[tuple[str, str], str] = {}
-        self.allowed: dict[str, set[str]] = {"constants": set(), "parameters": set(), "motion": set()}
+        # dicts used as ordered sets: names are printed in the order of the file
+        self.allowed: dict[str, dict[str, None]] = {"constants": {}, "parameters": {}, "motion": {}}
+        self.broken: set[str] = set()  # bodies that were reported; their coordinates are not known
         self._reported: set[tuple[Any, ...]] = set()
         self._specs: dict[tuple[int, type[Entry]], Any] = {}
         self._indices: dict[int, list[tuple[Path_, Expression]]] = {}
         self._checked: set[tuple[Expression, str]] = set()
         self._values: dict[Expression, float | str] = {}
-        self._bodies: dict[tuple[Any, ...], Any] = {}
+        self._bodies: dict[tuple[Any, ...], _Parts] = {}
 
     # --- problems -----------------------------------------------------------------------------------------------
 
@@ -135,13 +142,10 @@ class _Assembly:
         """The parts of a path that lead to something written."""
         result: list[str | int] = []
         for part in path:
-            if isinstance(container, dict) and part in container:
+            listed = isinstance(container, (list, tuple)) and isinstance(part, int) and part < len(container)
+            if listed or (isinstance(container, dict) and part in container):
                 container = container[part]
-            elif isinstance(container, (list, tuple)) and isinstance(part, int) and part < len(container):
-                container = container[part]
-            else:
-                continue
-            result.append(part)
+                result.append(part)
         return tuple(result)
 
     # --- expressions and names ----------------------------------------------------------------------------------
@@ -151,7 +155,9 @@ class _Assembly:
         try:
             result = self.binder(expression, at.indices)
         except ExpressionError as error:
-            self.report(at, sub, f"{expression}: {error.message}", inside=error.column)
+            text = str(expression)
+            prefix = "" if error.message.startswith(text) else f"{text}: "
+            self.report(at, sub, prefix + error.message, inside=error.column)
             return ZERO
         if (result, scope) not in self._checked:
             if not self._check(result, expression, at, sub, scope):
@@ -162,8 +168,10 @@ class _Assembly:
 
     def _check(self, result: Expression, written: Expression, at: Instance, sub: Path_, scope: str) -> bool:
         allowed = self.allowed[scope]
-        unknown = sorted(result.names - allowed)
+        unknown = [n for n in sorted(result.names) if n not in allowed]
         for name in unknown:
+            if name[:2] in ("q.", "u.") and scope == "motion" and name.split(".")[1] in self.broken:
+                continue
             self.report(at, sub, self._unknown(name, scope), inside=self._column(at, sub, name))
         if unknown:
             return False
@@ -181,6 +189,8 @@ class _Assembly:
 
     def _unknown(self, name: str, scope: str) -> str:
         everything = self.allowed["motion"]
+        if name.lower() in ("nan", "inf", "infinity"):
+            return f"{name} is no finite number; only finite numbers are allowed"
         if name in everything or name == "t" or (name[:2] in ("q.", "u.") and scope != "motion"):
             kind = "input" if name in self.inputs else "parameter" if name in self.defaults else "motion"
             what = {
@@ -198,7 +208,8 @@ class _Assembly:
                 return f"{name} has several freedoms; write one of {', '.join(sorted(joint))}"
             return f"unknown {what} {name!r}; the joints of this model have {_some(names)}{nearest(name, names)}"
         known = [*self.constants, *(n for n in self.allowed[scope] if n[1:2] != ".")]
-        return f"unknown name {name!r}; known here: {_some(known)}{nearest(name, known)}"
+        which = "constants written before it" if scope == "constants" else "known here"
+        return f"unknown name {name!r}; {which}: {_some(known)}{nearest(name, known)}"
 
     def value(self, expression: Expression) -> float | str:
         """Value at the default parameters, or why there is none."""
@@ -224,11 +235,11 @@ class _Assembly:
     def new_name(self, at: Instance, name: str, space: str, what: str) -> bool:
         """Register a name in its namespace; False after a problem."""
         if name in RESERVED:
-            self.report(at, (), f"{name!r} is reserved and cannot name a {what}; choose another name", key=True)
+            self.report(at, (), f"{name!r} is reserved and cannot name {_a(what)}; choose another name", key=True)
             return False
         taken = self.first_seen.get((space, name))
         if taken is not None:
-            self.report(at, (), f"name {name!r} is already taken by a {taken}; each name may be given once", key=True)
+            self.report(at, (), f"name {name!r} is already taken by {_a(taken)}; each name may be given once", key=True)
             return False
         self.first_seen[space, name] = what
         return True
@@ -260,7 +271,7 @@ class _Assembly:
         if value is None:
             return
         if not isinstance(value, dict):
-            self.report(self._top(name), (), f"{_seen(value)}; a mapping of names is needed")
+            self.report(self._top(name), (), f"{seen(value)}; a mapping of names is needed")
             return
         yield from self.repetition.expand(value, (name,))
 
@@ -295,7 +306,7 @@ class _Assembly:
     def model(self) -> Model | None:
         root = self.document.root
         if not isinstance(root, dict):
-            message = f"{_seen(root)}; a model file is a mapping with the keys {', '.join(SECTIONS)}"
+            message = f"{seen(root)}; a model file is a mapping with the keys {', '.join(SECTIONS)}"
             self.add(Problem(self.document.file, *self._start(), "", message))
             return None
         for key in root:
@@ -303,13 +314,13 @@ class _Assembly:
                 self.report(self._top(key), (), f"section {key!r} is not supported yet by this version", key=True)
             elif key not in SECTIONS:
                 hint = nearest(key, SECTIONS)
-                self.report(self._top(key), (), f"unknown key {key!r}; keys here: {', '.join(SECTIONS)}{hint}", key=True)
+                self.report(self._top(key), (), f"unknown key {key!r}; keys here: {_some(SECTIONS)}{hint}", key=True)
         name = self.model_name()
         self.read_constants()
         parameters = self.read_parameters()
         self.read_inputs()
-        self.allowed["parameters"] = set(self.defaults)
-        self.allowed["motion"] = {*self.defaults, *self.inputs, "t"}
+        self.allowed["parameters"] = dict.fromkeys(self.defaults)
+        self.allowed["motion"] = dict.fromkeys([*self.defaults, *self.inputs, "t"])
         gravity = self.read_gravity()
         instances, specs, names = self.read_body_entries()
         bodies = self.build_bodies(instances, specs, names)
@@ -319,6 +330,8 @@ class _Assembly:
         forces = self.read_forces(index, specs)
         outputs = self.read_outputs(index, points)
         initial = self.read_initial(specs, names)
+        if any(p.severity == "error" for p in self.problems):
+            return None
         for parameter, at in parameters:
             if parameter.name not in self.used:
                 self.report(at, (), f"parameter {parameter.name!r} is not used", key=True, severity="warning")
@@ -326,17 +339,12 @@ class _Assembly:
             if input_ not in self.used:
                 at = self._top("inputs")
                 self.report(at, (), f"input {input_!r} is not used", key=True, severity="warning")
-        if any(p.severity == "error" for p in self.problems) or bodies is None:
-            return None
-        for body, sub, message, severity in checks.check_bodies(bodies, self.numeric):
-            sub = sub if sub[0] in instances[body].value else ("shape",) if "shape" in instances[body].value else ()
-            self.report(instances[body], sub, f"body {names[body]!r}: {message}", severity=severity)
         return Model(
             name=name,
             gravity=gravity,
             parameters=tuple(p for p, _ in parameters),
             inputs=tuple(self.inputs),
-            bodies=bodies,
+            bodies=tuple(bodies),
             forces=tuple(forces),
             outputs=tuple(outputs),
             initial_q=initial["q"],
@@ -353,7 +361,7 @@ class _Assembly:
         if name is None:
             self.report(self._top("model"), (), f"key 'model' is missing; {allowed}")
         elif not isinstance(name, str) or not re.fullmatch("[A-Za-z_][A-Za-z0-9_]*", name):
-            self.report(self._top("model"), (), f"{_seen(name)} is no name; {allowed}")
+            self.report(self._top("model"), (), f"{seen(name)} is no name; {allowed}")
         elif keyword.iskeyword(name) or keyword.issoftkeyword(name) or name in _C_KEYWORDS or name in RESERVED:
             self.report(self._top("model"), (), f"{name!r} is a reserved word; {allowed}")
         return str(name)
@@ -376,10 +384,8 @@ class _Assembly:
             name = self.key_name(at, "parameter", "value")
             if isinstance(at.value, dict):
                 spec = self.spec(ParameterEntry, at)
-                if spec is None:
-                    continue
-                unit = spec.unit
-                fields = {k: getattr(spec, k) for k in ("value", "min", "max") if getattr(spec, k) is not None}
+                unit = spec.unit if spec is not None else ""
+                fields = {k: e for k in ("value", "min", "max") if (e := getattr(spec, k, None)) is not None}
                 numbers = {k: self.bound(e, at, (k,), "constants").value for k, e in fields.items()}
             else:
                 unit = ""
@@ -403,7 +409,7 @@ class _Assembly:
         if value is None:
             return
         if not isinstance(value, (list, tuple)):
-            self.report(self._top("inputs"), (), f"{_seen(value)}; a list of names is needed: [motor, brake]")
+            self.report(self._top("inputs"), (), f"{seen(value)}; a list of names is needed: [motor, brake]")
             return
         for i, item in enumerate(value):
             if isinstance(item, dict):
@@ -412,7 +418,7 @@ class _Assembly:
                 entries = [Instance(str(item), None, {}, ("inputs", i), {})]
             for at in entries:
                 if at.value is not None:
-                    self.report(at, (), f"{_seen(at.value)} after an input's name; an input has no value in the model")
+                    self.report(at, (), f"{seen(at.value)} after an input's name; an input has no value in the model")
                 # a plain name of the list has its place in the list
                 place = at if isinstance(item, dict) else _InList("inputs", None, self.document.root, (), {}, i)
                 name = self._input_name(at, place, item)
@@ -422,7 +428,8 @@ class _Assembly:
     def _input_name(self, at: Instance, place: Instance, item: Any) -> str | None:
         sub: Path_ = (place.item,) if isinstance(place, _InList) else ()
         try:
-            name = name_of(parse_name(at.key if isinstance(item, (str, dict)) else item), {**self.constants, **at.indices})
+            tree = parse_name(at.key if isinstance(item, (str, dict)) else item)
+            name = name_of(tree, {**self.constants, **at.indices})
         except PydanticCustomError as error:
             self.report(place, sub, str(error.message()))
             return None
@@ -433,7 +440,7 @@ class _Assembly:
             self.report(place, sub, f"{name!r} is reserved and cannot name an input; choose another name")
         elif ("value", name) in self.first_seen:
             taken = self.first_seen["value", name]
-            self.report(place, sub, f"name {name!r} is already taken by a {taken}; each name may be given once")
+            self.report(place, sub, f"name {name!r} is already taken by {_a(taken)}; each name may be given once")
         else:
             self.first_seen["value", name] = "input"
             return name
@@ -445,7 +452,7 @@ class _Assembly:
             return None
         at = self._top("gravity")
         if not isinstance(value, (list, tuple)) or len(value) != 3:
-            self.report(at, (), f"{_seen(value)}; three numbers are needed: [x, y, z], m/s^2 in the ground frame")
+            self.report(at, (), f"{seen(value)}; three numbers are needed: [x, y, z], m/s^2 in the ground frame")
             return None
         x, y, z = (self.scalar(at, (i,), v, "parameters") or ZERO for i, v in enumerate(value))
         return None if x is ZERO and y is ZERO and z is ZERO else (x, y, z)
@@ -463,33 +470,51 @@ class _Assembly:
                 names.append(name)
         if not names and not self.problems:
             at = self._top("bodies")
-            message = "no bodies; a model has at least one: bodies: {arm: {parent: ground, joint: {type: revolute, axis: y}}}"
+            message = (
+                "no bodies; a model has at least one, such as arm: {parent: ground, joint: {type: revolute, axis: y}}"
+            )
             self.report(at, (), message)
         return instances, specs, names
 
-    def build_bodies(
-        self, instances: list[Instance], specs: list[BodyEntry | None], names: list[str]
-    ) -> tuple[Body, ...] | None:
+    def build_bodies(self, instances: list[Instance], specs: list[BodyEntry | None], names: list[str]) -> list[Body]:
+        """The bodies; those that could not be read are left out, after their report."""
         index = {n: i for i, n in enumerate(names)}
         index["ground"] = GROUND
         bodies: list[Body] = []
+        sound: list[tuple[Instance, Body]] = []
+        parents = [GROUND] * len(names)
+        is_tree = True
         for i, (at, spec, name) in enumerate(zip(instances, specs, names, strict=True)):
             if spec is None:
                 continue
             parent = self.body_index(spec.parent, at, ("parent",), index)
             if parent == i:
                 self.report(at, ("parent",), f"body {name!r} is its own parent; another body or ground is allowed")
-            bodies.append(Body(name, GROUND if parent is None else parent, *self.body_parts(spec, at)))
-        if len(bodies) < len(names):
-            return None
-        parents = [b.parent for b in bodies]
+            elif parent is not None:
+                parents[i] = parent
+            is_tree = is_tree and parent is not None and parent != i
+            joint, mass, com, inertia, is_sound = self.body_parts(spec, at)
+            bodies.append(Body(name, parents[i], joint, mass, com, inertia))
+            if is_sound:
+                sound.append((at, bodies[-1]))
         for cycle in checks.cycles(parents):
-            if len(cycle) > 1:
-                chain = " -> ".join(names[i] for i in [*cycle[:8], cycle[0]]) if len(cycle) <= 8 else _some([names[i] for i in cycle])
-                at = instances[cycle[0]]
-                message = f"the parents form a circle, {chain}; one of them must lead to ground"
-                self.report(at, ("parent",), message)
-        return tuple(bodies)
+            is_tree = False
+            circle = [names[i] for i in cycle]
+            chain = " -> ".join([*circle, circle[0]]) if len(circle) <= 8 else _some(circle)
+            message = f"the parents form a circle, {chain}; one of them must lead to ground"
+            self.report(instances[cycle[0]], ("parent",), message)
+        for found in checks.check_inertia([b for _, b in sound], self.numeric):
+            self.report_finding(sound[found[0]][0], found)
+        if is_tree and len(sound) == len(names):
+            for found in checks.check_freedoms(bodies, self.numeric):
+                self.report_finding(instances[found[0]], found)
+        return bodies
+
+    def report_finding(self, at: Instance, found: checks.Finding) -> None:
+        _, sub, message, severity = found
+        if sub[0] not in at.value:
+            sub = ("shape",) if "shape" in at.value else ()
+        self.report(at, sub, message, severity=severity)
 
     def body_index(self, reference: Expression, at: Instance, sub: Path_, index: dict[str, int]) -> int | None:
         name = self.reference(reference, at, sub)
@@ -498,11 +523,14 @@ class _Assembly:
         found = index.get(name)
         if found is None:
             names = [n for n in index if n != "ground"]
-            self.report(at, sub, f"unknown body {name!r}; ground or one of {_some(names)} is allowed{nearest(name, index)}")
+            hint = nearest(name, index)
+            if at.indices and sub == ("parent",):
+                hint = "; for the first repetition write first: {parent: ground}"
+            self.report(at, sub, f"unknown body {name!r}; ground or one of {_some(names)} is allowed{hint}")
         return found
 
-    def body_parts(self, spec: BodyEntry, at: Instance) -> tuple[Joint, Expression, Vector, Any]:
-        """Joint, mass, centre of mass and inertia; the same objects for repetitions that use the same index values."""
+    def body_parts(self, spec: BodyEntry, at: Instance) -> _Parts:
+        """Joint, mass properties and whether they are sound; the same objects where the indices used are equal."""
         listed = self._indices.get(id(spec))
         if listed is None:
             listed = self._indices[id(spec)] = list(_expressions(spec))
@@ -511,13 +539,12 @@ class _Assembly:
         found = self._bodies.get(key)
         if found is None:
             found = self._bodies[key] = self._body_parts(spec, at, listed)
-        parts: tuple[Joint, Expression, Vector, Any] = found
-        return parts
+        return found
 
-    def _body_parts(
-        self, spec: BodyEntry, at: Instance, listed: list[tuple[Path_, Expression]]
-    ) -> tuple[Joint, Expression, Vector, Any]:
+    def _body_parts(self, spec: BodyEntry, at: Instance, listed: list[tuple[Path_, Expression]]) -> _Parts:
+        before = len(self.problems)
         result = {sub: self.bound(e, at, sub, "parameters") for sub, e in listed}
+        sound = len(self.problems) == before  # names and values; the joint is checked for itself
 
         def vector(*sub: str | int) -> Vector:
             return tuple(result.get((*sub, i), ZERO) for i in range(3))  # type: ignore[return-value]
@@ -526,8 +553,8 @@ class _Assembly:
         if spec.mass is not None or spec.shape is None:
             com = vector("com") if spec.com is not None else (ZERO, ZERO, ZERO)
             keys = ("xx", "yy", "zz", "xy", "xz", "yz")
-            inertia = tuple(result.get(("inertia", k), ZERO) for k in keys)
-            return joint, result.get(("mass",), ZERO), com, inertia
+            inertia: Any = tuple(result.get(("inertia", k), ZERO) for k in keys)
+            return joint, result.get(("mass",), ZERO), com, inertia, sound
         for what in ("length", "radius"):
             if ("shape", what) in result:
                 self._check_size(result["shape", what], at, ("shape", what))
@@ -535,23 +562,27 @@ class _Assembly:
             if ("shape", "size", i) in result:
                 self._check_size(result["shape", "size", i], at, ("shape", "size", i))
         if ("shape", "axis", 0) in result and all(self.numeric(e) == 0 for e in vector("shape", "axis")):
-            self.report(at, ("shape", "axis"), "the axis is zero; a direction is needed")
-            return joint, ZERO, (ZERO, ZERO, ZERO), (ZERO,) * 6
+            self.report(at, ("shape", "axis"), "the axis is zero; a direction is needed: x, y, z or [x, y, z]")
+        sound = sound and len(self.problems) == before
+        nothing: _Parts = (joint, ZERO, (ZERO, ZERO, ZERO), (ZERO,) * 6, False)
+        if not sound:
+            return nothing
         try:
             mass, _, inertia6 = mass_properties(spec.shape)
             bound = [self.binder(e, at.indices) for e in (mass, *inertia6)]
         except ExpressionError as error:
             self.report(at, ("shape",), error.message)
-            return joint, ZERO, (ZERO, ZERO, ZERO), (ZERO,) * 6
+            return nothing
         for e in bound:
             if isinstance(why := self.value(e), str):
                 self.report(at, ("shape",), f"no finite mass properties at the default parameters: {why}")
-                break
-        return joint, bound[0], vector("shape", "center"), tuple(bound[1:])
+                return nothing
+        six: Any = tuple(bound[1:])
+        return joint, bound[0], vector("shape", "center"), six, True
 
     def _check_size(self, size: Expression, at: Instance, sub: Path_) -> None:
         if self.numeric(size) < 0:
-            self.report(at, sub, f"{size} is {self.numeric(size):g}; a size is at least 0")
+            self.report(at, sub, f"{checks.with_value(size, self.numeric(size))} is negative; a size is at least 0")
 
     def joint(self, spec: JointEntry, at: Instance, vector: Any, result: dict[Path_, Expression]) -> Joint:
         axes: list[Vector] = []
@@ -568,7 +599,9 @@ class _Assembly:
             lengths = (sum(x * x for x in a) * sum(x * x for x in b)) ** 0.5
             if abs(product) > 1e-9 * lengths:
                 cosine = product / lengths
-                message = f"the two axes have cosine {cosine:.3g}; those of a universal joint are perpendicular (within 1e-9)"
+                message = (
+                    f"the two axes have cosine {cosine:.3g}; those of a universal joint are perpendicular (to 1e-9)"
+                )
                 self.report(at, ("joint", "axes"), message)
         rotation: list[tuple[Vector, Expression]] = []
         for i in range(len(spec.rotate or ())):
@@ -582,13 +615,16 @@ class _Assembly:
 
     def direction(self, axis: Vector, at: Instance, sub: Path_) -> None:
         if all(self.numeric(e) == 0 for e in axis):
-            self.report(at, sub, "the axis is zero at the default parameters; a direction is needed: x, y, z or [x, y, z]")
+            message = "the axis is zero at the default parameters; a direction is needed: x, y, z or [x, y, z]"
+            self.report(at, sub, message)
 
     def add_motion_names(self, specs: list[BodyEntry | None], names: list[str]) -> None:
         for spec, name in zip(specs, names, strict=True):
             if spec is not None:
-                for prefix, group in zip("qu", joint_coordinates(name, spec.joint.type), strict=True):  # type: ignore[union-attr]
-                    self.allowed["motion"].update(f"{prefix}.{n}" for n in group)
+                for prefix, group in zip("qu", joint_coordinates(name, spec.joint.type), strict=True):
+                    self.allowed["motion"].update(dict.fromkeys(f"{prefix}.{n}" for n in group))
+            else:
+                self.broken.add(name)
 
     # --- points, forces, outputs --------------------------------------------------------------------------------
 
@@ -629,12 +665,12 @@ class _Assembly:
             body = specs[index[joint]]
             if body is None:
                 continue
-            type_ = body.joint.type  # type: ignore[union-attr]
+            type_ = body.joint.type
             freedoms = joint_coordinates(joint, type_)[1]
             if len(values) != len(freedoms):
                 needed = f"{len(freedoms)} are needed, for {', '.join('u.' + n for n in freedoms)}"
                 needed = needed if freedoms else "a fixed joint takes no force"
-                self.report(at, ("value",), f"{len(values)} values for the {type_} joint {joint!r}; {needed}")
+                self.report(at, ("value",), f"{_values(len(values))} for the {type_} joint {joint!r}; {needed}")
             elif name is not None:
                 result.append(JointForce(name, index[joint], values))
         return result
@@ -650,7 +686,7 @@ class _Assembly:
                 else:
                     known = f"{' or '.join(ENERGIES)}, or a mapping such as {{position: tip, axis: z}}, is allowed"
                     hint = nearest(at.value, ENERGIES) if isinstance(at.value, str) else ""
-                    self.report(at, (), f"{_seen(at.value)}; {known}{hint}")
+                    self.report(at, (), f"{seen(at.value)}; {known}{hint}")
                 continue
             spec = self.spec(OutputEntry, at)
             if spec is None:
@@ -694,13 +730,13 @@ class _Assembly:
         if initial is None:
             return result
         if not isinstance(initial, dict):
-            self.report(self._top("initial"), (), f"{_seen(initial)}; a mapping with the keys q, u is needed")
+            self.report(self._top("initial"), (), f"{seen(initial)}; a mapping with the keys q, u is needed")
             return result
         groups = {"q": {}, "u": {}}  # type: dict[str, dict[str, tuple[str, ...]]]
         quaternions = []
         for spec, name in zip(specs, names, strict=True):
             if spec is not None:
-                q, u = joint_coordinates(name, spec.joint.type)  # type: ignore[union-attr]
+                q, u = joint_coordinates(name, spec.joint.type)
                 groups["q"][name], groups["u"][name] = q, u
                 if f"{name}.qw" in q:
                     quaternions.append(name)
@@ -711,7 +747,7 @@ class _Assembly:
                 self.report(at, (), f"unknown key {part!r}; keys here: q, u", key=True)
             elif section is not None and not isinstance(section, dict):
                 at = Instance(part, section, initial, ("initial",), {})
-                self.report(at, (), f"{_seen(section)}; a mapping of joints to values is needed")
+                self.report(at, (), f"{seen(section)}; a mapping of joints to values is needed")
             elif section is not None:
                 for at in self.repetition.expand(section, ("initial", part)):
                     self._initial_value(at, part, groups[part], result[part], places)
@@ -739,9 +775,11 @@ class _Assembly:
             return
         entries = groups.get(name)
         if entries is None:
+            if name.partition(".")[0] in self.broken:
+                return
             owner = groups.get(name.rpartition(".")[0], ())
             if name not in owner:
-                known = [n for g in groups.values() for n in g] + list(groups)
+                known = list(dict.fromkeys([n for g in groups.values() for n in g] + list(groups)))
                 message = f"unknown {what} {name!r}; allowed are {_some(known)}{nearest(name, known)}"
                 self.report(at, (), message, key=True)
                 return
@@ -751,7 +789,7 @@ class _Assembly:
         else:
             values = [((), at.value)]  # type: ignore[list-item]
         if len(values) != len(entries):
-            message = f"{len(values)} values; joint {name!r} has {len(entries)}: {', '.join(entries) or 'none'}"
+            message = f"{_values(len(values))}; joint {name!r} has {len(entries)}: {', '.join(entries) or 'none'}"
             self.report(at, (), message)
             return
         for entry, (sub, value) in zip(entries, values, strict=True):
@@ -772,13 +810,13 @@ class _Assembly:
         length = sum(self.numeric(e) ** 2 for e in parts) ** 0.5
         at = places[given[0]][0]
         if abs(length - 1) > 1e-3:
-            message = f"the quaternion {name}.qw qx qy qz has length {length:.6g} at the default parameters; 1 is needed (within 1e-3)"
+            message = f"the quaternion {name}.qw qx qy qz has length {length:.6g}; 1 is needed (to 1e-3)"
             self.report(at, (), message)
         elif abs(length - 1) > 1e-12:
-            message = f"the quaternion {name}.qw qx qy qz has length {length:.12g} and was normalised"
+            message = f"the quaternion {name}.qw qx qy qz has length {length:.12g}, not 1, and was normalised"
             self.report(at, (), message, severity="warning")
-            square = combine("+", combine("+", *[_square(e) for e in parts[:2]]), combine("+", *[_square(e) for e in parts[2:]]))
-            norm = combine("sqrt", square)
+            w, x, y, z = (_square(e) for e in parts)
+            norm = combine("sqrt", combine("+", combine("+", w, x), combine("+", y, z)))
             for key, part in zip(keys, parts, strict=True):
                 values[key] = Expression(combine("/", part.tree, norm))
 
@@ -814,19 +852,16 @@ def _expressions_in(value: Any, sub: Path_) -> Iterator[tuple[Path_, Expression]
             yield from _expressions_in(item, (*sub, i))
 
 
+def _a(what: str) -> str:
+    return f"an {what}" if what[0] in "aeiou" else f"a {what}"
+
+
+def _values(count: int) -> str:
+    return f"{count} value" + "s" * (count != 1)
+
+
 def _limit(value: float | None) -> str:
     return "(none)" if value is None else f"{value:g}"
-
-
-def _seen(value: Any) -> str:
-    if value is None:
-        return "nothing"
-    if isinstance(value, dict):
-        return "a mapping"
-    if isinstance(value, (list, tuple)):
-        return f"a list of {len(value)}"
-    text = repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."
 
 
 def _some(names: Iterable[str]) -> str:

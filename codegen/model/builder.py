@@ -119,7 +119,7 @@ class ModelBuilder:
     ) -> None:
         """A named scalar: ``"kinetic_energy"``, ``"potential_energy"``, or one of position, velocity and value."""
         given = _given(position=position, velocity=velocity, axis=axis, value=value)
-        self._put("outputs", name, measure if measure is not None and not given else {**given, **_given(measure=measure)})
+        self._put("outputs", name, {**given, **_given(measure=measure)} if given else measure)
 
     def initial(
         self,
@@ -178,10 +178,10 @@ class Name(str):
     def __rsub__(self, other: object) -> Name:
         return _joined(other, "-", self)
 
-    def __mul__(self, other: object) -> Name:  # type: ignore[override]
+    def __mul__(self, other: object) -> Name:
         return _joined(self, "*", other)
 
-    def __rmul__(self, other: object) -> Name:  # type: ignore[override]
+    def __rmul__(self, other: object) -> Name:
         return _joined(other, "*", self)
 
     def __truediv__(self, other: object) -> Name:

@@ -35,8 +35,57 @@ def cycles(parents: Sequence[int]) -> list[list[int]]:
     return found
 
 
-def check_bodies(bodies: Sequence[Body], value: Callable[[Expression], float]) -> Iterator[Finding]:
-    """What is impossible, singular or doubtful about mass, inertia and joints at the default parameters.
+def _mass_and_inertia(
+    bodies: Sequence[Body], value: Callable[[Expression], float]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Masses (n,), inertia matrices (n, 3, 3) and the largest entry of each (n,)."""
+    mass = np.array([value(b.mass) for b in bodies])
+    six = np.array([[value(e) for e in b.inertia] for b in bodies])
+    inertia = six[:, [0, 3, 4, 3, 1, 5, 4, 5, 2]].reshape(len(bodies), 3, 3)
+    return mass, inertia, np.abs(inertia).max(axis=(1, 2))
+
+
+def check_inertia(bodies: Sequence[Body], value: Callable[[Expression], float]) -> Iterator[Finding]:
+    """What is impossible or doubtful about the mass and inertia of single bodies at the default parameters.
+
+    Parameters
+    ----------
+    bodies : sequence of Body
+    value : callable
+        Value of an expression at the default parameters.
+    """
+    if not bodies:
+        return
+    mass, inertia, scale = _mass_and_inertia(bodies, value)
+    # scaled, so that huge or tiny numbers neither overflow nor vanish in the eigenvalues
+    moments = np.linalg.eigvalsh(inertia / np.where(scale > 0, scale, 1.0)[:, None, None])
+    for i in _where(mass < 0):
+        seen = with_value(bodies[i].mass, mass[i])
+        yield i, ("mass",), f"mass of {bodies[i].name!r}, {seen}, is negative; at least 0 is needed", "error"
+    impossible = moments[:, 0] < -PSD_TOLERANCE
+    for i in _where(impossible):
+        low = moments[i, 0] * scale[i]
+        message = (
+            f"the inertia of {bodies[i].name!r} has the negative principal moment {low:.6g}; "
+            f"none may be below 0 (kg m^2, about the centre of mass)"
+        )
+        yield i, ("inertia",), message, "error"
+    broken = (moments[:, 2] - moments[:, 1] - moments[:, 0] > TRIANGLE_TOLERANCE * moments[:, 2]) & ~impossible
+    for i in _where(broken):
+        a, b, c = moments[i] * scale[i]
+        message = (
+            f"the principal moments of {bodies[i].name!r}, {a:.6g}, {b:.6g}, {c:.6g}, break the triangle inequality "
+            f"({c:.6g} > {a:.6g} + {b:.6g}), which no real body does; harmless in a planar model"
+        )
+        yield i, ("inertia",), message, "warning"
+
+
+def _where(condition: np.ndarray) -> list[int]:
+    return [int(i) for i in np.flatnonzero(condition)]
+
+
+def check_freedoms(bodies: Sequence[Body], value: Callable[[Expression], float]) -> Iterator[Finding]:
+    """Joints that move nothing at the default parameters: their accelerations would be a division by zero.
 
     Parameters
     ----------
@@ -45,44 +94,12 @@ def check_bodies(bodies: Sequence[Body], value: Callable[[Expression], float]) -
     value : callable
         Value of an expression at the default parameters.
     """
-    n = len(bodies)
-    if n == 0:
+    if not bodies:
         return
-    mass = np.array([value(b.mass) for b in bodies])
-    six = np.array([[value(e) for e in b.inertia] for b in bodies])
-    inertia = six[:, [0, 3, 4, 3, 1, 5, 4, 5, 2]].reshape(n, 3, 3)
-    scale = np.abs(inertia).max(axis=(1, 2))
-    # scaled, so that huge or tiny numbers neither overflow nor vanish in the eigenvalues
-    moments = np.linalg.eigvalsh(inertia / np.where(scale > 0, scale, 1.0)[:, None, None])
-    for i in np.flatnonzero(mass < 0):
-        yield int(i), ("mass",), f"mass {_with_value(bodies[i].mass, mass[i])} is negative; at least 0 is needed", "error"
-    impossible = moments[:, 0] < -PSD_TOLERANCE
-    for i in np.flatnonzero(impossible):
-        low = moments[i, 0] * scale[i]
-        message = f"the inertia has the negative principal moment {low:.6g}; none may be below 0 (kg m^2, about the centre of mass)"
-        yield int(i), ("inertia",), message, "error"
-    broken = (moments[:, 2] - moments[:, 1] - moments[:, 0] > TRIANGLE_TOLERANCE * moments[:, 2]) & ~impossible
-    for i in np.flatnonzero(broken):
-        a, b, c = moments[i] * scale[i]
-        message = (
-            f"the principal moments {a:.6g}, {b:.6g}, {c:.6g} break the triangle inequality "
-            f"({c:.6g} > {a:.6g} + {b:.6g}), which no real body does; harmless in a planar model"
-        )
-        yield int(i), ("inertia",), message, "warning"
-    yield from _without_inertia(bodies, mass, inertia, scale, value)
-
-
-def _without_inertia(
-    bodies: Sequence[Body],
-    mass: np.ndarray,
-    inertia: np.ndarray,
-    scale: np.ndarray,
-    value: Callable[[Expression], float],
-) -> Iterator[Finding]:
-    """Joints that move nothing: their accelerations would be a division by zero."""
+    mass, inertia, scale = _mass_and_inertia(bodies, value)
     n = len(bodies)
     children: list[list[int]] = [[] for _ in range(n)]
-    roots = []
+    roots: list[int] = []
     for k, body in enumerate(bodies):
         (roots if body.parent == GROUND else children[body.parent]).append(k)
     order = []
@@ -104,8 +121,8 @@ def _without_inertia(
             inside[k] = True
             beyond = " and everything beyond it" if children[k] else ""
             message = (
-                f"the {type_} joint of {bodies[k].name!r} moves no mass: the body{beyond} has neither mass nor inertia; "
-                f"give it mass or fix the joint"
+                f"the {type_} joint of {bodies[k].name!r} moves no mass: the body{beyond} has neither mass "
+                f"nor inertia; give it mass or fix the joint"
             )
             yield k, ("joint",), message, "error"
         elif not children[k] and not massless[k] and mass[k] >= 0:
@@ -133,9 +150,10 @@ def _idle_freedom(body: Body, mass: float, inertia: np.ndarray, value: Callable[
         if axis @ about @ axis <= SINGULAR_TOLERANCE * (axis @ axis):
             return f"body {body.name!r} has no inertia about the axis of its {type_} joint; give it some"
     elif np.linalg.eigvalsh(about)[0] <= SINGULAR_TOLERANCE:
-        return f"body {body.name!r} has no inertia about one line, but its {type_} joint turns it about every line; give it some"
+        return f"body {body.name!r} has no inertia about one line, and its {type_} joint turns it about every line"
     return ""
 
 
-def _with_value(expression: Expression, value: float) -> str:
+def with_value(expression: Expression, value: float) -> str:
+    """``L - 2 = -1``, or the number alone."""
     return f"{value:g}" if expression.is_number else f"{expression} = {value:g}"

@@ -22,8 +22,10 @@ import re
 from collections.abc import Callable, Mapping
 from functools import lru_cache
 from types import ModuleType
-from typing import Any, Final
+from typing import Any, Final, NoReturn
 from weakref import WeakValueDictionary
+
+from .errors import nearest
 
 Tree = tuple[Any, ...]
 Number = int | float
@@ -269,7 +271,7 @@ def _print(tree: Tree, around: int) -> str:
     if kind == "call":
         return f"{tree[1]}({', '.join(_print(a, 0) for a in tree[2:])})"
     if kind == "indexed":
-        return tree[1] + "".join(f"({_print(i, 0)})" for i in tree[2]) + str(tree[3])
+        return str(tree[1]) + "".join(f"({_print(i, 0)})" for i in tree[2]) + str(tree[3])
     own = _PRECEDENCE[kind]
     if kind == "neg":
         text = "-" + _print(tree[1], own)
@@ -424,7 +426,7 @@ def index_text(tree: Tree, numbers: Mapping[str, Number | str]) -> str:
     if value[0] == "number" and isinstance(value[1], int) and value[1] >= 0:
         return str(value[1])
     if value[0] != "number":
-        raise ExpressionError(f"index ({_print(tree, 0)}) needs a value; only constants and repeat indices have one here")
+        raise ExpressionError(f"index ({_print(tree, 0)}) has no value here; constants and repeat indices have one")
     raise ExpressionError(f"index ({_print(tree, 0)}) is {value[1]!r}; an index is a whole number from 0, or a label")
 
 
@@ -445,8 +447,6 @@ def _bind(tree: Tree, numbers: Mapping[str, Number | str]) -> Tree:
         try:
             name = "_".join([tree[1], *[index_text(i, numbers) for i in tree[2]]]) + tree[3]
         except ExpressionError as error:
-            from .errors import nearest
-
             hint = nearest(tree[1], FUNCTIONS)
             raise ExpressionError(
                 f"{tree[1]}(...) is neither a function nor a name with a repeat index: {error.message}{hint}"
@@ -511,7 +511,7 @@ def parse(text: str) -> Expression:
         With the column, what was seen there and what is allowed.
     """
     if len(text) > MAX_LENGTH:
-        raise ExpressionError(f"an expression of {len(text)} characters; up to {MAX_LENGTH} are allowed, name its parts")
+        raise ExpressionError(f"{len(text)} characters; an expression has up to {MAX_LENGTH}, name its parts")
     parser = _Parser(text)
     if parser.kind == "end":
         raise ExpressionError("nothing here; a number or an expression is needed", 1)
@@ -543,6 +543,7 @@ class _Parser:
             if match is None:
                 self.kind, self.token = "other", self.text[self.start]
                 hint = {
+                    ".": "; a number has digits, and is finite",
                     "^": "; a power is written **",
                     "[": "; an index is written in round parentheses: link(k)",
                     "=": "; an expression has no equals sign",
@@ -555,13 +556,14 @@ class _Parser:
             if self.kind != "space":
                 return
 
-    def fail(self, message: str, start: int | None = None) -> None:
+    def fail(self, message: str, start: int | None = None) -> NoReturn:
         raise ExpressionError(message, (self.start if start is None else start) + 1)
 
     def node(self, tree: Tree, depth: int) -> tuple[Tree, int]:
         if depth > MAX_DEPTH:
             self.fail(
-                f"more than {MAX_DEPTH} operations in a row or inside each other; group the terms in parentheses or split it"
+                f"more than {MAX_DEPTH} operations in a row or inside each other; "
+                f"group the terms in parentheses or split the expression"
             )
         return tree, depth
 
@@ -604,7 +606,6 @@ class _Parser:
         if self.kind == "end":
             self.fail("the expression ends here; a number, a name or ( is needed")
         self.fail(f"{token!r} where a number, a name or ( is needed")
-        raise AssertionError
 
     def close(self, opened: int) -> None:
         if self.token != ")":
@@ -668,15 +669,15 @@ class _Parser:
         first, dot, rest = name.partition(".")
         if (dot and first not in ("q", "u")) or "." in rest or name in ("q", "u", "t", "pi") or rest[:1].isdigit():
             self.fail(f"{name}(...) is neither a function nor a name with a repeat index", start)
-        indices, deepest = [], 0
+        indices: list[Tree] = []
+        deepest = 0
         while self.token == "(":
             opened = self.start
             self.advance()
             tree, depth = self.expression(1, nesting + 1)
             if self.token == ",":
-                from .errors import nearest
-
-                self.fail(f"{name} is no function{nearest(name, FUNCTIONS)}; two indices are written {name}(i)(j)", start)
+                hint = nearest(name, FUNCTIONS)
+                self.fail(f"{name} is no function{hint}; two indices are written {name}(i)(j)", start)
             if self.token == ")" and (match := _SUFFIX.match(self.text, self.end)):
                 self.end = match.end()
                 self.advance()

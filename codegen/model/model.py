@@ -126,8 +126,9 @@ _COORDINATES = {
 def joint_coordinates(name: str, type: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Names of a joint's coordinates and speeds, in array order.
 
-    Joints of one freedom are called after their body, the others ``body.suffix``. Quaternions turn child components into
-    parent components; angular velocity and velocity of the body origin are relative to the parent in child components.
+    Joints of one freedom are called after their body, the others ``body.suffix``. Quaternions turn child components
+    into parent components; angular velocity and velocity of the body origin are relative to the parent in child
+    components.
     """
     q, u = _COORDINATES[type]
     if q is None or u is None:

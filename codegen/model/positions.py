@@ -47,7 +47,7 @@ class Document:
         self._places: dict[int, dict[Key, tuple[Any, Any]]] = {}
 
     def event(self, start: Any, path: Path_, key: bool = False) -> Any:
-        """The YAML event of the value (or its key) that `path` leads to from `start`, or of the last part that exists."""
+        """The YAML event of the value (or key) that `path` leads to from `start`, or of the last part that exists."""
         found, container = None, start
         for part in path:
             places = self._places.get(id(container))
@@ -85,9 +85,9 @@ class Document:
         """
         event = self.event(start, path, key)
         if event is None:
-            top = self._places.get(id(self.root))
-            return Problem(self.file, 1 if top is not None else None, 1 if top is not None else None, shown, message, severity)
-        mark = event.start_mark
+            begin = 1 if id(self.root) in self._places else None
+            return Problem(self.file, begin, begin, shown, message, severity)
+        mark: Any = event.start_mark
         line, column = mark.line + 1, mark.column + 1
         if inside and isinstance(event, yaml.ScalarEvent) and event.end_mark.line == mark.line:
             column += inside - 1 + (1 if event.style in ("'", '"') else 0)
@@ -130,9 +130,13 @@ def read_file(path: str | Path) -> str:
             data = stream.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise ModelError([Problem(file, 1, 1, "", f"cannot be read: {reason}; a readable model file is needed")]) from None
+        raise ModelError(
+            [Problem(file, 1, 1, "", f"cannot be read: {reason}; a readable model file is needed")]
+        ) from None
     if len(data) > MAX_BYTES:
-        raise ModelError([Problem(file, 1, 1, "", f"is larger than {MAX_BYTES >> 20} MB; use repeat for repeated structure")])
+        raise ModelError(
+            [Problem(file, 1, 1, "", f"is larger than {MAX_BYTES >> 20} MB; use repeat for repeated structure")]
+        )
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -278,7 +282,9 @@ class _Composer:
         if self.stack:
             self.stack[-1].size += size
             if self.stack[-1].size > self.written + ALIAS_ALLOWANCE:
-                self.stop(event, f"aliases repeat more than {ALIAS_ALLOWANCE} values here; use repeat for repeated structure")
+                self.stop(
+                    event, f"aliases repeat more than {ALIAS_ALLOWANCE} values here; use repeat for repeated structure"
+                )
 
     def alias(self, event: Any) -> None:
         if event.anchor not in self.anchors:

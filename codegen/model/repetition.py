@@ -60,9 +60,7 @@ class Repetition:
         Read when a range is; may still grow.
     """
 
-    def __init__(
-        self, document: Document, report: Callable[[Problem], None], constants: Mapping[str, Number]
-    ) -> None:
+    def __init__(self, document: Document, report: Callable[[Problem], None], constants: Mapping[str, Number]) -> None:
         self.document = document
         self.report = report
         self.constants = constants
@@ -91,7 +89,9 @@ class Repetition:
             for number, chosen in enumerate(values):
                 self.count += 1
                 if self.count > MAX_REPETITIONS:
-                    self._problem(container, key, path, f"more than {MAX_REPETITIONS} repetitions; a smaller range is needed")
+                    self._problem(
+                        container, key, path, f"more than {MAX_REPETITIONS} repetitions; a smaller range is needed"
+                    )
                     return
                 inner = {**indices, index: chosen}
                 yield from self._expand(value, path, inner, number == 0, number == len(values) - 1)
@@ -108,13 +108,17 @@ class Repetition:
                 over = value.get(part)
                 if part in value and not isinstance(over, dict):
                     message = "a mapping is needed: the keys that differ in this repetition"
-                    self.report(self.document.problem(container, (key, part), message, shown=show_path((*path, key, part))))
+                    self.report(
+                        self.document.problem(container, (key, part), message, shown=show_path((*path, key, part)))
+                    )
                     over = {}
                 merged = self.document.merged(merged, over if applies and over else {}, drop=("first", "last"))
             known = self._variants[id(value), first, last] = merged, self.document.merged(container, {key: merged})
         return known
 
-    def _problem(self, container: dict[str, Any], key: str, path: Path_, message: str, inside: int | None = None) -> None:
+    def _problem(
+        self, container: dict[str, Any], key: str, path: Path_, message: str, inside: int | None = None
+    ) -> None:
         shown = show_path((*path, key))
         self.report(self.document.problem(container, (key,), message, shown=shown, key=True, inside=inside))
 
@@ -166,7 +170,9 @@ class Repetition:
     def _whole(text: str, numbers: Mapping[str, Number | str]) -> int:
         value = bind(parse(text.strip()), numbers)
         if not value.is_number:
-            raise ExpressionError(f"{text.strip()} is unknown here; a range has numbers, constants and indices of outer blocks")
+            raise ExpressionError(
+                f"{text.strip()} is unknown here; a range has numbers, constants and indices of outer blocks"
+            )
         if not isinstance(value.value, int):
             raise ExpressionError(f"{text.strip()} is {value.value}; a whole number is needed")
         return value.value

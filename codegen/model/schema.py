@@ -21,7 +21,10 @@ from .positions import Path_
 ZERO: Final = Expression.number(0)
 ONE: Final = Expression.number(1)
 
-SECTIONS: Final = ("model", "gravity", "constants", "parameters", "inputs", "bodies", "points", "forces", "initial", "outputs")
+SECTIONS: Final = (
+    *("model", "gravity", "constants", "parameters", "inputs"),
+    *("bodies", "points", "forces", "initial", "outputs"),
+)
 LATER_SECTIONS: Final = ("loops", "motion", "independent")
 LATER_JOINTS: Final = ("screw", "cylindrical", "planar")
 LATER_FORCES: Final = ("spring", "body")
@@ -33,7 +36,8 @@ def _custom(message: str, column: int | None = None) -> PydanticCustomError:
     return PydanticCustomError("model", "{message}", {"message": message, "column": column or 0})
 
 
-def _seen(value: Any) -> str:
+def seen(value: Any) -> str:
+    """A value as messages show it."""
     if value is None:
         return "nothing"
     if isinstance(value, dict):
@@ -49,7 +53,7 @@ def _expression(value: Any) -> Expression:
         try:
             return parse(value)
         except ExpressionError as error:
-            raise _custom(f"{_seen(value)}: {error.message}", error.column) from None
+            raise _custom(f"{seen(value)}: {error.message}", error.column) from None
     if isinstance(value, Expression):
         return value
     if isinstance(value, numbers.Real) and not isinstance(value, bool):
@@ -57,7 +61,7 @@ def _expression(value: Any) -> Expression:
             return Expression.number(int(value) if isinstance(value, numbers.Integral) else float(value))
         except (OverflowError, ValueError):
             raise _custom(f"{value!r}; a finite number or an expression is needed") from None
-    raise _custom(f"{_seen(value)}; a number or an expression is needed")
+    raise _custom(f"{seen(value)}; a number or an expression is needed")
 
 
 def _reference(value: Any) -> Expression:
@@ -74,7 +78,7 @@ def parse_name(value: Any, prefix: str = "") -> tuple[Any, ...]:
         A ValueError that says what was seen and what a name is.
     """
     if not isinstance(value, str):
-        raise _custom(f"{_seen(value)}; a name is needed")
+        raise _custom(f"{seen(value)}; a name is needed")
     if not prefix and value in RESERVED:
         return ("name", value)  # "pi" is a number to the parser; who refers to a name decides whether it exists
     try:
@@ -83,7 +87,7 @@ def parse_name(value: Any, prefix: str = "") -> tuple[Any, ...]:
         tree = ("none",)
     if tree[0] not in ("name", "indexed") or ("." in tree[1] and not prefix):
         raise _custom(
-            f"{_seen(value)} is no name; a name has letters, digits and _ and begins with no digit, "
+            f"{seen(value)} is no name; a name has letters, digits and _ and begins with no digit, "
             f"and may have repeat indices: link(k)"
         )
     return tree
@@ -99,7 +103,7 @@ _LETTERS: Final = {
 def _axis(value: Any, handler: Callable[[Any], Any]) -> Any:
     if isinstance(value, str):
         if value not in _LETTERS:
-            raise _custom(f"{_seen(value)} is no axis; x, y, z, -x, -y, -z or a vector [x, y, z] is allowed")
+            raise _custom(f"{seen(value)} is no axis; x, y, z, -x, -y, -z or a vector [x, y, z] is allowed")
         return _LETTERS[value]
     return handler(value)
 
@@ -168,7 +172,8 @@ class FreeEntry(JointEntry):
 
 
 AnyJoint = Annotated[
-    FixedEntry | RevoluteEntry | PrismaticEntry | UniversalEntry | SphericalEntry | FreeEntry, Field(discriminator="type")
+    FixedEntry | RevoluteEntry | PrismaticEntry | UniversalEntry | SphericalEntry | FreeEntry,
+    Field(discriminator="type"),
 ]
 
 
@@ -237,12 +242,16 @@ class BodyEntry(Entry):
             return self
         if self.mass is None:
             if self.com is not None or self.inertia is not None:
-                raise _custom("com or inertia beside a shape that gives them; give mass too, or leave them to the shape")
+                raise _custom(
+                    "com or inertia beside a shape that gives them; give mass too, or leave them to the shape"
+                )
             if (shape.mass is None) == (shape.density is None):
                 seen = "neither mass nor density" if shape.mass is None else "both mass and density"
                 raise _custom(f"a shape with {seen}; exactly one is needed where the body has no mass of its own")
         elif shape.mass is not None or shape.density is not None:
-            raise _custom("mass both in the body and in its shape; with a mass in the body the shape is for display only")
+            raise _custom(
+                "mass both in the body and in its shape; with a mass in the body the shape is for display only"
+            )
         return self
 
 
@@ -262,8 +271,6 @@ class JointForceEntry(Entry):
     type: Literal["joint"]
     joint: Reference
     value: Annotated[tuple[Expr, ...], WrapValidator(_list_or_one)]
-
-
 
 
 AnyForce = JointForceEntry
@@ -309,7 +316,7 @@ def explain(cls: type[Entry], error: ValidationError) -> list[tuple[Path_, str, 
         `path` relative to the entry; `at_key` if the key is wrong and not its value; `column` inside a text, or 0.
     """
     result: list[tuple[Path_, str, bool, int]] = []
-    said: set[Path_] = set()
+    said: set[tuple[Path_, str]] = set()
     for item in error.errors(include_url=False):
         loc: Path_ = tuple(item["loc"])
         kind, value, context = item["type"], item["input"], item.get("ctx", {})
@@ -322,7 +329,7 @@ def explain(cls: type[Entry], error: ValidationError) -> list[tuple[Path_, str, 
             loc, shown = loc[:-1], shown[:-1]
             message = f"too few numbers; {_wanted(loc)}"
         elif kind in ("too_long", "too_short", "tuple_type", "list_type"):
-            message = f"{_seen(value)}; {_wanted(loc)}"
+            message = f"{seen(value)}; {_wanted(loc)}"
         elif kind == "missing":
             message = f"key {loc[-1]!r} is missing; keys here: {_keys(here)}"
             shown = shown[:-1]
@@ -338,11 +345,11 @@ def explain(cls: type[Entry], error: ValidationError) -> list[tuple[Path_, str, 
         elif kind in ("model_type", "model_attributes_type", "dict_type"):
             choices = _alternatives(cls, loc)
             keys = f"the keys {_keys(here)}" if len(choices) < 2 else f"a type: one of {_tags(choices)}"
-            message = f"{_seen(value)}; a mapping is needed with {keys}"
+            message = f"{seen(value)}; a mapping is needed with {keys}"
         elif kind == "string_type":
-            message = f"{_seen(value)}; a text is needed"
+            message = f"{seen(value)}; a text is needed"
         else:
-            message = f"{_seen(value)}: {item['msg']}"
+            message = f"{seen(value)}: {item['msg']}"
         if (shown, message) not in said:
             said.add((shown, message))
             result.append((shown, message, at_key, column))
@@ -387,7 +394,7 @@ def _unknown_type(what: str, value: Any, classes: list[type[Entry]]) -> str:
     if name in (LATER_FORCES if force else LATER_JOINTS if what == "joint" else ()):
         return f"{kind} type {name!r} is not supported yet by this version; available: {_tags(classes)}"
     hint = nearest(name, [_tag(c) for c in classes]) if isinstance(name, str) else ""
-    return f"unknown {kind} type {_seen(name)}; one of {_tags(classes)} is allowed{hint}"
+    return f"unknown {kind} type {seen(name)}; one of {_tags(classes)} is allowed{hint}"
 
 
 def _models(annotation: Any) -> list[type[Entry]]:

@@ -1,8 +1,8 @@
 """Mass, centre of mass and inertia of simple shapes, as expressions of the shape's own numbers.
 
 The formulas are those of homogeneous solids about their centre, in body axes. A shape with an axis has one moment about
-the axis, ``along``, and one about every line across it, ``across``; with the unit vector a of the axis the inertia matrix is
-across 1 + (along - across) a a^T.
+the axis, ``along``, and one about every line across it, ``across``; with the unit vector a of the axis the inertia
+matrix is across 1 + (along - across) a a^T.
 """
 
 from __future__ import annotations
