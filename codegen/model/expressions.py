@@ -218,13 +218,14 @@ def functions_for(module: ModuleType | Any) -> dict[str, Callable[..., Any]]:
     """
     root = getattr(module, "__name__", None) or type(module).__module__
     others = _OTHER_NAMES.get(root.split(".")[0], {})
-    functions: dict[str, Callable[..., Any]] = {"number": float, "abs": abs, "min": min, "max": max, "**": operator.pow}
+    fallback = {"number": float, "abs": abs, "min": min, "max": max, "sign": _float_sign, "**": operator.pow}
+    functions: dict[str, Callable[..., Any]] = {}
     for name in [*FUNCTIONS, "number", "**"]:
-        found = getattr(module, others.get(name, name), None)
-        if found is not None and (name not in functions or name in others):
-            functions[name] = found
-        elif name not in functions:
+        its_name = others.get(name, name if name != "number" else "")
+        found = getattr(module, its_name, None) or fallback.get(name)
+        if found is None:
             raise TypeError(f"{root} has no function for {name!r}; numpy, mpmath, sympy and math do")
+        functions[name] = found
     return functions
 
 

@@ -237,7 +237,7 @@ class _Composer:
         return self.root
 
     def note(self, event: Any, message: str) -> None:
-        mark = event.start_mark
+        mark: Any = event.start_mark
         path = show_path(tuple(f.key for f in self.stack if f.key is not None))
         self.document.problems.append(Problem(self.document.file, mark.line + 1, mark.column + 1, path, message))
 

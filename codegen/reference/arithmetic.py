@@ -6,13 +6,17 @@ is the caller's ``mpmath.mp.dps`` at the time of the call. Both multiply with ``
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import mpmath
 import numpy as np
 
 Array = np.ndarray[Any, Any]
+
+
+_MPMATH_NAMES = {"abs": "fabs"}
+_NUMPY_NAMES = {"asin": "arcsin", "acos": "arccos", "atan": "arctan", "atan2": "arctan2"}
 
 
 class SingularMatrixError(ArithmeticError):
@@ -63,16 +67,18 @@ class Arithmetic:
 
     def function(self, name: str) -> Callable[..., Any]:
         """The elementary function of that name, on single numbers."""
-        if self.extended:
-            return getattr(mpmath, {"abs": "fabs"}.get(name, name))
-        return getattr(np, {"asin": "arcsin", "acos": "arccos", "atan": "arctan", "atan2": "arctan2"}.get(name, name))
+        other_names = _MPMATH_NAMES if self.extended else _NUMPY_NAMES
+        function: Callable[..., Any] = getattr(mpmath if self.extended else np, other_names.get(name, name))
+        return function
 
-    def ldl(self, A: Array) -> tuple[Array, Array]:
+    def ldl(self, A: Array, scale: Sequence[Any] | None = None) -> tuple[Array, Array]:
         """Factor a small symmetric positive definite A = L diag(d) L^T.
 
         Parameters
         ----------
         A : (n, n)
+        scale : sequence of n numbers, optional
+            Size of the terms each diagonal entry came from, where it is more than the entry itself.
 
         Returns
         -------
@@ -83,22 +89,22 @@ class Arithmetic:
         Raises
         ------
         SingularMatrixError
-            A pivot is zero or negative within the rounding of its row.
+            A pivot is zero or negative within the rounding of what it came from.
         """
         n = len(A)
         L, d = self.eye(n), self.zeros(n)
         for j in range(n):
             d[j] = A[j, j] - sum(L[j, i] * L[j, i] * d[i] for i in range(j))
-            if not d[j] > 8 * n * self.epsilon * abs(A[j, j]):
+            if not d[j] > 64 * self.epsilon * (A[j, j] if scale is None else scale[j]):
                 raise SingularMatrixError(f"pivot {j + 1} of {n} is {d[j]}")
             for r in range(j + 1, n):
                 L[r, j] = (A[r, j] - sum(L[r, i] * L[j, i] * d[i] for i in range(j))) / d[j]
         return L, d
 
-    def inverse(self, A: Array) -> Array:
-        """The inverse of a small symmetric positive definite matrix, (n, n), by `ldl`."""
+    def inverse(self, A: Array, scale: Sequence[Any] | None = None) -> Array:
+        """The inverse of a small symmetric positive definite matrix, (n, n), by `ldl` with its ``scale``."""
         n = len(A)
-        L, d = self.ldl(A)
+        L, d = self.ldl(A, scale)
         X = self.eye(n)
         for i in range(n):  # L Y = U
             for j in range(i):

@@ -26,7 +26,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..model.model import Body
+from ..model.model import Body, Vector
 from .arithmetic import Array
 from .engine import Engine, State
 from .pairs import Pair, Pairs
@@ -71,11 +71,17 @@ class DenseEngine(Engine):
     """The dense method for any tree. See `Engine` for the face."""
 
     def _accelerations(self, state: State) -> Pair:
-        M, K = self._mass_matrix(state), self._right_side(state)
-        udot = self.arithmetic.solve(M.value, K.value)  # Eq. 4
-        right = K.tangent - M.tangent @ udot  # (k, nu, 1)
-        dudot = self.arithmetic.solve(M.value, right[..., 0].T)  # Eq. 9
-        return Pair(udot, dudot.T[..., None])
+        return self._solve(self._mass_matrix(state), self._right_side(state))
+
+    def _solve_mass(self, state: State, b: Pair) -> Pair:
+        return self._solve(self._mass_matrix(state), b)
+
+    def _solve(self, M: Pair, K: Pair) -> Pair:
+        """Eqs. 4 and 9: x = M^-1 K, dx = M^-1 (dK - dM x)."""
+        x = self.arithmetic.solve(M.value, K.value)  # Eq. 4
+        right = K.tangent - M.tangent @ x  # (k, nu, 1)
+        dx = self.arithmetic.solve(M.value, right[..., 0].T)  # Eq. 9
+        return Pair(x, dx.T[..., None])
 
     def _inverse_dynamics(self, state: State, udot: Pair) -> Pair:
         return self._mass_matrix(state) @ udot - self._right_side(state)
@@ -216,7 +222,7 @@ class DenseEngine(Engine):
             return frames, Freedoms(*(pairs.constant(np.zeros((0, 3), int)) for _ in range(6)))
         return frames, Freedoms(*(pairs.block([[row[i]] for row in rows]) for i in range(6)))
 
-    def _turn(self, pairs: Pairs, axis: tuple, angle: Pair) -> Pair:
+    def _turn(self, pairs: Pairs, axis: Vector, angle: Pair) -> Pair:
         """Rotation about an axis, by the quaternion of the half angle, (3, 3)."""
         a, half = pairs.unit(pairs.vector(axis)), angle * (pairs.number(1) / pairs.number(2))
         sine = pairs.call("sin", half)

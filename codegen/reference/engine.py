@@ -77,7 +77,7 @@ class Engine(ABC):
 
     def accelerations(self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> Array:
         """The derivatives of the speeds, udot (nu,)."""
-        return self._accelerations(self._state(q, u, p, inputs, t)).value[:, 0]
+        return _flat(self._accelerations(self._state(q, u, p, inputs, t)))[0]
 
     def sensitivities(
         self,
@@ -95,8 +95,7 @@ class Engine(ABC):
     ) -> tuple[Array, Array]:
         """udot (nu,) and its total derivatives along the seeds, (k, nu)."""
         seeds = self._seeds(dq=dq, du=du, dp=dp, dinputs=dinputs, dt=dt)
-        result = self._accelerations(self._state(q, u, p, inputs, t, **seeds))
-        return result.value[:, 0], result.tangent[..., 0]
+        return _flat(self._accelerations(self._state(q, u, p, inputs, t, **seeds)))
 
     def jacobians(self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> Jacobians:
         """Every partial derivative of udot."""
@@ -105,12 +104,13 @@ class Engine(ABC):
         seeds = [np.eye(start[-1], dtype=int)[:, a:b] for a, b in pairwise(start)]
         dq, du, dp, dinputs, dt = seeds
         _, dudot = self.sensitivities(q, u, p, inputs, t, dq=dq, du=du, dp=dp, dinputs=dinputs, dt=dt[:, 0])
-        blocks = [dudot[a:b].T for a, b in pairwise(start)]
-        return Jacobians(*blocks[:4], blocks[4][:, 0])
+        by_q, by_u, by_p, by_inputs, by_t = (dudot[a:b].T for a, b in pairwise(start))
+        return Jacobians(by_q, by_u, by_p, by_inputs, by_t[:, 0])
 
     def mass_matrix(self, q: Any, p: Any = None) -> Array:
         """The mass matrix M of Eq. 4, (nu, nu)."""
-        return self._mass_matrix(self._state(q, None, p, None, 0.0)).value
+        M: Array = self._mass_matrix(self._state(q, None, p, None, 0.0)).value
+        return M
 
     def mass_matrix_sensitivities(
         self, q: Any, p: Any = None, *, dq: Any = None, dp: Any = None
@@ -119,10 +119,24 @@ class Engine(ABC):
         result = self._mass_matrix(self._state(q, None, p, None, 0.0, **self._seeds(dq=dq, dp=dp)))
         return result.value, result.tangent
 
+    def solve_mass(self, q: Any, b: Any, p: Any = None) -> Array:
+        """M^-1 b, (nu,), for generalised forces b (nu,)."""
+        state = self._state(q, None, p, None, 0.0)
+        return _flat(self._solve_mass(state, self._pair("b", b, self.model.nu, None, 0)))[0]
+
+    def solve_mass_sensitivities(
+        self, q: Any, b: Any, p: Any = None, *, dq: Any = None, db: Any = None, dp: Any = None
+    ) -> tuple[Array, Array]:
+        """M^-1 b (nu,) and its total derivatives, (k, nu); ``db (k, nu)``."""
+        seeds = self._seeds(dq=dq, db=db, dp=dp)
+        db = seeds.pop("db")
+        state = self._state(q, None, p, None, 0.0, **seeds)
+        return _flat(self._solve_mass(state, self._pair("b", b, self.model.nu, db, len(db))))
+
     def inverse_dynamics(self, q: Any, u: Any, udot: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> Array:
         """The joint forces needed in addition to the model's own for the accelerations udot: M udot - K, (nu,)."""
         state = self._state(q, u, p, inputs, t)
-        return self._inverse_dynamics(state, self._udot(state, udot, None)).value[:, 0]
+        return _flat(self._inverse_dynamics(state, self._udot(state, udot, None)))[0]
 
     def inverse_dynamics_sensitivities(
         self,
@@ -145,7 +159,7 @@ class Engine(ABC):
         dudot = seeds.pop("dudot")
         state = self._state(q, u, p, inputs, t, **seeds)
         result = self._inverse_dynamics(state, self._udot(state, udot, dudot))
-        return result.value[:, 0], result.tangent[..., 0]
+        return _flat(result)
 
     def energies(self, q: Any, u: Any, p: Any = None, t: Any = 0.0) -> tuple[Any, Any]:
         """Kinetic and potential energy, J. The potential of gravity is zero at the ground's origin."""
@@ -173,7 +187,7 @@ class Engine(ABC):
 
     def coordinate_rates(self, q: Any, u: Any, p: Any = None, t: Any = 0.0) -> Array:
         """The derivatives of the coordinates, Eq. 1, (nq,)."""
-        return self._coordinate_rates(self._state(q, u, p, None, t)).value[:, 0]
+        return _flat(self._coordinate_rates(self._state(q, u, p, None, t)))[0]
 
     def coordinate_rate_sensitivities(
         self,
@@ -189,11 +203,11 @@ class Engine(ABC):
     ) -> tuple[Array, Array]:
         """qdot (nq,) and its total derivatives, (k, nq)."""
         result = self._coordinate_rates(self._state(q, u, p, None, t, **self._seeds(dq=dq, du=du, dp=dp, dt=dt)))
-        return result.value[:, 0], result.tangent[..., 0]
+        return _flat(result)
 
     def outputs(self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> Array:
         """The model's named outputs, (noutputs,)."""
-        return self._outputs(self._state(q, u, p, inputs, t)).value[:, 0]
+        return _flat(self._outputs(self._state(q, u, p, inputs, t)))[0]
 
     def output_sensitivities(
         self,
@@ -212,7 +226,7 @@ class Engine(ABC):
         """The outputs (noutputs,) and their total derivatives, (k, noutputs)."""
         seeds = self._seeds(dq=dq, du=du, dp=dp, dinputs=dinputs, dt=dt)
         result = self._outputs(self._state(q, u, p, inputs, t, **seeds))
-        return result.value[:, 0], result.tangent[..., 0]
+        return _flat(result)
 
     # --- what an engine fills in ----------------------------------------------------------------------------------
 
@@ -223,6 +237,10 @@ class Engine(ABC):
     @abstractmethod
     def _mass_matrix(self, state: State) -> Pair:
         """M, (nu, nu)."""
+
+    @abstractmethod
+    def _solve_mass(self, state: State, b: Pair) -> Pair:
+        """M^-1 b, (nu, 1)."""
 
     @abstractmethod
     def _inverse_dynamics(self, state: State, udot: Pair) -> Pair:
@@ -312,7 +330,7 @@ class Engine(ABC):
 
     def _seeds(self, **seeds: Any) -> dict[str, Array]:
         """All seeds with the same k in front; those that are missing become zeros."""
-        n = {"dq": self.model.nq, "du": self.model.nu, "dudot": self.model.nu}
+        n = {"dq": self.model.nq, "du": self.model.nu, "dudot": self.model.nu, "db": self.model.nu}
         n |= {"dp": len(self.model.parameters), "dinputs": len(self.model.inputs)}
         arrays: dict[str, Array] = {}
         for name, seed in seeds.items():
@@ -335,3 +353,8 @@ class Engine(ABC):
 
     def _udot(self, state: State, udot: Any, dudot: Any) -> Pair:
         return self._pair("udot", udot, self.model.nu, dudot, state.pairs.k)
+
+
+def _flat(column: Pair) -> tuple[Array, Array]:
+    """A column's value (n,) and derivatives (k, n)."""
+    return column.value[:, 0], column.tangent[..., 0]

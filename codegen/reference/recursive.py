@@ -44,7 +44,7 @@ The other slips (Eqs. 6, 33 to 41) concern the dense method and closed loops.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -85,6 +85,23 @@ class Terms:
 
 
 @dataclass(slots=True)
+class Articulated:
+    """The articulated quantities of one body, named as in the module's table, each with its total derivatives.
+
+    ``I_locked (6, 6)`` is what I_hat would be with the children's joints locked: the measure of what is left in M_k
+    where nearly all has cancelled.
+    """
+
+    I_hat: Array
+    dI_hat: Array
+    F_hat: Array
+    dF_hat: Array
+    I_locked: Array
+    M_inverse: Array = field(init=False)
+    dM_inverse: Array = field(init=False)
+
+
+@dataclass(slots=True)
 class JointTerms:
     """A joint's own kinematics, child body frame relative to joint frame.
 
@@ -103,61 +120,69 @@ class RecursiveEngine(Engine):
     """The paper's recursive method for any tree, O(n) per evaluation and per direction. See `Engine` for the face."""
 
     def _accelerations(self, state: State) -> Pair:
-        """udot, (nu, 1), by kinematic sweep, triangularization and back substitution, with total derivatives."""
-        model, zeros, eye = self.model, self.arithmetic.zeros, self.arithmetic.eye
-        k_directions, nu = state.pairs.k, model.nu
+        """udot, (nu, 1): kinematic sweep, triangularization, back substitution."""
         bodies = self._motion(state)
+        return self._back_substitution(bodies, self._triangularization(bodies))
 
-        # Triangularization (inward). I_hat and F_hat start as the body's own and collect the children's.
-        I_hat = [b.I for b in bodies]
-        dI_hat = [b.dI for b in bodies]
-        F_hat = [b.F for b in bodies]
-        dF_hat = [b.dF for b in bodies]
-        M_inverse: dict[int, Array] = {}
-        dM_inverse: dict[int, Array] = {}
-        U = eye(6)
-        for k in reversed(model.outward):
-            b, pr = bodies[k], model.bodies[k].parent
+    def _solve_mass(self, state: State, b: Pair) -> Pair:
+        """M^-1 b, (nu, 1): the same sweeps with b for the joint forces and nothing else acting."""
+        bodies = self._motion(state)
+        for body, (_, rows) in zip(bodies, self.model.coordinate_slices, strict=False):
+            body.F, body.dF = 0 * body.F, 0 * body.dF
+            body.tau, body.dtau = b.value[rows], b.tangent[:, rows]
+        return self._back_substitution(bodies, self._triangularization(bodies))
+
+    def _triangularization(self, bodies: list[Terms]) -> list[Articulated]:
+        """Articulated inertias and forces, inward, Eqs. 42 to 52; the ground's last, as in `bodies`."""
+        # Every body starts as its own and collects its children: the sums over Dist[k] of Eqs. 48 to 50.
+        articulated = [Articulated(b.I, b.dI, b.F, b.dF, b.I) for b in bodies]
+        U = self.arithmetic.eye(6)
+        for k in reversed(self.model.outward):
+            b, art, pr = bodies[k], articulated[k], articulated[self.model.bodies[k].parent]
             S, dS, P, dP, tau, dtau = b.S, b.dS, b.P, b.dP, b.tau, b.dtau
-            I_k, dI_k, F_k, dF_k = I_hat[k], dI_hat[k], F_hat[k], dF_hat[k]
+            I_hat, dI_hat, F_hat, dF_hat = art.I_hat, art.dI_hat, art.F_hat, art.dF_hat
 
-            M = P.mT @ I_k @ P  # Eq. 47
-            dM = dP.mT @ I_k @ P + P.mT @ dI_k @ P + P.mT @ I_k @ dP  # Eq. 51
-            M1 = self._inverse(k, M)
-            dM1 = -M1 @ dM @ M1  # Eq. 52
+            M = P.mT @ I_hat @ P  # Eq. 47
+            dM = dP.mT @ I_hat @ P + P.mT @ dI_hat @ P + P.mT @ I_hat @ dP  # Eq. 51, its first P transposed
+            M_inverse = self._inverse(k, M, P.mT @ art.I_locked @ P)
+            dM_inverse = -M_inverse @ dM @ M_inverse  # Eq. 52 with its minus
 
-            H = I_k @ P @ M1  # (6, f)
-            dH = dI_k @ P @ M1 + I_k @ dP @ M1 + I_k @ P @ dM1
+            # H = I_hat P M^-1, (6, f), stands in Eq. 46 and in what the joint force hands on.
+            H = I_hat @ P @ M_inverse
+            dH = dI_hat @ P @ M_inverse + I_hat @ dP @ M_inverse + I_hat @ P @ dM_inverse
             T = S @ (U - H @ P.mT)  # Eq. 46
             dT = dS @ (U - H @ P.mT) - S @ (dH @ P.mT + H @ dP.mT)
 
-            I_hat[pr] = I_hat[pr] + T @ I_k @ S.mT  # Eq. 44
-            dI_hat[pr] = dI_hat[pr] + dT @ I_k @ S.mT + T @ dI_k @ S.mT + T @ I_k @ dS.mT  # Eq. 49
-            F_hat[pr] = F_hat[pr] + T @ F_k - S @ H @ tau  # Eq. 45 with joint forces
-            dF_hat[pr] = (  # Eq. 50 with joint forces
-                dF_hat[pr] + dT @ F_k + T @ dF_k - dS @ H @ tau - S @ dH @ tau - S @ H @ dtau
+            pr.I_locked = pr.I_locked + S @ I_hat @ S.mT
+            pr.I_hat = pr.I_hat + T @ I_hat @ S.mT  # Eq. 44
+            pr.dI_hat = pr.dI_hat + dT @ I_hat @ S.mT + T @ dI_hat @ S.mT + T @ I_hat @ dS.mT  # Eq. 49
+            pr.F_hat = pr.F_hat + T @ F_hat - S @ H @ tau  # Eq. 45, and the joint force
+            pr.dF_hat = (  # Eq. 50 with its d/dp_j, and the joint force
+                pr.dF_hat + dT @ F_hat + T @ dF_hat - dS @ H @ tau - S @ dH @ tau - S @ H @ dtau
             )
-            M_inverse[k], dM_inverse[k] = M1, dM1
+            art.M_inverse, art.dM_inverse = M_inverse, dM_inverse
+        return articulated
 
-        # Back substitution (outward).
-        udot, dudot = zeros(nu, 1), zeros(k_directions, nu, 1)
+    def _back_substitution(self, bodies: list[Terms], articulated: list[Articulated]) -> Pair:
+        """udot, (nu, 1), outward, Eqs. 53 to 56."""
+        model, zeros, k_directions = self.model, self.arithmetic.zeros, len(bodies[GROUND].dV)
+        udot, dudot = zeros(model.nu, 1), zeros(k_directions, model.nu, 1)
         A_bar = [zeros(6, 1) for _ in bodies]  # Eq. 56: the ground's stays zero
         dA_bar = [zeros(k_directions, 6, 1) for _ in bodies]
         for k in model.outward:
-            b, pr, rows = bodies[k], model.bodies[k].parent, model.coordinate_slices[k][1]
-            S, dS, P, dP, tau, dtau = b.S, b.dS, b.P, b.dP, b.tau, b.dtau
-            I_k, dI_k, M1, dM1 = I_hat[k], dI_hat[k], M_inverse[k], dM_inverse[k]
+            b, art, pr, rows = bodies[k], articulated[k], model.bodies[k].parent, model.coordinate_slices[k][1]
+            S, dS, P, dP = b.S, b.dS, b.P, b.dP
 
             A = S.mT @ A_bar[pr]
             dA = dS.mT @ A_bar[pr] + S.mT @ dA_bar[pr]
-            f = F_hat[k] - I_k @ A
-            df = dF_hat[k] - dI_k @ A - I_k @ dA
-            r = P.mT @ f + tau
-            dr = dP.mT @ f + P.mT @ df + dtau
-            udot_k = M1 @ r  # Eq. 53
-            dudot_k = dM1 @ r + M1 @ dr  # Eq. 55, first line
-            A_bar[k] = A + P @ udot_k  # Eq. 54
-            dA_bar[k] = dA + dP @ udot_k + P @ dudot_k  # Eq. 55, second line
+            f = art.F_hat - art.I_hat @ A
+            df = art.dF_hat - art.dI_hat @ A - art.I_hat @ dA
+            r = P.mT @ f + b.tau
+            dr = dP.mT @ f + P.mT @ df + b.dtau
+            udot_k = art.M_inverse @ r  # Eq. 53, and the joint force
+            dudot_k = art.dM_inverse @ r + art.M_inverse @ dr  # Eq. 55, first line
+            A_bar[k] = A + P @ udot_k  # Eq. 54 with S^T
+            dA_bar[k] = dA + dP @ udot_k + P @ dudot_k  # Eq. 55, second line, with S^T
             udot[rows], dudot[:, rows] = udot_k, dudot_k
         return Pair(udot, dudot)
 
@@ -193,7 +218,7 @@ class RecursiveEngine(Engine):
             v, dv = P @ u, dP @ u + P @ du  # relative to the parent
             V = S.mT @ pr.V + v  # Eq. 18
             dV = dS.mT @ pr.V + S.mT @ pr.dV + dv
-            omega, domega = V[:3], dV[:, :3]
+            omega, domega = V[:3], dV[:, :3]  # Eq. 12
 
             # Acceleration remainder: what the moving parent and the changing partial velocities add.
             Omega = C.mT @ pr.V[:3]  # angular velocity of the parent, in k
@@ -217,8 +242,8 @@ class RecursiveEngine(Engine):
             J, dJ, ox, dox = I[:3, :3], dI[:, :3, :3], skew(omega), skew(domega)
             gyroscopic = ox @ J @ omega
             dgyroscopic = dox @ J @ omega + ox @ dJ @ omega + ox @ J @ domega
-            F = np.concatenate([-gyroscopic, weight]) - I @ A_t  # Eq. 24
-            dF = np.concatenate([-dgyroscopic, dweight], axis=1) - dI @ A_t - I @ dA_t  # Eq. 27
+            F = np.concatenate([-gyroscopic, weight]) - I @ A_t  # Eq. 24 with the gyroscopic minus
+            dF = np.concatenate([-dgyroscopic, dweight], axis=1) - dI @ A_t - I @ dA_t  # Eq. 27, the same
 
             x = pr.x + N_C @ gamma
             dx = pr.dx + dN_C @ gamma + N_C @ dgamma
@@ -333,15 +358,14 @@ class RecursiveEngine(Engine):
             tau[force.body] = tau[force.body] + pairs.vector(force.values)
         return tau
 
-    def _inverse(self, k: int, M: Array) -> Array:
-        """The inverse of M_k; a body without inertia about its joint is named."""
+    def _inverse(self, k: int, M: Array, M_locked: Array) -> Array:
+        """The inverse of M_k, (f, f); a body without inertia about its joint is named."""
         try:
-            return self.arithmetic.inverse(M)
+            return self.arithmetic.inverse(M, [M_locked[i, i] for i in range(len(M))])
         except SingularMatrixError as error:
             body = self.model.bodies[k]
             raise SingularMatrixError(
-                f"body {body.name}: neither it nor anything outboard of it has inertia about its {body.joint.type} joint"
-                f" ({error})"
+                f"body {body.name}: nothing that its {body.joint.type} joint moves has inertia against it ({error})"
             ) from None
 
 

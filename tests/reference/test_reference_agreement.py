@@ -62,6 +62,7 @@ def test_everything_else_and_its_derivatives(seed, n, joints):
     of_q = {name: seeds[name] for name in ("dq", "dp")}
     of_motion = {name: seeds[name] for name in ("dq", "du", "dp", "dt")}
     calls = {
+        "solve_mass_sensitivities": ((q, udot, p), of_q | {"db": dudot}),
         "mass_matrix_sensitivities": ((q, p), of_q),
         "inverse_dynamics_sensitivities": ((q, u, udot, p, inputs, t), seeds | {"dudot": dudot}),
         "coordinate_rate_sensitivities": ((q, u, p, t), of_motion),

@@ -39,6 +39,7 @@ def test_mass_matrix(engine):
         still = e.inverse_dynamics(q, u, np.zeros(model.nu), p, inputs, t)
         columns = np.array([e.inverse_dynamics(q, u, x, p, inputs, t) - still for x in np.eye(model.nu)])
         assert relative_error(columns.ravel(), M.ravel()) < 1e-11
+        assert relative_error(e.solve_mass(q, M @ u, p), u) < 1e-11
         # Kinetic energy is the quadratic form.
         assert np.isclose(e.energies(q, u, p)[0], u @ M @ u / 2, rtol=1e-12)
 

@@ -74,6 +74,19 @@ def test_a_massless_outboard_body_is_named():
         DenseEngine(model).accelerations([0.1, 0.2], [0, 0])
 
 
+@pytest.mark.parametrize("numbers", ["float64", "mpmath"])
+def test_a_joint_that_moves_nothing_of_its_own_is_named(numbers):
+    """Two hinges on one line with a massless body between: the pivot is rounding, not zero."""
+    zero, none, axis = expression(0), vector(0, 0, 0), vector(0.3, 1.1, 0.7)
+    inertia = tuple(expression(x) for x in (0.4, 0.7, 0.9, 0.05, -0.02, 0.03))
+    bodies = (
+        Body("between", -1, Joint("revolute", (axis,), vector(0.1, 0.2, 0.3)), zero, none, (zero,) * 6),
+        Body("arm", 0, Joint("revolute", (axis,), none), expression(1.7), vector(0.3, 0.1, 0.9), inertia),
+    )
+    with pytest.raises(SingularMatrixError, match="between"):
+        RecursiveEngine(Model("m", None, (), (), bodies), numbers).accelerations([0.1, 0.2], [0, 0])
+
+
 @pytest.mark.parametrize("engine", [RecursiveEngine, DenseEngine])
 def test_arguments_are_checked(engine):
     rng = np.random.default_rng(5)

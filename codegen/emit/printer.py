@@ -1,0 +1,124 @@
+"""Prints sympy expressions of statements as C or NumPy source."""
+
+from __future__ import annotations
+
+from sympy import Expr
+
+SUM, PRODUCT, ATOM = 0, 1, 2
+
+C_FUNCTIONS = {
+    "sin": "sin", "cos": "cos", "tan": "tan", "asin": "asin", "acos": "acos", "atan": "atan", "atan2": "atan2",
+    "sinh": "sinh", "cosh": "cosh", "tanh": "tanh", "exp": "exp", "log": "log", "sqrt": "sqrt",
+    "Absolute": "fabs", "Maximum": "fmax", "Minimum": "fmin", "pow": "pow",
+}  # fmt: skip
+NUMPY_FUNCTIONS = {
+    "sin": "np.sin", "cos": "np.cos", "tan": "np.tan", "asin": "np.arcsin", "acos": "np.arccos", "atan": "np.arctan",
+    "atan2": "np.arctan2", "sinh": "np.sinh", "cosh": "np.cosh", "tanh": "np.tanh", "exp": "np.exp", "log": "np.log",
+    "sqrt": "np.sqrt", "Absolute": "np.abs", "Maximum": "np.maximum", "Minimum": "np.minimum", "Sign": "np.sign",
+    "pow": "np.power",
+}  # fmt: skip
+
+
+class Printer:
+    """Prints one right side; `functions` names the elementary functions of the language."""
+
+    def __init__(self, functions: dict[str, str], symbols: dict[Expr, str] | None = None):
+        self.functions = functions
+        self.symbols = symbols or {}
+
+    def __call__(self, e: Expr) -> str:
+        return self._print(e, SUM)
+
+    def _print(self, e: Expr, level: int) -> str:
+        if e.is_Symbol:
+            return self.symbols.get(e, e.name)
+        if e.is_Number:
+            text = self.number(e)
+            return f"({text})" if level > SUM and text.startswith("-") else text
+        if e.is_Add:
+            return self._sum(e, level)
+        if e.is_Mul:
+            return self._product(e, level)
+        if e.is_Pow:
+            return self._power(e, level)
+        return self._call(e)
+
+    def number(self, e: Expr) -> str:
+        return repr(float(e))
+
+    def _sum(self, e: Expr, level: int) -> str:
+        terms = [(self._is_negative(t), t) for t in e.args]
+        terms.sort(key=lambda item: item[0])  # a positive term first; stable, so the order is sympy's
+        text = ""
+        for negative, t in terms:
+            printed = self._print(-t if negative else t, PRODUCT)
+            if not text:
+                text = f"-{printed}" if negative else printed
+            else:
+                text += f" - {printed}" if negative else f" + {printed}"
+        return f"({text})" if level > SUM else text
+
+    @staticmethod
+    def _is_negative(t: Expr) -> bool:
+        return bool((t.is_Mul and t.args[0].is_Number and t.args[0] < 0) or (t.is_Number and t < 0))
+
+    def _product(self, e: Expr, level: int) -> str:
+        factors = list(e.args)
+        sign = ""
+        if factors[0].is_Number and factors[0] < 0:
+            sign = "-"
+            factors = ([] if factors[0] == -1 else [-factors[0]]) + factors[1:]
+        above = [f for f in factors if not self._is_reciprocal(f)]
+        below = [1 / f for f in factors if self._is_reciprocal(f)]
+        text = "*".join(self._print(f, ATOM) for f in above) or "1.0"
+        if below:
+            denominator = "*".join(self._print(f, ATOM) for f in below)
+            text = f"{text}/{denominator}" if len(below) == 1 else f"{text}/({denominator})"
+        text = sign + text
+        return f"({text})" if level == ATOM or (sign and level > SUM) else text
+
+    @staticmethod
+    def _is_reciprocal(f: Expr) -> bool:
+        return bool(f.is_Pow and f.exp.is_Number and f.exp < 0)
+
+    def _power(self, e: Expr, level: int) -> str:
+        base, exponent = e.args
+        if exponent.is_Number and exponent < 0:
+            text = f"1.0/{self._print(1 / e, ATOM)}"
+            return f"({text})" if level == ATOM else text
+        if exponent.is_Integer and int(exponent) <= 16:
+            text = self._multiply(self._print(base, ATOM), int(exponent))
+            return f"({text})" if level == ATOM else text
+        if exponent.is_Rational and exponent.q == 2 and abs(exponent.p) == 1:
+            return f"{self.functions['sqrt']}({self._print(base, SUM)})"
+        return f"{self.functions['pow']}({self._print(base, SUM)}, {self._print(exponent, SUM)})"
+
+    def _multiply(self, base: str, n: int) -> str:
+        """A power by repeated squaring, as `operations.count_expression` counts it."""
+        if n == 1:
+            return base
+        half = self._multiply(base, n // 2)
+        text = f"({half})*({half})" if n > 3 else f"{half}*{half}"
+        return f"{text}*{base}" if n % 2 else text
+
+    def _call(self, e: Expr) -> str:
+        name = type(e).__name__
+        arguments = [self._print(a, SUM) for a in e.args]
+        if name == "AtLeast":
+            return self.at_least(*arguments)
+        if name == "Sign" and "Sign" not in self.functions:
+            return f"(double)(({arguments[0]} > 0) - ({arguments[0]} < 0))"
+        return f"{self.functions[name]}({', '.join(arguments)})"
+
+    def at_least(self, a: str, b: str) -> str:
+        return f"(double)({a} >= {b})"
+
+
+class NumpyPrinter(Printer):
+    """NumPy source."""
+
+    def __init__(self) -> None:
+        super().__init__(NUMPY_FUNCTIONS)
+
+    def at_least(self, a: str, b: str) -> str:
+        return f"np.where({a} >= {b}, 1.0, 0.0)"

@@ -1,0 +1,103 @@
+"""The balance ``M dudot = d(K - M udot)``: inward and outward sweeps over directions.
+
+Per direction (algorithm of the theory page, way b): the tangent of the inverse dynamics at fixed udot goes outward
+(`inverse_dynamics.newton_euler_outward`); inward, one sweep hands on its tangent and, in the same numbers, the bias-force recursion
+of the solve with the factors that the triangularization left; outward again, back substitution.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from .back_substitution import carry, substitute
+from .inverse_dynamics import hand_on_lanes, transfer
+from .joints import JointTransform, freedom_axes
+from .kinematics import load_vector, store_vector
+from .spatial import XYZ, Vec
+from .triangularization import force_to_parent
+
+
+def eliminate(x: Any, kind: Any, P: Vec, forces: list[Any]) -> Vec:
+    """The bias-force recursion at one joint: ``r = dtau - P^T p``, ``p += U D^-1 r``. Eqs. 45, 53."""
+    axes = freedom_axes(kind.joint, kind.axis)
+    for j in reversed(range(len(axes))):
+        a = axes[j]
+        r = x.let("r", forces[j] - P[a], "d Eq. 53", lanes=True)
+        x.store("lane", f"rD.{j}", x.let("rD", r * x.load("me", f"Dinv.{j}"), "d Eq. 53", lanes=True))
+        if j == 0 and not kind.carried_on:
+            break
+        G = [x.load("me", f"G{j}.{i}") for i in range(6)]
+        P = [forces[j] if i == a else x.let(f"P{i}", P[i] + G[i] * r, "d Eq. 45", lanes=True) for i in range(6)]
+    return P
+
+
+def balance_inward(x: Any, kind: Any) -> None:
+    """Transmitted force, its tangent and the bias force of the solve, handed to the parent."""
+    axes = freedom_axes(kind.joint, kind.axis)
+    P: Vec = []
+    phi: Vec = []
+    for field in ("n", "f"):
+        for i in XYZ:
+            key = f"{field}.{i}"
+            P.append(x.let("P", x.load("lane", key) + x.load("lme", f"acc.{key}"), "d Eq. 45", lanes=True))
+            phi.append(x.load("me", f"t{key}") + x.load("me", f"tacc.{key}"))
+    P = eliminate(x, kind, P, [x.load("dtau", str(j)) if kind.forced[j] else 0 for j in range(len(axes))])
+    if kind.carried_on:
+        # in equilibrium a joint transmits its own force along its freedoms
+        for j, a in enumerate(axes):
+            phi[a] = x.load("tau", str(j)) if kind.forced[j] else 0
+        transfer(x, kind, JointTransform(x, kind), phi, P)
+
+
+def solve_inward(x: Any, kind: Any) -> None:
+    """The same recursion for a given right side: ``M x = b``, several b at once."""
+    axes = freedom_axes(kind.joint, kind.axis)
+    P = [x.load("lme", f"acc.{field}.{i}") for field in ("n", "f") for i in XYZ]
+    P = eliminate(x, kind, P, [x.load("b", str(j)) for j in range(len(axes))])
+    if kind.carried_on:
+        joint = JointTransform(x, kind, lanes=True)
+        n, f = force_to_parent(x, joint, joint.offset(), P[:3], P[3:], "Eq. 45")
+        hand_on_lanes(x, kind, n, f)
+
+
+def balance_outward(x: Any, kind: Any) -> None:
+    """Back substitution over directions. Eqs. 53-55."""
+    joint = JointTransform(x, kind, lanes=True)
+    A = carry(x, joint, load_vector(x, "lup", "bal"), load_vector(x, "lup", "ba"), "d Eq. 54")
+    substitute(x, kind, A, "lane", "dudot", lanes=True)
+    store_vector(x, "lme", "bal", A[:3])
+    store_vector(x, "lme", "ba", A[3:])
+
+
+def mass_outward(x: Any, kind: Any) -> None:
+    """``M x`` over directions, outward: accelerations from x alone and the force they need."""
+    joint = JointTransform(x, kind, lanes=True)
+    A = carry(x, joint, load_vector(x, "lup", "bal"), load_vector(x, "lup", "ba"), "Eq. 19")
+    for j, a in enumerate(freedom_axes(kind.joint, kind.axis)):
+        A[a] = x.let("A", A[a] + x.load("b", str(j)), "Eq. 19", lanes=True)
+    store_vector(x, "lme", "bal", A[:3])
+    store_vector(x, "lme", "ba", A[3:])
+    from .triangularization import own_inertia
+
+    force: Vec = [0] * 6
+    for i, j, name, sign in own_inertia():
+        value = sign * x.load("c", name)
+        force[i] = force[i] + value * A[j]
+        if i != j:
+            force[j] = force[j] + value * A[i]
+    for k in range(6):
+        x.store("lane", f"{'nf'[k // 3]}.{XYZ[k % 3]}", x.let("f", force[k], "Eq. 23", lanes=True))
+
+
+def mass_inward(x: Any, kind: Any) -> None:
+    """``M x`` over directions, inward: the sum of those forces along the freedoms."""
+    P = [
+        x.let("P", x.load("lane", f"{f}.{i}") + x.load("lme", f"acc.{f}.{i}"), "Eq. 45", lanes=True)
+        for f in "nf" for i in XYZ
+    ]  # fmt: skip
+    for j, a in enumerate(freedom_axes(kind.joint, kind.axis)):
+        x.store("dforce", str(j), P[a])
+    if kind.carried_on:
+        joint = JointTransform(x, kind, lanes=True)
+        n, f = force_to_parent(x, joint, joint.offset(), P[:3], P[3:], "Eq. 45")
+        hand_on_lanes(x, kind, n, f)

@@ -1,0 +1,210 @@
+"""Constants of links: which are zero, which are numbers, which depend on design parameters, and by what statements.
+
+Links whose constants come from expressions of the same form share one *shape*: a block that computes the constants that
+depend on parameters, together with their derivative primitives, from the link's parameters and numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import sympy
+from sympy import Expr
+
+from ..model.expressions import Expression
+from ..program.block import Block, Expansion
+from ..program.derivatives import Tangents
+from ..program.functions import SYMBOLIC, number
+
+
+class Slots:
+    """Turns expressions of one form into the same tree: parameters and numbers become numbered slots."""
+
+    def __init__(self) -> None:
+        self.parameters: list[str] = []
+        self.numbers: list[float] = []
+        self.trees: list[Any] = []
+        self._made: dict[Expression, Any] = {}
+
+    def tree(self, expression: Expression) -> Any:
+        made = self._made.get(expression)
+        if made is None:
+            made = self._made[expression] = self._convert(expression.tree)
+            self.trees.append(made)
+        else:
+            self.trees.append(made)
+        return made
+
+    def _convert(self, tree: Any) -> Any:
+        kind = tree[0]
+        if kind == "number":
+            if tree[1] in (0, 1, -1, 2):
+                return tree
+            self.numbers.append(float(tree[1]))
+            return ("slot", len(self.numbers) - 1)
+        if kind == "**" and tree[2][0] == "number":
+            return (kind, self._convert(tree[1]), tree[2])
+        if kind == "name":
+            if tree[1] not in self.parameters:
+                self.parameters.append(tree[1])
+            return ("parameter", self.parameters.index(tree[1]))
+        if kind == "call":
+            return (kind, tree[1], *(self._convert(a) for a in tree[2:]))
+        return (kind, *(self._convert(a) for a in tree[1:]))
+
+
+class Statements:
+    """Writes an expression tree as statements of an expansion: names where the tree would grow a large expression."""
+
+    def __init__(self, x: Expansion, leaf: Callable[[Any], Expr]):
+        self.x = x
+        self.leaf = leaf
+
+    def write(self, tree: Any) -> Expr:
+        kind = tree[0]
+        if kind == "number":
+            return number(tree[1])
+        if kind in ("name", "slot", "parameter"):
+            return self.leaf(tree)
+        if kind == "call":
+            arguments = [self.named(a) for a in tree[2:]]
+            function = SYMBOLIC[tree[1]]
+            if tree[1] in ("min", "max"):
+                value = arguments[0]
+                for a in arguments[1:]:
+                    value = self.let(function(value, a))
+                return value
+            return self.let(function(*arguments))
+        if kind == "neg":
+            return -self.named(tree[1])
+        if kind in ("+", "-"):
+            a, b = self.write(tree[1]), self.write(tree[2])
+            if len(a.args) + len(b.args) > 8:
+                a = self.let(a)
+            return a + b if kind == "+" else a - b
+        a, b = self.named(tree[1]), self.named(tree[2])
+        if kind == "*":
+            return a * b
+        if kind == "/":
+            return a / b
+        return self.let(a**b)
+
+    def named(self, tree: Any) -> Expr:
+        value = self.write(tree)
+        return self.let(value) if value.is_Add else value
+
+    def let(self, value: Expr) -> Expr:
+        return self.x.let("e", value)
+
+
+@dataclass(slots=True, eq=False)
+class Shape:
+    """What links with constants of one form have in common.
+
+    Attributes
+    ----------
+    index : int
+    parameters, numbers : int
+        How many slots of each.
+    block : Block
+        Computes the constants that depend on parameters: stores ``("pc", field)`` and ``("pc", "field/j")``.
+    fields : dict of str to Expr
+        Every constant; 0 where it is structurally zero.
+    varying : dict of str to str
+        Fields that depend on parameters, and the first field of equal value.
+    fixed : dict of str to Expr
+        Fields and primitives that are known numbers.
+    """
+
+    index: int
+    parameters: int
+    numbers: int
+    block: Block
+    fields: dict[str, Expr]
+    varying: dict[str, str]
+    fixed: dict[str, Expr]
+
+
+def make_shape(index: int, slots: Slots, write: Callable[[Expansion, Callable[[Any], Expr]], dict[str, Expr]]) -> Shape:
+    """Expand the constants of a form of links.
+
+    Parameters
+    ----------
+    slots : Slots
+        Filled while the form was recognised.
+    write : callable (expansion, leaf) -> dict
+        Writes the statements and returns the constants.
+    """
+    x = Expansion(f"constants_{index}", "constants of a link and their derivative primitives (Eq. 29)", lambda a, f: True)
+
+    def leaf(tree: Any) -> Expr:
+        return x.load("k" if tree[0] == "slot" else "parameter", str(tree[1]))
+
+    fields = {name: sympy.sympify(value) for name, value in write(x, leaf).items()}
+    parameters = [x.load("parameter", str(j)) for j in range(len(slots.parameters))]
+    # which symbols depend on a parameter
+    depends: set[Any] = set(parameters)
+    statements = list(x.block.statements)
+    for s in statements:
+        if s.expression.free_symbols & depends:
+            depends.add(s.target)
+    varying: dict[str, str] = {}
+    fixed: dict[str, Expr] = {}
+    first: dict[Expr, str] = {}
+    for name, value in fields.items():
+        if value.free_symbols & depends:
+            varying[name] = first.setdefault(value, name)
+            if varying[name] == name:
+                x.store("pc", name, value)
+    for j, p in enumerate(parameters):
+        d = Tangents(x, {p: sympy.S.One}, {})
+        for s in statements:
+            d.statement(s)
+        for name, same in list(varying.items()):
+            if same != name or "/" in name:
+                continue
+            value = x.let("d", d.expression(fields[name]))
+            key = f"{name}/{j}"
+            if value.is_Number:
+                fixed[key] = value
+            else:
+                varying[key] = first.setdefault(value, key)
+                if varying[key] == key:
+                    x.store("pc", key, value)
+    for name in [n for n in varying if "/" not in n]:
+        same = varying[name]
+        for j in range(len(parameters)):
+            if same != name:
+                if f"{same}/{j}" in fixed:
+                    fixed[f"{name}/{j}"] = fixed[f"{same}/{j}"]
+                else:
+                    varying[f"{name}/{j}"] = varying[f"{same}/{j}"]
+    for s in x.block.statements:
+        if s.lanes:
+            object.__setattr__(s, "lanes", False)
+    return Shape(index, len(parameters), len(slots.numbers), x.finish(), fields, varying, fixed)
+
+
+@dataclass(slots=True, eq=False)
+class Constants:
+    """The constants of links that are made of the same expressions.
+
+    Attributes
+    ----------
+    shape : Shape
+    parameters : tuple of str
+    numbers : tuple of float
+        For the shape's slots.
+    values : dict of str to float
+        Constants that do not depend on parameters and are not structurally zero.
+    index : int
+    """
+
+    shape: Shape
+    parameters: tuple[str, ...]
+    numbers: tuple[float, ...]
+    values: dict[str, float]
+    index: int
+    places: dict[str, int] = field(default_factory=dict)

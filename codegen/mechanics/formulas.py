@@ -1,0 +1,154 @@
+"""Formulas of the model: expressions over coordinates, speeds, parameters, inputs and time, such as joint forces.
+
+Formulas of the same form share one block; which coordinates and numbers each reads is data.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import sympy
+from sympy import Expr
+
+from ..model.model import Model
+from ..program.block import Block, Expansion
+from ..program.derivatives import Tangents
+from ..program.functions import number
+from .constants import Statements
+from .kinds import System
+
+CATEGORIES = ("q", "u", "p", "inputs", "t")
+
+
+@dataclass(slots=True, eq=False)
+class FormulaKind:
+    """Formulas of one form.
+
+    Attributes
+    ----------
+    value, tangent : Block
+        The value, stored as ``(target, "0")``, and its tangent, stored as ``("d" + target, "0")``.
+    slots : list of (str, int)
+        Category and number of every slot, in the order of `rows`.
+    rows : list of (int, list of int, list of float)
+        For each formula: target index, indices for the slots, numbers.
+    """
+
+    index: int
+    target: str
+    value: Block
+    tangent: Block
+    slots: list[tuple[str, int]]
+    rows: list[tuple[int, list[int], list[float]]] = field(default_factory=list)
+    literal: dict[int, Expr] = field(default_factory=dict)
+
+
+class FormulaSlots:
+    """Names and numbers of a formula as numbered slots."""
+
+    def __init__(self, model: Model):
+        self.slots: dict[tuple[str, int], int] = {}
+        self.numbers: list[float] = []
+        self._places: dict[str, tuple[str, int]] = {}
+        for category, names in (
+            ("q", [f"q.{n}" for n in model.coordinate_names]),
+            ("u", [f"u.{n}" for n in model.speed_names]),
+            ("p", list(model.parameter_names)),
+            ("inputs", list(model.inputs)),
+            ("t", ["t"]),
+        ):
+            for i, name in enumerate(names):
+                self._places[name] = (category, i)
+
+    def convert(self, tree: Any) -> Any:
+        kind = tree[0]
+        if kind == "number":
+            if tree[1] in (0, 1, -1, 2):
+                return tree
+            self.numbers.append(float(tree[1]))
+            return ("slot", len(self.numbers) - 1)
+        if kind == "name":
+            place = self._places[tree[1]]
+            return ("name", place[0], self.slots.setdefault(place, len(self.slots)))
+        if kind == "call":
+            return (kind, tree[1], *(self.convert(a) for a in tree[2:]))
+        if kind == "**" and tree[2][0] == "number":
+            return (kind, self.convert(tree[1]), tree[2])
+        return (kind, *(self.convert(a) for a in tree[1:]))
+
+
+def formula_kinds(model: Model, target: str, formulas: Sequence[tuple[int, Any]]) -> list[FormulaKind]:
+    """Blocks for formulas, one per form.
+
+    Parameters
+    ----------
+    formulas : sequence of (index, tree)
+        Target index and expression tree.
+    """
+    kinds: dict[Any, FormulaKind] = {}
+    template = FormulaSlots(model)
+    for index, tree in formulas:
+        template.slots, template.numbers = {}, []
+        canonical = template.convert(tree)
+        kind = kinds.get(canonical)
+        if kind is None:
+            kind = kinds[canonical] = _make(len(kinds), target, canonical, list(template.slots))
+        kind.rows.append((index, [i for _, i in template.slots], list(template.numbers)))
+    for kind in kinds.values():
+        for j in range(len(kind.rows[0][2])):
+            values = {row[2][j] for row in kind.rows}
+            if len(values) == 1:
+                kind.literal[j] = number(values.pop())
+        if kind.literal:
+            known = {s: kind.literal[int(n)] for s, (a, n) in kind.value.loads.items() if a == "k" and int(n) in kind.literal}
+            for block in (kind.value, kind.tangent):
+                _substitute(block, known)
+    return list(kinds.values())
+
+
+def _substitute(block: Block, known: dict[Any, Expr]) -> None:
+    from ..program.block import Statement
+
+    block.statements = [Statement(s.target, s.expression.xreplace(known), s.tag, s.lanes) for s in block.statements]
+    block.stores = [(a, f, e.xreplace(known)) for a, f, e in block.stores]
+    block.loads = {s: k for s, k in block.loads.items() if s not in known}
+
+
+def _make(index: int, target: str, tree: Any, places: list[tuple[str, int]]) -> FormulaKind:
+    slots = [(category, i) for i, (category, _) in enumerate(places)]
+
+    def expansion(name: str, title: str) -> tuple[Expansion, Expr]:
+        x = Expansion(f"{name}_{index}", title, lambda a, f: True)
+
+        def leaf(node: Any) -> Expr:
+            if node[0] == "slot":
+                return x.load("k", str(node[1]))
+            return x.load(node[1], str(node[2]))
+
+        return x, x.let(target, Statements(x, leaf).write(tree))
+
+    x, value = expansion(target, "a formula of the model")
+    x.store(target, "0", value)
+    y, value = expansion(f"d{target}", "tangent of a formula of the model")
+    seeds = {s: y.load(f"d{a}", n) for s, (a, n) in list(y.block.loads.items()) if a in CATEGORIES}
+    statements = list(y.block.statements)
+    d = Tangents(y, seeds, {})
+    for s in statements:
+        d.statement(s)
+    y.store(f"d{target}", "0", sympy.sympify(d.value(value)))
+    return FormulaKind(index, target, x.finish(), y.finish(), slots)
+
+
+def force_formulas(system: System) -> list[FormulaKind]:
+    """Joint forces, summed per freedom; the target index is that of the speed."""
+    trees: dict[int, Any] = {}
+    for body, forces in system.force_of.items():
+        start = system.model.coordinate_slices[body][1].start
+        for f in forces:
+            for j, value in enumerate(f.values):
+                if value.tree != ("number", 0):
+                    i = start + j
+                    trees[i] = ("+", trees[i], value.tree) if i in trees else value.tree
+    return formula_kinds(system.model, "tau", sorted(trees.items()))

@@ -1,0 +1,174 @@
+"""Kinematic sweep, outward: velocities, acceleration remainders, generalised forces. Eqs. 18-24."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from .joints import JointTransform
+from .spatial import XYZ, Mat, Vec, add, cross, matvec, symmetric
+
+
+def load_vector(x: Any, array: str, name: str) -> Vec:
+    return [x.load(array, f"{name}.{i}") for i in XYZ]
+
+
+def load_matrix(x: Any, array: str, name: str) -> Mat:
+    return [[x.load(array, f"{name}.{i}{j}") for j in XYZ] for i in XYZ]
+
+
+def load_symmetric(x: Any, array: str, name: str) -> Mat:
+    return symmetric([x.load(array, f"{name}.{ij}") for ij in ("xx", "yy", "zz", "xy", "xz", "yz")])
+
+
+def store_vector(x: Any, array: str, name: str, v: Vec) -> None:
+    for k, i in enumerate(XYZ):
+        x.store(array, f"{name}.{i}", v[k])
+
+
+def let_vector(x: Any, name: str, v: Vec, tag: str) -> Vec:
+    return [x.let(f"{name}_{i}", v[k], tag) for k, i in enumerate(XYZ)]
+
+
+def acceleration_matrix(x: Any, w: Vec, al: Vec, name: str = "B") -> Mat:
+    """``B = alpha x + omega x omega x``: acceleration of a point r of the link is ``a + B r`` (part of Eq. 21)."""
+    tag = "Eq. 21"
+    sq = [x.let(f"{name}_w{i}{i}", w[k] * w[k], tag) for k, i in enumerate(XYZ)]
+    B: Mat = [[0] * 3 for _ in range(3)]
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        B[i][i] = x.let(f"{name}_{XYZ[i]}{XYZ[i]}", -(sq[j] + sq[k]), tag)
+        product = x.let(f"{name}_w{XYZ[j]}{XYZ[k]}", w[j] * w[k], tag)
+        B[k][j] = x.let(f"{name}_{XYZ[k]}{XYZ[j]}", product + al[i], tag)
+        B[j][k] = x.let(f"{name}_{XYZ[j]}{XYZ[k]}", product - al[i], tag)
+    return B
+
+
+def angular_velocity(x: Any, kind: Any, joint: JointTransform) -> tuple[Vec, Vec]:
+    """Angular velocity of the parent in the link's axes, and of the link. Eq. 18."""
+    carried = joint.to_child(load_vector(x, "up", "w"), "wp", "Eq. 18")
+    w = list(carried)
+    if kind.joint == "revolute":
+        w[kind.axis] = x.let(f"w_{XYZ[kind.axis]}", w[kind.axis] + x.load("u", "0"), "Eq. 18")
+    elif kind.joint in ("spherical", "free"):
+        w = let_vector(x, "w", add(w, [x.load("u", str(i)) for i in range(3)]), "Eq. 18")
+    return carried, w
+
+
+def relative_bias(x: Any, kind: Any, carried: Vec) -> tuple[Vec, Vec]:
+    """Angular and linear acceleration remainder that the joint itself contributes. Eqs. 20, 21."""
+    zero = [0, 0, 0]
+    if kind.joint == "revolute":
+        e = list(zero)
+        e[kind.axis] = x.load("u", "0")
+        return cross(carried, e), zero
+    if kind.joint == "prismatic":
+        e = list(zero)
+        e[kind.axis] = x.let("u2", 2 * x.load("u", "0"), "Eq. 21")
+        return zero, cross(carried, e)
+    turn = [x.load("u", str(i)) for i in range(3)]
+    if kind.joint == "spherical":
+        return cross(carried, turn), zero
+    slide = [x.load("u", str(i)) for i in range(3, 6)]
+    # d/dt (R v) = R (v' + w_rel x v), and Coriolis 2 w_pr x v
+    sweep = let_vector(x, "sweep", [turn[i] + 2 * carried[i] for i in range(3)], "Eq. 21")
+    return cross(carried, turn), cross(sweep, slide)
+
+
+def body_force(x: Any, w: Vec, al: Vec, a: Vec, B: Mat) -> tuple[Vec, Vec]:
+    """Moment and force that the link's own inertia needs: minus Eq. 24, about the frame's origin."""
+    m = x.load("c", "m")
+    h = load_vector(x, "c", "h")
+    J = load_symmetric(x, "c", "J")
+    force = [x.let(f"f_{i}", m * a[k] + matvec(B, h)[k], "Eq. 24") for k, i in enumerate(XYZ)]
+    moment = add(matvec(J, al), cross(h, a), gyroscopic_moment(x, w, J))
+    moment = [x.let(f"n_{i}", moment[k], "Eq. 24") for k, i in enumerate(XYZ)]
+    return moment, force
+
+
+def gyroscopic_moment(x: Any, w: Vec, J: Mat) -> Vec:
+    """``omega x J omega`` with the products of omega named, so that they are shared with `acceleration_matrix`."""
+    sq = [x.let(f"B_w{i}{i}", w[k] * w[k], "Eq. 24") for k, i in enumerate(XYZ)]
+    out: Vec = []
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        jk = x.let(f"B_w{XYZ[j]}{XYZ[k]}", w[j] * w[k], "Eq. 24")
+        ij = x.let(f"B_w{XYZ[i]}{XYZ[j]}", w[i] * w[j], "Eq. 24")
+        ik = x.let(f"B_w{XYZ[i]}{XYZ[k]}", w[i] * w[k], "Eq. 24")
+        difference = x.let("dJ", J[k][k] - J[j][j], "Eq. 24")
+        squares = x.let("sq", sq[j] - sq[k], "Eq. 24")
+        out.append(difference * jk + J[j][k] * squares + J[i][k] * ij - J[i][j] * ik)
+    return out
+
+
+def accelerate(x: Any, kind: Any, joint: JointTransform, carried: Vec, prefix: str = "") -> tuple[Vec, Vec]:
+    """Acceleration of the link's frame with udot = 0 of its own joint. Eqs. 19-21.
+
+    `prefix` names the fields of the parent that it starts from: the remainders, or the total accelerations.
+    """
+    al_bias, a_bias = relative_bias(x, kind, carried)
+    r = joint.offset()
+    al = joint.to_child(load_vector(x, "up", prefix + "al"), "alp", "Eq. 21")
+    at_joint = add(load_vector(x, "up", prefix + "a"), matvec(load_matrix(x, "up", prefix + "B"), r))
+    a = joint.to_child(at_joint, "ap", "Eq. 21")
+    al = [x.let(f"al_{i}", al[k] + al_bias[k], "Eq. 21") for k, i in enumerate(XYZ)]
+    a = [x.let(f"a_{i}", a[k] + a_bias[k], "Eq. 21") for k, i in enumerate(XYZ)]
+    return al, a
+
+
+def store_matrix(x: Any, array: str, name: str, m: Mat) -> None:
+    for i in range(3):
+        for j in range(3):
+            x.store(array, f"{name}.{XYZ[i]}{XYZ[j]}", m[i][j])
+
+
+def kinematics(x: Any, kind: Any) -> None:
+    """Outward block of the forward dynamics: motion with udot = 0 and the force it needs."""
+    joint = JointTransform(x, kind)
+    carried, w = angular_velocity(x, kind, joint)
+    al, a = accelerate(x, kind, joint, carried)
+    B = acceleration_matrix(x, w, al)
+    moment, force = body_force(x, w, al, a, B)
+    store_vector(x, "me", "wp", carried)
+    store_vector(x, "me", "w", w)
+    store_vector(x, "me", "al", al)
+    store_vector(x, "me", "a", a)
+    store_matrix(x, "me", "B", B)
+    store_vector(x, "me", "n", moment)
+    store_vector(x, "me", "f", force)
+
+
+def quaternion_matrix(x: Any, kind: Any) -> None:
+    """Rotation matrix of e/|e|, child to parent components; written with 2/|e|^2, so any e will do."""
+    n = COORDINATE_START[kind.joint]
+    w, i, j, k = (x.load("q", str(n + m)) for m in range(4))
+    tag = "Eq. 22"
+    s = x.let("s", 2 / x.let("ee", w * w + i * i + j * j + k * k, tag), tag)
+    si, sj, sk = (x.let(f"s{name}", s * v, tag) for name, v in (("i", i), ("j", j), ("k", k)))
+    wi, wj, wk = (x.let(f"w{name}", w * v, tag) for name, v in (("i", si), ("j", sj), ("k", sk)))
+    ii, jj, kk = x.let("ii", i * si, tag), x.let("jj", j * sj, tag), x.let("kk", k * sk, tag)
+    ij, ik, jk = x.let("ij", i * sj, tag), x.let("ik", i * sk, tag), x.let("jk", j * sk, tag)
+    Q = [[1 - (jj + kk), ij - wk, ik + wj], [ij + wk, 1 - (ii + kk), jk - wi], [ik - wj, jk + wi, 1 - (ii + jj)]]
+    for a in range(3):
+        for b in range(3):
+            x.store("me", f"Q.{XYZ[a]}{XYZ[b]}", x.let(f"Q_{XYZ[a]}{XYZ[b]}", Q[a][b], tag))
+
+
+COORDINATE_START = {"spherical": 0, "free": 3}
+"""Where the quaternion begins among a joint's coordinates."""
+
+
+def quaternion_turn(x: Any, kind: Any) -> None:
+    """Rotation vector, in the link's axes, that belongs to a quaternion's tangent: ``2 e* de / |e|^2``, a radial one is zero."""
+    n = COORDINATE_START[kind.joint]
+    w, i, j, k = (x.load("q", str(n + m)) for m in range(4))
+    dw, di, dj, dk = (x.load("dq", str(n + m)) for m in range(4))
+    tag = "d Eq. 22"
+    s = x.let("s", 2 / x.let("ee", w * w + i * i + j * j + k * k, tag), tag)
+    w, i, j, k = (x.let("e", s * v, tag) for v in (w, i, j, k))
+    turn = (
+        w * di - i * dw - j * dk + k * dj,
+        w * dj - j * dw - k * di + i * dk,
+        w * dk - k * dw - i * dj + j * di,
+    )
+    for m in range(3):
+        x.store("lane", f"turn.{m}", x.let("turn", turn[m], tag, lanes=True))

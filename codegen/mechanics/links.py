@@ -1,0 +1,268 @@
+"""From the bodies of a model to links, and the constants of a link as functions of the design parameters.
+
+A universal joint becomes two revolute links, the first without mass; a body on a fixed joint becomes part of the link
+that carries it. What a link is made of is recognised by the identity of its expressions, so that the repeated bodies
+of a chain are looked at once.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from ..model.expressions import Expression
+from ..model.model import GROUND, Body, Model, Vector
+from .spatial import XYZ, Mat, Vec, add, cross, dot, matmul, matvec, scale, transpose
+
+Evaluate = Callable[[Expression], Any]
+Placement = tuple[Vector, tuple[tuple[Vector, Expression], ...]]
+"""Where a frame lies in another: origin, and rotations about the moving axes."""
+
+
+@dataclass(slots=True, eq=False)
+class Frame:
+    """A link's frame relative to its body's: the axis it turns or slides along becomes a coordinate axis.
+
+    `index` is that coordinate axis; `vector` the axis in the body frame, None where the link's axes are the body's.
+    `start` is, for an axis that is not numeric, the body axis from which the frame's first axis is made.
+    """
+
+    index: int
+    vector: Vector | None = None
+    flipped: bool = False
+    start: int = 0
+
+    def key(self) -> tuple[Any, ...]:
+        return (self.index, self.flipped, self.start, None if self.vector is None else tuple(map(id, self.vector)))
+
+
+@dataclass(slots=True, eq=False)
+class Link:
+    """A rigid part and its joint of one kind.
+
+    Attributes
+    ----------
+    name : str
+        The body's, or that of a freedom of its universal joint.
+    parent : int
+        Index of a link, or `GROUND`.
+    q, u : int
+        Where its coordinates and speeds begin in the model's arrays.
+    steps : tuple of Placement
+        From the parent's body frame through fixed bodies to the joint frame.
+    parent_frame, frame : Frame
+    members : list of (Body, tuple of Placement)
+        Bodies that move with the link, with the way from its body frame to theirs.
+    """
+
+    name: str
+    parent: int
+    joint: str
+    q: int
+    u: int
+    steps: tuple[Placement, ...]
+    parent_frame: Frame
+    frame: Frame
+    members: list[tuple[Body, tuple[Placement, ...]]] = field(default_factory=list)
+
+    def key(self) -> tuple[Any, ...]:
+        """Equal for links that are made of the same expressions."""
+
+        def of_steps(steps: tuple[Placement, ...]) -> tuple[Any, ...]:
+            return tuple(
+                (*map(id, at), *((*map(id, axis), id(angle)) for axis, angle in rotation)) for at, rotation in steps
+            )
+
+        members = tuple(
+            (id(b.mass), *map(id, b.com), *map(id, b.inertia), of_steps(steps)) for b, steps in self.members
+        )
+        return self.joint, self.parent_frame.key(), self.frame.key(), of_steps(self.steps), members
+
+
+BODY_FRAME = Frame(2)
+ZERO = Expression.number(0)
+ORIGIN: Vector = (ZERO, ZERO, ZERO)
+
+
+def axis_frame(axis: Vector, evaluate: Evaluate) -> Frame:
+    """The frame for a joint axis: the body's own axes where the axis is one of them."""
+    if all(a.is_number for a in axis):
+        values = [float(a.value) for a in axis]
+        nonzero = [i for i in range(3) if values[i] != 0]
+        if len(nonzero) == 1:
+            i = nonzero[0]
+            return Frame(i, axis, flipped=True) if values[i] < 0 else Frame(i)
+    defaults = [abs(float(evaluate(a))) for a in axis]
+    return Frame(2, axis, start=defaults.index(min(defaults)))
+
+
+def links_of(model: Model, evaluate: Evaluate) -> tuple[list[Link], list[tuple[int, tuple[Placement, ...]]]]:
+    """The links of a model, outward, and for each body the link that carries it with the way to its frame.
+
+    Parameters
+    ----------
+    model : Model
+    evaluate : callable
+        Values of expressions at the default parameters; only used to choose among equivalent frames.
+    """
+    links: list[Link] = []
+    carriers: list[tuple[int, tuple[Placement, ...]]] = [(GROUND, ())] * len(model.bodies)
+    for k in model.outward:
+        body = model.bodies[k]
+        parent, steps = carriers[body.parent] if body.parent != GROUND else (GROUND, ())
+        parent_frame = links[parent].frame if parent != GROUND else BODY_FRAME
+        joint = body.joint
+        steps = (*steps, (joint.at, joint.rotation))
+        q, u = (s.start for s in model.coordinate_slices[k])
+        if joint.type == "fixed":
+            carriers[k] = parent, steps
+            if parent != GROUND:
+                links[parent].members.append((body, steps))
+            continue
+        if joint.type == "universal":
+            first = axis_frame(joint.axes[0], evaluate)
+            links.append(Link(f"{body.name}.1", parent, "revolute", q, u, steps, parent_frame, first))
+            parent, parent_frame = len(links) - 1, first
+            steps = ((ORIGIN, ()),)
+            links.append(
+                Link(f"{body.name}.2", parent, "revolute", q + 1, u + 1, steps, parent_frame,
+                     axis_frame(joint.axes[1], evaluate))
+            )  # fmt: skip
+        else:
+            frame = axis_frame(joint.axes[0], evaluate) if joint.axes else BODY_FRAME
+            links.append(Link(body.name, parent, joint.type, q, u, steps, parent_frame, frame))
+        links[-1].members.append((body, ()))
+        carriers[k] = len(links) - 1, ()
+    return links, carriers
+
+
+# -- constants: the same lines for floats and symbols -------------------------------------------------------------
+
+
+def identity() -> Mat:
+    return [[int(i == j) for j in range(3)] for i in range(3)]
+
+
+def unit(v: Vec, sqrt: Callable[[Any], Any], let: Callable[..., Any]) -> Vec:
+    length = let("length", sqrt(dot(v, v)))
+    inverse = let("inverse", 1 / length)
+    return [let("e", x * inverse) for x in v]
+
+
+def frame_matrix(frame: Frame, evaluate: Evaluate, sqrt: Callable[[Any], Any], let: Callable[..., Any]) -> Mat:
+    """Body components from link components."""
+    if frame.vector is None:
+        return identity()
+    if frame.flipped:
+        turned = identity()
+        for i in (frame.index, (frame.index + 2) % 3):
+            turned[i][i] = -1
+        return turned
+    z = unit([evaluate(a) for a in frame.vector], sqrt, let)
+    x = unit(cross([int(i == frame.start) for i in range(3)], z), sqrt, let)
+    y = [let("e", e) for e in cross(z, x)]
+    return transpose([x, y, z])
+
+
+def rotation_matrix(axis: Vec, cos: Any, sin: Any, sqrt: Callable[[Any], Any], let: Callable[..., Any]) -> Mat:
+    """Rotation about an axis (not normalised) by an angle."""
+    nonzero = [i for i in range(3) if not (axis[i] == 0)]
+    if len(nonzero) == 1 and isinstance(axis[nonzero[0]], (int, float)):
+        i = nonzero[0]
+        e: Vec = [0, 0, 0]
+        e[i] = 1 if axis[i] > 0 else -1
+    else:
+        e = unit(axis, sqrt, let)
+    versine = let("versine", 1 - cos)
+    R = [[let("R", e[i] * e[j] * versine + (cos if i == j else 0)) for j in range(3)] for i in range(3)]
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        R[j][i] = let("R", R[j][i] + e[k] * sin)
+        R[i][j] = let("R", R[i][j] - e[k] * sin)
+    return R
+
+
+def place(steps: Sequence[Placement], evaluate: Evaluate, functions: dict[str, Any], let: Callable[..., Any]) -> tuple[Vec, Mat]:
+    """Origin and rotation matrix of the frame at the end of the steps, in the frame at their start."""
+    origin: Vec = [0, 0, 0]
+    R = identity()
+    turned = False
+    for at, rotation in steps:
+        v = [evaluate(a) for a in at]
+        origin = [let("r", x) for x in add(origin, matvec(R, v) if turned else v)]
+        for axis, angle in rotation:
+            value = evaluate(angle)
+            cos, sin = let("cos", functions["cos"](value)), let("sin", functions["sin"](value))
+            one = rotation_matrix([evaluate(a) for a in axis], cos, sin, functions["sqrt"], let)
+            R = [[let("R", e) for e in row] for row in matmul(R, one)] if turned else one
+            turned = True
+    return origin, R
+
+
+def link_constants(link: Link, evaluate: Evaluate, functions: dict[str, Any], let: Callable[..., Any]) -> dict[str, Any]:
+    """Mass, first moment, inertia about the link's origin and the place of its joint, in link components.
+
+    Returns
+    -------
+    dict
+        ``m``; ``h.i`` = mass times centre of mass; ``J.ij`` about the origin; ``r.i`` joint's place in the parent's link
+        frame; ``R.ij`` parent's link components from this link's at q = 0. SI units.
+    """
+    sqrt = functions["sqrt"]
+    Q_parent = frame_matrix(link.parent_frame, evaluate, sqrt, let)
+    Q = frame_matrix(link.frame, evaluate, sqrt, let)
+    r, R = place(link.steps, evaluate, functions, let)
+    r = matvec(transpose(Q_parent), r)
+    half = [[let("Rh", e) for e in row] for row in matmul(transpose(Q_parent), R)]
+    R = [[let("R", e) for e in row] for row in matmul(half, Q)]
+    m, h, J = rigid_inertia(link.members, evaluate, functions, let)
+    h = [let("h", e) for e in matvec(transpose(Q), h)]
+    if link.frame.vector is not None:
+        half = [[let("Jh", e) for e in row] for row in matmul(transpose(Q), J)]
+        J = matmul(half, Q)
+    out: dict[str, Any] = {"m": m}
+    for k, i in enumerate(XYZ):
+        out[f"h.{i}"] = h[k]
+        out[f"r.{i}"] = let(f"r_{i}", r[k])
+        for n, j in enumerate(XYZ):
+            if n >= k:
+                out[f"J.{i}{j}"] = let(f"J_{i}{j}", J[k][n])
+            out[f"R.{i}{j}"] = R[k][n]
+    return out
+
+
+def rigid_inertia(
+    members: Sequence[tuple[Body, tuple[Placement, ...]]], evaluate: Evaluate, functions: dict[str, Any], let: Callable[..., Any]
+) -> tuple[Any, Vec, Mat]:
+    """Mass, first moment and inertia about the origin of bodies that move together, in the carrying body's axes."""
+    mass: Any = 0
+    moment: Vec = [0, 0, 0]
+    inertia: Mat = [[0] * 3 for _ in range(3)]
+    for body, steps in members:
+        m = let("m", evaluate(body.mass))
+        c = [evaluate(e) for e in body.com]
+        xx, yy, zz, xy, xz, yz = (evaluate(e) for e in body.inertia)
+        I: Mat = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
+        if steps:
+            origin, R = place(steps, evaluate, functions, let)
+            c = [let("c", e) for e in add(origin, matvec(R, c))]
+            half = [[let("Ih", e) for e in row] for row in matmul(R, I)]
+            I = [[let("I", e) for e in row] for row in matmul(half, transpose(R))]
+        h = [let("h", e) for e in scale(m, c)]
+        for i in range(3):
+            for j in range(i, 3):
+                steiner = sum(h[k] * c[k] for k in range(3) if k != i) if i == j else -h[i] * c[j]
+                inertia[i][j] = inertia[j][i] = let("J", inertia[i][j] + I[i][j] + steiner)
+        mass = let("m", mass + m)
+        moment = [let("h", e) for e in add(moment, h)]
+    return mass, moment, inertia
+
+
+FLOAT: dict[str, Any] = {"sqrt": math.sqrt, "cos": math.cos, "sin": math.sin}
+"""Functions for `link_constants` on floats."""
+
+
+def keep(name: str, value: Any) -> Any:
+    """The `let` of numbers."""
+    return value

@@ -1,0 +1,58 @@
+"""Vectors and matrices of three, as lists of scalars of any kind (symbols, floats, structural values)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+XYZ = "xyz"
+PAIRS = ("xx", "yy", "zz", "xy", "xz", "yz")
+NINE = tuple(a + b for a in XYZ for b in XYZ)
+
+Vec = list[Any]
+Mat = list[list[Any]]
+
+
+def cross(a: Vec, b: Vec) -> Vec:
+    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+
+
+def add(*vectors: Vec) -> Vec:
+    return [sum(components[1:], components[0]) for components in zip(*vectors, strict=True)]
+
+
+def dot(a: Vec, b: Vec) -> Any:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def scale(s: Any, a: Vec) -> Vec:
+    return [s * x for x in a]
+
+
+def matvec(m: Mat, v: Vec) -> Vec:
+    return [dot(row, v) for row in m]
+
+
+def transpose(m: Mat) -> Mat:
+    return [list(row) for row in zip(*m, strict=True)]
+
+
+def matmul(a: Mat, b: Mat) -> Mat:
+    columns = transpose(b)
+    return [[dot(row, c) for c in columns] for row in a]
+
+
+def symmetric(six: Vec) -> Mat:
+    """Symmetric matrix of its entries xx, yy, zz, xy, xz, yz."""
+    xx, yy, zz, xy, xz, yz = six
+    return [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
+
+
+def six(m: Mat) -> Vec:
+    """Entries xx, yy, zz, xy, xz, yz of a symmetric matrix."""
+    return [m[0][0], m[1][1], m[2][2], m[0][1], m[0][2], m[1][2]]
+
+
+def skew(v: Vec) -> Mat:
+    """The matrix of ``v x``."""
+    x, y, z = v
+    return [[0, -z, y], [z, 0, -x], [-y, x, 0]]

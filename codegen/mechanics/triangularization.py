@@ -1,0 +1,121 @@
+"""Triangularization, inward: articulated inertias and forces. Eqs. 42-47.
+
+The joint's own row and column of the inertia that is handed on are structural zeros and the joint's entry of the force
+is the joint force itself (T_k annihilates P_k exactly): neither is ever computed. A joint of several freedoms is
+eliminated one unit column after the other, which is the LDL^T factorisation of its M_k.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from .joints import JointTransform, freedom_axes, shift_inertia
+from .kinematics import load_symmetric, load_vector
+from .spatial import NINE, PAIRS, XYZ, Mat, Vec, add, cross, six
+
+SIX = [f"n.{i}" for i in XYZ] + [f"f.{i}" for i in XYZ]
+
+
+def to_blocks(I: Mat) -> tuple[Mat, Mat, Mat]:
+    """Angular, coupling and linear blocks of a 6x6 matrix."""
+    J = [[I[i][j] for j in range(3)] for i in range(3)]
+    H = [[I[i][j] for j in range(3, 6)] for i in range(3)]
+    M = [[I[i][j] for j in range(3, 6)] for i in range(3, 6)]
+    return J, H, M
+
+
+def own_inertia() -> list[tuple[int, int, str, int]]:
+    """Where the constants of a rigid body stand in its 6x6 inertia: row, column, name, sign (Eq. 23 about the joint)."""
+    places = [(i, j, f"J.{XYZ[min(i, j)]}{XYZ[max(i, j)]}", 1) for i in range(3) for j in range(i, 3)]
+    places += [(3 + i, 3 + i, "m", 1) for i in range(3)]
+    for i, j, k, sign in ((0, 1, 2, -1), (0, 2, 1, 1), (1, 2, 0, -1)):
+        places += [(i, 3 + j, f"h.{XYZ[k]}", sign), (j, 3 + i, f"h.{XYZ[k]}", -sign)]
+    return places
+
+
+def articulated_inertia(x: Any) -> Mat:
+    """The body's inertia plus what its children handed on. Eq. 44."""
+    I: Mat = [[0] * 6 for _ in range(6)]
+    J, M = load_symmetric(x, "me", "acc.J"), load_symmetric(x, "me", "acc.M")
+    for i in range(3):
+        for j in range(i, 3):
+            I[i][j], I[3 + i][3 + j] = J[i][j], M[i][j]
+        for j in range(3):
+            I[i][3 + j] = x.load("me", f"acc.H.{XYZ[i]}{XYZ[j]}")
+    for i, j, name, sign in own_inertia():
+        I[i][j] = I[i][j] + sign * x.load("c", name)
+    for i in range(6):
+        for j in range(i, 6):
+            I[i][j] = I[j][i] = x.let(f"I{i}{j}", I[i][j], "Eq. 44")
+    return I
+
+
+def accumulate(x: Any, kind: Any, field: str, value: Any, array: str = "up", name: str = "acc", lanes: bool = False) -> None:
+    """Add to a field of the parent; the child that comes first writes it."""
+    if kind.first:
+        x.store(array, field, value)
+    else:
+        if isinstance(value, int) and value == 0:
+            return
+        x.store(array, field, x.let(name, x.load(array, field) + value, "Eq. 44", lanes=lanes))
+
+
+def force_to_parent(x: Any, joint: JointTransform, r: Vec, n: Vec, f: Vec, tag: str) -> tuple[Vec, Vec]:
+    """A moment and force about the link's origin, in the parent's axes about its origin: ``S F``."""
+    n = joint.to_parent(n, "pn", tag)
+    f = joint.to_parent(f, "pf", tag)
+    n = add(n, cross(r, f))
+    return [x.let(f"up_n_{i}", n[k], tag) for k, i in enumerate(XYZ)], f
+
+
+def hand_on_force(x: Any, kind: Any, n: Vec, f: Vec, prefix: str = "acc", lanes: bool = False) -> None:
+    for k, i in enumerate(XYZ):
+        accumulate(x, kind, f"{prefix}.n.{i}", n[k], lanes=lanes)
+        accumulate(x, kind, f"{prefix}.f.{i}", f[k], lanes=lanes)
+
+
+def triangularize(x: Any, kind: Any) -> None:
+    """Inward block of the forward dynamics."""
+    let = x.let
+    I = articulated_inertia(x)
+    p = add(load_vector(x, "me", "n"), load_vector(x, "me", "acc.n")) + add(
+        load_vector(x, "me", "f"), load_vector(x, "me", "acc.f")
+    )
+    axes = freedom_axes(kind.joint, kind.axis)
+    for j in reversed(range(len(axes))):
+        a = axes[j]
+        tau = x.load("tau", str(j)) if kind.forced[j] else 0
+        D = I[a][a]
+        inverse = let("Dinv", 1 / D, "Eq. 47")
+        r = let("r", tau - p[a], "Eq. 53")
+        x.store("me", f"pivot.{j}", D)
+        x.store("me", f"Dinv.{j}", inverse)
+        x.store("me", f"rD.{j}", let("rD", r * inverse, "Eq. 53"))
+        G = [0 if i == a else let(f"G{i}", I[i][a] * inverse, "Eq. 46") for i in range(6)]
+        for i in range(6):
+            x.store("me", f"G{j}.{i}", G[i])
+        last = j == 0 and not kind.carried_on
+        if last:
+            break
+        U = [I[i][a] for i in range(6)]
+        for i in range(6):
+            for k in range(i, 6):
+                if a in (i, k):
+                    I[i][k] = I[k][i] = 0
+                else:
+                    I[i][k] = I[k][i] = let(f"A{i}{k}", I[i][k] - G[i] * U[k], "Eq. 44")
+        p = [tau if i == a else let(f"p{i}", p[i] + G[i] * r, "Eq. 45") for i in range(6)]
+    if not kind.carried_on:
+        return
+    joint = JointTransform(x, kind)
+    r_offset = joint.offset()
+    n, f = force_to_parent(x, joint, r_offset, p[:3], p[3:], "Eq. 45")
+    hand_on_force(x, kind, n, f)
+    J, H, M = joint.inertia_to_parent(*to_blocks(I), "Eq. 44")
+    J, H, M = shift_inertia(x, r_offset, J, H, M, "Eq. 44")
+    for name, value in zip(PAIRS, six(J), strict=True):
+        accumulate(x, kind, f"acc.J.{name}", value)
+    for name, value in zip(PAIRS, six(M), strict=True):
+        accumulate(x, kind, f"acc.M.{name}", value)
+    for name in NINE:
+        accumulate(x, kind, f"acc.H.{name}", H[XYZ.index(name[0])][XYZ.index(name[1])])

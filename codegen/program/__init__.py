@@ -1,0 +1,1 @@
+"""Statements, blocks, passes, derivatives: symbolic programs that know no mechanics."""

@@ -1,0 +1,97 @@
+"""Derivative primitives of statements, and the tangent statements made of them.
+
+The derivative primitives of a statement are the partial derivatives of its right side with respect to its own
+operands: local, small, found once, shared by all directions. A tangent statement is their sum,
+``d symbol = sum_i primitive_i * d operand_i``, zero terms dropped.
+
+Some operands are functions of others and carry no tangent of their own: the sine and cosine of an angle, the entries
+of a rotation matrix, the constants of a body. They are *transparent*: derivatives look through them, so that
+``d(c x + s y)`` is ``c dx + s dy + (c y - s x) dq``, one product where the plain chain rule needs two, and the factor is
+often a value that the block has named already.
+"""
+
+from __future__ import annotations
+
+import sympy
+from sympy import Expr, Symbol
+
+from .block import Expansion, Statement
+
+
+def partials(expression: Expr) -> dict[Symbol, Expr]:
+    """Partial derivatives of a statement's right side with respect to each of its symbols."""
+    result: dict[Symbol, Expr] = {}
+    terms = expression.args if expression.is_Add else (expression,)
+    for term in terms:
+        if term.is_Symbol:
+            _add(result, term, sympy.S.One)
+            continue
+        factors = term.args if term.is_Mul else (term,)
+        for i, factor in enumerate(factors):
+            if factor.is_Number:
+                continue
+            rest = factors[:i] + factors[i + 1 :]
+            if factor.is_Symbol:
+                _add(result, factor, sympy.Mul(*rest))
+            else:
+                for s in sorted(factor.free_symbols, key=str):
+                    _add(result, s, sympy.Mul(*rest, sympy.diff(factor, s)))
+    return result
+
+
+def _add(into: dict[Symbol, Expr], key: Symbol, value: Expr) -> None:
+    into[key] = into[key] + value if key in into else value
+
+
+class Tangents:
+    """Writes tangent statements into an expansion.
+
+    Parameters
+    ----------
+    expansion : Expansion
+        Receives the tangent statements, and the primitives as scalar statements.
+    seeds : dict of Symbol to Expr
+        Tangent of each symbol that has one (a symbol of one value per direction).
+    transparent : dict of Symbol to dict of Symbol to Expr
+        For each transparent symbol, its derivatives with respect to the symbols that it is a function of; those
+        need no statement of their own, only an entry in `seeds`.
+    """
+
+    def __init__(
+        self,
+        expansion: Expansion,
+        seeds: dict[Symbol, Expr],
+        transparent: dict[Symbol, dict[Symbol, Expr]],
+    ):
+        self.expansion = expansion
+        self.of = dict(seeds)
+        self.transparent = transparent
+
+    def expression(self, value: Expr) -> Expr:
+        """Tangent of an expression: a sum of primitives times tangents of its operands."""
+        primitives: dict[Symbol, Expr] = {}
+        for s, d in partials(value).items():
+            inner = self.transparent.get(s)
+            if inner is not None:
+                for root, d_inner in inner.items():
+                    if root in self.of:
+                        _add(primitives, root, d * d_inner)
+            elif s in self.of:
+                _add(primitives, s, d)
+        terms = []
+        for s, d in primitives.items():
+            factor = self.expansion.let("d", d, "primitive")
+            terms.append(factor * self.of[s])
+        return sympy.Add(*terms)
+
+    def statement(self, statement: Statement) -> None:
+        """Write the tangent of one statement, unless it is zero."""
+        value = self.expression(statement.expression)
+        if value != 0:
+            self.of[statement.target] = self.expansion.let(
+                f"d_{statement.target.name}", value, f"d {statement.tag}".strip(), lanes=True
+            )
+
+    def value(self, expression: Expr, name: str = "d") -> Expr:
+        """Tangent of an expression of named values, as a symbol or number."""
+        return self.expansion.let(name, self.expression(sympy.sympify(expression)), "", lanes=True)

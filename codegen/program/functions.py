@@ -1,0 +1,71 @@
+"""Elementary functions of expressions, as sympy functions that differentiate to printable ones."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import sympy
+from sympy import Expr, Function, S
+
+
+class AtLeast(Function):
+    """1 where the first argument is at least the second, else 0."""
+
+    nargs = 2
+
+    def fdiff(self, argindex: int = 1) -> Expr:
+        return S.Zero
+
+
+class Maximum(Function):
+    """The larger of two numbers; where they are equal, the derivative is the first one's."""
+
+    nargs = 2
+
+    def fdiff(self, argindex: int = 1) -> Expr:
+        a, b = self.args
+        return AtLeast(a, b) if argindex == 1 else 1 - AtLeast(a, b)
+
+
+class Minimum(Function):
+    """The smaller of two numbers; where they are equal, the derivative is the first one's."""
+
+    nargs = 2
+
+    def fdiff(self, argindex: int = 1) -> Expr:
+        a, b = self.args
+        return AtLeast(b, a) if argindex == 1 else 1 - AtLeast(b, a)
+
+
+class Sign(Function):
+    """-1, 0 or 1; its derivative is taken as zero."""
+
+    nargs = 1
+
+    def fdiff(self, argindex: int = 1) -> Expr:
+        return S.Zero
+
+
+class Absolute(Function):
+    """|x|; at zero the derivative is taken as zero."""
+
+    nargs = 1
+
+    def fdiff(self, argindex: int = 1) -> Expr:
+        return Sign(self.args[0])
+
+
+SYMBOLIC: dict[str, Any] = {
+    "sin": sympy.sin, "cos": sympy.cos, "tan": sympy.tan, "asin": sympy.asin, "acos": sympy.acos,
+    "atan": sympy.atan, "atan2": sympy.atan2, "sinh": sympy.sinh, "cosh": sympy.cosh, "tanh": sympy.tanh,
+    "sqrt": sympy.sqrt, "exp": sympy.exp, "log": sympy.log, "abs": Absolute, "sign": Sign,
+    "min": Minimum, "max": Maximum,
+}  # fmt: skip
+"""The functions of the model format."""
+
+
+def number(value: float | int) -> Expr:
+    """A sympy number that prints as the same double."""
+    if isinstance(value, int) or (float(value).is_integer() and abs(value) < 2**53):
+        return sympy.Integer(int(value))
+    return sympy.Float(value)

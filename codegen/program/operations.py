@@ -1,0 +1,75 @@
+"""Operation counts of statements: additions (and subtractions), multiplications, divisions, functions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import sympy
+from sympy import Expr
+
+from .block import Block
+
+
+@dataclass(slots=True)
+class Operations:
+    """Counts; sums and multiples are formed with + and *."""
+
+    additions: int = 0
+    multiplications: int = 0
+    divisions: int = 0
+    functions: int = 0
+
+    @property
+    def flops(self) -> int:
+        """Additions, multiplications and divisions."""
+        return self.additions + self.multiplications + self.divisions
+
+    def __add__(self, other: Operations) -> Operations:
+        return Operations(
+            self.additions + other.additions,
+            self.multiplications + other.multiplications,
+            self.divisions + other.divisions,
+            self.functions + other.functions,
+        )
+
+    def __mul__(self, n: int) -> Operations:
+        return Operations(self.additions * n, self.multiplications * n, self.divisions * n, self.functions * n)
+
+
+def count_expression(e: Expr) -> Operations:
+    """Operations of one right side, as the printers write it. Signs are free."""
+    if e.is_Symbol or e.is_Number:
+        return Operations()
+    total = Operations()
+    for a in e.args:
+        total += count_expression(a)
+    if e.is_Add:
+        total.additions += len(e.args) - 1
+    elif e.is_Mul:
+        factors = [a for a in e.args if a is not sympy.S.NegativeOne]
+        below = [a for a in factors if a.is_Pow and a.exp.is_Integer and a.exp < 0]
+        if below:
+            total.divisions += 1
+            total.multiplications += max(0, len(factors) - len(below) - 1) + len(below) - 1
+            total.divisions -= len(below)  # their own, counted above
+        else:
+            total.multiplications += len(factors) - 1
+    elif e.is_Pow:
+        if e.exp.is_Integer:
+            n = abs(int(e.exp))
+            total.multiplications += bin(n).count("1") + n.bit_length() - 2
+            total.divisions += int(e.exp) < 0
+        else:
+            total.functions += 1
+    elif e.is_Function:
+        total.functions += 1
+    return total
+
+
+def count(block: Block, lanes: bool) -> Operations:
+    """Operations of a block's statements of one class: once per call, or once per direction."""
+    total = Operations()
+    for s in block.statements:
+        if s.lanes == lanes:
+            total += count_expression(s.expression)
+    return total

@@ -1,0 +1,156 @@
+"""Passes: plain functions from block to block, in the order of `PASSES`; numbers stay, operations go down."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+
+import sympy
+from sympy import Expr, Symbol
+
+from .block import Block, Statement
+
+
+def propagate_copies(block: Block) -> Block:
+    """Replace symbols that are another symbol, its negative or a number, and fold what becomes trivial by that."""
+    known: dict[Symbol, Expr] = {}
+    statements = []
+    for s in block.statements:
+        e = _replace(s.expression, known)
+        if e.is_Symbol or e.is_Number or (e.is_Mul and len(e.args) == 2 and e.args[0] == -1 and e.args[1].is_Symbol):
+            known[s.target] = e
+        else:
+            statements.append(s if e is s.expression else Statement(s.target, e, s.tag, s.lanes))
+    stores = [(a, f, _replace(e, known)) for a, f, e in block.stores]
+    return Block(block.name, block.title, block.loads, statements, stores)
+
+
+def _replace(e: Expr, known: dict[Symbol, Expr]) -> Expr:
+    if not known:
+        return e
+    found = {s: known[s] for s in e.free_symbols if s in known}
+    return e.xreplace(found) if found else e
+
+
+def share_values(block: Block) -> Block:
+    """Give equal right sides, and right sides equal up to sign, one name."""
+    named: dict[Expr, Expr] = {}
+    known: dict[Symbol, Expr] = {}
+    statements = []
+    for s in block.statements:
+        e = _replace(s.expression, known)
+        if e in named:
+            known[s.target] = named[e]
+        elif -e in named:
+            known[s.target] = -named[-e]
+        else:
+            named[e] = s.target
+            statements.append(s if e is s.expression else Statement(s.target, e, s.tag, s.lanes))
+    stores = [(a, f, _replace(e, known)) for a, f, e in block.stores]
+    return Block(block.name, block.title, block.loads, statements, stores)
+
+
+def _terms(e: Expr) -> tuple[Expr, ...]:
+    return e.args if e.is_Add else (e,)
+
+
+def _bare(term: Expr) -> Expr:
+    """A product without its sign."""
+    if term.is_Mul and term.args[0] is sympy.S.NegativeOne:
+        return sympy.Mul(*term.args[1:])
+    return term
+
+
+def share_products(block: Block) -> Block:
+    """Name products that stand in several statements."""
+    count: Counter[Expr] = Counter()
+    for s in block.statements:
+        if not s.lanes:
+            for term in _terms(s.expression):
+                bare = _bare(term)
+                if bare.is_Mul or bare.is_Pow:
+                    count[bare] += 1
+    repeated = {e for e, n in count.items() if n > 1}
+    if not repeated:
+        return block
+    names: dict[Expr, Symbol] = {s.expression: s.target for s in block.statements if s.expression in repeated}
+    made: set[Expr] = set()
+    statements: list[Statement] = []
+    for s in block.statements:
+        if s.lanes or s.expression in repeated:
+            statements.append(s)
+            made.add(s.expression)
+            continue
+        terms = []
+        changed = False
+        for term in _terms(s.expression):
+            bare = _bare(term)
+            if bare in repeated:
+                if bare not in made:
+                    if bare in names:
+                        terms.append(term)  # named further down: leave it
+                        continue
+                    names[bare] = Symbol(f"{s.target.name}_s{len(terms)}")
+                    statements.append(Statement(names[bare], bare, s.tag))
+                    made.add(bare)
+                terms.append(names[bare] if bare is term or bare == term else -names[bare])
+                changed = True
+            else:
+                terms.append(term)
+        statements.append(Statement(s.target, sympy.Add(*terms), s.tag, s.lanes) if changed else s)
+    return Block(block.name, block.title, block.loads, statements, block.stores)
+
+
+def factor_sums(block: Block) -> Block:
+    """``a b + a c -> a (b + c)`` where that saves a multiplication."""
+    statements = []
+    for s in block.statements:
+        e = s.expression
+        if e.is_Add:
+            e = _factor(e)
+        statements.append(s if e is s.expression else Statement(s.target, e, s.tag, s.lanes))
+    return Block(block.name, block.title, block.loads, statements, block.stores)
+
+
+def _factor(e: Expr) -> Expr:
+    count: Counter[Expr] = Counter()
+    for term in e.args:
+        if term.is_Mul:
+            count.update(f for f in term.args if f.is_Symbol)
+    best = [(n, str(f), f) for f, n in count.items() if n > 1]
+    if not best:
+        return e
+    best.sort(key=lambda t: (-t[0], t[1]))
+    f = best[0][2]
+    inside = [sympy.Mul(*[a for a in t.args if a is not f]) for t in e.args if t.is_Mul and f in t.args]
+    outside = [t for t in e.args if not (t.is_Mul and f in t.args)]
+    inner = sympy.Add(*inside)
+    if not inner.is_Add:
+        return e
+    rest = sympy.Add(*outside)
+    product = sympy.Mul(f, inner, evaluate=False)
+    return sympy.Add(product, rest, evaluate=False) if outside else product
+
+
+def drop_dead(block: Block) -> Block:
+    """Remove statements and loads that no store needs."""
+    needed = block.symbols_stored()
+    statements: list[Statement] = []
+    for s in reversed(block.statements):
+        if s.target in needed:
+            statements.append(s)
+            needed |= s.expression.free_symbols
+    statements.reverse()
+    loads = {s: key for s, key in block.loads.items() if s in needed}
+    return Block(block.name, block.title, loads, statements, block.stores)
+
+
+PASSES: tuple[tuple[str, Callable[[Block], Block]], ...] = (
+    ("drop dead statements", drop_dead),
+    ("propagate copies", propagate_copies),
+    ("share equal values", share_values),
+    ("share products", share_products),
+    ("factor sums", factor_sums),
+    ("drop dead statements again", drop_dead),
+)
+"""The passes and their order."""
