@@ -20,7 +20,7 @@ from .errors import ModelError, Problem, nearest
 from .expressions import Binder, Expression, ExpressionError, Number, combine
 from .model import GROUND, Body, Joint, JointForce, Model, Output, Parameter, Point, Vector, joint_coordinates
 from .positions import Document, Path_, show_path
-from .repetition import Instance, Repetition, name_of
+from .repetition import Instance, Repetition, labels, name_of
 from .schema import (
     ENERGIES,
     LATER_SECTIONS,
@@ -37,6 +37,7 @@ from .schema import (
     PointEntry,
     explain,
     parse_name,
+    repaired,
     seen,
 )
 from .schema import Vector as VectorType
@@ -88,7 +89,7 @@ class _Assembly:
     def __init__(self, document: Document) -> None:
         self.document = document
         self.problems: list[Problem] = list(document.problems)
-        self.constants: dict[str, Number] = {}
+        self.constants: dict[str, Number | str] = dict(labels(document.root))
         self.binder = Binder(self.constants)
         self.repetition = Repetition(document, self.add, self.constants)
         self.defaults: dict[str, float] = {}
@@ -100,6 +101,8 @@ class _Assembly:
         self.broken: set[str] = set()  # bodies that were reported; their coordinates are not known
         self._reported: set[tuple[Any, ...]] = set()
         self._specs: dict[tuple[int, type[Entry]], Any] = {}
+        self._repaired: set[int] = set()  # ids of specs with placeholders
+        self._keep: list[Entry] = []  # keeps those ids valid
         self._indices: dict[int, list[tuple[Path_, Expression]]] = {}
         self._checked: set[tuple[Expression, str]] = set()
         self._values: dict[Expression, float | str] = {}
@@ -128,14 +131,16 @@ class _Assembly:
         path = (at.key, *sub)
         shown = show_path((*at.section, *self._existing(at.container, path)))
         if at.indices:
-            mark = (id(at.container), path, key, severity)
+            message += " (" + ", ".join(f"{k} = {v}" for k, v in at.indices.items()) + ")"
+        problem = self.document.problem(
+            at.container, path, message, shown=shown, key=key, inside=inside, severity=severity
+        )
+        if at.indices:
+            mark = (problem.line, problem.column, shown, severity)
             if mark in self._reported:
                 return
             self._reported.add(mark)
-            message += " (" + ", ".join(f"{k} = {v}" for k, v in at.indices.items()) + ")"
-        self.add(
-            self.document.problem(at.container, path, message, shown=shown, key=key, inside=inside, severity=severity)
-        )
+        self.add(problem)
 
     @staticmethod
     def _existing(container: Any, path: Path_) -> Path_:
@@ -207,7 +212,7 @@ class _Assembly:
             if joint:
                 return f"{name} has several freedoms; write one of {', '.join(sorted(joint))}"
             return f"unknown {what} {name!r}; the joints of this model have {_some(names)}{nearest(name, names)}"
-        known = [*self.constants, *(n for n in self.allowed[scope] if n[1:2] != ".")]
+        known = [*(n for n in self.constants if n[0] != "'"), *(n for n in self.allowed[scope] if n[1:2] != ".")]
         which = "constants written before it" if scope == "constants" else "known here"
         return f"unknown name {name!r}; {which}: {_some(known)}{nearest(name, known)}"
 
@@ -289,6 +294,10 @@ class _Assembly:
         except ValidationError as error:
             for sub, message, at_key, column in explain(cls, error):
                 self.report(at, sub, message, key=at_key, inside=column)
+            result = repaired(cls, at.value, error)
+            if result is not None:
+                self._repaired.add(id(result))
+                self._keep.append(result)
         if isinstance(at.value, dict):
             self._specs[key] = result
         return result
@@ -544,7 +553,9 @@ class _Assembly:
     def _body_parts(self, spec: BodyEntry, at: Instance, listed: list[tuple[Path_, Expression]]) -> _Parts:
         before = len(self.problems)
         result = {sub: self.bound(e, at, sub, "parameters") for sub, e in listed}
-        sound = len(self.problems) == before  # names and values; the joint is checked for itself
+        sound = (
+            len(self.problems) == before and id(spec) not in self._repaired
+        )  # names and values; the joint is checked for itself
 
         def vector(*sub: str | int) -> Vector:
             return tuple(result.get((*sub, i), ZERO) for i in range(3))  # type: ignore[return-value]
@@ -623,7 +634,7 @@ class _Assembly:
             if spec is not None:
                 for prefix, group in zip("qu", joint_coordinates(name, spec.joint.type), strict=True):
                     self.allowed["motion"].update(dict.fromkeys(f"{prefix}.{n}" for n in group))
-            else:
+            if spec is None or id(spec) in self._repaired:
                 self.broken.add(name)
 
     # --- points, forces, outputs --------------------------------------------------------------------------------
@@ -667,6 +678,8 @@ class _Assembly:
                 continue
             type_ = body.joint.type
             freedoms = joint_coordinates(joint, type_)[1]
+            if id(spec) in self._repaired or id(body) in self._repaired:
+                continue
             if len(values) != len(freedoms):
                 needed = f"{len(freedoms)} are needed, for {', '.join('u.' + n for n in freedoms)}"
                 needed = needed if freedoms else "a fixed joint takes no force"
@@ -788,6 +801,8 @@ class _Assembly:
             values = [((i,), v) for i, v in enumerate(at.value)]
         else:
             values = [((), at.value)]  # type: ignore[list-item]
+        if len(values) != len(entries) and name in self.broken:
+            return
         if len(values) != len(entries):
             message = f"{_values(len(values))}; joint {name!r} has {len(entries)}: {', '.join(entries) or 'none'}"
             self.report(at, (), message)

@@ -147,9 +147,9 @@ def _idle_freedom(body: Body, mass: float, inertia: np.ndarray, value: Callable[
     if type_ in ("revolute", "universal"):
         axis = np.array([value(e) for e in body.joint.axes[-1]])
         axis = axis / (np.abs(axis).max() or 1.0)
-        if axis @ about @ axis <= SINGULAR_TOLERANCE * (axis @ axis):
+        if abs(axis @ about @ axis) <= SINGULAR_TOLERANCE * (axis @ axis):
             return f"body {body.name!r} has no inertia about the axis of its {type_} joint; give it some"
-    elif np.linalg.eigvalsh(about)[0] <= SINGULAR_TOLERANCE:
+    elif -PSD_TOLERANCE <= np.linalg.eigvalsh(about)[0] <= SINGULAR_TOLERANCE:
         return f"body {body.name!r} has no inertia about one line, and its {type_} joint turns it about every line"
     return ""
 

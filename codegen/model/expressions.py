@@ -218,11 +218,18 @@ def functions_for(module: ModuleType | Any) -> dict[str, Callable[..., Any]]:
     """
     root = getattr(module, "__name__", None) or type(module).__module__
     others = _OTHER_NAMES.get(root.split(".")[0], {})
-    fallback = {"number": float, "abs": abs, "min": min, "max": max, "sign": _float_sign, "**": operator.pow}
+    fallback: dict[str, Callable[..., Any]] = {
+        "number": float,
+        "abs": abs,
+        "min": min,
+        "max": max,
+        "sign": _float_sign,
+        "**": operator.pow,
+    }
     functions: dict[str, Callable[..., Any]] = {}
     for name in [*FUNCTIONS, "number", "**"]:
         its_name = others.get(name, name if name != "number" else "")
-        found = getattr(module, its_name, None) or fallback.get(name)
+        found: Callable[..., Any] | None = getattr(module, its_name, None) or fallback.get(name)
         if found is None:
             raise TypeError(f"{root} has no function for {name!r}; numpy, mpmath, sympy and math do")
         functions[name] = found
@@ -413,6 +420,11 @@ def bind(expression: Expression, numbers: Mapping[str, Number | str]) -> Express
     return expression if tree is expression.tree else Expression(tree)
 
 
+def label_key(label: str) -> str:
+    """Key under which `numbers` says that a label of some repetition may be written as an index: ``foot(left)``."""
+    return f"'{label}'"  # no name has a quote
+
+
 def index_text(tree: Tree, numbers: Mapping[str, Number | str]) -> str:
     """Text of a repeat index in a generated name, such as ``3`` or ``left``.
 
@@ -421,14 +433,16 @@ def index_text(tree: Tree, numbers: Mapping[str, Number | str]) -> str:
     ExpressionError
         If it is neither a label nor a whole number from 0.
     """
-    if tree[0] == "name" and isinstance(numbers.get(tree[1]), str):
-        return str(numbers[tree[1]])
-    value = _bind(tree, numbers)
-    if value[0] == "number" and isinstance(value[1], int) and value[1] >= 0:
-        return str(value[1])
-    if value[0] != "number":
+    if tree[0] == "name":
+        value = numbers.get(tree[1], numbers.get(label_key(tree[1])))
+        if isinstance(value, str):
+            return value
+    bound = _bind(tree, numbers)
+    if bound[0] == "number" and isinstance(bound[1], int) and bound[1] >= 0:
+        return str(bound[1])
+    if bound[0] != "number":
         raise ExpressionError(f"index ({_print(tree, 0)}) has no value here; constants and repeat indices have one")
-    raise ExpressionError(f"index ({_print(tree, 0)}) is {value[1]!r}; an index is a whole number from 0, or a label")
+    raise ExpressionError(f"index ({_print(tree, 0)}) is {bound[1]!r}; an index is a whole number from 0, or a label")
 
 
 def _bind(tree: Tree, numbers: Mapping[str, Number | str]) -> Tree:
@@ -462,10 +476,10 @@ class Binder:
     Parameters
     ----------
     constants : mapping of str to number
-        Read at every new binding; constants that were used must not change afterwards.
+        Labels too, see `label_key`. Read at every new binding; constants that were used must not change afterwards.
     """
 
-    def __init__(self, constants: Mapping[str, Number]) -> None:
+    def __init__(self, constants: Mapping[str, Number | str]) -> None:
         self.constants = constants
         self._results: dict[Any, Expression] = {}
 

@@ -89,7 +89,8 @@ class Document:
             return Problem(self.file, begin, begin, shown, message, severity)
         mark: Any = event.start_mark
         line, column = mark.line + 1, mark.column + 1
-        if inside and isinstance(event, yaml.ScalarEvent) and event.end_mark.line == mark.line:
+        on_one_line = event.end_mark.line == mark.line
+        if inside and on_one_line and isinstance(event, yaml.ScalarEvent):
             column += inside - 1 + (1 if event.style in ("'", '"') else 0)
         return Problem(self.file, line, column, shown, message, severity)
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from .errors import Problem
-from .expressions import ExpressionError, Number, bind, index_text, parse
+from .expressions import ExpressionError, Number, bind, index_text, label_key, parse
 from .positions import Document, Path_, show_path
 from .schema import RESERVED
 
@@ -57,10 +57,12 @@ class Repetition:
     report : callable
         Takes a `Problem`.
     constants : mapping of str to number
-        Read when a range is; may still grow.
+        With the labels of the document, see `labels`. Read when a range is; may still grow.
     """
 
-    def __init__(self, document: Document, report: Callable[[Problem], None], constants: Mapping[str, Number]) -> None:
+    def __init__(
+        self, document: Document, report: Callable[[Problem], None], constants: Mapping[str, Number | str]
+    ) -> None:
         self.document = document
         self.report = report
         self.constants = constants
@@ -86,13 +88,12 @@ class Repetition:
             if header is None:
                 continue
             index, values = header
+            self.count += len(values)
+            if self.count > MAX_REPETITIONS:
+                message = f"{self.count} repetitions so far; up to {MAX_REPETITIONS} are allowed"
+                self._problem(container, key, path, message)
+                return
             for number, chosen in enumerate(values):
-                self.count += 1
-                if self.count > MAX_REPETITIONS:
-                    self._problem(
-                        container, key, path, f"more than {MAX_REPETITIONS} repetitions; a smaller range is needed"
-                    )
-                    return
                 inner = {**indices, index: chosen}
                 yield from self._expand(value, path, inner, number == 0, number == len(values) - 1)
 
@@ -176,6 +177,24 @@ class Repetition:
         if not isinstance(value.value, int):
             raise ExpressionError(f"{text.strip()} is {value.value}; a whole number is needed")
         return value.value
+
+
+def labels(root: Any) -> dict[str, str]:
+    """The labels of all repeat blocks of a document, under their `label_key`."""
+    found: dict[str, str] = {}
+    waiting = list(root.values()) if isinstance(root, dict) else []
+    while waiting:
+        value = waiting.pop()
+        if isinstance(value, list):
+            waiting.extend(v for v in value if isinstance(v, dict))
+        elif isinstance(value, dict):
+            for key, inner in value.items():
+                match = _HEADER.fullmatch(key) if key.startswith("repeat ") else None
+                if match and ".." not in match.group(2):
+                    found.update((label_key(t.strip()), t.strip()) for t in match.group(2).split(","))
+                if match or key in ("q", "u"):
+                    waiting.append(inner)
+    return found
 
 
 def name_of(tree: Any, numbers: Mapping[str, Number | str]) -> str:

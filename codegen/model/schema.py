@@ -112,10 +112,19 @@ def _list_or_one(value: Any, handler: Callable[[Any], Any]) -> Any:
     return handler(value if isinstance(value, (list, tuple)) else (value,))
 
 
+def _written(value: Any, handler: Callable[[Any], Any]) -> Any:
+    """For keys that may be left out: when written they need a value."""
+    if value is None:
+        raise _custom("nothing after the colon; a value is needed, or leave the key out")
+    return handler(value)
+
+
 Expr = Annotated[Expression, PlainValidator(_expression)]
+OptionalExpr = Annotated[Expression | None, PlainValidator(_expression)]
 Reference = Annotated[Expression, PlainValidator(_reference)]
 Vector = tuple[Expr, Expr, Expr]
 Axis = Annotated[Vector, WrapValidator(_axis)]
+OptionalVector = Annotated[Vector | None, WrapValidator(_written)]
 Origin: Final = (ZERO, ZERO, ZERO)
 
 
@@ -134,8 +143,8 @@ class JointEntry(Entry):
     """What every joint has: where it stands in its parent."""
 
     at: Vector = Origin
-    rotate: tuple[Turn, ...] | None = None
-    rpy: Vector | None = None
+    rotate: Annotated[tuple[Turn, ...] | None, WrapValidator(_written)] = None
+    rpy: OptionalVector = None
 
     @model_validator(mode="after")
     def _one_rotation(self) -> JointEntry:
@@ -181,8 +190,8 @@ class ShapeEntry(Entry):
     """What every shape has."""
 
     center: Vector = Origin
-    mass: Expr | None = None
-    density: Expr | None = None
+    mass: OptionalExpr = None
+    density: OptionalExpr = None
 
 
 class BoxEntry(ShapeEntry):
@@ -230,10 +239,10 @@ class InertiaEntry(Entry):
 class BodyEntry(Entry):
     parent: Reference
     joint: AnyJoint
-    mass: Expr | None = None
-    com: Vector | None = None
-    inertia: InertiaEntry | None = None
-    shape: AnyShape | None = None
+    mass: OptionalExpr = None
+    com: OptionalVector = None
+    inertia: Annotated[InertiaEntry | None, WrapValidator(_written)] = None
+    shape: Annotated[AnyShape | None, WrapValidator(_written)] = None
 
     @model_validator(mode="after")
     def _one_source_of_mass(self) -> BodyEntry:
@@ -258,8 +267,8 @@ class BodyEntry(Entry):
 class ParameterEntry(Entry):
     value: Expr
     unit: str = ""
-    min: Expr | None = None
-    max: Expr | None = None
+    min: OptionalExpr = None
+    max: OptionalExpr = None
 
 
 class PointEntry(Entry):
@@ -284,10 +293,10 @@ PointOrName = Annotated[PointEntry, WrapValidator(_point)]
 
 
 class OutputEntry(Entry):
-    position: PointOrName | None = None
-    velocity: PointOrName | None = None
-    axis: Axis | None = None
-    value: Expr | None = None
+    position: Annotated[PointOrName | None, WrapValidator(_written)] = None
+    velocity: Annotated[PointOrName | None, WrapValidator(_written)] = None
+    axis: Annotated[Axis | None, WrapValidator(_written)] = None
+    value: OptionalExpr = None
 
     @model_validator(mode="after")
     def _one_measure(self) -> OutputEntry:
@@ -302,6 +311,47 @@ class OutputEntry(Entry):
         if given != ["value"] and self.axis is None:
             raise _custom(f"{given[0]} without axis; add axis: x, y, z or a vector in the ground frame")
         return self
+
+
+def repaired(cls: type[Entry], value: Any, error: ValidationError) -> Any:
+    """An entry of `cls` in which everything wrong is left out or replaced, to read what else is in it; or None."""
+    if not isinstance(value, dict):
+        return None
+    result = _copied(value)
+    for item in error.errors(include_url=False):
+        path = _without_alternatives(cls, tuple(item["loc"]))
+        if not path:
+            result.pop("shape", None)
+        elif path[0] in ("joint", "parent", "body") and cls in (BodyEntry, PointEntry):
+            result[path[0]] = {"type": "fixed"} if path[0] == "joint" else "ground"
+        elif item["type"] == "extra_forbidden" and _at(result, path[:-1]) is not None:
+            _at(result, path[:-1]).pop(path[-1], None)
+        elif item["type"] == "model" and _at(result, path[:-1]) is not None:
+            _at(result, path[:-1])[path[-1]] = "1"
+        else:
+            result.pop(path[0], None)
+    try:
+        return cls.model_validate(result)
+    except ValidationError:
+        return None
+
+
+def _copied(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {k: _copied(v) for k, v in value.items()}
+    return [_copied(v) for v in value] if isinstance(value, (list, tuple)) else value
+
+
+def _at(value: Any, path: Path_) -> Any:
+    """The mapping or list at a path, or None."""
+    for part in path:
+        if not isinstance(value, (dict, list)):
+            return None
+        try:
+            value = value[part]  # type: ignore[index]
+        except (KeyError, IndexError, TypeError):
+            return None
+    return value if isinstance(value, (dict, list)) else None
 
 
 # --- pydantic's errors in our words -----------------------------------------------------------------------------

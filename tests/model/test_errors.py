@@ -1,3 +1,4 @@
+# ruff: noqa: E501  (the tables of mistakes read better in one line each)
 """Bad input: every problem at once, each with its place, its key, what was seen and what is allowed."""
 
 import os
@@ -84,7 +85,7 @@ def test_the_model_the_others_are_made_from_is_good():
         ("at: [0, 0, L]", "at: 3", "m.yaml:14:34: bodies.hand.joint.at: '3'; three numbers are needed*"),
         ("motor - 0.1*u.arm", "[1, 2]", "m.yaml:18:43: forces.drive.value: 2 values for the revolute joint 'arm'; 1 are*"),
         ("type: joint", "type: spring", "m.yaml:18:17: forces.drive.type: force type 'spring' is not supported yet*"),
-        ("joint: arm,", "joint: ann,", "m.yaml:18:31: forces.drive.joint: unknown joint 'ann'; *did you mean 'arm'?"),
+        ("joint: arm,", "joint: amr,", "m.yaml:18:31: forces.drive.joint: unknown joint 'amr'; *did you mean 'arm'?"),
         ("position: hand", "position: tip", "m.yaml:20:22: outputs.height.position: unknown point 'tip'*"),
         (", axis: z}", "}", "m.yaml:20:11: outputs.height: position without axis*"),
         ("outputs:", "loops: {}\noutputs:", "m.yaml:19:1: loops: section 'loops' is not supported yet by this version"),
@@ -106,7 +107,8 @@ def test_each_mistake_has_its_place_and_its_cure(old, new, line):
     errors = [f for f in found if "warning:" not in f]
     matching = [f for f in errors if f.startswith(parts[0]) and all(p in f for p in parts)]
     assert matching, "\n".join(found)
-    assert len(errors) == 1, "\n".join(found)  # one mistake, one message
+    renames = ("  hand:", "  L: 1.0", "inputs: [motor]")  # these leave names without a meaning
+    assert len(errors) == 1 or old in renames, "\n".join(found)  # one mistake, one message
 
 
 def test_all_errors_at_once_and_in_the_order_of_the_file():
@@ -114,6 +116,15 @@ def test_all_errors_at_once_and_in_the_order_of_the_file():
     text = text.replace("position: hand", "position: hnad").replace("u.arm", "x")
     found = problems(text)
     assert [f.split(":")[1] for f in found if "warning" not in f] == ["4", "10", "15", "18", "20"]
+
+
+def test_the_rest_of_a_wrong_entry_is_read_too():
+    text = swapped("    mass: 2*L", "    mas: 2\n    com: [0, 0, Q]").replace("parent: ground", "parent: grund")
+    text = text.replace("{xx: 1, yy: 1, zz: 1}", "{xx: 1, yx: 1, zz: P}").replace("[0, 0, L]", "[0, 0, L")
+    found = problems(text.replace("[0, 0, L", "[0, 0, L]"))
+    assert [f.split(" ")[0] for f in found if "warning" not in f] == [
+        "m.yaml:8:13:", "m.yaml:10:5:", "m.yaml:11:17:", "m.yaml:17:22:", "m.yaml:17:33:",
+    ], found  # fmt: skip
 
 
 def test_problems_are_data():
@@ -164,7 +175,7 @@ def test_universal_axes_are_perpendicular():
 
 def test_quaternions():
     off = GOOD + "initial: {q: {hand: [1, 0, 0, 0.1]}}\n"
-    assert "m.yaml:21:22: initial.q.hand" in problems(off)[0]
+    assert "m.yaml:21:21: initial.q.hand" in problems(off)[0]
     model = parse_model(GOOD + "initial: {q: {hand: [0.7071, 0, 0.7071, 0]}}\n")
     assert "was normalised" in model.warnings[-1] or "was normalised" in " ".join(model.warnings)
     values = [model.initial_q[f"hand.q{c}"].value for c in "wxyz"]
@@ -211,7 +222,11 @@ def test_aliases_do_not_explode():
 
 def test_anchors_and_merge_keys_work():
     text = GOOD.replace("inertia: {xx: 1, yy: 1, zz: 1}", "inertia: &ball {xx: 1, yy: 1, zz: 1}")
-    text = text.replace("inertia: {yy: 0.1}", "inertia: {<<: *ball, zz: 2}").replace("bodies:", "x-: 1\nbodies:").replace("x-: 1\n", "")
+    text = (
+        text.replace("inertia: {yy: 0.1}", "inertia: {<<: *ball, zz: 2}")
+        .replace("bodies:", "x-: 1\nbodies:")
+        .replace("x-: 1\n", "")
+    )
     with pytest.raises(ModelError):
         parse_model(text)  # an alias before its anchor
     first, second = text.index("  arm:"), text.index("  hand:")
@@ -252,7 +267,9 @@ def test_damaged_files_are_models_or_model_errors(data):
     for _ in range(data.draw(st.integers(1, 4))):
         start = data.draw(st.integers(0, len(text)))
         stop = data.draw(st.integers(start, min(len(text), start + 12)))
-        new = data.draw(st.one_of(st.text(max_size=5), st.sampled_from(["[", "}", ": ", "repeat k in 1..3:", "\n  ", "*", "first"])))
+        new = data.draw(
+            st.one_of(st.text(max_size=5), st.sampled_from(["[", "}", ": ", "repeat k in 1..3:", "\n  ", "*", "first"]))
+        )
         text = text[:start] + new + text[stop:]
     try:
         parse_model(text)

@@ -127,7 +127,7 @@ def test_zero_and_one_have_one_representation():
 def test_indexed_names():
     expression = parse("q.link(k-1).qw + sx(leg) + a(i)(2*k)")
     numbers = {"k": 3, "i": 0, "leg": "left", "sx_left": -1}
-    assert str(bind(expression, numbers)) == "q.link_2.qw + -1 + a_0_6"
+    assert str(bind(expression, numbers)) == "q.link_2.qw + (-1) + a_0_6"
     for text in ("link(j)", "link(k/2)", "link(k - 4)", "leg + 1"):
         with pytest.raises(ExpressionError):
             bind(parse(text), numbers)
@@ -180,7 +180,9 @@ def test_errors_teach_and_say_where(text, column, words):
     assert words in info.value.message
 
 
-@pytest.mark.parametrize("text", ["10**400", "9**9**9**9", "1/0", "x/0", "sqrt(-1)", "log(0)", "exp(1000)", "0**-1", "5 % 0"])
+@pytest.mark.parametrize(
+    "text", ["10**400", "9**9**9**9", "1/0", "x/0", "sqrt(-1)", "log(0)", "exp(1000)", "0**-1", "5 % 0"]
+)
 def test_numbers_that_do_not_exist_are_errors(text):
     with pytest.raises(ExpressionError):
         bind(parse(text), {})
