@@ -133,7 +133,7 @@ outputs:
     )
     assert [b.name for b in model.bodies][:5] == ["hull", "hip_1_left", "knee_1_left", "hip_1_right", "knee_1_right"]
     assert len(model.bodies) == 9
-    assert str(model.bodies[7].joint.at[0]) == "-a"  # hip_2_right
+    assert str(model.bodies[7].joint.at[0]) == "a*(-1)"  # hip_2_right
     assert model.bodies[7].joint.at[1].value == -0.3
     assert model.inputs == ("steer", "tau_1", "tau_2")
     assert [(p.name, p.value) for p in model.parameters] == [("c_1", 10), ("c_2", 20), ("a", 0.5)]
@@ -148,7 +148,8 @@ outputs:
 def test_ranges():
     def names(header, entry="a(k)"):
         entry = f"{entry}: {{parent: ground, joint: {{type: prismatic, axis: y}}, mass: 1}}"
-        text = f"model: m\nconstants: {{n: 5}}\nbodies:\n  z: {{parent: ground, joint: {{type: fixed}}}}\n  {header}:\n    {entry}\n"
+        base = "z: {parent: ground, joint: {type: fixed}}"
+        text = f"model: m\nconstants: {{n: 5}}\nbodies:\n  {base}\n  {header}:\n    {entry}\n"
         return [b.name for b in parse_model(text).bodies][1:]
 
     assert names("repeat k in 1..3") == ["a_1", "a_2", "a_3"]
@@ -181,7 +182,10 @@ def rotation_matrix(rotation, values):
 
 
 def test_rotations():
-    head = "model: m\nparameters: {r: 0.1, p: 0.2, y: 0.3}\nbodies: {b: {parent: ground, mass: 1, joint: {type: prismatic, axis: x, "
+    head = (
+        "model: m\nparameters: {r: 0.1, p: 0.2, y: 0.3}\n"
+        "bodies: {b: {parent: ground, mass: 1, joint: {type: prismatic, axis: x, "
+    )
     values = {"r": 0.1, "p": 0.2, "y": 0.3}
     joint = parse_model(head + "rpy: [r, p, y]}}}").bodies[0].joint
     cr, sr, cp, sp, cy, sy = (f(v) for v in (0.1, 0.2, 0.3) for f in (np.cos, np.sin))

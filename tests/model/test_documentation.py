@@ -1,0 +1,40 @@
+"""The examples of the documentation do what it says."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from codegen.model import ModelBuilder, ModelError, parse_model
+
+PAGE = (Path(__file__).parents[2] / "docs" / "model_format.md").read_text(encoding="utf-8")
+EXAMPLES = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)
+
+
+@pytest.mark.parametrize("text", EXAMPLES, ids=[t.split()[1] for t in EXAMPLES])
+def test_examples_load_without_warnings(text):
+    assert parse_model(text).warnings == ()
+
+
+def test_there_are_examples_and_the_four_legs_stand_apart():
+    models = {m.name: m for m in map(parse_model, EXAMPLES)}
+    assert set(models) == {"arm", "chain", "walker"}
+    assert models["chain"].nu == 100
+    hips = [b for b in models["walker"].bodies if b.name.startswith("hip")]
+    assert {tuple(e.value for e in b.joint.at[:2]) for b in hips} == {(x, y) for x in (0.4, -0.4) for y in (0.2, -0.2)}
+    assert len({id(b.mass) for b in hips}) == 1
+
+
+def test_the_python_example():
+    (code,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+    names: dict = {}
+    exec(compile(code, "model_format.md", "exec"), names)
+    assert names["model"].nu == 10
+    assert isinstance(names["b"], ModelBuilder)
+
+
+def test_the_quoted_message():
+    (line,) = re.findall(r"^    (arm\.yaml:.*)$", PAGE, re.MULTILINE)
+    with pytest.raises(ModelError) as info:
+        parse_model(EXAMPLES[0].replace("    mass:", "    mas:"), "arm.yaml")
+    assert line in str(info.value).splitlines()
