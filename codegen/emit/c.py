@@ -1,6 +1,7 @@
-"""Writes the C of a solver: link functions, loops over links, tables, and the functions of the header.
+"""Writes the C of a solver: functions of links, loops over links, tables.
 
-Everything is prepared here as ready lines; the templates in ``templates/c`` put them in place.
+Everything is prepared here as ready lines; the templates in ``templates/c`` put them in place and hold the functions
+of the header.
 """
 
 from __future__ import annotations
@@ -9,22 +10,32 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
+from ..version import __version__
 from ..mechanics.expansion import Program
 from ..mechanics.formulas import FormulaKind
-from ..mechanics.joints import freedom_axes
-from ..mechanics.kinds import LinkKind, System
-from ..mechanics.sweeps import INWARD, SWEEPS
+from ..mechanics.kinds import LinkKind
+from ..mechanics.outputs import RecordFormula
+from ..mechanics.sweeps import INWARD, SWEEP
 from ..model.model import GROUND
 from ..program.block import Block
+from .interface import WIDTHS, Interface, interfaces, sizes, uses
+from .memory import Layout, LinkTable
 from .printer import C_FUNCTIONS, Printer
 from .templates import render
 
-__version__ = "0.1"
-
-MAX_SEGMENTS = 24
+MAX_STRETCHES = 24
 """More different stretches of links than this, and a sweep dispatches on the kind instead."""
 
-LANE_ARRAYS = {"lme", "lup", "lane", "dq", "du", "dp", "dinputs", "dt", "dtau", "b", "dudot", "dforce"}
+LANES = frozenset(
+    {"lme", "lup", "lane", "dq", "du", "dp", "dinputs", "dt", "dtau", "b", "dudot", "dforce", "dqdot", "denergy",
+     "denergy_sum", "doutputs"}
+)  # fmt: skip
+"""Arrays that hold one value per direction."""
+
+PIVOT_FLOOR = 1e-14
+"""A pivot below this fraction of the joint's articulated inertia means that nothing outboard has inertia about it."""
+
+Place = Callable[[str, str], tuple[str, str, int | str]]
 
 
 @dataclass(slots=True)
@@ -36,44 +47,42 @@ class Function:
     lines: list[str] = field(default_factory=list)
 
 
-class Columns:
-    """The table of links: columns are added when something uses them."""
+class BlockWriter:
+    """C lines of a block; `place` tells pointer name, pointer expression and index of a field."""
 
-    def __init__(self, system: System, trig_of: list[int], constant_offsets: dict[int, int], number_offsets: list[int]):
-        n = len(system.links)
-        parents = [n if link.parent == GROUND else link.parent for link in system.links]
-        parent_slots = [0 if link.parent == GROUND else system.slot_of[link.parent] for link in system.links]
-        self.values: dict[str, list[int]] = {
-            "KIND": [k.index for k in system.kind_of],
-            "UP": parents,
-            "Q": [link.q for link in system.links],
-            "U": [link.u for link in system.links],
-            "TRIG": trig_of,
-            "CONSTANTS": [constant_offsets[c.index] for c in system.constants_of],
-            "NUMBERS": number_offsets,
-            "SLOT": system.slot_of,
-            "UPSLOT": parent_slots,
-        }
-        places = {name: i for i, name in enumerate(system.model.parameter_names)}
-        for j in range(max((len(c.parameters) for c in system.constants_of), default=0)):
-            self.values[f"P{j}"] = [
-                places[c.parameters[j]] if j < len(c.parameters) else 0 for c in system.constants_of
-            ]
-        self.used: list[str] = []
+    def __init__(self) -> None:
+        self.printer = Printer(C_FUNCTIONS)
 
-    def index(self, column: str, kind: LinkKind) -> str:
-        """C expression of an entry of link i of a kind: a number where all its links agree."""
-        entries = {self.values[column][i] for i in kind.members}
-        if len(entries) == 1:
-            return str(entries.pop())
-        if column == "UP" and all(self.values["UP"][i] == i - 1 for i in kind.members):
-            return "(i - 1)"
-        for name in ("Q", "U", "TRIG"):
-            if column == name and all(self.values[name][i] == i for i in kind.members):
-                return "i"
-        if column not in self.used:
-            self.used.append(column)
-        return f"link[i][{column}]"
+    def lines(self, block: Block, place: Place, link: str = "") -> list[str]:
+        written = {place(a, n)[0] for a, n, _ in block.stores if a != "pivot"}
+        pointers: dict[str, str] = {}
+        body: list[str] = []
+
+        def access(array: str, name: str) -> str:
+            pointer, expression, i = place(array, name)
+            variable = pointer + "_at"
+            if pointer not in pointers:
+                type_ = "LANES" if array in LANES else "double"
+                const = "" if pointer in written else "const "
+                pointers[pointer] = f"{const}{type_} *restrict {variable} = {expression};"
+            return f"{variable}[{i}]"
+
+        for symbol, (array, name) in block.loads.items():
+            body.append(f"const {'LANES' if array in LANES else 'double'} {symbol} = {access(array, name)};")
+        tag = ""
+        for s in block.statements:
+            comment = f" /* {s.tag} */" if s.tag and s.tag != tag else ""
+            tag = s.tag
+            body.append(f"const {'LANES' if s.lanes else 'double'} {s.target} = {self.printer(s.expression)};{comment}")
+        for array, name, value in block.stores:
+            text = self.printer(value)
+            if array == "pivot":
+                body.append(f"if (!({text} > 0.0)) a->singular = {link} + 1;")
+                continue
+            if array in LANES and value.is_Number:
+                text = "NOTHING" if value == 0 else f"NOTHING + {text}"
+            body.append(f"{access(array, name)} {'+=' if array.endswith('_sum') else '='} {text};")
+        return list(pointers.values()) + body
 
 
 class CWriter:
@@ -83,443 +92,435 @@ class CWriter:
     ----------
     program : Program
     formulas : list of FormulaKind
-        Joint forces.
+        Joint forces and outputs.
+    records : list of RecordFormula
+        Outputs of links, potential energy.
+    energy_outputs : list of (int, int)
+        Outputs that are energies: output index, 0 kinetic or 1 potential.
     """
 
-    def __init__(self, program: Program, formulas: list[FormulaKind]):
+    def __init__(
+        self,
+        program: Program,
+        formulas: list[FormulaKind],
+        records: list[RecordFormula],
+        energy_outputs: list[tuple[int, int]],
+    ):
         self.program = program
         self.system = program.system
         self.model = program.system.model
         self.formulas = formulas
-        self.printer = Printer(C_FUNCTIONS)
-        self.record = {name: i for i, name in enumerate(program.records)}
-        self.lane = {name: i for i, name in enumerate(program.lanes)}
-        self.slots = {sweep: {name: i for i, name in enumerate(fields)} for sweep, fields in program.slots.items()}
-        self.slot_size = max((len(f) for f in program.slots.values()), default=0)
-        self._constants()
-        trig_of, count = [], 0
-        for link in self.system.links:
-            trig_of.append(count)
-            count += link.joint == "revolute"
-        self.angles = [link.q for link in self.system.links if link.joint == "revolute"]
-        self.padded = -(-len(self.angles) // 8) * 8
-        self.uses_time = any("t" in e.names for e in self.model.expressions())
-        self.lay_out_workspace()
-        self.columns = Columns(self.system, trig_of, self.constant_offsets, self.number_offsets)
+        self.records = records
+        self.energy_outputs = energy_outputs
+        self.layout = Layout(program)
+        self.table = LinkTable(self.layout)
+        self.writer = BlockWriter()
+        self.uses = uses(self.system)
+        self.tables: list[tuple[str, list[str]]] = []
 
-    def _constants(self) -> None:
-        """Where constants that depend on parameters lie, and the table of numbers of each link."""
-        self.constant_fields: dict[int, dict[str, int]] = {}
-        for shape in self.system.shapes:
-            names = [name for _, name, _ in shape.block.stores]
-            self.constant_fields[shape.index] = {n: i for i, n in enumerate(names)}
-        self.constant_offsets: dict[int, int] = {}
-        size = 0
-        for c in self.system.constants:
-            self.constant_offsets[c.index] = size
-            size += len(self.constant_fields[c.shape.index])
-        self.constants_size = size
-        self.numbers: list[float] = []
-        self.number_offsets = []
-        rows: dict[tuple[float, ...], int] = {}
-        for i in range(len(self.system.links)):
-            kind, c = self.system.kind_of[i], self.system.constants_of[i]
-            row = tuple(c.values.get(name, 0.0) for name in kind.data)
-            if row not in rows:
-                rows[row] = len(self.numbers)
-                self.numbers += row
-            self.number_offsets.append(rows[row])
-
-    # -- link functions --------------------------------------------------------------------------------------------
+    # -- functions of links ----------------------------------------------------------------------------------------
 
     def place(self, kind: LinkKind, sweep: str, array: str, name: str) -> tuple[str, str, int | str]:
-        """Pointer name, pointer expression and index of a field."""
-        index = self.columns.index
-        single = len(kind.members) == 1
-        me = str(kind.members[0]) if single else "i"
+        """Pointer name, pointer expression and index of a field of a link of a kind."""
+        entry = self.table.entry
+        layout = self.layout
+        me = str(kind.members[0]) if len(kind.members) == 1 else "i"
         if array == "me":
-            return array, f"a->records + RECORD*{me}", self.record[name]
+            return array, f"a->records + RECORD*{me}", layout.record[name]
         if array == "up":
-            return array, f"a->records + RECORD*{index('UP', kind)}", self.record[name]
+            return array, f"a->records + RECORD*{entry('UP', kind)}", layout.record[name]
         if array in ("lme", "lup"):
             column = "SLOT" if array == "lme" else "UPSLOT"
-            return array, f"a->slots + SLOT_SIZE*{index(column, kind)}", self.slots[sweep][name]
+            return array, f"a->slots + SLOT_SIZE*{entry(column, kind)}", layout.slots[sweep][name]
         if array == "lane":
-            return array, f"a->lanes + LANE_SIZE*{me}", self.lane[name]
-        if array in ("q", "dq"):
-            return array, f"a->{array} + {index('Q', kind)}", int(name)
+            return array, f"a->lanes + LANE_SIZE*{me}", layout.lane[name]
+        if array in ("q", "dq", "qdot", "dqdot"):
+            return array, f"a->{array} + {entry('Q', kind)}", int(name)
         if array in ("u", "du", "udot", "dudot", "tau", "dtau", "b", "force", "dforce"):
-            return array, f"a->{array} + {index('U', kind)}", int(name)
+            return array, f"a->{array} + {entry('U', kind)}", int(name)
         if array == "trig":
-            return array, f"a->trig + {index('TRIG', kind)}", 0 if name == "cos" else "ANGLES"
+            return array, f"a->trig + {entry('TRIG', kind)}", 0 if name == "cos" else "ANGLES"
         if array == "dp":
-            return array, "a->dp", index(f"P{name}", kind)
-        if array == "energy":
-            return array, "a->energy", 0
+            return array, "a->dp", entry(f"P{name}", kind)
+        if array in ("energy_sum", "denergy_sum"):
+            return array, f"a->{array.removesuffix('_sum')}", 0
+        if array == "c" and name in kind.data:
+            return "k", f"numbers + {entry('NUMBERS', kind)}", kind.data[name]
         if array == "c":
-            if name in kind.data:
-                return "k", f"numbers + {index('NUMBERS', kind)}", kind.data[name]
-            return "c", f"a->constants + {index('CONSTANTS', kind)}", self.constant_fields[kind.shape.index][name]
+            offset = layout.constant_fields[kind.shape.index][name]
+            return "c", f"a->constants + {entry('CONSTANTS', kind)}", offset
         raise KeyError(array)
 
     def link_function(self, sweep: str, kind: LinkKind, block: Block) -> Function:
         single = len(kind.members) == 1
-        name = self.function_name(sweep, kind)
-        call = "DIRECTIONS(call)" if is_lanes(sweep) else "call"
-        argument = "a" if single else "a, int i"
-        links = self.system.links
-        who = links[kind.members[0]].name if single else f"{len(kind.members)} links, {links[kind.members[0]].name} ..."
-        f = Function(f"{block.title}; {who}", f"static void {name}({call} *{argument})")
-        body, pointers = self.body(block, lambda array, field_: self.place(kind, sweep, array, field_))
-        f.lines = pointers + body
+        first = self.system.links[kind.members[0]].name
+        who = first if single else f"{len(kind.members)} links: {first}, ..."
+        f = Function(
+            f"{block.title}; {who}",
+            f"static void {self.function_name(sweep, kind)}({call_type(sweep)} *a{'' if single else ', int i'})",
+        )
+        link = str(kind.members[0]) if single else "i"
+        f.lines = self.writer.lines(block, lambda array, name: self.place(kind, sweep, array, name), link)
         return f
 
-    def body(
-        self, block: Block, place: Callable[[str, str], tuple[str, str, int | str]]
-    ) -> tuple[list[str], list[str]]:
-        """Statements of a block as C lines, and the pointers that they need."""
-        written = {place(a, n)[0] + "_at" for a, n, _ in block.stores if a != "pivot"}
-        pointers: dict[str, str] = {}
-        body: list[str] = []
-
-        def access(array: str, name: str) -> str:
-            pointer, expression, i = place(array, name)
-            pointer += "_at"
-            if pointer not in pointers:
-                type_ = "LANES" if array in LANE_ARRAYS else "double"
-                const = "" if pointer in written else "const "
-                pointers[pointer] = f"{const}{type_} *restrict {pointer} = {expression};"
-            return f"{pointer}[{i}]"
-
-        for symbol, (array, name) in block.loads.items():
-            type_ = "LANES" if array in LANE_ARRAYS else "double"
-            body.append(f"const {type_} {symbol} = {access(array, name)};")
-        tag = ""
-        for s in block.statements:
-            comment = f" /* {s.tag} */" if s.tag and s.tag != tag else ""
-            tag = s.tag
-            body.append(f"const {'LANES' if s.lanes else 'double'} {s.target} = {self.printer(s.expression)};{comment}")
-        for array, name, value in block.stores:
-            if array == "pivot":
-                body.append(f"if (!({self.printer(value)} > 0)) a->singular = {self._singular};")
-            elif array in LANE_ARRAYS and value.is_Number:
-                body.append(f"{access(array, name)} = NOTHING;" if value == 0 else f"{access(array, name)} = NOTHING + {self.printer(value)};")
-            elif array == "energy":
-                body.append(f"{access(array, name)} += {self.printer(value)};")
-            else:
-                body.append(f"{access(array, name)} = {self.printer(value)};")
-        return body, list(pointers.values())
-
     def function_name(self, sweep: str, kind: LinkKind) -> str:
-        return f"DIRECTIONS({sweep}_{kind.index})" if is_lanes(sweep) else f"{sweep}_{kind.index}"
+        name = f"{sweep}_{kind.index}"
+        return f"DIRECTIONS({name})" if SWEEP[sweep].lanes else name
 
-    # -- sweeps ----------------------------------------------------------------------------------------------------
-
-    def sweep(self, sweep: str) -> Function:
+    def loop(self, sweep: str) -> Function:
         """The loop over links of a sweep."""
-        spec = next(s for s in SWEEPS if s.name == sweep)
+        spec = SWEEP[sweep]
         blocks = self.program.blocks[sweep]
         kinds = [k.index for k in self.system.kind_of]
         inward = spec.direction == INWARD
-        segments = stretches(kinds)
-        lines: list[str] = []
+        f = Function(
+            spec.title, f"static void {f'DIRECTIONS({sweep})' if spec.lanes else sweep}({call_type(sweep)} *a)"
+        )
 
-        def call(kind: int, argument: str) -> str | None:
+        def call(kind: int, i: str) -> list[str]:
             block = blocks.get(kind)
             if block is None or not block.stores:
-                return None
+                return []
             k = self.system.kinds[kind]
-            name = self.function_name(sweep, k)
-            return f"{name}(a);" if len(k.members) == 1 else f"{name}(a, {argument});"
+            argument = "" if len(k.members) == 1 else f", {i}"
+            return [f"{self.function_name(sweep, k)}(a{argument});"]
 
-        if len(segments) <= MAX_SEGMENTS or len(self.system.kinds) == len(kinds):
-            if inward:
-                segments = segments[::-1]
-            for start, pattern, count in segments:
-                offsets = range(len(pattern))
-                calls = [call(pattern[o], f"i + {o}" if o else "i") for o in (reversed(offsets) if inward else offsets)]
-                calls = [c for c in calls if c]
+        parts = stretches(kinds)
+        if len(parts) <= MAX_STRETCHES or len(self.system.kinds) == len(kinds):
+            for start, pattern, count in reversed(parts) if inward else parts:
+                order = list(reversed(range(len(pattern)))) if inward else list(range(len(pattern)))
+                if count == 1:
+                    for o in order:
+                        f.lines += call(pattern[o], str(start + o))
+                    continue
+                calls = [c for o in order for c in call(pattern[o], f"i + {o}" if o else "i")]
                 if not calls:
                     continue
-                if count == 1:
-                    for c in calls:
-                        single = c.replace("(a, i + ", f"(a, {start} + ").replace("(a, i)", f"(a, {start})")
-                        lines.append(single)
+                step, end = len(pattern), start + len(pattern) * count
+                if inward:
+                    f.lines.append(f"for (int i = {end - step}; i >= {start}; i -= {step}) {{")
                 else:
-                    end = start + len(pattern) * count
-                    step = len(pattern)
-                    if inward:
-                        lines.append(f"for (int i = {end - step}; i >= {start}; i -= {step}) {{")
-                    else:
-                        lines.append(f"for (int i = {start}; i < {end}; i += {step}) {{")
-                    lines += [f"    {c}" for c in calls] + ["}"]
+                    f.lines.append(f"for (int i = {start}; i < {end}; i += {step}) {{")
+                f.lines += [f"    {c}" for c in calls] + ["}"]
         else:
+            self.table.use("KIND")
             n = len(kinds)
-            self.columns.used.append("KIND") if "KIND" not in self.columns.used else None
-            lines.append(f"for (int i = {n - 1}; i >= 0; --i) {{" if inward else f"for (int i = 0; i < {n}; ++i) {{")
-            lines.append("    switch (link[i][KIND]) {")
+            f.lines.append(f"for (int i = {n - 1}; i >= 0; --i) {{" if inward else f"for (int i = 0; i < {n}; ++i) {{")
+            f.lines.append("    switch (link[i][KIND]) {")
             for kind in self.system.kinds:
-                c = call(kind.index, "i")
-                lines.append(f"    case {kind.index}: {c + ' ' if c else ''}break;")
-            lines += ["    default: break;", "    }", "}"]
-        name = f"DIRECTIONS({sweep})" if spec.lanes else sweep
-        return Function(spec.title, f"static void {name}({'DIRECTIONS(call)' if spec.lanes else 'call'} *a)", lines)
+                calls = call(kind.index, "i")
+                if calls:
+                    f.lines.append(f"    case {kind.index}: {calls[0]} break;")
+            f.lines += ["    default: break;", "    }", "}"]
+        if not f.lines:
+            f.lines.append("(void)a;")
+        return f
 
     def sweep_functions(self, sweep: str) -> list[Function]:
-        functions = []
-        for kind in self.system.kinds:
-            block = self.program.blocks[sweep].get(kind.index)
-            if block is not None and block.stores:
-                self._singular = f"{kind.members[0]} + 1" if len(kind.members) == 1 else "i + 1"
-                functions.append(self.link_function(sweep, kind, block))
-        functions.append(self.sweep(sweep))
-        return functions
-
-    # -- the file --------------------------------------------------------------------------------------------------
-
-    def context(self) -> dict[str, Any]:
-        """What the templates are rendered with."""
-        model, system = self.model, self.system
-        scalar = [f for s in self.program.blocks if not is_lanes(s) for f in self.sweep_functions(s)]
-        lanes = [f for s in self.program.blocks if is_lanes(s) for f in self.sweep_functions(s)]
-        constants = self.constants_functions()
-        formulas = self.formula_functions()
-        start = Function("Constants, sines and cosines, joint forces: what depends on no other link", "static void start(call *a, double *work)")
-        start.lines = self.start_lines(constants["calls"], formulas["calls"])
-        columns = self.columns.used
-        n = len(system.links)
-        return {
-            "name": model.name,
-            "NAME": model.name.upper(),
-            "version": __version__,
-            "nq": model.nq, "nu": model.nu, "np": len(model.parameters), "ninputs": len(model.inputs),
-            "parameter_names": model.parameter_names,
-            "input_names": model.inputs,
-            "workspace": self.workspace,
-            "sizes": self.sizes,
-            "call_pointers": self.call_pointers,
-            "lane_pointers": self.lane_pointers,
-            "columns": columns,
-            "link_rows": [", ".join(str(self.columns.values[c][i]) for c in columns) for i in range(n)],
-            "numbers": [repr(v) for v in self.numbers],
-            "angles": len(self.angles),
-            "tables": constants["tables"] + formulas["tables"] + self.angle_table(),
-            "functions": constants["functions"] + formulas["functions"] + scalar + [start],
-            "lane_functions": formulas["lane_functions"] + lanes,
-            "api": self.api(),
-        }  # fmt: skip
-
-    # -- memory ----------------------------------------------------------------------------------------------------
-
-    def lay_out_workspace(self) -> None:
-        """Places of everything in the caller's workspace, in doubles, each on a cache line."""
-        model, system = self.model, self.system
-        regions = [
-            ("records", len(self.record) * (len(system.links) + 1)),
-            ("constants", self.constants_size),
-            ("trig", 2 * self.padded),
-            ("tau", model.nu if self.formulas else 0),
-            ("slots", 8 * self.slot_size * system.slots),
-            ("lanes", 8 * len(self.lane) * len(system.links)),
-            ("dtau", 8 * model.nu if self.formulas else 0),
-        ]
-        self.offsets: dict[str, int] = {}
-        at = 0
-        for name, size in regions:
-            if size:
-                self.offsets[name] = at
-                at += -(-size // 8) * 8
-        self.scratch = at
-        self.workspace = at + 8  # the caller's memory need not begin on a cache line
-        self.sizes = [
-            ("LINKS", len(system.links)),
-            ("RECORD", max(1, len(self.record))),
-            ("SLOT_SIZE", max(1, self.slot_size)),
-            ("LANE_SIZE", max(1, len(self.lane))),
-            ("ANGLES", max(1, self.padded)),
-        ]
-        self.call_pointers = ["const double *q", "const double *u"]
-        if model.parameters:
-            self.call_pointers.append("const double *p")
-        if model.inputs:
-            self.call_pointers.append("const double *inputs")
-        if self.uses_time:
-            self.call_pointers.append("double t")
-        self.call_pointers += ["double *udot"]
-        self.call_pointers += [f"double *{name}" for name in ("records", "constants", "trig", "tau") if name in self.offsets]
-        self.lane_pointers = ["const LANES *dq", "const LANES *du"]
-        if model.parameters:
-            self.lane_pointers.append("const LANES *dp")
-        if model.inputs:
-            self.lane_pointers.append("const LANES *dinputs")
-        if self.uses_time:
-            self.lane_pointers.append("LANES dt")
-        self.lane_pointers += ["LANES *dudot"]
-        self.lane_pointers += [f"LANES *{name}" for name in ("slots", "lanes", "dtau") if name in self.offsets]
-
-    def start_lines(self, constants: list[str], formulas: list[str]) -> list[str]:
-        lines = ["work = (double *)(((uintptr_t)work + 63) & ~(uintptr_t)63);"]
-        for name in ("records", "constants", "trig", "tau"):
-            if name in self.offsets:
-                lines.append(f"a->{name} = work + {self.offsets[name]};")
-        lines.append("a->singular = 0;")
-        lines += constants
-        lines += self.ground()
-        if self.angles:
-            lines += [
-                "double angle[ANGLES];" if self.padded <= 1024 else "double *angle = a->records;",
-            ] if False else []
-            source = "a->q[angle_of[i]]" if self.angles != list(range(len(self.angles))) else "a->q[i]"
-            lines += [
-                f"double *angle = a->trig + ANGLES;  /* the sines come here */",
-                f"for (int i = 0; i < {len(self.angles)}; ++i) angle[i] = {source};",
-            ]
-            if self.padded != len(self.angles):
-                lines.append(f"for (int i = {len(self.angles)}; i < ANGLES; ++i) angle[i] = 0.0;")
-            lines.append("sines_and_cosines(ANGLES, a->trig);")
-        lines += formulas
-        if "rotations" in self.program.blocks and self.program.blocks["rotations"]:
-            lines.append("rotations(a);")
-        return lines
-
-    def angle_table(self) -> list[tuple[str, list[str]]]:
-        if self.angles and self.angles != list(range(len(self.angles))):
-            return [(f"static const int angle_of[{len(self.angles)}]", [str(i) for i in self.angles])]
-        return []
-
-    # -- the functions of the header -------------------------------------------------------------------------------
-
-    def state_arguments(self) -> list[str]:
-        names = [p for p in self.call_pointers if p.split()[-1].lstrip("*") in ("q", "u", "p", "inputs", "t")]
-        return names
-
-    def api(self) -> list[Function]:
-        state = self.state_arguments()
-        fill = [f"a->{p.split()[-1].lstrip('*')} = {p.split()[-1].lstrip('*')};" for p in state]
-        forward = ["kinematics(a);", "triangularize(a);", "if (a->singular) return a->singular;", "back_substitute(a);"]
-        name = self.model.name
         functions = [
-            Function(
-                "Forward dynamics (Eqs. 18-24, 42-56).",
-                f"int {name}_accelerations({', '.join([*state, 'double *udot', 'double *work'])})",
-                ["call c, *a = &c;", *fill, "a->udot = udot;", "start(a, work);", *forward, "return 0;"],
-            )
+            self.link_function(sweep, kind, block)
+            for kind in self.system.kinds
+            if (block := self.program.blocks[sweep].get(kind.index)) is not None and block.stores
         ]
-        for width in (8, 2, 1):
-            seeds = [f"const double *d{p.split()[-1].lstrip('*')}" for p in state]
-            lines = ["call c, *a = &c;", *fill, "a->udot = udot;", "start(a, work);", *forward]
-            lines += [f"call_{width} d, *b = &d;"]
-            for p in self.call_pointers:
-                n = p.split()[-1].lstrip("*")
-                lines.append(f"b->{n} = a->{n};")
-            for p in state:
-                n = p.split()[-1].lstrip("*")
-                lines.append(f"b->dt = *(const lanes_{width} *)dt;" if n == "t" else f"b->d{n} = (const lanes_{width} *)d{n};")
-            lines.append("work = (double *)(((uintptr_t)work + 63) & ~(uintptr_t)63);")
-            for n in ("slots", "lanes", "dtau"):
-                if n in self.offsets:
-                    lines.append(f"b->{n} = (lanes_{width} *)(work + {self.offsets[n]});")
-            lines.append(f"b->dudot = (lanes_{width} *)dudot;")
-            for line in self.ground_slot():
-                lines.append(line.replace("a->", "b->"))
-            if self.formulas:
-                lines.append(f"force_tangents_{width}(b);")
-            if self.program.blocks.get("turns"):
-                lines.append(f"turns_{width}(b);")
-            lines += [f"balance_out_{width}(b);", f"balance_in_{width}(b);", f"balance_back_{width}(b);", "return 0;"]
-            functions.append(
-                Function(
-                    f"Forward dynamics and its derivative along {width} seeds.",
-                    f"int {name}_sensitivities_{width}({', '.join([*state, *seeds, 'double *udot', 'double *dudot', 'double *work'])})",
-                    lines,
-                )
-            )
-        return functions
+        return [*functions, self.loop(sweep)]
 
-    def formula_functions(self) -> dict[str, Any]:
-        return {"functions": [], "lane_functions": [], "calls": [], "tables": []}
+    # -- constants and formulas ------------------------------------------------------------------------------------
 
-    def constants_functions(self) -> dict[str, Any]:
+    def rows_function(
+        self,
+        name: str,
+        block: Block,
+        place: Callable[[Callable[[int], str], str, str], tuple[str, str, int | str]],
+        integers: list[list[int]],
+        numbers: list[list[float]],
+        call: str = "call",
+    ) -> tuple[Function, str]:
+        """A function for blocks that are the same but for table rows, and the statement that calls it for all rows.
+
+        `place` gets a function that makes the C expression of an integer column.
+        """
+        single = len(integers) == 1
+        plain = name.removeprefix("DIRECTIONS(").removesuffix(")")
+        table = f"rows_of_{plain.removeprefix('d')}" if plain.startswith("d") else f"rows_of_{plain}"
+        used: list[bool] = [False]
+
+        def column(j: int) -> str:
+            values = {row[j] for row in integers}
+            if len(values) == 1:
+                return str(values.pop())
+            used[0] = True
+            return f"{table}[i][{j}]"
+
+        def located(array: str, field_: str) -> tuple[str, str, int | str]:
+            if array == "k":
+                return "k", f"numbers_of_{plain}[{0 if single else 'i'}]", int(field_)
+            return place(column, array, field_)
+
+        f = Function(block.title, f"static void {name}({call} *a{'' if single else ', int i'})")
+        f.lines = self.writer.lines(block, located)
+        if not single and not any("[i]" in line for line in f.lines):
+            f.lines.insert(0, "(void)i;")
+        if used[0] and not any(head.startswith(f"static const int {table}[") for head, _ in self.tables):
+            head = f"static const int {table}[{len(integers)}][{len(integers[0])}]"
+            self.tables.append((head, [", ".join(map(str, row)) for row in integers]))
+        if any(a == "k" for a, _ in block.loads.values()):
+            head = f"static const double numbers_of_{plain}[{len(numbers)}][{len(numbers[0])}]"
+            self.tables.append((head, [", ".join(map(repr, row)) for row in numbers]))
+        if single:
+            return f, f"{name}(a);"
+        return f, f"for (int i = 0; i < {len(integers)}; ++i) {name}(a, i);"
+
+    def constants_functions(self) -> tuple[list[Function], list[str]]:
         """Functions that compute constants from parameters, and the calls."""
-        functions, calls, tables = [], [], []
+        functions, calls = [], []
         places = {name: i for i, name in enumerate(self.model.parameter_names)}
         for shape in self.system.shapes:
             if not shape.block.stores:
                 continue
             rows = [c for c in self.system.constants if c.shape is shape]
-            fields = self.constant_fields[shape.index]
-            single = len(rows) == 1
-            int_row = f"constants_of_{shape.index}[i]"
-            first = rows[0]
+            fields = self.layout.constant_fields[shape.index]
 
-            def place(array: str, name: str) -> tuple[str, str, int | str]:
+            def place(column: Callable[[int], str], array: str, name: str, f: Any = fields) -> tuple[str, str, int | str]:
                 if array == "pc":
-                    base = str(self.constant_offsets[first.index]) if single else f"{int_row}[0]"
-                    return "c", f"a->constants + {base}", fields[name]
-                if array == "parameter":
-                    index = str(places[first.parameters[int(name)]]) if single else f"{int_row}[{1 + int(name)}]"
-                    return "p", "a->p", index
-                return "k", f"numbers_of_{shape.index}[{'0' if single else 'i'}]", int(name)
+                    return "c", f"a->constants + {column(0)}", f[name]
+                return "p", "a->p", column(1 + int(name))
 
-            body, pointers = self.body(shape.block, place)
-            f = Function(shape.block.title, f"static void constants_{shape.index}(call *a{'' if single else ', int i'})")
-            f.lines = pointers + body
+            integers = [[self.layout.constant_offsets[c.index], *(places[p] for p in c.parameters)] for c in rows]
+            f, call = self.rows_function(
+                f"constants_{shape.index}", shape.block, place, integers, [list(c.numbers) for c in rows]
+            )
             functions.append(f)
-            if any(array == "k" for array, _ in shape.block.loads.values()):
-                tables.append(
-                    (f"static const double numbers_of_{shape.index}[{len(rows)}][{shape.numbers}]",
-                     [", ".join(repr(v) for v in c.numbers) for c in rows])
-                )  # fmt: skip
-            if single:
-                calls.append(f"constants_{shape.index}(a);")
-            else:
-                tables.append(
-                    (f"static const int constants_of_{shape.index}[{len(rows)}][{1 + shape.parameters}]",
-                     [", ".join(map(str, [self.constant_offsets[c.index], *(places[p] for p in c.parameters)])) for c in rows])
-                )  # fmt: skip
-                calls.append(f"for (int i = 0; i < {len(rows)}; ++i) constants_{shape.index}(a, i);")
-        return {"functions": functions, "calls": calls, "tables": tables}
+            calls.append(call)
+        return functions, calls
+
+    def formula_functions(self, target: str) -> dict[str, Any]:
+        """Functions of the formulas of a target, for values and for tangents."""
+        result: dict[str, Any] = {"functions": [], "lane_functions": [], "calls": [], "lane_calls": []}
+
+        def place_formula(column: Callable[[int], str], array: str, name: str) -> tuple[str, str, int | str]:
+            if array in (target, f"d{target}"):
+                return array, f"a->{array}", column(0)
+            if array in ("t", "dt"):
+                return array, f"&a->{array}" if array == "t" else "a->dt", 0
+            return array, f"a->{array}", column(1 + int(name))
+
+        for kind in self.formulas:
+            if kind.target != target:
+                continue
+            integers = [[i, *slots] for i, slots, _ in kind.rows]
+            self._add_pair(result, f"{target}_{kind.index}", kind, place_formula, integers, [n for _, _, n in kind.rows])
+        ground = len(self.system.links)
+        layout = self.layout
+
+        def place_record(column: Callable[[int], str], array: str, name: str) -> tuple[str, str, int | str]:
+            if array in (target, f"d{target}"):
+                return array, f"a->{array}", column(0)
+            if array == "me":
+                return array, f"a->records + RECORD*{column(1)}", layout.record[name]
+            if array == "lane":
+                return array, f"a->lanes + LANE_SIZE*{column(1)}", layout.lane[name]
+            if array == "lme":
+                return array, "a->slots", layout.slots["moment_tangents"][name]
+            return array, f"a->{array}", column(2 + int(name))
+
+        for record in self.records:
+            if record.target != target:
+                continue
+            integers = [[i, ground if link == GROUND else link, *slots] for i, link, slots, _ in record.rows]
+            numbers = [n for *_, n in record.rows]
+            self._add_pair(result, f"{target}_of_link_{record.index}", record, place_record, integers, numbers)
+        return result
+
+    def _add_pair(self, result: dict[str, Any], name: str, kind: Any, place: Any, integers: Any, numbers: Any) -> None:
+        f, call = self.rows_function(name, kind.value, place, integers, numbers)
+        result["functions"].append(f)
+        result["calls"].append(call)
+        f, call = self.rows_function(f"DIRECTIONS(d{name})", kind.tangent, place, integers, numbers, "DIRECTIONS(call)")
+        result["lane_functions"].append(f)
+        result["lane_calls"].append(call)
+
+    # -- the ground ------------------------------------------------------------------------------------------------
 
     def ground(self) -> list[str]:
         """Lines that set the ground's record: at rest, accelerating by -g."""
         g = self.system.gravity
         lines = []
-        for name in sorted(self.program.ground_fields, key=lambda n: self.record[n]):
+        for name in sorted(self.program.ground_fields, key=lambda n: self.layout.record[n]):
             value = "0.0"
             plain = name.removeprefix("t")
             if name in ("W.xx", "W.yy", "W.zz"):
                 value = "1.0"
             elif g is not None and plain in g.shape.fields:
                 if plain in g.shape.varying:
-                    field_ = self.constant_fields[g.shape.index][g.shape.varying[plain]]
-                    value = f"a->constants[{self.constant_offsets[g.index] + field_}]"
+                    value = self._gravity(g.shape.varying[plain])
                 else:
                     value = repr(g.values.get(plain, 0.0))
-            lines.append(f"a->records[RECORD*LINKS + {self.record[name]}] = {value};")
+            lines.append(f"a->records[RECORD*LINKS + {self.layout.record[name]}] = {value};")
         return lines
 
-    def ground_slot(self) -> list[str]:
-        """Lines that set the ground's tangent, where gravity depends on parameters."""
+    def rest(self) -> list[str]:
+        """Lines that take gravity away again."""
+        return [
+            f"a->records[RECORD*LINKS + {self.layout.record[n]}] = 0.0;"
+            for n in sorted(self.program.ground_fields)
+            if n.startswith(("a.", "ta."))
+        ]
+
+    def _gravity(self, name: str) -> str:
+        g = self.system.gravity
+        assert g is not None
+        index = self.layout.constant_offsets[g.index] + self.layout.constant_fields[g.shape.index][name]
+        return f"a->constants[{index}]"
+
+    def ground_tangent(self) -> tuple[list[str], list[str]]:
+        """Lines that set the ground's tangent where gravity depends on parameters, and that set it to zero."""
         g = self.system.gravity
         lines: list[str] = []
-        for name, i in self.slots.get("balance_out", {}).items():
-            value = []
-            if g is not None and name in g.shape.varying:
-                places = {n: k for k, n in enumerate(self.model.parameter_names)}
-                for j, p in enumerate(g.parameters):
-                    key = f"{name}/{j}"
-                    if key in g.shape.fixed:
-                        factor = repr(float(g.shape.fixed[key]))
-                    else:
-                        field_ = self.constant_fields[g.shape.index][g.shape.varying[key]]
-                        factor = f"a->constants[{self.constant_offsets[g.index] + field_}]"
-                    value.append(f"{factor}*a->dp[{places[p]}]")
-                lines.append(f"a->slots[{i}] = {' + '.join(value)};")
-        return lines
+        zero: list[str] = []
+        places = {n: k for k, n in enumerate(self.model.parameter_names)}
+        for name, i in self.layout.slots.get("balance_out", {}).items():
+            if g is None or name not in g.shape.varying:
+                continue
+            terms = []
+            for j, p in enumerate(g.parameters):
+                key = f"{name}/{j}"
+                factor = repr(float(g.shape.fixed[key])) if key in g.shape.fixed else ""
+                if not factor and key in g.shape.varying:
+                    factor = self._gravity(g.shape.varying[key])
+                if factor:
+                    terms.append(f"{factor}*a->dp[{places[p]}]")
+            lines.append(f"a->slots[{i}] = {' + '.join(terms)};")
+            zero.append(f"a->slots[{i}] = NOTHING;")
+        return lines, zero
+
+    # -- the files -------------------------------------------------------------------------------------------------
+
+    def context(self) -> dict[str, Any]:
+        """What the templates are rendered with."""
+        model, layout, use = self.model, self.layout, self.uses
+        blocks = self.program.blocks
+        scalar = [f for s in blocks if not SWEEP[s].lanes for f in self.sweep_functions(s)]
+        lanes = [f for s in blocks if SWEEP[s].lanes for f in self.sweep_functions(s)]
+        constants, constant_calls = self.constants_functions()
+        tau, outputs, energy = (self.formula_functions(t) for t in ("tau", "outputs", "energy"))
+        size = sizes(model)
+        ground_tangent, ground_tangent_rest = self.ground_tangent()
+        links = len(self.system.links)
+        state = ["q", "u"] + [n for n, name in (("p", "parameters"), ("inputs", "inputs")) if use[name]]
+        regions = [
+            ("records", "", len(layout.record) * (links + 1)),
+            ("constants", "", layout.constants_size),
+            ("trig", "", 2 * layout.angles_padded),
+            ("tau", "", model.nu if use["forces"] else 0),
+            ("rest_u", "", model.nu),
+            ("numbers_1", "", model.nu),
+            ("numbers_2", "", model.nu),
+            ("slots", "L", layout.slot_size * self.system.slots),
+            ("lanes", "L", len(layout.lane) * links),
+            ("dtau", "L", model.nu if use["forces"] else 0),
+            ("lanes_1", "L", model.nu),
+            ("lanes_2", "L", model.nu),
+            *((f"rest_d{n}", "L", size[n]) for n in state),
+            ("rest_dt", "L", int(use["time"])),
+        ]
+        at, placed = 0, []
+        for name, kind, count in regions:
+            if count:
+                placed.append((name, kind == "L", at))
+                at += -(-count * (8 if kind == "L" else 1) // 8) * 8
+        functions = interfaces(self.system)
+        scratch = max((sum(size[n] for n in f.seeds_sizes() + f.derived()) for f in functions if f.widths), default=0)
+        self.workspace = at + 8 + scratch
+        pointers = ["double *" + n for n in ("udot", "qdot", "force", "energy", "outputs")]
+        sources = [f"const double *{n}" for n in state] + (["double t"] if use["time"] else [])
+        seeds = [f"const LANES *d{n}" for n in state] + (["const LANES *dt"] if use["time"] else [])
+        names = lambda declarations: [d.split()[-1].lstrip("*") for d in declarations]  # noqa: E731
+        call_pointers = [*sources, *pointers, *(f"double *{n}" for n, lane, _ in placed if not lane)]
+        lane_pointers = [
+            *seeds,
+            "const LANES *b",
+            *(f"LANES *{n}" for n in ("dudot", "dqdot", "dforce", "denergy", "doutputs")),
+            *(f"LANES *{n}" for n, lane, _ in placed if lane),
+        ]
+        return {
+            "name": model.name,
+            "NAME": model.name.upper(),
+            "version": __version__,
+            "nq": model.nq, "nu": model.nu, "np": len(model.parameters), "ninputs": len(model.inputs),
+            "noutputs": len(model.outputs),
+            "coordinates": model.coordinate_names, "speeds": model.speed_names,
+            "parameters": model.parameters, "input_names": model.inputs, "outputs": model.outputs,
+            "uses": use,
+            "has": set(blocks),
+            "quaternions": any(b.stores for b in blocks.get("rotations", {}).values()),
+            "state": names(sources),
+            "size": size,
+            "constants_in_c": [
+                ("LINKS", links), ("RECORD", max(1, len(layout.record))), ("SLOT_SIZE", max(1, layout.slot_size)),
+                ("LANE_SIZE", max(1, len(layout.lane))), ("ANGLES", max(1, layout.angles_padded)),
+            ],
+            "workspace": self.workspace,
+            "scratch": at,
+            "regions": placed,
+            "region_names": {n for n, _, _ in placed},
+            "call_pointers": call_pointers, "call_names": names(call_pointers),
+            "lane_pointers": lane_pointers,
+            "columns": self.table.used, "link_rows": self.table.rows() if self.table.used else [],
+            "numbers": [repr(v) for v in layout.numbers],
+            "tables": self.tables,
+            "angles": layout.angles,
+            "angles_in_order": layout.angles == list(range(len(layout.angles))),
+            "functions": constants + tau["functions"] + scalar + outputs["functions"] + energy["functions"],
+            "lane_functions": tau["lane_functions"] + lanes + outputs["lane_functions"] + energy["lane_functions"],
+            "constant_calls": constant_calls,
+            "tau": tau, "output_formulas": outputs, "potential": energy,
+            "energy_outputs": self.energy_outputs,
+            "ground": self.ground(), "rest": self.rest(),
+            "ground_tangent": ground_tangent, "ground_tangent_rest": ground_tangent_rest,
+            "interfaces": functions,
+            "prototypes": [
+                (f.comment if not w else f"{f.comment} Directions: {w}.", f.signature(model.name, w))
+                for f in functions for w in (f.widths or (None,))
+            ],
+            "fallbacks": [fallback(f, model.name, w, size) for f in functions for w in f.widths if w > 1],
+            "signature": {f.name: f.signature(model.name) for f in functions},
+            "lane_signature": {
+                f.name: f.signature(model.name).replace(f"{model.name}_{f.name}", f"DIRECTIONS({model.name}_{f.name})")
+                for f in functions
+            },
+            "jacobian_groups": [(n, size[n]) for n in next(f for f in functions if f.name == "accelerations").arguments],
+        }  # fmt: skip
 
 
-def is_lanes(sweep: str) -> bool:
-    return next(s.lanes for s in SWEEPS if s.name == sweep)
+def fallback(f: Interface, model: str, width: int, size: dict[str, int]) -> Function:
+    """A function of several directions in plain C: one direction after the other."""
+    result = Function(f"{f.comment} Directions: {width}.", f.signature(model, width))
+    lines = result.lines
+    at = 0
+    pieces: list[tuple[str, int, int]] = []
+    for name in [*f.seeds, *f.derived_names()]:
+        n = size[name.removeprefix("d")]
+        pieces.append((name, at, n))
+        at += n
+    lines.append("double *s = work + SCRATCH;")
+    lines.append(f"for (int l = 0; l < {width}; ++l) {{")
+    for name, offset, n in pieces:
+        if name in f.seeds:
+            lines.append(f"    for (int i = 0; i < {n}; ++i) s[{offset} + i] = {name}[{width}*i + l];")
+    arguments = [*f.arguments, *(f"s + {o}" for name, o, _ in pieces if name in f.seeds)]
+    places = {name: o for name, o, _ in pieces}
+    arguments += [f"s + {places[r]}" if r in places else r for r in f.results]
+    lines.append(f"    const int singular = {model}_{f.name}_1({', '.join([*arguments, 'work'])});")
+    lines.append("    if (singular) return singular;")
+    for name, offset, n in pieces:
+        if name not in f.seeds:
+            lines.append(f"    for (int i = 0; i < {n}; ++i) {name}[{width}*i + l] = s[{offset} + i];")
+    lines += ["}", "return 0;"]
+    return result
+
+
+def call_type(sweep: str) -> str:
+    return "DIRECTIONS(call)" if SWEEP[sweep].lanes else "call"
 
 
 def stretches(kinds: list[int], longest: int = 8) -> list[tuple[int, tuple[int, ...], int]]:
@@ -535,21 +536,19 @@ def stretches(kinds: list[int], longest: int = 8) -> list[tuple[int, tuple[int, 
             total = (j - i) // period * period + period
             if total >= 2 * period and total > covered:
                 best, covered = period, total
-        if covered == 1:
-            result.append((i, (kinds[i],), 1))
-            i += 1
-        else:
-            result.append((i, tuple(kinds[i : i + best]), covered // best))
-            i += covered
+        result.append((i, tuple(kinds[i : i + best]), covered // best))
+        i += covered
     return result
 
 
-def write_c(program: Program, formulas: list[FormulaKind]) -> dict[str, str]:
+def write_c(context: dict[str, Any]) -> dict[str, str]:
     """The C files of a solver, by name."""
-    context = CWriter(program, formulas).context()
     name = context["name"]
     return {
         f"{name}.c": render("c/module.c.jinja", context),
         f"{name}_directions.h": render("c/directions.h.jinja", context),
         f"{name}.h": render("c/module.h.jinja", context),
     }
+
+
+__all__ = ["WIDTHS", "CWriter", "write_c"]

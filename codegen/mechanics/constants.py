@@ -17,6 +17,7 @@ from ..model.expressions import Expression
 from ..program.block import Block, Expansion
 from ..program.derivatives import Tangents
 from ..program.functions import SYMBOLIC, number
+from ..program.passes import simplify
 
 
 class Slots:
@@ -184,7 +185,7 @@ def make_shape(index: int, slots: Slots, write: Callable[[Expansion, Callable[[A
     for s in x.block.statements:
         if s.lanes:
             object.__setattr__(s, "lanes", False)
-    return Shape(index, len(parameters), len(slots.numbers), x.finish(), fields, varying, fixed)
+    return Shape(index, len(parameters), len(slots.numbers), simplify(x.finish()), fields, varying, fixed)
 
 
 @dataclass(slots=True, eq=False)

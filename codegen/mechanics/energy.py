@@ -8,7 +8,14 @@ from sympy import Rational
 
 from .inverse_dynamics import differentiate, store_tangent
 from .joints import JointTransform
-from .kinematics import angular_velocity, load_matrix, load_symmetric, load_vector, store_matrix, store_vector
+from .kinematics import (
+    angular_velocity,
+    load_matrix,
+    load_symmetric,
+    load_vector,
+    store_matrix,
+    store_vector,
+)
 from .spatial import XYZ, Vec, add, cross, dot, matmul, matvec, scale
 from .triangularization import accumulate
 
@@ -28,12 +35,12 @@ def kinetic(x: Any, kind: Any) -> None:
     T = x.let("T", half * twice, "kinetic energy")
     store_vector(x, "me", "w", w)
     store_vector(x, "me", "v", v)
-    x.store("energy", "T", T)
+    x.store("energy_sum", "0", T)
     if x.tangents:
         d = differentiate(x, kind, joint)
         store_tangent(x, d, "lme", "w", w)
         store_tangent(x, d, "lme", "v", v)
-        x.store("lane", "T", d.value(T) if d else T)
+        x.store("denergy_sum", "0", d.value(T) if d else T)
 
 
 def origin_velocity(x: Any, kind: Any, joint: JointTransform) -> Vec:

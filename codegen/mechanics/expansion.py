@@ -48,6 +48,7 @@ class Program:
     slots: dict[str, list[str]] = field(default_factory=dict)
     report: list[tuple[str, Operations, float]] = field(default_factory=list)
     ground_fields: set[str] = field(default_factory=set)
+    read_outside: set[tuple[str, int, str]] = field(default_factory=set)
 
 
 class Patterns:
@@ -99,13 +100,16 @@ class Patterns:
                             changed = True
 
 
-def expand(system: System, sweeps: Iterable[str]) -> Program:
-    """Write the blocks of the named sweeps for every kind, simplify them and lay out their memory."""
+def expand(system: System, sweeps: Iterable[str], read_outside: Iterable[tuple[str, int, str]] = ()) -> Program:
+    """Write the blocks of the named sweeps for every kind, simplify them and lay out their memory.
+
+    `read_outside` are fields (memory, kind, field) that formulas read.
+    """
     wanted = set(sweeps)
-    chosen = [s for s in SWEEPS if s.name in wanted]
+    chosen = [s for s in SWEEPS if s.name in wanted and any(map(s.applies, system.kinds))]
     patterns = Patterns(system)
     _ground_pattern(patterns)
-    program = Program(system)
+    program = Program(system, read_outside=set(read_outside))
     start = time.perf_counter()
     for sweep in chosen:
         patterns.settle(sweep)
@@ -181,7 +185,7 @@ def _drop_unread(program: Program, patterns: Patterns, sweeps: list[Sweep]) -> N
                         continue
                     memory, of_parent = key
                     read |= {(memory, k, name) for k in (patterns.parents[kind] if of_parent else (kind,))}
-        read |= {(LANE, k.index, n) for k in program.system.kinds for n in ("T",)}
+        read |= program.read_outside
         changed = False
         for sweep in sweeps:
             for kind, block in program.blocks[sweep.name].items():

@@ -16,6 +16,7 @@ from ..model.model import Model
 from ..program.block import Block, Expansion
 from ..program.derivatives import Tangents
 from ..program.functions import number
+from ..program.passes import simplify
 from .constants import Statements
 from .kinds import System
 
@@ -138,7 +139,7 @@ def _make(index: int, target: str, tree: Any, places: list[tuple[str, int]]) -> 
     for s in statements:
         d.statement(s)
     y.store(f"d{target}", "0", sympy.sympify(d.value(value)))
-    return FormulaKind(index, target, x.finish(), y.finish(), slots)
+    return FormulaKind(index, target, simplify(x.finish()), simplify(y.finish()), slots)
 
 
 def force_formulas(system: System) -> list[FormulaKind]:

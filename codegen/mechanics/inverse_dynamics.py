@@ -13,8 +13,8 @@ from sympy import Expr, Symbol
 from ..program.derivatives import Tangents
 from .joints import JointTransform, freedom_axes
 from .kinematics import (
-    acceleration_matrix,
     accelerate,
+    acceleration_matrix,
     angular_velocity,
     body_force,
     load_vector,

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from sympy import Rational
+
 from .joints import JointTransform
 from .spatial import XYZ, Mat, Vec, add, cross, matvec, symmetric
 
@@ -172,3 +174,30 @@ def quaternion_turn(x: Any, kind: Any) -> None:
     )
     for m in range(3):
         x.store("lane", f"turn.{m}", x.let("turn", turn[m], tag, lanes=True))
+
+
+def coordinate_rates(x: Any, kind: Any) -> None:
+    """Time derivatives of the coordinates. Eq. 1: of a quaternion ``e (0, omega) / 2``, of a position ``R v``."""
+    if kind.joint in ("revolute", "prismatic"):
+        x.store("qdot", "0", x.load("u", "0"))
+        if x.tangents:
+            x.store("dqdot", "0", x.load("du", "0"))
+        return
+    from .inverse_dynamics import differentiate
+
+    joint = JointTransform(x, kind)
+    n = COORDINATE_START[kind.joint]
+    tag = "Eq. 1"
+    half = 1 if x.structural else Rational(1, 2)
+    w, i, j, k = (x.let("e", half * x.load("q", str(n + m)), tag) for m in range(4))
+    wx, wy, wz = (x.load("u", str(m)) for m in range(3))
+    rates = [-i * wx - j * wy - k * wz, w * wx + j * wz - k * wy, w * wy + k * wx - i * wz, w * wz + i * wy - j * wx]
+    if kind.joint == "free":
+        rates = matvec(joint.matrix, [x.load("u", str(m)) for m in range(3, 6)]) + rates
+    rates = [x.let("rate", e, tag) for e in rates]
+    for m, value in enumerate(rates):
+        x.store("qdot", str(m), value)
+    if x.tangents:
+        d = differentiate(x, kind, joint)
+        for m, value in enumerate(rates):
+            x.store("dqdot", str(m), d.value(value) if d else value)

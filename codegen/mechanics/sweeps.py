@@ -10,7 +10,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from . import back_substitution, balance, energy, inverse_dynamics, kinematics, triangularization
+from . import (
+    back_substitution,
+    balance,
+    energy,
+    inverse_dynamics,
+    kinematics,
+    triangularization,
+)
 
 OUTWARD, INWARD = "outward", "inward"
 
@@ -64,6 +71,9 @@ SWEEPS: tuple[Sweep, ...] = (
     Sweep("solve_in", "solve M x = b, inward (Eqs. 45, 53)", balance.solve_inward, INWARD, lanes=True),
     Sweep("mass_out", "product M x, outward (Eqs. 19, 23)", balance.mass_outward, OUTWARD, lanes=True),
     Sweep("mass_in", "product M x, inward", balance.mass_inward, INWARD, lanes=True),
+    Sweep("rates", "time derivatives of the coordinates (Eq. 1)", kinematics.coordinate_rates, OUTWARD),
+    Sweep("rate_tangents", "tangent of the time derivatives of the coordinates", kinematics.coordinate_rates, OUTWARD,
+          lanes=True, tangents=True),
     Sweep("kinetic", "velocities and kinetic energy (Eq. 18)", energy.kinetic, OUTWARD),
     Sweep("kinetic_tangents", "tangent of velocities and kinetic energy", energy.kinetic, OUTWARD, lanes=True, tangents=True),
     Sweep("moments", "mass and first moment of everything outboard", energy.moments, INWARD),
@@ -71,3 +81,5 @@ SWEEPS: tuple[Sweep, ...] = (
     Sweep("pose", "positions and attitudes in the ground frame", energy.pose, OUTWARD),
     Sweep("pose_tangents", "tangent of positions and attitudes", energy.pose, OUTWARD, lanes=True, tangents=True),
 )  # fmt: skip
+
+SWEEP = {s.name: s for s in SWEEPS}

@@ -9,11 +9,15 @@ from __future__ import annotations
 
 from typing import Any
 
+from sympy import Float
+
 from .joints import JointTransform, freedom_axes, shift_inertia
 from .kinematics import load_symmetric, load_vector
 from .spatial import NINE, PAIRS, XYZ, Mat, Vec, add, cross, six
 
-SIX = [f"n.{i}" for i in XYZ] + [f"f.{i}" for i in XYZ]
+SMALL = 1e-14
+"""A pivot below this fraction of the articulated inertia: nothing outboard has inertia about the joint."""
+SMALL_NUMBER = Float(SMALL)
 
 
 def to_blocks(I: Mat) -> tuple[Mat, Mat, Mat]:
@@ -65,7 +69,7 @@ def force_to_parent(x: Any, joint: JointTransform, r: Vec, n: Vec, f: Vec, tag: 
     n = joint.to_parent(n, "pn", tag)
     f = joint.to_parent(f, "pf", tag)
     n = add(n, cross(r, f))
-    return [x.let(f"up_n_{i}", n[k], tag) for k, i in enumerate(XYZ)], f
+    return [x.let(f"up_n_{i}", n[k], tag, lanes=joint.lanes) for k, i in enumerate(XYZ)], f
 
 
 def hand_on_force(x: Any, kind: Any, n: Vec, f: Vec, prefix: str = "acc", lanes: bool = False) -> None:
@@ -82,13 +86,14 @@ def triangularize(x: Any, kind: Any) -> None:
         load_vector(x, "me", "f"), load_vector(x, "me", "acc.f")
     )
     axes = freedom_axes(kind.joint, kind.axis)
+    scales = [let("scale", I[n][n] + I[n + 1][n + 1] + I[n + 2][n + 2], "zero pivot") for n in (0, 3)]
     for j in reversed(range(len(axes))):
         a = axes[j]
         tau = x.load("tau", str(j)) if kind.forced[j] else 0
         D = I[a][a]
         inverse = let("Dinv", 1 / D, "Eq. 47")
         r = let("r", tau - p[a], "Eq. 53")
-        x.store("me", f"pivot.{j}", D)
+        x.store("pivot", str(j), let("margin", D - (1 if x.structural else SMALL_NUMBER) * scales[a // 3], "zero pivot"))
         x.store("me", f"Dinv.{j}", inverse)
         x.store("me", f"rD.{j}", let("rD", r * inverse, "Eq. 53"))
         G = [0 if i == a else let(f"G{i}", I[i][a] * inverse, "Eq. 46") for i in range(6)]

@@ -154,3 +154,10 @@ PASSES: tuple[tuple[str, Callable[[Block], Block]], ...] = (
     ("drop dead statements again", drop_dead),
 )
 """The passes and their order."""
+
+
+def simplify(block: Block) -> Block:
+    """All passes, in their order."""
+    for _, function in PASSES:
+        block = function(block)
+    return block

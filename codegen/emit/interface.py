@@ -1,0 +1,158 @@
+"""The functions of the generated header: names, arguments, results, and what the model uses of them.
+
+An argument that a model does not use does not exist: no ``inputs`` without inputs, no ``t`` without time, no ``p`` without
+parameters.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from ..mechanics.kinds import System
+from ..model.model import Model
+
+WIDTHS = (8, 2, 1)
+
+@dataclass(slots=True)
+class Interface:
+    """One function of the header.
+
+    Attributes
+    ----------
+    name, comment : str
+    arguments, seeds, results : list of str
+    widths : tuple of int
+        Of a function over directions; empty for the others.
+    """
+
+    name: str
+    comment: str
+    arguments: list[str]
+    results: list[str]
+    seeds: list[str]
+    widths: tuple[int, ...] = ()
+
+    def derived_names(self) -> list[str]:
+        """Results that are derivatives."""
+        return [r for r in self.results if self.seeds and r.startswith("d")]
+
+    def derived(self) -> list[str]:
+        """What they are the derivatives of."""
+        return [r.removeprefix("d") for r in self.derived_names()]
+
+    def seeds_sizes(self) -> list[str]:
+        """What the seeds are the tangents of."""
+        return [s.removeprefix("d") for s in self.seeds]
+
+    def signature(self, model: str, width: int | None = None) -> str:
+        """C declaration, without the semicolon."""
+        arguments = [f"double {a}" if a == "t" else f"const double *{a}" for a in self.arguments]
+        arguments += [f"const double *{a}" for a in self.seeds]
+        arguments += [f"double *{a}" for a in self.results]
+        suffix = f"_{width}" if width else ""
+        return f"int {model}_{self.name}{suffix}({', '.join([*arguments, 'double *work'])})"
+
+
+def uses(system: System) -> dict[str, bool]:
+    """What the model has, for leaving out what it has not."""
+    model = system.model
+    names = set().union(*(e.names for e in model.expressions())) if model.bodies else set()
+    return {
+        "parameters": bool(model.parameters),
+        "inputs": bool(model.inputs),
+        "time": "t" in names,
+        "forces": bool(model.forces),
+        "gravity": model.gravity is not None,
+        "quaternions": any(link.joint in ("spherical", "free") for link in system.links),
+        "outputs": bool(model.outputs),
+        "velocity_outputs": any(o.measure == "velocity" for o in model.outputs),
+    }
+
+
+def interfaces(system: System) -> list[Interface]:
+    """The functions that a solver has."""
+    use = uses(system)
+    p = ["p"] if use["parameters"] else []
+    rest = p + (["inputs"] if use["inputs"] else []) + (["t"] if use["time"] else [])
+
+    def seeds(names: list[str]) -> list[str]:
+        return [f"d{n}" for n in names]
+
+    result: list[Interface] = []
+
+    def pair(name: str, derivative: str, comment: str, arguments: list[str], results: list[str], comment_d: str) -> None:
+        result.append(Interface(name, comment, arguments, results, []))
+        result.append(
+            Interface(derivative, comment_d, arguments, [*results, *seeds(results)], seeds(arguments), WIDTHS)
+        )
+
+    state = ["q", "u", *rest]
+    pair("accelerations", "sensitivities", "Forward dynamics (Eqs. 18-24, 42-56).", state, ["udot"],
+         "Forward dynamics and its total derivative along seeds (Eqs. 9, 10, by the balance).")
+    jacobians = [f"J_{n}" for n in state]
+    result.append(Interface("jacobians", "Accelerations and their partial derivatives, row by row.", state, ["udot", *jacobians], []))
+    pair("coordinate_rates", "coordinate_rate_sensitivities", "Time derivatives of the coordinates (Eq. 1).", ["q", "u"],
+         ["qdot"], "Their total derivative along seeds.")
+    pair("mass_matrix", "mass_matrix_sensitivities", "Mass matrix, row by row.", ["q", *p], ["M"],
+         "Mass matrix and its total derivative along seeds.")
+    pair("solve_mass", "solve_mass_sensitivities", "Solution of M x = b in O(n).", ["q", *p, "b"], ["x"],
+         "Solution of M x = b and its total derivative along seeds.")
+    pair("inverse_dynamics", "inverse_dynamics_sensitivities", "Joint forces that udot needs beside the model's own.",
+         ["q", "u", "udot", *rest], ["force"], "Those forces and their total derivative along seeds.")
+    pair("energies", "energy_sensitivities", "Kinetic and potential energy.", ["q", "u", *p], ["energy"],
+         "Energies and their total derivative along seeds.")
+    if use["outputs"]:
+        pair("outputs", "output_sensitivities", "The outputs of the model.", state, ["outputs"],
+             "Outputs and their total derivative along seeds.")
+    return result
+
+
+def sizes(model: Model) -> dict[str, int]:
+    """Number of entries of every argument and result."""
+    nq, nu, n_p, ninputs = model.nq, model.nu, len(model.parameters), len(model.inputs)
+    return {
+        "q": nq, "u": nu, "p": n_p, "inputs": ninputs, "t": 1, "udot": nu, "qdot": nq, "M": nu * nu, "b": nu, "x": nu,
+        "force": nu, "energy": 2, "outputs": len(model.outputs), "J_q": nu * nq, "J_u": nu * nu, "J_p": nu * n_p,
+        "J_inputs": nu * ninputs, "J_t": nu,
+    }  # fmt: skip
+
+
+def manifest(system: System, workspace: int, operations: Any) -> dict[str, Any]:
+    """What ``model.json`` says for the run time."""
+    model = system.model
+    defaults = {p.name: p.value for p in model.parameters}
+    q0, u0 = [], []
+    quaternions = []
+    for i, name in enumerate(model.coordinate_names):
+        if name.endswith(".qw"):
+            quaternions.append(i)
+        given = model.initial_q.get(name)
+        q0.append(float(given.evaluate(defaults)) if given is not None else float(name.endswith(".qw")))
+    for name in model.speed_names:
+        given = model.initial_u.get(name)
+        u0.append(float(given.evaluate(defaults)) if given is not None else 0.0)
+    functions: dict[str, Any] = {}
+    for f in interfaces(system):
+        functions[f.name] = {"arguments": f.arguments, "results": f.results}
+        if f.widths:
+            functions[f.name] |= {"seeds": f.seeds, "widths": list(f.widths)}
+    return {
+        "name": model.name,
+        "coordinate_names": list(model.coordinate_names),
+        "speed_names": list(model.speed_names),
+        "parameter_names": list(model.parameter_names),
+        "parameters": [p.value for p in model.parameters],
+        "parameter_units": [p.unit for p in model.parameters],
+        "input_names": list(model.inputs),
+        "output_names": [o.name for o in model.outputs],
+        "closure_names": [],
+        "prescribed_names": [],
+        "initial": {"q": q0, "u": u0},
+        "quaternions": quaternions,
+        "links": [link.name for link in system.links],
+        "workspace": workspace,
+        "widths": list(WIDTHS),
+        "functions": functions,
+        "operations": operations,
+    }

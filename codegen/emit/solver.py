@@ -1,0 +1,140 @@
+"""From a model to the files of its solver: analyse, expand, simplify, lay out, print. The stages, one below the other."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from typing import Any
+
+from ..mechanics.expansion import RECORD, Program, expand
+from ..mechanics.expansion import LANE as LANE_MEMORY
+from ..mechanics.formulas import force_formulas
+from ..mechanics.kinds import System, analyse
+from ..mechanics.outputs import measured_sweeps, output_formulas, potential_formula
+from ..mechanics.sweeps import SWEEPS
+from ..model.model import GROUND, Model
+from ..program.operations import Operations, count
+from .c import CWriter, write_c
+from .interface import manifest
+
+UNROLLED_LINKS = 0
+"""Models of at most so many links get one function per link unless another layout is asked for."""
+
+ALWAYS = (
+    "rotations", "turns", "kinematics", "triangularize", "back_substitute", "newton_euler_out", "newton_euler_in",
+    "balance_out", "balance_in", "balance_back", "force_tangents", "solve_in", "mass_out", "mass_in", "rates",
+    "rate_tangents", "kinetic", "kinetic_tangents",
+)  # fmt: skip
+"""Sweeps of every solver."""
+
+
+@dataclass(slots=True)
+class Source:
+    """The files of a solver.
+
+    Attributes
+    ----------
+    files : dict of str to str
+    manifest : dict
+        See `codegen.emit.interface.manifest`.
+    seconds : dict of str to float
+        By stage.
+    passes : list of (str, Operations, float)
+        After every pass: operations of all blocks, and seconds.
+    """
+
+    files: dict[str, str]
+    manifest: dict[str, Any]
+    system: System
+    program: Program
+    seconds: dict[str, float] = field(default_factory=dict)
+    passes: list[tuple[str, Operations, float]] = field(default_factory=list)
+
+
+def write_solver(model: Model, layout: str = "auto") -> Source:
+    """Expand a model and print its solver.
+
+    Parameters
+    ----------
+    model : Model
+    layout : {"auto", "kinds", "unrolled"}
+        One C function per kind of link, or one per link.
+    """
+    seconds: dict[str, float] = {}
+    clock = time.perf_counter()
+
+    def lap(stage: str) -> None:
+        nonlocal clock
+        now = time.perf_counter()
+        seconds[stage] = now - clock
+        clock = now
+
+    unrolled = layout == "unrolled" or (layout == "auto" and len(model.bodies) <= UNROLLED_LINKS)
+    system = analyse(model, unrolled)
+    lap("analyse")
+    values, records, energy_outputs = output_formulas(system)
+    potential = potential_formula(system)
+    wanted = set(ALWAYS) | measured_sweeps(system)
+    if potential is not None:
+        wanted |= {"moments", "moment_tangents"}
+        records.append(potential)
+    program = expand(system, wanted, _read_by_formulas(system, records))
+    formulas = [*force_formulas(system), *values]
+    lap("expand and simplify")
+    writer = CWriter(program, formulas, records, energy_outputs)
+    context = writer.context()
+    files = write_c(context)
+    lap("print")
+    return Source(
+        files, manifest(system, writer.workspace, operations(program)), system, program, seconds, program.report
+    )
+
+
+def _read_by_formulas(system: System, records: list[Any]) -> set[tuple[str, int, str]]:
+    """Fields of records and lanes that outputs and the potential energy read."""
+    read: set[tuple[str, int, str]] = set()
+    for r in records:
+        for _, link, _, _ in r.rows:
+            kind = -1 if link == GROUND else system.kind_of[link].index
+            for block in (r.value, r.tangent):
+                for array, name in block.loads.values():
+                    if array == "me":
+                        read.add((RECORD, kind, name))
+                    elif array == "lane":
+                        read.add((LANE_MEMORY, kind, name))
+                    elif array == "lme":
+                        read.add(("slot:moment_tangents", kind, name))
+    return read
+
+
+def operations(program: Program) -> dict[str, Any]:
+    """Operations per call of every sweep: once, and per direction."""
+    result: dict[str, Any] = {}
+    for sweep in SWEEPS:
+        blocks = program.blocks.get(sweep.name)
+        if not blocks:
+            continue
+        once, each = Operations(), Operations()
+        for kind in program.system.kinds:
+            if kind.index in blocks:
+                once = once + count(blocks[kind.index], False) * len(kind.members)
+                each = each + count(blocks[kind.index], True) * len(kind.members)
+        result[sweep.name] = {
+            part: {
+                "additions": o.additions, "multiplications": o.multiplications, "divisions": o.divisions,
+                "functions": o.functions,
+            }
+            for part, o in (("per_call", once), ("per_direction", each))
+        }  # fmt: skip
+    constants = Operations()
+    for c in program.system.constants:
+        constants = constants + count(c.shape.block, False)
+    angles = sum(link.joint == "revolute" for link in program.system.links)
+    result["start"] = {
+        "per_call": {
+            "additions": constants.additions, "multiplications": constants.multiplications,
+            "divisions": constants.divisions, "functions": constants.functions + 2 * angles,
+        },
+        "per_direction": {"additions": 0, "multiplications": 0, "divisions": 0, "functions": 0},
+    }  # fmt: skip
+    return result

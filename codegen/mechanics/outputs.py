@@ -1,0 +1,194 @@
+"""Outputs and potential energy: formulas over what the sweeps leave in the records of links.
+
+A point of a link is at ``pos + W r`` and moves at ``W (v + omega x r)`` in the ground frame. Outputs of the same form share a
+block, like formulas; the link is data.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import sympy
+
+from ..model.model import GROUND, Output
+from ..program.block import Block, Expansion
+from ..program.derivatives import Tangents
+from ..program.functions import SYMBOLIC
+from ..program.passes import simplify
+from .constants import Statements
+from .formulas import FormulaKind, FormulaSlots, formula_kinds
+from .kinds import System
+from .links import BODY_FRAME, frame_matrix, place, rigid_inertia, unit
+from .spatial import XYZ, Vec, add, cross, dot, matvec, transpose
+
+
+@dataclass(slots=True, eq=False)
+class RecordFormula:
+    """Formulas of one form over the record of a link.
+
+    Attributes
+    ----------
+    value, tangent : Block
+        Arrays ``me`` (record), ``lane`` (its tangent), ``lme`` (the ground's slot), ``p``, ``dp``, ``k``.
+    rows : list of (int, int, list of int, list of float)
+        Target index, link, parameter indices, numbers.
+    """
+
+    index: int
+    target: str
+    value: Block
+    tangent: Block
+    slots: list[tuple[str, int]]
+    rows: list[tuple[int, int, list[int], list[float]]] = field(default_factory=list)
+
+
+def measured_sweeps(system: System) -> set[str]:
+    """Sweeps that the outputs of the model read."""
+    measures = {o.measure for o in system.model.outputs}
+    sweeps: set[str] = set()
+    if measures & {"position", "velocity"}:
+        sweeps |= {"pose", "pose_tangents"}
+    if "velocity" in measures:
+        sweeps |= {"kinetic", "kinetic_tangents"}
+    return sweeps
+
+
+def output_formulas(system: System) -> tuple[list[FormulaKind], list[RecordFormula], list[tuple[int, int]]]:
+    """Outputs as value formulas, record formulas and copies of energies (output index, energy index)."""
+    model = system.model
+    values = [(i, o.expression.tree) for i, o in enumerate(model.outputs) if o.measure == "value" and o.expression]
+    energies = {"kinetic_energy": 0, "potential_energy": 1}
+    copies = [(i, energies[o.measure]) for i, o in enumerate(model.outputs) if o.measure in energies]
+    kinds: dict[Any, RecordFormula] = {}
+    for i, o in enumerate(model.outputs):
+        if o.measure not in ("position", "velocity"):
+            continue
+        assert o.point is not None and o.axis is not None
+        link, steps = (GROUND, ()) if o.point.body == GROUND else system.carriers[o.point.body]
+        frame = BODY_FRAME if link == GROUND else system.links[link].frame
+        slots = FormulaSlots(model)
+        canonical: dict[Any, Any] = {}
+        for e in _expressions(o, steps, frame):
+            if e not in canonical:
+                canonical[e] = slots.convert(e.tree)
+        form = tuple(str(canonical[e]) for e in _expressions(o, steps, frame))
+        pattern = () if link == GROUND else system.kind_of[link].index
+        key = (o.measure, pattern, form, tuple(len(r) for _, r in steps), frame.index, frame.flipped, frame.start)
+        kind = kinds.get(key)
+        if kind is None:
+            kind = kinds[key] = _make(len(kinds), o, link, steps, frame, slots, canonical)
+        kind.rows.append((i, link, [j for _, j in slots.slots], list(slots.numbers)))
+    return formula_kinds(model, "outputs", values), list(kinds.values()), copies
+
+
+def _expressions(o: Output, steps: Any, frame: Any) -> list[Any]:
+    """The expressions of a point and an axis, in a fixed order."""
+    assert o.point is not None and o.axis is not None
+    found = [*o.point.at, *o.axis, *(frame.vector or ())]
+    for at, rotation in steps:
+        found += at
+        for axis, angle in rotation:
+            found += [*axis, angle]
+    return found
+
+
+def _make(
+    index: int, o: Output, link: int, steps: Any, frame: Any, slots: FormulaSlots, canonical: dict[Any, Any]
+) -> RecordFormula:
+    assert o.point is not None and o.axis is not None
+    point, direction = o.point, o.axis
+
+    def write(x: Expansion) -> Any:
+        def leaf(node: Any) -> Any:
+            return x.load("k", str(node[1])) if node[0] == "slot" else x.load(node[1], str(node[2]))
+
+        statements = Statements(x, leaf)
+
+        def evaluate(e: Any) -> Any:
+            return statements.write(canonical[e])
+
+        def let(name: str, value: Any) -> Any:
+            return x.let(name, value)
+
+        functions = {n: SYMBOLIC[n] for n in ("sqrt", "cos", "sin")}
+        r = [evaluate(e) for e in point.at]
+        axis = [evaluate(e) for e in direction]
+        if any(a.free_symbols for a in map(sympy.sympify, axis)) or sum(abs(a) for a in axis) != 1:
+            axis = unit(axis, functions["sqrt"], let)
+        if steps:
+            origin, R = place(steps, evaluate, functions, let)
+            r = [x.let("r", e) for e in add(origin, matvec(R, r))]
+        if frame.vector is not None:
+            r = [x.let("r", e) for e in matvec(transpose(frame_matrix(frame, evaluate, functions["sqrt"], let)), r)]
+        W = [[x.load("me", f"W.{i}{j}") if link != GROUND else int(i == j) for j in XYZ] for i in XYZ]
+        if o.measure == "position":
+            moved = [x.let("x", e) for e in matvec(W, r)]
+            position: Vec = [x.load("me", f"pos.{i}") if link != GROUND else 0 for i in XYZ]
+            return x.let("value", dot(axis, add(position, moved)))
+        if link == GROUND:
+            return sympy.S.Zero
+        v = [x.load("me", f"v.{i}") for i in XYZ]
+        w = [x.load("me", f"w.{i}") for i in XYZ]
+        moved = [x.let("v", e) for e in add(v, cross(w, r))]
+        return x.let("value", dot(axis, [x.let("x", e) for e in matvec(W, moved)]))
+
+    value, tangent = _both(write, index, "outputs", "an output of the model")
+    return RecordFormula(index, "outputs", value, tangent, [(c, j) for j, (c, _) in enumerate(slots.slots)])
+
+
+def _both(write: Callable[[Expansion], Any], index: int, target: str, title: str) -> tuple[Block, Block]:
+    """The block of a value and that of its tangent."""
+    x = Expansion(f"{target}_{index}", title, lambda a, f: True)
+    x.store(target, "0", sympy.sympify(write(x)))
+    y = Expansion(f"d{target}_{index}", f"tangent of {title}", lambda a, f: True)
+    value = sympy.sympify(write(y))
+    seeds: dict[Any, Any] = {}
+    for s, (a, n) in list(y.block.loads.items()):
+        if a in ("q", "u", "p", "inputs", "t"):
+            seeds[s] = y.load(f"d{a}", n)
+        elif a == "me":
+            seeds[s] = y.load("lme" if n.startswith("sum.") else "lane", n)
+    d = Tangents(y, seeds, {})
+    for s in list(y.block.statements):
+        d.statement(s)
+    y.store(f"d{target}", "0", sympy.sympify(d.value(value)))
+    return simplify(x.finish()), simplify(y.finish())
+
+
+def potential_formula(system: System) -> RecordFormula | None:
+    """Potential energy of gravity, zero at the ground's origin: ``-g . sum m r``. None without gravity."""
+    model = system.model
+    if model.gravity is None:
+        return None
+    gravity = model.gravity
+    slots = FormulaSlots(model)
+    grounded = [
+        (model.bodies[k], steps) for k, (link, steps) in enumerate(system.carriers) if link == GROUND and steps
+    ]
+
+    def write(x: Expansion) -> Any:
+        fresh = FormulaSlots(model)
+
+        def leaf(node: Any) -> Any:
+            return x.load("k", str(node[1])) if node[0] == "slot" else x.load(node[1], str(node[2]))
+
+        statements = Statements(x, leaf)
+
+        def evaluate(e: Any) -> Any:
+            return statements.write(fresh.convert(e.tree))
+
+        g = [evaluate(e) for e in gravity]
+        h: Vec = [x.load("me", f"sum.h.{i}") for i in XYZ]
+        if grounded:
+            functions = {n: SYMBOLIC[n] for n in ("sqrt", "cos", "sin")}
+            _, own, _ = rigid_inertia(grounded, evaluate, functions, lambda name, value: x.let(name, value))
+            h = [x.let("h", e) for e in add(h, own)]
+        slots.slots, slots.numbers = fresh.slots, fresh.numbers
+        return x.let("value", -dot(g, h))
+
+    value, tangent = _both(write, 0, "energy", "potential energy of gravity")
+    formula = RecordFormula(0, "energy", value, tangent, [(c, j) for j, (c, _) in enumerate(slots.slots)])
+    formula.rows.append((1, GROUND, [j for _, j in slots.slots], list(slots.numbers)))
+    return formula
