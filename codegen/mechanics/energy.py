@@ -40,6 +40,8 @@ def kinetic(x: Any, kind: Any) -> None:
         d = differentiate(x, kind, joint)
         store_tangent(x, d, "lme", "w", w)
         store_tangent(x, d, "lme", "v", v)
+        store_tangent(x, d, "lane", "w", w)
+        store_tangent(x, d, "lane", "v", v)
         x.store("denergy_sum", "0", d.value(T) if d else T)
 
 
@@ -107,7 +109,8 @@ def pose(x: Any, kind: Any) -> None:
     store_matrix(x, "me", "W", W)
     if x.tangents:
         d = differentiate(x, kind, joint)
-        store_tangent(x, d, "lane", "pos", position)
-        for i in range(3):
-            for j in range(3):
-                x.store("lane", f"W.{XYZ[i]}{XYZ[j]}", d.value(W[i][j]) if d else W[i][j])
+        for array in ("lme", "lane"):
+            store_tangent(x, d, array, "pos", position)
+            for i in range(3):
+                for j in range(3):
+                    x.store(array, f"W.{XYZ[i]}{XYZ[j]}", d.value(W[i][j]) if d else W[i][j])

@@ -193,7 +193,7 @@ def place(steps: Sequence[Placement], evaluate: Evaluate, functions: dict[str, A
         origin = [let("r", x) for x in add(origin, matvec(R, v) if turned else v)]
         for axis, angle in rotation:
             value = evaluate(angle)
-            cos, sin = let("cos", functions["cos"](value)), let("sin", functions["sin"](value))
+            cos, sin = let("cosine", functions["cos"](value)), let("sine", functions["sin"](value))
             one = rotation_matrix([evaluate(a) for a in axis], cos, sin, functions["sqrt"], let)
             R = [[let("R", e) for e in row] for row in matmul(R, one)] if turned else one
             turned = True

@@ -11,9 +11,18 @@ from typing import Any
 
 from sympy import Float
 
+from ..program.block import ANY
 from .joints import JointTransform, freedom_axes, shift_inertia
 from .kinematics import load_symmetric, load_vector
 from .spatial import NINE, PAIRS, XYZ, Mat, Vec, add, cross, six
+
+class ZeroPivotError(ValueError):
+    """Nothing outboard of a joint can have inertia about it."""
+
+    def __init__(self, kind: Any):
+        super().__init__("nothing outboard of the joint has inertia about it")
+        self.kind = kind
+
 
 SMALL = 1e-14
 """A pivot below this fraction of the articulated inertia: nothing outboard has inertia about the joint."""
@@ -91,6 +100,10 @@ def triangularize(x: Any, kind: Any) -> None:
         a = axes[j]
         tau = x.load("tau", str(j)) if kind.forced[j] else 0
         D = I[a][a]
+        if D == 0:
+            if not x.structural:
+                raise ZeroPivotError(kind)
+            D = ANY  # the children's patterns are not known yet
         inverse = let("Dinv", 1 / D, "Eq. 47")
         r = let("r", tau - p[a], "Eq. 53")
         x.store("pivot", str(j), let("margin", D - (1 if x.structural else SMALL_NUMBER) * scales[a // 3], "zero pivot"))

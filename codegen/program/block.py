@@ -56,6 +56,13 @@ class Block:
         return found
 
 
+RESERVED = frozenset(
+    "a i l acos asin atan atan2 cos cosh exp fabs fmax fmin log pow sin sinh sqrt tan tanh y0 y1 yn j0 j1 jn np "
+    "int double const static link numbers call".split()
+)
+"""Names that generated code uses for other things."""
+
+
 class Expansion:
     """Writes a block: folds zeros and ones, names intermediates, gives equal expressions one name.
 
@@ -92,6 +99,7 @@ class Expansion:
         self._loaded: dict[tuple[str, str], Expr] = {}
         self._named: dict[Expr, Expr] = {}
         self._used: dict[str, int] = {}
+        self._taken: set[str] = set(RESERVED)
 
     # -- reading and writing ---------------------------------------------------------------------------------------
 
@@ -163,9 +171,12 @@ class Expansion:
 
     def _symbol(self, name: str) -> Symbol:
         name = name.replace(".", "_").replace("/", "_d")
-        count = self._used.get(name, 0)
-        self._used[name] = count + 1
-        return Symbol(f"{name}_{count}" if count else name)
+        unique = name
+        while unique in self._taken:
+            self._used[name] = self._used.get(name, 0) + 1
+            unique = f"{name}_{self._used[name]}"
+        self._taken.add(unique)
+        return Symbol(unique)
 
 
 class Any_:

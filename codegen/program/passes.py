@@ -122,7 +122,7 @@ def _factor(e: Expr) -> Expr:
         return e
     best.sort(key=lambda t: (-t[0], t[1]))
     f = best[0][2]
-    inside = [sympy.Mul(*[a for a in t.args if a is not f]) for t in e.args if t.is_Mul and f in t.args]
+    inside = [sympy.Mul(*[a for a in t.args if a != f]) for t in e.args if t.is_Mul and f in t.args]
     outside = [t for t in e.args if not (t.is_Mul and f in t.args)]
     inner = sympy.Add(*inside)
     if not inner.is_Add:
