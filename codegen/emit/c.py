@@ -125,6 +125,11 @@ class CWriter:
         entry = self.table.entry
         layout = self.layout
         me = str(kind.members[0]) if len(kind.members) == 1 else "i"
+        near = layout.near.get(sweep, {})
+        if array == "me" and name in near:
+            return "near", f"a->near + NEAR_SIZE*{entry('SLOT', kind)}", near[name]
+        if array == "up" and name in near:
+            return "up_near", f"a->near + NEAR_SIZE*{entry('UPSLOT', kind)}", near[name]
         if array == "me":
             return array, f"a->records + RECORD*{me}", layout.record[name]
         if array == "up":
@@ -185,6 +190,7 @@ class CWriter:
             argument = "" if len(k.members) == 1 else f", {i}"
             return [f"{self.function_name(sweep, k)}(a{argument});"]
 
+        f.lines += self.ground(sweep)
         parts = stretches(kinds)
         if len(parts) <= MAX_STRETCHES or len(self.system.kinds) == len(kinds):
             for start, pattern, count in reversed(parts) if inward else parts:
@@ -212,8 +218,8 @@ class CWriter:
                 if calls:
                     f.lines.append(f"    case {kind.index}: {calls[0]} break;")
             f.lines += ["    default: break;", "    }", "}"]
-        if not f.lines:
-            f.lines.append("(void)a;")
+        if not any("(a" in line for line in f.lines):
+            f.lines = ["(void)a;"]
         return f
 
     def sweep_functions(self, sweep: str) -> list[Function]:
@@ -341,30 +347,35 @@ class CWriter:
 
     # -- the ground ------------------------------------------------------------------------------------------------
 
-    def ground(self) -> list[str]:
-        """Lines that set the ground's record: at rest, accelerating by -g."""
-        g = self.system.gravity
+    def ground(self, sweep: str | None = None) -> list[str]:
+        """Lines that set what is read of the ground: at rest, accelerating by -g. For a sweep, or for all of them."""
         lines = []
-        for name in sorted(self.program.ground_fields, key=lambda n: self.layout.record[n]):
+        near = self.layout.near.get(sweep, {}) if sweep else {}
+        for name in sorted(self.program.ground_fields):
+            if sweep and name in near:
+                place = f"a->near[{near[name]}]"
+            elif not sweep and name in self.layout.record:
+                place = f"a->records[RECORD*LINKS + {self.layout.record[name]}]"
+            else:
+                continue
             value = "0.0"
-            plain = name.removeprefix("t")
             if name in ("W.xx", "W.yy", "W.zz"):
                 value = "1.0"
-            elif g is not None and plain in g.shape.fields:
-                if plain in g.shape.varying:
-                    value = self._gravity(g.shape.varying[plain])
-                else:
-                    value = repr(g.values.get(plain, 0.0))
-            lines.append(f"a->records[RECORD*LINKS + {self.layout.record[name]}] = {value};")
+            elif name.removeprefix("t") in ("a.x", "a.y", "a.z"):
+                value = f"a->gravity[{'xyz'.index(name[-1])}]"
+            lines.append(f"{place} = {value};")
         return lines
 
-    def rest(self) -> list[str]:
-        """Lines that take gravity away again."""
-        return [
-            f"a->records[RECORD*LINKS + {self.layout.record[n]}] = 0.0;"
-            for n in sorted(self.program.ground_fields)
-            if n.startswith(("a.", "ta."))
-        ]
+    def gravity(self) -> list[str]:
+        """Lines that set the acceleration of the ground, -g."""
+        g = self.system.gravity
+        if g is None:
+            return []
+        lines = []
+        for i, name in enumerate(("a.x", "a.y", "a.z")):
+            value = self._gravity(g.shape.varying[name]) if name in g.shape.varying else repr(g.values.get(name, 0.0))
+            lines.append(f"a->gravity[{i}] = {value};")
+        return lines
 
     def _gravity(self, name: str) -> str:
         g = self.system.gravity
@@ -409,6 +420,8 @@ class CWriter:
         state = ["q", "u"] + [n for n, name in (("p", "parameters"), ("inputs", "inputs")) if use[name]]
         regions = [
             ("records", "", len(layout.record) * (links + 1)),
+            ("near", "", layout.near_size * self.system.slots),
+            ("gravity", "", 3 if use["gravity"] else 0),
             ("constants", "", layout.constants_size),
             ("trig", "", 2 * layout.angles_padded),
             ("tau", "", model.nu if use["forces"] else 0),
@@ -456,7 +469,7 @@ class CWriter:
             "state": names(sources),
             "size": size,
             "constants_in_c": [
-                ("LINKS", links), ("RECORD", max(1, len(layout.record))), ("SLOT_SIZE", max(1, layout.slot_size)),
+                ("LINKS", links), ("RECORD", max(1, len(layout.record))), ("NEAR_SIZE", max(1, layout.near_size)), ("SLOT_SIZE", max(1, layout.slot_size)),
                 ("LANE_SIZE", max(1, len(layout.lane))), ("ANGLES", max(1, layout.angles_padded)),
             ],
             "workspace": self.workspace,
@@ -475,7 +488,7 @@ class CWriter:
             "constant_calls": constant_calls,
             "tau": tau, "output_formulas": outputs, "potential": energy,
             "energy_outputs": self.energy_outputs,
-            "ground": self.ground(), "rest": self.rest(),
+            "ground": self.gravity() + self.ground(),
             "ground_tangent": ground_tangent, "ground_tangent_rest": ground_tangent_rest,
             "interfaces": functions,
             "prototypes": [

@@ -16,6 +16,8 @@ class Layout:
         Index of a field in a link's record, and in what is kept per link and direction.
     slots : dict of str to dict of str to int
         The same for the slots, by sweep: slots are used anew by every sweep.
+    near : dict of str to dict of str to int
+        The same for what a sweep's links only tell their neighbours, without direction.
     constant_fields : dict of int to dict of str to int
         By shape: index of a constant among those of its links.
     constant_offsets : dict of int to int
@@ -29,7 +31,16 @@ class Layout:
     def __init__(self, program: Program):
         self.program = program
         system = self.system = program.system
-        self.record = {name: i for i, name in enumerate(program.records)}
+        used: dict[str, set[str]] = {}
+        for sweep, blocks in program.blocks.items():
+            for b in blocks.values():
+                for a, n in [*b.loads.values(), *((a, n) for a, n, _ in b.stores)]:
+                    if a in ("me", "up"):
+                        used.setdefault(n, set()).add(sweep)
+        passing = {n for n, sweeps in used.items() if all(n in program.transient.get(x, ()) for x in sweeps)}
+        self.record = {name: i for i, name in enumerate(n for n in program.records if n not in passing)}
+        self.near = {sweep: {name: i for i, name in enumerate(fields)} for sweep, fields in program.transient.items()}
+        self.near_size = -(-max((len(f) for f in program.transient.values()), default=0) // 8) * 8
         self.lane = {name: i for i, name in enumerate(program.lanes)}
         self.slots = {sweep: {name: i for i, name in enumerate(fields)} for sweep, fields in program.slots.items()}
         self.slot_size = max((len(f) for f in program.slots.values()), default=0)

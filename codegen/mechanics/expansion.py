@@ -36,8 +36,16 @@ class Program:
     ----------
     blocks : dict of str to dict of int to Block
         By sweep and kind.
-    fields : dict of str to list of str
-        Fields of each memory in order; slots by sweep.
+    records, lanes : list of str
+        Fields of a link's record, and of what is kept per link and direction.
+    slots : dict of str to list of str
+        Fields of slots, by sweep.
+    transient : dict of str to list of str
+        Fields of records that need a slot only, by sweep.
+    ground_fields : set of str
+        What is read of the ground.
+    read_outside : set of (memory, kind, field)
+        What formulas read after the sweeps.
     report : list of (pass, operations, seconds)
     """
 
@@ -48,6 +56,7 @@ class Program:
     slots: dict[str, list[str]] = field(default_factory=dict)
     report: list[tuple[str, Operations, float]] = field(default_factory=list)
     ground_fields: set[str] = field(default_factory=set)
+    transient: dict[str, list[str]] = field(default_factory=dict)
     read_outside: set[tuple[str, int, str]] = field(default_factory=set)
 
 
@@ -223,6 +232,34 @@ def _lay_out(program: Program) -> None:
         if slots:
             program.slots[sweep.name] = list(slots)
     program.records, program.lanes = list(records), list(lanes)
+    program.transient = _transient(program)
+
+
+def _transient(program: Program) -> dict[str, list[str]]:
+    """Fields of records that only neighbours read, within the sweep that writes them, by sweep.
+
+    They need no place of their own in every link: memory for one path through the tree will do, and stays in the cache.
+    """
+    flows: dict[str, dict[str, set[str]]] = {}
+    crossing: set[str] = {n for m, _, n in program.read_outside if m == RECORD}
+    for sweep, blocks in program.blocks.items():
+        stored = {n for b in blocks.values() for a, n, _ in b.stores if a in ("me", "up")}
+        from_me = {n for b in blocks.values() for a, n in b.loads.values() if a == "me"}
+        from_up = {n for b in blocks.values() for a, n in b.loads.values() if a == "up"}
+        handed_in = {n for b in blocks.values() for a, n, _ in b.stores if a == "up"}
+        crossing |= (from_me | from_up) - stored - program.ground_fields
+        crossing |= from_me - handed_in  # written by an earlier sweep
+        for name in stored | from_me | from_up:
+            flows.setdefault(name, {})[sweep] = {"stored"} if name in stored else set()
+    for name, sweeps in flows.items():
+        if any("stored" not in f for f in sweeps.values()) and name not in program.ground_fields:
+            crossing.add(name)
+    result: dict[str, list[str]] = {}
+    for name in program.records:
+        if name not in crossing:
+            for sweep in flows.get(name, {}):
+                result.setdefault(sweep, []).append(name)
+    return result
 
 
 def is_inward(sweep: str) -> bool:
