@@ -1,0 +1,151 @@
+"""The articulated-body algorithm for CHAIN(n) on any scalars: what one would write by hand for a symbolic tool.
+
+Independent of `codegen`: with CasADi's SX scalars it is the graph that `chain_against_casadi.py` prints to C and compares
+with; with floats or mpmath numbers it is another witness of the numbers. Products with structural zeros and ones are left
+to the scalars (CasADi folds them as it builds), symmetric blocks are computed once, and everything is about the joint, in
+body axes, so that rotations are about x or y and all inertias of the rods are constants.
+
+Blocks of a spatial inertia: ``J`` (3x3, symmetric) about the joint, ``H`` = m [c]x, ``M`` (3x3, symmetric);
+moment = J alpha + H a, force = H^T alpha + M a.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+Vector = list[Any]
+Matrix = list[list[Any]]
+
+X, Y = 0, 1
+
+
+def dot(a: Vector, b: Vector) -> Any:
+    return sum((x * y for x, y in zip(a, b, strict=True)), 0)
+
+
+def cross(a: Vector, b: Vector) -> Vector:
+    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+
+
+def plus(a: Vector, b: Vector) -> Vector:
+    return [x + y for x, y in zip(a, b, strict=True)]
+
+
+def times(A: Matrix, x: Vector) -> Vector:
+    return [dot(row, x) for row in A]
+
+
+def transposed(A: Matrix) -> Matrix:
+    return [list(column) for column in zip(*A, strict=True)]
+
+
+def product(A: Matrix, B: Matrix) -> Matrix:
+    columns = transposed(B)
+    return [[dot(row, column) for column in columns] for row in A]
+
+
+def symmetric(entry: Callable[[int, int], Any]) -> Matrix:
+    """A symmetric matrix from its upper triangle."""
+    A: Matrix = [[0] * 3 for _ in range(3)]
+    for i in range(3):
+        for j in range(i, 3):
+            A[i][j] = A[j][i] = entry(i, j)
+    return A
+
+
+def turned(R: Matrix, A: Matrix) -> Matrix:
+    """R A R^T of a symmetric A."""
+    RA = product(R, A)
+    return symmetric(lambda i, j: dot(RA[i], R[j]))
+
+
+def rotation(axis: int, c: Any, s: Any) -> Matrix:
+    """Body to parent."""
+    return [[1, 0, 0], [0, c, -s], [0, s, c]] if axis == X else [[c, 0, s], [0, 1, 0], [-s, 0, c]]
+
+
+def accelerations(q: Vector, u: Vector, L: Any, sin: Any, cos: Any, density: Any, radius: Any, g: Any) -> Vector:
+    """udot of CHAIN(n): hinge axes y, x, y, ..., rods along -z, gravity (0, 0, -g), no joint forces."""
+    n = len(q)
+    axis = [Y if k % 2 == 0 else X for k in range(n)]
+    m = density * L
+    mc = -m * L / 2  # first moment along z
+    across, along = m * (3 * radius * radius + 4 * L * L) / 12, m * radius * radius / 2  # about the hinge
+    J0: Matrix = [[across, 0, 0], [0, across, 0], [0, 0, along]]
+    H0: Matrix = [[0, -mc, 0], [mc, 0, 0], [0, 0, 0]]
+    M0: Matrix = [[m, 0, 0], [0, m, 0], [0, 0, m]]
+
+    # Outward: velocities (of the hinge point), bias accelerations, bias forces.
+    R: list[Matrix] = []
+    bias: list[tuple[Vector, Vector]] = []
+    pushed: list[tuple[Vector, Vector]] = []
+    w, v = [0, 0, 0], [0, 0, 0]
+    for k in range(n):
+        a = axis[k]
+        R.append(rotation(a, cos(q[k]), sin(q[k])))
+        inverse = transposed(R[k])
+        if k > 0:
+            v = times(inverse, [v[0] - w[1] * L, v[1] + w[0] * L, v[2]])
+            w = times(inverse, w)
+        rate = [0, 0, 0]
+        rate[a] = u[k]
+        w = plus(w, rate)
+        bias.append((cross(w, rate), cross(v, rate)))
+        angular = plus(times(J0, w), times(H0, v))
+        linear = plus(times(transposed(H0), w), times(M0, v))
+        pushed.append((plus(cross(w, angular), cross(v, linear)), cross(w, linear)))
+
+    # Inward: articulated inertias and forces.
+    J, H, M = J0, H0, M0
+    moment, force = pushed[-1]
+    solved: list[Any] = [None] * n
+    for k in reversed(range(n)):
+        a = axis[k]
+        hj, hm = [J[i][a] for i in range(3)], H[a]
+        pivot = 1 / J[a][a]
+        solved[k] = (hj, hm, pivot, -moment[a])
+        if k == 0:
+            break
+        gj, gm = [x * pivot for x in hj], [x * pivot for x in hm]
+        # The joint's row and column of what is handed on are exactly zero.
+        Ja = symmetric(lambda i, j: 0 if a in (i, j) else J[i][j] - gj[i] * hj[j])  # noqa: B023
+        Ha = [[0 if i == a else H[i][j] - gj[i] * hm[j] for j in range(3)] for i in range(3)]
+        Ma = symmetric(lambda i, j: M[i][j] - gm[i] * hm[j])  # noqa: B023
+        angular, linear = bias[k]
+        torque = plus(plus(moment, plus(times(Ja, angular), times(Ha, linear))), [x * -moment[a] for x in gj])
+        torque[a] = 0  # what the joint cannot carry; there is no joint force
+        thrust = plus(plus(force, plus(times(transposed(Ha), angular), times(Ma, linear))), [x * -moment[a] for x in gm])
+        Jr, Mr = turned(R[k], Ja), turned(R[k], Ma)
+        Hr = product(product(R[k], Ha), transposed(R[k]))
+        # Shift from the hinge at (0, 0, -L): H' = Hr + [p]x Mr, J' = Jr + [p]x Hr^T + H' [p]x^T.
+        Hs = [
+            [Hr[0][j] + L * Mr[1][j] for j in range(3)],
+            [Hr[1][j] - L * Mr[0][j] for j in range(3)],
+            Hr[2],
+        ]
+        lever = [[L * Hr[j][1] for j in range(3)], [-L * Hr[j][0] for j in range(3)], [0, 0, 0]]
+        arm = [[L * row[1], -L * row[0], 0] for row in Hs]
+        J = symmetric(lambda i, j: J0[i][j] + Jr[i][j] + lever[i][j] + arm[i][j])  # noqa: B023
+        H = [[H0[i][j] + Hs[i][j] for j in range(3)] for i in range(3)]
+        M = symmetric(lambda i, j: M0[i][j] + Mr[i][j])  # noqa: B023
+        torque, thrust = times(R[k], torque), times(R[k], thrust)
+        torque = [torque[0] + L * thrust[1], torque[1] - L * thrust[0], torque[2]]
+        moment, force = plus(pushed[k - 1][0], torque), plus(pushed[k - 1][1], thrust)
+
+    # Outward: accelerations; the ground rises by g.
+    udot = []
+    alpha: Vector = [0, 0, 0]
+    acceleration: Vector = [0, 0, g]
+    for k in range(n):
+        a = axis[k]
+        inverse = transposed(R[k])
+        if k > 0:
+            x, y, z = acceleration
+            acceleration = [x - alpha[1] * L, y + alpha[0] * L, z]
+        alpha = plus(times(inverse, alpha), bias[k][0])
+        acceleration = plus(times(inverse, acceleration), bias[k][1])
+        hj, hm, pivot, r = solved[k]
+        udot.append((r - dot(hj, alpha) - dot(hm, acceleration)) * pivot)
+        alpha[a] = alpha[a] + udot[k]
+    return udot

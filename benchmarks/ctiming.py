@@ -1,0 +1,205 @@
+"""Compile C functions and time them against each other: one core, alternating, every optimisation level in its own library.
+
+Times of the same C differ by a quarter between translation units and drift with the machine, so contestants are measured
+in turns, each as a library of its own at -O1, -O2 and -O3, and compared in pairs: a round measures every contestant (the
+fastest of many batches of about a millisecond), and what is reported is the median over the rounds. The clock counts the
+CPU time of the thread.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import os
+import statistics
+import subprocess
+import tempfile
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+LEVELS = ("-O1", "-O2", "-O3")
+FLAGS = ("-march=native", "-fPIC", "-shared")
+"""The same for everybody; no -ffast-math."""
+
+CLOCK = """\
+#include <time.h>
+{declarations}
+double seconds(long repetitions, double **a)
+{{
+    struct timespec begin, end;
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &begin);
+    for (long i = 0; i < repetitions; ++i) {call};
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &end);
+    return (double)(end.tv_sec - begin.tv_sec) + 1e-9 * (double)(end.tv_nsec - begin.tv_nsec);
+}}
+"""
+
+POINTER = ctypes.POINTER(ctypes.c_double)
+
+
+def default_cache() -> Path:
+    """Where compiled contestants are kept from run to run."""
+    return Path(tempfile.gettempdir()) / "ordernm-benchmarks"
+
+
+def use_one_core(core: int | None = None) -> None:
+    """Stay on one core (the last, unless told), where the system knows how."""
+    if hasattr(os, "sched_setaffinity"):
+        allowed = sorted(os.sched_getaffinity(0))
+        os.sched_setaffinity(0, {allowed[-1] if core is None else core})
+
+
+@dataclass
+class Contestant:
+    """A C function with its arguments.
+
+    Attributes
+    ----------
+    name : str
+    files : dict of str to str
+        Sources and headers by file name; every ``.c`` is compiled.
+    declarations : str
+        C declarations for the call, or an ``#include``.
+    call : str
+        The call, its arguments written ``a[0]``, ``a[1]``, ...
+    arrays : list of arrays
+        What they point at: arguments, results and workspace, float64.
+    """
+
+    name: str
+    files: dict[str, str]
+    declarations: str
+    call: str
+    arrays: Sequence[np.ndarray]
+    levels: Sequence[str] = LEVELS
+
+
+@dataclass
+class Variant:
+    """A contestant compiled at one level; `compile_seconds` is zero where the library was in the cache."""
+
+    level: str
+    run: ctypes._CFuncPtr = field(repr=False)
+    pointers: ctypes.Array = field(repr=False)
+    arrays: list[np.ndarray] = field(repr=False)
+    compile_seconds: float = 0.0
+    repetitions: int = 1
+
+    def seconds(self, repetitions: int) -> float:
+        return float(self.run(ctypes.c_long(repetitions), self.pointers))
+
+    def calibrate(self, batch: float) -> None:
+        """Set the repetitions of a batch so that it takes about so many seconds."""
+        self.repetitions = 1
+        while (elapsed := self.seconds(self.repetitions)) < batch / 2 and self.repetitions < 10**8:
+            self.repetitions *= 2
+        self.repetitions = max(1, int(self.repetitions * batch / max(elapsed, 1e-9)))
+
+    def batch(self) -> float:
+        """Seconds per call in one batch."""
+        return self.seconds(self.repetitions) / self.repetitions
+
+
+def compile_variant(contestant: Contestant, level: str, cache: Path, compiler: str = "gcc") -> Variant:
+    """Compile a contestant and its timing loop (a file of its own, always -O2), or take them from the cache."""
+    files = dict(contestant.files)
+    clock = CLOCK.format(declarations=contestant.declarations, call=contestant.call)
+    version = subprocess.run([compiler, "--version"], capture_output=True, text=True, check=True).stdout
+    digest = hashlib.sha256(repr((sorted(files.items()), clock, level, FLAGS, version)).encode()).hexdigest()[:20]
+    folder = cache / digest
+    library, took = folder / "contestant.so", 0.0
+    if not library.exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, text in files.items() | {("clock.c", clock)}:
+            (folder / name).write_text(text)
+        begin = time.perf_counter()
+        sources = [name for name in files if name.endswith(".c")]
+        objects = []
+        for source in [*sources, "clock.c"]:
+            objects.append(f"{source}.o")
+            optimisation = "-O2" if source == "clock.c" else level
+            command = [compiler, optimisation, *FLAGS[:2], "-c", source, "-o", objects[-1]]
+            subprocess.run(command, check=True, cwd=folder)
+            if source != "clock.c":
+                took = time.perf_counter() - begin
+        subprocess.run([compiler, "-shared", *objects, "-o", "unfinished.so", "-lm"], check=True, cwd=folder)
+        (folder / "unfinished.so").rename(library)
+    run = ctypes.CDLL(str(library)).seconds
+    run.restype = ctypes.c_double
+    arrays = [np.ascontiguousarray(a, dtype=np.float64) for a in contestant.arrays]
+    pointers = (POINTER * len(arrays))(*(a.ctypes.data_as(POINTER) for a in arrays))
+    return Variant(level, run, pointers, arrays, took)
+
+
+@dataclass
+class Timing:
+    """What a contestant took: seconds per call at its best level, one figure a round."""
+
+    name: str
+    level: str
+    rounds: list[float]
+    all_levels: dict[str, float]
+    variant: Variant = field(repr=False)
+
+    @property
+    def median(self) -> float:
+        return statistics.median(self.rounds)
+
+    def ratio(self, other: Timing) -> float:
+        """Median over the rounds of this one's time over the other's."""
+        return statistics.median(a / b for a, b in zip(self.rounds, other.rounds, strict=True))
+
+    def spread(self, other: Timing) -> tuple[float, float]:
+        """Least and largest ratio of a round."""
+        ratios = [a / b for a, b in zip(self.rounds, other.rounds, strict=True)]
+        return min(ratios), max(ratios)
+
+
+def alternate(
+    contestants: Sequence[Contestant],
+    cache: Path,
+    rounds: int = 9,
+    batches: int = 25,
+    batch: float = 1e-3,
+) -> dict[str, Timing]:
+    """Time contestants in turns.
+
+    Parameters
+    ----------
+    contestants : sequence of Contestant
+    cache : path
+    rounds : int
+        Every round gives one figure for each level of each contestant: the fastest of its batches.
+    batches : int
+        Batches a round, taken in turns.
+    batch : float
+        Seconds a batch takes, about.
+    """
+    variants = {c.name: [compile_variant(c, level, cache) for level in c.levels] for c in contestants}
+    everyone = [v for vs in variants.values() for v in vs]
+    for v in everyone:
+        v.calibrate(batch)
+    figures: dict[int, list[float]] = {id(v): [] for v in everyone}
+    for _ in range(rounds):
+        best = {id(v): float("inf") for v in everyone}
+        for _ in range(batches):
+            for v in everyone:
+                best[id(v)] = min(best[id(v)], v.batch())
+        for v in everyone:
+            figures[id(v)].append(best[id(v)])
+    result = {}
+    for name, vs in variants.items():
+        medians = {v.level: statistics.median(figures[id(v)]) for v in vs}
+        winner = min(vs, key=lambda v: medians[v.level])
+        result[name] = Timing(name, winner.level, figures[id(winner)], medians, winner)
+    return result
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
+    """A Markdown table."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join("| " + " | ".join(str(x) for x in line) + " |" for line in lines)
