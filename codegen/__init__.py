@@ -1,0 +1,38 @@
+"""ordernm: from a model of a multibody system to a solver with exact design sensitivities.
+
+>>> import codegen
+>>> model = codegen.load_model("examples/double_pendulum.yaml")
+>>> codegen.generate(model, "generated/double_pendulum")
+>>> solver = codegen.load("generated/double_pendulum")
+>>> udot, dudot = solver.sensitivities(*solver.initial, dp=[1.0, 0.0])
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from .version import __version__
+
+if TYPE_CHECKING:
+    from .generation import Report, generate
+    from .model import Model, ModelBuilder, ModelError, load_model, parse_model
+    from .runtime import Solver, load
+
+__all__ = [
+    "Model", "ModelBuilder", "ModelError", "Report", "Solver", "__version__", "generate", "load", "load_model", "parse_model",
+]  # fmt: skip
+
+_PLACES = {
+    "generate": "generation", "Report": "generation",
+    "Model": "model", "ModelBuilder": "model", "ModelError": "model", "load_model": "model", "parse_model": "model",
+    "Solver": "runtime", "load": "runtime",
+}  # fmt: skip
+
+
+def __getattr__(name: str) -> Any:
+    # imported when first asked for: loading a solver needs neither sympy nor the model format
+    if name in _PLACES:
+        import importlib
+
+        return getattr(importlib.import_module(f".{_PLACES[name]}", __name__), name)
+    raise AttributeError(f"module 'codegen' has no attribute {name!r}; it has {', '.join(__all__)}")

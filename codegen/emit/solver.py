@@ -47,6 +47,7 @@ class Source:
     manifest: dict[str, Any]
     system: System
     program: Program
+    layout: str
     seconds: dict[str, float] = field(default_factory=dict)
     passes: list[tuple[str, Operations, float]] = field(default_factory=list)
 
@@ -86,7 +87,8 @@ def write_solver(model: Model, layout: str = "auto") -> Source:
     files = write_c(context)
     lap("print")
     return Source(
-        files, manifest(system, writer.workspace, operations(program)), system, program, seconds, program.report
+        files, manifest(system, writer.workspace, operations(program)), system, program, "unrolled" if unrolled else "kinds", seconds,
+        program.report,
     )
 
 

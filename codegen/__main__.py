@@ -1,0 +1,7 @@
+"""``python -m codegen`` is ``ordernm``."""
+
+import sys
+
+from .cli import main
+
+sys.exit(main())

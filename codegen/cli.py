@@ -1,0 +1,247 @@
+"""The command line: ``generate model.yaml`` and ``ordernm COMMAND``.
+
+Exit codes: 0 ok, 1 the model is wrong, 2 usage, 3 compiling failed, 4 the numbers failed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from .version import __version__
+
+OK, MODEL_WRONG, USAGE, COMPILING_FAILED, NUMBERS_FAILED = 0, 1, 2, 3, 4
+
+NEW_MODEL = """\
+# {name}: a pendulum to begin with; docs/model_format.md describes every key.
+model: {name}
+gravity: [0, 0, -9.81]                # m/s^2 in the ground frame
+parameters:
+  length: {{value: 1.0, unit: m}}       # a design parameter: derivatives with respect to it are exact
+bodies:
+  rod:
+    parent: ground
+    joint: {{type: revolute, axis: y, at: [0, 0, 0]}}
+    shape: {{type: cylinder, axis: z, length: length, radius: 0.02, density: 2700, center: [0, 0, -length/2]}}
+forces:
+  friction: {{type: joint, joint: rod, value: -0.01*u.rod}}
+initial:
+  q: {{rod: 0.5}}
+outputs:
+  energy: kinetic_energy
+"""
+
+
+def _generate_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("model", help="model file (YAML)")
+    parser.add_argument("-o", "--output", metavar="DIR", help="package to write (default: ./generated/NAME)")
+    parser.add_argument("--target", choices=("c", "numpy", "both"), default="c", help="what the package's Solver uses")
+    parser.add_argument("--layout", choices=("auto", "kinds", "unrolled"), default="auto",
+                        help="one C function per kind of link, or one per link")  # fmt: skip
+    parser.add_argument("--no-check", action="store_true", help="do not compare with the generic engine")
+    parser.add_argument("--no-compile", action="store_true", help="write the sources only")
+    parser.add_argument("-v", "--verbose", action="store_true", help="print passes and operations of every sweep")
+
+
+def _problem(text: object) -> None:
+    print(text, file=sys.stderr)
+
+
+def _load(file: str) -> Any:
+    from .model import load_model
+
+    return load_model(file)
+
+
+def run_generate(options: argparse.Namespace) -> int:
+    """``generate``."""
+    from .generation import FolderError, generate
+    from .model import ModelError
+    from .runtime.solver import CompileError
+
+    try:
+        model = _load(options.model)
+        folder = options.output or Path("generated") / model.name
+        report = generate(
+            model, folder, options.target, options.layout, compile=not options.no_compile,
+            check=not options.no_check and not options.no_compile,
+        )  # fmt: skip
+    except ModelError as error:
+        _problem(error)
+        return MODEL_WRONG
+    except FolderError as error:
+        _problem(f"generate: {error}")
+        return USAGE
+    except CompileError as error:
+        _problem(f"generate: {error}")
+        return COMPILING_FAILED
+    except OSError as error:
+        _problem(f"generate: {error.filename or ''}: {error.strerror or error}")
+        return USAGE
+    print_report(report, options.verbose)
+    return _verdict(report)
+
+
+def _verdict(report: Any) -> int:
+    from .generation import CHECK_TOLERANCE
+
+    bad = {name: e for name, e in report.errors.items() if not e <= CHECK_TOLERANCE}
+    if bad:
+        _problem(f"the numbers differ from the generic engine's: {bad}; please report this with the model")
+        return NUMBERS_FAILED
+    return OK
+
+
+FORWARD = ("start", "kinematics", "triangularize", "back_substitute")
+DIRECTION = ("balance_out", "balance_in", "balance_back")
+
+
+def print_report(report: Any, verbose: bool = False) -> None:
+    """Print what `generate` made."""
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console(highlight=False, soft_wrap=True)
+    for warning in report.warnings:
+        console.print(f"[yellow]warning[/yellow] {warning}", markup=True)
+    console.print(f"[bold]{report.name}[/bold]  {report.folder}")
+    console.print(
+        f"  {report.bodies} bodies, {report.nq} coordinates, {report.nu} speeds, {report.parameters} parameters; "
+        f"{report.links} links of {report.kinds} kinds, layout {report.layout}, target {report.target}"
+    )
+    functions = sum(report.operations[s]["per_call"]["functions"] for s in FORWARD if s in report.operations)
+    divisions = sum(report.operations[s]["per_call"]["divisions"] for s in FORWARD if s in report.operations)
+    n = max(report.links, 1)
+    udot, shared = report.flops(*FORWARD), report.flops(*DIRECTION)
+    each = report.flops(*DIRECTION, per="per_direction")
+    console.print(
+        f"  udot: {udot} operations ({udot / n:.1f} a link, {divisions} of them divisions; {functions} sines and other functions)"
+    )
+    console.print(
+        f"  derivatives: {shared} operations once, {each} per direction ({each / n:.1f} a link, {each / max(udot, 1):.2f} of udot)"
+    )
+    if verbose:
+        table = Table("sweep", "+", "*", "/", "functions", "+ per direction", "* per direction")
+        for sweep, parts in report.operations.items():
+            a, b = parts["per_call"], parts["per_direction"]
+            table.add_row(sweep, *(str(a[k]) for k in ("additions", "multiplications", "divisions", "functions")),
+                          str(b["additions"]), str(b["multiplications"]))  # fmt: skip
+        console.print(table)
+        table = Table("pass", "+", "*", "/", "functions", "seconds", title="all blocks after every pass")
+        for name, o, seconds in report.passes:
+            table.add_row(name, *(str(v) for v in o.values()), f"{seconds:.3f}")
+        console.print(table)
+        for name, size in report.files.items():
+            console.print(f"  {size:>9} {name}")
+    console.print("  " + ", ".join(f"{stage} {s:.2f} s" for stage, s in report.seconds.items()))
+    if report.errors:
+        console.print(
+            f"  checked against the generic engine: relative error of udot {report.errors['udot']:.1e}, "
+            f"of its derivatives {report.errors['dudot']:.1e}"
+        )
+    if report.remark:
+        console.print(f"  {report.remark}")
+
+
+def run_check(options: argparse.Namespace) -> int:
+    """``ordernm check``: read a model and say what is wrong with it."""
+    from .model import ModelError
+
+    try:
+        model = _load(options.model)
+    except ModelError as error:
+        _problem(error)
+        return MODEL_WRONG
+    for warning in model.warnings:
+        print(f"warning: {warning}")
+    print(f"{options.model}: {len(model.bodies)} bodies, {model.nq} coordinates, {model.nu} speeds: ok")
+    return OK
+
+
+def run_show(options: argparse.Namespace) -> int:
+    """``ordernm show``: print the tree of a model, or what a generated package is."""
+    from .model import ModelError
+
+    path = Path(options.model)
+    if path.is_dir():
+        from .runtime import load
+
+        try:
+            print(load(path, "numpy"))
+        except ValueError as error:
+            _problem(error)
+            return USAGE
+        return OK
+    try:
+        model = _load(options.model)
+    except ModelError as error:
+        _problem(error)
+        return MODEL_WRONG
+    from rich.console import Console
+    from rich.tree import Tree
+
+    tree = Tree(f"[bold]{model.name}[/bold] ground")
+    nodes: dict[int, Any] = {-1: tree}
+    for k in model.outward:
+        body = model.bodies[k]
+        nodes[k] = nodes[body.parent].add(f"{body.name} [dim]{body.joint.type}[/dim]")
+    console = Console(highlight=False)
+    console.print(tree)
+    for p in model.parameters:
+        console.print(f"  parameter {p.name} = {p.value} {p.unit}")
+    for o in model.outputs:
+        console.print(f"  output {o.name}: {o.measure}")
+    return OK
+
+
+def run_new(options: argparse.Namespace) -> int:
+    """``ordernm new``: write a first model file."""
+    path = Path(options.model)
+    name = path.stem
+    if not name.isidentifier():
+        _problem(f"{name!r} is no identifier; call the file after the model, such as pendulum.yaml")
+        return USAGE
+    if path.exists():
+        _problem(f"{path} exists; choose another name")
+        return USAGE
+    path.write_text(NEW_MODEL.format(name=name), encoding="utf-8")
+    print(f"wrote {path}; now: generate {path}")
+    return OK
+
+
+def generate_main(arguments: Sequence[str] | None = None) -> int:
+    """Entry point of ``generate``."""
+    parser = argparse.ArgumentParser(
+        prog="generate", description="Generate a solver with exact design sensitivities from a model file."
+    )
+    _generate_arguments(parser)
+    parser.add_argument("--version", action="version", version=f"ordernm {__version__}")
+    return run_generate(parser.parse_args(arguments))
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Entry point of ``ordernm``."""
+    parser = argparse.ArgumentParser(prog="ordernm", description="Multibody solvers with exact design sensitivities.")
+    parser.add_argument("--version", action="version", version=f"ordernm {__version__}")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    generate = commands.add_parser("generate", help="generate a solver from a model file")
+    _generate_arguments(generate)
+    generate.set_defaults(run=run_generate)
+    for name, run, help_text in (
+        ("check", run_check, "read a model file and list what is wrong with it"),
+        ("show", run_show, "print the tree of a model file, or what a generated package is"),
+        ("new", run_new, "write a first model file"),
+    ):
+        command = commands.add_parser(name, help=help_text)
+        command.add_argument("model", help="model file (YAML)")
+        command.set_defaults(run=run)
+    options = parser.parse_args(arguments)
+    result: int = options.run(options)
+    return result
+
+
+if __name__ == "__main__":
+    sys.exit(main())
