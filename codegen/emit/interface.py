@@ -50,8 +50,35 @@ class Interface:
         arguments = [f"double {a}" if a == "t" else f"const double *{a}" for a in self.arguments]
         arguments += [f"const double *{a}" for a in self.seeds]
         arguments += [f"double *{a}" for a in self.results]
-        suffix = f"_{width}" if width else ""
-        return f"int {model}_{self.name}{suffix}({', '.join([*arguments, 'double *work'])})"
+        return f"int {model}_{self.symbol(width)}({', '.join([*arguments, 'double *work'])})"
+
+    def symbol(self, width: int | None = None) -> str:
+        """Name in C, without the model's."""
+        return f"{self.name}_{width}" if width else self.name
+
+    def batch_signature(self, model: str, width: int | None = None) -> str:
+        """C declaration of the loop over a batch, without the semicolon: every argument has a step, in doubles."""
+        arguments = [f"const double *{a}, long {a}_step" for a in [*self.arguments, *self.seeds]]
+        arguments += [f"double *{r}" for r in self.results]
+        return f"int {model}_{self.symbol(width)}_batch(long count, long *failed, {', '.join([*arguments, 'double *work'])})"
+
+    def batch_lines(self, model: str, width: int | None, size: dict[str, int]) -> list[str]:
+        """Body of the loop over a batch."""
+        passed = [f"{a}[i*{a}_step]" if a == "t" else f"{a} + i*{a}_step" for a in [*self.arguments, *self.seeds]]
+        derived = self.derived_names()
+        for r in self.results:
+            n = size[r.removeprefix("d")] * (width or 1) if r in derived else size[r]
+            passed.append(f"{r} + i*{n}")
+        return [
+            "for (long i = 0; i < count; ++i) {",
+            f"    const int singular = {model}_{self.symbol(width)}({', '.join([*passed, 'work'])});",
+            "    if (singular) {",
+            "        *failed = i;",
+            "        return singular;",
+            "    }",
+            "}",
+            "return 0;",
+        ]
 
 
 def uses(system: System) -> dict[str, bool]:

@@ -16,6 +16,7 @@ from ..model.model import GROUND, Model
 from ..program.operations import Operations, count
 from .c import CWriter, write_c
 from .interface import manifest
+from .numpy import write_numpy
 
 UNROLLED_LINKS = 0
 """Models of at most so many links get one function per link unless another layout is asked for."""
@@ -86,6 +87,8 @@ def write_solver(model: Model, layout: str = "auto") -> Source:
     context = writer.context()
     files = write_c(context)
     lap("print")
+    files[f"{model.name}_numpy.py"] = write_numpy(program, formulas, records, energy_outputs)
+    lap("print NumPy")
     return Source(
         files, manifest(system, writer.workspace, operations(program)), system, program, "unrolled" if unrolled else "kinds", seconds,
         program.report,

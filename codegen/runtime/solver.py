@@ -11,6 +11,7 @@ import difflib
 import hashlib
 import importlib.util
 import json
+import math
 import os
 import platform
 import shutil
@@ -162,24 +163,20 @@ class CTarget:
             self.library = self.ffi.dlopen(str(path))
         self.path = path
         self._local = threading.local()
-        self._functions: dict[tuple[str, int], Any] = {}
+        self._functions: dict[str, Any] = {}
 
     def _declarations(self) -> list[str]:
         lines = []
         for name, f in self.manifest["functions"].items():
-            arguments = ["double t" if a == "t" else f"const double *{a}" for a in f["arguments"]]
-            arguments += [f"const double *{s}" for s in f.get("seeds", ())]
-            arguments += [f"double *{r}" for r in f["results"]]
+            inputs = [*f["arguments"], *f.get("seeds", ())]
+            single = ["double t" if a == "t" else f"const double *{a}" for a in inputs]
+            batch = ["long count", "long *failed", *(f"const double *{a}, long {a}_step" for a in inputs)]
+            results = [*(f"double *{r}" for r in f["results"]), "double *work"]
             for width in f.get("widths") or (0,):
-                suffix = f"_{width}" if width else ""
-                lines.append(f"int {self.name}_{name}{suffix}({', '.join([*arguments, 'double *work'])});")
+                symbol = f"{self.name}_{name}" + (f"_{width}" if width else "")
+                lines.append(f"int {symbol}({', '.join(single + results)});")
+                lines.append(f"int {symbol}_batch({', '.join(batch + results)});")
         return lines
-
-    def function(self, name: str, width: int = 0) -> Any:
-        key = (name, width)
-        if key not in self._functions:
-            self._functions[key] = getattr(self.library, f"{self.name}_{name}" + (f"_{width}" if width else ""))
-        return self._functions[key]
 
     def workspace(self) -> Any:
         """This thread's workspace."""
@@ -188,13 +185,29 @@ class CTarget:
             work = self._local.work = self.ffi.new("double[]", self.manifest["workspace"])
         return work
 
-    def run(self, name: str, arguments: list[Array], seeds: list[Array], sizes: list[int], k: int) -> list[Array]:
+    def single(self, name: str, arguments: Sequence[Any], results: Sequence[Array]) -> None:
+        """Run a function without directions on one state; arguments are contiguous arrays, ``t`` a float."""
+        function = self._functions.get(name)
+        if function is None:
+            function = self._functions[name] = getattr(self.library, f"{self.name}_{name}")
+        pointer = self.ffi.from_buffer
+        status = function(
+            *[a if type(a) is float else pointer("double[]", a) for a in arguments],
+            *[pointer("double[]", r) for r in results],
+            self.workspace(),
+        )
+        if status:
+            self._singular(status, 0, 1)
+
+    def run(
+        self, name: str, arguments: list[Array], seeds: list[Array], sizes: list[int], k: int, batch: int
+    ) -> list[Array]:
         """Run a function on a batch.
 
         Parameters
         ----------
         arguments : list of (batch, n) arrays
-            ``t`` is (batch,).
+            ``t`` is (batch,). One that is the same for all states may be (1, n).
         seeds : list of (k, batch, n) arrays
         sizes : list of int
             Length of every result.
@@ -204,10 +217,9 @@ class CTarget:
         list of (batch, n) arrays, derivatives (k, batch, n)
         """
         spec = self.manifest["functions"][name]
-        batch = len(arguments[0])
         if not spec.get("widths"):
             results = [np.empty((batch, n)) for n in sizes]
-            self._loop(self.function(name), spec, arguments, [], results, batch)
+            self._batch(name, arguments, results, batch)
             return results
         derived = [r.startswith("d") for r in spec["results"]]
         results = [np.empty((k, batch, n) if d else (batch, n)) for n, d in zip(sizes, derived, strict=True)]
@@ -216,41 +228,37 @@ class CTarget:
             m = min(width, k - start)
             lanes = []
             for s in seeds:
-                lane = np.zeros((batch, s.shape[2], width))
-                lane[:, :, :m] = np.moveaxis(s[start : start + m], 0, 2)
+                lane = np.zeros((s.shape[1], s.shape[2], width))
+                lane[:, :, :m] = s[start : start + m].transpose(1, 2, 0)
                 lanes.append(lane)
-            pieces = [
-                np.empty((batch, n, width)) if d else r for n, d, r in zip(sizes, derived, results, strict=True)
-            ]
-            self._loop(self.function(name, width), spec, arguments, lanes, pieces, batch)
+            pieces = [np.empty((batch, n, width)) if d else r for n, d, r in zip(sizes, derived, results, strict=True)]
+            self._batch(f"{name}_{width}", [*arguments, *lanes], pieces, batch)
             for piece, result, d in zip(pieces, results, derived, strict=True):
                 if d:
-                    result[start : start + m] = np.moveaxis(piece[:, :, :m], 2, 0)
+                    result[start : start + m] = piece[:, :, :m].transpose(2, 0, 1)
             start += m
         return results
 
-    def _loop(
-        self, function: Any, spec: Any, arguments: list[Array], lanes: list[Array], results: list[Array], batch: int
-    ) -> None:
-        work = self.workspace()
-        cast = self.ffi.cast
-        sources: list[tuple[Any, int]] = []
-        for a, name in zip(arguments, spec["arguments"], strict=True):
-            if name == "t":
-                sources.append((a, -1))
-            else:
-                sources.append((cast("double *", a.ctypes.data), a.strides[0] // 8))
-        for x in (*lanes, *results):
-            sources.append((cast("double *", x.ctypes.data), x.strides[0] // 8 if x.size else 0))
-        for i in range(batch):
-            status = function(*(float(p[i]) if step < 0 else p + i * step for p, step in sources), work)
-            if status:
-                link = self.manifest["links"][status - 1]
-                where = f" (state {i} of the batch)" if batch > 1 else ""
-                raise SingularJointError(
-                    f"joint {link!r}: nothing outboard of it has inertia about it{where}, so its acceleration is not "
-                    "determined; give its body, or one that it carries, mass or inertia"
-                )
+    def _batch(self, symbol: str, arguments: Sequence[Array], results: Sequence[Array], batch: int) -> None:
+        function = self._functions.get(symbol + "_batch")
+        if function is None:
+            function = self._functions[symbol + "_batch"] = getattr(self.library, f"{self.name}_{symbol}_batch")
+        pointer = self.ffi.from_buffer
+        given: list[Any] = []
+        for a in arguments:
+            given += [pointer("double[]", a), a.size // len(a) if len(a) > 1 else 0]
+        failed = self.ffi.new("long *")
+        status = function(batch, failed, *given, *(pointer("double[]", r) for r in results), self.workspace())
+        if status:
+            self._singular(status, failed[0], batch)
+
+    def _singular(self, status: int, state: int, batch: int) -> None:
+        link = self.manifest["links"][status - 1]
+        where = f" (state {state} of the batch)" if batch > 1 else ""
+        raise SingularJointError(
+            f"joint {link!r}: nothing outboard of it has inertia about it{where}, so its acceleration is not "
+            "determined; give its body, or one that it carries, mass or inertia"
+        )
 
 
 def split(k: int, widths: Sequence[int]) -> list[int]:
@@ -274,7 +282,9 @@ class NumpyTarget:
         self.module = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(self.module)
 
-    def run(self, name: str, arguments: list[Array], seeds: list[Array], sizes: list[int], k: int) -> list[Array]:
+    def run(
+        self, name: str, arguments: list[Array], seeds: list[Array], sizes: list[int], k: int, batch: int
+    ) -> list[Array]:
         """As `CTarget.run`."""
         spec = self.manifest["functions"][name]
         given = [s[..., 0] if n == "dt" else s for s, n in zip(seeds, spec.get("seeds", ()), strict=True)]
@@ -284,11 +294,11 @@ class NumpyTarget:
             if type(error).__name__ == "SingularJointError":
                 raise SingularJointError(str(error)) from None
             raise
-        batch = len(arguments[0])
         out = []
         for r, n, result in zip(results, sizes, spec["results"], strict=True):
             derived = bool(seeds) and result.startswith("d")
-            out.append(np.ascontiguousarray(np.reshape(r, (k, batch, n) if derived else (batch, n))))
+            r = np.asarray(r).reshape(*((k, -1) if derived else (-1,)), n)
+            out.append(np.ascontiguousarray(np.broadcast_to(r, (k, batch, n) if derived else (batch, n))))
         return out
 
 
@@ -350,6 +360,7 @@ class Solver:
             "J_u": nu * nu, "J_p": nu * self.np, "J_inputs": nu * self.ninputs, "J_t": nu,
         }  # fmt: skip
         self._defaults = np.array(m["parameters"], dtype=float)
+        self._no_inputs = np.zeros(self.ninputs)
         target = target or m.get("target", "c")
         if target not in ("c", "numpy", "both"):
             raise ValueError(f"target is {target!r}; allowed are 'c', 'numpy' and 'both'")
@@ -449,6 +460,10 @@ class Solver:
     def _run(
         self, name: str, given: dict[str, Any], seeds: dict[str, Any] | None = None, flat: Callable[..., Any] | None = None
     ) -> list[Array]:
+        if seeds is None and isinstance(self._target, CTarget):
+            fast = self._single(name, given)
+            if fast is not None:
+                return fast
         spec = self._manifest["functions"].get(name)
         if spec is None:
             raise ValueError(f"this solver has no function {name!r}; it has {', '.join(self._manifest['functions'])}")
@@ -476,7 +491,9 @@ class Solver:
         for a in spec["arguments"]:
             x = arrays[a]
             if a == "t":
-                arguments.append(np.ascontiguousarray(np.broadcast_to(x, batch).reshape(count)))
+                arguments.append(np.ascontiguousarray(np.broadcast_to(x, batch).reshape(count) if x.ndim else x.reshape(1)))
+            elif x.ndim == 1:
+                arguments.append(np.ascontiguousarray(x[None]))
             else:
                 n = x.shape[-1]
                 arguments.append(np.ascontiguousarray(np.broadcast_to(x, (*batch, n)).reshape(count, n)))
@@ -485,10 +502,13 @@ class Solver:
             n = self._sizes[s[1:]]
             seed = directions.get(s)
             if seed is None:
-                lanes.append(np.zeros((k, count, n)))
+                lanes.append(np.zeros((k, 1, n)))
                 continue
             if s == "dt":
                 seed = seed[..., None]
+            if seed.ndim == 2:
+                lanes.append(np.broadcast_to(seed, (k, n))[:, None])
+                continue
             inner = seed.shape[1:-1]
             seed = seed.reshape(len(seed), *(1,) * (len(batch) - len(inner)), *inner, n)
             lanes.append(np.ascontiguousarray(np.broadcast_to(seed, (k, *batch, n)).reshape(k, count, n)))
@@ -499,12 +519,45 @@ class Solver:
                 for n, r in zip(sizes, spec["results"], strict=True)
             ]
         else:
-            results = self._target.run(name, arguments, lanes, sizes, k)
+            results = self._target.run(name, arguments, lanes, sizes, k, count)
         out = []
         for r, result in zip(results, spec["results"], strict=True):
             lead = (k, *batch) if lanes and result.startswith("d") else batch
             out.append(r.reshape(*lead, r.shape[-1]))
         return out
+
+    def _single(self, name: str, given: dict[str, Any]) -> list[Array] | None:
+        """One state in plain arrays, the common case of an integrator: the same checks in fewer steps. None: not that case."""
+        spec = self._manifest["functions"].get(name)
+        if spec is None:
+            return None
+        arguments: list[Any] = []
+        for a in spec["arguments"]:
+            value = given[a]
+            if value is None:
+                value = self._defaults if a == "p" else self._no_inputs
+            elif a == "t":
+                if not isinstance(value, (int, float)) or not math.isfinite(value):
+                    return None
+                arguments.append(float(value))
+                continue
+            elif type(value) is not np.ndarray or value.dtype != np.float64 or value.shape != (self._sizes[a],):
+                return None
+            elif not value.flags.c_contiguous or not math.isfinite(np.add.reduce(value)):
+                return None
+            arguments.append(value)
+        if len(arguments) != len(given) and any(
+            given[a] is not None and a not in spec["arguments"] and not (a == "t" and given[a] == 0.0) for a in given
+        ):
+            return None
+        for i in self._manifest["quaternions"]:
+            e = given["q"][i : i + 4] if "q" in given else None
+            if e is not None and float(e @ e) < 1e-12:
+                return None
+        results = [np.empty(self._sizes[r]) for r in spec["results"]]
+        assert isinstance(self._target, CTarget)
+        self._target.single(name, arguments, results)
+        return results
 
     def _batch(self, arrays: dict[str, Array], directions: dict[str, Array]) -> tuple[int, ...]:
         shapes = {a: x.shape if a == "t" else x.shape[:-1] for a, x in arrays.items()}

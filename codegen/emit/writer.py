@@ -1,0 +1,369 @@
+"""What the targets have in common: which function each block becomes, in which order they are called, and with which tables.
+
+A target (`CWriter`, `NumpyWriter`) adds the language: how a block, a loop, a table and a place in memory are written.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from ..mechanics.expansion import Program
+from ..mechanics.formulas import FormulaKind
+from ..mechanics.kinds import LinkKind
+from ..mechanics.outputs import RecordFormula
+from ..mechanics.sweeps import INWARD, SWEEP
+from ..model.model import GROUND
+from ..program.block import Block
+from ..version import __version__
+from .interface import interfaces, sizes, uses
+from .memory import Layout, LinkTable
+
+MAX_STRETCHES = 24
+"""More different stretches of links than this, and a sweep dispatches on the kind instead."""
+
+Located = tuple[str, str, int | str]
+"""Where a field lies, as a target writes it: name of a pointer, the expression it starts as, index or text."""
+
+Place = Callable[[str, str], Located]
+Column = Callable[[int], str]
+"""The expression of an integer column of the current row of a table."""
+
+
+@dataclass(slots=True)
+class Function:
+    """A generated function: comment, signature, ready lines."""
+
+    comment: str
+    signature: str
+    lines: list[str] = field(default_factory=list)
+
+
+class Writer(ABC):
+    """Source of a program in one language.
+
+    Parameters
+    ----------
+    program : Program
+    formulas : list of FormulaKind
+        Joint forces and outputs.
+    records : list of RecordFormula
+        Outputs of links, potential energy.
+    energy_outputs : list of (int, int)
+        Outputs that are energies: output index, 0 kinetic or 1 potential.
+    """
+
+    def __init__(
+        self,
+        program: Program,
+        formulas: list[FormulaKind],
+        records: list[RecordFormula],
+        energy_outputs: list[tuple[int, int]],
+    ):
+        self.program = program
+        self.system = program.system
+        self.model = program.system.model
+        self.formulas = formulas
+        self.records = records
+        self.energy_outputs = energy_outputs
+        self.layout = Layout(program)
+        self.table = LinkTable(self.layout)
+        self.uses = uses(self.system)
+
+    # -- the language ----------------------------------------------------------------------------------------------
+
+    @abstractmethod
+    def lines(self, block: Block, place: Place, link: str = "") -> list[str]:
+        """Lines of a block; `link` is the expression of the link's number, for naming it where a pivot is zero."""
+
+    @abstractmethod
+    def signature(self, name: str, lanes: bool, indexed: bool) -> str:
+        """Head of a function; an indexed one gets the number of a link or row."""
+
+    @abstractmethod
+    def call(self, name: str, lanes: bool, index: str | None) -> str:
+        """Statement that calls a function."""
+
+    @abstractmethod
+    def repeat(self, start: int, end: int, step: int, inward: bool, calls: list[str]) -> list[str]:
+        """Loop of i over ``start, start + step, ... < end``, or the same backwards."""
+
+    @abstractmethod
+    def dispatch(self, count: int, inward: bool, calls: list[tuple[int, str]]) -> list[str]:
+        """Loop over all links that chooses the call by the kind of the link."""
+
+    @abstractmethod
+    def repeat_rows(self, name: str, lanes: bool, count: int) -> list[str]:
+        """Calls for all rows of a table."""
+
+    @abstractmethod
+    def add_table(self, name: str, rows: list[list[int]] | list[list[float]]) -> None:
+        """Table of equally long rows; asked for twice, it stands there once."""
+
+    @abstractmethod
+    def place(self, kind: LinkKind, sweep: str, array: str, name: str) -> Located:
+        """Where a field of a link of a kind lies."""
+
+    @abstractmethod
+    def element(self, array: str, index: str) -> Located:
+        """Where an entry of an argument, a seed or a result lies."""
+
+    @abstractmethod
+    def field_of_record(self, array: str, link: str, name: str) -> Located:
+        """Where a field of the record (``me``), the lanes (``lane``) or the ground's slot (``lme``) lies."""
+
+    @abstractmethod
+    def constant(self, shape: int, constants: str, name: str) -> Located:
+        """Where a constant of the constants at a place lies."""
+
+    @abstractmethod
+    def place_of_constants(self, index: int) -> int:
+        """Where constants begin."""
+
+    @abstractmethod
+    def number_of_row(self, table: str, row: str, index: int) -> Located:
+        """Where a number of the current row lies."""
+
+    # -- functions of links ----------------------------------------------------------------------------------------
+
+    def link_function(self, sweep: str, kind: LinkKind, block: Block) -> Function:
+        single = len(kind.members) == 1
+        first = self.system.links[kind.members[0]].name
+        who = first if single else f"{len(kind.members)} links: {first}, ..."
+        signature = self.signature(f"{sweep}_{kind.index}", SWEEP[sweep].lanes, not single)
+        link = str(kind.members[0]) if single else "i"
+        lines = self.lines(block, lambda array, name: self.place(kind, sweep, array, name), link)
+        return Function(f"{block.title}; {who}", signature, lines)
+
+    def loop(self, sweep: str) -> Function:
+        """The loop over links of a sweep."""
+        spec = SWEEP[sweep]
+        blocks = self.program.blocks[sweep]
+        kinds = [k.index for k in self.system.kind_of]
+        inward = spec.direction == INWARD
+        f = Function(spec.title, self.signature(sweep, spec.lanes, False))
+
+        def call(kind: int, i: str) -> list[str]:
+            block = blocks.get(kind)
+            if block is None or not block.stores:
+                return []
+            single = len(self.system.kinds[kind].members) == 1
+            return [self.call(f"{sweep}_{kind}", spec.lanes, None if single else i)]
+
+        parts = stretches(kinds)
+        if len(parts) <= MAX_STRETCHES or len(self.system.kinds) == len(kinds):
+            for start, pattern, count in reversed(parts) if inward else parts:
+                order = list(reversed(range(len(pattern)))) if inward else list(range(len(pattern)))
+                if count == 1:
+                    for o in order:
+                        f.lines += call(pattern[o], str(start + o))
+                    continue
+                calls = [c for o in order for c in call(pattern[o], f"i + {o}" if o else "i")]
+                if calls:
+                    step = len(pattern)
+                    f.lines += self.repeat(start, start + step * count, step, inward, calls)
+        else:
+            self.table.use("KIND")
+            cases = [(k.index, c) for k in self.system.kinds for c in call(k.index, "i")]
+            f.lines += self.dispatch(len(kinds), inward, cases)
+        return f
+
+    def sweep_functions(self, sweep: str) -> list[Function]:
+        functions = [
+            self.link_function(sweep, kind, block)
+            for kind in self.system.kinds
+            if (block := self.program.blocks[sweep].get(kind.index)) is not None and block.stores
+        ]
+        return [*functions, self.loop(sweep)]
+
+    # -- constants and formulas ------------------------------------------------------------------------------------
+
+    def rows_function(
+        self,
+        name: str,
+        block: Block,
+        place: Callable[[Column, str, str], Located],
+        integers: list[list[int]],
+        numbers: list[list[float]],
+        lanes: bool = False,
+    ) -> tuple[Function, list[str]]:
+        """A function for blocks that are the same but for table rows, and the statements that call it for all rows.
+
+        `place` gets a function that makes the expression of an integer column.
+        """
+        single = len(integers) == 1
+        table = f"rows_of_{name.removeprefix('d') if lanes else name}"
+        used = [False]
+
+        def column(j: int) -> str:
+            values = {row[j] for row in integers}
+            if len(values) == 1:
+                return str(values.pop())
+            used[0] = True
+            return f"{table}[i][{j}]"
+
+        def located(array: str, field_: str) -> Located:
+            if array == "k":
+                return self.number_of_row(f"numbers_of_{name}", "0" if single else "i", int(field_))
+            return place(column, array, field_)
+
+        f = Function(block.title, self.signature(name, lanes, not single), self.lines(block, located))
+        if used[0]:
+            self.add_table(table, integers)
+        if any(a == "k" for a, _ in block.loads.values()):
+            self.add_table(f"numbers_of_{name}", numbers)
+        if single:
+            return f, [self.call(name, lanes, None)]
+        return f, self.repeat_rows(name, lanes, len(integers))
+
+    def constants_functions(self) -> tuple[list[Function], list[str]]:
+        """Functions that compute constants from parameters, and the calls."""
+        functions, calls = [], []
+        places = {name: i for i, name in enumerate(self.model.parameter_names)}
+        for shape in self.system.shapes:
+            if not shape.block.stores:
+                continue
+            rows = [c for c in self.system.constants if c.shape is shape]
+
+            def place(column: Column, array: str, name: str, index: int = shape.index) -> Located:
+                if array == "pc":
+                    return self.constant(index, column(0), name)
+                return self.element("p", column(1 + int(name)))
+
+            integers = [[self.place_of_constants(c.index), *(places[p] for p in c.parameters)] for c in rows]
+            f, call = self.rows_function(
+                f"constants_{shape.index}", shape.block, place, integers, [list(c.numbers) for c in rows]
+            )
+            functions.append(f)
+            calls += call
+        return functions, calls
+
+    def formula_functions(self, target: str) -> dict[str, Any]:
+        """Functions of the formulas of a target, for values and for tangents."""
+        result: dict[str, Any] = {"functions": [], "lane_functions": [], "calls": [], "lane_calls": []}
+
+        def place_formula(column: Column, array: str, name: str) -> Located:
+            if array in (target, f"d{target}"):
+                return self.element(array, column(0))
+            return self.element(array, "0" if array in ("t", "dt") else column(1 + int(name)))
+
+        for kind in self.formulas:
+            if kind.target == target:
+                integers = [[i, *slots] for i, slots, _ in kind.rows]
+                numbers = [n for _, _, n in kind.rows]
+                self._add_pair(result, f"{target}_{kind.index}", kind, place_formula, integers, numbers)
+        ground = len(self.system.links)
+
+        def place_record(column: Column, array: str, name: str) -> Located:
+            if array in (target, f"d{target}"):
+                return self.element(array, column(0))
+            if array in ("me", "lane", "lme"):
+                return self.field_of_record(array, column(1), name)
+            return self.element(array, column(2 + int(name)))
+
+        for record in self.records:
+            if record.target == target:
+                integers = [[i, ground if link == GROUND else link, *slots] for i, link, slots, _ in record.rows]
+                numbers = [n for *_, n in record.rows]
+                self._add_pair(result, f"{target}_of_link_{record.index}", record, place_record, integers, numbers)
+        return result
+
+    def _add_pair(self, result: dict[str, Any], name: str, kind: Any, place: Any, integers: Any, numbers: Any) -> None:
+        f, call = self.rows_function(name, kind.value, place, integers, numbers)
+        result["functions"].append(f)
+        result["calls"] += call
+        f, call = self.rows_function(f"d{name}", kind.tangent, place, integers, numbers, lanes=True)
+        result["lane_functions"].append(f)
+        result["lane_calls"] += call
+
+    # -- the ground ------------------------------------------------------------------------------------------------
+
+    def ground_values(self) -> list[tuple[str, float | str]]:
+        """The ground's record, at rest and accelerating by -g: fields with a number or the name of gravity's constant."""
+        g = self.system.gravity
+        found: list[tuple[str, float | str]] = []
+        for name in sorted(self.program.ground_fields):
+            value: float | str = 0.0
+            plain = name.removeprefix("t")
+            if name in ("W.xx", "W.yy", "W.zz"):
+                value = 1.0
+            elif g is not None and plain in g.shape.fields:
+                value = g.shape.varying.get(plain) or g.values.get(plain, 0.0)
+            found.append((name, value))
+        return found
+
+    def ground_accelerations(self) -> list[str]:
+        """The fields of the ground's record that gravity sets."""
+        return [n for n in sorted(self.program.ground_fields) if n.startswith(("a.", "ta."))]
+
+    def ground_tangents(self) -> list[tuple[str, list[tuple[float | str, int]]]]:
+        """The ground's tangent where gravity depends on parameters: fields as sums of factor and parameter."""
+        g = self.system.gravity
+        found: list[tuple[str, list[tuple[float | str, int]]]] = []
+        places = {n: k for k, n in enumerate(self.model.parameter_names)}
+        for name in self.program.slots.get("balance_out", ()):
+            if g is None or name not in g.shape.varying:
+                continue
+            terms: list[tuple[float | str, int]] = []
+            for j, p in enumerate(g.parameters):
+                key = f"{name}/{j}"
+                if key in g.shape.fixed and float(g.shape.fixed[key]) != 0:
+                    terms.append((float(g.shape.fixed[key]), places[p]))
+                elif key in g.shape.varying:
+                    terms.append((g.shape.varying[key], places[p]))
+            found.append((name, terms))
+        return found
+
+    # -- the files -------------------------------------------------------------------------------------------------
+
+    def shared_context(self) -> dict[str, Any]:
+        """What the templates of every target are rendered with."""
+        model, layout = self.model, self.layout
+        blocks = self.program.blocks
+        scalar = [f for s in blocks if not SWEEP[s].lanes for f in self.sweep_functions(s)]
+        lanes = [f for s in blocks if SWEEP[s].lanes for f in self.sweep_functions(s)]
+        constants, constant_calls = self.constants_functions()
+        tau, outputs, energy = (self.formula_functions(t) for t in ("tau", "outputs", "energy"))
+        size = sizes(model)
+        functions = interfaces(self.system)
+        return {
+            "name": model.name,
+            "version": __version__,
+            "nq": model.nq, "nu": model.nu, "np": len(model.parameters), "ninputs": len(model.inputs),
+            "noutputs": len(model.outputs),
+            "uses": self.uses,
+            "has": set(blocks),
+            "quaternions": any(b.stores for b in blocks.get("rotations", {}).values()),
+            "size": size,
+            "columns": self.table.used, "link_rows": self.table.rows() if self.table.used else [],
+            "numbers": [repr(v) for v in layout.numbers],
+            "angles": layout.angles,
+            "angles_in_order": layout.angles == list(range(len(layout.angles))),
+            "functions": constants + tau["functions"] + scalar + outputs["functions"] + energy["functions"],
+            "lane_functions": tau["lane_functions"] + lanes + outputs["lane_functions"] + energy["lane_functions"],
+            "constant_calls": constant_calls,
+            "tau": tau, "output_formulas": outputs, "potential": energy,
+            "energy_outputs": self.energy_outputs,
+            "interfaces": functions,
+            "jacobian_groups": [(n, size[n]) for n in next(f for f in functions if f.name == "accelerations").arguments],
+        }  # fmt: skip
+
+
+def stretches(kinds: list[int], longest: int = 8) -> list[tuple[int, tuple[int, ...], int]]:
+    """Cut a sequence into repeated patterns: (start, pattern, repetitions). Greedy, linear in its length."""
+    result: list[tuple[int, tuple[int, ...], int]] = []
+    i, n = 0, len(kinds)
+    while i < n:
+        best, covered = 1, 1
+        for period in range(1, longest + 1):
+            j = i
+            while j + period < n and kinds[j] == kinds[j + period]:
+                j += 1
+            total = (j - i) // period * period + period
+            if total >= 2 * period and total > covered:
+                best, covered = period, total
+        result.append((i, tuple(kinds[i : i + best]), covered // best))
+        i += covered
+    return result
