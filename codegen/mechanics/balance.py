@@ -14,7 +14,7 @@ from .inverse_dynamics import hand_on_lanes, transfer
 from .joints import JointTransform, freedom_axes
 from .kinematics import load_vector, store_vector
 from .spatial import XYZ, Vec
-from .triangularization import force_to_parent
+from .triangularization import force_to_parent, own_inertia
 
 
 def eliminate(x: Any, kind: Any, P: Vec, forces: list[Any]) -> Vec:
@@ -77,8 +77,6 @@ def mass_outward(x: Any, kind: Any) -> None:
         A[a] = x.let("A", A[a] + x.load("b", str(j)), "Eq. 19", lanes=True)
     store_vector(x, "lme", "bal", A[:3])
     store_vector(x, "lme", "ba", A[3:])
-    from .triangularization import own_inertia
-
     force: Vec = [0] * 6
     for i, j, name, sign in own_inertia():
         value = sign * x.load("c", name)

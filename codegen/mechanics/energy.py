@@ -6,7 +6,6 @@ from typing import Any
 
 from sympy import Rational
 
-from .inverse_dynamics import differentiate, store_tangent
 from .joints import JointTransform
 from .kinematics import (
     angular_velocity,
@@ -17,6 +16,7 @@ from .kinematics import (
     store_vector,
 )
 from .spatial import XYZ, Vec, add, cross, dot, matmul, matvec, scale
+from .tangents import differentiate, store_tangent
 from .triangularization import accumulate
 
 

@@ -13,7 +13,7 @@ import sympy
 from sympy import Expr
 
 from ..model.model import Model
-from ..program.block import Block, Expansion
+from ..program.block import Block, Expansion, Statement
 from ..program.derivatives import Tangents
 from ..program.functions import number
 from ..program.passes import simplify
@@ -110,8 +110,6 @@ def formula_kinds(model: Model, target: str, formulas: Sequence[tuple[int, Any]]
 
 
 def _substitute(block: Block, known: dict[Any, Expr]) -> None:
-    from ..program.block import Statement
-
     block.statements = [Statement(s.target, s.expression.xreplace(known), s.tag, s.lanes) for s in block.statements]
     block.stores = [(a, f, e.xreplace(known)) for a, f, e in block.stores]
     block.loads = {s: k for s, k in block.loads.items() if s not in known}

@@ -8,21 +8,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from sympy import Expr, Symbol
-
-from ..program.derivatives import Tangents
 from .joints import JointTransform, freedom_axes
-from .kinematics import (
-    accelerate,
-    acceleration_matrix,
-    angular_velocity,
-    body_force,
-    load_vector,
-    store_matrix,
-    store_vector,
-)
+from .kinematics import acceleration_matrix, accelerate, angular_velocity, body_force, store_matrix, store_vector
 from .spatial import NINE, XYZ, Vec, add
-from .triangularization import force_to_parent, hand_on_force
+from .tangents import differentiate, store_tangent
+from .triangularization import accumulate, force_to_parent, hand_on_force
 
 
 def joint_acceleration(x: Any, kind: Any, al: Vec, a: Vec) -> tuple[Vec, Vec]:
@@ -55,60 +45,6 @@ def newton_euler_outward(x: Any, kind: Any) -> None:
             x.store("lme", f"B.{name}", d.value(entry) if d else entry)
         store_tangent(x, d, "lane", "n", moment)
         store_tangent(x, d, "lane", "f", force)
-
-
-def store_tangent(x: Any, d: Tangents | None, array: str, name: str, v: Vec) -> None:
-    """Store the tangent of a vector; on zero patterns the tangent is zero where the vector is."""
-    for k, i in enumerate(XYZ):
-        x.store(array, f"{name}.{i}", d.value(v[k]) if d else v[k])
-
-
-UP_TANGENTS = {
-    "w": "w", "tal": "al", "ta": "a", "tB": "B", "v": "v", "T": "T", "pos": "pos", "W": "W",
-}  # fmt: skip
-"""Fields of the parent that have a tangent, and the name of it."""
-
-
-def seeds(x: Any, kind: Any) -> dict[Symbol, Expr]:
-    """Tangents of everything that the block has loaded."""
-    result: dict[Symbol, Expr] = {}
-    for symbol, (array, name) in list(x.block.loads.items()):
-        stem, _, component = name.partition(".")
-        if array == "up" and stem in UP_TANGENTS:
-            result[symbol] = x.load("lup", f"{UP_TANGENTS[stem]}.{component}" if component else UP_TANGENTS[stem])
-        elif array == "u":
-            result[symbol] = x.load("du", name)
-        elif array == "q":
-            result[symbol] = x.load("dq", name)
-        elif array == "turn":
-            result[symbol] = x.load("dq", "0") if kind.joint == "revolute" else x.load("lane", f"turn.{name}")
-    for j in range(kind.parameters):
-        result[x.load("parameter", str(j))] = x.load("dp", str(j))
-    return {s: v for s, v in result.items() if v != 0}
-
-
-def constants_transparent(x: Any, kind: Any) -> dict[Symbol, dict[Symbol, Expr]]:
-    """A link's constants as functions of the design parameters that they depend on."""
-    result: dict[Symbol, dict[Symbol, Expr]] = {}
-    for symbol, (array, name) in list(x.block.loads.items()):
-        if array == "c" and "/" not in name:
-            result[symbol] = {
-                x.load("parameter", str(j)): x.load("c", f"{name}/{j}") for j in range(kind.parameters)
-            }
-    return {s: {r: v for r, v in inner.items() if v != 0} for s, inner in result.items()}
-
-
-def differentiate(x: Any, kind: Any, joint: JointTransform | None, extra: dict[Symbol, Expr] | None = None) -> Tangents | None:
-    """Append the tangents of all statements so far. None on zero patterns."""
-    if x.structural:
-        return None
-    statements = list(x.block.statements)
-    transparent = joint.transparent() if joint else {}
-    transparent |= constants_transparent(x, kind)
-    d = Tangents(x, seeds(x, kind) | (extra or {}), transparent)
-    for statement in statements:
-        d.statement(statement)
-    return d
 
 
 def newton_euler_inward(x: Any, kind: Any) -> None:
@@ -153,15 +89,7 @@ def transfer(x: Any, kind: Any, joint: JointTransform, phi: Vec, d_phi: Vec) -> 
 
 
 def hand_on_lanes(x: Any, kind: Any, n: Vec, f: Vec) -> None:
-    from .triangularization import accumulate
-
+    """Add a tangent, or the bias force of a solve, to what the parent collects."""
     for k, i in enumerate(XYZ):
         accumulate(x, kind, f"acc.n.{i}", n[k], array="lup", lanes=True)
         accumulate(x, kind, f"acc.f.{i}", f[k], array="lup", lanes=True)
-
-
-def differentiate_phi(x: Any) -> None:
-    """Placeholder for readers: the tangent of `newton_euler_inward` is made by `transfer`."""
-
-
-__all__ = ["load_vector", "newton_euler_inward", "newton_euler_outward", "transfer"]

@@ -8,6 +8,7 @@ from sympy import Rational
 
 from .joints import JointTransform
 from .spatial import XYZ, Mat, Vec, add, cross, matvec, symmetric
+from .tangents import differentiate
 
 
 def load_vector(x: Any, array: str, name: str) -> Vec:
@@ -183,8 +184,6 @@ def coordinate_rates(x: Any, kind: Any) -> None:
         if x.tangents:
             x.store("dqdot", "0", x.load("du", "0"))
         return
-    from .inverse_dynamics import differentiate
-
     joint = JointTransform(x, kind)
     n = COORDINATE_START[kind.joint]
     tag = "Eq. 1"
