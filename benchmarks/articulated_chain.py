@@ -115,7 +115,9 @@ def accelerations(q: Vector, u: Vector, L: Any, sin: Any, cos: Any, density: Any
         angular, linear = bias[k]
         torque = plus(plus(moment, plus(times(Ja, angular), times(Ha, linear))), [x * -moment[a] for x in gj])
         torque[a] = 0  # what the joint cannot carry; there is no joint force
-        thrust = plus(plus(force, plus(times(transposed(Ha), angular), times(Ma, linear))), [x * -moment[a] for x in gm])
+        thrust = plus(
+            plus(force, plus(times(transposed(Ha), angular), times(Ma, linear))), [x * -moment[a] for x in gm]
+        )
         Jr, Mr = turned(R[k], Ja), turned(R[k], Ma)
         Hr = product(product(R[k], Ha), transposed(R[k]))
         # Shift from the hinge at (0, 0, -L): H' = Hr + [p]x Mr, J' = Jr + [p]x Hr^T + H' [p]x^T.

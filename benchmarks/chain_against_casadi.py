@@ -96,7 +96,11 @@ def main() -> None:
             theirs += [casadi_contestant(n, d, True) for d in (False, True)]
         everyone = [ours, ours_1, ours_8, *theirs]
         times = alternate(everyone, arguments.cache, arguments.rounds, arguments.batches)
-        for mine, theirs_name, claim in (("udot", "udot", 1.05), ("udot + 8", "udot + 1", 1.0), ("udot + 1", "udot + 1", "")):
+        for mine, theirs_name, claim in (
+            ("udot", "udot", 1.05),
+            ("udot + 8", "udot + 1", 1.0),
+            ("udot + 1", "udot + 1", ""),
+        ):
             a, b = times[f"ordernm {mine}"], best(times, f"CasADi {theirs_name}")
             low, high = a.spread(b)
             rows.append(
@@ -105,7 +109,10 @@ def main() -> None:
             )  # fmt: skip
             print(rows[-1], flush=True)
         for name, timing in times.items():
-            print(f"  {name}: " + ", ".join(f"{level} {timing.all_levels[level] * 1e9:.0f}" for level in LEVELS), flush=True)
+            print(
+                f"  {name}: " + ", ".join(f"{level} {timing.all_levels[level] * 1e9:.0f}" for level in LEVELS),
+                flush=True,
+            )
     print()
     head = ["n", "ordernm", "ns", "CasADi", "ns", "ratio", "of single rounds", "claim", "largest difference"]
     print(table(head, rows))

@@ -1,6 +1,9 @@
 """Nanoseconds per body of CHAIN(n) from 12 rods to 10 000: udot alone and with eight directions.
 
     python benchmarks/chain_scaling.py [--rounds 9] [--layout auto] [n ...]
+
+Time a body should not depend on n: one function per kind of body is called in a loop, and what is stored of a body is
+small enough for the caches (up to where n bodies no longer are).
 """
 
 from __future__ import annotations
