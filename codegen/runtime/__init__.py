@@ -40,5 +40,7 @@ def load(folder: str | os.PathLike[str], target: str | None = None) -> Solver:
     """
     path = Path(folder).resolve()
     if not (path / "model.json").is_file():
-        raise ValueError(f"{folder} holds no generated solver (no model.json in it); make one with: generate MODEL.yaml")
+        raise ValueError(
+            f"{folder} holds no generated solver (no model.json in it); make one with: generate MODEL.yaml"
+        )
     return Solver(path, target)

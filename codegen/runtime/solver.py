@@ -1,26 +1,31 @@
-"""Run time of a generated solver: compiles its C once, checks arguments, runs it on arrays.
+"""The run time of a generated solver: compiles its C once, checks arguments, carries arrays to the compiled functions.
 
-This file is copied as it is into every generated package, where it needs NumPy, and cffi for the C target. The first
-lines of a call are those of the Python side: shapes follow NumPy's broadcasting, directions come first.
+This file is copied as it is into every generated package, where it needs NumPy, and cffi for the C target. What the
+generated functions are called and what they take stands in the package's ``model.json``; nothing here knows mechanics.
+From top to bottom: errors, compiling, the C target, the NumPy target, the solver.
 """
 
 from __future__ import annotations
 
 import contextlib
+import copy
 import difflib
+import functools
 import hashlib
 import importlib.util
+import itertools
 import json
 import math
 import os
 import platform
+import shlex
 import shutil
 import subprocess
 import sys
 import tempfile
 import threading
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -29,9 +34,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
+Shape = tuple[int, ...]
+Numbers = ArrayLike | Mapping[str, ArrayLike] | None
+"""What a caller may give: an array, or some of its entries by name; None for what is left out."""
 
-FLAGS = ("-std=gnu11", "-O2", "-march=native", "-fPIC", "-shared")
-"""How C is compiled; ``ORDERNM_CFLAGS`` in the environment replaces them. Never -ffast-math."""
+TARGET_TOLERANCE = 1e-9
+"""Relative difference allowed between the C and the NumPy module, per direction."""
+
+SMALLEST_QUATERNION = 1e-6
+"""A quaternion shorter than this has no direction worth a rotation."""
+
+
+# ---- errors ----------------------------------------------------------------------------------------------------------
 
 
 class CompileError(RuntimeError):
@@ -39,280 +53,488 @@ class CompileError(RuntimeError):
 
 
 class NoCompilerError(RuntimeError):
-    """No C compiler was found."""
+    """There is nothing to compile C with, or nothing to call it through."""
 
 
-class SingularJointError(ValueError):
-    """Nothing outboard of a joint has inertia about it, so its acceleration is not determined."""
+class SingularJointError(np.linalg.LinAlgError):
+    """Nothing outboard of a joint has inertia about it, so its acceleration is not determined.
+
+    Attributes
+    ----------
+    link : str
+        The link whose joint it is.
+    """
+
+    def __init__(self, link: str, where: str = "") -> None:
+        super().__init__(
+            f"nothing outboard of joint {link} has inertia about it{where}, so its acceleration is not determined; give "
+            f"its body, or one that it carries, mass or inertia"
+        )
+        self.link = link
 
 
 class AssemblyError(ValueError):
     """A loop cannot be closed."""
 
 
-# -- compiling ----------------------------------------------------------------------------------------------------------
+class TargetsDifferError(ArithmeticError):
+    """The compiled C and the NumPy module of one package compute different numbers."""
 
 
-def find_compiler() -> str:
-    """The C compiler: ``CC`` of the environment, else cc, gcc or clang.
+# ---- compiling -------------------------------------------------------------------------------------------------------
+
+STANDARD = ("-std=gnu11", "-fPIC", "-shared")
+OPTIMIZATION = ("-O2", "-march=native")
+"""``ORDERNM_CFLAGS`` in the environment replaces these. Never -ffast-math: pivots are compared with zero."""
+
+FORBIDDEN = ("-ffast-math", "-Ofast", "-ffinite-math-only", "-funsafe-math-optimizations")
+
+
+def find_compiler() -> list[str]:
+    """The command of the C compiler: ``CC`` of the environment, else cc, gcc or clang.
 
     Raises
     ------
     NoCompilerError
     """
-    wanted = os.environ.get("CC")
-    for name in [wanted] if wanted else ["cc", "gcc", "clang"]:
-        path = shutil.which(name)
+    given = shlex.split(os.environ.get("CC", ""))
+    for command in [given] if given else [["cc"], ["gcc"], ["clang"]]:
+        path = shutil.which(command[0])
         if path:
-            return path
-    what = f"CC={wanted} is no program" if wanted else "none of cc, gcc, clang is on the PATH"
-    raise NoCompilerError(
-        f"no C compiler: {what}. Install one (gcc or clang) or set CC; until then the NumPy target serves, more slowly"
-    )
+            return [path, *command[1:]]
+    what = f"CC={' '.join(given)} is no program" if given else "none of cc, gcc and clang is on the PATH"
+    raise NoCompilerError(f"no C compiler found: {what}; install gcc or clang, or set CC")
 
 
-def _processor() -> str:
-    """What -march=native depends on."""
-    features = platform.machine() + platform.processor()
-    with contextlib.suppress(OSError):
-        for line in Path("/proc/cpuinfo").read_text().splitlines():
-            if line.startswith(("flags", "Features", "model name")):
-                features += line
-                if line.startswith(("flags", "Features")):
-                    break
-    return features
+def optimization() -> list[str]:
+    """The flags beside `STANDARD`.
+
+    Raises
+    ------
+    ValueError
+        ``ORDERNM_CFLAGS`` asks for arithmetic that breaks the solver.
+    """
+    given = os.environ.get("ORDERNM_CFLAGS")
+    flags = list(OPTIMIZATION) if given is None else shlex.split(given)
+    for flag in flags:
+        if flag in FORBIDDEN:
+            raise ValueError(
+                f"ORDERNM_CFLAGS holds {flag}, which breaks the search for singular joints; use for instance -O3 instead"
+            )
+    return flags
 
 
-def _user_cache() -> Path:
+def user_cache() -> Path:
+    """Where libraries go whose package cannot be written to."""
     if sys.platform == "darwin":
         return Path.home() / "Library" / "Caches" / "ordernm"
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "ordernm"
 
 
-def library_path(folder: Path, name: str, compiler: str, flags: Sequence[str]) -> Path:
-    """Where the compiled library of a source belongs: its name says source, compiler, flags and processor."""
-    key = hashlib.sha256()
-    for file in (f"{name}.c", f"{name}.h", f"{name}_directions.h"):
-        key.update((folder / file).read_bytes())
-    status = os.stat(compiler)
-    key.update(f"{os.path.realpath(compiler)} {status.st_size} {status.st_mtime_ns} {' '.join(flags)}".encode())
-    key.update(_processor().encode())
-    file_name = f"{name}-{key.hexdigest()[:16]}.so"
-    return (folder if os.access(folder, os.W_OK) else _user_cache() / name) / file_name
+@functools.cache
+def _processor() -> str:
+    """What -march=native depends on."""
+    features = [platform.machine()]
+    if sys.platform == "darwin":
+        with contextlib.suppress(OSError):
+            command = ["sysctl", "-n", "machdep.cpu.brand_string"]
+            features.append(subprocess.run(command, capture_output=True, text=True, check=False).stdout)
+    with contextlib.suppress(OSError), open("/proc/cpuinfo", encoding="utf-8", errors="replace") as lines:
+        for line in lines:
+            if line.startswith(("model name", "flags", "Features", "CPU part")):
+                features.append(line)
+            elif not line.strip():
+                break
+    return "\n".join(features)
 
 
-def compile_library(folder: Path, name: str, force: bool = False) -> Path:
-    """Compile ``<name>.c`` unless that has been done, and return the library.
+@functools.cache
+def _compiler_version(command: tuple[str, ...]) -> str:
+    """What tells two compilers of one name apart."""
+    try:
+        return subprocess.run([*command, "--version"], capture_output=True, text=True, check=False).stdout
+    except OSError:
+        return ""
 
-    The library appears under its name only when it is complete, so several processes may build at once.
+
+class Build:
+    """How the C of a package becomes a library.
+
+    The library's name holds three keys: of the source; of flags and processor; of the compiler. It appears under that
+    name only when it is complete, so several processes may build at once.
+
+    Parameters
+    ----------
+    folder : Path
+        The package.
+    name : str
+        The model's name.
+    sources : list of str
+        C files; left out: ``<name>.c``.
+    """
+
+    def __init__(self, folder: Path, name: str, sources: Sequence[str] = ()):
+        self.folder = folder
+        self.name = name
+        self.sources = [folder / s for s in sources or [f"{name}.c"]]
+        self.flags = optimization()
+        try:
+            self.compiler = find_compiler()
+        except NoCompilerError as error:
+            self.compiler, self.complaint = [], error
+        self.places = (folder, user_cache() / name)
+
+    def file_name(self) -> str:
+        """Name of the library; ``*`` for the compiler if there is none."""
+        source = hashlib.sha256()
+        for file in (*self.sources, *sorted(self.folder.glob(f"{self.name}*.h"))):
+            source.update(file.read_bytes())
+        machine = _key(*STANDARD, *self.flags, _processor())
+        compiler = _key(*self.compiler, _compiler_version(tuple(self.compiler))) if self.compiler else "*"
+        return f"{self.name}-{source.hexdigest()[:16]}-{machine}-{compiler}.so"
+
+    def library(self, rebuild: bool = False) -> Path:
+        """The library; compiled unless it exists.
+
+        Raises
+        ------
+        NoCompilerError, CompileError
+        """
+        file_name = self.file_name()
+        if not rebuild:
+            for place in self.places:
+                for found in sorted(place.glob(file_name)):
+                    return found
+        if not self.compiler:
+            raise self.complaint
+        refusals = []
+        for place in self.places:
+            try:
+                place.mkdir(parents=True, exist_ok=True)
+                workshop = tempfile.TemporaryDirectory(prefix=".build-", dir=place)
+            except OSError as error:  # read-only, or not ours
+                refusals.append(str(error))
+                continue
+            with workshop as temporary:
+                self._compile(Path(temporary) / "library.so", place / f"{self.name}.log")
+                os.replace(Path(temporary) / "library.so", place / file_name)
+            return place / file_name
+        raise CompileError(f"no folder to write the library of {self.name} to: {'; '.join(refusals)}")
+
+    def _compile(self, output: Path, log_file: Path) -> None:
+        refused, log = self._run(self.flags, output)
+        if refused and "march" in log and "-march=native" in self.flags:
+            refused, log = self._run([f for f in self.flags if f != "-march=native"], output)
+        if not refused:
+            with contextlib.suppress(OSError):
+                log_file.unlink()
+            return
+        log_file.write_text(log, encoding="utf-8")
+        sources = ", ".join(map(str, self.sources))
+        first = "\n".join(log.splitlines()[:12])
+        raise CompileError(f"the C compiler failed on {sources}; the whole log is in {log_file}:\n{first}")
+
+    def _run(self, flags: list[str], output: Path) -> tuple[bool, str]:
+        """Compile the sources, several at once, and link them; whether that was refused, and the log."""
+        common = [*self.compiler, *STANDARD, *flags]
+        if len(self.sources) == 1:
+            return _run_all([[*common, "-o", str(output), str(self.sources[0]), "-lm"]])
+        objects = [output.with_name(f"{s.stem}.o") for s in self.sources]
+        parts = [
+            [*(f for f in common if f != "-shared"), "-c", "-o", str(o), str(s)]
+            for s, o in zip(self.sources, objects, strict=True)
+        ]
+        refused, log = _run_all(parts)
+        if refused:
+            return refused, log
+        return _run_all([[*common, "-o", str(output), *map(str, objects), "-lm"]])
+
+
+def _key(*parts: str) -> str:
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:8]
+
+
+def _run_all(commands: list[list[str]]) -> tuple[bool, str]:
+    """Run commands side by side; whether one failed, and what they said."""
+    log = []
+    failed = False
+    try:
+        running = [
+            subprocess.Popen(c, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+            for c in commands
+        ]
+    except OSError as error:
+        return True, f"{shlex.join(commands[0])}\n{error}\n"
+    for command, process in zip(commands, running, strict=True):
+        said, _ = process.communicate()
+        if process.returncode:
+            failed = True
+            log.append(f"{shlex.join(command)}\n{said}exit code {process.returncode}\n")
+    return failed, "".join(log)
+
+
+def compile_library(folder: Path, name: str, sources: Sequence[str] = ()) -> Path:
+    """Compile the C of a package unless that has been done; see `Build`.
 
     Raises
     ------
     NoCompilerError, CompileError
     """
-    compiler = find_compiler()
-    given = os.environ.get("ORDERNM_CFLAGS")
-    flags = [*given.split(), "-fPIC", "-shared"] if given else list(FLAGS)
-    target = library_path(folder, name, compiler, flags)
-    if target.exists() and not force:
-        return target
-    target.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(prefix=f".{name}-", suffix=".so", dir=target.parent)
-    os.close(handle)
-    try:
-        log = _run_compiler(compiler, flags, folder, name, temporary)
-        if log is not None and "-march=native" in flags:
-            log = _run_compiler(compiler, [f for f in flags if f != "-march=native"], folder, name, temporary)
-        if log is not None:
-            log_file = target.with_suffix(".log")
-            log_file.write_text(log)
-            first = "\n".join(log.splitlines()[:6])
-            raise CompileError(f"{compiler} failed on {folder / (name + '.c')}; the whole log is {log_file}:\n{first}")
-        os.chmod(temporary, 0o755)
-        os.replace(temporary, target)
-    finally:
-        with contextlib.suppress(FileNotFoundError):
-            os.unlink(temporary)
-    return target
+    return Build(folder, name, sources).library()
 
 
-def _run_compiler(compiler: str, flags: Sequence[str], folder: Path, name: str, target: str) -> str | None:
-    """Run the compiler; None if all went well, else what it said."""
-    command = [compiler, *flags, "-o", target, str(folder / f"{name}.c"), "-lm"]
-    result = subprocess.run(command, capture_output=True, text=True, check=False)
-    return None if result.returncode == 0 else f"{' '.join(command)}\n{result.stderr}{result.stdout}"
+# ---- functions of a package ------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Function:
+    """A generated function, as the manifest describes it.
+
+    Attributes
+    ----------
+    arguments, results : tuple of str
+        In the order of the generated code.
+    seeds : dict of str to int
+        With the number of entries, in that order as well.
+    shapes : tuple of tuple of int
+        Of the results, after batch axes.
+    derived : tuple of bool
+        Whether a result is a derivative along the seeds.
+    widths : tuple of int
+        Numbers of directions that the C takes at once; empty for a function without directions.
+    """
+
+    name: str
+    arguments: tuple[str, ...]
+    seeds: dict[str, int]
+    results: tuple[str, ...]
+    shapes: tuple[Shape, ...]
+    derived: tuple[bool, ...]
+    widths: tuple[int, ...]
+
+
+def split(k: int, widths: Iterable[int]) -> list[int]:
+    """Widths that cover k directions with the least work; the last may be wider than what remains.
+
+    Every call does the forward dynamics again, and eight directions in lanes cost little more than one: one call that is
+    too wide beats two that fit.
+    """
+    allowed = sorted(widths)
+    parts = [allowed[-1]] * (k // allowed[-1])
+    rest = k % allowed[-1]
+    return [*parts, next(w for w in allowed if w >= rest)] if rest else parts
 
 
 class CTarget:
-    """The compiled functions of a solver, called through cffi in ABI mode (calls release the GIL)."""
+    """The compiled functions of a package, called through cffi in ABI mode: calls release the GIL.
+
+    Raises
+    ------
+    NoCompilerError, CompileError
+    """
+
+    name = "c"
 
     def __init__(self, folder: Path, manifest: Mapping[str, Any]):
         try:
-            from cffi import FFI
-        except ImportError as error:
-            raise NoCompilerError("cffi is not installed; the C target needs it (pip install cffi)") from error
-        self.manifest = manifest
-        self.name: str = manifest["name"]
+            from cffi import FFI  # type: ignore[import-untyped]
+        except ImportError:
+            raise NoCompilerError("cffi is not installed, and the C target needs it: pip install cffi") from None
         self.ffi = FFI()
-        self.ffi.cdef("\n".join(self._declarations()))
-        path = compile_library(folder, self.name)
+        self.model: str = manifest["name"]
+        self.links: list[str] = manifest["links"]
+        self.workspace: int = manifest["workspace"]
+        self.build = Build(folder, self.model, manifest.get("sources", ()))
+        self.library = self._open()
+        self._doubles = self.ffi.typeof("double[]")
+        self._calls: dict[tuple[str, int], Callable[..., int]] = {}
+        self._lock = threading.Lock()
+        self._thread = threading.local()
+        self._zeros = self._pointer(np.zeros(8))
+
+    def _open(self) -> Any:
+        path = self.build.library()
         try:
-            self.library = self.ffi.dlopen(str(path))
-        except OSError:
-            path = compile_library(folder, self.name, force=True)  # built elsewhere, or damaged
-            self.library = self.ffi.dlopen(str(path))
-        self.path = path
-        self._local = threading.local()
-        self._functions: dict[str, Any] = {}
+            return self.ffi.dlopen(str(path))
+        except OSError:  # damaged, or of another machine
+            path = self.build.library(rebuild=True)
+        try:
+            return self.ffi.dlopen(str(path))
+        except OSError as error:
+            raise CompileError(f"{path} was compiled but cannot be opened: {error}") from None
 
-    def _declarations(self) -> list[str]:
-        lines = []
-        for name, f in self.manifest["functions"].items():
-            inputs = [*f["arguments"], *f.get("seeds", ())]
-            single = ["double t" if a == "t" else f"const double *{a}" for a in inputs]
-            batch = ["long count", "long *failed", *(f"const double *{a}, long {a}_step" for a in inputs)]
-            results = [*(f"double *{r}" for r in f["results"]), "double *work"]
-            for width in f.get("widths") or (0,):
-                symbol = f"{self.name}_{name}" + (f"_{width}" if width else "")
-                lines.append(f"int {symbol}({', '.join(single + results)});")
-                lines.append(f"int {symbol}_batch({', '.join(batch + results)});")
-        return lines
+    def _call(self, f: Function, width: int = 0) -> Callable[..., int]:
+        """The C function; declared when first called, which keeps loading quick."""
+        call = self._calls.get((f.name, width))
+        if call is None:
+            symbol = f"{self.model}_{f.name}_{width}" if width else f"{self.model}_{f.name}"
+            types = ["double" if a == "t" else "const double *" for a in f.arguments]
+            types += ["const double *"] * len(f.seeds) + ["double *"] * (len(f.results) + 1)
+            with self._lock:
+                self.ffi.cdef(f"int {symbol}({', '.join(types)});", override=True)
+                call = self._calls[f.name, width] = getattr(self.library, symbol)
+        return call
 
-    def workspace(self) -> Any:
+    def _work(self) -> Any:
         """This thread's workspace."""
-        work = getattr(self._local, "work", None)
-        if work is None:
-            work = self._local.work = self.ffi.new("double[]", self.manifest["workspace"])
-        return work
+        try:
+            return self._thread.work
+        except AttributeError:
+            self._thread.work = self._pointer(np.empty(self.workspace))
+            return self._thread.work
 
-    def single(self, name: str, arguments: Sequence[Any], results: Sequence[Array]) -> None:
-        """Run a function without directions on one state; arguments are contiguous arrays, ``t`` a float."""
-        function = self._functions.get(name)
-        if function is None:
-            function = self._functions[name] = getattr(self.library, f"{self.name}_{name}")
-        pointer = self.ffi.from_buffer
-        status = function(
-            *[a if type(a) is float else pointer("double[]", a) for a in arguments],
-            *[pointer("double[]", r) for r in results],
-            self.workspace(),
-        )
-        if status:
-            self._singular(status, 0, 1)
+    def _pointer(self, x: Array) -> Any:
+        return self.ffi.from_buffer(self._doubles, x)
 
-    def run(
-        self, name: str, arguments: list[Array], seeds: list[Array], sizes: list[int], k: int, batch: int
-    ) -> list[Array]:
-        """Run a function on a batch.
+    def _nothing(self, size: int) -> Any:
+        """So many zeros: a seed that was left out."""
+        if len(self._zeros) < size:
+            self._zeros = self._pointer(np.zeros(size))
+        return self._zeros
 
-        Parameters
-        ----------
-        arguments : list of (batch, n) arrays
-            ``t`` is (batch,). One that is the same for all states may be (1, n).
-        seeds : list of (k, batch, n) arrays
-        sizes : list of int
-            Length of every result.
+    def values(self, f: Function, arrays: Mapping[str, Any], batch: Shape) -> list[Array]:
+        """Results (*batch, *shape) of a function without directions.
 
-        Returns
-        -------
-        list of (batch, n) arrays, derivatives (k, batch, n)
+        `arrays` hold (..., n), with leading axes that broadcast to the batch; ``t`` is a float or (...).
         """
-        spec = self.manifest["functions"][name]
-        if not spec.get("widths"):
-            results = [np.empty((batch, n)) for n in sizes]
-            self._batch(name, arguments, results, batch)
+        results = [np.empty(batch + shape) for shape in f.shapes]
+        if not batch:
+            from_buffer, doubles = self.ffi.from_buffer, self._doubles
+            arguments = [arrays[a] if a == "t" else from_buffer(doubles, arrays[a]) for a in f.arguments]
+            arguments += [from_buffer(doubles, r) for r in results]
+            status = self._call(f)(*arguments, self._work())
+            if status:
+                raise SingularJointError(self.links[status - 1])
             return results
-        derived = [r.startswith("d") for r in spec["results"]]
-        results = [np.empty((k, batch, n) if d else (batch, n)) for n, d in zip(sizes, derived, strict=True)]
-        start = 0
-        for width in split(k, spec["widths"]):
-            m = min(width, k - start)
-            lanes = []
-            for s in seeds:
-                lane = np.zeros((s.shape[1], s.shape[2], width))
-                lane[:, :, :m] = s[start : start + m].transpose(1, 2, 0)
-                lanes.append(lane)
-            pieces = [np.empty((batch, n, width)) if d else r for n, d, r in zip(sizes, derived, results, strict=True)]
-            self._batch(f"{name}_{width}", [*arguments, *lanes], pieces, batch)
-            for piece, result, d in zip(pieces, results, derived, strict=True):
-                if d:
-                    result[start : start + m] = piece[:, :, :m].transpose(2, 0, 1)
-            start += m
+        count = math.prod(batch)
+        streams = [self._stream(arrays[a], batch, count, a == "t") for a in f.arguments]
+        streams += [self._rows(r, math.prod(shape), count) for r, shape in zip(results, f.shapes, strict=True)]
+        self._each(self._call(f), streams, batch)
         return results
 
-    def _batch(self, symbol: str, arguments: Sequence[Array], results: Sequence[Array], batch: int) -> None:
-        function = self._functions.get(symbol + "_batch")
-        if function is None:
-            function = self._functions[symbol + "_batch"] = getattr(self.library, f"{self.name}_{symbol}_batch")
-        pointer = self.ffi.from_buffer
-        given: list[Any] = []
-        for a in arguments:
-            given += [pointer("double[]", a), a.size // len(a) if len(a) > 1 else 0]
-        failed = self.ffi.new("long *")
-        status = function(batch, failed, *given, *(pointer("double[]", r) for r in results), self.workspace())
-        if status:
-            self._singular(status, failed[0], batch)
+    def along(
+        self, f: Function, arrays: Mapping[str, Any], seeds: Mapping[str, Array], k: int, batch: Shape
+    ) -> list[Array]:
+        """Results of a function over directions: (*batch, *shape), derivatives (k, *batch, *shape).
 
-    def _singular(self, status: int, state: int, batch: int) -> None:
-        link = self.manifest["links"][status - 1]
-        where = f" (state {state} of the batch)" if batch > 1 else ""
-        raise SingularJointError(
-            f"joint {link!r}: nothing outboard of it has inertia about it{where}, so its acceleration is not "
-            "determined; give its body, or one that it carries, mass or inertia"
-        )
+        `seeds` hold (k, ..., n) with as many batch axes as the batch, ``dt`` (k, ..., 1); missing ones are zero.
+        """
+        count = math.prod(batch)
+        results = [np.empty(((k,) if d else ()) + batch + s) for s, d in zip(f.shapes, f.derived, strict=True)]
+        start = 0
+        for width in split(k, f.widths):
+            end = min(start + width, k)
+            streams = [self._stream(arrays[a], batch, count, a == "t") for a in f.arguments]
+            for s, n in f.seeds.items():
+                if s in seeds:
+                    streams.append(self._lanes(seeds[s][start:end], width, batch, count))
+                else:
+                    streams.append(itertools.repeat(self._nothing(n * width)))
+            lanes: list[tuple[Array, Array]] = []
+            for result, shape, derived in zip(results, f.shapes, f.derived, strict=True):
+                n = math.prod(shape)
+                if derived and width > 1:
+                    lanes.append((np.empty((count, n, width)), result[start:end]))
+                    streams.append(self._rows(lanes[-1][0], n * width, count))
+                else:
+                    streams.append(self._rows(result[start] if derived else result, n, count))
+            self._each(self._call(f, width), streams, batch)
+            for lane, part in lanes:
+                if batch:
+                    part[...] = np.moveaxis(lane[..., : end - start], -1, 0).reshape(part.shape)
+                else:
+                    part[...] = lane[0, :, : end - start].T.reshape(part.shape)
+            start = end
+        return results
 
+    def _each(self, call: Callable[..., int], streams: Sequence[Iterable[Any]], batch: Shape) -> None:
+        """Call once for every state of the batch."""
+        work = self._work()
+        for i, arguments in zip(range(math.prod(batch)), zip(*streams, strict=False), strict=False):
+            status = call(*arguments, work)
+            if status:
+                state = ", ".join(str(int(j)) for j in np.unravel_index(i, batch))
+                raise SingularJointError(self.links[status - 1], f" (state [{state}] of the batch)" if batch else "")
 
-def split(k: int, widths: Sequence[int]) -> list[int]:
-    """Widths that cover k directions: eights, then the narrowest that covers the rest."""
-    widest = max(widths)
-    rest = k % widest
-    parts = [widest] * (k // widest)
-    if rest:
-        parts.append(min((w for w in widths if w >= rest), default=widest))
-    return parts
+    def _rows(self, x: Array, n: int, count: int) -> Iterable[Any]:
+        """Pointers to the consecutive rows of n numbers of a contiguous array."""
+        start = self._pointer(x)
+        if count == 1 or not n:
+            return itertools.repeat(start)
+        return (start + i for i in range(0, n * count, n))
+
+    def _stream(self, x: Any, batch: Shape, count: int, scalar: bool) -> Iterable[Any]:
+        """What a function gets as one argument, state by state."""
+        if scalar:
+            if isinstance(x, float):
+                return itertools.repeat(x)
+            return np.broadcast_to(x, batch).ravel().tolist()  # type: ignore[no-any-return]
+        n = x.shape[-1]
+        if x.ndim > 1:
+            x = np.ascontiguousarray(np.broadcast_to(x, (*batch, n)))
+            return self._rows(x, n, count)
+        return itertools.repeat(self._pointer(x))
+
+    def _lanes(self, part: Array, width: int, batch: Shape, count: int) -> Iterable[Any]:
+        """Some directions of a seed, state by state, direction last; lanes beyond its end are zero."""
+        m, n = len(part), part.shape[-1]
+        if part.size == m * n:  # the same for all states
+            if width == 1:
+                return itertools.repeat(self._pointer(np.ascontiguousarray(part)))
+            lanes = np.zeros((n, width))
+            lanes[:, :m] = part.reshape(m, n).T
+            return itertools.repeat(self._pointer(lanes))
+        lanes = np.zeros((count, n, width))
+        lanes[..., :m] = np.moveaxis(np.broadcast_to(part, (m, *batch, n)).reshape(m, count, n), 0, -1)
+        return self._rows(lanes, n * width, count)
 
 
 class NumpyTarget:
-    """The generated NumPy module."""
+    """The NumPy module of a package."""
+
+    name = "numpy"
 
     def __init__(self, folder: Path, manifest: Mapping[str, Any]):
-        self.manifest = manifest
-        name = f"{manifest['name']}_numpy"
-        spec = importlib.util.spec_from_file_location(f"_ordernm_{name}_{abs(hash(str(folder)))}", folder / f"{name}.py")
+        module = f"{manifest['name']}_numpy"
+        spec = importlib.util.spec_from_file_location(module, folder / f"{module}.py")
         assert spec is not None and spec.loader is not None
         self.module = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(self.module)
 
-    def run(
-        self, name: str, arguments: list[Array], seeds: list[Array], sizes: list[int], k: int, batch: int
+    def values(self, f: Function, arrays: Mapping[str, Any], batch: Shape) -> list[Array]:
+        """See `CTarget.values`."""
+        results = self._call(f, [arrays[a] for a in f.arguments])
+        return [_full(r, batch + shape) for r, shape in zip(results, f.shapes, strict=True)]
+
+    def along(
+        self, f: Function, arrays: Mapping[str, Any], seeds: Mapping[str, Array], k: int, batch: Shape
     ) -> list[Array]:
-        """As `CTarget.run`."""
-        spec = self.manifest["functions"][name]
-        given = [s[..., 0] if n == "dt" else s for s, n in zip(seeds, spec.get("seeds", ()), strict=True)]
+        """See `CTarget.along`."""
+        given = [seeds[s] if s in seeds else np.zeros((k, *(1,) * len(batch), n)) for s, n in f.seeds.items()]
+        given = [x[..., 0] if s == "dt" else x for s, x in zip(f.seeds, given, strict=True)]
+        results = self._call(f, [*(arrays[a] for a in f.arguments), *given])
+        shapes = [((k,) if d else ()) + batch + s for s, d in zip(f.shapes, f.derived, strict=True)]
+        return [_full(r, shape) for r, shape in zip(results, shapes, strict=True)]
+
+    def _call(self, f: Function, arguments: list[Any]) -> Any:
         try:
-            results = getattr(self.module, name)(*arguments, *given)
-        except ValueError as error:
-            if type(error).__name__ == "SingularJointError":
-                raise SingularJointError(str(error)) from None
-            raise
-        out = []
-        for r, n, result in zip(results, sizes, spec["results"], strict=True):
-            derived = bool(seeds) and result.startswith("d")
-            r = np.asarray(r).reshape(*((k, -1) if derived else (-1,)), n)
-            out.append(np.ascontiguousarray(np.broadcast_to(r, (k, batch, n) if derived else (batch, n))))
-        return out
+            return getattr(self.module, f.name)(*arguments)
+        except self.module.SingularJointError as error:
+            raise SingularJointError(error.link) from None
 
 
-# -- the solver ------------------------------------------------------------------------------------------------------------
+def _full(x: Any, shape: Shape) -> Array:
+    """An array of its own of that shape; arguments without batch axes give results without them."""
+    x = np.asarray(x, dtype=np.float64)
+    return x if x.shape == shape else np.broadcast_to(x, shape).copy()
 
 
-@dataclass(frozen=True)
+# ---- the solver ------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
 class Jacobians:
-    """Partial derivatives of udot.
-
-    Attributes
-    ----------
-    q : (..., nu, nq), u : (..., nu, nu), p : (..., nu, np), inputs : (..., nu, ninputs), t : (..., nu)
-    """
+    """Partial derivatives of udot: q (..., nu, nq), u (..., nu, nu), p (..., nu, np), inputs (..., nu, ninputs), t (..., nu)."""
 
     q: Array
     u: Array
@@ -322,469 +544,573 @@ class Jacobians:
 
 
 class Solver:
-    """A generated solver; see the methods. Thread-safe.
+    """A generated solver. May be used by several threads at once.
 
     Parameters
     ----------
     folder : path
         The generated package.
     target : {"c", "numpy", "both"}, optional
-        Which code computes; left out: what the package was generated for. With "both" the two are compared first.
+        Which code computes; left out: what the package was generated for. With "both" the two are compared first, then the
+        C computes. Without a C compiler the NumPy module serves, and a warning says so.
+
+    Raises
+    ------
+    CompileError
+    TargetsDifferError
 
     Notes
     -----
-    Leading axes of q, u, p, inputs and t are batch axes and broadcast. Seeds have their k directions first. Missing p are
-    the defaults, missing inputs and seeds are zero. All in SI units and radians.
+    Arguments of the methods, all in SI units and radians: coordinates ``q (..., nq)``, speeds ``u (..., nu)``, design
+    parameters ``p (..., np)`` (left out: `parameters`), ``inputs (..., ninputs)`` (left out: zeros), time ``t (...)``.
+    Leading axes are batch axes and broadcast by NumPy's rules. Seeds carry their k directions first: ``dq (k, ..., nq)``,
+    ``du``, ``dp``, ``dinputs`` alike, ``dt (k, ...)``; one without k counts as k = 1; missing ones are zero. ``p``, ``inputs``
+    and seeds may be mappings from some names to numbers. Results are (..., n), derivatives (k, ..., n).
+
+    Every method raises ValueError for a wrong shape, a number that is not finite, an unknown name and a quaternion
+    shorter than 1e-6. Methods that solve for accelerations raise `SingularJointError`.
     """
 
     def __init__(self, folder: str | os.PathLike[str], target: str | None = None):
-        self.folder = Path(folder)
-        self._manifest: dict[str, Any] = json.loads((self.folder / "model.json").read_text(encoding="utf-8"))
-        m = self._manifest
-        self.name: str = m["name"]
-        self.coordinate_names = tuple(m["coordinate_names"])
-        self.speed_names = tuple(m["speed_names"])
-        self.parameter_names = tuple(m["parameter_names"])
-        self.input_names = tuple(m["input_names"])
-        self.output_names = tuple(m["output_names"])
-        self.closure_names = tuple(m["closure_names"])
-        self.prescribed_names = tuple(m["prescribed_names"])
-        self.independent_names = self.coordinate_names
-        self.independent_speed_names = self.speed_names
-        self.nq, self.nu, self.np = len(self.coordinate_names), len(self.speed_names), len(self.parameter_names)
-        self.ninputs, self.noutputs = len(self.input_names), len(self.output_names)
-        nu = self.nu
-        self._sizes = {
-            "q": self.nq, "u": nu, "p": self.np, "inputs": self.ninputs, "t": 1, "udot": nu, "qdot": self.nq, "b": nu,
-            "x": nu, "force": nu, "energy": 2, "outputs": self.noutputs, "M": nu * nu, "J_q": nu * self.nq,
-            "J_u": nu * nu, "J_p": nu * self.np, "J_inputs": nu * self.ninputs, "J_t": nu,
+        self.folder = Path(folder).absolute()
+        manifest = json.loads((self.folder / "model.json").read_text(encoding="utf-8"))
+        self._manifest: dict[str, Any] = manifest
+        self.name: str = manifest["name"]
+        self.coordinate_names: tuple[str, ...] = tuple(manifest["coordinate_names"])
+        self.speed_names: tuple[str, ...] = tuple(manifest["speed_names"])
+        self.parameter_names: tuple[str, ...] = tuple(manifest["parameter_names"])
+        self.input_names: tuple[str, ...] = tuple(manifest["input_names"])
+        self.output_names: tuple[str, ...] = tuple(manifest["output_names"])
+        self.closure_names: tuple[str, ...] = tuple(manifest["closure_names"])
+        self.prescribed_names: tuple[str, ...] = tuple(manifest["prescribed_names"])
+        self.independent_names: tuple[str, ...] = tuple(manifest.get("independent_names", self.coordinate_names))
+        self.independent_speed_names: tuple[str, ...] = tuple(manifest.get("independent_speed_names", self.speed_names))
+        nq, nu = len(self.coordinate_names), len(self.speed_names)
+        n_p, ninputs = len(self.parameter_names), len(self.input_names)
+        self.nq, self.nu, self.np, self.ninputs, self.noutputs = nq, nu, n_p, ninputs, len(self.output_names)
+        self._names = {
+            "q": self.coordinate_names, "u": self.speed_names, "p": self.parameter_names, "inputs": self.input_names,
+            "udot": self.speed_names, "b": self.speed_names,
         }  # fmt: skip
-        self._defaults = np.array(m["parameters"], dtype=float)
-        self._no_inputs = np.zeros(self.ninputs)
-        target = target or m.get("target", "c")
+        self._shapes: dict[str, Shape] = {
+            "q": (nq,), "u": (nu,), "p": (n_p,), "inputs": (ninputs,), "t": (), "udot": (nu,), "b": (nu,), "qdot": (nq,),
+            "x": (nu,), "force": (nu,), "energy": (2,), "outputs": (self.noutputs,), "M": (nu, nu), "J_q": (nu, nq),
+            "J_u": (nu, nu), "J_p": (nu, n_p), "J_inputs": (nu, ninputs), "J_t": (nu,),
+        }  # fmt: skip
+        self._functions = {name: self._function(name, entry) for name, entry in manifest["functions"].items()}
+        self._initial = np.array(manifest["initial"]["q"], float), np.array(manifest["initial"]["u"], float)
+        self._quaternions: tuple[int, ...] = tuple(manifest["quaternions"])
+        self._left_out = {"p": np.array(manifest["parameters"], float), "inputs": np.zeros(ninputs)}
+        self._target = self._choose(manifest.get("target", "c") if target is None else target)
+
+    def _function(self, name: str, entry: Mapping[str, Any]) -> Function:
+        seeds = {s: math.prod(self._shapes[s[1:]]) for s in entry.get("seeds", ())}
+        results = tuple(entry["results"])
+        derived = tuple(bool(seeds) and r.startswith("d") for r in results)
+        shapes = tuple(self._shapes[r[1:] if d else r] for r, d in zip(results, derived, strict=True))
+        return Function(
+            name, tuple(entry["arguments"]), seeds, results, shapes, derived, tuple(entry.get("widths", ()))
+        )
+
+    def _choose(self, target: str) -> CTarget | NumpyTarget:
         if target not in ("c", "numpy", "both"):
             raise ValueError(f"target is {target!r}; allowed are 'c', 'numpy' and 'both'")
-        self.target = target
-        self._target: CTarget | NumpyTarget
         if target == "numpy":
-            self._target = NumpyTarget(self.folder, m)
-        else:
-            try:
-                self._target = CTarget(self.folder, m)
-            except NoCompilerError as error:
-                if target == "both":
-                    raise
-                warnings.warn(f"{self.name}: {error}; using {self.name}_numpy.py", RuntimeWarning, stacklevel=2)
-                self._target = NumpyTarget(self.folder, m)
-                self.target = "numpy"
+            return NumpyTarget(self.folder, self._manifest)
+        try:
+            compiled = CTarget(self.folder, self._manifest)
+        except NoCompilerError as error:
+            warnings.warn(
+                f"{self.name}: {error}. The NumPy target (target='numpy') serves instead: same numbers, slower",
+                RuntimeWarning,
+                stacklevel=4,
+            )
+            return NumpyTarget(self.folder, self._manifest)
         if target == "both":
-            self._compare(NumpyTarget(self.folder, m))
+            self._compare(compiled, NumpyTarget(self.folder, self._manifest))
+        return compiled
 
     def __repr__(self) -> str:
-        return f"<Solver {self.name}: nq={self.nq} nu={self.nu} np={self.np} ninputs={self.ninputs} target={self.target}>"
+        return (
+            f"<Solver {self.name}: nq={self.nq}, nu={self.nu}, np={self.np}, ninputs={self.ninputs}, "
+            f"noutputs={self.noutputs}, target={self.target}>"
+        )
 
     # -- what the model is ---------------------------------------------------------------------------------------------
 
     @property
+    def target(self) -> str:
+        """What computes: ``c`` or ``numpy``."""
+        return self._target.name
+
+    @property
     def parameters(self) -> Array:
         """Default design parameters, (np,)."""
-        return self._defaults.copy()
+        return self._left_out["p"].copy()
 
     @property
     def initial(self) -> tuple[Array, Array]:
-        """The model's initial state (q, u) at the default parameters."""
-        return np.array(self._manifest["initial"]["q"], float), np.array(self._manifest["initial"]["u"], float)
+        """The model's initial state (q, u) at the default parameters, assembled."""
+        return self.assemble()
 
     @property
     def operations(self) -> dict[str, Any]:
-        """Additions, multiplications, divisions and functions of every sweep, per call and per direction."""
-        return json.loads(json.dumps(self._manifest["operations"]))
+        """Additions, multiplications, divisions and functions by sweep: once a call, and for every direction."""
+        operations: dict[str, Any] = copy.deepcopy(self._manifest["operations"])
+        return operations
 
-    # -- checking arguments --------------------------------------------------------------------------------------------
+    # -- arguments -----------------------------------------------------------------------------------------------------
 
-    def _array(self, name: str, value: ArrayLike, n: int, scalar: bool = False) -> Array:
-        if isinstance(value, np.ndarray) and value.dtype == np.float64:
-            array = value
-        else:
-            try:
-                array = np.asarray(value, dtype=np.float64)
-            except (TypeError, ValueError) as error:
-                raise ValueError(f"{name}: {error}; expected an array of numbers of shape {_shape(n, scalar)}") from None
-        if not scalar and (array.ndim == 0 or array.shape[-1] != n):
-            raise ValueError(f"{name} has shape {array.shape}; expected {_shape(n, scalar)}, as many as {self._names(name)}")
-        if not np.isfinite(array).all():
-            place = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
-            raise ValueError(f"{name}[{', '.join(map(str, place))}] is {array[place]}; expected finite numbers")
-        return array
+    def _argument(self, name: str, value: Any, of: str) -> Array:
+        """An array of finite numbers whose last axis is that of the names of `of`; anything else is an error."""
+        n = self._shapes[of]
+        if type(value) is not np.ndarray or value.dtype != np.float64:
+            value = self._named(name, value, of) if isinstance(value, Mapping) else _numbers(name, value)
+        if n:
+            if value.ndim == 0 or value.shape[-1] != n[0]:
+                shape = f"(k, ..., {n[0]})" if name != of else f"(..., {n[0]})"
+                raise ValueError(
+                    f"{name} has shape {value.shape}, expected {shape}: one number for each of {_some(self._names[of])}"
+                )
+            if value.ndim == 1:
+                if not value.flags.c_contiguous:
+                    value = np.ascontiguousarray(value)
+                if math.isfinite(value.dot(value)):  # half the time of isfinite
+                    return value  # type: ignore[no-any-return]
+        if not np.isfinite(value).all():
+            place = tuple(int(i) for i in np.argwhere(~np.isfinite(value))[0])
+            where = f"[{', '.join(map(str, place))}]" if place else ""
+            which = f" ({self._names[of][place[-1]]})" if n else ""
+            raise ValueError(f"{name}{where}{which} is {value[place]}, expected finite numbers")
+        return value  # type: ignore[no-any-return]
 
-    def _names(self, name: str) -> str:
-        kind = name[1:] if name.startswith("d") and name[1:] in self._sizes else name
-        found = {"q": "coordinate_names", "p": "parameter_names", "inputs": "input_names"}.get(kind, "speed_names")
-        return f"{found} ({len(getattr(self, found))})"
-
-    def _parameters(self, p: ArrayLike | Mapping[str, float] | None) -> Array:
-        if p is None:
-            return self._defaults
-        if isinstance(p, Mapping):
-            values = self._defaults.copy()
-            for name, value in p.items():
-                if name not in self.parameter_names:
-                    near = difflib.get_close_matches(name, self.parameter_names, 1)
-                    hint = f"; did you mean {near[0]!r}?" if near else ""
-                    raise ValueError(f"p: no parameter {name!r}{hint} The model has {', '.join(self.parameter_names)}")
-                values[self.parameter_names.index(name)] = value
-            p = values
-        return self._array("p", p, self.np)
-
-    def _state(self, given: dict[str, Any]) -> dict[str, Array]:
-        arrays: dict[str, Array] = {}
-        for name, value in given.items():
-            if name == "p":
-                arrays[name] = self._parameters(value)
-            elif name == "inputs":
-                arrays[name] = np.zeros(self.ninputs) if value is None else self._array(name, value, self.ninputs)
-            elif name == "t":
-                arrays[name] = self._array(name, value, 1, scalar=True)
-            else:
-                arrays[name] = self._array(name, value, self._sizes[name])
-        if "q" in arrays:
-            for i in self._manifest["quaternions"]:
-                norm = np.sqrt((arrays["q"][..., i : i + 4] ** 2).sum(-1))
-                if np.any(norm < 1e-6):
-                    names = ", ".join(self.coordinate_names[i : i + 4])
-                    raise ValueError(f"q: the quaternion ({names}) has length {norm.min():.3g}; expected at least 1e-6")
-        return arrays
-
-    # -- running -------------------------------------------------------------------------------------------------------
-
-    def _run(
-        self, name: str, given: dict[str, Any], seeds: dict[str, Any] | None = None, flat: Callable[..., Any] | None = None
-    ) -> list[Array]:
-        if seeds is None and isinstance(self._target, CTarget):
-            fast = self._single(name, given)
-            if fast is not None:
-                return fast
-        spec = self._manifest["functions"].get(name)
-        if spec is None:
-            raise ValueError(f"this solver has no function {name!r}; it has {', '.join(self._manifest['functions'])}")
-        arrays = self._state(given)
-        k = 0
-        directions: dict[str, Array] = {}
-        if seeds is not None:
-            for key, value in seeds.items():
-                if value is None:
-                    continue
-                n = self._sizes[key[1:]]
-                seed = self._array(key, value, n, scalar=key == "dt")
-                if seed.ndim == (0 if key == "dt" else 1):
-                    seed = seed[None]
-                directions[key] = seed
-            if not directions:
-                raise ValueError(f"no seed given; give at least one of {', '.join(seeds)}, directions first: dq (k, ..., nq)")
-            counts = {key: len(v) for key, v in directions.items()}
-            k = max(counts.values())
-            if any(c not in (1, k) for c in counts.values()):
-                raise ValueError(f"the seeds have different numbers of directions: {counts}; expected the same k for all")
-        batch = self._batch(arrays, directions)
-        count = int(np.prod(batch, dtype=int))
-        arguments = []
-        for a in spec["arguments"]:
-            x = arrays[a]
-            if a == "t":
-                arguments.append(np.ascontiguousarray(np.broadcast_to(x, batch).reshape(count) if x.ndim else x.reshape(1)))
-            elif x.ndim == 1:
-                arguments.append(np.ascontiguousarray(x[None]))
-            else:
-                n = x.shape[-1]
-                arguments.append(np.ascontiguousarray(np.broadcast_to(x, (*batch, n)).reshape(count, n)))
-        lanes = []
-        for s in spec.get("seeds", ()):
-            n = self._sizes[s[1:]]
-            seed = directions.get(s)
-            if seed is None:
-                lanes.append(np.zeros((k, 1, n)))
-                continue
-            if s == "dt":
-                seed = seed[..., None]
-            if seed.ndim == 2:
-                lanes.append(np.broadcast_to(seed, (k, n))[:, None])
-                continue
-            inner = seed.shape[1:-1]
-            seed = seed.reshape(len(seed), *(1,) * (len(batch) - len(inner)), *inner, n)
-            lanes.append(np.ascontiguousarray(np.broadcast_to(seed, (k, *batch, n)).reshape(k, count, n)))
-        sizes = [self._sizes[r[1:] if lanes and r.startswith("d") else r] for r in spec["results"]]
-        if count == 0:
-            results = [
-                np.zeros((k, 0, n) if lanes and r.startswith("d") else (0, n))
-                for n, r in zip(sizes, spec["results"], strict=True)
-            ]
-        else:
-            results = self._target.run(name, arguments, lanes, sizes, k, count)
-        out = []
-        for r, result in zip(results, spec["results"], strict=True):
-            lead = (k, *batch) if lanes and result.startswith("d") else batch
-            out.append(r.reshape(*lead, r.shape[-1]))
-        return out
-
-    def _single(self, name: str, given: dict[str, Any]) -> list[Array] | None:
-        """One state in plain arrays, the common case of an integrator: the same checks in fewer steps. None: not that case."""
-        spec = self._manifest["functions"].get(name)
-        if spec is None:
-            return None
-        arguments: list[Any] = []
-        for a in spec["arguments"]:
-            value = given[a]
-            if value is None:
-                value = self._defaults if a == "p" else self._no_inputs
-            elif a == "t":
-                if not isinstance(value, (int, float)) or not math.isfinite(value):
-                    return None
-                arguments.append(float(value))
-                continue
-            elif type(value) is not np.ndarray or value.dtype != np.float64 or value.shape != (self._sizes[a],):
-                return None
-            elif not value.flags.c_contiguous or not math.isfinite(np.add.reduce(value)):
-                return None
-            arguments.append(value)
-        if len(arguments) != len(given) and any(
-            given[a] is not None and a not in spec["arguments"] and not (a == "t" and given[a] == 0.0) for a in given
-        ):
-            return None
-        for i in self._manifest["quaternions"]:
-            e = given["q"][i : i + 4] if "q" in given else None
-            if e is not None and float(e @ e) < 1e-12:
-                return None
-        results = [np.empty(self._sizes[r]) for r in spec["results"]]
-        assert isinstance(self._target, CTarget)
-        self._target.single(name, arguments, results)
-        return results
-
-    def _batch(self, arrays: dict[str, Array], directions: dict[str, Array]) -> tuple[int, ...]:
-        shapes = {a: x.shape if a == "t" else x.shape[:-1] for a, x in arrays.items()}
-        shapes |= {s: x.shape[1:] if s == "dt" else x.shape[1:-1] for s, x in directions.items()}
+    def _named(self, name: str, given: Mapping[str, Any], of: str) -> Array:
+        """An array from some of its entries; the others are those of the model, zero in a seed."""
+        if of not in self._names:
+            raise ValueError(f"{name} is a mapping, expected numbers of shape (...)")
+        names = self._names[of]
+        unknown = [n for n in given if n not in names]
+        if unknown:
+            near = difflib.get_close_matches(str(unknown[0]), names, 1)
+            hint = f"; did you mean {near[0]!r}?" if near else ""
+            raise ValueError(f"{name}: {unknown[0]!r} is not known{hint} Expected any of {_some(names)}")
+        columns = {n: _numbers(f"{name}[{n!r}]", x) for n, x in given.items()}
         try:
-            return np.broadcast_shapes(*shapes.values())
+            lead = np.broadcast_shapes(*(x.shape for x in columns.values()))
         except ValueError:
-            seen = ", ".join(f"{n} {s}" for n, s in shapes.items() if s)
-            raise ValueError(f"the leading (batch) axes do not broadcast: {seen}") from None
+            shapes = ", ".join(f"{n} {x.shape}" for n, x in columns.items())
+            raise ValueError(f"{name}: shapes do not broadcast: {shapes}") from None
+        result = np.zeros((*lead, len(names)))
+        if name == of:
+            result[:] = self._left_out.get(of, 0.0)
+        for n, x in columns.items():
+            result[..., names.index(n)] = x
+        return result
 
-    def _matrix(self, x: Array, columns: int) -> Array:
-        return x.reshape(*x.shape[:-1], self.nu, columns)
+    def _arguments(self, given: Mapping[str, Any]) -> tuple[dict[str, Any], Shape]:
+        """Checked arguments, and the shape of the batch they make together."""
+        arrays: dict[str, Any] = {}
+        batch: Shape = ()
+        for name, value in given.items():
+            if value is None and name in self._left_out:
+                arrays[name] = self._left_out[name]
+                continue
+            if name == "t":
+                if type(value) is float and math.isfinite(value):
+                    arrays[name] = value
+                    continue
+                value = self._argument(name, value, name)
+                arrays[name] = value if value.ndim else float(value)
+                lead = value.shape
+            else:
+                arrays[name] = value = self._argument(name, value, name)
+                lead = value.shape[:-1]
+            if lead != batch:
+                batch = _broadcast(batch, lead, arrays)
+        if self._quaternions and "q" in arrays:
+            self._check_quaternions(arrays["q"])
+        return arrays, batch
+
+    def _check_quaternions(self, q: Array) -> None:
+        for i in self._quaternions:
+            e = q[..., i : i + 4]
+            square = e.dot(e) if e.ndim == 1 else np.einsum("...i,...i", e, e).min(initial=math.inf)
+            if square < SMALLEST_QUATERNION**2:
+                names = ", ".join(self.coordinate_names[i : i + 4])
+                raise ValueError(
+                    f"q: the quaternion ({names}) has length {math.sqrt(square):.3g}, expected at least "
+                    f"{SMALLEST_QUATERNION:g}; no rotation is (1, 0, 0, 0)"
+                )
+
+    def _directions(
+        self, given: Mapping[str, Any], arrays: Mapping[str, Any], batch: Shape
+    ) -> tuple[dict[str, Array], int, Shape]:
+        """Checked seeds (k, ..., n) with as many batch axes as the batch; k; the batch with theirs."""
+        seeds: dict[str, Array] = {}
+        for name, value in given.items():
+            if value is None:
+                continue
+            of = name[1:]
+            seed = self._argument(name, value, of)
+            if of == "t":
+                seed = seed[..., None]
+            seeds[name] = seed[None] if seed.ndim == 1 else seed
+        if not seeds:
+            raise ValueError(
+                f"no seed given; give at least one of {', '.join(given)}, directions first: dq (k, ..., nq)"
+            )
+        counts = {name: len(seed) for name, seed in seeds.items()}
+        k = next(iter(counts.values()))
+        if any(c != k for c in counts.values()):
+            seen = ", ".join(f"{name} {c}" for name, c in counts.items())
+            raise ValueError(
+                f"the seeds have different numbers of directions: {seen}; the first axis of all counts the same directions"
+            )
+        for name, seed in seeds.items():
+            if seed.shape[1:-1] != batch:
+                batch = _broadcast(
+                    batch, seed.shape[1:-1], {**arrays, **{f"directions of {n}": s for n, s in seeds.items()}}
+                )
+        for name, seed in seeds.items():
+            missing = len(batch) - (seed.ndim - 2)
+            if missing:
+                seeds[name] = seed.reshape(k, *(1,) * missing, *seed.shape[1:])
+        return seeds, k, batch
+
+    def _find(self, name: str) -> Function:
+        f = self._functions.get(name)
+        if f is None:
+            raise AttributeError(
+                f"{self.name} was generated without the function {name!r}; it has {', '.join(self._functions)}"
+            )
+        return f
+
+    def _values(self, name: str, given: Mapping[str, Any]) -> list[Array]:
+        f = self._find(name)
+        arrays, batch = self._arguments(given)
+        return self._target.values(f, arrays, batch)
+
+    def _along(self, name: str, given: Mapping[str, Any], seeds: Mapping[str, Any]) -> tuple[Array, Array]:
+        f = self._find(name)
+        arrays, batch = self._arguments(given)
+        directions, k, batch = self._directions(seeds, arrays, batch)
+        value, derivative = self._target.along(f, arrays, directions, k, batch)
+        return value, derivative
 
     # -- dynamics ------------------------------------------------------------------------------------------------------
 
     def accelerations(
-        self, q: ArrayLike, u: ArrayLike, p: Any = None, inputs: ArrayLike | None = None, t: ArrayLike = 0.0
+        self, q: ArrayLike, u: ArrayLike, p: Numbers = None, inputs: Numbers = None, t: ArrayLike = 0.0
     ) -> Array:
-        """Time derivatives of the speeds (Eqs. 18-24, 42-56).
-
-        Parameters
-        ----------
-        q : (..., nq), u : (..., nu), p : (..., np), optional, inputs : (..., ninputs), optional, t : (...)
-
-        Returns
-        -------
-        udot : (..., nu)
-
-        Raises
-        ------
-        ValueError
-            Wrong shape, a number that is not finite, a quaternion without length.
-        SingularJointError
-            Nothing outboard of a joint has inertia about it.
-        """
-        return self._run("accelerations", {"q": q, "u": u, "p": p, "inputs": inputs, "t": t})[0]
+        """The derivatives of the speeds, udot (..., nu), by Eqs. 18-24 and 42-56."""
+        return self._values("accelerations", {"q": q, "u": u, "p": p, "inputs": inputs, "t": t})[0]
 
     def sensitivities(
-        self, q: ArrayLike, u: ArrayLike, p: Any = None, inputs: ArrayLike | None = None, t: ArrayLike = 0.0, *,
-        dq: ArrayLike | None = None, du: ArrayLike | None = None, dp: ArrayLike | None = None,
-        dinputs: ArrayLike | None = None, dt: ArrayLike | None = None,
-    ) -> tuple[Array, Array]:  # fmt: skip
-        """Accelerations and their total derivative along seeds (Eqs. 9, 10), exact to rounding, in O(n) per direction.
-
-        Parameters
-        ----------
-        dq : (k, ..., nq), du : (k, ..., nu), dp : (k, ..., np), dinputs : (k, ..., ninputs), dt : (k, ...)
-            At least one; the others are zero.
-
-        Returns
-        -------
-        udot : (..., nu), dudot : (k, ..., nu)
-        """
-        given = {"q": q, "u": u, "p": p, "inputs": inputs, "t": t}
-        udot, dudot = self._run("sensitivities", given, {"dq": dq, "du": du, "dp": dp, "dinputs": dinputs, "dt": dt})
-        return udot, dudot
+        self,
+        q: ArrayLike,
+        u: ArrayLike,
+        p: Numbers = None,
+        inputs: Numbers = None,
+        t: ArrayLike = 0.0,
+        *,
+        dq: Numbers = None,
+        du: Numbers = None,
+        dp: Numbers = None,
+        dinputs: Numbers = None,
+        dt: ArrayLike | None = None,
+    ) -> tuple[Array, Array]:
+        """udot (..., nu) and its total derivative (k, ..., nu) along the seeds (Eqs. 9, 10), exact to rounding."""
+        seeds = {"dq": dq, "du": du, "dp": dp, "dinputs": dinputs, "dt": dt}
+        return self._along("sensitivities", {"q": q, "u": u, "p": p, "inputs": inputs, "t": t}, seeds)
 
     def jacobians(
-        self, q: ArrayLike, u: ArrayLike, p: Any = None, inputs: ArrayLike | None = None, t: ArrayLike = 0.0
+        self, q: ArrayLike, u: ArrayLike, p: Numbers = None, inputs: Numbers = None, t: ArrayLike = 0.0
     ) -> Jacobians:
-        """Partial derivatives of udot with respect to q, u, p, inputs and t."""
-        results = self._run("jacobians", {"q": q, "u": u, "p": p, "inputs": inputs, "t": t})
-        found = dict(zip(self._manifest["functions"]["jacobians"]["results"], results, strict=True))
-        batch = results[0].shape[:-1]
-        columns = {"q": self.nq, "u": self.nu, "p": self.np, "inputs": self.ninputs}
-        J = {
-            n: self._matrix(found[f"J_{n}"], c) if f"J_{n}" in found else np.zeros((*batch, self.nu, c))
-            for n, c in columns.items()
-        }
-        return Jacobians(**J, t=found.get("J_t", np.zeros((*batch, self.nu))))
+        """Every partial derivative of udot."""
+        f = self._find("jacobians")
+        arrays, batch = self._arguments({"q": q, "u": u, "p": p, "inputs": inputs, "t": t})
+        found = dict(zip(f.results, self._target.values(f, arrays, batch), strict=True))
+        for name in ("J_q", "J_u", "J_p", "J_inputs", "J_t"):
+            if name not in found:
+                found[name] = np.zeros(batch + self._shapes[name])
+        return Jacobians(found["J_q"], found["J_u"], found["J_p"], found["J_inputs"], found["J_t"])
 
-    def coordinate_rates(self, q: ArrayLike, u: ArrayLike, p: Any = None, t: ArrayLike = 0.0) -> Array:
-        """Time derivatives of the coordinates, (..., nq) (Eq. 1)."""
-        return self._run("coordinate_rates", {"q": q, "u": u, "p": p, "t": t})[0]
+    def coordinate_rates(self, q: ArrayLike, u: ArrayLike, p: Numbers = None, t: ArrayLike = 0.0) -> Array:
+        """The derivatives of the coordinates, qdot (..., nq), by Eq. 1."""
+        return self._values("coordinate_rates", {"q": q, "u": u, "p": p, "t": t})[0]
 
     def coordinate_rate_sensitivities(
-        self, q: ArrayLike, u: ArrayLike, p: Any = None, t: ArrayLike = 0.0, *,
-        dq: ArrayLike | None = None, du: ArrayLike | None = None, dp: ArrayLike | None = None, dt: ArrayLike | None = None,
-    ) -> tuple[Array, Array]:  # fmt: skip
-        """qdot (..., nq) and its total derivative (k, ..., nq) along seeds."""
-        given = {"q": q, "u": u, "p": p, "t": t}
-        qdot, dqdot = self._run("coordinate_rate_sensitivities", given, {"dq": dq, "du": du, "dp": dp, "dt": dt})
-        return qdot, dqdot
+        self,
+        q: ArrayLike,
+        u: ArrayLike,
+        p: Numbers = None,
+        t: ArrayLike = 0.0,
+        *,
+        dq: Numbers = None,
+        du: Numbers = None,
+        dp: Numbers = None,
+        dt: ArrayLike | None = None,
+    ) -> tuple[Array, Array]:
+        """qdot (..., nq) and its total derivative (k, ..., nq) along the seeds."""
+        seeds = {"dq": dq, "du": du, "dp": dp, "dt": dt}
+        return self._along("coordinate_rate_sensitivities", {"q": q, "u": u, "p": p, "t": t}, seeds)
 
-    def mass_matrix(self, q: ArrayLike, p: Any = None) -> Array:
-        """Mass matrix, (..., nu, nu)."""
-        return self._matrix(self._run("mass_matrix", {"q": q, "p": p})[0], self.nu)
+    def mass_matrix(self, q: ArrayLike, p: Numbers = None) -> Array:
+        """The mass matrix M of Eq. 4, (..., nu, nu)."""
+        return self._values("mass_matrix", {"q": q, "p": p})[0]
 
     def mass_matrix_sensitivities(
-        self, q: ArrayLike, p: Any = None, *, dq: ArrayLike | None = None, dp: ArrayLike | None = None
+        self, q: ArrayLike, p: Numbers = None, *, dq: Numbers = None, dp: Numbers = None
     ) -> tuple[Array, Array]:
-        """M (..., nu, nu) and its total derivative (k, ..., nu, nu) along seeds."""
-        M, dM = self._run("mass_matrix_sensitivities", {"q": q, "p": p}, {"dq": dq, "dp": dp})
-        return self._matrix(M, self.nu), self._matrix(dM, self.nu)
+        """M (..., nu, nu) and its total derivative (k, ..., nu, nu) along the seeds."""
+        return self._along("mass_matrix_sensitivities", {"q": q, "p": p}, {"dq": dq, "dp": dp})
 
-    def solve_mass(self, q: ArrayLike, b: ArrayLike, p: Any = None) -> Array:
-        """Solution x (..., nu) of M x = b in O(n)."""
-        return self._run("solve_mass", {"q": q, "b": b, "p": p})[0]
+    def solve_mass(self, q: ArrayLike, b: ArrayLike, p: Numbers = None) -> Array:
+        """The solution x (..., nu) of M x = b for generalised forces b (..., nu), in O(n)."""
+        return self._values("solve_mass", {"q": q, "b": b, "p": p})[0]
 
     def solve_mass_sensitivities(
-        self, q: ArrayLike, b: ArrayLike, p: Any = None, *,
-        dq: ArrayLike | None = None, db: ArrayLike | None = None, dp: ArrayLike | None = None,
-    ) -> tuple[Array, Array]:  # fmt: skip
-        """x (..., nu) of M x = b and its total derivative (k, ..., nu) along seeds."""
-        x, dx = self._run("solve_mass_sensitivities", {"q": q, "b": b, "p": p}, {"dq": dq, "db": db, "dp": dp})
-        return x, dx
+        self,
+        q: ArrayLike,
+        b: ArrayLike,
+        p: Numbers = None,
+        *,
+        dq: Numbers = None,
+        db: Numbers = None,
+        dp: Numbers = None,
+    ) -> tuple[Array, Array]:
+        """x (..., nu) of M x = b and its total derivative (k, ..., nu) along the seeds; ``db (k, ..., nu)``."""
+        return self._along("solve_mass_sensitivities", {"q": q, "b": b, "p": p}, {"dq": dq, "db": db, "dp": dp})
 
     def inverse_dynamics(
-        self, q: ArrayLike, u: ArrayLike, udot: ArrayLike, p: Any = None, inputs: ArrayLike | None = None, t: ArrayLike = 0.0
+        self,
+        q: ArrayLike,
+        u: ArrayLike,
+        udot: ArrayLike,
+        p: Numbers = None,
+        inputs: Numbers = None,
+        t: ArrayLike = 0.0,
     ) -> Array:
-        """Joint forces (..., nu) that udot needs beside the model's own: M udot - K."""
-        return self._run("inverse_dynamics", {"q": q, "u": u, "udot": udot, "p": p, "inputs": inputs, "t": t})[0]
+        """The joint forces (..., nu) that udot (..., nu) needs beside the model's own: M udot - K."""
+        given = {"q": q, "u": u, "udot": udot, "p": p, "inputs": inputs, "t": t}
+        return self._values("inverse_dynamics", given)[0]
 
     def inverse_dynamics_sensitivities(
-        self, q: ArrayLike, u: ArrayLike, udot: ArrayLike, p: Any = None, inputs: ArrayLike | None = None, t: ArrayLike = 0.0, *,
-        dq: ArrayLike | None = None, du: ArrayLike | None = None, dudot: ArrayLike | None = None,
-        dp: ArrayLike | None = None, dinputs: ArrayLike | None = None, dt: ArrayLike | None = None,
-    ) -> tuple[Array, Array]:  # fmt: skip
-        """Those forces and their total derivative (k, ..., nu) along seeds."""
+        self,
+        q: ArrayLike,
+        u: ArrayLike,
+        udot: ArrayLike,
+        p: Numbers = None,
+        inputs: Numbers = None,
+        t: ArrayLike = 0.0,
+        *,
+        dq: Numbers = None,
+        du: Numbers = None,
+        dudot: Numbers = None,
+        dp: Numbers = None,
+        dinputs: Numbers = None,
+        dt: ArrayLike | None = None,
+    ) -> tuple[Array, Array]:
+        """The joint forces of `inverse_dynamics` and their total derivative (k, ..., nu); ``dudot (k, ..., nu)``."""
         given = {"q": q, "u": u, "udot": udot, "p": p, "inputs": inputs, "t": t}
         seeds = {"dq": dq, "du": du, "dudot": dudot, "dp": dp, "dinputs": dinputs, "dt": dt}
-        force, dforce = self._run("inverse_dynamics_sensitivities", given, seeds)
-        return force, dforce
+        return self._along("inverse_dynamics_sensitivities", given, seeds)
 
     def bias_force(
-        self, q: ArrayLike, u: ArrayLike, p: Any = None, inputs: ArrayLike | None = None, t: ArrayLike = 0.0
+        self, q: ArrayLike, u: ArrayLike, p: Numbers = None, inputs: Numbers = None, t: ArrayLike = 0.0
     ) -> Array:
-        """-K (..., nu): the inverse dynamics at udot = 0."""
+        """The joint forces (..., nu) that hold udot at zero, -K of Eq. 4: M udot + bias_force = 0."""
         return self.inverse_dynamics(q, u, np.zeros(self.nu), p, inputs, t)
 
-    def energies(self, q: ArrayLike, u: ArrayLike, p: Any = None, t: ArrayLike = 0.0) -> tuple[Array, Array]:
-        """Kinetic and potential energy, (...) each, J; the potential energy of gravity is zero at the ground's origin."""
-        energy = self._run("energies", {"q": q, "u": u, "p": p, "t": t})[0]
+    def bias_force_sensitivities(
+        self,
+        q: ArrayLike,
+        u: ArrayLike,
+        p: Numbers = None,
+        inputs: Numbers = None,
+        t: ArrayLike = 0.0,
+        *,
+        dq: Numbers = None,
+        du: Numbers = None,
+        dp: Numbers = None,
+        dinputs: Numbers = None,
+        dt: ArrayLike | None = None,
+    ) -> tuple[Array, Array]:
+        """The forces of `bias_force` and their total derivative (k, ..., nu) along the seeds."""
+        given = {"q": q, "u": u, "udot": np.zeros(self.nu), "p": p, "inputs": inputs, "t": t}
+        seeds = {"dq": dq, "du": du, "dp": dp, "dinputs": dinputs, "dt": dt}
+        return self._along("inverse_dynamics_sensitivities", given, seeds)
+
+    def energies(self, q: ArrayLike, u: ArrayLike, p: Numbers = None, t: ArrayLike = 0.0) -> tuple[Array, Array]:
+        """Kinetic and potential energy, (...) each, J; gravity's is zero at the ground's origin."""
+        energy = self._values("energies", {"q": q, "u": u, "p": p, "t": t})[0]
         return energy[..., 0], energy[..., 1]
 
     def energy_sensitivities(
-        self, q: ArrayLike, u: ArrayLike, p: Any = None, t: ArrayLike = 0.0, *,
-        dq: ArrayLike | None = None, du: ArrayLike | None = None, dp: ArrayLike | None = None, dt: ArrayLike | None = None,
-    ) -> tuple[tuple[Array, Array], tuple[Array, Array]]:  # fmt: skip
-        """(kinetic, potential) and their total derivatives (k, ...) along seeds."""
+        self,
+        q: ArrayLike,
+        u: ArrayLike,
+        p: Numbers = None,
+        t: ArrayLike = 0.0,
+        *,
+        dq: Numbers = None,
+        du: Numbers = None,
+        dp: Numbers = None,
+        dt: ArrayLike | None = None,
+    ) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+        """Kinetic and potential energy, and their total derivatives: (T, V), (dT, dV), dT and dV (k, ...)."""
         seeds = {"dq": dq, "du": du, "dp": dp, "dt": dt}
-        e, de = self._run("energy_sensitivities", {"q": q, "u": u, "p": p, "t": t}, seeds)
-        return (e[..., 0], e[..., 1]), (de[..., 0], de[..., 1])
+        energy, denergy = self._along("energy_sensitivities", {"q": q, "u": u, "p": p, "t": t}, seeds)
+        return (energy[..., 0], energy[..., 1]), (denergy[..., 0], denergy[..., 1])
 
     def outputs(
-        self, q: ArrayLike, u: ArrayLike, p: Any = None, inputs: ArrayLike | None = None, t: ArrayLike = 0.0
+        self, q: ArrayLike, u: ArrayLike, p: Numbers = None, inputs: Numbers = None, t: ArrayLike = 0.0
     ) -> Array:
-        """The model's outputs, (..., noutputs), in the order of `output_names`."""
+        """The model's outputs (..., noutputs), in the order of `output_names`."""
+        given = {"q": q, "u": u, "p": p, "inputs": inputs, "t": t}
         if not self.noutputs:
-            arrays = self._state({"q": q, "u": u, "p": p, "inputs": inputs, "t": t})
-            return np.zeros((*self._batch(arrays, {}), 0))
-        return self._run("outputs", {"q": q, "u": u, "p": p, "inputs": inputs, "t": t})[0]
+            return np.zeros((*self._arguments(given)[1], 0))
+        return self._values("outputs", given)[0]
 
     def output_sensitivities(
-        self, q: ArrayLike, u: ArrayLike, p: Any = None, inputs: ArrayLike | None = None, t: ArrayLike = 0.0, *,
-        dq: ArrayLike | None = None, du: ArrayLike | None = None, dp: ArrayLike | None = None,
-        dinputs: ArrayLike | None = None, dt: ArrayLike | None = None,
-    ) -> tuple[Array, Array]:  # fmt: skip
-        """Outputs and their total derivative (k, ..., noutputs) along seeds."""
-        if not self.noutputs:
-            udot, dudot = self.sensitivities(q, u, p, inputs, t, dq=dq, du=du, dp=dp, dinputs=dinputs, dt=dt)
-            return udot[..., :0], dudot[..., :0]
+        self,
+        q: ArrayLike,
+        u: ArrayLike,
+        p: Numbers = None,
+        inputs: Numbers = None,
+        t: ArrayLike = 0.0,
+        *,
+        dq: Numbers = None,
+        du: Numbers = None,
+        dp: Numbers = None,
+        dinputs: Numbers = None,
+        dt: ArrayLike | None = None,
+    ) -> tuple[Array, Array]:
+        """The model's outputs (..., noutputs) and their total derivative (k, ..., noutputs) along the seeds."""
         given = {"q": q, "u": u, "p": p, "inputs": inputs, "t": t}
         seeds = {"dq": dq, "du": du, "dp": dp, "dinputs": dinputs, "dt": dt}
-        values, dvalues = self._run("output_sensitivities", given, seeds)
-        return values, dvalues
+        if not self.noutputs:
+            _, k, batch = self._directions(seeds, *self._arguments(given))
+            return np.zeros((*batch, 0)), np.zeros((k, *batch, 0))
+        return self._along("output_sensitivities", given, seeds)
 
-    # -- states ----------------------------------------------------------------------------------------------------------
+    # -- states --------------------------------------------------------------------------------------------------------
 
-    def assemble(self, q: ArrayLike | None = None, u: ArrayLike | None = None, p: Any = None) -> tuple[Array, Array]:
-        """A state that satisfies the model's constraints: quaternions of length one. What is left out is the model's."""
-        start = self.initial
-        arrays = self._state({"q": start[0] if q is None else q, "u": start[1] if u is None else u, "p": p})
-        q_out = arrays["q"].copy()
-        for i in self._manifest["quaternions"]:
-            q_out[..., i : i + 4] /= np.sqrt((q_out[..., i : i + 4] ** 2).sum(-1, keepdims=True))
-        return q_out, arrays["u"].copy()
+    def assemble(
+        self, q: ArrayLike | None = None, u: ArrayLike | None = None, p: Numbers = None
+    ) -> tuple[Array, Array]:
+        """A consistent state (q, u): quaternions of unit length. What is left out is the model's initial state."""
+        given = {"q": self._initial[0] if q is None else q, "u": self._initial[1] if u is None else u, "p": p}
+        arrays, batch = self._arguments(given)
+        q_new = np.broadcast_to(arrays["q"], (*batch, self.nq)).copy()
+        u_new = np.broadcast_to(arrays["u"], (*batch, self.nu)).copy()
+        for i in self._quaternions:
+            e = q_new[..., i : i + 4]
+            e /= np.linalg.norm(e, axis=-1, keepdims=True)
+        return q_new, u_new
 
     def assemble_sensitivities(
-        self, q: ArrayLike, u: ArrayLike, p: Any = None, *,
-        dq: ArrayLike | None = None, du: ArrayLike | None = None, dp: ArrayLike | None = None,
-    ) -> tuple[Array, Array, Array, Array]:  # fmt: skip
-        """The assembled state and its seeds: q, u, dq (k, ..., nq), du (k, ..., nu)."""
-        q_out, u_out = self.assemble(q, u, p)
-        given = {"dq": dq, "du": du, "dp": dp}
-        seeds = {n: self._array(n, v, self._sizes[n[1:]]) for n, v in given.items() if v is not None}
-        if not seeds:
-            raise ValueError("no seed given; give at least one of dq, du, dp")
-        seeds = {n: s[None] if s.ndim == 1 else s for n, s in seeds.items()}
-        k = max(len(s) for s in seeds.values())
-        batch = self._batch({"q": q_out, "u": u_out}, seeds)
-        dq_out = np.broadcast_to(seeds.get("dq", np.zeros((k, self.nq))), (k, *batch, self.nq)).copy()
-        du_out = np.broadcast_to(seeds.get("du", np.zeros((k, self.nu))), (k, *batch, self.nu)).copy()
-        raw = np.asarray(q, dtype=float)
-        for i in self._manifest["quaternions"]:
-            length = np.sqrt((raw[..., i : i + 4] ** 2).sum(-1, keepdims=True))
-            e = q_out[..., i : i + 4]
-            de = dq_out[..., i : i + 4] / length
-            dq_out[..., i : i + 4] = de - e * (e * de).sum(-1, keepdims=True)
-        return q_out, u_out, dq_out, du_out
+        self,
+        q: ArrayLike,
+        u: ArrayLike,
+        p: Numbers = None,
+        *,
+        dq: Numbers = None,
+        du: Numbers = None,
+        dp: Numbers = None,
+    ) -> tuple[Array, Array, Array, Array]:
+        """A consistent state and its derivatives along the seeds: q, u, dq (k, ..., nq), du (k, ..., nu)."""
+        arrays, batch = self._arguments({"q": q, "u": u, "p": p})
+        seeds, k, batch = self._directions({"dq": dq, "du": du, "dp": dp}, arrays, batch)
+        q_new = np.broadcast_to(arrays["q"], (*batch, self.nq)).copy()
+        u_new = np.broadcast_to(arrays["u"], (*batch, self.nu)).copy()
+        dq_new = np.broadcast_to(seeds.get("dq", 0.0), (k, *batch, self.nq)).copy()
+        du_new = np.broadcast_to(seeds.get("du", 0.0), (k, *batch, self.nu)).copy()
+        for i in self._quaternions:
+            e, de = q_new[..., i : i + 4], dq_new[..., i : i + 4]
+            length = np.linalg.norm(e, axis=-1, keepdims=True)
+            e /= length
+            de -= e * np.sum(e * de, axis=-1, keepdims=True)
+            de /= length
+        return q_new, u_new, dq_new, du_new
 
-    def closure(self, q: ArrayLike, u: ArrayLike, p: Any = None) -> tuple[Array, Array]:
-        """Residuals of the loops at position and velocity level, in the order of `closure_names`."""
-        arrays = self._state({"q": q, "u": u, "p": p})
-        shape = (*self._batch(arrays, {}), len(self.closure_names))
+    def closure(self, q: ArrayLike, u: ArrayLike, p: Numbers = None) -> tuple[Array, Array]:
+        """Scaled residuals of the loops in position and velocity, (..., len(closure_names)) each."""
+        _, batch = self._arguments({"q": q, "u": u, "p": p})
+        shape = (*batch, len(self.closure_names))
         return np.zeros(shape), np.zeros(shape)
 
-    # -- both targets ----------------------------------------------------------------------------------------------------
+    # -- both targets --------------------------------------------------------------------------------------------------
 
-    def _compare(self, other: NumpyTarget) -> None:
-        """Compare the two targets at random states; they print the same statements, so only rounding may differ."""
+    def _compare(self, compiled: CTarget, plain: NumpyTarget) -> None:
+        """Compare the targets, all functions and directions, at random states; they hold the same statements."""
         rng = np.random.default_rng(0)
-        own = self._target
-        for _ in range(3):
-            q = np.array(self._manifest["initial"]["q"]) + 0.3 * rng.normal(size=self.nq)
-            u, dq, du = rng.normal(size=self.nu), rng.normal(size=(2, self.nq)), rng.normal(size=(2, self.nu))
-            dp = 0.1 * rng.normal(size=(2, self.np))
-            results = []
-            for target in (own, other):
-                self._target = target
-                results.append(self.sensitivities(q, u, dq=dq, du=du, dp=dp))
-            self._target = own
-            for a, b in zip(*results, strict=True):
-                error = np.max(np.abs(a - b), initial=0.0)
-                if not error <= 1e-9 * max(1e-3, float(np.max(np.abs(b), initial=0.0))):
-                    raise RuntimeError(f"{self.name}: the C and the NumPy target differ by {error:.3g}; please report this")
+        k = 3
+        for _, f in itertools.product(range(3), self._functions.values()):
+            arrays: dict[str, Any] = {n: rng.normal(size=self._shapes[n]) for n in ("u", "inputs", "udot", "b")}
+            arrays |= {"q": self._initial[0] + 0.3 * rng.normal(size=self.nq), "p": self._left_out["p"], "t": 0.7}
+            seeds = {f"d{n}": rng.normal(size=(k, *(self._shapes[n] or (1,)))) for n in arrays}
+            ours, theirs = (_outcome(target, f, arrays, seeds, k) for target in (compiled, plain))
+            if isinstance(ours, str) or isinstance(theirs, str):
+                if isinstance(ours, str) != isinstance(theirs, str):
+                    raise TargetsDifferError(f"{self.name}, {f.name}: only one of C and NumPy finds a singular joint")
+                continue
+            for name, derived, a, b in zip(f.results, f.derived, ours, theirs, strict=True):
+                rows = (k, -1) if derived else (1, -1)
+                for x, y in zip(a.reshape(rows), b.reshape(rows), strict=True):
+                    error = float(np.max(np.abs(x - y), initial=0.0))
+                    if not error <= TARGET_TOLERANCE * float(np.max(np.abs(y), initial=0.0)) + 1e-12:
+                        raise TargetsDifferError(
+                            f"{self.name}: {name} of {f.name} differs by {error:.3g} between C and NumPy; "
+                            f"please report this with the model"
+                        )
 
 
-def _shape(n: int, scalar: bool) -> str:
-    return "(...)" if scalar else f"(..., {n})"
+def _outcome(
+    target: CTarget | NumpyTarget, f: Function, arrays: Mapping[str, Any], seeds: Mapping[str, Array], k: int
+) -> list[Array] | str:
+    """Results of a function, or the singular joint."""
+    try:
+        return target.along(f, arrays, seeds, k, ()) if f.seeds else target.values(f, arrays, ())
+    except SingularJointError as error:
+        return error.link
+
+
+def _numbers(name: str, value: Any) -> Array:
+    """An array of floats; text, complex numbers and ragged lists are errors."""
+    try:
+        array = np.asarray(value)
+        if array.dtype.kind in "biufO":
+            return array.astype(np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{name}: {error}; expected an array of real numbers") from None
+    raise ValueError(f"{name} holds {array.dtype}, expected real numbers")
+
+
+def _some(names: Sequence[str]) -> str:
+    """Names for a message, not too many."""
+    if not names:
+        return "(none: the model has none)"
+    return ", ".join(names[:12]) + (f", ... ({len(names)} in all)" if len(names) > 12 else "")
+
+
+def _broadcast(batch: Shape, lead: Shape, arrays: Mapping[str, Any]) -> Shape:
+    try:
+        return np.broadcast_shapes(batch, lead)
+    except ValueError:
+        seen = ", ".join(f"{name} {x.shape}" for name, x in arrays.items() if not isinstance(x, float) and x.ndim > 1)
+        raise ValueError(f"the leading (batch) axes do not broadcast: {seen}") from None
+
+
+__all__ = [
+    "AssemblyError",
+    "Build",
+    "CompileError",
+    "Jacobians",
+    "NoCompilerError",
+    "SingularJointError",
+    "Solver",
+    "TargetsDifferError",
+    "compile_library",
+    "find_compiler",
+]
