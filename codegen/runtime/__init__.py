@@ -2,10 +2,23 @@
 
 from __future__ import annotations
 
+import hashlib
+import importlib.util
 import os
+import sys
 from pathlib import Path
+from types import ModuleType
 
-from .solver import AssemblyError, CompileError, Jacobians, NoCompilerError, SingularJointError, Solver
+from . import solver as _own
+from .solver import (
+    AssemblyError,
+    CompileError,
+    Jacobians,
+    NoCompilerError,
+    SingularJointError,
+    Solver,
+    TargetsDifferError,
+)
 
 __all__ = [
     "AssemblyError",
@@ -14,12 +27,16 @@ __all__ = [
     "NoCompilerError",
     "SingularJointError",
     "Solver",
+    "TargetsDifferError",
     "load",
 ]
 
 
 def load(folder: str | os.PathLike[str], target: str | None = None) -> Solver:
     """Open a generated package; its C is compiled on first use and cached.
+
+    A package of this version is run by `codegen.runtime.Solver`, so its errors are the classes above; one of another
+    version by the run time that it brings along.
 
     Parameters
     ----------
@@ -38,9 +55,32 @@ def load(folder: str | os.PathLike[str], target: str | None = None) -> Solver:
         The folder holds no generated package.
     CompileError
     """
-    path = Path(folder).resolve()
+    path = Path(folder).absolute()
     if not (path / "model.json").is_file():
-        raise ValueError(
-            f"{folder} holds no generated solver (no model.json in it); make one with: generate MODEL.yaml"
+        raise ValueError(f"{folder} holds no generated solver: no model.json in it; make one with: generate MODEL.yaml")
+    brought = path / "_runtime.py"
+    if not brought.is_file() or brought.read_bytes() == Path(_own.__file__).read_bytes():
+        return Solver(path, target)
+    found: Solver = _package(path).Solver(target)
+    return found
+
+
+def _package(path: Path) -> ModuleType:
+    """A generated package as a module; one that was written anew is another module."""
+    key = hashlib.sha256(str(path).encode())
+    for file in ("__init__.py", "_runtime.py"):
+        key.update((path / file).read_bytes())
+    name = f"ordernm_generated_{key.hexdigest()[:16]}"
+    if name not in sys.modules:
+        spec = importlib.util.spec_from_file_location(
+            name, path / "__init__.py", submodule_search_locations=[str(path)]
         )
-    return Solver(path, target)
+        assert spec is not None and spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        sys.modules[name] = module
+        try:
+            spec.loader.exec_module(module)
+        except BaseException:
+            del sys.modules[name]
+            raise
+    return sys.modules[name]

@@ -67,8 +67,8 @@ class SingularJointError(np.linalg.LinAlgError):
 
     def __init__(self, link: str, where: str = "") -> None:
         super().__init__(
-            f"nothing outboard of joint {link} has inertia about it{where}, so its acceleration is not determined; give "
-            f"its body, or one that it carries, mass or inertia"
+            f"nothing outboard of joint {link} has inertia about it{where}, so its acceleration is not determined; "
+            f"give its body, or one that it carries, mass or inertia"
         )
         self.link = link
 
@@ -119,7 +119,7 @@ def optimization() -> list[str]:
     for flag in flags:
         if flag in FORBIDDEN:
             raise ValueError(
-                f"ORDERNM_CFLAGS holds {flag}, which breaks the search for singular joints; use for instance -O3 instead"
+                f"ORDERNM_CFLAGS holds {flag}, which breaks the search for singular joints; use for instance -O3"
             )
     return flags
 
@@ -316,8 +316,8 @@ class Function:
 def split(k: int, widths: Iterable[int]) -> list[int]:
     """Widths that cover k directions with the least work; the last may be wider than what remains.
 
-    Every call does the forward dynamics again, and eight directions in lanes cost little more than one: one call that is
-    too wide beats two that fit.
+    Every call does the forward dynamics again, and eight directions in lanes cost little more than one: one call that
+    is too wide beats two that fit.
     """
     allowed = sorted(widths)
     parts = [allowed[-1]] * (k // allowed[-1])
@@ -337,7 +337,7 @@ class CTarget:
 
     def __init__(self, folder: Path, manifest: Mapping[str, Any]):
         try:
-            from cffi import FFI  # type: ignore[import-untyped]
+            from cffi import FFI
         except ImportError:
             raise NoCompilerError("cffi is not installed, and the C target needs it: pip install cffi") from None
         self.ffi = FFI()
@@ -468,7 +468,7 @@ class CTarget:
         if scalar:
             if isinstance(x, float):
                 return itertools.repeat(x)
-            return np.broadcast_to(x, batch).ravel().tolist()  # type: ignore[no-any-return]
+            return iter(np.broadcast_to(x, batch).ravel().tolist())
         n = x.shape[-1]
         if x.ndim > 1:
             x = np.ascontiguousarray(np.broadcast_to(x, (*batch, n)))
@@ -534,7 +534,16 @@ def _full(x: Any, shape: Shape) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Jacobians:
-    """Partial derivatives of udot: q (..., nu, nq), u (..., nu, nu), p (..., nu, np), inputs (..., nu, ninputs), t (..., nu)."""
+    """Partial derivatives of udot.
+
+    Attributes
+    ----------
+    q : (..., nu, nq)
+    u : (..., nu, nu)
+    p : (..., nu, np)
+    inputs : (..., nu, ninputs)
+    t : (..., nu)
+    """
 
     q: Array
     u: Array
@@ -551,8 +560,8 @@ class Solver:
     folder : path
         The generated package.
     target : {"c", "numpy", "both"}, optional
-        Which code computes; left out: what the package was generated for. With "both" the two are compared first, then the
-        C computes. Without a C compiler the NumPy module serves, and a warning says so.
+        Which code computes; left out: what the package was generated for. With "both" the two are compared first, then
+        the C computes. Without a C compiler the NumPy module serves, and a warning says so.
 
     Raises
     ------
@@ -563,9 +572,10 @@ class Solver:
     -----
     Arguments of the methods, all in SI units and radians: coordinates ``q (..., nq)``, speeds ``u (..., nu)``, design
     parameters ``p (..., np)`` (left out: `parameters`), ``inputs (..., ninputs)`` (left out: zeros), time ``t (...)``.
-    Leading axes are batch axes and broadcast by NumPy's rules. Seeds carry their k directions first: ``dq (k, ..., nq)``,
-    ``du``, ``dp``, ``dinputs`` alike, ``dt (k, ...)``; one without k counts as k = 1; missing ones are zero. ``p``, ``inputs``
-    and seeds may be mappings from some names to numbers. Results are (..., n), derivatives (k, ..., n).
+    Leading axes are batch axes and broadcast by NumPy's rules. Seeds carry their k directions first:
+    ``dq (k, ..., nq)``, ``du``, ``dp``, ``dinputs`` alike, ``dt (k, ...)``; one without k counts as k = 1; missing ones
+    are zero. ``p``, ``inputs`` and seeds may be mappings from some names to numbers. Results are (..., n), derivatives
+    (k, ..., n).
 
     Every method raises ValueError for a wrong shape, a number that is not finite, an unknown name and a quaternion
     shorter than 1e-6. Methods that solve for accelerations raise `SingularJointError`.
@@ -589,13 +599,13 @@ class Solver:
         n_p, ninputs = len(self.parameter_names), len(self.input_names)
         self.nq, self.nu, self.np, self.ninputs, self.noutputs = nq, nu, n_p, ninputs, len(self.output_names)
         self._names = {
-            "q": self.coordinate_names, "u": self.speed_names, "p": self.parameter_names, "inputs": self.input_names,
-            "udot": self.speed_names, "b": self.speed_names,
+            "q": self.coordinate_names, "u": self.speed_names, "udot": self.speed_names, "b": self.speed_names,
+            "p": self.parameter_names, "inputs": self.input_names,
         }  # fmt: skip
         self._shapes: dict[str, Shape] = {
-            "q": (nq,), "u": (nu,), "p": (n_p,), "inputs": (ninputs,), "t": (), "udot": (nu,), "b": (nu,), "qdot": (nq,),
-            "x": (nu,), "force": (nu,), "energy": (2,), "outputs": (self.noutputs,), "M": (nu, nu), "J_q": (nu, nq),
-            "J_u": (nu, nu), "J_p": (nu, n_p), "J_inputs": (nu, ninputs), "J_t": (nu,),
+            "q": (nq,), "u": (nu,), "p": (n_p,), "inputs": (ninputs,), "t": (), "udot": (nu,), "b": (nu,),
+            "qdot": (nq,), "x": (nu,), "force": (nu,), "energy": (2,), "outputs": (self.noutputs,), "M": (nu, nu),
+            "J_q": (nu, nq), "J_u": (nu, nu), "J_p": (nu, n_p), "J_inputs": (nu, ninputs), "J_t": (nu,),
         }  # fmt: skip
         self._functions = {name: self._function(name, entry) for name, entry in manifest["functions"].items()}
         self._initial = np.array(manifest["initial"]["q"], float), np.array(manifest["initial"]["u"], float)
@@ -764,13 +774,11 @@ class Solver:
         if any(c != k for c in counts.values()):
             seen = ", ".join(f"{name} {c}" for name, c in counts.items())
             raise ValueError(
-                f"the seeds have different numbers of directions: {seen}; the first axis of all counts the same directions"
+                f"the seeds have different numbers of directions: {seen}; the first axis of all counts the same ones"
             )
-        for name, seed in seeds.items():
+        for seed in seeds.values():
             if seed.shape[1:-1] != batch:
-                batch = _broadcast(
-                    batch, seed.shape[1:-1], {**arrays, **{f"directions of {n}": s for n, s in seeds.items()}}
-                )
+                batch = _broadcast(batch, seed.shape[1:-1], {**arrays, **seeds})
         for name, seed in seeds.items():
             missing = len(batch) - (seed.ndim - 2)
             if missing:
