@@ -6,7 +6,9 @@ Exit codes: 0 ok, 1 the model is wrong, 2 usage, 3 compiling failed, 4 the numbe
 from __future__ import annotations
 
 import argparse
+import importlib
 import sys
+import threading
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -60,24 +62,27 @@ def run_generate(options: argparse.Namespace) -> int:
     """``generate``."""
     from .generation import FolderError, generate
     from .model import ModelError
-    from .runtime.solver import CompileError
+    from .runtime.solver import CompileError, SingularJointError, TargetsDifferError
 
+    # the terminal's tables are loaded while the C compiler works
+    threading.Thread(target=importlib.import_module, args=("rich.table",), daemon=True).start()
     try:
-        model = _load(options.model)
-        folder = options.output or Path("generated") / model.name
         report = generate(
-            model, folder, options.target, options.layout, compile=not options.no_compile,
+            options.model, options.output, options.target, options.layout, compile=not options.no_compile,
             check=not options.no_check and not options.no_compile,
         )  # fmt: skip
-    except ModelError as error:
+    except (ModelError, SingularJointError) as error:
         _problem(error)
         return MODEL_WRONG
-    except FolderError as error:
-        _problem(f"generate: {error}")
-        return USAGE
     except CompileError as error:
         _problem(f"generate: {error}")
         return COMPILING_FAILED
+    except TargetsDifferError as error:
+        _problem(f"generate: {error}")
+        return NUMBERS_FAILED
+    except FolderError as error:
+        _problem(f"generate: {error}")
+        return USAGE
     except OSError as error:
         _problem(f"generate: {error.filename or ''}: {error.strerror or error}")
         return USAGE
@@ -102,12 +107,14 @@ DIRECTION = ("balance_out", "balance_in", "balance_back")
 def print_report(report: Any, verbose: bool = False) -> None:
     """Print what `generate` made."""
     from rich.console import Console
+    from rich.markup import escape
     from rich.table import Table
 
     console = Console(highlight=False, soft_wrap=True)
     for warning in report.warnings:
-        console.print(f"[yellow]warning[/yellow] {warning}", markup=True)
-    console.print(f"[bold]{report.name}[/bold]  {report.folder}")
+        console.print(f"[yellow]{escape(str(warning))}[/yellow]")
+    unchanged = "" if report.written else "  (unchanged)"
+    console.print(f"[bold]{report.name}[/bold]  {escape(str(report.folder))}{unchanged}")
     console.print(
         f"  {report.bodies} bodies, {report.nq} coordinates, {report.nu} speeds, {report.parameters} parameters; "
         f"{report.links} links of {report.kinds} kinds, layout {report.layout}, target {report.target}"
@@ -142,8 +149,8 @@ def print_report(report: Any, verbose: bool = False) -> None:
             f"  checked against the generic engine: relative error of udot {report.errors['udot']:.1e}, "
             f"of its derivatives {report.errors['dudot']:.1e}"
         )
-    if report.remark:
-        console.print(f"  {report.remark}")
+    for remark in report.remarks:
+        console.print(f"  [yellow]{escape(remark)}[/yellow]")
 
 
 def run_check(options: argparse.Namespace) -> int:

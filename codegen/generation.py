@@ -6,9 +6,12 @@ import contextlib
 import hashlib
 import json
 import os
+import re
+import secrets
 import shutil
-import tempfile
 import time
+import warnings
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -45,6 +48,10 @@ class Report:
         By stage.
     errors : dict of str to float
         Largest relative errors of the check: of udot, and of its derivative per direction.
+    remarks : list of str
+        What was left out, and why.
+    written : bool
+        False: the folder held these very files already.
     """
 
     folder: Path
@@ -64,18 +71,23 @@ class Report:
     seconds: dict[str, float] = field(default_factory=dict)
     compiled: bool = False
     errors: dict[str, float] = field(default_factory=dict)
-    remark: str = ""
+    remarks: list[str] = field(default_factory=list)
+    written: bool = True
 
     def flops(self, *sweeps: str, per: str = "per_call") -> int:
         """Additions, multiplications and divisions of sweeps together."""
         return sum(
-            count for s in sweeps if s in self.operations for name, count in self.operations[s][per].items() if name != "functions"
+            count
+            for s in sweeps
+            if s in self.operations
+            for name, count in self.operations[s][per].items()
+            if name != "functions"
         )
 
 
 def generate(
     model: Model | str | os.PathLike[str],
-    folder: str | os.PathLike[str],
+    folder: str | os.PathLike[str] | None = None,
     target: str = "c",
     layout: str = "auto",
     *,
@@ -87,8 +99,8 @@ def generate(
     Parameters
     ----------
     model : Model or path
-    folder : path
-        The package to write. It may hold an earlier output, nothing else.
+    folder : path, optional
+        The package to write, ``generated/<name>`` if left out. It may hold an earlier output, nothing else.
     target : {"c", "numpy", "both"}
         What the package's `Solver` uses. Both are always written.
     layout : {"auto", "kinds", "unrolled"}
@@ -102,27 +114,34 @@ def generate(
 
     Raises
     ------
-    ModelError, FolderError, CompileError
+    ModelError
+        The model is wrong; nothing has been written.
+    FolderError
+        The folder holds something that `generate` did not write.
+    CompileError
+        The C compiler failed; the package stays, with the compiler's log.
     """
     if target not in TARGETS:
         raise ValueError(f"target is {target!r}; allowed are {', '.join(TARGETS)}")
     if layout not in LAYOUTS:
         raise ValueError(f"layout is {layout!r}; allowed are {', '.join(LAYOUTS)}")
-    start = time.perf_counter()
-    if not isinstance(model, Model):
-        model = load_model(os.fspath(model))
-    seconds = {"read": time.perf_counter() - start}
-    path = Path(folder).absolute()
+    seconds: dict[str, float] = {}
+    origin = None
+    with _timed(seconds, "read"):
+        if not isinstance(model, Model):
+            file = Path(model)
+            model = load_model(file)
+            origin = {"file": file.name, "sha256": hashlib.sha256(file.read_bytes()).hexdigest()}
+    path = (Path("generated") / model.name if folder is None else Path(folder)).absolute()
     refuse_foreign(path)
 
     from .emit.solver import write_solver
 
     source = write_solver(model, layout)
     seconds |= source.seconds
-    start = time.perf_counter()
-    files = source.files | package_files(source, target)
-    write_folder(path, files)
-    seconds["write"] = time.perf_counter() - start
+    with _timed(seconds, "write"):
+        files = source.files | package_files(source, target, origin)
+        written = write_folder(path, files)
     report = Report(
         folder=path, name=model.name, target=target, layout=source.layout, bodies=len(model.bodies),
         links=len(source.system.links), kinds=len(source.system.kinds), nq=model.nq, nu=model.nu,
@@ -130,36 +149,46 @@ def generate(
         operations=source.manifest["operations"],
         passes=[(n, {"additions": o.additions, "multiplications": o.multiplications, "divisions": o.divisions,
                      "functions": o.functions}, s) for n, o, s in source.passes],
-        warnings=model.warnings, seconds=seconds,
+        warnings=model.warnings, seconds=seconds, written=written,
     )  # fmt: skip
     if compile and target != "numpy":
         from .runtime.solver import NoCompilerError, compile_library
 
-        start = time.perf_counter()
-        try:
-            compile_library(path, model.name)
-            report.compiled = True
-        except NoCompilerError as error:
-            report.remark = str(error)
-        seconds["compile"] = time.perf_counter() - start
+        with _timed(seconds, "compile"):
+            try:
+                compile_library(path, model.name)
+                report.compiled = True
+            except NoCompilerError as error:
+                report.remarks.append(f"{error}; the NumPy target (--target numpy) serves until then, more slowly")
     if check:
-        start = time.perf_counter()
-        check_solver(model, report)
-        seconds["check"] = time.perf_counter() - start
+        with _timed(seconds, "check"):
+            check_solver(model, report)
     return report
 
 
-def package_files(source: Any, target: str) -> dict[str, str]:
-    """The files of a package beside the solver's source."""
+@contextlib.contextmanager
+def _timed(seconds: dict[str, float], stage: str) -> Iterator[None]:
+    start = time.perf_counter()
+    try:
+        yield
+    finally:
+        seconds[stage] = time.perf_counter() - start
+
+
+def package_files(source: Any, target: str, origin: dict[str, str] | None) -> dict[str, str]:
+    """The files of a package beside the solver's source; `origin` is the model file, if there is one."""
     from .emit.templates import render
 
     digest = hashlib.sha256()
     for name, text in sorted(source.files.items()):
         digest.update(f"{name}\0{text}\0".encode())
+    own = ["README.md", "__init__.py", "_runtime.py", "model.json"]
     manifest = {
         "generator": "ordernm",
         "version": __version__,
+        "origin": origin,
         "hash": digest.hexdigest(),
+        "files": sorted([*source.files, *own]),
         "target": target,
         "layout": source.layout,
         **source.manifest,
@@ -175,40 +204,73 @@ def package_files(source: Any, target: str) -> dict[str, str]:
 
 
 def refuse_foreign(folder: Path) -> None:
-    """Raise `FolderError` unless the folder is absent, empty, or an earlier output."""
+    """Raise `FolderError` unless the folder is absent, empty, or an earlier output and nothing else."""
     if not folder.exists():
         return
     if not folder.is_dir():
         raise FolderError(f"{folder} is a file; give a folder to write into with -o")
-    if not any(folder.iterdir()):
+    found = {p.name for p in folder.iterdir()}
+    if not found:
         return
+    manifest: Any = None
     with contextlib.suppress(OSError, ValueError):
-        if json.loads((folder / "model.json").read_text(encoding="utf-8")).get("generator") == "ordernm":
-            return
-    raise FolderError(
-        f"{folder} holds something that generate did not write; choose another folder with -o, or empty this one"
-    )
+        manifest = json.loads((folder / "model.json").read_text(encoding="utf-8"))
+    if not isinstance(manifest, dict) or manifest.get("generator") != "ordernm":
+        raise FolderError(
+            f"{folder} holds something that generate did not write; choose another folder with -o, or empty this one"
+        )
+    own = re.compile(rf"{re.escape(str(manifest.get('name')))}(-[0-9a-f-]+\.so|\.log)|__pycache__|\.build-.*")
+    foreign = sorted(n for n in found - set(manifest.get("files", ())) if not own.fullmatch(n))
+    if foreign:
+        raise FolderError(
+            f"{folder} holds beside generated files {', '.join(foreign[:5])}{', ...' if len(foreign) > 5 else ''}, which "
+            f"writing anew would lose; move that away, or choose another folder with -o"
+        )
 
 
-def write_folder(folder: Path, files: dict[str, str]) -> None:
-    """Write a package as a whole: it is complete beside its place before it takes it."""
+def write_folder(folder: Path, files: dict[str, str]) -> bool:
+    """Write a package as a whole: it is complete beside its place before it takes it.
+
+    A folder that holds these very files stays as it is, with its compiled library: False is returned. Where only other
+    files than the C have changed, libraries are taken along.
+    """
+    folder = folder.resolve()  # a link to a folder stays one
+    new = {name: text.encode() for name, text in files.items()}
+    with contextlib.suppress(OSError):
+        if all((folder / name).read_bytes() == content for name, content in new.items()):
+            return False
     folder.parent.mkdir(parents=True, exist_ok=True)
-    temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
+    aside = f"{os.getpid()}-{secrets.token_hex(4)}"
+    temporary = folder.with_name(f".{folder.name}-new-{aside}")
+    old = folder.with_name(f".{folder.name}-old-{aside}")
     try:
-        for name, text in files.items():
-            (temporary / name).write_text(text, encoding="utf-8", newline="\n")
-        temporary.chmod(0o755)
-        old = None
-        if folder.exists():
-            _keep_libraries(folder, temporary)
-            old = Path(tempfile.mkdtemp(prefix=f".{folder.name}-old-", dir=folder.parent))
-            os.replace(folder, old / folder.name)
-        os.replace(temporary, folder)
-        if old is not None:
-            shutil.rmtree(old, ignore_errors=True)
-    except BaseException:
+        temporary.mkdir()
+        for name, content in new.items():
+            (temporary / name).write_bytes(content)
+        _keep_libraries(folder, temporary)
+        _take_place(temporary, folder, old)
+        return True
+    finally:
         shutil.rmtree(temporary, ignore_errors=True)
-        raise
+
+
+def _take_place(new: Path, folder: Path, old: Path) -> None:
+    """Put a finished folder where another may stand, also while other processes do the same."""
+    for attempt in range(20):
+        with contextlib.suppress(FileNotFoundError):
+            os.rename(folder, old)
+        try:
+            os.rename(new, folder)
+        except OSError:
+            with contextlib.suppress(OSError):
+                os.rename(old, folder)
+            if attempt == 19:
+                raise
+            time.sleep(0.01)
+        else:
+            return
+        finally:
+            shutil.rmtree(old, ignore_errors=True)
 
 
 def _keep_libraries(old: Path, new: Path) -> None:
@@ -218,37 +280,36 @@ def _keep_libraries(old: Path, new: Path) -> None:
         if not before.is_file() or before.read_bytes() != source.read_bytes():
             return
     for library in old.glob("*.so"):
-        shutil.copy2(library, new / library.name)
+        with contextlib.suppress(OSError):
+            shutil.copy2(library, new / library.name)
 
 
 def check_solver(model: Model, report: Report) -> None:
     """Compare the written solver with the generic engine at three random states; fills `Report.errors`."""
     if len(model.bodies) > CHECK_LIMIT:
-        report.remark = f"not checked: more than {CHECK_LIMIT} bodies"
+        report.remarks.append(f"not checked against the generic engine: more than {CHECK_LIMIT} bodies")
         return
     import numpy as np
 
     from .reference import RecursiveEngine
     from .runtime import load
 
-    solver = load(report.folder)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # a missing compiler has been told
+        solver = load(report.folder)
     engine = RecursiveEngine(model)
     rng = np.random.default_rng(1)
     q0, u0 = solver.initial
-    errors = {"udot": 0.0, "dudot": 0.0}
+    report.errors = {"udot": 0.0, "dudot": 0.0}
     for _ in range(3):
         q = q0 + 0.5 * rng.normal(size=solver.nq)
         u = u0 + rng.normal(size=solver.nu)
-        inputs = rng.normal(size=solver.ninputs)
-        p = solver.parameters
-        seeds = {
-            "dq": rng.normal(size=(3, solver.nq)), "du": rng.normal(size=(3, solver.nu)),
-            "dp": rng.normal(size=(3, solver.np)), "dinputs": rng.normal(size=(3, solver.ninputs)),
-        }  # fmt: skip
-        udot, dudot = solver.sensitivities(q, u, p, inputs, 0.3, **seeds)
-        ref, dref = engine.sensitivities(q, u, p, inputs, 0.3, **seeds)
-        for name, x, y in (("udot", udot[None], np.asarray(ref)[None]), ("dudot", dudot, np.asarray(dref))):
-            for a, b in zip(x, y, strict=True):
-                scale = max(float(np.max(np.abs(b), initial=0.0)), 1e-6)
-                errors[name] = max(errors[name], float(np.max(np.abs(a - b), initial=0.0)) / scale)
-    report.errors = errors
+        inputs, t = rng.normal(size=solver.ninputs), float(rng.uniform(0.1, 1.0))
+        sizes = {"dq": solver.nq, "du": solver.nu, "dp": solver.np, "dinputs": solver.ninputs}
+        seeds = {name: rng.normal(size=(3, n)) for name, n in sizes.items()} | {"dt": rng.normal(size=3)}
+        given = solver.sensitivities(q, u, None, inputs, t, **seeds)
+        expected = engine.sensitivities(q, u, None, inputs, t, **seeds)
+        for name, x, y in zip(("udot", "dudot"), given, expected, strict=True):
+            for a, b in zip(np.atleast_2d(x), np.atleast_2d(y), strict=True):
+                error = float(np.max(np.abs(a - b), initial=0.0)) / max(float(np.max(np.abs(b), initial=0.0)), 1e-6)
+                report.errors[name] = max(report.errors[name], error) if error == error else error

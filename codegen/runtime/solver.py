@@ -686,13 +686,13 @@ class Solver:
                 if not value.flags.c_contiguous:
                     value = np.ascontiguousarray(value)
                 if math.isfinite(value.dot(value)):  # half the time of isfinite
-                    return value  # type: ignore[no-any-return]
+                    return value
         if not np.isfinite(value).all():
             place = tuple(int(i) for i in np.argwhere(~np.isfinite(value))[0])
             where = f"[{', '.join(map(str, place))}]" if place else ""
             which = f" ({self._names[of][place[-1]]})" if n else ""
             raise ValueError(f"{name}{where}{which} is {value[place]}, expected finite numbers")
-        return value  # type: ignore[no-any-return]
+        return value
 
     def _named(self, name: str, given: Mapping[str, Any], of: str) -> Array:
         """An array from some of its entries; the others are those of the model, zero in a seed."""
