@@ -20,7 +20,7 @@ from .writer import Located, Place, Writer
 OF_COORDINATES = ("q", "dq", "qdot", "dqdot")
 OF_SPEEDS = ("u", "du", "udot", "dudot", "tau", "dtau", "b", "force", "dforce")
 RECORDS = ("me", "up")
-"""Memory whose numbers are NumPy's: a quotient of Python's zeros would raise, one of NumPy's is found by the pivot check."""
+"""Memory whose numbers are NumPy's: Python's 1.0/0.0 would raise, NumPy's is found by the pivot check."""
 
 AXES = {
     "q": "nq", "u": "nu", "p": "np", "inputs": "ninputs", "t": "", "udot": "nu", "qdot": "nq", "M": "nu, nu", "b": "nu",
@@ -177,14 +177,18 @@ class NumpyWriter(Writer):
         }
         return context
 
-    def _public(self, f: Interface) -> dict[str, str]:
+    def _public(self, f: Interface) -> dict[str, Any]:
         """Signature, documentation and opening statement of a function of the module."""
         given = [*f.arguments, *f.seeds]
         results = [self._shape(r, bool(f.seeds) and r.startswith("d")) for r in f.results]
         return {
             "signature": f"def {f.name}({', '.join(given)}):",
             "comment": f.comment,
-            "takes": ", ".join([*(self._shape(n, False) for n in f.arguments), *(self._shape(n, True) for n in f.seeds)]),
+            "takes": [
+                ", ".join(self._shape(n, lanes) for n in names)
+                for names, lanes in ((f.arguments, False), (f.seeds, True))
+                if names
+            ],
             "returns": ", ".join(results),
             "open": f"a = Call({', '.join(f'{n}={n}' for n in given)})",
         }

@@ -1,4 +1,4 @@
-"""What the targets have in common: which function each block becomes, in which order they are called, and with which tables.
+"""What the targets have in common: which function a block becomes, in which order they are called, with which tables.
 
 A target (`CWriter`, `NumpyWriter`) adds the language: how a block, a loop, a table and a place in memory are written.
 """
@@ -281,7 +281,7 @@ class Writer(ABC):
     # -- the ground ------------------------------------------------------------------------------------------------
 
     def ground_values(self) -> list[tuple[str, float | str]]:
-        """The ground's record, at rest and accelerating by -g: fields with a number or the name of gravity's constant."""
+        """The ground's record, at rest and accelerating by -g: fields with a number or gravity's constant by name."""
         g = self.system.gravity
         found: list[tuple[str, float | str]] = []
         for name in sorted(self.program.ground_fields):
@@ -347,7 +347,9 @@ class Writer(ABC):
             "tau": tau, "output_formulas": outputs, "potential": energy,
             "energy_outputs": self.energy_outputs,
             "interfaces": functions,
-            "jacobian_groups": [(n, size[n]) for n in next(f for f in functions if f.name == "accelerations").arguments],
+            "jacobian_groups": [
+                (n, size[n]) for n in next(f for f in functions if f.name == "accelerations").arguments
+            ],
         }  # fmt: skip
 
 
