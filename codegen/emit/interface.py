@@ -13,6 +13,10 @@ from ..mechanics.kinds import System
 from ..model.model import Model
 
 WIDTHS = (8, 2, 1)
+"""How many directions one call of the sensitivities takes."""
+
+OTHER_WIDTHS = (8, 1)
+"""The same for all other functions: two widths less to compile, and they are called less often."""
 
 @dataclass(slots=True)
 class Interface:
@@ -111,8 +115,9 @@ def interfaces(system: System) -> list[Interface]:
     def pair(name: str, derivative: str, comment: str, arguments: list[str], results: list[str], comment_d: str) -> None:
         result.append(Interface(name, comment, arguments, results, []))
         result.append(
-            Interface(derivative, comment_d, arguments, [*results, *seeds(results)], seeds(arguments), WIDTHS)
-        )
+            Interface(derivative, comment_d, arguments, [*results, *seeds(results)], seeds(arguments),
+                      WIDTHS if derivative == "sensitivities" else OTHER_WIDTHS)
+        )  # fmt: skip
 
     state = ["q", "u", *rest]
     pair("accelerations", "sensitivities", "Forward dynamics (Eqs. 18-24, 42-56).", state, ["udot"],

@@ -24,6 +24,9 @@ from .memory import Layout, LinkTable
 MAX_STRETCHES = 24
 """More different stretches of links than this, and a sweep dispatches on the kind instead."""
 
+SENSITIVITY_SWEEPS = ("turns", "balance_out", "balance_in", "balance_back")
+"""Sweeps over directions that `sensitivities` needs; the others are not compiled for two directions."""
+
 Located = tuple[str, str, int | str]
 """Where a field lies, as a target writes it: name of a pointer, the expression it starts as, index or text."""
 
@@ -323,7 +326,8 @@ class Writer(ABC):
         model, layout = self.model, self.layout
         blocks = self.program.blocks
         scalar = [f for s in blocks if not SWEEP[s].lanes for f in self.sweep_functions(s)]
-        lanes = [f for s in blocks if SWEEP[s].lanes for f in self.sweep_functions(s)]
+        lanes = [f for s in blocks if s in SENSITIVITY_SWEEPS for f in self.sweep_functions(s)]
+        others = [f for s in blocks if SWEEP[s].lanes and s not in SENSITIVITY_SWEEPS for f in self.sweep_functions(s)]
         constants, constant_calls = self.constants_functions()
         tau, outputs, energy = (self.formula_functions(t) for t in ("tau", "outputs", "energy"))
         size = sizes(model)
@@ -342,7 +346,8 @@ class Writer(ABC):
             "angles": layout.angles,
             "angles_in_order": layout.angles == list(range(len(layout.angles))),
             "functions": constants + tau["functions"] + scalar + outputs["functions"] + energy["functions"],
-            "lane_functions": tau["lane_functions"] + lanes + outputs["lane_functions"] + energy["lane_functions"],
+            "lane_functions": tau["lane_functions"] + lanes,
+            "other_lane_functions": others + outputs["lane_functions"] + energy["lane_functions"],
             "constant_calls": constant_calls,
             "tau": tau, "output_formulas": outputs, "potential": energy,
             "energy_outputs": self.energy_outputs,
