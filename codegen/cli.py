@@ -128,7 +128,8 @@ def print_report(report: Any, verbose: bool = False) -> None:
         f"  udot: {udot} operations ({udot / n:.1f} a link, {divisions} of them divisions; {functions} sines and other functions)"
     )
     console.print(
-        f"  derivatives: {shared} operations once, {each} per direction ({each / n:.1f} a link, {each / max(udot, 1):.2f} of udot)"
+        f"  derivatives: {shared} operations once, {each} per direction ({each / n:.1f} a link, "
+        f"{each / max(udot, 1):.2f} of udot)"
     )
     if verbose:
         table = Table("sweep", "+", "*", "/", "functions", "+ per direction", "* per direction")

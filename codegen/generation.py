@@ -27,7 +27,7 @@ CHECK_LIMIT = 200
 
 
 class FolderError(ValueError):
-    """The output folder holds something that `generate` did not write."""
+    """The output folder cannot be written, or holds something that `generate` did not write."""
 
 
 @dataclass(slots=True)
@@ -117,7 +117,7 @@ def generate(
     ModelError
         The model is wrong; nothing has been written.
     FolderError
-        The folder holds something that `generate` did not write.
+        The folder cannot be written, or holds something that `generate` did not write.
     CompileError
         The C compiler failed; the package stays, with the compiler's log.
     """
@@ -239,17 +239,18 @@ def write_folder(folder: Path, files: dict[str, str]) -> bool:
     with contextlib.suppress(OSError):
         if all((folder / name).read_bytes() == content for name, content in new.items()):
             return False
-    folder.parent.mkdir(parents=True, exist_ok=True)
     aside = f"{os.getpid()}-{secrets.token_hex(4)}"
     temporary = folder.with_name(f".{folder.name}-new-{aside}")
     old = folder.with_name(f".{folder.name}-old-{aside}")
     try:
-        temporary.mkdir()
+        temporary.mkdir(parents=True)
         for name, content in new.items():
             (temporary / name).write_bytes(content)
         _keep_libraries(folder, temporary)
         _take_place(temporary, folder, old)
         return True
+    except OSError as error:
+        raise FolderError(f"cannot write {folder}: {error.strerror or error}") from None
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
 
