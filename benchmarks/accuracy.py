@@ -40,7 +40,10 @@ def other_witness(n: int, direction: int) -> tuple[np.ndarray, np.ndarray]:
     dq, du, dL = (seed[direction] for seed in chain_seeds(n))
 
     def udot(h: mpmath.mpf) -> np.ndarray:
-        moved = [[mpmath.mpf(float(a)) + h * mpmath.mpf(float(b)) for a, b in zip(*x)] for x in ((q, dq), (u, du))]
+        moved = [
+            [mpmath.mpf(float(a)) + h * mpmath.mpf(float(b)) for a, b in zip(*x, strict=True)]
+            for x in ((q, dq), (u, du))
+        ]
         L = 1 + h * mpmath.mpf(float(dL[0]))
         # The generated code and the engine know density, radius and g as doubles.
         constants = (mpmath.mpf(1), mpmath.mpf(0.05), mpmath.mpf(9.81))

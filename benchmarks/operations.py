@@ -43,7 +43,8 @@ def main() -> None:
             once, each = total(operations, DIRECTION, "per_call"), total(operations, DIRECTION, "per_direction")
             plain = [(x["additions"] + x["multiplications"]) / n for x in (udot, once, each)]
             row = [layout, n, f"{plain[0]:.1f}", CLAIMS.get(layout, ""), f"{udot['divisions'] / n:.1f}",
-                   f"{udot['functions'] / n:.1f}", f"{plain[2]:.1f}", f"{plain[2] / plain[0]:.3f}", f"{plain[1]:.1f}"]  # fmt: skip
+                   f"{udot['functions'] / n:.1f}", f"{plain[2]:.1f}", f"{plain[2] / plain[0]:.3f}",
+                   f"{plain[1]:.1f}"]  # fmt: skip
             rows.append(row)
     head = ["layout", "n", "udot", "claim", "divisions", "sin, cos", "one more direction", "of udot (claim: 1.0)",
             "once for all directions"]  # fmt: skip
