@@ -21,9 +21,6 @@ LANES = frozenset(
 )  # fmt: skip
 """Arrays that hold one value per direction."""
 
-PIVOT_FLOOR = 1e-14
-"""A pivot below this fraction of the joint's articulated inertia means that nothing outboard has inertia about it."""
-
 
 class CWriter(Writer):
     """C source of a program; a place is (name of a pointer, its expression, index)."""
@@ -59,7 +56,7 @@ class CWriter(Writer):
         for array, name, value in block.stores:
             text = self.printer(value)
             if array == "pivot":
-                body.append(f"if (!({text} > 0.0)) a->singular = {link} + 1;")
+                body.append(f"if (!a->singular && !({text} > 0.0)) a->singular = {link} + 1;")
                 continue
             if array in LANES and value.is_Number:
                 text = "NOTHING" if value == 0 else f"NOTHING + {text}"
@@ -268,7 +265,8 @@ class CWriter(Writer):
             "parameters": model.parameters, "input_names": model.inputs, "outputs": model.outputs,
             "state": names(sources),
             "constants_in_c": [
-                ("LINKS", links), ("RECORD", max(1, len(layout.record))), ("NEAR_SIZE", max(1, layout.near_size)), ("SLOT_SIZE", max(1, layout.slot_size)),
+                ("LINKS", links), ("RECORD", max(1, len(layout.record))),
+                ("NEAR_SIZE", max(1, layout.near_size)), ("SLOT_SIZE", max(1, layout.slot_size)),
                 ("LANE_SIZE", max(1, len(layout.lane))), ("ANGLES", max(1, layout.angles_padded)),
             ],
             "workspace": self.workspace,

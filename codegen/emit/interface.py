@@ -18,6 +18,7 @@ WIDTHS = (8, 2, 1)
 OTHER_WIDTHS = (8, 1)
 """The same for all other functions: two widths less to compile, and they are called less often."""
 
+
 @dataclass(slots=True)
 class Interface:
     """One function of the header.
@@ -112,7 +113,9 @@ def interfaces(system: System) -> list[Interface]:
 
     result: list[Interface] = []
 
-    def pair(name: str, derivative: str, comment: str, arguments: list[str], results: list[str], comment_d: str) -> None:
+    def pair(
+        name: str, derivative: str, comment: str, arguments: list[str], results: list[str], comment_d: str
+    ) -> None:
         result.append(Interface(name, comment, arguments, results, []))
         result.append(
             Interface(derivative, comment_d, arguments, [*results, *seeds(results)], seeds(arguments),
@@ -120,23 +123,69 @@ def interfaces(system: System) -> list[Interface]:
         )  # fmt: skip
 
     state = ["q", "u", *rest]
-    pair("accelerations", "sensitivities", "Forward dynamics (Eqs. 18-24, 42-56).", state, ["udot"],
-         "Forward dynamics and its total derivative along seeds (Eqs. 9, 10, by the balance).")
+    pair(
+        "accelerations",
+        "sensitivities",
+        "Forward dynamics (Eqs. 18-24, 42-56).",
+        state,
+        ["udot"],
+        "Forward dynamics and its total derivative along seeds (Eqs. 9, 10, by the balance).",
+    )
     jacobians = [f"J_{n}" for n in state]
-    result.append(Interface("jacobians", "Accelerations and their partial derivatives, row by row.", state, ["udot", *jacobians], []))
-    pair("coordinate_rates", "coordinate_rate_sensitivities", "Time derivatives of the coordinates (Eq. 1).", ["q", "u"],
-         ["qdot"], "Their total derivative along seeds.")
-    pair("mass_matrix", "mass_matrix_sensitivities", "Mass matrix, row by row.", ["q", *p], ["M"],
-         "Mass matrix and its total derivative along seeds.")
-    pair("solve_mass", "solve_mass_sensitivities", "Solution of M x = b in O(n).", ["q", *p, "b"], ["x"],
-         "Solution of M x = b and its total derivative along seeds.")
-    pair("inverse_dynamics", "inverse_dynamics_sensitivities", "Joint forces that udot needs beside the model's own.",
-         ["q", "u", "udot", *rest], ["force"], "Those forces and their total derivative along seeds.")
-    pair("energies", "energy_sensitivities", "Kinetic and potential energy.", ["q", "u", *p], ["energy"],
-         "Energies and their total derivative along seeds.")
+    result.append(
+        Interface(
+            "jacobians", "Accelerations and their partial derivatives, row by row.", state, ["udot", *jacobians], []
+        )
+    )
+    pair(
+        "coordinate_rates",
+        "coordinate_rate_sensitivities",
+        "Time derivatives of the coordinates (Eq. 1).",
+        ["q", "u"],
+        ["qdot"],
+        "Their total derivative along seeds.",
+    )
+    pair(
+        "mass_matrix",
+        "mass_matrix_sensitivities",
+        "Mass matrix, row by row.",
+        ["q", *p],
+        ["M"],
+        "Mass matrix and its total derivative along seeds.",
+    )
+    pair(
+        "solve_mass",
+        "solve_mass_sensitivities",
+        "Solution of M x = b in O(n).",
+        ["q", *p, "b"],
+        ["x"],
+        "Solution of M x = b and its total derivative along seeds.",
+    )
+    pair(
+        "inverse_dynamics",
+        "inverse_dynamics_sensitivities",
+        "Joint forces that udot needs beside the model's own.",
+        ["q", "u", "udot", *rest],
+        ["force"],
+        "Those forces and their total derivative along seeds.",
+    )
+    pair(
+        "energies",
+        "energy_sensitivities",
+        "Kinetic and potential energy.",
+        ["q", "u", *p],
+        ["energy"],
+        "Energies and their total derivative along seeds.",
+    )
     if use["outputs"]:
-        pair("outputs", "output_sensitivities", "The outputs of the model.", state, ["outputs"],
-             "Outputs and their total derivative along seeds.")
+        pair(
+            "outputs",
+            "output_sensitivities",
+            "The outputs of the model.",
+            state,
+            ["outputs"],
+            "Outputs and their total derivative along seeds.",
+        )
     return result
 
 

@@ -93,7 +93,9 @@ class LinkTable:
             "UPSLOT": [0 if link.parent == GROUND else system.slot_of[link.parent] for link in system.links],
         }
         for j in range(most):
-            self.values[f"P{j}"] = [places[c.parameters[j]] if j < len(c.parameters) else 0 for c in system.constants_of]
+            self.values[f"P{j}"] = [
+                places[c.parameters[j]] if j < len(c.parameters) else 0 for c in system.constants_of
+            ]
         self.used: list[str] = []
 
     def entry(self, column: str, kind: LinkKind) -> str:

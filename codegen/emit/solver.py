@@ -6,8 +6,8 @@ import time
 from dataclasses import dataclass, field
 from typing import Any
 
-from ..mechanics.expansion import RECORD, Program, expand
 from ..mechanics.expansion import LANE as LANE_MEMORY
+from ..mechanics.expansion import RECORD, Program, expand
 from ..mechanics.formulas import force_formulas
 from ..mechanics.kinds import System, analyse
 from ..mechanics.outputs import measured_sweeps, output_formulas, potential_formula
@@ -90,7 +90,12 @@ def write_solver(model: Model, layout: str = "auto") -> Source:
     files[f"{model.name}_numpy.py"] = write_numpy(program, formulas, records, energy_outputs)
     lap("print NumPy")
     return Source(
-        files, manifest(system, writer.workspace, operations(program)), system, program, "unrolled" if unrolled else "kinds", seconds,
+        files,
+        manifest(system, writer.workspace, operations(program)),
+        system,
+        program,
+        "unrolled" if unrolled else "kinds",
+        seconds,
         program.report,
     )
 

@@ -1,8 +1,8 @@
 """The balance ``M dudot = d(K - M udot)``: inward and outward sweeps over directions.
 
-Per direction (algorithm of the theory page, way b): the tangent of the inverse dynamics at fixed udot goes outward
-(`inverse_dynamics.newton_euler_outward`); inward, one sweep hands on its tangent and, in the same numbers, the bias-force recursion
-of the solve with the factors that the triangularization left; outward again, back substitution.
+Per direction (section 3 of the theory page) the tangent of the inverse dynamics at fixed udot goes outward
+(`inverse_dynamics.newton_euler_outward`). Inward, one sweep hands on its tangent and, in the same numbers, the bias-force
+recursion of the solve with the factors that the triangularization left. Outward again, back substitution.
 """
 
 from __future__ import annotations

@@ -138,7 +138,9 @@ def make_shape(index: int, slots: Slots, write: Callable[[Expansion, Callable[[A
     write : callable (expansion, leaf) -> dict
         Writes the statements and returns the constants.
     """
-    x = Expansion(f"constants_{index}", "constants of a link and their derivative primitives (Eq. 29)", lambda a, f: True)
+    x = Expansion(
+        f"constants_{index}", "constants of a link and their derivative primitives (Eq. 29)", lambda a, f: True
+    )
 
     def leaf(tree: Any) -> Expr:
         return x.load("k" if tree[0] == "slot" else "parameter", str(tree[1]))

@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from functools import partial
 
 from sympy import Expr
 
@@ -94,7 +95,7 @@ class Patterns:
             for kind in self.system.kinds:
                 if not sweep.applies(kind):
                     continue
-                x = StructuralExpansion(lambda a, n, k=kind: self.is_nonzero(k, sweep, a, n), sweep.tangents)
+                x = StructuralExpansion(partial(self.is_nonzero, kind, sweep), sweep.tangents)
                 sweep.write(x, kind)
                 for array, name in x.stored:
                     place = PLACES.get(array)
@@ -127,13 +128,9 @@ def expand(system: System, sweeps: Iterable[str], read_outside: Iterable[tuple[s
         for kind in system.kinds:
             if not sweep.applies(kind):
                 continue
+            nonzero = partial(patterns.is_nonzero, kind, sweep)
             x = Expansion(
-                f"{sweep.name}_{kind.index}",
-                sweep.title,
-                lambda a, n, k=kind, s=sweep: patterns.is_nonzero(k, s, a, n),
-                lambda a, n, k=kind: k.number(n) if a == "c" else None,
-                lambda a, n, k=kind: k.alias(n) if a == "c" else n,
-                sweep.tangents,
+                f"{sweep.name}_{kind.index}", sweep.title, nonzero, kind.number_of, kind.alias_of, sweep.tangents
             )
             sweep.write(x, kind)
             program.blocks[sweep.name][kind.index] = x.finish()

@@ -103,7 +103,9 @@ def formula_kinds(model: Model, target: str, formulas: Sequence[tuple[int, Any]]
             if len(values) == 1:
                 kind.literal[j] = number(values.pop())
         if kind.literal:
-            known = {s: kind.literal[int(n)] for s, (a, n) in kind.value.loads.items() if a == "k" and int(n) in kind.literal}
+            known = {
+                s: kind.literal[int(n)] for s, (a, n) in kind.value.loads.items() if a == "k" and int(n) in kind.literal
+            }
             for block in (kind.value, kind.tangent):
                 _substitute(block, known)
     return list(kinds.values())

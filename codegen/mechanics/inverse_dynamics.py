@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from .joints import JointTransform, freedom_axes
-from .kinematics import acceleration_matrix, accelerate, angular_velocity, body_force, store_matrix, store_vector
+from .kinematics import accelerate, acceleration_matrix, angular_velocity, body_force, store_matrix, store_vector
 from .spatial import NINE, XYZ, Vec, add
 from .tangents import differentiate, store_tangent
 from .triangularization import accumulate, force_to_parent, hand_on_force
@@ -60,10 +60,10 @@ def newton_euler_inward(x: Any, kind: Any) -> None:
             phi.append(let(f"phi_{name}", x.load("me", f"t{key}") + x.load("me", f"tacc.{key}"), "Eq. 45"))
             if x.tangents:
                 d_phi.append(let("dphi", x.load("lane", key) + x.load("lme", f"acc.{key}"), "d Eq. 45", lanes=True))
-    for j, i in enumerate(freedom_axes(kind.joint, kind.axis)):
-        x.store("force", str(j), phi[i])
+    for j, a in enumerate(freedom_axes(kind.joint, kind.axis)):
+        x.store("force", str(j), phi[a])
         if x.tangents:
-            x.store("dforce", str(j), d_phi[i])
+            x.store("dforce", str(j), d_phi[a])
     if kind.carried_on:
         transfer(x, kind, joint, phi, d_phi)
 

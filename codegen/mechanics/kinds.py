@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import sympy
@@ -71,8 +72,13 @@ class LinkKind:
             return sympy.S.Zero
         return self.literal.get(name)
 
-    def alias(self, name: str) -> str:
-        return self.shape.varying.get(name, name)
+    def number_of(self, array: str, name: str) -> Expr | None:
+        """`number`, for the constants among all fields."""
+        return self.number(name) if array == "c" else None
+
+    def alias_of(self, array: str, name: str) -> str:
+        """The first constant of equal value."""
+        return self.shape.varying.get(name, name) if array == "c" else name
 
 
 @dataclass(slots=True, eq=False)
@@ -120,20 +126,13 @@ def analyse(model: Model, unrolled: bool) -> System:
         key = link.key()
         found = by_key.get(key)
         if found is None:
-            structure = (link.parent_frame.index, link.parent_frame.flipped, link.parent_frame.start,
-                         link.frame.index, link.frame.flipped, link.frame.start,
-                         link.parent_frame.vector is None, link.frame.vector is None,
-                         tuple(len(r) for _, r in link.steps),
-                         tuple(tuple(len(r) for _, r in steps) for _, steps in link.members))  # fmt: skip
-
-            def write(x: Expansion, leaf: Any, slots: Slots, link: Link = link) -> dict[str, Any]:
-                statements = Statements(x, leaf)
-                functions = {n: SYMBOLIC[n] for n in ("sqrt", "cos", "sin")}
-                return link_constants(link, lambda e: statements.write(slots.tree(e)), functions, x.let)
-
+            structure = (
+                link.parent_frame.form(), link.frame.form(), tuple(len(r) for _, r in link.steps),
+                tuple(tuple(len(r) for _, r in steps) for _, steps in link.members),
+            )  # fmt: skip
             found = make_constants(
-                shapes, structure, lambda slots, link=link: _visit(link, slots), write,
-                lambda link=link: link_constants(link, evaluate, FLOAT, keep), len(constants),
+                shapes, structure, partial(_visit, link), partial(_write, link),
+                partial(link_constants, link, evaluate, FLOAT, keep), len(constants),
             )  # fmt: skip
             by_key[key] = found
             constants.append(found)
@@ -213,12 +212,15 @@ def make_constants(
     shape = shapes.get(key)
     if shape is None:
         shape = shapes[key] = make_shape(len(shapes), slots, lambda x, leaf: write(x, leaf, slots))
-    numeric = {
-        name: float(v)
-        for name, v in values().items()
-        if name not in shape.varying and shape.fields[name] != 0
-    }
+    numeric = {name: float(v) for name, v in values().items() if name not in shape.varying and shape.fields[name] != 0}
     return Constants(shape, tuple(slots.parameters), tuple(slots.numbers), numeric, index)
+
+
+def _write(link: Link, x: Expansion, leaf: Any, slots: Slots) -> dict[str, Any]:
+    """Write the constants of a link as statements."""
+    statements = Statements(x, leaf)
+    functions = {n: SYMBOLIC[n] for n in ("sqrt", "cos", "sin")}
+    return link_constants(link, lambda e: statements.write(slots.tree(e)), functions, x.let)
 
 
 def _visit(link: Link, slots: Slots) -> None:

@@ -34,6 +34,10 @@ class Frame:
     flipped: bool = False
     start: int = 0
 
+    def form(self) -> tuple[Any, ...]:
+        """Equal for frames whose matrices are the same but for numbers."""
+        return () if self.vector is None else (self.flipped, self.flipped and self.index, self.start)
+
     def key(self) -> tuple[Any, ...]:
         return (self.index, self.flipped, self.start, None if self.vector is None else tuple(map(id, self.vector)))
 
@@ -183,7 +187,9 @@ def rotation_matrix(axis: Vec, cos: Any, sin: Any, sqrt: Callable[[Any], Any], l
     return R
 
 
-def place(steps: Sequence[Placement], evaluate: Evaluate, functions: dict[str, Any], let: Callable[..., Any]) -> tuple[Vec, Mat]:
+def place(
+    steps: Sequence[Placement], evaluate: Evaluate, functions: dict[str, Any], let: Callable[..., Any]
+) -> tuple[Vec, Mat]:
     """Origin and rotation matrix of the frame at the end of the steps, in the frame at their start."""
     origin: Vec = [0, 0, 0]
     R = identity()
@@ -200,7 +206,9 @@ def place(steps: Sequence[Placement], evaluate: Evaluate, functions: dict[str, A
     return origin, R
 
 
-def link_constants(link: Link, evaluate: Evaluate, functions: dict[str, Any], let: Callable[..., Any]) -> dict[str, Any]:
+def link_constants(
+    link: Link, evaluate: Evaluate, functions: dict[str, Any], let: Callable[..., Any]
+) -> dict[str, Any]:
     """Mass, first moment, inertia about the link's origin and the place of its joint, in link components.
 
     Returns
@@ -233,7 +241,10 @@ def link_constants(link: Link, evaluate: Evaluate, functions: dict[str, Any], le
 
 
 def rigid_inertia(
-    members: Sequence[tuple[Body, tuple[Placement, ...]]], evaluate: Evaluate, functions: dict[str, Any], let: Callable[..., Any]
+    members: Sequence[tuple[Body, tuple[Placement, ...]]],
+    evaluate: Evaluate,
+    functions: dict[str, Any],
+    let: Callable[..., Any],
 ) -> tuple[Any, Vec, Mat]:
     """Mass, first moment and inertia about the origin of bodies that move together, in the carrying body's axes."""
     mass: Any = 0

@@ -164,9 +164,7 @@ def potential_formula(system: System) -> RecordFormula | None:
         return None
     gravity = model.gravity
     slots = FormulaSlots(model)
-    grounded = [
-        (model.bodies[k], steps) for k, (link, steps) in enumerate(system.carriers) if link == GROUND and steps
-    ]
+    grounded = [(model.bodies[k], steps) for k, (link, steps) in enumerate(system.carriers) if link == GROUND and steps]
 
     def write(x: Expansion) -> Any:
         fresh = FormulaSlots(model)

@@ -46,13 +46,13 @@ def constants_transparent(x: Any, kind: Any) -> dict[Symbol, dict[Symbol, Expr]]
     result: dict[Symbol, dict[Symbol, Expr]] = {}
     for symbol, (array, name) in list(x.block.loads.items()):
         if array == "c" and "/" not in name:
-            result[symbol] = {
-                x.load("parameter", str(j)): x.load("c", f"{name}/{j}") for j in range(kind.parameters)
-            }
+            result[symbol] = {x.load("parameter", str(j)): x.load("c", f"{name}/{j}") for j in range(kind.parameters)}
     return {s: {r: v for r, v in inner.items() if v != 0} for s, inner in result.items()}
 
 
-def differentiate(x: Any, kind: Any, joint: JointTransform | None, extra: dict[Symbol, Expr] | None = None) -> Tangents | None:
+def differentiate(
+    x: Any, kind: Any, joint: JointTransform | None, extra: dict[Symbol, Expr] | None = None
+) -> Tangents | None:
     """Append the tangents of all statements so far. None on zero patterns."""
     if x.structural:
         return None

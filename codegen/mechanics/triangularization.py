@@ -16,6 +16,7 @@ from .joints import JointTransform, freedom_axes, shift_inertia
 from .kinematics import load_symmetric, load_vector
 from .spatial import NINE, PAIRS, XYZ, Mat, Vec, add, cross, six
 
+
 class ZeroPivotError(ValueError):
     """Nothing outboard of a joint can have inertia about it."""
 
@@ -24,7 +25,7 @@ class ZeroPivotError(ValueError):
         self.kind = kind
 
 
-SMALL = 1e-14
+SMALL = 2e-15
 """A pivot below this fraction of the articulated inertia: nothing outboard has inertia about the joint."""
 SMALL_NUMBER = Float(SMALL)
 
@@ -63,7 +64,9 @@ def articulated_inertia(x: Any) -> Mat:
     return I
 
 
-def accumulate(x: Any, kind: Any, field: str, value: Any, array: str = "up", name: str = "acc", lanes: bool = False) -> None:
+def accumulate(
+    x: Any, kind: Any, field: str, value: Any, array: str = "up", name: str = "acc", lanes: bool = False
+) -> None:
     """Add to a field of the parent; the child that comes first writes it."""
     if kind.first:
         x.store(array, field, value)
@@ -106,7 +109,9 @@ def triangularize(x: Any, kind: Any) -> None:
             D = ANY  # the children's patterns are not known yet
         inverse = let("Dinv", 1 / D, "Eq. 47")
         r = let("r", tau - p[a], "Eq. 53")
-        x.store("pivot", str(j), let("margin", D - (1 if x.structural else SMALL_NUMBER) * scales[a // 3], "zero pivot"))
+        x.store(
+            "pivot", str(j), let("margin", D - (1 if x.structural else SMALL_NUMBER) * scales[a // 3], "zero pivot")
+        )
         x.store("me", f"Dinv.{j}", inverse)
         x.store("me", f"rD.{j}", let("rD", r * inverse, "Eq. 53"))
         G = [0 if i == a else let(f"G{i}", I[i][a] * inverse, "Eq. 46") for i in range(6)]

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import sympy
 from sympy import Expr, Symbol
@@ -219,18 +220,18 @@ class StructuralExpansion:
         self.tangents = tangents
         self.stored: set[tuple[str, str]] = set()
 
-    def load(self, array: str, name: str):
+    def load(self, array: str, name: str) -> Any:
         return ANY if self._nonzero(array, name) else 0
 
-    def store(self, array: str, name: str, value) -> None:
+    def store(self, array: str, name: str, value: Any) -> None:
         if not (isinstance(value, int) and value == 0):
             self.stored.add((array, name))
 
-    def let(self, name: str, value, tag: str = "", lanes: bool = False):
+    def let(self, name: str, value: Any, tag: str = "", lanes: bool = False) -> Any:
         return value
 
-    def name(self, name: str, value, tag: str = ""):
+    def name(self, name: str, value: Any, tag: str = "") -> Any:
         return value
 
-    def recall(self, vectors) -> None:
+    def recall(self, vectors: dict[str, Any]) -> None:
         pass

@@ -1,0 +1,287 @@
+"""Generated C against the reference engines, and what the C is allowed to be."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import mpmath
+import numpy as np
+import pytest
+from random_models import random_seeds, random_state, random_tree
+
+import codegen
+from codegen.emit.solver import write_solver
+from codegen.emit.templates import render
+from codegen.model import Model, parse_model
+from codegen.reference import DenseEngine, RecursiveEngine
+
+CHAIN = """
+model: chain
+gravity: [0, 0, -9.81]
+constants: {{n: {n}, rho: 1.0, radius: 0.05}}
+parameters:
+  L: {{value: 1.0, unit: m}}
+bodies:
+  repeat k in 1..n:
+    link(k):
+      parent: link(k-1)
+      joint: {{type: revolute, axis: [1 - k % 2, k % 2, 0], at: [0, 0, -L]}}
+      shape: {{type: cylinder, axis: z, length: L, radius: radius, mass: rho*L, center: [0, 0, -L/2]}}
+      first: {{parent: ground, joint: {{at: [0, 0, 0]}}}}
+"""
+
+
+def error(x: Any, reference: Any, floor: float = 1e-3) -> float:
+    """max |x - ref| / max |ref|; the floor is for results that are zero up to rounding."""
+    x, reference = (np.asarray(v, dtype=float).ravel() for v in (x, reference))
+    assert x.shape == reference.shape
+    if not x.size:
+        return 0.0
+    return float(np.max(np.abs(x - reference)) / max(np.max(np.abs(reference)), floor))
+
+
+def worst(rows: Any, references: Any) -> float:
+    """Largest error over directions."""
+    return max((error(x, y) for x, y in zip(rows, references, strict=True)), default=0.0)
+
+
+def compare(
+    model: Model, solver: codegen.Solver, engine: Any, rng: np.random.Generator, k: int = 3
+) -> dict[str, float]:
+    """Relative errors of every function of a solver against an engine at a random state."""
+    q, u, p, inputs, t = random_state(rng, model)
+    seeds = random_seeds(rng, model, k)
+    seeds = dict(seeds) if isinstance(seeds, dict) else seeds._asdict()
+    dq, du, dp = seeds["dq"], seeds["du"], seeds["dp"]
+    found: dict[str, float] = {}
+
+    def both(name: str, arguments: tuple[Any, ...], **directions: Any) -> None:
+        a, da = getattr(solver, name)(*arguments, **directions)
+        b, db = getattr(engine, name)(*arguments, **directions)
+        if name == "energy_sensitivities":
+            a, b, da, db = np.array(a), np.array(b), np.array(da).T, np.array(db).T
+        found[name] = max(error(a, b), worst(da, db))
+
+    found["accelerations"] = error(solver.accelerations(q, u, p, inputs, t), engine.accelerations(q, u, p, inputs, t))
+    both("sensitivities", (q, u, p, inputs, t), **seeds)
+    both("coordinate_rate_sensitivities", (q, u, p, t), dq=dq, du=du)
+    both("mass_matrix_sensitivities", (q, p), dq=dq, dp=dp)
+    b, db = rng.normal(size=model.nu), rng.normal(size=(k, model.nu))
+    both("solve_mass_sensitivities", (q, b, p), dq=dq, dp=dp, db=db)
+    udot, dudot = rng.normal(size=model.nu), rng.normal(size=(k, model.nu))
+    both("inverse_dynamics_sensitivities", (q, u, udot, p, inputs, t), dudot=dudot, **seeds)
+    both("energy_sensitivities", (q, u, p, t), dq=dq, du=du, dp=dp)
+    both("output_sensitivities", (q, u, p, inputs, t), **seeds)
+    found["mass_matrix"] = error(solver.mass_matrix(q, p), engine.mass_matrix(q, p))
+    ours, theirs = solver.jacobians(q, u, p, inputs, t), engine.jacobians(q, u, p, inputs, t)
+    for name in ("q", "u", "p", "inputs"):
+        found[f"J.{name}"] = worst(getattr(ours, name).T, np.asarray(getattr(theirs, name), dtype=float).T)
+    found["J.t"] = error(ours.t, theirs.t)
+    return found
+
+
+def check_random_trees(seeds: range, folder: Path, largest: int, layout: str = "auto") -> None:
+    for seed in seeds:
+        rng = np.random.default_rng(seed)
+        model = random_tree(rng, int(rng.integers(1, largest + 1)))
+        codegen.generate(model, folder / str(seed), layout=layout)
+        recursive, dense = RecursiveEngine(model), DenseEngine(model)
+        for target in ("c", "numpy"):
+            solver = codegen.load(folder / str(seed), target)
+            for engine in (recursive, dense):
+                found = compare(model, solver, engine, np.random.default_rng(seed))
+                bad = {name: e for name, e in found.items() if not e < 1e-11}
+                assert not bad, (seed, target, type(engine).__name__, bad)
+
+
+def test_generated_is_generic_is_dense_on_random_trees(tmp_path: Path) -> None:
+    check_random_trees(range(1000, 1006), tmp_path, largest=5)
+
+
+@pytest.mark.campaign
+def test_generated_is_generic_is_dense_on_many_random_trees(tmp_path: Path) -> None:
+    check_random_trees(range(2000, 2150), tmp_path, largest=10)
+
+
+@pytest.mark.parametrize("layout", ["kinds", "unrolled"])
+def test_both_layouts(tmp_path: Path, layout: str) -> None:
+    check_random_trees(range(3000, 3001), tmp_path, largest=5, layout=layout)
+
+
+@pytest.mark.parametrize("n", [4, 12, 100])
+def test_the_chain_agrees_with_fifty_digits(tmp_path: Path, n: int) -> None:
+    model = parse_model(CHAIN.format(n=n))
+    codegen.generate(model, tmp_path / "chain")
+    solver = codegen.load(tmp_path / "chain")
+    k = np.arange(1, n + 1)
+    q, u = 0.3 * np.sin(k), 0.2 * np.cos(k)
+    dq = np.array([np.zeros(n), 0.1 * np.sin(2.0 * k)])
+    du = np.array([np.zeros(n), 0.1 * np.cos(3.0 * k)])
+    dp = np.ones((2, 1))
+    udot, dudot = solver.sensitivities(q, u, dq=dq, du=du, dp=dp)
+    with mpmath.workdps(50):
+        reference, dreference = RecursiveEngine(model, numbers="mpmath").sensitivities(q, u, dq=dq, du=du, dp=dp)
+    reference, dreference = np.asarray(reference, dtype=float), np.asarray(dreference, dtype=float)
+    assert error(udot, reference) < 1e-13
+    assert worst(dudot, dreference) < 1e-13
+
+
+# -- what the C is ---------------------------------------------------------------------------------------------------------
+
+EVERYTHING = """
+model: everything
+gravity: [0, 0, -g]
+parameters: {g: 9.81, a: 0.4, m: 1.3}
+inputs: [motor]
+bodies:
+  base: {parent: ground, joint: {type: free}, mass: m, inertia: {xx: 0.2, yy: 0.3, zz: 0.25}}
+  arm: {parent: base, joint: {type: revolute, axis: [1, 2, a], at: [a, 0, 0.1]}, mass: 1, com: [0, 0, a/2],
+        inertia: {xx: 0.1, yy: 0.1, zz: 0.05}}
+  slide: {parent: arm, joint: {type: prismatic, axis: -x, at: [0, 0, a]}, mass: 0.5, inertia: {xx: 0.1, yy: 0.1, zz: 0.05}}
+  ball: {parent: base, joint: {type: spherical, at: [0, a, 0]}, mass: 0.5, com: [0, 0.1, 0],
+         inertia: {xx: 0.1, yy: 0.1, zz: 0.05}}
+  cross: {parent: slide, joint: {type: universal, axes: [y, x], at: [0, 0.1, 0]}, mass: 0.5, com: [0, 0, 0.2],
+          inertia: {xx: 0.1, yy: 0.1, zz: 0.05}}
+  plate: {parent: cross, joint: {type: fixed, at: [0, 0, 0.3], rotate: [{axis: y, angle: a}]}, mass: 0.2,
+          inertia: {xx: 0.01, yy: 0.01, zz: 0.02}}
+forces:
+  drive: {type: joint, joint: arm, value: "motor*sin(t) - max(u.arm, abs(q.slide))*a"}
+outputs:
+  height: {position: {body: plate, at: [0, 0, a]}, axis: [1, 0, 1]}
+  speed: {velocity: {body: cross, at: [0, a, 0]}, axis: z}
+  kinetic: kinetic_energy
+  potential: potential_energy
+  power: {value: motor*u.arm}
+"""
+
+
+def write(folder: Path, text: str = EVERYTHING) -> Path:
+    model = parse_model(text)
+    for name, content in write_solver(model).files.items():
+        (folder / name).write_text(content)
+    return folder / f"{model.name}.c"
+
+
+def compilers() -> list[Any]:
+    return [
+        pytest.param(c, marks=[] if shutil.which(c) else pytest.mark.skip(reason=f"{c} is not installed"))
+        for c in ("gcc", "clang")
+    ]
+
+
+@pytest.mark.parametrize("compiler", compilers())
+@pytest.mark.parametrize("flags", ["-march=native", "-mavx2", "", "-DORDERNM_PLAIN_C -std=c99 -pedantic"])
+def test_no_warnings(tmp_path: Path, compiler: str, flags: str) -> None:
+    if "avx2" in flags and os.uname().machine != "x86_64":
+        pytest.skip("-mavx2 is a flag of x86-64")
+    source = write(tmp_path)
+    command = [
+        compiler,
+        "-O1",
+        "-Wall",
+        "-Wextra",
+        "-Werror",
+        *flags.split(),
+        "-c",
+        str(source),
+        "-o",
+        str(tmp_path / "x.o"),
+    ]
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr[:2000]
+
+
+def test_header_is_a_header_of_cpp(tmp_path: Path) -> None:
+    if not shutil.which("g++"):
+        pytest.skip("g++ is not installed")
+    write(tmp_path)
+    (tmp_path / "use.cpp").write_text('#include "everything.h"\nint main() { return EVERYTHING_NQ - 14; }\n')
+    subprocess.run(["g++", "-Wall", "-Wextra", "-Werror", "-c", "use.cpp", "-o", "use.o"], cwd=tmp_path, check=True)
+
+
+def test_no_globals_no_allocation_libc_only(tmp_path: Path) -> None:
+    if not shutil.which("nm") or not shutil.which("gcc"):
+        pytest.skip("needs gcc and nm")
+    source = write(tmp_path)
+    subprocess.run(["gcc", "-O2", "-c", str(source), "-o", str(tmp_path / "x.o")], check=True)
+    symbols = subprocess.run(["nm", str(tmp_path / "x.o")], capture_output=True, text=True, check=True).stdout.split(
+        "\n"
+    )
+    kinds = {line[17]: line[19:] for line in symbols if len(line) > 19}
+    assert not set(kinds) & set("bBdDCs"), f"mutable data: {kinds}"
+    undefined = {line[19:] for line in symbols if len(line) > 19 and line[17] == "U"}
+    assert undefined <= {
+        "sin",
+        "cos",
+        "sincos",
+        "sqrt",
+        "fmax",
+        "fmin",
+        "fabs",
+        "memset",
+        "memcpy",
+        "_GLOBAL_OFFSET_TABLE_",
+    }
+
+
+@pytest.mark.parametrize("flags", ["-O2 -march=native -DORDERNM_PLAIN_C", "-O2", "-O3 -march=native"])
+def test_every_way_to_compile_gives_the_same_numbers(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, flags: str
+) -> None:
+    monkeypatch.setenv("ORDERNM_CFLAGS", flags)
+    model = parse_model(EVERYTHING)
+    codegen.generate(model, tmp_path / "everything")
+    found = compare(
+        model, codegen.load(tmp_path / "everything"), RecursiveEngine(model), np.random.default_rng(5), k=11
+    )
+    assert max(found.values()) < 1e-11, found
+
+
+def test_equal_input_gives_equal_bytes() -> None:
+    first, second = (write_solver(parse_model(EVERYTHING)).files for _ in range(2))
+    assert first == second
+
+
+@pytest.mark.parametrize("flags", [["-march=native"], [], ["-DORDERNM_PLAIN_C"]])
+def test_sines_and_cosines_below_one_unit_in_the_last_place(tmp_path: Path, flags: list[str]) -> None:
+    prelude = """#include <math.h>
+#include <stdint.h>
+#if defined(__GNUC__) && !defined(ORDERNM_PLAIN_C)
+#define ORDERNM_VECTORS 1
+typedef double lanes_8 __attribute__((vector_size(64), aligned(8), may_alias));
+#endif
+"""
+    text = (
+        prelude + render("c/sincos.c.jinja", {}) + "\nvoid run(int n, double *trig) { sines_and_cosines(n, trig); }\n"
+    )
+    (tmp_path / "sc.c").write_text(text)
+    command = [shutil.which("cc") or "cc", "-O2", *flags, "-fPIC", "-shared", "sc.c", "-o", "sc.so", "-lm"]
+    subprocess.run(command, cwd=tmp_path, check=True)
+    library = ctypes.CDLL(str(tmp_path / "sc.so"))
+    rng = np.random.default_rng(0)
+    quarter = np.arange(-40, 40) * (np.pi / 2)
+    angles = np.concatenate([
+        rng.uniform(-4, 4, 2000), rng.uniform(-1e6, 1e6, 1000), 10.0 ** rng.uniform(-300, -1, 400), quarter, quarter + 1e-9,
+        [0.0, -0.0, 1e-320, 999999.99, 1e6, 1e7, -1e15, 1e300, np.pi, 355.0, 103993.0, 0.785398163397448],
+    ])  # fmt: skip
+    angles = np.concatenate([angles, np.zeros(-len(angles) % 8)])
+    n = len(angles)
+    trig = np.concatenate([np.zeros(n), angles])
+    library.run(n, trig.ctypes.data_as(ctypes.POINTER(ctypes.c_double)))
+    with mpmath.workdps(60):
+        for i, x in enumerate(angles):
+            for value, exact in ((trig[i], mpmath.cos(mpmath.mpf(x))), (trig[n + i], mpmath.sin(mpmath.mpf(x)))):
+                ulp = np.spacing(abs(float(exact))) or 5e-324
+                assert abs(mpmath.mpf(value) - exact) <= ulp, (x, value)
+
+
+def test_an_angle_that_is_not_finite_is_refused(tmp_path: Path) -> None:
+    codegen.generate(parse_model(CHAIN.format(n=2)), tmp_path / "chain")
+    solver = codegen.load(tmp_path / "chain")
+    with pytest.raises(ValueError, match=r"q\[1\].* is nan"):
+        solver.accelerations([0.1, np.nan], [0.0, 0.0])

@@ -1,0 +1,164 @@
+"""Expansions, passes and derivative primitives: properties on random programs, not printed text."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import sympy
+
+from codegen.program.block import ANY, Block, Expansion, Statement, StructuralExpansion
+from codegen.program.derivatives import Tangents, partials
+from codegen.program.functions import Absolute, AtLeast, Maximum, Minimum
+from codegen.program.operations import count, count_expression
+from codegen.program.passes import PASSES, simplify
+
+
+def random_block(rng: np.random.Generator, statements: int = 30) -> Block:
+    """A block of random sums of products, with copies, negatives, repeated values and dead statements."""
+    x = Expansion("random", "random", lambda array, name: True)
+    values = [x.load("in", str(i)) for i in range(4)]
+    for k in range(statements):
+        a, b, c = (values[int(i)] for i in rng.integers(0, len(values), 3))
+        form = int(rng.integers(0, 7))
+        e = [a * b + c, a * b - c * a, a, -b, a * b, a * b + a * c, (a + 2) * c][form]
+        symbol = sympy.Symbol(f"s{k}")
+        x.block.statements.append(Statement(symbol, sympy.sympify(e), "tag"))
+        values.append(symbol)
+    for i in range(3):
+        x.store("out", str(i), values[-1 - 2 * i] * int(rng.integers(-1, 2)))
+    return x.finish()
+
+
+def run(block: Block, inputs: dict[str, float]) -> list[float]:
+    values = {s: inputs[name] for s, (_, name) in block.loads.items()}
+    for s in block.statements:
+        values[s.target] = float(s.expression.subs(values))
+    return [float(sympy.sympify(e).subs(values)) for _, _, e in block.stores]
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_passes_keep_the_numbers_and_never_add_operations(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    block = random_block(rng)
+    inputs = {str(i): float(v) for i, v in enumerate(rng.uniform(0.5, 1.5, 4))}
+    expected = run(block, inputs)
+    flops = count(block, False).flops
+    for name, function in PASSES:
+        block = function(block)
+        assert run(block, inputs) == pytest.approx(expected, rel=1e-9, abs=1e-9), name
+        now = count(block, False).flops
+        assert now <= flops, name
+        flops = now
+    assert run(simplify(block), inputs) == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+def test_dead_statements_and_loads_go() -> None:
+    x = Expansion("b", "", lambda a, n: True)
+    a, b = x.load("in", "a"), x.load("in", "b")
+    x.let("dead", a * b)
+    x.store("out", "0", x.let("alive", a * a))
+    block = simplify(x.finish())
+    assert [str(s.target) for s in block.statements] == ["alive"]
+    assert list(block.loads.values()) == [("in", "a")]
+
+
+def test_equal_values_get_one_name_up_to_sign() -> None:
+    x = Expansion("b", "", lambda a, n: True)
+    a, b = x.load("in", "a"), x.load("in", "b")
+    first = x.let("p", a * b - b)
+    assert x.let("q", a * b - b) is first
+    assert x.let("r", b - a * b) == -first
+    assert len(x.block.statements) == 1
+
+
+def test_zeros_and_ones_fold() -> None:
+    x = Expansion(
+        "b", "", lambda array, name: name != "zero", lambda array, name: sympy.S.One if name == "one" else None
+    )
+    assert x.load("in", "zero") == 0
+    a = x.load("in", "a")
+    assert x.let("p", x.load("in", "zero") * a + x.load("in", "one") * a) == a
+    assert x.block.statements == []
+
+
+def test_names_are_unique_and_none_is_a_word_of_the_target() -> None:
+    x = Expansion("b", "", lambda a, n: True)
+    a = x.load("in", "a")
+    names = [str(x.let(n, a**k + k)) for k, n in enumerate(["d_1", "d", "d", "d", "cos", "a"], start=2)]
+    assert len(set(names)) == len(names)
+    assert not {"cos", "a"} & set(names)
+
+
+def test_structural_values_follow_zeros() -> None:
+    x = StructuralExpansion(lambda array, name: name == "a")
+    a, zero = x.load("in", "a"), x.load("in", "b")
+    assert a is ANY and zero == 0
+    for value in (a * 0, 0 * a, zero * a, zero / a, -zero):
+        assert isinstance(value, int) and value == 0
+    for value in (a + 0, 0 + a, a - a, a * a, 1 / a, -a, a**2, 2 * a):
+        assert value is ANY
+
+
+@pytest.mark.parametrize("text", ["a*b + c", "a**2*b - c/b", "sin(a)*b", "a", "2*a*b*c", "sqrt(a*b)*c + exp(c)/a"])
+def test_partials_are_those_of_sympy(text: str) -> None:
+    e = sympy.sympify(text)
+    found = partials(e)
+    assert set(found) == e.free_symbols
+    for s, d in found.items():
+        assert sympy.simplify(d - sympy.diff(e, s)) == 0
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_tangent_is_the_derivative(seed: int) -> None:
+    rng = np.random.default_rng(100 + seed)
+    block = random_block(rng, 12)
+    x = Expansion("t", "", lambda a, n: True)
+    symbols = {s: x.load("in", n) for s, (_, n) in block.loads.items()}
+    seeds = {s: sympy.Float(v) for s, v in zip(symbols, rng.normal(size=len(symbols)), strict=True)}
+    statements = list(block.statements)
+    for s in statements:
+        x.block.statements.append(s)
+    d = Tangents(x, seeds, {})
+    for s in statements:
+        d.statement(s)
+    for _, _, e in block.stores:
+        x.store("out", "d", d.value(sympy.sympify(e)))
+    inputs = {n: float(v) for (_, n), v in zip(block.loads.values(), rng.uniform(0.5, 1.5, 9), strict=False)}
+    inputs |= {str(i): inputs.get(str(i), 1.0) for i in range(4)}
+    h = 1e-6
+    ends = []
+    for sign in (1, -1):
+        moved = {n: inputs[n] + sign * h * float(seeds[s]) for s, (_, n) in block.loads.items()}
+        ends.append(run(block, inputs | moved))
+    weak = [(a - b) / (2 * h) for a, b in zip(*ends, strict=True)]  # finite differences: a weak witness, 1e-6
+    assert run(x.finish(), inputs) == pytest.approx(weak, rel=1e-5, abs=1e-5)
+
+
+def test_transparent_operands_are_looked_through() -> None:
+    """d(c x + s y) along the angle is c y - s x, which has a name already."""
+    x = Expansion("r", "", lambda a, n: True)
+    c, s, q, a, b = (x.load("in", n) for n in ("c", "s", "q", "a", "b"))
+    first = x.let("first", c * a + s * b)
+    second = x.let("second", c * b - s * a)
+    d = Tangents(x, {q: sympy.Symbol("dq")}, {c: {q: -s}, s: {q: c}})
+    assert d.expression(c * a + s * b) == second * sympy.Symbol("dq")
+    assert d.expression(c * b - s * a) == -first * sympy.Symbol("dq")
+
+
+def test_derivatives_of_functions_with_corners() -> None:
+    a, b = sympy.symbols("a b")
+    assert sympy.diff(Maximum(a, b), a) == AtLeast(a, b)
+    assert sympy.diff(Maximum(a, b), b) == 1 - AtLeast(a, b)
+    assert sympy.diff(Minimum(a, b), a) == AtLeast(b, a)
+    assert sympy.diff(Minimum(a, b), b) == 1 - AtLeast(b, a)
+    assert str(sympy.diff(Absolute(a), a)) == "Sign(a)"
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [("a + b - c", (2, 0, 0)), ("a*b*c", (0, 2, 0)), ("-a*b", (0, 1, 0)), ("a/b", (0, 0, 1)), ("a**3", (0, 2, 0)),
+     ("a*b + c/d", (1, 1, 1)), ("1/(a*b)", (0, 1, 1))],
+)  # fmt: skip
+def test_operation_counts(text: str, expected: tuple[int, int, int]) -> None:
+    o = count_expression(sympy.sympify(text))
+    assert (o.additions, o.multiplications, o.divisions) == expected
