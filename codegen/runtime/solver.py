@@ -347,7 +347,7 @@ class CTarget:
         self.build = Build(folder, self.model, manifest.get("sources", ()))
         self.library = self._open()
         self._doubles = self.ffi.typeof("double[]")
-        self._calls: dict[tuple[str, int], Callable[..., int]] = {}
+        self._calls: dict[tuple[str, int, bool], Callable[..., int]] = {}
         self._lock = threading.Lock()
         self._thread = threading.local()
         self._zeros = self._pointer(np.zeros(8))
@@ -363,16 +363,20 @@ class CTarget:
         except OSError as error:
             raise CompileError(f"{path} was compiled but cannot be opened: {error}") from None
 
-    def _call(self, f: Function, width: int = 0) -> Callable[..., int]:
-        """The C function; declared when first called, which keeps loading quick."""
-        call = self._calls.get((f.name, width))
+    def _call(self, f: Function, width: int = 0, batch: bool = False) -> Callable[..., int]:
+        """The C function, or its loop over a batch; declared when first called, which keeps loading quick."""
+        call = self._calls.get((f.name, width, batch))
         if call is None:
-            symbol = f"{self.model}_{f.name}_{width}" if width else f"{self.model}_{f.name}"
-            types = ["double" if a == "t" else "const double *" for a in f.arguments]
-            types += ["const double *"] * len(f.seeds) + ["double *"] * (len(f.results) + 1)
+            symbol = f"{self.model}_{f.name}" + (f"_{width}" if width else "") + ("_batch" if batch else "")
+            given = (*f.arguments, *f.seeds)
+            if batch:
+                types = ["long", "long *", *["const double *, long"] * len(given)]
+            else:
+                types = ["double" if a == "t" else "const double *" for a in given]  # seeds are pointers, dt too
+            types += ["double *"] * (len(f.results) + 1)
             with self._lock:
                 self.ffi.cdef(f"int {symbol}({', '.join(types)});", override=True)
-                call = self._calls[f.name, width] = getattr(self.library, symbol)
+                call = self._calls[f.name, width, batch] = getattr(self.library, symbol)
         return call
 
     def _work(self) -> Any:
@@ -388,9 +392,10 @@ class CTarget:
 
     def _nothing(self, size: int) -> Any:
         """So many zeros: a seed that was left out."""
-        if len(self._zeros) < size:
-            self._zeros = self._pointer(np.zeros(size))
-        return self._zeros
+        zeros = self._zeros  # another thread may put shorter ones there meanwhile
+        if len(zeros) < size:
+            zeros = self._zeros = self._pointer(np.zeros(size))
+        return zeros
 
     def values(self, f: Function, arrays: Mapping[str, Any], batch: Shape) -> list[Array]:
         """Results (*batch, *shape) of a function without directions.
@@ -398,18 +403,15 @@ class CTarget:
         `arrays` hold (..., n), with leading axes that broadcast to the batch; ``t`` is a float or (...).
         """
         results = [np.empty(batch + shape) for shape in f.shapes]
-        if not batch:
-            from_buffer, doubles = self.ffi.from_buffer, self._doubles
-            arguments = [arrays[a] if a == "t" else from_buffer(doubles, arrays[a]) for a in f.arguments]
-            arguments += [from_buffer(doubles, r) for r in results]
-            status = self._call(f)(*arguments, self._work())
-            if status:
-                raise SingularJointError(self.links[status - 1])
+        if batch:
+            self._batch(f, 0, [self._row(arrays[a], batch, a == "t") for a in f.arguments], results, batch)
             return results
-        count = math.prod(batch)
-        streams = [self._stream(arrays[a], batch, count, a == "t") for a in f.arguments]
-        streams += [self._rows(r, math.prod(shape), count) for r, shape in zip(results, f.shapes, strict=True)]
-        self._each(self._call(f), streams, batch)
+        from_buffer, doubles = self.ffi.from_buffer, self._doubles
+        arguments = [arrays[a] if a == "t" else from_buffer(doubles, arrays[a]) for a in f.arguments]
+        arguments += [from_buffer(doubles, r) for r in results]
+        status = self._call(f)(*arguments, self._work())
+        if status:
+            raise SingularJointError(self.links[status - 1])
         return results
 
     def along(
@@ -421,24 +423,34 @@ class CTarget:
         """
         count = math.prod(batch)
         results = [np.empty(((k,) if d else ()) + batch + s) for s, d in zip(f.shapes, f.derived, strict=True)]
+        if batch:
+            arguments = [self._row(arrays[a], batch, a == "t") for a in f.arguments]
+        else:
+            arguments = [(arrays[a] if a == "t" else self._pointer(arrays[a]), 0) for a in f.arguments]
         start = 0
-        for width in split(k, f.widths):
+        for width in split(k, f.widths) or [min(f.widths)]:  # without directions there are values still
             end = min(start + width, k)
-            streams = [self._stream(arrays[a], batch, count, a == "t") for a in f.arguments]
+            given = list(arguments)
             for s, n in f.seeds.items():
                 if s in seeds:
-                    streams.append(self._lanes(seeds[s][start:end], width, batch, count))
+                    given.append(self._lanes(seeds[s][start:end], width, batch, count))
                 else:
-                    streams.append(itertools.repeat(self._nothing(n * width)))
+                    given.append((self._nothing(n * width), 0))
+            taken: list[Array] = []
             lanes: list[tuple[Array, Array]] = []
             for result, shape, derived in zip(results, f.shapes, f.derived, strict=True):
-                n = math.prod(shape)
-                if derived and width > 1:
-                    lanes.append((np.empty((count, n, width)), result[start:end]))
-                    streams.append(self._rows(lanes[-1][0], n * width, count))
+                if derived and (width > 1 or start == end):
+                    taken.append(np.empty((count, math.prod(shape), width)))
+                    lanes.append((taken[-1], result[start:end]))
                 else:
-                    streams.append(self._rows(result[start] if derived else result, n, count))
-            self._each(self._call(f, width), streams, batch)
+                    taken.append(result[start] if derived else result)
+            if batch:
+                self._batch(f, width, given, taken, batch)
+            else:
+                pointers = [self._pointer(r) for r in taken]
+                status = self._call(f, width)(*[x for x, _ in given], *pointers, self._work())
+                if status:
+                    raise SingularJointError(self.links[status - 1])
             for lane, part in lanes:
                 if batch:
                     part[...] = np.moveaxis(lane[..., : end - start], -1, 0).reshape(part.shape)
@@ -447,46 +459,41 @@ class CTarget:
             start = end
         return results
 
-    def _each(self, call: Callable[..., int], streams: Sequence[Iterable[Any]], batch: Shape) -> None:
-        """Call once for every state of the batch."""
-        work = self._work()
-        for i, arguments in zip(range(math.prod(batch)), zip(*streams, strict=False), strict=False):
-            status = call(*arguments, work)
-            if status:
-                state = ", ".join(str(int(j)) for j in np.unravel_index(i, batch))
-                raise SingularJointError(self.links[status - 1], f" (state [{state}] of the batch)" if batch else "")
+    def _batch(
+        self, f: Function, width: int, given: Sequence[tuple[Any, int]], results: Sequence[Array], batch: Shape
+    ) -> None:
+        """Run over the states of a batch, in C; given are pointers and their steps from state to state, in doubles."""
+        failed = self.ffi.new("long *")
+        pointers = [self._pointer(r) for r in results]
+        call = self._call(f, width, True)
+        status = call(math.prod(batch), failed, *itertools.chain.from_iterable(given), *pointers, self._work())
+        if status:
+            state = ", ".join(str(int(j)) for j in np.unravel_index(failed[0], batch))
+            raise SingularJointError(self.links[status - 1], f" (state [{state}] of the batch)")
 
-    def _rows(self, x: Array, n: int, count: int) -> Iterable[Any]:
-        """Pointers to the consecutive rows of n numbers of a contiguous array."""
-        start = self._pointer(x)
-        if count == 1 or not n:
-            return itertools.repeat(start)
-        return (start + i for i in range(0, n * count, n))
-
-    def _stream(self, x: Any, batch: Shape, count: int, scalar: bool) -> Iterable[Any]:
-        """What a function gets as one argument, state by state."""
+    def _row(self, x: Any, batch: Shape, scalar: bool) -> tuple[Any, int]:
+        """Where an argument begins, and its step from state to state."""
         if scalar:
             if isinstance(x, float):
-                return itertools.repeat(x)
-            return iter(np.broadcast_to(x, batch).ravel().tolist())
+                return self._pointer(np.array([x])), 0
+            return self._pointer(np.ascontiguousarray(np.broadcast_to(x, batch))), 1
+        if x.ndim == 1:
+            return self._pointer(x), 0
         n = x.shape[-1]
-        if x.ndim > 1:
-            x = np.ascontiguousarray(np.broadcast_to(x, (*batch, n)))
-            return self._rows(x, n, count)
-        return itertools.repeat(self._pointer(x))
+        return self._pointer(np.ascontiguousarray(np.broadcast_to(x, (*batch, n)))), n
 
-    def _lanes(self, part: Array, width: int, batch: Shape, count: int) -> Iterable[Any]:
-        """Some directions of a seed, state by state, direction last; lanes beyond its end are zero."""
+    def _lanes(self, part: Array, width: int, batch: Shape, count: int) -> tuple[Any, int]:
+        """Some directions of a seed, direction last, and the step; lanes beyond its end are zero."""
         m, n = len(part), part.shape[-1]
         if part.size == m * n:  # the same for all states
-            if width == 1:
-                return itertools.repeat(self._pointer(np.ascontiguousarray(part)))
+            if width == m == 1:
+                return self._pointer(np.ascontiguousarray(part)), 0
             lanes = np.zeros((n, width))
             lanes[:, :m] = part.reshape(m, n).T
-            return itertools.repeat(self._pointer(lanes))
+            return self._pointer(lanes), 0
         lanes = np.zeros((count, n, width))
         lanes[..., :m] = np.moveaxis(np.broadcast_to(part, (m, *batch, n)).reshape(m, count, n), 0, -1)
-        return self._rows(lanes, n * width, count)
+        return self._pointer(lanes), n * width
 
 
 class NumpyTarget:
@@ -521,6 +528,21 @@ class NumpyTarget:
             return getattr(self.module, f.name)(*arguments)
         except self.module.SingularJointError as error:
             raise SingularJointError(error.link) from None
+
+
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """What ``model.json`` of a package says; ValueError if there is none, or one of something else."""
+    try:
+        manifest = json.loads((folder / "model.json").read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        seen = "no model.json in it"
+    except ValueError as error:
+        seen = f"its model.json is no JSON ({error})"
+    else:
+        if isinstance(manifest, dict) and manifest.get("generator") == "ordernm" and "functions" in manifest:
+            return manifest
+        seen = "its model.json is not one that generate wrote"
+    raise ValueError(f"{folder} holds no generated solver: {seen}; make one with: generate MODEL.yaml -o FOLDER")
 
 
 def _full(x: Any, shape: Shape) -> Array:
@@ -583,8 +605,7 @@ class Solver:
 
     def __init__(self, folder: str | os.PathLike[str], target: str | None = None):
         self.folder = Path(folder).absolute()
-        manifest = json.loads((self.folder / "model.json").read_text(encoding="utf-8"))
-        self._manifest: dict[str, Any] = manifest
+        self._manifest = manifest = read_manifest(self.folder)
         self.name: str = manifest["name"]
         self.coordinate_names: tuple[str, ...] = tuple(manifest["coordinate_names"])
         self.speed_names: tuple[str, ...] = tuple(manifest["speed_names"])
@@ -639,6 +660,13 @@ class Solver:
         if target == "both":
             self._compare(compiled, NumpyTarget(self.folder, self._manifest))
         return compiled
+
+    def __getstate__(self) -> tuple[str, str]:
+        # a pool of processes sends solvers by pickle: the package is opened anew where they arrive
+        return str(self.folder), self.target
+
+    def __setstate__(self, state: tuple[str, str]) -> None:
+        Solver.__init__(self, *state)
 
     def __repr__(self) -> str:
         return (
@@ -736,7 +764,7 @@ class Solver:
                 arrays[name] = value = self._argument(name, value, name)
                 lead = value.shape[:-1]
             if lead != batch:
-                batch = _broadcast(batch, lead, arrays)
+                batch = _broadcast(batch, lead, lambda: arrays)
         if self._quaternions and "q" in arrays:
             self._check_quaternions(arrays["q"])
         return arrays, batch
@@ -778,7 +806,7 @@ class Solver:
             )
         for seed in seeds.values():
             if seed.shape[1:-1] != batch:
-                batch = _broadcast(batch, seed.shape[1:-1], {**arrays, **seeds})
+                batch = _broadcast(batch, seed.shape[1:-1], lambda: {**arrays, **seeds})
         for name, seed in seeds.items():
             missing = len(batch) - (seed.ndim - 2)
             if missing:
@@ -1086,11 +1114,13 @@ def _outcome(
 
 def _numbers(name: str, value: Any) -> Array:
     """An array of floats; text, complex numbers and ragged lists are errors."""
+    if np.ma.is_masked(value):  # asarray would take what the mask hides
+        raise ValueError(f"{name} has masked entries, expected real numbers; fill them first, such as by filled()")
     try:
         array = np.asarray(value)
         if array.dtype.kind in "biufO":
             return array.astype(np.float64)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise ValueError(f"{name}: {error}; expected an array of real numbers") from None
     raise ValueError(f"{name} holds {array.dtype}, expected real numbers")
 
@@ -1102,12 +1132,15 @@ def _some(names: Sequence[str]) -> str:
     return ", ".join(names[:12]) + (f", ... ({len(names)} in all)" if len(names) > 12 else "")
 
 
-def _broadcast(batch: Shape, lead: Shape, arrays: Mapping[str, Any]) -> Shape:
+def _broadcast(batch: Shape, lead: Shape, arrays: Callable[[], Mapping[str, Any]]) -> Shape:
     try:
         return np.broadcast_shapes(batch, lead)
     except ValueError:
-        seen = ", ".join(f"{name} {x.shape}" for name, x in arrays.items() if not isinstance(x, float) and x.ndim > 1)
-        raise ValueError(f"the leading (batch) axes do not broadcast: {seen}") from None
+        shapes = {name: np.shape(x) for name, x in arrays().items()}
+        seen = ", ".join(f"{n} {shape}" for n, shape in shapes.items() if len(shape) > (n != "t"))
+        raise ValueError(
+            f"the leading (batch) axes do not broadcast: {seen}; counted from the last, they must be equal or 1"
+        ) from None
 
 
 __all__ = [
