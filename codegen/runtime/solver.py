@@ -87,6 +87,9 @@ STANDARD = ("-std=gnu11", "-fPIC", "-shared")
 OPTIMIZATION = ("-O2", "-march=native")
 """``ORDERNM_CFLAGS`` in the environment replaces these. Never -ffast-math: pivots are compared with zero."""
 
+COMMAND = "$ "
+"""Begins the lines of a log that are commands."""
+
 FORBIDDEN = ("-ffast-math", "-Ofast", "-ffinite-math-only", "-funsafe-math-optimizations")
 
 
@@ -223,12 +226,14 @@ class Build:
 
     def _compile(self, output: Path, log_file: Path) -> None:
         refused, log = self._run(self.flags, output)
-        if refused and "march" in log and "-march=native" in self.flags:
+        complaints = [line for line in log.splitlines() if not line.startswith(COMMAND)]
+        if refused and "-march=native" in self.flags and any("march" in line for line in complaints):
             refused, log = self._run([f for f in self.flags if f != "-march=native"], output)
-        if not refused:
+        if not refused and output.exists():
             with contextlib.suppress(OSError):
                 log_file.unlink()
             return
+        log = log or f"{shlex.join(self.compiler)} reported no error, but wrote no library\n"
         log_file.write_text(log, encoding="utf-8")
         sources = ", ".join(map(str, self.sources))
         first = "\n".join(log.splitlines()[:12])
@@ -260,16 +265,17 @@ def _run_all(commands: list[list[str]]) -> tuple[bool, str]:
     failed = False
     try:
         running = [
-            subprocess.Popen(c, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+            subprocess.Popen(c, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
             for c in commands
         ]
     except OSError as error:
-        return True, f"{shlex.join(commands[0])}\n{error}\n"
+        return True, f"{COMMAND}{shlex.join(commands[0])}\n{error}\n"
     for command, process in zip(commands, running, strict=True):
         said, _ = process.communicate()
         if process.returncode:
             failed = True
-            log.append(f"{shlex.join(command)}\n{said}exit code {process.returncode}\n")
+            text = said.decode(errors="replace")
+            log.append(f"{COMMAND}{shlex.join(command)}\n{text}exit code {process.returncode}\n")
     return failed, "".join(log)
 
 

@@ -1,0 +1,147 @@
+"""Packages to run: real ones of two examples, and a tiny one written by hand whose C compiles in no time."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+import codegen
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+PENDULUM_C = """\
+#include <math.h>
+#include "pendulum.h"
+
+/* p: gravity, length; udot = -gravity/length*sin(q) - u/10 */
+int pendulum_accelerations(const double *q, const double *u, const double *p, double *udot, double *work)
+{
+    work[0] = p[0]/p[1];
+    if (p[1] == 0.0) return 1;
+    udot[0] = -work[0]*sin(q[0]) - 0.1*u[0];
+    return 0;
+}
+
+#define SENSITIVITIES(W) \\
+int pendulum_sensitivities_##W(const double *q, const double *u, const double *p, const double *dq, const double *du, \\
+                               const double *dp, double *udot, double *dudot, double *work) \\
+{ \\
+    if (pendulum_accelerations(q, u, p, udot, work)) return 1; \\
+    for (int l = 0; l < W; ++l) \\
+        dudot[l] = -work[0]*cos(q[0])*dq[l] - 0.1*du[l] - sin(q[0])/p[1]*(dp[l] - work[0]*dp[W + l]); \\
+    return 0; \\
+}
+
+int pendulum_accelerations_batch(long count, long *failed, const double *q, long q_step, const double *u, long u_step,
+                                 const double *p, long p_step, double *udot, double *work)
+{
+    for (*failed = 0; *failed < count; ++*failed) {
+        const long i = *failed;
+        if (pendulum_accelerations(q + i*q_step, u + i*u_step, p + i*p_step, udot + i, work)) return 1;
+    }
+    return 0;
+}
+
+SENSITIVITIES(1)
+SENSITIVITIES(2)
+SENSITIVITIES(8)
+"""
+
+PENDULUM_H = """\
+int pendulum_accelerations(const double *q, const double *u, const double *p, double *udot, double *work);
+"""
+
+PENDULUM_NUMPY = """\
+import numpy as np
+
+
+class SingularJointError(ValueError):
+    def __init__(self, link):
+        self.link = link
+
+
+def accelerations(q, u, p):
+    if np.any(p[..., 1] == 0):
+        raise SingularJointError("rod")
+    return ((-p[..., 0] / p[..., 1] * np.sin(q[..., 0]) - 0.1 * u[..., 0])[..., None],)
+
+
+def sensitivities(q, u, p, dq, du, dp):
+    (udot,) = accelerations(q, u, p)
+    g, l, s = p[..., 0], p[..., 1], np.sin(q[..., 0])
+    dudot = -g / l * np.cos(q[..., 0]) * dq[..., 0] - 0.1 * du[..., 0] - s / l * (dp[..., 0] - g / l * dp[..., 1])
+    return udot, dudot[..., None]
+"""
+
+PENDULUM = {
+    "generator": "ordernm",
+    "name": "pendulum",
+    "target": "c",
+    "coordinate_names": ["rod"],
+    "speed_names": ["rod"],
+    "parameter_names": ["gravity", "length"],
+    "parameters": [9.81, 0.5],
+    "input_names": [],
+    "output_names": [],
+    "closure_names": [],
+    "prescribed_names": [],
+    "initial": {"q": [0.3], "u": [0.0]},
+    "quaternions": [],
+    "links": ["rod"],
+    "workspace": 1,
+    "functions": {
+        "accelerations": {"arguments": ["q", "u", "p"], "results": ["udot"]},
+        "sensitivities": {
+            "arguments": ["q", "u", "p"],
+            "seeds": ["dq", "du", "dp"],
+            "results": ["udot", "dudot"],
+            "widths": [8, 2, 1],
+        },
+    },
+    "operations": {},
+}
+
+
+@pytest.fixture
+def make_pendulum(tmp_path):
+    """Writes a package of one link: what `generate` would write for it, but for the run time."""
+
+    def make(**changes) -> Path:
+        folder = tmp_path / "pendulum"
+        folder.mkdir()
+        (folder / "pendulum.c").write_text(PENDULUM_C)
+        (folder / "pendulum.h").write_text(PENDULUM_H)
+        (folder / "pendulum_numpy.py").write_text(PENDULUM_NUMPY)
+        (folder / "model.json").write_text(json.dumps(PENDULUM | changes))
+        return folder
+
+    return make
+
+
+@pytest.fixture
+def pendulum(make_pendulum):
+    return make_pendulum()
+
+
+@pytest.fixture(scope="session")
+def packages(tmp_path_factory):
+    """Generated packages by name: `double_pendulum`, and `satellite` with quaternions and inputs."""
+    folder = tmp_path_factory.mktemp("generated")
+    for name in ("double_pendulum", "satellite"):
+        codegen.generate(EXAMPLES / f"{name}.yaml", folder / name)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def models():
+    return {name: codegen.load_model(EXAMPLES / f"{name}.yaml") for name in ("double_pendulum", "satellite")}
+
+
+@pytest.fixture(scope="session", params=["c", "numpy"])
+def satellite(request, packages):
+    return codegen.load(packages / "satellite", request.param)
+
+
+@pytest.fixture(scope="session")
+def double_pendulum(packages):
+    return codegen.load(packages / "double_pendulum")

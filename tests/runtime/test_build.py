@@ -1,0 +1,269 @@
+"""Compiling: once, into the right place, safely when many do it at once, and honestly when it fails."""
+
+import multiprocessing
+import os
+import shutil
+import stat
+import sys
+import tempfile
+import time
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from codegen.runtime import CompileError, NoCompilerError, SingularJointError, TargetsDifferError, load
+from codegen.runtime import solver as runtime
+
+EXPECTED = -9.81 / 0.5 * np.sin(0.3)
+
+
+def libraries(folder: Path) -> list[Path]:
+    return sorted(folder.glob("*.so"))
+
+
+def accelerate(solver) -> float:
+    return float(solver.accelerations([0.3], [0.0])[0])
+
+
+def script(path: Path, text: str) -> Path:
+    """An executable shell script."""
+    path.write_text(f"#!/bin/sh\n{text}\n")
+    path.chmod(path.stat().st_mode | stat.S_IXUSR)
+    return path
+
+
+def test_a_package_is_compiled_once(pendulum):
+    assert accelerate(load(pendulum)) == pytest.approx(EXPECTED, rel=1e-15)
+    (library,) = libraries(pendulum)
+    before = library.stat()
+    assert accelerate(load(pendulum)) == pytest.approx(EXPECTED, rel=1e-15)
+    after = library.stat()
+    assert (before.st_ino, before.st_mtime_ns) == (after.st_ino, after.st_mtime_ns)
+    assert not list(pendulum.glob(".build*"))
+
+
+def test_another_source_compiler_or_flag_is_another_library(pendulum, monkeypatch, tmp_path):
+    load(pendulum)
+    monkeypatch.setenv("ORDERNM_CFLAGS", "-O1")
+    load(pendulum)
+    assert len(libraries(pendulum)) == 2
+    other = script(tmp_path / "other_cc", f'exec {shutil.which("cc") or shutil.which("gcc")} "$@"')
+    monkeypatch.setenv("CC", str(other))
+    load(pendulum)
+    assert len(libraries(pendulum)) == 3
+    source = pendulum / "pendulum.c"
+    source.write_text(source.read_text().replace("sin(q[0]) - 0.1", "sin(q[0]) - 0.2"))
+    assert load(pendulum).accelerations([0.0], [1.0]) == pytest.approx(-0.2)
+    header = pendulum / "pendulum.h"
+    header.write_text(header.read_text() + "/* more */\n")
+    load(pendulum)
+    assert len(libraries(pendulum)) == 5
+
+
+def test_the_processor_is_part_of_the_key(pendulum, monkeypatch):
+    load(pendulum)
+    monkeypatch.setattr(runtime, "_processor", lambda: "another processor")
+    load(pendulum)
+    assert len(libraries(pendulum)) == 2
+
+
+def test_a_damaged_library_is_built_anew(pendulum):
+    name = runtime.Build(pendulum, "pendulum").file_name()
+    (pendulum / name).write_bytes(b"no library at all")
+    assert accelerate(load(pendulum)) == pytest.approx(EXPECTED, rel=1e-15)
+    assert (pendulum / name).stat().st_size > 1000
+
+
+def test_a_failed_compile_keeps_source_and_log(pendulum):
+    source = pendulum / "pendulum.c"
+    source.write_text(source.read_text() + "this is no C;\n")
+    with pytest.raises(CompileError, match=r"pendulum\.log") as caught:
+        load(pendulum)
+    log = pendulum / "pendulum.log"
+    assert str(source) in str(caught.value)
+    assert "error" in str(caught.value)
+    assert "error" in log.read_text()
+    assert source.exists()
+    assert not libraries(pendulum)
+    assert not list(pendulum.glob(".build*"))
+    source.write_text(source.read_text().replace("this is no C;\n", ""))
+    load(pendulum)
+    assert not log.exists()
+
+
+def test_a_compiler_that_fails_is_no_missing_compiler(pendulum, monkeypatch, tmp_path):
+    monkeypatch.setenv("CC", str(script(tmp_path / "cc", "echo out of order; exit 7")))
+    with pytest.raises(CompileError, match="out of order"):
+        load(pendulum)
+
+
+def test_a_compiler_that_writes_nothing_is_told(pendulum, monkeypatch, tmp_path):
+    monkeypatch.setenv("CC", str(script(tmp_path / "cc", "exit 0")))
+    with pytest.raises(CompileError, match="reported no error, but wrote no library"):
+        load(pendulum)
+
+
+def test_what_fails_for_another_reason_is_not_tried_without_march_native(pendulum):
+    (pendulum / "pendulum.c").write_text("no C\n")
+    with pytest.raises(CompileError):
+        load(pendulum)
+    (command,) = [line for line in (pendulum / "pendulum.log").read_text().splitlines() if line.startswith("$ ")]
+    assert "-march=native" in command
+
+
+def test_a_compiler_without_march_native_is_served(pendulum, monkeypatch, tmp_path):
+    real = shutil.which("cc") or shutil.which("gcc")
+    refuse = 'case "$*" in *march=native*) echo "error: unknown -march=native" >&2; exit 1;; esac'
+    monkeypatch.setenv("CC", str(script(tmp_path / "cc", f'{refuse}\nexec {real} "$@"')))
+    assert accelerate(load(pendulum)) == pytest.approx(EXPECTED, rel=1e-15)
+
+
+@pytest.mark.parametrize("flag", ["-ffast-math", "-Ofast"])
+def test_arithmetic_that_breaks_the_solver_is_refused(pendulum, monkeypatch, flag):
+    monkeypatch.setenv("ORDERNM_CFLAGS", f"-O3 {flag}")
+    with pytest.raises(ValueError, match=flag):
+        load(pendulum)
+
+
+def test_the_compiler_may_have_arguments(pendulum, monkeypatch):
+    monkeypatch.setenv("CC", f"{shutil.which('cc') or shutil.which('gcc')} -DUNUSED=1")
+    assert accelerate(load(pendulum)) == pytest.approx(EXPECTED, rel=1e-15)
+
+
+@pytest.mark.parametrize("environment", [{"CC": "no-such-compiler"}, {"PATH": os.devnull, "CC": ""}])
+def test_without_compiler_numpy_serves(pendulum, monkeypatch, environment):
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    with pytest.warns(RuntimeWarning, match="no C compiler found.*NumPy"):
+        solver = load(pendulum)
+    assert solver.target == "numpy"
+    assert accelerate(solver) == pytest.approx(EXPECTED, rel=1e-15)
+
+
+def test_without_compiler_a_library_of_before_serves(pendulum, monkeypatch):
+    load(pendulum)
+    monkeypatch.setenv("CC", "no-such-compiler")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert load(pendulum).target == "c"
+
+
+def test_without_cffi_numpy_serves(pendulum, monkeypatch):
+    monkeypatch.setitem(sys.modules, "cffi", None)
+    with pytest.warns(RuntimeWarning, match=r"cffi.*NumPy"):
+        assert load(pendulum).target == "numpy"
+
+
+def test_a_library_goes_to_the_users_cache_if_the_package_is_read_only(pendulum, monkeypatch, tmp_path):
+    real = tempfile.TemporaryDirectory
+
+    def refuse(*arguments, dir, **options):
+        if Path(dir) == pendulum:
+            raise PermissionError(13, "Permission denied", str(dir))
+        return real(*arguments, dir=dir, **options)
+
+    monkeypatch.setattr(runtime.tempfile, "TemporaryDirectory", refuse)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr(sys, "platform", "linux")
+    assert accelerate(load(pendulum)) == pytest.approx(EXPECTED, rel=1e-15)
+    assert not libraries(pendulum)
+    (library,) = libraries(tmp_path / "cache" / "ordernm" / "pendulum")
+    before = library.stat().st_ino
+    load(pendulum)
+    assert library.stat().st_ino == before
+    monkeypatch.setenv("XDG_CACHE_HOME", str(pendulum / "model.json"))
+    with pytest.raises(CompileError, match="no folder to write"):
+        load(pendulum)
+
+
+def _build(folder: str, results) -> None:
+    try:
+        results.put(accelerate(load(folder)))
+    except BaseException as error:
+        results.put(repr(error))
+        raise
+
+
+def test_processes_may_build_at_once(pendulum, monkeypatch, tmp_path):
+    real = shutil.which("cc") or shutil.which("gcc")
+    slow = (
+        f'case "$*" in *--version*) ;; *) sleep 0.3;; esac\nexec {real} "$@"'  # all find nothing and start to compile
+    )
+    monkeypatch.setenv("CC", str(script(tmp_path / "cc", slow)))
+    context = multiprocessing.get_context("spawn")
+    results = context.Queue()
+    processes = [context.Process(target=_build, args=(str(pendulum), results)) for _ in range(4)]
+    for p in processes:
+        p.start()
+    found = [results.get(timeout=60) for _ in processes]
+    for p in processes:
+        p.join(60)
+    assert found == [pytest.approx(EXPECTED, rel=1e-15)] * 4
+    assert [p.exitcode for p in processes] == [0] * 4
+    assert len(libraries(pendulum)) == 1
+    assert not list(pendulum.glob(".build*"))
+
+
+def test_several_sources_are_compiled_and_linked(make_pendulum):
+    folder = make_pendulum(sources=["pendulum.c", "pendulum_more.c"])
+    text = (folder / "pendulum.c").read_text()
+    cut = text.index("#define SENSITIVITIES")
+    (folder / "pendulum.c").write_text(text[:cut])
+    (folder / "pendulum_more.c").write_text('#include <math.h>\n#include "pendulum.h"\n' + text[cut:])
+    solver = load(folder)
+    _, dudot = solver.sensitivities([0.3], [0.0], dq=[1.0])
+    assert dudot[0, 0] == pytest.approx(-9.81 / 0.5 * np.cos(0.3))
+    (folder / "pendulum_more.c").write_text("no C\n")
+    with pytest.raises(CompileError, match=r"pendulum_more\.c"):
+        load(folder)
+
+
+def test_both_targets_are_compared(pendulum):
+    assert load(pendulum, "both").target == "c"
+    module = pendulum / "pendulum_numpy.py"
+    module.write_text(module.read_text().replace("0.1 * du", "0.1000001 * du"))
+    with pytest.raises(TargetsDifferError, match="dudot of sensitivities"):
+        load(pendulum, "both")
+    load(pendulum)
+
+
+def test_a_singular_joint_is_named(pendulum):
+    for target in ("c", "numpy"):
+        solver = load(pendulum, target)
+        with pytest.raises(SingularJointError, match="outboard of joint rod") as caught:
+            solver.accelerations([0.3], [0.0], p={"length": 0.0})
+        assert caught.value.link == "rod"
+        assert isinstance(caught.value, np.linalg.LinAlgError)
+    solver = load(pendulum)
+    with pytest.raises(SingularJointError, match=r"state \[1, 0\] of the batch"):
+        solver.accelerations(np.zeros((2, 1, 1)), [0.0], p=[[[9.81, 1.0]], [[9.81, 0.0]]])
+    with pytest.raises(SingularJointError, match="rod"):
+        solver.sensitivities([0.3], [0.0], p={"length": 0.0}, dq=[1.0])
+
+
+def test_a_function_that_was_not_generated_is_said_so(pendulum):
+    solver = load(pendulum)
+    with pytest.raises(
+        AttributeError, match=r"without the function 'mass_matrix'; it has accelerations, sensitivities"
+    ):
+        solver.mass_matrix([0.3])
+
+
+def test_an_unknown_target_is_refused(pendulum):
+    with pytest.raises(ValueError, match="'fortran'; allowed are 'c', 'numpy' and 'both'"):
+        load(pendulum, "fortran")
+
+
+def test_find_compiler_says_what_it_looked_for(monkeypatch):
+    monkeypatch.setenv("CC", "no-such-compiler -m64")
+    with pytest.raises(NoCompilerError, match="CC=no-such-compiler -m64 is no program"):
+        runtime.find_compiler()
+
+
+def test_loading_what_is_compiled_takes_no_time(pendulum):
+    load(pendulum)
+    start = time.perf_counter()
+    load(pendulum)
+    assert time.perf_counter() - start < 0.5

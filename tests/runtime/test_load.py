@@ -1,0 +1,86 @@
+"""Opening packages: where they lie, when they are written anew, and from other versions."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import codegen
+from codegen.runtime.solver import Solver
+
+MODEL = """\
+model: pendulum
+gravity: [0, 0, -9.81]
+parameters: {length: 1.0}
+bodies:
+  rod:
+    parent: ground
+    joint: {type: revolute, axis: y}
+    mass: 2
+    com: [0, 0, -length/2]
+    inertia: {xx: 1, yy: 1, zz: 1}
+"""
+
+
+def test_a_folder_without_package_is_told(tmp_path):
+    with pytest.raises(ValueError, match=r"holds no generated solver.*generate MODEL\.yaml"):
+        codegen.load(tmp_path)
+    with pytest.raises(ValueError, match="holds no generated solver"):
+        codegen.load(tmp_path / "missing")
+
+
+def test_a_package_written_anew_is_read_anew(tmp_path):
+    folder = tmp_path / "pendulum"
+    results = []
+    for mass in (2, 3):
+        codegen.generate(codegen.model.parse_model(MODEL.replace("mass: 2", f"mass: {mass}")), folder, compile=False)
+        for target in ("c", "numpy"):
+            results.append(codegen.load(folder, target).mass_matrix([0.0])[0, 0])
+    np.testing.assert_allclose(results, [1.5, 1.5, 1.75, 1.75])
+
+
+def test_a_package_is_importable_by_name(tmp_path):
+    codegen.generate(codegen.model.parse_model(MODEL), tmp_path / "pendulum")
+    program = (
+        "from pendulum import Solver, CompileError; print(Solver('numpy').mass_matrix([0.0])[0, 0], Solver().target)"
+    )
+    environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=tmp_path, env=environment, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.split() == ["1.5", "c"]
+
+
+def test_a_package_of_another_version_runs_itself(tmp_path):
+    folder = tmp_path / "pendulum"
+    codegen.generate(codegen.model.parse_model(MODEL), folder)
+    assert type(codegen.load(folder)) is Solver
+    brought = folder / "_runtime.py"
+    brought.write_text(brought.read_text() + "\nVERSION_OF_THE_TEST = 1\n")
+    solver = codegen.load(folder)
+    assert not isinstance(solver, Solver)
+    assert type(solver) is type(codegen.load(folder))
+    assert solver.mass_matrix([0.0])[0, 0] == pytest.approx(1.5)
+
+
+def test_a_package_may_be_moved(tmp_path):
+    codegen.generate(codegen.model.parse_model(MODEL), tmp_path / "pendulum")
+    os.rename(tmp_path / "pendulum", tmp_path / "elsewhere")
+    solver = codegen.load(tmp_path / "elsewhere")
+    assert solver.mass_matrix([0.0])[0, 0] == pytest.approx(1.5)
+    assert len(list((tmp_path / "elsewhere").glob("*.so"))) == 1
+
+
+@pytest.mark.xfail(reason="the C of a model without freedoms does not compile yet")
+def test_a_model_that_cannot_move_has_empty_results(tmp_path):
+    text = MODEL.replace("{type: revolute, axis: y}", "{type: fixed}").replace("length/2", "0.5")
+    for line in ("parameters: {length: 1.0}\n", "gravity: [0, 0, -9.81]\n"):
+        text = text.replace(line, "")
+    codegen.generate(codegen.model.parse_model(text), tmp_path / "still")
+    for target in ("c", "numpy"):
+        solver = codegen.load(tmp_path / "still", target)
+        assert solver.accelerations([], []).shape == (0,)
+        assert solver.accelerations(np.zeros((3, 0)), []).shape == (3, 0)
+        assert solver.mass_matrix([]).shape == (0, 0)
