@@ -6,6 +6,7 @@ Exit codes: 0 ok, 1 the model is wrong, 2 usage, 3 compiling failed, 4 the numbe
 from __future__ import annotations
 
 import argparse
+import contextlib
 import importlib
 import sys
 import threading
@@ -50,6 +51,12 @@ def _generate_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _problem(text: object) -> None:
     print(text, file=sys.stderr)
+
+
+def _tolerate_terminal() -> None:
+    """A terminal without unicode shows ``?`` for what it lacks; it is no reason to fail."""
+    with contextlib.suppress(AttributeError):  # a stream that somebody put in the place of stdout
+        sys.stdout.reconfigure(errors="replace")  # type: ignore[union-attr]
 
 
 def _load(file: str) -> Any:
@@ -164,7 +171,7 @@ def run_check(options: argparse.Namespace) -> int:
         _problem(error)
         return MODEL_WRONG
     for warning in model.warnings:
-        print(f"warning: {warning}")
+        print(warning)
     print(f"{options.model}: {len(model.bodies)} bodies, {model.nq} coordinates, {model.nu} speeds: ok")
     return OK
 
@@ -180,7 +187,7 @@ def run_show(options: argparse.Namespace) -> int:
         try:
             print(load(path, "numpy"))
         except ValueError as error:
-            _problem(error)
+            _problem(f"show: {error}")
             return USAGE
         return OK
     try:
@@ -189,6 +196,7 @@ def run_show(options: argparse.Namespace) -> int:
         _problem(error)
         return MODEL_WRONG
     from rich.console import Console
+    from rich.markup import escape
     from rich.tree import Tree
 
     tree = Tree(f"[bold]{model.name}[/bold] ground")
@@ -199,7 +207,7 @@ def run_show(options: argparse.Namespace) -> int:
     console = Console(highlight=False)
     console.print(tree)
     for p in model.parameters:
-        console.print(f"  parameter {p.name} = {p.value} {p.unit}")
+        console.print(escape(f"  parameter {p.name} = {p.value} {p.unit}".rstrip()))
     for o in model.outputs:
         console.print(f"  output {o.name}: {o.measure}")
     return OK
@@ -207,21 +215,31 @@ def run_show(options: argparse.Namespace) -> int:
 
 def run_new(options: argparse.Namespace) -> int:
     """``ordernm new``: write a first model file."""
+    from .model import ModelError, parse_model
+
     path = Path(options.model)
-    name = path.stem
-    if not name.isidentifier():
-        _problem(f"{name!r} is no identifier; call the file after the model, such as pendulum.yaml")
+    text = NEW_MODEL.format(name=path.stem)
+    try:
+        parse_model(text, str(path))
+    except ModelError:  # the name is all that may be wrong with it: with blanks, a word of Python or C, ...
+        _problem(f"new: {path.stem!r} cannot name a model; call the file after one, such as pendulum.yaml")
         return USAGE
-    if path.exists():
-        _problem(f"{path} exists; choose another name")
+    try:
+        with open(path, "x", encoding="utf-8") as file:
+            file.write(text)
+    except FileExistsError:
+        _problem(f"new: {path} exists; choose another name")
         return USAGE
-    path.write_text(NEW_MODEL.format(name=name), encoding="utf-8")
+    except OSError as error:
+        _problem(f"new: cannot write {path}: {error.strerror or error}")
+        return USAGE
     print(f"wrote {path}; now: generate {path}")
     return OK
 
 
 def generate_main(arguments: Sequence[str] | None = None) -> int:
     """Entry point of ``generate``."""
+    _tolerate_terminal()
     parser = argparse.ArgumentParser(
         prog="generate", description="Generate a solver with exact design sensitivities from a model file."
     )
@@ -232,6 +250,7 @@ def generate_main(arguments: Sequence[str] | None = None) -> int:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point of ``ordernm``."""
+    _tolerate_terminal()
     parser = argparse.ArgumentParser(prog="ordernm", description="Multibody solvers with exact design sensitivities.")
     parser.add_argument("--version", action="version", version=f"ordernm {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")

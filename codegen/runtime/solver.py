@@ -52,6 +52,10 @@ class CompileError(RuntimeError):
     """The C compiler refused the generated source; the message says where source and log are kept."""
 
 
+class FlagsError(CompileError, ValueError):
+    """``ORDERNM_CFLAGS`` of the environment cannot be used."""
+
+
 class NoCompilerError(RuntimeError):
     """There is nothing to compile C with, or nothing to call it through."""
 
@@ -100,7 +104,10 @@ def find_compiler() -> list[str]:
     ------
     NoCompilerError
     """
-    given = shlex.split(os.environ.get("CC", ""))
+    try:
+        given = shlex.split(os.environ.get("CC", ""))
+    except ValueError as error:
+        raise NoCompilerError(f"no C compiler found: CC={os.environ['CC']} is no command ({error})") from None
     for command in [given] if given else [["cc"], ["gcc"], ["clang"]]:
         path = shutil.which(command[0])
         if path:
@@ -114,14 +121,17 @@ def optimization() -> list[str]:
 
     Raises
     ------
-    ValueError
+    FlagsError
         ``ORDERNM_CFLAGS`` asks for arithmetic that breaks the solver.
     """
     given = os.environ.get("ORDERNM_CFLAGS")
-    flags = list(OPTIMIZATION) if given is None else shlex.split(given)
+    try:
+        flags = list(OPTIMIZATION) if given is None else shlex.split(given)
+    except ValueError as error:
+        raise FlagsError(f"ORDERNM_CFLAGS={given} cannot be split into flags: {error}") from None
     for flag in flags:
         if flag in FORBIDDEN:
-            raise ValueError(
+            raise FlagsError(
                 f"ORDERNM_CFLAGS holds {flag}, which breaks the search for singular joints; use for instance -O3"
             )
     return flags

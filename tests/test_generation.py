@@ -1,0 +1,340 @@
+"""generate: what it writes, what it refuses, and that a package is written as a whole or not at all."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import codegen
+from codegen import generation
+from codegen.generation import FolderError, check_solver, generate
+from codegen.model import ModelError, parse_model
+from codegen.runtime import CompileError
+
+TEXT = """
+model: rod
+gravity: [0, 0, -9.81]
+parameters: {length: {value: 1.0, unit: m}}
+inputs: [motor]
+bodies:
+  rod:
+    parent: ground
+    joint: {type: revolute, axis: y}
+    shape: {type: cylinder, axis: z, length: length, radius: 0.02, density: 2700, center: [0, 0, -length/2]}
+  bob:
+    parent: rod
+    joint: {type: spherical, at: [0, 0, -length]}
+    shape: {type: sphere, radius: 0.1, mass: 1, center: [0, 0, -0.2]}
+forces:
+  drive: {type: joint, joint: rod, value: motor*sin(t) - 0.01*u.rod}
+outputs:
+  energy: kinetic_energy
+"""
+FILES = ["README.md", "__init__.py", "_runtime.py", "model.json", "rod.c", "rod.h", "rod_directions.h", "rod_numpy.py"]
+
+
+@pytest.fixture(scope="module")
+def model():
+    return parse_model(TEXT)
+
+
+@pytest.fixture(scope="module")
+def written(model, tmp_path_factory) -> Path:
+    """A package without a compiled library; not to be changed."""
+    return generate(model, tmp_path_factory.mktemp("out") / "rod", compile=False).folder
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {p.relative_to(folder).as_posix(): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
+
+
+def neighbours(folder: Path) -> list[str]:
+    return sorted(p.name for p in folder.parent.iterdir())
+
+
+def test_the_files_of_a_package(written):
+    assert set(FILES) <= set(contents(written))
+    manifest = json.loads((written / "model.json").read_text())
+    assert manifest["generator"] == "ordernm" and manifest["name"] == "rod"
+    assert manifest["coordinate_names"] == ["rod", "bob.qw", "bob.qx", "bob.qy", "bob.qz"]
+    assert manifest["parameter_names"] == ["length"] and manifest["input_names"] == ["motor"]
+    assert re.fullmatch("[0-9a-f]{64}", manifest["hash"])
+    assert neighbours(written) == ["rod"]  # nothing of the making is left beside it
+    assert not list(written.glob("*.so"))
+
+
+def test_files_say_neither_when_nor_where(written):
+    for name, content in contents(written).items():
+        text = content.decode()
+        assert str(written.parent) not in text and str(Path.cwd()) not in text, name
+        assert os.uname().nodename not in text or len(os.uname().nodename) < 4, name
+        assert not re.search(r"\b(19|20)\d\d-\d\d-\d\d\b|\b\d\d:\d\d:\d\d\b", text), name
+        assert "\r" not in text and text.endswith("\n"), name
+
+
+@pytest.mark.parametrize("seed", ["1", "4242"])
+def test_same_bytes_under_other_hash_seeds_and_folders(written, tmp_path, seed):
+    script = "import sys, codegen; from codegen.model import parse_model\n" \
+             "codegen.generate(parse_model(sys.stdin.read()), sys.argv[1], compile=False)"  # fmt: skip
+    place = tmp_path / f"other {seed}" / "package"
+    environment = {**os.environ, "PYTHONHASHSEED": seed, "PYTHONPATH": str(Path(codegen.__file__).parents[1])}
+    subprocess.run(
+        [sys.executable, "-c", script, place], input=TEXT, text=True, check=True, env=environment, cwd=tmp_path
+    )
+    assert contents(place) == contents(written)
+
+
+def test_the_run_time_is_copied_as_it_is(written):
+    own = Path(codegen.__file__).parent / "runtime" / "solver.py"
+    assert (written / "_runtime.py").read_bytes() == own.read_bytes()
+
+
+@pytest.mark.parametrize("target", ["c", "numpy", "both"])
+def test_both_targets_are_always_written(model, tmp_path, target):
+    folder = generate(model, tmp_path / "rod", target, compile=False).folder
+    assert set(FILES) <= set(contents(folder))
+    assert json.loads((folder / "model.json").read_text())["target"] == target
+
+
+def test_layouts(model, tmp_path):
+    texts = {}
+    for layout in ("kinds", "unrolled", "auto"):
+        report = generate(model, tmp_path / layout, layout=layout, compile=False)
+        assert report.layout in ("kinds", "unrolled") and layout in ("auto", report.layout)
+        texts[layout] = (tmp_path / layout / "rod.c").read_text()
+    assert texts["auto"] in (texts["kinds"], texts["unrolled"])
+
+
+@pytest.mark.parametrize("option", ["target", "layout"])
+def test_unknown_options_are_refused(model, tmp_path, option):
+    with pytest.raises(ValueError, match=rf"{option} is 'rust'; allowed are .*, "):
+        generate(model, tmp_path / "rod", **{option: "rust"})
+    assert not (tmp_path / "rod").exists()
+
+
+FOREIGN = {
+    "a file": {"notes.txt": "mine"},
+    "another model.json": {"model.json": '{"generator": "me"}'},
+    "a model.json that is a list": {"model.json": "[1]"},
+    "a model.json that is no JSON": {"model.json": "{"},
+    "a model.json that is no text": {"model.json": b"\xff\xfe"},
+    "a folder": {"sub/x": ""},
+    "a hidden file": {".hidden": ""},
+}
+
+
+@pytest.mark.parametrize("case", FOREIGN)
+def test_a_foreign_folder_is_refused_and_left_alone(model, tmp_path, case):
+    folder = tmp_path / "rod"
+    for name, content in FOREIGN[case].items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(content if isinstance(content, bytes) else content.encode())
+    before = contents(folder)
+    with pytest.raises(FolderError, match=r"rod.*did not write.*-o"):
+        generate(model, folder, compile=False)
+    assert contents(folder) == before and neighbours(folder) == ["rod"]
+
+
+def test_a_file_in_an_own_folder_is_not_lost(model, tmp_path):
+    folder = generate(model, tmp_path / "rod", compile=False).folder
+    (folder / "results.csv").write_text("days of work")
+    with pytest.raises(FolderError, match=r"results\.csv.*-o"):
+        generate(parse_model(TEXT.replace("2700", "2800")), folder, compile=False)
+    assert (folder / "results.csv").read_text() == "days of work"
+
+
+def test_a_file_in_the_place_of_the_folder(model, tmp_path):
+    (tmp_path / "rod").write_text("mine")
+    with pytest.raises(FolderError, match=r"is a file; .*-o"):
+        generate(model, tmp_path / "rod", compile=False)
+    assert (tmp_path / "rod").read_text() == "mine"
+
+
+def test_the_working_directory_is_refused(model, tmp_path, monkeypatch):
+    # it would be replaced, and the shell stand in a folder that is no more
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    for folder in (".", tmp_path / "here", tmp_path / "here" / ".." / "here"):
+        with pytest.raises(FolderError, match=r"working directory.*-o"):
+            generate(model, folder, compile=False)
+    assert neighbours(tmp_path / "here") == ["here"] and not contents(tmp_path)
+
+
+def test_empty_folders_parents_and_links(model, tmp_path):
+    (tmp_path / "empty").mkdir()
+    generate(model, tmp_path / "empty", compile=False)
+    generate(model, tmp_path / "a" / "b" / "c", compile=False)
+    (tmp_path / "target").mkdir()
+    (tmp_path / "link").symlink_to(tmp_path / "target")
+    generate(model, tmp_path / "link", compile=False)
+    assert (tmp_path / "link").is_symlink()
+    assert contents(tmp_path / "empty") == contents(tmp_path / "a" / "b" / "c") == contents(tmp_path / "target")
+
+
+def test_own_output_is_overwritten(model, tmp_path):
+    folder = generate(model, tmp_path / "rod", compile=False).folder
+    (folder / "__pycache__").mkdir()
+    (folder / "__pycache__" / "x.pyc").write_bytes(b"")
+    before = (folder / "rod.c").read_bytes()
+    changed = parse_model(TEXT.replace("2700", "2800"))
+    assert generate(changed, folder, compile=False).written
+    assert (folder / "rod.c").read_bytes() != before
+    assert neighbours(folder) == ["rod"] and set(contents(folder)) == set(FILES)
+
+
+def test_another_model_leaves_nothing_of_the_first(model, tmp_path):
+    folder = generate(model, tmp_path / "rod", compile=False).folder
+    generate(parse_model(TEXT.replace("model: rod", "model: stick")), folder, compile=False)
+    assert not list(folder.glob("rod*")) and (folder / "stick.c").exists()
+
+
+@pytest.mark.parametrize("existing", [False, True])
+def test_a_failure_while_writing_leaves_what_was_there(model, tmp_path, monkeypatch, existing):
+    folder = tmp_path / "rod"
+    if existing:
+        generate(model, folder, compile=False)
+    before = contents(tmp_path)
+    changed = parse_model(TEXT.replace("2700", "2800"))
+    real, count = Path.write_bytes, [0]
+
+    def full(self, data):
+        count[0] += 1
+        if count[0] == 4:
+            real(self, data[: len(data) // 2])
+            raise OSError(28, "No space left on device", str(self))
+        return real(self, data)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "write_bytes", full)
+        with pytest.raises((FolderError, OSError), match="No space left"):
+            generate(changed, folder, compile=False)
+    assert count[0] == 4 and contents(tmp_path) == before
+    assert neighbours(folder) == (["rod"] if existing else [])
+
+
+def test_a_failure_before_writing_leaves_what_was_there(model, tmp_path, monkeypatch):
+    import codegen.emit.solver
+
+    folder = generate(model, tmp_path / "rod", compile=False).folder
+    before = contents(folder)
+
+    def interrupted(*arguments, **options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(codegen.emit.solver, "write_solver", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        generate(model, folder, compile=False)
+    assert contents(folder) == before and neighbours(folder) == ["rod"]
+
+
+def test_a_wrong_model_writes_nothing(tmp_path):
+    with pytest.raises(ModelError):
+        generate(tmp_path / "missing.yaml", tmp_path / "out")
+    (tmp_path / "bad.yaml").write_text(TEXT.replace("revolute", "revolving"))
+    with pytest.raises(ModelError, match=r"bad\.yaml:\d+:\d+: .*revolving.*revolute"):
+        generate(tmp_path / "bad.yaml", tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_failing_compiler_leaves_source_and_log(model, tmp_path, monkeypatch):
+    monkeypatch.setenv("ORDERNM_CFLAGS", "-O0 -fno-such-flag")
+    with pytest.raises(CompileError, match=r"rod\.c.*rod.*\.log") as error:
+        generate(model, tmp_path / "rod")
+    assert "no-such-flag" in str(error.value)
+    (log,) = (tmp_path / "rod").glob("*.log")
+    assert "no-such-flag" in log.read_text() and (tmp_path / "rod" / "rod.c").exists()
+    assert not list((tmp_path / "rod").glob("*.so"))
+    monkeypatch.setenv("ORDERNM_CFLAGS", "-O0")
+    report = generate(model, tmp_path / "rod", check=True)
+    assert report.compiled and report.errors["dudot"] < 1e-9
+
+
+def test_without_compiler_there_is_a_remark_and_numpy_checks(model, tmp_path, monkeypatch):
+    monkeypatch.setenv("CC", "no-such-compiler")
+    report = generate(model, tmp_path / "rod", check=True)
+    assert not report.compiled
+    assert any("no-such-compiler" in r and "NumPy" in r for r in report.remarks)
+    assert 0 <= report.errors["udot"] < 1e-9 and 0 <= report.errors["dudot"] < 1e-9
+    with pytest.warns(RuntimeWarning, match=r"no-such-compiler.*NumPy target"):
+        solver = codegen.load(tmp_path / "rod")
+    assert solver.target == "numpy" and np.isfinite(solver.accelerations(*solver.initial)).all()
+
+
+def test_the_check_finds_wrong_numbers(model, tmp_path):
+    report = generate(model, tmp_path / "rod", "numpy")
+    file = tmp_path / "rod" / "rod_numpy.py"
+    text = file.read_text()
+    assert "9.81" in text
+    file.write_text(text.replace("9.81", "9.82"))
+    check_solver(model, report)
+    assert report.errors["udot"] > generation.CHECK_TOLERANCE and report.errors["dudot"] > generation.CHECK_TOLERANCE
+    file.write_text(text.replace("9.81", "float('nan')"))
+    check_solver(model, report)
+    assert not report.errors["udot"] <= generation.CHECK_TOLERANCE
+
+
+SLIDER = """
+model: slider
+bodies:
+  a: {parent: ground, joint: {type: prismatic, axis: x}, mass: 1}
+forces:
+  f: {type: joint, joint: a, value: FORCE}
+"""
+
+
+def test_a_check_where_expressions_have_a_value(tmp_path):
+    # log has none at half of the states: those are left out, and they are no wrong numbers
+    report = generate(parse_model(SLIDER.replace("FORCE", "log(q.a)")), tmp_path / "half", "numpy", check=True)
+    assert report.errors["dudot"] < 1e-9 and not report.remarks
+    report = generate(parse_model(SLIDER.replace("FORCE", "log(q.a - 100)")), tmp_path / "none", "numpy", check=True)
+    assert not report.errors and any("not checked" in r for r in report.remarks)
+
+
+def test_large_models_are_not_checked(model, tmp_path, monkeypatch):
+    monkeypatch.setattr(generation, "CHECK_LIMIT", 1)
+    report = generate(model, tmp_path / "rod", "numpy", check=True)
+    assert not report.errors and any("not checked" in r and "1 bodies" in r for r in report.remarks)
+
+
+BLOCKED = """
+import importlib.abc, sys
+
+class Blocker(importlib.abc.MetaPathFinder):
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in sys.argv[2].split(","):
+            raise ImportError(f"{name} is blocked")
+
+sys.meta_path.insert(0, Blocker())
+sys.path.insert(0, sys.argv[1])
+from package import Solver
+solver = Solver(*sys.argv[3:])
+udot, dudot = solver.sensitivities(*solver.initial, dq=[1.0, 0, 0, 0, 0])
+print(solver.target, *udot)
+"""
+
+
+@pytest.fixture(scope="module")
+def package(model, tmp_path_factory):
+    return generate(model, tmp_path_factory.mktemp("alone") / "package").folder
+
+
+@pytest.mark.parametrize(("target", "without"), [("c", "cffi_none"), ("numpy", "cffi,_cffi_backend")])
+def test_a_package_stands_alone(package, model, target, without):
+    blocked = f"{without},codegen,sympy,scipy,jinja2,yaml,pydantic,platformdirs,rich"
+    run = subprocess.run([sys.executable, "-I", "-c", BLOCKED, package.parent, blocked, target],
+                         capture_output=True, text=True, check=False)  # fmt: skip
+    assert run.returncode == 0, run.stderr
+    assert not run.stderr
+    used, *udot = run.stdout.split()
+    assert used == target
+    expected = codegen.load(package, target).accelerations(*codegen.load(package).initial)
+    np.testing.assert_allclose([float(x) for x in udot], expected, rtol=1e-12, atol=1e-12)
+
+
+def test_both_targets_agree_when_loaded(package):
+    assert codegen.load(package, "both").target == "c"
