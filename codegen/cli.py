@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import argparse
 import atexit
-import gc
 import contextlib
+import gc
 import importlib
 import sys
 import threading
