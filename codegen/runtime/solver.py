@@ -173,7 +173,8 @@ def _compiler_version(command: tuple[str, ...]) -> str:
 class Build:
     """How the C of a package becomes a library.
 
-    The library's name holds three keys: of the source; of flags and processor; of the compiler. It appears under that
+    The library's name holds three keys, of the source; of flags and processor; of the compiler, and a digest of the
+    library itself: opening one that a full disk or a broken copy cut short would kill the process. It appears under that
     name only when it is complete, so several processes may build at once.
 
     Parameters
@@ -195,16 +196,18 @@ class Build:
             self.compiler = find_compiler()
         except NoCompilerError as error:
             self.compiler, self.complaint = [], error
-        self.places = (folder, user_cache() / name)
+        self.places = [folder]
+        with contextlib.suppress(RuntimeError):  # a user without a home
+            self.places.append(user_cache() / name)
 
-    def file_name(self) -> str:
-        """Name of the library; ``*`` for the compiler if there is none."""
+    def key(self) -> str:
+        """Beginning of the library's name; ``*`` for the compiler if there is none."""
         source = hashlib.sha256()
         for file in (*self.sources, *sorted(self.folder.glob(f"{self.name}*.h"))):
             source.update(file.read_bytes())
         machine = _key(*STANDARD, *self.flags, _processor())
         compiler = _key(*self.compiler, _compiler_version(tuple(self.compiler))) if self.compiler else "*"
-        return f"{self.name}-{source.hexdigest()[:16]}-{machine}-{compiler}.so"
+        return f"{self.name}-{source.hexdigest()[:16]}-{machine}-{compiler}"
 
     def library(self, rebuild: bool = False) -> Path:
         """The library; compiled unless it exists.
@@ -213,11 +216,13 @@ class Build:
         ------
         NoCompilerError, CompileError
         """
-        file_name = self.file_name()
-        if not rebuild:
-            for place in self.places:
-                for found in sorted(place.glob(file_name)):
-                    return found
+        key = self.key()
+        for place in () if rebuild else self.places:
+            for found in sorted(place.glob(f"{key}-*.so")):
+                with contextlib.suppress(OSError):
+                    if found.stem.endswith(f"-{_digest(found)}"):
+                        return found
+                    found.unlink()
         if not self.compiler:
             raise self.complaint
         refusals = []
@@ -229,9 +234,11 @@ class Build:
                 refusals.append(str(error))
                 continue
             with workshop as temporary:
-                self._compile(Path(temporary) / "library.so", place / f"{self.name}.log")
-                os.replace(Path(temporary) / "library.so", place / file_name)
-            return place / file_name
+                made = Path(temporary) / "library.so"
+                self._compile(made, place / f"{self.name}.log")
+                library = place / f"{key}-{_digest(made)}.so"
+                os.replace(made, library)
+            return library
         raise CompileError(f"no folder to write the library of {self.name} to: {'; '.join(refusals)}")
 
     def _compile(self, output: Path, log_file: Path) -> None:
@@ -263,6 +270,10 @@ class Build:
         if refused:
             return refused, log
         return _run_all([[*common, "-o", str(output), *map(str, objects), "-lm"]])
+
+
+def _digest(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()[:8]
 
 
 def _key(*parts: str) -> str:

@@ -69,11 +69,41 @@ def test_the_processor_is_part_of_the_key(pendulum, monkeypatch):
     assert len(libraries(pendulum)) == 2
 
 
-def test_a_damaged_library_is_built_anew(pendulum):
-    name = runtime.Build(pendulum, "pendulum").file_name()
-    (pendulum / name).write_bytes(b"no library at all")
+DAMAGES = {
+    "empty": lambda whole: b"",
+    "no library": lambda whole: b"no library at all",
+    "half": lambda whole: whole[: len(whole) // 2],
+    "last byte": lambda whole: whole[:-1],
+    "zeros": lambda whole: whole[: len(whole) // 2] + bytes(len(whole) - len(whole) // 2),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_damaged_library_is_built_anew(pendulum, damage):
+    # opening a library that was cut short would kill the process (SIGBUS)
+    library = runtime.compile_library(pendulum, "pendulum")
+    library.write_bytes(DAMAGES[damage](library.read_bytes()))
     assert accelerate(load(pendulum)) == pytest.approx(EXPECTED, rel=1e-15)
-    assert (pendulum / name).stat().st_size > 1000
+    (library,) = libraries(pendulum)
+    assert library.stat().st_size > 1000
+
+
+def test_a_library_that_does_not_open_is_built_anew(pendulum, monkeypatch):
+    # whole, but made for another machine
+    library = runtime.compile_library(pendulum, "pendulum")
+    digest = library.stem.rpartition("-")[2]
+    monkeypatch.setattr(runtime, "_digest", lambda file: digest)
+    library.write_bytes(b"for another machine")
+    assert accelerate(load(pendulum)) == pytest.approx(EXPECTED, rel=1e-15)
+    assert library.stat().st_size > 1000
+
+
+def test_a_user_without_a_home_is_served(pendulum, monkeypatch):
+    def homeless():
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.setattr(runtime, "user_cache", homeless)
+    assert accelerate(load(pendulum)) == pytest.approx(EXPECTED, rel=1e-15)
 
 
 def test_a_failed_compile_keeps_source_and_log(pendulum):
