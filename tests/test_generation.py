@@ -338,3 +338,12 @@ def test_a_package_stands_alone(package, model, target, without):
 
 def test_both_targets_agree_when_loaded(package):
     assert codegen.load(package, "both").target == "c"
+
+
+def test_a_solver_of_a_package_can_be_sent_to_another_process(package):
+    script = ("import pickle; from package import Solver, TargetsDifferError; s = pickle.loads(pickle.dumps(Solver('numpy')))\n"
+              "print(type(s) is Solver, s.target, s.accelerations(*s.initial).shape)")  # fmt: skip
+    run = subprocess.run(
+        [sys.executable, "-c", script], cwd=package.parent, capture_output=True, text=True, check=False
+    )
+    assert run.stdout == "True numpy (4,)\n", run.stderr
