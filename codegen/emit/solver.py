@@ -12,13 +12,14 @@ from ..mechanics.formulas import force_formulas
 from ..mechanics.kinds import System, analyse
 from ..mechanics.outputs import measured_sweeps, output_formulas, potential_formula
 from ..mechanics.sweeps import SWEEPS
+from ..model.errors import ModelError, Problem
 from ..model.model import GROUND, Model
 from ..program.operations import Operations, count
 from .c import CWriter, write_c
 from .interface import manifest
 from .numpy import write_numpy
 
-UNROLLED_LINKS = 0
+UNROLLED_LINKS = 8
 """Models of at most so many links get one function per link unless another layout is asked for."""
 
 ALWAYS = (
@@ -71,6 +72,8 @@ def write_solver(model: Model, layout: str = "auto") -> Source:
         seconds[stage] = now - clock
         clock = now
 
+    if not model.nu:
+        raise ModelError([Problem(model.name, None, None, "bodies", "no joint has a freedom, so nothing can move")])
     unrolled = layout == "unrolled" or (layout == "auto" and len(model.bodies) <= UNROLLED_LINKS)
     system = analyse(model, unrolled)
     lap("analyse")

@@ -48,6 +48,8 @@ class Program:
     read_outside : set of (memory, kind, field)
         What formulas read after the sweeps.
     report : list of (pass, operations, seconds)
+    sweep_seconds : dict of str to float
+        Expanding and simplifying, by sweep.
     """
 
     system: System
@@ -56,6 +58,7 @@ class Program:
     lanes: list[str] = field(default_factory=list)
     slots: dict[str, list[str]] = field(default_factory=dict)
     report: list[tuple[str, Operations, float]] = field(default_factory=list)
+    sweep_seconds: dict[str, float] = field(default_factory=dict)
     ground_fields: set[str] = field(default_factory=set)
     transient: dict[str, list[str]] = field(default_factory=dict)
     read_outside: set[tuple[str, int, str]] = field(default_factory=set)
@@ -120,10 +123,12 @@ def expand(system: System, sweeps: Iterable[str], read_outside: Iterable[tuple[s
     patterns = Patterns(system)
     _ground_pattern(patterns)
     program = Program(system, read_outside=set(read_outside))
-    start = time.perf_counter()
+    start = clock = time.perf_counter()
+    seconds = program.sweep_seconds
     for sweep in chosen:
         patterns.settle(sweep)
         program.blocks[sweep.name] = {}
+        seconds[sweep.name], clock = time.perf_counter() - clock, time.perf_counter()
     for sweep in chosen:
         for kind in system.kinds:
             if not sweep.applies(kind):
@@ -134,15 +139,17 @@ def expand(system: System, sweeps: Iterable[str], read_outside: Iterable[tuple[s
             )
             sweep.write(x, kind)
             program.blocks[sweep.name][kind.index] = x.finish()
+        seconds[sweep.name], clock = seconds[sweep.name] + time.perf_counter() - clock, time.perf_counter()
     program.report.append(("expand", _total(program), time.perf_counter() - start))
     start = time.perf_counter()
     _drop_unread(program, patterns, chosen)
     program.report.append(("drop what nobody reads", _total(program), time.perf_counter() - start))
     for name, function in PASSES:
-        start = time.perf_counter()
-        for blocks in program.blocks.values():
+        start = clock = time.perf_counter()
+        for sweep_name, blocks in program.blocks.items():
             for k, block in blocks.items():
                 blocks[k] = function(block)
+            seconds[sweep_name], clock = seconds[sweep_name] + time.perf_counter() - clock, time.perf_counter()
         program.report.append((name, _total(program), time.perf_counter() - start))
     _drop_unread(program, patterns, chosen)
     _lay_out(program)

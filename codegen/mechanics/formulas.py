@@ -12,6 +12,8 @@ from typing import Any
 import sympy
 from sympy import Expr
 
+from ..model.errors import ModelError, Problem
+from ..model.expressions import Expression
 from ..model.model import Model
 from ..program.block import Block, Expansion, Statement
 from ..program.derivatives import Tangents
@@ -19,6 +21,9 @@ from ..program.functions import number
 from ..program.passes import simplify
 from .constants import Statements
 from .kinds import System
+
+_NO_VALUES = (sympy.zoo, sympy.oo, -sympy.oo, sympy.nan)
+_NAMES = {"tau": "forces", "outputs": "outputs"}
 
 CATEGORIES = ("q", "u", "p", "inputs", "t")
 
@@ -96,6 +101,15 @@ def formula_kinds(model: Model, target: str, formulas: Sequence[tuple[int, Any]]
         kind = kinds.get(canonical)
         if kind is None:
             kind = kinds[canonical] = _make(len(kinds), target, canonical, list(template.slots))
+            for block in (kind.value, kind.tangent):
+                if any(
+                    e.has(*_NO_VALUES)
+                    for e in [*(s.expression for s in block.statements), *(e for *_, e in block.stores)]
+                ):
+                    message = (
+                        f"{Expression(tree)} has no value (a division by zero?) for any state; change the expression"
+                    )
+                    raise ModelError([Problem(model.name, None, None, _NAMES[target], message)])
         kind.rows.append((index, [i for _, i in template.slots], list(template.numbers)))
     for kind in kinds.values():
         for j in range(len(kind.rows[0][2])):

@@ -96,6 +96,9 @@ def check_freedoms(bodies: Sequence[Body], value: Callable[[Expression], float])
     """
     if not bodies:
         return
+    if all(b.joint.type == "fixed" for b in bodies):
+        yield 0, ("joint",), "all joints are fixed, so nothing can move; give at least one of them a freedom", "error"
+        return
     mass, inertia, scale = _mass_and_inertia(bodies, value)
     n = len(bodies)
     children: list[list[int]] = [[] for _ in range(n)]
