@@ -148,7 +148,7 @@ outputs:
 def test_ranges():
     def names(header, entry="a(k)"):
         entry = f"{entry}: {{parent: ground, joint: {{type: prismatic, axis: y}}, mass: 1}}"
-        base = "z: {parent: ground, joint: {type: fixed}}"
+        base = "z: {parent: ground, joint: {type: prismatic, axis: z}, mass: 1}"
         text = f"model: m\nconstants: {{n: 5}}\nbodies:\n  {base}\n  {header}:\n    {entry}\n"
         return [b.name for b in parse_model(text).bodies][1:]
 
