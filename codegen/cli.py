@@ -141,11 +141,12 @@ def print_report(report: Any, verbose: bool = False) -> None:
         f"{each / max(udot, 1):.2f} of udot)"
     )
     if verbose:
-        table = Table("sweep", "+", "*", "/", "functions", "+ per direction", "* per direction")
+        table = Table("sweep", "+", "*", "/", "functions", "+ per direction", "* per direction", "seconds")
         for sweep, parts in report.operations.items():
             a, b = parts["per_call"], parts["per_direction"]
             table.add_row(sweep, *(str(a[k]) for k in ("additions", "multiplications", "divisions", "functions")),
-                          str(b["additions"]), str(b["multiplications"]))  # fmt: skip
+                          str(b["additions"]), str(b["multiplications"]),
+                          f"{report.sweep_seconds.get(sweep, 0.0):.3f}")  # fmt: skip
         console.print(table)
         table = Table("pass", "+", "*", "/", "functions", "seconds", title="all blocks after every pass")
         for name, o, seconds in report.passes:

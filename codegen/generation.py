@@ -48,6 +48,8 @@ class Report:
         By sweep; see `Solver.operations`.
     passes : list of (str, dict, float)
         Operations of all blocks after every pass, and seconds.
+    sweep_seconds : dict of str to float
+        Expanding and simplifying, by sweep.
     seconds : dict of str to float
         By stage.
     errors : dict of str to float
@@ -71,6 +73,7 @@ class Report:
     files: dict[str, int]
     operations: dict[str, Any]
     passes: list[tuple[str, dict[str, int], float]]
+    sweep_seconds: dict[str, float]
     warnings: tuple[str, ...]
     seconds: dict[str, float] = field(default_factory=dict)
     compiled: bool = False
@@ -153,6 +156,7 @@ def generate(
         operations=source.manifest["operations"],
         passes=[(n, {"additions": o.additions, "multiplications": o.multiplications, "divisions": o.divisions,
                      "functions": o.functions}, s) for n, o, s in source.passes],
+        sweep_seconds=source.program.sweep_seconds,
         warnings=model.warnings, seconds=seconds, written=written,
     )  # fmt: skip
     if compile and target != "numpy":
