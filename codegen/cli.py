@@ -141,14 +141,18 @@ def print_report(report: Any, verbose: bool = False) -> None:
         f"{each / max(udot, 1):.2f} of udot)"
     )
     if verbose:
-        table = Table("sweep", "+", "*", "/", "functions", "+ per direction", "* per direction", "seconds")
+        table = Table("sweep", "+", "*", "/", "functions", "+ each", "* each", "seconds", box=None,
+                      title="operations per call, and of each direction", title_justify="left")  # fmt: skip
+        table.columns[0].no_wrap = True
         for sweep, parts in report.operations.items():
             a, b = parts["per_call"], parts["per_direction"]
             table.add_row(sweep, *(str(a[k]) for k in ("additions", "multiplications", "divisions", "functions")),
                           str(b["additions"]), str(b["multiplications"]),
                           f"{report.sweep_seconds.get(sweep, 0.0):.3f}")  # fmt: skip
         console.print(table)
-        table = Table("pass", "+", "*", "/", "functions", "seconds", title="all blocks after every pass")
+        table = Table("pass", "+", "*", "/", "functions", "seconds", box=None,
+                      title="all blocks after every pass", title_justify="left")  # fmt: skip
+        table.columns[0].no_wrap = True
         for name, o, seconds in report.passes:
             table.add_row(name, *(str(v) for v in o.values()), f"{seconds:.3f}")
         console.print(table)
