@@ -19,6 +19,30 @@ OTHER_WIDTHS = (8, 1)
 """The same for all other functions: two widths less to compile, and they are called less often."""
 
 
+_BALANCE = ("turns", "balance_out", "balance_in", "balance_back")
+_FORWARD = ("start", "rotations", "kinematics", "triangularize", "back_substitute")
+_MASS_TANGENT = ("turns", "balance_out", "force_tangents")
+FUNCTION_SWEEPS: dict[str, tuple[str, ...]] = {
+    "accelerations": _FORWARD,
+    "sensitivities": _FORWARD + _BALANCE,
+    "jacobians": _FORWARD + _BALANCE,
+    "coordinate_rates": ("rotations", "rates"),
+    "coordinate_rate_sensitivities": ("rotations", "turns", "rate_tangents"),
+    "mass_matrix": ("start", "rotations", "mass_out", "mass_in"),
+    "mass_matrix_sensitivities": ("start", "rotations", "kinematics", *_MASS_TANGENT),
+    "solve_mass": ("start", "rotations", "kinematics", "triangularize", "solve_in", "balance_back"),
+    "solve_mass_sensitivities": ("start", "rotations", "kinematics", "triangularize", *_MASS_TANGENT, "solve_in",
+                                 "balance_back"),
+    "inverse_dynamics": ("start", "rotations", "kinematics", "newton_euler_out", "newton_euler_in"),
+    "inverse_dynamics_sensitivities": ("start", "rotations", "kinematics", *_MASS_TANGENT, "mass_out", "mass_in"),
+    "energies": ("start", "rotations", "kinetic", "moments"),
+    "energy_sensitivities": ("start", "rotations", "turns", "kinetic_tangents", "moment_tangents"),
+    "outputs": ("start", "rotations", "pose", "kinetic", "moments"),
+    "output_sensitivities": ("start", "rotations", "turns", "pose_tangents", "kinetic_tangents", "moment_tangents"),
+}  # fmt: skip
+"""Sweeps that a function runs. Those over directions run once for each group of columns in matrices."""
+
+
 @dataclass(slots=True)
 class Interface:
     """One function of the header.
@@ -98,6 +122,7 @@ def uses(system: System) -> dict[str, bool]:
         "gravity": model.gravity is not None,
         "quaternions": any(link.joint in ("spherical", "free") for link in system.links),
         "outputs": bool(model.outputs),
+        "energy_outputs": any(o.measure.endswith("_energy") for o in model.outputs),
         "velocity_outputs": any(o.measure == "velocity" for o in model.outputs),
     }
 
@@ -214,8 +239,15 @@ def manifest(system: System, workspace: int, operations: Any) -> dict[str, Any]:
         given = model.initial_u.get(name)
         u0.append(float(given.evaluate(defaults)) if given is not None else 0.0)
     functions: dict[str, Any] = {}
+    use = uses(system)
+    unused = set() if use["energy_outputs"] else {"moments", "moment_tangents"}
+    if not (use["energy_outputs"] or use["velocity_outputs"]):
+        unused |= {"kinetic", "kinetic_tangents"}
     for f in interfaces(system):
-        functions[f.name] = {"arguments": f.arguments, "results": f.results}
+        sweeps = [
+            s for s in FUNCTION_SWEEPS[f.name] if s in operations and not (f.name.startswith("output") and s in unused)
+        ]
+        functions[f.name] = {"arguments": f.arguments, "results": f.results, "sweeps": sweeps}
         if f.widths:
             functions[f.name] |= {"seeds": f.seeds, "widths": list(f.widths)}
     return {

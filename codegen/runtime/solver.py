@@ -720,9 +720,16 @@ class Solver:
 
     @property
     def operations(self) -> dict[str, Any]:
-        """Additions, multiplications, divisions and functions by sweep: once a call, and for every direction."""
-        operations: dict[str, Any] = copy.deepcopy(self._manifest["operations"])
-        return operations
+        """Additions, multiplications, divisions and functions, by function and sweep.
+
+        ``operations["sensitivities"]["balance_in"]["per_direction"]["additions"]`` is what one more direction costs there,
+        ``"per_call"`` what all directions share. ``"start"`` computes constants, sines and cosines.
+        """
+        by_sweep = self._manifest["operations"]
+        return {
+            name: {s: copy.deepcopy(by_sweep[s]) for s in f.get("sweeps", ())}
+            for name, f in self._manifest["functions"].items()
+        }
 
     # -- arguments -----------------------------------------------------------------------------------------------------
 

@@ -129,7 +129,7 @@ def test_names_and_sizes_match(satellite, models):
     sizes = satellite.nq, satellite.nu, satellite.np, satellite.ninputs, satellite.noutputs
     assert sizes == (model.nq, model.nu, len(model.parameters), len(model.inputs), len(model.outputs))
     assert "nq=" in repr(satellite)
-    assert satellite.operations["kinematics"]["per_call"]["multiplications"] > 0
+    assert satellite.operations["accelerations"]["kinematics"]["per_call"]["multiplications"] > 0
 
 
 # ---- states ----------------------------------------------------------------------------------------------------------
