@@ -22,17 +22,16 @@ NUMPY_FUNCTIONS = {
 class Printer:
     """Prints one right side; `functions` names the elementary functions of the language."""
 
-    def __init__(self, functions: dict[str, str], symbols: dict[Expr, str] | None = None):
+    def __init__(self, functions: dict[str, str]):
         self.functions = functions
-        self.symbols = symbols or {}
 
     def __call__(self, e: Expr) -> str:
         return self._print(e, SUM)
 
     def _print(self, e: Expr, level: int) -> str:
         if e.is_Symbol:
-            return self.symbols.get(e, e.name)
-        if e.is_Number:
+            return str(e.name)
+        if e.is_Number or e.is_NumberSymbol:
             text = self.number(e)
             return f"({text})" if level > SUM and text.startswith("-") else text
         if e.is_Add:

@@ -7,7 +7,7 @@ depend on parameters, together with their derivative primitives, from the link's
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import sympy
@@ -32,28 +32,34 @@ class Slots:
     def tree(self, expression: Expression) -> Any:
         made = self._made.get(expression)
         if made is None:
-            made = self._made[expression] = self._convert(expression.tree)
-            self.trees.append(made)
-        else:
-            self.trees.append(made)
+            made = self._made[expression] = to_slots(expression.tree, self.numbers, self._slot)
+        self.trees.append(made)
         return made
 
-    def _convert(self, tree: Any) -> Any:
-        kind = tree[0]
-        if kind == "number":
-            if tree[1] in (0, 1, -1, 2):
-                return tree
-            self.numbers.append(float(tree[1]))
-            return ("slot", len(self.numbers) - 1)
-        if kind == "**" and tree[2][0] == "number":
-            return (kind, self._convert(tree[1]), tree[2])
-        if kind == "name":
-            if tree[1] not in self.parameters:
-                self.parameters.append(tree[1])
-            return ("parameter", self.parameters.index(tree[1]))
-        if kind == "call":
-            return (kind, tree[1], *(self._convert(a) for a in tree[2:]))
-        return (kind, *(self._convert(a) for a in tree[1:]))
+    def _slot(self, name: str) -> Any:
+        if name not in self.parameters:
+            self.parameters.append(name)
+        return ("parameter", self.parameters.index(name))
+
+
+def to_slots(tree: Any, numbers: list[float], slot: Callable[[str], Any]) -> Any:
+    """A tree with numbered slots in the place of numbers, which are appended to `numbers`, and of names.
+
+    Numbers that structure depends on (0, 1, -1, 2 and exponents) stay.
+    """
+    kind = tree[0]
+    if kind == "number":
+        if tree[1] in (0, 1, -1, 2):
+            return tree
+        numbers.append(float(tree[1]))
+        return ("slot", len(numbers) - 1)
+    if kind == "name":
+        return slot(tree[1])
+    if kind == "call":
+        return (kind, tree[1], *(to_slots(a, numbers, slot) for a in tree[2:]))
+    if kind == "**" and tree[2][0] == "number":
+        return (kind, to_slots(tree[1], numbers, slot), tree[2])
+    return (kind, *(to_slots(a, numbers, slot) for a in tree[1:]))
 
 
 class Statements:
@@ -107,8 +113,8 @@ class Shape:
     Attributes
     ----------
     index : int
-    parameters, numbers : int
-        How many slots of each.
+    parameters : int
+        How many design parameters.
     block : Block
         Computes the constants that depend on parameters: stores ``("pc", field)`` and ``("pc", "field/j")``.
     fields : dict of str to Expr
@@ -121,7 +127,6 @@ class Shape:
 
     index: int
     parameters: int
-    numbers: int
     block: Block
     fields: dict[str, Expr]
     varying: dict[str, str]
@@ -162,7 +167,7 @@ def make_shape(index: int, slots: Slots, write: Callable[[Expansion, Callable[[A
             if varying[name] == name:
                 x.store("pc", name, value)
     for j, p in enumerate(parameters):
-        d = Tangents(x, {p: sympy.S.One}, {})
+        d = Tangents(x, {p: sympy.S.One}, {}, lanes=False)
         for s in statements:
             d.statement(s)
         for name, same in list(varying.items()):
@@ -184,10 +189,7 @@ def make_shape(index: int, slots: Slots, write: Callable[[Expansion, Callable[[A
                     fixed[f"{name}/{j}"] = fixed[f"{same}/{j}"]
                 else:
                     varying[f"{name}/{j}"] = varying[f"{same}/{j}"]
-    for s in x.block.statements:
-        if s.lanes:
-            object.__setattr__(s, "lanes", False)
-    return Shape(index, len(parameters), len(slots.numbers), simplify(x.finish()), fields, varying, fixed)
+    return Shape(index, len(parameters), simplify(x.finish()), fields, varying, fixed)
 
 
 @dataclass(slots=True, eq=False)
@@ -210,4 +212,3 @@ class Constants:
     numbers: tuple[float, ...]
     values: dict[str, float]
     index: int
-    places: dict[str, int] = field(default_factory=dict)

@@ -5,6 +5,7 @@ Formulas of the same form share one block; which coordinates and numbers each re
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -19,11 +20,13 @@ from ..program.block import Block, Expansion, Statement
 from ..program.derivatives import Tangents
 from ..program.functions import number
 from ..program.passes import simplify
-from .constants import Statements
+from .constants import Statements, to_slots
 from .kinds import System
 
-_NO_VALUES = (sympy.zoo, sympy.oo, -sympy.oo, sympy.nan)
-_NAMES = {"tau": "forces", "outputs": "outputs"}
+_NO_VALUES = (sympy.zoo, sympy.oo, -sympy.oo, sympy.nan, sympy.I)
+_LARGEST = sympy.Float(sys.float_info.max)
+_SECTIONS = {"tau": "forces", "outputs": "outputs"}
+"""Of the model file, by target."""
 
 CATEGORIES = ("q", "u", "p", "inputs", "t")
 
@@ -48,7 +51,6 @@ class FormulaKind:
     tangent: Block
     slots: list[tuple[str, int]]
     rows: list[tuple[int, list[int], list[float]]] = field(default_factory=list)
-    literal: dict[int, Expr] = field(default_factory=dict)
 
 
 class FormulaSlots:
@@ -69,20 +71,12 @@ class FormulaSlots:
                 self._places[name] = (category, i)
 
     def convert(self, tree: Any) -> Any:
-        kind = tree[0]
-        if kind == "number":
-            if tree[1] in (0, 1, -1, 2):
-                return tree
-            self.numbers.append(float(tree[1]))
-            return ("slot", len(self.numbers) - 1)
-        if kind == "name":
-            place = self._places[tree[1]]
-            return ("name", place[0], self.slots.setdefault(place, len(self.slots)))
-        if kind == "call":
-            return (kind, tree[1], *(self.convert(a) for a in tree[2:]))
-        if kind == "**" and tree[2][0] == "number":
-            return (kind, self.convert(tree[1]), tree[2])
-        return (kind, *(self.convert(a) for a in tree[1:]))
+        """The tree with its numbers and names as slots."""
+        return to_slots(tree, self.numbers, self._slot)
+
+    def _slot(self, name: str) -> Any:
+        place = self._places[name]
+        return ("name", place[0], self.slots.setdefault(place, len(self.slots)))
 
 
 def formula_kinds(model: Model, target: str, formulas: Sequence[tuple[int, Any]]) -> list[FormulaKind]:
@@ -94,6 +88,7 @@ def formula_kinds(model: Model, target: str, formulas: Sequence[tuple[int, Any]]
         Target index and expression tree.
     """
     kinds: dict[Any, FormulaKind] = {}
+    sources: list[Any] = []
     template = FormulaSlots(model)
     for index, tree in formulas:
         template.slots, template.numbers = {}, []
@@ -101,34 +96,37 @@ def formula_kinds(model: Model, target: str, formulas: Sequence[tuple[int, Any]]
         kind = kinds.get(canonical)
         if kind is None:
             kind = kinds[canonical] = _make(len(kinds), target, canonical, list(template.slots))
-            for block in (kind.value, kind.tangent):
-                if any(
-                    e.has(*_NO_VALUES)
-                    for e in [*(s.expression for s in block.statements), *(e for *_, e in block.stores)]
-                ):
-                    message = (
-                        f"{Expression(tree)} has no value (a division by zero?) for any state; change the expression"
-                    )
-                    raise ModelError([Problem(model.name, None, None, _NAMES[target], message)])
+            sources.append(tree)
         kind.rows.append((index, [i for _, i in template.slots], list(template.numbers)))
-    for kind in kinds.values():
+    for kind, tree in zip(kinds.values(), sources, strict=True):
+        literal: dict[int, Expr] = {}
         for j in range(len(kind.rows[0][2])):
             values = {row[2][j] for row in kind.rows}
             if len(values) == 1:
-                kind.literal[j] = number(values.pop())
-        if kind.literal:
-            known = {
-                s: kind.literal[int(n)] for s, (a, n) in kind.value.loads.items() if a == "k" and int(n) in kind.literal
-            }
-            for block in (kind.value, kind.tangent):
-                _substitute(block, known)
+                literal[j] = number(values.pop())
+        if literal:
+            kind.value, kind.tangent = (_substitute(block, literal) for block in (kind.value, kind.tangent))
+        if not (_has_values(kind.value) and _has_values(kind.tangent)):
+            message = (
+                f"{Expression(tree)} has no value or no derivative (a division by zero? an overflow?) for any state; "
+                f"change the expression"
+            )
+            raise ModelError([Problem(model.name, None, None, _SECTIONS[target], message)])
     return list(kinds.values())
 
 
-def _substitute(block: Block, known: dict[Any, Expr]) -> None:
-    block.statements = [Statement(s.target, s.expression.xreplace(known), s.tag, s.lanes) for s in block.statements]
-    block.stores = [(a, f, e.xreplace(known)) for a, f, e in block.stores]
-    block.loads = {s: k for s, k in block.loads.items() if s not in known}
+def _substitute(block: Block, literal: dict[int, Expr]) -> Block:
+    """The block with numbers in the place of data that all its formulas share."""
+    known = {s: literal[int(n)] for s, (a, n) in block.loads.items() if a == "k" and int(n) in literal}
+    statements = [Statement(s.target, s.expression.xreplace(known), s.tag, s.lanes) for s in block.statements]
+    stores = [(a, f, e.xreplace(known)) for a, f, e in block.stores]
+    return simplify(Block(block.name, block.title, block.loads, statements, stores))
+
+
+def _has_values(block: Block) -> bool:
+    """Whether all numbers that stand in a block are real and finite."""
+    expressions = [*(s.expression for s in block.statements), *(e for *_, e in block.stores)]
+    return not any(e.has(*_NO_VALUES) or any(abs(n) > _LARGEST for n in e.atoms(sympy.Number)) for e in expressions)
 
 
 def _make(index: int, target: str, tree: Any, places: list[tuple[str, int]]) -> FormulaKind:

@@ -55,6 +55,8 @@ class Tangents:
     transparent : dict of Symbol to dict of Symbol to Expr
         For each transparent symbol, its derivatives with respect to the symbols that it is a function of; those
         need no statement of their own, only an entry in `seeds`.
+    lanes : bool
+        Whether the tangent statements are one per direction.
     """
 
     def __init__(
@@ -62,10 +64,12 @@ class Tangents:
         expansion: Expansion,
         seeds: dict[Symbol, Expr],
         transparent: dict[Symbol, dict[Symbol, Expr]],
+        lanes: bool = True,
     ):
         self.expansion = expansion
         self.of = dict(seeds)
         self.transparent = transparent
+        self.lanes = lanes
 
     def expression(self, value: Expr) -> Expr:
         """Tangent of an expression: a sum of primitives times tangents of its operands."""
@@ -89,9 +93,9 @@ class Tangents:
         value = self.expression(statement.expression)
         if value != 0:
             self.of[statement.target] = self.expansion.let(
-                f"d_{statement.target.name}", value, f"d {statement.tag}".strip(), lanes=True
+                f"d_{statement.target.name}", value, f"d {statement.tag}".strip(), lanes=self.lanes
             )
 
     def value(self, expression: Expr, name: str = "d") -> Expr:
         """Tangent of an expression of named values, as a symbol or number."""
-        return self.expansion.let(name, self.expression(sympy.sympify(expression)), "", lanes=True)
+        return self.expansion.let(name, self.expression(sympy.sympify(expression)), "", lanes=self.lanes)

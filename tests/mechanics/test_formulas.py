@@ -1,0 +1,42 @@
+"""Formulas: what has no value is refused, what only looks like it is not."""
+
+from __future__ import annotations
+
+import pytest
+
+from codegen.emit.solver import write_solver
+from codegen.model import Model, ModelError, parse_model
+
+
+def driven(value: str) -> Model:
+    return parse_model(f"""
+model: driven
+bodies:
+  arm: {{parent: ground, joint: {{type: revolute, axis: x}}, mass: 1, com: [0, 0, -1]}}
+forces:
+  f: {{type: joint, joint: arm, value: "{value}"}}
+""")
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        "q.arm/(3.5 - q.arm + q.arm - 3.5)",
+        "log(q.arm - q.arm - 3.5)",
+        "(-3.5)**q.arm",
+        "1e200*q.arm*1e200",
+        "(1e200*q.arm)*(u.arm*1e200)",
+    ],
+)
+def test_no_value_is_an_error_of_the_model(value: str) -> None:
+    with pytest.raises(ModelError, match="has no value or no derivative"):
+        write_solver(driven(value))
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [("q.arm*acos(u.arm - u.arm)", "3.141592653589793"), ("exp(1 + t - t)*q.arm", "2.718281828459045")],
+)
+def test_constants_of_sympy_are_numbers(value: str, text: str) -> None:
+    files = write_solver(driven(value)).files
+    assert text in files["driven.c"] and text in files["driven_numpy.py"]
