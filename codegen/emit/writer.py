@@ -325,6 +325,9 @@ class Writer(ABC):
         """What the templates of every target are rendered with."""
         model, layout = self.model, self.layout
         blocks = self.program.blocks
+        quaternions = any(b.stores for b in blocks.get("rotations", {}).values())
+        if not quaternions:  # nobody reads them, so nobody would call their functions
+            blocks = {s: b for s, b in blocks.items() if s not in ("rotations", "turns")}
         scalar = [f for s in blocks if not SWEEP[s].lanes for f in self.sweep_functions(s)]
         lanes = [f for s in blocks if s in SENSITIVITY_SWEEPS for f in self.sweep_functions(s)]
         others = [f for s in blocks if SWEEP[s].lanes and s not in SENSITIVITY_SWEEPS for f in self.sweep_functions(s)]
@@ -339,7 +342,7 @@ class Writer(ABC):
             "noutputs": len(model.outputs),
             "uses": self.uses,
             "has": set(blocks),
-            "quaternions": any(b.stores for b in blocks.get("rotations", {}).values()),
+            "quaternions": quaternions,
             "size": size,
             "columns": self.table.used, "link_rows": self.table.rows() if self.table.used else [],
             "numbers": [repr(v) for v in layout.numbers],

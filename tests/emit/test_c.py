@@ -148,6 +148,34 @@ def test_no_warnings(tmp_path: Path, compiler: str, flags: str) -> None:
     assert result.returncode == 0, result.stderr[:2000]
 
 
+CORNERS = {
+    "a rotation that nothing depends on": """
+bodies:
+  ball: {parent: ground, joint: {type: spherical}, mass: 2, inertia: {xx: 0.4, yy: 0.4, zz: 0.4}}
+""",
+    "units that look like comments, names that C uses": """
+parameters:
+  call: {value: 1.0, unit: "kg/*m*/ */* %"}
+  link: {value: 0.3, unit: "*/"}
+bodies:
+  lanes: {parent: ground, joint: {type: prismatic, axis: [call, link, 0]}, mass: call}
+forces:
+  NU: {type: joint, joint: lanes, value: link*t}
+""",
+}
+
+
+@pytest.mark.parametrize("text", CORNERS.values(), ids=CORNERS)
+@pytest.mark.parametrize("flags", ["", "-DORDERNM_PLAIN_C"])
+def test_no_warnings_in_corners(tmp_path: Path, text: str, flags: str) -> None:
+    model = parse_model("model: corner" + text)
+    for name, content in write_solver(model, "kinds").files.items():
+        (tmp_path / name).write_text(content)
+    command = ["cc", "-O0", "-Wall", "-Wextra", "-Werror", *flags.split(), "-c", "corner.c", "-o", "x.o"]
+    result = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert result.returncode == 0, result.stderr[:2000]
+
+
 def test_header_is_a_header_of_cpp(tmp_path: Path) -> None:
     if not shutil.which("g++"):
         pytest.skip("g++ is not installed")
