@@ -10,7 +10,7 @@ from typing import Any
 
 from ..mechanics.kinds import LinkKind
 from ..program.block import Block
-from .interface import WIDTHS, Interface
+from .interface import Interface
 from .printer import C_FUNCTIONS, Printer
 from .templates import render
 from .writer import Function, Located, Place, Writer
@@ -337,4 +337,4 @@ def write_c(context: dict[str, Any]) -> dict[str, str]:
     }
 
 
-__all__ = ["WIDTHS", "CWriter", "write_c"]
+__all__ = ["CWriter", "write_c"]

@@ -12,7 +12,7 @@ from .kinematics import load_vector, store_vector
 from .spatial import Vec, add, cross
 
 
-def carry(x: Any, joint: JointTransform, al: Vec, a: Vec, tag: str) -> Vec:
+def carry(joint: JointTransform, al: Vec, a: Vec, tag: str) -> Vec:
     """``S^T A`` of the parent, in the link's frame: six components."""
     r = joint.offset()
     moved = add(a, cross(al, r))
@@ -22,7 +22,7 @@ def carry(x: Any, joint: JointTransform, al: Vec, a: Vec, tag: str) -> Vec:
 def back_substitute(x: Any, kind: Any) -> None:
     """Outward block of the forward dynamics."""
     joint = JointTransform(x, kind)
-    A = carry(x, joint, load_vector(x, "up", "bal"), load_vector(x, "up", "ba"), "Eq. 54")
+    A = carry(joint, load_vector(x, "up", "bal"), load_vector(x, "up", "ba"), "Eq. 54")
     substitute(x, kind, A, "me", "udot", lanes=False)
     store_vector(x, "me", "bal", A[:3])
     store_vector(x, "me", "ba", A[3:])

@@ -63,7 +63,7 @@ def solve_inward(x: Any, kind: Any) -> None:
 def balance_outward(x: Any, kind: Any) -> None:
     """Back substitution over directions. Eqs. 53-55."""
     joint = JointTransform(x, kind, lanes=True)
-    A = carry(x, joint, load_vector(x, "lup", "bal"), load_vector(x, "lup", "ba"), "d Eq. 54")
+    A = carry(joint, load_vector(x, "lup", "bal"), load_vector(x, "lup", "ba"), "d Eq. 54")
     substitute(x, kind, A, "lane", "dudot", lanes=True)
     store_vector(x, "lme", "bal", A[:3])
     store_vector(x, "lme", "ba", A[3:])
@@ -72,7 +72,7 @@ def balance_outward(x: Any, kind: Any) -> None:
 def mass_outward(x: Any, kind: Any) -> None:
     """``M x`` over directions, outward: accelerations from x alone and the force they need."""
     joint = JointTransform(x, kind, lanes=True)
-    A = carry(x, joint, load_vector(x, "lup", "bal"), load_vector(x, "lup", "ba"), "Eq. 19")
+    A = carry(joint, load_vector(x, "lup", "bal"), load_vector(x, "lup", "ba"), "Eq. 19")
     for j, a in enumerate(freedom_axes(kind.joint, kind.axis)):
         A[a] = x.let("A", A[a] + x.load("b", str(j)), "Eq. 19", lanes=True)
     store_vector(x, "lme", "bal", A[:3])

@@ -19,7 +19,7 @@ from ..program.block import Block, Expansion, StructuralExpansion
 from ..program.operations import Operations, count
 from ..program.passes import PASSES, drop_dead
 from .kinds import LinkKind, System
-from .sweeps import INWARD, SWEEPS, Sweep
+from .sweeps import SWEEPS, Sweep
 
 GROUND_KIND = -1
 RECORD, SLOT, LANE = "record", "slot", "lane"
@@ -264,7 +264,3 @@ def _transient(program: Program) -> dict[str, list[str]]:
             for sweep in flows.get(name, {}):
                 result.setdefault(sweep, []).append(name)
     return result
-
-
-def is_inward(sweep: str) -> bool:
-    return next(s.direction for s in SWEEPS if s.name == sweep) == INWARD

@@ -51,13 +51,12 @@ def newton_euler_inward(x: Any, kind: Any) -> None:
     """Forces transmitted by the joints; their components along the freedoms are the joint forces."""
     let = x.let
     joint = JointTransform(x, kind)
-    own = [("n", "n"), ("f", "f")]
     phi: Vec = []
     d_phi: Vec = []
-    for field, name in own:
+    for field in ("n", "f"):
         for i in XYZ:
             key = f"{field}.{i}"
-            phi.append(let(f"phi_{name}", x.load("me", f"t{key}") + x.load("me", f"tacc.{key}"), "Eq. 45"))
+            phi.append(let(f"phi_{field}", x.load("me", f"t{key}") + x.load("me", f"tacc.{key}"), "Eq. 45"))
             if x.tangents:
                 d_phi.append(let("dphi", x.load("lane", key) + x.load("lme", f"acc.{key}"), "d Eq. 45", lanes=True))
     for j, a in enumerate(freedom_axes(kind.joint, kind.axis)):

@@ -39,10 +39,14 @@ class LinkKind:
         It has a parent other than the ground.
     forced : tuple of bool
         Which freedoms have a force of the model.
-    parameters : int
-        How many design parameters its constants depend on.
+    shape : Shape
+        Of its constants.
     members : list of int
         Links, in outward order.
+    literal : dict of str to Expr
+        Constants that are the same number for all members.
+    data : dict of str to int
+        Constants that differ among members: places among a member's numbers.
     """
 
     index: int
@@ -51,7 +55,6 @@ class LinkKind:
     aligned: bool
     first: bool
     carried_on: bool
-    leaf: bool
     forced: tuple[bool, ...]
     shape: Shape
     members: list[int] = field(default_factory=list)
@@ -60,6 +63,7 @@ class LinkKind:
 
     @property
     def parameters(self) -> int:
+        """How many design parameters its constants depend on."""
         return self.shape.parameters
 
     def number(self, name: str) -> Expr | None:
@@ -89,11 +93,19 @@ class System:
     ----------
     links : list of Link
         Outward.
+    carriers : list of (int, tuple of Placement)
+        For each body, the link that carries it and the way to its frame.
     kinds : list of LinkKind
     kind_of, constants_of : list
         For each link.
     slot_of : list of int
         Where the values that only neighbours need are kept: few slots, reused.
+    slots : int
+        How many there are, with the ground's.
+    gravity : Constants or None
+        Minus gravity, in ground components, m/s^2.
+    force_of : dict of int to list
+        Joint forces by body.
     """
 
     model: Model
@@ -171,7 +183,7 @@ def analyse(model: Model, unrolled: bool) -> System:
         if kind is None:
             kind = kinds[signature] = LinkKind(
                 len(kinds), link.joint, link.frame.index, aligned, last_child[link.parent] == i,
-                link.parent != GROUND, i not in has_child, forced, c.shape,
+                link.parent != GROUND, forced, c.shape,
             )  # fmt: skip
         kind.members.append(i)
         kind_of.append(kind)

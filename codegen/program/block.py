@@ -180,34 +180,34 @@ class Expansion:
         return Symbol(unique)
 
 
-class Any_:
-    """The structural value 'may differ from zero'. The other one is the int 0."""
+class Nonzero:
+    """The structural value "may differ from zero"; the other one is the int 0."""
 
     __slots__ = ()
 
-    def _any(self, other: object) -> Any_:
+    def _any(self, other: object) -> Nonzero:
         return self
 
-    def _product(self, other: object) -> Any_ | int:
+    def _product(self, other: object) -> Nonzero | int:
         return 0 if isinstance(other, int) and other == 0 else self
 
     __add__ = __radd__ = __sub__ = __rsub__ = _any
     __mul__ = __rmul__ = _product
 
-    def __neg__(self) -> Any_:
+    def __neg__(self) -> Nonzero:
         return self
 
-    def __truediv__(self, other: object) -> Any_:
+    def __truediv__(self, other: object) -> Nonzero:
         return self
 
-    def __rtruediv__(self, other: object) -> Any_ | int:
+    def __rtruediv__(self, other: object) -> Nonzero | int:
         return self._product(other)
 
-    def __pow__(self, other: object) -> Any_:
+    def __pow__(self, other: object) -> Nonzero:
         return self
 
 
-ANY = Any_()
+ANY = Nonzero()
 
 
 class StructuralExpansion:
