@@ -15,6 +15,7 @@ from ..mechanics.formulas import force_formulas
 from ..mechanics.kinds import System, analyse
 from ..mechanics.outputs import measured_sweeps, output_formulas, potential_formula
 from ..mechanics.sweeps import SWEEPS
+from ..mechanics.triangularization import ZeroPivotError
 from ..model.errors import ModelError, Problem
 from ..model.model import GROUND, Model
 from ..program.operations import Operations, count
@@ -99,7 +100,12 @@ def write_solver(model: Model, layout: str = "auto") -> Source:
     if potential is not None:
         wanted |= {"moments", "moment_tangents"}
         records.append(potential)
-    program = expand(system, wanted, _read_by_formulas(system, records))
+    try:
+        program = expand(system, wanted, _read_by_formulas(system, records))
+    except ZeroPivotError as error:
+        body = system.links[error.kind.members[0]].name.partition(".")[0]
+        message = f"nothing outboard of the joint of {body!r} has inertia about it in any state; give it mass or fix the joint"
+        raise ModelError([Problem(model.name, None, None, f"bodies.{body}.joint", message)]) from None
     formulas = [*force_formulas(system), *values]
     lap("expand and simplify")
     writer = CWriter(program, formulas, records, energy_outputs)

@@ -6,7 +6,7 @@ import pytest
 
 from codegen.emit.solver import write_solver
 from codegen.mechanics.kinds import analyse
-from codegen.model import parse_model
+from codegen.model import ModelError, parse_model
 
 FORWARD = ("start", "kinematics", "triangularize", "back_substitute")
 DIRECTION = ("balance_out", "balance_in", "balance_back")
@@ -138,3 +138,22 @@ bodies:
 
 def test_slots_do_not_grow_along_a_chain() -> None:
     assert analyse(parse_model(chain(300)), unrolled=False).slots <= 3
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        ("{type: revolute, axis: x}", "{type: revolute, axis: x}"),
+        ("{type: prismatic, axis: x}", "{type: prismatic, axis: x}"),
+        ("{type: revolute, axis: x}", "{type: spherical}"),
+    ],
+)
+def test_a_joint_that_never_moves_inertia_is_an_error_that_names_the_body(first: str, second: str) -> None:
+    model = parse_model(f"""
+model: idle
+bodies:
+  hub: {{parent: ground, joint: {first}}}
+  arm: {{parent: hub, joint: {second}, mass: 1, inertia: {{xx: 1, yy: 1, zz: 1}}}}
+""")
+    with pytest.raises(ModelError, match="joint of 'hub'"):
+        write_solver(model)
