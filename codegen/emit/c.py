@@ -277,6 +277,7 @@ class CWriter(Writer):
             "lane_pointers": lane_pointers,
             "tables": self.tables,
             "ground": self.gravity() + self.ground(),
+            "ground_record": [line for line in self.ground() if "gravity" in line],
             "ground_tangent": ground_tangent, "ground_tangent_rest": ground_tangent_rest,
             "prototypes": [
                 (f.comment if not w else f"{f.comment} Directions: {w}.", f.signature(model.name, w))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import keyword
 import re
+import sys
 from collections.abc import Iterable, Iterator
 from typing import Any, Final
 
@@ -45,6 +46,7 @@ from .shapes import Inertia, mass_properties
 
 MAX_PROBLEMS: Final = 200
 
+_MODULES: Final = frozenset({"cffi", "codegen", "generated", "numpy", "stdint"})
 _C_KEYWORDS: Final = frozenset(
     "auto break case char const continue default do double else enum extern float for goto if inline int long register "
     "restrict return short signed sizeof static struct switch typedef union unsigned void volatile while".split()
@@ -373,6 +375,8 @@ class _Assembly:
             self.report(self._top("model"), (), f"{seen(name)} is no name; {allowed}")
         elif keyword.iskeyword(name) or keyword.issoftkeyword(name) or name in _C_KEYWORDS or name in RESERVED:
             self.report(self._top("model"), (), f"{name!r} is a reserved word; {allowed}")
+        elif name in sys.stdlib_module_names or name in _MODULES:
+            self.report(self._top("model"), (), f"{name!r} is a module that the package would hide; {allowed}")
         return str(name)
 
     def read_constants(self) -> None:

@@ -12,11 +12,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any
 
 import sympy
 from sympy import Expr, Symbol
 from sympy.core.numbers import Number
+
+
+@cache
+def _symbol_named(name: str) -> Symbol:
+    """sympy's own cache of symbols is too small for a program, and making one anew is slow."""
+    return Symbol(name)
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,7 +184,7 @@ class Expansion:
             self._used[name] = self._used.get(name, 0) + 1
             unique = f"{name}_{self._used[name]}"
         self._taken.add(unique)
-        return Symbol(unique)
+        return _symbol_named(unique)
 
 
 class Nonzero:

@@ -273,3 +273,10 @@ def test_one_thousand_and_one_links_have_few_kinds():
     model = parse_model(CHAIN.replace("n: 6", "n: 1001"))
     assert model.nq == model.nu == 1001
     assert len({(b.mass, b.com, b.inertia, b.joint.axes, b.joint.at) for b in model.bodies}) == 3
+
+
+@pytest.mark.parametrize("name", ["math", "json", "numpy", "codegen"])
+def test_a_model_may_not_hide_a_module(name):
+    text = f"model: {name}\nbodies: {{a: {{parent: ground, joint: {{type: prismatic, axis: z}}, mass: 1}}}}\n"
+    with pytest.raises(ModelError, match="is a module that the package would hide"):
+        parse_model(text)
