@@ -17,10 +17,11 @@ FLOORS = {
     "version": set(),
     "model": {"version"},
     "program": {"version"},  # knows no mechanics
-    "mechanics": {"model", "program", "version"},  # knows no C and no files
-    "reference": {"model", "version"},  # shares nothing with the generator but the model
-    "emit": {"mechanics", "model", "program", "version"},
-    "runtime": {"emit", "mechanics", "model", "program", "version"},
+    "loops": {"model", "version"},  # graph, assembly and partition, on floats
+    "mechanics": {"loops", "model", "program", "version"},  # knows no C and no files
+    "reference": {"loops", "model", "version"},  # shares nothing with the generator but model, graph and partition
+    "emit": {"loops", "mechanics", "model", "program", "version"},
+    "runtime": {"emit", "loops", "mechanics", "model", "program", "version"},
 }
 """What each floor may import beside itself. Floors that are not listed (generation, cli, report, ...) are the top:
 they may import everything, and no listed floor may import them."""

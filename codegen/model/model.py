@@ -99,6 +99,80 @@ class Point:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Face:
+    """One side of a loop joint: a frame fixed in a body (or the ground).
+
+    Attributes
+    ----------
+    body : int
+        Index into `Model.bodies`, or `GROUND`.
+    at : Vector
+        Origin in the body frame, m.
+    rotation : tuple of (Vector, Expression)
+        As in `Joint`.
+    """
+
+    body: int
+    at: Vector
+    rotation: tuple[tuple[Vector, Expression], ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Loop:
+    """A joint that closes a loop. It constrains; it has no coordinates of its own.
+
+    Attributes
+    ----------
+    type : str
+        One of ``fixed revolute prismatic universal spherical cylindrical planar`` (``point`` is read as spherical).
+    axes : tuple of Vector
+        Not normalised. One for revolute, prismatic, cylindrical and planar (its normal), the same components in
+        both faces; two for universal: the first fixed in `start`, the second in `end`, perpendicular where the loop is
+        closed. None for fixed and spherical.
+    start, end : Face
+        ``from`` and ``to`` of the file. Fixed: the faces coincide. Revolute: origins coincide, the axes are parallel.
+        Prismatic: the faces are parallel, the origins differ along the axis only. Universal: origins coincide, the axes
+        are perpendicular. Spherical: origins coincide. Cylindrical: the axes lie on one line. Planar: the normals are
+        parallel, the origin of `end` lies in the plane through that of `start`.
+    """
+
+    name: str
+    type: str
+    axes: tuple[Vector, ...]
+    start: Face
+    end: Face
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Spring:
+    """A spring and damper between two points.
+
+    Each point is pulled towards the other by ``stiffness (d - free_length) + damping d'``, d the distance, N. Expressions of
+    p, inputs and t.
+    """
+
+    name: str
+    start: Point
+    end: Point
+    stiffness: Expression
+    damping: Expression
+    free_length: Expression
+
+
+CLOSURE_ROWS = {
+    "fixed": (3, 3), "revolute": (3, 2), "prismatic": (2, 3), "universal": (3, 1), "spherical": (3, 0),
+    "cylindrical": (2, 2), "planar": (1, 2),
+}  # fmt: skip
+"""How many linear and angular conditions a loop joint sets."""
+
+
+def closure_row_names(loop: Loop) -> tuple[str, ...]:
+    """``name.l1 ...`` for the linear conditions of a loop joint, then ``name.a1 ...`` for the angular ones."""
+    linear, angular = CLOSURE_ROWS[loop.type]
+    return tuple(f"{loop.name}.{c}{i + 1}" for c, n in (("l", linear), ("a", angular)) for i in range(n))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Output:
     """A named scalar of interest.
 
@@ -147,7 +221,9 @@ class Model:
     bodies : tuple of Body
         In file order after ``repeat``; arrays q and u follow it.
     initial_q, initial_u : dict of str to Expression
-        Initial values by coordinate and speed name (missing: 0, unit quaternion).
+        Initial values by coordinate and speed name (missing: 0, unit quaternion); guesses where loops decide.
+    independent : tuple of str
+        Coordinates that the model asks to be independent: a hint, may be fewer than the freedoms.
     warnings : tuple of str
     """
 
@@ -156,10 +232,13 @@ class Model:
     parameters: tuple[Parameter, ...]
     inputs: tuple[str, ...]
     bodies: tuple[Body, ...]
+    loops: tuple[Loop, ...] = ()
     forces: tuple[JointForce, ...] = ()
+    springs: tuple[Spring, ...] = ()
     outputs: tuple[Output, ...] = ()
     initial_q: dict[str, Expression] = field(default_factory=dict)
     initial_u: dict[str, Expression] = field(default_factory=dict)
+    independent: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
 
     @cached_property
@@ -169,6 +248,11 @@ class Model:
     @cached_property
     def speed_names(self) -> tuple[str, ...]:
         return tuple(u for b in self.bodies for u in joint_coordinates(b.name, b.joint.type)[1])
+
+    @cached_property
+    def closure_names(self) -> tuple[str, ...]:
+        """The conditions of all loops, in the order of residuals."""
+        return tuple(name for loop in self.loops for name in closure_row_names(loop))
 
     @cached_property
     def parameter_names(self) -> tuple[str, ...]:
@@ -220,8 +304,18 @@ class Model:
             yield b.mass
             yield from b.com
             yield from b.inertia
+        for loop in self.loops:
+            for axis in loop.axes:
+                yield from axis
+            for face in (loop.start, loop.end):
+                yield from face.at
+                for axis, angle in face.rotation:
+                    yield from axis
+                    yield angle
         for f in self.forces:
             yield from f.values
+        for s in self.springs:
+            yield from (*s.start.at, *s.end.at, s.stiffness, s.damping, s.free_length)
         for o in self.outputs:
             if o.point:
                 yield from o.point.at
