@@ -1,0 +1,314 @@
+"""What every section needs while it is read: problems with their places, bound and checked expressions, names.
+
+A `Reader` holds the state of one reading. The modules of `sections` are functions that take it.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from typing import Any, Final
+
+from pydantic import TypeAdapter, ValidationError
+from pydantic_core import PydanticCustomError
+
+from .errors import Problem, nearest
+from .expressions import Binder, Expression, ExpressionError, Number
+from .model import Vector
+from .positions import Document, Path_, show_path
+from .repetition import Instance, Repetition, labels, name_of
+from .schema import RESERVED, ZERO, Entry, Expr, explain, parse_name, repaired, seen
+
+MAX_PROBLEMS: Final = 200
+
+_EXPRESSION: Final = TypeAdapter(Expr)
+
+
+class TooManyProblems(Exception):
+    """Enough problems to print."""
+
+
+class Reader:
+    """One reading of one document.
+
+    Attributes
+    ----------
+    problems : list of Problem
+    constants : dict of str to number
+        With the labels of repetitions, see `labels`.
+    defaults : dict of str to float
+        Values of the parameters.
+    inputs : list of str
+    used : set of str
+        Names that expressions have.
+    allowed : dict of str to dict
+        Names that expressions of a scope may have: ``constants``, ``parameters`` or ``motion``.
+    broken : set of str
+        Bodies that were reported; their coordinates are not known.
+    """
+
+    def __init__(self, document: Document) -> None:
+        self.document = document
+        self.problems: list[Problem] = list(document.problems)
+        self.constants: dict[str, Number | str] = dict(labels(document.root))
+        self.binder = Binder(self.constants)
+        self.repetition = Repetition(document, self.add, self.constants)
+        self.defaults: dict[str, float] = {}
+        self.inputs: list[str] = []
+        self.used: set[str] = set()
+        self.first_seen: dict[tuple[str, str], str] = {}
+        # dicts used as ordered sets: names are printed in the order of the file
+        self.allowed: dict[str, dict[str, None]] = {"constants": {}, "parameters": {}, "motion": {}}
+        self.broken: set[str] = set()
+        self._reported: set[tuple[Any, ...]] = set()
+        self._specs: dict[tuple[int, type[Entry]], Any] = {}
+        self._repaired: set[int] = set()  # ids of specs with placeholders
+        self._keep: list[Entry] = []  # keeps those ids valid
+        self._checked: set[tuple[Expression, str]] = set()
+        self._values: dict[Expression, float | str] = {}
+
+    # --- problems -----------------------------------------------------------------------------------------------
+
+    def add(self, problem: Problem) -> None:
+        if len(self.problems) >= MAX_PROBLEMS:
+            message = f"more than {MAX_PROBLEMS} problems; mend these first"
+            self.problems.append(Problem(self.document.file, problem.line, problem.column, "", message))
+            raise TooManyProblems
+        self.problems.append(problem)
+
+    def report(
+        self,
+        at: Instance,
+        sub: Path_,
+        message: str,
+        *,
+        key: bool = False,
+        inside: int | None = None,
+        severity: str = "error",
+    ) -> None:
+        """A problem in an entry; of a repeated one the first repetition is enough."""
+        path = (at.key, *sub)
+        shown = show_path((*at.section, *self._existing(at.container, path)))
+        if at.indices:
+            message += " (" + ", ".join(f"{k} = {v}" for k, v in at.indices.items()) + ")"
+        problem = self.document.problem(
+            at.container, path, message, shown=shown, key=key, inside=inside, severity=severity
+        )
+        if at.indices:
+            mark = (problem.line, problem.column, shown, severity)
+            if mark in self._reported:
+                return
+            self._reported.add(mark)
+        self.add(problem)
+
+    @staticmethod
+    def _existing(container: Any, path: Path_) -> Path_:
+        """The parts of a path that lead to something written."""
+        result: list[str | int] = []
+        for part in path:
+            listed = isinstance(container, (list, tuple)) and isinstance(part, int) and part < len(container)
+            if listed or (isinstance(container, dict) and part in container):
+                container = container[part]
+                result.append(part)
+        return tuple(result)
+
+    # --- expressions and names ----------------------------------------------------------------------------------
+
+    def bound(self, expression: Expression, at: Instance, sub: Path_, scope: str) -> Expression:
+        """The expression with constants and indices as numbers, its names checked; 0 after a problem."""
+        try:
+            result = self.binder(expression, at.indices)
+        except ExpressionError as error:
+            text = str(expression)
+            prefix = "" if error.message.startswith(text) else f"{text}: "
+            self.report(at, sub, prefix + error.message, inside=error.column)
+            return ZERO
+        if (result, scope) not in self._checked:
+            if not self._check(result, expression, at, sub, scope):
+                return ZERO
+            self._checked.add((result, scope))
+            self.used |= result.names
+        return result
+
+    def _check(self, result: Expression, written: Expression, at: Instance, sub: Path_, scope: str) -> bool:
+        allowed = self.allowed[scope]
+        unknown = [n for n in sorted(result.names) if n not in allowed]
+        for name in unknown:
+            if name[:2] in ("q.", "u.") and scope == "motion" and name.split(".")[1] in self.broken:
+                continue
+            self.report(at, sub, self._unknown(name, scope), inside=self._column(at, sub, name))
+        if unknown:
+            return False
+        if scope != "motion":
+            value = self.value(result)
+            if isinstance(value, str):
+                self.report(at, sub, f"{written} has no finite value at the default parameters: {value}")
+                return False
+        return True
+
+    def _column(self, at: Instance, sub: Path_, name: str) -> int | None:
+        event = self.document.event(at.container, (at.key, *sub))
+        match = re.search(rf"(?<![\w.]){re.escape(name)}(?![\w.])", getattr(event, "value", ""))
+        return match.start() + 1 if match else None
+
+    def _unknown(self, name: str, scope: str) -> str:
+        everything = self.allowed["motion"]
+        if name.lower() in ("nan", "inf", "infinity"):
+            return f"{name} is no finite number; only finite numbers are allowed"
+        if name in everything or name == "t" or (name[:2] in ("q.", "u.") and scope != "motion"):
+            kind = "input" if name in self.inputs else "parameter" if name in self.defaults else "motion"
+            what = {
+                "input": f"input {name!r}",
+                "parameter": f"parameter {name!r}",
+                "motion": f"{name!r}, which changes with the motion,",
+            }[kind]
+            may = "numbers and constants" if scope == "constants" else "numbers, constants and parameters"
+            return f"{what} is not allowed here; only {may} are"
+        if name[:2] in ("q.", "u."):
+            what = "coordinate" if name[0] == "q" else "speed"
+            names = [n for n in everything if n[:2] == name[:2]]
+            joint = [n for n in names if n.startswith(name + ".")]
+            if joint:
+                return f"{name} has several freedoms; write one of {', '.join(sorted(joint))}"
+            return f"unknown {what} {name!r}; the joints of this model have {some(names)}{nearest(name, names)}"
+        known = [*(n for n in self.constants if n[0] != "'"), *(n for n in self.allowed[scope] if n[1:2] != ".")]
+        which = "constants written before it" if scope == "constants" else "known here"
+        return f"unknown name {name!r}; {which}: {some(known)}{nearest(name, known)}"
+
+    def value(self, expression: Expression) -> float | str:
+        """Value at the default parameters, or why there is none."""
+        found = self._values.get(expression)
+        if found is None:
+            try:
+                found = float(expression.evaluate(self.defaults))
+                if found != found or found in (float("inf"), float("-inf")):
+                    found = str(found)
+            except ZeroDivisionError:
+                found = "division by zero"
+            except OverflowError:
+                found = "too large a number"
+            except (ArithmeticError, ValueError):
+                found = "a function outside its domain"
+            self._values[expression] = found
+        return found
+
+    def numeric(self, expression: Expression) -> float:
+        value = self.value(expression)
+        return 0.0 if isinstance(value, str) else value
+
+    def new_name(self, at: Instance, name: str, space: str, what: str) -> bool:
+        """Register a name in its namespace; False after a problem."""
+        if name in RESERVED:
+            self.report(
+                at, (), f"{name!r} is reserved and cannot name {with_article(what)}; choose another name", key=True
+            )
+            return False
+        taken = self.first_seen.get((space, name))
+        if taken is not None:
+            self.report(
+                at,
+                (),
+                f"name {name!r} is already taken by {with_article(taken)}; each name may be given once",
+                key=True,
+            )
+            return False
+        self.first_seen[space, name] = what
+        return True
+
+    def key_name(self, at: Instance, what: str, space: str) -> str | None:
+        """Name of an entry from its key, registered."""
+        try:
+            name = name_of(parse_name(at.key), {**self.constants, **at.indices} if "(" in at.key else {})
+        except PydanticCustomError as error:
+            self.report(at, (), str(error.message()), key=True)
+        except ExpressionError as error:
+            self.report(at, (), error.message, key=True)
+        else:
+            return name if self.new_name(at, name, space, what) else None
+        return None
+
+    def reference(self, expression: Expression, at: Instance, sub: Path_) -> str | None:
+        try:
+            tree = expression.tree
+            return name_of(tree, {**self.constants, **at.indices} if tree[0] == "indexed" else {})
+        except ExpressionError as error:
+            self.report(at, sub, error.message)
+            return None
+
+    # --- entries ------------------------------------------------------------------------------------------------
+
+    def section(self, name: str) -> Iterator[Instance]:
+        value = self.document.root.get(name)
+        if value is None:
+            return
+        if not isinstance(value, dict):
+            self.report(self.top(name), (), f"{seen(value)}; a mapping of names is needed")
+            return
+        yield from self.repetition.expand(value, (name,))
+
+    def top(self, name: str) -> Instance:
+        return Instance(name, self.document.root.get(name), self.document.root, (), {})
+
+    def spec(self, cls: type[Any], at: Instance) -> Any:
+        """The validated structure of an entry, once for all its repetitions; None after problems."""
+        key = (id(at.value), cls)
+        if isinstance(at.value, dict) and key in self._specs:
+            return self._specs[key]
+        result = None
+        try:
+            result = cls.model_validate(at.value)
+        except ValidationError as error:
+            for sub, message, at_key, column in explain(cls, error):
+                self.report(at, sub, message, key=at_key, inside=column)
+            result = repaired(cls, at.value, error)
+            if result is not None:
+                self._repaired.add(id(result))
+                self._keep.append(result)
+        if isinstance(at.value, dict):
+            self._specs[key] = result
+        return result
+
+    def is_whole(self, spec: Entry | None) -> bool:
+        """Whether a structure is there and was right as written, without placeholders for what was wrong."""
+        return spec is not None and id(spec) not in self._repaired
+
+    def scalar(self, at: Instance, sub: Path_, value: Any, scope: str) -> Expression | None:
+        try:
+            return self.bound(_EXPRESSION.validate_python(value), at, sub, scope)
+        except ValidationError as error:
+            context = error.errors()[0].get("ctx", {})
+            self.report(at, sub, str(context.get("message", error)), inside=context.get("column"))
+            return None
+
+    def direction(self, axis: Vector, at: Instance, sub: Path_) -> None:
+        """Report an axis that is zero."""
+        if all(self.numeric(e) == 0 for e in axis):
+            message = "the axis is zero at the default parameters; a direction is needed: x, y, z or [x, y, z]"
+            self.report(at, sub, message)
+
+
+class ListedName(Instance):
+    """An item of a list, reported at its place there."""
+
+    __slots__ = ("item",)
+
+    def __init__(self, key: str, value: Any, container: Any, section: Path_, indices: Any, item: int) -> None:
+        super().__init__(key, value, container, section, indices)
+        self.item = item
+
+
+def with_article(what: str) -> str:
+    """``an input``, ``a body``."""
+    return f"an {what}" if what[0] in "aeiou" else f"a {what}"
+
+
+def count_of_values(count: int) -> str:
+    """``1 value``, ``2 values``."""
+    return f"{count} value" + "s" * (count != 1)
+
+
+def some(names: Iterable[str]) -> str:
+    """The first names of many."""
+    listed = list(names)
+    text = ", ".join(listed[:12])
+    return (f"{text}, ... ({len(listed)} in all)" if len(listed) > 12 else text) or "(none)"

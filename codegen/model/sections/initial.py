@@ -1,0 +1,123 @@
+"""Initial coordinates and speeds."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydantic_core import PydanticCustomError
+
+from ..errors import nearest
+from ..expressions import Expression, ExpressionError, combine
+from ..model import joint_coordinates
+from ..positions import Path_
+from ..reading import Reader, count_of_values, some
+from ..repetition import Instance, name_of
+from ..schema import parse_name, seen
+from .bodies import BodySection
+
+
+def read_initial(reader: Reader, bodies: BodySection) -> dict[str, dict[str, Expression]]:
+    result: dict[str, dict[str, Expression]] = {"q": {}, "u": {}}
+    initial = reader.document.root.get("initial")
+    if initial is None:
+        return result
+    if not isinstance(initial, dict):
+        reader.report(reader.top("initial"), (), f"{seen(initial)}; a mapping with the keys q, u is needed")
+        return result
+    groups = {"q": {}, "u": {}}  # type: dict[str, dict[str, tuple[str, ...]]]
+    quaternions = []
+    for spec, name in zip(bodies.specs, bodies.names, strict=True):
+        if spec is not None:
+            q, u = joint_coordinates(name, spec.joint.type)
+            groups["q"][name], groups["u"][name] = q, u
+            if f"{name}.qw" in q:
+                quaternions.append(name)
+    places: dict[str, tuple[Instance, Path_]] = {}
+    for part, section in initial.items():
+        if part not in result:
+            at = Instance(part, section, initial, ("initial",), {})
+            reader.report(at, (), f"unknown key {part!r}; keys here: q, u", key=True)
+        elif section is not None and not isinstance(section, dict):
+            at = Instance(part, section, initial, ("initial",), {})
+            reader.report(at, (), f"{seen(section)}; a mapping of joints to values is needed")
+        elif section is not None:
+            for at in reader.repetition.expand(section, ("initial", part)):
+                _initial_value(reader, at, part, groups[part], result[part], places)
+    for name in quaternions:
+        _normalise(reader, name, result["q"], places)
+    return result
+
+
+def _initial_value(
+    reader: Reader,
+    at: Instance,
+    part: str,
+    groups: dict[str, tuple[str, ...]],
+    result: dict[str, Expression],
+    places: dict[str, tuple[Instance, Path_]],
+) -> None:
+    what = "coordinate" if part == "q" else "speed"
+    try:
+        numbers = {**reader.constants, **at.indices} if "(" in at.key else {}
+        name = name_of(parse_name(at.key, prefix=f"{part}."), numbers)[2:]
+    except PydanticCustomError as error:
+        reader.report(at, (), str(error.message()), key=True)
+        return
+    except ExpressionError as error:
+        reader.report(at, (), error.message, key=True)
+        return
+    entries = groups.get(name)
+    if entries is None:
+        if name.partition(".")[0] in reader.broken:
+            return
+        owner = groups.get(name.rpartition(".")[0], ())
+        if name not in owner:
+            known = list(dict.fromkeys([n for g in groups.values() for n in g] + list(groups)))
+            message = f"unknown {what} {name!r}; allowed are {some(known)}{nearest(name, known)}"
+            reader.report(at, (), message, key=True)
+            return
+        entries = (name,)
+    if isinstance(at.value, (list, tuple)):
+        values = [((i,), v) for i, v in enumerate(at.value)]
+    else:
+        values = [((), at.value)]  # type: ignore[list-item]
+    if len(values) != len(entries) and name in reader.broken:
+        return
+    if len(values) != len(entries):
+        message = f"{count_of_values(len(values))}; joint {name!r} has {len(entries)}: {', '.join(entries) or 'none'}"
+        reader.report(at, (), message)
+        return
+    for entry, (sub, value) in zip(entries, values, strict=True):
+        if entry in places and entry in result:
+            reader.report(at, (), f"{what} {entry!r} is given already; each may be given once", key=True)
+            continue
+        expression = reader.scalar(at, sub, value, "parameters")
+        if expression is not None:
+            result[entry] = expression
+            places[f"{part}.{entry}"] = places[entry] = (at, sub)
+
+
+def _normalise(
+    reader: Reader, name: str, values: dict[str, Expression], places: dict[str, tuple[Instance, Path_]]
+) -> None:
+    keys = [f"{name}.q{c}" for c in "wxyz"]
+    given = [k for k in keys if k in values]
+    if not given:
+        return
+    parts = [values.get(k, Expression.number(int(k.endswith("w")))) for k in keys]
+    length = sum(reader.numeric(e) ** 2 for e in parts) ** 0.5
+    at = places[given[0]][0]
+    if abs(length - 1) > 1e-3:
+        message = f"the quaternion {name}.qw qx qy qz has length {length:.6g}; 1 is needed (to 1e-3)"
+        reader.report(at, (), message)
+    elif abs(length - 1) > 1e-12:
+        message = f"the quaternion {name}.qw qx qy qz has length {length:.12g}, not 1, and was normalised"
+        reader.report(at, (), message, severity="warning")
+        w, x, y, z = (_square(e) for e in parts)
+        norm = combine("sqrt", combine("+", combine("+", w, x), combine("+", y, z)))
+        for key, part in zip(keys, parts, strict=True):
+            values[key] = Expression(combine("/", part.tree, norm))
+
+
+def _square(e: Expression) -> Any:
+    return combine("*", e.tree, e.tree)
