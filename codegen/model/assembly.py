@@ -1,20 +1,22 @@
 """From the plain data of a file or the builder to a checked `Model`, with every problem on the way.
 
 One pass over the sections in the order in which they need each other: constants, parameters, inputs, gravity, bodies,
-points, forces, outputs, initial values. A section that is wrong is reported and left out,
+points, loops, forces, outputs, initial values, independent coordinates. A section that is wrong is reported and left out,
 so that the others are still read.
 """
 
 from __future__ import annotations
 
 from .errors import ModelError, Problem, nearest
-from .model import Model
+from .model import GROUND, Model
 from .positions import Document
 from .reading import Reader, TooManyProblems, some
 from .schema import LATER_SECTIONS, SECTIONS, seen
-from .sections.bodies import read_bodies
+from .sections.bodies import check_freedoms, read_bodies
 from .sections.forces import read_forces
+from .sections.independent import read_independent
 from .sections.initial import read_initial
+from .sections.loops import read_loops
 from .sections.outputs import read_outputs
 from .sections.points import read_points
 from .sections.quantities import model_name, read_constants, read_gravity, read_inputs, read_parameters
@@ -61,13 +63,20 @@ def _model(reader: Reader) -> Model | None:
     parameters = read_parameters(reader)
     read_inputs(reader)
     reader.allowed["parameters"] = dict.fromkeys(reader.defaults)
-    reader.allowed["motion"] = dict.fromkeys([*reader.defaults, *reader.inputs, "t"])
+    reader.allowed["inputs"] = dict.fromkeys([*reader.defaults, *reader.inputs, "t"])
+    reader.allowed["motion"] = dict(reader.allowed["inputs"])  # and what moves, once the bodies are read
     gravity = read_gravity(reader)
     bodies = read_bodies(reader)
     points = read_points(reader, bodies)
-    forces = read_forces(reader, bodies)
+    before = len(reader.problems)
+    loops = read_loops(reader, bodies, points)
+    if len(reader.problems) == before:  # a loop that could not be read may hold what seems to move no mass
+        faces = [face for loop in loops for face in (loop.start, loop.end)]
+        check_freedoms(reader, bodies, {face.body for face in faces if face.body != GROUND})
+    forces, springs = read_forces(reader, bodies, points)
     outputs = read_outputs(reader, bodies, points)
     initial = read_initial(reader, bodies)
+    independent = read_independent(reader, bodies)
     if any(p.severity == "error" for p in reader.problems):
         return None
     for parameter, at in parameters:
@@ -82,9 +91,12 @@ def _model(reader: Reader) -> Model | None:
         parameters=tuple(p for p, _ in parameters),
         inputs=tuple(reader.inputs),
         bodies=tuple(bodies.bodies),
+        loops=tuple(loops),
         forces=tuple(forces),
+        springs=tuple(springs),
         outputs=tuple(outputs),
         initial_q=initial["q"],
         initial_u=initial["u"],
+        independent=independent,
         warnings=tuple(str(p) for p in reader.problems if p.severity == "warning"),
     )

@@ -103,9 +103,51 @@ class ModelBuilder:
         self._put("points", name, {"body": body, "at": _plain(at)})
         return name
 
+    def loop(
+        self,
+        name: str,
+        joint: str | Mapping[str, Any],
+        start: str | Mapping[str, Any],
+        end: str | Mapping[str, Any],
+        *,
+        axis: str | Sequence[Scalar] | None = None,
+        axes: Sequence[str | Sequence[Scalar]] | None = None,
+        normal: str | Sequence[Scalar] | None = None,
+    ) -> None:
+        """A joint that closes a loop.
+
+        Parameters
+        ----------
+        name : str
+        joint : str or mapping
+            Type of the joint, with `axis`, `axes` or `normal` beside it; or everything in a mapping.
+        start, end : str or mapping
+            ``from`` and ``to`` of a model file: a body with ``at`` and ``rotate`` or ``rpy``, or the name of a point.
+        """
+        placed = _given(axis=axis, axes=axes, normal=normal)
+        whole = {**_plain(joint), **placed} if isinstance(joint, Mapping) else {"type": joint, **placed}
+        self._put("loops", name, {"joint": whole, "from": _plain(start), "to": _plain(end)})
+
+    def independent(self, *names: str) -> None:
+        """Coordinates that shall be independent, or joints for all of theirs; may be called several times."""
+        self._root.setdefault("independent", []).extend(names)
+
     def joint_force(self, name: str, joint: str, value: Scalar | Sequence[Scalar]) -> None:
         """A generalised force on the freedoms of a joint, positive where it raises u."""
         self._put("forces", name, {"type": "joint", "joint": joint, "value": _plain(value)})
+
+    def spring(
+        self,
+        name: str,
+        start: str | Mapping[str, Any],
+        end: str | Mapping[str, Any],
+        stiffness: Scalar,
+        damping: Scalar | None = None,
+        free_length: Scalar | None = None,
+    ) -> None:
+        """A spring and damper between two points, ``from`` and ``to`` of a model file; left out: 0."""
+        given = _given(stiffness=stiffness, damping=damping, free_length=free_length)
+        self._put("forces", name, {"type": "spring", "from": _plain(start), "to": _plain(end), **given})
 
     def output(
         self,

@@ -1,8 +1,8 @@
-"""Checks of a tree of bodies: circles of parents, and mass properties at the default parameters."""
+"""Checks of a tree of bodies: circles of parents, what fixed joints hold together, and mass properties at the defaults."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 
 import numpy as np
 
@@ -33,6 +33,32 @@ def cycles(parents: Sequence[int]) -> list[list[int]]:
         for k in walk:
             state[k] = 2
     return found
+
+
+def fixed_path(a: int, b: int, bodies: Sequence[Body]) -> list[int] | None:
+    """The bodies whose fixed joints hold two bodies together: none for one and the same, None if the two can move.
+
+    Parameters
+    ----------
+    a, b : int
+        Indices into `bodies`, or `GROUND`.
+    bodies : sequence of Body
+        A tree.
+    """
+    paths = []
+    for k in (a, b):
+        path = [k]
+        while k != GROUND and bodies[k].joint.type == "fixed":
+            k = bodies[k].parent
+            path.append(k)
+        paths.append(path)
+    first, second = paths
+    if first[-1] != second[-1]:
+        return None
+    while len(first) > 1 and len(second) > 1 and first[-2] == second[-2]:
+        first.pop()
+        second.pop()
+    return [*first[:-1], *second[-2::-1]]
 
 
 def _mass_and_inertia(
@@ -84,7 +110,9 @@ def _where(condition: np.ndarray) -> list[int]:
     return [int(i) for i in np.flatnonzero(condition)]
 
 
-def check_freedoms(bodies: Sequence[Body], value: Callable[[Expression], float]) -> Iterator[Finding]:
+def check_freedoms(
+    bodies: Sequence[Body], value: Callable[[Expression], float], held: Collection[int] = ()
+) -> Iterator[Finding]:
     """Joints that move nothing at the default parameters: their accelerations would be a division by zero.
 
     Parameters
@@ -93,6 +121,9 @@ def check_freedoms(bodies: Sequence[Body], value: Callable[[Expression], float])
         A tree.
     value : callable
         Value of an expression at the default parameters.
+    held : collection of int
+        Bodies that a loop joins to another one. Their joints move what is beyond the loop too, and the loop may take
+        their freedoms, so they need no mass of their own.
     """
     if not bodies:
         return
@@ -113,6 +144,7 @@ def check_freedoms(bodies: Sequence[Body], value: Callable[[Expression], float])
         stack.extend(children[k][::-1])
     massless = (mass == 0) & (scale == 0)
     light = massless.copy()
+    light[list(held)] = False
     for k in reversed(order):
         light[k] = light[k] and all(light[c] for c in children[k])
     inside = [False] * n  # below a joint that has been reported
@@ -128,7 +160,7 @@ def check_freedoms(bodies: Sequence[Body], value: Callable[[Expression], float])
                 f"nor inertia; give it mass or fix the joint"
             )
             yield k, ("joint",), message, "error"
-        elif not children[k] and not massless[k] and mass[k] >= 0:
+        elif not children[k] and k not in held and not massless[k] and mass[k] >= 0:
             message = _idle_freedom(bodies[k], mass[k], inertia[k], value)
             if message:
                 yield k, ("joint",), message, "error"

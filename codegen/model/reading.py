@@ -17,7 +17,7 @@ from .expressions import Binder, Expression, ExpressionError, Number
 from .model import Vector
 from .positions import Document, Path_, show_path
 from .repetition import Instance, Repetition, labels, name_of
-from .schema import RESERVED, ZERO, Entry, Expr, explain, parse_name, repaired, seen
+from .schema import RESERVED, ZERO, Entry, Expr, explain, parse_name, repaired, seen, validate
 
 MAX_PROBLEMS: Final = 200
 
@@ -42,7 +42,8 @@ class Reader:
     used : set of str
         Names that expressions have.
     allowed : dict of str to dict
-        Names that expressions of a scope may have: ``constants``, ``parameters`` or ``motion``.
+        Names that expressions of a scope may have: ``constants``, ``parameters``, ``inputs`` (parameters, inputs and t)
+        or ``motion`` (coordinates and speeds too).
     broken : set of str
         Bodies that were reported; their coordinates are not known.
     """
@@ -58,10 +59,10 @@ class Reader:
         self.used: set[str] = set()
         self.first_seen: dict[tuple[str, str], str] = {}
         # dicts used as ordered sets: names are printed in the order of the file
-        self.allowed: dict[str, dict[str, None]] = {"constants": {}, "parameters": {}, "motion": {}}
+        self.allowed: dict[str, dict[str, None]] = {"constants": {}, "parameters": {}, "inputs": {}, "motion": {}}
         self.broken: set[str] = set()
         self._reported: set[tuple[Any, ...]] = set()
-        self._specs: dict[tuple[int, type[Entry]], Any] = {}
+        self._specs: dict[tuple[int, int], Any] = {}
         self._repaired: set[int] = set()  # ids of specs with placeholders
         self._keep: list[Entry] = []  # keeps those ids valid
         self._checked: set[tuple[Expression, str]] = set()
@@ -139,7 +140,7 @@ class Reader:
             self.report(at, sub, self._unknown(name, scope), inside=self._column(at, sub, name))
         if unknown:
             return False
-        if scope != "motion":
+        if scope != "motion" and result.names <= self.defaults.keys():
             value = self.value(result)
             if isinstance(value, str):
                 self.report(at, sub, f"{written} has no finite value at the default parameters: {value}")
@@ -162,7 +163,11 @@ class Reader:
                 "parameter": f"parameter {name!r}",
                 "motion": f"{name!r}, which changes with the motion,",
             }[kind]
-            may = "numbers and constants" if scope == "constants" else "numbers, constants and parameters"
+            may = {
+                "constants": "numbers and constants",
+                "parameters": "numbers, constants and parameters",
+                "inputs": "numbers, constants, parameters, inputs and t",
+            }[scope]
             return f"{what} is not allowed here; only {may} are"
         if name[:2] in ("q.", "u."):
             what = "coordinate" if name[0] == "q" else "speed"
@@ -170,10 +175,17 @@ class Reader:
             joint = [n for n in names if n.startswith(name + ".")]
             if joint:
                 return f"{name} has several freedoms; write one of {', '.join(sorted(joint))}"
-            return f"unknown {what} {name!r}; the joints of this model have {some(names)}{nearest(name, names)}"
+            hint = self.loop_hint(name[2:]) or nearest(name, names)
+            return f"unknown {what} {name!r}; the joints of this model have {some(names)}{hint}"
         known = [*(n for n in self.constants if n[0] != "'"), *(n for n in self.allowed[scope] if n[1:2] != ".")]
         which = "constants written before it" if scope == "constants" else "known here"
         return f"unknown name {name!r}; {which}: {some(known)}{nearest(name, known)}"
+
+    def loop_hint(self, name: str) -> str:
+        """``; 'foot' closes a loop, ...`` where a loop is taken for a joint with coordinates, or nothing."""
+        loop = name.partition(".")[0]
+        is_loop = self.first_seen.get(("body", loop)) == "loop"
+        return f"; {loop!r} closes a loop, and such a joint has no coordinates" if is_loop else ""
 
     def value(self, expression: Expression) -> float | str:
         """Value at the default parameters, or why there is none."""
@@ -246,17 +258,34 @@ class Reader:
             return
         yield from self.repetition.expand(value, (name,))
 
+    def listed(self, name: str, example: str) -> Iterator[tuple[Instance, Path_, Any]]:
+        """The names of a section that is a list: where to report each, with the path there, and what is written."""
+        value = self.document.root.get(name)
+        if value is None:
+            return
+        if not isinstance(value, (list, tuple)):
+            self.report(self.top(name), (), f"{seen(value)}; a list of names is needed: {example}")
+            return
+        for i, item in enumerate(value):
+            if not isinstance(item, dict):
+                yield self.top(name), (i,), item
+                continue
+            for at in self.repetition.expand(item, (name, i)):
+                if at.value is not None:
+                    self.report(at, (), f"{seen(at.value)} after a name; the names of this list have no value")
+                yield at, (), at.key
+
     def top(self, name: str) -> Instance:
         return Instance(name, self.document.root.get(name), self.document.root, (), {})
 
-    def spec(self, cls: type[Any], at: Instance) -> Any:
+    def spec(self, cls: Any, at: Instance) -> Any:
         """The validated structure of an entry, once for all its repetitions; None after problems."""
-        key = (id(at.value), cls)
+        key = (id(at.value), id(cls))
         if isinstance(at.value, dict) and key in self._specs:
             return self._specs[key]
         result = None
         try:
-            result = cls.model_validate(at.value)
+            result = validate(cls, at.value)
         except ValidationError as error:
             for sub, message, at_key, column in explain(cls, error):
                 self.report(at, sub, message, key=at_key, inside=column)
@@ -285,16 +314,6 @@ class Reader:
         if all(self.numeric(e) == 0 for e in axis):
             message = "the axis is zero at the default parameters; a direction is needed: x, y, z or [x, y, z]"
             self.report(at, sub, message)
-
-
-class ListedName(Instance):
-    """An item of a list, reported at its place there."""
-
-    __slots__ = ("item",)
-
-    def __init__(self, key: str, value: Any, container: Any, section: Path_, indices: Any, item: int) -> None:
-        super().__init__(key, value, container, section, indices)
-        self.item = item
 
 
 def with_article(what: str) -> str:

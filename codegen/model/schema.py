@@ -1,8 +1,8 @@
 """The structure of a model file: which keys stand where and what kind of value each takes.
 
 Pydantic models, one for each kind of entry. They know nothing of names and values: numbers arrive as parsed
-expressions, references as parsed names, and `loading` gives them their meaning. A new type of joint or force is a class
-here, listed in its union, and its conversion in `entries`.
+expressions, references as parsed names, and the modules of `sections` give them their meaning. A new type of joint or
+force is a class here, listed in its union, and its conversion there.
 """
 
 from __future__ import annotations
@@ -11,7 +11,16 @@ import numbers
 from collections.abc import Callable
 from typing import Annotated, Any, Final, Literal, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationError, WrapValidator, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    PlainValidator,
+    TypeAdapter,
+    ValidationError,
+    WrapValidator,
+    model_validator,
+)
 from pydantic_core import PydanticCustomError
 
 from .errors import nearest
@@ -23,11 +32,10 @@ ONE: Final = Expression.number(1)
 
 SECTIONS: Final = (
     *("model", "gravity", "constants", "parameters", "inputs"),
-    *("bodies", "points", "forces", "initial", "outputs"),
+    *("bodies", "points", "loops", "forces", "initial", "independent", "outputs"),
 )
-LATER_SECTIONS: Final = ("loops", "motion", "independent")
-LATER_JOINTS: Final = ("screw", "cylindrical", "planar")
-LATER_FORCES: Final = ("spring", "body")
+LATER_SECTIONS: Final = ("motion",)
+LATER_TYPES: Final = {"joint": ("screw", "cylindrical", "planar"), "loop joint": ("screw",), "force": ("body",)}
 RESERVED: Final = frozenset({"t", "q", "u", "pi", "ground", *FUNCTIONS})
 ENERGIES: Final = ("kinetic_energy", "potential_energy")
 
@@ -139,18 +147,22 @@ class Turn(Entry):
     angle: Expr
 
 
-class JointEntry(Entry):
-    """What every joint has: where it stands in its parent."""
+class PlacedEntry(Entry):
+    """A frame and where it stands in a body."""
 
     at: Vector = Origin
     rotate: Annotated[tuple[Turn, ...] | None, WrapValidator(_written)] = None
     rpy: OptionalVector = None
 
     @model_validator(mode="after")
-    def _one_rotation(self) -> JointEntry:
+    def _one_rotation(self) -> PlacedEntry:
         if self.rotate is not None and self.rpy is not None:
             raise _custom("rotate and rpy are both given; one of them is allowed")
         return self
+
+
+class JointEntry(PlacedEntry):
+    """What every joint between a body and its parent has: where it stands in the parent."""
 
 
 class FixedEntry(JointEntry):
@@ -276,20 +288,91 @@ class PointEntry(Entry):
     at: Vector = Origin
 
 
+def _point(value: Any, handler: Callable[[Any], Any]) -> Any:
+    return _reference(value) if isinstance(value, str) else handler(value)
+
+
+PointOrName = Annotated[PointEntry, WrapValidator(_point)]
+
+
+class FaceEntry(PlacedEntry):
+    """One side of a joint that closes a loop."""
+
+    body: Reference
+
+
+FaceOrName = Annotated[FaceEntry, WrapValidator(_point)]
+
+
+class LoopJointEntry(Entry):
+    """What every joint that closes a loop has: nothing but its type, since its faces say where it stands."""
+
+
+class FixedLoop(LoopJointEntry):
+    type: Literal["fixed"]
+
+
+class RevoluteLoop(LoopJointEntry):
+    type: Literal["revolute"]
+    axis: Axis
+
+
+class PrismaticLoop(LoopJointEntry):
+    type: Literal["prismatic"]
+    axis: Axis
+
+
+class UniversalLoop(LoopJointEntry):
+    type: Literal["universal"]
+    axes: tuple[Axis, Axis]
+
+
+class SphericalLoop(LoopJointEntry):
+    type: Literal["spherical"]
+
+
+class PointLoop(LoopJointEntry):
+    type: Literal["point"]
+
+
+class CylindricalLoop(LoopJointEntry):
+    type: Literal["cylindrical"]
+    axis: Axis
+
+
+class PlanarLoop(LoopJointEntry):
+    type: Literal["planar"]
+    normal: Axis
+
+
+AnyLoopJoint = Annotated[
+    FixedLoop | RevoluteLoop | PrismaticLoop | UniversalLoop | SphericalLoop | PointLoop | CylindricalLoop | PlanarLoop,
+    Field(discriminator="type"),
+]
+
+
+class LoopEntry(Entry):
+    joint: AnyLoopJoint
+    start: FaceOrName = Field(alias="from")
+    end: FaceOrName = Field(alias="to")
+
+
 class JointForceEntry(Entry):
     type: Literal["joint"]
     joint: Reference
     value: Annotated[tuple[Expr, ...], WrapValidator(_list_or_one)]
 
 
-AnyForce = JointForceEntry
+class SpringEntry(Entry):
+    type: Literal["spring"]
+    start: PointOrName = Field(alias="from")
+    end: PointOrName = Field(alias="to")
+    stiffness: Expr
+    damping: Expr = ZERO
+    free_length: Expr = ZERO
 
 
-def _point(value: Any, handler: Callable[[Any], Any]) -> Any:
-    return _reference(value) if isinstance(value, str) else handler(value)
-
-
-PointOrName = Annotated[PointEntry, WrapValidator(_point)]
+AnyForce = Annotated[JointForceEntry | SpringEntry, Field(discriminator="type")]
 
 
 class OutputEntry(Entry):
@@ -313,17 +396,42 @@ class OutputEntry(Entry):
         return self
 
 
-def repaired(cls: type[Entry], value: Any, error: ValidationError) -> Any:
+_PLACEHOLDERS: Final[dict[type[Entry], dict[str, Any]]] = {
+    BodyEntry: {"joint": {"type": "fixed"}, "parent": "ground"},
+    PointEntry: {"body": "ground"},
+    LoopEntry: {"joint": {"type": "fixed"}, "from": "ground", "to": "ground"},
+    SpringEntry: {"from": "ground", "to": "ground", "stiffness": "0"},
+}
+"""What stands in the place of an obligatory value that is missing or wrong."""
+
+
+def validate(cls: Any, value: Any) -> Any:
+    """An entry of a class, or of one of the classes of a union."""
+    adapter = _adapters.get(id(cls))
+    if adapter is None:
+        adapter = _adapters[id(cls)] = TypeAdapter(cls)
+    return adapter.validate_python(value)
+
+
+_adapters: Final[dict[int, TypeAdapter[Any]]] = {}
+
+
+def repaired(cls: Any, value: Any, error: ValidationError) -> Any:
     """An entry of `cls` in which everything wrong is left out or replaced, to read what else is in it; or None."""
     if not isinstance(value, dict):
         return None
+    choices = _models(cls)
+    chosen = next((c for c in choices if len(choices) == 1 or _tag(c) == value.get("type")), None)
+    if chosen is None:
+        return None
+    placeholders = _PLACEHOLDERS.get(chosen, {})
     result = _copied(value)
     for item in error.errors(include_url=False):
         path = _without_alternatives(cls, tuple(item["loc"]))
         if not path:
             result.pop("shape", None)
-        elif path[0] in ("joint", "parent", "body") and cls in (BodyEntry, PointEntry):
-            result[path[0]] = {"type": "fixed"} if path[0] == "joint" else "ground"
+        elif path[0] in placeholders:
+            result[path[0]] = placeholders[str(path[0])]
         elif item["type"] == "extra_forbidden" and _at(result, path[:-1]) is not None:
             _at(result, path[:-1]).pop(path[-1], None)
         elif item["type"] == "model" and _at(result, path[:-1]) is not None:
@@ -331,7 +439,7 @@ def repaired(cls: type[Entry], value: Any, error: ValidationError) -> Any:
         else:
             result.pop(path[0], None)
     try:
-        return cls.model_validate(result)
+        return validate(cls, result)
     except ValidationError:
         return None
 
@@ -357,8 +465,14 @@ def _at(value: Any, path: Path_) -> Any:
 # --- pydantic's errors in our words -----------------------------------------------------------------------------
 
 
-def explain(cls: type[Entry], error: ValidationError) -> list[tuple[Path_, str, bool, int]]:
+def explain(cls: Any, error: ValidationError) -> list[tuple[Path_, str, bool, int]]:
     """What pydantic found, in the words of the format.
+
+    Parameters
+    ----------
+    cls : type or union
+        What `validate` was asked for.
+    error : ValidationError
 
     Returns
     -------
@@ -367,10 +481,13 @@ def explain(cls: type[Entry], error: ValidationError) -> list[tuple[Path_, str, 
     """
     result: list[tuple[Path_, str, bool, int]] = []
     said: set[tuple[Path_, str]] = set()
-    for item in error.errors(include_url=False):
+    items = error.errors(include_url=False)
+    unknown = [(tuple(i["loc"][:-1]), str(i["loc"][-1])) for i in items if i["type"] == "extra_forbidden"]
+    misspelt = {(loc, _unknown_key(key, _entry_at(cls, loc)).rpartition("; ")[2]) for loc, key in unknown}
+    for item in items:
         loc: Path_ = tuple(item["loc"])
         kind, value, context = item["type"], item["input"], item.get("ctx", {})
-        here = _entry_at(cls, loc)
+        here = _entry_at(cls, loc[:-1] if kind in ("missing", "extra_forbidden") else loc)
         shown = _without_alternatives(cls, loc)
         at_key, column = False, 0
         if kind == "model":
@@ -381,6 +498,8 @@ def explain(cls: type[Entry], error: ValidationError) -> list[tuple[Path_, str, 
         elif kind in ("too_long", "too_short", "tuple_type", "list_type"):
             message = f"{seen(value)}; {_wanted(loc)}"
         elif kind == "missing":
+            if (loc[:-1], f"did you mean {loc[-1]!r}?") in misspelt:
+                continue  # said at the misspelt key
             message = f"key {loc[-1]!r} is missing; keys here: {_keys(here)}"
             shown = shown[:-1]
         elif kind == "extra_forbidden":
@@ -388,14 +507,14 @@ def explain(cls: type[Entry], error: ValidationError) -> list[tuple[Path_, str, 
             at_key = True
         elif kind == "union_tag_not_found":
             message = f"key 'type' is missing; one of {_tags(_alternatives(cls, loc))} is needed"
-        elif kind in ("union_tag_invalid", "literal_error"):
-            base = loc[:-1] if kind == "literal_error" else loc
-            message = _unknown_type(str(base[-1]) if base else "force", value, _alternatives(cls, base) or [cls])
-            shown = (*shown, "type") if kind == "union_tag_invalid" else shown
+        elif kind == "union_tag_invalid":
+            message = _unknown_type(value, _alternatives(cls, loc))
+            shown = (*shown, "type")
         elif kind in ("model_type", "model_attributes_type", "dict_type"):
             choices = _alternatives(cls, loc)
             keys = f"the keys {_keys(here)}" if len(choices) < 2 else f"a type: one of {_tags(choices)}"
-            message = f"{seen(value)}; a mapping is needed with {keys}"
+            named = "the name of a point or " if loc and here in (PointEntry, FaceEntry) else ""
+            message = f"{seen(value)}; {named}a mapping is needed with {keys}"
         elif kind == "string_type":
             message = f"{seen(value)}; a text is needed"
         else:
@@ -412,21 +531,29 @@ def _wanted(loc: Path_) -> str:
         return "two axes are needed: [y, x]"
     if last == "rotate":
         return "a list of rotations is needed: [{axis: z, angle: 0.5}]"
-    if last == "axis" or isinstance(last, int):
+    if last in ("axis", "normal") or isinstance(last, int):
         return "x, y, z, -x, -y, -z or a vector [x, y, z] is allowed"
     if last == "rpy":
         return "three angles are needed: [roll, pitch, yaw]"
     return "three numbers are needed: [x, y, z]"
 
 
+def _fields(cls: type[Entry]) -> dict[str, Any]:
+    """What an entry may hold, by the keys of the file."""
+    return {f.alias or name: f for name, f in cls.model_fields.items()}
+
+
 def _keys(cls: type[Entry]) -> str:
-    return ", ".join(cls.model_fields)
+    return ", ".join(_fields(cls))
 
 
 def _unknown_key(key: str, here: type[Entry]) -> str:
     if key in ("first", "last"):
         return f"{key!r} stands only directly inside an entry of a repeat block"
-    return f"unknown key {key!r}; keys here: {_keys(here)}{nearest(key, here.model_fields)}"
+    if issubclass(here, LoopJointEntry) and key in PlacedEntry.model_fields:
+        return f"{key!r} does not stand in a loop's joint; from and to place it: from: {{body: arm, {key}: ...}}"
+    hint = "; did you mean 'normal'?" if here is PlanarLoop and key == "axis" else nearest(key, _fields(here))
+    return f"unknown key {key!r}; keys here: {_keys(here)}{hint}"
 
 
 def _tag(cls: type[Entry]) -> str:
@@ -437,12 +564,16 @@ def _tags(classes: list[type[Entry]]) -> str:
     return ", ".join(_tag(c) for c in classes)
 
 
-def _unknown_type(what: str, value: Any, classes: list[type[Entry]]) -> str:
+_KINDS: Final[dict[str, type[Entry]]] = {"joint": JointEntry, "loop joint": LoopJointEntry, "shape": ShapeEntry}
+
+
+def _unknown_type(value: Any, classes: list[type[Entry]]) -> str:
     name = value.get("type") if isinstance(value, dict) else value
-    force = classes[0] is JointForceEntry
-    kind = "force" if force else what
-    if name in (LATER_FORCES if force else LATER_JOINTS if what == "joint" else ()):
+    kind = next((k for k, base in _KINDS.items() if issubclass(classes[0], base)), "force")
+    if name in LATER_TYPES.get(kind, ()):
         return f"{kind} type {name!r} is not supported yet by this version; available: {_tags(classes)}"
+    if kind == "loop joint" and name == "free":
+        return f"a free joint sets no condition, so it closes no loop; one of {_tags(classes)} is allowed"
     hint = nearest(name, [_tag(c) for c in classes]) if isinstance(name, str) else ""
     return f"unknown {kind} type {seen(name)}; one of {_tags(classes)} is allowed{hint}"
 
@@ -453,10 +584,10 @@ def _models(annotation: Any) -> list[type[Entry]]:
     return [m for a in get_args(annotation) for m in _models(a)]
 
 
-def _steps(cls: type[Entry], loc: Path_) -> list[tuple[Any, list[type[Entry]], bool]]:
+def _steps(cls: Any, loc: Path_) -> list[tuple[Any, list[type[Entry]], bool]]:
     """For every part of a location: the part, the entry classes that its value may have, and whether it names one."""
     steps: list[tuple[Any, list[type[Entry]], bool]] = []
-    classes = [cls]
+    classes = _models(cls)
     for part in loc:
         tagged = [c for c in classes if len(classes) > 1 and "type" in c.model_fields and _tag(c) == part]
         if tagged:
@@ -464,7 +595,7 @@ def _steps(cls: type[Entry], loc: Path_) -> list[tuple[Any, list[type[Entry]], b
             steps.append((part, classes, True))
             continue
         if isinstance(part, str):
-            found = [c.model_fields[part].annotation for c in classes if part in c.model_fields]
+            found = [_fields(c)[part].annotation for c in classes if part in _fields(c)]
             if found or len(classes) != 1:
                 classes = [m for a in found[:1] for m in _models(a)]
             elif part.startswith("function-") or "[" in part:
@@ -474,18 +605,18 @@ def _steps(cls: type[Entry], loc: Path_) -> list[tuple[Any, list[type[Entry]], b
     return steps
 
 
-def _alternatives(cls: type[Entry], loc: Path_) -> list[type[Entry]]:
-    return _steps(cls, loc)[-1][1] if loc else [cls]
+def _alternatives(cls: Any, loc: Path_) -> list[type[Entry]]:
+    return _steps(cls, loc)[-1][1] if loc else _models(cls)
 
 
-def _entry_at(cls: type[Entry], loc: Path_) -> type[Entry]:
+def _entry_at(cls: Any, loc: Path_) -> type[Entry]:
     """The class of the mapping that holds (or is) the value at `loc`."""
-    entry = cls
+    entry = _models(cls)[0]
     for _, classes, _alternative in _steps(cls, loc):
         if len(classes) == 1:
             entry = classes[0]
     return entry
 
 
-def _without_alternatives(cls: type[Entry], loc: Path_) -> Path_:
+def _without_alternatives(cls: Any, loc: Path_) -> Path_:
     return tuple(part for part, _, alternative in _steps(cls, loc) if not alternative)

@@ -84,11 +84,12 @@ def test_the_model_the_others_are_made_from_is_good():
         ("at: [0, 0, L]", "at: [0, L]", "m.yaml:14:34: bodies.hand.joint.at: too few numbers; three numbers*"),
         ("at: [0, 0, L]", "at: 3", "m.yaml:14:34: bodies.hand.joint.at: '3'; three numbers are needed*"),
         ("motor - 0.1*u.arm", "[1, 2]", "m.yaml:18:43: forces.drive.value: 2 values for the revolute joint 'arm'; 1 are*"),
-        ("type: joint", "type: spring", "m.yaml:18:17: forces.drive.type: force type 'spring' is not supported yet*"),
+        ("type: joint", "type: body", "m.yaml:18:17: forces.drive.type: force type 'body' is not supported yet*"),
         ("joint: arm,", "joint: amr,", "m.yaml:18:31: forces.drive.joint: unknown joint 'amr'; *did you mean 'arm'?"),
         ("position: hand", "position: tip", "m.yaml:20:22: outputs.height.position: unknown point 'tip'*"),
         (", axis: z}", "}", "m.yaml:20:11: outputs.height: position without axis*"),
-        ("outputs:", "loops: {}\noutputs:", "m.yaml:19:1: loops: section 'loops' is not supported yet by this version"),
+        ("type: revolute", "type: planar", "m.yaml:9:19: bodies.arm.joint.type: joint type 'planar' is not supported yet*"),
+        ("outputs:", "motion: {}\noutputs:", "m.yaml:19:1: motion: section 'motion' is not supported yet by this version"),
         ("outputs:", "ouputs:", "m.yaml:19:1: ouputs: unknown key 'ouputs'; * did you mean 'outputs'?"),
         ("gravity: [0, 0, -9.81]", "gravity: -9.81", "m.yaml:2:10: gravity: '-9.81'; three numbers are needed*"),
         ("    mass: 2*L", "    mass:", "m.yaml:10:10: bodies.arm.mass: nothing; a number or an expression is needed"),
@@ -283,11 +284,11 @@ def test_damaged_files_are_models_or_model_errors(data):
         st.one_of(st.none(), st.booleans(), st.integers(), st.floats(), st.text(max_size=4), st.sampled_from(["ground", "a", "y", "joint"])),
         lambda inner: st.one_of(
             st.lists(inner, max_size=4),
-            st.dictionaries(st.sampled_from(["type", "joint", "parent", "mass", "shape", "axis", "at", "q", "a", "value", "body"]), inner),
+            st.dictionaries(st.sampled_from(["type", "joint", "parent", "mass", "shape", "axis", "at", "q", "a", "value", "body", "from", "to"]), inner),
         ),
         max_leaves=8,
     ),
-    st.sampled_from(["gravity", "constants", "parameters", "inputs", "bodies", "points", "forces", "initial", "outputs", "model"]),
+    st.sampled_from(["gravity", "constants", "parameters", "inputs", "bodies", "points", "forces", "initial", "outputs", "loops", "independent", "model"]),
 )  # fmt: skip
 def test_any_structure_anywhere_is_a_model_or_a_model_error(value, section):
     import yaml

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Any
 
 from .. import checks
 from ..errors import nearest
@@ -13,11 +13,9 @@ from ..model import GROUND, Body, Joint, Vector, joint_coordinates
 from ..positions import Path_
 from ..reading import Reader, some
 from ..repetition import Instance
-from ..schema import ZERO, BodyEntry, Entry, JointEntry
+from ..schema import ZERO, BodyEntry, JointEntry
 from ..shapes import Inertia, mass_properties
-
-_REFERENCES: Final = frozenset({"parent", "body", "position", "velocity"})
-_AXES: Final = tuple(tuple(Expression.number(int(i == k)) for i in range(3)) for k in range(3))
+from .placement import Bound, expressions_of, rotation, vector
 
 _Parts = tuple[Joint, Expression, Vector, Inertia, bool]
 
@@ -40,6 +38,8 @@ class BodySection:
         Those that could be read: as long as `names` if nothing is wrong.
     is_tree : bool
         Whether every body leads to the ground.
+    is_sound : bool
+        Whether joints and mass properties of all bodies are known.
     """
 
     instances: list[Instance] = field(default_factory=list)
@@ -49,6 +49,7 @@ class BodySection:
     frames: dict[str, int] = field(default_factory=dict)
     bodies: list[Body] = field(default_factory=list)
     is_tree: bool = True
+    is_sound: bool = False
 
 
 def read_bodies(reader: Reader) -> BodySection:
@@ -103,8 +104,13 @@ def _build(reader: Reader, section: BodySection) -> None:
         reader.report(section.instances[cycle[0]], ("parent",), message)
     for found in checks.check_inertia([b for _, b in sound], reader.numeric):
         _report_finding(reader, sound[found[0]][0], found)
-    if section.is_tree and len(sound) == len(section.names):
-        for found in checks.check_freedoms(section.bodies, reader.numeric):
+    section.is_sound = section.is_tree and len(sound) == len(section.names)
+
+
+def check_freedoms(reader: Reader, section: BodySection, held: Collection[int] = ()) -> None:
+    """Report joints that move no mass; `held` are the bodies that a loop holds, which others may carry."""
+    if section.is_sound:
+        for found in checks.check_freedoms(section.bodies, reader.numeric, held):
             _report_finding(reader, section.instances[found[0]], found)
 
 
@@ -142,7 +148,7 @@ class _PartsReader:
         """Joint, mass properties and whether they are sound; the same objects where the indices used are equal."""
         listed = self._indices.get(id(spec))
         if listed is None:
-            listed = self._indices[id(spec)] = list(_expressions(spec))
+            listed = self._indices[id(spec)] = list(expressions_of(spec))
         used = set().union(*(e.names for _, e in listed)) if at.indices else set()
         key = (id(spec), *((i, v) for i, v in at.indices.items() if i in used))
         found = self._parts.get(key)
@@ -158,12 +164,9 @@ def _body_parts(reader: Reader, spec: BodyEntry, at: Instance, listed: list[tupl
         spec
     )  # names and values; the joint is checked for itself
 
-    def vector(*sub: str | int) -> Vector:
-        return tuple(result.get((*sub, i), ZERO) for i in range(3))  # type: ignore[return-value]
-
-    joint = _joint(reader, spec.joint, at, vector, result)
+    joint = _joint(reader, spec.joint, at, result)
     if spec.mass is not None or spec.shape is None:
-        com = vector("com") if spec.com is not None else (ZERO, ZERO, ZERO)
+        com = vector(result, "com") if spec.com is not None else (ZERO, ZERO, ZERO)
         keys = ("xx", "yy", "zz", "xy", "xz", "yz")
         inertia: Any = tuple(result.get(("inertia", k), ZERO) for k in keys)
         return joint, result.get(("mass",), ZERO), com, inertia, sound
@@ -173,7 +176,7 @@ def _body_parts(reader: Reader, spec: BodyEntry, at: Instance, listed: list[tupl
     for i in range(3):
         if ("shape", "size", i) in result:
             _check_size(reader, result["shape", "size", i], at, ("shape", "size", i))
-    if ("shape", "axis", 0) in result and all(reader.numeric(e) == 0 for e in vector("shape", "axis")):
+    if ("shape", "axis", 0) in result and all(reader.numeric(e) == 0 for e in vector(result, "shape", "axis")):
         reader.report(at, ("shape", "axis"), "the axis is zero; a direction is needed: x, y, z or [x, y, z]")
     sound = sound and len(reader.problems) == before
     nothing: _Parts = (joint, ZERO, (ZERO, ZERO, ZERO), (ZERO,) * 6, False)
@@ -190,7 +193,7 @@ def _body_parts(reader: Reader, spec: BodyEntry, at: Instance, listed: list[tupl
             reader.report(at, ("shape",), f"no finite mass properties at the default parameters: {why}")
             return nothing
     six: Any = tuple(bound[1:])
-    return joint, bound[0], vector("shape", "center"), six, True
+    return joint, bound[0], vector(result, "shape", "center"), six, True
 
 
 def _check_size(reader: Reader, size: Expression, at: Instance, sub: Path_) -> None:
@@ -199,12 +202,12 @@ def _check_size(reader: Reader, size: Expression, at: Instance, sub: Path_) -> N
         reader.report(at, sub, f"{seen} is negative; a size is at least 0")
 
 
-def _joint(reader: Reader, spec: JointEntry, at: Instance, vector: Any, result: dict[Path_, Expression]) -> Joint:
+def _joint(reader: Reader, spec: JointEntry, at: Instance, bound: Bound) -> Joint:
     axes: list[Vector] = []
     if hasattr(spec, "axis"):
-        axes = [vector("joint", "axis")]
+        axes = [vector(bound, "joint", "axis")]
     elif hasattr(spec, "axes"):
-        axes = [vector("joint", "axes", i) for i in range(2)]
+        axes = [vector(bound, "joint", "axes", i) for i in range(2)]
     for i, axis in enumerate(axes):
         sub = ("joint", "axis") if hasattr(spec, "axis") else ("joint", "axes", i)
         reader.direction(axis, at, sub)
@@ -216,29 +219,5 @@ def _joint(reader: Reader, spec: JointEntry, at: Instance, vector: Any, result: 
             cosine = product / lengths
             message = f"the two axes have cosine {cosine:.3g}; those of a universal joint are perpendicular (to 1e-9)"
             reader.report(at, ("joint", "axes"), message)
-    rotation: list[tuple[Vector, Expression]] = []
-    for i in range(len(spec.rotate or ())):
-        axis = vector("joint", "rotate", i, "axis")
-        reader.direction(axis, at, ("joint", "rotate", i, "axis"))
-        rotation.append((axis, result["joint", "rotate", i, "angle"]))
-    if spec.rpy is not None:
-        # fixed axes x, y, z by roll, pitch, yaw: the moving axes z, y, x in turn
-        rotation = [(_AXES[k], result["joint", "rpy", k]) for k in (2, 1, 0)]  # type: ignore[misc]
-    return Joint(spec.type, tuple(axes), vector("joint", "at"), tuple(r for r in rotation if r[1] is not ZERO))  # type: ignore[attr-defined]
-
-
-def _expressions(entry: Entry, sub: Path_ = ()) -> Iterator[tuple[Path_, Expression]]:
-    """The expressions of an entry with their paths, references left out."""
-    for key, value in entry:
-        if key not in _REFERENCES:
-            yield from _expressions_in(value, (*sub, key))
-
-
-def _expressions_in(value: Any, sub: Path_) -> Iterator[tuple[Path_, Expression]]:
-    if isinstance(value, Expression):
-        yield sub, value
-    elif isinstance(value, Entry):
-        yield from _expressions(value, sub)
-    elif isinstance(value, tuple):
-        for i, item in enumerate(value):
-            yield from _expressions_in(item, (*sub, i))
+    turns = rotation(reader, spec, at, ("joint",), bound)
+    return Joint(spec.type, tuple(axes), vector(bound, "joint", "at"), turns)  # type: ignore[attr-defined]

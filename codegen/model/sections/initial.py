@@ -73,7 +73,8 @@ def _initial_value(
         owner = groups.get(name.rpartition(".")[0], ())
         if name not in owner:
             known = list(dict.fromkeys([n for g in groups.values() for n in g] + list(groups)))
-            message = f"unknown {what} {name!r}; allowed are {some(known)}{nearest(name, known)}"
+            hint = reader.loop_hint(name) or nearest(name, known)
+            message = f"unknown {what} {name!r}; allowed are {some(known)}{hint}"
             reader.report(at, (), message, key=True)
             return
         entries = (name,)

@@ -7,7 +7,7 @@ from ..model import Output, Point
 from ..reading import Reader
 from ..schema import ENERGIES, OutputEntry, seen
 from .bodies import BodySection
-from .points import named_point
+from .points import point_at
 
 
 def read_outputs(reader: Reader, bodies: BodySection, points: dict[str, Point]) -> list[Output]:
@@ -34,7 +34,7 @@ def read_outputs(reader: Reader, bodies: BodySection, points: dict[str, Point]) 
         measure = "position" if spec.position is not None else "velocity"
         x, y, z = (reader.bound(e, at, ("axis", i), "parameters") for i, e in enumerate(spec.axis))
         reader.direction((x, y, z), at, ("axis",))
-        point = named_point(reader, getattr(spec, measure), name or "", at, measure, bodies, points)
+        point = point_at(reader, getattr(spec, measure), name or "", at, (measure,), bodies, points)
         if name is not None and point is not None:
             result.append(Output(name, measure, point, (x, y, z)))
     return result

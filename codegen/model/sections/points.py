@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from typing import Any
 
+from .. import checks
 from ..errors import nearest
-from ..model import Point
+from ..model import GROUND, Face, Point
 from ..positions import Path_
 from ..reading import Reader, some
 from ..repetition import Instance
-from ..schema import ZERO, PointEntry
+from ..schema import ZERO, FaceEntry, PointEntry
 from .bodies import BodySection, body_index
+from .placement import expressions_of, rotation, vector
 
 
 def read_points(reader: Reader, bodies: BodySection) -> dict[str, Point]:
@@ -18,7 +20,7 @@ def read_points(reader: Reader, bodies: BodySection) -> dict[str, Point]:
     for at in reader.section("points"):
         name = reader.key_name(at, "point", "point")
         if name in bodies.index:
-            message = f"{name!r} is a body already; outputs name points and bodies alike, choose another name"
+            message = f"{name!r} is a body already; its name stands for the point in its origin, choose another name"
             reader.report(at, (), message, key=True)
         spec = reader.spec(PointEntry, at)
         if spec is not None and name is not None:
@@ -36,20 +38,59 @@ def inline_point(
     return None if body is None else Point(name, body, (x, y, z))
 
 
-def named_point(
-    reader: Reader, spec: Any, name: str, at: Instance, measure: str, bodies: BodySection, points: dict[str, Point]
+def point_at(
+    reader: Reader, spec: Any, name: str, at: Instance, sub: Path_, bodies: BodySection, points: dict[str, Point]
 ) -> Point | None:
+    """The point that a mapping or a name means; the name of a body, or ground, means its origin."""
     if isinstance(spec, PointEntry):
-        return inline_point(reader, name, spec, at, (measure,), bodies)
-    target = reader.reference(spec, at, (measure,))
+        return inline_point(reader, name, spec, at, sub, bodies)
+    target = reader.reference(spec, at, sub)
     if target is None:
         return None
     if target in points:
         return points[target]
-    if target in bodies.index:
-        return Point(target, bodies.index[target], (ZERO, ZERO, ZERO))
+    if target in bodies.frames:
+        return Point(target, bodies.frames[target], (ZERO, ZERO, ZERO))
     if ("point", target) not in reader.first_seen:  # a point that is there but wrong has been reported
-        known = [*points, *bodies.index]
+        known = [*points, *bodies.frames]
         message = f"unknown point {target!r}; a point or a body is allowed: {some(known)}{nearest(target, known)}"
-        reader.report(at, (measure,), message)
+        reader.report(at, sub, message)
     return None
+
+
+def face_at(
+    reader: Reader, spec: Any, at: Instance, sub: Path_, bodies: BodySection, points: dict[str, Point]
+) -> Face | None:
+    """The face that a mapping means, or the name of a point: then its axes are those of the body."""
+    if not isinstance(spec, FaceEntry):
+        point = point_at(reader, spec, "", at, sub, bodies, points)
+        return None if point is None else Face(point.body, point.at)
+    body = body_index(reader, spec.body, at, (*sub, "body"), bodies.frames)
+    bound = {path: reader.bound(e, at, path, "parameters") for path, e in expressions_of(spec, sub)}
+    turns = rotation(reader, spec, at, sub, bound)
+    return None if body is None else Face(body, vector(bound, *sub, "at"), turns)
+
+
+def held_together(
+    reader: Reader, what: str, start: int, end: int, at: Instance, bodies: BodySection, useless: str
+) -> bool:
+    """Report a loop or spring between two bodies that cannot move against each other."""
+    if start == end:
+        body = "the ground" if start == GROUND else repr(bodies.names[start])
+        message = (
+            f"{what} joins {body} to itself, so it {useless}; two bodies that can move against each other are needed"
+        )
+    elif not bodies.is_tree or reader.broken:
+        return False
+    else:
+        path = checks.fixed_path(start, end, bodies.bodies)
+        if path is None:
+            return False
+        one, other = ("the ground" if k == GROUND else repr(bodies.names[k]) for k in (start, end))
+        joints = "joint of" if len(path) == 1 else "joints of"
+        message = (
+            f"{what} joins {one} to {other}, which the fixed {joints} {some(bodies.names[k] for k in path)} hold"
+            f"{'s' * (len(path) == 1)} together already, so it {useless}; give such a joint a freedom, or leave {what} out"
+        )
+    reader.report(at, ("to", "body"), message)
+    return True

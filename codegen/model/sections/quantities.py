@@ -5,14 +5,13 @@ from __future__ import annotations
 import keyword
 import re
 import sys
-from typing import Any, Final
+from typing import Final
 
 from pydantic_core import PydanticCustomError
 
 from ..expressions import ExpressionError
 from ..model import Parameter, Vector
-from ..positions import Path_
-from ..reading import ListedName, Reader, with_article
+from ..reading import Reader, with_article
 from ..repetition import Instance, name_of
 from ..schema import RESERVED, ZERO, ParameterEntry, parse_name, seen
 
@@ -78,49 +77,23 @@ def read_parameters(reader: Reader) -> list[tuple[Parameter, Instance]]:
 
 
 def read_inputs(reader: Reader) -> None:
-    value = reader.document.root.get("inputs")
-    if value is None:
-        return
-    if not isinstance(value, (list, tuple)):
-        reader.report(reader.top("inputs"), (), f"{seen(value)}; a list of names is needed: [motor, brake]")
-        return
-    for i, item in enumerate(value):
-        if isinstance(item, dict):
-            entries = list(reader.repetition.expand(item, ("inputs", i)))
+    for at, sub, item in reader.listed("inputs", "[motor, brake]"):
+        try:
+            name = name_of(parse_name(item), {**reader.constants, **at.indices})
+        except PydanticCustomError as error:
+            reader.report(at, sub, str(error.message()))
+            continue
+        except ExpressionError as error:
+            reader.report(at, sub, error.message)
+            continue
+        if name in RESERVED:
+            reader.report(at, sub, f"{name!r} is reserved and cannot name an input; choose another name")
+        elif ("value", name) in reader.first_seen:
+            taken = with_article(reader.first_seen["value", name])
+            reader.report(at, sub, f"name {name!r} is already taken by {taken}; each name may be given once")
         else:
-            entries = [Instance(str(item), None, {}, ("inputs", i), {})]
-        for at in entries:
-            if at.value is not None:
-                reader.report(at, (), f"{seen(at.value)} after an input's name; an input has no value in the model")
-            # a plain name of the list has its place in the list
-            place = at if isinstance(item, dict) else ListedName("inputs", None, reader.document.root, (), {}, i)
-            name = _input_name(reader, at, place, item)
-            if name is not None:
-                reader.inputs.append(name)
-
-
-def _input_name(reader: Reader, at: Instance, place: Instance, item: Any) -> str | None:
-    sub: Path_ = (place.item,) if isinstance(place, ListedName) else ()
-    try:
-        tree = parse_name(at.key if isinstance(item, (str, dict)) else item)
-        name = name_of(tree, {**reader.constants, **at.indices})
-    except PydanticCustomError as error:
-        reader.report(place, sub, str(error.message()))
-        return None
-    except ExpressionError as error:
-        reader.report(place, sub, error.message)
-        return None
-    if name in RESERVED:
-        reader.report(place, sub, f"{name!r} is reserved and cannot name an input; choose another name")
-    elif ("value", name) in reader.first_seen:
-        taken = reader.first_seen["value", name]
-        reader.report(
-            place, sub, f"name {name!r} is already taken by {with_article(taken)}; each name may be given once"
-        )
-    else:
-        reader.first_seen["value", name] = "input"
-        return name
-    return None
+            reader.first_seen["value", name] = "input"
+            reader.inputs.append(name)
 
 
 def read_gravity(reader: Reader) -> Vector | None:

@@ -1,0 +1,70 @@
+"""The coordinates that a model with loops asks to be independent."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from pydantic_core import PydanticCustomError
+
+from ..errors import nearest
+from ..expressions import ExpressionError
+from ..model import joint_coordinates
+from ..positions import Path_
+from ..reading import Reader, some
+from ..repetition import Instance, name_of
+from ..schema import parse_name
+from .bodies import BodySection
+
+_WHOLE: Final = ("spherical", "free")
+"""Joints that are independent as a whole: their speeds are no rates of single coordinates."""
+
+
+def read_independent(reader: Reader, bodies: BodySection) -> tuple[str, ...]:
+    """Names of coordinates, those of a joint for its own name."""
+    joints = {
+        name: (spec.joint.type, joint_coordinates(name, spec.joint.type)[0])
+        for spec, name in zip(bodies.specs, bodies.names, strict=True)
+        if spec is not None
+    }
+    result: dict[str, None] = {}
+    for at, sub, item in reader.listed("independent", "[crank]"):
+        name = _name(reader, at, sub, item)
+        if name is None or name.partition(".")[0] in reader.broken:
+            continue
+        joint = name if name in joints else name.rpartition(".")[0]
+        type_, coordinates = joints.get(joint, ("", ()))
+        if name == joint:
+            if not coordinates:
+                reader.report(at, sub, f"joint {name!r} is {type_} and has no coordinates; leave it out")
+                continue
+        elif name not in coordinates:
+            groups = [(j, *(() if t in _WHOLE else group)) for j, (t, group) in joints.items() if group]
+            known = list(dict.fromkeys(n for group in groups for n in group))
+            hint = reader.loop_hint(name) or nearest(name, known)
+            reader.report(at, sub, f"unknown coordinate or joint {name!r}; allowed are {some(known)}{hint}")
+            continue
+        elif type_ in _WHOLE:
+            message = (
+                f"{name} is one component of the {type_} joint {joint!r}, whose quaternion and speeds belong together; "
+                f"write {joint}, for all of the joint"
+            )
+            reader.report(at, sub, message)
+            continue
+        else:
+            coordinates = (name,)
+        twice = [c for c in coordinates if c in result]
+        if twice:
+            reader.report(at, sub, f"{name!r} asks again for {some(twice)}; each coordinate may be given once")
+        result.update(dict.fromkeys(coordinates))
+    return tuple(result)
+
+
+def _name(reader: Reader, at: Instance, sub: Path_, item: Any) -> str | None:
+    """The name that an item means, with its indices in place."""
+    try:
+        return name_of(parse_name(item, prefix="q."), {**reader.constants, **at.indices})[2:]
+    except PydanticCustomError as error:
+        reader.report(at, sub, str(error.message()))
+    except ExpressionError as error:
+        reader.report(at, sub, error.message)
+    return None

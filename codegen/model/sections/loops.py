@@ -1,0 +1,43 @@
+"""Joints that close loops."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from ..model import Loop, Point, Vector
+from ..reading import Reader
+from ..repetition import Instance
+from ..schema import LoopEntry, LoopJointEntry
+from .bodies import BodySection
+from .placement import expressions_of, vector
+from .points import face_at, held_together
+
+_SAME: Final = {"point": "spherical"}
+"""Names for the same joint."""
+
+
+def read_loops(reader: Reader, bodies: BodySection, points: dict[str, Point]) -> list[Loop]:
+    """Read the loops; one that joins what is rigidly joined already is reported."""
+    result = []
+    for at in reader.section("loops"):
+        name = reader.key_name(at, "loop", "body")
+        spec = reader.spec(LoopEntry, at)
+        if spec is None:
+            continue
+        axes = _axes(reader, spec.joint, at)
+        start = face_at(reader, spec.start, at, ("from",), bodies, points)
+        end = face_at(reader, spec.end, at, ("to",), bodies, points)
+        if name is None or start is None or end is None or not reader.is_whole(spec):
+            continue
+        if not held_together(reader, f"loop {name!r}", start.body, end.body, at, bodies, "closes nothing"):
+            result.append(Loop(name, _SAME.get(spec.joint.type, spec.joint.type), axes, start, end))
+    return result
+
+
+def _axes(reader: Reader, spec: LoopJointEntry, at: Instance) -> tuple[Vector, ...]:
+    bound = {sub: reader.bound(e, at, sub, "parameters") for sub, e in expressions_of(spec, ("joint",))}
+    places = list(dict.fromkeys(sub[:-1] for sub in bound))  # axis, normal, or axes[0] and axes[1]
+    axes = tuple(vector(bound, *sub) for sub in places)
+    for axis, sub in zip(axes, places, strict=True):
+        reader.direction(axis, at, sub)
+    return axes

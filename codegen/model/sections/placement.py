@@ -1,0 +1,57 @@
+"""Where frames stand: the expressions of an entry by their paths, and the rotations made of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, Final
+
+from ..expressions import Expression
+from ..model import Vector
+from ..positions import Path_
+from ..reading import Reader
+from ..repetition import Instance
+from ..schema import ZERO, Entry, PlacedEntry
+
+Bound = Mapping[Path_, Expression]
+"""Bound expressions of an entry by their paths in it."""
+
+_REFERENCES: Final = frozenset({"parent", "body", "position", "velocity"})
+_AXES: Final = tuple(tuple(Expression.number(int(i == k)) for i in range(3)) for k in range(3))
+
+
+def expressions_of(entry: Entry, sub: Path_ = ()) -> Iterator[tuple[Path_, Expression]]:
+    """The expressions of an entry with their paths, references left out."""
+    for key, value in entry:
+        if key not in _REFERENCES:
+            yield from _expressions_in(value, (*sub, key))
+
+
+def _expressions_in(value: Any, sub: Path_) -> Iterator[tuple[Path_, Expression]]:
+    if isinstance(value, Expression):
+        yield sub, value
+    elif isinstance(value, Entry):
+        yield from expressions_of(value, sub)
+    elif isinstance(value, tuple):
+        for i, item in enumerate(value):
+            yield from _expressions_in(item, (*sub, i))
+
+
+def vector(bound: Bound, *sub: str | int) -> Vector:
+    """The vector at a path; zero where nothing is."""
+    x, y, z = (bound.get((*sub, i), ZERO) for i in range(3))
+    return x, y, z
+
+
+def rotation(
+    reader: Reader, spec: PlacedEntry, at: Instance, sub: Path_, bound: Bound
+) -> tuple[tuple[Vector, Expression], ...]:
+    """``rotate`` or ``rpy`` of the frame at a path, as rotations about the moving axes; those by zero are left out."""
+    turns: list[tuple[Vector, Expression]] = []
+    for i in range(len(spec.rotate or ())):
+        axis = vector(bound, *sub, "rotate", i, "axis")
+        reader.direction(axis, at, (*sub, "rotate", i, "axis"))
+        turns.append((axis, bound[*sub, "rotate", i, "angle"]))
+    if spec.rpy is not None:
+        # fixed axes x, y, z by roll, pitch, yaw: the moving axes z, y, x in turn
+        turns = [(_AXES[k], bound[*sub, "rpy", k]) for k in (2, 1, 0)]  # type: ignore[misc]
+    return tuple(t for t in turns if t[1] is not ZERO)
