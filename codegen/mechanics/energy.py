@@ -45,9 +45,9 @@ def kinetic(x: Any, kind: Any) -> None:
         x.store("denergy_sum", "0", d.value(T) if d else T)
 
 
-def origin_velocity(x: Any, kind: Any, joint: JointTransform) -> Vec:
+def origin_velocity(x: Any, kind: Any, joint: JointTransform, w: str = "w", v_field: str = "v") -> Vec:
     """Velocity of the link's origin in its own axes. Eq. 18."""
-    moved = add(load_vector(x, "up", "v"), cross(load_vector(x, "up", "w"), joint.offset()))
+    moved = add(load_vector(x, "up", v_field), cross(load_vector(x, "up", w), joint.offset()))
     v = joint.to_child(moved, "v", "Eq. 18")
     if kind.joint == "prismatic":
         v = list(v)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from .joints import JointTransform, freedom_axes
-from .kinematics import accelerate, acceleration_matrix, angular_velocity, body_force, store_matrix, store_vector
+from .kinematics import accelerate, acceleration_matrix, angular_velocity, body_force, own_inertia, store_matrix, store_vector
 from .spatial import NINE, XYZ, Vec, add
 from .tangents import differentiate, store_tangent
 from .triangularization import accumulate, force_to_parent, hand_on_force
@@ -29,7 +29,7 @@ def newton_euler_outward(x: Any, kind: Any) -> None:
     carried, w = angular_velocity(x, kind, joint)
     al, a = joint_acceleration(x, kind, *accelerate(x, kind, joint, carried, "t"))
     B = acceleration_matrix(x, w, al)
-    moment, force = body_force(x, w, al, a, B)
+    moment, force = body_force(x, w, al, a, B, own_inertia(x))
     x.recall({"wp": carried, "w": w})
     store_vector(x, "me", "tal", al)
     store_vector(x, "me", "ta", a)

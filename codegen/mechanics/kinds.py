@@ -8,24 +8,72 @@ are folded into its code, the others are data of the link.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
 import sympy
 from sympy import Expr
 
+from ..loops.partition import Partition
 from ..model.model import GROUND, Model
 from ..program.block import Expansion
 from ..program.functions import SYMBOLIC, number
 from .constants import Constants, Shape, Slots, Statements, make_shape
+from .ears import SLIDING
 from .joints import freedom_axes
-from .links import FLOAT, Link, keep, link_constants, links_of
+from .links import FLOAT, Link, LoopFaces, face_constants, keep, link_constants, links_of, loop_faces
+from .regions import Regions, find_regions
 
 
 @dataclass(slots=True, eq=False)
-class LinkKind:
-    """What the blocks of a kind are written from.
+class Folded:
+    """Constants of one shape that several owners have, with the numbers that all of them share.
+
+    Attributes
+    ----------
+    shape : Shape
+    literal : dict of str to Expr
+        Constants that are the same number for all owners.
+    data : dict of str to int
+        Constants that differ among owners: places among an owner's numbers.
+    """
+
+    shape: Shape
+    literal: dict[str, Expr] = field(default_factory=dict, kw_only=True)
+    data: dict[str, int] = field(default_factory=dict, kw_only=True)
+
+    @property
+    def parameters(self) -> int:
+        """How many design parameters the constants depend on."""
+        return self.shape.parameters
+
+    def number(self, name: str) -> Expr | None:
+        """Value of a constant that is the same for all owners; None if it is data."""
+        if name in self.shape.varying:
+            return None
+        if name in self.shape.fixed:
+            return self.shape.fixed[name]
+        if "/" in name:
+            return sympy.S.Zero
+        return self.literal.get(name)
+
+    def fold(self, owned: list[Constants]) -> None:
+        """Find the numbers that are the same for all owners."""
+        distinct = list({id(c): c for c in owned}.values())
+        for name in self.shape.fields:
+            if name in self.shape.varying:
+                continue
+            values = {c.values.get(name, 0.0) for c in distinct}
+            if len(values) == 1:
+                self.literal[name] = number(values.pop())
+            else:
+                self.data[name] = len(self.data)
+
+
+@dataclass(slots=True, eq=False)
+class LinkKind(Folded):
+    """What the blocks of a kind of links are written from.
 
     Attributes
     ----------
@@ -35,18 +83,18 @@ class LinkKind:
         The link's axes are its parent's at q = 0.
     first : bool
         The first child of its parent on the way inward.
+    first_unit : bool
+        The first of all that hands inertia to its parent, loops and regions included.
     carried_on : bool
         It has a parent other than the ground.
+    carries : bool
+        Something that is not of its own ear hangs on it.
     forced : tuple of bool
         Which freedoms have a force of the model.
-    shape : Shape
-        Of its constants.
     members : list of int
         Links, in outward order.
-    literal : dict of str to Expr
-        Constants that are the same number for all members.
-    data : dict of str to int
-        Constants that differ among members: places among a member's numbers.
+    units : list of int
+        Their places in the order of units, where they are units themselves.
     """
 
     index: int
@@ -54,27 +102,14 @@ class LinkKind:
     axis: int
     aligned: bool
     first: bool
+    first_unit: bool
     carried_on: bool
+    carries: bool
     forced: tuple[bool, ...]
-    shape: Shape
     members: list[int] = field(default_factory=list)
-    literal: dict[str, Expr] = field(default_factory=dict)
-    data: dict[str, int] = field(default_factory=dict)
+    units: list[int] = field(default_factory=list)
 
-    @property
-    def parameters(self) -> int:
-        """How many design parameters its constants depend on."""
-        return self.shape.parameters
-
-    def number(self, name: str) -> Expr | None:
-        """Value of a constant that is the same for the whole kind; None if it is data."""
-        if name in self.shape.varying:
-            return None
-        if name in self.shape.fixed:
-            return self.shape.fixed[name]
-        if "/" in name:
-            return sympy.S.Zero
-        return self.literal.get(name)
+    role = "link"
 
     def number_of(self, array: str, name: str) -> Expr | None:
         """`number`, for the constants among all fields."""
@@ -86,8 +121,119 @@ class LinkKind:
 
 
 @dataclass(slots=True, eq=False)
+class ClosureKind(Folded):
+    """A loop of a kind of ears: see `regions.Closure`; `axis` and `end_axis` are those of the joint among the faces' axes."""
+
+    type: str
+    axis: int
+    end_axis: int
+    paths: tuple[tuple[int, ...], tuple[int, ...]]
+    roots: tuple[int, int]
+    faces: tuple[int, int]
+
+
+@dataclass(slots=True, eq=False)
+class EarKind:
+    """What the blocks of a kind of ears are written from.
+
+    Attributes
+    ----------
+    links : list of LinkKind
+    parents, dependent, columns
+        See `regions.EarLinks`.
+    roots : list of str
+        ``frame`` (the region's base), ``ground`` (where the base is a link), ``link`` (of the region).
+    first_at : list of bool
+        Whether the ear is the first, on the way inward, to hand a force to that root.
+    followed : list of bool
+        Which links later ears of the region start from.
+    closures : list of ClosureKind
+    sources, total : int
+        Independent speeds of the region; with the six components of a base whose motion the loops close on.
+    carried, rigid : bool
+        See `regions.Region`.
+    scale : sympy number
+        One over the characteristic length, for linear conditions; 1 where there are no angular ones.
+    positions : bool
+        Some joint of the region slides, so positions are needed.
+    members : list of int
+        Ears.
+    kept, structure
+        Conditions that can matter and the form of the factored closure matrix; found when the closure is expanded.
+    """
+
+    index: int
+    links: list[LinkKind]
+    parents: list[int]
+    roots: list[str]
+    first_at: list[bool]
+    followed: list[bool]
+    closures: list[ClosureKind]
+    dependent: list[list[int]]
+    columns: list[dict[int, int]]
+    sources: int
+    total: int
+    carried: bool
+    rigid: bool
+    scale: Any
+    positions: bool
+    members: list[int] = field(default_factory=list)
+    units: list[int] = field(default_factory=list)
+    kept: list[int] = field(default_factory=list)
+    structure: Any = None
+
+    role = "ear"
+
+    def _owner(self, array: str) -> Folded | None:
+        stem, _, place = array.partition("#")
+        if stem == "c":
+            return self.links[int(place)]
+        return self.closures[int(place)] if stem == "cl" else None
+
+    def number_of(self, array: str, name: str) -> Expr | None:
+        """Constants that are the same number for the whole kind."""
+        owner = self._owner(array)
+        return owner.number(name) if owner else None
+
+    def alias_of(self, array: str, name: str) -> str:
+        """The first constant of equal value."""
+        owner = self._owner(array)
+        return owner.shape.varying.get(name, name) if owner else name
+
+
+@dataclass(slots=True, eq=False)
+class RegionKind:
+    """What the blocks of a kind of regions are written from; see `EarKind`.
+
+    `first` : the region is the first, on the way inward, to hand inertia to its base.
+    """
+
+    index: int
+    sources: int
+    total: int
+    carried: bool
+    rigid: bool
+    first: bool
+    members: list[int] = field(default_factory=list)
+    units: list[int] = field(default_factory=list)
+
+    role = "region"
+
+    def number_of(self, array: str, name: str) -> Expr | None:
+        """A region has no constants."""
+        return None
+
+    def alias_of(self, array: str, name: str) -> str:
+        """Nor any of equal value."""
+        return name
+
+
+UnitKind = LinkKind | EarKind | RegionKind
+
+
+@dataclass(slots=True, eq=False)
 class System:
-    """A model as links and kinds: everything that the expansion needs.
+    """A model as links, ears, regions and their kinds: everything that the expansion needs.
 
     Attributes
     ----------
@@ -96,8 +242,19 @@ class System:
     carriers : list of (int, tuple of Placement)
         For each body, the link that carries it and the way to its frame.
     kinds : list of LinkKind
+        Of all links.
     kind_of, constants_of : list
         For each link.
+    regions : Regions
+        Ears, regions and the order of units.
+    unit_kinds : list of UnitKind
+        Kinds of what is not part of something larger.
+    unit_kind_of : list of UnitKind
+        For each unit.
+    faces : list of LoopFaces
+        For each loop.
+    closure_constants : list of Constants
+        For each loop.
     slot_of : list of int
         Where the values that only neighbours need are kept: few slots, reused.
     slots : int
@@ -116,13 +273,28 @@ class System:
     constants_of: list[Constants]
     constants: list[Constants]
     shapes: list[Shape]
+    regions: Regions
+    unit_kinds: list[UnitKind]
+    unit_kind_of: list[UnitKind]
+    faces: list[LoopFaces]
+    closure_constants: list[Constants]
     slot_of: list[int]
     slots: int
     gravity: Constants | None
     force_of: dict[int, list[Any]]
 
+    @property
+    def independent_links(self) -> bool:
+        """Every link is a unit: there are no loops."""
+        return not self.regions.ears
 
-def analyse(model: Model, unrolled: bool) -> System:
+    @property
+    def has_link_motion(self) -> bool:
+        """Some loop closes on the motion of a link that is resolved outside its region."""
+        return any(r.carried and not r.rigid for r in self.regions.regions)
+
+
+def analyse(model: Model, unrolled: bool, partition: Partition | None = None) -> System:
     """Find links, constants and kinds. No symbolic work but one expansion per form of constants."""
     defaults = {p.name: p.value for p in model.parameters}
 
@@ -130,6 +302,10 @@ def analyse(model: Model, unrolled: bool) -> System:
         return e.evaluate(defaults)
 
     links, carriers = links_of(model, evaluate)
+    regions = find_regions(model, links, carriers, partition)
+    if regions.ears:
+        links, carriers = in_order_of_units(links, carriers, regions)
+        regions = find_regions(model, links, carriers, partition)
     shapes: dict[Any, Shape] = {}
     by_key: dict[Any, Constants] = {}
     constants: list[Constants] = []
@@ -149,6 +325,18 @@ def analyse(model: Model, unrolled: bool) -> System:
             by_key[key] = found
             constants.append(found)
         constants_of.append(found)
+    faces = [loop_faces(loop, links, carriers, evaluate) for loop in model.loops]
+    closure_constants: list[Constants] = []
+    for f in faces:
+        key = (f.structure(), *map(id, f.expressions()))
+        found = by_key.get(key)
+        if found is None:
+            found = by_key[key] = make_constants(
+                shapes, f.structure(), partial(_visit_faces, f), partial(_write_faces, f),
+                partial(face_constants, f, evaluate, FLOAT, keep), len(constants),
+            )  # fmt: skip
+            constants.append(found)
+        closure_constants.append(found)
     force_of: dict[int, list[Any]] = {}
     for force in model.forces:
         force_of.setdefault(force.body, []).append(force)
@@ -163,33 +351,35 @@ def analyse(model: Model, unrolled: bool) -> System:
     last_child: dict[int, int] = {}
     for i, link in enumerate(links):
         last_child[link.parent] = i
+    order = _Order(links, regions)
     kinds: dict[Any, LinkKind] = {}
-    kind_of = []
+    kind_of: list[LinkKind] = []
     for i, link in enumerate(links):
         c = constants_of[i]
         forced = tuple(link.u + j in forced_speeds for j in range(len(freedom_axes(link.joint, 0))))
-        pattern = tuple(sorted(n for n, v in c.values.items() if v != 0))
         aligned = all(
             n not in c.shape.varying and c.values.get(n, 0.0) == float(n[2] == n[3])
             for n in (f"R.{a}{b}" for a in "xyz" for b in "xyz")
         )
+        first, first_unit = last_child[link.parent] == i, order.first_contributor.get(link.parent) == order.unit_of_link[i]
         signature: Any = (
-            link.joint, link.frame.index, aligned, last_child[link.parent] == i, link.parent != GROUND,
-            i in has_child, forced, c.shape.index, pattern,
+            link.joint, link.frame.index, aligned, first, first_unit, link.parent != GROUND, i in has_child, forced,
+            c.shape.index, _pattern(c), order.place_in_ear(i), order.role_of(i),
         )  # fmt: skip
         if unrolled:
             signature = i
         kind = kinds.get(signature)
         if kind is None:
             kind = kinds[signature] = LinkKind(
-                len(kinds), link.joint, link.frame.index, aligned, last_child[link.parent] == i,
-                link.parent != GROUND, forced, c.shape,
+                c.shape, len(kinds), link.joint, link.frame.index, aligned, first, first_unit, link.parent != GROUND,
+                order.carries(i), forced,
             )  # fmt: skip
         kind.members.append(i)
         kind_of.append(kind)
     for kind in kinds.values():
-        _fold_numbers(kind, constants_of)
-    slot_of, slots = _slots(links, last_child)
+        kind.fold([constants_of[i] for i in kind.members])
+    unit_kinds, unit_kind_of = _unit_kinds(regions, order, list(kinds.values()), kind_of, faces, closure_constants, unrolled)
+    slot_of, slots = order.slots()
     gravity = None
     if model.gravity is not None:
         g = model.gravity
@@ -205,8 +395,202 @@ def analyse(model: Model, unrolled: bool) -> System:
         constants.append(gravity)
     return System(
         model, links, carriers, list(kinds.values()), kind_of, constants_of, constants, list(shapes.values()),
-        slot_of, slots, gravity, force_of,
+        regions, unit_kinds, unit_kind_of, faces, closure_constants, slot_of, slots, gravity, force_of,
     )  # fmt: skip
+
+
+def _pattern(c: Constants) -> tuple[str, ...]:
+    return tuple(sorted(n for n, v in c.values.items() if v != 0))
+
+
+def in_order_of_units(
+    links: list[Link], carriers: list[Any], regions: Regions
+) -> tuple[list[Link], list[tuple[int, Any]]]:
+    """Links renumbered so that the links of an ear stand together, in the order in which units are worked on."""
+    new = {old: n for n, old in enumerate(i for unit in regions.order if unit.role != "region" for i in unit.links)}
+    new[GROUND] = GROUND
+    renumbered = sorted(range(len(links)), key=new.__getitem__)
+    found = [replace(links[i], parent=new[links[i].parent]) for i in renumbered]
+    return found, [(new[link], steps) for link, steps in carriers]
+
+
+class _Order:
+    """Who uses whom, along the order of units."""
+
+    def __init__(self, links: list[Link], regions: Regions):
+        self.links = links
+        self.regions = regions
+        self.unit_of_link: dict[int, int] = {}
+        for n, unit in enumerate(regions.order):
+            if unit.role != "region":
+                self.unit_of_link.update(dict.fromkeys(unit.links, n))
+        self.last_use: dict[int, int] = dict(self.unit_of_link)
+        self.first_contributor: dict[int, int] = {}
+        self.first_follower: dict[int, int] = {}
+        self._carriers: set[int] = set()
+        for n, unit in enumerate(regions.order):
+            used: list[int] = []
+            if unit.role == "link":
+                used = [links[unit.number].parent]
+                self.first_contributor[used[0]] = n
+                self._carriers.add(used[0])
+            elif unit.role == "region":
+                used = [regions.regions[unit.number].base]
+                self.first_contributor[used[0]] = n
+                self._carriers.add(used[0])
+            else:
+                ear = regions.ears[unit.number]
+                base = regions.regions[ear.region].base
+                used = [*ear.roots, base]
+                for root in ear.roots:
+                    if root != base:
+                        self.first_follower[root] = n
+            for i in used:
+                if i != GROUND:
+                    self.last_use[i] = n
+
+    def carries(self, link: int) -> bool:
+        return link in self._carriers
+
+    def place_in_ear(self, link: int) -> Any:
+        """What makes links of ears differ: place, ear's structure."""
+        e = self.regions.ear_of[link]
+        if e is None:
+            return None
+        ear = self.regions.ears[e]
+        return (ear.links.index(link), *self.ear_structure(e))
+
+    def ear_structure(self, e: int) -> tuple[Any, ...]:
+        """Equal for ears of the same structure."""
+        ear = self.regions.ears[e]
+        region = self.regions.regions[ear.region]
+        n = self.unit_of_link[ear.links[0]] if ear.links else -1
+        return (
+            tuple(ear.parents), self.roles(e), tuple(self.first_follower.get(r) == n for r in ear.roots),
+            tuple(i in self.first_follower for i in ear.links), tuple((c.paths, c.roots, c.faces) for c in ear.closures),
+            tuple(map(tuple, ear.dependent)), tuple(tuple(sorted(c.items())) for c in ear.columns), ear.length,
+            len(region.freedoms), region.carried, region.rigid, tuple(self.role_of(i) for i in ear.links),
+        )  # fmt: skip
+
+    def roles(self, e: int) -> tuple[str, ...]:
+        ear = self.regions.ears[e]
+        region = self.regions.regions[ear.region]
+        return tuple(
+            "frame" if r == region.base else "ground" if r == GROUND else "link" for r in ear.roots
+        )
+
+    def role_of(self, link: int) -> tuple[bool, bool]:
+        """Whether others hang on a link, and whether a loop closes on its motion."""
+        regions = self.regions.regions
+        return self.carries(link), any(r.base == link and not r.rigid for r in regions)
+
+    def slots(self) -> tuple[list[int], int]:
+        """Slots for values that live from a link to its last use; slot 0 is the ground's."""
+        free: list[int] = []
+        count = 1
+        slot_of = [0] * len(self.links)
+        ending: dict[int, list[int]] = {}
+        for i, n in self.last_use.items():
+            ending.setdefault(n, []).append(i)
+        for n, unit in enumerate(self.regions.order):
+            if unit.role != "region":
+                for i in unit.links:
+                    if free:
+                        slot_of[i] = free.pop()
+                    else:
+                        slot_of[i], count = count, count + 1
+            # the last freed is taken first: along a chain, neighbours alternate between two slots
+            for i in sorted(ending.get(n, ()), reverse=True):
+                free.append(slot_of[i])
+        return slot_of, count
+
+
+def _unit_kinds(
+    regions: Regions,
+    order: _Order,
+    kinds: list[LinkKind],
+    kind_of: list[LinkKind],
+    faces: list[LoopFaces],
+    closure_constants: list[Constants],
+    unrolled: bool,
+) -> tuple[list[UnitKind], list[UnitKind]]:
+    """Kinds of units: plain links, ears, regions."""
+    found: dict[Any, UnitKind] = {}
+    unit_kind_of: list[UnitKind] = []
+    constants: dict[int, list[list[Constants]]] = {}
+    for n, unit in enumerate(regions.order):
+        kind: UnitKind
+        if unit.role == "link":
+            kind = kind_of[unit.number]
+            found.setdefault(("link", kind.index), kind)
+        elif unit.role == "region":
+            region = regions.regions[unit.number]
+            first = order.first_contributor.get(region.base) == n
+            r = len(region.freedoms)
+            key: Any = ("region", r, region.carried, region.rigid, first, unit.number if unrolled else 0)
+            total = r + (6 if region.carried and not region.rigid else 0)
+            kind = found.setdefault(key, RegionKind(len(kinds) + len(found), r, total, region.carried, region.rigid, first))
+            kind.members.append(unit.number)
+        else:
+            kind = _ear_kind(unit.number, n, regions, order, len(kinds) + len(found), kind_of, faces, closure_constants,
+                             found, unrolled)  # fmt: skip
+            constants.setdefault(kind.index, []).append(
+                [closure_constants[c.loop] for c in regions.ears[unit.number].closures]
+            )
+        kind.units.append(n)
+        unit_kind_of.append(kind)
+    for kind in found.values():
+        if isinstance(kind, EarKind):
+            for c, closure in enumerate(kind.closures):
+                closure.fold([row[c] for row in constants[kind.index]])
+    return list(found.values()), unit_kind_of
+
+
+def _ear_kind(
+    e: int,
+    n: int,
+    regions: Regions,
+    order: _Order,
+    index: int,
+    kind_of: list[LinkKind],
+    faces: list[LoopFaces],
+    closure_constants: list[Constants],
+    found: dict[Any, UnitKind],
+    unrolled: bool,
+) -> EarKind:
+    ear = regions.ears[e]
+    region = regions.regions[ear.region]
+    loops = [faces[c.loop] for c in ear.closures]
+    key: Any = (
+        "ear", order.ear_structure(e), tuple(kind_of[i].index for i in ear.links),
+        tuple(
+            (f.loop.type, f.frames[0].index, f.frames[1].index, closure_constants[c.loop].shape.index,
+             _pattern(closure_constants[c.loop]))
+            for f, c in zip(loops, ear.closures, strict=True)
+        ),
+        e if unrolled else 0,
+    )  # fmt: skip
+    kind = found.get(key)
+    if kind is None:
+        closures = [
+            ClosureKind(
+                closure_constants[c.loop].shape, f.loop.type, f.frames[0].index, f.frames[1].index, c.paths, c.roots, c.faces
+            )
+            for f, c in zip(loops, ear.closures, strict=True)
+        ]
+        r = len(region.freedoms)
+        of_region = [faces[c.loop].loop.type for other in region.ears for c in regions.ears[other].closures]
+        angular = any(c.type != "spherical" for c in closures)
+        kind = found[key] = EarKind(
+            index, [kind_of[i] for i in ear.links], ear.parents, list(order.roles(e)),
+            [order.first_follower.get(root) == n for root in ear.roots], [i in order.first_follower for i in ear.links],
+            closures, ear.dependent, ear.columns, r, r + (6 if region.carried and not region.rigid else 0), region.carried,
+            region.rigid, number(1 / ear.length) if angular else sympy.S.One,
+            region.carried or any(t in SLIDING for t in of_region),
+        )  # fmt: skip
+    assert isinstance(kind, EarKind)
+    kind.members.append(e)
+    return kind
 
 
 def make_constants(
@@ -253,30 +637,13 @@ def _visit(link: Link, slots: Slots) -> None:
             slots.tree(e)
 
 
-def _fold_numbers(kind: LinkKind, constants_of: list[Constants]) -> None:
-    names = [n for n in kind.shape.fields if n not in kind.shape.varying]
-    distinct = list({id(constants_of[i]): constants_of[i] for i in kind.members}.values())
-    for name in names:
-        values = {c.values.get(name, 0.0) for c in distinct}
-        if len(values) == 1:
-            kind.literal[name] = number(values.pop())
-        else:
-            kind.data[name] = len(kind.data)
+def _visit_faces(faces: LoopFaces, slots: Slots) -> None:
+    for e in faces.expressions():
+        slots.tree(e)
 
 
-def _slots(links: list[Link], last_child: dict[int, int]) -> tuple[list[int], int]:
-    """Slots for values that live from a link to its last child; slot 0 is the ground's."""
-    free: list[int] = []
-    count = 1
-    slot_of = []
-    for i, link in enumerate(links):
-        if free:
-            slot = free.pop()
-        else:
-            slot, count = count, count + 1
-        slot_of.append(slot)
-        if i not in last_child:
-            free.append(slot)
-        if link.parent != GROUND and last_child[link.parent] == i:
-            free.append(slot_of[link.parent])
-    return slot_of, count
+def _write_faces(faces: LoopFaces, x: Expansion, leaf: Any, slots: Slots) -> dict[str, Any]:
+    """Write the constants of a loop's faces as statements."""
+    statements = Statements(x, leaf)
+    functions = {n: SYMBOLIC[n] for n in ("sqrt", "cos", "sin")}
+    return face_constants(faces, lambda e: statements.write(slots.tree(e)), functions, x.let)

@@ -46,9 +46,9 @@ def acceleration_matrix(x: Any, w: Vec, al: Vec, name: str = "B") -> Mat:
     return B
 
 
-def angular_velocity(x: Any, kind: Any, joint: JointTransform) -> tuple[Vec, Vec]:
+def angular_velocity(x: Any, kind: Any, joint: JointTransform, field: str = "w") -> tuple[Vec, Vec]:
     """Angular velocity of the parent in the link's axes, and of the link. Eq. 18."""
-    carried = joint.to_child(load_vector(x, "up", "w"), "wp", "Eq. 18")
+    carried = joint.to_child(load_vector(x, "up", field), "wp", "Eq. 18")
     w = list(carried)
     if kind.joint == "revolute":
         w[kind.axis] = x.let(f"w_{XYZ[kind.axis]}", w[kind.axis] + x.load("u", "0"), "Eq. 18")
@@ -77,11 +77,12 @@ def relative_bias(x: Any, kind: Any, carried: Vec) -> tuple[Vec, Vec]:
     return cross(carried, turn), cross(sweep, slide)
 
 
-def body_force(x: Any, w: Vec, al: Vec, a: Vec, B: Mat) -> tuple[Vec, Vec]:
-    """Moment and force that the link's own inertia needs: minus Eq. 24, about the frame's origin."""
-    m = x.load("c", "m")
-    h = load_vector(x, "c", "h")
-    J = load_symmetric(x, "c", "J")
+def body_force(x: Any, w: Vec, al: Vec, a: Vec, B: Mat, inertia: tuple[Any, Vec, Mat]) -> tuple[Vec, Vec]:
+    """Moment and force that a link's own inertia needs: minus Eq. 24, about the frame's origin.
+
+    `inertia` is mass, first moment and inertia about that origin, in the axes of the others.
+    """
+    m, h, J = inertia
     force = [x.let(f"f_{i}", m * a[k] + matvec(B, h)[k], "Eq. 24") for k, i in enumerate(XYZ)]
     moment = add(matvec(J, al), cross(h, a), gyroscopic_moment(x, w, J))
     moment = [x.let(f"n_{i}", moment[k], "Eq. 24") for k, i in enumerate(XYZ)]
@@ -101,6 +102,11 @@ def gyroscopic_moment(x: Any, w: Vec, J: Mat) -> Vec:
         squares = x.let("sq", sq[j] - sq[k], "Eq. 24")
         out.append(difference * jk + J[j][k] * squares + J[i][k] * ij - J[i][j] * ik)
     return out
+
+
+def own_inertia(x: Any) -> tuple[Any, Vec, Mat]:
+    """Mass, first moment and inertia of a link, in its own axes about its origin."""
+    return x.load("c", "m"), load_vector(x, "c", "h"), load_symmetric(x, "c", "J")
 
 
 def accelerate(x: Any, kind: Any, joint: JointTransform, carried: Vec, prefix: str = "") -> tuple[Vec, Vec]:
@@ -130,7 +136,7 @@ def kinematics(x: Any, kind: Any) -> None:
     carried, w = angular_velocity(x, kind, joint)
     al, a = accelerate(x, kind, joint, carried)
     B = acceleration_matrix(x, w, al)
-    moment, force = body_force(x, w, al, a, B)
+    moment, force = body_force(x, w, al, a, B, own_inertia(x))
     store_vector(x, "me", "wp", carried)
     store_vector(x, "me", "w", w)
     store_vector(x, "me", "al", al)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ..model.expressions import Expression
-from ..model.model import GROUND, Body, Model, Vector
+from ..model.model import GROUND, Body, Loop, Model, Vector
 from .spatial import XYZ, Mat, Vec, add, cross, dot, matmul, matvec, scale, transpose
 
 Evaluate = Callable[[Expression], Any]
@@ -237,6 +237,87 @@ def link_constants(
             if n >= k:
                 out[f"J.{i}{j}"] = let(f"J_{i}{j}", J[k][n])
             out[f"R.{i}{j}"] = R[k][n]
+    return out
+
+
+@dataclass(slots=True, eq=False)
+class LoopFaces:
+    """A loop joint between links.
+
+    Attributes
+    ----------
+    loop : Loop
+    links : tuple of two int
+        That carry the faces; `GROUND`.
+    steps : tuple of two tuples of Placement
+        From the body frames of those links to the faces.
+    link_frames, frames : tuples of two Frame
+        Of the links, and of the joint's axes in the faces.
+    """
+
+    loop: Loop
+    links: tuple[int, int]
+    steps: tuple[tuple[Placement, ...], tuple[Placement, ...]]
+    link_frames: tuple[Frame, Frame]
+    frames: tuple[Frame, Frame]
+
+    def expressions(self) -> list[Expression]:
+        """All expressions, in a fixed order."""
+        found: list[Expression] = []
+        for side in (0, 1):
+            for frame in (self.link_frames[side], self.frames[side]):
+                found += frame.vector or ()
+            for at, rotation in self.steps[side]:
+                found += at
+                for axis, angle in rotation:
+                    found += [*axis, angle]
+        return found
+
+    def structure(self) -> tuple[Any, ...]:
+        """Equal for loops whose constants are the same but for numbers and parameters."""
+        return (
+            "faces", self.loop.type, *(f.form() for f in (*self.link_frames, *self.frames)),
+            *(tuple(len(r) for _, r in steps) for steps in self.steps),
+        )  # fmt: skip
+
+
+def loop_faces(
+    loop: Loop, links: Sequence[Link], carriers: Sequence[tuple[int, tuple[Placement, ...]]], evaluate: Evaluate
+) -> LoopFaces:
+    """Where the faces of a loop joint are."""
+    on: list[int] = []
+    steps: list[tuple[Placement, ...]] = []
+    for face in (loop.start, loop.end):
+        link, way = carriers[face.body] if face.body != GROUND else (GROUND, ())
+        on.append(link)
+        steps.append((*way, (face.at, face.rotation)))
+    axes = [axis_frame(a, evaluate) for a in loop.axes] or [BODY_FRAME]
+    frames = [BODY_FRAME if i == GROUND else links[i].frame for i in on]
+    return LoopFaces(loop, (on[0], on[1]), (steps[0], steps[1]), (frames[0], frames[1]), (axes[0], axes[-1]))
+
+
+def face_constants(
+    faces: LoopFaces, evaluate: Evaluate, functions: dict[str, Any], let: Callable[..., Any]
+) -> dict[str, Any]:
+    """Origins and axes of a loop joint's faces, in link components.
+
+    Returns
+    -------
+    dict
+        ``A`` the start, ``B`` the end: ``A.r.i`` origin, m; ``A.F.ij`` link components from those of the face, one of whose axes is the
+        joint's.
+    """
+    out: dict[str, Any] = {}
+    for side, name in enumerate("AB"):
+        Q = frame_matrix(faces.link_frames[side], evaluate, functions["sqrt"], let)
+        r, R = place(faces.steps[side], evaluate, functions, let)
+        r = matvec(transpose(Q), r)
+        half = [[let("F", e) for e in row] for row in matmul(transpose(Q), R)]
+        F = matmul(half, frame_matrix(faces.frames[side], evaluate, functions["sqrt"], let))
+        for k, i in enumerate(XYZ):
+            out[f"{name}.r.{i}"] = let("r", r[k])
+            for n, j in enumerate(XYZ):
+                out[f"{name}.F.{i}{j}"] = let("F", F[k][n])
     return out
 
 

@@ -47,15 +47,22 @@ def own_inertia() -> list[tuple[int, int, str, int]]:
     return places
 
 
+def articulated_parts(x: Any) -> tuple[Mat, Mat, Mat, Vec, Vec]:
+    """Inertia and force that a link's children have handed on."""
+    J, M = load_symmetric(x, "me", "acc.J"), load_symmetric(x, "me", "acc.M")
+    H = [[x.load("me", f"acc.H.{i}{j}") for j in XYZ] for i in XYZ]
+    return J, H, M, load_vector(x, "me", "acc.n"), load_vector(x, "me", "acc.f")
+
+
 def articulated_inertia(x: Any) -> Mat:
     """The body's inertia plus what its children handed on. Eq. 44."""
     I: Mat = [[0] * 6 for _ in range(6)]
-    J, M = load_symmetric(x, "me", "acc.J"), load_symmetric(x, "me", "acc.M")
+    J, H, M, _, _ = articulated_parts(x)
     for i in range(3):
         for j in range(i, 3):
             I[i][j], I[3 + i][3 + j] = J[i][j], M[i][j]
         for j in range(3):
-            I[i][3 + j] = x.load("me", f"acc.H.{XYZ[i]}{XYZ[j]}")
+            I[i][3 + j] = H[i][j]
     for i, j, name, sign in own_inertia():
         I[i][j] = I[i][j] + sign * x.load("c", name)
     for i in range(6):

@@ -155,12 +155,12 @@ class Expansion:
         self.block.statements.append(Statement(symbol, sympy.sympify(value), tag))
         return symbol
 
-    def recall(self, vectors: dict[str, list[Expr]]) -> None:
-        """Values that an earlier block has stored in ``me``: they are loaded, not computed, but still differentiated."""
+    def recall(self, vectors: dict[str, list[Expr]], array: str = "me") -> None:
+        """Values that an earlier block has stored: they are loaded, not computed, but still differentiated."""
         for name, vector in vectors.items():
             for component, value in zip("xyz", vector, strict=True):
                 if value.is_Symbol and value not in self.block.loads:
-                    self._recalled[value] = ("me", f"{name}.{component}")
+                    self._recalled[value] = (array, f"{name}.{component}")
 
     def finish(self) -> Block:
         """The block, recalled statements turned into loads."""
@@ -222,17 +222,28 @@ class StructuralExpansion:
 
     structural = True
 
-    def __init__(self, nonzero: Callable[[str, str], bool], tangents: bool = False):
+    def __init__(
+        self,
+        nonzero: Callable[[str, str], bool],
+        tangents: bool = False,
+        one: Callable[[str, str], bool] = lambda array, name: False,
+    ):
         self._nonzero = nonzero
+        self._one = one
         self.tangents = tangents
-        self.stored: set[tuple[str, str]] = set()
+        self.stored: dict[tuple[str, str], bool] = {}
+        """Fields that can differ from zero, and whether they are one whatever the state."""
 
     def load(self, array: str, name: str) -> Any:
-        return ANY if self._nonzero(array, name) else 0
+        if not self._nonzero(array, name):
+            return 0
+        return 1 if self._one(array, name) else ANY
 
     def store(self, array: str, name: str, value: Any) -> None:
-        if not (isinstance(value, int) and value == 0):
-            self.stored.add((array, name))
+        if not isinstance(value, int):
+            self.stored[array, name] = False
+        elif value != 0:
+            self.stored[array, name] = value == 1
 
     def let(self, name: str, value: Any, tag: str = "", lanes: bool = False) -> Any:
         return value
@@ -240,5 +251,5 @@ class StructuralExpansion:
     def name(self, name: str, value: Any, tag: str = "") -> Any:
         return value
 
-    def recall(self, vectors: dict[str, Any]) -> None:
+    def recall(self, vectors: dict[str, Any], array: str = "me") -> None:
         pass

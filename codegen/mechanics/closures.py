@@ -1,0 +1,116 @@
+"""Closure of an ear, outward: attitudes, closure matrix, how everything moves with the sources, dependent speeds. Eqs. 30-38.
+
+With ``E x + (difference of the roots) = 0`` the dependent speeds are ``x = Y s``, s the sources of the region (independent speeds,
+or the six components of a link's motion), and every link moves with ``Z s``: the paper's Gamma and Xi, applied to the sources at once.
+Accelerations obey the same maps, plus a remainder.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from .ears import ZERO, Ear, Twist
+from .joints import JointTransform
+from .kinematics import angular_velocity, load_matrix, load_vector, origin_velocity, store_matrix, store_vector
+from .ears import turned
+from .orthogonal import Factor, factor, load_factor
+from .spatial import XYZ, Vec, add, matvec
+
+
+def own_sources(kind: Any) -> dict[int, tuple[int, int]]:
+    """Sources that are freedoms of the ear's own links: number to link and freedom."""
+    return {c: (k, j) for k, columns in enumerate(kind.columns) for j, c in columns.items()}
+
+
+def source_twist(x: Any, kind: Any, root: int, c: int) -> Twist:
+    """How a root of the ear moves with a source."""
+    role = kind.roots[root]
+    if role == "frame" and not kind.rigid and c >= kind.sources:
+        unit = [int(i == c - kind.sources) for i in range(6)]
+        return Twist(unit[:3], unit[3:])
+    if role == "link":
+        return Twist(load_vector(x, f"root#{root}", f"Z{c}.w"), load_vector(x, f"root#{root}", f"Z{c}.v"))
+    return Twist(ZERO, ZERO)
+
+
+def own_coefficients(ear: Ear, kind: Any, c: int, dependent: list[Any]) -> list[list[Any]]:
+    """Rates of all freedoms of the ear for a unit of a source."""
+    own = own_sources(kind).get(c)
+    return ear.coefficients(dependent, lambda k, j: int(own == (k, j)))
+
+
+def is_zero(v: Any) -> bool:
+    return isinstance(v, int) and v == 0 or getattr(v, "is_zero", False) is True
+
+
+def closures(x: Any, kind: Any) -> None:
+    """Outward block of an ear: see the module."""
+    ear = Ear(x, kind, fresh=True)
+    tag = "Eq. 34"
+    rows = ear.rows()
+    dependents = ear.dependents()
+    columns = [ear.conditions(rows, ear.column(k, f), "E", tag) for k, f in dependents]
+    kept = [i for i in range(len(rows)) if any(not is_zero(c[i]) for c in columns)]
+    kind.kept = kept
+    f = factor(x, [[c[i] for i in kept] for c in columns], "Eq. 35")
+    kind.structure = f.store("ear")
+    kept_rows = [rows[i] for i in kept]
+    rates: list[Any] = [0] * len(dependents)
+    for c in range(kind.total):
+        roots = [source_twist(x, kind, t, c) for t in range(len(kind.roots))]
+        at_cuts = ear.root_difference(roots)
+        own = own_sources(kind).get(c)
+        if own is not None:
+            k, j = own
+            for n, moved in enumerate(ear.column(k, ear.members[k].freedoms[j])):
+                at_cuts[n] = Twist(add(at_cuts[n].angular, moved.angular), add(at_cuts[n].linear, moved.linear))
+        b = ear.conditions(kept_rows, at_cuts, "b", "Eq. 36")
+        if own is None and all(is_zero(v) for t in roots for v in (*t.angular, *t.linear)):
+            continue
+        Y = f.solve([-v for v in b], "Y", "Eq. 37")
+        speed = source_speed(x, kind, c, own)
+        for d, y in enumerate(Y):
+            x.store("ear", f"Y{d}.{c}", y)
+            rates[d] = rates[d] + y * speed
+        for k, twist in enumerate(ear.walk(roots, own_coefficients(ear, kind, c, Y), "Z", "Eq. 37")):
+            store_vector(x, f"me#{k}", f"Z{c}.w", twist.angular)
+            store_vector(x, f"me#{k}", f"Z{c}.v", twist.linear)
+        if own is not None:
+            x.store("region", f"s{c}", speed)
+    for (k, freedom), rate in zip(dependents, rates, strict=True):
+        x.store(f"u#{k}", str(freedom.index), x.let("u", rate, "Eq. 30"))
+    if kind.positions:
+        for k in range(len(ear.members)):
+            store_vector(x, f"me#{k}", "o", ear.position(k))
+
+
+def source_speed(x: Any, kind: Any, c: int, own: tuple[int, int] | None) -> Any:
+    """The speed that a source stands for."""
+    if own is not None:
+        return x.load(f"u#{own[0]}", str(own[1]))
+    if c < kind.sources:
+        return x.load("region", f"s{c}")
+    i = c - kind.sources
+    return x.load("base", f"{'cw' if i < 3 else 'cv'}.{XYZ[i % 3]}")
+
+
+def stored_factor(x: Any, kind: Any) -> Factor:
+    """The factored closure matrix of the ear."""
+    return load_factor(x, "ear", len(kind.kept), kind.structure)
+
+
+def link_motion(x: Any, kind: Any) -> None:
+    """Outward block of a link that ears start from: attitude, position and velocity in the ground frame's sense. Eqs. 18, 22."""
+    joint = JointTransform(x, kind)
+    W = load_matrix(x, "up", "cW")
+    o = add(load_vector(x, "up", "co"), matvec(W, joint.offset()))
+    W = turned(x, joint, W)
+    _, w = angular_velocity(x, kind, joint, "cw")
+    v = origin_velocity(x, kind, joint, "cw", "cv")
+    store_matrix(x, "me", "cW", W)
+    store_vector(x, "me", "co", [x.let("co", e, "Eq. 22") for e in o])
+    store_vector(x, "me", "cw", w)
+    store_vector(x, "me", "cv", v)
+
+
+__all__ = ["Vec", "closures", "link_motion", "own_coefficients", "own_sources", "source_twist", "stored_factor"]

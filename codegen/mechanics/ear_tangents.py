@@ -1,0 +1,163 @@
+"""Tangents of an ear's statements: what is fixed in a link turns with it, everything else by derivative primitives.
+
+A direction turns a link by a rotation vector theta (in region axes), so ``dv = theta x v`` for every vector v fixed in the link, plus what
+the design parameters change in its components: three numbers, not nine for each rotation matrix.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from sympy import Expr, Symbol
+
+from ..program.block import ANY
+from ..program.derivatives import Tangents
+from .closures import is_zero
+from .ears import UNIT, Ear
+from .spatial import XYZ, Vec, add, cross, dot, matmul, matvec
+
+class EarTangents:
+    """Tangents of the statements of an ear's block.
+
+    Parameters
+    ----------
+    ear : Ear
+    angles : dict of int to Vec
+        Rotation vectors (lanes) of links, and of roots by negative places.
+    roots : dict of Symbol to value
+        Tangents of what the block loads of its roots.
+    """
+
+    def __init__(self, ear: Ear, angles: dict[int, Vec], roots: dict[Any, Any]):
+        self.ear = ear
+        self.x = ear.x
+        self.structural = ear.x.structural
+        self.angles = angles
+        self.done = 0
+        self.scanned = 0
+        self.fixed = 0
+        self.known: set[Symbol] = set()
+        if self.structural:
+            return
+        self.d = Tangents(self.x, {}, {})
+        self.d.of.update({s: v for s, v in roots.items() if isinstance(s, Symbol) and not is_zero(v)})
+        for place in [*range(len(ear.members)), *(-1 - t for t in range(len(ear.kind.roots)))]:
+            self._attitude(place)
+
+    def _scan(self) -> None:
+        """Seeds of what has been loaded since the last call."""
+        loads = list(self.x.block.loads.items())
+        for symbol, (array, name) in loads[self.scanned :]:
+            stem, _, place = array.partition("#")
+            if stem == "u" and place:
+                self._seed(symbol, self.x.load(f"du#{place}", name))
+            elif stem == "q" and place:
+                self._seed(symbol, self.x.load(f"dq#{place}", name))
+            elif stem in ("c", "cl") and place and "/" not in name:
+                self._transparent(symbol, stem, place, name)
+        self.scanned = len(loads)
+
+    def _seed(self, symbol: Symbol, value: Any) -> None:
+        if not is_zero(value):
+            self.d.of[symbol] = value
+
+    def _transparent(self, symbol: Symbol, stem: str, place: str, name: str) -> None:
+        kinds = self.ear.kind.links if stem == "c" else self.ear.kind.closures
+        inner: dict[Symbol, Expr] = {}
+        for j in range(kinds[int(place)].parameters):
+            value = self.x.load(f"{stem}#{place}", f"{name}/{j}")
+            if not is_zero(value):
+                root = self.x.load(f"{'parameter' if stem == 'c' else 'clparameter'}#{place}", str(j))
+                inner[root] = value
+                self._seed(root, self.x.load(f"{'dp' if stem == 'c' else 'cldp'}#{place}", str(j)))
+        if inner:
+            self.d.transparent[symbol] = inner
+
+    def _attitude(self, place: int) -> None:
+        W = self.ear.attitude(place)
+        theta = self.angles.get(place)
+        if W is UNIT or theta is None:
+            return
+        for j in range(3):
+            turned = cross(theta, [W[i][j] for i in range(3)])
+            for i in range(3):
+                if isinstance(W[i][j], Symbol) and not is_zero(turned[i]):
+                    self.d.of[W[i][j]] = self.x.let("dW", turned[i], "d Eq. 22", lanes=True)
+
+    def fixed_vectors(self) -> None:
+        """Tangents of the vectors fixed in links that have been written since the last call."""
+        while self.fixed < len(self.ear.fixed):
+            self._scan()
+            place, found, local = self.ear.fixed[self.fixed]
+            self.fixed += 1
+            changed = [self.d.value(v) for v in local]
+            W = self.ear.attitude(place)
+            moved = changed if W is UNIT else matvec(W, changed)
+            theta = self.angles.get(place)
+            if theta is not None:
+                moved = add(cross(theta, found), moved)
+            for i, symbol in enumerate(found):
+                if isinstance(symbol, Symbol) and symbol not in self.x.block.loads and symbol not in self.d.of:
+                    value = self.x.let("d_fixed", moved[i], "d Eq. 22", lanes=True)
+                    if not is_zero(value):
+                        self.d.of[symbol] = value
+                    self.known.add(symbol)
+
+    def inertia(self, place: int, W: Any, J: Any, local: Any) -> None:
+        """Tangent of ``J = W local W^T``: ``theta x J - J theta x`` and what the parameters change."""
+        if self.structural:
+            return
+        self._scan()
+        theta = self.angles[place]
+        turning = [cross(theta, [J[i][j] for i in range(3)]) for j in range(3)]  # columns of theta x J
+        changed = [[self.d.value(e) for e in row] for row in local]
+        half = [[self.x.let("WdJ", e, "d Eq. 23", lanes=True) for e in row] for row in matmul(W, changed)]
+        for i in range(3):
+            for j in range(i, 3):
+                symbol = J[i][j]
+                if isinstance(symbol, Symbol) and symbol not in self.x.block.loads:
+                    value = turning[j][i] + turning[i][j] + dot(half[i], W[j])
+                    value = self.x.let("dJ", value, "d Eq. 23", lanes=True)
+                    if not is_zero(value):
+                        self.d.of[symbol] = value
+                    self.known.add(symbol)
+
+    def run(self) -> None:
+        """Differentiate the scalar statements written since the last call."""
+        if self.structural:
+            return
+        self._scan()
+        self.fixed_vectors()
+        statements = self.x.block.statements
+        while self.done < len(statements):
+            statement = statements[self.done]
+            self.done += 1
+            if not statement.lanes and statement.tag != "primitive" and statement.target not in self.known:
+                self.d.statement(statement)
+
+    def of(self, value: Any, name: str = "d") -> Any:
+        """Tangent of a value."""
+        if not self.structural:
+            self._scan()
+        if self.structural:
+            return 0 if is_zero(value) else ANY
+        return self.d.value(value, name)
+
+    def vector(self, v: Vec, name: str = "d") -> Vec:
+        return [self.of(e, f"{name}_{i}") for e, i in zip(v, XYZ, strict=True)]
+
+    def add(self, v: Vec, more: Vec) -> None:
+        """Correct the tangent of named values by what has been found since."""
+        if self.structural:
+            return
+        for symbol, value in zip(v, more, strict=True):
+            if isinstance(symbol, Symbol) and not is_zero(value):
+                before = self.d.of.get(symbol, 0)
+                self.d.of[symbol] = self.x.let("d", before + value, "d Eq. 31", lanes=True)
+
+    def set(self, symbol: Any, value: Any) -> None:
+        if not self.structural and isinstance(symbol, Symbol):
+            self.d.of[symbol] = value
+
+
+__all__ = ["EarTangents"]

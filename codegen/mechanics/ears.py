@@ -1,0 +1,382 @@
+"""Ears in the axes of their region: attitudes, levers, the motion of joints, closing conditions.
+
+All vectors of a region's links are in the axes of its base. So nothing is turned from link to link: a joint of a link contributes its
+axis e, the column ``(e, e x lever)`` to a loop (section 4.1 of the theory page), and a velocity, an acceleration or a displacement goes from
+link to link by ``a + alpha x rho``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from .joints import JointTransform, freedom_axes
+from .orthogonal import product
+from .spatial import XYZ, Mat, Vec, add, cross, dot, matmul, matvec, scale, transpose
+
+ZERO: Vec = [0, 0, 0]
+SLIDING = ("prismatic", "cylindrical", "planar")
+"""Loop joints whose faces move apart."""
+UNIT: Mat = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
+
+
+class MemberView:
+    """The expansion of an ear as one of its links sees it: ``c``, ``q`` and the like are the link's own."""
+
+    def __init__(self, x: Any, place: int):
+        self.x = x
+        self.place = place
+        self.structural = x.structural
+        self.tangents = x.tangents
+
+    def load(self, array: str, name: str) -> Any:
+        return self.x.load(f"{array}#{self.place}", name)
+
+    def store(self, array: str, name: str, value: Any) -> None:
+        self.x.store(f"{array}#{self.place}", name, value)
+
+    def let(self, name: str, value: Any, tag: str = "", lanes: bool = False) -> Any:
+        return self.x.let(name, value, tag, lanes=lanes)
+
+    def name(self, name: str, value: Any, tag: str = "") -> Any:
+        return self.x.name(name, value, tag)
+
+
+@dataclass(slots=True)
+class Freedom:
+    """One freedom of a joint: turning about or sliding along e."""
+
+    angular: bool
+    e: Vec
+    index: int
+    """Among the joint's freedoms."""
+
+
+@dataclass(slots=True)
+class Twist:
+    """Angular and linear part of a motion, the latter of a link's origin."""
+
+    angular: Vec
+    linear: Vec
+
+    def at(self, lever: Vec) -> Vec:
+        """Linear part at a point of the link."""
+        return add(self.linear, cross(self.angular, lever))
+
+
+@dataclass(slots=True)
+class Member:
+    """A link of an ear: what its coordinates give.
+
+    Attributes
+    ----------
+    W : Mat
+        Region components from link components.
+    rho : Vec
+        From the parent's origin to the link's.
+    r : Vec
+        The same in the parent link's components.
+    freedoms : list of Freedom
+    """
+
+    view: MemberView
+    kind: Any
+    joint: JointTransform
+    W: Mat
+    rho: Vec
+    r: Vec
+    freedoms: list[Freedom]
+    parent: int
+
+
+class Ear:
+    """Geometry of an ear, and the steps from link to link.
+
+    Parameters
+    ----------
+    x : Expansion or StructuralExpansion
+    kind : EarKind
+    fresh : bool
+        Attitudes are computed; otherwise they are loaded.
+    """
+
+    def __init__(self, x: Any, kind: Any, fresh: bool = False):
+        self.x = x
+        self.kind = kind
+        self.members: list[Member] = []
+        self.fixed: list[tuple[int, Vec, Vec]] = []
+        """Vectors that are fixed in a link (or, its place negative, in a root): place, region components, link components."""
+        for k, link_kind in enumerate(kind.links):
+            self.members.append(self._member(k, link_kind, fresh))
+        self.levers = [self._levers(c) for c in range(len(kind.closures))]
+
+    # -- geometry --------------------------------------------------------------------------------------------------
+
+    def attitude(self, place: int) -> Mat:
+        """Region components from link components, of a link or (negative) a root."""
+        if place >= 0:
+            return self.members[place].W
+        t = -1 - place
+        role = self.kind.roots[t]
+        if role == "frame":
+            return UNIT
+        if role == "ground":
+            return transpose([[self.x.load("base", f"cW.{i}{j}") for j in XYZ] for i in XYZ])
+        return [[self.x.load(f"root#{t}", f"W.{i}{j}") for j in XYZ] for i in XYZ]
+
+    def _member(self, k: int, kind: Any, fresh: bool) -> Member:
+        view = MemberView(self.x, k)
+        joint = JointTransform(view, kind)
+        parent = self.kind.parents[k]
+        W_parent = self.attitude(parent)
+        r = joint.offset()
+        rho = self.fixed_vector("rho", parent, r)
+        if fresh:
+            W = turned(view, joint, W_parent)
+            for i in range(3):
+                for j in range(3):
+                    view.store("me", f"W.{XYZ[i]}{XYZ[j]}", W[i][j])
+        else:
+            W = [[view.load("me", f"W.{i}{j}") for j in XYZ] for i in XYZ]
+        freedoms = [
+            Freedom(a < 3, [W[i][a % 3] for i in range(3)], j) for j, a in enumerate(freedom_axes(kind.joint, kind.axis))
+        ]
+        return Member(view, kind, joint, W, rho, r, freedoms, parent)
+
+    def _named(self, name: str, v: Vec, tag: str, lanes: bool = False) -> Vec:
+        return [self.x.let(f"{name}_{i}", v[k], tag, lanes=lanes) for k, i in enumerate(XYZ)]
+
+    def fixed_vector(self, name: str, place: int, v: Vec, tag: str = "Eq. 22") -> Vec:
+        """Region components of a vector given in a link's; remembered for differentiation."""
+        found = self._named(name, rotate(self.attitude(place), v), tag)
+        self.fixed.append((place, found, v))
+        return found
+
+    def face(self, c: int, side: int) -> tuple[Vec, Mat]:
+        """Origin and axes of a loop joint's face in the components of its link: the joint's axis is a coordinate axis."""
+        array, name = f"cl#{c}", "AB"[side]
+        r = [self.x.load(array, f"{name}.r.{i}") for i in XYZ]
+        F = [[self.x.load(array, f"{name}.F.{i}{j}") for j in XYZ] for i in XYZ]
+        return r, F
+
+    def arm(self, c: int, side: int) -> Vec:
+        """From the origin of a face's link to the face."""
+        r, _ = self.face(c, side)
+        return self.fixed_vector("arm", self.kind.closures[c].faces[side], r)
+
+    def _levers(self, c: int) -> tuple[dict[int, Vec], dict[int, Vec]]:
+        """From the origins of the links on both sides of a loop to the cut. The root's has the key -1."""
+        result: tuple[dict[int, Vec], dict[int, Vec]] = ({}, {})
+        slip = self.slip(c)
+        for side in (0, 1):
+            closure = self.kind.closures[c]
+            path = closure.paths[side]
+            lever = self.arm(c, side)
+            if side == 0 and slip is not None:
+                lever = self._named("lever", add(lever, slip), "Eq. 32")
+            for k in reversed(path):
+                result[side][k] = lever
+                lever = self._named("lever", add(lever, self.members[k].rho), "Eq. 32")
+            result[side][-1] = lever
+        return result
+
+    def slip(self, c: int) -> Vec | None:
+        """From the origin of the start face to that of the end face, for joints that slide; None where they coincide."""
+        if self.kind.closures[c].type not in SLIDING:
+            return None
+        a, b = (self.position_of_face(c, side) for side in (0, 1))
+        return self._named("slip", [b[i] - a[i] for i in range(3)], "Eq. 32")
+
+    def position_of_face(self, c: int, side: int) -> Vec:
+        """In region axes, from the region's base."""
+        place = self.kind.closures[c].faces[side]
+        return self._named("face", add(self.position(place), self.arm(c, side)), "Eq. 22")
+
+    def position(self, place: int) -> Vec:
+        """Of a link's origin, or a root's, in region axes, from the region's base."""
+        if place >= 0:
+            m = self.members[place]
+            return self._named("o", add(self.position(m.parent), m.rho), "Eq. 22")
+        t = -1 - place
+        role = self.kind.roots[t]
+        if role == "frame":
+            return ZERO
+        if role == "ground":
+            o = [self.x.load("base", f"co.{i}") for i in XYZ]
+            W = self.attitude(place)
+            return self._named("o", [-e for e in rotate(W, o)], "Eq. 22")
+        return [self.x.load(f"root#{t}", f"o.{i}") for i in XYZ]
+
+    # -- steps from link to link -----------------------------------------------------------------------------------
+
+    def step(self, before: Twist, member: Member, coefficients: list[Any], name: str, tag: str, lanes: bool = False) -> Twist:
+        """The motion of a link from its parent's, the joint's freedoms moving with the given coefficients."""
+        angular, linear = before.angular, before.at(member.rho)
+        for f, value in zip(member.freedoms, coefficients, strict=True):
+            if isinstance(value, int) and value == 0:
+                continue
+            moved = scale(value, f.e)
+            if f.angular:
+                angular = add(angular, moved)
+            else:
+                linear = add(linear, moved)
+        return Twist(self._named(f"{name}w", angular, tag, lanes), self._named(f"{name}v", linear, tag, lanes))
+
+    def walk(
+        self, roots: list[Twist], coefficients: list[list[Any]], name: str, tag: str, lanes: bool = False
+    ) -> list[Twist]:
+        """Motions of all links of the ear, from those of its roots and the rates of its freedoms."""
+        found: list[Twist] = []
+        for member, values in zip(self.members, coefficients, strict=True):
+            before = found[member.parent] if member.parent >= 0 else roots[-1 - member.parent]
+            found.append(self.step(before, member, values, name, tag, lanes))
+        return found
+
+    # -- closing conditions ----------------------------------------------------------------------------------------
+
+    def face_axes(self, c: int, side: int) -> list[Vec]:
+        """The three axes of a face in region components."""
+        _, F = self.face(c, side)
+        place = self.kind.closures[c].faces[side]
+        return [self.fixed_vector("n", place, [F[i][j] for i in range(3)], "Eq. 33") for j in range(3)]
+
+    def universal_axes(self, c: int) -> tuple[Vec, Vec]:
+        """The two axes of a universal loop joint: the first fixed in the start, the second in the end."""
+        closure = self.kind.closures[c]
+        return self.face_axes(c, 0)[closure.axis], self.face_axes(c, 1)[closure.end_axis]
+
+    def rows(self) -> list[tuple[int, bool, Vec]]:
+        """The conditions of all loops: (loop, angular, direction). Linear ones are divided by the characteristic length."""
+        found: list[tuple[int, bool, Vec]] = []
+        for c, closure in enumerate(self.kind.closures):
+            type_ = closure.type
+            linear: list[Vec] = [list(e) for e in UNIT]
+            angular: list[Vec] = [list(e) for e in UNIT] if type_ in ("fixed", "prismatic") else []
+            if type_ == "universal":
+                a, b = self.universal_axes(c)
+                angular = [self._named("n", cross(a, b), "Eq. 33")]
+            elif type_ not in ("fixed", "spherical"):
+                columns = self.face_axes(c, 0)
+                axis = closure.axis
+                across = [columns[(axis + 1) % 3], columns[(axis + 2) % 3]]
+                if type_ in ("prismatic", "cylindrical"):
+                    linear = across
+                elif type_ == "planar":
+                    linear = [columns[axis]]
+                if type_ != "prismatic":
+                    angular = across
+            s = self.kind.scale
+            found += [(c, False, n if s == 1 else scale(s, n)) for n in linear]
+            found += [(c, True, n) for n in angular]
+        return found
+
+    def difference(self, c: int, twists: tuple[Twist | None, Twist | None]) -> Twist:
+        """Motion at the cut: the end's minus the start's, both given at origins with their levers to the cut."""
+        angular: Vec = [0, 0, 0]
+        linear: Vec = [0, 0, 0]
+        for side, sign in ((1, 1), (0, -1)):
+            t = twists[side]
+            if t is not None:
+                angular = [angular[i] + sign * t.angular[i] for i in range(3)]
+                linear = [linear[i] + sign * t.linear[i] for i in range(3)]
+        return Twist(angular, linear)
+
+    def face_difference(self, motions: list[Twist], roots: list[Twist]) -> list[Twist]:
+        """Motion of the end face against the start face at every cut, from motions of links and roots."""
+        found = []
+        for c, closure in enumerate(self.kind.closures):
+            sides = []
+            for side in (0, 1):
+                place = closure.faces[side]
+                t = motions[place] if place >= 0 else roots[-1 - place]
+                lever = self.arm(c, side)
+                slip = self.slip(c) if side == 0 else None
+                if slip is not None:
+                    lever = self._named("lever", add(lever, slip), "Eq. 32")
+                sides.append(Twist(t.angular, t.at(lever)))
+            found.append(self.difference(c, (sides[0], sides[1])))
+        return found
+
+    def column(self, member: int, freedom: Freedom) -> list[Twist]:
+        """What a freedom contributes to the difference at every cut."""
+        found = []
+        for c, closure in enumerate(self.kind.closures):
+            total = Twist([0, 0, 0], [0, 0, 0])
+            for side, sign in ((0, -1), (1, 1)):
+                if member in closure.paths[side]:
+                    e = freedom.e if sign > 0 else [-v for v in freedom.e]
+                    if freedom.angular:
+                        total = Twist(e, self._named("d", cross(e, self.levers[c][side][member]), "Eq. 34"))
+                    else:
+                        total = Twist([0, 0, 0], e)
+            found.append(total)
+        return found
+
+    def conditions(self, rows: list[tuple[int, bool, Vec]], at_cuts: list[Twist], name: str, tag: str, lanes: bool = False) -> Vec:
+        """Components of motions at the cuts along the conditions."""
+        result: Vec = []
+        for c, angular, n in rows:
+            v = at_cuts[c].angular if angular else at_cuts[c].linear
+            result.append(self.x.let(name, _along(n, v), tag, lanes=lanes))
+        return result
+
+    def root_difference(self, roots: list[Twist]) -> list[Twist]:
+        """What the motion of the roots, all joints of the ear held, contributes at every cut."""
+        found = []
+        for c, closure in enumerate(self.kind.closures):
+            sides: list[Twist | None] = [None, None]
+            for side in (0, 1):
+                t = closure.roots[side]
+                if t >= 0:
+                    sides[side] = Twist(roots[t].angular, roots[t].at(self.levers[c][side][-1]))
+            found.append(self.difference(c, (sides[0], sides[1])))
+        return found
+
+    def dependents(self) -> list[tuple[int, Freedom]]:
+        """The dependent freedoms, in the order of the closure matrix's columns."""
+        return [
+            (k, m.freedoms[j]) for k, m in enumerate(self.members) for j in self.kind.dependent[k]
+        ]
+
+    def coefficients(self, dependent: list[Any], independent: Any = None) -> list[list[Any]]:
+        """For each link, values of its freedoms: the dependent ones as listed, the others by a function of link and freedom."""
+        found = [
+            [0 if independent is None else independent(k, f.index) for f in m.freedoms] for k, m in enumerate(self.members)
+        ]
+        for (k, f), value in zip(self.dependents(), dependent, strict=True):
+            found[k][f.index] = value
+        return found
+
+
+def rotate(W: Mat, v: Vec) -> Vec:
+    """``W v``; the unit matrix costs nothing."""
+    return list(v) if W is UNIT else matvec(W, v)
+
+
+def _along(n: Vec, v: Vec) -> Any:
+    total: Any = 0
+    for a, b in zip(n, v, strict=True):
+        total = total + product(a, b)
+    return total
+
+
+def turned(x: Any, joint: JointTransform, W: Mat) -> Mat:
+    """Attitude of a link from its parent's."""
+    tag = "Eq. 22"
+    if joint.fixed is not None:
+        W = [[x.let("W", e, tag) for e in row] for row in (joint.fixed if W is UNIT else matmul(W, joint.fixed))]
+    if joint.joint in ("spherical", "free"):
+        return [[x.let("W", e, tag) for e in row] for row in (joint.matrix if W is UNIT else matmul(W, joint.matrix))]
+    if joint.joint == "revolute":
+        c, s = joint.trig
+        i, j = (joint.axis + 1) % 3, (joint.axis + 2) % 3
+        W = [list(row) for row in W]
+        for row in W:
+            row[i], row[j] = (
+                x.let("W", c * row[i] + s * row[j], tag),
+                x.let("W", c * row[j] - s * row[i], tag),
+            )
+    return W
+
+
+__all__ = ["Ear", "Freedom", "Member", "MemberView", "Twist", "dot", "field", "rotate", "turned"]

@@ -1,0 +1,690 @@
+"""Completion of seeds and the balance through loops. Section 4 of the theory page.
+
+Position, velocity and acceleration closure are differentiated one after the other; each gives what the dependent joints must do by the same
+factored closure matrix. Inward, the loops carry the wrench that closes them, and what is left along the dependent joints is projected on
+the sources by the same map ``Y``: no multiplier is ever solved for along a direction.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from .closures import is_zero, own_sources, source_twist, stored_factor
+from .ear_tangents import EarTangents
+from .ears import SLIDING, UNIT, ZERO, Ear, Twist, rotate
+from .joints import JointTransform
+from .kinematics import (
+    acceleration_matrix,
+    angular_velocity,
+    body_force,
+    load_matrix,
+    load_symmetric,
+    load_vector,
+    store_matrix,
+    store_vector,
+)
+from .loop_dynamics import (
+    accumulate_base,
+    base_acceleration,
+    carried_accelerations,
+    cut_accelerations,
+    link_constants,
+    member_motion,
+    root_motions,
+    root_velocities,
+    solved,
+    source_accelerations,
+    speeds_of,
+)
+from .energy import origin_velocity
+from .orthogonal import product
+from .spatial import XYZ, Mat, Vec, add, cross, dot, matvec, scale, transpose
+from .tangents import differentiate, store_tangent
+
+
+def let3(x: Any, name: str, v: Vec, tag: str, lanes: bool = True) -> Vec:
+    return [x.let(f"{name}_{i}", v[k], tag, lanes=lanes) for k, i in enumerate(XYZ)]
+
+
+# -- completion: links that ears start from --------------------------------------------------------------------------
+
+
+def link_displacement(x: Any, kind: Any) -> None:
+    """Outward block over directions of a link that ears start from: rotation vector, displacement, tangents of its velocity.
+
+    All are components in the link's axes; the rotation vector and the displacement are those against the ground.
+    """
+    joint = JointTransform(x, kind)
+    theta = load_vector(x, "lup", "ct")
+    d = load_vector(x, "lup", "cd")
+    moving = JointTransform(x, kind, lanes=True)
+    r = joint.offset()
+    tag = "d Eq. 22"
+    turn, slide = joint_displacement(x, kind, joint)
+    local, about = parameter_displacement(x, kind, joint)
+    theta_here = moving.to_child(add(theta, about), "ct", tag)
+    d_here = moving.to_child(add(d, cross(theta, r), local), "cd", tag)
+    store_vector(x, "lme", "ct", let3(x, "ct", add(theta_here, turn), tag))
+    store_vector(x, "lme", "cd", let3(x, "cd", add(d_here, slide), tag))
+    store_vector(x, "lane", "ct", let3(x, "ct", add(theta_here, turn), tag))
+    _, w = angular_velocity(x, kind, joint, "cw")
+    v = origin_velocity(x, kind, joint, "cw", "cv")
+    tangents = differentiate(x, kind, joint)
+    store_tangent(x, tangents, "lme", "cw", w)
+    store_tangent(x, tangents, "lme", "cv", v)
+
+
+def joint_displacement(x: Any, kind: Any, joint: JointTransform) -> tuple[Vec, Vec]:
+    """Rotation vector and displacement that a joint's own dq causes, in the link's axes."""
+    turn: Vec = [0, 0, 0]
+    slide: Vec = [0, 0, 0]
+    if kind.joint == "revolute":
+        turn[kind.axis] = x.load("dq", "0")
+    elif kind.joint == "prismatic":
+        slide[kind.axis] = x.load("dq", "0")
+    else:
+        turn = [x.load("lane", f"turn.{i}") for i in range(3)]
+        if kind.joint == "free":
+            moved = matvec(transpose(joint.matrix), [x.load("dq", str(i)) for i in range(3)])
+            slide = let3(x, "slide", moved, "d Eq. 22")
+    return turn, slide
+
+
+def parameter_displacement(x: Any, kind: Any, joint: JointTransform) -> tuple[Vec, Vec]:
+    """Displacement and rotation vector of the joint in its parent that the design parameters cause, in the parent's axes."""
+    local: Vec = [0, 0, 0]
+    about: Vec = [0, 0, 0]
+    for j in range(kind.parameters):
+        dp = x.load("dp", str(j))
+        local = [local[i] + x.load("c", f"r.{a}/{j}") * dp for i, a in enumerate(XYZ)]
+        if joint.fixed is not None:
+            dR = [[x.load("c", f"R.{a}{b}/{j}") for b in XYZ] for a in XYZ]
+            if not all(is_zero(e) for row in dR for e in row):
+                about = [about[i] + v * dp for i, v in enumerate(let3(x, "about", rotation_vector(dR, joint.fixed), "d Eq. 22", False))]
+            if joint.joint in ("prismatic", "free"):
+                q = [x.load("q", str(i)) for i in range(3)] if joint.joint == "free" else None
+                moved = matvec(dR, q) if q else [row[joint.axis] * x.load("q", "0") for row in dR]
+                local = [local[i] + v * dp for i, v in enumerate(let3(x, "moved", moved, "d Eq. 22", False))]
+    return local, about
+
+
+def rotation_vector(dR: Mat, R: Mat) -> Vec:
+    """Of ``dR R^T``."""
+    found = []
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        found.append(dot(dR[k], R[j]))
+    return found
+
+
+# -- completion: ears --------------------------------------------------------------------------------------------------
+
+
+def root_angles(x: Any, kind: Any, slot: bool) -> tuple[dict[int, Vec], dict[int, Vec]]:
+    """Rotation vectors and displacements of the roots; the latter only in the sweep that finds them (`slot`)."""
+    angles: dict[int, Vec] = {}
+    moved: dict[int, Vec] = {}
+    for t, role in enumerate(kind.roots):
+        place = -1 - t
+        if role == "link":
+            angles[place] = load_vector(x, f"lroot#{t}" if slot else f"laneroot#{t}", "th")
+            if slot:
+                moved[place] = load_vector(x, f"lroot#{t}", "d")
+        elif role == "ground":
+            # seen from the base, whose axes turn, it is the ground that turns
+            angles[place] = [-v for v in load_vector(x, "lbase" if slot else "lanebase", "ct")]
+            if slot:
+                moved[place] = [-v for v in load_vector(x, "lbase", "cd")]
+        else:
+            angles[place], moved[place] = list(ZERO), list(ZERO)
+    return angles, moved
+
+
+def complete(x: Any, kind: Any) -> None:
+    """Outward block over directions: dq and du of the dependent joints, by differentiated position and velocity closure."""
+    ear = Ear(x, kind)
+    f = stored_factor(x, kind)
+    tag = "d Eq. 22"
+    angles, moved = root_angles(x, kind, True)
+    for t, role in enumerate(kind.roots):
+        if role == "ground":
+            moved[-1 - t] = let3(x, "d", add(moved[-1 - t], cross(angles[-1 - t], ear.position(-1 - t))), tag)
+    dependents = ear.dependents()
+
+    # position closure
+    for k, member in enumerate(ear.members):
+        view = member.view
+        W = ear.attitude(member.parent)
+        turn, slide = [0, 0, 0], [0, 0, 0]
+        for freedom in member.freedoms:
+            if freedom.index in kind.dependent[k]:
+                continue
+            value = freedom_displacement(view, kind.links[k], member.joint, freedom.index)
+            if freedom.angular:
+                turn = add(turn, scale(value, freedom.e))
+            else:
+                slide = add(slide, scale(value, freedom.e))
+        local, about = parameter_displacement(view, kind.links[k], member.joint)
+        theta, d = angles[member.parent], moved[member.parent]
+        angles[k] = let3(x, "th", add(theta, rotate(W, let3(x, "about", about, tag)), turn), tag)
+        moved[k] = let3(x, "d", add(d, cross(theta, member.rho), rotate(W, let3(x, "dr", local, tag)), slide), tag)
+    rows = [ear.rows()[i] for i in kind.kept]
+    if rows:
+        b = ear.conditions(rows, cut_displacements(x, ear, angles, moved), "b", "d Eq. 30", lanes=True)
+        rates = f.solve([-v for v in b], "dx", "d Eq. 30", lanes=True)
+        still = [Twist(list(ZERO), list(ZERO)) for _ in kind.roots]
+        for k, added in enumerate(ear.walk(still, ear.coefficients(rates), "dd", tag, lanes=True)):
+            angles[k] = let3(x, "th", add(angles[k], added.angular), tag)
+            moved[k] = let3(x, "d", add(moved[k], added.linear), tag)
+        _store_dependent_displacements(x, ear, rates)
+    for k in range(len(ear.members)):
+        for array in ("lme", "lane"):
+            store_vector(x, f"{array}#{k}", "th", angles[k])
+            store_vector(x, f"{array}#{k}", "d", moved[k])
+
+    # velocity closure
+    roots = root_velocities(x, kind)
+    velocities = ear.walk(roots, [speeds_of(m) for m in ear.members], "r", "Eq. 30")
+    differences = ear.face_difference(velocities, roots)
+    conditions = ear.conditions(rows, differences, "cv", "Eq. 30")
+    seeds: dict[Any, Any] = {}
+    for t, role in enumerate(kind.roots):
+        if role == "link":
+            pairs = ((roots[t].angular, "rw"), (roots[t].linear, "rv"))
+            for vector, name in pairs:
+                seeds.update(zip(vector, load_vector(x, f"lroot#{t}", name), strict=True))
+        elif role == "frame" and not kind.rigid:
+            for vector, name in ((roots[t].angular, "cw"), (roots[t].linear, "cv")):
+                seeds.update(zip(vector, load_vector(x, "lbase", name), strict=True))
+    if any(c.type in SLIDING for c in kind.closures):
+        for t, role in enumerate(kind.roots):
+            if role != "frame":
+                seeds.update(zip(ear.position(-1 - t), moved[-1 - t], strict=True))
+    d = EarTangents(ear, angles, seeds)
+    for t, role in enumerate(kind.roots):
+        if role in ("link", "frame"):
+            hold(d, roots[t].angular, seeds)
+            hold(d, roots[t].linear, seeds)
+    for k, member in enumerate(ear.members):
+        for freedom in member.freedoms:
+            if freedom.index in kind.dependent[k]:
+                d.set(member.view.load("u", str(freedom.index)), 0)
+    d.run()
+    if rows:
+        rates = f.solve([-d.of(v) for v in conditions], "du", "d Eq. 30", lanes=True)
+        still = [Twist(list(ZERO), list(ZERO)) for _ in kind.roots]
+        added = ear.walk(still, ear.coefficients(rates), "dr", "d Eq. 30", lanes=True)
+        for k, velocity in enumerate(velocities):
+            d.add(velocity.angular, added[k].angular)
+            d.add(velocity.linear, added[k].linear)
+        for (k, freedom), value in zip(dependents, rates, strict=True):
+            x.store(f"du#{k}", str(freedom.index), value)
+    for k, velocity in enumerate(velocities):
+        angular, linear = d.vector(velocity.angular), d.vector(velocity.linear)
+        for array in ("lme", "lane"):
+            store_vector(x, f"{array}#{k}", "rw", angular)
+            store_vector(x, f"{array}#{k}", "rv", linear)
+
+
+def hold(d: EarTangents, v: Vec, seeds: dict[Any, Any]) -> None:
+    """Values whose tangents are known already are not differentiated."""
+    if not d.structural:
+        for symbol in v:
+            if symbol in seeds:
+                d.known.add(symbol)
+
+
+def freedom_displacement(view: Any, kind: Any, joint: JointTransform, j: int) -> Any:
+    """Displacement along one freedom of a joint that its dq causes."""
+    if kind.joint in ("revolute", "prismatic"):
+        return view.load("dq", "0")
+    if j < 3:
+        return view.load("lane", f"turn.{j}")
+    column = [row[j - 3] for row in joint.matrix]
+    return view.let("slide", dot(column, [view.load("dq", str(i)) for i in range(3)]), "d Eq. 22", lanes=True)
+
+
+def _store_dependent_displacements(x: Any, ear: Ear, rates: list[Any]) -> None:
+    """dq of dependent joints from displacements along their freedoms; a quaternion's is ``e (0, theta) / 2``."""
+    values: dict[int, dict[int, Any]] = {}
+    for (k, freedom), value in zip(ear.dependents(), rates, strict=True):
+        values.setdefault(k, {})[freedom.index] = value
+    for k, found in values.items():
+        member, kind = ear.members[k], ear.kind.links[k]
+        if kind.joint in ("revolute", "prismatic"):
+            member.view.store("dq", "0", found[0])
+            continue
+        n = 3 if kind.joint == "free" else 0
+        turn = [found[j] for j in range(3)]
+        half = [x.let("half", turn[i] / 2, "d Eq. 22", lanes=True) for i in range(3)]
+        w, i, j, k_ = (member.view.load("q", str(n + m)) for m in range(4))
+        a, b, c = half
+        rates_q = [-(i * a + j * b + k_ * c), w * a + j * c - k_ * b, w * b + k_ * a - i * c, w * c + i * b - j * a]
+        for m, value in enumerate(rates_q):
+            member.view.store("dq", str(n + m), x.let("dq", value, "d Eq. 22", lanes=True))
+        for m in range(3):
+            member.view.store("lane", f"turn.{m}", turn[m])
+        if kind.joint == "free":
+            moved = matvec(member.joint.matrix, [found[j] for j in range(3, 6)])
+            for m, value in enumerate(moved):
+                member.view.store("dq", str(m), x.let("dq", value, "d Eq. 22", lanes=True))
+
+
+def cut_displacements(x: Any, ear: Ear, angles: dict[int, Vec], moved: dict[int, Vec]) -> list[Twist]:
+    """Displacements of the end faces against the start faces."""
+    found = []
+    for c, closure in enumerate(ear.kind.closures):
+        sides = []
+        for side in (0, 1):
+            place = closure.faces[side]
+            W = ear.attitude(place)
+            theta, d = angles[place], moved[place]
+            local, about = face_displacement(x, ear, c, side)
+            at = add(d, cross(theta, ear.arm(c, side)), rotate(W, let3(x, "dr", local, "d Eq. 30")))
+            theta = add(theta, rotate(W, let3(x, "about", about, "d Eq. 30")))
+            slip = ear.slip(c) if side == 0 else None
+            if slip is not None:
+                at = add(at, cross(theta, slip))
+            sides.append(Twist(let3(x, "cut", theta, "d Eq. 30"), let3(x, "cut", at, "d Eq. 30")))
+        found.append(ear.difference(c, (sides[0], sides[1])))
+    return found
+
+
+def face_displacement(x: Any, ear: Ear, c: int, side: int) -> tuple[Vec, Vec]:
+    """Displacement and rotation vector of a face in its link that the design parameters cause."""
+    name = "AB"[side]
+    local: Vec = [0, 0, 0]
+    about: Vec = [0, 0, 0]
+    closure = ear.kind.closures[c]
+    for j in range(closure.parameters):
+        dp = x.load(f"cldp#{c}", str(j))
+        local = [local[i] + x.load(f"cl#{c}", f"{name}.r.{a}/{j}") * dp for i, a in enumerate(XYZ)]
+        if closure.type == "spherical":
+            continue
+        _, F = ear.face(c, side)
+        dF = [[x.load(f"cl#{c}", f"{name}.F.{a}{b}/{j}") for b in XYZ] for a in XYZ]
+        if not all(is_zero(e) for row in dF for e in row):
+            about = [about[i] + v * dp for i, v in enumerate(let3(x, "about", rotation_vector(dF, F), "d Eq. 30", False))]
+    return local, about
+
+
+# -- balance -----------------------------------------------------------------------------------------------------------
+
+
+def total_udot(x: Any, kind: Any, k: int, member: Any) -> list[Any]:
+    return [x.load(f"udot#{k}", str(f.index)) for f in member.freedoms]
+
+
+def ear_balance_out(x: Any, kind: Any) -> None:
+    """Outward block over directions: tangents of the motion with the sources' udot held, and of the force that it needs. Eqs. 25-29."""
+    ear = Ear(x, kind)
+    f = stored_factor(x, kind)
+    rows = [ear.rows()[i] for i in kind.kept]
+    angles, _ = root_angles(x, kind, False)
+    for k in range(len(ear.members)):
+        angles[k] = load_vector(x, f"lane#{k}", "th")
+    roots = root_motions(x, kind, "t")
+    seeds: dict[Any, Any] = {}
+    for t, role in enumerate(kind.roots):
+        w, al, a, B = roots[t]
+        if role == "ground":
+            # minus gravity in the base's axes turns with theta, and may depend on parameters
+            change = [-v for v in load_vector(x, "lground", "a")]
+            W = ear.attitude(-1 - t)
+            moved = add(cross(angles[-1 - t], a), [-v for v in rotate(W, change)])
+            seeds.update(zip(a, let3(x, "dg", moved, "d Eq. 22"), strict=True))
+            continue
+        array = "lbase" if role == "frame" else f"lroot#{t}"
+        names = ("w", "al", "a", "B") if role == "frame" else ("sw", "sal", "sa", "sB")
+        for vector, name in zip((w, al, a), names, strict=False):
+            seeds.update(zip(vector, load_vector(x, array, name), strict=True))
+        for i in range(3):
+            for j in range(3):
+                seeds[B[i][j]] = x.load(array, f"{names[3]}.{XYZ[i]}{XYZ[j]}")
+    sliding = [t for t, role in enumerate(kind.roots) if role != "frame"] if any(c.type in SLIDING for c in kind.closures) else []
+    for t in sliding:
+        seeds.update(zip(ear.position(-1 - t), load_vector(x, f"laneroot#{t}", "d"), strict=True))
+        twist = root_velocities(x, kind)[t]
+        for vector, name in ((twist.angular, "rw"), (twist.linear, "rv")):
+            seeds.update(zip(vector, load_vector(x, f"laneroot#{t}", name), strict=True))
+    motions: list[Any] = []
+    for k, member in enumerate(ear.members):
+        before = motions[member.parent] if member.parent >= 0 else roots[-1 - member.parent]
+        motions.append(member_motion(x, member, before, total_udot(x, kind, k, member)))
+        if not x.structural:
+            x.recall({"sw": motions[-1][0]}, f"me#{k}")
+    conditions = ear.conditions(rows, cut_accelerations(x, ear, motions, roots), "ca", "Eq. 31") if rows else []
+    d = EarTangents(ear, angles, seeds)
+    for t in sliding:
+        twist = root_velocities(x, kind)[t]
+        for vector in (ear.position(-1 - t), twist.angular, twist.linear):
+            hold(d, vector, seeds)
+    for t in range(len(kind.roots)):
+        for vector in roots[t][:3]:
+            hold(d, vector, seeds)
+    d.run()
+    if rows:
+        rates = f.solve([-d.of(v) for v in conditions], "dx", "d Eq. 31", lanes=True)
+        still = [Twist(list(ZERO), list(ZERO)) for _ in kind.roots]
+        added = ear.walk(still, ear.coefficients(rates), "da", "d Eq. 31", lanes=True)
+        for k, (_, al, a, B) in enumerate(motions):
+            angular = added[k].angular
+            d.add(al, angular)
+            d.add(a, added[k].linear)
+            for i in range(3):
+                j, n = (i + 1) % 3, (i + 2) % 3
+                d.add([B[n][j], B[j][n]], [angular[i], -angular[i]])
+        for n, (k, freedom) in enumerate(ear.dependents()):
+            x.store(f"lane#{k}", f"x.{freedom.index}", rates[n])
+    for k, (w, al, a, B) in enumerate(motions):
+        constants = link_constants(x, ear, k)
+        local = load_symmetric(ear.members[k].view, "c", "J")
+        d.inertia(k, ear.members[k].W, constants[2], local)
+        moment, force = body_force(x, w, al, a, B, constants)
+        d.run()
+        store_vector(x, f"me#{k}", "tsal", al)
+        store_vector(x, f"me#{k}", "tsa", a)
+        store_matrix(x, f"me#{k}", "tsB", B)
+        store_vector(x, f"me#{k}", "tsn", moment)
+        store_vector(x, f"me#{k}", "tsf", force)
+        store_vector(x, f"lme#{k}", "sw", d.vector(w))
+        store_vector(x, f"lme#{k}", "sal", d.vector(al))
+        store_vector(x, f"lme#{k}", "sa", d.vector(a))
+        store_matrix(x, f"lme#{k}", "sB", [d.vector(row) for row in B])
+        store_vector(x, f"lane#{k}", "n", d.vector(moment))
+        store_vector(x, f"lane#{k}", "f", d.vector(force))
+        if kind.links[k].carries:
+            _hand_tangents(x, k, ear, d, angles[k], w, al, a)
+
+
+def _hand_tangents(x: Any, k: int, ear: Ear, d: EarTangents, theta: Vec, w: Vec, al: Vec, a: Vec) -> None:
+    """Motion and tangents of a link in its own axes, for the links that it carries. Components change by ``dv - theta x v`` there."""
+    back = transpose(ear.members[k].W)
+    own: list[Vec] = []
+    tangents: list[Vec] = []
+    for v in (w, al, a):
+        own.append(let3(x, "own", matvec(back, v), "Eq. 22", False))
+        turned = cross(theta, v)
+        relative = let3(x, "rel", [p - q for p, q in zip(d.vector(v), turned, strict=True)], "d Eq. 22")
+        tangents.append(let3(x, "own", matvec(back, relative), "d Eq. 22"))
+    B = acceleration_matrix(x, own[0], own[1])
+    store_vector(x, f"me#{k}", "tal", own[1])
+    store_vector(x, f"me#{k}", "ta", own[2])
+    store_matrix(x, f"me#{k}", "tB", B)
+    for name, v in zip(("w", "al", "a"), tangents, strict=True):
+        store_vector(x, f"lme#{k}", name, v)
+    store_matrix(x, f"lme#{k}", "B", matrix_tangent(x, own[0], tangents[0], tangents[1]))
+
+
+def matrix_tangent(x: Any, w: Vec, dw: Vec, dal: Vec) -> Mat:
+    """Tangent of ``alpha x + omega x omega x``."""
+    B: Mat = [[0] * 3 for _ in range(3)]
+    half = [w[i] * dw[i] for i in range(3)]
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        B[i][i] = x.let("dB", -2 * (half[j] + half[k]), "d Eq. 21", lanes=True)
+        mixed = x.let("dww", w[j] * dw[k] + w[k] * dw[j], "d Eq. 21", lanes=True)
+        B[k][j] = x.let("dB", mixed + dal[i], "d Eq. 21", lanes=True)
+        B[j][k] = x.let("dB", mixed - dal[i], "d Eq. 21", lanes=True)
+    return B
+
+
+def ear_balance_in(x: Any, kind: Any) -> None:
+    """Inward block over directions: forces transmitted by the joints, with the wrenches that close the loops, and their tangents;
+    what they miss along the joints, projected on the sources. Eqs. 9, 45, 50."""
+    ear = Ear(x, kind)
+    f = stored_factor(x, kind)
+    rows = [ear.rows()[i] for i in kind.kept]
+    count = len(ear.members)
+    angles, _ = root_angles(x, kind, False)
+    for k in range(count):
+        angles[k] = load_vector(x, f"lane#{k}", "th")
+    for c in range(len(kind.closures)):
+        for side in (0, 1):
+            ear.arm(c, side)
+        ear.slip(c)
+    tangents = EarTangents(ear, angles, root_positions(x, ear))
+    tangents.run()
+    phi: list[Force] = []
+    d_phi: list[Force] = []
+    for k in range(count):
+        own = load_force(x, f"me#{k}", "ts"), load_force(x, f"lane#{k}", "")
+        parts = [own]
+        if kind.followed[k]:
+            parts.append((load_force(x, f"me#{k}", "sacc."), load_force(x, f"lme#{k}", "sacc.")))
+        if kind.links[k].carries:
+            W, theta = ear.members[k].W, angles[k]
+            n, force = (let3(x, "acc", rotate(W, v), "Eq. 45", False) for v in load_force(x, f"me#{k}", "tacc."))
+            dn, df = (let3(x, "acc", rotate(W, v), "d Eq. 45") for v in load_force(x, f"lme#{k}", "acc."))
+            parts.append(((n, force), (add(dn, cross(theta, n)), add(df, cross(theta, force)))))
+        phi.append((add(*(p[0][0] for p in parts)), add(*(p[0][1] for p in parts))))
+        d_phi.append((add(*(p[1][0] for p in parts)), add(*(p[1][1] for p in parts))))
+    # what the joints would transmit without the loops' wrenches
+    held = _inward(x, ear, phi)
+    dependents = ear.dependents()
+    on_roots: list[tuple[int, Force, Force]] = []
+    if rows:
+        gamma = [_along_freedom(x, kind, k, freedom, held[k]) for k, freedom in dependents]
+        wrench = f.solve_transposed([-v for v in gamma], "W", "Eq. 9")
+        for c in range(len(kind.closures)):
+            _apply_wrench(x, ear, c, rows, wrench, phi, d_phi, on_roots, tangents)
+        held = _inward(x, ear, phi)
+    moved = _inward_tangents(x, ear, held, d_phi, angles)
+    missing = [_tangent_along(x, kind, k, freedom, held[k], moved[k], angles[k]) for k, freedom in dependents]
+    r: dict[int, Any] = {}
+    for c, (k, j) in own_sources(kind).items():
+        r[c] = _tangent_along(x, kind, k, ear.members[k].freedoms[j], held[k], moved[k], angles[k])
+    for n_, value in enumerate(missing):
+        for c in range(kind.total):
+            r[c] = r.get(c, 0) + x.load("ear", f"Y{n_}.{c}") * value
+    for c, value in r.items():
+        x.store("lregion_sum", f"r{c}", x.let("r", value, "d Eq. 53", lanes=True))
+    for k, member in enumerate(ear.members):
+        if member.parent < 0:
+            n, force = held[k]
+            dn, df = moved[k]
+            shifted = add(dn, cross(member.rho, df), cross(lever_tangent(x, ear, k, angles), force))
+            on_roots.append((-1 - member.parent, (add(n, cross(member.rho, force)), force), (shifted, df)))
+    for t, role in enumerate(kind.roots):
+        parts_here = [(p, dp) for root, p, dp in on_roots if root == t]
+        if not parts_here or role == "ground" or (role == "frame" and not kind.carried):
+            continue
+        total = [let3(x, "to_root", add(*(p[0][i] for p in parts_here)), "Eq. 45", False) for i in (0, 1)]
+        change = [let3(x, "to_root", add(*(p[1][i] for p in parts_here)), "d Eq. 45") for i in (0, 1)]
+        for name, v, dv in (("n", total[0], change[0]), ("f", total[1], change[1])):
+            for i, axis in enumerate(XYZ):
+                if role == "frame":
+                    x.store("region_sum", f"t.{name}.{axis}", v[i])
+                    x.store("lregion_sum", f"b.{name}.{axis}", dv[i])
+                else:
+                    _accumulate_root(x, kind, t, f"root#{t}", f"sacc.{name}.{axis}", v[i], False)
+                    _accumulate_root(x, kind, t, f"lroot#{t}", f"sacc.{name}.{axis}", dv[i], True)
+
+
+Force = tuple[Vec, Vec]
+"""Moment and force."""
+
+
+def load_force(x: Any, array: str, prefix: str) -> Force:
+    return load_vector(x, array, f"{prefix}n"), load_vector(x, array, f"{prefix}f")
+
+
+def root_positions(x: Any, ear: Ear) -> dict[Any, Any]:
+    """Tangents of the roots' positions, where sliding joints ask for them."""
+    kind = ear.kind
+    if x.structural or not any(c.type in SLIDING for c in kind.closures):
+        return {}
+    found: dict[Any, Any] = {}
+    for t, role in enumerate(kind.roots):
+        if role == "link":
+            found.update(zip(ear.position(-1 - t), load_vector(x, f"laneroot#{t}", "d"), strict=True))
+    return found
+
+
+def _accumulate_root(x: Any, kind: Any, t: int, array: str, field: str, value: Any, lanes: bool) -> None:
+    if not kind.first_at[t]:
+        if is_zero(value):
+            return
+        value = x.let("acc", x.load(array, field) + value, "Eq. 45", lanes=lanes)
+    x.store(array, field, value)
+
+
+def _along_freedom(x: Any, kind: Any, k: int, freedom: Any, force: tuple[Vec, Vec]) -> Any:
+    tau = x.load(f"tau#{k}", str(freedom.index)) if kind.links[k].forced[freedom.index] else 0
+    return x.let("gamma", dot(freedom.e, force[0] if freedom.angular else force[1]) - tau, "Eq. 53")
+
+
+def _tangent_along(x: Any, kind: Any, k: int, freedom: Any, force: tuple[Vec, Vec], moved: tuple[Vec, Vec], theta: Vec) -> Any:
+    """Tangent of a transmitted force's component along a freedom, less that of the joint force."""
+    part = 0 if freedom.angular else 1
+    turned = cross(theta, freedom.e)
+    tau = x.load(f"dtau#{k}", str(freedom.index)) if kind.links[k].forced[freedom.index] else 0
+    value = dot(freedom.e, moved[part]) + dot(turned, force[part]) - tau
+    return x.let("dgamma", value, "d Eq. 53", lanes=True)
+
+
+def _inward(x: Any, ear: Ear, own: list[tuple[Vec, Vec]]) -> list[tuple[Vec, Vec]]:
+    """Forces transmitted by the joints of the ear's links, about the links' origins."""
+    held = list(own)
+    for k in reversed(range(len(own))):
+        n = let3(x, "phin", held[k][0], "Eq. 45", False)
+        force = let3(x, "phif", held[k][1], "Eq. 45", False)
+        held[k] = n, force
+        parent = ear.members[k].parent
+        if parent >= 0:
+            held[parent] = add(held[parent][0], n, cross(ear.members[k].rho, force)), add(held[parent][1], force)
+    return held
+
+
+def _inward_tangents(
+    x: Any, ear: Ear, held: list[tuple[Vec, Vec]], own: list[tuple[Vec, Vec]], angles: dict[int, Vec]
+) -> list[tuple[Vec, Vec]]:
+    moved = list(own)
+    for k in reversed(range(len(own))):
+        n = let3(x, "dphin", moved[k][0], "d Eq. 45")
+        force = let3(x, "dphif", moved[k][1], "d Eq. 45")
+        moved[k] = n, force
+        member = ear.members[k]
+        if member.parent >= 0:
+            up = moved[member.parent]
+            shifted = add(up[0], n, cross(member.rho, force), cross(lever_tangent(x, ear, k, angles), held[k][1]))
+            moved[member.parent] = shifted, add(up[1], force)
+    return moved
+
+
+def lever_tangent(x: Any, ear: Ear, k: int, angles: dict[int, Vec]) -> Vec:
+    """Tangent of the vector from a link's parent to the link."""
+    member = ear.members[k]
+    kind = ear.kind.links[k]
+    local, _ = parameter_displacement(member.view, kind, member.joint)
+    W = ear.attitude(member.parent)
+    slide: Vec = [0, 0, 0]
+    for freedom in member.freedoms:
+        if not freedom.angular:
+            slide = add(slide, scale(freedom_displacement(member.view, kind, member.joint, freedom.index), freedom.e))
+    moved = add(cross(angles[member.parent], member.rho), rotate(W, let3(x, "dr", local, "d Eq. 22")), slide)
+    return let3(x, "drho", moved, "d Eq. 22")
+
+
+def _apply_wrench(
+    x: Any,
+    ear: Ear,
+    c: int,
+    rows: list[tuple[int, bool, Vec]],
+    wrench: Vec,
+    phi: list[Force],
+    d_phi: list[Force],
+    on_roots: list[tuple[int, Force, Force]],
+    tangents: EarTangents,
+) -> None:
+    """Let a loop's wrench act on its two faces; it keeps to the directions that the joint holds, which turn with the links."""
+    force: Vec = [0, 0, 0]
+    moment: Vec = [0, 0, 0]
+    d_force: Vec = [0, 0, 0]
+    d_moment: Vec = [0, 0, 0]
+    for (loop, angular, n), value in zip(rows, wrench, strict=True):
+        if loop != c:
+            continue
+        part = [product(e, value) for e in n]
+        change = [t * value for t in tangents.vector(n)]
+        if angular:
+            moment, d_moment = add(moment, part), add(d_moment, change)
+        else:
+            force, d_force = add(force, part), add(d_force, change)
+    force, moment = let3(x, "W_f", force, "Eq. 9", False), let3(x, "W_n", moment, "Eq. 9", False)
+    d_force, d_moment = let3(x, "dW_f", d_force, "d Eq. 9"), let3(x, "dW_n", d_moment, "d Eq. 9")
+    for side, sign in ((0, -1), (1, 1)):
+        place = ear.kind.closures[c].faces[side]
+        lever = ear.arm(c, side)
+        slip = ear.slip(c) if side == 0 else None
+        if slip is not None:
+            lever = add(lever, slip)
+        change = tangents.vector(lever) if slip is None else add(tangents.vector(ear.arm(c, side)), tangents.vector(slip))
+        n = add(moment, cross(lever, force))
+        dn = add(d_moment, cross(let3(x, "dlever", change, "d Eq. 30"), force), cross(lever, d_force))
+        acting: Force = ([sign * e for e in n], [sign * e for e in force])
+        change_of: Force = ([sign * e for e in dn], [sign * e for e in d_force])
+        if place < 0:
+            on_roots.append((-1 - place, acting, change_of))
+        else:
+            phi[place] = (add(phi[place][0], acting[0]), add(phi[place][1], acting[1]))
+            d_phi[place] = (add(d_phi[place][0], change_of[0]), add(d_phi[place][1], change_of[1]))
+
+
+# -- regions -----------------------------------------------------------------------------------------------------------
+
+
+def region_balance_start(x: Any, kind: Any) -> None:
+    """Nothing is summed yet."""
+    for c in range(kind.total):
+        x.store("lregion", f"r{c}", 0)
+    if kind.carried:
+        for name in ("n", "f"):
+            for axis in XYZ:
+                x.store("region", f"t.{name}.{axis}", 0)
+                x.store("lregion", f"b.{name}.{axis}", 0)
+
+
+def region_balance_in(x: Any, kind: Any) -> None:
+    """Inward block over directions: the sources' right sides are eliminated; a link that carries the region gets what is left. Eqs. 45, 53."""
+    size = kind.sources + (6 if kind.carried else 0)
+    g: list[Any] = [x.load("lregion", f"r{c}") for c in range(kind.sources)]
+    if kind.carried:
+        for i in range(6):
+            value = x.load("lregion", f"b.{'nf'[i // 3]}.{XYZ[i % 3]}")
+            if not kind.rigid:
+                value = value + x.load("lregion", f"r{kind.sources + i}")
+            g.append(value)
+    for j in reversed(range(kind.sources)):
+        x.store("lregion", f"rD{j}", x.let("rD", -g[j] * x.load("region", f"Dinv{j}"), "d Eq. 53", lanes=True))
+        for i in range(size):
+            if i < j or i >= kind.sources:
+                g[i] = x.let("g", g[i] - x.load("region", f"G{j}.{i}") * g[j], "d Eq. 45", lanes=True)
+    if not kind.carried:
+        return
+    for i in range(6):
+        name = f"{'nf'[i // 3]}.{XYZ[i % 3]}"
+        accumulate_base(x, kind, f"acc.{name}", g[kind.sources + i], "lbase", True)
+        accumulate_base(x, kind, f"tacc.{name}", x.load("region", f"t.{name}"))
+
+
+def region_balance_back(x: Any, kind: Any) -> None:
+    """Outward block over directions: tangents of the sources' accelerations."""
+    right = [x.load("lregion", f"rD{j}") for j in range(kind.sources)]
+    for c, value in enumerate(solved(x, kind, right, base_acceleration(x, kind, "lbase"), True)):
+        x.store("lregion", f"a{c}", value)
+
+
+def ear_balance_back(x: Any, kind: Any) -> None:
+    """Outward block over directions: tangents of the accelerations of the ear's joints. Eq. 55."""
+    a = source_accelerations(x, kind, "lregion", "lbase")
+    for c, (k, j) in own_sources(kind).items():
+        x.store(f"dudot#{k}", str(j), a[c])
+    dependents = [(k, j) for k in range(len(kind.links)) for j in kind.dependent[k]]
+    for d, (k, j) in enumerate(dependents):
+        value = x.load(f"lane#{k}", f"x.{j}")
+        for c in range(kind.total):
+            value = value + x.load("ear", f"Y{d}.{c}") * a[c]
+        x.store(f"dudot#{k}", str(j), x.let("dudot", value, "d Eq. 53", lanes=True))
+    if any(link.carries for link in kind.links):
+        carried_accelerations(x, kind, a, "lme", "lbase", True)

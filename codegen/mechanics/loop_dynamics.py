@@ -1,0 +1,468 @@
+"""Forward dynamics of ears and regions. Eqs. 31, 39-47, 53-56 in the sources of a region.
+
+With ``A_k = Z_k w + A_t,k`` for all links of a region, its equations of motion are ``Q w = -g`` with
+``Q = sum Z_k^T I_k Z_k`` and ``g = sum Z_k^T (I_k A_t,k + bias) - joint forces``: the virtual body of Eqs. 39-41. A base that is a link
+carries the region like one joint of as many freedoms.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..program.block import ANY
+from .closures import is_zero, own_sources, source_speed, source_twist, stored_factor
+from .ears import SLIDING, UNIT, ZERO, Ear, Twist, rotate
+from .joints import shift_inertia
+from .kinematics import (
+    acceleration_matrix,
+    body_force,
+    load_matrix,
+    load_symmetric,
+    load_vector,
+    store_matrix,
+    store_vector,
+)
+from .spatial import NINE, PAIRS, XYZ, Mat, Vec, add, cross, dot, matmul, matvec, scale, six, skew, symmetric, transpose
+from .triangularization import SMALL_NUMBER, ZeroPivotError, articulated_parts
+
+Motion = tuple[Vec, Vec, Vec, Mat]
+"""Angular velocity, angular and linear acceleration, and B = alpha x + omega x omega x of a link, in region axes."""
+
+
+def root_motions(x: Any, kind: Any, prefix: str = "") -> list[Motion]:
+    """Motions of the roots. `prefix` ``t``: with all of the accelerations, not only the remainders."""
+    found: list[Motion] = []
+    for t, role in enumerate(kind.roots):
+        if role == "frame":
+            array, names = "base", ("w", f"{prefix}al", f"{prefix}a", f"{prefix}B")
+        elif role == "ground":
+            W = transpose(load_matrix(x, "base", "cW"))
+            a = [x.let("ga", e, "Eq. 22") for e in rotate(W, load_vector(x, "ground", f"{prefix}a"))]
+            found.append((list(ZERO), list(ZERO), a, [[0] * 3 for _ in range(3)]))
+            continue
+        else:
+            array, names = f"root#{t}", ("sw", f"{prefix}sal", f"{prefix}sa", f"{prefix}sB")
+        w, al, a = (load_vector(x, array, n) for n in names[:3])
+        found.append((w, al, a, load_matrix(x, array, names[3])))
+    return found
+
+
+def link_constants(x: Any, ear: Ear, k: int) -> tuple[Any, Vec, Mat]:
+    """Mass, first moment and inertia about the origin of a link, in region axes."""
+    member = ear.members[k]
+    m = member.view.load("c", "m")
+    h = ear.fixed_vector("h", k, load_vector(member.view, "c", "h"), "Eq. 23")
+    return m, h, rotated_inertia(x, member.W, load_symmetric(member.view, "c", "J"), "Eq. 23")
+
+
+def rotated_inertia(x: Any, W: Mat, J: Mat, tag: str) -> Mat:
+    """``W J W^T``."""
+    half = [[x.let("WJ", e, tag) for e in row] for row in matmul(W, J)]
+    entries = [dot(half[i], W[j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
+    return symmetric([x.let("J", e, tag) for e in entries])
+
+
+def joint_bias(x: Any, member: Any, w_before: Vec, speeds: list[Any]) -> tuple[Vec, Vec]:
+    """Angular and linear acceleration that a joint adds with udot = 0. Eq. 21."""
+    turning: Vec = [0, 0, 0]
+    sliding: Vec = [0, 0, 0]
+    for f, u in zip(member.freedoms, speeds, strict=True):
+        if f.angular:
+            turning = add(turning, scale(u, f.e))
+        else:
+            sliding = add(sliding, scale(u, f.e))
+    turning = [x.let("rel", e, "Eq. 21") for e in turning]
+    sliding = [x.let("rel", e, "Eq. 21") for e in sliding]
+    twice = [2 * w_before[i] + turning[i] for i in range(3)] if any(not is_zero(v) for v in sliding) else list(ZERO)
+    twice = [x.let("sweep", e, "Eq. 21") for e in twice]
+    return cross(w_before, turning), cross(twice, sliding)
+
+
+def speeds_of(member: Any) -> list[Any]:
+    return [member.view.load("u", str(f.index)) for f in member.freedoms]
+
+
+def member_motion(x: Any, member: Any, before: Motion, extra: list[Any] | None = None) -> Motion:
+    """Motion of a link from its parent's; `extra` are the joint's udot, none if left out."""
+    w0, al0, a0, B0 = before
+    speeds = speeds_of(member)
+    w = list(w0)
+    for f, u in zip(member.freedoms, speeds, strict=True):
+        if f.angular:
+            w = add(w, scale(u, f.e))
+    w = [x.let(f"w_{i}", w[n], "Eq. 18") for n, i in enumerate(XYZ)]
+    al_bias, a_bias = joint_bias(x, member, w0, speeds)
+    al = add(al0, al_bias)
+    a = add(a0, matvec(B0, member.rho), a_bias)
+    for f, value in zip(member.freedoms, extra or [0] * len(member.freedoms), strict=True):
+        if is_zero(value):
+            continue
+        if f.angular:
+            al = add(al, scale(value, f.e))
+        else:
+            a = add(a, scale(value, f.e))
+    al = [x.let(f"al_{i}", al[n], "Eq. 21") for n, i in enumerate(XYZ)]
+    a = [x.let(f"a_{i}", a[n], "Eq. 21") for n, i in enumerate(XYZ)]
+    return w, al, a, acceleration_matrix(x, w, al)
+
+
+def root_velocities(x: Any, kind: Any) -> list[Twist]:
+    """Velocities of the roots, relative to a base that carries the region rigidly. Eq. 30."""
+    found = []
+    for t in range(len(kind.roots)):
+        angular: Vec = [0, 0, 0]
+        linear: Vec = [0, 0, 0]
+        for c in range(kind.total):
+            twist = source_twist(x, kind, t, c)
+            if all(is_zero(v) for v in (*twist.angular, *twist.linear)):
+                continue
+            speed = source_speed(x, kind, c, own_sources(kind).get(c))
+            angular, linear = add(angular, scale(speed, twist.angular)), add(linear, scale(speed, twist.linear))
+        named = [[x.let("V", e, "Eq. 30") for e in v] for v in (angular, linear)]
+        found.append(Twist(*named))
+    return found
+
+
+def slip_velocities(x: Any, ear: Ear) -> list[Twist]:
+    """Relative velocities at the cuts, for joints that slide."""
+    roots = root_velocities(x, ear.kind)
+    velocities = ear.walk(roots, [speeds_of(m) for m in ear.members], "s", "Eq. 30")
+    return ear.face_difference(velocities, roots)
+
+
+def cut_accelerations(x: Any, ear: Ear, motions: list[Motion], roots: list[Motion]) -> list[Twist]:
+    """What the faces' accelerations differ by at every cut, the joint's own remainder taken off. Eq. 31."""
+    found = []
+    slips = slip_velocities(x, ear) if any(c.type in SLIDING for c in ear.kind.closures) else []
+    for c, closure in enumerate(ear.kind.closures):
+        if closure.roots == (-1, -1) and not any(closure.paths):
+            found.append(Twist(list(ZERO), list(ZERO)))
+            continue
+        sides = []
+        for side in (0, 1):
+            place = closure.faces[side]
+            w, al, a, B = motions[place] if place >= 0 else roots[-1 - place]
+            lever = ear.arm(c, side)
+            slip = ear.slip(c) if side == 0 else None
+            if slip is not None:
+                lever = add(lever, slip)
+            sides.append((w, al, add(a, matvec(B, lever))))
+        (w_a, al_a, a_a), (w_b, al_b, a_b) = sides
+        relative = [x.let("wrel", w_b[i] - w_a[i], "Eq. 31") for i in range(3)]
+        angular = [al_b[i] - al_a[i] for i in range(3)]
+        if closure.type != "spherical":
+            turn = cross(w_a, relative)
+            angular = [angular[i] - turn[i] for i in range(3)]
+        if closure.type == "universal":
+            angular = universal_bias(x, ear, c, angular, w_a, w_b, relative)
+        linear = [a_b[i] - a_a[i] for i in range(3)]
+        if closure.type in SLIDING:
+            coriolis = cross(w_a, slips[c].linear)
+            linear = [linear[i] - 2 * coriolis[i] for i in range(3)]
+        found.append(Twist([x.let("ca", e, "Eq. 31") for e in angular], [x.let("cl", e, "Eq. 31") for e in linear]))
+    return found
+
+
+def universal_bias(x: Any, ear: Ear, c: int, angular: Vec, w_a: Vec, w_b: Vec, relative: Vec) -> Vec:
+    """For a universal joint with axes a and b: ``d/dt (n . w_rel)``, n = a x b, as an angular vector along n.
+
+    `angular` comes with ``- w_a x w_rel`` in it, which is right for directions fixed in the start face; n turns with both.
+    """
+    a, b = ear.universal_axes(c)
+    # d n/dt = (w_a x a) x b + a x (w_b x b) = w_a x n + a x (w_rel x b)
+    turning = cross(a, cross(relative, b))
+    rate = x.let("nrate", dot([x.let("nd", e, "Eq. 31") for e in turning], relative), "Eq. 31")
+    n = [x.let("n", e, "Eq. 33") for e in cross(a, b)]
+    return [angular[i] + rate * n[i] for i in range(3)]
+
+
+def ear_kinematics(x: Any, kind: Any) -> None:
+    """Outward block: motion with the sources at rest, dependent joints accelerating as closure asks, and the force it needs."""
+    ear = Ear(x, kind)
+    rows = [ear.rows()[i] for i in kind.kept]
+    roots = root_motions(x, kind)
+    motions: list[Motion] = []
+    for member in ear.members:
+        before = motions[member.parent] if member.parent >= 0 else roots[-1 - member.parent]
+        motions.append(member_motion(x, member, before))
+    if rows:
+        b = ear.conditions(rows, cut_accelerations(x, ear, motions, roots), "b", "Eq. 31")
+        rates = stored_factor(x, kind).solve([-v for v in b], "y", "Eq. 38")
+        still = [Twist(list(ZERO), list(ZERO)) for _ in kind.roots]
+        added = ear.walk(still, ear.coefficients(rates), "e", "Eq. 38")
+        for d, y in enumerate(rates):
+            x.store("ear", f"y{d}", y)
+        for k, (w, al, a, _) in enumerate(motions):
+            al = [x.let(f"al_{i}", al[n] + added[k].angular[n], "Eq. 31") for n, i in enumerate(XYZ)]
+            a = [x.let(f"a_{i}", a[n] + added[k].linear[n], "Eq. 31") for n, i in enumerate(XYZ)]
+            motions[k] = (w, al, a, acceleration_matrix(x, w, al))
+    for k, (w, al, a, B) in enumerate(motions):
+        me = f"me#{k}"
+        moment, force = body_force(x, w, al, a, B, link_constants(x, ear, k))
+        store_vector(x, me, "sw", w)
+        store_vector(x, me, "sal", al)
+        store_vector(x, me, "sa", a)
+        store_matrix(x, me, "sB", B)
+        store_vector(x, me, "sn", moment)
+        store_vector(x, me, "sf", force)
+        if kind.links[k].carries:
+            hand_outward(x, me, ear.members[k].W, w, al, a, "")
+
+
+def hand_outward(x: Any, array: str, W: Mat, w: Vec, al: Vec, a: Vec, prefix: str) -> None:
+    """Motion in the link's own axes, for the links that it carries."""
+    back = transpose(W)
+    w, al, a = ([x.let("own", e, "Eq. 22") for e in matvec(back, v)] for v in (w, al, a))
+    if not prefix:
+        store_vector(x, array, "w", w)
+    store_vector(x, array, f"{prefix}al", al)
+    store_vector(x, array, f"{prefix}a", a)
+    store_matrix(x, array, f"{prefix}B", acceleration_matrix(x, w, al))
+
+
+def region_start(x: Any, kind: Any) -> None:
+    """Outward block of a region: nothing is summed yet."""
+    for name in sum_fields(kind):
+        x.store("region", name, 0)
+
+
+def base_fields() -> list[str]:
+    names = [f"I.J.{p}" for p in PAIRS] + [f"I.M.{p}" for p in PAIRS] + [f"I.H.{p}" for p in NINE]
+    return names + [f"{f}.{i}" for f in "nf" for i in XYZ]
+
+
+def sum_fields(kind: Any) -> list[str]:
+    """What the ears of a region sum up."""
+    names = [f"Q{c}.{d}" for c in range(kind.total) for d in range(c, kind.total)] + [f"g{c}" for c in range(kind.total)]
+    if kind.carried and kind.rigid:
+        names += base_fields() + [f"K{c}.{f}.{i}" for c in range(kind.sources) for f in "nf" for i in XYZ]
+    return names
+
+
+def apply_inertia(x: Any, J: Mat, H: Mat, M: Mat, angular: Vec, linear: Vec, name: str, tag: str) -> tuple[Vec, Vec]:
+    """Moment and force of a generalised inertia at an acceleration."""
+    n = add(matvec(J, angular), matvec(H, linear))
+    f = add(matvec(transpose(H), angular), matvec(M, linear))
+    return [x.let(f"{name}n", e, tag) for e in n], [x.let(f"{name}f", e, tag) for e in f]
+
+
+def member_inertia(x: Any, ear: Ear, k: int) -> tuple[Mat, Mat, Mat, Vec, Vec]:
+    """Inertia of a link with all that it carries, and the force that its motion needs, in region axes about its origin."""
+    member = ear.members[k]
+    m, h, J = link_constants(x, ear, k)
+    H = skew(h)
+    M: Mat = [[m if i == j else 0 for j in range(3)] for i in range(3)]
+    n, f = load_vector(x, f"me#{k}", "sn"), load_vector(x, f"me#{k}", "sf")
+    if ear.kind.links[k].carries:
+        J_c, H_c, M_c, n_c, f_c = articulated_parts(member.view)
+        W = member.W
+        half = [[x.let("WH", e, "Eq. 44") for e in row] for row in matmul(W, H_c)]
+        H = [[x.let("H", H[i][j] + dot(half[i], W[j]), "Eq. 44") for j in range(3)] for i in range(3)]
+        J_c, M_c = rotated_inertia(x, W, J_c, "Eq. 44"), rotated_inertia(x, W, M_c, "Eq. 44")
+        J = symmetric([x.let("J", a + b, "Eq. 44") for a, b in zip(six(J), six(J_c), strict=True)])
+        M = symmetric([x.let("M", a + b, "Eq. 44") for a, b in zip(six(M), six(M_c), strict=True)])
+        n = [x.let("n", a + b, "Eq. 45") for a, b in zip(n, rotate(W, n_c), strict=True)]
+        f = [x.let("f", a + b, "Eq. 45") for a, b in zip(f, rotate(W, f_c), strict=True)]
+    return J, H, M, n, f
+
+
+def ear_triangularize(x: Any, kind: Any) -> None:
+    """Inward block: what the ear's links add to the inertia and force of their region. Eqs. 39-41."""
+    ear = Ear(x, kind)
+    tag = "Eq. 40"
+    own = own_sources(kind)
+    Q: dict[tuple[int, int], Any] = {}
+    g: dict[int, Any] = {}
+    K: dict[int, tuple[Vec, Vec]] = {}
+    for k in range(len(ear.members)):
+        J, H, M, n, f = member_inertia(x, ear, k)
+        Z = {c: (load_vector(x, f"me#{k}", f"Z{c}.w"), load_vector(x, f"me#{k}", f"Z{c}.v")) for c in range(kind.total)}
+        Z = {c: z for c, z in Z.items() if any(not is_zero(v) for part in z for v in part)}
+        for c, (zw, zv) in Z.items():
+            N = apply_inertia(x, J, H, M, zw, zv, "N", tag)
+            for d, (yw, yv) in Z.items():
+                if d <= c:
+                    Q[d, c] = Q.get((d, c), 0) + dot(yw, N[0]) + dot(yv, N[1])
+            g[c] = g.get(c, 0) + dot(zw, n) + dot(zv, f)
+            if kind.carried and kind.rigid:
+                o = ear.position(k)
+                shifted = add(N[0], cross(o, N[1])), N[1]
+                K[c] = tuple(add(a, b) for a, b in zip(K[c], shifted, strict=True)) if c in K else shifted  # type: ignore[assignment]
+        if kind.carried and kind.rigid:
+            _to_base(x, ear.position(k), J, H, M, n, f)
+    for (k, freedom), d in zip(ear.dependents(), range(len(ear.dependents())), strict=True):
+        if kind.links[k].forced[freedom.index]:
+            tau = x.load(f"tau#{k}", str(freedom.index))
+            for c in range(kind.total):
+                g[c] = g.get(c, 0) - x.load("ear", f"Y{d}.{c}") * tau
+    for c, (k, j) in own.items():
+        if kind.links[k].forced[j]:
+            g[c] = g.get(c, 0) - x.load(f"tau#{k}", str(j))
+    for (d, c), value in Q.items():
+        x.store("region_sum", f"Q{d}.{c}", x.let("Q", value, tag))
+    for c, value in g.items():
+        x.store("region_sum", f"g{c}", x.let("g", value, "Eq. 41"))
+    for c, (n, f) in K.items():
+        for name, v in (("n", n), ("f", f)):
+            for i, axis in enumerate(XYZ):
+                x.store("region_sum", f"K{c}.{name}.{axis}", x.let("K", v[i], "Eq. 39"))
+
+
+def _to_base(x: Any, o: Vec, J: Mat, H: Mat, M: Mat, n: Vec, f: Vec) -> None:
+    """Add a link's inertia and force, about the base's origin, to what the base carries."""
+    J, H, M = shift_inertia(x, o, J, H, M, "Eq. 39")
+    n = add(n, cross(o, f))
+    for name, m, pairs in (("J", J, PAIRS), ("M", M, PAIRS), ("H", H, NINE)):
+        for p in pairs:
+            x.store("region_sum", f"I.{name}.{p}", x.let("I", m[XYZ.index(p[0])][XYZ.index(p[1])], "Eq. 39"))
+    for name, v in (("n", n), ("f", f)):
+        for i, axis in enumerate(XYZ):
+            x.store("region_sum", f"{name}.{axis}", x.let("p", v[i], "Eq. 41"))
+
+
+def region_system(x: Any, kind: Any) -> tuple[Mat, list[Any]]:
+    """Inertia and force of a region over its sources, then the six components of a base that is a link."""
+    r, size = kind.sources, kind.sources + (6 if kind.carried else 0)
+    Q: Mat = [[0] * size for _ in range(size)]
+    g: list[Any] = [0] * size
+    for c in range(kind.total):
+        g[c] = x.load("region", f"g{c}")
+        for d in range(c, kind.total):
+            Q[c][d] = Q[d][c] = x.load("region", f"Q{c}.{d}")
+    if kind.carried and kind.rigid:
+        J, M = load_symmetric(x, "region", "I.J"), load_symmetric(x, "region", "I.M")
+        H = load_matrix(x, "region", "I.H")
+        for i in range(3):
+            for j in range(3):
+                Q[r + i][r + j], Q[r + 3 + i][r + 3 + j] = J[i][j], M[i][j]
+                Q[r + i][r + 3 + j] = Q[r + 3 + j][r + i] = H[i][j]
+            g[r + i], g[r + 3 + i] = x.load("region", f"n.{XYZ[i]}"), x.load("region", f"f.{XYZ[i]}")
+        for c in range(r):
+            for i in range(6):
+                Q[c][r + i] = Q[r + i][c] = x.load("region", f"K{c}.{'nf'[i // 3]}.{XYZ[i % 3]}")
+    return Q, g
+
+
+def region_triangularize(x: Any, kind: Any) -> None:
+    """Inward block of a region: its sources are eliminated, the last one first; a link that carries it gets what is left. Eqs. 44-47."""
+    let = x.let
+    Q, g = region_system(x, kind)
+    size = len(Q)
+    for j in reversed(range(kind.sources)):
+        D = Q[j][j]
+        if is_zero(D):
+            if not x.structural:
+                raise ZeroPivotError(kind)
+            D = ANY
+        inverse = let("Dinv", 1 / D, "Eq. 47")
+        # what is left is measured against what the source's own inertia was before others were eliminated
+        whole = x.load("region", f"Q{j}.{j}")
+        x.store("pivot", str(j), let("margin", D - (1 if x.structural else SMALL_NUMBER) * whole, "zero pivot"))
+        x.store("region", f"Dinv{j}", inverse)
+        x.store("region", f"rD{j}", let("rD", -g[j] * inverse, "Eq. 53"))
+        others = [i for i in range(size) if i < j or i >= kind.sources]
+        G = {i: let("G", Q[i][j] * inverse, "Eq. 46") for i in others}
+        for i in others:
+            x.store("region", f"G{j}.{i}", G[i])
+        U = {i: Q[i][j] for i in others}
+        for i in others:
+            for k in others:
+                if k >= i:
+                    Q[i][k] = Q[k][i] = let("Q", Q[i][k] - G[i] * U[k], "Eq. 44")
+            g[i] = let("g", g[i] - G[i] * g[j], "Eq. 45")
+    if not kind.carried:
+        return
+    r = kind.sources
+    for i in range(3):
+        accumulate_base(x, kind, f"acc.n.{XYZ[i]}", g[r + i])
+        accumulate_base(x, kind, f"acc.f.{XYZ[i]}", g[r + 3 + i])
+    for p in PAIRS:
+        i, j = XYZ.index(p[0]), XYZ.index(p[1])
+        accumulate_base(x, kind, f"acc.J.{p}", Q[r + i][r + j])
+        accumulate_base(x, kind, f"acc.M.{p}", Q[r + 3 + i][r + 3 + j])
+    for p in NINE:
+        accumulate_base(x, kind, f"acc.H.{p}", Q[r + XYZ.index(p[0])][r + 3 + XYZ.index(p[1])])
+
+
+def accumulate_base(x: Any, kind: Any, field: str, value: Any, array: str = "base", lanes: bool = False) -> None:
+    """Add to a field of the link that carries the region; what comes first writes it."""
+    if not kind.first:
+        if is_zero(value):
+            return
+        value = x.let("acc", x.load(array, field) + value, "Eq. 44", lanes=lanes)
+    x.store(array, field, value)
+
+
+def base_acceleration(x: Any, kind: Any, array: str) -> list[Any]:
+    """The base's acceleration, as far as it is explicit in udot; nothing for the ground."""
+    if not kind.carried:
+        return []
+    return [*load_vector(x, array, "bal"), *load_vector(x, array, "ba")]
+
+
+def region_back_substitute(x: Any, kind: Any) -> None:
+    """Outward block of a region: the accelerations of its sources. Eq. 53."""
+    A = base_acceleration(x, kind, "base")
+    for c, value in enumerate(solved(x, kind, [x.load("region", f"rD{j}") for j in range(kind.sources)], A, False)):
+        x.store("region", f"a{c}", value)
+
+
+def solved(x: Any, kind: Any, right: list[Any], A: list[Any], lanes: bool) -> list[Any]:
+    """Back substitution among the sources."""
+    found: list[Any] = []
+    for j in range(kind.sources):
+        value = right[j]
+        for i, known in enumerate(found):
+            value = value - x.load("region", f"G{j}.{i}") * known
+        for i, known in enumerate(A):
+            value = value - x.load("region", f"G{j}.{kind.sources + i}") * known
+        found.append(x.let("a", value, "Eq. 53", lanes=lanes))
+    return found
+
+
+def source_accelerations(x: Any, kind: Any, region: str, base: str) -> list[Any]:
+    """Accelerations of all sources as an ear sees them."""
+    found = [x.load(region, f"a{c}") for c in range(kind.sources)]
+    if kind.total > kind.sources:
+        found += [*load_vector(x, base, "bal"), *load_vector(x, base, "ba")]
+    return found
+
+
+def ear_back_substitute(x: Any, kind: Any) -> None:
+    """Outward block: accelerations of the ear's joints. Eqs. 53, 54."""
+    a = source_accelerations(x, kind, "region", "base")
+    own = own_sources(kind)
+    for c, (k, j) in own.items():
+        x.store(f"udot#{k}", str(j), a[c])
+    dependents = [(k, j) for k in range(len(kind.links)) for j in kind.dependent[k]]
+    for d, (k, j) in enumerate(dependents):
+        value = x.load("ear", f"y{d}")
+        for c in range(kind.total):
+            value = value + x.load("ear", f"Y{d}.{c}") * a[c]
+        x.store(f"udot#{k}", str(j), x.let("udot", value, "Eq. 53"))
+    if any(link.carries for link in kind.links):
+        carried_accelerations(x, kind, a, "me", "base", False)
+
+
+def carried_accelerations(x: Any, kind: Any, a: list[Any], array: str, base: str, lanes: bool) -> None:
+    """The explicit part of the accelerations of links that carry others, in their own axes. Eq. 54."""
+    ear = Ear(x, kind)
+    rigid = [*load_vector(x, base, "bal"), *load_vector(x, base, "ba")] if kind.carried and kind.rigid else None
+    for k, member in enumerate(ear.members):
+        if not kind.links[k].carries:
+            continue
+        angular: Vec = [0, 0, 0]
+        linear: Vec = [0, 0, 0]
+        if rigid is not None:
+            angular, linear = rigid[:3], add(rigid[3:], cross(rigid[:3], ear.position(k)))
+        for c in range(kind.total):
+            angular = add(angular, scale(a[c], load_vector(x, f"me#{k}", f"Z{c}.w")))
+            linear = add(linear, scale(a[c], load_vector(x, f"me#{k}", f"Z{c}.v")))
+        angular = [x.let("A", e, "Eq. 54", lanes=lanes) for e in angular]
+        linear = [x.let("A", e, "Eq. 54", lanes=lanes) for e in linear]
+        back = transpose(member.W)
+        store_vector(x, f"{array}#{k}", "bal", [x.let("bal", e, "Eq. 54", lanes=lanes) for e in matvec(back, angular)])
+        store_vector(x, f"{array}#{k}", "ba", [x.let("ba", e, "Eq. 54", lanes=lanes) for e in matvec(back, linear)])
+
+
+__all__ = ["UNIT", "apply_inertia", "base_acceleration", "region_start", "region_triangularize"]
