@@ -1,0 +1,141 @@
+"""LADDER(L), PINNED(n) and HOOKE(L) for the benchmarks: the examples at other sizes, with states, seeds and functions.
+
+States are closed: the ladders' exactly, the pinned chain's but for its speeds, which the generated functions solve for.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from chains import c_files, chain_state
+from ctiming import Contestant
+
+from codegen.emit.solver import Source, write_solver
+from codegen.model import Model, parse_model
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+
+
+def example_text(name: str, old: str, new: str) -> str:
+    """An example with other constants."""
+    path = EXAMPLES / f"{name}.yaml"
+    text = path.read_text()
+    if text.count(old) != 1:
+        raise ValueError(f"{path} does not say {old!r} once, as this script expects")
+    return text.replace(old, new)
+
+
+def ladder_text(loops: int) -> str:
+    return example_text("ladder", "{L: 3,", f"{{L: {loops},")
+
+
+def hooke_text(loops: int) -> str:
+    return example_text("hooke_ladder", "{L: 3,", f"{{L: {loops},")
+
+
+def pinned_text(n: int) -> str:
+    text = example_text("pinned_chain", "{n: 12,", f"{{n: {n},")
+    old = text[text.index("x: -2.14") : text.index("}", text.index("x: -2.14"))]
+    x, y, z = map(float, chain_tip(chain_state(n)[0]))
+    return text.replace(old, f"x: {x!r}, y: {y!r}, z: {z!r}")
+
+
+def chain_tip(q: np.ndarray, length: float = 1.0) -> np.ndarray:
+    """Where the end of CHAIN(n) hangs."""
+    R, place = np.eye(3), np.zeros(3)
+    for k, (c, s) in enumerate(zip(np.cos(q), np.sin(q), strict=True)):
+        turn = [[1, 0, 0], [0, c, -s], [0, s, c]] if k % 2 else [[c, 0, s], [0, 1, 0], [-s, 0, c]]
+        R = R @ np.array(turn)
+        place = place - length * R[:, 2]
+    return place
+
+
+def ladder_model(loops: int) -> Model:
+    return parse_model(ladder_text(loops), f"LADDER({loops})")
+
+
+def pinned_model(n: int) -> Model:
+    return parse_model(pinned_text(n), f"PINNED({n})")
+
+
+def hooke_model(loops: int) -> Model:
+    return parse_model(hooke_text(loops), f"HOOKE({loops})")
+
+
+def ladder_state(loops: int) -> tuple[np.ndarray, np.ndarray]:
+    """Rungs lean by 30 degrees and turn by 0.5 rad/s, rails stay level."""
+    signs = np.ones(2 * loops + 1)
+    signs[1::2] = -1
+    return np.pi / 6 * signs, 0.5 * signs
+
+
+def hooke_state(loops: int) -> tuple[np.ndarray, np.ndarray]:
+    """All rungs alike, rails parallel to the line of feet."""
+    q = np.concatenate([[0.5, 0.2], np.tile([-0.2, -0.5, 0.5, 0.2], loops)])
+    u = np.concatenate([[0.5, -0.3], np.tile([0.3, -0.5, 0.5, -0.3], loops)])
+    return q, u
+
+
+@dataclass(frozen=True)
+class Mechanism:
+    """One of the three at one size.
+
+    Attributes
+    ----------
+    name : str
+        LADDER, PINNED or HOOKE.
+    size : int
+        Loops of a ladder, rods of the pinned chain.
+    model : Model
+    state : tuple of arrays
+        q and u, (nu,) each.
+    """
+
+    name: str
+    size: int
+    model: Model
+    state: tuple[np.ndarray, np.ndarray]
+
+    @property
+    def bodies(self) -> int:
+        return len(self.model.bodies)
+
+
+def mechanism(name: str, size: int) -> Mechanism:
+    model, state = {
+        "LADDER": (ladder_model, ladder_state),
+        "PINNED": (pinned_model, chain_state),
+        "HOOKE": (hooke_model, hooke_state),
+    }[name]
+    return Mechanism(name, size, model(size), state(size))
+
+
+def seeds(m: Mechanism, width: int = 8) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """dq, du (width, nu) and dlen (width, 1), nothing in them zero; entries of dependent coordinates are not read."""
+    k, j = np.arange(1, m.model.nu + 1), np.arange(width)[:, None]
+    dq, du = 0.1 * np.sin(2.0 * k + 0.7 * j), 0.1 * np.cos(3.0 * k + 0.5 * j)
+    return dq, du, 1.0 + 0.1 * np.arange(width)[:, None]
+
+
+def source_of(m: Mechanism, layout: str = "auto") -> Source:
+    return write_solver(m.model, layout)
+
+
+def accelerations(m: Mechanism, source: Source, name: str = "udot") -> Contestant:
+    """udot; the result is array 3."""
+    package = m.model.name
+    arrays = [*m.state, np.ones(1), np.zeros(m.model.nu), np.zeros(source.manifest["workspace"])]
+    call = f"{package}_accelerations(a[0], a[1], a[2], a[3], a[4])"
+    return Contestant(name, c_files(source), f'#include "{package}.h"', call, arrays)
+
+
+def sensitivities(m: Mechanism, source: Source, width: int, name: str = "") -> Contestant:
+    """udot and its derivatives along `width` directions; the results are arrays 6 and 7, the latter (nu, width)."""
+    package, n = m.model.name, m.model.nu
+    directions = [np.ascontiguousarray(seed.T) for seed in seeds(m, width)]
+    workspace = np.zeros(source.manifest["workspace"])
+    arrays = [*m.state, np.ones(1), *directions, np.zeros(n), np.zeros((n, width)), workspace]
+    call = f"{package}_sensitivities_{width}(a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8])"
+    return Contestant(name or f"udot + {width}", c_files(source), f'#include "{package}.h"', call, arrays)
