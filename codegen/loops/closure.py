@@ -1,0 +1,272 @@
+"""Closure of loops at given coordinates and speeds: residuals of position and velocity, and the closure matrix.
+
+A loop joint compares its two faces. Conditions are fixed in the `start` face and taken at one point of the loop, the cut:
+the origin of the `end` face. Linear conditions are divided by the loop's characteristic length, so all rows are numbers.
+
+========= ============================================= ==============================================================
+condition position residual                             row of the closure matrix, for a relative twist (w, v) at the cut
+========= ============================================= ==============================================================
+linear    n . (x_end - x_start) / length                n . v / length
+parallel  m . r, r along a_start x a_end, abs(r) =      m . w, m perpendicular to the axis
+          2 sin(t/2), t the angle between the axes
+unturned  m . r, r twice the vector of the relative     m . w
+          rotation's unit quaternion, abs(r) =
+          2 sin(t/2), t the angle of the rotation
+universal a_end . a_start                               w . (a_end x a_start)
+========= ============================================= ==============================================================
+
+A sine would vanish at half a turn too, where a revolute or fixed joint is closed the wrong way round; 2 sin(t/2) grows up
+to there, and near closure it is t. Its derivative is the closure matrix where the loop is closed; the linear rows' and the
+universal joint's is everywhere. The directions of the rows are those of `Geometry`: ``linear`` and ``angular``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..model.model import Model
+from .geometry import Array, Geometry, cross, padded, turn
+
+Frames = tuple[Array, Array]
+"""Rotations (body into base components) ``(S, n, 3, 3)`` and origins ``(S, n, 3)``, m."""
+
+HALF_TURN = 1e-12
+"""1 + cos below which the direction of the way back from half a turn is arbitrary."""
+
+
+def closure(
+    model: Model,
+    q: Sequence[float] | Array,
+    u: Sequence[float] | Array,
+    p: Sequence[float] | Array | None = None,
+    lengths: Sequence[float] | Array | None = None,
+) -> tuple[Array, Array]:
+    """Residuals of all loops in the order of `Model.closure_names`.
+
+    Parameters
+    ----------
+    q : (nq,) array
+    u : (nu,) array
+    p : (np,) array, optional
+        The defaults if left out.
+    lengths : (L,) array, optional
+        By what the linear conditions of each loop are divided, m; those of `Geometry` if left out.
+
+    Returns
+    -------
+    position : (m,) array
+    velocity : (m,) array
+        1/s.
+    """
+    geometry = Geometry(model, p)
+    if lengths is not None:
+        geometry.lengths = np.asarray(lengths, dtype=float)
+    q, cuts = padded(q), Cuts(geometry, range(len(model.loops)))
+    frames = body_frames(geometry, q)
+    position = cuts.place(cuts.faces(frames))
+    w, v = body_twists(geometry, q, frames, np.asarray(u, dtype=float)[None, :, None])
+    rates = cuts.difference(frames[1], w, v)
+    return cuts.kept(position)[0], cuts.kept(rates)[0, :, 0]
+
+
+def closure_matrix(
+    model: Model,
+    loop: int,
+    q: Sequence[float] | Array,
+    p: Sequence[float] | Array | None = None,
+    length: float | None = None,
+) -> tuple[tuple[int, ...], Array]:
+    """What the speeds of a loop's tree joints do to its velocity residual.
+
+    Returns
+    -------
+    speeds : tuple of int
+        Those of all joints on the loop's cycle, the start side outward, then the end side outward.
+    E : (rows, f) array
+        Their unit screws at the cut on the loop's conditions, scaled with its characteristic length.
+    """
+    geometry = Geometry(model, p)
+    if length is not None:
+        geometry.lengths[loop] = length
+    q, cuts = padded(q), Cuts(geometry, [loop])
+    frames = body_frames(geometry, q)
+    cuts.place(cuts.faces(frames))
+    sides = [[s for k in reversed(side) for s in geometry.speeds[k]] for side in geometry.cycle(loop)]
+    speeds = [*sides[0], *sides[1]]
+    w, v = ground_screws(geometry, q, frames)
+    o = frames[1][:, geometry.speed_body[speeds]]
+    sign = np.array([[-1.0] * len(sides[0]) + [1.0] * len(sides[1])])
+    return tuple(speeds), cuts.matrix(w[:, speeds], v[:, speeds], o, sign)[0]
+
+
+# --- kinematics of all bodies -------------------------------------------------------------------------------------------
+
+
+def body_frames(geometry: Geometry, q: Array) -> Frames:
+    """Frames of all bodies and the ground (the last) in the ground frame.
+
+    Each round joins every body's frame with that of the body it is given in, so chains of n bodies take log n rounds.
+    """
+    n, S = geometry.ground, len(q)
+    R, o = np.empty((S, n + 1, 3, 3)), np.empty((S, n + 1, 3))
+    R[:, :n], o[:, :n] = geometry.all_joints.transforms(q)
+    R[:, n], o[:, n] = np.eye(3), 0
+    base = np.array(geometry.parent)
+    while len(open_ := np.flatnonzero(base != n)):
+        b = base[open_]
+        o[:, open_], R[:, open_] = o[:, b] + turn(R[:, b], o[:, open_]), R[:, b] @ R[:, open_]
+        base[open_] = base[b]
+    return R, o
+
+
+def ground_screws(geometry: Geometry, q: Array, frames: Frames) -> tuple[Array, Array]:
+    """Unit screws of all speeds about their bodies' origins in the ground frame, ``(S, nu, 3)`` each."""
+    w, v = geometry.all_joints.screws(q)
+    R = frames[0][:, geometry.speed_body]
+    return turn(R, w), turn(R, v)
+
+
+def body_twists(geometry: Geometry, q: Array, frames: Frames, u: Array) -> tuple[Array, Array]:
+    """Angular velocities and velocities of the origins of all bodies and the ground, ground frame.
+
+    Parameters
+    ----------
+    u : (S, nu, K) array
+        K sets of speeds for each configuration.
+
+    Returns
+    -------
+    w, v : (S, n + 1, 3, K) array
+    """
+    n = geometry.ground
+    screws = ground_screws(geometry, q, frames)
+    w, v = (np.zeros((len(q), n + 1, 3, u.shape[-1])) for _ in range(2))
+    for total, screw in zip((w, v), screws, strict=True):
+        for s, k in enumerate(geometry.speed_body):
+            total[:, k] += screw[:, s, :, None] * u[:, s, None, :]
+    o, base = frames[1], np.array(geometry.parent)
+    while len(open_ := np.flatnonzero(base != n)):
+        b = base[open_]
+        v[:, open_] += shifted(w[:, b], v[:, b], o[:, open_] - o[:, b])
+        w[:, open_] += w[:, b]
+        base[open_] = base[b]
+    return w, v
+
+
+def shifted(w: Array, v: Array, r: Array) -> Array:
+    """Velocities of points at r ``(..., 3)`` from where bodies have twists w, v ``(..., 3, K)``."""
+    return v + np.swapaxes(cross(np.swapaxes(w, -1, -2), r[..., None, :]), -1, -2)
+
+
+# --- conditions ---------------------------------------------------------------------------------------------------------
+
+
+class Cuts:
+    """The conditions of some loops, l of them, at S configurations.
+
+    Every loop has six rows here, three linear and three angular, of which some are idle; `kept` leaves those out.
+
+    Attributes
+    ----------
+    point : (S, l, 3) array
+        The cuts in the base frame, m, as `place` found them.
+    n, m : (S, l, 3, 3) array
+        Directions of linear and angular rows, base frame, the linear ones divided by the characteristic length.
+    """
+
+    point: Array
+    n: Array
+    m: Array
+
+    def __init__(self, geometry: Geometry, loops: Sequence[int]) -> None:
+        g, self.loops = geometry, list(loops)
+        i = np.array(self.loops, dtype=int)
+        self.starts, self.ends = np.array(g.starts, dtype=int)[i], np.array(g.ends, dtype=int)[i]
+        self.face_R, self.face_at = g.face_R[:, i], g.face_at[:, i]
+        self.linear = g.linear[i] / g.lengths[i, None, None]
+        self.angular, self.axis, self.end_axis = g.angular[i], g.axis[i], g.end_axis[i]
+        self.whole, self.universal = np.flatnonzero(g.turned_whole[i]), np.flatnonzero(g.is_universal[i])
+        self.row_index = np.array([6 * j + r for j, k in enumerate(self.loops) for r in g.rows[k]], dtype=int)
+
+    def kept(self, six: Array) -> Array:
+        """The true rows of ``(S, l, 6, ...)`` as ``(S, rows, ...)``."""
+        return six.reshape(len(six), -1, *six.shape[3:])[:, self.row_index]
+
+    def faces(self, frames: Frames) -> tuple[Array, Array, Array, Array]:
+        """Rotation and origin of the start faces, then of the end faces, from the frames of all bodies."""
+        R, o = frames
+        result = []
+        for side, bodies in ((0, self.starts), (1, self.ends)):
+            C = R[:, bodies]
+            result += [C @ self.face_R[side], o[:, bodies] + turn(C, self.face_at[side])]
+        return result[0], result[1], result[2], result[3]
+
+    def place(self, faces: tuple[Array, Array, Array, Array]) -> Array:
+        """Position residuals ``(S, l, 6)``; keeps where the cuts and how their conditions stand, for what follows."""
+        C_s, x_s, C_e, x_e = faces
+        back = np.swapaxes(C_s, -1, -2)
+        R = back @ C_e
+        residual = np.empty((*x_e.shape[:2], 6))
+        residual[..., :3] = turn(self.linear, turn(back, x_e - x_s))
+        residual[..., 3:] = turn(self.angular, self._rotations(R))
+        self.point = x_e
+        self.n, self.m = self.linear @ back, self.angular @ back
+        if len(self.universal):
+            a = self.axis[self.universal]
+            b = turn(R[:, self.universal], self.end_axis[self.universal])
+            residual[:, self.universal, 3] = np.sum(a * b, axis=-1)
+            self.m[:, self.universal, 0] = turn(C_s[:, self.universal], cross(b, a))
+        return residual
+
+    def _rotations(self, R: Array) -> Array:
+        """What turns the start faces into the end faces, as vectors of length 2 sin(t/2); R ``(S, l, 3, 3)``."""
+        b = turn(R, self.axis)
+        versine = 1 + np.sum(self.axis * b, axis=-1)
+        r = cross(self.axis, b) * np.sqrt(2 / np.maximum(versine, HALF_TURN))[..., None]
+        for s, j in np.argwhere(versine < HALF_TURN):
+            r[s, j] = 2 * self.angular[j, 0]
+        if len(self.whole):
+            r[:, self.whole] = 2 * quaternion_vector(R[:, self.whole])
+        return r
+
+    def matrix(self, w: Array, v: Array, o: Array, sign: Array) -> Array:
+        """The closure matrix of f speeds, ``(S, rows, f)``.
+
+        Parameters
+        ----------
+        w, v, o : (S, f, 3) array
+            Unit screws about the points o, base frame.
+        sign : (l, f) array
+            1 on the end side of a loop, -1 on its start side, 0 where it does not pass the joint.
+        """
+        at_cut = v[:, None] + cross(w[:, None], self.point[:, :, None] - o[:, None])
+        E = np.empty((len(w), len(self.loops), 6, w.shape[1]))
+        E[:, :, :3] = self.n @ np.swapaxes(at_cut, -1, -2)
+        E[:, :, 3:] = self.m @ np.swapaxes(w, -1, -2)[:, None]
+        E *= sign[:, None]
+        return self.kept(E)
+
+    def conditions(self, w: Array, v: Array) -> Array:
+        """The rows' values ``(S, l, 6, K)`` for relative twists w, v ``(S, l, 3, K)`` at the cuts."""
+        return np.concatenate([self.n @ v, self.m @ w], axis=-2)
+
+    def difference(self, o: Array, w: Array, v: Array) -> Array:
+        """Velocity residuals ``(S, l, 6, K)`` from the motion of all bodies: origins ``(S, n, 3)``, twists ``(S, n, 3, K)``."""
+        at = [shifted(w[:, b], v[:, b], self.point - o[:, b]) for b in (self.starts, self.ends)]
+        return self.conditions(w[:, self.ends] - w[:, self.starts], at[1] - at[0])
+
+
+def quaternion_vector(R: Array) -> Array:
+    """Vector part of the unit quaternion with positive scalar part, ``(..., 3)`` of rotations ``(..., 3, 3)``."""
+    vee = np.stack([R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]], axis=-1)
+    trace = np.trace(R, axis1=-2, axis2=-1)
+    v = vee / (2 * np.sqrt(np.maximum(1 + trace, HALF_TURN)))[..., None]
+    for i in map(tuple, np.argwhere(1 + trace < 0.5)):  # near half a turn the symmetric part is the better source
+        outer = (R[i] + R[i].T + (1 - trace[i]) * np.eye(3)) / 4
+        k = int(np.argmax(np.diag(outer)))
+        v[i] = outer[k] / np.sqrt(outer[k, k])
+        if v[i] @ vee[i] < 0:
+            v[i] = -v[i]
+    return v

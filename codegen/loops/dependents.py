@@ -1,0 +1,131 @@
+"""Choice of dependent speeds: columns of a closure matrix, near the cut, well conditioned.
+
+The elimination is a pivoted Gram-Schmidt with re-orthogonalisation (the paper's Eqs. 33-38, done stably). The pivot is not
+the largest column but the first in a given order, from the cut inward, that is not much smaller than the largest among
+its neighbours: that keeps an ear short.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from itertools import combinations, islice
+
+import numpy as np
+
+from .geometry import Array
+
+RANK_TOLERANCE = 1e-7
+"""Singular values below this part of the largest count as zero: well above what is left of the assembly's rounding, well
+below what a closure matrix has half a degree from a singular pose."""
+
+WINDOWS = (10, 30, None)
+"""How many useful columns compete for a pivot; more are asked only where the condition stays poor."""
+
+THRESHOLDS = (0.05, 0.3, 1.0)
+"""A column is taken if it is at least this part of the best in the window, in order of trial."""
+
+GOOD_CONDITION = 20.0
+POOR_CONDITION = 1e3
+
+MAX_COMBINATIONS = 500
+"""How many ways of making whole quaternion joints dependent are tried."""
+
+
+def ranks(A: Array) -> Array:
+    """Numerical ranks of matrices ``(S, rows, f)`` whose entries are of order one, ``(S,)``."""
+    if 0 in A.shape:
+        return np.zeros(len(A), dtype=int)
+    s = np.linalg.svd(A, compute_uv=False)
+    return np.sum(s > RANK_TOLERANCE * np.maximum(s[:, :1], RANK_TOLERANCE), axis=1)
+
+
+def condition(A: Array) -> float:
+    """The worst condition number of matrices ``(S, rows, f)``."""
+    if 0 in A.shape:
+        return 1.0
+    s = np.linalg.svd(A, compute_uv=False)
+    return float(np.max(s[:, 0] / s[:, -1])) if np.all(s[:, -1] > 0) else float("inf")
+
+
+def choose_dependents(A: Array, joints: Sequence[tuple[int, ...]], rank: int) -> list[int] | None:
+    """Columns that span all of A.
+
+    Parameters
+    ----------
+    A : (S, rows, f) array
+        Closure matrices at S configurations, columns scaled, each of rank `rank`.
+    joints : sequence of tuple of int
+        The columns in order of preference; several together are taken together or not at all.
+    rank : int
+
+    Returns
+    -------
+    list of int or None
+        `rank` columns; None if whole joints do not add up to the rank.
+    """
+    single = [c for columns in joints if len(columns) == 1 for c in columns]
+    several = [columns for columns in joints if len(columns) > 1]
+    for together in islice(_sums(several, rank), MAX_COMBINATIONS):
+        taken = [c for columns in together for c in columns]
+        if len(taken) > rank or (taken and np.any(ranks(A[..., taken]) < len(taken))):
+            continue
+        if np.all(ranks(A[..., taken + single]) == rank):
+            return _extend(A, taken, single, rank)
+    return None
+
+
+def _sums(several: list[tuple[int, ...]], rank: int) -> Iterable[tuple[tuple[int, ...], ...]]:
+    """Sets of joints to take whole, the fewest first, those near the cut first."""
+    for count in range(len(several) + 1):
+        if count and count * min(map(len, several)) > rank:
+            return
+        yield from combinations(several, count)
+
+
+def _extend(A: Array, taken: list[int], single: list[int], rank: int) -> list[int]:
+    """`taken` and as many of `single` as complete the rank."""
+    if len(taken) == rank:
+        return taken
+    best, best_condition = taken, float("inf")
+    for window in WINDOWS:
+        for threshold in THRESHOLDS:
+            chosen = _eliminate(A, taken, single, rank, window, threshold)
+            found = condition(A[..., chosen])
+            if found < 0.3 * best_condition or len(best) < rank:
+                best, best_condition = chosen, found
+            if best_condition < GOOD_CONDITION:
+                return best
+        if best_condition < POOR_CONDITION or window is None or window >= len(single):
+            break
+    return best
+
+
+def _eliminate(
+    A: Array, taken: list[int], single: list[int], rank: int, window: int | None, threshold: float
+) -> list[int]:
+    """One elimination; see the module."""
+    chosen = list(taken)
+    rest = A[..., single].copy()
+    basis: list[Array] = []
+    for c in taken:
+        _orthogonalise(rest, basis, A[..., c])
+    while len(chosen) < rank:
+        size = np.min(np.linalg.norm(rest, axis=1), axis=0)
+        useful = np.flatnonzero(size > RANK_TOLERANCE * 10)[:window]
+        if not len(useful):  # full rank in sum but not column by column: the tolerance of ranks decides
+            useful = np.array([int(np.argmax(size))])
+        pivot = useful[np.argmax(size[useful] >= threshold * np.max(size[useful]))]
+        chosen.append(single[pivot])
+        _orthogonalise(rest, basis, rest[..., pivot].copy())
+        rest[..., pivot] = 0
+    return chosen
+
+
+def _orthogonalise(rest: Array, basis: list[Array], column: Array) -> None:
+    """Take a column ``(S, rows)`` into the orthonormal basis and out of the rest ``(S, rows, f)``."""
+    for _ in range(2):  # once more for what rounding has left
+        for b in basis:
+            column = column - np.sum(b * column, axis=1, keepdims=True) * b
+    b = column / np.maximum(np.linalg.norm(column, axis=1, keepdims=True), 1e-300)
+    basis.append(b)
+    rest -= b[..., None] * (b[:, None] @ rest)
