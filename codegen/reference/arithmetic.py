@@ -154,3 +154,28 @@ class Arithmetic:
         for j in reversed(range(n)):
             B[j] = (B[j] - A[j, j + 1 :] @ B[j + 1 :]) / A[j, j]
         return B
+
+    def independent_rows(self, A: Array) -> tuple[Array, int]:
+        """Rows of A that all others are combinations of, by elimination with complete pivoting.
+
+        Parameters
+        ----------
+        A : (m, n)
+
+        Returns
+        -------
+        rows : (rank,)
+            Indices of the rows, the best pivot first.
+        rank : int
+            Numerical: what is left after it is rounding of what was there.
+        """
+        A, (m, n), rows = A.copy(), A.shape, []
+        tolerance = 8 * max(m, n) * self.epsilon * np.abs(A).max(initial=0)
+        for _ in range(min(m, n)):
+            i, j = np.unravel_index(int(np.argmax(np.abs(A))), A.shape)
+            if not abs(A[i, j]) > tolerance:
+                break
+            rows.append(int(i))
+            A = A - np.outer(A[:, j] / A[i, j], A[i])
+            A[rows] = 0 * A[rows]
+        return np.array(rows, dtype=int), len(rows)

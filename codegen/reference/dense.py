@@ -1,90 +1,168 @@
-"""The dense method of Eqs. 4 to 9, for trees: form M and K, differentiate them, solve. O(n^3) and worse, on purpose.
+"""The dense method of Eqs. 4 to 9: form M, K and the constraint Jacobian, differentiate them, solve. O(n^3) on purpose.
 
 A formulation of its own, so that an error in one engine does not hide in the other: everything is kept in the ground
-frame, rotations are composed from the root, and every body has its explicit geometric Jacobian (Kane's partial
-velocities of the mass centre). Each freedom i is an axis that moves with some body:
-
-======== =========================================================================================================
-w_i      angular velocity per unit speed, (3,)
-l_i      velocity per unit speed of the point o_i, (3,)
-o_i      a point, m, about which w_i turns
-======== =========================================================================================================
-
-A point x beyond joint i has the partial velocity l_i + w_i x (x - o_i). Then, with the sums over all bodies,
+frame with an explicit geometric Jacobian for every body (Kane's partial velocities, see `ground_frame`), and loops are
+conditions between two faces, differentiated by hand (see `conditions`). With the sums over all bodies,
 
     M = sum  m J_v^T J_v + J_w^T I J_w                                                         (Eq. 4)
     K = tau + sum  J_v^T m (g - dJ_v/dt u) - J_w^T (I dJ_w/dt u + omega x I omega)             (Eq. 4)
-    dudot = M^-1 (dK - dM udot)                                                                (Eq. 9)
 
-Eq. 6 is printed with M_,p in front of dudot; it is M. M, K and all they are made of are formed as pairs, so dM and dK
-are their direct derivatives, one full matrix per direction. Points and axes are rows here, (n, 3): one row a freedom.
+    [ M      Phi_q^T ] [ udot   ]   [  K  ]                                                    (Eq. 4)
+    [ Phi_q  0       ] [ lambda ] = [ -B  ]                                                    (Eq. 5, twice in time)
+
+    [ M      Phi_q^T ] [ dudot   ]   [ dK - dM udot - dPhi_q^T lambda ]                        (Eq. 6)
+    [ Phi_q  0       ] [ dlambda ] = [ -dB - dPhi_q udot              ]                        (Eq. 7, twice in time)
+
+Eqs. 8 and 9 are the last system solved for dlambda first; here both are solved at once, so that M itself may be
+singular (massless bodies that a loop moves). Eq. 6 is printed with M_,p in front of dudot; it is M. M, K, Phi_q and all
+they are made of are formed as pairs, so dM and the others are their direct derivatives, one full matrix per direction.
+
+Redundant conditions. Which speeds are dependent is given, so the rank is known: as many conditions are kept as there
+are dependents, chosen by complete pivoting; the others must follow from them.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from ..model.model import Body, Vector
-from .arithmetic import Array
+from ..model.model import Body, Spring
+from .arithmetic import Array, SingularMatrixError
+from .conditions import Conditions, conditions
 from .engine import Engine, State
+from .ground_frame import Frame, Freedoms, cross, motion, quaternion_product, rotation_of
 from .pairs import Pair, Pairs
 
-
-@dataclass(slots=True)
-class Frame:
-    """A body in the ground frame.
-
-    Attributes
-    ----------
-    R : Pair
-        Body components into ground components, (3, 3).
-    o, v : Pair
-        Position and velocity of the body's origin, (1, 3).
-    omega : Pair
-        Angular velocity, (1, 3).
-    freedoms : list of int
-        Indices of the speeds that move the body.
-    """
-
-    R: Pair
-    o: Pair
-    v: Pair
-    omega: Pair
-    freedoms: list[int]
-
-
-@dataclass(slots=True)
-class Freedoms:
-    """All freedoms: axes w and l, points o, and their rates in time, (nu, 3) each."""
-
-    w: Pair
-    l: Pair
-    o: Pair
-    w_rate: Pair
-    l_rate: Pair
-    o_rate: Pair
+LEFT_OVER = 1e-6
+"""A condition that is no combination of the kept ones to this part of the largest entry is one more, not redundant."""
 
 
 class DenseEngine(Engine):
-    """The dense method for any tree. See `Engine` for the face."""
+    """The dense method for any model. Of the partition it uses which speeds are dependent, and the loops' lengths."""
 
     def _accelerations(self, state: State) -> Pair:
-        return self._solve(self._mass_matrix(state), self._right_side(state))
+        return self._constrained(state)[0]
+
+    def _constrained(self, state: State) -> tuple[Pair, Pair]:
+        """udot, (nu, 1), and the multipliers of all conditions, (m, 1): Eqs. 4 to 9."""
+        pairs, nu = state.pairs, self.model.nu
+        M, K = self._mass_matrix(state), self._right_side(state)
+        if not self.model.loops:
+            return self._solve(M, K), pairs.constant(np.zeros((0, 1), int))
+        known = self._conditions(state)
+        kept = self._kept(known.jacobian.value)
+        Phi_q, B = known.jacobian[kept], known.remainder[kept]
+        zero = pairs.constant(np.zeros((len(kept), len(kept)), int))
+        x = self._solve(pairs.block([[M, Phi_q.mT], [Phi_q, zero]]), pairs.block([[K], [-B]]))
+        return x[:nu], self._shared(known.jacobian, kept, x[nu:])
 
     def _solve_mass(self, state: State, b: Pair) -> Pair:
         return self._solve(self._mass_matrix(state), b)
 
-    def _solve(self, M: Pair, K: Pair) -> Pair:
-        """Eqs. 4 and 9: x = M^-1 K, dx = M^-1 (dK - dM x)."""
-        x = self.arithmetic.solve(M.value, K.value)  # Eq. 4
-        right = K.tangent - M.tangent @ x  # (k, nu, 1)
-        dx = self.arithmetic.solve(M.value, right[..., 0].T)  # Eq. 9
-        return Pair(x, dx.T[..., None])
+    def _solve(self, A: Pair, B: Pair) -> Pair:
+        """X = A^-1 B, (n, m), and dX = A^-1 (dB - dA X); A is square."""
+        X = self.arithmetic.solve(A.value, B.value)
+        right = B.tangent - A.tangent @ X
+        k, n, m = right.shape
+        columns = right.transpose(1, 0, 2).reshape(n, k * m)
+        return Pair(X, self.arithmetic.solve(A.value, columns).reshape(n, k, m).transpose(1, 0, 2))
 
     def _inverse_dynamics(self, state: State, udot: Pair) -> Pair:
         return self._mass_matrix(state) @ udot - self._right_side(state)
+
+    # --- loops ----------------------------------------------------------------------------------------------------
+
+    def reactions(self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> Array:
+        """What each loop joint does to its ``end`` body, (nloops, 6): moment about the face's origin, N m, then force, N.
+
+        Components in the ground frame; the opposite acts on ``start``. Redundant conditions share their load so that the
+        sum of squared multipliers is least: moments, and forces times the characteristic length.
+        """
+        return self._reactions(self._state(q, u, p, inputs, t)).value
+
+    def reaction_sensitivities(
+        self,
+        q: Any,
+        u: Any,
+        p: Any = None,
+        inputs: Any = None,
+        t: Any = 0.0,
+        *,
+        dq: Any = None,
+        du: Any = None,
+        dp: Any = None,
+        dinputs: Any = None,
+        dt: Any = None,
+    ) -> tuple[Array, Array]:
+        """`reactions`, (nloops, 6), and their total derivatives, (k, nloops, 6)."""
+        seeds = self._seeds(dq=dq, du=du, dp=dp, dinputs=dinputs, dt=dt)
+        result = self._reactions(self._state(q, u, p, inputs, t, **seeds))
+        return result.value, result.tangent
+
+    def _reactions(self, state: State) -> Pair:
+        pairs = state.pairs
+        if not self.model.loops:
+            return pairs.constant(np.zeros((0, 6), int))
+        wrenches, (_, multipliers) = self._conditions(state).wrenches, self._constrained(state)
+        # Phi_q^T lambda stands on the left of Eq. 4, hence the minus.
+        return pairs.block([[-(multipliers[rows].mT @ wrenches[rows])] for rows in self.closure_slices])
+
+    def _shared(self, jacobian: Pair, kept: Array, multipliers: Pair) -> Pair:
+        """The multipliers of least norm of all conditions, (m, 1), that act as those of the kept conditions do."""
+        dependent = jacobian[:, self.dependent]
+        W = self._solve(dependent[kept].mT, dependent.mT).mT  # every condition from the kept ones
+        return W @ self._solve(W.mT @ W, multipliers)
+
+    def _conditions(self, state: State) -> Conditions:
+        frames, freedoms = self._motion(state)
+        return conditions(state.pairs, self.model.loops, self.lengths, frames, freedoms, state.u)
+
+    def _closure(self, state: State) -> tuple[Pair, Pair]:
+        known = self._conditions(state)
+        return known.position, known.jacobian @ state.u
+
+    def _displacements(self, state: State) -> Array:
+        """Eq. 7 for the dependent displacements; what p and the independents do is the position's derivative so far."""
+        known = self._conditions(state)
+        kept = self._kept(known.jacobian.value)
+        right = -known.position.tangent[:, kept, 0].T
+        result = self.arithmetic.zeros(state.pairs.k, self.model.nu, 1)
+        result[:, self.dependent, 0] = self.arithmetic.solve(known.jacobian.value[kept][:, self.dependent], right).T
+        return result
+
+    def _closed_speeds(self, state: State) -> Pair:
+        """Eq. 5 once in time: Phi_q u = 0."""
+        jacobian = self._conditions(state).jacobian
+        kept = self._kept(jacobian.value)
+        return self._solve(jacobian[kept][:, self.dependent], -(jacobian[kept] @ state.u))
+
+    def _kept(self, jacobian: Array) -> Array:
+        """Indices of as many independent conditions as there are dependent speeds.
+
+        Raises
+        ------
+        SingularMatrixError
+            The dependent speeds do not follow from the conditions, or the conditions do not follow from those kept.
+        """
+        dependent, names = jacobian[:, self.dependent], [self.model.speed_names[i] for i in self.dependent]
+        kept, rank = self.arithmetic.independent_rows(dependent)
+        if rank < len(names):
+            raise SingularMatrixError(
+                f"loops {', '.join(x.name for x in self.model.loops)}: the speeds {', '.join(names)} do not follow from"
+                f" closure here: rank {rank} of {len(names)}"
+            )
+        combinations = self.arithmetic.solve(dependent[kept].T, dependent.T).T
+        left = np.abs(jacobian - combinations @ jacobian[kept]).max(axis=1)
+        worst = int(np.argmax(left))
+        if left[worst] > LEFT_OVER * np.abs(jacobian).max():
+            raise SingularMatrixError(
+                f"condition {self.model.closure_names[worst]} does not follow from the others: {len(names)} dependent"
+                f" speeds ({', '.join(names)}) are too few here"
+            )
+        return kept
+
+    # --- M, K and energies ----------------------------------------------------------------------------------------
 
     def _mass_matrix(self, state: State) -> Pair:
         """M of Eq. 4, (nu, nu)."""
@@ -94,7 +172,7 @@ class DenseEngine(Engine):
         for body, frame in zip(self.model.bodies, frames, strict=False):
             index = np.array(frame.freedoms, dtype=int)
             m, I, x, _ = self._mass(body, frame, pairs)
-            J_w, J_v = freedoms.w[index], self._partial_velocities(freedoms, index, x)
+            J_w, J_v = freedoms.w[index], freedoms.partial_velocities(index, x)
             part = (J_v @ J_v.mT) * m + J_w @ I @ J_w.mT
             M.value[np.ix_(index, index)] += part.value
             M.tangent[:, index[:, None], index] += part.tangent
@@ -109,14 +187,10 @@ class DenseEngine(Engine):
         for body, frame in zip(self.model.bodies, frames, strict=False):
             index = np.array(frame.freedoms, dtype=int)
             m, I, x, xdot = self._mass(body, frame, pairs)
-            J_w, J_v = freedoms.w[index], self._partial_velocities(freedoms, index, x)
+            J_w, J_v = freedoms.w[index], freedoms.partial_velocities(index, x)
             u = state.u[index]
             dJ_w = freedoms.w_rate[index]
-            dJ_v = (
-                freedoms.l_rate[index]
-                + cross(freedoms.w_rate[index], x - freedoms.o[index])
-                + cross(freedoms.w[index], xdot - freedoms.o_rate[index])
-            )
+            dJ_v = freedoms.partial_velocity_rates(index, x, xdot)
             force = (g - u.mT @ dJ_v) * m
             moment = -(u.mT @ dJ_w @ I) - cross(frame.omega, frame.omega @ I)
             part = J_v @ force.mT + J_w @ moment.mT
@@ -127,6 +201,15 @@ class DenseEngine(Engine):
             tau = pairs.vector(joint_force.values)
             K.value[rows] += tau.value
             K.tangent[:, rows] += tau.tangent
+        for spring in self.model.springs:
+            force, _ = spring_law(spring, frames, pairs)
+            for point, pull in ((spring.start, force), (spring.end, -force)):
+                frame = frames[point.body]
+                index = np.array(frame.freedoms, dtype=int)
+                x, _ = frame.point(pairs.vector(point.at))
+                part = freedoms.partial_velocities(index, x) @ pull.mT
+                K.value[index] += part.value
+                K.tangent[:, index] += part.tangent
         return K
 
     def _energies(self, state: State, motion: tuple[list[Frame], Freedoms]) -> tuple[Pair, Pair]:
@@ -136,12 +219,13 @@ class DenseEngine(Engine):
         for body, frame in zip(self.model.bodies, motion[0], strict=False):
             m, _, x, _ = self._mass(body, frame, pairs)
             potential = potential - (g @ x.mT) * m
+        for spring in self.model.springs:
+            potential = potential + spring_law(spring, motion[0], pairs)[1]
         return kinetic, potential
 
     def _point(self, motion: tuple[list[Frame], Freedoms], body: int, at: Pair) -> tuple[Pair, Pair]:
-        frame = motion[0][body]
-        arm = at.mT @ frame.R.mT
-        return (frame.o + arm).mT, (frame.v + cross(frame.omega, arm)).mT
+        x, v = motion[0][body].point(at)
+        return x.mT, v.mT
 
     def _coordinate_rates(self, state: State) -> Pair:
         """qdot, (nq, 1): quaternions by their own product, edot = e (0, omega)/2."""
@@ -159,74 +243,8 @@ class DenseEngine(Engine):
                 rates.append(u)
         return pairs.block([[x] for x in rates]) if rates else state.q
 
-    # --- geometry in the ground frame -----------------------------------------------------------------------------
-
     def _motion(self, state: State) -> tuple[list[Frame], Freedoms]:
-        """Frames of all bodies, the ground's last (index -1), and the axes of all freedoms."""
-        model, pairs = self.model, state.pairs
-        zero, U = pairs.constant(np.zeros((1, 3), int)), pairs.constant(np.eye(3, dtype=int))
-        frames = [Frame(U, zero, zero, zero, [])] * (len(model.bodies) + 1)
-        rows: list[list[Pair]] = [[] for _ in range(model.nu)]
-        for k in model.outward:
-            joint, (q_rows, u_rows) = model.bodies[k].joint, model.coordinate_slices[k]
-            q, u = state.q[q_rows], state.u[u_rows]
-            parent = frames[model.bodies[k].parent]
-            speeds = list(range(u_rows.start, u_rows.stop))
-
-            # The joint frame is fixed in the parent; its origin moves with it.
-            arm = pairs.vector(joint.at).mT @ parent.R.mT
-            A = parent.R  # joint frame components into ground components
-            for axis, angle in joint.rotation:
-                A = A @ self._turn(pairs, axis, pairs.expression(angle))
-            o, v = parent.o + arm, parent.v + cross(parent.omega, arm)
-            axes = [pairs.unit(pairs.vector(axis)).mT for axis in joint.axes]
-
-            # R, o and the freedoms' axes. `w` and `l` with the angular velocity of the body each is fixed in.
-            R, w, l, omega, carriers = A, [], [], parent.omega, []
-            if joint.type == "revolute":
-                R = A @ self._turn(pairs, joint.axes[0], q[0, 0])
-                w, l = [axes[0] @ A.mT], [zero]
-                omega = parent.omega + w[0] * u[0, 0]
-                carriers = [parent.omega]
-            elif joint.type == "prismatic":
-                w, l = [zero], [axes[0] @ A.mT]
-                o = o + l[0] * q[0, 0]
-                v = v + cross(parent.omega, l[0] * q[0, 0]) + l[0] * u[0, 0]
-                carriers = [parent.omega]
-            elif joint.type == "universal":
-                middle = A @ self._turn(pairs, joint.axes[0], q[0, 0])
-                R = middle @ self._turn(pairs, joint.axes[1], q[1, 0])
-                w, l = [axes[0] @ A.mT, axes[1] @ R.mT], [zero, zero]
-                omega = parent.omega + w[0] * u[0, 0] + w[1] * u[1, 0]
-                carriers = [parent.omega, omega]
-            elif joint.type in ("spherical", "free"):
-                n = q.value.shape[0]
-                R = A @ rotation_of(pairs, [q[i, 0] for i in range(n - 4, n)])
-                columns = [R[:, i : i + 1].mT for i in range(3)]
-                w, l = list(columns), [zero] * 3
-                omega = parent.omega + u[:3].mT @ R.mT
-                if joint.type == "free":
-                    w, l = [*w, zero, zero, zero], [*l, *columns]
-                    displacement = q[:3].mT @ A.mT
-                    o = o + displacement
-                    v = v + cross(parent.omega, displacement) + u[3:].mT @ R.mT
-                carriers = [omega] * len(w)
-            elif joint.type != "fixed":
-                raise ValueError(
-                    f"body {model.bodies[k].name}: joint type {joint.type!r} is not known to the reference engines"
-                )
-            for i, w_i, l_i, carrier in zip(speeds, w, l, carriers, strict=True):
-                rows[i] = [w_i, l_i, o, cross(carrier, w_i), cross(carrier, l_i), v]
-            frames[k] = Frame(R, o, v, omega, [*parent.freedoms, *speeds])
-        if not rows:
-            return frames, Freedoms(*(pairs.constant(np.zeros((0, 3), int)) for _ in range(6)))
-        return frames, Freedoms(*(pairs.block([[row[i]] for row in rows]) for i in range(6)))
-
-    def _turn(self, pairs: Pairs, axis: Vector, angle: Pair) -> Pair:
-        """Rotation about an axis, by the quaternion of the half angle, (3, 3)."""
-        a, half = pairs.unit(pairs.vector(axis)), angle * (pairs.number(1) / pairs.number(2))
-        sine = pairs.call("sin", half)
-        return rotation_of(pairs, [pairs.call("cos", half), *(a[i, 0] * sine for i in range(3))])
+        return motion(self.model, state)
 
     def _gravity(self, pairs: Pairs) -> Pair:
         return pairs.vector(self.model.gravity).mT if self.model.gravity else pairs.constant(np.zeros((1, 3), int))
@@ -238,42 +256,25 @@ class DenseEngine(Engine):
         arm = pairs.vector(body.com).mT @ frame.R.mT
         return pairs.expression(body.mass), I, frame.o + arm, frame.v + cross(frame.omega, arm)
 
-    @staticmethod
-    def _partial_velocities(freedoms: Freedoms, index: Array, x: Pair) -> Pair:
-        """Partial velocities of the point x (1, 3) for the freedoms in index, (len(index), 3)."""
-        return freedoms.l[index] + cross(freedoms.w[index], x - freedoms.o[index])
 
+def spring_law(spring: Spring, frames: list[Frame], pairs: Pairs) -> tuple[Pair, Pair]:
+    """The force of a spring on its start point, (1, 3) in the ground frame, and its potential energy, (1, 1).
 
-def cross(a: Pair, b: Pair) -> Pair:
-    """The cross product of rows, (n, 3); one of the two may be a single row."""
-    value = row_cross(a.value, b.value)
-    return Pair(value, row_cross(a.tangent, b.value) + row_cross(a.value, b.tangent))
-
-
-def row_cross(a: Array, b: Array) -> Array:
-    x = a[..., 1] * b[..., 2] - a[..., 2] * b[..., 1]
-    y = a[..., 2] * b[..., 0] - a[..., 0] * b[..., 2]
-    z = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
-    return np.stack([x, y, z], axis=-1)
-
-
-def quaternion_product(a: list[Pair], b: list[Pair]) -> list[Pair]:
-    """Hamilton's product of two quaternions (w, x, y, z)."""
-    return [
-        a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
-        a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
-        a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
-        a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
-    ]
-
-
-def rotation_of(pairs: Pairs, e: list[Pair]) -> Pair:
-    """The matrix of x -> e x e^-1, column by column, (3, 3); any length of e."""
-    one, zero = pairs.number(1), pairs.number(0)
-    squared = e[0] * e[0] + e[1] * e[1] + e[2] * e[2] + e[3] * e[3]
-    inverse = [e[0] / squared, -e[1] / squared, -e[2] / squared, -e[3] / squared]
-    columns = []
-    for i in range(3):
-        unit = [zero, *(one if j == i else zero for j in range(3))]
-        columns.append(quaternion_product(quaternion_product(e, unit), inverse)[1:])
-    return pairs.matrix([[columns[j][i] for j in range(3)] for i in range(3)])
+    Raises
+    ------
+    ValueError
+        The points coincide, so that the force has no direction. A spring without damping and free length is k r there.
+    """
+    (x_s, v_s), (x_e, v_e) = (frames[x.body].point(pairs.vector(x.at)) for x in (spring.start, spring.end))
+    k, c, d_0 = (pairs.expression(x) for x in (spring.stiffness, spring.damping, spring.free_length))
+    r, half = x_e - x_s, pairs.number(1) / pairs.number(2)
+    squared = (r @ r.mT)[0, 0]
+    if squared.value == 0:
+        if any(x.names or x.value != 0 for x in (spring.damping, spring.free_length)):
+            raise ValueError(f"spring {spring.name}: its two points coincide, so its force has no direction")
+        return r * k, (r @ r.mT) * (k * half)
+    d = pairs.call("sqrt", squared)
+    rate = ((v_e - v_s) @ r.mT)[0, 0] / d
+    stretch = d - d_0
+    tension = k * stretch + c * rate
+    return r * (tension / d), pairs.matrix([[k * stretch * stretch * half]])

@@ -5,6 +5,7 @@ No mechanics stands here. An engine fills in the methods that begin with an unde
 
 from __future__ import annotations
 
+import warnings
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from itertools import pairwise
@@ -13,9 +14,14 @@ from typing import Any
 import mpmath
 import numpy as np
 
-from ..model.model import Model
+from ..loops.partition import Partition
+from ..loops.partition import partition as choose_partition
+from ..model.model import Model, closure_row_names
 from .arithmetic import Arithmetic, Array
 from .pairs import Pair, Pairs
+
+INCONSISTENT = 1e-6
+"""A redundant condition that is off by more than this part of the speeds or seeds is reported."""
 
 SMALLEST_QUATERNION = 1e-6
 """A quaternion shorter than this has no direction worth a rotation."""
@@ -39,6 +45,13 @@ class State:
     q: Pair
     u: Pair
 
+    def moved(self, model: Model, q: Pair, u: Pair) -> State:
+        """The same arguments with other coordinates and speeds."""
+        environment = dict(self.pairs.environment)
+        environment |= {f"q.{name}": q[i, 0] for i, name in enumerate(model.coordinate_names)}
+        environment |= {f"u.{name}": u[i, 0] for i, name in enumerate(model.speed_names)}
+        return State(Pairs(self.pairs.arithmetic, self.pairs.k, environment), q, u)
+
 
 @dataclass(frozen=True, slots=True)
 class Jacobians:
@@ -52,7 +65,7 @@ class Jacobians:
 
 
 class Engine(ABC):
-    """A reference engine: any tree model, one state per call, derivatives along any seeds.
+    """A reference engine: any model, one state per call, derivatives along any seeds.
 
     Parameters
     ----------
@@ -60,6 +73,18 @@ class Engine(ABC):
     numbers : {"float64", "mpmath"}
         With ``mpmath`` every array holds mpf numbers of the caller's ``mpmath.mp.dps`` digits; float arguments are taken
         at their exact binary value.
+    partition : Partition, optional
+        Which speeds are dependent, for a model with loops; left out, `codegen.loops` chooses.
+
+    Attributes
+    ----------
+    partition : Partition
+    dependent, dependent_coordinates : array of int
+        Indices of the dependent speeds, and of the coordinates of the same joints.
+    lengths : tuple of float
+        Characteristic length of every loop, m.
+    closure_slices : tuple of slice
+        For each loop, where its conditions stand among all.
 
     Notes
     -----
@@ -67,11 +92,28 @@ class Engine(ABC):
     values), ``inputs (ninputs,)`` (None: zeros), time ``t``, in SI units. Seeds carry their k directions first:
     ``dq (k, nq)``, ``du (k, nu)``, ``dp (k, np)``, ``dinputs (k, ninputs)``, ``dt (k,)``; one without k counts as
     k = 1, a missing one is zero. Quaternions may have any length: the rotation of e is that of e/abs(e).
+
+    Loops: dependent speeds are recomputed from velocity closure in every call, whatever was passed; dependent coordinates
+    are used as passed and have to close the loops. Of ``dq`` and ``du`` the independent entries are read, the others
+    follow from the derivatives of closure.
     """
 
-    def __init__(self, model: Model, numbers: str = "float64") -> None:
+    def __init__(self, model: Model, numbers: str = "float64", partition: Partition | None = None) -> None:
         self.model = model
         self.arithmetic = Arithmetic(numbers)
+        if partition is None:
+            partition = choose_partition(model) if model.loops else Partition((), tuple(range(model.nu)))
+        self.partition = partition
+        self.dependent = np.array(sorted(i for ear in partition.ears for i in ear.dependent), dtype=int)
+        self.dependent_coordinates = _coordinates_of(model, self.dependent)
+        lengths = {loop: ear.length for ear in partition.ears for loop in ear.loops}
+        if sorted(lengths) != list(range(len(model.loops))):
+            raise ValueError(f"partition: its ears close the loops {sorted(lengths)} of {len(model.loops)}")
+        if sorted([*self.dependent, *partition.independent]) != list(range(model.nu)):
+            raise ValueError("partition: every speed must be either independent or dependent in one ear")
+        self.lengths = tuple(lengths[i] for i in range(len(model.loops)))
+        ends = np.cumsum([0, *(len(closure_row_names(loop)) for loop in model.loops)])
+        self.closure_slices = tuple(slice(a, b) for a, b in pairwise(ends.tolist()))
 
     # --- the face -------------------------------------------------------------------------------------------------
 
@@ -108,7 +150,7 @@ class Engine(ABC):
         return Jacobians(by_q, by_u, by_p, by_inputs, by_t[:, 0])
 
     def mass_matrix(self, q: Any, p: Any = None) -> Array:
-        """The mass matrix M of Eq. 4, (nu, nu)."""
+        """The mass matrix M of Eq. 4 over all speeds of the tree, (nu, nu); loops do not enter."""
         M: Array = self._mass_matrix(self._state(q, None, p, None, 0.0)).value
         return M
 
@@ -120,21 +162,27 @@ class Engine(ABC):
         return result.value, result.tangent
 
     def solve_mass(self, q: Any, b: Any, p: Any = None) -> Array:
-        """M^-1 b, (nu,), for generalised forces b (nu,)."""
+        """M^-1 b, (nu,), for generalised forces b (nu,). Trees only."""
+        self._trees_only("solve_mass")
         state = self._state(q, None, p, None, 0.0)
         return _flat(self._solve_mass(state, self._pair("b", b, self.model.nu, None, 0)))[0]
 
     def solve_mass_sensitivities(
         self, q: Any, b: Any, p: Any = None, *, dq: Any = None, db: Any = None, dp: Any = None
     ) -> tuple[Array, Array]:
-        """M^-1 b (nu,) and its total derivatives, (k, nu); ``db (k, nu)``."""
+        """M^-1 b (nu,) and its total derivatives, (k, nu); ``db (k, nu)``. Trees only."""
+        self._trees_only("solve_mass_sensitivities")
         seeds = self._seeds(dq=dq, db=db, dp=dp)
         db = seeds.pop("db")
         state = self._state(q, None, p, None, 0.0, **seeds)
         return _flat(self._solve_mass(state, self._pair("b", b, self.model.nu, db, len(db))))
 
     def inverse_dynamics(self, q: Any, u: Any, udot: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> Array:
-        """The joint forces needed in addition to the model's own for the accelerations udot: M udot - K, (nu,)."""
+        """The joint forces needed in addition to the model's own for the accelerations udot: M udot - K, (nu,).
+
+        Trees only.
+        """
+        self._trees_only("inverse_dynamics")
         state = self._state(q, u, p, inputs, t)
         return _flat(self._inverse_dynamics(state, self._udot(state, udot, None)))[0]
 
@@ -155,6 +203,7 @@ class Engine(ABC):
         dt: Any = None,
     ) -> tuple[Array, Array]:
         """The joint forces of `inverse_dynamics`, (nu,), and their total derivatives, (k, nu); ``dudot (k, nu)``."""
+        self._trees_only("inverse_dynamics_sensitivities")
         seeds = self._seeds(dq=dq, du=du, dudot=dudot, dp=dp, dinputs=dinputs, dt=dt)
         dudot = seeds.pop("dudot")
         state = self._state(q, u, p, inputs, t, **seeds)
@@ -228,6 +277,71 @@ class Engine(ABC):
         result = self._outputs(self._state(q, u, p, inputs, t, **seeds))
         return _flat(result)
 
+    # --- loops ----------------------------------------------------------------------------------------------------
+
+    def closure(self, q: Any, u: Any, p: Any = None) -> tuple[Array, Array]:
+        """How far the loops are from closing in position and velocity at q and u as passed, (m,) each.
+
+        In the order of `Model.closure_names`, linear conditions divided by the loop's characteristic length.
+        """
+        if not self.model.loops:
+            return self.arithmetic.zeros(0), self.arithmetic.zeros(0)
+        position, velocity = self._closure(self._arguments(q, u, p, None, 0.0))
+        return position.value[:, 0], velocity.value[:, 0]
+
+    def complete(
+        self, q: Any, u: Any, p: Any = None, *, dq: Any = None, du: Any = None, dp: Any = None
+    ) -> tuple[Array, Array, Array]:
+        """Speeds u (nu,) that close the loops, and seeds dq (k, nq), du (k, nu) that keep them closed."""
+        given = {"dq": dq, "du": du, "dp": dp}
+        seeds = self._seeds(**given) if any(x is not None for x in given.values()) else {}
+        state = self._state(q, u, p, None, 0.0, **seeds)
+        return state.u.value[:, 0], state.q.tangent[..., 0], state.u.tangent[..., 0]
+
+    def _trees_only(self, name: str) -> None:
+        if self.model.loops:
+            raise NotImplementedError(
+                f"{name}: model {self.model.name} has closed loops, where joint forces are not unique; it is for trees"
+            )
+
+    def _completed(self, state: State) -> State:
+        """Dependent speeds and seeds from closure; what was passed for them is dropped."""
+        model, dependent, coordinates = self.model, self.dependent, self.dependent_coordinates
+        q, u = (Pair(x.value.copy(), x.tangent.copy()) for x in (state.q, state.u))
+        q.tangent[:, coordinates] *= 0
+        u.value[dependent] *= 0
+        u.tangent[:, dependent] *= 0
+        state = state.moved(model, q, u)
+        if state.pairs.k:
+            # Displacements are to coordinates what speeds are to their rates: Eq. 1.
+            still = state.moved(model, Pair(q.value, 0 * q.tangent), Pair(0 * u.value, self._displacements(state)))
+            q.tangent[:, coordinates] = self._coordinate_rates(still).tangent[:, coordinates]
+            state = state.moved(model, q, u)
+        closed = self._closed_speeds(state)
+        u.value[dependent], u.tangent[:, dependent] = closed.value, closed.tangent
+        state = state.moved(model, q, u)
+        if len(dependent) < len(model.closure_names):
+            self._check_redundant(state)
+        return state
+
+    def _check_redundant(self, state: State) -> None:
+        """Warn where conditions beyond the rank do not hold: the results depend on which of them were left out."""
+        position, velocity = self._closure(state)
+        names, seeds = self.model.closure_names, [x.tangent for x in state.pairs.environment.values()]
+        checks = [("in velocity", velocity.value, np.abs(state.u.value).max(initial=0))]
+        for j in range(state.pairs.k):
+            size = max(abs(seed[j]) for seed in seeds)
+            checks.append((f"in position along direction {j + 1}", position.tangent[j], size))
+            checks.append((f"in velocity along direction {j + 1}", velocity.tangent[j], size))
+        for where, residual, size in checks:
+            worst = int(np.argmax(np.abs(residual)))
+            if abs(residual[worst, 0]) > INCONSISTENT * size:
+                warnings.warn(
+                    f"redundant condition {names[worst]} is not met {where}: {float(abs(residual[worst, 0])):.1e}",
+                    RuntimeWarning,
+                    stacklevel=5,
+                )
+
     # --- what an engine fills in ----------------------------------------------------------------------------------
 
     @abstractmethod
@@ -245,6 +359,18 @@ class Engine(ABC):
     @abstractmethod
     def _inverse_dynamics(self, state: State, udot: Pair) -> Pair:
         """M udot - K, (nu, 1)."""
+
+    @abstractmethod
+    def _closure(self, state: State) -> tuple[Pair, Pair]:
+        """Scaled residuals of position and velocity closure, (m, 1) each."""
+
+    @abstractmethod
+    def _displacements(self, state: State) -> Array:
+        """Displacements, in the sense of speeds, that keep position closed along the seeds; (k, nu, 1), dependents only."""
+
+    @abstractmethod
+    def _closed_speeds(self, state: State) -> Pair:
+        """The dependent speeds in their order, (r, 1), from velocity closure with the independent ones of the state."""
 
     @abstractmethod
     def _coordinate_rates(self, state: State) -> Pair:
@@ -293,6 +419,23 @@ class Engine(ABC):
         dinputs: Any = None,
         dt: Any = None,
     ) -> State:
+        """The arguments, with dependent speeds and seeds from closure."""
+        state = self._arguments(q, u, p, inputs, t, dq, du, dp, dinputs, dt)
+        return self._completed(state) if self.model.loops else state
+
+    def _arguments(
+        self,
+        q: Any,
+        u: Any,
+        p: Any,
+        inputs: Any,
+        t: Any,
+        dq: Any = None,
+        du: Any = None,
+        dp: Any = None,
+        dinputs: Any = None,
+        dt: Any = None,
+    ) -> State:
         """Check the arguments and bind the names that expressions know."""
         model, k = self.model, len(dq) if dq is not None else 0
         if p is None:
@@ -307,14 +450,12 @@ class Engine(ABC):
         environment = {"t": time[0, 0]}
         environment |= {name: p[i, 0] for i, name in enumerate(model.parameter_names)}
         environment |= {name: inputs[i, 0] for i, name in enumerate(model.inputs)}
-        environment |= {f"q.{name}": q[i, 0] for i, name in enumerate(model.coordinate_names)}
-        environment |= {f"u.{name}": u[i, 0] for i, name in enumerate(model.speed_names)}
         for body, (rows, _) in zip(model.bodies, model.coordinate_slices, strict=True):
             if body.joint.type in ("spherical", "free"):
                 e = q.value[rows.stop - 4 : rows.stop, 0]
                 if not e @ e >= SMALLEST_QUATERNION**2:
                     raise ValueError(f"q: the quaternion of {body.name} is {e}; its length must be at least 1e-6")
-        return State(Pairs(self.arithmetic, k, environment), q, u)
+        return State(Pairs(self.arithmetic, k, environment), q, u).moved(model, q, u)
 
     def _pair(self, name: str, value: Any, n: int, seed: Any, k: int) -> Pair:
         """An argument (n,) and its seed (k, n) as a column."""
@@ -358,3 +499,32 @@ class Engine(ABC):
 def _flat(column: Pair) -> tuple[Array, Array]:
     """A column's value (n,) and derivatives (k, n)."""
     return column.value[:, 0], column.tangent[..., 0]
+
+
+def _coordinates_of(model: Model, speeds: Array) -> Array:
+    """Indices of the coordinates that belong to speeds; rotations by quaternion belong to all three, or to none.
+
+    Raises
+    ------
+    ValueError
+        Some of the three speeds of a rotation, or of a free body's translation, are dependent and some are not.
+    """
+    dependent = set(speeds.tolist())
+    found: list[int] = []
+    for body, (q, u) in zip(model.bodies, model.coordinate_slices, strict=True):
+        groups: list[tuple[tuple[int, ...], tuple[int, ...]]]
+        groups = [((i,), (j,)) for i, j in zip(range(q.start, q.stop), range(u.start, u.stop), strict=False)]
+        if body.joint.type in ("spherical", "free"):
+            turning = tuple(range(u.start, u.start + 3))
+            groups = [(tuple(range(q.stop - 4, q.stop)), turning)]
+            if body.joint.type == "free":
+                groups.append((tuple(range(q.start, q.start + 3)), tuple(range(u.start + 3, u.stop))))
+        for coordinates, of_speeds in groups:
+            chosen = dependent & set(of_speeds)
+            if chosen and len(chosen) < len(of_speeds):
+                raise ValueError(
+                    f"partition: the speeds {', '.join(model.speed_names[i] for i in of_speeds)} of body {body.name} must"
+                    " be dependent all or none"
+                )
+            found += coordinates if chosen else ()
+    return np.array(found, dtype=int)

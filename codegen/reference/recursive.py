@@ -252,6 +252,15 @@ class RecursiveEngine(Engine):
                               N_C, dN_C, x, dx, r.value, r.tangent)  # fmt: skip
         return bodies
 
+    def _closure(self, state: State) -> tuple[Pair, Pair]:
+        raise NotImplementedError("the recursive engine has no loops yet")
+
+    def _displacements(self, state: State) -> Array:
+        raise NotImplementedError("the recursive engine has no loops yet")
+
+    def _closed_speeds(self, state: State) -> Pair:
+        raise NotImplementedError("the recursive engine has no loops yet")
+
     # --- other quantities of the same sweeps ----------------------------------------------------------------------
 
     def _inverse_dynamics(self, state: State, udot: Pair) -> Pair:

@@ -77,7 +77,7 @@ def test_free_body(engine):
     body = Body("b", -1, Joint("free", (), vector(0.3, 0.1, 0)), expression(m), vector(*map(float, c)), inertia)
     torque = np.array([0.3, -0.1, 0.2, 1.0, 2.0, -1.0])  # about the body's origin, and at it, in body axes
     force = JointForce("f", 0, tuple(expression(float(x)) for x in torque))
-    e = engine(Model("body", vector(0, 0, -G), (), (), (body,), (force,)))
+    e = engine(Model("body", vector(0, 0, -G), (), (), (body,), forces=(force,)))
     q = np.array([0.5, 0.6, 0.7, 0.8, 0.0, 0.6, 0.0])  # turned about y by 2 acos 0.8
     u = np.array([0.5, -0.4, 0.9, 0.2, 0.1, -0.3])
     s, co = 2 * 0.8 * 0.6, 0.8**2 - 0.6**2

@@ -1,0 +1,174 @@
+"""The conditions of loop joints in the ground frame, differentiated twice in time by hand: the dense method's Eq. 5.
+
+A loop joint sets linear conditions on the origins of its two faces and angular ones on their axes:
+
+    linear    n . (x_e - x_s) = 0      n fixed in the start face
+    angular   c . d = 0                c fixed in the end face, d in the start face
+
+with the derivatives, alpha and a being what is left of the accelerations at udot = 0,
+
+    n . (v_e - v_s) + (w_s x n) . r                                             r = x_e - x_s
+    n . (a_e - a_s) + 2 (w_s x n) . (v_e - v_s) + (alpha_s x n + w_s x (w_s x n)) . r
+    (w_e - w_s) . (c x d)
+    (alpha_e - alpha_s) . (c x d) + (w_e - w_s) . ((w_e x c) x d + c x (w_s x d))
+
+The first of each pair is the Jacobian times u, the second minus B of Eq. 8.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..model.model import Face, Loop
+from .arithmetic import Array
+from .ground_frame import Frame, Freedoms, cross, placement
+from .pairs import Pair, Pairs
+
+Row = tuple[Pair, Pair, Pair, Pair]
+"""Residual (1, 1), Jacobian (1, nu), remainder (1, 1) and wrench (1, 6) of one condition."""
+
+
+@dataclass(slots=True)
+class Conditions:
+    """All conditions, linear ones divided by a characteristic length: in the order of `Model.closure_names`.
+
+    Attributes
+    ----------
+    position : Pair
+        Residuals of Eq. 5, (m, 1).
+    jacobian : Pair
+        Their derivatives by the speeds, (m, nu).
+    remainder : Pair
+        What their second derivative in time has beside jacobian times udot, (m, 1).
+    wrenches : Pair
+        Moment (first three) and force on the end body, at its face's origin, of a unit multiplier, (m, 6), ground frame.
+    """
+
+    position: Pair
+    jacobian: Pair
+    remainder: Pair
+    wrenches: Pair
+
+
+@dataclass(slots=True)
+class Side:
+    """One face of a loop joint in the ground frame.
+
+    ``R (3, 3)`` turns face components into ground components, ``x, v, a (1, 3)`` are the origin's position, velocity and
+    acceleration at udot = 0, ``omega, alpha (1, 3)`` the body's, ``J_v, J_w (nu, 3)`` the partial velocities.
+    """
+
+    R: Pair
+    x: Pair
+    v: Pair
+    a: Pair
+    omega: Pair
+    alpha: Pair
+    J_v: Pair
+    J_w: Pair
+
+
+def conditions(
+    pairs: Pairs, loops: Sequence[Loop], lengths: Sequence[float], frames: list[Frame], freedoms: Freedoms, u: Pair
+) -> Conditions:
+    """The conditions of all loops at a state."""
+    rows: list[Row] = []
+    for loop, length in zip(loops, lengths, strict=True):
+        s, e = (side(pairs, face, frames[face.body], freedoms, u) for face in (loop.start, loop.end))
+        linear, angular = directions(pairs, loop, s.R, e.R)
+        scale = pairs.number(1) / pairs.number(length)
+        for n in linear:
+            position, row, remainder, wrench = _linear(pairs, s, e, n)
+            rows.append((position * scale, row * scale, remainder * scale, wrench * scale))
+        rows += [_angular(pairs, s, e, c, d) for c, d in angular]
+        if loop.type in ("fixed", "prismatic"):
+            rows[-3:] = [
+                _unturned(pairs, row, e.R[:, i : i + 1].mT @ s.R[:, i : i + 1]) for i, row in enumerate(rows[-3:])
+            ]
+    return Conditions(*(pairs.block([[row[i]] for row in rows]) for i in range(4)))
+
+
+def side(pairs: Pairs, face: Face, frame: Frame, freedoms: Freedoms, u: Pair) -> Side:
+    """A face from the frame of its body."""
+    index = np.array(frame.freedoms, dtype=int)
+    x, v = frame.point(pairs.vector(face.at))
+    J_w, J_v = freedoms.w[index], freedoms.partial_velocities(index, x)
+    a = u[index].mT @ freedoms.partial_velocity_rates(index, x, v)
+    alpha = u[index].mT @ freedoms.w_rate[index]
+    nu = u.value.shape[0]
+    R = frame.R @ placement(pairs, face.rotation)
+    return Side(R, x, v, a, frame.omega, alpha, _spread(pairs, J_v, index, nu), _spread(pairs, J_w, index, nu))
+
+
+def directions(pairs: Pairs, loop: Loop, R_s: Pair, R_e: Pair) -> tuple[list[Pair], list[tuple[Pair, Pair]]]:
+    """The directions n, and the pairs c, d, of a loop joint's conditions, each (1, 3) in the ground frame."""
+    axes = [pairs.unit(pairs.vector(axis)) for axis in loop.axes]
+    start, end = ([columns[:, i : i + 1].mT for i in range(3)] for columns in (R_s, R_e))
+    # Of fixed and prismatic joints every pair of axes one after the other stays perpendicular, as they are in one frame.
+    every = [(end[i], start[(i + 1) % 3]) for i in range(3)]
+    if loop.type in ("fixed", "spherical"):
+        return start, every if loop.type == "fixed" else []
+    a_s, a_e = axes[0].mT @ R_s.mT, axes[0].mT @ R_e.mT
+    if loop.type == "universal":
+        return start, [(axes[1].mT @ R_e.mT, a_s)]
+    across = [n.mT @ R_s.mT for n in perpendicular(pairs, axes[0])]
+    parallel = [(a_e, n) for n in across]
+    if loop.type == "prismatic":
+        return across, every
+    if loop.type == "revolute":
+        return start, parallel
+    if loop.type == "cylindrical":
+        return across, parallel
+    if loop.type == "planar":
+        return [a_s], parallel
+    raise ValueError(f"loop {loop.name}: joint type {loop.type!r} is not known to the reference engines")
+
+
+def perpendicular(pairs: Pairs, a: Pair) -> tuple[Pair, Pair]:
+    """Two unit vectors perpendicular to a unit vector and to each other, (3, 1): a x e and a x (a x e), e the base
+    vector that a is least along.
+    """
+    least = min(range(3), key=lambda i: abs(a.value[i, 0]))
+    cross_matrix = pairs.skew(a)
+    first = pairs.unit(cross_matrix[:, least : least + 1])
+    return first, cross_matrix @ first
+
+
+def _linear(pairs: Pairs, s: Side, e: Side, n: Pair) -> Row:
+    """The condition n . (x_e - x_s) = 0."""
+    r, v = e.x - s.x, e.v - s.v
+    turned = cross(s.omega, n)
+    row = n @ (e.J_v - s.J_v).mT + cross(n, r) @ s.J_w.mT
+    remainder = (
+        n @ (e.a - s.a).mT + turned @ v.mT * pairs.number(2) + (cross(s.alpha, n) + cross(s.omega, turned)) @ r.mT
+    )
+    return n @ r.mT, row, remainder, pairs.block([[pairs.constant([[0, 0, 0]]), n]])
+
+
+def _angular(pairs: Pairs, s: Side, e: Side, c: Pair, d: Pair) -> Row:
+    """The condition c . d = 0."""
+    m, omega = cross(c, d), e.omega - s.omega
+    row = m @ (e.J_w - s.J_w).mT
+    remainder = (e.alpha - s.alpha) @ m.mT + omega @ (cross(cross(e.omega, c), d) + cross(c, cross(s.omega, d))).mT
+    return c @ d.mT, row, remainder, pairs.block([[m, pairs.constant([[0, 0, 0]])]])
+
+
+def _unturned(pairs: Pairs, row: Row, cosine: Pair) -> Row:
+    """A condition c . d = 0 of faces that must be parallel, axis for axis: half a turn meets it too and must not pass.
+
+    Beyond a quarter of a turn, where c points against its counterpart, the residual goes on growing, to 2.
+    """
+    if cosine.value[0, 0] >= 0:
+        return row
+    limit = pairs.constant([[2 if row[0].value[0, 0] >= 0 else -2]])
+    return limit - row[0], -row[1], -row[2], -row[3]
+
+
+def _spread(pairs: Pairs, rows: Pair, index: Array, n: int) -> Pair:
+    """Rows (len(index), 3) at their places among n."""
+    result = pairs.constant(np.zeros((n, 3), int))
+    result.value[index], result.tangent[:, index] = rows.value, rows.tangent
+    return result

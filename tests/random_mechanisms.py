@@ -1,0 +1,569 @@
+"""Random mechanisms with closed loops, in an assembled state, for the tests of every floor.
+
+The trick that makes assembled states cheap: a random tree at random coordinates is drawn first; the faces of the loop
+joints are then put where the bodies happen to be, at a random value of the joint's own freedoms. What is computed (origin
+and rotation of the end face in its body) is a constant that holds to rounding, in an expression whose factor with the
+parameters is exactly one at the drawn parameters: so closure depends on the parameters in a general way.
+
+Nothing is filtered by conditioning. A draw is given up only where conditions that should be independent are not, or
+where no freedom is left; it then comes back as a `Discarded` with the reason.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from itertools import combinations
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+from random_models import _Maker, expression, random_state, vector
+
+from codegen.loops.partition import Ear, Partition
+from codegen.model.expressions import Expression
+from codegen.model.model import (
+    CLOSURE_ROWS,
+    GROUND,
+    Face,
+    Joint,
+    Loop,
+    Model,
+    Parameter,
+    Point,
+    Spring,
+    Vector,
+    joint_coordinates,
+)
+from codegen.reference import DenseEngine
+from codegen.reference.ground_frame import placement
+from codegen.reference.pairs import Pair
+
+Array = np.ndarray
+
+LOOP_JOINTS = tuple(CLOSURE_ROWS)
+SCENES = ("spatial", "planar", "spherical")
+TREE_JOINTS = ("fixed", "revolute", "prismatic", "universal", "spherical", "free")
+
+RANK_LOST = 1e-9
+"""A singular value below this part of the largest counts as zero."""
+
+
+FAIR = 1e-5
+"""What must be left of a column for its speed to be made dependent."""
+
+
+class Mechanism(NamedTuple):
+    """A model and an assembled state: ``engine.accelerations(*mechanism[1:])``.
+
+    The parameters are the model's defaults, and its initial values are q and u: what assembles the model starts there.
+    Entries of u that depend on others are random and must not matter.
+    """
+
+    model: Model
+    q: Array
+    u: Array
+    p: Array
+    inputs: Array
+    t: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Discarded:
+    """A draw without a mechanism."""
+
+    reason: str
+
+
+def random_mechanism(
+    rng: np.random.Generator,
+    scene: str | None = None,
+    bodies: tuple[int, int] = (3, 8),
+    loops: tuple[int, int] = (1, 3),
+    loop_joints: tuple[str, ...] = LOOP_JOINTS,
+    joints: tuple[str, ...] = TREE_JOINTS,
+    parameters: bool = True,
+    forces: bool = True,
+    springs: bool = True,
+) -> Mechanism | Discarded:
+    """A random mechanism.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+    scene : {"spatial", "planar", "spherical"}, optional
+        ``spatial``: loops between any two bodies of a random tree (branches, nested, neighbouring), closures of full rank.
+        ``planar``: the same in a plane of any orientation, on the ground, a fixed or a free base; closures redundant.
+        ``spherical``: all axes through one point, which also makes closures redundant. Left out: drawn, half are spatial.
+    bodies, loops : tuple of int
+        Least and largest number.
+    loop_joints, joints : tuple of str
+        Types to draw from.
+    parameters, forces, springs : bool
+        Whether to have them.
+    """
+    if scene is None:
+        scene = str(rng.choice(SCENES, p=(0.5, 0.35, 0.15)))
+    maker = {"spatial": _Spatial, "planar": _Planar, "spherical": _Spherical}[scene](
+        rng, joints, loop_joints, parameters, forces, springs
+    )
+    return maker.mechanism(int(rng.integers(*bodies, endpoint=True)), int(rng.integers(*loops, endpoint=True)))
+
+
+def random_mechanisms(count: int, first: int = 0, **options: Any) -> Iterator[tuple[int, Mechanism]]:
+    """Seed and mechanism, ``count`` times; seeds that were discarded are skipped."""
+    seed = first
+    while count:
+        drawn = random_mechanism(np.random.default_rng(seed), **options)
+        if isinstance(drawn, Mechanism):
+            yield seed, drawn
+            count -= 1
+        seed += 1
+
+
+class PartitionMissing(ValueError):
+    """No set of whole rotations and single speeds is a set of dependents."""
+
+
+class _Scene:
+    """A random mechanism in the making: a tree, its poses, faces put on it."""
+
+    ranks: ClassVar[dict[str, int]]
+    """How many independent conditions the loop joints of this scene set."""
+
+    def __init__(
+        self,
+        rng: np.random.Generator,
+        joints: tuple[str, ...],
+        loop_joints: tuple[str, ...],
+        parameters: bool,
+        forces: bool,
+        springs: bool,
+    ) -> None:
+        self.rng, self.joints, self.loop_joints, self.springs = rng, joints, loop_joints, springs
+        self.maker = _Maker(rng, joints, parameters, forces)
+        self.parameters: tuple[Parameter, ...] = self.maker.parameters
+
+    def mechanism(self, n: int, loops: int) -> Mechanism | Discarded:
+        model = self.tree(n)
+        q, u, _, inputs, t = random_state(self.rng, model)
+        p = np.array([x.value for x in model.parameters])
+        for i in range(loops):
+            with_loop = self._with_loop(model, q, p, f"loop{i}")
+            if with_loop is None and i == 0:
+                return Discarded("no loop found that leaves a freedom and has independent conditions")
+            model = with_loop or model
+        model = dataclasses.replace(
+            model,
+            name="random_mechanism",
+            springs=self._springs(model) if self.springs else (),
+            initial_q=dict(zip(model.coordinate_names, map(expression, q.tolist()), strict=True)),
+            initial_u=dict(zip(model.speed_names, map(expression, u.tolist()), strict=True)),
+        )
+        return Mechanism(model, q, u, p, inputs, t)
+
+    def tree(self, n: int) -> Model:
+        raise NotImplementedError
+
+    # --- loops ----------------------------------------------------------------------------------------------------
+
+    def _with_loop(self, model: Model, q: Array, p: Array, name: str) -> Model | None:
+        """The model with one loop more, or None if forty draws give none."""
+        J = constraint_jacobian(model, q, p) if model.loops else np.zeros((0, model.nu))
+        before = _rank(J)
+        for _ in range(40):
+            start, end = (self.standing(int(x)) for x in self.rng.integers(GROUND, len(model.bodies), 2))
+            type = str(self.rng.choice([j for j in self.loop_joints if j in self.ranks]))
+            path = loop_speeds(model, start, end)
+            if start == end or not path:
+                continue
+            if self.ranks[type] > len(path):
+                continue
+            loop = self.loop(model, q, p, name, type, start, end)
+            longer = dataclasses.replace(model, loops=(*model.loops, loop))
+            J = constraint_jacobian(longer, q, p)
+            if _rank(J) == model.nu or _rank(J) - before < self.ranks[type]:
+                continue
+            try:
+                random_partition(self.rng, longer, q, p)
+            except PartitionMissing:  # only parts of a rotation by quaternion could be dependent
+                continue
+            return longer
+        return None
+
+    def standing(self, body: int) -> int:
+        """The body itself, or the one that carries loops in its place."""
+        return body
+
+    def loop(self, model: Model, q: Array, p: Array, name: str, type: str, start: int, end: int) -> Loop:
+        """A loop joint between two bodies, its end face put where it closes."""
+        axes, rotation, at, between, shift = self.joint(type)
+        state, frames = _poses(model, q, p)
+        s, e = frames[start], frames[end]
+        R_s = s.R.value @ placement(state.pairs, rotation).value
+        x_s = s.point(state.pairs.vector(at))[0].value[0]
+        R_e = R_s @ placement(state.pairs, between).value
+        x_e = x_s + R_s @ shift
+        place = e.R.value.T @ (x_e - e.o.value[0])
+        return Loop(name, type, axes, Face(start, at, rotation), Face(end, *self.placed(place, e.R.value.T @ R_e)))
+
+    def joint(self, type: str) -> tuple[tuple[Vector, ...], Any, Vector, Any, Array]:
+        """Axes of a loop joint, rotation and origin of its start face, and the end face relative to the start face."""
+        raise NotImplementedError
+
+    def placed(self, at: Array, R: Array) -> tuple[Vector, tuple[tuple[Vector, Expression], ...]]:
+        """Origin and rotation of a face as expressions that have these values at the drawn parameters."""
+        axis, angle = _axis_angle(R)
+        return vector(*(self._held(x) for x in at)), ((vector(*map(float, axis)), expression(self._held(angle))),)
+
+    def _held(self, x: float) -> str:
+        """An expression whose value at the drawn parameters is x."""
+        x = float(x)
+        if not self.parameters or self.rng.random() < 0.3:
+            return repr(x)
+        p = self.parameters[int(self.rng.integers(len(self.parameters)))]
+        return f"{x!r}*(1 + {round(float(self.rng.uniform(0.1, 0.4)), 2)}*({p.name} - {p.value!r}))"
+
+    def _springs(self, model: Model) -> tuple[Spring, ...]:
+        rng, springs = self.rng, []
+        for i in range(int(rng.integers(0, 3))):
+            start, end = (int(x) for x in rng.choice(np.arange(GROUND, len(model.bodies)), 2, replace=False))
+            points = [Point("", body, self.point()) for body in (start, end)]
+            numbers = [
+                self.maker._scaled(float(x)) for x in (rng.uniform(1, 20), rng.uniform(0, 2), rng.uniform(0.2, 1))
+            ]
+            springs.append(Spring(f"spring{i}", *points, *numbers))
+        return tuple(springs)
+
+    def point(self) -> Vector:
+        return vector(*(self.maker._length(x) for x in self.rng.uniform(-0.7, 0.7, 3)))
+
+
+class _Spatial(_Scene):
+    """Any tree, any loop joints; the conditions of all loops are independent."""
+
+    ranks: ClassVar[dict[str, int]] = {type: sum(rows) for type, rows in CLOSURE_ROWS.items()}
+
+    def tree(self, n: int) -> Model:
+        return self.maker.tree(max(n, 2))
+
+    def joint(self, type: str) -> tuple[tuple[Vector, ...], Any, Vector, Any, Array]:
+        rng, angle = self.rng, lambda: expression(float(self.rng.uniform(-2, 2)))
+        rotation = tuple((self.maker._axis(False), self.maker._scaled(float(rng.uniform(-2, 2)))) for _ in range(2))
+        at, shift = self.point(), np.zeros(3)
+        if type == "universal":
+            first, second = self.maker._perpendicular_axes()
+            return (first, second), rotation, at, ((first, angle()), (second, angle())), shift
+        if type in ("fixed", "spherical"):
+            between = ((self.maker._axis(True), angle()),) if type == "spherical" else ()
+            return (), rotation, at, between, shift
+        axis = self._constant_axis()
+        a = np.array([float(x.evaluate({})) for x in axis])
+        a /= np.linalg.norm(a)
+        if type == "planar":
+            shift = rng.uniform(-0.5, 0.5, 3)
+            shift -= a * (a @ shift)
+        elif type != "revolute":
+            shift = a * rng.uniform(-0.5, 0.5)
+        return (axis,), rotation, at, () if type == "prismatic" else ((axis, angle()),), shift
+
+    def _constant_axis(self) -> Vector:
+        """An axis without parameters."""
+        return next(axis for axis in iter(lambda: self.maker._axis(False), None) if all(x.is_number for x in axis))
+
+
+class _Planar(_Scene):
+    """Everything in a plane: x and y of a base that stands anywhere in space. Offsets along z cancel exactly."""
+
+    ranks: ClassVar[dict[str, int]] = {
+        "fixed": 3,
+        "revolute": 2,
+        "prismatic": 2,
+        "universal": 2,
+        "spherical": 2,
+        "cylindrical": 2,
+    }
+
+    def tree(self, n: int) -> Model:
+        rng, maker = self.rng, self.maker
+        base = str(rng.choice(["ground", "fixed", "free"], p=(0.2, 0.5, 0.3)))
+        bodies, self.level = [], {GROUND: 0.0}
+        self.in_plane = [GROUND] if base == "ground" else [0]
+        if base != "ground":
+            turns = tuple((maker._axis(False), maker._scaled(float(rng.uniform(-2, 2)))) for _ in range(2))
+            joint = Joint(base, (), vector(0.3, -0.2, maker._length(0.4)), turns)
+            bodies.append(maker._body("base", GROUND, joint, False))
+            self.level[0] = 0.0
+        for i in range(max(n, 3)):
+            k = len(bodies)
+            chain = rng.random() < 0.6 and len(self.in_plane) > 1
+            parent = self.in_plane[-1] if chain else int(rng.choice(self.in_plane))
+            type = str(rng.choice(["revolute", "prismatic"], p=(0.8, 0.2)))
+            z = float(rng.integers(-2, 3)) / 8
+            angle = float(rng.uniform(-3, 3))
+            axis = (
+                vector(0, 0, int(rng.choice([-1, 1])))
+                if type == "revolute"
+                else vector(float(np.cos(angle)), float(np.sin(angle)), 0)
+            )
+            joint = Joint(type, (axis,), vector(*map(maker._length, rng.uniform(-0.8, 0.8, 2)), z), self._turn())
+            bodies.append(maker._body(f"b{i}", parent, joint, False))
+            self.level[k] = self.level[parent] + z
+            self.in_plane.append(k)
+        coordinates, speeds = ([x for b in bodies for x in joint_coordinates(b.name, b.joint.type)[i]] for i in (0, 1))
+        return Model(
+            "planar", maker._gravity(n), maker.parameters, maker.inputs, tuple(bodies),
+            forces=maker._forces(bodies, coordinates, speeds), outputs=maker._outputs(bodies, coordinates, speeds),
+        )  # fmt: skip
+
+    def _turn(self) -> tuple[tuple[Vector, Expression], ...]:
+        return ((vector(0, 0, 1), self.maker._scaled(float(self.rng.uniform(-2, 2)))),) * int(self.rng.integers(0, 2))
+
+    def joint(self, type: str) -> tuple[tuple[Vector, ...], Any, Vector, Any, Array]:
+        rng = self.rng
+        turned = ((vector(0, 0, 1), expression(float(rng.uniform(-2, 2)))),)
+        at = vector(*map(self.maker._length, rng.uniform(-0.7, 0.7, 2)), float(rng.integers(-2, 3)) / 8)
+        axes: tuple[Vector, ...] = (vector(0, 0, 1),)
+        shift, between = np.zeros(3), turned
+        if type == "prismatic":
+            angle = float(rng.uniform(-3, 3))
+            a = np.array([np.cos(angle), np.sin(angle), 0])
+            axes, between, shift = (vector(*map(float, a)),), (), a * rng.uniform(-0.5, 0.5)
+        elif type == "universal":
+            axes = (vector(0, 0, 1), vector(1, 0, 0))
+        elif type == "cylindrical":
+            shift = np.array([0, 0, 0.25])
+        elif type in ("fixed", "spherical"):
+            axes, between = (), between if type == "spherical" else ()
+        return axes, self._turn(), at, between, shift
+
+    def standing(self, body: int) -> int:
+        return body if body in self.in_plane else self.in_plane[0]
+
+    def loop(self, model: Model, q: Array, p: Array, name: str, type: str, start: int, end: int) -> Loop:
+        loop = super().loop(model, q, p, name, type, start, end)
+        # Offsets along z are sums of eighths: exact, in any arithmetic.
+        z = self.level[start] + loop.start.at[2].evaluate({}) - self.level[end] + (0.25 if type == "cylindrical" else 0)
+        at = (*loop.end.at[:2], expression(z))
+        return dataclasses.replace(loop, end=dataclasses.replace(loop.end, at=at))
+
+    def placed(self, at: Array, R: Array) -> tuple[Vector, tuple[tuple[Vector, Expression], ...]]:
+        angle = self._held(float(np.arctan2(R[1, 0], R[0, 0])))
+        return vector(*map(self._held, at[:2]), 0), ((vector(0, 0, 1), expression(angle)),)
+
+    def point(self) -> Vector:
+        return vector(*(self.maker._length(x) for x in self.rng.uniform(-0.7, 0.7, 3)))
+
+
+class _Spherical(_Scene):
+    """Revolute and universal joints whose axes all pass through the origin of a base that stands anywhere."""
+
+    ranks: ClassVar[dict[str, int]] = {"fixed": 3, "revolute": 2, "universal": 1, "cylindrical": 2}
+
+    def tree(self, n: int) -> Model:
+        rng, maker = self.rng, self.maker
+        base = str(rng.choice(["fixed", "free", "revolute"]))
+        joint = Joint(base, (maker._axis(False),) if base == "revolute" else (), vector(0.3, maker._length(-0.2), 0.4))
+        bodies = [maker._body("base", GROUND, joint, False)]
+        for k in range(1, max(n, 4) + 1):
+            parent = k - 1 if rng.random() < 0.7 else int(rng.integers(0, k))
+            universal = rng.random() < 0.2
+            axes = maker._perpendicular_axes() if universal else (maker._axis(True),)
+            turns = ((maker._axis(False), maker._scaled(float(rng.uniform(-2, 2)))),)
+            joint = Joint("universal" if universal else "revolute", axes, vector(0, 0, 0), turns)
+            bodies.append(maker._body(f"b{k}", parent, joint, False))
+        coordinates, speeds = ([x for b in bodies for x in joint_coordinates(b.name, b.joint.type)[i]] for i in (0, 1))
+        return Model(
+            "spherical", maker._gravity(n), maker.parameters, maker.inputs, tuple(bodies),
+            forces=maker._forces(bodies, coordinates, speeds), outputs=maker._outputs(bodies, coordinates, speeds),
+        )  # fmt: skip
+
+    def joint(self, type: str) -> tuple[tuple[Vector, ...], Any, Vector, Any, Array]:
+        axes, rotation, _, between, _ = _Spatial.joint(self, "revolute" if type == "cylindrical" else type)  # type: ignore[arg-type]
+        return axes, rotation, vector(0, 0, 0), between, np.zeros(3)
+
+    _constant_axis = _Spatial._constant_axis
+
+    def standing(self, body: int) -> int:
+        return max(body, 0)
+
+    def placed(self, at: Array, R: Array) -> tuple[Vector, tuple[tuple[Vector, Expression], ...]]:
+        return vector(0, 0, 0), super().placed(at, R)[1]
+
+
+# --- what a mechanism is made with, and what tests want to know about it ---------------------------------------------
+
+
+def constraint_jacobian(model: Model, q: Array, p: Array) -> Array:
+    """Derivatives of the conditions of all loops by all speeds, linear ones by the metre, (m, nu)."""
+    engine = _bare(model)
+    state = engine._arguments(q, None, p, None, 0.0)
+    return engine._conditions(state).jacobian.value
+
+
+def loop_bodies(model: Model, start: int, end: int) -> tuple[list[int], list[int]]:
+    """Bodies whose joints lie between two bodies: on the start's side and on the end's, outermost first."""
+    sides = []
+    for k in (start, end):
+        branch = []
+        while k != GROUND:
+            branch.append(k)
+            k = model.bodies[k].parent
+        sides.append(branch)
+    shared = set(sides[0]) & set(sides[1])
+    return [k for k in sides[0] if k not in shared], [k for k in sides[1] if k not in shared]
+
+
+def loop_speeds(model: Model, start: int, end: int) -> list[int]:
+    """Indices of the speeds between two bodies, ascending."""
+    bodies = [k for side in loop_bodies(model, start, end) for k in side]
+    return sorted(i for k in bodies for i in range(*model.coordinate_slices[k][1].indices(model.nu)))
+
+
+def random_partition(rng: np.random.Generator, model: Model, q: Array, p: Array) -> Partition:
+    """Some partition that is good here, not the best: ears in random order, dependents drawn among the fair ones.
+
+    Loops that cannot be closed one after the other become clusters. Rotations by quaternion are dependent all or none.
+    """
+    J, n = constraint_jacobian(model, q, p), len(model.loops)
+    orders = [[(int(i),) for i in rng.permutation(n)] for _ in range(6)] + [[tuple(range(n))]]
+    for waiting in orders:
+        try:
+            return _partition(rng, model, q, J, waiting)
+        except PartitionMissing as error:
+            missing = error
+    raise missing
+
+
+def _partition(rng: np.random.Generator, model: Model, q: Array, J: Array, waiting: list[tuple[int, ...]]) -> Partition:
+    ends = np.cumsum([0, *(sum(CLOSURE_ROWS[x.type]) for x in model.loops)])
+    rows = {i: list(range(ends[i], ends[i + 1])) for i in range(len(model.loops))}
+    paths = {i: set(loop_speeds(model, x.start.body, x.end.body)) for i, x in enumerate(model.loops)}
+    ears: list[Ear] = []
+
+    def over(loops: Any) -> tuple[list[int], set[int]]:
+        return [r for i in loops for r in rows[i]], set().union(*(paths[i] for i in loops))
+
+    while waiting:
+        loops = waiting.pop(0)
+        closed_rows, closed = over([i for ear in ears for i in ear.loops])
+        own_rows, path = over(loops)
+        wanted = _rank(J[closed_rows + own_rows]) - _rank(J[closed_rows])
+        dependent = _pick(rng, model, J[own_rows], sorted(path - closed), wanted)
+        if dependent is None:  # open: close it together with those that share speeds with it
+            taken: list[Ear] = []
+            for ear in ears:
+                if over(ear.loops)[1] & (path | set().union(*(over(x.loops)[1] for x in taken))):
+                    taken.append(ear)
+            if not taken:
+                raise PartitionMissing(f"loops {loops}: {wanted} dependents among {sorted(path - closed)}")
+            ears = [x for x in ears if x not in taken]
+            waiting.insert(0, tuple(sorted({*loops, *(i for x in taken for i in x.loops)})))
+            continue
+        condition = float(np.linalg.cond(J[np.ix_(own_rows, dependent)])) if dependent else 1.0
+        ears.append(Ear(tuple(sorted(loops)), tuple(dependent), len(own_rows), wanted, condition, 1.0))
+    chosen = {i for ear in ears for i in ear.dependent}
+    return Partition(tuple(ears), tuple(i for i in range(model.nu) if i not in chosen), tuple(map(float, q)))
+
+
+def assemble(engine: DenseEngine, q: Any, p: Any, steps: int = 60) -> Any:
+    """q with its dependent entries moved until the loops close as well as the engine's numbers allow, (nq,).
+
+    Raises
+    ------
+    ArithmeticError
+        Newton's method does not arrive.
+    """
+    q = engine.arithmetic.array(q)
+    best, least = q, np.inf
+    for _ in range(steps):
+        state = engine._arguments(q, None, p, None, 0.0)
+        known = engine._conditions(state)
+        kept = engine._kept(known.jacobian.value)
+        residual = known.position.value[kept]
+        size = abs(residual).max(initial=0)
+        if size >= least and size < 1e4 * engine.arithmetic.epsilon:
+            return best
+        if size < least:
+            best, least = q, size
+        xi = engine.arithmetic.zeros(engine.model.nu, 1)
+        xi[engine.dependent] = engine.arithmetic.solve(known.jacobian.value[kept][:, engine.dependent], -residual)
+        rates = engine._coordinate_rates(state.moved(engine.model, state.q, Pair(xi, state.u.tangent)))
+        q = q + rates.value[:, 0]
+    raise ArithmeticError(f"residual {least} after {steps} steps")
+
+
+def condition(partition: Partition, model: Model, q: Array, p: Array) -> float:
+    """Of the closure matrix of all dependents at a state."""
+    J = constraint_jacobian(model, q, p)
+    for i, loop in enumerate(model.loops):
+        length = next(ear.length for ear in partition.ears if i in ear.loops)
+        first = sum(sum(CLOSURE_ROWS[x.type]) for x in model.loops[:i])
+        J[first : first + CLOSURE_ROWS[loop.type][0]] /= length
+    dependent = sorted(i for ear in partition.ears for i in ear.dependent)
+    return float(np.linalg.cond(J[:, dependent])) if dependent else 1.0
+
+
+def _pick(rng: np.random.Generator, model: Model, J: Array, available: list[int], wanted: int) -> list[int] | None:
+    """As many speeds as wanted whose columns of J are independent: one by one, or three by three."""
+    units = [u for u in _units(model) if set(u) <= set(available)]
+    triples = [u for u in units if len(u) == 3]
+    # Which rotations are dependent: any subset, in random order. The single speeds that fill up are pivots.
+    subsets = [s for n in range(len(triples) + 1) for s in combinations(triples, n) if 3 * n <= wanted]
+    for i in rng.permutation(len(subsets)):
+        chosen = [speed for unit in subsets[i] for speed in unit]
+        if chosen and np.linalg.svd(J[:, chosen], compute_uv=False)[-1] < FAIR:
+            continue
+        singles = [u[0] for u in units if len(u) == 1]
+        while len(chosen) < wanted and singles:
+            Q = np.linalg.qr(J[:, chosen])[0]
+            left = np.linalg.norm(J[:, singles] - Q @ (Q.T @ J[:, singles]), axis=0)
+            best = int(np.argmax(left * rng.uniform(0.2, 1, len(left))))
+            if left[best] < FAIR:
+                break
+            chosen.append(singles.pop(best))
+        if len(chosen) == wanted:
+            return sorted(chosen)
+    return None
+
+
+def _units(model: Model) -> list[tuple[int, ...]]:
+    """Speeds that are dependent together."""
+    units: list[tuple[int, ...]] = []
+    for body, (_, u) in zip(model.bodies, model.coordinate_slices, strict=True):
+        size = 3 if body.joint.type in ("spherical", "free") else 1
+        units += [tuple(range(i, i + size)) for i in range(u.start, u.stop, size)]
+    return units
+
+
+def _bare(model: Model) -> DenseEngine:
+    """An engine that takes no speed for dependent: for poses and conditions."""
+    ears = tuple(Ear((i,), (), sum(CLOSURE_ROWS[x.type]), 0, 1.0, 1.0) for i, x in enumerate(model.loops))
+    return DenseEngine(model, partition=Partition(ears, tuple(range(model.nu))))
+
+
+def _poses(model: Model, q: Array, p: Array) -> Any:
+    engine = _bare(model)
+    state = engine._arguments(q, None, p, None, 0.0)
+    return state, engine._motion(state)[0]
+
+
+def _rank(A: Array) -> int:
+    if not A.size:
+        return 0
+    sigma = np.linalg.svd(A, compute_uv=False)
+    return int(np.sum(sigma > RANK_LOST * max(1.0, sigma[0])))
+
+
+def _axis_angle(R: Array) -> tuple[Array, float]:
+    """Axis and angle of a rotation matrix, by the largest component of its quaternion."""
+    K = np.array([
+        [R[0, 0] + R[1, 1] + R[2, 2], R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]],
+        [0, R[0, 0] - R[1, 1] - R[2, 2], R[0, 1] + R[1, 0], R[0, 2] + R[2, 0]],
+        [0, 0, R[1, 1] - R[0, 0] - R[2, 2], R[1, 2] + R[2, 1]],
+        [0, 0, 0, R[2, 2] - R[0, 0] - R[1, 1]],
+    ])  # fmt: skip
+    e = np.linalg.eigh(K + np.triu(K, 1).T)[1][:, -1]
+    length = np.linalg.norm(e[1:])
+    if length < 1e-8:
+        return np.array([0.0, 0.0, 1.0]), 0.0
+    return e[1:] / length, float(2 * np.arctan2(length, e[0]))
