@@ -1,9 +1,11 @@
 """Closed loops before any symbol: where they are, how they close, which coordinates depend on which. Floats only."""
 
-from .assembling import assemble, complete_speeds, initial_configuration
+from .assembling import assemble, initial_configuration
 from .closure import closure, closure_matrix
+from .description import describe
 from .errors import AssemblyError, PartitionError
-from .partition import Ear, Partition, describe, partition
+from .partition import Ear, Partition, partition
+from .velocities import complete_speeds
 
 __all__ = [
     "AssemblyError",

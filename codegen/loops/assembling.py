@@ -1,24 +1,24 @@
-"""Assembly: coordinates that close all loops, speeds that keep them closed."""
+"""Assembly: coordinates that close all loops."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..model.expressions import Expression
 from ..model.model import Model
-from .closure import Cuts, body_frames, ground_screws
+from .dependents import ranks
 from .errors import AssemblyError
-from .geometry import Array, Geometry, evaluator, padded, parameter_values
-from .newton import Closed, close
-from .paths import PoseGroups, Ring, TwistGroups
+from .geometry import Array, Geometry, advance, evaluator, padded, parameter_values
+from .paths import PoseGroups
+from .rings import Outcome, Ring, close
 
 if TYPE_CHECKING:
     from .partition import Partition
 
-TRIES = 6
+TRIES = 8
 """Guesses from which a ring that does not close is tried again, further and further from the given one."""
 
 
@@ -75,164 +75,24 @@ def assemble(
 
 
 def assembled(geometry: Geometry, partition: Partition, q: Array) -> Array:
-    """`assemble` for configurations ``(S, nq + 1)``."""
+    """`assemble` for coordinates ``(1, nq + 1)``."""
     moving = {int(geometry.speed_body[s]) for ear in partition.ears for s in ear.dependent}
     groups = PoseGroups(geometry, q, [k for k in range(geometry.ground) if k not in moving])
     for ear in partition.ears:
         geometry.lengths[list(ear.loops)] = ear.length
         ring = Ring(groups, ear.loops, {int(geometry.speed_body[s]) for s in ear.dependent})
-        movable = np.tile(np.isin(ring.joints.speeds, ear.dependent).astype(float), (len(q), 1))
+        movable = np.isin(ring.joints.speeds, ear.dependent)
         outcome = close(ring, q, movable)
-        if not np.all(outcome.ok):
-            raise AssemblyError(open_loop(geometry, ring, outcome, movable[0]))
+        if not outcome.closed:
+            raise AssemblyError(open_loop(ring, outcome, movable))
         q = outcome.q
         groups.found(ring.joints, q)
     return q
 
 
-def open_loop(geometry: Geometry, ring: Ring, outcome: Closed, movable: Array) -> str:
-    """Which loop stays open, by how much, and what to do."""
-    model, worst = geometry.model, int(np.argmax(outcome.residual))
-    rows = np.abs(outcome.rows[worst])
-    loops = [model.loops[i] for i in ring.cuts.loops]
-    owner = [(j, r) for j, i in enumerate(ring.cuts.loops) for r in geometry.rows[i]]
-    gap = max(
-        (x * geometry.lengths[ring.cuts.loops[j]] for x, (j, r) in zip(rows, owner, strict=True) if r < 3), default=0
-    )
-    angle = max((x for x, (_, r) in zip(rows, owner, strict=True) if r >= 3), default=0)
-    j = owner[int(np.argmax(rows))][0]
-    loop = loops[j]
-    names = [
-        model.bodies[i].name if i < geometry.ground else "ground" for i in (ring.cuts.starts[j], ring.cuts.ends[j])
-    ]
-    moved = [model.speed_names[s] for s, m in zip(ring.joints.speeds, movable, strict=True) if m]
-    together = f" (closed together with {', '.join(x.name for x in loops if x is not loop)})" if len(loops) > 1 else ""
-    return (
-        f"loop {loop.name} ({loop.type} joint between {names[0]} and {names[1]}){together} cannot be closed: a gap of "
-        f"{gap:.3g} m and {angle:.3g} rad is left after moving {shortened(moved) or 'nothing'}; lengths may be too short "
-        f"or too long, or the initial values of the other coordinates too far off: check the lengths and give better "
-        f"values under `initial`"
-    )
-
-
-def shortened(names: Sequence[str], limit: int = 6) -> str:
-    """A list in words, long ones cut."""
-    more = f" and {len(names) - limit} more" if len(names) > limit else ""
-    return ", ".join(names[:limit]) + more
-
-
-def complete_speeds(
-    model: Model,
-    partition: Partition,
-    q: Sequence[float] | Array,
-    u: Sequence[float] | Array,
-    p: Sequence[float] | Array | None = None,
-) -> Array:
-    """Dependent speeds from independent ones, by the velocity closure of one ear after the other.
-
-    Parameters
-    ----------
-    q : (nq,) array
-        Assembled.
-    u : (nu,) array
-        Its independent entries are kept, the others ignored.
-
-    Returns
-    -------
-    (nu,) array
-    """
-    geometry = Geometry(model, p)
-    motion = Motion(geometry, padded(q), np.asarray(u, dtype=float)[None, :, None])
-    dependent = {s for ear in partition.ears for s in ear.dependent}
-    bodies = {int(geometry.speed_body[s]) for s in dependent}
-    motion.groups.found([k for k in range(geometry.ground) if k not in bodies], motion.u)
-    for ear in partition.ears:
-        geometry.lengths[list(ear.loops)] = ear.length
-        motion.resolve(motion.closure(ear.loops), ear.dependent)
-    return motion.u[0, :, 0]
-
-
-class Motion:
-    """K motions at S configurations, resolved ear by ear: the velocity level of closure.
-
-    Attributes
-    ----------
-    u : (S, nu, K) array
-        Speeds; dependent ones are right once their ear has been resolved.
-    """
-
-    def __init__(self, geometry: Geometry, q: Array, u: Array) -> None:
-        self.geometry, self.u = geometry, u.copy()
-        self.frames = body_frames(geometry, q)
-        self.screws = ground_screws(geometry, q, self.frames)
-        self.groups = TwistGroups(geometry, self.frames, self.screws, u.shape[-1])
-
-    def closure(self, loops: Sequence[int]) -> VelocityClosure:
-        """The velocity closure of an ear on what is known so far."""
-        return VelocityClosure(self, loops)
-
-    def resolve(self, closure: VelocityClosure, dependent: Sequence[int]) -> None:
-        """Find the dependent speeds of an ear; its joints are known then."""
-        columns = [closure.column[s] for s in dependent]
-        others = [c for c in range(len(closure.speeds)) if c not in columns]
-        right = closure.known + closure.E[..., others] @ self.u[:, closure.speeds[others]]
-        if columns:
-            self.u[:, list(dependent)] = -np.linalg.pinv(closure.E[..., columns], rcond=1e-12) @ right
-        self.groups.found(closure.bodies, self.u)
-
-
-class VelocityClosure:
-    """``E u + known = 0`` for the joints of some loops that are not known yet.
-
-    Attributes
-    ----------
-    bodies : list of int
-        The f speeds' bodies, those near the cuts first.
-    speeds : (f,) array
-    column : dict of int to int
-        Where a speed stands.
-    E : (S, rows, f) array
-    known : (S, rows, K) array
-        What the known speeds contribute.
-    size : (S, K) array
-        How large the contributions are that `known` is the difference of.
-    """
-
-    def __init__(self, motion: Motion, loops: Sequence[int]) -> None:
-        g = motion.geometry
-        cuts = Cuts(g, loops)
-        cuts.place(cuts.faces(motion.frames))
-        w, v, sides = zip(*(motion.groups.difference(i, cuts.point[:, j]) for j, i in enumerate(loops)), strict=True)
-        self.known = cuts.kept(cuts.conditions(np.stack(w, axis=1), np.stack(v, axis=1)))
-        distance: dict[int, int] = {}
-        for start, end in sides:
-            for side in (start, end):
-                for d, k in enumerate(side):
-                    distance[k] = min(d, distance.get(k, d))
-        self.bodies = sorted(distance, key=lambda k: distance[k])
-        self.speeds = np.array([s for k in self.bodies for s in reversed(g.speeds[k])], dtype=int)
-        self.column = {int(s): c for c, s in enumerate(self.speeds)}
-        place = {k: i for i, k in enumerate(self.bodies)}
-        sign = np.zeros((len(loops), len(self.bodies)))
-        for j, (start, end) in enumerate(sides):
-            sign[j, [place[k] for k in start]] = -1
-            sign[j, [place[k] for k in end]] = 1
-        body = g.speed_body[self.speeds]
-        self.E = cuts.matrix(
-            motion.screws[0][:, self.speeds],
-            motion.screws[1][:, self.speeds],
-            motion.frames[1][:, body],
-            sign[:, [place[int(k)] for k in body]],
-        )
-
-    def scaled(self, geometry: Geometry, length: float) -> Array:
-        """E with the columns of displacements per characteristic length."""
-        return self.E * np.where(geometry.turning[self.speeds], 1.0, length)
-
-
 def first_assembly(
-    geometry: Geometry, order: Iterable[int], q: Array, held: set[int], random: np.random.Generator
-) -> tuple[Array, Array, list[str]]:
+    geometry: Geometry, order: Sequence[int], q: Array, held: set[int], random: np.random.Generator
+) -> tuple[Array, list[str]]:
     """Close all loops before it is known which coordinates depend on which: minimum-norm steps, loop by loop.
 
     A loop moves the joints that no earlier loop has passed; where that does not close it, those of its neighbours too,
@@ -240,106 +100,121 @@ def first_assembly(
 
     Parameters
     ----------
-    order : iterable of int
+    order : sequence of int
         Loops.
-    q : (S, nq + 1) array
-        Guesses; the first is the model's.
+    q : (1, nq + 1) array
+        Guess.
     held : set of int
-        Speeds whose coordinates the first configuration should keep.
+        Speeds whose coordinates are kept if that is possible.
 
     Returns
     -------
-    q : (S, nq + 1) array
-    ok : (S,) array
-        Configurations that could be closed; the first always.
+    q : (1, nq + 1) array
     warnings : list of str
 
     Raises
     ------
     AssemblyError
     """
-    ok = np.ones(len(q), dtype=bool)
     warnings: list[str] = []
     groups = PoseGroups(geometry, q, [])
-    done: list[int] = []
-    for loop in order:
+    for place, loop in enumerate(order):
         start, end = groups.unknown(loop)
         ring = Ring(groups, [loop], [*start, *end])
-        movable = _movable(ring, held, len(q))
-        outcome = _tried(ring, q, movable, random)
-        q = outcome.q
-        if not outcome.ok[0]:
-            q, wider = _closed_with_neighbours(geometry, loop, done, q, held, random, outcome, ring, movable)
-            if wider:
-                warnings.append(wider)
-            moved = {k for i in [*done, loop] for side in geometry.cycle(i) for k in side}
-            groups = PoseGroups(geometry, q, moved)
-            # the other configurations have not followed; they must close anew or be left out
-            cuts = Cuts(geometry, [*done, loop])
-            residual = np.abs(cuts.place(cuts.faces(body_frames(geometry, q))))
-            ok[1:] &= np.max(residual, axis=(1, 2))[1:] < 1e-8
+        movable = ~np.isin(ring.joints.speeds, list(held))
+        outcome, tries = _tried(ring, q, movable, random)
+        if outcome.closed:
+            groups.found(ring.joints, outcome.q)
         else:
-            ok &= outcome.ok
-            groups.found(ring.joints, q)
-        done.append(loop)
-    return q, ok, warnings
+            outcome, tries = _with_neighbours(geometry, order[: place + 1], q, held, random, ring, outcome)
+            groups = PoseGroups(geometry, outcome.q, _passed(geometry, order[: place + 1]))
+        q = outcome.q
+        if tries:
+            warnings.append(
+                f"loop {geometry.model.loops[loop].name} does not close from the initial values given; it was closed "
+                f"from others, perhaps not in the way that is meant: give better values under `initial`"
+            )
+    return q, warnings
 
 
-def _movable(ring: Ring, held: set[int], S: int) -> Array:
-    """Held coordinates stay in the first configuration; the others are only there to look at ranks."""
-    movable = np.ones((S, len(ring.joints.speeds)))
-    movable[0, [i for i, s in enumerate(ring.joints.speeds) if int(s) in held]] = 0
-    return movable
+def _passed(geometry: Geometry, loops: Sequence[int]) -> set[int]:
+    """Bodies whose joints are on the cycles of some loops."""
+    return {k for i in loops for side in geometry.cycle(i) for k in side}
 
 
-def _tried(ring: Ring, q: Array, movable: Array, random: np.random.Generator) -> Closed:
-    """Close a ring, from other guesses too where the first does not lead to closure."""
-    from .geometry import advance
-
+def _tried(ring: Ring, q: Array, movable: Array, random: np.random.Generator) -> tuple[Outcome, int]:
+    """Close a ring, from other guesses too where the first does not lead to closure; and how many those were."""
     best = close(ring, q, movable)
-    for i in range(TRIES):
-        if np.all(best.ok) or not np.any(movable):
-            break
-        amplitude = 3.0 * (i + 1) / TRIES
-        size = np.where(ring.geometry.turning[ring.joints.speeds], 1.0, np.max(ring.geometry.lengths[ring.cuts.loops]))
-        step = amplitude * random.uniform(-1, 1, movable.shape) * movable * size
-        again = close(
-            ring, np.where(best.ok[:, None], best.q, advance(ring.geometry, q, ring.joints.speeds, step)), movable
-        )
-        better = again.residual < best.residual
-        for name in ("q", "residual", "ok", "rows"):
-            getattr(best, name)[better] = getattr(again, name)[better]
-    return best
+    speeds = ring.joints.speeds[movable]
+    size = np.where(ring.geometry.turning[speeds], 1.0, ring.length)
+    for i in range(TRIES if len(speeds) else 0):
+        if best.closed:
+            return best, i
+        step = 3.0 * (i + 1) / TRIES * random.uniform(-1, 1, (1, len(speeds))) * size
+        again = close(ring, advance(ring.geometry, q, speeds, step), movable)
+        if again.residual < best.residual:
+            best = again
+    return best, TRIES
 
 
-def _closed_with_neighbours(
-    geometry: Geometry, loop: int, done: list[int], q: Array, held: set[int], random: np.random.Generator,
-    outcome: Closed, ring: Ring, movable: Array,
-) -> tuple[Array, str]:  # fmt: skip
-    """Close a loop together with loops that share joints with it, more and more of them."""
-    cycles = {i: {k for side in geometry.cycle(i) for k in side} for i in [*done, loop]}
-    together = {loop}
-    for hold in (held, set[int]()):
-        while True:
+def _with_neighbours(
+    geometry: Geometry,
+    loops: Sequence[int],
+    q: Array,
+    held: set[int],
+    random: np.random.Generator,
+    ring: Ring,
+    outcome: Outcome,
+) -> tuple[Outcome, int]:
+    """Close the last of some loops together with those that share joints with it, more and more of them.
+
+    Held coordinates move only where nothing else helps. `ring` and `outcome` are those of the loop on its own.
+    """
+    *others, last = loops
+    cycles = {i: _passed(geometry, [i]) for i in loops}
+    movable = ~np.isin(ring.joints.speeds, list(held))
+    for hold in (held, set[int]()) if held else (held,):
+        together: set[int] = set()
+        wider = {last}
+        while wider != together:
+            together = wider
             bodies = set().union(*(cycles[i] for i in together))
-            wider = together | {i for i in done if cycles[i] & bodies}
-            if wider != together:
-                together = wider
-                bodies = set().union(*(cycles[i] for i in together))
-            elif hold is held and together != {loop}:
-                break
-            others = {k for i in done for k in cycles[i]} - bodies
-            ring = Ring(PoseGroups(geometry, q, others), sorted(together), bodies)
-            movable = _movable(ring, hold, len(q))
-            outcome = _tried(ring, q, movable, random)
-            if outcome.ok[0]:
-                names = shortened([geometry.model.speed_names[s] for s in sorted(held)])
-                note = (
-                    ""
-                    if hold is held
-                    else f"loop {geometry.model.loops[loop].name} does not close at the given {names}"
-                )
-                return outcome.q, note
-            if wider == together:
-                break
-    raise AssemblyError(open_loop(geometry, ring, outcome, movable[0]))
+            wider = together | {i for i in others if cycles[i] & bodies}
+            if len(together) == 1 and hold is held:
+                continue  # that has been tried
+            rigid = _passed(geometry, others) - bodies
+            ring = Ring(PoseGroups(geometry, q, rigid), sorted(together), bodies)
+            movable = ~np.isin(ring.joints.speeds, list(hold))
+            outcome, tries = _tried(ring, q, movable, random)
+            if outcome.closed:
+                return outcome, tries
+    raise AssemblyError(open_loop(ring, outcome, movable))
+
+
+def open_loop(ring: Ring, outcome: Outcome, movable: Array) -> str:
+    """Which loop stays open, by how much, and what to do."""
+    g, rows = ring.geometry, np.abs(outcome.rows)
+    model = g.model
+    owner = [(i, r) for i in ring.cuts.loops for r in g.rows[i]]
+    worst = owner[int(np.argmax(rows))][0]
+    mine = [(x, r) for x, (i, r) in zip(rows, owner, strict=True) if i == worst]
+    gap = max((x * g.lengths[worst] for x, r in mine if r < 3), default=0.0)
+    angle = max((x for x, r in mine if r >= 3), default=0.0)
+    loop = model.loops[worst]
+    ends = [model.bodies[k].name if k < g.ground else "ground" for k in (g.starts[worst], g.ends[worst])]
+    others = [model.loops[i].name for i in ring.cuts.loops if i != worst]
+    together = f", closed together with {listed(others)}," if others else ""
+    moved = [model.speed_names[s] for s in ring.joints.speeds[movable]]
+    rank = int(ranks(ring.evaluate(outcome.q)[1][..., movable])[0])
+    return (
+        f"loop {loop.name} ({loop.type} joint between {ends[0]} and {ends[1]}){together} cannot be closed: "
+        f"{gap:.3g} m and {angle:.3g} rad are left after moving {listed(moved) or 'nothing'} (rank {rank}, "
+        f"{len(rows)} conditions); links may be too short or too long, or the other coordinates too far off: "
+        f"check lengths and axes, and the values under `initial`"
+    )
+
+
+def listed(names: Sequence[str], limit: int = 6) -> str:
+    """Names in a row, long lists cut."""
+    more = f" and {len(names) - limit} more" if len(names) > limit else ""
+    return ", ".join(names[:limit]) + more

@@ -98,7 +98,8 @@ def closure_matrix(
     w, v = ground_screws(geometry, q, frames)
     o = frames[1][:, geometry.speed_body[speeds]]
     sign = np.array([[-1.0] * len(sides[0]) + [1.0] * len(sides[1])])
-    return tuple(speeds), cuts.matrix(w[:, speeds], v[:, speeds], o, sign)[0]
+    at_cut = cuts.at_cut(w[:, speeds], v[:, speeds], o)
+    return tuple(speeds), cuts.matrix(w[:, speeds], at_cut, sign)[0]
 
 
 # --- kinematics of all bodies -------------------------------------------------------------------------------------------
@@ -231,17 +232,22 @@ class Cuts:
             r[:, self.whole] = 2 * quaternion_vector(R[:, self.whole])
         return r
 
-    def matrix(self, w: Array, v: Array, o: Array, sign: Array) -> Array:
+    def at_cut(self, w: Array, v: Array, o: Array) -> Array:
+        """Velocities at the cuts ``(S, l, f, 3)`` of screws w, v about points o, base frame, ``(S, f, 3)`` each."""
+        return v[:, None] + cross(w[:, None], self.point[:, :, None] - o[:, None])
+
+    def matrix(self, w: Array, at_cut: Array, sign: Array) -> Array:
         """The closure matrix of f speeds, ``(S, rows, f)``.
 
         Parameters
         ----------
-        w, v, o : (S, f, 3) array
-            Unit screws about the points o, base frame.
+        w : (S, f, 3) array
+            Angular velocities of unit speeds, base frame.
+        at_cut : (S, l, f, 3) array
+            Their velocities at the cuts.
         sign : (l, f) array
             1 on the end side of a loop, -1 on its start side, 0 where it does not pass the joint.
         """
-        at_cut = v[:, None] + cross(w[:, None], self.point[:, :, None] - o[:, None])
         E = np.empty((len(w), len(self.loops), 6, w.shape[1]))
         E[:, :, :3] = self.n @ np.swapaxes(at_cut, -1, -2)
         E[:, :, 3:] = self.m @ np.swapaxes(w, -1, -2)[:, None]

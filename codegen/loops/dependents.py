@@ -8,7 +8,7 @@ its neighbours: that keeps an ear short.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from itertools import combinations, islice
+from itertools import combinations, islice, product
 
 import numpy as np
 
@@ -18,14 +18,14 @@ RANK_TOLERANCE = 1e-7
 """Singular values below this part of the largest count as zero: well above what is left of the assembly's rounding, well
 below what a closure matrix has half a degree from a singular pose."""
 
-WINDOWS = (10, 30, None)
-"""How many useful columns compete for a pivot; more are asked only where the condition stays poor."""
+WINDOWS = (10, 30, 100)
+"""How many useful columns compete for a pivot, in order of trial."""
 
 THRESHOLDS = (0.05, 0.3, 1.0)
 """A column is taken if it is at least this part of the best in the window, in order of trial."""
 
 GOOD_CONDITION = 20.0
-POOR_CONDITION = 1e3
+"""Below it no other choice is looked for; above, a condition 4 times better is worth twice the way from the cut."""
 
 MAX_COMBINATIONS = 500
 """How many ways of making whole quaternion joints dependent are tried."""
@@ -83,26 +83,25 @@ def _sums(several: list[tuple[int, ...]], rank: int) -> Iterable[tuple[tuple[int
 
 
 def _extend(A: Array, taken: list[int], single: list[int], rank: int) -> list[int]:
-    """`taken` and as many of `single` as complete the rank."""
+    """`taken` and as many of `single` as complete the rank: a good condition, not far from the cut."""
     if len(taken) == rank:
         return taken
-    best, best_condition = taken, float("inf")
-    for window in WINDOWS:
-        for threshold in THRESHOLDS:
-            chosen = _eliminate(A, taken, single, rank, window, threshold)
-            found = condition(A[..., chosen])
-            if found < 0.3 * best_condition or len(best) < rank:
-                best, best_condition = chosen, found
-            if best_condition < GOOD_CONDITION:
-                return best
-        if best_condition < POOR_CONDITION or window is None or window >= len(single):
+    if len(taken) + len(single) == rank:
+        return taken + single
+    best, lowest = taken, float("inf")
+    place = {c: i for i, c in enumerate(single)}
+    for window, threshold in product(WINDOWS, THRESHOLDS):
+        chosen = _eliminate(A, taken, single, rank, window, threshold)
+        found = condition(A[..., chosen])
+        price = found**0.5 * (1 + max(place[c] for c in chosen[len(taken) :]))
+        if price < lowest:
+            best, lowest = chosen, price
+        if found < GOOD_CONDITION or (len(single) <= window and threshold == 1):
             break
     return best
 
 
-def _eliminate(
-    A: Array, taken: list[int], single: list[int], rank: int, window: int | None, threshold: float
-) -> list[int]:
+def _eliminate(A: Array, taken: list[int], single: list[int], rank: int, window: int, threshold: float) -> list[int]:
     """One elimination; see the module."""
     chosen = list(taken)
     rest = A[..., single].copy()

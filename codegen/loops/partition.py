@@ -2,26 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..model.errors import nearest
 from ..model.model import Model
-from .assembling import Motion, VelocityClosure, assembled, first_assembly, initial_configuration, shortened
-from .dependents import choose_dependents, condition, ranks
+from .assembling import assembled, first_assembly, initial_configuration, listed
+from .closure import Cuts, body_frames
+from .dependents import condition
 from .errors import AssemblyError, PartitionError
 from .geometry import Array, Geometry, advance, padded
+from .ordering import Draft, Sweep, arrange, loop_order
+from .rings import ROUNDING
+from .velocities import Motion
 
-CONFIGURATIONS = 3
-"""The initial configuration and some near it, so that a special pose does not decide on ranks."""
+NEARBY = 2
+"""Configurations near the initial one that are looked at too where a special pose could mislead."""
 
-NEARBY = 0.05
-"""rad and characteristic lengths: how far the others start from it."""
+DISTANCE = 0.08
+"""rad and characteristic lengths: how far off they start."""
 
-MOTIONS = 12
-"""Random motions of the independents that each ear must follow: more than a loop has conditions."""
+POOR_CONDITION = 1e4
+"""Of a closure matrix: beyond this another choice is sought, and the user is told."""
 
 SEED = 20030617
 """Of the random numbers: the same model has the same partition."""
@@ -80,7 +83,7 @@ class Partition:
     ears: tuple[Ear, ...]
     independent: tuple[int, ...]
     q: tuple[float, ...] = ()
-    warnings: tuple[str, ...] = field(default=())
+    warnings: tuple[str, ...] = ()
 
 
 def partition(model: Model) -> Partition:
@@ -91,40 +94,121 @@ def partition(model: Model) -> Partition:
     AssemblyError
         A loop cannot be closed.
     PartitionError
-        A hint cannot be honoured, or no freedom is left.
+        A hint cannot be honoured, a loop has no freedom to close with, or no freedom is left at all.
     """
-    geometry = Geometry(model)
-    q0 = initial_configuration(model)[0]
-    if not model.loops:
-        return Partition((), tuple(range(model.nu)), tuple(float(x) for x in q0))
+    geometry, random = Geometry(model), np.random.default_rng(SEED)
+    guess = padded(initial_configuration(model)[0])
     held = hinted(geometry)
+    check_cycles(geometry)
     order = loop_order(geometry, held)
-    random = np.random.default_rng(SEED)
-    guesses = np.repeat(padded(q0), CONFIGURATIONS, axis=0)
-    length = np.median(geometry.lengths)
-    speeds = np.arange(model.nu)
-    step = random.uniform(-NEARBY, NEARBY, (CONFIGURATIONS, model.nu)) * np.where(geometry.turning, 1.0, length)
-    step[0] = 0
-    guesses = advance(geometry, guesses, speeds, step)
-    q, ok, warnings = first_assembly(geometry, order, guesses, held, random)
-    drafts = Sweep(geometry, q[ok], held, random).run([(i,) for i in order])
-    ears = [_ear(geometry, draft) for draft in drafts]
-    dependent = {s for ear in ears for s in ear.dependent}
-    independent = tuple(s for s in range(model.nu) if s not in dependent)
+    warnings: list[str] = []
+    if is_closed(geometry, guess):
+        q, drafts = guess, _choose(geometry, order, guess, held, random)
+    else:
+        q, warnings = first_assembly(geometry, order, guess, held, random)
+        drafts = _choose(geometry, order, q, held, random)
+        moved, q = q, _near_guess(geometry, drafts, guess, q, warnings)
+        if q is not moved:
+            drafts = _judged(geometry, drafts, q)
+            if max(d.condition for d in drafts) > POOR_CONDITION:
+                drafts = _choose(geometry, order, q, held, random)
+    warnings += [
+        f"loop {', '.join(model.loops[i].name for i in d.loops)}: the closure matrix of its dependent speeds has condition "
+        f"{d.condition:.1e} at the initial configuration, which is at or near a singular one; start from another"
+        for d in drafts
+        if d.condition > POOR_CONDITION
+    ]
+    return _partition(geometry, drafts, q, warnings)
+
+
+def is_closed(geometry: Geometry, q: Array) -> bool:
+    """Whether all loops are closed to rounding at coordinates ``(1, nq + 1)``."""
+    cuts = Cuts(geometry, range(len(geometry.starts)))
+    residual = np.max(np.abs(cuts.place(cuts.faces(body_frames(geometry, q)))), axis=2)
+    reach = np.linalg.norm(cuts.point, axis=2) / geometry.lengths
+    return bool(np.all(residual <= 4 * ROUNDING * (1 + reach)))
+
+
+def _choose(geometry: Geometry, order: list[int], q: Array, held: set[int], random: np.random.Generator) -> list[Draft]:
+    """Ears at an assembled configuration, and at some near it unless that one is enough."""
+    try:
+        drafts = arrange(Sweep(geometry, q, held, random), order)
+        if all(d.certain for d in drafts):
+            return drafts
+    except PartitionError:
+        pass  # the pose may be a special one
+    configurations = [q]
+    speeds = np.arange(geometry.nu)
+    size = (
+        np.where(geometry.turning, 1.0, np.median(geometry.lengths)) if len(geometry.lengths) else np.ones(geometry.nu)
+    )
+    for _ in range(NEARBY):
+        start = advance(geometry, q, speeds, random.uniform(-DISTANCE, DISTANCE, (1, geometry.nu)) * size)
+        try:
+            configurations.append(first_assembly(geometry, order, start, set(), random)[0])
+        except AssemblyError:
+            continue
+    return arrange(Sweep(geometry, np.concatenate(configurations), held, random), order)
+
+
+def _near_guess(geometry: Geometry, drafts: list[Draft], guess: Array, q: Array, warnings: list[str]) -> Array:
+    """The assembled configuration with the independents of the guess; `q` where there is none.
+
+    Dependents start from the guess, then from `q`.
+    """
+    loose = _partition(geometry, drafts, guess, [])
+    start = q.copy()
+    for s in loose.independent:
+        k = int(geometry.speed_body[s])
+        where = geometry.slices[k][0] if geometry.whole[k] else geometry.coordinate[s]
+        start[:, where] = guess[:, where]
+    for x in (guess, start):
+        try:
+            return assembled(geometry, loose, x)
+        except AssemblyError as error:
+            reason = str(error)
+    warnings.append(
+        f"independent coordinates had to leave their initial values, as with these the loops do not close: {reason}"
+    )
+    return q
+
+
+def _judged(geometry: Geometry, drafts: list[Draft], q: Array) -> list[Draft]:
+    """The same ears with their conditions at another configuration."""
+    motion = Motion(geometry, q, np.zeros((1, geometry.nu, 1)))
+    result = []
+    for draft in drafts:
+        closure = motion.closure(draft.loops)
+        E = closure.scaled(geometry, float(geometry.lengths[draft.loops[0]]))
+        result.append(replace(draft, condition=condition(E[..., [closure.column[s] for s in draft.dependent]])))
+        motion.groups.found(closure.bodies, motion.u)
+    return result
+
+
+def _partition(geometry: Geometry, drafts: list[Draft], q: Array, warnings: list[str]) -> Partition:
+    dependent = {s for d in drafts for s in d.dependent}
+    independent = tuple(s for s in range(geometry.nu) if s not in dependent)
     if not independent:
         raise PartitionError(
-            f"no freedom left: the {len(model.loops)} loops make all {model.nu} speeds dependent; "
-            f"remove a loop or give a joint one more freedom"
+            f"no freedom left: closing {listed([x.name for x in geometry.model.loops])} takes all {geometry.nu} speeds "
+            f"(rank {len(dependent)}); remove a loop or give a joint one more freedom"
         )
-    result = Partition(tuple(ears), independent, (), tuple(warnings))
-    try:
-        q_final = assembled(geometry, result, padded(q0))
-    except AssemblyError as error:
-        q_final = q[:1]
-        warnings.append(f"{error}; the assembled configuration moves independent coordinates too")
-    motion = Motion(geometry, q_final, np.zeros((1, model.nu, 1)))
-    ears = [_with_condition(motion, ear) for ear in ears]
-    return Partition(tuple(ears), independent, tuple(map(float, q_final[0, : model.nq])), tuple(warnings))
+    ears = tuple(_ear(geometry, d) for d in drafts)
+    return Partition(ears, independent, tuple(float(x) for x in q[0, : geometry.nq]), tuple(warnings))
+
+
+def check_cycles(geometry: Geometry) -> None:
+    """Every loop needs a joint that moves."""
+    for i, loop in enumerate(geometry.model.loops):
+        if not any(geometry.speeds[k] for side in geometry.cycle(i) for k in side):
+            names = [
+                geometry.model.bodies[k].name if k < geometry.ground else "ground"
+                for k in (geometry.starts[i], geometry.ends[i])
+            ]
+            raise PartitionError(
+                f"loop {loop.name} joins {names[0]} and {names[1]}, which cannot move to each other (rank 0): "
+                f"no joint on the way between them has a freedom; remove the loop"
+            )
 
 
 def hinted(geometry: Geometry) -> set[int]:
@@ -143,121 +227,11 @@ def hinted(geometry: Geometry) -> set[int]:
     return held
 
 
-def loop_order(geometry: Geometry, held: set[int]) -> list[int]:
-    """Loops outward: always the one with the fewest freedoms that no earlier loop has passed.
-
-    So a loop next to one that is closed comes before one that is far from it, and hinted coordinates count as known.
-    """
-    freedoms = [sum(s not in held for s in speeds) for speeds in geometry.speeds]
-    cycles = [[k for side in geometry.cycle(i) for k in side] for i in range(len(geometry.starts))]
-    passing: list[list[int]] = [[] for _ in range(geometry.ground)]
-    for i, cycle in enumerate(cycles):
-        for k in cycle:
-            passing[k].append(i)
-    left = np.array([sum(freedoms[k] for k in cycle) for cycle in cycles])
-    order: list[int] = []
-    passed = set[int]()
-    never = np.iinfo(left.dtype).max // 2
-    while len(order) < len(cycles):
-        loop = int(np.argmin(left))
-        order.append(loop)
-        for k in cycles[loop]:
-            if k not in passed:
-                passed.add(k)
-                left[passing[k]] -= freedoms[k]
-        left[loop] = never
-    return order
-
-
-@dataclass(slots=True)
-class Draft:
-    """An ear in the making."""
-
-    loops: tuple[int, ...]
-    dependent: list[int]
-    rows: int
-
-
-class Sweep:
-    """Ears one after the other, with random motions of the independents found so far.
-
-    Parameters
-    ----------
-    q : (S, nq + 1) array
-        Assembled configurations.
-    held : set of int
-        Speeds that must stay independent.
-    """
-
-    def __init__(self, geometry: Geometry, q: Array, held: set[int], random: np.random.Generator) -> None:
-        self.geometry, self.q, self.held = geometry, q, held
-        u = random.normal(size=(geometry.nu, MOTIONS))
-        self.u = np.repeat(u[None], len(q), axis=0)
-
-    def run(self, order: Sequence[tuple[int, ...]]) -> list[Draft]:
-        motion = Motion(self.geometry, self.q, self.u)
-        regular = np.ones(len(self.q), dtype=bool)
-        drafts = []
-        for loops in order:
-            closure = motion.closure(loops)
-            draft, regular = self.close(closure, loops, regular)
-            motion.resolve(closure, draft.dependent)
-            drafts.append(draft)
-        return drafts
-
-    def close(self, closure: VelocityClosure, loops: tuple[int, ...], regular: Array) -> tuple[Draft, Array]:
-        g = self.geometry
-        E = closure.scaled(g, float(np.max(g.lengths[list(loops)])))
-        free = [c for c, s in enumerate(closure.speeds) if int(s) not in self.held]
-        found = ranks(E[..., free])
-        rank = int(np.max(found[regular]))
-        regular = regular & (found == rank)
-        if not _follows(E[..., free][regular], closure.known[regular], rank):
-            names = shortened([g.model.loops[i].name for i in loops])
-            raise PartitionError(f"loop {names} does not close by itself: rank {rank}")
-        joints: dict[int, list[int]] = {}
-        for c in free:
-            s = int(closure.speeds[c])
-            k = int(g.speed_body[s])
-            joints.setdefault(k if g.whole[k] else -1 - s, []).append(c)
-        chosen = choose_dependents(E[regular], [tuple(x) for x in joints.values()], rank)
-        if chosen is None:
-            names = shortened([g.model.loops[i].name for i in loops])
-            raise PartitionError(f"loop {names}: quaternion joints cannot be dependent as a whole (rank {rank})")
-        return Draft(loops, [int(closure.speeds[c]) for c in chosen], E.shape[1]), regular
-
-
-def _follows(E: Array, known: Array, rank: int) -> bool:
-    """Whether the columns of E (of this rank) can undo all that known motions do."""
-    if rank == E.shape[1]:
-        return True
-    U = np.linalg.svd(E)[0] if E.shape[2] else np.tile(np.eye(E.shape[1]), (len(E), 1, 1))
-    size = np.max(np.abs(known), axis=1, keepdims=True)
-    return bool(np.max(np.abs(np.swapaxes(U[..., rank:], -1, -2) @ (known / np.maximum(size, 1e-9)))) < 1e-6)
-
-
 def _ear(geometry: Geometry, draft: Draft) -> Ear:
     path: list[int] = []
+    chosen = set(draft.dependent)
     for loop in draft.loops:
         for side in geometry.cycle(loop):
-            path += [s for k in reversed(side) for s in geometry.speeds[k] if s in draft.dependent and s not in path]
-    length = float(np.max(geometry.lengths[list(draft.loops)]))
-    return Ear(draft.loops, tuple(path), draft.rows, len(path), float("nan"), length)
-
-
-def _with_condition(motion: Motion, ear: Ear) -> Ear:
-    closure = motion.closure(ear.loops)
-    columns = [closure.column[s] for s in ear.dependent]
-    found = condition(closure.scaled(motion.geometry, ear.length)[..., columns])
-    motion.groups.found(closure.bodies, motion.u)
-    return Ear(ear.loops, ear.dependent, ear.rows, ear.rank, found, ear.length)
-
-
-def describe(model: Model, partition: Partition) -> list[str]:
-    """Readable lines about loops, ears, dependents, ranks, redundant conditions and freedoms."""
-    lines = []
-    for ear in partition.ears:
-        names = ", ".join(model.loops[i].name for i in ear.loops)
-        dependent = ", ".join(model.speed_names[s] for s in ear.dependent)
-        lines.append(f"{names}: {dependent}; rank {ear.rank} of {ear.rows}, condition {ear.condition:.3g}")
-    return lines
+            path += [s for k in reversed(side) for s in geometry.speeds[k] if s in chosen and s not in path]
+    length = float(geometry.lengths[draft.loops[0]])
+    return Ear(draft.loops, tuple(path), draft.rows, len(path), draft.condition, length)

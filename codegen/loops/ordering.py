@@ -1,0 +1,232 @@
+"""The order of the ears: loop after loop where each closes by itself, clusters where they do not.
+
+A loop closes by itself if, for every motion that earlier loops allow, the speeds of joints that none of them has passed can
+keep it closed. Random motions are carried through the loops resolved so far; what they do at the cut has to lie in the
+range of the new columns. Where it does not, some freedom inside earlier ears has to depend on this loop: another order
+is sought in which the loop comes before one of them, or that one after it; failing that they become one cluster.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .assembling import listed
+from .dependents import choose_dependents, condition, ranks
+from .errors import PartitionError
+from .geometry import Array, Geometry
+from .velocities import Motion, VelocityClosure
+
+MOTIONS = 12
+"""Random motions carried along: more than a loop has conditions."""
+
+FOLLOWED = 1e-8
+"""What may be left open of a random motion that is followed, relative to the motions at the cut."""
+
+NEIGHBOURS = 8
+"""How many of the loops that share joints with one are tried in other orders, the latest first."""
+
+Order = list[tuple[int, ...]]
+"""Ears by their loops."""
+
+
+def loop_order(geometry: Geometry, held: set[int]) -> list[int]:
+    """Loops outward: always the one with the fewest freedoms that no earlier loop has passed, of several the inmost.
+
+    So a loop next to one that is closed comes before one that is far from it, and hinted coordinates count as known.
+    """
+    freedoms = [sum(s not in held for s in speeds) for speeds in geometry.speeds]
+    cycles = [[k for side in geometry.cycle(i) for k in side] for i in range(len(geometry.starts))]
+    passing: list[list[int]] = [[] for _ in range(geometry.ground)]
+    for i, cycle in enumerate(cycles):
+        for k in cycle:
+            passing[k].append(i)
+    inmost = [min((geometry.depth[k] for k in cycle), default=0) for cycle in cycles]
+    left = np.array([sum(freedoms[k] for k in cycle) for cycle in cycles]) + np.array(inmost) / (
+        1 + max(geometry.depth)
+    )
+    order: list[int] = []
+    passed = set[int]()
+    while len(order) < len(cycles):
+        loop = int(np.argmin(left))
+        order.append(loop)
+        for k in cycles[loop]:
+            if k not in passed:
+                passed.add(k)
+                left[passing[k]] -= freedoms[k]
+        left[loop] = np.inf
+    return order
+
+
+@dataclass(slots=True)
+class Draft:
+    """An ear as one sweep found it.
+
+    Attributes
+    ----------
+    loops : tuple of int
+    dependent : list of int
+        Speeds.
+    rows : int
+        Conditions.
+    condition : float
+        Of the scaled closure matrix of the dependents at the first configuration.
+    certain : bool
+        Whether no other configuration could show a higher rank.
+    """
+
+    loops: tuple[int, ...]
+    dependent: list[int]
+    rows: int
+    condition: float
+    certain: bool
+
+
+@dataclass(slots=True)
+class Stuck:
+    """An ear that does not close by itself: which, and why in words."""
+
+    place: int
+    reason: str
+
+
+class Sweep:
+    """Ears one after the other, with random motions of the independents found so far.
+
+    Parameters
+    ----------
+    q : (S, nq + 1) array
+        Assembled configurations.
+    held : set of int
+        Speeds that must stay independent.
+    """
+
+    def __init__(self, geometry: Geometry, q: Array, held: set[int], random: np.random.Generator) -> None:
+        self.geometry, self.q, self.held = geometry, q, held
+        self.motion = Motion(geometry, q, np.repeat(random.normal(size=(1, geometry.nu, MOTIONS)), len(q), axis=0))
+
+    def run(self, order: Order) -> tuple[list[Draft], Stuck | None]:
+        """The ears up to the first that does not close by itself."""
+        self.motion.restart()
+        self.regular = np.ones(len(self.q), dtype=bool)
+        drafts: list[Draft] = []
+        for place, loops in enumerate(order):
+            self.geometry.lengths[list(loops)] = np.max(self.geometry.lengths[list(loops)])
+            closure = self.motion.closure(loops)
+            draft = self._draft(closure, loops)
+            if isinstance(draft, str):
+                return drafts, Stuck(place, draft)
+            self.motion.resolve(closure, draft.dependent)
+            drafts.append(draft)
+        return drafts, None
+
+    def _draft(self, closure: VelocityClosure, loops: tuple[int, ...]) -> Draft | str:
+        """The ear of some loops; or why it does not close by itself."""
+        g = self.geometry
+        E = closure.scaled(g, float(g.lengths[loops[0]]))
+        free = [c for c, s in enumerate(closure.speeds) if int(s) not in self.held]
+        found = ranks(E[..., free])
+        rank = int(np.max(found[self.regular]))
+        # Where the rank is lower, the pose is a special one and nothing more can be learnt there.
+        self.regular &= found == rank
+        regular = self.regular
+        if not _follows(E[regular][..., free], closure.known[regular], closure.size[regular], rank):
+            return self._why_open(closure, E[regular], free, rank)
+        joints: dict[int, list[int]] = {}
+        for c in free:
+            s = int(closure.speeds[c])
+            k = int(g.speed_body[s])
+            joints.setdefault(k if g.whole[k] else g.ground + s, []).append(c)
+        chosen = choose_dependents(E[regular], [tuple(x) for x in joints.values()], rank)
+        if chosen is None:
+            return self._why_not_whole(closure, free, rank)
+        dependent = [int(closure.speeds[c]) for c in chosen]
+        return Draft(loops, dependent, E.shape[1], condition(E[:1][..., chosen]), rank == closure.possible)
+
+    def _why_open(self, closure: VelocityClosure, E: Array, free: list[int], rank: int) -> str:
+        names = self.geometry.model.speed_names
+        known = closure.known[self.regular] / np.maximum(closure.size[self.regular], 1e-300)[:, None]
+        everything = int(np.max(ranks(np.concatenate([E, known], axis=2))))
+        left = listed([names[closure.speeds[c]] for c in free]) or "nothing"
+        text = f"rank {everything} is asked of {left}, which have rank {rank}"
+        held = [int(s) for s in closure.speeds if int(s) in self.held]
+        if not held:
+            return text
+        wrong = [s for s in held if np.max(ranks(E[..., [*free, closure.column[s]]])) > rank] or held
+        return (
+            f"{text}; {listed([names[s] for s in wrong])} cannot all be independent: "
+            f"remove one of them from `independent`"
+        )
+
+    def _why_not_whole(self, closure: VelocityClosure, free: list[int], rank: int) -> str:
+        g = self.geometry
+        bodies = list(dict.fromkeys(int(g.speed_body[closure.speeds[c]]) for c in free))
+        joints = listed([f"{g.model.bodies[k].name} ({g.types[k]}, {len(g.speeds[k])})" for k in bodies], 12)
+        return (
+            f"rank {rank} cannot be made up of the joints {joints}: speeds of a spherical or free joint are dependent all "
+            f"together or not at all; let a spherical joint close the loop (under `loops`), or make one a universal joint"
+        )
+
+
+def _follows(E: Array, known: Array, size: Array, rank: int) -> bool:
+    """Whether the columns of E, of this rank, can undo what known motions do at the cut."""
+    rows = E.shape[1]
+    if rank == rows:
+        return True
+    left = np.swapaxes(np.linalg.svd(E)[0][..., rank:], -1, -2) if E.shape[2] else np.eye(rows)
+    return bool(np.all(np.abs(left @ known) <= FOLLOWED * np.maximum(size, 1e-300)[:, None]))
+
+
+def arrange(sweep: Sweep, loops: Sequence[int]) -> list[Draft]:
+    """Ears in an order in which each closes by itself.
+
+    Parameters
+    ----------
+    loops : sequence of int
+        All loops, in the order of first trial.
+
+    Raises
+    ------
+    PartitionError
+    """
+    order: Order = [(i,) for i in loops]
+    while True:
+        drafts, stuck = sweep.run(order)
+        if stuck is None:
+            return drafts
+        order = _mended(sweep, order, stuck)
+
+
+def _mended(sweep: Sweep, order: Order, stuck: Stuck) -> Order:
+    """An order that comes further, or has fewer ears."""
+    i, ear = stuck.place, order[stuck.place]
+    passed = _passed(sweep.geometry, ear)
+    near = [j for j in reversed(range(i)) if _passed(sweep.geometry, order[j]) & passed]
+    if not near:
+        names = listed([sweep.geometry.model.loops[k].name for k in ear])
+        raise PartitionError(f"loop{'s' if len(ear) > 1 else ''} {names}: {stuck.reason}")
+    for other, length in _others(order, i, near[:NEIGHBOURS]):
+        if sweep.run(other[:length])[1] is None:
+            return other
+    cluster = tuple(sorted({*ear, *(k for j in near for k in order[j])}))
+    return [x for j, x in enumerate(order[:i]) if j not in near] + [cluster] + order[i + 1 :]
+
+
+def _others(order: Order, i: int, near: list[int]) -> Iterator[tuple[Order, int]]:
+    """Other orders of the ears up to i, and how many ears those are: first without clusters, then with one more."""
+    before, ear, after = order[:i], order[i], order[i + 1 :]
+    for j in near:
+        yield before[:j] + [ear] + before[j:] + after, i + 1
+    for j in near:
+        yield before[:j] + before[j + 1 :] + [ear, before[j]] + after, i + 1
+    for j in near:
+        cluster = tuple(sorted((*ear, *before[j])))
+        yield before[:j] + [cluster] + before[j + 1 :] + after, i
+        yield before[:j] + before[j + 1 :] + [cluster] + after, i
+
+
+def _passed(geometry: Geometry, loops: Sequence[int]) -> set[int]:
+    """Bodies whose joints move and are on the cycles of some loops."""
+    return {k for i in loops for side in geometry.cycle(i) for k in side if geometry.speeds[k]}

@@ -1,0 +1,197 @@
+"""Rings of joints that close loops: evaluated from what is known around them, closed by damped Newton steps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .closure import Cuts
+from .geometry import Array, Joints, advance, turn
+from .paths import PoseGroups
+
+ROUNDING = 5e-16
+"""Residuals below this, times the distance from the base in characteristic lengths, are not worth a step."""
+
+CLOSED = 1e-10
+"""Residuals that count as closed, in the same measure: between rounding and any gap that is meant."""
+
+MAX_STEPS = 60
+
+LARGEST_STEP = 0.7
+"""rad, or characteristic lengths; longer steps are shortened, as a linearisation means nothing over half a radian."""
+
+LEAST_PIVOT = 1e-9
+"""Singular values of the closure matrix below this part of the largest are not divided by."""
+
+
+class Ring:
+    """The unknown joints of some loops, everything known in between rigid: closes on floats.
+
+    Parameters
+    ----------
+    groups : PoseGroups
+    loops : sequence of int
+    bodies : iterable of int
+        Those whose joints move.
+
+    Attributes
+    ----------
+    joints : Joints
+        Outward.
+    length : float
+        The largest characteristic length of the loops, m.
+    """
+
+    def __init__(self, groups: PoseGroups, loops: Sequence[int], bodies: Iterable[int]) -> None:
+        g = groups.geometry
+        self.geometry = g
+        self.joints = Joints(g, sorted(bodies, key=lambda k: (g.depth[k], k)))
+        self.cuts = Cuts(g, loops)
+        self.length = float(np.max(g.lengths[self.cuts.loops]))
+        place = {k: i for i, k in enumerate(self.joints.bodies)}
+        fixed = len(place)  # the place of what no moving joint carries
+        inboard = [self._carrier(groups, place, g.parent[k]) for k in self.joints.bodies]
+        self.inboard = [c for c, _, _, _ in inboard]
+        self.R_in = np.stack([R for _, R, _, _ in inboard], axis=1) if inboard else np.zeros((1, 0, 3, 3))
+        self.o_in = np.stack([o for _, _, o, _ in inboard], axis=1) if inboard else np.zeros((1, 0, 3))
+        bases = [base for _, _, _, base in inboard]
+
+        self.sign = np.zeros((len(self.cuts.loops), fixed + 1))
+        self.face_carriers, self.face_R, self.face_o = [], [], []
+        ends: list[list[int]] = []
+        for side, sign, faces in ((0, -1, self.cuts.starts), (1, 1, self.cuts.ends)):
+            carriers = [self._carrier(groups, place, int(body)) for body in faces]
+            self.face_carriers.append([c for c, _, _, _ in carriers])
+            R, o = (np.stack([x[i] for x in carriers], axis=1) for i in (1, 2))
+            self.face_R.append(R @ self.cuts.face_R[side])
+            self.face_o.append(o + turn(R, self.cuts.face_at[side]))
+            ends.append([])
+            for j, (carrier, _, _, base) in enumerate(carriers):
+                while carrier != fixed:
+                    self.sign[j, carrier] += sign
+                    base = bases[carrier]
+                    carrier = self.inboard[carrier]
+                ends[-1].append(base)
+        if ends[0] != ends[1]:
+            names = ", ".join(g.model.loops[i].name for i in self.cuts.loops)
+            raise RuntimeError(f"loops {names}: joints between their ends are not known yet; the ears are out of order")
+
+    @staticmethod
+    def _carrier(groups: PoseGroups, place: dict[int, int], body: int) -> tuple[int, Array, Array, int]:
+        """The moving joint that carries a body, the body's frame in that joint's body, and the innermost body."""
+        base = groups.find(body)
+        if body == base:
+            R, o = np.broadcast_to(np.eye(3), groups.R[body].shape), np.zeros_like(groups.o[body])
+        else:
+            R, o = groups.R[body], groups.o[body]
+        return place.get(base, len(place)), R, o, base
+
+    def evaluate(self, q: Array) -> tuple[Array, Array]:
+        """Position residuals ``(S, rows)`` and closure matrix ``(S, rows, f)`` of all speeds of the moving joints."""
+        joints, m = self.joints, len(self.joints.bodies)
+        R_joint, d = joints.transforms(q)
+        R, o = np.empty((len(q), m + 1, 3, 3)), np.empty((len(q), m + 1, 3))
+        R[:, m], o[:, m] = np.eye(3), 0
+        R[:, :m] = self.R_in @ R_joint
+        o[:, :m] = self.o_in + turn(self.R_in, d)
+        for i, carrier in enumerate(self.inboard):
+            if carrier != m:
+                o[:, i] = o[:, carrier] + turn(R[:, carrier], o[:, i])
+                R[:, i] = R[:, carrier] @ R[:, i]
+        faces = []
+        for side in (0, 1):
+            C = R[:, self.face_carriers[side]]
+            faces += [C @ self.face_R[side], o[:, self.face_carriers[side]] + turn(C, self.face_o[side])]
+        residual = self.cuts.place((faces[0], faces[1], faces[2], faces[3]))
+        w, v = joints.screws(q)
+        C = R[:, joints.place]
+        w = turn(C, w)
+        at_cut = self.cuts.at_cut(w, turn(C, v), o[:, joints.place])
+        E = self.cuts.matrix(w, at_cut, self.sign[:, joints.place])
+        return self.cuts.kept(residual), E
+
+    def reach(self) -> float:
+        """How far from the base the cuts are, in characteristic lengths: the measure of rounding."""
+        lengths = self.geometry.lengths[self.cuts.loops]
+        return float(np.max(np.linalg.norm(self.cuts.point, axis=-1) / lengths))
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """Of closing a ring.
+
+    Attributes
+    ----------
+    q : (1, nq + 1) array
+    rows : (rows,) array
+        Scaled position residuals.
+    closed : bool
+    """
+
+    q: Array
+    rows: Array
+    closed: bool
+
+    @property
+    def residual(self) -> float:
+        """The largest."""
+        return float(np.max(np.abs(self.rows), initial=0.0))
+
+
+def close(ring: Ring, q: Array, movable: Array) -> Outcome:
+    """Close the loops of a ring by minimum-norm least-squares Newton steps.
+
+    Each step must lower the largest residual, else it is shortened; where no length will do it is damped (Levenberg and
+    Marquardt). Angles count in rad, displacements in characteristic lengths.
+
+    Parameters
+    ----------
+    q : (1, nq + 1) array
+        Guess.
+    movable : (f,) array of bool
+        Which speeds of the ring's joints may move.
+    """
+    g, speeds = ring.geometry, ring.joints.speeds[movable]
+    scale = np.where(g.turning[speeds], 1.0, ring.length)
+    rows, E = ring.evaluate(q)
+    norm = np.max(np.abs(rows), initial=0.0)
+    unit = 1 + ring.reach()
+    damping = 0.0
+    for _ in range(MAX_STEPS):
+        if norm <= ROUNDING * unit or not len(speeds):
+            break
+        y = _step(E[0][:, movable] * scale, rows[0], damping)
+        y *= min(1.0, LARGEST_STEP / max(float(np.max(np.abs(y))), 1e-300))
+        part = 1.0
+        for _ in range(5):
+            q_new = advance(g, q, speeds, part * (scale * y)[None])
+            rows_new, E_new = ring.evaluate(q_new)
+            norm_new = np.max(np.abs(rows_new))
+            better = norm_new <= (1 - 1e-3 * part) * norm
+            if better or norm < CLOSED * unit:
+                break
+            part /= 3
+        if better:
+            slow = norm_new > 0.5 * norm and norm_new < CLOSED * unit  # rounding has been reached
+            q, rows, E, norm = q_new, rows_new, E_new, norm_new
+            damping = damping / 10 if damping > 1e-3 else 0.0
+            if slow:
+                break
+        else:
+            damping = damping * 10 if damping else 0.01
+            if norm < CLOSED * unit or damping > 2:
+                break
+    return Outcome(q, rows[0], bool(norm < CLOSED * unit))
+
+
+def _step(E: Array, rows: Array, damping: float) -> Array:
+    """The step ``(f,)``, damped by `damping` times the largest singular value."""
+    U, s, Vt = np.linalg.svd(E, full_matrices=False)
+    s = s[s > LEAST_PIVOT * max(s[0], 1e-300)]
+    k = len(s)
+    if not k:
+        return np.zeros(E.shape[1])
+    step: Array = -Vt[:k].T @ (s / (s * s + (damping * s[0]) ** 2) * (U[:, :k].T @ rows))
+    return step

@@ -1,0 +1,160 @@
+"""Velocity closure: what loops ask of the speeds, and dependent speeds from independent ones, ear by ear."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..model.model import Model
+from .closure import Cuts, body_frames, ground_screws
+from .dependents import ranks
+from .geometry import Array, Geometry, padded
+from .paths import TwistGroups
+
+if TYPE_CHECKING:
+    from .partition import Partition
+
+PLANAR = 1e-9
+"""How far, relatively, planar motions may be out of their plane."""
+
+
+def complete_speeds(
+    model: Model,
+    partition: Partition,
+    q: Sequence[float] | Array,
+    u: Sequence[float] | Array,
+    p: Sequence[float] | Array | None = None,
+) -> Array:
+    """Dependent speeds from independent ones, by the velocity closure of one ear after the other.
+
+    Parameters
+    ----------
+    q : (nq,) array
+        Assembled.
+    u : (nu,) array
+        Its independent entries are kept, the others ignored.
+
+    Returns
+    -------
+    (nu,) array
+    """
+    geometry = Geometry(model, p)
+    motion = Motion(geometry, padded(q), np.asarray(u, dtype=float)[None, :, None])
+    dependent = {s for ear in partition.ears for s in ear.dependent}
+    bodies = {int(geometry.speed_body[s]) for s in dependent}
+    motion.groups.found([k for k in range(geometry.ground) if k not in bodies], motion.u)
+    for ear in partition.ears:
+        geometry.lengths[list(ear.loops)] = ear.length
+        motion.resolve(motion.closure(ear.loops), ear.dependent)
+    return motion.u[0, :, 0]
+
+
+class Motion:
+    """K motions at S configurations, resolved ear by ear: the velocity level of closure.
+
+    Attributes
+    ----------
+    u : (S, nu, K) array
+        Speeds; dependent ones are right once their ear has been resolved.
+    """
+
+    def __init__(self, geometry: Geometry, q: Array, u: Array) -> None:
+        self.geometry, self.given = geometry, u
+        self.frames = body_frames(geometry, q)
+        self.screws = ground_screws(geometry, q, self.frames)
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget what has been resolved."""
+        self.u = self.given.copy()
+        self.groups = TwistGroups(self.geometry, self.frames, self.screws, self.u.shape[-1])
+
+    def closure(self, loops: Sequence[int]) -> VelocityClosure:
+        """The velocity closure of an ear on what is known so far."""
+        return VelocityClosure(self, loops)
+
+    def resolve(self, closure: VelocityClosure, dependent: Sequence[int]) -> None:
+        """Find the dependent speeds of an ear; its joints are known then."""
+        columns = [closure.column[s] for s in dependent]
+        others = [c for c in range(len(closure.speeds)) if c not in columns]
+        right = closure.known + closure.E[..., others] @ self.u[:, closure.speeds[others]]
+        if columns:
+            self.u[:, list(dependent)] = -np.linalg.pinv(closure.E[..., columns], rcond=1e-12) @ right
+        self.groups.found(closure.bodies, self.u)
+
+
+class VelocityClosure:
+    """``E u + known = 0`` for the joints of some loops that are not known yet.
+
+    Attributes
+    ----------
+    bodies : list of int
+        The f speeds' bodies, those near the cuts first.
+    speeds : (f,) array
+    column : dict of int to int
+        Where a speed stands.
+    E : (S, rows, f) array
+    known : (S, rows, K) array
+        What the known speeds contribute.
+    size : (S, K) array
+        How large the contributions are that `known` is the difference of.
+    possible : int
+        How many of the conditions motions of this kind can break: in a plane only those in the plane.
+    """
+
+    def __init__(self, motion: Motion, loops: Sequence[int]) -> None:
+        g = motion.geometry
+        cuts = Cuts(g, loops)
+        cuts.place(cuts.faces(motion.frames))
+        moved = [motion.groups.difference(i, cuts.point[:, j]) for j, i in enumerate(loops)]
+        known_w, known_v, size = (np.stack([m[i] for m in moved], axis=1) for i in range(3))
+        sides = [m[3] for m in moved]
+        self.known = cuts.kept(cuts.conditions(known_w, known_v))
+        self.size = np.max(size, axis=1)
+        distance: dict[int, int] = {}
+        for start, end in sides:
+            for side in (start, end):
+                for d, k in enumerate(side):
+                    distance[k] = min(d, distance.get(k, d))
+        self.bodies = sorted(distance, key=lambda k: distance[k])
+        self.speeds = np.array([s for k in self.bodies for s in reversed(g.speeds[k])], dtype=int)
+        self.column = {int(s): c for c, s in enumerate(self.speeds)}
+        place = {k: i for i, k in enumerate(self.bodies)}
+        sign = np.zeros((len(loops), len(self.bodies)))
+        for j, (start, end) in enumerate(sides):
+            sign[j, [place[k] for k in start]] = -1
+            sign[j, [place[k] for k in end]] = 1
+        body = g.speed_body[self.speeds]
+        sign = sign[:, [place[int(k)] for k in body]]
+        w, v = motion.screws[0][:, self.speeds], motion.screws[1][:, self.speeds]
+        at_cut = cuts.at_cut(w, v, motion.frames[1][:, body])
+        self.E = cuts.matrix(w, at_cut, sign)
+        self.possible = sum(
+            _possible(
+                cuts.n[0, j],
+                cuts.m[0, j],
+                np.concatenate([w[0, sign[j] != 0].T, known_w[0, j]], axis=1),
+                np.concatenate([at_cut[0, j, sign[j] != 0].T, known_v[0, j]], axis=1),
+            )
+            for j in range(len(loops))
+        )
+
+    def scaled(self, geometry: Geometry, length: float) -> Array:
+        """E with the columns of displacements per characteristic length."""
+        return self.E * np.where(geometry.turning[self.speeds], 1.0, length)
+
+
+def _possible(n: Array, m: Array, w: Array, v: Array) -> int:
+    """Rank of a loop's conditions n, m ``(3, 3)`` for all motions of the kind of some twists ``(3, f)`` at its cut.
+
+    Twists with one direction of w and all v across it are motions in a plane, whatever the configuration; all others are
+    taken for motions in space.
+    """
+    U, s, _ = np.linalg.svd(w)
+    planar = (
+        s[0] > 0 and s[1] < PLANAR * s[0] and np.max(np.abs(U[:, 0] @ v)) < PLANAR * np.max(np.abs(v), initial=1e-300)
+    )
+    across, along = (U[:, 1:], U[:, :1]) if planar else (np.eye(3), np.eye(3))
+    return int(ranks((n @ across)[None])[0] + ranks((m @ along)[None])[0])
