@@ -6,9 +6,11 @@ of the header.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cached_property
 from typing import Any
 
-from ..mechanics.kinds import LinkKind
+from ..mechanics.kinds import EarKind, LinkKind, UnitKind
 from ..program.block import Block
 from .interface import Interface
 from .printer import C_FUNCTIONS, Printer
@@ -16,10 +18,21 @@ from .templates import render
 from .writer import Function, Located, Place, Writer
 
 LANES = frozenset(
-    {"lme", "lup", "lane", "dq", "du", "dp", "dinputs", "dt", "dtau", "b", "dudot", "dforce", "dqdot", "denergy",
-     "denergy_sum", "doutputs"}
+    {"lme", "lup", "lane", "lroot", "laneroot", "lbase", "lanebase", "lground", "lregion", "lregion_sum", "dq", "du", "dp",
+     "cldp", "dinputs", "dt", "dtau", "b", "dudot", "dforce", "dqdot", "denergy", "denergy_sum", "doutputs"}
 )  # fmt: skip
 """Arrays that hold one value per direction."""
+
+RECORDS = ("me", "up", "root", "base", "ground")
+SLOTS = ("lme", "lup", "lroot", "lbase", "lground")
+LINK_LANES = ("lane", "laneroot", "lanebase")
+OF_COORDINATES = ("q", "dq", "qdot", "dqdot")
+OF_SPEEDS = ("u", "du", "udot", "dudot", "tau", "dtau", "b", "force", "dforce")
+
+
+def of_directions(array: str) -> bool:
+    """Whether an array holds one value per direction."""
+    return array.partition("#")[0] in LANES
 
 
 class CWriter(Writer):
@@ -32,8 +45,8 @@ class CWriter(Writer):
 
     # -- the language ----------------------------------------------------------------------------------------------
 
-    def lines(self, block: Block, place: Place, link: str = "") -> list[str]:
-        written = {place(a, n)[0] for a, n, _ in block.stores if a != "pivot"}
+    def lines(self, block: Block, place: Place, culprit: Callable[[str, str], str] | None = None) -> list[str]:
+        written = {place(a, n)[0] for a, n, _ in block.stores if a not in ("pivot", "rank")}
         pointers: dict[str, str] = {}
         body: list[str] = []
 
@@ -41,13 +54,13 @@ class CWriter(Writer):
             pointer, expression, i = place(array, name)
             variable = pointer + "_at"
             if pointer not in pointers:
-                type_ = "LANES" if array in LANES else "double"
+                type_ = "LANES" if of_directions(array) else "double"
                 const = "" if pointer in written else "const "
                 pointers[pointer] = f"{const}{type_} *restrict {variable} = {expression};"
             return f"{variable}[{i}]"
 
         for symbol, (array, name) in block.loads.items():
-            body.append(f"const {'LANES' if array in LANES else 'double'} {symbol} = {access(array, name)};")
+            body.append(f"const {'LANES' if of_directions(array) else 'double'} {symbol} = {access(array, name)};")
         tag = ""
         for s in block.statements:
             comment = f" /* {s.tag} */" if s.tag and s.tag != tag else ""
@@ -55,10 +68,11 @@ class CWriter(Writer):
             body.append(f"const {'LANES' if s.lanes else 'double'} {s.target} = {self.printer(s.expression)};{comment}")
         for array, name, value in block.stores:
             text = self.printer(value)
-            if array == "pivot":
-                body.append(f"if (!a->singular && !({text} > 0.0)) a->singular = {link} + 1;")
+            if array in ("pivot", "rank"):
+                assert culprit is not None
+                body.append(f"if (!a->singular && !({text} > 0.0)) a->singular = {culprit(array, name)} + 1;")
                 continue
-            if array in LANES and value.is_Number:
+            if of_directions(array) and value.is_Number:
                 text = "NOTHING" if value == 0 else f"NOTHING + {text}"
             body.append(f"{access(array, name)} {'+=' if array.endswith('_sum') else '='} {text};")
         return list(pointers.values()) + body
@@ -77,9 +91,9 @@ class CWriter(Writer):
             head = f"for (int i = {start}; i < {end}; i += {step}) {{"
         return [head, *(f"    {c}" for c in calls), "}"]
 
-    def dispatch(self, count: int, inward: bool, calls: list[tuple[int, str]]) -> list[str]:
+    def dispatch(self, count: int, inward: bool, entry: str, calls: list[tuple[int, str]]) -> list[str]:
         lines = [f"for (int i = {count - 1}; i >= 0; --i) {{" if inward else f"for (int i = 0; i < {count}; ++i) {{"]
-        lines.append("    switch (link[i][KIND]) {")
+        lines.append(f"    switch ({entry}) {{")
         lines += [f"    case {kind}: {call} break;" for kind, call in calls]
         return [*lines, "    default: break;", "    }", "}"]
 
@@ -126,39 +140,69 @@ class CWriter(Writer):
     def number_of_row(self, table: str, row: str, index: int) -> Located:
         return "k", f"{table}[{row}]", index
 
-    def place(self, kind: LinkKind, sweep: str, array: str, name: str) -> Located:
-        entry = self.table.entry
-        layout = self.layout
-        me = str(kind.members[0]) if len(kind.members) == 1 else "i"
-        near = layout.near.get(sweep, {})
-        if array == "me" and name in near:
-            return "near", f"a->near + NEAR_SIZE*{entry('SLOT', kind)}", near[name]
-        if array == "up" and name in near:
-            return "up_near", f"a->near + NEAR_SIZE*{entry('UPSLOT', kind)}", near[name]
-        if array == "me":
-            return array, f"a->records + RECORD*{me}", layout.record[name]
-        if array == "up":
-            return array, f"a->records + RECORD*{entry('UP', kind)}", layout.record[name]
-        if array in ("lme", "lup"):
-            column = "SLOT" if array == "lme" else "UPSLOT"
-            return array, f"a->slots + SLOT_SIZE*{entry(column, kind)}", layout.slots[sweep][name]
-        if array == "lane":
-            return array, f"a->lanes + LANE_SIZE*{me}", layout.lane[name]
-        if array in ("q", "dq", "qdot", "dqdot"):
-            return array, f"a->{array} + {entry('Q', kind)}", int(name)
-        if array in ("u", "du", "udot", "dudot", "tau", "dtau", "b", "force", "dforce"):
-            return array, f"a->{array} + {entry('U', kind)}", int(name)
-        if array == "trig":
-            return array, f"a->trig + {entry('TRIG', kind)}", 0 if name == "cos" else "ANGLES"
-        if array == "dp":
-            return array, "a->dp", entry(f"P{name}", kind)
-        if array in ("energy_sum", "denergy_sum"):
-            return array, f"a->{array.removesuffix('_sum')}", 0
-        if array == "c" and name in kind.data:
-            return "k", f"numbers + {entry('NUMBERS', kind)}", kind.data[name]
-        if array == "c":
-            return self.constant(kind.shape.index, entry("CONSTANTS", kind), name)
+    def place(self, kind: UnitKind, sweep: str, array: str, name: str) -> Located:
+        layout, system = self.layout, self.system
+        stem = array.partition("#")[0].removesuffix("_sum")
+        variable = array.removesuffix("_sum").replace("#", "_")
+
+        def of_links(column: str, of: list[int] | None = None) -> str:
+            return self.of_links(kind, sweep, array, column, of)
+
+        if stem in RECORDS:
+            near = layout.near.get(sweep, {})
+            if name in near:
+                return f"near_{variable}", f"a->near + NEAR_SIZE*{of_links('SLOT', self.slots)}", near[name]
+            return variable, f"a->records + RECORD*{of_links('NUMBER')}", layout.record[name]
+        if stem in SLOTS:
+            return variable, f"a->slots + SLOT_SIZE*{of_links('SLOT', self.slots)}", layout.slots[sweep][name]
+        if stem in LINK_LANES:
+            return variable, f"a->lanes + LANE_SIZE*{of_links('NUMBER')}", layout.lane[name]
+        if stem == "ear":
+            numbers = [system.regions.order[i].number for i in kind.units]
+            return "ear", f"a->ears + EAR_SIZE*{self.entry(kind, sweep, 'EAR', numbers)}", layout.ear[name]
+        if stem == "region":
+            at = self.entry(kind, sweep, "REGION", self.numbers_of_regions(kind))
+            return "region", f"a->regions + REGION_SIZE*{at}", layout.region[name]
+        if stem == "lregion":
+            at = self.entry(kind, sweep, "REGION", self.numbers_of_regions(kind))
+            return "lregion", f"a->region_lanes + REGION_LANE_SIZE*{at}", layout.region_lane[name]
+        if stem in OF_COORDINATES:
+            return variable, f"a->{stem} + {of_links('Q', [link.q for link in system.links])}", int(name)
+        if stem in OF_SPEEDS:
+            return variable, f"a->{stem} + {of_links('U', [link.u for link in system.links])}", int(name)
+        if stem == "trig":
+            return variable, f"a->trig + {of_links('TRIG', layout.trig_of)}", 0 if name == "cos" else "ANGLES"
+        if stem in ("dp", "cldp"):
+            return "dp", "a->dp", self.parameter(kind, sweep, array, int(name))
+        if stem in ("energy", "denergy"):
+            return stem, f"a->{stem}", 0
+        if stem == "c":
+            place = array.partition("#")[2]
+            of_kind = kind.links[int(place)] if isinstance(kind, EarKind) else kind
+            assert isinstance(of_kind, LinkKind)
+            if name in of_kind.data:
+                return f"k_{variable}", f"numbers + {of_links('NUMBERS', layout.number_offsets)}", of_kind.data[name]
+            begins = [layout.constant_offsets[c.index] for c in system.constants_of]
+            expression = f"a->constants + {of_links('CONSTANTS', begins)}"
+            return variable, expression, layout.constant_fields[of_kind.shape.index][name]
+        if stem == "cl":
+            assert isinstance(kind, EarKind)
+            place = array.partition("#")[2]
+            closure = kind.closures[int(place)]
+            loops = self.loops_meant(kind, array)
+            if name in closure.data:
+                values = [layout.closure_number_offsets[n] for n in loops]
+                at = self.entry(kind, sweep, f"LOOP{place}_NUMBERS", values)
+                return f"k_{variable}", f"numbers + {at}", closure.data[name]
+            values = [layout.constant_offsets[system.closure_constants[n].index] for n in loops]
+            at = self.entry(kind, sweep, f"LOOP{place}_CONSTANTS", values)
+            return variable, f"a->constants + {at}", layout.constant_fields[closure.shape.index][name]
         raise KeyError(array)
+
+    @cached_property
+    def slots(self) -> list[int]:
+        """Slots of links, the ground's last."""
+        return [*self.system.slot_of, 0]
 
     # -- the ground ------------------------------------------------------------------------------------------------
 
@@ -174,7 +218,7 @@ class CWriter(Writer):
             else:
                 continue
             value = "0.0"
-            if name in ("W.xx", "W.yy", "W.zz"):
+            if name.endswith(("W.xx", "W.yy", "W.zz")):
                 value = "1.0"
             elif name.removeprefix("t") in ("a.x", "a.y", "a.z"):
                 value = f"a->gravity[{'xyz'.index(name[-1])}]"
@@ -225,18 +269,24 @@ class CWriter(Writer):
         regions = [
             ("records", "", len(layout.record) * (links + 1)),
             ("near", "", layout.near_size * self.system.slots),
+            ("ears", "", len(layout.ear) * len(self.system.regions.ears)),
+            ("regions", "", len(layout.region) * len(self.system.regions.regions)),
             ("gravity", "", 3 if use["gravity"] else 0),
             ("constants", "", layout.constants_size),
             ("trig", "", 2 * layout.angles_padded),
             ("tau", "", model.nu if use["forces"] else 0),
-            ("rest_u", "", model.nu),
-            ("numbers_1", "", model.nu),
-            ("numbers_2", "", model.nu),
+            ("speeds", "", model.nu if use["loops"] else 0),
+            ("rest_u", "", 0 if use["loops"] else model.nu),
+            ("numbers_1", "", 0 if use["loops"] else model.nu),
+            ("numbers_2", "", 0 if use["loops"] else model.nu),
             ("slots", "L", layout.slot_size * self.system.slots),
             ("lanes", "L", len(layout.lane) * links),
+            ("region_lanes", "L", len(layout.region_lane) * len(self.system.regions.regions)),
             ("dtau", "L", model.nu if use["forces"] else 0),
             ("lanes_1", "L", model.nu),
-            ("lanes_2", "L", model.nu),
+            ("lanes_2", "L", 0 if use["loops"] else model.nu),
+            ("own_dq", "L", model.nq if use["loops"] else 0),
+            ("own_du", "L", model.nu if use["loops"] else 0),
             *((f"rest_d{n}", "L", size[n]) for n in state),
             ("rest_dt", "L", int(use["time"])),
         ]
@@ -251,6 +301,10 @@ class CWriter(Writer):
         pointers = ["double *" + n for n in ("udot", "qdot", "force", "energy", "outputs")]
         sources = [f"const double *{n}" for n in state] + (["double t"] if use["time"] else [])
         seeds = [f"const LANES *d{n}" for n in state] + (["const LANES *dt"] if use["time"] else [])
+        if use["loops"]:  # dependent speeds and seeds are written into copies
+            sources[1] = "double *u"
+            sources.append("const double *given_u")
+            seeds[:2] = ["LANES *dq", "LANES *du", "const LANES *given_dq", "const LANES *given_du"]
         names = lambda declarations: [d.split()[-1].lstrip("*") for d in declarations]  # noqa: E731
         call_pointers = [*sources, *pointers, *(f"double *{n}" for n, lane, _ in placed if not lane)]
         lane_pointers = [
@@ -263,11 +317,14 @@ class CWriter(Writer):
             "NAME": model.name.upper(),
             "coordinates": model.coordinate_names, "speeds": model.speed_names,
             "parameters": model.parameters, "input_names": model.inputs, "outputs": model.outputs,
-            "state": names(sources),
+            "state": [*state, *(["t"] if use["time"] else [])],
             "constants_in_c": [
                 ("LINKS", links), ("RECORD", max(1, len(layout.record))),
                 ("NEAR_SIZE", max(1, layout.near_size)), ("SLOT_SIZE", max(1, layout.slot_size)),
-                ("LANE_SIZE", max(1, len(layout.lane))), ("ANGLES", max(1, layout.angles_padded)),
+                ("LANE_SIZE", max(1, len(layout.lane))),
+                *((n, len(f)) for n, f in (("EAR_SIZE", layout.ear), ("REGION_SIZE", layout.region),
+                                           ("REGION_LANE_SIZE", layout.region_lane)) if f),
+                ("ANGLES", max(1, layout.angles_padded)),
             ],
             "workspace": self.workspace,
             "scratch": at,

@@ -19,15 +19,15 @@ OTHER_WIDTHS = (8, 1)
 """The same for all other functions: two widths less to compile, and they are called less often."""
 
 
-_BALANCE = ("turns", "balance_out", "balance_in", "balance_back")
-_FORWARD = ("start", "rotations", "kinematics", "triangularize", "back_substitute")
+_BALANCE = ("turns", "complete", "balance_out", "balance_in", "balance_back")
+_FORWARD = ("start", "rotations", "closures", "kinematics", "triangularize", "back_substitute")
 _MASS_TANGENT = ("turns", "balance_out", "force_tangents")
 FUNCTION_SWEEPS: dict[str, tuple[str, ...]] = {
     "accelerations": _FORWARD,
     "sensitivities": _FORWARD + _BALANCE,
     "jacobians": _FORWARD + _BALANCE,
-    "coordinate_rates": ("rotations", "rates"),
-    "coordinate_rate_sensitivities": ("rotations", "turns", "rate_tangents"),
+    "coordinate_rates": ("rotations", "closures", "rates"),
+    "coordinate_rate_sensitivities": ("rotations", "closures", "turns", "complete", "rate_tangents"),
     "mass_matrix": ("start", "rotations", "mass_out", "mass_in"),
     "mass_matrix_sensitivities": ("start", "rotations", "kinematics", *_MASS_TANGENT),
     "solve_mass": ("start", "rotations", "kinematics", "triangularize", "solve_in", "balance_back"),
@@ -35,10 +35,11 @@ FUNCTION_SWEEPS: dict[str, tuple[str, ...]] = {
                                  "balance_back"),
     "inverse_dynamics": ("start", "rotations", "kinematics", "newton_euler_out", "newton_euler_in"),
     "inverse_dynamics_sensitivities": ("start", "rotations", "kinematics", *_MASS_TANGENT, "mass_out", "mass_in"),
-    "energies": ("start", "rotations", "kinetic", "moments"),
-    "energy_sensitivities": ("start", "rotations", "turns", "kinetic_tangents", "moment_tangents"),
-    "outputs": ("start", "rotations", "pose", "kinetic", "moments"),
-    "output_sensitivities": ("start", "rotations", "turns", "pose_tangents", "kinetic_tangents", "moment_tangents"),
+    "energies": ("start", "rotations", "closures", "kinetic", "moments"),
+    "energy_sensitivities": ("start", "rotations", "closures", "turns", "complete", "kinetic_tangents", "moment_tangents"),
+    "outputs": ("start", "rotations", "closures", "pose", "kinetic", "moments"),
+    "output_sensitivities": ("start", "rotations", "closures", "turns", "complete", "pose_tangents", "kinetic_tangents",
+                             "moment_tangents"),
 }  # fmt: skip
 """Sweeps that a function runs. Those over directions run once for each group of columns in matrices."""
 
@@ -115,6 +116,7 @@ def uses(system: System) -> dict[str, bool]:
     model = system.model
     names = set().union(*(e.names for e in model.expressions())) if model.bodies else set()
     return {
+        "loops": bool(model.loops),
         "parameters": bool(model.parameters),
         "inputs": bool(model.inputs),
         "time": "t" in names,
@@ -166,34 +168,35 @@ def interfaces(system: System) -> list[Interface]:
         "coordinate_rates",
         "coordinate_rate_sensitivities",
         "Time derivatives of the coordinates (Eq. 1).",
-        ["q", "u"],
+        ["q", "u", *(p if use["loops"] else [])],
         ["qdot"],
         "Their total derivative along seeds.",
     )
-    pair(
-        "mass_matrix",
-        "mass_matrix_sensitivities",
-        "Mass matrix, row by row.",
-        ["q", *p],
-        ["M"],
-        "Mass matrix and its total derivative along seeds.",
-    )
-    pair(
-        "solve_mass",
-        "solve_mass_sensitivities",
-        "Solution of M x = b in O(n).",
-        ["q", *p, "b"],
-        ["x"],
-        "Solution of M x = b and its total derivative along seeds.",
-    )
-    pair(
-        "inverse_dynamics",
-        "inverse_dynamics_sensitivities",
-        "Joint forces that udot needs beside the model's own.",
-        ["q", "u", "udot", *rest],
-        ["force"],
-        "Those forces and their total derivative along seeds.",
-    )
+    if not use["loops"]:
+        pair(
+            "mass_matrix",
+            "mass_matrix_sensitivities",
+            "Mass matrix, row by row.",
+            ["q", *p],
+            ["M"],
+            "Mass matrix and its total derivative along seeds.",
+        )
+        pair(
+            "solve_mass",
+            "solve_mass_sensitivities",
+            "Solution of M x = b in O(n).",
+            ["q", *p, "b"],
+            ["x"],
+            "Solution of M x = b and its total derivative along seeds.",
+        )
+        pair(
+            "inverse_dynamics",
+            "inverse_dynamics_sensitivities",
+            "Joint forces that udot needs beside the model's own.",
+            ["q", "u", "udot", *rest],
+            ["force"],
+            "Those forces and their total derivative along seeds.",
+        )
     pair(
         "energies",
         "energy_sensitivities",

@@ -1,10 +1,9 @@
-"""Where everything lies: fields of records, constants, tables of numbers, the caller's workspace."""
+"""Where everything lies: fields of records, constants, tables of numbers."""
 
 from __future__ import annotations
 
 from ..mechanics.expansion import Program
-from ..mechanics.kinds import LinkKind, System
-from ..model.model import GROUND
+from ..mechanics.kinds import EarKind, System
 
 
 class Layout:
@@ -14,6 +13,8 @@ class Layout:
     ----------
     record, lane : dict of str to int
         Index of a field in a link's record, and in what is kept per link and direction.
+    ear, region, region_lane : dict of str to int
+        The same of ears and regions.
     slots : dict of str to dict of str to int
         The same for the slots, by sweep: slots are used anew by every sweep.
     near : dict of str to dict of str to int
@@ -22,8 +23,8 @@ class Layout:
         By shape: index of a constant among those of its links.
     constant_offsets : dict of int to int
         By constants: where they begin.
-    numbers, number_offsets
-        Constants that differ within a kind but depend on no parameter, and where each link's begin.
+    numbers, number_offsets, closure_number_offsets
+        Constants that differ within a kind but depend on no parameter, and where each link's and each loop's begin.
     angles, trig_of
         Coordinates that are angles, and for each link the number of its angle.
     """
@@ -42,6 +43,9 @@ class Layout:
         self.near = {sweep: {name: i for i, name in enumerate(fields)} for sweep, fields in program.transient.items()}
         self.near_size = -(-max((len(f) for f in program.transient.values()), default=0) // 8) * 8
         self.lane = {name: i for i, name in enumerate(program.lanes)}
+        self.ear = {name: i for i, name in enumerate(program.ears)}
+        self.region = {name: i for i, name in enumerate(program.regions)}
+        self.region_lane = {name: i for i, name in enumerate(program.region_lanes)}
         self.slots = {sweep: {name: i for i, name in enumerate(fields)} for sweep, fields in program.slots.items()}
         self.slot_size = max((len(f) for f in program.slots.values()), default=0)
         self._constants(system)
@@ -63,58 +67,56 @@ class Layout:
             size += len(self.constant_fields[c.shape.index])
         self.constants_size = size
         self.numbers: list[float] = []
-        self.number_offsets: list[int] = []
         rows: dict[tuple[float, ...], int] = {}
-        for kind, c in zip(system.kind_of, system.constants_of, strict=True):
-            row = tuple(c.values.get(name, 0.0) for name in kind.data)
+
+        def offset(row: tuple[float, ...]) -> int:
             if row not in rows:
                 rows[row] = len(self.numbers)
                 self.numbers += row
-            self.number_offsets.append(rows[row])
+            return rows[row]
+
+        self.number_offsets = [
+            offset(tuple(c.values.get(name, 0.0) for name in kind.data))
+            for kind, c in zip(system.kind_of, system.constants_of, strict=True)
+        ]
+        self.closure_number_offsets = [0] * len(system.closure_constants)
+        for unit, ear_kind in zip(system.regions.order, system.unit_kind_of, strict=True):
+            if isinstance(ear_kind, EarKind):
+                for closure, of_kind in zip(system.regions.ears[unit.number].closures, ear_kind.closures, strict=True):
+                    values = system.closure_constants[closure.loop].values
+                    row = tuple(values.get(name, 0.0) for name in of_kind.data)
+                    self.closure_number_offsets[closure.loop] = offset(row)
 
 
-class LinkTable:
-    """The table of links: a column is added when something uses it, and none where all links of a kind agree."""
+class IndexTable:
+    """A table of integers with a row for each link or unit: a column is added when something uses it, and none where the
+    integers of a kind are the same, or go up in equal steps.
 
-    def __init__(self, layout: Layout):
-        system = layout.system
-        n = len(system.links)
-        places = {name: i for i, name in enumerate(system.model.parameter_names)}
-        most = max((len(c.parameters) for c in system.constants_of), default=0)
-        self.values: dict[str, list[int]] = {
-            "KIND": [k.index for k in system.kind_of],
-            "UP": [n if link.parent == GROUND else link.parent for link in system.links],
-            "Q": [link.q for link in system.links],
-            "U": [link.u for link in system.links],
-            "TRIG": layout.trig_of,
-            "CONSTANTS": [layout.constant_offsets[c.index] for c in system.constants_of],
-            "NUMBERS": layout.number_offsets,
-            "SLOT": system.slot_of,
-            "UPSLOT": [0 if link.parent == GROUND else system.slot_of[link.parent] for link in system.links],
-        }
-        for j in range(most):
-            self.values[f"P{j}"] = [
-                places[c.parameters[j]] if j < len(c.parameters) else 0 for c in system.constants_of
-            ]
-        self.used: list[str] = []
+    Parameters
+    ----------
+    name : str
+        The table's.
+    rows : int
+    """
 
-    def entry(self, column: str, kind: LinkKind) -> str:
-        """C expression of an entry of link i of a kind."""
-        values = self.values[column]
-        entries = {values[i] for i in kind.members}
-        if len(entries) == 1:
-            return str(entries.pop())
-        offsets = {values[i] - i for i in kind.members}
-        if len(offsets) == 1:
-            offset = offsets.pop()
-            return "i" if offset == 0 else f"(i {'+' if offset > 0 else '-'} {abs(offset)})"
-        self.use(column)
-        return f"link[i][{column}]"
+    def __init__(self, name: str, rows: int):
+        self.name = name
+        self.count = rows
+        self.columns: dict[str, list[int]] = {}
 
-    def use(self, column: str) -> None:
-        if column not in self.used:
-            self.used.append(column)
+    def entry(self, column: str, instances: list[int], values: list[int]) -> str:
+        """Expression, in i, of the values that belong to the instances i of a kind."""
+        if len(set(values)) == 1:
+            return str(values[0])
+        step, rest = divmod(values[1] - values[0], instances[1] - instances[0])
+        offset = values[0] - step * instances[0]
+        if not rest and step > 0 and all(v == step * i + offset for i, v in zip(instances, values, strict=True)):
+            term = "i" if step == 1 else f"{step}*i"
+            return "i" if step == 1 and not offset else f"({term} {'+' if offset >= 0 else '-'} {abs(offset)})"
+        known = self.columns.setdefault(column, [0] * self.count)
+        for i, v in zip(instances, values, strict=True):
+            known[i] = v
+        return f"{self.name}[i][{self.name.upper()}_{column}]"
 
     def rows(self) -> list[str]:
-        n = len(self.values["KIND"])
-        return [", ".join(str(self.values[c][i]) for c in self.used) for i in range(n)]
+        return [", ".join(str(c[i]) for c in self.columns.values()) for i in range(self.count)]

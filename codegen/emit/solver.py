@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
+from ..loops.partition import partition
 from ..mechanics.expansion import LANE as LANE_MEMORY
 from ..mechanics.expansion import RECORD, Program, expand
 from ..mechanics.formulas import force_formulas
@@ -27,11 +28,13 @@ UNROLLED_LINKS = 8
 """Models of at most so many links get one function per link unless another layout is asked for."""
 
 ALWAYS = (
-    "rotations", "turns", "kinematics", "triangularize", "back_substitute", "newton_euler_out", "newton_euler_in",
+    "rotations", "turns", "closures", "complete", "kinematics", "triangularize", "back_substitute", "newton_euler_out", "newton_euler_in",
     "balance_out", "balance_in", "balance_back", "force_tangents", "solve_in", "mass_out", "mass_in", "rates",
     "rate_tangents", "kinetic", "kinetic_tangents",
 )  # fmt: skip
 """Sweeps of every solver."""
+OF_TREES = {"newton_euler_out", "newton_euler_in", "force_tangents", "solve_in", "mass_out", "mass_in"}
+"""Of those, what only trees need."""
 
 
 @dataclass(slots=True)
@@ -92,11 +95,13 @@ def write_solver(model: Model, layout: str = "auto") -> Source:
     if not model.nu:
         raise ModelError([Problem(model.name, None, None, "bodies", "no joint has a freedom, so nothing can move")])
     unrolled = layout == "unrolled" or (layout == "auto" and len(model.bodies) <= UNROLLED_LINKS)
-    system = analyse(model, unrolled)
+    system = analyse(model, unrolled, partition(model) if model.loops else None)
     lap("analyse")
     values, records, energy_outputs = output_formulas(system)
     potential = potential_formula(system)
     wanted = set(ALWAYS) | measured_sweeps(system)
+    if model.loops:
+        wanted -= OF_TREES
     if potential is not None:
         wanted |= {"moments", "moment_tangents"}
         records.append(potential)
@@ -150,10 +155,10 @@ def operations(program: Program) -> dict[str, Any]:
         if not blocks:
             continue
         once, each = Operations(), Operations()
-        for kind in program.system.kinds:
-            if kind.index in blocks:
-                once = once + count(blocks[kind.index], False) * len(kind.members)
-                each = each + count(blocks[kind.index], True) * len(kind.members)
+        for kind in sweep.kinds(program.system):
+            calls = len(kind.units if sweep.units else kind.members)
+            once = once + count(blocks[kind.index], False) * calls
+            each = each + count(blocks[kind.index], True) * calls
         result[sweep.name] = {
             part: {
                 "additions": o.additions, "multiplications": o.multiplications, "divisions": o.divisions,

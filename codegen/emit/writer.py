@@ -12,20 +12,23 @@ from typing import Any
 
 from ..mechanics.expansion import Program
 from ..mechanics.formulas import FormulaKind
-from ..mechanics.kinds import LinkKind
+from ..mechanics.kinds import EarKind, RegionKind, UnitKind
 from ..mechanics.outputs import RecordFormula
 from ..mechanics.sweeps import INWARD, SWEEP
 from ..model.model import GROUND
 from ..program.block import Block
 from ..version import __version__
 from .interface import interfaces, sizes, uses
-from .memory import Layout, LinkTable
+from .memory import IndexTable, Layout
 
 MAX_STRETCHES = 24
 """More different stretches of links than this, and a sweep dispatches on the kind instead."""
 
-SENSITIVITY_SWEEPS = ("turns", "balance_out", "balance_in", "balance_back")
+SENSITIVITY_SWEEPS = ("turns", "complete", "balance_out", "balance_in", "balance_back")
 """Sweeps over directions that `sensitivities` needs; the others are not compiled for two directions."""
+
+_STEM = {"root": "ROOT_", "lroot": "ROOT_", "laneroot": "ROOT_", "base": "BASE_", "lbase": "BASE_", "lanebase": "BASE_"}
+"""Beginnings of columns of the units' table, by what an array is of."""
 
 Located = tuple[str, str, int | str]
 """Where a field lies, as a target writes it: name of a pointer, the expression it starts as, index or text."""
@@ -72,14 +75,16 @@ class Writer(ABC):
         self.records = records
         self.energy_outputs = energy_outputs
         self.layout = Layout(program)
-        self.table = LinkTable(self.layout)
+        self.links = IndexTable("link", len(self.system.links))
+        self.units = self.links if self.system.independent_links else IndexTable("unit", len(self.system.regions.order))
+        self.parameter_places = {name: i for i, name in enumerate(self.model.parameter_names)}
         self.uses = uses(self.system)
 
     # -- the language ----------------------------------------------------------------------------------------------
 
     @abstractmethod
-    def lines(self, block: Block, place: Place, link: str = "") -> list[str]:
-        """Lines of a block; `link` is the expression of the link's number, for naming it where a pivot is zero."""
+    def lines(self, block: Block, place: Place, culprit: Callable[[str, str], str] | None = None) -> list[str]:
+        """Lines of a block; `culprit` gives the number of the link or loop to name where a pivot is zero."""
 
     @abstractmethod
     def signature(self, name: str, lanes: bool, indexed: bool) -> str:
@@ -94,8 +99,8 @@ class Writer(ABC):
         """Loop of i over ``start, start + step, ... < end``, or the same backwards."""
 
     @abstractmethod
-    def dispatch(self, count: int, inward: bool, calls: list[tuple[int, str]]) -> list[str]:
-        """Loop over all links that chooses the call by the kind of the link."""
+    def dispatch(self, count: int, inward: bool, entry: str, calls: list[tuple[int, str]]) -> list[str]:
+        """Loop over all links or units that chooses the call by the kind, which `entry` gives for each i."""
 
     @abstractmethod
     def repeat_rows(self, name: str, lanes: bool, count: int) -> list[str]:
@@ -106,8 +111,8 @@ class Writer(ABC):
         """Table of equally long rows; asked for twice, it stands there once."""
 
     @abstractmethod
-    def place(self, kind: LinkKind, sweep: str, array: str, name: str) -> Located:
-        """Where a field of a link of a kind lies."""
+    def place(self, kind: UnitKind, sweep: str, array: str, name: str) -> Located:
+        """Where a field of a link, an ear or a region of a kind lies."""
 
     @abstractmethod
     def element(self, array: str, index: str) -> Located:
@@ -131,20 +136,118 @@ class Writer(ABC):
 
     # -- functions of links ----------------------------------------------------------------------------------------
 
-    def link_function(self, sweep: str, kind: LinkKind, block: Block) -> Function:
-        single = len(kind.members) == 1
-        first = self.system.links[kind.members[0]].name
-        who = first if single else f"{len(kind.members)} links: {first}, ..."
+    def instances(self, kind: UnitKind, sweep: str) -> list[int]:
+        """The values that i takes in the functions of a kind."""
+        return kind.units if SWEEP[sweep].units else kind.members
+
+    def links_meant(self, kind: UnitKind, sweep: str, array: str) -> list[int]:
+        """For each instance of a kind, the link that an array is of; the ground has the number after the last."""
+        system, regions = self.system, self.system.regions
+        stem, _, place = array.partition("#")
+        ground = len(system.links)
+        found: list[int] = []
+        for i in self.instances(kind, sweep):
+            if kind.role == "link":
+                link = regions.order[i].number if SWEEP[sweep].units else i
+                if stem in ("up", "lup"):
+                    link = system.links[link].parent
+            elif stem in ("ground", "lground"):
+                link = GROUND
+            else:
+                number = regions.order[i].number
+                if stem in ("base", "lbase", "lanebase"):
+                    region = number if kind.role == "region" else regions.ears[number].region
+                    link = regions.regions[region].base
+                elif stem in ("root", "lroot", "laneroot"):
+                    link = regions.ears[number].roots[int(place)]
+                else:
+                    link = regions.ears[number].links[int(place)]
+            found.append(ground if link == GROUND else link)
+        return found
+
+    def loops_meant(self, kind: EarKind, array: str) -> list[int]:
+        """For each instance of a kind of ears, the loop that an array is of."""
+        place = int(array.partition("#")[2])
+        regions = self.system.regions
+        return [regions.ears[regions.order[i].number].closures[place].loop for i in kind.units]
+
+    def entry(self, kind: UnitKind, sweep: str, column: str, values: list[int]) -> str:
+        """Expression of integers that belong to the instances of a kind."""
+        table = self.units if SWEEP[sweep].units else self.links
+        return table.entry(column, self.instances(kind, sweep), values)
+
+    def of_links(self, kind: UnitKind, sweep: str, array: str, column: str, of: list[int] | None = None) -> str:
+        """Expression of an integer of the link that an array is of: its number, or what `of` lists by link."""
+        links = self.links_meant(kind, sweep, array)
+        place = array.partition("#")[2]
+        column = f"UP{column}" if array in ("up", "lup") else f"{_STEM.get(array.partition('#')[0], '')}{column}{place}"
+        return self.entry(kind, sweep, column, links if of is None else [of[i] for i in links])
+
+    def parameter(self, kind: UnitKind, sweep: str, array: str, j: int) -> str:
+        """Expression of the number of the j-th design parameter that the constants of a link or a loop depend on."""
+        system = self.system
+        place = array.partition("#")[2]
+        if array.startswith("cl"):
+            assert isinstance(kind, EarKind)
+            owners = [system.closure_constants[n] for n in self.loops_meant(kind, array)]
+            column = f"LOOP{place}_P{j}"
+        else:
+            owners = [system.constants_of[i] for i in self.links_meant(kind, sweep, array)]
+            column = f"LINK{place}_P{j}" if place else f"P{j}"
+        return self.entry(kind, sweep, column, [self.parameter_places[c.parameters[j]] for c in owners])
+
+    def numbers_of_regions(self, kind: UnitKind) -> list[int]:
+        """For each instance of a kind of ears or regions, the region."""
+        regions = self.system.regions
+        units = [regions.order[i] for i in kind.units]
+        return [u.number if u.role == "region" else regions.ears[u.number].region for u in units]
+
+    def culprit(self, kind: UnitKind, sweep: str) -> Callable[[str, str], str]:
+        """Number of the link, or that of all links plus the loop, to name when a pivot of a kind is zero."""
+        regions = self.system.regions
+        links = len(self.system.links)
+
+        def number(array: str, name: str) -> str:
+            if isinstance(kind, RegionKind):
+                values = [regions.regions[regions.order[i].number].freedoms[int(name)][0] for i in kind.units]
+                return self.entry(kind, sweep, f"SOURCE{name}", values)
+            if isinstance(kind, EarKind):
+                ears = [regions.ears[regions.order[i].number] for i in kind.units]
+                return self.entry(kind, sweep, "LOOP", [links + ear.closures[0].loop for ear in ears])
+            return self.of_links(kind, sweep, "me", "LINK")
+
+        return number
+
+    def link_function(self, sweep: str, kind: UnitKind, block: Block) -> Function:
+        """The function of a kind of links, ears or regions."""
+        single = len(self.instances(kind, sweep)) == 1
         signature = self.signature(f"{sweep}_{kind.index}", SWEEP[sweep].lanes, not single)
-        link = str(kind.members[0]) if single else "i"
-        lines = self.lines(block, lambda array, name: self.place(kind, sweep, array, name), link)
-        return Function(f"{block.title}; {who}", signature, lines)
+        lines = self.lines(
+            block, lambda array, name: self.place(kind, sweep, array, name), self.culprit(kind, sweep)
+        )
+        return Function(f"{block.title}; {self.called(kind)}", signature, lines)
+
+    def called(self, kind: UnitKind) -> str:
+        """What the functions of a kind are for, in words."""
+        system, count = self.system, len(kind.members)
+        if isinstance(kind, RegionKind):
+            what, first = "regions", f"region of {kind.sources} sources"
+        elif isinstance(kind, EarKind):
+            ear = system.regions.ears[kind.members[0]]
+            loops = [self.model.loops[c.loop].name for c in ear.closures]
+            names = ", ".join(system.links[i].name for i in ear.links)
+            what, first = "ears", f"{names}{' closed by ' + ', '.join(loops) if loops else ''}"
+        else:
+            what, first = "links", system.links[kind.members[0]].name
+        return first if count == 1 else f"{count} {what}: {first}, ..."
 
     def loop(self, sweep: str) -> Function:
-        """The loop over links of a sweep."""
+        """The loop over the links, or the units, of a sweep."""
         spec = SWEEP[sweep]
         blocks = self.program.blocks[sweep]
-        kinds = [k.index for k in self.system.kind_of]
+        sequence = self.system.unit_kind_of if spec.units else self.system.kind_of
+        kinds = [k.index for k in sequence]
+        known: dict[int, UnitKind] = {k.index: k for k in sequence}
         inward = spec.direction == INWARD
         f = Function(spec.title, self.signature(sweep, spec.lanes, False))
 
@@ -152,11 +255,11 @@ class Writer(ABC):
             block = blocks.get(kind)
             if block is None or not block.stores:
                 return []
-            single = len(self.system.kinds[kind].members) == 1
+            single = len(self.instances(known[kind], sweep)) == 1
             return [self.call(f"{sweep}_{kind}", spec.lanes, None if single else i)]
 
         parts = stretches(kinds)
-        if len(parts) <= MAX_STRETCHES or len(self.system.kinds) == len(kinds):
+        if len(parts) <= MAX_STRETCHES or len(known) == len(kinds):
             for start, pattern, count in reversed(parts) if inward else parts:
                 order = list(reversed(range(len(pattern)))) if inward else list(range(len(pattern)))
                 if count == 1:
@@ -168,15 +271,16 @@ class Writer(ABC):
                     step = len(pattern)
                     f.lines += self.repeat(start, start + step * count, step, inward, calls)
         else:
-            self.table.use("KIND")
-            cases = [(k.index, c) for k in self.system.kinds for c in call(k.index, "i")]
-            f.lines += self.dispatch(len(kinds), inward, cases)
+            table = self.units if spec.units else self.links
+            entry = table.entry("KIND", list(range(len(kinds))), kinds)
+            cases = [(k, c) for k in known for c in call(k, "i")]
+            f.lines += self.dispatch(len(kinds), inward, entry, cases)
         return f
 
     def sweep_functions(self, sweep: str) -> list[Function]:
         functions = [
             self.link_function(sweep, kind, block)
-            for kind in self.system.kinds
+            for kind in SWEEP[sweep].kinds(self.system)
             if (block := self.program.blocks[sweep].get(kind.index)) is not None and block.stores
         ]
         return [*functions, self.loop(sweep)]
@@ -224,7 +328,7 @@ class Writer(ABC):
     def constants_functions(self) -> tuple[list[Function], list[str]]:
         """Functions that compute constants from parameters, and the calls."""
         functions, calls = [], []
-        places = {name: i for i, name in enumerate(self.model.parameter_names)}
+        places = self.parameter_places
         for shape in self.system.shapes:
             if not shape.block.stores:
                 continue
@@ -290,7 +394,7 @@ class Writer(ABC):
         for name in sorted(self.program.ground_fields):
             value: float | str = 0.0
             plain = name.removeprefix("t")
-            if name in ("W.xx", "W.yy", "W.zz"):
+            if name.endswith(("W.xx", "W.yy", "W.zz")):
                 value = 1.0
             elif g is not None and plain in g.shape.fields:
                 value = g.shape.varying.get(plain) or g.values.get(plain, 0.0)
@@ -319,6 +423,13 @@ class Writer(ABC):
             found.append((name, terms))
         return found
 
+    def independent(self) -> dict[str, list[int] | None]:
+        """Where the independent coordinates and speeds stand; None where all are, and for other arguments."""
+        found: dict[str, list[int] | None] = dict.fromkeys(("q", "u", "p", "inputs", "t"))
+        if self.uses["loops"]:
+            found["q"], found["u"] = self.system.independent
+        return found
+
     # -- the files -------------------------------------------------------------------------------------------------
 
     def shared_context(self) -> dict[str, Any]:
@@ -344,7 +455,10 @@ class Writer(ABC):
             "has": set(blocks),
             "quaternions": quaternions,
             "size": size,
-            "columns": self.table.used, "link_rows": self.table.rows() if self.table.used else [],
+            "index_tables": [
+                (t.name, t.count, [(c, f"{t.name.upper()}_{c}") for c in t.columns], t.rows())
+                for t in ([self.links] if self.units is self.links else [self.links, self.units]) if t.columns
+            ],
             "numbers": [repr(v) for v in layout.numbers],
             "angles": layout.angles,
             "angles_in_order": layout.angles == list(range(len(layout.angles))),
@@ -355,6 +469,8 @@ class Writer(ABC):
             "tau": tau, "output_formulas": outputs, "potential": energy,
             "energy_outputs": self.energy_outputs,
             "interfaces": functions,
+            "rate_state": next(f for f in functions if f.name == "coordinate_rates").arguments,
+            "independent": self.independent(),
             "jacobian_groups": [
                 (n, size[n]) for n in next(f for f in functions if f.name == "accelerations").arguments
             ],

@@ -9,10 +9,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from .ears import ZERO, Ear, Twist
+from .ears import ZERO, Ear, Twist, turned
 from .joints import JointTransform
-from .kinematics import angular_velocity, load_matrix, load_vector, origin_velocity, store_matrix, store_vector
-from .ears import turned
+from .energy import origin_velocity
+from .kinematics import angular_velocity, load_matrix, load_vector, store_matrix, store_vector
+
 from .orthogonal import Factor, factor, load_factor
 from .spatial import XYZ, Vec, add, matvec
 

@@ -11,22 +11,34 @@ import time
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import partial
+from typing import Any
 
+import sympy
 from sympy import Expr
 
 from ..model.model import GROUND
 from ..program.block import Block, Expansion, StructuralExpansion
 from ..program.operations import Operations, count
 from ..program.passes import PASSES, drop_dead
-from .kinds import LinkKind, System
+from .kinds import System, UnitKind
 from .sweeps import SWEEPS, Sweep
 
 GROUND_KIND = -1
 RECORD, SLOT, LANE = "record", "slot", "lane"
 """Memory kept per link for one call; kept while neighbours need it; kept per link and direction."""
+EAR, REGION, REGION_LANE = "ear", "region", "region lane"
+"""Memory kept per ear; per region; per region and direction."""
 
-PLACES = {"me": (RECORD, False), "up": (RECORD, True), "lme": (SLOT, False), "lup": (SLOT, True), "lane": (LANE, False)}
-"""Arrays that links keep values in, and whether they are the parent's."""
+OWN = {"me": RECORD, "lme": SLOT, "lane": LANE}
+PARENTS = {"up": RECORD, "lup": SLOT}
+ROOTS = {"root": RECORD, "lroot": SLOT, "laneroot": LANE}
+BASES = {"base": RECORD, "lbase": SLOT, "lanebase": LANE}
+GROUNDS = {"ground": RECORD, "lground": SLOT}
+COMMON = {"region": REGION, "region_sum": REGION, "lregion": REGION_LANE, "lregion_sum": REGION_LANE, "ear": EAR}
+"""Arrays by what they are of; those of one of several links end in its place, ``me#1``."""
+
+Field = tuple[str, int, str]
+"""A field of a memory of a kind."""
 
 
 @dataclass(slots=True)
@@ -39,6 +51,8 @@ class Program:
         By sweep and kind.
     records, lanes : list of str
         Fields of a link's record, and of what is kept per link and direction.
+    ears, regions, region_lanes : list of str
+        The same of ears and regions.
     slots : dict of str to list of str
         Fields of slots, by sweep.
     transient : dict of str to list of str
@@ -56,60 +70,125 @@ class Program:
     blocks: dict[str, dict[int, Block]] = field(default_factory=dict)
     records: list[str] = field(default_factory=list)
     lanes: list[str] = field(default_factory=list)
+    ears: list[str] = field(default_factory=list)
+    regions: list[str] = field(default_factory=list)
+    region_lanes: list[str] = field(default_factory=list)
     slots: dict[str, list[str]] = field(default_factory=dict)
     report: list[tuple[str, Operations, float]] = field(default_factory=list)
     sweep_seconds: dict[str, float] = field(default_factory=dict)
     ground_fields: set[str] = field(default_factory=set)
     transient: dict[str, list[str]] = field(default_factory=dict)
-    read_outside: set[tuple[str, int, str]] = field(default_factory=set)
+    read_outside: set[Field] = field(default_factory=set)
 
 
-class Patterns:
-    """Which fields of which memory can differ from zero, by kind."""
+class Reach:
+    """Which memory of which kinds an array means in the blocks of a kind."""
 
     def __init__(self, system: System):
         self.system = system
-        self.nonzero: dict[tuple[str, int], set[str]] = {}
-        self.parents: dict[int, set[int]] = {k.index: set() for k in system.kinds}
+        regions = system.regions
+        self._parents: dict[int, set[int]] = {k.index: set() for k in system.kinds}
+        self._roots: dict[tuple[int, int], set[int]] = {}
+        self._bases: dict[int, set[int]] = {}
+        self._regions: dict[int, set[int]] = {}
         for i, link in enumerate(system.links):
-            parent = GROUND_KIND if link.parent == GROUND else system.kind_of[link.parent].index
-            self.parents[system.kind_of[i].index].add(parent)
+            self._parents[system.kind_of[i].index].add(self._link(link.parent))
+        of_region = {
+            u.number: k.index for u, k in zip(regions.order, system.unit_kind_of, strict=True) if u.role == "region"
+        }
+        for unit, kind in zip(regions.order, system.unit_kind_of, strict=True):
+            if unit.role == "link":
+                continue
+            number = unit.number if unit.role == "region" else regions.ears[unit.number].region
+            self._bases.setdefault(kind.index, set()).add(self._link(regions.regions[number].base))
+            self._regions.setdefault(kind.index, set()).add(of_region[number])
+            if unit.role == "ear":
+                for t, root in enumerate(regions.ears[unit.number].roots):
+                    self._roots.setdefault((kind.index, t), set()).add(self._link(root))
 
-    def of(self, memory: str, kind: int) -> set[str]:
-        return self.nonzero.setdefault((memory, kind), set())
+    def _link(self, i: int) -> int:
+        return GROUND_KIND if i == GROUND else self.system.kind_of[i].index
 
-    def is_nonzero(self, kind: LinkKind, sweep: Sweep, array: str, name: str) -> bool:
-        if array == "c":
-            number = kind.number(name)
+    def of(self, kind: Any, sweep: Sweep, array: str) -> tuple[str, set[int]] | None:
+        """Memory and kinds; None for what is no memory."""
+        stem, _, place = array.partition("#")
+        if stem in OWN:
+            memory, kinds = OWN[stem], {kind.links[int(place)].index if place else kind.index}
+        elif stem in PARENTS:
+            memory, kinds = PARENTS[stem], self._parents[kind.index]
+        elif stem in ROOTS:
+            memory, kinds = ROOTS[stem], self._roots[kind.index, int(place)]
+        elif stem in BASES:
+            memory, kinds = BASES[stem], self._bases[kind.index]
+        elif stem in GROUNDS:
+            memory, kinds = GROUNDS[stem], {GROUND_KIND}
+        elif stem in COMMON:
+            memory = COMMON[stem]
+            kinds = {kind.index} if stem == "ear" else self._regions[kind.index]
+        else:
+            return None
+        return (f"{memory}:{sweep.name}" if memory == SLOT else memory), kinds
+
+
+class Patterns:
+    """Which fields of which memory can differ from zero, and which are 1 or -1 in every state, by kind."""
+
+    def __init__(self, system: System):
+        self.system = system
+        self.reach = Reach(system)
+        self.nonzero: dict[tuple[str, int], dict[str, int | None]] = {}
+
+    def of(self, memory: str, kind: int) -> dict[str, int | None]:
+        """Fields that can differ from zero, and the number that they are, if any."""
+        return self.nonzero.setdefault((memory, kind), {})
+
+    def is_nonzero(self, kind: UnitKind, sweep: Sweep, array: str, name: str) -> bool:
+        if array.partition("#")[0] in ("c", "cl"):
+            number = kind.number_of(array, name)
             return number is None or number != 0
-        place = PLACES.get(array)
-        if place is None:
-            return True
-        memory, of_parent = place
-        key = f"{memory}:{sweep.name}" if memory == SLOT else memory
-        kinds = self.parents[kind.index] if of_parent else (kind.index,)
-        return any(name in self.of(key, k) for k in kinds)
+        found = self.reach.of(kind, sweep, array)
+        return found is None or any(name in self.of(found[0], k) for k in found[1])
+
+    def known(self, kind: UnitKind, sweep: Sweep, array: str, name: str) -> int | None:
+        """The number 1 or -1 that a field is in every state."""
+        if array.partition("#")[0] in ("c", "cl"):
+            number = kind.number_of(array, name)
+            return int(number) if number in (1, -1) else None
+        found = self.reach.of(kind, sweep, array)
+        values = {self.of(found[0], k).get(name) for k in found[1]} if found else {None}
+        return values.pop() if len(values) == 1 else None
+
+    def number(self, kind: UnitKind, sweep: Sweep, array: str, name: str) -> Any:
+        """A value that is known: a constant of the whole kind, or a field that is 1 or -1."""
+        value = kind.number_of(array, name)
+        if value is not None:
+            return value
+        known = self.known(kind, sweep, array, name)
+        return None if known is None else sympy.Integer(known)
 
     def settle(self, sweep: Sweep) -> None:
         """Run a sweep's block-writing code on patterns until they do not grow."""
         changed = True
         while changed:
             changed = False
-            for kind in self.system.kinds:
-                if not sweep.applies(kind):
-                    continue
-                x = StructuralExpansion(partial(self.is_nonzero, kind, sweep), sweep.tangents)
-                sweep.write(x, kind)
-                for array, name in x.stored:
-                    place = PLACES.get(array)
-                    if place is None:
+            for kind in sweep.kinds(self.system):
+                write = sweep.writer(kind)
+                assert write is not None
+                x = StructuralExpansion(
+                    partial(self.is_nonzero, kind, sweep), sweep.tangents, partial(self.known, kind, sweep), sweep.units
+                )
+                write(x, kind)
+                for (array, name), value in x.stored.items():
+                    found = self.reach.of(kind, sweep, array)
+                    if found is None:
                         continue
-                    memory, of_parent = place
-                    key = f"{memory}:{sweep.name}" if memory == SLOT else memory
-                    for k in self.parents[kind.index] if of_parent else (kind.index,):
-                        fields = self.of(key, k)
+                    for k in found[1]:
+                        fields = self.of(found[0], k)
                         if name not in fields:
-                            fields.add(name)
+                            fields[name] = value
+                            changed = True
+                        elif fields[name] is not None and fields[name] != value:
+                            fields[name] = None
                             changed = True
 
 
@@ -119,7 +198,7 @@ def expand(system: System, sweeps: Iterable[str], read_outside: Iterable[tuple[s
     `read_outside` are fields (memory, kind, field) that formulas read.
     """
     wanted = set(sweeps)
-    chosen = [s for s in SWEEPS if s.name in wanted and any(map(s.applies, system.kinds))]
+    chosen = [s for s in SWEEPS if s.name in wanted and s.kinds(system)]
     patterns = Patterns(system)
     _ground_pattern(patterns)
     program = Program(system, read_outside=set(read_outside))
@@ -130,14 +209,14 @@ def expand(system: System, sweeps: Iterable[str], read_outside: Iterable[tuple[s
         program.blocks[sweep.name] = {}
         seconds[sweep.name], clock = time.perf_counter() - clock, time.perf_counter()
     for sweep in chosen:
-        for kind in system.kinds:
-            if not sweep.applies(kind):
-                continue
-            nonzero = partial(patterns.is_nonzero, kind, sweep)
+        for kind in sweep.kinds(system):
+            write = sweep.writer(kind)
+            assert write is not None
             x = Expansion(
-                f"{sweep.name}_{kind.index}", sweep.title, nonzero, kind.number_of, kind.alias_of, sweep.tangents
-            )
-            sweep.write(x, kind)
+                f"{sweep.name}_{kind.index}", sweep.title, partial(patterns.is_nonzero, kind, sweep),
+                partial(patterns.number, kind, sweep), kind.alias_of, sweep.tangents, sweep.units,
+            )  # fmt: skip
+            write(x, kind)
             program.blocks[sweep.name][kind.index] = x.finish()
         seconds[sweep.name], clock = seconds[sweep.name] + time.perf_counter() - clock, time.perf_counter()
     program.report.append(("expand", _total(program), time.perf_counter() - start))
@@ -160,14 +239,14 @@ def _ground_pattern(patterns: Patterns) -> None:
     """The ground: at rest, accelerating by -g."""
     gravity = patterns.system.gravity
     record = patterns.of(RECORD, GROUND_KIND)
-    record |= {"W.xx", "W.yy", "W.zz"}
+    record |= dict.fromkeys(("W.xx", "W.yy", "W.zz", "cW.xx", "cW.yy", "cW.zz"), 1)
     if gravity is None:
         return
     for name, value in gravity.shape.fields.items():
         if value != 0:
-            record |= {name, "t" + name}
+            record |= {name: None, "t" + name: None}
         if name in gravity.shape.varying:
-            patterns.of(f"{SLOT}:balance_out", GROUND_KIND).add(name)
+            patterns.of(f"{SLOT}:balance_out", GROUND_KIND)[name] = None
 
 
 def _total(program: Program) -> Operations:
@@ -178,64 +257,70 @@ def _total(program: Program) -> Operations:
     return total
 
 
-def _key(sweep: Sweep, array: str) -> tuple[str, bool] | None:
-    place = PLACES.get(array)
-    if place is None:
-        return None
-    memory, of_parent = place
-    return (f"{memory}:{sweep.name}" if memory == SLOT else memory), of_parent
-
-
 def _drop_unread(program: Program, patterns: Patterns, sweeps: list[Sweep]) -> None:
-    """Remove stores to link memory that no block of a neighbour or of the link itself loads, until nothing changes."""
-    while True:
-        read: set[tuple[str, int, str]] = set()
-        for sweep in sweeps:
-            for kind, block in program.blocks[sweep.name].items():
-                for array, name in block.loads.values():
-                    key = _key(sweep, array)
-                    if key is None:
-                        continue
-                    memory, of_parent = key
-                    read |= {(memory, k, name) for k in (patterns.parents[kind] if of_parent else (kind,))}
-        read |= program.read_outside
-        changed = False
-        for sweep in sweeps:
-            for kind, block in program.blocks[sweep.name].items():
-                kept: list[tuple[str, str, Expr]] = []
-                for array, name, value in block.stores:
-                    key = _key(sweep, array)
-                    if key is not None:
-                        memory, of_parent = key
-                        targets = patterns.parents[kind] if of_parent else (kind,)
-                        if not any((memory, k, name) in read for k in targets):
-                            continue
+    """Remove what no result depends on, across blocks: stores to memory are needed if a needed statement loads them."""
+    reach = patterns.reach
+    needed: set[Field] = set(program.read_outside)
+    blocks: list[tuple[Block, list[set[Field]], dict[Any, list[Field]]]] = []
+    for sweep in sweeps:
+        for kind in sweep.kinds(program.system):
+            block = program.blocks[sweep.name][kind.index]
+            loads: dict[Any, list[Field]] = {}
+            for symbol, (array, name) in block.loads.items():
+                found = reach.of(kind, sweep, array)
+                if found is not None:
+                    loads[symbol] = [(found[0], k, name) for k in found[1]]
+            targets: list[set[Field]] = []
+            for array, name, _ in block.stores:
+                found = reach.of(kind, sweep, array)
+                targets.append(set() if found is None else {(found[0], k, name) for k in found[1]})
+            blocks.append((block, targets, loads))
+    before = -1
+    while before != len(needed):
+        before = len(needed)
+        for block, targets, loads in blocks:
+            symbols: set[Any] = set()
+            for (_, _, value), target in zip(block.stores, targets, strict=True):
+                if not target or target & needed:
+                    symbols |= value.free_symbols
+            for statement in reversed(block.statements):
+                if statement.target in symbols:
+                    symbols |= statement.expression.free_symbols
+            for symbol in symbols & loads.keys():
+                needed.update(loads[symbol])
+    for sweep in sweeps:
+        for kind in sweep.kinds(program.system):
+            block = program.blocks[sweep.name][kind.index]
+            kept: list[tuple[str, str, Expr]] = []
+            for array, name, value in block.stores:
+                found = reach.of(kind, sweep, array)
+                if found is None or any((found[0], k, name) in needed for k in found[1]):
                     kept.append((array, name, value))
-                if len(kept) != len(block.stores):
-                    block.stores = kept
-                    changed = True
-                program.blocks[sweep.name][kind] = drop_dead(block)
-        if not changed:
-            program.ground_fields = {n for m, k, n in read if m == RECORD and k == GROUND_KIND}
-            return
+            block.stores = kept
+            program.blocks[sweep.name][kind.index] = drop_dead(block)
+    program.ground_fields = {n for m, k, n in needed if m == RECORD and k == GROUND_KIND}
 
 
 def _lay_out(program: Program) -> None:
     """Order the fields of each memory by first use."""
-    records: dict[str, None] = {}
-    lanes: dict[str, None] = {}
+    reach = Reach(program.system)
+    found: dict[str, dict[str, None]] = {m: {} for m in (RECORD, LANE, EAR, REGION, REGION_LANE)}
     for sweep in SWEEPS:
         slots: dict[str, None] = {}
-        for block in program.blocks.get(sweep.name, {}).values():
+        if sweep.name not in program.blocks:
+            continue
+        for kind in sweep.kinds(program.system):
+            block = program.blocks[sweep.name][kind.index]
             used = [(a, n) for a, n in block.loads.values()] + [(a, n) for a, n, _ in block.stores]
             for array, name in used:
-                key = _key(sweep, array)
-                if key is None:
-                    continue
-                {RECORD: records, LANE: lanes}.get(key[0], slots)[name] = None
+                at = reach.of(kind, sweep, array)
+                if at is not None:
+                    found.get(at[0], slots)[name] = None
         if slots:
             program.slots[sweep.name] = list(slots)
-    program.records, program.lanes = list(records), list(lanes)
+    program.records, program.lanes = list(found[RECORD]), list(found[LANE])
+    program.ears, program.regions = list(found[EAR]), list(found[REGION])
+    program.region_lanes = list(found[REGION_LANE])
     program.transient = _transient(program)
 
 
@@ -246,14 +331,28 @@ def _transient(program: Program) -> dict[str, list[str]]:
     """
     flows: dict[str, dict[str, set[str]]] = {}
     crossing: set[str] = {n for m, _, n in program.read_outside if m == RECORD}
+    others = {a for a, m in (PARENTS | ROOTS | BASES | GROUNDS).items() if m == RECORD}
     for sweep, blocks in program.blocks.items():
-        stored = {n for b in blocks.values() for a, n, _ in b.stores if a in ("me", "up")}
-        from_me = {n for b in blocks.values() for a, n in b.loads.values() if a == "me"}
-        from_up = {n for b in blocks.values() for a, n in b.loads.values() if a == "up"}
-        handed_in = {n for b in blocks.values() for a, n, _ in b.stores if a == "up"}
-        crossing |= (from_me | from_up) - stored - program.ground_fields
+        stored: set[str] = set()
+        from_me: set[str] = set()
+        from_others: set[str] = set()
+        handed_in: set[str] = set()
+        for b in blocks.values():
+            for a, n, _ in b.stores:
+                stem = a.partition("#")[0]
+                if stem == "me" or stem in others:
+                    stored.add(n)
+                if stem in others:
+                    handed_in.add(n)
+            for a, n in b.loads.values():
+                stem = a.partition("#")[0]
+                if stem == "me":
+                    from_me.add(n)
+                elif stem in others:
+                    from_others.add(n)
+        crossing |= (from_me | from_others) - stored - program.ground_fields
         crossing |= from_me - handed_in  # written by an earlier sweep
-        for name in stored | from_me | from_up:
+        for name in stored | from_me | from_others:
             flows.setdefault(name, {})[sweep] = {"stored"} if name in stored else set()
     for name, sweeps in flows.items():
         if any("stored" not in f for f in sweeps.values()) and name not in program.ground_fields:

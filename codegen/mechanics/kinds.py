@@ -21,7 +21,7 @@ from ..program.block import Expansion
 from ..program.functions import SYMBOLIC, number
 from .constants import Constants, Shape, Slots, Statements, make_shape
 from .ears import SLIDING
-from .joints import freedom_axes
+from .joints import COORDINATES, FREEDOMS, freedom_axes
 from .links import FLOAT, Link, LoopFaces, face_constants, keep, link_constants, links_of, loop_faces
 from .regions import Regions, find_regions
 
@@ -287,6 +287,20 @@ class System:
     def independent_links(self) -> bool:
         """Every link is a unit: there are no loops."""
         return not self.regions.ears
+
+    @property
+    def independent(self) -> tuple[list[int], list[int]]:
+        """Indices of the independent coordinates and speeds."""
+        dependent = {
+            (i, j) for ear in self.regions.ears for i, freedoms in zip(ear.links, ear.dependent, strict=True) for j in freedoms
+        }
+        q: list[int] = []
+        u: list[int] = []
+        for i, link in enumerate(self.links):
+            u += [link.u + j for j in range(FREEDOMS[link.joint]) if (i, j) not in dependent]
+            if (i, 0) not in dependent:
+                q += range(link.q, link.q + COORDINATES[link.joint])
+        return sorted(q), sorted(u)
 
     @property
     def has_link_motion(self) -> bool:

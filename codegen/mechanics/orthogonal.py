@@ -110,9 +110,7 @@ def load_factor(x: Any, array: str, rows: int, structure: Any) -> Factor:
 
 def product(a: Any, b: Any) -> Any:
     """Of values any of which may be the int 0 or 1."""
-    if isinstance(a, int) and a == 1:
-        return b
-    return a * b
+    return b if isinstance(a, int) and a == 1 else a * b
 
 
 def _sum(terms: Any) -> Any:

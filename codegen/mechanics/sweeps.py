@@ -1,7 +1,8 @@
 """The sweeps: which blocks there are, in which direction they go, and what they are for.
 
 This is the list to read first. Forward dynamics is ``kinematics``, ``triangularize``, ``back_substitute`` (Eqs. 18-24, 42-47,
-53-56); a sensitivity adds ``balance_out``, ``balance_in``, ``balance_back`` over directions.
+53-56); a sensitivity adds ``balance_out``, ``balance_in``, ``balance_back`` over directions. Loops add ``closures`` before the former and
+``complete`` before the latter.
 """
 
 from __future__ import annotations
@@ -13,24 +14,31 @@ from typing import Any
 from . import (
     back_substitution,
     balance,
+    closures,
     energy,
     inverse_dynamics,
     kinematics,
+    loop_balance,
+    loop_dynamics,
     triangularization,
 )
 
 OUTWARD, INWARD = "outward", "inward"
 
 
+Write = Callable[[Any, Any], None]
+"""Writes the block of one kind into an expansion."""
+
+
 @dataclass(frozen=True, slots=True)
 class Sweep:
-    """A pass over all links.
+    """A pass over all links, or over all units: links, ears and regions.
 
     Attributes
     ----------
     name, title : str
     write : callable (expansion, kind)
-        Writes the block of one kind.
+        Writes the block of one kind of links.
     direction : str
         ``outward`` or ``inward``.
     lanes : bool
@@ -38,15 +46,39 @@ class Sweep:
     tangents : bool
         The block is differentiated.
     applies : callable (kind) -> bool
+    ear, region : callable (expansion, kind), optional
+        The same for ears and regions.
+    units : bool
+        Goes over units; the others go over links, in ears or not.
+    closing : bool
+        Only of use where there are loops; over plain links only where one closes on their motion.
     """
 
     name: str
     title: str
-    write: Callable[[Any, Any], None]
+    write: Write
     direction: str
     lanes: bool = False
     tangents: bool = False
     applies: Callable[[Any], bool] = lambda kind: True
+    ear: Write | None = None
+    region: Write | None = None
+    units: bool = False
+    closing: bool = False
+
+    def writer(self, kind: Any) -> Write | None:
+        """What writes the block of a kind."""
+        if kind.role == "link":
+            return self.write if self.applies(kind) else None
+        return self.ear if kind.role == "ear" else self.region
+
+    def kinds(self, system: Any) -> list[Any]:
+        """The kinds that have a block."""
+        kinds = system.unit_kinds if self.units else system.kinds
+        found = [k for k in kinds if self.writer(k) is not None]
+        if self.closing and not system.has_link_motion:
+            found = [k for k in found if k.role != "link"]
+        return found
 
 
 def _quaternion(kind: Any) -> bool:
@@ -56,16 +88,26 @@ def _quaternion(kind: Any) -> bool:
 SWEEPS: tuple[Sweep, ...] = (
     Sweep("rotations", "rotation matrices of quaternions (Eq. 22)", kinematics.quaternion_matrix, OUTWARD, applies=_quaternion),
     Sweep("turns", "rotation vectors of quaternion seeds", kinematics.quaternion_turn, OUTWARD, lanes=True, applies=_quaternion),
-    Sweep("kinematics", "kinematic sweep (Eqs. 18-24)", kinematics.kinematics, OUTWARD),
-    Sweep("triangularize", "triangularization (Eqs. 42-47)", triangularization.triangularize, INWARD),
-    Sweep("back_substitute", "back substitution (Eqs. 53-56)", back_substitution.back_substitute, OUTWARD),
+    Sweep("closures", "closure of loops: dependent speeds (Eqs. 30, 32-38)", closures.link_motion, OUTWARD,
+          ear=closures.closures, units=True, closing=True),
+    Sweep("complete", "completion of seeds: differentiated closure of positions and velocities (Eq. 30)",
+          loop_balance.link_displacement, OUTWARD, lanes=True, tangents=True, ear=loop_balance.complete, units=True, closing=True),
+    Sweep("kinematics", "kinematic sweep (Eqs. 18-24, 31)", kinematics.kinematics, OUTWARD, units=True,
+          ear=loop_dynamics.ear_kinematics, region=loop_dynamics.region_start),
+    Sweep("triangularize", "triangularization (Eqs. 39-47)", triangularization.triangularize, INWARD, units=True,
+          ear=loop_dynamics.ear_triangularize, region=loop_dynamics.region_triangularize),
+    Sweep("back_substitute", "back substitution (Eqs. 53-56)", back_substitution.back_substitute, OUTWARD, units=True,
+          ear=loop_dynamics.ear_back_substitute, region=loop_dynamics.region_back_substitute),
     Sweep("newton_euler_out", "inverse dynamics, outward (Eqs. 19, 24)", inverse_dynamics.newton_euler_outward, OUTWARD),
     Sweep("newton_euler_in", "inverse dynamics, inward (Eq. 45)", inverse_dynamics.newton_euler_inward, INWARD),
     Sweep("balance_out", "balance, outward: tangent of the inverse dynamics at fixed udot (Eqs. 25-29)",
-          inverse_dynamics.newton_euler_outward, OUTWARD, lanes=True, tangents=True),
+          inverse_dynamics.newton_euler_outward, OUTWARD, lanes=True, tangents=True, units=True,
+          ear=loop_balance.ear_balance_out, region=loop_balance.region_balance_start),
     Sweep("balance_in", "balance, inward: transmitted forces and bias forces of the solve (Eqs. 9, 45, 50)",
-          balance.balance_inward, INWARD, lanes=True, tangents=True),
-    Sweep("balance_back", "balance, back substitution (Eqs. 53-55)", balance.balance_outward, OUTWARD, lanes=True),
+          balance.balance_inward, INWARD, lanes=True, tangents=True, units=True, ear=loop_balance.ear_balance_in,
+          region=loop_balance.region_balance_in),
+    Sweep("balance_back", "balance, back substitution (Eqs. 53-55)", balance.balance_outward, OUTWARD, lanes=True, units=True,
+          ear=loop_balance.ear_balance_back, region=loop_balance.region_balance_back),
     Sweep("force_tangents", "tangent of the inverse dynamics, inward", inverse_dynamics.newton_euler_inward, INWARD,
           lanes=True, tangents=True),
     Sweep("solve_in", "solve M x = b, inward (Eqs. 45, 53)", balance.solve_inward, INWARD, lanes=True),

@@ -75,7 +75,7 @@ def accumulate(
     x: Any, kind: Any, field: str, value: Any, array: str = "up", name: str = "acc", lanes: bool = False
 ) -> None:
     """Add to a field of the parent; the child that comes first writes it."""
-    if kind.first:
+    if kind.first_unit if x.units else kind.first:
         x.store(array, field, value)
     else:
         if isinstance(value, int) and value == 0:

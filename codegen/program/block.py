@@ -83,8 +83,9 @@ class Expansion:
         Fields whose value is known at generation time.
     alias : callable (array, field) -> str
         Fields of equal value: the one to load.
-    tangents : bool
-        Whether the block is to be differentiated; read by the code that writes it.
+    tangents, units : bool
+        Whether the block is to be differentiated, and whether its sweep goes over units of several links; read by the
+        code that writes it.
     """
 
     structural = False
@@ -97,9 +98,11 @@ class Expansion:
         number: Callable[[str, str], Number | None] = lambda array, name: None,
         alias: Callable[[str, str], str] = lambda array, name: name,
         tangents: bool = False,
+        units: bool = False,
     ):
         self.block = Block(name, title)
         self.tangents = tangents
+        self.units = units
         self._nonzero = nonzero
         self._number = number
         self._alias = alias
@@ -178,7 +181,7 @@ class Expansion:
         return known
 
     def _symbol(self, name: str) -> Symbol:
-        name = name.replace(".", "_").replace("/", "_d")
+        name = name.replace(".", "_").replace("/", "_d").replace("#", "")
         unique = name
         while unique in self._taken:
             self._used[name] = self._used.get(name, 0) + 1
@@ -218,7 +221,10 @@ ANY = Nonzero()
 
 
 class StructuralExpansion:
-    """Runs block-writing code on zero patterns only; `stored` receives the fields that can differ from zero."""
+    """Runs block-writing code on zero patterns only; `stored` receives the fields that can differ from zero.
+
+    The numbers 1 and -1 pass through as they are: the axis of a planar mechanism is one in every link.
+    """
 
     structural = True
 
@@ -226,24 +232,27 @@ class StructuralExpansion:
         self,
         nonzero: Callable[[str, str], bool],
         tangents: bool = False,
-        one: Callable[[str, str], bool] = lambda array, name: False,
+        known: Callable[[str, str], int | None] = lambda array, name: None,
+        units: bool = False,
     ):
+        self.units = units
         self._nonzero = nonzero
-        self._one = one
+        self._known = known
         self.tangents = tangents
-        self.stored: dict[tuple[str, str], bool] = {}
-        """Fields that can differ from zero, and whether they are one whatever the state."""
+        self.stored: dict[tuple[str, str], int | None] = {}
+        """Fields that can differ from zero, and the 1 or -1 that they are whatever the state."""
 
     def load(self, array: str, name: str) -> Any:
         if not self._nonzero(array, name):
             return 0
-        return 1 if self._one(array, name) else ANY
+        known = self._known(array, name)
+        return ANY if known is None else known
 
     def store(self, array: str, name: str, value: Any) -> None:
         if not isinstance(value, int):
-            self.stored[array, name] = False
+            self.stored[array, name] = None
         elif value != 0:
-            self.stored[array, name] = value == 1
+            self.stored[array, name] = value if abs(value) == 1 else None
 
     def let(self, name: str, value: Any, tag: str = "", lanes: bool = False) -> Any:
         return value
