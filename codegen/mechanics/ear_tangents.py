@@ -58,7 +58,7 @@ class EarTangents:
         self.scanned = len(loads)
 
     def _seed(self, symbol: Symbol, value: Any) -> None:
-        if not is_zero(value):
+        if not is_zero(value) and symbol not in self.known:
             self.d.of[symbol] = value
 
     def _transparent(self, symbol: Symbol, stem: str, place: str, name: str) -> None:
@@ -146,18 +146,22 @@ class EarTangents:
     def vector(self, v: Vec, name: str = "d") -> Vec:
         return [self.of(e, f"{name}_{i}") for e, i in zip(v, XYZ, strict=True)]
 
-    def add(self, v: Vec, more: Vec) -> None:
-        """Correct the tangent of named values by what has been found since."""
+    def correct(self, found: list[tuple[Vec, Vec]]) -> None:
+        """Add what has been found since to the tangents of named values. A value that several links share is corrected once."""
         if self.structural:
             return
-        for symbol, value in zip(v, more, strict=True):
-            if isinstance(symbol, Symbol) and not is_zero(value):
-                before = self.d.of.get(symbol, 0)
-                self.d.of[symbol] = self.x.let("d", before + value, "d Eq. 31", lanes=True)
+        done: set[Symbol] = set()
+        for v, more in found:
+            for symbol, value in zip(v, more, strict=True):
+                if isinstance(symbol, Symbol) and symbol not in done:
+                    done.add(symbol)
+                    if not is_zero(value):
+                        before = self.d.of.get(symbol, 0)
+                        self.d.of[symbol] = self.x.let("d", before + value, "d Eq. 31", lanes=True)
 
-    def set(self, symbol: Any, value: Any) -> None:
-        if not self.structural and isinstance(symbol, Symbol):
-            self.d.of[symbol] = value
+    def hold(self, v: Vec) -> None:
+        """Values whose tangents are given, or taken as zero until more is known: they are not differentiated."""
+        self.known.update(symbol for symbol in v if isinstance(symbol, Symbol))
 
 
 __all__ = ["EarTangents"]

@@ -203,20 +203,18 @@ def complete(x: Any, kind: Any) -> None:
     d = EarTangents(ear, angles, seeds)
     for t, role in enumerate(kind.roots):
         if role in ("link", "frame"):
-            hold(d, roots[t].angular, seeds)
-            hold(d, roots[t].linear, seeds)
+            d.hold([*roots[t].angular, *roots[t].linear])
     for k, member in enumerate(ear.members):
         for freedom in member.freedoms:
             if freedom.index in kind.dependent[k]:
-                d.set(member.view.load("u", str(freedom.index)), 0)
+                d.hold([member.view.load("u", str(freedom.index))])
     d.run()
     if rows:
         rates = f.solve([-d.of(v) for v in conditions], "du", "d Eq. 30", lanes=True)
         still = [Twist(list(ZERO), list(ZERO)) for _ in kind.roots]
         added = ear.walk(still, ear.coefficients(rates), "dr", "d Eq. 30", lanes=True)
-        for k, velocity in enumerate(velocities):
-            d.add(velocity.angular, added[k].angular)
-            d.add(velocity.linear, added[k].linear)
+        d.correct([pair for v, more in zip(velocities, added, strict=True)
+                   for pair in ((v.angular, more.angular), (v.linear, more.linear))])  # fmt: skip
         for (k, freedom), value in zip(dependents, rates, strict=True):
             x.store(f"du#{k}", str(freedom.index), value)
     for k, velocity in enumerate(velocities):
@@ -224,14 +222,6 @@ def complete(x: Any, kind: Any) -> None:
         for array in ("lme", "lane"):
             store_vector(x, f"{array}#{k}", "rw", angular)
             store_vector(x, f"{array}#{k}", "rv", linear)
-
-
-def hold(d: EarTangents, v: Vec, seeds: dict[Any, Any]) -> None:
-    """Values whose tangents are known already are not differentiated."""
-    if not d.structural:
-        for symbol in v:
-            if symbol in seeds:
-                d.known.add(symbol)
 
 
 def freedom_displacement(view: Any, kind: Any, joint: JointTransform, j: int) -> Any:
@@ -358,22 +348,24 @@ def ear_balance_out(x: Any, kind: Any) -> None:
     for t in sliding:
         twist = root_velocities(x, kind)[t]
         for vector in (ear.position(-1 - t), twist.angular, twist.linear):
-            hold(d, vector, seeds)
+            d.hold(vector)
     for t in range(len(kind.roots)):
         for vector in roots[t][:3]:
-            hold(d, vector, seeds)
+            d.hold(vector)
     d.run()
     if rows:
         rates = f.solve([-d.of(v) for v in conditions], "dx", "d Eq. 31", lanes=True)
         still = [Twist(list(ZERO), list(ZERO)) for _ in kind.roots]
         added = ear.walk(still, ear.coefficients(rates), "da", "d Eq. 31", lanes=True)
-        for k, (_, al, a, B) in enumerate(motions):
-            angular = added[k].angular
-            d.add(al, angular)
-            d.add(a, added[k].linear)
+        pairs: list[tuple[Vec, Vec]] = []
+        for (_, al, a, B), more in zip(motions, added, strict=True):
+            angular = more.angular
+            pairs += [(al, angular), (a, more.linear)]
             for i in range(3):
                 j, n = (i + 1) % 3, (i + 2) % 3
-                d.add([B[n][j], B[j][n]], [angular[i], -angular[i]])
+                pairs.append(([B[n][j], B[j][n]], [angular[i], -angular[i]]))
+        # in a plane an entry of B is an angular acceleration itself: it stands further up in the list
+        d.correct(pairs)
         for n, (k, freedom) in enumerate(ear.dependents()):
             x.store(f"lane#{k}", f"x.{freedom.index}", rates[n])
     for k, (w, al, a, B) in enumerate(motions):

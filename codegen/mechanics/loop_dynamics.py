@@ -37,7 +37,8 @@ def root_motions(x: Any, kind: Any, prefix: str = "") -> list[Motion]:
             array, names = "base", ("w", f"{prefix}al", f"{prefix}a", f"{prefix}B")
         elif role == "ground":
             W = transpose(load_matrix(x, "base", "cW"))
-            a = [x.let("ga", e, "Eq. 22") for e in rotate(W, load_vector(x, "ground", f"{prefix}a"))]
+            moved = rotate(W, load_vector(x, "ground", f"{prefix}a"))
+            a = [0 if is_zero(e) else x.name("ga", e, "Eq. 22") for e in moved]
             found.append((list(ZERO), list(ZERO), a, [[0] * 3 for _ in range(3)]))
             continue
         else:
@@ -118,7 +119,8 @@ def root_velocities(x: Any, kind: Any) -> list[Twist]:
                 continue
             speed = source_speed(x, kind, c, own_sources(kind).get(c))
             angular, linear = add(angular, scale(speed, twist.angular)), add(linear, scale(speed, twist.linear))
-        named = [[x.let("V", e, "Eq. 30") for e in v] for v in (angular, linear)]
+        # symbols of their own, even for copies: their tangents are known
+        named = [[0 if is_zero(e) else x.name("V", e, "Eq. 30") for e in v] for v in (angular, linear)]
         found.append(Twist(*named))
     return found
 
