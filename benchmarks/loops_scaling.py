@@ -15,7 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from ctiming import LEVELS, alternate, default_cache, table, use_one_core
+from ctiming import alternate, default_cache, table, use_one_core
 from ladders import accelerations, mechanism, sensitivities, source_of
 
 SIZES = {
@@ -63,11 +63,12 @@ def main() -> None:
     parser.add_argument("--names", nargs="*", default=list(SIZES), choices=list(SIZES))
     parser.add_argument("--sizes", nargs="*", type=int, help="the same for all of them; left out: those of the claims")
     parser.add_argument("--layout", default="auto", choices=("auto", "kinds", "unrolled"))
-    parser.add_argument("--levels", nargs="*", default=list(LEVELS), choices=list(LEVELS))
+    parser.add_argument("--levels", nargs="*", default=[1, 2, 3], type=int, choices=(1, 2, 3), help="of optimisation")
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--batches", type=int, default=25)
     parser.add_argument("--cache", type=Path, default=default_cache())
     arguments = parser.parse_args()
+    arguments.levels = [f"-O{level}" for level in arguments.levels]
     use_one_core()
     rows: list[list[object]] = []
     good = True
