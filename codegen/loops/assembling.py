@@ -182,8 +182,8 @@ def _with_neighbours(
             wider = together | {i for i in others if cycles[i] & bodies}
             if len(together) == 1 and hold is held:
                 continue  # that has been tried
-            rigid = _passed(geometry, others) - bodies
-            ring = Ring(PoseGroups(geometry, q, rigid), sorted(together), bodies)
+            rigid = set().union(*(cycles[i] for i in others if i not in together))
+            ring = Ring(PoseGroups(geometry, q, rigid), sorted(together), bodies - rigid)
             movable = ~np.isin(ring.joints.speeds, list(hold))
             outcome, tries = _tried(ring, q, movable, random)
             if outcome.closed:

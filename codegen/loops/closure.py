@@ -193,7 +193,7 @@ class Cuts:
 
     def kept(self, six: Array) -> Array:
         """The true rows of ``(S, l, 6, ...)`` as ``(S, rows, ...)``."""
-        return six.reshape(len(six), -1, *six.shape[3:])[:, self.row_index]
+        return six.reshape(len(six), 6 * six.shape[1], *six.shape[3:])[:, self.row_index]
 
     def faces(self, frames: Frames) -> tuple[Array, Array, Array, Array]:
         """Rotation and origin of the start faces, then of the end faces, from the frames of all bodies."""

@@ -126,16 +126,17 @@ class Sweep:
         """The ear of some loops; or why it does not close by itself."""
         g = self.geometry
         E = closure.scaled(g, float(g.lengths[loops[0]]))
-        free = [c for c, s in enumerate(closure.speeds) if int(s) not in self.held]
+        hinted = [int(s) in self.held for s in closure.speeds]
+        free, held = np.flatnonzero(~np.array(hinted, dtype=bool)), np.flatnonzero(hinted)
         found = ranks(E[..., free])
         rank = int(np.max(found[self.regular]))
         # Where the rank is lower, the pose is a special one and nothing more can be learnt there.
         self.regular &= found == rank
         regular = self.regular
-        if not _follows(E[regular][..., free], closure.known[regular], closure.size[regular], rank):
-            return self._why_open(closure, E[regular], free, rank)
+        if not _follows(E[regular][..., free], *closure.disturbance(held, regular), rank):
+            return self._why_open(closure, E[regular], free, held, rank)
         joints: dict[int, list[int]] = {}
-        for c in free:
+        for c in map(int, free):
             s = int(closure.speeds[c])
             k = int(g.speed_body[s])
             joints.setdefault(k if g.whole[k] else g.ground + s, []).append(c)
@@ -143,24 +144,25 @@ class Sweep:
         if chosen is None:
             return self._why_not_whole(closure, free, rank)
         dependent = [int(closure.speeds[c]) for c in chosen]
-        return Draft(loops, dependent, E.shape[1], condition(E[:1][..., chosen]), rank == closure.possible)
+        return Draft(loops, dependent, E.shape[1], condition(E[:1][..., chosen]), rank == closure.possible())
 
-    def _why_open(self, closure: VelocityClosure, E: Array, free: list[int], rank: int) -> str:
-        names = self.geometry.model.speed_names
-        known = closure.known[self.regular] / np.maximum(closure.size[self.regular], 1e-300)[:, None]
-        everything = int(np.max(ranks(np.concatenate([E, known], axis=2))))
-        left = listed([names[closure.speeds[c]] for c in free]) or "nothing"
-        text = f"rank {everything} is asked of {left}, which have rank {rank}"
-        held = [int(s) for s in closure.speeds if int(s) in self.held]
-        if not held:
+    def _why_open(self, closure: VelocityClosure, E: Array, free: Array, held: Array, rank: int) -> str:
+        names = [self.geometry.model.speed_names[s] for s in closure.speeds]
+        motion, size = closure.disturbance(held, self.regular)
+        everything = np.concatenate([E, motion / np.maximum(size, 1e-300)[:, None]], axis=2)
+        text = (
+            f"{listed([names[c] for c in free]) or 'no speeds'} of rank {rank} have to satisfy conditions of rank "
+            f"{int(np.max(ranks(everything)))}"
+        )
+        wrong = [c for c in held if np.max(ranks(E[..., [*free, c]])) > rank]
+        if not len(held):
             return text
-        wrong = [s for s in held if np.max(ranks(E[..., [*free, closure.column[s]]])) > rank] or held
         return (
-            f"{text}; {listed([names[s] for s in wrong])} cannot all be independent: "
+            f"{text}: {listed([names[c] for c in (wrong or held)])} cannot all be independent; "
             f"remove one of them from `independent`"
         )
 
-    def _why_not_whole(self, closure: VelocityClosure, free: list[int], rank: int) -> str:
+    def _why_not_whole(self, closure: VelocityClosure, free: Array, rank: int) -> str:
         g = self.geometry
         bodies = list(dict.fromkeys(int(g.speed_body[closure.speeds[c]]) for c in free))
         joints = listed([f"{g.model.bodies[k].name} ({g.types[k]}, {len(g.speeds[k])})" for k in bodies], 12)

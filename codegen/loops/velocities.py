@@ -100,8 +100,6 @@ class VelocityClosure:
         What the known speeds contribute.
     size : (S, K) array
         How large the contributions are that `known` is the difference of.
-    possible : int
-        How many of the conditions motions of this kind can break: in a plane only those in the plane.
     """
 
     def __init__(self, motion: Motion, loops: Sequence[int]) -> None:
@@ -131,15 +129,24 @@ class VelocityClosure:
         w, v = motion.screws[0][:, self.speeds], motion.screws[1][:, self.speeds]
         at_cut = cuts.at_cut(w, v, motion.frames[1][:, body])
         self.E = cuts.matrix(w, at_cut, sign)
-        self.possible = sum(
-            _possible(
-                cuts.n[0, j],
-                cuts.m[0, j],
-                np.concatenate([w[0, sign[j] != 0].T, known_w[0, j]], axis=1),
-                np.concatenate([at_cut[0, j, sign[j] != 0].T, known_v[0, j]], axis=1),
-            )
-            for j in range(len(loops))
-        )
+        self._u = motion.u
+        self._passing = [sign[j] != 0 for j in range(len(loops))]
+        self._cuts, self._w, self._at_cut, self._known_w, self._known_v = cuts, w, at_cut, known_w, known_v
+
+    def disturbance(self, others: Array, configurations: Array) -> tuple[Array, Array]:
+        """What known speeds and some further columns do to the conditions, ``(S, rows, K)``, and how large it could be."""
+        E, u = self.E[configurations][..., others], self._u[configurations][:, self.speeds[others]]
+        size = self.size[configurations] + np.sum(np.max(np.abs(E), axis=1)[..., None] * np.abs(u), axis=1)
+        return self.known[configurations] + E @ u, size
+
+    def possible(self) -> int:
+        """How many of the conditions motions of this kind can break: in a plane only those in the plane."""
+        cuts, total = self._cuts, 0
+        for j, passing in enumerate(self._passing):
+            w = np.concatenate([self._w[0, passing].T, self._known_w[0, j]], axis=1)
+            v = np.concatenate([self._at_cut[0, j, passing].T, self._known_v[0, j]], axis=1)
+            total += _possible(cuts.n[0, j], cuts.m[0, j], w, v)
+        return total
 
     def scaled(self, geometry: Geometry, length: float) -> Array:
         """E with the columns of displacements per characteristic length."""
@@ -153,8 +160,7 @@ def _possible(n: Array, m: Array, w: Array, v: Array) -> int:
     taken for motions in space.
     """
     U, s, _ = np.linalg.svd(w)
-    planar = (
-        s[0] > 0 and s[1] < PLANAR * s[0] and np.max(np.abs(U[:, 0] @ v)) < PLANAR * np.max(np.abs(v), initial=1e-300)
-    )
+    planar = s[0] > 0 and np.max(s[1:], initial=0.0) < PLANAR * s[0]
+    planar = planar and np.max(np.abs(U[:, 0] @ v)) <= PLANAR * np.max(np.abs(v))
     across, along = (U[:, 1:], U[:, :1]) if planar else (np.eye(3), np.eye(3))
     return int(ranks((n @ across)[None])[0] + ranks((m @ along)[None])[0])
