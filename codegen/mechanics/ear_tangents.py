@@ -26,10 +26,15 @@ class EarTangents:
         Rotation vectors (lanes) of links, and of roots by negative places.
     roots : dict of Symbol to value
         Tangents of what the block loads of its roots.
+    dq : dict of (str, str) to value
+        Displacements that the block has found itself, by link and coordinate.
     """
 
-    def __init__(self, ear: Ear, angles: dict[int, Vec], roots: dict[Any, Any]):
+    def __init__(
+        self, ear: Ear, angles: dict[int, Vec], roots: dict[Any, Any], dq: dict[tuple[str, str], Any] | None = None
+    ):
         self.ear = ear
+        self.dq = dq or {}
         self.x = ear.x
         self.structural = ear.x.structural
         self.angles = angles
@@ -52,7 +57,8 @@ class EarTangents:
             if stem == "u" and place:
                 self._seed(symbol, self.x.load(f"du#{place}", name))
             elif stem == "q" and place:
-                self._seed(symbol, self.x.load(f"dq#{place}", name))
+                found = self.dq.get((place, name))
+                self._seed(symbol, self.x.load(f"dq#{place}", name) if found is None else found)
             elif stem in ("c", "cl") and place and "/" not in name:
                 self._transparent(symbol, stem, place, name)
         self.scanned = len(loads)
@@ -90,7 +96,7 @@ class EarTangents:
             self._scan()
             place, found, local = self.ear.fixed[self.fixed]
             self.fixed += 1
-            changed = [self.d.value(v) for v in local]
+            changed = [self._of_local(v) for v in local]
             W = self.ear.attitude(place)
             moved = changed if W is UNIT else matvec(W, changed)
             theta = self.angles.get(place)
@@ -102,6 +108,16 @@ class EarTangents:
                     if not is_zero(value):
                         self.d.of[symbol] = value
                     self.known.add(symbol)
+
+    def _of_local(self, value: Any) -> Any:
+        """Tangent of a component in a link's own axes: of a constant, or of a statement on constants and coordinates."""
+        if isinstance(value, Symbol) and value not in self.d.of:
+            for statement in self.x.block.statements:
+                if statement.target == value:
+                    self.d.statement(statement)
+                    self.known.add(value)
+                    break
+        return self.d.value(value)
 
     def inertia(self, place: int, W: Any, J: Any, local: Any) -> None:
         """Tangent of ``J = W local W^T``: ``theta x J - J theta x`` and what the parameters change."""

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from sympy import Rational
+
 from .closures import is_zero, own_sources, source_twist, stored_factor
 from .ear_tangents import EarTangents
 from .ears import SLIDING, UNIT, ZERO, Ear, Twist, rotate
@@ -169,6 +171,7 @@ def complete(x: Any, kind: Any) -> None:
         angles[k] = let3(x, "th", add(theta, rotate(W, let3(x, "about", about, tag)), turn), tag)
         moved[k] = let3(x, "d", add(d, cross(theta, member.rho), rotate(W, let3(x, "dr", local, tag)), slide), tag)
     rows = [ear.rows()[i] for i in kind.kept]
+    dq: dict[tuple[str, str], Any] = {}
     if rows:
         b = ear.conditions(rows, cut_displacements(x, ear, angles, moved), "b", "d Eq. 30", lanes=True)
         rates = f.solve([-v for v in b], "dx", "d Eq. 30", lanes=True)
@@ -176,7 +179,9 @@ def complete(x: Any, kind: Any) -> None:
         for k, added in enumerate(ear.walk(still, ear.coefficients(rates), "dd", tag, lanes=True)):
             angles[k] = let3(x, "th", add(angles[k], added.angular), tag)
             moved[k] = let3(x, "d", add(moved[k], added.linear), tag)
-        _store_dependent_displacements(x, ear, rates)
+        dq = dependent_displacements(x, ear, rates)
+        for (place, name), value in dq.items():
+            x.store(f"dq#{place}", name, value)
     for k in range(len(ear.members)):
         for array in ("lme", "lane"):
             store_vector(x, f"{array}#{k}", "th", angles[k])
@@ -200,7 +205,7 @@ def complete(x: Any, kind: Any) -> None:
         for t, role in enumerate(kind.roots):
             if role != "frame":
                 seeds.update(zip(ear.position(-1 - t), moved[-1 - t], strict=True))
-    d = EarTangents(ear, angles, seeds)
+    d = EarTangents(ear, angles, seeds, dq)
     for t, role in enumerate(kind.roots):
         if role in ("link", "frame"):
             d.hold([*roots[t].angular, *roots[t].linear])
@@ -234,30 +239,31 @@ def freedom_displacement(view: Any, kind: Any, joint: JointTransform, j: int) ->
     return view.let("slide", dot(column, [view.load("dq", str(i)) for i in range(3)]), "d Eq. 22", lanes=True)
 
 
-def _store_dependent_displacements(x: Any, ear: Ear, rates: list[Any]) -> None:
+def dependent_displacements(x: Any, ear: Ear, rates: list[Any]) -> dict[tuple[str, str], Any]:
     """dq of dependent joints from displacements along their freedoms; a quaternion's is ``e (0, theta) / 2``."""
+    result: dict[tuple[str, str], Any] = {}
     values: dict[int, dict[int, Any]] = {}
     for (k, freedom), value in zip(ear.dependents(), rates, strict=True):
         values.setdefault(k, {})[freedom.index] = value
     for k, found in values.items():
         member, kind = ear.members[k], ear.kind.links[k]
         if kind.joint in ("revolute", "prismatic"):
-            member.view.store("dq", "0", found[0])
+            result[str(k), "0"] = found[0]
             continue
         n = 3 if kind.joint == "free" else 0
         turn = [found[j] for j in range(3)]
-        half = [x.let("half", turn[i] / 2, "d Eq. 22", lanes=True) for i in range(3)]
+        half = 1 if x.structural else Rational(1, 2)
+        a, b, c = (x.let("half", half * v, "d Eq. 22", lanes=True) for v in turn)
         w, i, j, k_ = (member.view.load("q", str(n + m)) for m in range(4))
-        a, b, c = half
-        rates_q = [-(i * a + j * b + k_ * c), w * a + j * c - k_ * b, w * b + k_ * a - i * c, w * c + i * b - j * a]
-        for m, value in enumerate(rates_q):
-            member.view.store("dq", str(n + m), x.let("dq", value, "d Eq. 22", lanes=True))
+        changed = [-(i * a + j * b + k_ * c), w * a + j * c - k_ * b, w * b + k_ * a - i * c, w * c + i * b - j * a]
+        for m, value in enumerate(changed):
+            result[str(k), str(n + m)] = x.let("dq", value, "d Eq. 22", lanes=True)
         for m in range(3):
             member.view.store("lane", f"turn.{m}", turn[m])
         if kind.joint == "free":
-            moved = matvec(member.joint.matrix, [found[j] for j in range(3, 6)])
-            for m, value in enumerate(moved):
-                member.view.store("dq", str(m), x.let("dq", value, "d Eq. 22", lanes=True))
+            for m, value in enumerate(matvec(member.joint.matrix, [found[j] for j in range(3, 6)])):
+                result[str(k), str(m)] = x.let("dq", value, "d Eq. 22", lanes=True)
+    return result
 
 
 def cut_displacements(x: Any, ear: Ear, angles: dict[int, Vec], moved: dict[int, Vec]) -> list[Twist]:

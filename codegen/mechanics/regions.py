@@ -35,13 +35,14 @@ class Closure:
         For the start and the end face: places among the ear's links, from the root outward, of the links that move the face.
     roots : tuple of two int
         Where the paths begin: place among the ear's roots; -1 for both where both begin at the same link.
+    faces : tuple of two int
+        Place of each face's link among the ear's links; minus one minus the place among its roots where it is one of those.
     """
 
     loop: int
     paths: tuple[tuple[int, ...], tuple[int, ...]]
     roots: tuple[int, int]
     faces: tuple[int, int]
-    """Place of the link of each face among the ear's links; minus one minus the place among its roots where that is a root."""
 
 
 @dataclass(slots=True, eq=False)
@@ -175,25 +176,88 @@ def find_regions(
     ears: list[EarLinks] = []
     ear_of: list[int | None] = [None] * len(links)
     for group in _components(len(links), cycles, partition):
-        on_cycles = sorted({i for e in group for loop in partition.ears[e].loops for i in (*cycles[loop][0], *cycles[loop][1])})
+        bundles = _bundles(links, cycles, faces, [(partition.ears[e].loops, partition.ears[e].length) for e in group])
+        on_cycles = sorted({i for b in bundles for i in b.links})
         free = [(i, j) for i in on_cycles for j in range(FREEDOMS[links[i].joint]) if (i, j) not in dependent]
-        base = min(cycles[loop][2] for e in group for loop in partition.ears[e].loops)
-        if len(free) > MOST_SOURCES and _by_single_ears(links, cycles, partition, group, dependent, regions, ears, ear_of, faces):
+        base = min(cycles[loop][2] for b in bundles for loop in b.loops)
+        made = _Maker(links, regions, ears, ear_of, faces, dependent)
+        if len(free) > MOST_SOURCES and made.by_single_ears(cycles, bundles):
             continue
-        region = Region(base, True, freedoms=free)
-        regions.append(region)
+        regions.append(Region(base, True, freedoms=free))
         number = {f: c for c, f in enumerate(free)}
-        for e in group:
-            loops = partition.ears[e].loops
-            new = sorted({i for loop in loops for i in (*cycles[loop][0], *cycles[loop][1]) if ear_of[i] is None})
-            first = {i for i in new if any((i, j) in dependent for j in range(FREEDOMS[links[i].joint]))}
+        for b in bundles:
+            first = {i for i in b.links if made.moved(i)}
             # links inboard of all dependent ones have their own, loopless ears: then equal loops are of one kind
-            inner = [i for i in new if i not in first and not first.intersection(path_to_ground(links, i))]
+            inner = [i for i in b.links if not first.intersection(path_to_ground(links, i))]
             for i in inner:
-                _add_ear(links, regions, ears, ear_of, len(regions) - 1, [i], (), faces, dependent, number, 1.0)
-            rest = [i for i in new if i not in inner]
-            _add_ear(links, regions, ears, ear_of, len(regions) - 1, rest, loops, faces, dependent, number, partition.ears[e].length)
+                made.add([i], (), number, 1.0)
+            made.add([i for i in b.links if i not in inner], b.loops, number, b.length)
     return Regions(regions, ears, ear_of, _order(links, regions, ears, ear_of))
+
+
+@dataclass(slots=True)
+class Bundle:
+    """Loops that are closed together, and the links on their cycles that no earlier bundle has."""
+
+    loops: tuple[int, ...]
+    links: list[int]
+    length: float
+
+
+def _bundles(
+    links: Sequence[Link],
+    cycles: Sequence[tuple[list[int], list[int], int]],
+    faces: Sequence[tuple[int, ...]],
+    ears: list[tuple[tuple[int, ...], float]],
+) -> list[Bundle]:
+    """The ears of a component; those that start from each other's links are joined."""
+    while True:
+        owner: dict[int, int] = {}
+        bundles: list[Bundle] = []
+        for n, (loops, length) in enumerate(ears):
+            new = sorted({i for loop in loops for i in (*cycles[loop][0], *cycles[loop][1]) if i not in owner})
+            owner.update(dict.fromkeys(new, n))
+            bundles.append(Bundle(tuple(loops), new, length))
+        before: list[set[int]] = []
+        for n, b in enumerate(bundles):
+            outside = {links[i].parent for i in b.links} | {f for loop in b.loops for f in faces[loop]}
+            before.append({owner[i] for i in outside if i in owner} - {n})
+        tangled = _on_circles(before)
+        if not tangled:
+            return bundles
+        joined = sorted(tangled)
+        loops = tuple(loop for n in joined for loop in ears[n][0])
+        ears = [e for n, e in enumerate(ears) if n not in tangled]
+        ears.insert(min(joined[0], len(ears)), (loops, max(bundles[n].length for n in joined)))
+
+
+def _on_circles(before: list[set[int]]) -> set[int]:
+    """Of things that wait for others, those of one tangle where all wait for each other."""
+    left = set(range(len(before)))
+    after: list[set[int]] = [set() for _ in before]
+    for n, x in enumerate(before):
+        for m in x:
+            after[m].add(n)
+    for waits, frees in ((before, after), (after, before)):
+        count = {n: len(waits[n] & left) for n in left}
+        ready = [n for n in left if not count[n]]
+        while ready:
+            n = ready.pop()
+            left.discard(n)
+            for m in frees[n]:
+                if m in left:
+                    count[m] -= 1
+                    if not count[m]:
+                        ready.append(m)
+    if not left:
+        return left
+    found = {min(left)}
+    grown = True
+    while grown:
+        more = {m for n in found for m in (before[n] | after[n]) & left} - found
+        found |= more
+        grown = bool(more)
+    return found
 
 
 def _components(count: int, cycles: Sequence[tuple[list[int], list[int], int]], partition: Partition) -> list[list[int]]:
@@ -221,94 +285,92 @@ def _components(count: int, cycles: Sequence[tuple[list[int], list[int], int]], 
     return list(found.values())
 
 
-def _by_single_ears(
-    links: Sequence[Link],
-    cycles: Sequence[tuple[list[int], list[int], int]],
-    partition: Partition,
-    group: Sequence[int],
-    dependent: set[tuple[int, int]],
-    regions: list[Region],
-    ears: list[EarLinks],
-    ear_of: list[int | None],
-    faces: Sequence[tuple[int, ...]],
-) -> bool:
-    """Every ear of a component as a region of its own, with the link that it starts from as source. False where some ear starts from two
-    links, neither of them the ground."""
-    made = []
-    taken: set[int] = set()
-    for e in group:
-        loops = partition.ears[e].loops
-        new = sorted({i for loop in loops for i in (*cycles[loop][0], *cycles[loop][1])} - taken)
-        moved = {i for i in new if any((i, j) in dependent for j in range(FREEDOMS[links[i].joint]))}
-        moved = {i for i in moved if any((i, j) in {_place for _place in dependent} for j in range(FREEDOMS[links[i].joint]))}
-        members = [i for i in new if moved.intersection(path_to_ground(links, i))]
-        outside = {links[i].parent for i in members if links[i].parent not in members}
-        outside |= {f for loop in loops for f in faces[loop] if f not in members}
-        full = sorted(outside - {GROUND})
-        if len(full) > 1:
-            return False
-        made.append((members, loops, full, partition.ears[e].length))
-        taken |= set(members)
-    for members, loops, full, length in made:
-        base = full[0] if full else GROUND
-        inside = [(i, j) for i in members for j in range(FREEDOMS[links[i].joint]) if (i, j) not in dependent]
-        # a loop that hangs on one link alone closes whatever that link does
-        rigid = not full or all(cycles[loop][2] == base for loop in loops)
-        regions.append(Region(base, rigid, freedoms=inside))
-        number = {f: c for c, f in enumerate(inside)}
-        _add_ear(links, regions, ears, ear_of, len(regions) - 1, members, loops, faces, dependent, number, length)
-    return True
+class _Maker:
+    """Makes ears and regions, one component after the other."""
 
+    def __init__(
+        self,
+        links: Sequence[Link],
+        regions: list[Region],
+        ears: list[EarLinks],
+        ear_of: list[int | None],
+        faces: Sequence[tuple[int, ...]],
+        dependent: set[tuple[int, int]],
+    ):
+        self.links = links
+        self.regions = regions
+        self.ears = ears
+        self.ear_of = ear_of
+        self.faces = faces
+        self.dependent = dependent
 
-def _add_ear(
-    links: Sequence[Link],
-    regions: list[Region],
-    ears: list[EarLinks],
-    ear_of: list[int | None],
-    region: int,
-    members: list[int],
-    loops: Sequence[int],
-    faces: Sequence[tuple[int, ...]],
-    dependent: set[tuple[int, int]],
-    number: dict[tuple[int, int], int],
-    length: float,
-) -> None:
-    ear = EarLinks(region, members, length=length)
-    place = {i: k for k, i in enumerate(members)}
+    def moved(self, i: int) -> bool:
+        """Whether a link's joint has a dependent freedom."""
+        return any((i, j) in self.dependent for j in range(FREEDOMS[self.links[i].joint]))
 
-    def where(i: int) -> int:
-        if i in place:
-            return place[i]
-        if i not in ear.roots:
-            ear.roots.append(i)
-        return -1 - ear.roots.index(i)
+    def by_single_ears(self, cycles: Sequence[tuple[list[int], list[int], int]], bundles: list[Bundle]) -> bool:
+        """Every ear of a component as a region of its own, with the link that it starts from as source.
 
-    for i in members:
-        ear.parents.append(where(links[i].parent))
-        freedoms = range(FREEDOMS[links[i].joint])
-        ear.dependent.append([j for j in freedoms if (i, j) in dependent])
-        ear.columns.append({j: number[i, j] for j in freedoms if (i, j) not in dependent})
-        ear_of[i] = len(ears)
-    for loop in loops:
-        sides: list[tuple[int, ...]] = []
-        roots: list[int] = []
-        ends: list[int] = []
-        for face in faces[loop]:
-            path = []
-            i = face
-            while i in place:
-                path.append(place[i])
-                i = links[i].parent
-            sides.append(tuple(reversed(path)))
-            roots.append(-1 - where(i))
-            ends.append(where(face))
-        common = {*sides[0]} & {*sides[1]}
-        paths = tuple(tuple(k for k in side if k not in common) for side in sides)
-        if common or roots[0] == roots[1]:
-            roots = [-1, -1]
-        ear.closures.append(Closure(loop, paths, (roots[0], roots[1]), (ends[0], ends[1])))  # type: ignore[arg-type]
-    regions[region].ears.append(len(ears))
-    ears.append(ear)
+        False, and nothing made, where some ear starts from two links, neither of them the ground, or from one of another ear.
+        """
+        plan: list[tuple[list[int], Bundle, int, bool]] = []
+        taken: set[int] = set()
+        for b in bundles:
+            moved = {i for i in b.links if self.moved(i)}
+            members = [i for i in b.links if moved.intersection(path_to_ground(self.links, i))]
+            outside = {self.links[i].parent for i in members} | {f for loop in b.loops for f in self.faces[loop]}
+            full = sorted(outside - set(members) - {GROUND})
+            base = full[0] if full else GROUND
+            # a loop that hangs on one link alone closes whatever that link does
+            rigid = not full or all(cycles[loop][2] == base for loop in b.loops)
+            if len(full) > 1 or (base in taken and not rigid):
+                return False
+            plan.append((members, b, base, rigid))
+            taken |= set(members)
+        for members, b, base, rigid in plan:
+            inside = [(i, j) for i in members for j in range(FREEDOMS[self.links[i].joint]) if (i, j) not in self.dependent]
+            self.regions.append(Region(base, rigid, freedoms=inside))
+            self.add(members, b.loops, {f: c for c, f in enumerate(inside)}, b.length)
+        return True
+
+    def add(self, members: list[int], loops: Sequence[int], number: dict[tuple[int, int], int], length: float) -> None:
+        """An ear of the last region."""
+        links = self.links
+        ear = EarLinks(len(self.regions) - 1, members, length=length)
+        place = {i: k for k, i in enumerate(members)}
+
+        def where(i: int) -> int:
+            if i in place:
+                return place[i]
+            if i not in ear.roots:
+                ear.roots.append(i)
+            return -1 - ear.roots.index(i)
+
+        for i in members:
+            ear.parents.append(where(links[i].parent))
+            freedoms = range(FREEDOMS[links[i].joint])
+            ear.dependent.append([j for j in freedoms if (i, j) in self.dependent])
+            ear.columns.append({j: number[i, j] for j in freedoms if (i, j) not in self.dependent})
+            self.ear_of[i] = len(self.ears)
+        for loop in loops:
+            sides: list[tuple[int, ...]] = []
+            roots: list[int] = []
+            for face in self.faces[loop]:
+                path = []
+                i = face
+                while i in place:
+                    path.append(place[i])
+                    i = links[i].parent
+                sides.append(tuple(reversed(path)))
+                roots.append(-1 - where(i))
+            common = {*sides[0]} & {*sides[1]}
+            a, b = (tuple(k for k in side if k not in common) for side in sides)
+            if common or roots[0] == roots[1]:
+                roots = [-1, -1]
+            ends = tuple(where(face) for face in self.faces[loop])
+            ear.closures.append(Closure(loop, (a, b), (roots[0], roots[1]), (ends[0], ends[1])))
+        self.regions[-1].ears.append(len(self.ears))
+        self.ears.append(ear)
 
 
 def _order(
