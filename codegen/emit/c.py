@@ -26,8 +26,8 @@ LANES = frozenset(
 RECORDS = ("me", "up", "root", "base", "ground")
 SLOTS = ("lme", "lup", "lroot", "lbase", "lground")
 LINK_LANES = ("lane", "laneroot", "lanebase")
-OF_COORDINATES = ("q", "dq", "qdot", "dqdot")
-OF_SPEEDS = ("u", "du", "udot", "dudot", "tau", "dtau", "b", "force", "dforce")
+OF_COORDINATES = ("q", "dq", "qdot", "dqdot", "step")
+OF_SPEEDS = ("u", "given_u", "du", "udot", "dudot", "tau", "dtau", "b", "force", "dforce")
 
 
 def of_directions(array: str) -> bool:
@@ -166,6 +166,11 @@ class CWriter(Writer):
         if stem == "lregion":
             at = self.entry(kind, sweep, "REGION", self.numbers_of_regions(kind))
             return "lregion", f"a->region_lanes + REGION_LANE_SIZE*{at}", layout.region_lane[name]
+        if stem in ("position", "velocity"):
+            assert isinstance(kind, EarKind)
+            begins = self.closure_offsets
+            at = self.entry(kind, sweep, f"LOOP{array.partition('#')[2]}_ROWS", [begins[n] for n in self.loops_meant(kind, array)])
+            return variable, f"a->{stem} + {at}", int(name)
         if stem in OF_COORDINATES:
             return variable, f"a->{stem} + {of_links('Q', [link.q for link in system.links])}", int(name)
         if stem in OF_SPEEDS:
@@ -299,6 +304,7 @@ class CWriter(Writer):
         scratch = max((sum(size[n] for n in f.seeds_sizes() + f.derived()) for f in functions if f.widths), default=0)
         self.workspace = at + 8 + scratch
         pointers = ["double *" + n for n in ("udot", "qdot", "force", "energy", "outputs")]
+        pointers += ["double *" + n for n in ("position", "velocity", "step") if use["loops"]]
         sources = [f"const double *{n}" for n in state] + (["double t"] if use["time"] else [])
         seeds = [f"const LANES *d{n}" for n in state] + (["const LANES *dt"] if use["time"] else [])
         if use["loops"]:  # dependent speeds and seeds are written into copies
@@ -328,6 +334,7 @@ class CWriter(Writer):
             ],
             "workspace": self.workspace,
             "scratch": at,
+            "speeds_at": next((offset for n, _, offset in placed if n == "speeds"), 0),
             "regions": placed,
             "region_names": {n for n, _, _ in placed},
             "call_pointers": call_pointers, "call_names": names(call_pointers),

@@ -35,6 +35,10 @@ FUNCTION_SWEEPS: dict[str, tuple[str, ...]] = {
                                  "balance_back"),
     "inverse_dynamics": ("start", "rotations", "kinematics", "newton_euler_out", "newton_euler_in"),
     "inverse_dynamics_sensitivities": ("start", "rotations", "kinematics", *_MASS_TANGENT, "mass_out", "mass_in"),
+    "closure": ("start", "rotations", "closures", "residuals"),
+    "newton_step": ("start", "rotations", "closures", "newton_step"),
+    "completion": ("start", "rotations", "closures"),
+    "completion_sensitivities": ("start", "rotations", "closures", "turns", "complete"),
     "energies": ("start", "rotations", "closures", "kinetic", "moments"),
     "energy_sensitivities": ("start", "rotations", "closures", "turns", "complete", "kinetic_tangents", "moment_tangents"),
     "outputs": ("start", "rotations", "closures", "pose", "kinetic", "moments"),
@@ -205,6 +209,25 @@ def interfaces(system: System) -> list[Interface]:
         ["energy"],
         "Energies and their total derivative along seeds.",
     )
+    if use["loops"]:
+        result.append(
+            Interface(
+                "closure", "Scaled residuals of all loops, of position and velocity.", ["q", "u", *p],
+                ["position", "velocity"], [],
+            )
+        )  # fmt: skip
+        result.append(
+            Interface("newton_step", "Newton's step of the dependent coordinates towards closure.", ["q", *p], ["step"], [])
+        )
+        result.append(
+            Interface("completion", "Speeds, the dependent ones as velocity closure asks.", ["q", "u", *p], ["full_u"], [])
+        )
+        result.append(
+            Interface(
+                "completion_sensitivities", "Speeds and seeds, the dependent ones as closure asks.", ["q", "u", *p],
+                ["full_u", "dfull_q", "dfull_u"], ["dq", "du", *(["dp"] if p else [])], OTHER_WIDTHS,
+            )
+        )  # fmt: skip
     if use["outputs"]:
         pair(
             "outputs",
@@ -223,7 +246,8 @@ def sizes(model: Model) -> dict[str, int]:
     return {
         "q": nq, "u": nu, "p": n_p, "inputs": ninputs, "t": 1, "udot": nu, "qdot": nq, "M": nu * nu, "b": nu, "x": nu,
         "force": nu, "energy": 2, "outputs": len(model.outputs), "J_q": nu * nq, "J_u": nu * nu, "J_p": nu * n_p,
-        "J_inputs": nu * ninputs, "J_t": nu,
+        "J_inputs": nu * ninputs, "J_t": nu, "position": len(model.closure_names), "velocity": len(model.closure_names),
+        "step": nq, "full_q": nq, "full_u": nu,
     }  # fmt: skip
 
 

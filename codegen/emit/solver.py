@@ -28,7 +28,7 @@ UNROLLED_LINKS = 8
 """Models of at most so many links get one function per link unless another layout is asked for."""
 
 ALWAYS = (
-    "rotations", "turns", "closures", "complete", "kinematics", "triangularize", "back_substitute", "newton_euler_out", "newton_euler_in",
+    "rotations", "turns", "closures", "residuals", "newton_step", "complete", "kinematics", "triangularize", "back_substitute", "newton_euler_out", "newton_euler_in",
     "balance_out", "balance_in", "balance_back", "force_tangents", "solve_in", "mass_out", "mass_in", "rates",
     "rate_tangents", "kinetic", "kinetic_tangents",
 )  # fmt: skip

@@ -8,6 +8,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 from ..mechanics.expansion import Program
@@ -15,7 +16,7 @@ from ..mechanics.formulas import FormulaKind
 from ..mechanics.kinds import EarKind, RegionKind, UnitKind
 from ..mechanics.outputs import RecordFormula
 from ..mechanics.sweeps import INWARD, SWEEP
-from ..model.model import GROUND
+from ..model.model import CLOSURE_ROWS, GROUND
 from ..program.block import Block
 from ..version import __version__
 from .interface import interfaces, sizes, uses
@@ -421,6 +422,15 @@ class Writer(ABC):
                 elif key in g.shape.varying:
                     terms.append((g.shape.varying[key], places[p]))
             found.append((name, terms))
+        return found
+
+    @cached_property
+    def closure_offsets(self) -> list[int]:
+        """Where the conditions of each loop begin among all."""
+        found, at = [], 0
+        for loop in self.model.loops:
+            found.append(at)
+            at += sum(CLOSURE_ROWS[loop.type])
         return found
 
     def independent(self) -> dict[str, list[int] | None]:

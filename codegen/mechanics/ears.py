@@ -98,11 +98,14 @@ class Ear:
     kind : EarKind
     fresh : bool
         Attitudes are computed; otherwise they are loaded.
+    positions : str
+        Field of the roots' positions.
     """
 
-    def __init__(self, x: Any, kind: Any, fresh: bool = False):
+    def __init__(self, x: Any, kind: Any, fresh: bool = False, positions: str = "o"):
         self.x = x
         self.kind = kind
+        self.positions = positions
         self.members: list[Member] = []
         self.fixed: list[tuple[int, Vec, Vec]] = []
         """Vectors that are fixed in a link (or, its place negative, in a root): place, region components, link components."""
@@ -205,7 +208,7 @@ class Ear:
             o = [self.x.load("base", f"co.{i}") for i in XYZ]
             W = self.attitude(place)
             return self._named("o", [-e for e in rotate(W, o)], "Eq. 22")
-        return [self.x.load(f"root#{t}", f"o.{i}") for i in XYZ]
+        return [self.x.load(f"root#{t}", f"{self.positions}.{i}") for i in XYZ]
 
     # -- steps from link to link -----------------------------------------------------------------------------------
 

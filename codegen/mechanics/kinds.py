@@ -152,8 +152,8 @@ class EarKind:
         Independent speeds of the region; with the six components of a base whose motion the loops close on.
     carried, rigid : bool
         See `regions.Region`.
-    scale : sympy number
-        One over the characteristic length, for linear conditions; 1 where there are no angular ones.
+    scale, per_length : sympy number
+        One over the characteristic length; the former 1 where there are no angular conditions to weigh linear ones against.
     positions : bool
         Some joint of the region slides, so positions are needed.
     members : list of int
@@ -176,6 +176,7 @@ class EarKind:
     carried: bool
     rigid: bool
     scale: Any
+    per_length: Any
     positions: bool
     members: list[int] = field(default_factory=list)
     units: list[int] = field(default_factory=list)
@@ -298,7 +299,7 @@ class System:
         u: list[int] = []
         for i, link in enumerate(self.links):
             u += [link.u + j for j in range(FREEDOMS[link.joint]) if (i, j) not in dependent]
-            if (i, 0) not in dependent:
+            if any((i, j) not in dependent for j in range(FREEDOMS[link.joint])):
                 q += range(link.q, link.q + COORDINATES[link.joint])
         return sorted(q), sorted(u)
 
@@ -599,7 +600,7 @@ def _ear_kind(
             index, [kind_of[i] for i in ear.links], ear.parents, list(order.roles(e)),
             [order.first_follower.get(root) == n for root in ear.roots], [i in order.first_follower for i in ear.links],
             closures, ear.dependent, ear.columns, r, r + (6 if region.carried and not region.rigid else 0), region.carried,
-            region.rigid, number(1 / ear.length) if angular else sympy.S.One,
+            region.rigid, number(1 / ear.length) if angular else sympy.S.One, number(1 / ear.length),
             region.carried or any(t in SLIDING for t in of_region),
         )  # fmt: skip
     assert isinstance(kind, EarKind)

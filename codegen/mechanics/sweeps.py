@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from . import (
+    assembly,
     back_substitution,
     balance,
     closures,
@@ -85,11 +86,23 @@ def _quaternion(kind: Any) -> bool:
     return kind.joint in ("spherical", "free")
 
 
+def _nothing(x: Any, kind: Any) -> None:
+    pass
+
+
+def _never(kind: Any) -> bool:
+    return False
+
+
 SWEEPS: tuple[Sweep, ...] = (
     Sweep("rotations", "rotation matrices of quaternions (Eq. 22)", kinematics.quaternion_matrix, OUTWARD, applies=_quaternion),
     Sweep("turns", "rotation vectors of quaternion seeds", kinematics.quaternion_turn, OUTWARD, lanes=True, applies=_quaternion),
     Sweep("closures", "closure of loops: dependent speeds (Eqs. 30, 32-38)", closures.link_motion, OUTWARD,
           ear=closures.closures, units=True, closing=True),
+    Sweep("residuals", "how far loops are open, in position and velocity", _nothing, OUTWARD, applies=_never,
+          ear=assembly.residuals, units=True),
+    Sweep("newton_step", "Newton's step of the dependent coordinates", _nothing, OUTWARD, applies=_never,
+          ear=assembly.newton_step, units=True),
     Sweep("complete", "completion of seeds: differentiated closure of positions and velocities (Eq. 30)",
           loop_balance.link_displacement, OUTWARD, lanes=True, tangents=True, ear=loop_balance.complete, units=True, closing=True),
     Sweep("kinematics", "kinematic sweep (Eqs. 18-24, 31)", kinematics.kinematics, OUTWARD, units=True,

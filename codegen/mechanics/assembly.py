@@ -1,0 +1,120 @@
+"""How far loops are open, and the step that closes them: residuals of position and velocity, Newton's step for the dependents.
+
+Conditions are fixed in the start face of a loop joint and taken at the origin of its end face; linear ones are divided by the
+characteristic length. A rotation is measured by 2 sin(t/2), which grows up to half a turn, where a sine would vanish again.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import sympy
+from sympy import Float
+
+from ..program.block import ANY
+from .closures import stored_factor
+from .ears import ZERO, Ear, Twist
+from .kinematics import load_vector, store_vector
+from .loop_balance import dependent_displacements
+from .spatial import Vec, add, cross, dot, scale
+
+TINY = Float(1e-30)
+"""Keeps the measure of a rotation finite at half a turn."""
+
+
+def _over_root(x: Any, value: Any, name: str) -> Any:
+    """``1 / sqrt(value)``."""
+    if x.structural:
+        return ANY
+    return x.let(name, 1 / x.let("root", sympy.sqrt(x.let("under", value + TINY, "Eq. 32")), "Eq. 32"), "Eq. 32")
+
+
+def face_differences(x: Any, ear: Ear) -> list[Twist]:
+    """Rotation vector, near closure, and displacement from the start face to the end face of every loop."""
+    found = []
+    for c, closure in enumerate(ear.kind.closures):
+        a, b = (ear.position_of_face(c, side) for side in (0, 1))
+        linear = [x.let("gap", b[i] - a[i], "Eq. 32") for i in range(3)]
+        angular: Vec = [0, 0, 0]
+        if closure.type == "universal":
+            first, second = ear.universal_axes(c)
+            off = x.let("off", dot(first, second), "Eq. 32")
+            angular = [-off * e for e in cross(first, second)]
+        elif closure.type in ("fixed", "prismatic"):
+            start, end = ear.face_axes(c, 0), ear.face_axes(c, 1)
+            turned = [cross(p, q) for p, q in zip(start, end, strict=True)]
+            root = _over_root(x, 1 + sum(dot(p, q) for p, q in zip(start, end, strict=True)), "share")
+            angular = [root * sum(t[i] for t in turned) for i in range(3)]
+        elif closure.type != "spherical":
+            p, q = ear.face_axes(c, 0)[closure.axis], ear.face_axes(c, 1)[closure.end_axis]
+            half = 1 if x.structural else sympy.Rational(1, 2)
+            root = _over_root(x, half + half * dot(p, q), "share")
+            angular = [root * e for e in cross(p, q)]
+        found.append(Twist([x.let("turned", e, "Eq. 32") for e in angular], linear))
+    return found
+
+
+def conditions_of(x: Any, ear: Ear, c: int) -> list[tuple[bool, Vec]]:
+    """The conditions of a loop joint as directions fixed in its start face: linear ones, then angular ones."""
+    closure = ear.kind.closures[c]
+    columns = ear.face_axes(c, 0)
+    axis = closure.axis
+    across = [columns[(axis + 1) % 3], columns[(axis + 2) % 3]]
+    linear = {"prismatic": across, "cylindrical": across, "planar": [columns[axis]]}.get(closure.type, columns)
+    angular = {"fixed": columns, "prismatic": columns, "spherical": []}.get(closure.type, across)
+    if closure.type == "universal":
+        first, second = ear.universal_axes(c)
+        angular = [[x.let("n", e, "Eq. 33") for e in cross(first, second)]]
+    return [(False, scale(ear.kind.per_length, n)) for n in linear] + [(True, n) for n in angular]
+
+
+def residuals(x: Any, kind: Any) -> None:
+    """Outward block of an ear: by how much its loops are open, and by how much the given speeds open them."""
+    ear = Ear(x, kind, positions="ro")
+    gaps = face_differences(x, ear)
+    roots: list[Twist] = []
+    for t, role in enumerate(kind.roots):
+        if role == "link":
+            roots.append(Twist(load_vector(x, f"root#{t}", "rw"), load_vector(x, f"root#{t}", "rv")))
+        elif role == "frame" and not kind.rigid:
+            roots.append(Twist(load_vector(x, "base", "cw"), load_vector(x, "base", "cv")))
+        else:
+            roots.append(Twist(list(ZERO), list(ZERO)))
+    speeds = [[m.view.load("given_u", str(f.index)) for f in m.freedoms] for m in ear.members]
+    velocities = ear.walk(roots, speeds, "g", "Eq. 30")
+    rates = ear.face_difference(velocities, roots)
+    for c in range(len(kind.closures)):
+        for i, (angular, n) in enumerate(conditions_of(x, ear, c)):
+            gap, rate = (t[c].angular if angular else t[c].linear for t in (gaps, rates))
+            x.store(f"position#{c}", str(i), x.let("gap", dot(n, gap), "Eq. 32"))
+            x.store(f"velocity#{c}", str(i), x.let("rate", dot(n, rate), "Eq. 30"))
+    for k, velocity in enumerate(velocities):
+        store_vector(x, f"me#{k}", "rw", velocity.angular)
+        store_vector(x, f"me#{k}", "rv", velocity.linear)
+        store_vector(x, f"me#{k}", "ro", ear.position(k))
+
+
+def newton_step(x: Any, kind: Any) -> None:
+    """Outward block of an ear: the displacements of its dependent joints that close its loops to first order."""
+    ear = Ear(x, kind, positions="ro")
+    gaps = face_differences(x, ear)
+    roots = [
+        Twist(load_vector(x, f"root#{t}", "st"), load_vector(x, f"root#{t}", "sd"))
+        if role == "link" else Twist(list(ZERO), list(ZERO))
+        for t, role in enumerate(kind.roots)
+    ]  # fmt: skip
+    rows = [ear.rows()[i] for i in kind.kept]
+    moved = ear.root_difference(roots)
+    total = [
+        Twist(add(gap.angular, by.angular), add(gap.linear, by.linear)) for gap, by in zip(gaps, moved, strict=True)
+    ]
+    rates: list[Any] = []
+    if rows:
+        b = ear.conditions(rows, total, "b", "Eq. 32")
+        rates = stored_factor(x, kind).solve([-v for v in b], "dx", "Eq. 35")
+        for (place, name), value in dependent_displacements(x, ear, rates, lanes=False).items():
+            x.store(f"step#{place}", name, value)
+    for k, twist in enumerate(ear.walk(roots, ear.coefficients(rates), "s", "Eq. 35")):
+        store_vector(x, f"me#{k}", "st", twist.angular)
+        store_vector(x, f"me#{k}", "sd", twist.linear)
+        store_vector(x, f"me#{k}", "ro", ear.position(k))
