@@ -36,7 +36,7 @@ FUNCTION_SWEEPS: dict[str, tuple[str, ...]] = {
     "inverse_dynamics": ("start", "rotations", "kinematics", "newton_euler_out", "newton_euler_in"),
     "inverse_dynamics_sensitivities": ("start", "rotations", "kinematics", *_MASS_TANGENT, "mass_out", "mass_in"),
     "closure": ("start", "rotations", "closures", "residuals"),
-    "newton_step": ("start", "rotations", "closures", "newton_step"),
+    "newton_step": ("start", "rotations", "closures", "correct"),
     "completion": ("start", "rotations", "closures"),
     "completion_sensitivities": ("start", "rotations", "closures", "turns", "complete"),
     "energies": ("start", "rotations", "closures", "kinetic", "moments"),
@@ -251,7 +251,7 @@ def sizes(model: Model) -> dict[str, int]:
     }  # fmt: skip
 
 
-def manifest(system: System, workspace: int, operations: Any) -> dict[str, Any]:
+def manifest(system: System, workspace: int, operations: Any, assembled: tuple[float, ...] = ()) -> dict[str, Any]:
     """What ``model.json`` says for the run time."""
     model = system.model
     defaults = {p.name: p.value for p in model.parameters}
@@ -266,6 +266,7 @@ def manifest(system: System, workspace: int, operations: Any) -> dict[str, Any]:
         given = model.initial_u.get(name)
         u0.append(float(given.evaluate(defaults)) if given is not None else 0.0)
     functions: dict[str, Any] = {}
+    independent_q, independent_u = system.independent
     use = uses(system)
     unused = set() if use["energy_outputs"] else {"moments", "moment_tangents"}
     if not (use["energy_outputs"] or use["velocity_outputs"]):
@@ -286,11 +287,14 @@ def manifest(system: System, workspace: int, operations: Any) -> dict[str, Any]:
         "parameter_units": [p.unit for p in model.parameters],
         "input_names": list(model.inputs),
         "output_names": [o.name for o in model.outputs],
-        "closure_names": [],
+        "closure_names": list(model.closure_names),
+        "independent_names": [model.coordinate_names[i] for i in independent_q],
+        "independent_speed_names": [model.speed_names[i] for i in independent_u],
         "prescribed_names": [],
-        "initial": {"q": q0, "u": u0},
+        "initial": {"q": list(assembled) or q0, "u": u0},
         "quaternions": quaternions,
         "links": [link.name for link in system.links],
+        "loops": [loop.name for loop in model.loops],
         "workspace": workspace,
         "widths": list(WIDTHS),
         "functions": functions,

@@ -5,11 +5,12 @@ Memory is named instead of numbered: every link has a record, slots and lanes, a
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from ..mechanics.expansion import Program
 from ..mechanics.formulas import FormulaKind
-from ..mechanics.kinds import LinkKind
+from ..mechanics.kinds import EarKind, LinkKind, UnitKind
 from ..mechanics.outputs import RecordFormula
 from ..program.block import Block
 from .interface import Interface
@@ -17,15 +18,22 @@ from .printer import NumpyPrinter
 from .templates import render
 from .writer import Located, Place, Writer
 
-OF_COORDINATES = ("q", "dq", "qdot", "dqdot")
-OF_SPEEDS = ("u", "du", "udot", "dudot", "tau", "dtau", "b", "force", "dforce")
-RECORDS = ("me", "up")
+OF_COORDINATES = ("q", "dq", "qdot", "dqdot", "step")
+OF_SPEEDS = ("u", "given_u", "du", "udot", "dudot", "tau", "dtau", "b", "force", "dforce")
+OF_LINKS = {
+    **dict.fromkeys(("me", "up", "root", "base", "ground"), "records"),
+    **dict.fromkeys(("lme", "lup", "lroot", "lbase", "lground"), "slots"),
+    **dict.fromkeys(("lane", "laneroot", "lanebase"), "lanes"),
+}
+"""Memory of links, by array."""
+SCALARS = ("records", "ears", "regions")
 """Memory whose numbers are NumPy's: Python's 1.0/0.0 would raise, NumPy's is found by the pivot check."""
 
 AXES = {
     "q": "nq", "u": "nu", "p": "np", "inputs": "ninputs", "t": "", "udot": "nu", "qdot": "nq", "M": "nu, nu", "b": "nu",
     "x": "nu", "force": "nu", "energy": "2", "outputs": "noutputs", "J_q": "nu, nq", "J_u": "nu, nu", "J_p": "nu, np",
-    "J_inputs": "nu, ninputs", "J_t": "nu",
+    "J_inputs": "nu, ninputs", "J_t": "nu", "position": "nclosure", "velocity": "nclosure", "step": "nq", "full_q": "nq",
+    "full_u": "nu",
 }  # fmt: skip
 """Axes of arguments and results after those of the batch."""
 
@@ -41,13 +49,12 @@ class NumpyWriter(Writer):
         energy_outputs: list[tuple[int, int]],
     ):
         super().__init__(program, formulas, records, energy_outputs)
-        self.table.values["CONSTANTS"] = [c.index for c in self.system.constants_of]
         self.printer = NumpyPrinter()
         self.tables: dict[str, list[str]] = {}
 
     # -- the language ----------------------------------------------------------------------------------------------
 
-    def lines(self, block: Block, place: Place, link: str = "") -> list[str]:
+    def lines(self, block: Block, place: Place, culprit: Callable[[str, str], str] | None = None) -> list[str]:
         taken = {s.name for s in block.loads} | {s.target.name for s in block.statements}
         variables: dict[str, str] = {}
         body: list[str] = []
@@ -70,10 +77,11 @@ class NumpyWriter(Writer):
             body.append(f"{s.target} = {self.printer(s.expression)}{comment}")
         for array, name, value in block.stores:
             text = self.printer(value)
-            if array == "pivot":
-                body.append(f"check_pivot({text}, {link})")
+            if array in ("pivot", "rank"):
+                assert culprit is not None
+                body.append(f"check_pivot({text}, {_plain(culprit(array, name))})")
                 continue
-            if array in RECORDS and value.is_Number:
+            if self._memory(array) in SCALARS and value.is_Number:
                 text = "ZERO" if value == 0 else f"np.float64({text})"
             where = access(array, name)
             body.append(f"{where} = {where} + {text}" if array.endswith("_sum") else f"{where} = {text}")
@@ -89,9 +97,9 @@ class NumpyWriter(Writer):
         bounds = f"{end - step}, {start - 1}, {-step}" if inward else f"{start}, {end}, {step}"
         return [f"for i in range({bounds}):", *(f"    {c}" for c in calls)]
 
-    def dispatch(self, count: int, inward: bool, calls: list[tuple[int, str]]) -> list[str]:
+    def dispatch(self, count: int, inward: bool, entry: str, calls: list[tuple[int, str]]) -> list[str]:
         lines = [f"for i in range({count - 1}, -1, -1):" if inward else f"for i in range({count}):"]
-        lines.append("    match link[i][KIND]:")
+        lines.append(f"    match {entry}:")
         for kind, call in calls:
             lines += [f"        case {kind}:", f"            {call}"]
         return lines if calls else []
@@ -102,35 +110,64 @@ class NumpyWriter(Writer):
     def add_table(self, name: str, rows: list[list[int]] | list[list[float]]) -> None:
         self.tables[name] = [", ".join(map(repr, row)) for row in rows]
 
-    def place(self, kind: LinkKind, sweep: str, array: str, name: str) -> Located:
-        entry = self.table.entry
-        me = str(kind.members[0]) if len(kind.members) == 1 else "i"
-        if array in ("me", "lme", "lane"):
-            return self.field_of_record(array, me, name)
-        if array in ("up", "lup"):
-            return self.field_of_record(array, _plain(entry("UP", kind)), name)
-        if array in OF_COORDINATES:
-            return self.element(array, _index(entry("Q", kind), int(name)))
-        if array in OF_SPEEDS:
-            return self.element(array, _index(entry("U", kind), int(name)))
-        if array == "trig":
-            return self.element(name, _plain(entry("TRIG", kind)))
-        if array == "dp":
-            return self.element("dp", _plain(entry(f"P{name}", kind)))
-        if array in ("energy_sum", "denergy_sum"):
-            return self.element(array.removesuffix("_sum"), "0")
-        if array == "c" and name in kind.data:
-            return "", "numbers", f"[{_index(entry('NUMBERS', kind), kind.data[name])}]"
-        if array == "c":
-            return self.constant(kind.shape.index, _plain(entry("CONSTANTS", kind)), name)
+    @staticmethod
+    def _memory(array: str) -> str:
+        stem = array.partition("#")[0].removesuffix("_sum")
+        return OF_LINKS.get(stem) or {"ear": "ears", "region": "regions", "lregion": "region_lanes"}.get(stem, "")
+
+    def place(self, kind: UnitKind, sweep: str, array: str, name: str) -> Located:
+        system = self.system
+        stem, _, number = array.partition("#")
+        stem = stem.removesuffix("_sum")
+        variable = array.removesuffix("_sum").replace("#", "_")
+
+        def of_links(column: str, of: list[int] | None = None) -> str:
+            return _plain(self.of_links(kind, sweep, array, column, of))
+
+        if stem in OF_LINKS:
+            return variable, f"a.{OF_LINKS[stem]}[{of_links('NUMBER')}]", f'["{name}"]'
+        if stem == "ear":
+            numbers = [system.regions.order[i].number for i in kind.units]
+            return "ear", f"a.ears[{_plain(self.entry(kind, sweep, 'EAR', numbers))}]", f'["{name}"]'
+        if stem in ("region", "lregion"):
+            at = _plain(self.entry(kind, sweep, "REGION", self.numbers_of_regions(kind)))
+            return stem, f"a.{self._memory(array)}[{at}]", f'["{name}"]'
+        if stem in ("position", "velocity"):
+            assert isinstance(kind, EarKind)
+            begins = [self.closure_offsets[n] for n in self.loops_meant(kind, array)]
+            return self.element(stem, _index(self.entry(kind, sweep, f"LOOP{number}_ROWS", begins), int(name)))
+        if stem in OF_COORDINATES:
+            return self.element(stem, _index(of_links("Q", [link.q for link in system.links]), int(name)))
+        if stem in OF_SPEEDS:
+            return self.element(stem, _index(of_links("U", [link.u for link in system.links]), int(name)))
+        if stem == "trig":
+            return self.element(name, of_links("TRIG", self.layout.trig_of))
+        if stem in ("dp", "cldp"):
+            return self.element("dp", _plain(self.parameter(kind, sweep, array, int(name))))
+        if stem in ("energy", "denergy"):
+            return self.element(stem, "0")
+        if stem == "c":
+            of_kind = kind.links[int(number)] if isinstance(kind, EarKind) else kind
+            assert isinstance(of_kind, LinkKind)
+            if name in of_kind.data:
+                return "", "numbers", f"[{_index(of_links('NUMBERS', self.layout.number_offsets), of_kind.data[name])}]"
+            at = of_links("CONSTANTS", [c.index for c in system.constants_of])
+            return variable, f"a.constants[{at}]", f'["{name}"]'
+        if stem == "cl":
+            assert isinstance(kind, EarKind)
+            closure, loops = kind.closures[int(number)], self.loops_meant(kind, array)
+            if name in closure.data:
+                at = self.entry(kind, sweep, f"LOOP{number}_NUMBERS", [self.layout.closure_number_offsets[n] for n in loops])
+                return "", "numbers", f"[{_index(at, closure.data[name])}]"
+            at = self.entry(kind, sweep, f"LOOP{number}_CONSTANTS", [system.closure_constants[n].index for n in loops])
+            return variable, f"a.constants[{_plain(at)}]", f'["{name}"]'
         raise KeyError(array)
 
     def element(self, array: str, index: str) -> Located:
         return "", f"a.{array}", f"[{index}]"
 
     def field_of_record(self, array: str, link: str, name: str) -> Located:
-        memory = {"me": "records", "up": "records", "lme": "slots", "lup": "slots", "lane": "lanes"}[array]
-        return array, f"a.{memory}[{link}]", f'["{name}"]'
+        return array, f"a.{OF_LINKS[array]}[{link}]", f'["{name}"]'
 
     def constant(self, shape: int, constants: str, name: str) -> Located:
         return "c", f"a.constants[{constants}]", f'["{name}"]'
@@ -168,6 +205,9 @@ class NumpyWriter(Writer):
         context |= {
             "tables": self.tables,
             "links": [f'"{link.name}"' for link in self.system.links],
+            "loops": [f'"{loop.name}"' for loop in self.model.loops],
+            "ears": len(self.system.regions.ears), "regions": len(self.system.regions.regions),
+            "nclosure": len(self.model.closure_names),
             "constants": len(self.system.constants),
             "ground": self.ground(),
             "rest": [f'a.records[GROUND]["{name}"] = ZERO' for name in self.ground_accelerations()],

@@ -28,7 +28,7 @@ UNROLLED_LINKS = 8
 """Models of at most so many links get one function per link unless another layout is asked for."""
 
 ALWAYS = (
-    "rotations", "turns", "closures", "residuals", "newton_step", "complete", "kinematics", "triangularize", "back_substitute", "newton_euler_out", "newton_euler_in",
+    "rotations", "turns", "closures", "residuals", "correct", "complete", "kinematics", "triangularize", "back_substitute", "newton_euler_out", "newton_euler_in",
     "balance_out", "balance_in", "balance_back", "force_tangents", "solve_in", "mass_out", "mass_in", "rates",
     "rate_tangents", "kinetic", "kinetic_tangents",
 )  # fmt: skip
@@ -95,7 +95,8 @@ def write_solver(model: Model, layout: str = "auto") -> Source:
     if not model.nu:
         raise ModelError([Problem(model.name, None, None, "bodies", "no joint has a freedom, so nothing can move")])
     unrolled = layout == "unrolled" or (layout == "auto" and len(model.bodies) <= UNROLLED_LINKS)
-    system = analyse(model, unrolled, partition(model) if model.loops else None)
+    chosen = partition(model) if model.loops else None
+    system = analyse(model, unrolled, chosen)
     lap("analyse")
     values, records, energy_outputs = output_formulas(system)
     potential = potential_formula(system)
@@ -121,7 +122,7 @@ def write_solver(model: Model, layout: str = "auto") -> Source:
     lap("print NumPy")
     return Source(
         files,
-        manifest(system, writer.workspace, operations(program)),
+        manifest(system, writer.workspace, operations(program), chosen.q if chosen else ()),
         system,
         program,
         "unrolled" if unrolled else "kinds",

@@ -481,6 +481,9 @@ class Writer(ABC):
             "interfaces": functions,
             "rate_state": next(f for f in functions if f.name == "coordinate_rates").arguments,
             "independent": self.independent(),
+            "dependent": {
+                n: [i for i in range(size[n]) if i not in free] for n, free in self.independent().items() if free is not None
+            },
             "jacobian_groups": [
                 (n, size[n]) for n in next(f for f in functions if f.name == "accelerations").arguments
             ],

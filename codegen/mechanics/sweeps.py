@@ -101,7 +101,7 @@ SWEEPS: tuple[Sweep, ...] = (
           ear=closures.closures, units=True, closing=True),
     Sweep("residuals", "how far loops are open, in position and velocity", _nothing, OUTWARD, applies=_never,
           ear=assembly.residuals, units=True),
-    Sweep("newton_step", "Newton's step of the dependent coordinates", _nothing, OUTWARD, applies=_never,
+    Sweep("correct", "Newton's step of the dependent coordinates", _nothing, OUTWARD, applies=_never,
           ear=assembly.newton_step, units=True),
     Sweep("complete", "completion of seeds: differentiated closure of positions and velocities (Eq. 30)",
           loop_balance.link_displacement, OUTWARD, lanes=True, tangents=True, ear=loop_balance.complete, units=True, closing=True),

@@ -16,6 +16,7 @@ from .solver import (
     Jacobians,
     NoCompilerError,
     SingularJointError,
+    SingularLoopError,
     Solver,
     TargetsDifferError,
 )
@@ -26,6 +27,7 @@ __all__ = [
     "Jacobians",
     "NoCompilerError",
     "SingularJointError",
+    "SingularLoopError",
     "Solver",
     "TargetsDifferError",
     "load",

@@ -77,13 +77,53 @@ class SingularJointError(np.linalg.LinAlgError):
         self.link = link
 
 
+class SingularLoopError(SingularJointError):
+    """A loop has lost rank: its dependent speeds are not determined by the independent ones.
+
+    Attributes
+    ----------
+    link : str
+        The loop.
+    """
+
+    def __init__(self, loop: str, where: str = "") -> None:
+        np.linalg.LinAlgError.__init__(
+            self,
+            f"loop {loop} has lost rank{where}: its dependent joints move nothing of their own there (a dead point, a flattened "
+            f"linkage), so their speeds are not determined; step off this configuration, or choose other independent coordinates",
+        )
+        self.link = loop
+
+
 class AssemblyError(ValueError):
-    """A loop cannot be closed."""
+    """A loop cannot be closed.
+
+    Attributes
+    ----------
+    loop : str
+    residual : float
+        What is left of its largest condition, in parts of the loop's characteristic length, or radians.
+    """
+
+    def __init__(self, loop: str, residual: float, where: str = "") -> None:
+        super().__init__(
+            f"loop {loop} cannot be closed{where}: {residual:.3g} is left of its conditions (in parts of its characteristic "
+            f"length, or radians) with the independent coordinates kept; check lengths, or begin nearer to a closed state"
+        )
+        self.loop = loop
+        self.residual = residual
 
 
 class TargetsDifferError(ArithmeticError):
     """The compiled C and the NumPy module of one package compute different numbers."""
 
+
+NEWTON_STEPS = 60
+SEARCH = tuple(0.5**i for i in range(12))
+"""Parts of Newton's step that assembly tries, one after the other."""
+
+CLOSED = 1e-10
+"""The largest scaled residual of a closed loop; Newton's method goes on below it as long as it gets better."""
 
 # ---- compiling -------------------------------------------------------------------------------------------------------
 
@@ -370,6 +410,7 @@ class CTarget:
         self.ffi = FFI()
         self.model: str = manifest["name"]
         self.links: list[str] = manifest["links"]
+        self.loops: list[str] = manifest.get("loops", [])
         self.workspace: int = manifest["workspace"]
         self.build = Build(folder, self.model, manifest.get("sources", ()))
         self.library = self._open()
@@ -438,8 +479,15 @@ class CTarget:
         arguments += [from_buffer(doubles, r) for r in results]
         status = self._call(f)(*arguments, self._work())
         if status:
-            raise SingularJointError(self.links[status - 1])
+            raise self.singular(status)
         return results
+
+    def singular(self, status: int, where: str = "") -> SingularJointError:
+        """The error for what a compiled function has returned."""
+        links = len(self.links)
+        if status > links:
+            return SingularLoopError(self.loops[status - 1 - links], where)
+        return SingularJointError(self.links[status - 1], where)
 
     def along(
         self, f: Function, arrays: Mapping[str, Any], seeds: Mapping[str, Array], k: int, batch: Shape
@@ -477,7 +525,7 @@ class CTarget:
                 pointers = [self._pointer(r) for r in taken]
                 status = self._call(f, width)(*[x for x, _ in given], *pointers, self._work())
                 if status:
-                    raise SingularJointError(self.links[status - 1])
+                    raise self.singular(status)
             for lane, part in lanes:
                 if batch:
                     part[...] = np.moveaxis(lane[..., : end - start], -1, 0).reshape(part.shape)
@@ -496,7 +544,7 @@ class CTarget:
         status = call(math.prod(batch), failed, *itertools.chain.from_iterable(given), *pointers, self._work())
         if status:
             state = ", ".join(str(int(j)) for j in np.unravel_index(failed[0], batch))
-            raise SingularJointError(self.links[status - 1], f" (state [{state}] of the batch)")
+            raise self.singular(status, f" (state [{state}] of the batch)")
 
     def _row(self, x: Any, batch: Shape, scalar: bool) -> tuple[Any, int]:
         """Where an argument begins, and its step from state to state."""
@@ -554,7 +602,8 @@ class NumpyTarget:
         try:
             return getattr(self.module, f.name)(*arguments)
         except self.module.SingularJointError as error:
-            raise SingularJointError(error.link) from None
+            of_loop = hasattr(self.module, "SingularLoopError") and isinstance(error, self.module.SingularLoopError)
+            raise (SingularLoopError if of_loop else SingularJointError)(error.link) from None
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
@@ -654,6 +703,8 @@ class Solver:
             "q": (nq,), "u": (nu,), "p": (n_p,), "inputs": (ninputs,), "t": (), "udot": (nu,), "b": (nu,),
             "qdot": (nq,), "x": (nu,), "force": (nu,), "energy": (2,), "outputs": (self.noutputs,), "M": (nu, nu),
             "J_q": (nu, nq), "J_u": (nu, nu), "J_p": (nu, n_p), "J_inputs": (nu, ninputs), "J_t": (nu,),
+            "position": (len(self.closure_names),), "velocity": (len(self.closure_names),), "step": (nq,),
+            "full_q": (nq,), "full_u": (nu,),
         }  # fmt: skip
         self._functions = {name: self._function(name, entry) for name, entry in manifest["functions"].items()}
         self._initial = np.array(manifest["initial"]["q"], float), np.array(manifest["initial"]["u"], float)
@@ -860,12 +911,11 @@ class Solver:
         arrays, batch = self._arguments(given)
         return self._target.values(f, arrays, batch)
 
-    def _along(self, name: str, given: Mapping[str, Any], seeds: Mapping[str, Any]) -> tuple[Array, Array]:
+    def _along(self, name: str, given: Mapping[str, Any], seeds: Mapping[str, Any]) -> tuple[Array, ...]:
         f = self._find(name)
         arrays, batch = self._arguments(given)
         directions, k, batch = self._directions(seeds, arrays, batch)
-        value, derivative = self._target.along(f, arrays, directions, k, batch)
-        return value, derivative
+        return tuple(self._target.along(f, arrays, directions, k, batch))
 
     # -- dynamics ------------------------------------------------------------------------------------------------------
 
@@ -1069,15 +1119,69 @@ class Solver:
     def assemble(
         self, q: ArrayLike | None = None, u: ArrayLike | None = None, p: Numbers = None
     ) -> tuple[Array, Array]:
-        """A consistent state (q, u): quaternions of unit length. What is left out is the model's initial state."""
+        """A consistent state (q, u): loops closed, quaternions of unit length.
+
+        Parameters
+        ----------
+        q, u : (..., nq) and (..., nu), optional
+            The guess; its independent entries are kept, dependent ones are changed. What is left out is the model's initial state.
+
+        Raises
+        ------
+        AssemblyError
+            Names the loop and what is left of its conditions.
+        """
         given = {"q": self._initial[0] if q is None else q, "u": self._initial[1] if u is None else u, "p": p}
         arrays, batch = self._arguments(given)
+        q_new = self._assembled(arrays, batch)
+        if self.closure_names:
+            return q_new, self._values("completion", {"q": q_new, "u": arrays["u"], "p": p})[0]
+        return q_new, np.broadcast_to(arrays["u"], (*batch, self.nu)).copy()
+
+    def _assembled(self, arrays: Mapping[str, Any], batch: Shape) -> Array:
+        """Assembled coordinates, (..., nq)."""
         q_new = np.broadcast_to(arrays["q"], (*batch, self.nq)).copy()
-        u_new = np.broadcast_to(arrays["u"], (*batch, self.nu)).copy()
+        self._normalise(q_new)
+        if self.closure_names:
+            p = np.broadcast_to(arrays["p"], (*batch, self.np))
+            for state in np.ndindex(batch):
+                q_new[state] = self._close(q_new[state].copy(), p[state].copy(), state)
+        return q_new
+
+    def _normalise(self, q: Array) -> None:
         for i in self._quaternions:
-            e = q_new[..., i : i + 4]
+            e = q[..., i : i + 4]
             e /= np.linalg.norm(e, axis=-1, keepdims=True)
-        return q_new, u_new
+
+    def _close(self, q: Array, p: Array, state: tuple[int, ...]) -> Array:
+        """Newton's method on the dependent coordinates of one state, with a line search."""
+        still = np.zeros(self.nu)
+
+        def gap(q: Array) -> Array:
+            return self._target.values(self._functions["closure"], {"q": q, "u": still, "p": p}, ())[0]
+
+        found = gap(q)
+        for _ in range(NEWTON_STEPS):
+            size = float(np.abs(found).max())
+            if not size > 0.0:
+                break
+            (step,) = self._target.values(self._functions["newton_step"], {"q": q, "p": p}, ())
+            better = False
+            for part in SEARCH:
+                trial = q + part * step
+                self._normalise(trial)
+                after = gap(trial)
+                # the sum of squares goes down by nearly what a linear closure would take off
+                if float(after @ after) < (1.0 - 0.2 * part) * float(found @ found):
+                    q, found, better = trial, after, True
+                    break
+            if not better:
+                break
+        size = float(np.abs(found).max(initial=0.0))
+        if not size <= CLOSED:
+            worst = self.closure_names[int(np.argmax(np.abs(found)))].rpartition(".")[0]
+            raise AssemblyError(worst, size, f" (state {list(state)} of the batch)" if state else "")
+        return q
 
     def assemble_sensitivities(
         self,
@@ -1089,26 +1193,36 @@ class Solver:
         du: Numbers = None,
         dp: Numbers = None,
     ) -> tuple[Array, Array, Array, Array]:
-        """A consistent state and its derivatives along the seeds: q, u, dq (k, ..., nq), du (k, ..., nu)."""
+        """A consistent state and its derivatives along the seeds: q, u, dq (k, ..., nq), du (k, ..., nu).
+
+        Only the independent entries of the seeds are read; the dependent ones follow from closure.
+        """
         arrays, batch = self._arguments({"q": q, "u": u, "p": p})
         seeds, k, batch = self._directions({"dq": dq, "du": du, "dp": dp}, arrays, batch)
-        q_new = np.broadcast_to(arrays["q"], (*batch, self.nq)).copy()
+        lengths = {i: np.linalg.norm(arrays["q"][..., i : i + 4], axis=-1, keepdims=True) for i in self._quaternions}
+        q_new = self._assembled(arrays, batch)
         u_new = np.broadcast_to(arrays["u"], (*batch, self.nu)).copy()
         dq_new = np.broadcast_to(seeds.get("dq", 0.0), (k, *batch, self.nq)).copy()
         du_new = np.broadcast_to(seeds.get("du", 0.0), (k, *batch, self.nu)).copy()
-        for i in self._quaternions:
+        for i, length in lengths.items():
             e, de = q_new[..., i : i + 4], dq_new[..., i : i + 4]
-            length = np.linalg.norm(e, axis=-1, keepdims=True)
-            e /= length
-            de -= e * np.sum(e * de, axis=-1, keepdims=True)
             de /= length
+            de -= e * np.sum(e * de, axis=-1, keepdims=True)
+        if self.closure_names:
+            given = {"q": q_new, "u": u_new, "p": p}
+            return q_new, *self._along("completion_sensitivities", given, {"dq": dq_new, "du": du_new, "dp": dp})
         return q_new, u_new, dq_new, du_new
 
     def closure(self, q: ArrayLike, u: ArrayLike, p: Numbers = None) -> tuple[Array, Array]:
-        """Scaled residuals of the loops in position and velocity, (..., len(closure_names)) each."""
-        _, batch = self._arguments({"q": q, "u": u, "p": p})
-        shape = (*batch, len(self.closure_names))
-        return np.zeros(shape), np.zeros(shape)
+        """Scaled residuals of the loops in position and velocity, (..., len(closure_names)) each.
+
+        Linear conditions are divided by the loop's characteristic length; the velocities are those of u as it is given.
+        """
+        arrays, batch = self._arguments({"q": q, "u": u, "p": p})
+        if not self.closure_names:
+            return np.zeros((*batch, 0)), np.zeros((*batch, 0))
+        position, velocity = self._target.values(self._functions["closure"], arrays, batch)
+        return position, velocity
 
     # -- both targets --------------------------------------------------------------------------------------------------
 
@@ -1118,7 +1232,9 @@ class Solver:
         k = 3
         for _, f in itertools.product(range(3), self._functions.values()):
             arrays: dict[str, Any] = {n: rng.normal(size=self._shapes[n]) for n in ("u", "inputs", "udot", "b")}
-            arrays |= {"q": self._initial[0] + 0.3 * rng.normal(size=self.nq), "p": self._left_out["p"], "t": 0.7}
+            # loops stay closed enough for both targets to be on the same side of every singularity
+            spread = 0.03 if self.closure_names else 0.3
+            arrays |= {"q": self._initial[0] + spread * rng.normal(size=self.nq), "p": self._left_out["p"], "t": 0.7}
             seeds = {f"d{n}": rng.normal(size=(k, *(self._shapes[n] or (1,)))) for n in arrays}
             ours, theirs = (_outcome(target, f, arrays, seeds, k) for target in (compiled, plain))
             if isinstance(ours, str) or isinstance(theirs, str):
@@ -1184,6 +1300,7 @@ __all__ = [
     "Jacobians",
     "NoCompilerError",
     "SingularJointError",
+    "SingularLoopError",
     "Solver",
     "TargetsDifferError",
     "compile_library",
