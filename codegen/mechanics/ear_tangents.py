@@ -8,13 +8,15 @@ from __future__ import annotations
 
 from typing import Any
 
-from sympy import Expr, Symbol
+from sympy import Dummy, Expr, S, Symbol
 
 from ..program.block import ANY
 from ..program.derivatives import Tangents
 from .closures import is_zero
 from .ears import UNIT, Ear
 from .spatial import XYZ, Vec, add, cross, dot, matmul, matvec
+
+One = S.One
 
 class EarTangents:
     """Tangents of the statements of an ear's block.
@@ -27,13 +29,15 @@ class EarTangents:
     roots : dict of Symbol to value
         Tangents of what the block loads of its roots.
     dq : dict of (str, str) to value
-        Displacements that the block has found itself, by link and coordinate.
+        Displacements that the block has found itself, by link and coordinate. None where seeds are complete: then tangents of
+        levers have been kept.
     """
 
     def __init__(
         self, ear: Ear, angles: dict[int, Vec], roots: dict[Any, Any], dq: dict[tuple[str, str], Any] | None = None
     ):
         self.ear = ear
+        self.stored = dq is None
         self.dq = dq or {}
         self.x = ear.x
         self.structural = ear.x.structural
@@ -94,20 +98,45 @@ class EarTangents:
         """Tangents of the vectors fixed in links that have been written since the last call."""
         while self.fixed < len(self.ear.fixed):
             self._scan()
-            place, found, local = self.ear.fixed[self.fixed]
+            v = self.ear.fixed[self.fixed]
             self.fixed += 1
-            changed = [self._of_local(v) for v in local]
-            W = self.ear.attitude(place)
-            moved = changed if W is UNIT else matvec(W, changed)
-            theta = self.angles.get(place)
-            if theta is not None:
-                moved = add(cross(theta, found), moved)
-            for i, symbol in enumerate(found):
-                if isinstance(symbol, Symbol) and symbol not in self.x.block.loads and symbol not in self.d.of:
-                    value = self.x.let("d_fixed", moved[i], "d Eq. 22", lanes=True)
-                    if not is_zero(value):
-                        self.d.of[symbol] = value
-                    self.known.add(symbol)
+            if v.kept is not None and self.stored:
+                array, field = v.kept
+                moved = [self.x.load(array, f"{field}.{i}") for i in XYZ]
+                self._set(v.found, moved)
+                continue
+            W = self.ear.attitude(v.place)
+            theta = self.angles.get(v.place)
+            turned: Vec = [0, 0, 0] if theta is None else cross(theta, v.found)
+            if v.inertial:
+                self._set(v.found, turned, self._by_parameters(W, v.local))
+            else:
+                changed = [self._of_local(e) for e in v.local]
+                self._set(v.found, add(turned, changed if W is UNIT else matvec(W, changed)))
+
+    def _set(self, found: Vec, moved: Vec, primitives: list[dict[Symbol, Expr]] | None = None) -> None:
+        for i, symbol in enumerate(found):
+            if not isinstance(symbol, Symbol) or symbol in self.x.block.loads or symbol in self.known:
+                continue
+            self.known.add(symbol)
+            value = self.x.let("d_fixed", moved[i], "d Eq. 22", lanes=True)
+            if primitives is not None and primitives[i]:
+                turning = Dummy("turning")
+                self.d.transparent[symbol] = {turning: One, **primitives[i]} if not is_zero(value) else primitives[i]
+                symbol = turning
+            if not is_zero(value):
+                self.d.of[symbol] = value
+
+    def _by_parameters(self, W: Any, local: Vec) -> list[dict[Symbol, Expr]]:
+        """What each design parameter changes in a vector fixed in a link, as scalars that all directions share."""
+        found: list[dict[Symbol, Expr]] = [{}, {}, {}]
+        inner = [self.d.transparent.get(v, {}) for v in local]
+        for root in sorted({s for one in inner for s in one}, key=str):
+            column = [one.get(root, 0) for one in inner]
+            for i, value in enumerate(column if W is UNIT else matvec(W, column)):
+                if not is_zero(value):
+                    found[i][root] = self.x.let("d", value, "primitive")
+        return found
 
     def _of_local(self, value: Any) -> Any:
         """Tangent of a component in a link's own axes: of a constant, or of a statement on constants and coordinates."""

@@ -89,6 +89,27 @@ class Member:
     parent: int
 
 
+@dataclass(slots=True)
+class FixedVector:
+    """A vector that is fixed in a link (or, its place negative, in a root).
+
+    Attributes
+    ----------
+    found, local : Vec
+        In region and in link components.
+    kept : (str, str) or None
+        Where its tangent is kept once the seeds are complete.
+    inertial : bool
+        It stands in sums with masses, so what parameters change goes into the primitives of those.
+    """
+
+    place: int
+    found: Vec
+    local: Vec
+    kept: tuple[str, str] | None
+    inertial: bool
+
+
 class Ear:
     """Geometry of an ear, and the steps from link to link.
 
@@ -107,8 +128,7 @@ class Ear:
         self.kind = kind
         self.positions = positions
         self.members: list[Member] = []
-        self.fixed: list[tuple[int, Vec, Vec]] = []
-        """Vectors that are fixed in a link (or, its place negative, in a root): place, region components, link components."""
+        self.fixed: list[FixedVector] = []
         for k, link_kind in enumerate(kind.links):
             self.members.append(self._member(k, link_kind, fresh))
         self.levers = [self._levers(c) for c in range(len(kind.closures))]
@@ -133,7 +153,7 @@ class Ear:
         parent = self.kind.parents[k]
         W_parent = self.attitude(parent)
         r = joint.offset()
-        rho = self.fixed_vector("rho", parent, r)
+        rho = self.fixed_vector("rho", parent, r, kept=(f"lane#{k}", "dr"))
         if fresh:
             W = turned(view, joint, W_parent)
             for i in range(3):
@@ -149,10 +169,12 @@ class Ear:
     def _named(self, name: str, v: Vec, tag: str, lanes: bool = False) -> Vec:
         return [self.x.let(f"{name}_{i}", v[k], tag, lanes=lanes) for k, i in enumerate(XYZ)]
 
-    def fixed_vector(self, name: str, place: int, v: Vec, tag: str = "Eq. 22") -> Vec:
+    def fixed_vector(
+        self, name: str, place: int, v: Vec, tag: str = "Eq. 22", kept: tuple[str, str] | None = None, inertial: bool = False
+    ) -> Vec:
         """Region components of a vector given in a link's; remembered for differentiation."""
         found = self._named(name, rotate(self.attitude(place), v), tag)
-        self.fixed.append((place, found, v))
+        self.fixed.append(FixedVector(place, found, v, kept, inertial))
         return found
 
     def face(self, c: int, side: int) -> tuple[Vec, Mat]:
@@ -165,7 +187,9 @@ class Ear:
     def arm(self, c: int, side: int) -> Vec:
         """From the origin of a face's link to the face."""
         r, _ = self.face(c, side)
-        return self.fixed_vector("arm", self.kind.closures[c].faces[side], r)
+        place = self.kind.closures[c].faces[side]
+        kept = (f"lane#{place}", f"da{c}{'AB'[side]}") if place >= 0 else None
+        return self.fixed_vector("arm", place, r, kept=kept)
 
     def _levers(self, c: int) -> tuple[dict[int, Vec], dict[int, Vec]]:
         """From the origins of the links on both sides of a loop to the cut. The root's has the key -1."""

@@ -222,6 +222,9 @@ def complete(x: Any, kind: Any) -> None:
                    for pair in ((v.angular, more.angular), (v.linear, more.linear))])  # fmt: skip
         for (k, freedom), value in zip(dependents, rates, strict=True):
             x.store(f"du#{k}", str(freedom.index), value)
+    for v in ear.fixed:
+        if v.kept is not None:
+            store_vector(x, *v.kept, d.vector(v.found))
     for k, velocity in enumerate(velocities):
         angular, linear = d.vector(velocity.angular), d.vector(velocity.linear)
         for array in ("lme", "lane"):
@@ -472,7 +475,7 @@ def ear_balance_in(x: Any, kind: Any) -> None:
         for c in range(len(kind.closures)):
             _apply_wrench(x, ear, c, rows, wrench, phi, d_phi, on_roots, tangents)
         held = _inward(x, ear, phi)
-    moved = _inward_tangents(x, ear, held, d_phi, angles)
+    moved = _inward_tangents(x, ear, held, d_phi)
     missing = [_tangent_along(x, kind, k, freedom, held[k], moved[k], angles[k]) for k, freedom in dependents]
     r: dict[int, Any] = {}
     for c, (k, j) in own_sources(kind).items():
@@ -486,7 +489,7 @@ def ear_balance_in(x: Any, kind: Any) -> None:
         if member.parent < 0:
             n, force = held[k]
             dn, df = moved[k]
-            shifted = add(dn, cross(member.rho, df), cross(lever_tangent(x, ear, k, angles), force))
+            shifted = add(dn, cross(member.rho, df), cross(load_vector(x, f"lane#{k}", "dr"), force))
             on_roots.append((-1 - member.parent, (add(n, cross(member.rho, force)), force), (shifted, df)))
     for t, role in enumerate(kind.roots):
         parts_here = [(p, dp) for root, p, dp in on_roots if root == t]
@@ -560,7 +563,7 @@ def _inward(x: Any, ear: Ear, own: list[tuple[Vec, Vec]]) -> list[tuple[Vec, Vec
 
 
 def _inward_tangents(
-    x: Any, ear: Ear, held: list[tuple[Vec, Vec]], own: list[tuple[Vec, Vec]], angles: dict[int, Vec]
+    x: Any, ear: Ear, held: list[tuple[Vec, Vec]], own: list[tuple[Vec, Vec]]
 ) -> list[tuple[Vec, Vec]]:
     moved = list(own)
     for k in reversed(range(len(own))):
@@ -570,23 +573,9 @@ def _inward_tangents(
         member = ear.members[k]
         if member.parent >= 0:
             up = moved[member.parent]
-            shifted = add(up[0], n, cross(member.rho, force), cross(lever_tangent(x, ear, k, angles), held[k][1]))
+            shifted = add(up[0], n, cross(member.rho, force), cross(load_vector(x, f"lane#{k}", "dr"), held[k][1]))
             moved[member.parent] = shifted, add(up[1], force)
     return moved
-
-
-def lever_tangent(x: Any, ear: Ear, k: int, angles: dict[int, Vec]) -> Vec:
-    """Tangent of the vector from a link's parent to the link."""
-    member = ear.members[k]
-    kind = ear.kind.links[k]
-    local, _ = parameter_displacement(member.view, kind, member.joint)
-    W = ear.attitude(member.parent)
-    slide: Vec = [0, 0, 0]
-    for freedom in member.freedoms:
-        if not freedom.angular:
-            slide = add(slide, scale(freedom_displacement(member.view, kind, member.joint, freedom.index), freedom.e))
-    moved = add(cross(angles[member.parent], member.rho), rotate(W, let3(x, "dr", local, "d Eq. 22")), slide)
-    return let3(x, "drho", moved, "d Eq. 22")
 
 
 def _apply_wrench(

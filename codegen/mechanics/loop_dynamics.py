@@ -52,7 +52,7 @@ def link_constants(x: Any, ear: Ear, k: int) -> tuple[Any, Vec, Mat]:
     """Mass, first moment and inertia about the origin of a link, in region axes."""
     member = ear.members[k]
     m = member.view.load("c", "m")
-    h = ear.fixed_vector("h", k, load_vector(member.view, "c", "h"), "Eq. 23")
+    h = ear.fixed_vector("h", k, load_vector(member.view, "c", "h"), "Eq. 23", inertial=True)
     return m, h, rotated_inertia(x, member.W, load_symmetric(member.view, "c", "J"), "Eq. 23")
 
 
@@ -200,7 +200,11 @@ def ear_kinematics(x: Any, kind: Any) -> None:
             motions[k] = (w, al, a, acceleration_matrix(x, w, al))
     for k, (w, al, a, B) in enumerate(motions):
         me = f"me#{k}"
-        moment, force = body_force(x, w, al, a, B, link_constants(x, ear, k))
+        constants = link_constants(x, ear, k)
+        moment, force = body_force(x, w, al, a, B, constants)
+        store_vector(x, me, "sh", constants[1])
+        for ij, value in zip(PAIRS, six(constants[2]), strict=True):
+            x.store(me, f"sJ.{ij}", value)
         store_vector(x, me, "sw", w)
         store_vector(x, me, "sal", al)
         store_vector(x, me, "sa", a)
@@ -251,8 +255,8 @@ def apply_inertia(x: Any, J: Mat, H: Mat, M: Mat, angular: Vec, linear: Vec, nam
 def member_inertia(x: Any, ear: Ear, k: int) -> tuple[Mat, Mat, Mat, Vec, Vec]:
     """Inertia of a link with all that it carries, and the force that its motion needs, in region axes about its origin."""
     member = ear.members[k]
-    m, h, J = link_constants(x, ear, k)
-    H = skew(h)
+    m, J = member.view.load("c", "m"), load_symmetric(x, f"me#{k}", "sJ")
+    H = skew(load_vector(x, f"me#{k}", "sh"))
     M: Mat = [[m if i == j else 0 for j in range(3)] for i in range(3)]
     n, f = load_vector(x, f"me#{k}", "sn"), load_vector(x, f"me#{k}", "sf")
     if ear.kind.links[k].carries:

@@ -249,16 +249,20 @@ class StructuralExpansion:
         return ANY if known is None else known
 
     def store(self, array: str, name: str, value: Any) -> None:
+        value = self.let(name, value)
         if not isinstance(value, int):
             self.stored[array, name] = None
-        elif value != 0:
-            self.stored[array, name] = value if abs(value) == 1 else None
+        elif value:
+            self.stored[array, name] = value
 
     def let(self, name: str, value: Any, tag: str = "", lanes: bool = False) -> Any:
-        return value
+        if isinstance(value, Nonzero):
+            return value
+        # of numbers only 0, 1 and -1 are kept apart; quotients of those are floats
+        return int(value) if value in (0, 1, -1) else ANY
 
     def name(self, name: str, value: Any, tag: str = "") -> Any:
-        return value
+        return self.let(name, value)
 
     def recall(self, vectors: dict[str, Any], array: str = "me") -> None:
         pass
