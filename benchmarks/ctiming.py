@@ -68,6 +68,10 @@ class Contestant:
         The call, its arguments written ``a[0]``, ``a[1]``, ...
     arrays : list of arrays
         What they point at: arguments, results and workspace, float64.
+    levels : sequence of str
+        Optimisation levels to compile at.
+    libraries : sequence of Path
+        Shared libraries to link with, compiled elsewhere.
     """
 
     name: str
@@ -76,6 +80,7 @@ class Contestant:
     call: str
     arrays: Sequence[np.ndarray]
     levels: Sequence[str] = LEVELS
+    libraries: Sequence[Path] = ()
 
 
 @dataclass
@@ -110,7 +115,9 @@ def compile_variant(contestant: Contestant, level: str, cache: Path, compiler: s
     files = dict(contestant.files)
     clock = CLOCK.format(declarations=contestant.declarations, call=contestant.call)
     version = subprocess.run([compiler, "--version"], capture_output=True, text=True, check=True).stdout
-    digest = hashlib.sha256(repr((sorted(files.items()), clock, level, FLAGS, version)).encode()).hexdigest()[:20]
+    linked = [str(path) for path in contestant.libraries]
+    what = (sorted(files.items()), clock, level, FLAGS, version, *([linked] if linked else []))
+    digest = hashlib.sha256(repr(what).encode()).hexdigest()[:20]
     folder = cache / digest
     library, took = folder / "contestant.so", 0.0
     if not library.exists():
@@ -127,7 +134,9 @@ def compile_variant(contestant: Contestant, level: str, cache: Path, compiler: s
             subprocess.run(command, check=True, cwd=folder)
             if source != "clock.c":
                 took = time.perf_counter() - begin
-        subprocess.run([compiler, "-shared", *objects, "-o", "unfinished.so", "-lm"], check=True, cwd=folder)
+        linked += [f"-Wl,-rpath,{path.parent}" for path in contestant.libraries]
+        command = [compiler, "-shared", *objects, *linked, "-o", "unfinished.so", "-lm"]
+        subprocess.run(command, check=True, cwd=folder)
         (folder / "unfinished.so").rename(library)
     run = ctypes.CDLL(str(library)).seconds
     run.restype = ctypes.c_double
