@@ -10,7 +10,7 @@ from collections.abc import Callable
 from functools import cached_property
 from typing import Any
 
-from ..mechanics.kinds import EarKind, LinkKind, UnitKind
+from ..mechanics.kinds import EarKind, LinkKind, SpringKind, UnitKind
 from ..program.block import Block
 from .interface import Interface
 from .printer import C_FUNCTIONS, Printer
@@ -19,13 +19,13 @@ from .writer import Function, Located, Place, Writer
 
 LANES = frozenset(
     {"lme", "lup", "lane", "lroot", "laneroot", "lbase", "lanebase", "lground", "lregion", "lregion_sum", "dq", "du", "dp",
-     "cldp", "dinputs", "dt", "dtau", "b", "dudot", "dforce", "dqdot", "denergy", "denergy_sum", "doutputs"}
+     "cldp", "csdp", "laneone", "lanetwo", "laneone_sum", "lanetwo_sum", "dcoefficient", "dpotential_sum", "dinputs", "dt", "dtau", "b", "dudot", "dforce", "dqdot", "denergy", "denergy_sum", "doutputs"}
 )  # fmt: skip
 """Arrays that hold one value per direction."""
 
-RECORDS = ("me", "up", "root", "base", "ground")
+RECORDS = ("me", "up", "root", "base", "ground", "one", "two")
 SLOTS = ("lme", "lup", "lroot", "lbase", "lground")
-LINK_LANES = ("lane", "laneroot", "lanebase")
+LINK_LANES = ("lane", "laneroot", "lanebase", "laneone", "lanetwo")
 OF_COORDINATES = ("q", "dq", "qdot", "dqdot", "step")
 OF_SPEEDS = ("u", "given_u", "du", "udot", "dudot", "tau", "dtau", "b", "force", "dforce")
 
@@ -177,10 +177,23 @@ class CWriter(Writer):
             return variable, f"a->{stem} + {of_links('U', [link.u for link in system.links])}", int(name)
         if stem == "trig":
             return variable, f"a->trig + {of_links('TRIG', layout.trig_of)}", 0 if name == "cos" else "ANGLES"
-        if stem in ("dp", "cldp"):
+        if stem in ("dp", "cldp", "csdp"):
             return "dp", "a->dp", self.parameter(kind, sweep, array, int(name))
         if stem in ("energy", "denergy"):
             return stem, f"a->{stem}", 0
+        if stem in ("potential", "dpotential"):
+            return stem, f"a->{stem.replace('potential', 'energy')}", 1
+        if stem in ("coefficient", "dcoefficient"):
+            at = self.entry(kind, sweep, "COEFFICIENTS", [3 * n for n in kind.members])
+            return stem, f"a->{stem} + {at}", int(name)
+        if stem == "cs":
+            assert isinstance(kind, SpringKind)
+            if name in kind.data:
+                values = [layout.spring_number_offsets[n] for n in kind.members]
+                return "k", f"numbers + {self.entry(kind, sweep, 'NUMBERS', values)}", kind.data[name]
+            values = [layout.constant_offsets[system.spring_constants[n].index] for n in kind.members]
+            at = self.entry(kind, sweep, "CONSTANTS", values)
+            return variable, f"a->constants + {at}", layout.constant_fields[kind.shape.index][name]
         if stem == "c":
             place = array.partition("#")[2]
             of_kind = kind.links[int(place)] if isinstance(kind, EarKind) else kind
@@ -280,6 +293,7 @@ class CWriter(Writer):
             ("constants", "", layout.constants_size),
             ("trig", "", 2 * layout.angles_padded),
             ("tau", "", model.nu if use["forces"] else 0),
+            ("coefficient", "", 3 * len(model.springs)),
             ("speeds", "", model.nu if use["loops"] else 0),
             ("rest_u", "", 0 if use["loops"] else model.nu),
             ("numbers_1", "", 0 if use["loops"] else model.nu),
@@ -288,6 +302,7 @@ class CWriter(Writer):
             ("lanes", "L", len(layout.lane) * links),
             ("region_lanes", "L", len(layout.region_lane) * len(self.system.regions.regions)),
             ("dtau", "L", model.nu if use["forces"] else 0),
+            ("dcoefficient", "L", 3 * len(model.springs)),
             ("lanes_1", "L", model.nu),
             ("lanes_2", "L", 0 if use["loops"] else model.nu),
             ("own_dq", "L", model.nq if use["loops"] else 0),

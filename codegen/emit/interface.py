@@ -19,8 +19,9 @@ OTHER_WIDTHS = (8, 1)
 """The same for all other functions: two widths less to compile, and they are called less often."""
 
 
-_BALANCE = ("turns", "complete", "balance_out", "balance_in", "balance_back")
-_FORWARD = ("start", "rotations", "closures", "kinematics", "triangularize", "back_substitute")
+_BALANCE = ("turns", "complete", "pose_tangents", "velocity_tangents", "clear_tangents", "spring_tangents", "balance_out", "balance_in", "balance_back")
+_SPRINGS = ("pose", "velocities", "clear", "springs")
+_FORWARD = ("start", "rotations", "closures", *_SPRINGS, "kinematics", "triangularize", "back_substitute")
 _MASS_TANGENT = ("turns", "balance_out", "force_tangents")
 FUNCTION_SWEEPS: dict[str, tuple[str, ...]] = {
     "accelerations": _FORWARD,
@@ -39,8 +40,9 @@ FUNCTION_SWEEPS: dict[str, tuple[str, ...]] = {
     "newton_step": ("start", "rotations", "closures", "correct"),
     "completion": ("start", "rotations", "closures"),
     "completion_sensitivities": ("start", "rotations", "closures", "turns", "complete"),
-    "energies": ("start", "rotations", "closures", "kinetic", "moments"),
-    "energy_sensitivities": ("start", "rotations", "closures", "turns", "complete", "kinetic_tangents", "moment_tangents"),
+    "energies": ("start", "rotations", "closures", "kinetic", "moments", "pose", "spring_energy"),
+    "energy_sensitivities": ("start", "rotations", "closures", "turns", "complete", "kinetic_tangents", "moment_tangents",
+                             "pose", "spring_energy", "pose_tangents", "spring_energy_tangents"),
     "outputs": ("start", "rotations", "closures", "pose", "kinetic", "moments"),
     "output_sensitivities": ("start", "rotations", "closures", "turns", "complete", "pose_tangents", "kinetic_tangents",
                              "moment_tangents"),
@@ -125,6 +127,7 @@ def uses(system: System) -> dict[str, bool]:
         "inputs": bool(model.inputs),
         "time": "t" in names,
         "forces": bool(model.forces),
+        "springs": bool(model.springs),
         "gravity": model.gravity is not None,
         "quaternions": any(link.joint in ("spherical", "free") for link in system.links),
         "outputs": bool(model.outputs),
@@ -205,7 +208,7 @@ def interfaces(system: System) -> list[Interface]:
         "energies",
         "energy_sensitivities",
         "Kinetic and potential energy.",
-        ["q", "u", *p],
+        ["q", "u", *p, *(["t"] if use["springs"] and use["time"] else [])],
         ["energy"],
         "Energies and their total derivative along seeds.",
     )

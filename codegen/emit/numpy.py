@@ -10,7 +10,7 @@ from typing import Any
 
 from ..mechanics.expansion import Program
 from ..mechanics.formulas import FormulaKind
-from ..mechanics.kinds import EarKind, LinkKind, UnitKind
+from ..mechanics.kinds import EarKind, LinkKind, SpringKind, UnitKind
 from ..mechanics.outputs import RecordFormula
 from ..program.block import Block
 from .interface import Interface
@@ -21,9 +21,9 @@ from .writer import Located, Place, Writer
 OF_COORDINATES = ("q", "dq", "qdot", "dqdot", "step")
 OF_SPEEDS = ("u", "given_u", "du", "udot", "dudot", "tau", "dtau", "b", "force", "dforce")
 OF_LINKS = {
-    **dict.fromkeys(("me", "up", "root", "base", "ground"), "records"),
+    **dict.fromkeys(("me", "up", "root", "base", "ground", "one", "two"), "records"),
     **dict.fromkeys(("lme", "lup", "lroot", "lbase", "lground"), "slots"),
-    **dict.fromkeys(("lane", "laneroot", "lanebase"), "lanes"),
+    **dict.fromkeys(("lane", "laneroot", "lanebase", "laneone", "lanetwo"), "lanes"),
 }
 """Memory of links, by array."""
 SCALARS = ("records", "ears", "regions")
@@ -142,10 +142,22 @@ class NumpyWriter(Writer):
             return self.element(stem, _index(of_links("U", [link.u for link in system.links]), int(name)))
         if stem == "trig":
             return self.element(name, of_links("TRIG", self.layout.trig_of))
-        if stem in ("dp", "cldp"):
+        if stem in ("dp", "cldp", "csdp"):
             return self.element("dp", _plain(self.parameter(kind, sweep, array, int(name))))
         if stem in ("energy", "denergy"):
             return self.element(stem, "0")
+        if stem in ("potential", "dpotential"):
+            return self.element(stem.replace("potential", "energy"), "1")
+        if stem in ("coefficient", "dcoefficient"):
+            at = self.entry(kind, sweep, "COEFFICIENTS", [3 * n for n in kind.members])
+            return self.element(stem, _index(at, int(name)))
+        if stem == "cs":
+            assert isinstance(kind, SpringKind)
+            if name in kind.data:
+                values = [self.layout.spring_number_offsets[n] for n in kind.members]
+                return "", "numbers", f"[{_index(self.entry(kind, sweep, 'NUMBERS', values), kind.data[name])}]"
+            at = self.entry(kind, sweep, "CONSTANTS", [system.spring_constants[n].index for n in kind.members])
+            return variable, f"a.constants[{_plain(at)}]", f'["{name}"]'
         if stem == "c":
             of_kind = kind.links[int(number)] if isinstance(kind, EarKind) else kind
             assert isinstance(of_kind, LinkKind)

@@ -12,7 +12,7 @@ from typing import Any
 from ..loops.partition import partition
 from ..mechanics.expansion import LANE as LANE_MEMORY
 from ..mechanics.expansion import RECORD, Program, expand
-from ..mechanics.formulas import force_formulas
+from ..mechanics.formulas import coefficient_formulas, force_formulas
 from ..mechanics.kinds import System, analyse
 from ..mechanics.outputs import measured_sweeps, output_formulas, potential_formula
 from ..mechanics.sweeps import SWEEPS
@@ -33,6 +33,11 @@ ALWAYS = (
     "rate_tangents", "kinetic", "kinetic_tangents",
 )  # fmt: skip
 """Sweeps of every solver."""
+OF_SPRINGS = {
+    "pose", "pose_tangents", "velocities", "velocity_tangents", "clear", "clear_tangents", "springs", "spring_tangents",
+    "spring_energy", "spring_energy_tangents",
+}  # fmt: skip
+"""Sweeps of models with springs."""
 OF_TREES = {"newton_euler_out", "newton_euler_in", "force_tangents", "solve_in", "mass_out", "mass_in"}
 """Of those, what only trees need."""
 
@@ -103,6 +108,8 @@ def write_solver(model: Model, layout: str = "auto") -> Source:
     wanted = set(ALWAYS) | measured_sweeps(system)
     if model.loops:
         wanted -= OF_TREES
+    if model.springs:
+        wanted |= OF_SPRINGS
     if potential is not None:
         wanted |= {"moments", "moment_tangents"}
         records.append(potential)
@@ -112,7 +119,7 @@ def write_solver(model: Model, layout: str = "auto") -> Source:
         body = system.links[error.kind.members[0]].name.partition(".")[0]
         message = f"nothing outboard of the joint of {body!r} has inertia about it in any state; give it mass or fix the joint"
         raise ModelError([Problem(model.name, None, None, f"bodies.{body}.joint", message)]) from None
-    formulas = [*force_formulas(system), *values]
+    formulas = [*force_formulas(system), *coefficient_formulas(system), *values]
     lap("expand and simplify")
     writer = CWriter(program, formulas, records, energy_outputs)
     context = writer.context()
@@ -157,7 +164,7 @@ def operations(program: Program) -> dict[str, Any]:
             continue
         once, each = Operations(), Operations()
         for kind in sweep.kinds(program.system):
-            calls = len(kind.units if sweep.units else kind.members)
+            calls = len(kind.members) if sweep.spring else len(kind.units if sweep.units else kind.members)
             once = once + count(blocks[kind.index], False) * calls
             each = each + count(blocks[kind.index], True) * calls
         result[sweep.name] = {

@@ -13,7 +13,7 @@ from typing import Any
 
 from ..mechanics.expansion import Program
 from ..mechanics.formulas import FormulaKind
-from ..mechanics.kinds import EarKind, RegionKind, UnitKind
+from ..mechanics.kinds import EarKind, RegionKind, SpringKind, UnitKind
 from ..mechanics.outputs import RecordFormula
 from ..mechanics.sweeps import INWARD, SWEEP
 from ..model.model import CLOSURE_ROWS, GROUND
@@ -30,6 +30,9 @@ SENSITIVITY_SWEEPS = ("turns", "complete", "balance_out", "balance_in", "balance
 
 _STEM = {"root": "ROOT_", "lroot": "ROOT_", "laneroot": "ROOT_", "base": "BASE_", "lbase": "BASE_", "lanebase": "BASE_"}
 """Beginnings of columns of the units' table, by what an array is of."""
+
+SPRING_SWEEPS = ("pose_tangents", "velocity_tangents", "clear_tangents", "spring_tangents")
+"""The same for springs."""
 
 Located = tuple[str, str, int | str]
 """Where a field lies, as a target writes it: name of a pointer, the expression it starts as, index or text."""
@@ -78,6 +81,7 @@ class Writer(ABC):
         self.layout = Layout(program)
         self.links = IndexTable("link", len(self.system.links))
         self.units = self.links if self.system.independent_links else IndexTable("unit", len(self.system.regions.order))
+        self.springs = IndexTable("spring", len(self.model.springs))
         self.parameter_places = {name: i for i, name in enumerate(self.model.parameter_names)}
         self.uses = uses(self.system)
 
@@ -148,7 +152,9 @@ class Writer(ABC):
         ground = len(system.links)
         found: list[int] = []
         for i in self.instances(kind, sweep):
-            if kind.role == "link":
+            if kind.role == "spring":
+                link = system.spring_ends[i].links[stem.removesuffix("_sum").endswith("two")]
+            elif kind.role == "link":
                 link = regions.order[i].number if SWEEP[sweep].units else i
                 if stem in ("up", "lup"):
                     link = system.links[link].parent
@@ -174,8 +180,12 @@ class Writer(ABC):
 
     def entry(self, kind: UnitKind, sweep: str, column: str, values: list[int]) -> str:
         """Expression of integers that belong to the instances of a kind."""
-        table = self.units if SWEEP[sweep].units else self.links
-        return table.entry(column, self.instances(kind, sweep), values)
+        return self.table(sweep).entry(column, self.instances(kind, sweep), values)
+
+    def table(self, sweep: str) -> IndexTable:
+        """The table of what a sweep goes over."""
+        spec = SWEEP[sweep]
+        return self.springs if spec.spring else self.units if spec.units else self.links
 
     def of_links(self, kind: UnitKind, sweep: str, array: str, column: str, of: list[int] | None = None) -> str:
         """Expression of an integer of the link that an array is of: its number, or what `of` lists by link."""
@@ -188,7 +198,10 @@ class Writer(ABC):
         """Expression of the number of the j-th design parameter that the constants of a link or a loop depend on."""
         system = self.system
         place = array.partition("#")[2]
-        if array.startswith("cl"):
+        if isinstance(kind, SpringKind):
+            owners = [system.spring_constants[n] for n in kind.members]
+            column = f"P{j}"
+        elif array.startswith("cl"):
             assert isinstance(kind, EarKind)
             owners = [system.closure_constants[n] for n in self.loops_meant(kind, array)]
             column = f"LOOP{place}_P{j}"
@@ -233,6 +246,8 @@ class Writer(ABC):
         system, count = self.system, len(kind.members)
         if isinstance(kind, RegionKind):
             what, first = "regions", f"region of {kind.sources} sources"
+        elif isinstance(kind, SpringKind):
+            what, first = "springs", self.model.springs[kind.members[0]].name
         elif isinstance(kind, EarKind):
             ear = system.regions.ears[kind.members[0]]
             loops = [self.model.loops[c.loop].name for c in ear.closures]
@@ -246,7 +261,7 @@ class Writer(ABC):
         """The loop over the links, or the units, of a sweep."""
         spec = SWEEP[sweep]
         blocks = self.program.blocks[sweep]
-        sequence = self.system.unit_kind_of if spec.units else self.system.kind_of
+        sequence = self.sequence(sweep)
         kinds = [k.index for k in sequence]
         known: dict[int, UnitKind] = {k.index: k for k in sequence}
         inward = spec.direction == INWARD
@@ -272,11 +287,18 @@ class Writer(ABC):
                     step = len(pattern)
                     f.lines += self.repeat(start, start + step * count, step, inward, calls)
         else:
-            table = self.units if spec.units else self.links
-            entry = table.entry("KIND", list(range(len(kinds))), kinds)
+            entry = self.table(sweep).entry("KIND", list(range(len(kinds))), kinds)
             cases = [(k, c) for k in known for c in call(k, "i")]
             f.lines += self.dispatch(len(kinds), inward, entry, cases)
         return f
+
+    def sequence(self, sweep: str) -> list[Any]:
+        """Kinds of what a sweep goes over, one after the other."""
+        spec, system = SWEEP[sweep], self.system
+        if spec.spring:
+            of = {n: k for k in system.spring_kinds for n in k.members}
+            return [of[n] for n in range(len(of))]
+        return list(system.unit_kind_of if spec.units else system.kind_of)
 
     def sweep_functions(self, sweep: str) -> list[Function]:
         functions = [
@@ -449,11 +471,14 @@ class Writer(ABC):
         quaternions = any(b.stores for b in blocks.get("rotations", {}).values())
         if not quaternions:  # nobody reads them, so nobody would call their functions
             blocks = {s: b for s, b in blocks.items() if s not in ("rotations", "turns")}
+        needed = SENSITIVITY_SWEEPS + (SPRING_SWEEPS if model.springs else ())
         scalar = [f for s in blocks if not SWEEP[s].lanes for f in self.sweep_functions(s)]
-        lanes = [f for s in blocks if s in SENSITIVITY_SWEEPS for f in self.sweep_functions(s)]
-        others = [f for s in blocks if SWEEP[s].lanes and s not in SENSITIVITY_SWEEPS for f in self.sweep_functions(s)]
+        lanes = [f for s in blocks if s in needed for f in self.sweep_functions(s)]
+        others = [f for s in blocks if SWEEP[s].lanes and s not in needed for f in self.sweep_functions(s)]
         constants, constant_calls = self.constants_functions()
-        tau, outputs, energy = (self.formula_functions(t) for t in ("tau", "outputs", "energy"))
+        tau, outputs, energy, coefficients = (
+            self.formula_functions(t) for t in ("tau", "outputs", "energy", "coefficient")
+        )
         size = sizes(model)
         functions = interfaces(self.system)
         return {
@@ -467,18 +492,19 @@ class Writer(ABC):
             "size": size,
             "index_tables": [
                 (t.name, t.count, [(c, f"{t.name.upper()}_{c}") for c in t.columns], t.rows())
-                for t in ([self.links] if self.units is self.links else [self.links, self.units]) if t.columns
+                for t in (self.links, *([] if self.units is self.links else [self.units]), self.springs) if t.columns
             ],
             "numbers": [repr(v) for v in layout.numbers],
             "angles": layout.angles,
             "angles_in_order": layout.angles == list(range(len(layout.angles))),
-            "functions": constants + tau["functions"] + scalar + outputs["functions"] + energy["functions"],
-            "lane_functions": tau["lane_functions"] + lanes,
+            "functions": constants + tau["functions"] + coefficients["functions"] + scalar + outputs["functions"] + energy["functions"],
+            "lane_functions": tau["lane_functions"] + coefficients["lane_functions"] + lanes,
             "other_lane_functions": others + outputs["lane_functions"] + energy["lane_functions"],
             "constant_calls": constant_calls,
-            "tau": tau, "output_formulas": outputs, "potential": energy,
+            "tau": tau, "coefficients": coefficients, "output_formulas": outputs, "potential": energy,
             "energy_outputs": self.energy_outputs,
             "interfaces": functions,
+            "energy_state": next(f for f in functions if f.name == "energies").arguments,
             "rate_state": next(f for f in functions if f.name == "coordinate_rates").arguments,
             "independent": self.independent(),
             "dependent": {

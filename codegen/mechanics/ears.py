@@ -145,7 +145,7 @@ class Ear:
             return UNIT
         if role == "ground":
             return transpose([[self.x.load("base", f"cW.{i}{j}") for j in XYZ] for i in XYZ])
-        return [[self.x.load(f"root#{t}", f"W.{i}{j}") for j in XYZ] for i in XYZ]
+        return [[self.x.load(f"root#{t}", f"sW.{i}{j}") for j in XYZ] for i in XYZ]
 
     def _member(self, k: int, kind: Any, fresh: bool) -> Member:
         view = MemberView(self.x, k)
@@ -158,9 +158,9 @@ class Ear:
             W = turned(view, joint, W_parent)
             for i in range(3):
                 for j in range(3):
-                    view.store("me", f"W.{XYZ[i]}{XYZ[j]}", W[i][j])
+                    view.store("me", f"sW.{XYZ[i]}{XYZ[j]}", W[i][j])
         else:
-            W = [[view.load("me", f"W.{i}{j}") for j in XYZ] for i in XYZ]
+            W = [[view.load("me", f"sW.{i}{j}") for j in XYZ] for i in XYZ]
         freedoms = [
             Freedom(a < 3, [W[i][a % 3] for i in range(3)], j) for j, a in enumerate(freedom_axes(kind.joint, kind.axis))
         ]

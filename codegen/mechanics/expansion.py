@@ -33,6 +33,7 @@ OWN = {"me": RECORD, "lme": SLOT, "lane": LANE}
 PARENTS = {"up": RECORD, "lup": SLOT}
 ROOTS = {"root": RECORD, "lroot": SLOT, "laneroot": LANE}
 BASES = {"base": RECORD, "lbase": SLOT, "lanebase": LANE}
+ENDS = {"one": RECORD, "two": RECORD, "laneone": LANE, "lanetwo": LANE}
 GROUNDS = {"ground": RECORD, "lground": SLOT}
 COMMON = {"region": REGION, "region_sum": REGION, "lregion": REGION_LANE, "lregion_sum": REGION_LANE, "ear": EAR}
 """Arrays by what they are of; those of one of several links end in its place, ``me#1``."""
@@ -91,6 +92,11 @@ class Reach:
         self._roots: dict[tuple[int, int], set[int]] = {}
         self._bases: dict[int, set[int]] = {}
         self._regions: dict[int, set[int]] = {}
+        self._ends: dict[tuple[int, bool], set[int]] = {}
+        for spring_kind in system.spring_kinds:
+            for n in spring_kind.members:
+                for side, i in enumerate(system.spring_ends[n].links):
+                    self._ends.setdefault((spring_kind.index, bool(side)), set()).add(self._link(i))
         for i, link in enumerate(system.links):
             self._parents[system.kind_of[i].index].add(self._link(link.parent))
         of_region = {
@@ -112,6 +118,9 @@ class Reach:
     def of(self, kind: Any, sweep: Sweep, array: str) -> tuple[str, set[int]] | None:
         """Memory and kinds; None for what is no memory."""
         stem, _, place = array.partition("#")
+        if kind.role == "spring":
+            stem = stem.removesuffix("_sum")
+            return (ENDS[stem], self._ends[kind.index, stem.endswith("two")]) if stem in ENDS else None
         if stem in OWN:
             memory, kinds = OWN[stem], {kind.links[int(place)].index if place else kind.index}
         elif stem in PARENTS:
@@ -143,7 +152,7 @@ class Patterns:
         return self.nonzero.setdefault((memory, kind), {})
 
     def is_nonzero(self, kind: UnitKind, sweep: Sweep, array: str, name: str) -> bool:
-        if array.partition("#")[0] in ("c", "cl"):
+        if array.partition("#")[0] in ("c", "cl", "cs"):
             number = kind.number_of(array, name)
             return number is None or number != 0
         found = self.reach.of(kind, sweep, array)
@@ -151,7 +160,7 @@ class Patterns:
 
     def known(self, kind: UnitKind, sweep: Sweep, array: str, name: str) -> int | None:
         """The number 1 or -1 that a field is in every state."""
-        if array.partition("#")[0] in ("c", "cl"):
+        if array.partition("#")[0] in ("c", "cl", "cs"):
             number = kind.number_of(array, name)
             return int(number) if number in (1, -1) else None
         found = self.reach.of(kind, sweep, array)
@@ -331,7 +340,7 @@ def _transient(program: Program) -> dict[str, list[str]]:
     """
     flows: dict[str, dict[str, set[str]]] = {}
     crossing: set[str] = {n for m, _, n in program.read_outside if m == RECORD}
-    others = {a for a, m in (PARENTS | ROOTS | BASES | GROUNDS).items() if m == RECORD}
+    others = {a for a, m in (PARENTS | ROOTS | BASES | GROUNDS | ENDS).items() if m == RECORD}
     for sweep, blocks in program.blocks.items():
         stored: set[str] = set()
         from_me: set[str] = set()
@@ -339,7 +348,7 @@ def _transient(program: Program) -> dict[str, list[str]]:
         handed_in: set[str] = set()
         for b in blocks.values():
             for a, n, _ in b.stores:
-                stem = a.partition("#")[0]
+                stem = a.partition("#")[0].removesuffix("_sum")
                 if stem == "me" or stem in others:
                     stored.add(n)
                 if stem in others:

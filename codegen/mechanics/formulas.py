@@ -25,7 +25,7 @@ from .kinds import System
 
 _NO_VALUES = (sympy.zoo, sympy.oo, -sympy.oo, sympy.nan, sympy.I)
 _LARGEST = sympy.Float(sys.float_info.max)
-_SECTIONS = {"tau": "forces", "outputs": "outputs"}
+_SECTIONS = {"tau": "forces", "coefficient": "forces", "outputs": "outputs"}
 """Of the model file, by target."""
 
 CATEGORIES = ("q", "u", "p", "inputs", "t")
@@ -165,3 +165,13 @@ def force_formulas(system: System) -> list[FormulaKind]:
                     i = start + j
                     trees[i] = ("+", trees[i], value.tree) if i in trees else value.tree
     return formula_kinds(system.model, "tau", sorted(trees.items()))
+
+
+def coefficient_formulas(system: System) -> list[FormulaKind]:
+    """Stiffness, damping and free length of springs; the target index is three times the spring's, plus 0, 1, 2."""
+    trees = [
+        (3 * n + j, e.tree)
+        for n, spring in enumerate(system.model.springs)
+        for j, e in enumerate((spring.stiffness, spring.damping, spring.free_length))
+    ]
+    return formula_kinds(system.model, "coefficient", trees)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from .joints import JointTransform, freedom_axes
-from .kinematics import accelerate, acceleration_matrix, angular_velocity, body_force, own_inertia, store_matrix, store_vector
+from .kinematics import accelerate, acceleration_matrix, angular_velocity, body_force, less_external, own_inertia, store_matrix, store_vector
 from .spatial import NINE, XYZ, Vec, add
 from .tangents import differentiate, store_tangent
 from .triangularization import accumulate, force_to_parent, hand_on_force
@@ -29,13 +29,14 @@ def newton_euler_outward(x: Any, kind: Any) -> None:
     carried, w = angular_velocity(x, kind, joint)
     al, a = joint_acceleration(x, kind, *accelerate(x, kind, joint, carried, "t"))
     B = acceleration_matrix(x, w, al)
-    moment, force = body_force(x, w, al, a, B, own_inertia(x))
+    moment, force = needed = body_force(x, w, al, a, B, own_inertia(x))
     x.recall({"wp": carried, "w": w})
     store_vector(x, "me", "tal", al)
     store_vector(x, "me", "ta", a)
     store_matrix(x, "me", "tB", B)
-    store_vector(x, "me", "tn", moment)
-    store_vector(x, "me", "tf", force)
+    left = less_external(x, kind, needed)
+    store_vector(x, "me", "tn", left[0])
+    store_vector(x, "me", "tf", left[1])
     if x.tangents:
         d = differentiate(x, kind, joint)
         for name, v in (("w", w), ("al", al), ("a", a)):
@@ -43,8 +44,10 @@ def newton_euler_outward(x: Any, kind: Any) -> None:
         for name in NINE:
             entry = B[XYZ.index(name[0])][XYZ.index(name[1])]
             x.store("lme", f"B.{name}", d.value(entry) if d else entry)
-        store_tangent(x, d, "lane", "n", moment)
-        store_tangent(x, d, "lane", "f", force)
+        tangents = [[d.value(e) if d else e for e in v] for v in (moment, force)]
+        tangents = list(less_external(x, kind, (tangents[0], tangents[1]), "lane", True))
+        store_vector(x, "lane", "n", tangents[0])
+        store_vector(x, "lane", "f", tangents[1])
 
 
 def newton_euler_inward(x: Any, kind: Any) -> None:

@@ -16,7 +16,7 @@ import sympy
 from sympy import Expr
 
 from ..loops.partition import Partition
-from ..model.model import GROUND, Model
+from ..model.model import GROUND, Face, Loop, Model, Spring
 from ..program.block import Expansion
 from ..program.functions import SYMBOLIC, number
 from .constants import Constants, Shape, Slots, Statements, make_shape
@@ -89,6 +89,8 @@ class LinkKind(Folded):
         It has a parent other than the ground.
     carries : bool
         Something that is not of its own ear hangs on it.
+    pulled : bool
+        Springs act on it.
     forced : tuple of bool
         Which freedoms have a force of the model.
     members : list of int
@@ -105,6 +107,7 @@ class LinkKind(Folded):
     first_unit: bool
     carried_on: bool
     carries: bool
+    pulled: bool
     forced: tuple[bool, ...]
     members: list[int] = field(default_factory=list)
     units: list[int] = field(default_factory=list)
@@ -229,7 +232,35 @@ class RegionKind:
         return name
 
 
-UnitKind = LinkKind | EarKind | RegionKind
+@dataclass(slots=True, eq=False)
+class SpringKind(Folded):
+    """What the blocks of a kind of springs are written from.
+
+    Attributes
+    ----------
+    grounded : tuple of two bool
+        Which ends are on the ground.
+    members : list of int
+        Springs.
+    """
+
+    index: int
+    grounded: tuple[bool, bool]
+    members: list[int] = field(default_factory=list)
+    units: list[int] = field(default_factory=list)
+
+    role = "spring"
+
+    def number_of(self, array: str, name: str) -> Expr | None:
+        """Constants that are the same number for the whole kind."""
+        return self.number(name) if array == "cs" else None
+
+    def alias_of(self, array: str, name: str) -> str:
+        """The first constant of equal value."""
+        return self.shape.varying.get(name, name) if array == "cs" else name
+
+
+UnitKind = LinkKind | EarKind | RegionKind | SpringKind
 
 
 @dataclass(slots=True, eq=False)
@@ -256,6 +287,11 @@ class System:
         For each loop.
     closure_constants : list of Constants
         For each loop.
+    spring_kinds : list of SpringKind
+    spring_ends : list of LoopFaces
+        For each spring, where its ends are.
+    spring_constants : list of Constants
+        For each spring.
     slot_of : list of int
         Where the values that only neighbours need are kept: few slots, reused.
     slots : int
@@ -279,6 +315,9 @@ class System:
     unit_kind_of: list[UnitKind]
     faces: list[LoopFaces]
     closure_constants: list[Constants]
+    spring_kinds: list[SpringKind]
+    spring_ends: list[LoopFaces]
+    spring_constants: list[Constants]
     slot_of: list[int]
     slots: int
     gravity: Constants | None
@@ -341,8 +380,9 @@ def analyse(model: Model, unrolled: bool, partition: Partition | None = None) ->
             constants.append(found)
         constants_of.append(found)
     faces = [loop_faces(loop, links, carriers, evaluate) for loop in model.loops]
-    closure_constants: list[Constants] = []
-    for f in faces:
+    ends = [loop_faces(_as_loop(spring), links, carriers, evaluate) for spring in model.springs]
+    of_faces: list[Constants] = []
+    for f in [*faces, *ends]:
         key = (f.structure(), *map(id, f.expressions()))
         found = by_key.get(key)
         if found is None:
@@ -351,7 +391,9 @@ def analyse(model: Model, unrolled: bool, partition: Partition | None = None) ->
                 partial(face_constants, f, evaluate, FLOAT, keep), len(constants),
             )  # fmt: skip
             constants.append(found)
-        closure_constants.append(found)
+        of_faces.append(found)
+    closure_constants, spring_constants = of_faces[: len(faces)], of_faces[len(faces) :]
+    pulled = {i for f in ends for i in f.links}
     force_of: dict[int, list[Any]] = {}
     for force in model.forces:
         force_of.setdefault(force.body, []).append(force)
@@ -379,7 +421,7 @@ def analyse(model: Model, unrolled: bool, partition: Partition | None = None) ->
         first, first_unit = last_child[link.parent] == i, order.first_contributor.get(link.parent) == order.unit_of_link[i]
         signature: Any = (
             link.joint, link.frame.index, aligned, first, first_unit, link.parent != GROUND, i in has_child, forced,
-            c.shape.index, _pattern(c), order.place_in_ear(i), order.role_of(i),
+            c.shape.index, _pattern(c), order.place_in_ear(i), order.role_of(i), i in pulled,
         )  # fmt: skip
         if unrolled:
             signature = i
@@ -387,13 +429,14 @@ def analyse(model: Model, unrolled: bool, partition: Partition | None = None) ->
         if kind is None:
             kind = kinds[signature] = LinkKind(
                 c.shape, len(kinds), link.joint, link.frame.index, aligned, first, first_unit, link.parent != GROUND,
-                order.carries(i), forced,
+                order.carries(i), i in pulled, forced,
             )  # fmt: skip
         kind.members.append(i)
         kind_of.append(kind)
     for kind in kinds.values():
         kind.fold([constants_of[i] for i in kind.members])
     unit_kinds, unit_kind_of = _unit_kinds(regions, order, list(kinds.values()), kind_of, faces, closure_constants, unrolled)
+    spring_kinds = _spring_kinds(len(kinds) + len(unit_kinds), kind_of, ends, spring_constants)
     slot_of, slots = order.slots()
     gravity = None
     if model.gravity is not None:
@@ -410,8 +453,33 @@ def analyse(model: Model, unrolled: bool, partition: Partition | None = None) ->
         constants.append(gravity)
     return System(
         model, links, carriers, list(kinds.values()), kind_of, constants_of, constants, list(shapes.values()),
-        regions, unit_kinds, unit_kind_of, faces, closure_constants, slot_of, slots, gravity, force_of,
+        regions, unit_kinds, unit_kind_of, faces, closure_constants, spring_kinds,
+        ends, spring_constants, slot_of, slots, gravity, force_of,
     )  # fmt: skip
+
+
+def _as_loop(spring: Spring) -> Loop:
+    """A spring's ends as the faces of a joint."""
+    ends = (Face(p.body, p.at) for p in (spring.start, spring.end))
+    return Loop(spring.name, "spherical", (), *ends)
+
+
+def _spring_kinds(
+    index: int, kind_of: list[LinkKind], ends: list[LoopFaces], constants: list[Constants]
+) -> list[SpringKind]:
+    found: dict[Any, SpringKind] = {}
+    owned: dict[int, list[Constants]] = {}
+    for n, (f, c) in enumerate(zip(ends, constants, strict=True)):
+        on = tuple(GROUND if i == GROUND else kind_of[i].index for i in f.links)
+        key = (on, c.shape.index, _pattern(c))
+        kind = found.get(key)
+        if kind is None:
+            kind = found[key] = SpringKind(c.shape, index + len(found), (f.links[0] == GROUND, f.links[1] == GROUND))
+        kind.members.append(n)
+        owned.setdefault(kind.index, []).append(c)
+    for kind in found.values():
+        kind.fold(owned[kind.index])
+    return list(found.values())
 
 
 def _pattern(c: Constants) -> tuple[str, ...]:

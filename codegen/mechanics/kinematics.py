@@ -89,6 +89,17 @@ def body_force(x: Any, w: Vec, al: Vec, a: Vec, B: Mat, inertia: tuple[Any, Vec,
     return moment, force
 
 
+def less_external(x: Any, kind: Any, needed: tuple[Vec, Vec], array: str = "me", lanes: bool = False) -> tuple[Vec, Vec]:
+    """What is left of the force that a link needs when springs have acted on it (R of Eq. 24)."""
+    if not kind.pulled:
+        return needed
+    n, f = (
+        [x.let("less", e - acting, "Eq. 24", lanes=lanes) for e, acting in zip(v, load_vector(x, array, f"ext.{name}"), strict=True)]
+        for v, name in zip(needed, "nf", strict=True)
+    )
+    return n, f
+
+
 def gyroscopic_moment(x: Any, w: Vec, J: Mat) -> Vec:
     """``omega x J omega`` with the products of omega named, so that they are shared with `acceleration_matrix`."""
     sq = [x.let(f"B_w{i}{i}", w[k] * w[k], "Eq. 24") for k, i in enumerate(XYZ)]
@@ -136,7 +147,7 @@ def kinematics(x: Any, kind: Any) -> None:
     carried, w = angular_velocity(x, kind, joint)
     al, a = accelerate(x, kind, joint, carried)
     B = acceleration_matrix(x, w, al)
-    moment, force = body_force(x, w, al, a, B, own_inertia(x))
+    moment, force = less_external(x, kind, body_force(x, w, al, a, B, own_inertia(x)))
     store_vector(x, "me", "wp", carried)
     store_vector(x, "me", "w", w)
     store_vector(x, "me", "al", al)

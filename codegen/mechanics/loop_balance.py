@@ -30,6 +30,7 @@ from .loop_dynamics import (
     base_acceleration,
     carried_accelerations,
     cut_accelerations,
+    less_external_of,
     link_constants,
     member_motion,
     root_motions,
@@ -42,6 +43,10 @@ from .energy import origin_velocity
 from .orthogonal import product
 from .spatial import XYZ, Mat, Vec, add, cross, dot, matvec, scale, transpose
 from .tangents import differentiate, store_tangent
+
+
+Force = tuple[Vec, Vec]
+"""Moment and force."""
 
 
 def let3(x: Any, name: str, v: Vec, tag: str, lanes: bool = True) -> Vec:
@@ -391,16 +396,32 @@ def ear_balance_out(x: Any, kind: Any) -> None:
         store_vector(x, f"me#{k}", "tsal", al)
         store_vector(x, f"me#{k}", "tsa", a)
         store_matrix(x, f"me#{k}", "tsB", B)
-        store_vector(x, f"me#{k}", "tsn", moment)
-        store_vector(x, f"me#{k}", "tsf", force)
+        left = less_external_of(x, ear, k, (moment, force))
+        store_vector(x, f"me#{k}", "tsn", left[0])
+        store_vector(x, f"me#{k}", "tsf", left[1])
         store_vector(x, f"lme#{k}", "sw", d.vector(w))
         store_vector(x, f"lme#{k}", "sal", d.vector(al))
         store_vector(x, f"lme#{k}", "sa", d.vector(a))
         store_matrix(x, f"lme#{k}", "sB", [d.vector(row) for row in B])
-        store_vector(x, f"lane#{k}", "n", d.vector(moment))
-        store_vector(x, f"lane#{k}", "f", d.vector(force))
+        dn, df = less_external_tangents(x, ear, k, (d.vector(moment), d.vector(force)), angles[k])
+        store_vector(x, f"lane#{k}", "n", dn)
+        store_vector(x, f"lane#{k}", "f", df)
         if kind.links[k].carries:
             _hand_tangents(x, k, ear, d, angles[k], w, al, a)
+
+
+def less_external_tangents(x: Any, ear: Ear, k: int, needed: Force, theta: Vec) -> Force:
+    """The same of tangents: forces given in a link's axes turn with it."""
+    if not ear.kind.links[k].pulled:
+        return needed
+    W = ear.members[k].W
+    found: list[Vec] = []
+    for v, name in zip(needed, "nf", strict=True):
+        acting = let3(x, "ext", rotate(W, load_vector(x, f"me#{k}", f"ext.{name}")), "Eq. 24", False)
+        change = let3(x, "dext", rotate(W, load_vector(x, f"lane#{k}", f"ext.{name}")), "d Eq. 24")
+        total = add(change, cross(theta, acting))
+        found.append(let3(x, "less", [e - by for e, by in zip(v, total, strict=True)], "d Eq. 24"))
+    return found[0], found[1]
 
 
 def _hand_tangents(x: Any, k: int, ear: Ear, d: EarTangents, theta: Vec, w: Vec, al: Vec, a: Vec) -> None:
@@ -505,10 +526,6 @@ def ear_balance_in(x: Any, kind: Any) -> None:
                 else:
                     _accumulate_root(x, kind, t, f"root#{t}", f"sacc.{name}.{axis}", v[i], False)
                     _accumulate_root(x, kind, t, f"lroot#{t}", f"sacc.{name}.{axis}", dv[i], True)
-
-
-Force = tuple[Vec, Vec]
-"""Moment and force."""
 
 
 def load_force(x: Any, array: str, prefix: str) -> Force:

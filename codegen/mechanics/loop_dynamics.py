@@ -209,10 +209,20 @@ def ear_kinematics(x: Any, kind: Any) -> None:
         store_vector(x, me, "sal", al)
         store_vector(x, me, "sa", a)
         store_matrix(x, me, "sB", B)
+        moment, force = less_external_of(x, ear, k, (moment, force))
         store_vector(x, me, "sn", moment)
         store_vector(x, me, "sf", force)
         if kind.links[k].carries:
             hand_outward(x, me, ear.members[k].W, w, al, a, "")
+
+
+def less_external_of(x: Any, ear: Ear, k: int, needed: tuple[Vec, Vec]) -> tuple[Vec, Vec]:
+    """What is left of the force that a link needs when springs have acted on it, in region axes."""
+    if not ear.kind.links[k].pulled:
+        return needed
+    acting = [rotate(ear.members[k].W, load_vector(x, f"me#{k}", f"ext.{name}")) for name in "nf"]
+    n, f = ([x.let("less", e - by, "Eq. 24") for e, by in zip(v, w, strict=True)] for v, w in zip(needed, acting, strict=True))
+    return n, f
 
 
 def hand_outward(x: Any, array: str, W: Mat, w: Vec, al: Vec, a: Vec, prefix: str) -> None:

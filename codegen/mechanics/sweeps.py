@@ -21,6 +21,7 @@ from . import (
     kinematics,
     loop_balance,
     loop_dynamics,
+    springs,
     triangularization,
 )
 
@@ -51,6 +52,8 @@ class Sweep:
         The same for ears and regions.
     units : bool
         Goes over units; the others go over links, in ears or not.
+    spring : callable (expansion, kind), optional
+        Goes over springs.
     closing : bool
         Only of use where there are loops; over plain links only where one closes on their motion.
     """
@@ -66,15 +69,20 @@ class Sweep:
     region: Write | None = None
     units: bool = False
     closing: bool = False
+    spring: Write | None = None
 
     def writer(self, kind: Any) -> Write | None:
         """What writes the block of a kind."""
         if kind.role == "link":
             return self.write if self.applies(kind) else None
+        if kind.role == "spring":
+            return self.spring
         return self.ear if kind.role == "ear" else self.region
 
     def kinds(self, system: Any) -> list[Any]:
         """The kinds that have a block."""
+        if self.spring is not None:
+            return list(system.spring_kinds)
         kinds = system.unit_kinds if self.units else system.kinds
         found = [k for k in kinds if self.writer(k) is not None]
         if self.closing and not system.has_link_motion:
@@ -88,6 +96,10 @@ def _quaternion(kind: Any) -> bool:
 
 def _nothing(x: Any, kind: Any) -> None:
     pass
+
+
+def _pulled(kind: Any) -> bool:
+    return bool(kind.pulled)
 
 
 def _never(kind: Any) -> bool:
@@ -105,6 +117,17 @@ SWEEPS: tuple[Sweep, ...] = (
           ear=assembly.newton_step, units=True),
     Sweep("complete", "completion of seeds: differentiated closure of positions and velocities (Eq. 30)",
           loop_balance.link_displacement, OUTWARD, lanes=True, tangents=True, ear=loop_balance.complete, units=True, closing=True),
+    Sweep("pose", "positions and attitudes in the ground frame", energy.pose, OUTWARD),
+    Sweep("pose_tangents", "tangent of positions and attitudes", energy.pose, OUTWARD, lanes=True, tangents=True),
+    Sweep("velocities", "velocities of links (Eq. 18)", springs.velocities, OUTWARD),
+    Sweep("velocity_tangents", "tangent of velocities", springs.velocities, OUTWARD, lanes=True, tangents=True),
+    Sweep("clear", "no spring acts yet", springs.clear, OUTWARD, applies=_pulled),
+    Sweep("clear_tangents", "no tangents of springs yet", springs.clear_tangents, OUTWARD, lanes=True, applies=_pulled),
+    Sweep("springs", "forces of springs", _nothing, OUTWARD, spring=springs.springs),
+    Sweep("spring_tangents", "tangent of forces of springs", _nothing, OUTWARD, lanes=True, tangents=True, spring=springs.springs),
+    Sweep("spring_energy", "energy of springs", _nothing, OUTWARD, spring=springs.spring_energy),
+    Sweep("spring_energy_tangents", "tangent of the energy of springs", _nothing, OUTWARD, lanes=True, tangents=True,
+          spring=springs.spring_energy),
     Sweep("kinematics", "kinematic sweep (Eqs. 18-24, 31)", kinematics.kinematics, OUTWARD, units=True,
           ear=loop_dynamics.ear_kinematics, region=loop_dynamics.region_start),
     Sweep("triangularize", "triangularization (Eqs. 39-47)", triangularization.triangularize, INWARD, units=True,
@@ -133,8 +156,6 @@ SWEEPS: tuple[Sweep, ...] = (
     Sweep("kinetic_tangents", "tangent of velocities and kinetic energy", energy.kinetic, OUTWARD, lanes=True, tangents=True),
     Sweep("moments", "mass and first moment of everything outboard", energy.moments, INWARD),
     Sweep("moment_tangents", "tangent of mass and first moment", energy.moments, INWARD, lanes=True, tangents=True),
-    Sweep("pose", "positions and attitudes in the ground frame", energy.pose, OUTWARD),
-    Sweep("pose_tangents", "tangent of positions and attitudes", energy.pose, OUTWARD, lanes=True, tangents=True),
 )  # fmt: skip
 
 SWEEP = {s.name: s for s in SWEEPS}

@@ -19,6 +19,7 @@ def store_tangent(x: Any, d: Tangents | None, array: str, name: str, v: Vec) -> 
 
 UP_TANGENTS = {
     "w": "w", "tal": "al", "ta": "a", "tB": "B", "v": "v", "T": "T", "pos": "pos", "W": "W", "cw": "cw", "cv": "cv",
+    "vw": "vw", "vv": "vv",
 }  # fmt: skip
 """Fields of the parent that have a tangent, and the name of it."""
 
