@@ -219,6 +219,7 @@ class NumpyWriter(Writer):
             "links": [f'"{link.name}"' for link in self.system.links],
             "loops": [f'"{loop.name}"' for loop in self.model.loops],
             "ears": len(self.system.regions.ears), "regions": len(self.system.regions.regions),
+            "springs": len(self.model.springs),
             "nclosure": len(self.model.closure_names),
             "constants": len(self.system.constants),
             "ground": self.ground(),
