@@ -73,7 +73,8 @@ def ordernm(n: int) -> Contestant:
 
 
 def dense_files(composite: bool) -> dict[str, str]:
-    return {"dense_chain.c": f"#define COMPOSITE {int(composite)}\n" + (HERE / "dense_chain.c").read_text()}
+    text = (HERE / "dense_chain.c").read_text()
+    return {"dense_chain.c": f"#define COMPOSITE {int(composite)}\n{text}", "rods.h": (HERE / "rods.h").read_text()}
 
 
 def dense(n: int, composite: bool) -> Contestant:
