@@ -74,11 +74,13 @@ def link_displacement(x: Any, kind: Any) -> None:
     store_vector(x, "lme", "ct", let3(x, "ct", add(theta_here, turn), tag))
     store_vector(x, "lme", "cd", let3(x, "cd", add(d_here, slide), tag))
     store_vector(x, "lane", "ct", let3(x, "ct", add(theta_here, turn), tag))
+    store_vector(x, "lane", "cd", let3(x, "cd", add(d_here, slide), tag))
     _, w = angular_velocity(x, kind, joint, "cw")
     v = origin_velocity(x, kind, joint, "cw", "cv")
     tangents = differentiate(x, kind, joint)
-    store_tangent(x, tangents, "lme", "cw", w)
-    store_tangent(x, tangents, "lme", "cv", v)
+    for array in ("lme", "lane"):
+        store_tangent(x, tangents, array, "cw", w)
+        store_tangent(x, tangents, array, "cv", v)
 
 
 def joint_displacement(x: Any, kind: Any, joint: JointTransform) -> tuple[Vec, Vec]:
@@ -211,6 +213,10 @@ def complete(x: Any, kind: Any) -> None:
             if role != "frame":
                 seeds.update(zip(ear.position(-1 - t), moved[-1 - t], strict=True))
     d = EarTangents(ear, angles, seeds, dq)
+    if any(c.type in SLIDING for c in kind.closures):
+        for t, role in enumerate(kind.roots):
+            if role != "frame":
+                d.hold(ear.position(-1 - t))
     for t, role in enumerate(kind.roots):
         if role in ("link", "frame"):
             d.hold([*roots[t].angular, *roots[t].linear])
@@ -350,24 +356,29 @@ def ear_balance_out(x: Any, kind: Any) -> None:
         for i in range(3):
             for j in range(3):
                 seeds[B[i][j]] = x.load(array, f"{names[3]}.{XYZ[i]}{XYZ[j]}")
-    sliding = [t for t, role in enumerate(kind.roots) if role != "frame"] if any(c.type in SLIDING for c in kind.closures) else []
-    for t in sliding:
-        seeds.update(zip(ear.position(-1 - t), load_vector(x, f"laneroot#{t}", "d"), strict=True))
-        twist = root_velocities(x, kind)[t]
-        for vector, name in ((twist.angular, "rw"), (twist.linear, "rv")):
-            seeds.update(zip(vector, load_vector(x, f"laneroot#{t}", name), strict=True))
+    slides = any(c.type in SLIDING for c in kind.closures)
+    slip_roots = root_velocities(x, kind) if slides else []
+    seeds.update(root_positions(x, ear))
+    for t, twist in enumerate(slip_roots):
+        role = kind.roots[t]
+        if role == "ground" or (role == "frame" and kind.rigid):
+            continue
+        array, names = ("lanebase", ("cw", "cv")) if role == "frame" else (f"laneroot#{t}", ("rw", "rv"))
+        for vector, name in zip((twist.angular, twist.linear), names, strict=True):
+            seeds.update(zip(vector, load_vector(x, array, name), strict=True))
     motions: list[Any] = []
     for k, member in enumerate(ear.members):
         before = motions[member.parent] if member.parent >= 0 else roots[-1 - member.parent]
         motions.append(member_motion(x, member, before, total_udot(x, kind, k, member)))
         if not x.structural:
             x.recall({"sw": motions[-1][0]}, f"me#{k}")
-    conditions = ear.conditions(rows, cut_accelerations(x, ear, motions, roots), "ca", "Eq. 31") if rows else []
+    conditions = ear.conditions(rows, cut_accelerations(x, ear, motions, roots, slip_roots), "ca", "Eq. 31") if rows else []
     d = EarTangents(ear, angles, seeds)
-    for t in sliding:
-        twist = root_velocities(x, kind)[t]
-        for vector in (ear.position(-1 - t), twist.angular, twist.linear):
-            d.hold(vector)
+    if slides:
+        for t, role in enumerate(kind.roots):
+            d.hold([*slip_roots[t].angular, *slip_roots[t].linear])
+            if role != "frame":
+                d.hold(ear.position(-1 - t))
     for t in range(len(kind.roots)):
         for vector in roots[t][:3]:
             d.hold(vector)
@@ -471,6 +482,10 @@ def ear_balance_in(x: Any, kind: Any) -> None:
             ear.arm(c, side)
         ear.slip(c)
     tangents = EarTangents(ear, angles, root_positions(x, ear))
+    if any(c.type in SLIDING for c in kind.closures):
+        for t, role in enumerate(kind.roots):
+            if role != "frame":
+                tangents.hold(ear.position(-1 - t))
     tangents.run()
     phi: list[Force] = []
     d_phi: list[Force] = []
@@ -533,14 +548,19 @@ def load_force(x: Any, array: str, prefix: str) -> Force:
 
 
 def root_positions(x: Any, ear: Ear) -> dict[Any, Any]:
-    """Tangents of the roots' positions, where sliding joints ask for them."""
+    """Tangents of the roots' positions, where sliding joints ask for them and seeds are complete."""
     kind = ear.kind
-    if x.structural or not any(c.type in SLIDING for c in kind.closures):
+    if not any(c.type in SLIDING for c in kind.closures):
         return {}
     found: dict[Any, Any] = {}
     for t, role in enumerate(kind.roots):
         if role == "link":
             found.update(zip(ear.position(-1 - t), load_vector(x, f"laneroot#{t}", "d"), strict=True))
+        elif role == "ground":
+            o = ear.position(-1 - t)
+            turned = cross(load_vector(x, "lanebase", "ct"), o)
+            moved = [-(a + b) for a, b in zip(load_vector(x, "lanebase", "cd"), turned, strict=True)]
+            found.update(zip(o, let3(x, "do", moved, "d Eq. 22"), strict=True))
     return found
 
 

@@ -125,17 +125,20 @@ def root_velocities(x: Any, kind: Any) -> list[Twist]:
     return found
 
 
-def slip_velocities(x: Any, ear: Ear) -> list[Twist]:
+def slip_velocities(x: Any, ear: Ear, roots: list[Twist]) -> list[Twist]:
     """Relative velocities at the cuts, for joints that slide."""
-    roots = root_velocities(x, ear.kind)
     velocities = ear.walk(roots, [speeds_of(m) for m in ear.members], "s", "Eq. 30")
     return ear.face_difference(velocities, roots)
 
 
-def cut_accelerations(x: Any, ear: Ear, motions: list[Motion], roots: list[Motion]) -> list[Twist]:
+def cut_accelerations(
+    x: Any, ear: Ear, motions: list[Motion], roots: list[Motion], root_speeds: list[Twist] | None = None
+) -> list[Twist]:
     """What the faces' accelerations differ by at every cut, the joint's own remainder taken off. Eq. 31."""
     found = []
-    slips = slip_velocities(x, ear) if any(c.type in SLIDING for c in ear.kind.closures) else []
+    slips = []
+    if any(c.type in SLIDING for c in ear.kind.closures):
+        slips = slip_velocities(x, ear, root_speeds or root_velocities(x, ear.kind))
     for c, closure in enumerate(ear.kind.closures):
         if closure.roots == (-1, -1) and not any(closure.paths):
             found.append(Twist(list(ZERO), list(ZERO)))
