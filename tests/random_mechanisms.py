@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator
-from itertools import combinations
+from itertools import combinations, product
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -35,6 +35,7 @@ from codegen.model.model import (
     joint_coordinates,
 )
 from codegen.reference import DenseEngine
+from codegen.reference.conditions import conditions
 from codegen.reference.ground_frame import placement
 from codegen.reference.pairs import Pair
 
@@ -49,14 +50,14 @@ RANK_LOST = 1e-9
 
 
 FAIR = 1e-5
-"""What must be left of a column for its speed to be made dependent."""
+"""The least singular value of a closure matrix whose speeds may be dependent."""
 
 
 class Mechanism(NamedTuple):
     """A model and an assembled state: ``engine.accelerations(*mechanism[1:])``.
 
-    The parameters are the model's defaults, and its initial values are q and u: what assembles the model starts there.
-    Entries of u that depend on others are random and must not matter.
+    The parameters are the model's defaults, and its initial values are q and u.
+    The speeds close the loops too, and none is above 1, whichever are taken for dependent.
     """
 
     model: Model
@@ -124,6 +125,13 @@ class PartitionMissing(ValueError):
     """No set of whole rotations and single speeds is a set of dependents."""
 
 
+class _Smooth(_Maker):
+    """Without forces that jump: a joint that closure locks has a speed of rounding, whose sign is noise."""
+
+    def _force(self, coordinates: list[str], speeds: list[str]) -> str:
+        return next(f for f in iter(lambda: super(_Smooth, self)._force(coordinates, speeds), "") if "sign" not in f)
+
+
 class _Scene:
     """A random mechanism in the making: a tree, its poses, faces put on it."""
 
@@ -140,18 +148,20 @@ class _Scene:
         springs: bool,
     ) -> None:
         self.rng, self.joints, self.loop_joints, self.springs = rng, joints, loop_joints, springs
-        self.maker = _Maker(rng, joints, parameters, forces)
+        self.maker = _Smooth(rng, joints, parameters, forces)
         self.parameters: tuple[Parameter, ...] = self.maker.parameters
 
     def mechanism(self, n: int, loops: int) -> Mechanism | Discarded:
         model = self.tree(n)
         q, u, _, inputs, t = random_state(self.rng, model)
         p = np.array([x.value for x in model.parameters])
+        poses = Poses(model, q, p)
         for i in range(loops):
-            with_loop = self._with_loop(model, q, p, f"loop{i}")
+            with_loop = self._with_loop(model, poses, f"loop{i}")
             if with_loop is None and i == 0:
                 return Discarded("no loop found that leaves a freedom and has independent conditions")
             model = with_loop or model
+        u = _closed_speeds(poses.jacobian(model.loops), u)
         model = dataclasses.replace(
             model,
             name="random_mechanism",
@@ -166,25 +176,22 @@ class _Scene:
 
     # --- loops ----------------------------------------------------------------------------------------------------
 
-    def _with_loop(self, model: Model, q: Array, p: Array, name: str) -> Model | None:
+    def _with_loop(self, model: Model, poses: Poses, name: str) -> Model | None:
         """The model with one loop more, or None if forty draws give none."""
-        J = constraint_jacobian(model, q, p) if model.loops else np.zeros((0, model.nu))
-        before = _rank(J)
+        before = poses.jacobian(model.loops)
         for _ in range(40):
             start, end = (self.standing(int(x)) for x in self.rng.integers(GROUND, len(model.bodies), 2))
             type = str(self.rng.choice([j for j in self.loop_joints if j in self.ranks]))
             path = loop_speeds(model, start, end)
-            if start == end or not path:
+            if start == end or self.ranks[type] > len(path):
                 continue
-            if self.ranks[type] > len(path):
+            loop = self.loop(poses, name, type, start, end)
+            J = np.concatenate([before, poses.jacobian((loop,))])
+            if _rank(J) == model.nu or _rank(J) - _rank(before) < self.ranks[type]:
                 continue
-            loop = self.loop(model, q, p, name, type, start, end)
             longer = dataclasses.replace(model, loops=(*model.loops, loop))
-            J = constraint_jacobian(longer, q, p)
-            if _rank(J) == model.nu or _rank(J) - before < self.ranks[type]:
-                continue
             try:
-                random_partition(self.rng, longer, q, p)
+                _some_partition(self.rng, longer, poses.q, J)
             except PartitionMissing:  # only parts of a rotation by quaternion could be dependent
                 continue
             return longer
@@ -194,14 +201,13 @@ class _Scene:
         """The body itself, or the one that carries loops in its place."""
         return body
 
-    def loop(self, model: Model, q: Array, p: Array, name: str, type: str, start: int, end: int) -> Loop:
+    def loop(self, poses: Poses, name: str, type: str, start: int, end: int) -> Loop:
         """A loop joint between two bodies, its end face put where it closes."""
         axes, rotation, at, between, shift = self.joint(type)
-        state, frames = _poses(model, q, p)
-        s, e = frames[start], frames[end]
-        R_s = s.R.value @ placement(state.pairs, rotation).value
-        x_s = s.point(state.pairs.vector(at))[0].value[0]
-        R_e = R_s @ placement(state.pairs, between).value
+        pairs, s, e = poses.pairs, poses.frames[start], poses.frames[end]
+        R_s = s.R.value @ placement(pairs, rotation).value
+        x_s = s.point(pairs.vector(at))[0].value[0]
+        R_e = R_s @ placement(pairs, between).value
         x_e = x_s + R_s @ shift
         place = e.R.value.T @ (x_e - e.o.value[0])
         return Loop(name, type, axes, Face(start, at, rotation), Face(end, *self.placed(place, e.R.value.T @ R_e)))
@@ -339,8 +345,8 @@ class _Planar(_Scene):
     def standing(self, body: int) -> int:
         return body if body in self.in_plane else self.in_plane[0]
 
-    def loop(self, model: Model, q: Array, p: Array, name: str, type: str, start: int, end: int) -> Loop:
-        loop = super().loop(model, q, p, name, type, start, end)
+    def loop(self, poses: Poses, name: str, type: str, start: int, end: int) -> Loop:
+        loop = super().loop(poses, name, type, start, end)
         # Offsets along z are sums of eighths: exact, in any arithmetic.
         z = self.level[start] + loop.start.at[2].evaluate({}) - self.level[end] + (0.25 if type == "cylindrical" else 0)
         at = (*loop.end.at[:2], expression(z))
@@ -393,11 +399,22 @@ class _Spherical(_Scene):
 # --- what a mechanism is made with, and what tests want to know about it ---------------------------------------------
 
 
-def constraint_jacobian(model: Model, q: Array, p: Array) -> Array:
-    """Derivatives of the conditions of all loops by all speeds, linear ones by the metre, (m, nu)."""
-    engine = _bare(model)
-    state = engine._arguments(q, None, p, None, 0.0)
-    return engine._conditions(state).jacobian.value
+class Poses:
+    """Where the bodies of a tree are at coordinates and parameters, loops aside."""
+
+    def __init__(self, model: Model, q: Array, p: Array) -> None:
+        tree = dataclasses.replace(model, loops=())
+        engine = DenseEngine(tree)
+        state = engine._arguments(q, None, p, None, 0.0)
+        self.q, self.pairs, self.u = q, state.pairs, state.u
+        self.frames, self.freedoms = engine._motion(state)
+
+    def jacobian(self, loops: tuple[Loop, ...], lengths: tuple[float, ...] | None = None) -> Array:
+        """Derivatives of the conditions of loops by all speeds, linear ones divided by the lengths, (m, nu)."""
+        if not loops:
+            return np.zeros((0, len(self.u.value)))
+        lengths = lengths or (1.0,) * len(loops)
+        return conditions(self.pairs, loops, lengths, self.frames, self.freedoms, self.u).jacobian.value
 
 
 def loop_bodies(model: Model, start: int, end: int) -> tuple[list[int], list[int]]:
@@ -422,9 +439,14 @@ def loop_speeds(model: Model, start: int, end: int) -> list[int]:
 def random_partition(rng: np.random.Generator, model: Model, q: Array, p: Array) -> Partition:
     """Some partition that is good here, not the best: ears in random order, dependents drawn among the fair ones.
 
-    Loops that cannot be closed one after the other become clusters. Rotations by quaternion are dependent all or none.
+    Loops that cannot be closed one after the other become clusters. The speeds of a joint with a quaternion are dependent
+    all together or not at all.
     """
-    J, n = constraint_jacobian(model, q, p), len(model.loops)
+    return _some_partition(rng, model, q, Poses(model, q, p).jacobian(model.loops))
+
+
+def _some_partition(rng: np.random.Generator, model: Model, q: Array, J: Array) -> Partition:
+    n = len(model.loops)
     orders = [[(int(i),) for i in rng.permutation(n)] for _ in range(6)] + [[tuple(range(n))]]
     for waiting in orders:
         try:
@@ -494,57 +516,42 @@ def assemble(engine: DenseEngine, q: Any, p: Any, steps: int = 60) -> Any:
 
 def condition(partition: Partition, model: Model, q: Array, p: Array) -> float:
     """Of the closure matrix of all dependents at a state."""
-    J = constraint_jacobian(model, q, p)
-    for i, loop in enumerate(model.loops):
-        length = next(ear.length for ear in partition.ears if i in ear.loops)
-        first = sum(sum(CLOSURE_ROWS[x.type]) for x in model.loops[:i])
-        J[first : first + CLOSURE_ROWS[loop.type][0]] /= length
+    lengths = {i: ear.length for ear in partition.ears for i in ear.loops}
+    J = Poses(model, q, p).jacobian(model.loops, tuple(lengths[i] for i in range(len(model.loops))))
     dependent = sorted(i for ear in partition.ears for i in ear.dependent)
     return float(np.linalg.cond(J[:, dependent])) if dependent else 1.0
 
 
 def _pick(rng: np.random.Generator, model: Model, J: Array, available: list[int], wanted: int) -> list[int] | None:
-    """As many speeds as wanted whose columns of J are independent: one by one, or three by three."""
+    """As many speeds as wanted whose columns of J are independent: single ones, or all those of a joint."""
+    if not wanted:
+        return []
     units = [u for u in _units(model) if set(u) <= set(available)]
-    triples = [u for u in units if len(u) == 3]
-    # Which rotations are dependent: any subset, in random order. The single speeds that fill up are pivots.
-    subsets = [s for n in range(len(triples) + 1) for s in combinations(triples, n) if 3 * n <= wanted]
-    for i in rng.permutation(len(subsets)):
-        chosen = [speed for unit in subsets[i] for speed in unit]
-        if chosen and np.linalg.svd(J[:, chosen], compute_uv=False)[-1] < FAIR:
-            continue
-        singles = [u[0] for u in units if len(u) == 1]
-        while len(chosen) < wanted and singles:
-            Q = np.linalg.qr(J[:, chosen])[0]
-            left = np.linalg.norm(J[:, singles] - Q @ (Q.T @ J[:, singles]), axis=0)
-            best = int(np.argmax(left * rng.uniform(0.2, 1, len(left))))
-            if left[best] < FAIR:
-                break
-            chosen.append(singles.pop(best))
-        if len(chosen) == wanted:
-            return sorted(chosen)
-    return None
+    whole = [u for u in units if len(u) > 1]
+    found = []
+    for n in range(len(whole) + 1):
+        for joints, least in product(combinations(whole, n), (0.4, 1.0)):
+            chosen = [speed for unit in joints for speed in unit]
+            singles = [u[0] for u in units if len(u) == 1]
+            while len(chosen) < wanted and singles:  # pivots fill up, not always the largest
+                Q = np.linalg.qr(J[:, chosen])[0]
+                left = np.linalg.norm(J[:, singles] - Q @ (Q.T @ J[:, singles]), axis=0)
+                chosen.append(singles.pop(int(np.argmax(left * rng.uniform(least, 1, len(left))))))
+            if len(chosen) == wanted and (sigma := np.linalg.svd(J[:, chosen], compute_uv=False))[-1] > FAIR:
+                found.append((float(sigma[0] / sigma[-1]), sorted(chosen)))
+    if not found:
+        return None
+    good = [chosen for condition, chosen in found if condition < 4 * min(found)[0]]
+    return good[int(rng.integers(len(good)))]
 
 
 def _units(model: Model) -> list[tuple[int, ...]]:
     """Speeds that are dependent together."""
     units: list[tuple[int, ...]] = []
     for body, (_, u) in zip(model.bodies, model.coordinate_slices, strict=True):
-        size = 3 if body.joint.type in ("spherical", "free") else 1
-        units += [tuple(range(i, i + size)) for i in range(u.start, u.stop, size)]
+        speeds = tuple(range(u.start, u.stop))
+        units += [speeds] if body.joint.type in ("spherical", "free") else [(i,) for i in speeds]
     return units
-
-
-def _bare(model: Model) -> DenseEngine:
-    """An engine that takes no speed for dependent: for poses and conditions."""
-    ears = tuple(Ear((i,), (), sum(CLOSURE_ROWS[x.type]), 0, 1.0, 1.0) for i, x in enumerate(model.loops))
-    return DenseEngine(model, partition=Partition(ears, tuple(range(model.nu))))
-
-
-def _poses(model: Model, q: Array, p: Array) -> Any:
-    engine = _bare(model)
-    state = engine._arguments(q, None, p, None, 0.0)
-    return state, engine._motion(state)[0]
 
 
 def _rank(A: Array) -> int:
@@ -552,6 +559,14 @@ def _rank(A: Array) -> int:
         return 0
     sigma = np.linalg.svd(A, compute_uv=False)
     return int(np.sum(sigma > RANK_LOST * max(1.0, sigma[0])))
+
+
+def _closed_speeds(J: Array, u: Array) -> Array:
+    """What of the speeds u closes the loops, none above 1."""
+    V = np.linalg.svd(J)[2][: _rank(J)]
+    u = u - V.T @ (V @ u)
+    u = u - V.T @ (V @ u)
+    return u / max(1.0, np.abs(u).max())
 
 
 def _axis_angle(R: Array) -> tuple[Array, float]:

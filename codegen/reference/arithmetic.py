@@ -179,3 +179,55 @@ class Arithmetic:
             A = A - np.outer(A[:, j] / A[i, j], A[i])
             A[rows] = 0 * A[rows]
         return np.array(rows, dtype=int), len(rows)
+
+
+class LeftInverse:
+    """E^+ of a tall matrix: Gram and Schmidt's elimination, the longest column first, each column cleaned twice.
+
+    Parameters
+    ----------
+    arithmetic : Arithmetic
+    E : (m, n)
+
+    Raises
+    ------
+    SingularMatrixError
+        The columns are dependent but for rounding.
+    """
+
+    def __init__(self, arithmetic: Arithmetic, E: Array) -> None:
+        m, n = E.shape
+        self._zeros = arithmetic.zeros
+        self._order = list(range(n))
+        self._Q, self._R = arithmetic.zeros(m, n), arithmetic.zeros(n, n)
+        Q, R, order, left, root = self._Q, self._R, self._order, E.copy(), arithmetic.function("sqrt")
+        tolerance = 8 * max(m, n) * arithmetic.epsilon
+        longest = 0
+        for j in range(n):
+            squares = (left[:, j:] * left[:, j:]).sum(axis=0)
+            pivot = j + max(range(n - j), key=lambda i: squares[i])
+            for rows in (left.T, R.T):
+                rows[[j, pivot]] = rows[[pivot, j]]
+            order[j], order[pivot] = order[pivot], order[j]
+            a = left[:, j]
+            again = Q[:, :j].T @ a  # what rounding left of the columns before
+            a, R[:j, j] = a - Q[:, :j] @ again, R[:j, j] + again
+            R[j, j] = root(a @ a)
+            longest = max(longest, R[j, j])
+            if not R[j, j] > tolerance * longest:
+                raise SingularMatrixError(f"rank {j} of {n}")
+            Q[:, j] = a / R[j, j]
+            R[j, j + 1 :] = Q[:, j] @ left[:, j + 1 :]
+            left[:, j + 1 :] = left[:, j + 1 :] - np.outer(Q[:, j], R[j, j + 1 :])
+
+    def __call__(self, b: Array) -> Array:
+        """E^+ b for b (..., m, c), (..., n, c)."""
+        y = self._Q.T @ b
+        n = len(self._order)
+        x = self._zeros(*b.shape[:-2], n, b.shape[-1])
+        for j in reversed(range(n)):
+            rest = y[..., j, :]
+            for i in range(j + 1, n):
+                rest = rest - self._R[j, i] * x[..., self._order[i], :]
+            x[..., self._order[j], :] = rest / self._R[j, j]
+        return x

@@ -91,8 +91,9 @@ class Pairs:
         self.k = k
         self.environment = environment
         self._zero = arithmetic.zeros(k)
-        # Bodies of a repeat share their Expression objects: each is evaluated once per call.
-        self._known: dict[int, Pair] = {}
+        # Bodies of a repeat share their Expression objects: each is evaluated once per call, and kept so that its id
+        # is not given to another.
+        self._known: dict[int, tuple[Expression, Pair]] = {}
 
     # --- numbers and matrices -------------------------------------------------------------------------------------
 
@@ -192,8 +193,8 @@ class Pairs:
         """Value and derivatives of a model expression, a number."""
         key = id(expression)
         if key not in self._known:
-            self._known[key] = self._tree(expression.tree)
-        return self._known[key]
+            self._known[key] = expression, self._tree(expression.tree)
+        return self._known[key][1]
 
     def vector(self, expressions: Sequence[Expression]) -> Pair:
         """A column of model expressions."""

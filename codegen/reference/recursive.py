@@ -1,9 +1,13 @@
-"""The generic recursive engine: Anderson and Hsu's algorithm on 6x6 matrices, equation by equation, for trees.
+"""The generic recursive engine: Anderson and Hsu's algorithm on 6x6 matrices, equation by equation.
 
 Nothing is generated here and nothing is clever. Every statement of the four sweeps stands with its equation number and
 is followed by its total derivative, the product rule written out; a name with a leading d is the total derivative
 d/dp_j of Eq. 10, with the k directions as first axis. This engine is the witness the generated code is tested
 against; it shares nothing with `codegen.mechanics`.
+
+The sweeps of a tree stand in this file. Closed loops have files of their own, where the product rule is that of pairs:
+`ears` (which bodies are resolved together), `closure` (Eqs. 30 to 38: dependent speeds, and the completion of
+dependent seeds) and `embedding` (Eqs. 39 to 60 with loops).
 
 Notation, as in the paper (body k, its parent Pr[k]; components in body k's own axes unless said otherwise):
 
@@ -39,7 +43,8 @@ The slips of the printed paper, each mended here where it is met:
 - Eq. 52: d(M^-1) = -M^-1 dM M^-1; the minus is missing.
 - Eqs. 54 and 55: the shift of an acceleration is S^T, as in Eq. 19.
 
-The other slips (Eqs. 6, 33 to 41) concern the dense method and closed loops.
+The other slips concern the dense method (Eq. 6, see `dense`) and closed loops (Eqs. 33, 36, 39 to 41, see `closure` and
+`embedding`).
 """
 
 from __future__ import annotations
@@ -48,10 +53,22 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..model.model import GROUND, Body
+from ..loops.partition import Partition
+from ..model.model import GROUND, Model, Spring
 from .arithmetic import Array, SingularMatrixError
+from .closure import Cut, EarClosure, closed_motion, cut, displacement, with_best_dependents
+from .ears import groups
+from .embedding import embed
 from .engine import Engine, State
 from .pairs import Pair, Pairs, skew
+from .primitives import (
+    generalised_inertia,
+    joint_terms,
+    placed_rotation,
+    quaternion_rate_matrix,
+    quaternion_rotation,
+    shift,
+)
 
 
 @dataclass(slots=True)
@@ -83,6 +100,10 @@ class Terms:
     com: Array
     dcom: Array
 
+    def pair(self, name: str) -> Pair:
+        """One of the quantities together with its derivatives."""
+        return Pair(getattr(self, name), getattr(self, f"d{name}"))
+
 
 @dataclass(slots=True)
 class Articulated:
@@ -101,28 +122,26 @@ class Articulated:
     dM_inverse: Array = field(init=False)
 
 
-@dataclass(slots=True)
-class JointTerms:
-    """A joint's own kinematics, child body frame relative to joint frame.
-
-    ``R (3, 3)`` turns child components into joint frame components; ``d (3, 1)`` is the child's origin in the joint
-    frame, m; ``P (6, f)`` maps the speeds to angular velocity and velocity of the child's origin relative to the parent,
-    in child components; ``Pdot_u (6, 1)`` is the derivative of P, in child components, times u.
-    """
-
-    R: Pair
-    d: Pair
-    P: Pair
-    Pdot_u: Pair
-
-
 class RecursiveEngine(Engine):
-    """The paper's recursive method for any tree, O(n) per evaluation and per direction. See `Engine` for the face."""
+    """The paper's recursive method, O(n + m) per evaluation and per direction. See `Engine` for the face."""
+
+    def __init__(self, model: Model, numbers: str = "float64", partition: Partition | None = None) -> None:
+        super().__init__(model, numbers, partition)
+        self.groups = groups(model, self.partition)
 
     def _accelerations(self, state: State) -> Pair:
-        """udot, (nu, 1): kinematic sweep, triangularization, back substitution."""
+        """udot, (nu, 1): kinematic sweep, elimination of loops, triangularization, back substitution."""
         bodies = self._motion(state)
-        return self._back_substitution(bodies, self._triangularization(bodies))
+        if not self.model.loops:
+            return self._back_substitution(bodies, self._triangularization(bodies))
+        cuts = self._cuts(state.pairs, bodies)
+        groups = [with_best_dependents(self.model, group, state.pairs, bodies, cuts) for group in self.groups]
+        closures = [EarClosure(self.model, group, state.pairs, bodies, cuts) for group in groups]
+        remainders = [
+            joint.remainder(state.pairs, bodies[loop.start.body], bodies[loop.end.body])
+            for loop, joint in zip(self.model.loops, cuts, strict=True)
+        ]
+        return embed(self.model, groups, closures, bodies, remainders, state.pairs)
 
     def _solve_mass(self, state: State, b: Pair) -> Pair:
         """M^-1 b, (nu, 1): the same sweeps with b for the joint forces and nothing else acting."""
@@ -203,7 +222,7 @@ class RecursiveEngine(Engine):
             joint = joint_terms(body, pairs, state.q[q_rows], state.u[u_rows])
             r = pairs.vector(body.com)  # from the joint's outboard side to k*
             s = pairs.vector(body.joint.at) - Pair(pr.com, pr.dcom)  # from Pr[k]* to the joint, in Pr[k]
-            C_fixed = fixed_rotation(body, pairs)
+            C_fixed = placed_rotation(body.joint, pairs)
             C_pair = C_fixed @ joint.R
             gamma_pair = C_pair.mT @ (s + C_fixed @ joint.d) + r
             lever = pairs.block([[pairs.constant(np.eye(3, dtype=int)), pairs.constant(np.zeros((3, 3), int))],
@@ -250,16 +269,76 @@ class RecursiveEngine(Engine):
             tau = joint_forces[k]
             bodies[k] = Terms(S, dS, P, dP, V, dV, A_t, dA_t, I, dI, F, dF, tau.value, tau.tangent,
                               N_C, dN_C, x, dx, r.value, r.tangent)  # fmt: skip
+        self._springs(pairs, bodies)
         return bodies
 
-    def _closure(self, state: State) -> tuple[Pair, Pair]:
-        raise NotImplementedError("the recursive engine has no loops yet")
+    def _springs(self, pairs: Pairs, bodies: list[Terms]) -> None:
+        """Add the springs' pulls to the generalised forces of the bodies they act on."""
+        for spring in self.model.springs:
+            pull, _ = self._spring(pairs, bodies, spring)
+            for point, force in ((spring.start, pull), (spring.end, -pull)):
+                if point.body != GROUND:
+                    b = bodies[point.body]
+                    force = b.pair("N_C").mT @ force
+                    arm = pairs.vector(point.at) - b.pair("com")
+                    F = b.pair("F") + pairs.block([[pairs.skew(arm) @ force], [force]])
+                    b.F, b.dF = F.value, F.tangent
 
-    def _displacements(self, state: State) -> Array:
-        raise NotImplementedError("the recursive engine has no loops yet")
+    def _spring(self, pairs: Pairs, bodies: list[Terms], spring: Spring) -> tuple[Pair, Pair]:
+        """The pull on a spring's start point, (3, 1) in the ground frame, and its energy, a number."""
+        k, c, free = (pairs.expression(e) for e in (spring.stiffness, spring.damping, spring.free_length))
+        (x_s, v_s), (x_e, v_e) = (self._point(bodies, p.body, pairs.vector(p.at)) for p in (spring.start, spring.end))
+        r, two = x_e - x_s, pairs.number(2)
+        if pairs.dot(r, r).value == 0:
+            if all(e.is_number and e.value == 0 for e in (spring.damping, spring.free_length)):
+                return r * k, pairs.dot(r, r) * k / two
+            raise ValueError(f"spring {spring.name}: its two points coincide, so its force has no direction")
+        d = pairs.call("sqrt", pairs.dot(r, r))
+        along = r * (pairs.number(1) / d)
+        tension = k * (d - free) + c * pairs.dot(along, v_e - v_s)
+        return along * tension, k * (d - free) * (d - free) / two
+
+    # --- loops: completion of dependent speeds and seeds ------------------------------------------------------------
+
+    def _cuts(self, pairs: Pairs, bodies: list[Terms]) -> list[Cut]:
+        """The loop joints at the position of the bodies."""
+        return [
+            cut(pairs, loop, length, bodies[loop.start.body], bodies[loop.end.body])
+            for loop, length in zip(self.model.loops, self.lengths, strict=True)
+        ]
 
     def _closed_speeds(self, state: State) -> Pair:
-        raise NotImplementedError("the recursive engine has no loops yet")
+        """Eq. 30, outward: the dependent speeds of a group from the velocities of its ends."""
+        pairs, bodies = state.pairs, self._motion(state)
+        cuts = self._cuts(pairs, bodies)
+        own = [b.pair("P") @ state.u[rows] for b, (_, rows) in zip(bodies, self.model.coordinate_slices, strict=False)]
+        still = [pairs.constant(np.zeros((len(joint.rows.value), 1), int)) for joint in cuts]
+        return closed_motion(self.model, self.groups, pairs, bodies, cuts, own, still)[self.dependent]
+
+    def _displacements(self, state: State) -> Array:
+        """The same sweep for displacements: what parameters and independent seeds move is the motion to be closed.
+
+        With the dependent seeds at zero, the derivatives of N_C and x are the displacements of the bodies; what one of them
+        has more than its parent is its own.
+        """
+        pairs, bodies = state.pairs, self._motion(state)
+        cuts = self._cuts(pairs, bodies)
+        moved = [displacement(pairs, b.pair("N_C"), b.pair("x")) for b in bodies]
+        own = [moved[k] - bodies[k].pair("S").mT @ moved[body.parent] for k, body in enumerate(self.model.bodies)]
+        of_faces = [
+            joint.displacement_of_faces(pairs, loop, bodies[loop.start.body], bodies[loop.end.body])
+            for loop, joint in zip(self.model.loops, cuts, strict=True)
+        ]
+        return closed_motion(self.model, self.groups, pairs, bodies, cuts, own, of_faces).tangent
+
+    def _closure(self, state: State) -> tuple[Pair, Pair]:
+        pairs, bodies = state.pairs, self._motion(state)
+        positions, velocities = [], []
+        for loop, joint in zip(self.model.loops, self._cuts(pairs, bodies), strict=True):
+            positions.append([joint.position_residual(pairs, loop)])
+            start, end = bodies[loop.start.body], bodies[loop.end.body]
+            velocities.append([joint.K_end @ end.pair("V") - joint.K_start @ start.pair("V")])
+        return pairs.block(positions), pairs.block(velocities)
 
     # --- other quantities of the same sweeps ----------------------------------------------------------------------
 
@@ -320,6 +399,9 @@ class RecursiveEngine(Engine):
             m, dm = b.I[5:, 5:], b.dI[:, 5:, 5:]
             W = W - m * (g.mT @ b.x)
             dW = dW - dm * (g.mT @ b.x) - m * (dg.mT @ b.x + g.mT @ b.dx)
+        for spring in self.model.springs:
+            _, energy = self._spring(state.pairs, motion, spring)
+            W, dW = W + energy.value, dW + energy.tangent[:, None, None]
         return Pair(T, dT), Pair(W, dW)
 
     def _point(self, motion: list[Terms], body: int, at: Pair) -> tuple[Pair, Pair]:
@@ -376,78 +458,3 @@ class RecursiveEngine(Engine):
             raise SingularMatrixError(
                 f"body {body.name}: nothing that its {body.joint.type} joint moves has inertia against it ({error})"
             ) from None
-
-
-# --- geometry and inertia: the derivative primitives ---------------------------------------------------------------
-
-
-def shift(C: Array, dC: Array, gamma: Array, dgamma: Array) -> tuple[Array, Array]:
-    """S^k and its total derivative, (6, 6) and (k, 6, 6); gamma in components of k, as C gamma x asks."""
-    S = np.block([[C, C @ skew(gamma)], [0 * C, C]])  # Eq. 22
-    dS = np.block([[dC, dC @ skew(gamma) + C @ skew(dgamma)], [0 * dC, dC]])  # Eq. 28
-    return S, dS
-
-
-def generalised_inertia(body: Body, pairs: Pairs) -> tuple[Array, Array]:
-    """I^k about the mass centre in body axes, and its total derivative, (6, 6) and (k, 6, 6)."""
-    xx, yy, zz, xy, xz, yz = (pairs.expression(e) for e in body.inertia)
-    central = pairs.matrix([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    mass = pairs.constant(np.eye(3, dtype=int)) * pairs.expression(body.mass)
-    zero = pairs.constant(np.zeros((3, 3), int))
-    I = pairs.block([[central, zero], [zero, mass]])
-    return I.value, I.tangent
-
-
-def axis_rotation(pairs: Pairs, axis: Pair, angle: Pair) -> Pair:
-    """Rotation about a unit axis (Euler and Rodrigues): U + sin(angle) a x + (1 - cos(angle)) a x a x, (3, 3)."""
-    a = pairs.skew(axis)
-    sine, versine = pairs.call("sin", angle), pairs.number(1) - pairs.call("cos", angle)
-    return pairs.constant(np.eye(3, dtype=int)) + a * sine + (a @ a) * versine
-
-
-def quaternion_rotation(pairs: Pairs, e: Pair) -> Pair:
-    """Rotation of e/abs(e), e = (w, v): U + 2 (w v x + v x v x)/abs(e)^2, (3, 3)."""
-    v, two = pairs.skew(e[1:]), pairs.number(2)
-    return pairs.constant(np.eye(3, dtype=int)) + (v * e[0, 0] + v @ v) * (two / pairs.dot(e, e))
-
-
-def quaternion_rate_matrix(pairs: Pairs, e: Pair) -> Pair:
-    """The matrix that turns child components of the angular velocity into edot = e (0, omega)/2, (4, 3)."""
-    w, x, y, z = (e[i, 0] for i in range(4))
-    return pairs.matrix([[-x, -y, -z], [w, -z, y], [z, w, -x], [-y, x, w]]) * (pairs.number(1) / pairs.number(2))
-
-
-def fixed_rotation(body: Body, pairs: Pairs) -> Pair:
-    """Joint frame components into parent components, (3, 3)."""
-    C = pairs.constant(np.eye(3, dtype=int))
-    for axis, angle in body.joint.rotation:
-        C = C @ axis_rotation(pairs, pairs.unit(pairs.vector(axis)), pairs.expression(angle))
-    return C
-
-
-def joint_terms(body: Body, pairs: Pairs, q: Pair, u: Pair) -> JointTerms:
-    """The joint's own kinematics at q (c, 1) and u (f, 1); see `JointTerms`."""
-    U, zero = pairs.constant(np.eye(3, dtype=int)), pairs.constant(np.zeros((3, 1), int))
-    still = pairs.constant(np.zeros((6, 1), int))
-    axes = [pairs.unit(pairs.vector(axis)) for axis in body.joint.axes]
-    if body.joint.type == "fixed":
-        return JointTerms(U, zero, pairs.constant(np.zeros((6, 0), int)), still)
-    if body.joint.type == "revolute":
-        (a,) = axes  # the same components on both sides of the joint
-        return JointTerms(axis_rotation(pairs, a, q[0, 0]), zero, pairs.block([[a], [zero]]), still)
-    if body.joint.type == "prismatic":
-        (a,) = axes
-        return JointTerms(U, a * q[0, 0], pairs.block([[zero], [a]]), still)
-    if body.joint.type == "universal":
-        a, b = axes
-        R1, R2 = axis_rotation(pairs, a, q[0, 0]), axis_rotation(pairs, b, q[1, 0])
-        first = R2.mT @ a  # the first axis seen from the child, which turns about b: its rate is -b x first u_2
-        rate = (-(pairs.skew(b) @ first)) * u[1, 0]
-        P = pairs.block([[first, b], [zero, zero]])
-        return JointTerms(R1 @ R2, zero, P, pairs.block([[rate * u[0, 0]], [zero]]))
-    if body.joint.type == "spherical":
-        P = pairs.constant(np.eye(6, 3, dtype=int))
-        return JointTerms(quaternion_rotation(pairs, q), zero, P, still)
-    if body.joint.type == "free":
-        return JointTerms(quaternion_rotation(pairs, q[3:]), q[:3], pairs.constant(np.eye(6, dtype=int)), still)
-    raise ValueError(f"body {body.name}: joint type {body.joint.type!r} is not known to the reference engines")

@@ -12,9 +12,9 @@ from random_models import expression, vector
 
 from codegen.loops.partition import Ear, Partition
 from codegen.model.model import Body, Face, Joint, JointForce, Loop, Model, Output, Parameter, Point, Spring
-from codegen.reference import DenseEngine
+from codegen.reference import DenseEngine, RecursiveEngine
 
-ENGINES = [DenseEngine]
+ENGINES = [RecursiveEngine, DenseEngine]
 G = 9.81
 NAMES = ("a", "b", "c", "d", "rho", "k", "l0", "damping")
 DEFAULTS = (0.4, 1.1, 0.8, 1.0, 1.7, 30.0, 0.5, 0.9)

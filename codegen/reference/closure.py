@@ -1,0 +1,307 @@
+"""Recursive closure of loops, Eqs. 30 to 38: dependent speeds from the motion of an ear's ends.
+
+Loop joints. Whatever the two bodies of a loop do, shifted to the cut (the origin of the end face, never the ground's), the
+motion of the end face against the start face may only be along the freedoms d_i of the joint:
+
+    V_end - V_start = sum of d_i x_i,    A_end - A_start = sum of d_i xdot_i + (what the moving axes add)
+
+The rows of a cut are the complement of these freedoms, so that multiplying by them removes x at once: 2 rows are left of a
+planar pin's 6 that matter, 3 of a spherical joint's, 4 of a Hooke joint's. `K_start` and `K_end` shift and project in one.
+
+Ears. With G_j the partial velocities of member j for the ear's dependent speeds x, and V_j^0 its velocity at x = 0,
+
+    V_j = V_j^0 + G_j x,      E x = b,      E = sum K_start G_start - K_end G_end,   b = K_end V_end^0 - K_start V_start^0
+
+and the same E serves displacements (dq from the seeds), velocities and accelerations. The paper solves this system by
+sequential orthogonal projection: tau of Eq. 33 is the projector onto what the joints so far leave open, Delta of Eq. 34
+the squared pivot, chi of Eq. 35 the row of the inverse, and the second Delta of Eq. 36 (a slip: one letter for a scalar
+and a 6x6 map; and tau^k on the right of Eq. 33 must be tau^{k+1}, on both sides of the rank-one term) carries Gamma
+and Xi from body to body, Eqs. 37 and 38. Here the same projection is done with pivoting and repeated once
+(`LeftInverse`), for joints on both branches and several loops at a time. E may have more rows than columns: any left
+inverse serves on consistent motion.
+
+Derivatives. On consistent seeds E dx = db - dE x; columns of E^+ W that are not consistent by themselves obey it too, for
+what it drops vanishes on the motions that they are multiplied with.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..model.model import CLOSURE_ROWS, GROUND, Loop, Model
+from .arithmetic import LeftInverse, SingularMatrixError
+from .ears import Group
+from .pairs import Pair, Pairs
+from .primitives import placed_rotation, transverse
+
+if TYPE_CHECKING:
+    from .recursive import Terms
+
+
+@dataclass(slots=True)
+class Cut:
+    """A loop joint at a state; components in the start body's axes.
+
+    Attributes
+    ----------
+    rows : Pair
+        The complement of the freedoms, (m, 6), at the end face's origin: linear conditions first, divided by the
+        characteristic length, in the order of `closure_row_names`.
+    K_start, K_end : Pair
+        Conditions of a motion of the start and end body's mass centres, each in its body's own axes, (m, 6).
+    arm_start, arm_end : Pair
+        From the mass centres to the end face's origin, (3, 1), m.
+    offset : Pair
+        From the start face's origin to the end face's, (3, 1), m.
+    C : Pair
+        End body's components into the start body's, (3, 3).
+    turns_with_end : Pair
+        Projector onto the freedoms whose axes are fixed in the end body, (3, 3): the second one of a universal joint.
+    """
+
+    rows: Pair
+    K_start: Pair
+    K_end: Pair
+    arm_start: Pair
+    arm_end: Pair
+    offset: Pair
+    C: Pair
+    turns_with_end: Pair
+
+    def remainder(self, pairs: Pairs, start: Terms, end: Terms) -> Pair:
+        """The conditions of the accelerations at udot = 0, (m, 1): Eq. 31's A_t, and what the moving axes add."""
+        V_s, V_e = start.pair("V"), end.pair("V")
+        w_s, w_e = V_s[:3], self.C @ V_e[:3]
+        wx_s, wx_e = pairs.skew(w_s), pairs.skew(w_e)
+        w = w_e - w_s  # of the end face against the start face, and v its origin's
+        v = (self.C @ V_e[3:] + wx_e @ self.arm_end) - (V_s[3:] + wx_s @ self.arm_start)
+        angular = -(wx_s @ w) - pairs.skew(w) @ self.turns_with_end @ w
+        linear = wx_e @ wx_e @ self.arm_end - wx_s @ wx_s @ self.arm_start - wx_s @ (v + v)
+        moving_axes = self.rows @ pairs.block([[angular], [linear]])
+        return self.K_end @ end.pair("A_t") - self.K_start @ start.pair("A_t") + moving_axes
+
+    def position_residual(self, pairs: Pairs, loop: Loop) -> Pair:
+        """How far the faces are from closing, (m, 1), in the order and scale of the rows.
+
+        Angular: what the axes of the end face have along those of the start face that they should be perpendicular to.
+        Where all three axes have to agree, one that points backwards counts from the far side, up to 2.
+        """
+        linear = self.rows[: CLOSURE_ROWS[loop.type][0], 3:] @ self.offset
+        R_s, R_e = placed_rotation(loop.start, pairs), self.C @ placed_rotation(loop.end, pairs)
+        axes = [pairs.unit(pairs.vector(axis)) for axis in loop.axes]
+        angles: list[Pair] = []
+        if loop.type in ("fixed", "prismatic"):
+            between = R_s.mT @ R_e  # [i, j]: axis j of the end face along axis i of the start face
+            for i in range(3):
+                sine = between[(i + 1) % 3, i]
+                if between.value[i, i] < 0:
+                    sine = pairs.number(2 if sine.value >= 0 else -2) - sine
+                angles.append(sine)
+        elif loop.type == "universal":
+            angles = [pairs.dot(R_e @ axes[1], R_s @ axes[0])]
+        elif loop.type != "spherical":
+            angles = [pairs.dot(R_e @ axes[0], R_s @ n) for n in transverse(pairs, axes[0])]
+        return pairs.block([[linear], [pairs.column(angles)]])
+
+    def displacement_of_faces(self, pairs: Pairs, loop: Loop, start: Terms, end: Terms) -> Pair:
+        """The conditions of what the parameters alone move the faces in their bodies by, (m, 1): derivatives without value.
+
+        A face turns with its joint's axis, which may have parameters; turning it carries along what is off its origin.
+        """
+        axes = loop.axes or (None,)
+        moved = []
+        for face, axis, body in ((loop.start, axes[0], start), (loop.end, axes[-1], end)):
+            R = placed_rotation(face, pairs)
+            if axis is not None:
+                a = pairs.unit(pairs.vector(axis))
+                R = R @ pairs.block([[*transverse(pairs, a), a]])
+            moved.append((rotation_only(R), shift_only(pairs.vector(face.at) - body.pair("com"))))
+        (turn_s, shift_s), (turn_e, shift_e) = moved
+        angular = self.C @ turn_e - turn_s
+        linear = self.C @ shift_e - shift_s + pairs.skew(self.offset) @ turn_s
+        return self.rows @ pairs.block([[angular], [linear]])
+
+
+def cut(pairs: Pairs, loop: Loop, length: float, start: Terms, end: Terms) -> Cut:
+    """The loop joint between two bodies."""
+    U, zero = pairs.constant(np.eye(3, dtype=int)), pairs.constant(np.zeros((3, 3), int))
+    C = start.pair("N_C").mT @ end.pair("N_C")
+    arm_end = C @ (pairs.vector(loop.end.at) - end.pair("com"))
+    arm_start = start.pair("N_C").mT @ (end.pair("x") - start.pair("x")) + arm_end
+    offset = arm_start - (pairs.vector(loop.start.at) - start.pair("com"))
+
+    R = placed_rotation(loop.start, pairs)  # the start face
+    axes = [pairs.unit(pairs.vector(axis)) for axis in loop.axes]
+    along = R @ axes[0] if axes else pairs.constant(np.zeros((3, 1), int))
+    across = [R @ n for n in transverse(pairs, axes[0])] if axes else []
+    second = (
+        C @ placed_rotation(loop.end, pairs) @ axes[1]
+        if loop.type == "universal"
+        else pairs.constant(np.zeros((3, 1), int))
+    )
+    every = [R[:, i : i + 1] for i in range(3)]
+    tilting = [across[1], -across[0]] if axes else []
+    linear, angular = {
+        "fixed": lambda: (every, [every[2], every[0], every[1]]),
+        "prismatic": lambda: (across, [every[2], every[0], every[1]]),
+        "revolute": lambda: (every, tilting),
+        "cylindrical": lambda: (across, tilting),
+        "planar": lambda: ([along], tilting),
+        "universal": lambda: (every, [pairs.skew(second) @ along]),
+        "spherical": lambda: (every, []),
+    }[loop.type]()
+    scale, none = pairs.number(1) / pairs.number(length), pairs.constant(np.zeros((1, 3), int))
+    rows = pairs.block([*([none, n.mT * scale] for n in linear), *([m.mT, none] for m in angular)])
+    return Cut(
+        rows,
+        rows @ pairs.block([[U, zero], [-pairs.skew(arm_start), U]]),
+        rows @ pairs.block([[C, zero], [-pairs.skew(arm_end) @ C, C]]),
+        arm_start,
+        arm_end,
+        offset,
+        C,
+        second @ second.mT,
+    )
+
+
+class EarClosure:
+    """The closure of one group at a position: E with its left inverse, and what the dependent speeds move.
+
+    Attributes
+    ----------
+    G : dict of int to Pair
+        For each member the partial velocities of its mass centre for the group's dependent speeds, (6, r).
+    """
+
+    def __init__(self, model: Model, group: Group, pairs: Pairs, bodies: Sequence[Terms], cuts: Sequence[Cut]) -> None:
+        self._model, self._group, self._bodies = model, group, bodies
+        self._loops = [(model.loops[i].start.body, model.loops[i].end.body, cuts[i]) for i in group.loops]
+        self.pairs = pairs
+        self.G = self.partial_velocities(group.dependent)
+        if not group.dependent:
+            return
+        self.E = -self.conditions(self.G)
+        try:
+            self._inverse = LeftInverse(pairs.arithmetic, self.E.value)
+        except SingularMatrixError as error:
+            loops, speeds = ([x.name for x in model.loops], model.speed_names)
+            raise SingularMatrixError(
+                f"loop {', '.join(loops[i] for i in group.loops)}: {', '.join(speeds[i] for i in group.dependent)} do not"
+                f" follow from closure here: {error}"
+            ) from None
+
+    def partial_velocities(self, speeds: Sequence[int]) -> dict[int, Pair]:
+        """Of the members' mass centres for some of the members' speeds, (6, len(speeds)) each."""
+        G: dict[int, Pair] = {}
+        for j in self._group.members:
+            own = self._bodies[j].pair("P") @ selection(self.pairs, self._model, j, speeds)
+            carried = G.get(self._model.bodies[j].parent)
+            G[j] = own if carried is None else self._bodies[j].pair("S").mT @ carried + own
+        return G
+
+    def conditions(self, motion: Mapping[int, Pair]) -> Pair:
+        """K_end M_end - K_start M_start, loop below loop, for motions (6, c) of mass centres; a body without one rests."""
+        (still,) = {x.value.shape[1] for x in motion.values()} or {1}
+        rows = []
+        for start, end, joint in self._loops:
+            total = self.pairs.constant(np.zeros((joint.rows.value.shape[0], still), int))
+            if end in motion:
+                total = total + joint.K_end @ motion[end]
+            if start in motion:
+                total = total - joint.K_start @ motion[start]
+            rows.append([total])
+        return self.pairs.block(rows)
+
+    def solve(self, b: Pair) -> Pair:
+        """x of E x = b, (r, c), with E dx = db - dE x."""
+        x = self._inverse(b.value)
+        return Pair(x, self._inverse(b.tangent - self.E.tangent @ x))
+
+
+def with_best_dependents(
+    model: Model, group: Group, pairs: Pairs, bodies: Sequence[Terms], cuts: Sequence[Cut]
+) -> Group:
+    """The group with those of its speeds dependent that have the best pivots here.
+
+    The state goes by the partition; but once it is complete, accelerations do not depend on which of a group's joints are
+    solved for, and a poor choice (inertias of 1e6 that cancel) need not be repeated in them.
+    """
+    if not group.dependent or not group.independent:
+        return group
+    speeds = (*group.dependent, *group.independent)
+    every = EarClosure(model, replace(group, dependent=(), independent=speeds), pairs, bodies, cuts)
+    G = every.partial_velocities(speeds)
+    pivots, _ = pairs.arithmetic.independent_rows(every.conditions(G).value.T)
+    best = {speeds[i] for i in pivots[: len(group.dependent)]}
+    return replace(
+        group,
+        dependent=tuple(i for i in sorted(speeds) if i in best),
+        independent=tuple(i for i in sorted(speeds) if i not in best),
+    )
+
+
+def closed_motion(
+    model: Model,
+    groups: Sequence[Group],
+    pairs: Pairs,
+    bodies: Sequence[Terms],
+    cuts: Sequence[Cut],
+    own: Sequence[Pair],
+    of_faces: Sequence[Pair],
+) -> Pair:
+    """The dependent speeds (or displacements, in the sense of speeds) that close all loops, (nu, 1); others are zero.
+
+    Parameters
+    ----------
+    own : sequence of Pair
+        For each body the motion of its mass centre relative to the parent with dependent joints at rest, (6, 1).
+    of_faces : sequence of Pair
+        By loop, what its faces move in their bodies, as conditions (m, 1).
+    """
+    result = pairs.constant(np.zeros((model.nu, 1), int))
+    motion: dict[int, Pair] = {}
+    for group in groups:
+        ear = EarClosure(model, group, pairs, bodies, cuts)
+        for j in group.members:
+            parent = model.bodies[j].parent
+            motion[j] = own[j] if parent == GROUND else bodies[j].pair("S").mT @ motion[parent] + own[j]  # Eq. 18
+        if group.dependent:
+            x = ear.solve(ear.conditions(motion) + pairs.block([[of_faces[i]] for i in group.loops]))
+            index = np.array(group.dependent)
+            result.value[index], result.tangent[:, index] = x.value, x.tangent
+            for j in group.members:
+                motion[j] = motion[j] + ear.G[j] @ x  # Eq. 30
+    return result
+
+
+# --- small geometry ------------------------------------------------------------------------------------------------
+
+
+def rotation_only(R: Pair) -> Pair:
+    """The small rotation that dR is of R, (3, 1), in the components that R turns into: a pair without value."""
+    W = R.tangent @ R.value.mT  # skew
+    return Pair(0 * R.value[:, :1], np.stack([W[:, 2, 1], W[:, 0, 2], W[:, 1, 0]], axis=1)[..., None])
+
+
+def shift_only(x: Pair) -> Pair:
+    """The displacement dx, as a pair without value."""
+    return Pair(0 * x.value, x.tangent)
+
+
+def displacement(pairs: Pairs, N_C: Pair, x: Pair) -> Pair:
+    """Small rotation and displacement of a body at N_C and x, (6, 1) in its own axes: a pair without value."""
+    return pairs.block([[N_C.mT @ rotation_only(N_C)], [N_C.mT @ shift_only(x)]])
+
+
+def selection(pairs: Pairs, model: Model, body: int, speeds: Sequence[int]) -> Pair:
+    """Which of some speeds are those of a body's joint, (f, len(speeds)): 1 where they are the same."""
+    rows = model.coordinate_slices[body][1]
+    return pairs.constant(
+        np.array([[int(i == j) for j in speeds] for i in range(rows.start, rows.stop)], dtype=int).reshape(
+            rows.stop - rows.start, len(speeds)
+        )
+    )

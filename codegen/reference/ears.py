@@ -1,0 +1,142 @@
+"""Which bodies are resolved together: the graph part of sections 3.3 and 3.4 of the paper, for loops anywhere.
+
+An *ear* is closed by its dependent speeds. On either branch of a loop the first body that such a speed moves, and all
+bodies outside it, are new: their motion follows from bodies that are resolved already, the ear's *ends*, and from the
+independent joints among them. (The paper's case: one end is the loop base body 0_i, the other is p_i, and the new
+bodies are p_i + 1 to n_i.) Loops of a cluster are closed together and have several ends. Every other body of the tree
+is resolved alone; its end is its parent.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from graphlib import CycleError, TopologicalSorter
+
+from ..loops.partition import Ear, Partition
+from ..model.model import GROUND, Model
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """Bodies that are resolved together: one of the tree, or the new ones of an ear or a cluster.
+
+    Attributes
+    ----------
+    members : tuple of int
+        Bodies, every parent before its children.
+    ends : tuple of int
+        Bodies outside that the members' motion follows from, without the ground.
+    loops : tuple of int
+    dependent, independent : tuple of int
+        Speeds of the members' joints.
+    """
+
+    members: tuple[int, ...]
+    ends: tuple[int, ...]
+    loops: tuple[int, ...]
+    dependent: tuple[int, ...]
+    independent: tuple[int, ...]
+
+
+def groups(model: Model, partition: Partition) -> tuple[Group, ...]:
+    """All bodies in groups, in outward order: a group comes after those of its ends."""
+    together = _Together(len(model.bodies))
+    loops_at: list[tuple[int, tuple[int, ...]]] = []  # a member of each ear, and the loops it closes
+    for ear in partition.ears:
+        members = new_bodies(model, ear)
+        together.join(members)
+        if members:
+            loops_at.append((members[0], ear.loops))
+    while True:
+        loops: dict[int, list[int]] = {}
+        for member, closed in loops_at:
+            loops.setdefault(together.of(member), []).extend(closed)
+        graph = _ends(model, together, loops)
+        try:
+            order = tuple(TopologicalSorter({g: {together.of(k) for k in graph[g]} for g in graph}).static_order())
+        except CycleError as cycle:  # ears that wait for each other are closed together
+            together.join(list(cycle.args[1]))
+            continue
+        break
+    dependent = {i for ear in partition.ears for i in ear.dependent}
+    members_of: dict[int, list[int]] = {}
+    for k in model.outward:
+        members_of.setdefault(together.of(k), []).append(k)
+    result = []
+    for g in order:
+        speeds = [i for k in members_of[g] for i in _speeds(model, k)]
+        result.append(
+            Group(
+                tuple(members_of[g]),
+                tuple(sorted(graph[g])),
+                tuple(sorted(loops.get(g, ()))),
+                tuple(i for i in speeds if i in dependent),
+                tuple(i for i in speeds if i not in dependent),
+            )
+        )
+    return tuple(result)
+
+
+def new_bodies(model: Model, ear: Ear) -> list[int]:
+    """The bodies of an ear whose motion its dependent speeds decide.
+
+    Raises
+    ------
+    ValueError
+        A dependent speed that none of the ear's loops passes.
+    """
+    moved = {k for k in range(len(model.bodies)) if set(_speeds(model, k)) & set(ear.dependent)}
+    found: list[int] = []
+    for loop in (model.loops[i] for i in ear.loops):
+        for branch in _branches(model, loop.start.body, loop.end.body):
+            first = next((i for i, k in enumerate(branch) if k in moved), len(branch))
+            found += [k for k in branch[first:] if k not in found]
+    if moved - set(found):
+        names = ", ".join(model.bodies[k].name for k in sorted(moved - set(found)))
+        raise ValueError(f"partition: an ear has dependent speeds at {names}, which its loops do not pass")
+    return found
+
+
+def _ends(model: Model, together: _Together, loops: dict[int, list[int]]) -> dict[int, set[int]]:
+    """For each group the bodies outside that it follows from."""
+    ends: dict[int, set[int]] = {together.of(k): set() for k in model.outward}
+    for k in model.outward:
+        ends[together.of(k)].add(model.bodies[k].parent)
+    for g, closed in loops.items():
+        ends[g] |= {face.body for i in closed for face in (model.loops[i].start, model.loops[i].end)}
+    return {g: {k for k in bodies if k != GROUND and together.of(k) != g} for g, bodies in ends.items()}
+
+
+def _branches(model: Model, start: int, end: int) -> tuple[list[int], list[int]]:
+    """Bodies between two bodies and their last common one, innermost first."""
+    branches = []
+    for k in (start, end):
+        branch: list[int] = []
+        while k != GROUND:
+            branch.insert(0, k)
+            k = model.bodies[k].parent
+        branches.append(branch)
+    shared = sum(1 for a, b in zip(*branches, strict=False) if a == b)
+    return branches[0][shared:], branches[1][shared:]
+
+
+def _speeds(model: Model, k: int) -> range:
+    rows = model.coordinate_slices[k][1]
+    return range(rows.start, rows.stop)
+
+
+class _Together:
+    """Sets of bodies that grow together; each is named by one of its bodies."""
+
+    def __init__(self, n: int) -> None:
+        self._next = list(range(n))
+
+    def of(self, k: int) -> int:
+        while self._next[k] != k:
+            k = self._next[k]
+        return k
+
+    def join(self, bodies: list[int]) -> None:
+        for k in bodies[1:]:
+            a, b = sorted((self.of(bodies[0]), self.of(k)))
+            self._next[b] = a

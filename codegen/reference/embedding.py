@@ -1,0 +1,222 @@
+"""Embedding and triangularization with loops, Eqs. 39 to 60: inertia and force of ears handed inward, udot outward.
+
+A group's members (see `ears`) move with the bodies it ends on, A_x, and with the accelerations y of its independent
+speeds. With z = (A_x ..., y, 1)
+
+    A_j = H_j z,    H_j = [ Gamma_j^x ... | N_j | Xi_j A_t ]          (Eq. 31; the dependent udot are Y z)
+
+so the group's share of the Gibbs function, in which body j has articulated inertia I_j and force F_j and pairs of bodies may be
+coupled, 1/2 A_j^T I_j A_j + A_i^T Q_ij A_j - A_j^T F_j - tau^T udot, becomes one in z,
+
+    Z = sum H_j^T I_j H_j + H_i^T Q_ij H_j,        f = sum H_j^T F_j + Y^T tau_dependent + tau_independent      (Eqs. 39-41)
+
+the virtual body p_i of the paper. y is eliminated from it at once (D = Z_yy is M_k of Eq. 47), and what is left belongs to
+the ends: own inertias and forces, and couplings between ends, the paper's I^{p_i;o_i}. Members coupled to a body i that is
+resolved earlier (an ear ends on both) hand that on in the same way. For a single body of the tree H = [S^T | P | 0] and these
+are Eqs. 44 to 47.
+
+All accelerations are the explicit parts A_bar; the ground's is zero (Eq. 56), so nothing is kept for it.
+
+Slips of the paper: Eqs. 39 and 40 have their left-hand sides exchanged relative to their use in Eqs. 42 to 49 (the sum with
+two Gammas is what Eq. 44 continues, the one with the shift to 0_i what Eq. 43 does); in Eq. 41 the Xi term is a force and enters
+with the minus of -I A_t, with the sign of F in Eq. 53. In A_x instead of the relative o_i A_bar of Eqs. 42 to 60 no part of the
+ends' motion is singled out, so base and branch are treated alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..model.model import Model
+from .arithmetic import Array, SingularMatrixError
+from .closure import EarClosure, selection
+from .ears import Group
+from .pairs import Pair, Pairs
+
+if TYPE_CHECKING:
+    from .recursive import Terms
+
+
+@dataclass(slots=True)
+class Eliminated:
+    """What back substitution needs of a group: y = D^-1 (r - sum h_x^T A_x) over all bodies x in ``h``."""
+
+    H: dict[int, Pair]
+    Y: Pair
+    D_inverse: Pair
+    r: Pair
+    h: dict[int, Pair]
+
+
+def embed(
+    model: Model,
+    groups: Sequence[Group],
+    closures: Sequence[EarClosure],
+    bodies: Sequence[Terms],
+    remainders: Sequence[Pair],
+    pairs: Pairs,
+) -> Pair:
+    """udot, (nu, 1), of a model with loops.
+
+    Parameters
+    ----------
+    remainders : sequence of Pair
+        By loop, the conditions of the accelerations at udot = 0, (m, 1).
+    """
+    inward = _Inward(model, bodies, pairs)
+    eliminated = [
+        inward.eliminate(group, ear, remainders)
+        for group, ear in zip(reversed(groups), reversed(closures), strict=True)
+    ]
+    return back_substitution(model, groups, eliminated[::-1], pairs)
+
+
+class _Inward:
+    """The triangularization sweep: articulated inertias and forces, and the couplings between bodies, as they stand."""
+
+    def __init__(self, model: Model, bodies: Sequence[Terms], pairs: Pairs) -> None:
+        n = len(model.bodies)
+        self.model, self.bodies, self.pairs = model, bodies, pairs
+        self.I_hat = [bodies[k].pair("I") for k in range(n)]
+        self.F_hat = [bodies[k].pair("F") for k in range(n)]
+        self.I_locked = [bodies[k].I for k in range(n)]  # I_hat as if no joint ever gave way: the scale of D
+        self.Q: dict[int, dict[int, Pair]] = {k: {} for k in range(n)}  # Q[i][j] = Q[j][i]^T, the couplings
+
+    def eliminate(self, group: Group, ear: EarClosure, remainders: Sequence[Pair]) -> Eliminated:
+        """Take a group out of the system: Eqs. 39 to 52 and the couplings C(k)."""
+        pairs, ends = self.pairs, group.ends
+        H, Y, y = motion_of_members(self.model, group, ear, self.bodies, remainders, pairs)
+        one = slice(y.stop, y.stop + 1)
+
+        # The Gibbs function in z. What the members are coupled to outside: A_i^T (outside[i]) z.
+        Z, f = zero(pairs, one.stop, one.stop), zero(pairs, one.stop, 1)
+        outside: dict[int, Pair] = {}
+        for j in group.members:
+            Z = Z + H[j].mT @ self.I_hat[j] @ H[j]  # Eqs. 39 and 40
+            f = f + H[j].mT @ self.F_hat[j]  # Eq. 41; what its second sum adds is the last column of Z
+            for i, Q_ji in self.Q[j].items():
+                if i in H:
+                    Z = Z + H[j].mT @ Q_ji @ H[i]
+                else:
+                    outside[i] = outside.get(i, zero(pairs, 6, one.stop)) + Q_ji.mT @ H[j]
+        tau_dependent, tau = (
+            sum((selection(pairs, self.model, j, speeds).mT @ self.bodies[j].pair("tau") for j in group.members), none)
+            for speeds in (group.dependent, group.independent)
+            for none in (zero(pairs, len(speeds), 1),)
+        )
+        f = f + Y.mT @ tau_dependent
+        _add(f, y, slice(0, 1), tau)
+        places = {x: slice(6 * i, 6 * i + 6) for i, x in enumerate(ends)}
+        for x, place in places.items():
+            if x in outside:  # an end that members are coupled to: part of z
+                R = outside.pop(x)
+                _add(Z, place, slice(None), R)
+                _add(Z, slice(None), place, R.mT)
+        f = f - Z[:, one]
+
+        # Eliminate y.
+        D, r = Z[y, y], f[y]  # Eq. 47
+        D_inverse = self._inverse(group, H, y, D)
+        h = {x: Z[place, y] for x, place in places.items()} | {i: R[:, y] for i, R in outside.items()}
+
+        # Hand on: what the group is to its ends and to those its members were coupled to, less what y takes.
+        for j in group.members:
+            for i in self.Q.pop(j):
+                if i in self.Q:
+                    del self.Q[i][j]
+        for n, (x, place) in enumerate(places.items()):
+            self.I_hat[x] = self.I_hat[x] + Z[place, place]
+            self.F_hat[x] = self.F_hat[x] + f[place]
+            for j in group.members:
+                Gamma = H[j].value[:, place]
+                self.I_locked[x] = self.I_locked[x] + Gamma.mT @ self.I_locked[j] @ Gamma
+            for other in ends[n + 1 :]:
+                self._couple(x, other, Z[place, places[other]])
+        for i, R in outside.items():
+            self.F_hat[i] = self.F_hat[i] - R[:, one]
+            for x, place in places.items():
+                self._couple(i, x, R[:, place])
+        taken = list(h)
+        for n, x in enumerate(taken):
+            T = h[x] @ D_inverse
+            self.I_hat[x] = self.I_hat[x] - T @ h[x].mT  # Eq. 44
+            self.F_hat[x] = self.F_hat[x] - T @ r  # Eq. 45
+            for other in taken[n + 1 :]:
+                self._couple(x, other, -(T @ h[other].mT))  # Eq. 43
+        return Eliminated(H, Y, D_inverse, r, h)
+
+    def _couple(self, i: int, j: int, Q_ij: Pair) -> None:
+        for a, b, block in ((i, j, Q_ij), (j, i, Q_ij.mT)):
+            known = self.Q[a].get(b)
+            self.Q[a][b] = block if known is None else known + block
+
+    def _inverse(self, group: Group, H: dict[int, Pair], y: slice, D: Pair) -> Pair:
+        """D^-1 with its derivative, Eq. 52 with its minus; a body without inertia about its joint is named."""
+        scale = 0 * D.value
+        for j in group.members:
+            N = H[j].value[:, y]
+            scale = scale + N.mT @ self.I_locked[j] @ N
+        try:
+            inverse = self.pairs.arithmetic.inverse(D.value, [scale[i, i] for i in range(len(scale))])
+        except SingularMatrixError as error:
+            names = ", ".join(self.model.speed_names[i] for i in group.independent)
+            raise SingularMatrixError(f"nothing that {names} moves has inertia against it ({error})") from None
+        return Pair(inverse, -inverse @ D.tangent @ inverse)
+
+
+def motion_of_members(
+    model: Model,
+    group: Group,
+    ear: EarClosure,
+    bodies: Sequence[Terms],
+    remainders: Sequence[Pair],
+    pairs: Pairs,
+) -> tuple[dict[int, Pair], Pair, slice]:
+    """H of every member, (6, n), and Y, (r, n), with A_bar = H z and dependent udot = Y z; where y stands in z."""
+    y = slice(6 * len(group.ends), 6 * len(group.ends) + len(group.independent))
+    n = y.stop + 1
+    motion: dict[int, Pair] = {}
+    for i, x in enumerate(group.ends):
+        motion[x] = pairs.constant(np.eye(6, n, 6 * i, dtype=int))
+    for j in group.members:
+        parent = model.bodies[j].parent
+        own = zero(pairs, 6, n)
+        _add(own, slice(None), y, bodies[j].pair("P") @ selection(pairs, model, j, group.independent))
+        motion[j] = bodies[j].pair("S").mT @ motion[parent] + own if parent in motion else own  # Eq. 19
+    Y = zero(pairs, len(group.dependent), n)
+    if group.dependent:
+        b = ear.conditions(motion)
+        _add(b, slice(None), slice(n - 1, n), pairs.block([[remainders[i]] for i in group.loops]))
+        Y = ear.solve(b)
+    return {j: motion[j] + ear.G[j] @ Y for j in group.members}, Y, y  # Eqs. 31, 37, 38
+
+
+def back_substitution(model: Model, groups: Sequence[Group], eliminated: Sequence[Eliminated], pairs: Pairs) -> Pair:
+    """udot, (nu, 1), outward, Eqs. 53 to 60."""
+    udot = zero(pairs, model.nu, 1)
+    A_bar: dict[int, Pair] = {}
+    for group, e in zip(groups, eliminated, strict=True):
+        r = e.r
+        for x, h in e.h.items():
+            r = r - h.mT @ A_bar[x]
+        y = e.D_inverse @ r  # Eqs. 53 and 57
+        z = pairs.block([*([A_bar[x]] for x in group.ends), [y], [pairs.constant([[1]])]])
+        for j in group.members:
+            A_bar[j] = e.H[j] @ z  # Eqs. 54 and 58; Eq. 31
+        for speeds, values in ((group.independent, y), (group.dependent, e.Y @ z)):
+            _add(udot, np.array(speeds, dtype=int), slice(0, 1), values)
+    return udot
+
+
+def zero(pairs: Pairs, *shape: int) -> Pair:
+    return pairs.constant(np.zeros(shape, int))
+
+
+def _add(matrix: Pair, rows: slice | Array, columns: slice, block: Pair) -> None:
+    """matrix[rows, columns] += block, in place."""
+    matrix.value[rows, columns] += block.value
+    matrix.tangent[:, rows, columns] += block.tangent

@@ -1,0 +1,111 @@
+"""The derivative primitives of the recursive engine: what is local to a body or a joint, with its derivatives.
+
+Geometry and inertia as pairs; every quantity here depends on one body's own parameters, coordinates and speeds only.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..model.model import Body, Face, Joint
+from .arithmetic import Array
+from .pairs import Pair, Pairs, skew
+
+
+@dataclass(slots=True)
+class JointTerms:
+    """A joint's own kinematics, child body frame relative to joint frame.
+
+    ``R (3, 3)`` turns child components into joint frame components; ``d (3, 1)`` is the child's origin in the joint
+    frame, m; ``P (6, f)`` maps the speeds to angular velocity and velocity of the child's origin relative to the parent,
+    in child components; ``Pdot_u (6, 1)`` is the derivative of P, in child components, times u.
+    """
+
+    R: Pair
+    d: Pair
+    P: Pair
+    Pdot_u: Pair
+
+
+def shift(C: Array, dC: Array, gamma: Array, dgamma: Array) -> tuple[Array, Array]:
+    """S^k and its total derivative, (6, 6) and (k, 6, 6); gamma in components of k, as C gamma x asks."""
+    S = np.block([[C, C @ skew(gamma)], [0 * C, C]])  # Eq. 22
+    dS = np.block([[dC, dC @ skew(gamma) + C @ skew(dgamma)], [0 * dC, dC]])  # Eq. 28
+    return S, dS
+
+
+def generalised_inertia(body: Body, pairs: Pairs) -> tuple[Array, Array]:
+    """I^k about the mass centre in body axes, and its total derivative, (6, 6) and (k, 6, 6)."""
+    xx, yy, zz, xy, xz, yz = (pairs.expression(e) for e in body.inertia)
+    central = pairs.matrix([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    mass = pairs.constant(np.eye(3, dtype=int)) * pairs.expression(body.mass)
+    zero = pairs.constant(np.zeros((3, 3), int))
+    I = pairs.block([[central, zero], [zero, mass]])
+    return I.value, I.tangent
+
+
+def axis_rotation(pairs: Pairs, axis: Pair, angle: Pair) -> Pair:
+    """Rotation about a unit axis (Euler and Rodrigues): U + sin(angle) a x + (1 - cos(angle)) a x a x, (3, 3)."""
+    a = pairs.skew(axis)
+    sine, versine = pairs.call("sin", angle), pairs.number(1) - pairs.call("cos", angle)
+    return pairs.constant(np.eye(3, dtype=int)) + a * sine + (a @ a) * versine
+
+
+def quaternion_rotation(pairs: Pairs, e: Pair) -> Pair:
+    """Rotation of e/abs(e), e = (w, v): U + 2 (w v x + v x v x)/abs(e)^2, (3, 3)."""
+    v, two = pairs.skew(e[1:]), pairs.number(2)
+    return pairs.constant(np.eye(3, dtype=int)) + (v * e[0, 0] + v @ v) * (two / pairs.dot(e, e))
+
+
+def quaternion_rate_matrix(pairs: Pairs, e: Pair) -> Pair:
+    """The matrix that turns child components of the angular velocity into edot = e (0, omega)/2, (4, 3)."""
+    w, x, y, z = (e[i, 0] for i in range(4))
+    return pairs.matrix([[-x, -y, -z], [w, -z, y], [z, w, -x], [-y, x, w]]) * (pairs.number(1) / pairs.number(2))
+
+
+def placed_rotation(placed: Joint | Face, pairs: Pairs) -> Pair:
+    """Components in a joint frame or face into components in the body it is placed in, (3, 3)."""
+    C = pairs.constant(np.eye(3, dtype=int))
+    for axis, angle in placed.rotation:
+        C = C @ axis_rotation(pairs, pairs.unit(pairs.vector(axis)), pairs.expression(angle))
+    return C
+
+
+def transverse(pairs: Pairs, a: Pair) -> list[Pair]:
+    """n1 and n2 that make a right-handed frame with the unit vector a, (3, 1).
+
+    n1 is along a x e, e the base vector that a is least along.
+    """
+    least = min(range(3), key=lambda i: abs(a.value[i, 0]))
+    n1 = pairs.unit(pairs.skew(a)[:, least : least + 1])
+    return [n1, pairs.skew(a) @ n1]
+
+
+def joint_terms(body: Body, pairs: Pairs, q: Pair, u: Pair) -> JointTerms:
+    """The joint's own kinematics at q (c, 1) and u (f, 1); see `JointTerms`."""
+    U, zero = pairs.constant(np.eye(3, dtype=int)), pairs.constant(np.zeros((3, 1), int))
+    still = pairs.constant(np.zeros((6, 1), int))
+    axes = [pairs.unit(pairs.vector(axis)) for axis in body.joint.axes]
+    if body.joint.type == "fixed":
+        return JointTerms(U, zero, pairs.constant(np.zeros((6, 0), int)), still)
+    if body.joint.type == "revolute":
+        (a,) = axes  # the same components on both sides of the joint
+        return JointTerms(axis_rotation(pairs, a, q[0, 0]), zero, pairs.block([[a], [zero]]), still)
+    if body.joint.type == "prismatic":
+        (a,) = axes
+        return JointTerms(U, a * q[0, 0], pairs.block([[zero], [a]]), still)
+    if body.joint.type == "universal":
+        a, b = axes
+        R1, R2 = axis_rotation(pairs, a, q[0, 0]), axis_rotation(pairs, b, q[1, 0])
+        first = R2.mT @ a  # the first axis seen from the child, which turns about b: its rate is -b x first u_2
+        rate = (-(pairs.skew(b) @ first)) * u[1, 0]
+        P = pairs.block([[first, b], [zero, zero]])
+        return JointTerms(R1 @ R2, zero, P, pairs.block([[rate * u[0, 0]], [zero]]))
+    if body.joint.type == "spherical":
+        P = pairs.constant(np.eye(6, 3, dtype=int))
+        return JointTerms(quaternion_rotation(pairs, q), zero, P, still)
+    if body.joint.type == "free":
+        return JointTerms(quaternion_rotation(pairs, q[3:]), q[:3], pairs.constant(np.eye(6, dtype=int)), still)
+    raise ValueError(f"body {body.name}: joint type {body.joint.type!r} is not known to the reference engines")
