@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -9,11 +10,12 @@ import numpy as np
 
 from ..model.expressions import Expression
 from ..model.model import Model
-from .dependents import ranks
+from .closure import Cuts, body_frames
+from .dependents import choose_dependents, ranks, whole_joints
 from .errors import AssemblyError
 from .geometry import Array, Geometry, advance, evaluator, padded, parameter_values
 from .paths import PoseGroups
-from .rings import Outcome, Ring, close
+from .rings import ROUNDING, Outcome, Ring, close
 
 if TYPE_CHECKING:
     from .partition import Partition
@@ -76,18 +78,29 @@ def assemble(
 
 def assembled(geometry: Geometry, partition: Partition, q: Array) -> Array:
     """`assemble` for coordinates ``(1, nq + 1)``."""
+    for ear in partition.ears:
+        geometry.lengths[list(ear.loops)] = ear.length
+    if is_closed(geometry, q):
+        return q
     moving = {int(geometry.speed_body[s]) for ear in partition.ears for s in ear.dependent}
     groups = PoseGroups(geometry, q, [k for k in range(geometry.ground) if k not in moving])
     for ear in partition.ears:
-        geometry.lengths[list(ear.loops)] = ear.length
         ring = Ring(groups, ear.loops, {int(geometry.speed_body[s]) for s in ear.dependent})
         movable = np.isin(ring.joints.speeds, ear.dependent)
         outcome = close(ring, q, movable)
         if not outcome.closed:
-            raise AssemblyError(open_loop(ring, outcome, movable))
+            raise open_loop(ring, outcome, movable)
         q = outcome.q
         groups.found(ring.joints, q)
     return q
+
+
+def is_closed(geometry: Geometry, q: Array) -> bool:
+    """Whether all loops are closed to rounding at coordinates ``(1, nq + 1)``."""
+    cuts = Cuts(geometry, range(len(geometry.starts)))
+    residual = np.max(np.abs(cuts.place(cuts.faces(body_frames(geometry, q)))), axis=2)
+    reach = np.linalg.norm(cuts.point, axis=2) / geometry.lengths
+    return bool(np.all(residual <= 4 * ROUNDING * (1 + reach)))
 
 
 def first_assembly(
@@ -95,8 +108,8 @@ def first_assembly(
 ) -> tuple[Array, list[str]]:
     """Close all loops before it is known which coordinates depend on which: minimum-norm steps, loop by loop.
 
-    A loop moves the joints that no earlier loop has passed; where that does not close it, those of its neighbours too,
-    their loops closed with it, and so on outward.
+    A loop moves joints that no earlier loop has passed: if possible no more of them than have to depend on it, else all;
+    where that does not close it, those of its neighbours too, their loops closed with it, and so on outward.
 
     Parameters
     ----------
@@ -122,7 +135,9 @@ def first_assembly(
         start, end = groups.unknown(loop)
         ring = Ring(groups, [loop], [*start, *end])
         movable = ~np.isin(ring.joints.speeds, list(held))
-        outcome, tries = _tried(ring, q, movable, random)
+        outcome, tries = close(ring, q, _near_cut(ring, (start, end), q, movable)), 0
+        if not outcome.closed:
+            outcome, tries = _tried(ring, q, movable, random)
         if outcome.closed:
             groups.found(ring.joints, outcome.q)
         else:
@@ -142,13 +157,27 @@ def _passed(geometry: Geometry, loops: Sequence[int]) -> set[int]:
     return {k for i in loops for side in geometry.cycle(i) for k in side}
 
 
+def _near_cut(ring: Ring, sides: tuple[list[int], list[int]], q: Array, movable: Array) -> Array:
+    """As few of the movable speeds as can close a ring, near the cut."""
+    g, speeds = ring.geometry, ring.joints.speeds
+    free = np.flatnonzero(movable)
+    E = ring.evaluate(q)[1] * np.where(g.turning[speeds], 1.0, ring.length)
+    rank = int(ranks(E[..., free])[0])
+    if rank == len(free):
+        return movable
+    distance = {k: d for side in sides for d, k in enumerate(side)}
+    free = free[np.argsort([distance[int(k)] for k in g.speed_body[speeds[free]]], kind="stable")]
+    chosen = choose_dependents(E, whole_joints(g, speeds, free), rank)
+    return movable if chosen is None else np.isin(np.arange(len(speeds)), chosen)
+
+
 def _tried(ring: Ring, q: Array, movable: Array, random: np.random.Generator) -> tuple[Outcome, int]:
     """Close a ring, from other guesses too where the first does not lead to closure; and how many those were."""
     best = close(ring, q, movable)
     speeds = ring.joints.speeds[movable]
     size = np.where(ring.geometry.turning[speeds], 1.0, ring.length)
-    for i in range(TRIES if len(speeds) else 0):
-        if best.closed:
+    for i in range(TRIES):
+        if best.closed or not len(speeds):
             return best, i
         step = 3.0 * (i + 1) / TRIES * random.uniform(-1, 1, (1, len(speeds))) * size
         again = close(ring, advance(ring.geometry, q, speeds, step), movable)
@@ -188,29 +217,40 @@ def _with_neighbours(
             outcome, tries = _tried(ring, q, movable, random)
             if outcome.closed:
                 return outcome, tries
-    raise AssemblyError(open_loop(ring, outcome, movable))
+    raise open_loop(ring, outcome, movable)
 
 
-def open_loop(ring: Ring, outcome: Outcome, movable: Array) -> str:
+def open_loop(ring: Ring, outcome: Outcome, movable: Array) -> AssemblyError:
     """Which loop stays open, by how much, and what to do."""
-    g, rows = ring.geometry, np.abs(outcome.rows)
+    g = ring.geometry
     model = g.model
     owner = [(i, r) for i in ring.cuts.loops for r in g.rows[i]]
-    worst = owner[int(np.argmax(rows))][0]
-    mine = [(x, r) for x, (i, r) in zip(rows, owner, strict=True) if i == worst]
-    gap = max((x * g.lengths[worst] for x, r in mine if r < 3), default=0.0)
-    angle = max((x for x, r in mine if r >= 3), default=0.0)
+    worst = owner[int(np.argmax(np.abs(outcome.rows)))][0]
+    mine = [(x, r) for x, (i, r) in zip(outcome.rows, owner, strict=True) if i == worst]
+    gap = float(np.linalg.norm([x * g.lengths[worst] for x, r in mine if r < 3]))
+    turned = float(np.linalg.norm([x for x, r in mine if r >= 3]))
+    angle = 2 * math.asin(min(1.0, turned / 2))
     loop = model.loops[worst]
     ends = [model.bodies[k].name if k < g.ground else "ground" for k in (g.starts[worst], g.ends[worst])]
     others = [model.loops[i].name for i in ring.cuts.loops if i != worst]
     together = f", closed together with {listed(others)}," if others else ""
     moved = [model.speed_names[s] for s in ring.joints.speeds[movable]]
     rank = int(ranks(ring.evaluate(outcome.q)[1][..., movable])[0])
-    return (
+    if angle > 3:
+        advice = "its faces are turned by pi against each other: turn one of them, or reverse an axis in its body"
+    elif outcome.residual < 1e-3 and rank < len(owner):
+        advice = "an overconstrained loop closes only if its lengths and axes fit exactly: give them with all digits"
+    else:
+        advice = (
+            "links may be too short or too long, or the other coordinates too far off: check lengths and axes, and the "
+            "values under `initial`"
+        )
+    return AssemblyError(
         f"loop {loop.name} ({loop.type} joint between {ends[0]} and {ends[1]}){together} cannot be closed: "
         f"{gap:.3g} m and {angle:.3g} rad are left after moving {listed(moved) or 'nothing'} (rank {rank}, "
-        f"{len(rows)} conditions); links may be too short or too long, or the other coordinates too far off: "
-        f"check lengths and axes, and the values under `initial`"
+        f"{len(owner)} conditions); {advice}",
+        loop.name,
+        outcome.residual,
     )
 
 

@@ -224,10 +224,11 @@ class Cuts:
     def _rotations(self, R: Array) -> Array:
         """What turns the start faces into the end faces, as vectors of length 2 sin(t/2); R ``(S, l, 3, 3)``."""
         b = turn(R, self.axis)
-        versine = 1 + np.sum(self.axis * b, axis=-1)
+        versine = 1 + (self.axis * b).sum(axis=-1)
         r = cross(self.axis, b) * np.sqrt(2 / np.maximum(versine, HALF_TURN))[..., None]
-        for s, j in np.argwhere(versine < HALF_TURN):
-            r[s, j] = 2 * self.angular[j, 0]
+        if versine.min(initial=1) < HALF_TURN:
+            for s, j in np.argwhere(versine < HALF_TURN):
+                r[s, j] = 2 * self.angular[j, 0]
         if len(self.whole):
             r[:, self.whole] = 2 * quaternion_vector(R[:, self.whole])
         return r

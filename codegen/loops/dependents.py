@@ -12,7 +12,7 @@ from itertools import combinations, islice, product
 
 import numpy as np
 
-from .geometry import Array
+from .geometry import Array, Geometry
 
 RANK_TOLERANCE = 1e-7
 """Singular values below this part of the largest count as zero: well above what is left of the assembly's rounding, well
@@ -45,6 +45,16 @@ def condition(A: Array) -> float:
         return 1.0
     s = np.linalg.svd(A, compute_uv=False)
     return float(np.max(s[:, 0] / s[:, -1])) if np.all(s[:, -1] > 0) else float("inf")
+
+
+def whole_joints(geometry: Geometry, speeds: Array, columns: Array) -> list[tuple[int, ...]]:
+    """Columns in the order given, those of a quaternion joint together; `speeds` says whose columns they are."""
+    joints: dict[int, list[int]] = {}
+    for c in map(int, columns):
+        s = int(speeds[c])
+        k = int(geometry.speed_body[s])
+        joints.setdefault(k if geometry.whole[k] else geometry.ground + s, []).append(c)
+    return [tuple(x) for x in joints.values()]
 
 
 def choose_dependents(A: Array, joints: Sequence[tuple[int, ...]], rank: int) -> list[int] | None:

@@ -3,14 +3,62 @@
 from __future__ import annotations
 
 from ..model.model import Model
-from .partition import Partition
+from .assembling import listed
+from .partition import Ear, Partition
+
+LINES = 12
+"""More ears than this are not listed one by one: equal ones share a line."""
 
 
 def describe(model: Model, partition: Partition) -> list[str]:
-    """Readable lines about loops, ears, dependents, ranks, redundant conditions and freedoms."""
-    lines = []
-    for ear in partition.ears:
-        names = ", ".join(model.loops[i].name for i in ear.loops)
-        dependent = ", ".join(model.speed_names[s] for s in ear.dependent)
-        lines.append(f"{names}: {dependent}; rank {ear.rank} of {ear.rows}, condition {ear.condition:.3g}")
-    return lines
+    """Lines for a reader: loops, ears, dependents, ranks, redundant conditions, clusters and degrees of freedom."""
+    if not partition.ears:
+        return []
+    ears, names = partition.ears, model.speed_names
+    rows, rank = sum(ear.rows for ear in ears), sum(ear.rank for ear in ears)
+    count = f"{len(model.loops)} loop{'s' * (len(model.loops) > 1)}"
+    if clusters := sum(len(ear.loops) > 1 for ear in ears):
+        count += f" ({clusters} cluster{'s' * (clusters > 1)})"
+    freedoms = len(partition.independent)
+    lines = [
+        f"{count}: {rank} of {len(names)} speeds are dependent, {freedoms} degree{'s' * (freedoms > 1)} of freedom: "
+        f"{listed([names[s] for s in partition.independent])}"
+    ]
+    type_of = [
+        b.joint.type
+        for b, (_, u) in zip(model.bodies, model.coordinate_slices, strict=True)
+        for _ in range(u.start, u.stop)
+    ]
+    alike: dict[tuple[object, ...], list[Ear]] = {}
+    for i, ear in enumerate(ears):
+        kind = (
+            tuple(model.loops[k].type for k in ear.loops),
+            ear.rank,
+            ear.rows,
+            tuple(type_of[s] for s in ear.dependent),
+        )
+        alike.setdefault(kind if len(ears) > LINES else (i,), []).append(ear)
+    lines += [_line(model, group) for group in alike.values()]
+    if rank < rows:
+        lines.append(
+            f"{rows - rank} of {rows} conditions are redundant: they follow from the others, and the joints' reactions "
+            f"to them are not unique"
+        )
+    return lines + [f"warning: {text}" for text in partition.warnings]
+
+
+def _line(model: Model, ears: list[Ear]) -> str:
+    """One ear, or how many like it."""
+    first, last = ears[0], ears[-1]
+    text = " + ".join(model.loops[i].name for i in first.loops)
+    if len(first.loops) > 1:
+        text = f"cluster {text}"
+    if len(ears) > 1:
+        text += f" and {len(ears) - 1} alike, the last {' + '.join(model.loops[i].name for i in last.loops)}"
+    dependent = listed([model.speed_names[s] for s in first.dependent]) or "no speeds"
+    worst = max(ear.condition for ear in ears)
+    redundant = f", {first.redundant} redundant" if first.redundant else ""
+    return (
+        f"  {text}: {dependent} dependent{' (of the first)' * (len(ears) > 1)}; rank {first.rank} of {first.rows} "
+        f"conditions{redundant}; condition number {worst:.2g}"
+    )

@@ -2,7 +2,20 @@
 
 
 class AssemblyError(ValueError):
-    """Loops that cannot be closed by moving what may move; the text names the loop and by how much it stays open."""
+    """Loops that cannot be closed by moving what may move; the text names the loop and by how much it stays open.
+
+    Attributes
+    ----------
+    loop : str
+        Name of the loop that is furthest from closure.
+    residual : float
+        Its largest scaled residual.
+    """
+
+    def __init__(self, message: str, loop: str = "", residual: float = float("nan")) -> None:
+        super().__init__(message)
+        self.loop = loop
+        self.residual = residual
 
 
 class PartitionError(ValueError):

@@ -15,6 +15,8 @@ from ..model.model import CLOSURE_ROWS, GROUND, Model, Vector
 
 Array = np.ndarray
 
+U = np.eye(3)
+
 QUATERNION = ("spherical", "free")
 """Joints with a quaternion: their coordinates are dependent all together or not at all."""
 
@@ -45,14 +47,15 @@ def skew(a: Array) -> Array:
 
 def axis_rotation(K: Array, KK: Array, angle: Array) -> Array:
     """Rotation about unit axes by angles ``(...)``: U + sin K + (1 - cos) K K, K the matrices of the axes."""
-    return np.eye(3) + np.sin(angle)[..., None, None] * K + (1 - np.cos(angle))[..., None, None] * KK
+    angle = angle[..., None, None]
+    return U + np.sin(angle) * K + (1 - np.cos(angle)) * KK
 
 
 def quaternion_rotation(e: Array) -> Array:
     """Rotation of e/abs(e), e = (w, v) over the last axis, ``(..., 3, 3)``."""
     K = skew(e[..., 1:])
     two = 2 / np.sum(e * e, axis=-1)
-    return np.eye(3) + two[..., None, None] * (e[..., 0, None, None] * K + K @ K)
+    return U + two[..., None, None] * (e[..., 0, None, None] * K + K @ K)
 
 
 def parameter_values(model: Model, p: Sequence[float] | Array | None) -> dict[str, float]:
@@ -129,8 +132,8 @@ class Geometry:
         Directions of the loops' conditions in the start face; rows of zeros where there are fewer than three.
     rows : list of list of int
         Which of the six (linear, then angular) are conditions of a loop.
-    lengths : (L,) array
-        Characteristic length of each loop, a power of two, m.
+    own_lengths, lengths : (L,) array
+        Characteristic length of each loop, a power of two, m; and that of its ear, by which linear conditions are divided.
     """
 
     def __init__(self, model: Model, p: Sequence[float] | Array | None = None) -> None:
@@ -144,7 +147,8 @@ class Geometry:
             self.depth[k] = self.depth[self.parent[k]] + 1
         self._joints()
         self._loops()
-        self.lengths = np.array([self._length(i) for i in range(len(model.loops))])
+        self.own_lengths = np.array([self._length(i) for i in range(len(model.loops))])
+        self.lengths = self.own_lengths.copy()
         self.all_joints = Joints(self, range(n))
 
     # --- joints -------------------------------------------------------------------------------------------------------
@@ -313,7 +317,7 @@ class Joints:
 
         Returns
         -------
-        (S, m, 3, 3), (S, m, 3) array
+        (S, m, 3, 3), (S, m, 3) or (m, 3) array
         """
         R = axis_rotation(self.K1, self.KK1, q[:, self.angle1])
         if len(self.universal):
@@ -332,7 +336,7 @@ class Joints:
                 moved[:, i] = q[:, place.start : place.start + 3]
         if moved is not None:
             d = d + turn(self.R0, moved)
-        return self.R0 @ R, np.broadcast_to(d, (*R.shape[:2], 3))
+        return self.R0 @ R, d
 
     def screws(self, q: Array) -> tuple[Array, Array]:
         """Unit screws of the speeds about their bodies' origins, child components, each ``(f, 3)`` or ``(S, f, 3)``.

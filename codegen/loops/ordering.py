@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .assembling import listed
-from .dependents import choose_dependents, condition, ranks
+from .dependents import choose_dependents, condition, ranks, whole_joints
 from .errors import PartitionError
 from .geometry import Array, Geometry
 from .velocities import Motion, VelocityClosure
@@ -113,7 +113,7 @@ class Sweep:
         self.regular = np.ones(len(self.q), dtype=bool)
         drafts: list[Draft] = []
         for place, loops in enumerate(order):
-            self.geometry.lengths[list(loops)] = np.max(self.geometry.lengths[list(loops)])
+            self.geometry.lengths[list(loops)] = np.max(self.geometry.own_lengths[list(loops)])
             closure = self.motion.closure(loops)
             draft = self._draft(closure, loops)
             if isinstance(draft, str):
@@ -135,12 +135,7 @@ class Sweep:
         regular = self.regular
         if not _follows(E[regular][..., free], *closure.disturbance(held, regular), rank):
             return self._why_open(closure, E[regular], free, held, rank)
-        joints: dict[int, list[int]] = {}
-        for c in map(int, free):
-            s = int(closure.speeds[c])
-            k = int(g.speed_body[s])
-            joints.setdefault(k if g.whole[k] else g.ground + s, []).append(c)
-        chosen = choose_dependents(E[regular], [tuple(x) for x in joints.values()], rank)
+        chosen = choose_dependents(E[regular], whole_joints(g, closure.speeds, free), rank)
         if chosen is None:
             return self._why_not_whole(closure, free, rank)
         dependent = [int(closure.speeds[c]) for c in chosen]
@@ -151,12 +146,12 @@ class Sweep:
         motion, size = closure.disturbance(held, self.regular)
         everything = np.concatenate([E, motion / np.maximum(size, 1e-300)[:, None]], axis=2)
         text = (
-            f"{listed([names[c] for c in free]) or 'no speeds'} of rank {rank} have to satisfy conditions of rank "
-            f"{int(np.max(ranks(everything)))}"
+            f"its conditions have rank {int(np.max(ranks(everything)))}, and "
+            f"{listed([names[c] for c in free]) or 'what is left'} can meet {rank} of them"
         )
-        wrong = [c for c in held if np.max(ranks(E[..., [*free, c]])) > rank]
         if not len(held):
             return text
+        wrong = [c for c in held if np.max(ranks(E[..., [*free, c]])) > rank]
         return (
             f"{text}: {listed([names[c] for c in (wrong or held)])} cannot all be independent; "
             f"remove one of them from `independent`"
@@ -168,7 +163,8 @@ class Sweep:
         joints = listed([f"{g.model.bodies[k].name} ({g.types[k]}, {len(g.speeds[k])})" for k in bodies], 12)
         return (
             f"rank {rank} cannot be made up of the joints {joints}: speeds of a spherical or free joint are dependent all "
-            f"together or not at all; let a spherical joint close the loop (under `loops`), or make one a universal joint"
+            f"together or not at all; let a spherical joint close the loop (under `loops`) and the loop's joint carry the "
+            f"body, make one a universal joint, or carry a free body by the joint that holds it"
         )
 
 

@@ -8,13 +8,11 @@ import numpy as np
 
 from ..model.errors import nearest
 from ..model.model import Model
-from .assembling import assembled, first_assembly, initial_configuration, listed
-from .closure import Cuts, body_frames
+from .assembling import assembled, first_assembly, initial_configuration, is_closed, listed
 from .dependents import condition
 from .errors import AssemblyError, PartitionError
 from .geometry import Array, Geometry, advance, padded
 from .ordering import Draft, Sweep, arrange, loop_order
-from .rings import ROUNDING
 from .velocities import Motion
 
 NEARBY = 2
@@ -85,6 +83,12 @@ class Partition:
     q: tuple[float, ...] = ()
     warnings: tuple[str, ...] = ()
 
+    @property
+    def lengths(self) -> tuple[float, ...]:
+        """Characteristic length of each loop, in the order of `Model.loops`, m."""
+        length = {i: ear.length for ear in self.ears for i in ear.loops}
+        return tuple(length[i] for i in sorted(length))
+
 
 def partition(model: Model) -> Partition:
     """Choose dependents and order the ears.
@@ -121,14 +125,6 @@ def partition(model: Model) -> Partition:
     return _partition(geometry, drafts, q, warnings)
 
 
-def is_closed(geometry: Geometry, q: Array) -> bool:
-    """Whether all loops are closed to rounding at coordinates ``(1, nq + 1)``."""
-    cuts = Cuts(geometry, range(len(geometry.starts)))
-    residual = np.max(np.abs(cuts.place(cuts.faces(body_frames(geometry, q)))), axis=2)
-    reach = np.linalg.norm(cuts.point, axis=2) / geometry.lengths
-    return bool(np.all(residual <= 4 * ROUNDING * (1 + reach)))
-
-
 def _choose(geometry: Geometry, order: list[int], q: Array, held: set[int], random: np.random.Generator) -> list[Draft]:
     """Ears at an assembled configuration, and at some near it unless that one is enough."""
     try:
@@ -162,13 +158,16 @@ def _near_guess(geometry: Geometry, drafts: list[Draft], guess: Array, q: Array,
         k = int(geometry.speed_body[s])
         where = geometry.slices[k][0] if geometry.whole[k] else geometry.coordinate[s]
         start[:, where] = guess[:, where]
+    if np.array_equal(start, q):
+        return q
     for x in (guess, start):
         try:
             return assembled(geometry, loose, x)
         except AssemblyError as error:
-            reason = str(error)
+            loop, residual = error.loop, error.residual
     warnings.append(
-        f"independent coordinates had to leave their initial values, as with these the loops do not close: {reason}"
+        f"loop {loop} cannot be closed with the initial values of the independent coordinates (residual {residual:.2g}); "
+        f"they were moved: give values under `initial` that fit"
     )
     return q
 

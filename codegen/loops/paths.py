@@ -77,7 +77,8 @@ class PoseGroups(Groups):
         self.R[:] = np.eye(3)
         self.join(known)
         bodies = np.array([k for k in range(n) if self.link[k] != k], dtype=int)
-        self.R[bodies], self.o[bodies] = np.swapaxes(R, 0, 1)[bodies], np.swapaxes(o, 0, 1)[bodies]
+        self.R[bodies] = np.swapaxes(R, 0, 1)[bodies]
+        self.o[bodies] = np.swapaxes(np.broadcast_to(o, R.shape[:3]), 0, 1)[bodies]
 
     def _shorten(self, k: int, via: int) -> None:
         self.o[k] = self.o[via] + turn(self.R[via], self.o[k])
@@ -87,7 +88,7 @@ class PoseGroups(Groups):
         """Coordinates of these joints have been found."""
         R, o = joints.transforms(q)
         for i, k in enumerate(joints.bodies):
-            self.R[k], self.o[k] = R[:, i], o[:, i]
+            self.R[k], self.o[k] = R[:, i], o[..., i, :]
         self.join(joints.bodies)
 
 

@@ -19,6 +19,9 @@ CLOSED = 1e-10
 
 MAX_STEPS = 60
 
+PATIENCE = 6
+"""Steps that must take a third off the residual."""
+
 LARGEST_STEP = 0.7
 """rad, or characteristic lengths; longer steps are shortened, as a linearisation means nothing over half a radian."""
 
@@ -158,17 +161,21 @@ def close(ring: Ring, q: Array, movable: Array) -> Outcome:
     rows, E = ring.evaluate(q)
     norm = np.max(np.abs(rows), initial=0.0)
     unit = 1 + ring.reach()
-    damping = 0.0
-    for _ in range(MAX_STEPS):
+    damping, progress = 0.0, norm
+    for count in range(MAX_STEPS):
         if norm <= ROUNDING * unit or not len(speeds):
             break
+        if count % PATIENCE == PATIENCE - 1:
+            if norm > 0.7 * progress:
+                break
+            progress = norm
         y = _step(E[0][:, movable] * scale, rows[0], damping)
-        y *= min(1.0, LARGEST_STEP / max(float(np.max(np.abs(y))), 1e-300))
+        y *= min(1.0, LARGEST_STEP / max(float(np.abs(y).max()), 1e-300))
         part = 1.0
         for _ in range(5):
             q_new = advance(g, q, speeds, part * (scale * y)[None])
             rows_new, E_new = ring.evaluate(q_new)
-            norm_new = np.max(np.abs(rows_new))
+            norm_new = np.abs(rows_new).max()
             better = norm_new <= (1 - 1e-3 * part) * norm
             if better or norm < CLOSED * unit:
                 break
