@@ -109,8 +109,8 @@ def _verdict(report: Any) -> int:
     return OK
 
 
-FORWARD = ("start", "kinematics", "triangularize", "back_substitute")
-DIRECTION = ("balance_out", "balance_in", "balance_back")
+FORWARD = ("start", "rotations", "closures", "pose", "velocities", "springs", "kinematics", "triangularize", "back_substitute")
+DIRECTION = ("turns", "complete", "velocity_tangents", "spring_tangents", "balance_out", "balance_in", "balance_back")
 
 
 def print_report(report: Any, verbose: bool = False) -> None:
@@ -128,6 +128,8 @@ def print_report(report: Any, verbose: bool = False) -> None:
         f"  {report.bodies} bodies, {report.nq} coordinates, {report.nu} speeds, {report.parameters} parameters; "
         f"{report.links} links of {report.kinds} kinds, layout {report.layout}, target {report.target}"
     )
+    for line in report.loops:
+        console.print(f"  {escape(line)}")
     functions = sum(report.operations[s]["per_call"]["functions"] for s in FORWARD if s in report.operations)
     divisions = sum(report.operations[s]["per_call"]["divisions"] for s in FORWARD if s in report.operations)
     n = max(report.links, 1)

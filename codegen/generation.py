@@ -56,6 +56,8 @@ class Report:
         Largest relative errors of the check: of udot, and of its derivative per direction.
     remarks : list of str
         What was left out, and why.
+    loops : list of str
+        The choice made for closed loops, in words: ears, dependents, ranks, degrees of freedom.
     written : bool
         False: the folder held these very files already.
     """
@@ -79,6 +81,7 @@ class Report:
     compiled: bool = False
     errors: dict[str, float] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
+    loops: list[str] = field(default_factory=list)
     written: bool = True
 
     def flops(self, *sweeps: str, per: str = "per_call") -> int:
@@ -157,7 +160,7 @@ def generate(
         passes=[(n, {"additions": o.additions, "multiplications": o.multiplications, "divisions": o.divisions,
                      "functions": o.functions}, s) for n, o, s in source.passes],
         sweep_seconds=source.program.sweep_seconds,
-        warnings=model.warnings, seconds=seconds, written=written,
+        warnings=model.warnings, seconds=seconds, loops=source.choice, written=written,
     )  # fmt: skip
     if compile and target != "numpy":
         from .runtime.solver import NoCompilerError, compile_library
@@ -304,7 +307,7 @@ def check_solver(model: Model, report: Report) -> None:
     import numpy as np
 
     from .reference import RecursiveEngine
-    from .runtime import load
+    from .runtime import AssemblyError, SingularLoopError, load
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # a missing compiler has been told
@@ -315,8 +318,13 @@ def check_solver(model: Model, report: Report) -> None:
     errors = {"udot": 0.0, "dudot": 0.0}
     checked = 0
     for _ in range(CHECK_DRAWS):
-        q = q0 + 0.5 * rng.normal(size=solver.nq)
+        q = q0 + (0.05 if model.loops else 0.5) * rng.normal(size=solver.nq)
         u = u0 + rng.normal(size=solver.nu)
+        if model.loops:
+            try:
+                q, u = solver.assemble(q, u)
+            except (AssemblyError, SingularLoopError):
+                continue  # the loops do not reach so far
         inputs, t = rng.normal(size=solver.ninputs), float(rng.uniform(0.1, 1.0))
         sizes = {"dq": solver.nq, "du": solver.nu, "dp": solver.np, "dinputs": solver.ninputs}
         seeds = {name: rng.normal(size=(3, n)) for name, n in sizes.items()} | {"dt": rng.normal(size=3)}

@@ -9,6 +9,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
+from ..loops.description import describe
+from ..loops.errors import AssemblyError, PartitionError
 from ..loops.partition import partition
 from ..mechanics.expansion import LANE as LANE_MEMORY
 from ..mechanics.expansion import RECORD, Program, expand
@@ -55,6 +57,8 @@ class Source:
         By stage.
     passes : list of (str, Operations, float)
         After every pass: operations of all blocks, and seconds.
+    choice : list of str
+        What was chosen for closed loops, in words.
     """
 
     files: dict[str, str]
@@ -64,6 +68,7 @@ class Source:
     layout: str
     seconds: dict[str, float] = field(default_factory=dict)
     passes: list[tuple[str, Operations, float]] = field(default_factory=list)
+    choice: list[str] = field(default_factory=list)
 
 
 @contextmanager
@@ -100,7 +105,13 @@ def write_solver(model: Model, layout: str = "auto") -> Source:
     if not model.nu:
         raise ModelError([Problem(model.name, None, None, "bodies", "no joint has a freedom, so nothing can move")])
     unrolled = layout == "unrolled" or (layout == "auto" and len(model.bodies) <= UNROLLED_LINKS)
-    chosen = partition(model) if model.loops else None
+    chosen = None
+    if model.loops:
+        try:
+            chosen = partition(model)
+        except (AssemblyError, PartitionError) as error:
+            raise ModelError([Problem(model.name, None, None, "loops", str(error))]) from None
+        lap("partition")
     system = analyse(model, unrolled, chosen)
     lap("analyse")
     values, records, energy_outputs = output_formulas(system)
@@ -135,6 +146,7 @@ def write_solver(model: Model, layout: str = "auto") -> Source:
         "unrolled" if unrolled else "kinds",
         seconds,
         program.report,
+        describe(model, chosen) if chosen else [],
     )
 
 

@@ -511,6 +511,8 @@ class _Order:
         self.first_contributor: dict[int, int] = {}
         self.first_follower: dict[int, int] = {}
         self._carriers: set[int] = set()
+        self._closed_on = {r.base for r in regions.regions if not r.rigid}
+        self._structures: dict[int, tuple[Any, ...]] = {}
         for n, unit in enumerate(regions.order):
             used: list[int] = []
             if unit.role == "link":
@@ -545,6 +547,12 @@ class _Order:
 
     def ear_structure(self, e: int) -> tuple[Any, ...]:
         """Equal for ears of the same structure."""
+        found = self._structures.get(e)
+        if found is None:
+            found = self._structures[e] = self._structure(e)
+        return found
+
+    def _structure(self, e: int) -> tuple[Any, ...]:
         ear = self.regions.ears[e]
         region = self.regions.regions[ear.region]
         n = self.unit_of_link[ear.links[0]] if ear.links else -1
@@ -564,8 +572,7 @@ class _Order:
 
     def role_of(self, link: int) -> tuple[bool, bool]:
         """Whether others hang on a link, and whether a loop closes on its motion."""
-        regions = self.regions.regions
-        return self.carries(link), any(r.base == link and not r.rigid for r in regions)
+        return self.carries(link), link in self._closed_on
 
     def slots(self) -> tuple[list[int], int]:
         """Slots for values that live from a link to its last use; slot 0 is the ground's."""

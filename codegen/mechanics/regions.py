@@ -134,30 +134,6 @@ def link_of_speeds(links: Sequence[Link]) -> dict[int, tuple[int, int]]:
     return {link.u + j: (i, j) for i, link in enumerate(links) for j in range(FREEDOMS[link.joint])}
 
 
-def path_to_ground(links: Sequence[Link], link: int) -> list[int]:
-    """The link, its parent, and so on; without the ground."""
-    path = []
-    while link != GROUND:
-        path.append(link)
-        link = links[link].parent
-    return path
-
-
-def cycle(links: Sequence[Link], start: int, end: int) -> tuple[list[int], list[int], int]:
-    """Links that move one face against the other, on both sides from the face inward, and the link where both sides meet."""
-    a, b = start, end
-    sides: tuple[list[int], list[int]] = ([], [])
-    # links are numbered outward, so the larger number is never an ancestor of the smaller one
-    while a != b:
-        if a > b:
-            sides[0].append(a)
-            a = links[a].parent
-        else:
-            sides[1].append(b)
-            b = links[b].parent
-    return sides[0], sides[1], a
-
-
 def find_regions(
     model: Model, links: Sequence[Link], carriers: Sequence[tuple[int, object]], partition: Partition | None
 ) -> Regions:
@@ -171,28 +147,76 @@ def find_regions(
         tuple(GROUND if f.body == GROUND else carriers[f.body][0] for f in (loop.start, loop.end))
         for loop in model.loops
     ]
-    cycles = [cycle(links, *f) for f in faces]
     regions: list[Region] = []
     ears: list[EarLinks] = []
     ear_of: list[int | None] = [None] * len(links)
-    for group in _components(len(links), cycles, partition):
-        bundles = _bundles(links, cycles, faces, [(partition.ears[e].loops, partition.ears[e].length) for e in group])
+    for group, base in _components(links, faces, partition):
+        bundles = _bundles(links, faces, group)
         on_cycles = sorted({i for b in bundles for i in b.links})
         free = [(i, j) for i in on_cycles for j in range(FREEDOMS[links[i].joint]) if (i, j) not in dependent]
-        base = min(cycles[loop][2] for b in bundles for loop in b.loops)
         made = _Maker(links, regions, ears, ear_of, faces, dependent)
-        if len(free) > MOST_SOURCES and made.by_single_ears(cycles, bundles):
+        if len(free) > MOST_SOURCES and made.by_single_ears(bundles):
             continue
         regions.append(Region(base, True, freedoms=free))
         number = {f: c for c, f in enumerate(free)}
         for b in bundles:
-            first = {i for i in b.links if made.moved(i)}
             # links inboard of all dependent ones have their own, loopless ears: then equal loops are of one kind
-            inner = [i for i in b.links if not first.intersection(path_to_ground(links, i))]
-            for i in inner:
-                made.add([i], (), number, 1.0)
-            made.add([i for i in b.links if i not in inner], b.loops, number, b.length)
+            outer = made.outboard_of_dependents(b.links)
+            for i in b.links:
+                if i not in outer:
+                    made.add([i], (), number, 1.0)
+            made.add([i for i in b.links if i in outer], b.loops, number, b.length)
     return Regions(regions, ears, ear_of, _order(links, regions, ears, ear_of))
+
+
+def _components(
+    links: Sequence[Link], faces: Sequence[tuple[int, ...]], partition: Partition
+) -> list[tuple[list[Bundle], int]]:
+    """Ears that share links on their cycles, directly or through others, in their order, and the link that carries them all.
+
+    Cycles are followed from both faces inward only to links that an earlier ear has: from there its component's base is next.
+    """
+    group = list(range(len(partition.ears)))
+    base: list[int] = [GROUND] * len(group)
+    owner: dict[int, int] = {}
+
+    def find(e: int) -> int:
+        while group[e] != e:
+            group[e] = group[group[e]]
+            e = group[e]
+        return e
+
+    bundles: list[Bundle] = []
+    for e, ear in enumerate(partition.ears):
+        new: list[int] = []
+        lowest: list[int] = []
+        for loop in ear.loops:
+            a, b = faces[loop]
+            # links are numbered outward, so the larger number is never an ancestor of the smaller one
+            while a != b:
+                a, b = max(a, b), min(a, b)
+                if a not in owner:
+                    owner[a] = e
+                    new.append(a)
+                    a = links[a].parent
+                    continue
+                known = find(owner[a])
+                if known == e:  # another loop of this ear has been here: on to where that ended
+                    a = links[a].parent
+                    continue
+                group[known] = e
+                lowest.append(base[known])
+                if b in owner and find(owner[b]) == e:
+                    break
+                a = base[known]
+            else:
+                lowest.append(a)
+        base[e] = min(lowest)
+        bundles.append(Bundle(ear.loops, sorted(new), ear.length))
+    found: dict[int, list[Bundle]] = {}
+    for e, bundle in enumerate(bundles):
+        found.setdefault(find(e), []).append(bundle)
+    return [(bundles_here, base[root]) for root, bundles_here in found.items()]
 
 
 @dataclass(slots=True)
@@ -204,31 +228,24 @@ class Bundle:
     length: float
 
 
-def _bundles(
-    links: Sequence[Link],
-    cycles: Sequence[tuple[list[int], list[int], int]],
-    faces: Sequence[tuple[int, ...]],
-    ears: list[tuple[tuple[int, ...], float]],
-) -> list[Bundle]:
+def _bundles(links: Sequence[Link], faces: Sequence[tuple[int, ...]], bundles: list[Bundle]) -> list[Bundle]:
     """The ears of a component; those that start from each other's links are joined."""
     while True:
-        owner: dict[int, int] = {}
-        bundles: list[Bundle] = []
-        for n, (loops, length) in enumerate(ears):
-            new = sorted({i for loop in loops for i in (*cycles[loop][0], *cycles[loop][1]) if i not in owner})
-            owner.update(dict.fromkeys(new, n))
-            bundles.append(Bundle(tuple(loops), new, length))
+        owner = {i: n for n, b in enumerate(bundles) for i in b.links}
         before: list[set[int]] = []
         for n, b in enumerate(bundles):
             outside = {links[i].parent for i in b.links} | {f for loop in b.loops for f in faces[loop]}
             before.append({owner[i] for i in outside if i in owner} - {n})
-        tangled = _on_circles(before)
+        tangled = sorted(_on_circles(before))
         if not tangled:
             return bundles
-        joined = sorted(tangled)
-        loops = tuple(loop for n in joined for loop in ears[n][0])
-        ears = [e for n, e in enumerate(ears) if n not in tangled]
-        ears.insert(min(joined[0], len(ears)), (loops, max(bundles[n].length for n in joined)))
+        joined = [bundles[n] for n in tangled]
+        one = Bundle(
+            tuple(loop for b in joined for loop in b.loops), sorted(i for b in joined for i in b.links),
+            max(b.length for b in joined),
+        )  # fmt: skip
+        bundles = [b for n, b in enumerate(bundles) if n not in tangled]
+        bundles.insert(min(tangled[0], len(bundles)), one)
 
 
 def _on_circles(before: list[set[int]]) -> set[int]:
@@ -260,31 +277,6 @@ def _on_circles(before: list[set[int]]) -> set[int]:
     return found
 
 
-def _components(count: int, cycles: Sequence[tuple[list[int], list[int], int]], partition: Partition) -> list[list[int]]:
-    """Ears that share links on their cycles, directly or through others, in their order."""
-    owner: dict[int, int] = {}
-    group = list(range(len(partition.ears)))
-
-    def find(e: int) -> int:
-        while group[e] != e:
-            group[e] = group[group[e]]
-            e = group[e]
-        return e
-
-    for e, ear in enumerate(partition.ears):
-        for loop in ear.loops:
-            for i in (*cycles[loop][0], *cycles[loop][1]):
-                if i in owner:
-                    a, b = find(owner[i]), find(e)
-                    group[max(a, b)] = min(a, b)
-                else:
-                    owner[i] = e
-    found: dict[int, list[int]] = {}
-    for e in range(len(group)):
-        found.setdefault(find(e), []).append(e)
-    return list(found.values())
-
-
 class _Maker:
     """Makes ears and regions, one component after the other."""
 
@@ -308,7 +300,15 @@ class _Maker:
         """Whether a link's joint has a dependent freedom."""
         return any((i, j) in self.dependent for j in range(FREEDOMS[self.links[i].joint]))
 
-    def by_single_ears(self, cycles: Sequence[tuple[list[int], list[int], int]], bundles: list[Bundle]) -> bool:
+    def outboard_of_dependents(self, links: Sequence[int]) -> set[int]:
+        """Of links in outward order, those with a dependent freedom, or with such a link between them and the rest."""
+        found: set[int] = set()
+        for i in links:
+            if self.moved(i) or self.links[i].parent in found:
+                found.add(i)
+        return found
+
+    def by_single_ears(self, bundles: list[Bundle]) -> bool:
         """Every ear of a component as a region of its own, with the link that it starts from as source.
 
         False, and nothing made, where some ear starts from two links, neither of them the ground, or from one of another ear.
@@ -316,13 +316,13 @@ class _Maker:
         plan: list[tuple[list[int], Bundle, int, bool]] = []
         taken: set[int] = set()
         for b in bundles:
-            moved = {i for i in b.links if self.moved(i)}
-            members = [i for i in b.links if moved.intersection(path_to_ground(self.links, i))]
+            outer = self.outboard_of_dependents(b.links)
+            members = [i for i in b.links if i in outer]
             outside = {self.links[i].parent for i in members} | {f for loop in b.loops for f in self.faces[loop]}
             full = sorted(outside - set(members) - {GROUND})
             base = full[0] if full else GROUND
             # a loop that hangs on one link alone closes whatever that link does
-            rigid = not full or all(cycles[loop][2] == base for loop in b.loops)
+            rigid = not full or GROUND not in outside
             if len(full) > 1 or (base in taken and not rigid):
                 return False
             plan.append((members, b, base, rigid))
