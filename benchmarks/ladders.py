@@ -1,4 +1,4 @@
-"""LADDER(L), PINNED(n) and HOOKE(L) for the benchmarks: the examples at other sizes, with states, seeds and functions.
+"""LADDER(L), HOOKE(L), PINNED(n) and CLOSED(n) for the benchmarks: the examples at other sizes, states, seeds, functions.
 
 Coordinates are closed to rounding; dependent speeds need not be, since every function solves for them.
 """
@@ -13,6 +13,7 @@ from chains import c_files, chain_state
 from ctiming import Contestant
 
 from codegen.emit.solver import Source, write_solver
+from codegen.loops import initial_configuration
 from codegen.model import Model, parse_model
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -35,6 +36,11 @@ def hooke_text(loops: int) -> str:
     return example_text("hooke_ladder", "{L: 3,", f"{{L: {loops},")
 
 
+def closed_text(n: int) -> str:
+    """The paper's closed chain; 8 divides n."""
+    return example_text("closed_chain", "{n: 16,", f"{{n: {n},")
+
+
 def pinned_text(n: int) -> str:
     text = example_text("pinned_chain", "{n: 12,", f"{{n: {n},")
     old = text[text.index("x: -2.14") : text.index("}", text.index("x: -2.14"))]
@@ -43,7 +49,7 @@ def pinned_text(n: int) -> str:
 
 
 def chain_tip(q: np.ndarray, length: float = 1.0) -> np.ndarray:
-    """Where the end of CHAIN(n) hangs."""
+    """Where the end of CHAIN(n) is."""
     R, place = np.eye(3), np.zeros(3)
     for k, (c, s) in enumerate(zip(np.cos(q), np.sin(q), strict=True)):
         turn = [[1, 0, 0], [0, c, -s], [0, s, c]] if k % 2 else [[c, 0, s], [0, 1, 0], [-s, 0, c]]
@@ -52,46 +58,19 @@ def chain_tip(q: np.ndarray, length: float = 1.0) -> np.ndarray:
     return place
 
 
-def ladder_model(loops: int) -> Model:
-    return parse_model(ladder_text(loops), f"LADDER({loops})")
-
-
-def pinned_model(n: int) -> Model:
-    return parse_model(pinned_text(n), f"PINNED({n})")
-
-
-def hooke_model(loops: int) -> Model:
-    return parse_model(hooke_text(loops), f"HOOKE({loops})")
-
-
-def ladder_state(loops: int) -> tuple[np.ndarray, np.ndarray]:
-    """Rungs lean by 30 degrees and turn by 0.5 rad/s, rails stay level."""
-    signs = np.ones(2 * loops + 1)
-    signs[1::2] = -1
-    return np.pi / 6 * signs, 0.5 * signs
-
-
-def hooke_state(loops: int) -> tuple[np.ndarray, np.ndarray]:
-    """All rungs lean and tilt alike, all rails stay along the line of feet; dependent speeds are left at zero."""
-    lean, tilt = np.pi / 6, 0.2
-    pitch = np.arcsin(np.sin(lean) * np.cos(tilt))
-    swivel = np.arcsin(np.sin(lean) * np.sin(np.arctan(np.tan(tilt) / np.cos(lean))))
-    q = np.concatenate([[lean, tilt], np.tile([swivel, -pitch, pitch, -swivel], loops)])
-    u = np.zeros(4 * loops + 2)
-    u[:2] = 0.5, -0.3
-    return q, u
+TEXTS = {"LADDER": ladder_text, "HOOKE": hooke_text, "PINNED": pinned_text, "CLOSED": closed_text}
 
 
 @dataclass(frozen=True)
 class Mechanism:
-    """One of the three at one size.
+    """One of them at one size.
 
     Attributes
     ----------
     name : str
-        LADDER, PINNED or HOOKE.
+        LADDER, HOOKE, PINNED or CLOSED.
     size : int
-        Loops of a ladder, rods of the pinned chain.
+        Loops of a ladder, rods of a chain.
     model : Model
     state : tuple of arrays
         q and u, (nu,) each.
@@ -108,12 +87,8 @@ class Mechanism:
 
 
 def mechanism(name: str, size: int) -> Mechanism:
-    model, state = {
-        "LADDER": (ladder_model, ladder_state),
-        "PINNED": (pinned_model, chain_state),
-        "HOOKE": (hooke_model, hooke_state),
-    }[name]
-    return Mechanism(name, size, model(size), state(size))
+    model = parse_model(TEXTS[name](size), f"{name}({size})")
+    return Mechanism(name, size, model, initial_configuration(model))
 
 
 def seeds(m: Mechanism, width: int = 8) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
