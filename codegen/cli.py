@@ -46,6 +46,8 @@ def _generate_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--target", choices=("c", "numpy", "both"), default="c", help="what the package's Solver uses")
     parser.add_argument("--layout", choices=("auto", "kinds", "unrolled"), default="auto",
                         help="one C function per kind of link, or one per link")  # fmt: skip
+    parser.add_argument("--partitions", type=int, choices=(1, 2), default=1,
+                        help="hold a second choice of independent coordinates, to change to at dead points")
     parser.add_argument("--no-check", action="store_true", help="do not compare with the generic engine")
     parser.add_argument("--no-compile", action="store_true", help="write the sources only")
     parser.add_argument("-v", "--verbose", action="store_true", help="print passes and operations of every sweep")
@@ -77,7 +79,8 @@ def run_generate(options: argparse.Namespace) -> int:
     threading.Thread(target=importlib.import_module, args=("rich.table",), daemon=True).start()
     try:
         report = generate(
-            options.model, options.output, options.target, options.layout, compile=not options.no_compile,
+            options.model, options.output, options.target, options.layout, partitions=options.partitions,
+            compile=not options.no_compile,
             check=not options.no_check and not options.no_compile,
         )  # fmt: skip
     except (ModelError, SingularJointError) as error:

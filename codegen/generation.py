@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import hashlib
 import json
 import math
@@ -101,6 +102,7 @@ def generate(
     target: str = "c",
     layout: str = "auto",
     *,
+    partitions: int = 1,
     compile: bool = True,
     check: bool = False,
 ) -> Report:
@@ -115,6 +117,9 @@ def generate(
         What the package's `Solver` uses. Both are always written.
     layout : {"auto", "kinds", "unrolled"}
         One C function per kind of link called in loops, or one per link; "auto" takes the second for small models.
+    partitions : {1, 2}
+        With 2, and where another choice of independent coordinates closes the loops, the package holds both; see
+        `Solver.use_partition`.
     compile, check : bool
         Compile now; compare with `codegen.reference.RecursiveEngine` at three random states.
 
@@ -135,6 +140,8 @@ def generate(
         raise ValueError(f"target is {target!r}; allowed are {', '.join(TARGETS)}")
     if layout not in LAYOUTS:
         raise ValueError(f"layout is {layout!r}; allowed are {', '.join(LAYOUTS)}")
+    if partitions not in (1, 2):
+        raise ValueError(f"partitions is {partitions!r}; allowed are 1 and 2")
     seconds: dict[str, float] = {}
     origin = None
     with _timed(seconds, "read"):
@@ -149,6 +156,9 @@ def generate(
 
     source = write_solver(model, layout)
     seconds |= source.seconds
+    if partitions == 2 and source.chosen is not None:
+        with _timed(seconds, "second partition"):
+            add_second(model, layout, source)
     with _timed(seconds, "write"):
         files = source.files | package_files(source, target, origin)
         written = write_folder(path, files)
@@ -167,7 +177,8 @@ def generate(
 
         with _timed(seconds, "compile"):
             try:
-                compile_library(path, model.name)
+                for name in (model.name, *([f"{model.name}{SECOND}"] if "second" in source.manifest else [])):
+                    compile_library(path, name)
                 report.compiled = True
             except NoCompilerError as error:
                 report.remarks.append(f"{error}; the NumPy target (--target numpy) serves until then, more slowly")
@@ -175,6 +186,25 @@ def generate(
         with _timed(seconds, "check"):
             check_solver(model, report)
     return report
+
+
+SECOND = "_second"
+"""What the names of files and C functions of a second partition have after the model's."""
+
+
+def add_second(model: Model, layout: str, source: Any) -> None:
+    """Add the solver of a second partition to the files and the manifest of the first."""
+    from .emit.solver import write_solver
+    from .loops.alternatives import second_partition
+
+    found = second_partition(model, source.chosen)
+    if found is None:
+        source.choice.append("no second partition: no other choice of independent coordinates closes the loops")
+        return
+    second = write_solver(dataclasses.replace(model, name=f"{model.name}{SECOND}"), layout, found)
+    source.files |= second.files
+    source.manifest["second"] = second.manifest
+    source.choice += ["second partition:", *second.choice]
 
 
 @contextlib.contextmanager
@@ -233,7 +263,7 @@ def refuse_foreign(folder: Path) -> None:
         raise FolderError(
             f"{folder} holds something that generate did not write; choose another folder with -o, or empty this one"
         )
-    own = re.compile(rf"{re.escape(str(manifest.get('name')))}(-[0-9a-f-]+\.so|\.log)|__pycache__|\.build-.*")
+    own = re.compile(rf"{re.escape(str(manifest.get('name')))}({SECOND})?(-[0-9a-f-]+\.so|\.log)|__pycache__|\.build-.*")
     foreign = sorted(n for n in found - set(manifest.get("files", ())) if not own.fullmatch(n))
     if foreign:
         raise FolderError(

@@ -166,6 +166,10 @@ class CWriter(Writer):
         if stem == "lregion":
             at = self.entry(kind, sweep, "REGION", self.numbers_of_regions(kind))
             return "lregion", f"a->region_lanes + REGION_LANE_SIZE*{at}", layout.region_lane[name]
+        if stem == "condition":
+            assert isinstance(kind, EarKind)
+            at = self.entry(kind, sweep, f"LOOP{array.partition('#')[2]}", self.loops_meant(kind, array))
+            return variable, f"a->condition + {at}", 0
         if stem in ("position", "velocity"):
             assert isinstance(kind, EarKind)
             begins = self.closure_offsets
@@ -319,7 +323,7 @@ class CWriter(Writer):
         scratch = max((sum(size[n] for n in f.seeds_sizes() + f.derived()) for f in functions if f.widths), default=0)
         self.workspace = at + 8 + scratch
         pointers = ["double *" + n for n in ("udot", "qdot", "force", "energy", "outputs")]
-        pointers += ["double *" + n for n in ("position", "velocity", "step") if use["loops"]]
+        pointers += ["double *" + n for n in ("position", "velocity", "condition", "step") if use["loops"]]
         sources = [f"const double *{n}" for n in state] + (["double t"] if use["time"] else [])
         seeds = [f"const LANES *d{n}" for n in state] + (["const LANES *dt"] if use["time"] else [])
         if use["loops"]:  # dependent speeds and seeds are written into copies

@@ -38,6 +38,7 @@ FUNCTION_SWEEPS: dict[str, tuple[str, ...]] = {
     "inverse_dynamics_sensitivities": ("start", "rotations", "kinematics", *_MASS_TANGENT, "mass_out", "mass_in"),
     "closure": ("start", "rotations", "closures", "residuals"),
     "newton_step": ("start", "rotations", "closures", "correct"),
+    "conditions": ("start", "rotations", "closures", "condition_numbers"),
     "completion": ("start", "rotations", "closures"),
     "completion_sensitivities": ("start", "rotations", "closures", "turns", "complete"),
     "energies": ("start", "rotations", "closures", "kinetic", "moments", "pose", "spring_energy"),
@@ -220,6 +221,9 @@ def interfaces(system: System) -> list[Interface]:
             )
         )  # fmt: skip
         result.append(
+            Interface("conditions", "Condition number of the closure matrix that each loop belongs to.", ["q", *p], ["condition"], [])
+        )
+        result.append(
             Interface("newton_step", "Newton's step of the dependent coordinates towards closure.", ["q", *p], ["step"], [])
         )
         result.append(
@@ -250,7 +254,7 @@ def sizes(model: Model) -> dict[str, int]:
         "q": nq, "u": nu, "p": n_p, "inputs": ninputs, "t": 1, "udot": nu, "qdot": nq, "M": nu * nu, "b": nu, "x": nu,
         "force": nu, "energy": 2, "outputs": len(model.outputs), "J_q": nu * nq, "J_u": nu * nu, "J_p": nu * n_p,
         "J_inputs": nu * ninputs, "J_t": nu, "position": len(model.closure_names), "velocity": len(model.closure_names),
-        "step": nq, "full_q": nq, "full_u": nu,
+        "condition": len(model.loops), "step": nq, "full_q": nq, "full_u": nu,
     }  # fmt: skip
 
 

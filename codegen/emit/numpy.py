@@ -32,7 +32,7 @@ SCALARS = ("records", "ears", "regions")
 AXES = {
     "q": "nq", "u": "nu", "p": "np", "inputs": "ninputs", "t": "", "udot": "nu", "qdot": "nq", "M": "nu, nu", "b": "nu",
     "x": "nu", "force": "nu", "energy": "2", "outputs": "noutputs", "J_q": "nu, nq", "J_u": "nu, nu", "J_p": "nu, np",
-    "J_inputs": "nu, ninputs", "J_t": "nu", "position": "nclosure", "velocity": "nclosure", "step": "nq", "full_q": "nq",
+    "J_inputs": "nu, ninputs", "J_t": "nu", "position": "nclosure", "velocity": "nclosure", "condition": "nloops", "step": "nq", "full_q": "nq",
     "full_u": "nu",
 }  # fmt: skip
 """Axes of arguments and results after those of the batch."""
@@ -132,6 +132,9 @@ class NumpyWriter(Writer):
         if stem in ("region", "lregion"):
             at = _plain(self.entry(kind, sweep, "REGION", self.numbers_of_regions(kind)))
             return stem, f"a.{self._memory(array)}[{at}]", f'["{name}"]'
+        if stem == "condition":
+            assert isinstance(kind, EarKind)
+            return self.element(stem, _plain(self.entry(kind, sweep, f"LOOP{number}", self.loops_meant(kind, array))))
         if stem in ("position", "velocity"):
             assert isinstance(kind, EarKind)
             begins = [self.closure_offsets[n] for n in self.loops_meant(kind, array)]

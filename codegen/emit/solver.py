@@ -11,7 +11,7 @@ from typing import Any
 
 from ..loops.description import describe
 from ..loops.errors import AssemblyError, PartitionError
-from ..loops.partition import partition
+from ..loops.partition import Partition, partition
 from ..mechanics.expansion import LANE as LANE_MEMORY
 from ..mechanics.expansion import RECORD, Program, expand
 from ..mechanics.formulas import coefficient_formulas, force_formulas
@@ -30,7 +30,7 @@ UNROLLED_LINKS = 8
 """Models of at most so many links get one function per link unless another layout is asked for."""
 
 ALWAYS = (
-    "rotations", "turns", "closures", "residuals", "correct", "complete", "kinematics", "triangularize", "back_substitute", "newton_euler_out", "newton_euler_in",
+    "rotations", "turns", "closures", "residuals", "correct", "condition_numbers", "complete", "kinematics", "triangularize", "back_substitute", "newton_euler_out", "newton_euler_in",
     "balance_out", "balance_in", "balance_back", "force_tangents", "solve_in", "mass_out", "mass_in", "rates",
     "rate_tangents", "kinetic", "kinetic_tangents",
 )  # fmt: skip
@@ -59,6 +59,8 @@ class Source:
         After every pass: operations of all blocks, and seconds.
     choice : list of str
         What was chosen for closed loops, in words.
+    chosen : Partition or None
+        The same as data.
     """
 
     files: dict[str, str]
@@ -69,6 +71,7 @@ class Source:
     seconds: dict[str, float] = field(default_factory=dict)
     passes: list[tuple[str, Operations, float]] = field(default_factory=list)
     choice: list[str] = field(default_factory=list)
+    chosen: Partition | None = None
 
 
 @contextmanager
@@ -84,7 +87,7 @@ def collector_paused() -> Iterator[None]:
 
 
 @collector_paused()
-def write_solver(model: Model, layout: str = "auto") -> Source:
+def write_solver(model: Model, layout: str = "auto", chosen: Partition | None = None) -> Source:
     """Expand a model and print its solver.
 
     Parameters
@@ -92,6 +95,8 @@ def write_solver(model: Model, layout: str = "auto") -> Source:
     model : Model
     layout : {"auto", "kinds", "unrolled"}
         One C function per kind of link, or one per link.
+    chosen : Partition, optional
+        Of the model's speeds, where it has loops; found if left out.
     """
     seconds: dict[str, float] = {}
     clock = time.perf_counter()
@@ -105,8 +110,7 @@ def write_solver(model: Model, layout: str = "auto") -> Source:
     if not model.nu:
         raise ModelError([Problem(model.name, None, None, "bodies", "no joint has a freedom, so nothing can move")])
     unrolled = layout == "unrolled" or (layout == "auto" and len(model.bodies) <= UNROLLED_LINKS)
-    chosen = None
-    if model.loops:
+    if model.loops and chosen is None:
         try:
             chosen = partition(model)
         except (AssemblyError, PartitionError) as error:
@@ -147,6 +151,7 @@ def write_solver(model: Model, layout: str = "auto") -> Source:
         seconds,
         program.report,
         describe(model, chosen) if chosen else [],
+        chosen,
     )
 
 

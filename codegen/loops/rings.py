@@ -23,7 +23,10 @@ PATIENCE = 6
 """Steps that must take a third off the residual."""
 
 LARGEST_STEP = 0.7
-"""rad, or characteristic lengths; longer steps are shortened, as a linearisation means nothing over half a radian."""
+"""rad, or characteristic lengths: over more than half a radian a linearisation means nothing."""
+
+LEAST_STEP = 1e-5
+"""Where steps of this length do not help, none will."""
 
 LEAST_PIVOT = 1e-9
 """Singular values of the closure matrix below this part of the largest are not divided by."""
@@ -144,10 +147,11 @@ class Outcome:
 
 
 def close(ring: Ring, q: Array, movable: Array) -> Outcome:
-    """Close the loops of a ring by minimum-norm least-squares Newton steps.
+    """Close the loops of a ring by minimum-norm least-squares Newton steps within a trust region.
 
-    Each step must lower the largest residual, else it is shortened; where no length will do it is damped (Levenberg and
-    Marquardt). Angles count in rad, displacements in characteristic lengths.
+    A step longer than the linearisation is good for is not shortened but damped (Levenberg and Marquardt): near a singular
+    pose the joints that matter go on then, and only the one that is lost waits. Angles count in rad, displacements in
+    characteristic lengths.
 
     Parameters
     ----------
@@ -159,46 +163,47 @@ def close(ring: Ring, q: Array, movable: Array) -> Outcome:
     g, speeds = ring.geometry, ring.joints.speeds[movable]
     scale = np.where(g.turning[speeds], 1.0, ring.length)
     rows, E = ring.evaluate(q)
-    norm = np.max(np.abs(rows), initial=0.0)
+    norm = np.linalg.norm(rows)
     unit = 1 + ring.reach()
-    damping, progress = 0.0, norm
-    for count in range(MAX_STEPS):
-        if norm <= ROUNDING * unit or not len(speeds):
+    radius, progress = LARGEST_STEP, norm
+    for count in range(MAX_STEPS if len(speeds) else 0):
+        if norm <= ROUNDING * unit or radius < LEAST_STEP:
             break
         if count % PATIENCE == PATIENCE - 1:
             if norm > 0.7 * progress:
                 break
             progress = norm
-        y = _step(E[0][:, movable] * scale, rows[0], damping)
-        y *= min(1.0, LARGEST_STEP / max(float(np.abs(y).max()), 1e-300))
-        part = 1.0
-        for _ in range(5):
-            q_new = advance(g, q, speeds, part * (scale * y)[None])
-            rows_new, E_new = ring.evaluate(q_new)
-            norm_new = np.abs(rows_new).max()
-            better = norm_new <= (1 - 1e-3 * part) * norm
-            if better or norm < CLOSED * unit:
-                break
-            part /= 3
-        if better:
-            slow = norm_new > 0.5 * norm and norm_new < CLOSED * unit  # rounding has been reached
+        scaled = E[0][:, movable] * scale
+        y = _step(scaled, rows[0], radius)
+        q_new = advance(g, q, speeds, (scale * y)[None])
+        rows_new, E_new = ring.evaluate(q_new)
+        norm_new = np.linalg.norm(rows_new)
+        expected = norm - np.linalg.norm(rows[0] + scaled @ y)
+        rounding = norm < CLOSED * unit and norm_new > 0.5 * norm
+        if norm_new < norm:
+            won = norm - norm_new
             q, rows, E, norm = q_new, rows_new, E_new, norm_new
-            damping = damping / 10 if damping > 1e-3 else 0.0
-            if slow:
-                break
         else:
-            damping = damping * 10 if damping else 0.01
-            if norm < CLOSED * unit or damping > 2:
-                break
-    return Outcome(q, rows[0], bool(norm < CLOSED * unit))
+            won = 0.0
+        if rounding:
+            break
+        if won < 0.25 * expected:
+            radius = np.abs(y).max() / 3
+        elif won > 0.7 * expected:
+            radius = min(2 * radius, LARGEST_STEP)
+    return Outcome(q, rows[0], bool(np.abs(rows).max() < CLOSED * unit))
 
 
-def _step(E: Array, rows: Array, damping: float) -> Array:
-    """The step ``(f,)``, damped by `damping` times the largest singular value."""
+def _step(E: Array, rows: Array, radius: float) -> Array:
+    """The step ``(f,)``, damped until no component is larger than the radius."""
     U, s, Vt = np.linalg.svd(E, full_matrices=False)
-    s = s[s > LEAST_PIVOT * max(s[0], 1e-300)]
-    k = len(s)
-    if not k:
-        return np.zeros(E.shape[1])
-    step: Array = -Vt[:k].T @ (s / (s * s + (damping * s[0]) ** 2) * (U[:, :k].T @ rows))
+    k = int(np.sum(s > LEAST_PIVOT * max(s[0], 1e-300)))
+    s, against = s[:k], U[:, :k].T @ rows
+    step: Array = np.zeros(E.shape[1])
+    damping = 0.0
+    while k:
+        step = -Vt[:k].T @ (s / (s * s + damping) * against)
+        if np.abs(step).max() <= radius:
+            break
+        damping = 4 * damping or (0.03 * s[-1]) ** 2
     return step

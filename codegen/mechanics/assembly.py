@@ -118,3 +118,32 @@ def newton_step(x: Any, kind: Any) -> None:
         store_vector(x, f"me#{k}", "st", twist.angular)
         store_vector(x, f"me#{k}", "sd", twist.linear)
         store_vector(x, f"me#{k}", "ro", ear.position(k))
+
+
+def conditions(x: Any, kind: Any) -> None:
+    """Block of an ear: the condition number of its closure matrix, in Frobenius norms over the least there can be."""
+    f = stored_factor(x, kind)
+    n = len(f.order)
+    value: Any = 1
+    if n > 1:
+        R: dict[tuple[int, int], Any] = {}
+        for j in range(n):
+            R[j, j] = x.let("r", 1 / f.inverse[j], "Eq. 35")
+            R |= {(i, j): f.R[i, j] for i in range(j) if (i, j) in f.R}
+        inverse = _inverse(x, R, f.inverse)
+        size, share = (x.let("size", sum(v * v for v in m.values()), "Eq. 35") for m in (R, inverse))
+        value = ANY if x.structural else x.let("condition", sympy.sqrt(size * share) / n, "Eq. 35")
+    for c in range(len(kind.closures)):
+        x.store(f"condition#{c}", "0", value if n else 0)
+
+
+def _inverse(x: Any, R: dict[tuple[int, int], Any], diagonal: list[Any]) -> dict[tuple[int, int], Any]:
+    """Of an upper triangular matrix."""
+    n = len(diagonal)
+    found: dict[tuple[int, int], Any] = {}
+    for j in range(n):
+        found[j, j] = diagonal[j]
+        for i in reversed(range(j)):
+            rest = sum(R[i, k] * found[k, j] for k in range(i + 1, j + 1) if (i, k) in R and (k, j) in found)
+            found[i, j] = x.let("inv", -rest * diagonal[i], "Eq. 35")
+    return found

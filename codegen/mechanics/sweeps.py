@@ -115,6 +115,8 @@ SWEEPS: tuple[Sweep, ...] = (
           ear=assembly.residuals, units=True),
     Sweep("correct", "Newton's step of the dependent coordinates", _nothing, OUTWARD, applies=_never,
           ear=assembly.newton_step, units=True),
+    Sweep("condition_numbers", "condition numbers of the closure matrices", _nothing, OUTWARD, applies=_never,
+          ear=assembly.conditions, units=True),
     Sweep("complete", "completion of seeds: differentiated closure of positions and velocities (Eq. 30)",
           loop_balance.link_displacement, OUTWARD, lanes=True, tangents=True, ear=loop_balance.complete, units=True, closing=True),
     Sweep("pose", "positions and attitudes in the ground frame", energy.pose, OUTWARD),

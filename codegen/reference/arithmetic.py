@@ -189,6 +189,11 @@ class LeftInverse:
     arithmetic : Arithmetic
     E : (m, n)
 
+    Attributes
+    ----------
+    Q : (m, n)
+        Orthonormal columns that span those of E.
+
     Raises
     ------
     SingularMatrixError
@@ -199,8 +204,8 @@ class LeftInverse:
         m, n = E.shape
         self._zeros = arithmetic.zeros
         self._order = list(range(n))
-        self._Q, self._R = arithmetic.zeros(m, n), arithmetic.zeros(n, n)
-        Q, R, order, left, root = self._Q, self._R, self._order, E.copy(), arithmetic.function("sqrt")
+        self.Q, self._R = arithmetic.zeros(m, n), arithmetic.zeros(n, n)
+        Q, R, order, left, root = self.Q, self._R, self._order, E.copy(), arithmetic.function("sqrt")
         tolerance = 8 * max(m, n) * arithmetic.epsilon
         longest = 0
         for j in range(n):
@@ -222,7 +227,7 @@ class LeftInverse:
 
     def __call__(self, b: Array) -> Array:
         """E^+ b for b (..., m, c), (..., n, c)."""
-        y = self._Q.T @ b
+        y = self.Q.T @ b
         n = len(self._order)
         x = self._zeros(*b.shape[:-2], n, b.shape[-1])
         for j in reversed(range(n)):

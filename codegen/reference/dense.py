@@ -28,7 +28,7 @@ from typing import Any
 import numpy as np
 
 from ..model.model import Body, Spring
-from .arithmetic import Array, SingularMatrixError
+from .arithmetic import Array, LeftInverse, SingularMatrixError
 from .conditions import Conditions, conditions
 from .engine import Engine, State
 from .ground_frame import Frame, Freedoms, cross, motion, quaternion_product, rotation_of
@@ -52,10 +52,13 @@ class DenseEngine(Engine):
             return self._solve(M, K), pairs.constant(np.zeros((0, 1), int))
         known = self._conditions(state)
         kept = self._kept(known.jacobian.value)
-        Phi_q, B = known.jacobian[kept], known.remainder[kept]
+        # The same conditions, combined so that their rows are orthonormal here: the system is then as good as M.
+        inverse = LeftInverse(self.arithmetic, known.jacobian.value[kept].T)
+        W = pairs.constant(inverse(inverse.Q).T)
+        Phi_q, B = W @ known.jacobian[kept], W @ known.remainder[kept]
         zero = pairs.constant(np.zeros((len(kept), len(kept)), int))
         x = self._solve(pairs.block([[M, Phi_q.mT], [Phi_q, zero]]), pairs.block([[K], [-B]]))
-        return x[:nu], self._shared(known.jacobian, kept, x[nu:])
+        return x[:nu], self._shared(known.jacobian, kept, W.mT @ x[nu:])
 
     def _solve_mass(self, state: State, b: Pair) -> Pair:
         return self._solve(self._mass_matrix(state), b)

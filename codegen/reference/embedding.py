@@ -27,6 +27,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -39,6 +40,17 @@ from .pairs import Pair, Pairs
 
 if TYPE_CHECKING:
     from .recursive import Terms
+
+
+class Places:
+    """Where the parts of z stand: six entries for each end, the independent accelerations y, the 1."""
+
+    def __init__(self, group: Group) -> None:
+        self.ends = {x: slice(6 * i, 6 * i + 6) for i, x in enumerate(group.ends)}
+        first = 6 * len(group.ends)
+        self.y = slice(first, first + len(group.independent))
+        self.one = slice(self.y.stop, self.y.stop + 1)
+        self.size = self.one.stop
 
 
 @dataclass(slots=True)
@@ -88,12 +100,38 @@ class _Inward:
 
     def eliminate(self, group: Group, ear: EarClosure, remainders: Sequence[Pair]) -> Eliminated:
         """Take a group out of the system: Eqs. 39 to 52 and the couplings C(k)."""
-        pairs, ends = self.pairs, group.ends
-        H, Y, y = motion_of_members(self.model, group, ear, self.bodies, remainders, pairs)
-        one = slice(y.stop, y.stop + 1)
+        z = Places(group)
+        H, Y = motion_of_members(self.model, group, z, ear, self.bodies, remainders, self.pairs)
+        Z, f, outside = self._share(group, z, H, Y)
 
-        # The Gibbs function in z. What the members are coupled to outside: A_i^T (outside[i]) z.
-        Z, f = zero(pairs, one.stop, one.stop), zero(pairs, one.stop, 1)
+        D, r = Z[z.y, z.y], f[z.y]  # Eq. 47
+        D_inverse = self._inverse(group, z, H, D)
+        h = {x: Z[place, z.y] for x, place in z.ends.items()} | {i: R[:, z.y] for i, R in outside.items()}
+
+        # What the group is to its ends, and to those outside that its members were coupled to ...
+        for x, place in z.ends.items():
+            self.I_hat[x] = self.I_hat[x] + Z[place, place]
+            self.F_hat[x] = self.F_hat[x] + f[place]
+        for x, other in combinations(z.ends, 2):
+            self._couple(x, other, Z[z.ends[x], z.ends[other]])
+        for i, R in outside.items():
+            self.F_hat[i] = self.F_hat[i] - R[:, z.one]
+            for x, place in z.ends.items():
+                self._couple(i, x, R[:, place])
+        # ... less what y takes.
+        T = {x: h_x @ D_inverse for x, h_x in h.items()}
+        for x in h:
+            self.I_hat[x] = self.I_hat[x] - T[x] @ h[x].mT  # Eq. 44
+            self.F_hat[x] = self.F_hat[x] - T[x] @ r  # Eq. 45
+        for x, other in combinations(h, 2):
+            self._couple(x, other, -(T[x] @ h[other].mT))  # Eq. 43
+        self._forget(group, z, H)
+        return Eliminated(H, Y, D_inverse, r, h)
+
+    def _share(self, group: Group, z: Places, H: dict[int, Pair], Y: Pair) -> tuple[Pair, Pair, dict[int, Pair]]:
+        """The group's Gibbs function z^T Z z / 2 - f^T z, and what it is coupled to outside: A_i^T (outside[i]) z."""
+        pairs = self.pairs
+        Z, f = zero(pairs, z.size, z.size), zero(pairs, z.size, 1)
         outside: dict[int, Pair] = {}
         for j in group.members:
             Z = Z + H[j].mT @ self.I_hat[j] @ H[j]  # Eqs. 39 and 40
@@ -102,63 +140,37 @@ class _Inward:
                 if i in H:
                     Z = Z + H[j].mT @ Q_ji @ H[i]
                 else:
-                    outside[i] = outside.get(i, zero(pairs, 6, one.stop)) + Q_ji.mT @ H[j]
-        tau_dependent, tau = (
-            sum((selection(pairs, self.model, j, speeds).mT @ self.bodies[j].pair("tau") for j in group.members), none)
-            for speeds in (group.dependent, group.independent)
-            for none in (zero(pairs, len(speeds), 1),)
-        )
-        f = f + Y.mT @ tau_dependent
-        _add(f, y, slice(0, 1), tau)
-        places = {x: slice(6 * i, 6 * i + 6) for i, x in enumerate(ends)}
-        for x, place in places.items():
-            if x in outside:  # an end that members are coupled to: part of z
+                    outside[i] = outside.get(i, zero(pairs, 6, z.size)) + Q_ji.mT @ H[j]
+            tau = self.bodies[j].pair("tau")
+            f = f + Y.mT @ selection(pairs, self.model, j, group.dependent).mT @ tau
+            _add(f, z.y, slice(0, 1), selection(pairs, self.model, j, group.independent).mT @ tau)
+        for x, place in z.ends.items():
+            if x in outside:  # an end that members are coupled to is part of z: the block and its transpose
                 R = outside.pop(x)
                 _add(Z, place, slice(None), R)
                 _add(Z, slice(None), place, R.mT)
-        f = f - Z[:, one]
+        return Z, f - Z[:, z.one], outside
 
-        # Eliminate y.
-        D, r = Z[y, y], f[y]  # Eq. 47
-        D_inverse = self._inverse(group, H, y, D)
-        h = {x: Z[place, y] for x, place in places.items()} | {i: R[:, y] for i, R in outside.items()}
-
-        # Hand on: what the group is to its ends and to those its members were coupled to, less what y takes.
+    def _forget(self, group: Group, z: Places, H: dict[int, Pair]) -> None:
+        """Drop the couplings of the members, and hand on what their inertia would be with all joints locked."""
         for j in group.members:
             for i in self.Q.pop(j):
                 if i in self.Q:
                     del self.Q[i][j]
-        for n, (x, place) in enumerate(places.items()):
-            self.I_hat[x] = self.I_hat[x] + Z[place, place]
-            self.F_hat[x] = self.F_hat[x] + f[place]
-            for j in group.members:
+            for x, place in z.ends.items():
                 Gamma = H[j].value[:, place]
                 self.I_locked[x] = self.I_locked[x] + Gamma.mT @ self.I_locked[j] @ Gamma
-            for other in ends[n + 1 :]:
-                self._couple(x, other, Z[place, places[other]])
-        for i, R in outside.items():
-            self.F_hat[i] = self.F_hat[i] - R[:, one]
-            for x, place in places.items():
-                self._couple(i, x, R[:, place])
-        taken = list(h)
-        for n, x in enumerate(taken):
-            T = h[x] @ D_inverse
-            self.I_hat[x] = self.I_hat[x] - T @ h[x].mT  # Eq. 44
-            self.F_hat[x] = self.F_hat[x] - T @ r  # Eq. 45
-            for other in taken[n + 1 :]:
-                self._couple(x, other, -(T @ h[other].mT))  # Eq. 43
-        return Eliminated(H, Y, D_inverse, r, h)
 
     def _couple(self, i: int, j: int, Q_ij: Pair) -> None:
         for a, b, block in ((i, j, Q_ij), (j, i, Q_ij.mT)):
             known = self.Q[a].get(b)
             self.Q[a][b] = block if known is None else known + block
 
-    def _inverse(self, group: Group, H: dict[int, Pair], y: slice, D: Pair) -> Pair:
+    def _inverse(self, group: Group, z: Places, H: dict[int, Pair], D: Pair) -> Pair:
         """D^-1 with its derivative, Eq. 52 with its minus; a body without inertia about its joint is named."""
         scale = 0 * D.value
         for j in group.members:
-            N = H[j].value[:, y]
+            N = H[j].value[:, z.y]
             scale = scale + N.mT @ self.I_locked[j] @ N
         try:
             inverse = self.pairs.arithmetic.inverse(D.value, [scale[i, i] for i in range(len(scale))])
@@ -171,28 +183,25 @@ class _Inward:
 def motion_of_members(
     model: Model,
     group: Group,
+    z: Places,
     ear: EarClosure,
     bodies: Sequence[Terms],
     remainders: Sequence[Pair],
     pairs: Pairs,
-) -> tuple[dict[int, Pair], Pair, slice]:
-    """H of every member, (6, n), and Y, (r, n), with A_bar = H z and dependent udot = Y z; where y stands in z."""
-    y = slice(6 * len(group.ends), 6 * len(group.ends) + len(group.independent))
-    n = y.stop + 1
-    motion: dict[int, Pair] = {}
-    for i, x in enumerate(group.ends):
-        motion[x] = pairs.constant(np.eye(6, n, 6 * i, dtype=int))
+) -> tuple[dict[int, Pair], Pair]:
+    """H of every member, (6, n), and Y, (r, n): A_bar = H z, dependent udot = Y z."""
+    motion = {x: pairs.constant(np.eye(6, z.size, place.start, dtype=int)) for x, place in z.ends.items()}
     for j in group.members:
         parent = model.bodies[j].parent
-        own = zero(pairs, 6, n)
-        _add(own, slice(None), y, bodies[j].pair("P") @ selection(pairs, model, j, group.independent))
+        own = zero(pairs, 6, z.size)
+        _add(own, slice(None), z.y, bodies[j].pair("P") @ selection(pairs, model, j, group.independent))
         motion[j] = bodies[j].pair("S").mT @ motion[parent] + own if parent in motion else own  # Eq. 19
-    Y = zero(pairs, len(group.dependent), n)
+    Y = zero(pairs, len(group.dependent), z.size)
     if group.dependent:
         b = ear.conditions(motion)
-        _add(b, slice(None), slice(n - 1, n), pairs.block([[remainders[i]] for i in group.loops]))
+        _add(b, slice(None), z.one, pairs.block([[remainders[i]] for i in group.loops]))
         Y = ear.solve(b)
-    return {j: motion[j] + ear.G[j] @ Y for j in group.members}, Y, y  # Eqs. 31, 37, 38
+    return {j: motion[j] + ear.G[j] @ Y for j in group.members}, Y  # Eqs. 31, 37, 38
 
 
 def back_substitution(model: Model, groups: Sequence[Group], eliminated: Sequence[Eliminated], pairs: Pairs) -> Pair:

@@ -703,14 +703,21 @@ class Solver:
             "q": (nq,), "u": (nu,), "p": (n_p,), "inputs": (ninputs,), "t": (), "udot": (nu,), "b": (nu,),
             "qdot": (nq,), "x": (nu,), "force": (nu,), "energy": (2,), "outputs": (self.noutputs,), "M": (nu, nu),
             "J_q": (nu, nq), "J_u": (nu, nu), "J_p": (nu, n_p), "J_inputs": (nu, ninputs), "J_t": (nu,),
-            "position": (len(self.closure_names),), "velocity": (len(self.closure_names),), "step": (nq,),
+            "position": (len(self.closure_names),), "velocity": (len(self.closure_names),), "condition": (len(manifest.get("loops", ())),), "step": (nq,),
             "full_q": (nq,), "full_u": (nu,),
         }  # fmt: skip
-        self._functions = {name: self._function(name, entry) for name, entry in manifest["functions"].items()}
+        self._functions = self._functions_of(manifest)
         self._initial = np.array(manifest["initial"]["q"], float), np.array(manifest["initial"]["u"], float)
         self._quaternions: tuple[int, ...] = tuple(manifest["quaternions"])
         self._left_out = {"p": np.array(manifest["parameters"], float), "inputs": np.zeros(ninputs)}
-        self._target = self._choose(manifest.get("target", "c") if target is None else target)
+        self._wanted = manifest.get("target", "c") if target is None else target
+        self._target = self._choose(self._wanted, manifest)
+        self._manifests: list[dict[str, Any]] = [manifest, *([manifest["second"]] if "second" in manifest else [])]
+        self._made = {0: (self._functions, self._target)}
+        self._partition = 0
+
+    def _functions_of(self, manifest: Mapping[str, Any]) -> dict[str, Function]:
+        return {name: self._function(name, entry) for name, entry in manifest["functions"].items()}
 
     def _function(self, name: str, entry: Mapping[str, Any]) -> Function:
         seeds = {s: math.prod(self._shapes[s[1:]]) for s in entry.get("seeds", ())}
@@ -721,22 +728,22 @@ class Solver:
             name, tuple(entry["arguments"]), seeds, results, shapes, derived, tuple(entry.get("widths", ()))
         )
 
-    def _choose(self, target: str) -> CTarget | NumpyTarget:
+    def _choose(self, target: str, manifest: Mapping[str, Any]) -> CTarget | NumpyTarget:
         if target not in ("c", "numpy", "both"):
             raise ValueError(f"target is {target!r}; allowed are 'c', 'numpy' and 'both'")
         if target == "numpy":
-            return NumpyTarget(self.folder, self._manifest)
+            return NumpyTarget(self.folder, manifest)
         try:
-            compiled = CTarget(self.folder, self._manifest)
+            compiled = CTarget(self.folder, manifest)
         except NoCompilerError as error:
             warnings.warn(
                 f"{self.name}: {error}. The NumPy target (target='numpy') serves instead: same numbers, slower",
                 RuntimeWarning,
                 stacklevel=4,
             )
-            return NumpyTarget(self.folder, self._manifest)
+            return NumpyTarget(self.folder, manifest)
         if target == "both":
-            self._compare(compiled, NumpyTarget(self.folder, self._manifest))
+            self._compare(compiled, NumpyTarget(self.folder, manifest))
         return compiled
 
     def __getstate__(self) -> tuple[str, str]:
@@ -768,6 +775,60 @@ class Solver:
     def initial(self) -> tuple[Array, Array]:
         """The model's initial state (q, u) at the default parameters, assembled."""
         return self.assemble()
+
+    # -- partitions ----------------------------------------------------------------------------------------------------
+
+    @property
+    def partitions(self) -> tuple[tuple[str, ...], ...]:
+        """Names of the independent coordinates of each partition that the package holds; one, or two."""
+        return tuple(tuple(m.get("independent_names", self.coordinate_names)) for m in self._manifests)
+
+    @property
+    def partition(self) -> int:
+        """The partition in use."""
+        return self._partition
+
+    def use_partition(self, partition: int) -> None:
+        """Take other independent coordinates from now on; states keep their meaning, since q and u hold all coordinates and speeds.
+
+        Not while other threads use this solver.
+        """
+        if not 0 <= partition < len(self._manifests):
+            raise ValueError(f"partition {partition}: there are {len(self._manifests)}, counted from 0")
+        manifest = self._manifests[partition]
+        if partition not in self._made:
+            self._made[partition] = self._functions_of(manifest), self._choose(self._wanted, manifest)
+        self._functions, self._target = self._made[partition]
+        self._partition = partition
+        self.independent_names = tuple(manifest.get("independent_names", self.coordinate_names))
+        self.independent_speed_names = tuple(manifest.get("independent_speed_names", self.speed_names))
+
+    def condition(self, q: ArrayLike, p: Numbers = None) -> Array:
+        """Worst condition number of the closure matrices, for each partition, (..., len(partitions)).
+
+        One is best; infinite where a loop has lost rank. The figure is the product of the Frobenius norms of the matrix and its
+        inverse, divided by its size; linear conditions are divided by the characteristic length.
+        """
+        arrays, batch = self._arguments({"q": q, "p": p})
+        found = np.ones((*batch, len(self._manifests)))
+        if not self.closure_names:
+            return found
+        q_all = np.broadcast_to(arrays["q"], (*batch, self.nq))
+        p_all = np.broadcast_to(arrays["p"], (*batch, self.np))
+        before = self._partition
+        try:
+            for k in range(len(self._manifests)):
+                self.use_partition(k)
+                for state in np.ndindex(batch):
+                    given = {"q": q_all[state].copy(), "p": p_all[state].copy()}
+                    try:
+                        (values,) = self._target.values(self._functions["conditions"], given, ())
+                        found[(*state, k)] = values.max(initial=1.0)
+                    except SingularLoopError:
+                        found[(*state, k)] = math.inf
+        finally:
+            self.use_partition(before)
+        return found
 
     @property
     def operations(self) -> dict[str, Any]:
