@@ -163,7 +163,7 @@ def close(ring: Ring, q: Array, movable: Array) -> Outcome:
     g, speeds = ring.geometry, ring.joints.speeds[movable]
     scale = np.where(g.turning[speeds], 1.0, ring.length)
     rows, E = ring.evaluate(q)
-    norm = np.linalg.norm(rows)
+    norm = float(np.linalg.norm(rows))
     unit = 1 + ring.reach()
     radius, progress = LARGEST_STEP, norm
     for count in range(MAX_STEPS if len(speeds) else 0):
@@ -177,8 +177,8 @@ def close(ring: Ring, q: Array, movable: Array) -> Outcome:
         y = _step(scaled, rows[0], radius)
         q_new = advance(g, q, speeds, (scale * y)[None])
         rows_new, E_new = ring.evaluate(q_new)
-        norm_new = np.linalg.norm(rows_new)
-        expected = norm - np.linalg.norm(rows[0] + scaled @ y)
+        norm_new = float(np.linalg.norm(rows_new))
+        expected = norm - float(np.linalg.norm(rows[0] + scaled @ y))
         rounding = norm < CLOSED * unit and norm_new > 0.5 * norm
         if norm_new < norm:
             won = norm - norm_new
@@ -188,7 +188,7 @@ def close(ring: Ring, q: Array, movable: Array) -> Outcome:
         if rounding:
             break
         if won < 0.25 * expected:
-            radius = np.abs(y).max() / 3
+            radius = float(np.abs(y).max()) / 3
         elif won > 0.7 * expected:
             radius = min(2 * radius, LARGEST_STEP)
     return Outcome(q, rows[0], bool(np.abs(rows).max() < CLOSED * unit))

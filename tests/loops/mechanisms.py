@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from random_models import expression, vector
 
+from codegen.loops import closure_matrix
 from codegen.loops.closure import body_frames
 from codegen.loops.geometry import Geometry, padded
 from codegen.model.model import GROUND, Body, Face, Joint, Loop, Model
@@ -238,3 +240,36 @@ def axis_angle(R: np.ndarray) -> tuple:
     """A rotation as the model wants it."""
     v = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
     return ((floats(v), float(np.arctan2(np.linalg.norm(v), np.trace(R) - 1))),)
+
+
+def turned(model_: Model, rotation: tuple) -> Model:
+    """The same mechanism in another world: everything on the ground hangs on a body that is fixed to it, turned."""
+    frame = body("frame", GROUND, "fixed", at=(0.3, -0.2, 0.5), rotation=(rotation,))
+    moved = [replace(b, parent=b.parent + 1) for b in model_.bodies]
+    loops = [
+        replace(x, start=replace(x.start, body=x.start.body + 1), end=replace(x.end, body=x.end.body + 1))
+        for x in model_.loops
+    ]
+    return replace(model_, bodies=(frame, *moved), loops=tuple(loops))
+
+
+def on_free_body(model_: Model) -> Model:
+    """The same mechanism on a body that floats."""
+    result = turned(model_, (X, 0.4))
+    return replace(result, bodies=(body("float", GROUND, "free"), *result.bodies[1:]))
+
+
+def jacobian(model_: Model, q: Any, p: Any = None) -> np.ndarray:
+    """Closure matrices of all loops over all speeds, ``(m, nu)``."""
+    blocks = []
+    for i in range(len(model_.loops)):
+        speeds, E = closure_matrix(model_, i, q, p)
+        block = np.zeros((len(E), model_.nu))
+        block[:, list(speeds)] = E
+        blocks.append(block)
+    return np.concatenate(blocks)
+
+
+def rank_of(J: np.ndarray) -> int:
+    s = np.linalg.svd(J, compute_uv=False)
+    return int(np.sum(s > 1e-8 * s[0]))
