@@ -48,6 +48,7 @@ def _generate_arguments(parser: argparse.ArgumentParser) -> None:
                         help="one C function per kind of link, or one per link")  # fmt: skip
     parser.add_argument("--partitions", type=int, choices=(1, 2), default=1,
                         help="hold a second choice of independent coordinates, to change to at dead points")
+    parser.add_argument("--reactions", action="store_true", help="the solver also gives what joints and loops transmit")
     parser.add_argument("--no-check", action="store_true", help="do not compare with the generic engine")
     parser.add_argument("--no-compile", action="store_true", help="write the sources only")
     parser.add_argument("-v", "--verbose", action="store_true", help="print passes and operations of every sweep")
@@ -80,6 +81,7 @@ def run_generate(options: argparse.Namespace) -> int:
     try:
         report = generate(
             options.model, options.output, options.target, options.layout, partitions=options.partitions,
+            reactions=options.reactions,
             compile=not options.no_compile,
             check=not options.no_check and not options.no_compile,
         )  # fmt: skip

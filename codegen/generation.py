@@ -103,6 +103,7 @@ def generate(
     layout: str = "auto",
     *,
     partitions: int = 1,
+    reactions: bool = False,
     compile: bool = True,
     check: bool = False,
 ) -> Report:
@@ -120,6 +121,8 @@ def generate(
     partitions : {1, 2}
         With 2, and where another choice of independent coordinates closes the loops, the package holds both; see
         `Solver.use_partition`.
+    reactions : bool
+        The solver has `Solver.reactions`: what joints and loops transmit.
     compile, check : bool
         Compile now; compare with `codegen.reference.RecursiveEngine` at three random states.
 
@@ -154,11 +157,11 @@ def generate(
 
     from .emit.solver import write_solver
 
-    source = write_solver(model, layout)
+    source = write_solver(model, layout, reactions=reactions)
     seconds |= source.seconds
     if partitions == 2 and source.chosen is not None:
         with _timed(seconds, "second partition"):
-            add_second(model, layout, source)
+            add_second(model, layout, source, reactions)
     with _timed(seconds, "write"):
         files = source.files | package_files(source, target, origin)
         written = write_folder(path, files)
@@ -192,7 +195,7 @@ SECOND = "_second"
 """What the names of files and C functions of a second partition have after the model's."""
 
 
-def add_second(model: Model, layout: str, source: Any) -> None:
+def add_second(model: Model, layout: str, source: Any, reactions: bool) -> None:
     """Add the solver of a second partition to the files and the manifest of the first."""
     from .emit.solver import write_solver
     from .loops.alternatives import second_partition
@@ -201,7 +204,7 @@ def add_second(model: Model, layout: str, source: Any) -> None:
     if found is None:
         source.choice.append("no second partition: no other choice of independent coordinates closes the loops")
         return
-    second = write_solver(dataclasses.replace(model, name=f"{model.name}{SECOND}"), layout, found)
+    second = write_solver(dataclasses.replace(model, name=f"{model.name}{SECOND}"), layout, found, reactions)
     source.files |= second.files
     source.manifest["second"] = second.manifest
     source.choice += ["second partition:", *second.choice]

@@ -38,8 +38,8 @@ def of_directions(array: str) -> bool:
 class CWriter(Writer):
     """C source of a program; a place is (name of a pointer, its expression, index)."""
 
-    def __init__(self, *program: Any):
-        super().__init__(*program)
+    def __init__(self, *program: Any, reactions: bool = False):
+        super().__init__(*program, reactions=reactions)
         self.printer = Printer(C_FUNCTIONS)
         self.tables: list[tuple[str, list[str]]] = []
 
@@ -166,6 +166,12 @@ class CWriter(Writer):
         if stem == "lregion":
             at = self.entry(kind, sweep, "REGION", self.numbers_of_regions(kind))
             return "lregion", f"a->region_lanes + REGION_LANE_SIZE*{at}", layout.region_lane[name]
+        if stem == "reaction":
+            return variable, f"a->reaction + 6*{of_links('NUMBER')}", int(name)
+        if stem == "loop_reaction":
+            assert isinstance(kind, EarKind)
+            at = self.entry(kind, sweep, f"LOOP{array.partition('#')[2]}", self.loops_meant(kind, array))
+            return variable, f"a->loop_reaction + 6*{at}", int(name)
         if stem == "condition":
             assert isinstance(kind, EarKind)
             at = self.entry(kind, sweep, f"LOOP{array.partition('#')[2]}", self.loops_meant(kind, array))
@@ -323,6 +329,7 @@ class CWriter(Writer):
         scratch = max((sum(size[n] for n in f.seeds_sizes() + f.derived()) for f in functions if f.widths), default=0)
         self.workspace = at + 8 + scratch
         pointers = ["double *" + n for n in ("udot", "qdot", "force", "energy", "outputs")]
+        pointers += ["double *" + n for n in ("reaction", "loop_reaction") if self.reactions]
         pointers += ["double *" + n for n in ("position", "velocity", "condition", "step") if use["loops"]]
         sources = [f"const double *{n}" for n in state] + (["double t"] if use["time"] else [])
         seeds = [f"const LANES *d{n}" for n in state] + (["const LANES *dt"] if use["time"] else [])

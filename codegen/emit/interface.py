@@ -38,6 +38,7 @@ FUNCTION_SWEEPS: dict[str, tuple[str, ...]] = {
     "inverse_dynamics_sensitivities": ("start", "rotations", "kinematics", *_MASS_TANGENT, "mass_out", "mass_in"),
     "closure": ("start", "rotations", "closures", "residuals"),
     "newton_step": ("start", "rotations", "closures", "correct"),
+    "reactions": (*_FORWARD, "pose", "motion", "transmitted"),
     "conditions": ("start", "rotations", "closures", "condition_numbers"),
     "completion": ("start", "rotations", "closures"),
     "completion_sensitivities": ("start", "rotations", "closures", "turns", "complete"),
@@ -137,8 +138,8 @@ def uses(system: System) -> dict[str, bool]:
     }
 
 
-def interfaces(system: System) -> list[Interface]:
-    """The functions that a solver has."""
+def interfaces(system: System, reactions: bool = False) -> list[Interface]:
+    """The functions that a solver has; reactions where they are asked for."""
     use = uses(system)
     p = ["p"] if use["parameters"] else []
     rest = p + (["inputs"] if use["inputs"] else []) + (["t"] if use["time"] else [])
@@ -213,6 +214,12 @@ def interfaces(system: System) -> list[Interface]:
         ["energy"],
         "Energies and their total derivative along seeds.",
     )
+    if reactions:
+        wrenches = ["reaction", *(["loop_reaction"] if use["loops"] else [])]
+        result.append(
+            Interface("reactions", "Wrenches on links at their joints and on loops' end faces: moment, force; ground frame.",
+                      state, wrenches, [])
+        )  # fmt: skip
     if use["loops"]:
         result.append(
             Interface(
@@ -247,18 +254,22 @@ def interfaces(system: System) -> list[Interface]:
     return result
 
 
-def sizes(model: Model) -> dict[str, int]:
+def sizes(system: System) -> dict[str, int]:
     """Number of entries of every argument and result."""
+    model = system.model
     nq, nu, n_p, ninputs = model.nq, model.nu, len(model.parameters), len(model.inputs)
     return {
         "q": nq, "u": nu, "p": n_p, "inputs": ninputs, "t": 1, "udot": nu, "qdot": nq, "M": nu * nu, "b": nu, "x": nu,
         "force": nu, "energy": 2, "outputs": len(model.outputs), "J_q": nu * nq, "J_u": nu * nu, "J_p": nu * n_p,
         "J_inputs": nu * ninputs, "J_t": nu, "position": len(model.closure_names), "velocity": len(model.closure_names),
-        "condition": len(model.loops), "step": nq, "full_q": nq, "full_u": nu,
+        "condition": len(model.loops), "reaction": 6 * len(system.links), "loop_reaction": 6 * len(model.loops),
+        "step": nq, "full_q": nq, "full_u": nu,
     }  # fmt: skip
 
 
-def manifest(system: System, workspace: int, operations: Any, assembled: tuple[float, ...] = ()) -> dict[str, Any]:
+def manifest(
+    system: System, workspace: int, operations: Any, assembled: tuple[float, ...] = (), reactions: bool = False
+) -> dict[str, Any]:
     """What ``model.json`` says for the run time."""
     model = system.model
     defaults = {p.name: p.value for p in model.parameters}
@@ -278,7 +289,7 @@ def manifest(system: System, workspace: int, operations: Any, assembled: tuple[f
     unused = set() if use["energy_outputs"] else {"moments", "moment_tangents"}
     if not (use["energy_outputs"] or use["velocity_outputs"]):
         unused |= {"kinetic", "kinetic_tangents"}
-    for f in interfaces(system):
+    for f in interfaces(system, reactions):
         sweeps = [
             s for s in FUNCTION_SWEEPS[f.name] if s in operations and not (f.name.startswith("output") and s in unused)
         ]
@@ -302,8 +313,15 @@ def manifest(system: System, workspace: int, operations: Any, assembled: tuple[f
         "quaternions": quaternions,
         "links": [link.name for link in system.links],
         "loops": [loop.name for loop in model.loops],
+        "joint_links": [_joint_link(system, k) for k in range(len(model.bodies))],
         "workspace": workspace,
         "widths": list(WIDTHS),
         "functions": functions,
         "operations": operations,
     }
+
+
+def _joint_link(system: System, body: int) -> int:
+    """The link whose joint carries a body: -1 for a body that is fixed to what carries it."""
+    link, steps = system.carriers[body]
+    return -1 if steps else int(link)

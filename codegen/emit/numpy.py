@@ -32,7 +32,7 @@ SCALARS = ("records", "ears", "regions")
 AXES = {
     "q": "nq", "u": "nu", "p": "np", "inputs": "ninputs", "t": "", "udot": "nu", "qdot": "nq", "M": "nu, nu", "b": "nu",
     "x": "nu", "force": "nu", "energy": "2", "outputs": "noutputs", "J_q": "nu, nq", "J_u": "nu, nu", "J_p": "nu, np",
-    "J_inputs": "nu, ninputs", "J_t": "nu", "position": "nclosure", "velocity": "nclosure", "condition": "nloops", "step": "nq", "full_q": "nq",
+    "J_inputs": "nu, ninputs", "J_t": "nu", "position": "nclosure", "velocity": "nclosure", "condition": "nloops", "reaction": "6*nlinks", "loop_reaction": "6*nloops", "step": "nq", "full_q": "nq",
     "full_u": "nu",
 }  # fmt: skip
 """Axes of arguments and results after those of the batch."""
@@ -47,8 +47,9 @@ class NumpyWriter(Writer):
         formulas: list[FormulaKind],
         records: list[RecordFormula],
         energy_outputs: list[tuple[int, int]],
+        reactions: bool = False,
     ):
-        super().__init__(program, formulas, records, energy_outputs)
+        super().__init__(program, formulas, records, energy_outputs, reactions)
         self.printer = NumpyPrinter()
         self.tables: dict[str, list[str]] = {}
 
@@ -132,6 +133,12 @@ class NumpyWriter(Writer):
         if stem in ("region", "lregion"):
             at = _plain(self.entry(kind, sweep, "REGION", self.numbers_of_regions(kind)))
             return stem, f"a.{self._memory(array)}[{at}]", f'["{name}"]'
+        if stem == "reaction":
+            return self.element(stem, f"6*{self.of_links(kind, sweep, array, 'NUMBER')} + {name}")
+        if stem == "loop_reaction":
+            assert isinstance(kind, EarKind)
+            at = self.entry(kind, sweep, f"LOOP{number}", self.loops_meant(kind, array))
+            return self.element(stem, f"6*{at} + {name}")
         if stem == "condition":
             assert isinstance(kind, EarKind)
             return self.element(stem, _plain(self.entry(kind, sweep, f"LOOP{number}", self.loops_meant(kind, array))))
@@ -270,15 +277,16 @@ def write_numpy(
     formulas: list[FormulaKind],
     records: list[RecordFormula],
     energy_outputs: list[tuple[int, int]],
+    reactions: bool = False,
 ) -> str:
     """The text of ``<name>_numpy.py``; needs NumPy only.
 
     Parameters
     ----------
-    program, formulas, records, energy_outputs
+    program, formulas, records, energy_outputs, reactions
         See `Writer`.
     """
-    return render("numpy/module.py.jinja", NumpyWriter(program, formulas, records, energy_outputs).context())
+    return render("numpy/module.py.jinja", NumpyWriter(program, formulas, records, energy_outputs, reactions).context())
 
 
 __all__ = ["NumpyWriter", "write_numpy"]

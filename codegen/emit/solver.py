@@ -87,7 +87,7 @@ def collector_paused() -> Iterator[None]:
 
 
 @collector_paused()
-def write_solver(model: Model, layout: str = "auto", chosen: Partition | None = None) -> Source:
+def write_solver(model: Model, layout: str = "auto", chosen: Partition | None = None, reactions: bool = False) -> Source:
     """Expand a model and print its solver.
 
     Parameters
@@ -97,6 +97,8 @@ def write_solver(model: Model, layout: str = "auto", chosen: Partition | None = 
         One C function per kind of link, or one per link.
     chosen : Partition, optional
         Of the model's speeds, where it has loops; found if left out.
+    reactions : bool
+        The solver has a function for the wrenches that joints and loops transmit.
     """
     seconds: dict[str, float] = {}
     clock = time.perf_counter()
@@ -125,6 +127,8 @@ def write_solver(model: Model, layout: str = "auto", chosen: Partition | None = 
         wanted -= OF_TREES
     if model.springs:
         wanted |= OF_SPRINGS
+    if reactions:
+        wanted |= {"pose", "motion", "transmitted"}
     if potential is not None:
         wanted |= {"moments", "moment_tangents"}
         records.append(potential)
@@ -136,15 +140,15 @@ def write_solver(model: Model, layout: str = "auto", chosen: Partition | None = 
         raise ModelError([Problem(model.name, None, None, f"bodies.{body}.joint", message)]) from None
     formulas = [*force_formulas(system), *coefficient_formulas(system), *values]
     lap("expand and simplify")
-    writer = CWriter(program, formulas, records, energy_outputs)
+    writer = CWriter(program, formulas, records, energy_outputs, reactions=reactions)
     context = writer.context()
     files = write_c(context)
     lap("print")
-    files[f"{model.name}_numpy.py"] = write_numpy(program, formulas, records, energy_outputs)
+    files[f"{model.name}_numpy.py"] = write_numpy(program, formulas, records, energy_outputs, reactions)
     lap("print NumPy")
     return Source(
         files,
-        manifest(system, writer.workspace, operations(program), chosen.q if chosen else ()),
+        manifest(system, writer.workspace, operations(program), chosen.q if chosen else (), reactions),
         system,
         program,
         "unrolled" if unrolled else "kinds",

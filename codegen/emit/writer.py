@@ -63,6 +63,8 @@ class Writer(ABC):
         Outputs of links, potential energy.
     energy_outputs : list of (int, int)
         Outputs that are energies: output index, 0 kinetic or 1 potential.
+    reactions : bool
+        The solver has a function for them.
     """
 
     def __init__(
@@ -71,7 +73,9 @@ class Writer(ABC):
         formulas: list[FormulaKind],
         records: list[RecordFormula],
         energy_outputs: list[tuple[int, int]],
+        reactions: bool = False,
     ):
+        self.reactions = reactions
         self.program = program
         self.system = program.system
         self.model = program.system.model
@@ -479,15 +483,15 @@ class Writer(ABC):
         tau, outputs, energy, coefficients = (
             self.formula_functions(t) for t in ("tau", "outputs", "energy", "coefficient")
         )
-        size = sizes(model)
-        functions = interfaces(self.system)
+        size = sizes(self.system)
+        functions = interfaces(self.system, self.reactions)
         return {
             "name": model.name,
             "version": __version__,
             "nq": model.nq, "nu": model.nu, "np": len(model.parameters), "ninputs": len(model.inputs),
             "noutputs": len(model.outputs),
             "uses": self.uses,
-            "has": set(blocks),
+            "has": set(blocks), "reactions": self.reactions,
             "quaternions": quaternions,
             "size": size,
             "index_tables": [

@@ -502,15 +502,15 @@ def ear_balance_in(x: Any, kind: Any) -> None:
         phi.append((add(*(p[0][0] for p in parts)), add(*(p[0][1] for p in parts))))
         d_phi.append((add(*(p[1][0] for p in parts)), add(*(p[1][1] for p in parts))))
     # what the joints would transmit without the loops' wrenches
-    held = _inward(x, ear, phi)
+    held = inward(x, ear, phi)
     dependents = ear.dependents()
     on_roots: list[tuple[int, Force, Force]] = []
     if rows:
-        gamma = [_along_freedom(x, kind, k, freedom, held[k]) for k, freedom in dependents]
+        gamma = [along_freedom(x, kind, k, freedom, held[k]) for k, freedom in dependents]
         wrench = f.solve_transposed([-v for v in gamma], "W", "Eq. 9")
         for c in range(len(kind.closures)):
             _apply_wrench(x, ear, c, rows, wrench, phi, d_phi, on_roots, tangents)
-        held = _inward(x, ear, phi)
+        held = inward(x, ear, phi)
     moved = _inward_tangents(x, ear, held, d_phi)
     missing = [_tangent_along(x, kind, k, freedom, held[k], moved[k], angles[k]) for k, freedom in dependents]
     r: dict[int, Any] = {}
@@ -572,7 +572,7 @@ def _accumulate_root(x: Any, kind: Any, t: int, array: str, field: str, value: A
     x.store(array, field, value)
 
 
-def _along_freedom(x: Any, kind: Any, k: int, freedom: Any, force: tuple[Vec, Vec]) -> Any:
+def along_freedom(x: Any, kind: Any, k: int, freedom: Any, force: tuple[Vec, Vec]) -> Any:
     tau = x.load(f"tau#{k}", str(freedom.index)) if kind.links[k].forced[freedom.index] else 0
     return x.let("gamma", dot(freedom.e, force[0] if freedom.angular else force[1]) - tau, "Eq. 53")
 
@@ -586,7 +586,7 @@ def _tangent_along(x: Any, kind: Any, k: int, freedom: Any, force: tuple[Vec, Ve
     return x.let("dgamma", value, "d Eq. 53", lanes=True)
 
 
-def _inward(x: Any, ear: Ear, own: list[tuple[Vec, Vec]]) -> list[tuple[Vec, Vec]]:
+def inward(x: Any, ear: Ear, own: list[tuple[Vec, Vec]]) -> list[tuple[Vec, Vec]]:
     """Forces transmitted by the joints of the ear's links, about the links' origins."""
     held = list(own)
     for k in reversed(range(len(own))):

@@ -21,6 +21,7 @@ from . import (
     kinematics,
     loop_balance,
     loop_dynamics,
+    reactions,
     springs,
     triangularization,
 )
@@ -138,6 +139,10 @@ SWEEPS: tuple[Sweep, ...] = (
           ear=loop_dynamics.ear_back_substitute, region=loop_dynamics.region_back_substitute),
     Sweep("newton_euler_out", "inverse dynamics, outward (Eqs. 19, 24)", inverse_dynamics.newton_euler_outward, OUTWARD),
     Sweep("newton_euler_in", "inverse dynamics, inward (Eq. 45)", inverse_dynamics.newton_euler_inward, INWARD),
+    Sweep("motion", "accelerations and the forces they need (Eqs. 19, 24)", inverse_dynamics.newton_euler_outward, OUTWARD,
+          units=True, ear=reactions.ear_motion, region=reactions.region_motion),
+    Sweep("transmitted", "wrenches that joints and loops transmit (Eqs. 9, 45)", reactions.transmitted, INWARD, units=True,
+          ear=reactions.ear_transmitted, region=reactions.region_transmitted),
     Sweep("balance_out", "balance, outward: tangent of the inverse dynamics at fixed udot (Eqs. 25-29)",
           inverse_dynamics.newton_euler_outward, OUTWARD, lanes=True, tangents=True, units=True,
           ear=loop_balance.ear_balance_out, region=loop_balance.region_balance_start),

@@ -42,6 +42,10 @@ if TYPE_CHECKING:
     from .recursive import Terms
 
 
+HALF_TURN = 1e-12
+"""A squared cosine below this has no direction back any more."""
+
+
 @dataclass(slots=True)
 class Cut:
     """A loop joint at a state; components in the start body's axes.
@@ -87,25 +91,24 @@ class Cut:
     def position_residual(self, pairs: Pairs, loop: Loop) -> Pair:
         """How far the faces are from closing, (m, 1), in the order and scale of the rows.
 
-        Angular: what the axes of the end face have along those of the start face that they should be perpendicular to.
-        Where all three axes have to agree, one that points backwards counts from the far side, up to 2.
+        Angular rows: along them, 2 sin(t/2) of the turn by t that is left. Of universal joints the cosine of their axes.
         """
         linear = self.rows[: CLOSURE_ROWS[loop.type][0], 3:] @ self.offset
+        angular = self.rows[CLOSURE_ROWS[loop.type][0] :, :3]
         R_s, R_e = placed_rotation(loop.start, pairs), self.C @ placed_rotation(loop.end, pairs)
-        axes = [pairs.unit(pairs.vector(axis)) for axis in loop.axes]
-        angles: list[Pair] = []
         if loop.type in ("fixed", "prismatic"):
-            between = R_s.mT @ R_e  # [i, j]: axis j of the end face along axis i of the start face
-            for i in range(3):
-                sine = between[(i + 1) % 3, i]
-                if between.value[i, i] < 0:
-                    sine = pairs.number(2 if sine.value >= 0 else -2) - sine
-                angles.append(sine)
-        elif loop.type == "universal":
-            angles = [pairs.dot(R_e @ axes[1], R_s @ axes[0])]
-        elif loop.type != "spherical":
-            angles = [pairs.dot(R_e @ axes[0], R_s @ n) for n in transverse(pairs, axes[0])]
-        return pairs.block([[linear], [pairs.column(angles)]])
+            return pairs.block([[linear], [angular @ R_s @ twice_half_sine(pairs, R_s.mT @ R_e)]])
+        axes = [pairs.unit(pairs.vector(axis)) for axis in loop.axes]
+        if loop.type == "universal":
+            return pairs.block([[linear], [(R_e @ axes[1]).mT @ R_s @ axes[0]]])
+        if loop.type == "spherical":
+            return linear
+        a_s, a_e = R_s @ axes[0], R_e @ axes[0]
+        double = a_s + a_e  # twice the cosine of t/2 long
+        if not pairs.dot(double, double).value > HALF_TURN:
+            return pairs.block([[linear], [pairs.constant([[2], [0]])]])
+        length = pairs.call("sqrt", pairs.dot(double, double)) / pairs.number(2)
+        return pairs.block([[linear], [angular @ pairs.skew(a_s) @ a_e * (pairs.number(1) / length)]])
 
     def displacement_of_faces(self, pairs: Pairs, loop: Loop, start: Terms, end: Terms) -> Pair:
         """The conditions of what the parameters alone move the faces in their bodies by, (m, 1): derivatives without value.
@@ -279,6 +282,18 @@ def closed_motion(
 
 
 # --- small geometry ------------------------------------------------------------------------------------------------
+
+
+def twice_half_sine(pairs: Pairs, R: Pair) -> Pair:
+    """2 sin(t/2) a of the rotation by t about a, (3, 1): twice the vector of its unit quaternion with w >= 0."""
+    one, zero = pairs.number(1), pairs.number(0)
+    four_w2 = one + R[0, 0] + R[1, 1] + R[2, 2]
+    if four_w2.value > HALF_TURN:
+        axis = pairs.column([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])  # 4 w v
+        return axis * (one / pairs.call("sqrt", four_w2))
+    i = int(np.argmax(np.diagonal(R.value)))  # half a turn: R + U = 2 a a^T
+    column = R[:, i : i + 1] + pairs.column([one if j == i else zero for j in range(3)])
+    return pairs.unit(column) * pairs.number(2)
 
 
 def rotation_only(R: Pair) -> Pair:

@@ -12,7 +12,11 @@ with the derivatives, alpha and a being what is left of the accelerations at udo
     (w_e - w_s) . (c x d)
     (alpha_e - alpha_s) . (c x d) + (w_e - w_s) . ((w_e x c) x d + c x (w_s x d))
 
-The first of each pair is the Jacobian times u, the second minus B of Eq. 8.
+The first of each pair is the Jacobian times u, the second B of Eq. 8.
+
+c . d is a sine, which vanishes at half a turn too, where the joint is closed the wrong way round. The residual that is reported
+has 2 sin(t/2) in its place, t the angle between the axes that should be parallel, or of the turn between faces that should be:
+the same to first order at t = 0. A universal joint is closed either way.
 """
 
 from __future__ import annotations
@@ -26,6 +30,9 @@ from ..model.model import Face, Loop
 from .arithmetic import Array
 from .ground_frame import Frame, Freedoms, cross, placement
 from .pairs import Pair, Pairs
+
+HALF_TURN = 1e-12
+"""A squared cosine below this has no direction back any more."""
 
 Row = tuple[Pair, Pair, Pair, Pair]
 """Residual (1, 1), Jacobian (1, nu), remainder (1, 1) and wrench (1, 6) of one condition."""
@@ -83,11 +90,9 @@ def conditions(
         for n in linear:
             position, row, remainder, wrench = _linear(pairs, s, e, n)
             rows.append((position * scale, row * scale, remainder * scale, wrench * scale))
-        rows += [_angular(pairs, s, e, c, d) for c, d in angular]
-        if loop.type in ("fixed", "prismatic"):
-            rows[-3:] = [
-                _unturned(pairs, row, e.R[:, i : i + 1].mT @ s.R[:, i : i + 1]) for i, row in enumerate(rows[-3:])
-            ]
+        sines = [_angular(pairs, s, e, c, d) for c, d in angular]
+        turns = residuals_of_turn(pairs, loop, s.R, e.R, [position for position, *_ in sines])
+        rows += [(turn, *row[1:]) for turn, row in zip(turns, sines, strict=True)]
     return Conditions(*(pairs.block([[row[i]] for row in rows]) for i in range(4)))
 
 
@@ -127,6 +132,29 @@ def directions(pairs: Pairs, loop: Loop, R_s: Pair, R_e: Pair) -> tuple[list[Pai
     raise ValueError(f"loop {loop.name}: joint type {loop.type!r} is not known to the reference engines")
 
 
+def residuals_of_turn(pairs: Pairs, loop: Loop, R_s: Pair, R_e: Pair, sines: list[Pair]) -> list[Pair]:
+    """The angular residuals, (1, 1) each, from the sines c . d: with 2 sin(t/2) instead of sin(t)."""
+    one, two = pairs.number(1), pairs.number(2)
+    if loop.type in ("fixed", "prismatic"):
+        B = R_s.mT @ R_e
+        squared = one + B[0, 0] + B[1, 1] + B[2, 2]  # 4 cos(t/2)^2
+        if squared.value > HALF_TURN:
+            root = pairs.call("sqrt", squared)
+            twice = [(B[2, 1] - B[1, 2]) / root, (B[0, 2] - B[2, 0]) / root, (B[1, 0] - B[0, 1]) / root]
+        else:  # B = 2 a a^T - U, a of either sign
+            i = int(np.argmax(np.diagonal(B.value)))
+            root = pairs.call("sqrt", (one + B[i, i]) * two)
+            twice = [((B[j, i] + B[i, j] + (two if i == j else pairs.number(0))) / root) for j in range(3)]
+        return [pairs.matrix([[twice[i]]]) for i in (2, 0, 1)]
+    if loop.type in ("universal", "spherical"):
+        return sines
+    a = pairs.unit(pairs.vector(loop.axes[0]))
+    squared = (one + pairs.dot(R_s @ a, R_e @ a)) / two  # cos(t/2)^2
+    if not squared.value > HALF_TURN:
+        return [pairs.constant([[2]]), *(pairs.constant([[0]]) for _ in sines[1:])]
+    return [x * (one / pairs.call("sqrt", squared)) for x in sines]
+
+
 def perpendicular(pairs: Pairs, a: Pair) -> tuple[Pair, Pair]:
     """Two unit vectors perpendicular to a unit vector and to each other, (3, 1): a x e and a x (a x e), e the base
     vector that a is least along.
@@ -154,17 +182,6 @@ def _angular(pairs: Pairs, s: Side, e: Side, c: Pair, d: Pair) -> Row:
     row = m @ (e.J_w - s.J_w).mT
     remainder = (e.alpha - s.alpha) @ m.mT + omega @ (cross(cross(e.omega, c), d) + cross(c, cross(s.omega, d))).mT
     return c @ d.mT, row, remainder, pairs.block([[m, pairs.constant([[0, 0, 0]])]])
-
-
-def _unturned(pairs: Pairs, row: Row, cosine: Pair) -> Row:
-    """A condition c . d = 0 of faces that must be parallel, axis for axis: half a turn meets it too and must not pass.
-
-    Beyond a quarter of a turn, where c points against its counterpart, the residual goes on growing, to 2.
-    """
-    if cosine.value[0, 0] >= 0:
-        return row
-    limit = pairs.constant([[2 if row[0].value[0, 0] >= 0 else -2]])
-    return limit - row[0], -row[1], -row[2], -row[3]
 
 
 def _spread(pairs: Pairs, rows: Pair, index: Array, n: int) -> Pair:

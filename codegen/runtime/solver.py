@@ -703,7 +703,8 @@ class Solver:
             "q": (nq,), "u": (nu,), "p": (n_p,), "inputs": (ninputs,), "t": (), "udot": (nu,), "b": (nu,),
             "qdot": (nq,), "x": (nu,), "force": (nu,), "energy": (2,), "outputs": (self.noutputs,), "M": (nu, nu),
             "J_q": (nu, nq), "J_u": (nu, nu), "J_p": (nu, n_p), "J_inputs": (nu, ninputs), "J_t": (nu,),
-            "position": (len(self.closure_names),), "velocity": (len(self.closure_names),), "condition": (len(manifest.get("loops", ())),), "step": (nq,),
+            "position": (len(self.closure_names),), "velocity": (len(self.closure_names),), "condition": (len(manifest.get("loops", ())),),
+            "reaction": (6 * len(manifest["links"]),), "loop_reaction": (6 * len(manifest.get("loops", ())),), "step": (nq,),
             "full_q": (nq,), "full_u": (nu,),
         }  # fmt: skip
         self._functions = self._functions_of(manifest)
@@ -1174,6 +1175,32 @@ class Solver:
             _, k, batch = self._directions(seeds, *self._arguments(given))
             return np.zeros((*batch, 0)), np.zeros((k, *batch, 0))
         return self._along("output_sensitivities", given, seeds)
+
+    def reactions(
+        self, q: ArrayLike, u: ArrayLike, p: Numbers = None, inputs: Numbers = None, t: ArrayLike = 0.0
+    ) -> tuple[Array, Array]:
+        """What joints and loops transmit, in the ground frame: moment, N m, then force, N.
+
+        Needs a package that was generated with reactions.
+
+        Returns
+        -------
+        joints : (..., nbodies, 6)
+            What the joint of each body does to it, about the body's origin, the joint's own force included. NaN for a body on a
+            fixed joint: it is one with what carries it.
+        loops : (..., nloops, 6)
+            What each loop joint does to its ``to`` body, about the origin of the face there. Where conditions are redundant they are
+            not unique: these are the ones with the least sum of squares of moments, and forces times the characteristic length.
+        """
+        found = self._values("reactions", {"q": q, "u": u, "p": p, "inputs": inputs, "t": t})
+        batch = found[0].shape[:-1]
+        links = found[0].reshape(*batch, -1, 6)
+        of_bodies: list[int] = self._manifest["joint_links"]
+        joints = np.full((*batch, len(of_bodies), 6), math.nan)
+        for body, link in enumerate(of_bodies):
+            if link >= 0:
+                joints[..., body, :] = links[..., link, :]
+        return joints, found[1].reshape(*batch, -1, 6) if len(found) > 1 else np.zeros((*batch, 0, 6))
 
     # -- states --------------------------------------------------------------------------------------------------------
 

@@ -1,0 +1,145 @@
+"""Reactions: the wrenches that joints and loops transmit, by the force sweep, in the ground frame.
+
+With all accelerations known the force that every link's motion needs is summed inward. Loops carry the wrench that leaves the dependent
+joints with nothing but their own joint force: ``E^T W = gamma``, the shortest W where conditions are redundant.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from .closures import stored_factor
+from .ears import Ear, rotate
+from .inverse_dynamics import transfer
+from .joints import JointTransform
+from .kinematics import body_force, load_matrix, load_vector, store_matrix, store_vector
+from .loop_balance import along_freedom, inward, load_force, total_udot
+from .loop_dynamics import accumulate_base, hand_outward, less_external_of, link_constants, member_motion, root_motions
+from .orthogonal import product
+from .spatial import XYZ, Mat, Vec, add, cross, matvec, transpose
+
+
+def store_reaction(x: Any, array: str, attitude: Mat, moment: Vec, force: Vec) -> None:
+    """Moment, then force, in the ground frame."""
+    for n, v in enumerate((moment, force)):
+        for i, value in enumerate(matvec(attitude, v)):
+            x.store(array, str(3 * n + i), x.let("reaction", value, "Eq. 45"))
+
+
+def transmitted(x: Any, kind: Any) -> None:
+    """Inward block of a link: what its joint does to it, about its origin."""
+    phi: Vec = []
+    for field in ("n", "f"):
+        for i in XYZ:
+            phi.append(x.let("phi", x.load("me", f"t{field}.{i}") + x.load("me", f"tacc.{field}.{i}"), "Eq. 45"))
+    store_reaction(x, "reaction", load_matrix(x, "me", "W"), phi[:3], phi[3:])
+    if kind.carried_on:
+        transfer(x, kind, JointTransform(x, kind), phi, [])
+
+
+def ear_motion(x: Any, kind: Any) -> None:
+    """Outward block of an ear: accelerations and the force that its links need."""
+    ear = Ear(x, kind)
+    roots = root_motions(x, kind, "t")
+    motions: list[Any] = []
+    for k, member in enumerate(ear.members):
+        before = motions[member.parent] if member.parent >= 0 else roots[-1 - member.parent]
+        motions.append(member_motion(x, member, before, total_udot(x, kind, k, member)))
+    for k, (w, al, a, B) in enumerate(motions):
+        me = f"me#{k}"
+        moment, force = body_force(x, w, al, a, B, link_constants(x, ear, k))
+        moment, force = less_external_of(x, ear, k, (moment, force))
+        store_vector(x, me, "sw", w)
+        store_vector(x, me, "tsal", al)
+        store_vector(x, me, "tsa", a)
+        store_matrix(x, me, "tsB", B)
+        store_vector(x, me, "tsn", moment)
+        store_vector(x, me, "tsf", force)
+        if kind.links[k].carries:
+            hand_outward(x, me, ear.members[k].W, w, al, a, "t")
+
+
+def region_motion(x: Any, kind: Any) -> None:
+    """Nothing is summed yet."""
+    if kind.carried:
+        for name in ("n", "f"):
+            for axis in XYZ:
+                x.store("region", f"t.{name}.{axis}", 0)
+
+
+def ground_attitude(x: Any, kind: Any, place: int) -> Mat:
+    """Ground components from those of a link of the ear, or (place negative) of a root."""
+    if place >= 0:
+        return load_matrix(x, f"me#{place}", "W")
+    role = kind.roots[-1 - place]
+    array = {"frame": "base", "ground": "ground", "link": f"root#{-1 - place}"}[role]
+    return load_matrix(x, array, "W")
+
+
+def ear_transmitted(x: Any, kind: Any) -> None:
+    """Inward block of an ear: what its joints and loops do."""
+    ear = Ear(x, kind)
+    rows = [ear.rows()[i] for i in kind.kept]
+    phi: list[tuple[Vec, Vec]] = []
+    for k in range(len(ear.members)):
+        n, f = load_force(x, f"me#{k}", "ts")
+        if kind.followed[k]:
+            more = load_force(x, f"me#{k}", "sacc.")
+            n, f = add(n, more[0]), add(f, more[1])
+        if kind.links[k].carries:
+            more = load_force(x, f"me#{k}", "tacc.")
+            n, f = add(n, rotate(ear.members[k].W, more[0])), add(f, rotate(ear.members[k].W, more[1]))
+        phi.append((n, f))
+    held = inward(x, ear, phi)
+    on_roots: list[tuple[int, tuple[Vec, Vec]]] = []
+    if rows:
+        gamma = [along_freedom(x, kind, k, freedom, held[k]) for k, freedom in ear.dependents()]
+        multipliers = stored_factor(x, kind).solve_transposed([-v for v in gamma], "W", "Eq. 9")
+        for c, closure in enumerate(kind.closures):
+            moment: Vec = [0, 0, 0]
+            force: Vec = [0, 0, 0]
+            for (loop, angular, n), value in zip(rows, multipliers, strict=True):
+                if loop == c:
+                    part = [product(e, value) for e in n]
+                    moment, force = (add(moment, part), force) if angular else (moment, add(force, part))
+            end = closure.faces[1]
+            turned = [matvec(transpose(ear.attitude(end)), [-e for e in v]) for v in (moment, force)]
+            store_reaction(x, f"loop_reaction#{c}", ground_attitude(x, kind, end), turned[0], turned[1])
+            for side, sign in ((0, -1), (1, 1)):
+                place = closure.faces[side]
+                lever = ear.arm(c, side)
+                slip = ear.slip(c) if side == 0 else None
+                lever = lever if slip is None else add(lever, slip)
+                acting = [sign * e for e in add(moment, cross(lever, force))], [sign * e for e in force]
+                if place < 0:
+                    on_roots.append((-1 - place, acting))
+                else:
+                    phi[place] = add(phi[place][0], acting[0]), add(phi[place][1], acting[1])
+        held = inward(x, ear, phi)
+    for k, member in enumerate(ear.members):
+        own = [matvec(transpose(member.W), v) for v in held[k]]
+        store_reaction(x, f"reaction#{k}", load_matrix(x, f"me#{k}", "W"), own[0], own[1])
+        if member.parent < 0:
+            on_roots.append((-1 - member.parent, (add(held[k][0], cross(member.rho, held[k][1])), held[k][1])))
+    for t, role in enumerate(kind.roots):
+        parts = [p for root, p in on_roots if root == t]
+        if not parts or role == "ground" or (role == "frame" and not kind.carried):
+            continue
+        for name, v in (("n", add(*(p[0] for p in parts))), ("f", add(*(p[1] for p in parts)))):
+            for i, axis in enumerate(XYZ):
+                value = x.let("to_root", v[i], "Eq. 45")
+                if role == "frame":
+                    x.store("region_sum", f"t.{name}.{axis}", value)
+                elif kind.first_at[t]:
+                    x.store(f"root#{t}", f"sacc.{name}.{axis}", value)
+                else:
+                    known = x.load(f"root#{t}", f"sacc.{name}.{axis}")
+                    x.store(f"root#{t}", f"sacc.{name}.{axis}", x.let("acc", known + value, "Eq. 45"))
+
+
+def region_transmitted(x: Any, kind: Any) -> None:
+    """Inward block of a region: the link that carries it feels all of it."""
+    if kind.carried:
+        for name in ("n", "f"):
+            for axis in XYZ:
+                accumulate_base(x, kind, f"tacc.{name}.{axis}", x.load("region", f"t.{name}.{axis}"))
