@@ -80,9 +80,11 @@ def assembled(geometry: Geometry, partition: Partition, q: Array) -> Array:
     """`assemble` for coordinates ``(1, nq + 1)``."""
     for ear in partition.ears:
         geometry.lengths[list(ear.loops)] = ear.length
+    moving = {int(geometry.speed_body[s]) for ear in partition.ears for s in ear.dependent}
+    whole = [s for k in sorted(moving) if geometry.whole[k] for s in geometry.speeds[k]]
+    q = advance(geometry, q, whole, np.zeros((1, len(whole))))  # quaternions get unit length
     if is_closed(geometry, q):
         return q
-    moving = {int(geometry.speed_body[s]) for ear in partition.ears for s in ear.dependent}
     groups = PoseGroups(geometry, q, [k for k in range(geometry.ground) if k not in moving])
     for ear in partition.ears:
         ring = Ring(groups, ear.loops, {int(geometry.speed_body[s]) for s in ear.dependent})

@@ -50,11 +50,10 @@ def describe(model: Model, partition: Partition) -> list[str]:
 def _line(model: Model, ears: list[Ear]) -> str:
     """One ear, or how many like it."""
     first, last = ears[0], ears[-1]
-    text = " + ".join(model.loops[i].name for i in first.loops)
-    if len(first.loops) > 1:
-        text = f"cluster {text}"
+    names = [listed([model.loops[i].name for i in ear.loops]) for ear in (first, last)]
+    text = f"cluster of {names[0]}" if len(first.loops) > 1 else names[0]
     if len(ears) > 1:
-        text += f" and {len(ears) - 1} alike, the last {' + '.join(model.loops[i].name for i in last.loops)}"
+        text += f" and {len(ears) - 1} alike, the last {names[1]}"
     dependent = listed([model.speed_names[s] for s in first.dependent]) or "no speeds"
     worst = max(ear.condition for ear in ears)
     redundant = f", {first.redundant} redundant" if first.redundant else ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,6 +24,9 @@ DISTANCE = 0.08
 
 POOR_CONDITION = 1e4
 """Of a closure matrix: beyond this another choice is sought, and the user is told."""
+
+LARGE_CLUSTER = 5
+"""Loops; the user is told of larger clusters."""
 
 SEED = 20030617
 """Of the random numbers: the same model has the same partition."""
@@ -100,8 +104,10 @@ def partition(model: Model) -> Partition:
     PartitionError
         A hint cannot be honoured, a loop has no freedom to close with, or no freedom is left at all.
     """
-    geometry, random = Geometry(model), np.random.default_rng(SEED)
     guess = padded(initial_configuration(model)[0])
+    if not model.loops:
+        return Partition((), tuple(range(model.nu)), tuple(float(x) for x in guess[0, : model.nq]))
+    geometry, random = Geometry(model), np.random.default_rng(SEED)
     held = hinted(geometry)
     check_cycles(geometry)
     order = loop_order(geometry, held)
@@ -116,13 +122,23 @@ def partition(model: Model) -> Partition:
             drafts = _judged(geometry, drafts, q)
             if max(d.condition for d in drafts) > POOR_CONDITION:
                 drafts = _choose(geometry, order, q, held, random)
-    warnings += [
-        f"loop {', '.join(model.loops[i].name for i in d.loops)}: the closure matrix of its dependent speeds has condition "
-        f"{d.condition:.1e} at the initial configuration, which is at or near a singular one; start from another"
-        for d in drafts
-        if d.condition > POOR_CONDITION
-    ]
-    return _partition(geometry, drafts, q, warnings)
+    return _partition(geometry, drafts, q, warnings + [text for d in drafts for text in _doubts(model, d)])
+
+
+def _doubts(model: Model, draft: Draft) -> Iterator[str]:
+    """What a user should know about an ear."""
+    names = listed([model.loops[i].name for i in draft.loops])
+    loops = f"loop{'s' * (len(draft.loops) > 1)} {names}"
+    if draft.condition > POOR_CONDITION:
+        yield (
+            f"{loops}: the closure matrix of the dependent speeds has condition {draft.condition:.1e} at the initial "
+            f"configuration, which is at or near a singular one; start from another"
+        )
+    if len(draft.loops) > LARGE_CLUSTER:
+        yield (
+            f"{loops} close only all together, in one dense system of rank {len(draft.dependent)}; other coordinates "
+            f"under `independent`, or none, may do better"
+        )
 
 
 def _choose(geometry: Geometry, order: list[int], q: Array, held: set[int], random: np.random.Generator) -> list[Draft]:
@@ -135,9 +151,7 @@ def _choose(geometry: Geometry, order: list[int], q: Array, held: set[int], rand
         pass  # the pose may be a special one
     configurations = [q]
     speeds = np.arange(geometry.nu)
-    size = (
-        np.where(geometry.turning, 1.0, np.median(geometry.lengths)) if len(geometry.lengths) else np.ones(geometry.nu)
-    )
+    size = np.where(geometry.turning, 1.0, np.median(geometry.lengths))
     for _ in range(NEARBY):
         start = advance(geometry, q, speeds, random.uniform(-DISTANCE, DISTANCE, (1, geometry.nu)) * size)
         try:

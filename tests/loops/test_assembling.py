@@ -133,6 +133,18 @@ def test_quaternions_of_dependent_joints_move_as_rotations_and_stay_of_unit_leng
     assert count >= 10
 
 
+def test_quaternions_get_unit_length_even_if_all_is_closed():
+    ball = body("ball", GROUND, "spherical")
+    made = model([ball, body("arm", GROUND, "revolute", Y)], [loop("hold", "fixed", (0, (1, 0, 0)), (1, (1, 0, 0)))])
+    chosen = partition(made)
+    assert names_of(made, chosen) == {"arm"}
+    assert np.array_equal(assemble(made, chosen, [2.0, 0, 0, 0, 0]), [1, 0, 0, 0, 0])
+
+
+def names_of(made, chosen):
+    return {made.speed_names[s] for s in chosen.independent}
+
+
 def test_a_guess_without_values_is_closed_too_and_the_doubt_is_told():
     made = four_bar(q=(0, 0, 0))
     chosen = partition(made)

@@ -333,6 +333,16 @@ def test_a_long_ladder_takes_time_in_proportion():
     assert seconds[1] < 20 * seconds[0]
 
 
+def test_a_hint_that_ties_many_loops_together_is_honoured_with_a_warning():
+    made = replace(
+        chain_ladder(8), independent=("rung8",)
+    )  # every loop's cycle leads to the first rung, hardly any to the last
+    found = partition(made)
+    check(made, found)
+    assert names(made, found.independent) == {"rung8"}
+    assert any("all together" in x and "independent" in x for x in found.warnings)
+
+
 def test_description_names_what_depends_on_what():
     lines = describe(four_bar(), partition(four_bar()))
     assert lines[0] == "1 loop: 2 of 3 speeds are dependent, 1 degree of freedom: crank"
@@ -348,7 +358,7 @@ def test_description_of_clusters_long_ladders_and_doubts():
     assert first.startswith(
         "2 loops (1 cluster): 4 of 7 speeds are dependent, 3 degrees of freedom: base1, base2, base3"
     )
-    assert second.startswith("  cluster wrist2 + wrist3: ")
+    assert second.startswith("  cluster of wrist2, wrist3: ")
     made = ladder(40)
     lines = describe(made, partition(made))
     assert len(lines) == 3
