@@ -96,7 +96,7 @@ def random_mechanism(
         ``planar``: the same in a plane of any orientation, on the ground, a fixed or a free base; closures redundant.
         ``spherical``: all axes through one point, which also makes closures redundant. Left out: drawn, half are spatial.
     bodies, loops : tuple of int
-        Least and largest number.
+        Least and largest number; a base, or bodies that bring the freedoms for a loop, may come on top.
     loop_joints, joints : tuple of str
         Types to draw from.
     parameters, forces, springs : bool
@@ -250,7 +250,8 @@ class _Spatial(_Scene):
     ranks: ClassVar[dict[str, int]] = {type: sum(rows) for type, rows in CLOSURE_ROWS.items()}
 
     def tree(self, n: int) -> Model:
-        return self.maker.tree(max(n, 2))
+        """At least as many bodies; with fewer than five freedoms hardly any loop leaves one."""
+        return next(tree for tree in map(self.maker.tree, range(n, n + 20)) if tree.nu > 4)
 
     def joint(self, type: str) -> tuple[tuple[Vector, ...], Any, Vector, Any, Array]:
         rng, angle = self.rng, lambda: expression(float(self.rng.uniform(-2, 2)))
