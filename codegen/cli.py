@@ -46,8 +46,13 @@ def _generate_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--target", choices=("c", "numpy", "both"), default="c", help="what the package's Solver uses")
     parser.add_argument("--layout", choices=("auto", "kinds", "unrolled"), default="auto",
                         help="one C function per kind of link, or one per link")  # fmt: skip
-    parser.add_argument("--partitions", type=int, choices=(1, 2), default=1,
-                        help="hold a second choice of independent coordinates, to change to at dead points")
+    parser.add_argument(
+        "--partitions",
+        type=int,
+        choices=(1, 2),
+        default=1,
+        help="hold a second choice of independent coordinates, to change to at dead points",
+    )
     parser.add_argument("--reactions", action="store_true", help="the solver also gives what joints and loops transmit")
     parser.add_argument("--no-check", action="store_true", help="do not compare with the generic engine")
     parser.add_argument("--no-compile", action="store_true", help="write the sources only")
@@ -114,7 +119,17 @@ def _verdict(report: Any) -> int:
     return OK
 
 
-FORWARD = ("start", "rotations", "closures", "pose", "velocities", "springs", "kinematics", "triangularize", "back_substitute")
+FORWARD = (
+    "start",
+    "rotations",
+    "closures",
+    "pose",
+    "velocities",
+    "springs",
+    "kinematics",
+    "triangularize",
+    "back_substitute",
+)
 DIRECTION = ("turns", "complete", "velocity_tangents", "spring_tangents", "balance_out", "balance_in", "balance_back")
 
 

@@ -266,7 +266,9 @@ def refuse_foreign(folder: Path) -> None:
         raise FolderError(
             f"{folder} holds something that generate did not write; choose another folder with -o, or empty this one"
         )
-    own = re.compile(rf"{re.escape(str(manifest.get('name')))}({SECOND})?(-[0-9a-f-]+\.so|\.log)|__pycache__|\.build-.*")
+    own = re.compile(
+        rf"{re.escape(str(manifest.get('name')))}({SECOND})?(-[0-9a-f-]+\.so|\.log)|__pycache__|\.build-.*"
+    )
     foreign = sorted(n for n in found - set(manifest.get("files", ())) if not own.fullmatch(n))
     if foreign:
         raise FolderError(

@@ -18,8 +18,9 @@ from .templates import render
 from .writer import Function, Located, Place, Writer
 
 LANES = frozenset(
-    {"lme", "lup", "lane", "lroot", "laneroot", "lbase", "lanebase", "lground", "lregion", "lregion_sum", "dq", "du", "dp",
-     "cldp", "csdp", "laneone", "lanetwo", "laneone_sum", "lanetwo_sum", "dcoefficient", "dpotential_sum", "dinputs", "dt", "dtau", "b", "dudot", "dforce", "dqdot", "denergy", "denergy_sum", "doutputs"}
+    {"lme", "lup", "lane", "lroot", "laneroot", "lbase", "lanebase", "lground", "laneone", "lanetwo", "laneone_sum",
+     "lanetwo_sum", "lregion", "lregion_sum", "dq", "du", "dp", "cldp", "csdp", "dinputs", "dt", "dtau", "dcoefficient", "b",
+     "dudot", "dforce", "dqdot", "denergy", "denergy_sum", "dpotential_sum", "doutputs"}
 )  # fmt: skip
 """Arrays that hold one value per direction."""
 
@@ -38,8 +39,8 @@ def of_directions(array: str) -> bool:
 class CWriter(Writer):
     """C source of a program; a place is (name of a pointer, its expression, index)."""
 
-    def __init__(self, *program: Any, reactions: bool = False):
-        super().__init__(*program, reactions=reactions)
+    def __init__(self, *program: Any):
+        super().__init__(*program)
         self.printer = Printer(C_FUNCTIONS)
         self.tables: list[tuple[str, list[str]]] = []
 
@@ -179,7 +180,9 @@ class CWriter(Writer):
         if stem in ("position", "velocity"):
             assert isinstance(kind, EarKind)
             begins = self.closure_offsets
-            at = self.entry(kind, sweep, f"LOOP{array.partition('#')[2]}_ROWS", [begins[n] for n in self.loops_meant(kind, array)])
+            at = self.entry(
+                kind, sweep, f"LOOP{array.partition('#')[2]}_ROWS", [begins[n] for n in self.loops_meant(kind, array)]
+            )
             return variable, f"a->{stem} + {at}", int(name)
         if stem in OF_COORDINATES:
             return variable, f"a->{stem} + {of_links('Q', [link.q for link in system.links])}", int(name)

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..mechanics.kinds import System
-from ..model.model import Model
 
 WIDTHS = (8, 2, 1)
 """How many directions one call of the sensitivities takes."""
@@ -19,7 +18,17 @@ OTHER_WIDTHS = (8, 1)
 """The same for all other functions: two widths less to compile, and they are called less often."""
 
 
-_BALANCE = ("turns", "complete", "pose_tangents", "velocity_tangents", "clear_tangents", "spring_tangents", "balance_out", "balance_in", "balance_back")
+_BALANCE = (
+    "turns",
+    "complete",
+    "pose_tangents",
+    "velocity_tangents",
+    "clear_tangents",
+    "spring_tangents",
+    "balance_out",
+    "balance_in",
+    "balance_back",
+)
 _SPRINGS = ("pose", "velocities", "clear", "springs")
 _FORWARD = ("start", "rotations", "closures", *_SPRINGS, "kinematics", "triangularize", "back_substitute")
 _MASS_TANGENT = ("turns", "balance_out", "force_tangents")
@@ -228,13 +237,23 @@ def interfaces(system: System, reactions: bool = False) -> list[Interface]:
             )
         )  # fmt: skip
         result.append(
-            Interface("conditions", "Condition number of the closure matrix that each loop belongs to.", ["q", *p], ["condition"], [])
+            Interface(
+                "conditions",
+                "Condition number of the closure matrix that each loop belongs to.",
+                ["q", *p],
+                ["condition"],
+                [],
+            )
         )
         result.append(
-            Interface("newton_step", "Newton's step of the dependent coordinates towards closure.", ["q", *p], ["step"], [])
+            Interface(
+                "newton_step", "Newton's step of the dependent coordinates towards closure.", ["q", *p], ["step"], []
+            )
         )
         result.append(
-            Interface("completion", "Speeds, the dependent ones as velocity closure asks.", ["q", "u", *p], ["full_u"], [])
+            Interface(
+                "completion", "Speeds, the dependent ones as velocity closure asks.", ["q", "u", *p], ["full_u"], []
+            )
         )
         result.append(
             Interface(

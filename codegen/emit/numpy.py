@@ -32,8 +32,8 @@ SCALARS = ("records", "ears", "regions")
 AXES = {
     "q": "nq", "u": "nu", "p": "np", "inputs": "ninputs", "t": "", "udot": "nu", "qdot": "nq", "M": "nu, nu", "b": "nu",
     "x": "nu", "force": "nu", "energy": "2", "outputs": "noutputs", "J_q": "nu, nq", "J_u": "nu, nu", "J_p": "nu, np",
-    "J_inputs": "nu, ninputs", "J_t": "nu", "position": "nclosure", "velocity": "nclosure", "condition": "nloops", "reaction": "6*nlinks", "loop_reaction": "6*nloops", "step": "nq", "full_q": "nq",
-    "full_u": "nu",
+    "J_inputs": "nu, ninputs", "J_t": "nu", "position": "nclosure", "velocity": "nclosure", "condition": "nloops",
+    "reaction": "6*nlinks", "loop_reaction": "6*nloops", "step": "nq", "full_q": "nq", "full_u": "nu",
 }  # fmt: skip
 """Axes of arguments and results after those of the batch."""
 
@@ -179,7 +179,9 @@ class NumpyWriter(Writer):
             assert isinstance(kind, EarKind)
             closure, loops = kind.closures[int(number)], self.loops_meant(kind, array)
             if name in closure.data:
-                at = self.entry(kind, sweep, f"LOOP{number}_NUMBERS", [self.layout.closure_number_offsets[n] for n in loops])
+                at = self.entry(
+                    kind, sweep, f"LOOP{number}_NUMBERS", [self.layout.closure_number_offsets[n] for n in loops]
+                )
                 return "", "numbers", f"[{_index(at, closure.data[name])}]"
             at = self.entry(kind, sweep, f"LOOP{number}_CONSTANTS", [system.closure_constants[n].index for n in loops])
             return variable, f"a.constants[{_plain(at)}]", f'["{name}"]'
@@ -228,7 +230,8 @@ class NumpyWriter(Writer):
             "tables": self.tables,
             "links": [f'"{link.name}"' for link in self.system.links],
             "loops": [f'"{loop.name}"' for loop in self.model.loops],
-            "ears": len(self.system.regions.ears), "regions": len(self.system.regions.regions),
+            "ears": len(self.system.regions.ears),
+            "regions": len(self.system.regions.regions),
             "springs": len(self.model.springs),
             "nclosure": len(self.model.closure_names),
             "constants": len(self.system.constants),

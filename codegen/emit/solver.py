@@ -30,9 +30,9 @@ UNROLLED_LINKS = 8
 """Models of at most so many links get one function per link unless another layout is asked for."""
 
 ALWAYS = (
-    "rotations", "turns", "closures", "residuals", "correct", "condition_numbers", "complete", "kinematics", "triangularize", "back_substitute", "newton_euler_out", "newton_euler_in",
-    "balance_out", "balance_in", "balance_back", "force_tangents", "solve_in", "mass_out", "mass_in", "rates",
-    "rate_tangents", "kinetic", "kinetic_tangents",
+    "rotations", "turns", "closures", "residuals", "correct", "condition_numbers", "complete", "kinematics",
+    "triangularize", "back_substitute", "newton_euler_out", "newton_euler_in", "balance_out", "balance_in", "balance_back",
+    "force_tangents", "solve_in", "mass_out", "mass_in", "rates", "rate_tangents", "kinetic", "kinetic_tangents",
 )  # fmt: skip
 """Sweeps of every solver."""
 OF_SPRINGS = {
@@ -87,7 +87,9 @@ def collector_paused() -> Iterator[None]:
 
 
 @collector_paused()
-def write_solver(model: Model, layout: str = "auto", chosen: Partition | None = None, reactions: bool = False) -> Source:
+def write_solver(
+    model: Model, layout: str = "auto", chosen: Partition | None = None, reactions: bool = False
+) -> Source:
     """Expand a model and print its solver.
 
     Parameters
@@ -140,7 +142,7 @@ def write_solver(model: Model, layout: str = "auto", chosen: Partition | None = 
         raise ModelError([Problem(model.name, None, None, f"bodies.{body}.joint", message)]) from None
     formulas = [*force_formulas(system), *coefficient_formulas(system), *values]
     lap("expand and simplify")
-    writer = CWriter(program, formulas, records, energy_outputs, reactions=reactions)
+    writer = CWriter(program, formulas, records, energy_outputs, reactions)
     context = writer.context()
     files = write_c(context)
     lap("print")

@@ -240,9 +240,7 @@ class Writer(ABC):
         """The function of a kind of links, ears or regions."""
         single = len(self.instances(kind, sweep)) == 1
         signature = self.signature(f"{sweep}_{kind.index}", SWEEP[sweep].lanes, not single)
-        lines = self.lines(
-            block, lambda array, name: self.place(kind, sweep, array, name), self.culprit(kind, sweep)
-        )
+        lines = self.lines(block, lambda array, name: self.place(kind, sweep, array, name), self.culprit(kind, sweep))
         return Function(f"{block.title}; {self.called(kind)}", signature, lines)
 
     def called(self, kind: UnitKind) -> str:
@@ -501,7 +499,9 @@ class Writer(ABC):
             "numbers": [repr(v) for v in layout.numbers],
             "angles": layout.angles,
             "angles_in_order": layout.angles == list(range(len(layout.angles))),
-            "functions": constants + tau["functions"] + coefficients["functions"] + scalar + outputs["functions"] + energy["functions"],
+            "functions": [
+                *constants, *tau["functions"], *coefficients["functions"], *scalar, *outputs["functions"], *energy["functions"]
+            ],
             "lane_functions": tau["lane_functions"] + coefficients["lane_functions"] + lanes,
             "other_lane_functions": others + outputs["lane_functions"] + energy["lane_functions"],
             "constant_calls": constant_calls,

@@ -1,8 +1,8 @@
 """Closure of an ear, outward: attitudes, closure matrix, how everything moves with the sources, dependent speeds. Eqs. 30-38.
 
-With ``E x + (difference of the roots) = 0`` the dependent speeds are ``x = Y s``, s the sources of the region (independent speeds,
-or the six components of a link's motion), and every link moves with ``Z s``: the paper's Gamma and Xi, applied to the sources at once.
-Accelerations obey the same maps, plus a remainder.
+With ``E x + (difference of the roots) = 0`` the dependent speeds are ``x = Y s``, s the sources of the region (independent
+speeds, or the six components of a link's motion), and every link moves with ``Z s``: the paper's Gamma and Xi, applied to
+the sources at once. Accelerations obey the same maps, plus a remainder.
 """
 
 from __future__ import annotations
@@ -10,10 +10,9 @@ from __future__ import annotations
 from typing import Any
 
 from .ears import ZERO, Ear, Twist, turned
-from .joints import JointTransform
 from .energy import origin_velocity
+from .joints import JointTransform
 from .kinematics import angular_velocity, load_matrix, load_vector, store_matrix, store_vector
-
 from .orthogonal import Factor, factor, load_factor
 from .spatial import XYZ, Vec, add, matvec
 
@@ -41,7 +40,7 @@ def own_coefficients(ear: Ear, kind: Any, c: int, dependent: list[Any]) -> list[
 
 
 def is_zero(v: Any) -> bool:
-    return isinstance(v, int) and v == 0 or getattr(v, "is_zero", False) is True
+    return (isinstance(v, int) and v == 0) or getattr(v, "is_zero", False) is True
 
 
 def closures(x: Any, kind: Any) -> None:

@@ -1,7 +1,7 @@
 """Tangents of an ear's statements: what is fixed in a link turns with it, everything else by derivative primitives.
 
-A direction turns a link by a rotation vector theta (in region axes), so ``dv = theta x v`` for every vector v fixed in the link, plus what
-the design parameters change in its components: three numbers, not nine for each rotation matrix.
+A direction turns a link by a rotation vector theta (in region axes), so ``dv = theta x v`` for every vector v fixed in the
+link, plus what the design parameters change in its components: three numbers, not nine for each rotation matrix.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from .ears import UNIT, Ear
 from .spatial import XYZ, Vec, add, cross, dot, matmul, matvec
 
 One = S.One
+
 
 class EarTangents:
     """Tangents of the statements of an ear's block.

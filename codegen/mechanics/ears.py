@@ -1,8 +1,8 @@
 """Ears in the axes of their region: attitudes, levers, the motion of joints, closing conditions.
 
-All vectors of a region's links are in the axes of its base. So nothing is turned from link to link: a joint of a link contributes its
-axis e, the column ``(e, e x lever)`` to a loop (section 4.1 of the theory page), and a velocity, an acceleration or a displacement goes from
-link to link by ``a + alpha x rho``.
+All vectors of a region's links are in the axes of its base. So nothing is turned from link to link: a joint of a link
+contributes its axis e, the column ``(e, e x lever)`` to a loop (section 4.1 of the theory page), and a velocity, an
+acceleration or a displacement goes from link to link by ``a + alpha x rho``.
 """
 
 from __future__ import annotations
@@ -162,7 +162,8 @@ class Ear:
         else:
             W = [[view.load("me", f"sW.{i}{j}") for j in XYZ] for i in XYZ]
         freedoms = [
-            Freedom(a < 3, [W[i][a % 3] for i in range(3)], j) for j, a in enumerate(freedom_axes(kind.joint, kind.axis))
+            Freedom(a < 3, [W[i][a % 3] for i in range(3)], j)
+            for j, a in enumerate(freedom_axes(kind.joint, kind.axis))
         ]
         return Member(view, kind, joint, W, rho, r, freedoms, parent)
 
@@ -170,7 +171,13 @@ class Ear:
         return [self.x.let(f"{name}_{i}", v[k], tag, lanes=lanes) for k, i in enumerate(XYZ)]
 
     def fixed_vector(
-        self, name: str, place: int, v: Vec, tag: str = "Eq. 22", kept: tuple[str, str] | None = None, inertial: bool = False
+        self,
+        name: str,
+        place: int,
+        v: Vec,
+        tag: str = "Eq. 22",
+        kept: tuple[str, str] | None = None,
+        inertial: bool = False,
     ) -> Vec:
         """Region components of a vector given in a link's; remembered for differentiation."""
         found = self._named(name, rotate(self.attitude(place), v), tag)
@@ -236,7 +243,9 @@ class Ear:
 
     # -- steps from link to link -----------------------------------------------------------------------------------
 
-    def step(self, before: Twist, member: Member, coefficients: list[Any], name: str, tag: str, lanes: bool = False) -> Twist:
+    def step(
+        self, before: Twist, member: Member, coefficients: list[Any], name: str, tag: str, lanes: bool = False
+    ) -> Twist:
         """The motion of a link from its parent's, the joint's freedoms moving with the given coefficients."""
         angular, linear = before.angular, before.at(member.rho)
         for f, value in zip(member.freedoms, coefficients, strict=True):
@@ -339,7 +348,9 @@ class Ear:
             found.append(total)
         return found
 
-    def conditions(self, rows: list[tuple[int, bool, Vec]], at_cuts: list[Twist], name: str, tag: str, lanes: bool = False) -> Vec:
+    def conditions(
+        self, rows: list[tuple[int, bool, Vec]], at_cuts: list[Twist], name: str, tag: str, lanes: bool = False
+    ) -> Vec:
         """Components of motions at the cuts along the conditions."""
         result: Vec = []
         for c, angular, n in rows:
@@ -361,14 +372,13 @@ class Ear:
 
     def dependents(self) -> list[tuple[int, Freedom]]:
         """The dependent freedoms, in the order of the closure matrix's columns."""
-        return [
-            (k, m.freedoms[j]) for k, m in enumerate(self.members) for j in self.kind.dependent[k]
-        ]
+        return [(k, m.freedoms[j]) for k, m in enumerate(self.members) for j in self.kind.dependent[k]]
 
     def coefficients(self, dependent: list[Any], independent: Any = None) -> list[list[Any]]:
         """For each link, values of its freedoms: the dependent ones as listed, the others by a function of link and freedom."""
         found = [
-            [0 if independent is None else independent(k, f.index) for f in m.freedoms] for k, m in enumerate(self.members)
+            [0 if independent is None else independent(k, f.index) for f in m.freedoms]
+            for k, m in enumerate(self.members)
         ]
         for (k, f), value in zip(self.dependents(), dependent, strict=True):
             found[k][f.index] = value

@@ -9,7 +9,16 @@ from __future__ import annotations
 from typing import Any
 
 from .joints import JointTransform, freedom_axes
-from .kinematics import accelerate, acceleration_matrix, angular_velocity, body_force, less_external, own_inertia, store_matrix, store_vector
+from .kinematics import (
+    accelerate,
+    acceleration_matrix,
+    angular_velocity,
+    body_force,
+    less_external,
+    own_inertia,
+    store_matrix,
+    store_vector,
+)
 from .spatial import NINE, XYZ, Vec, add
 from .tangents import differentiate, store_tangent
 from .triangularization import accumulate, force_to_parent, hand_on_force

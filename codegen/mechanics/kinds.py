@@ -332,7 +332,10 @@ class System:
     def independent(self) -> tuple[list[int], list[int]]:
         """Indices of the independent coordinates and speeds."""
         dependent = {
-            (i, j) for ear in self.regions.ears for i, freedoms in zip(ear.links, ear.dependent, strict=True) for j in freedoms
+            (i, j)
+            for ear in self.regions.ears
+            for i, freedoms in zip(ear.links, ear.dependent, strict=True)
+            for j in freedoms
         }
         q: list[int] = []
         u: list[int] = []
@@ -418,7 +421,10 @@ def analyse(model: Model, unrolled: bool, partition: Partition | None = None) ->
             n not in c.shape.varying and c.values.get(n, 0.0) == float(n[2] == n[3])
             for n in (f"R.{a}{b}" for a in "xyz" for b in "xyz")
         )
-        first, first_unit = last_child[link.parent] == i, order.first_contributor.get(link.parent) == order.unit_of_link[i]
+        first, first_unit = (
+            last_child[link.parent] == i,
+            order.first_contributor.get(link.parent) == order.unit_of_link[i],
+        )
         signature: Any = (
             link.joint, link.frame.index, aligned, first, first_unit, link.parent != GROUND, i in has_child, forced,
             c.shape.index, _pattern(c), order.place_in_ear(i), order.role_of(i), i in pulled,
@@ -435,7 +441,9 @@ def analyse(model: Model, unrolled: bool, partition: Partition | None = None) ->
         kind_of.append(kind)
     for kind in kinds.values():
         kind.fold([constants_of[i] for i in kind.members])
-    unit_kinds, unit_kind_of = _unit_kinds(regions, order, list(kinds.values()), kind_of, faces, closure_constants, unrolled)
+    unit_kinds, unit_kind_of = _unit_kinds(
+        regions, order, list(kinds.values()), kind_of, faces, closure_constants, unrolled
+    )
     spring_kinds = _spring_kinds(len(kinds) + len(unit_kinds), kind_of, ends, spring_constants)
     slot_of, slots = order.slots()
     gravity = None
@@ -566,9 +574,7 @@ class _Order:
     def roles(self, e: int) -> tuple[str, ...]:
         ear = self.regions.ears[e]
         region = self.regions.regions[ear.region]
-        return tuple(
-            "frame" if r == region.base else "ground" if r == GROUND else "link" for r in ear.roots
-        )
+        return tuple("frame" if r == region.base else "ground" if r == GROUND else "link" for r in ear.roots)
 
     def role_of(self, link: int) -> tuple[bool, bool]:
         """Whether others hang on a link, and whether a loop closes on its motion."""
@@ -619,7 +625,9 @@ def _unit_kinds(
             r = len(region.freedoms)
             key: Any = ("region", r, region.carried, region.rigid, first, unit.number if unrolled else 0)
             total = r + (6 if region.carried and not region.rigid else 0)
-            kind = found.setdefault(key, RegionKind(len(kinds) + len(found), r, total, region.carried, region.rigid, first))
+            kind = found.setdefault(
+                key, RegionKind(len(kinds) + len(found), r, total, region.carried, region.rigid, first)
+            )
             kind.members.append(unit.number)
         else:
             kind = _ear_kind(unit.number, n, regions, order, len(kinds) + len(found), kind_of, faces, closure_constants,
@@ -664,7 +672,13 @@ def _ear_kind(
     if kind is None:
         closures = [
             ClosureKind(
-                closure_constants[c.loop].shape, f.loop.type, f.frames[0].index, f.frames[1].index, c.paths, c.roots, c.faces
+                closure_constants[c.loop].shape,
+                f.loop.type,
+                f.frames[0].index,
+                f.frames[1].index,
+                c.paths,
+                c.roots,
+                c.faces,
             )
             for f, c in zip(loops, ear.closures, strict=True)
         ]

@@ -89,12 +89,17 @@ def body_force(x: Any, w: Vec, al: Vec, a: Vec, B: Mat, inertia: tuple[Any, Vec,
     return moment, force
 
 
-def less_external(x: Any, kind: Any, needed: tuple[Vec, Vec], array: str = "me", lanes: bool = False) -> tuple[Vec, Vec]:
+def less_external(
+    x: Any, kind: Any, needed: tuple[Vec, Vec], array: str = "me", lanes: bool = False
+) -> tuple[Vec, Vec]:
     """What is left of the force that a link needs when springs have acted on it (R of Eq. 24)."""
     if not kind.pulled:
         return needed
     n, f = (
-        [x.let("less", e - acting, "Eq. 24", lanes=lanes) for e, acting in zip(v, load_vector(x, array, f"ext.{name}"), strict=True)]
+        [
+            x.let("less", e - acting, "Eq. 24", lanes=lanes)
+            for e, acting in zip(v, load_vector(x, array, f"ext.{name}"), strict=True)
+        ]
         for v, name in zip(needed, "nf", strict=True)
     )
     return n, f

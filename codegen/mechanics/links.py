@@ -304,8 +304,8 @@ def face_constants(
     Returns
     -------
     dict
-        ``A`` the start, ``B`` the end: ``A.r.i`` origin, m; ``A.F.ij`` link components from those of the face, one of whose axes is the
-        joint's.
+        ``A`` the start, ``B`` the end: ``A.r.i`` origin, m; ``A.F.ij`` link components from those of the face, one of whose
+        axes is the joint's.
     """
     out: dict[str, Any] = {}
     for side, name in enumerate("AB"):

@@ -1,8 +1,8 @@
 """Completion of seeds and the balance through loops. Section 4 of the theory page.
 
-Position, velocity and acceleration closure are differentiated one after the other; each gives what the dependent joints must do by the same
-factored closure matrix. Inward, the loops carry the wrench that closes them, and what is left along the dependent joints is projected on
-the sources by the same map ``Y``: no multiplier is ever solved for along a direction.
+Position, velocity and acceleration closure are differentiated one after the other; each gives what the dependent joints
+must do by the same factored closure matrix. Inward, the loops carry the wrench that closes them, and what is left along the
+dependent joints is projected on the sources by the same map ``Y``: no multiplier is ever solved for along a direction.
 """
 
 from __future__ import annotations
@@ -11,15 +11,15 @@ from typing import Any
 
 from sympy import Rational
 
-from .closures import is_zero, own_sources, source_twist, stored_factor
+from .closures import is_zero, own_sources, stored_factor
 from .ear_tangents import EarTangents
-from .ears import SLIDING, UNIT, ZERO, Ear, Twist, rotate
+from .ears import SLIDING, ZERO, Ear, Twist, rotate
+from .energy import origin_velocity
 from .joints import JointTransform
 from .kinematics import (
     acceleration_matrix,
     angular_velocity,
     body_force,
-    load_matrix,
     load_symmetric,
     load_vector,
     store_matrix,
@@ -39,11 +39,9 @@ from .loop_dynamics import (
     source_accelerations,
     speeds_of,
 )
-from .energy import origin_velocity
 from .orthogonal import product
 from .spatial import XYZ, Mat, Vec, add, cross, dot, matvec, scale, transpose
 from .tangents import differentiate, store_tangent
-
 
 Force = tuple[Vec, Vec]
 """Moment and force."""
@@ -109,7 +107,10 @@ def parameter_displacement(x: Any, kind: Any, joint: JointTransform) -> tuple[Ve
         if joint.fixed is not None:
             dR = [[x.load("c", f"R.{a}{b}/{j}") for b in XYZ] for a in XYZ]
             if not all(is_zero(e) for row in dR for e in row):
-                about = [about[i] + v * dp for i, v in enumerate(let3(x, "about", rotation_vector(dR, joint.fixed), "d Eq. 22", False))]
+                about = [
+                    about[i] + v * dp
+                    for i, v in enumerate(let3(x, "about", rotation_vector(dR, joint.fixed), "d Eq. 22", False))
+                ]
             if joint.joint in ("prismatic", "free"):
                 q = [x.load("q", str(i)) for i in range(3)] if joint.joint == "free" else None
                 moved = matvec(dR, q) if q else [row[joint.axis] * x.load("q", "0") for row in dR]
@@ -152,15 +153,23 @@ def root_angles(x: Any, kind: Any, slot: bool) -> tuple[dict[int, Vec], dict[int
 def complete(x: Any, kind: Any) -> None:
     """Outward block over directions: dq and du of the dependent joints, by differentiated position and velocity closure."""
     ear = Ear(x, kind)
-    f = stored_factor(x, kind)
-    tag = "d Eq. 22"
     angles, moved = root_angles(x, kind, True)
     for t, role in enumerate(kind.roots):
         if role == "ground":
-            moved[-1 - t] = let3(x, "d", add(moved[-1 - t], cross(angles[-1 - t], ear.position(-1 - t))), tag)
-    dependents = ear.dependents()
+            turned = cross(angles[-1 - t], ear.position(-1 - t))
+            moved[-1 - t] = let3(x, "d", add(moved[-1 - t], turned), "d Eq. 22")
+    dq = complete_positions(x, ear, angles, moved)
+    complete_velocities(x, ear, angles, moved, dq)
 
-    # position closure
+
+def still(kind: Any) -> list[Twist]:
+    """Roots that do not move."""
+    return [Twist(list(ZERO), list(ZERO)) for _ in kind.roots]
+
+
+def complete_positions(x: Any, ear: Ear, angles: dict[int, Vec], moved: dict[int, Vec]) -> dict[tuple[str, str], Any]:
+    """Displacements of the ear's links, put into `angles` and `moved`, and dq of its dependent joints, by link and coordinate."""
+    kind, tag = ear.kind, "d Eq. 22"
     for k, member in enumerate(ear.members):
         view = member.view
         W = ear.attitude(member.parent)
@@ -177,13 +186,12 @@ def complete(x: Any, kind: Any) -> None:
         theta, d = angles[member.parent], moved[member.parent]
         angles[k] = let3(x, "th", add(theta, rotate(W, let3(x, "about", about, tag)), turn), tag)
         moved[k] = let3(x, "d", add(d, cross(theta, member.rho), rotate(W, let3(x, "dr", local, tag)), slide), tag)
-    rows = [ear.rows()[i] for i in kind.kept]
     dq: dict[tuple[str, str], Any] = {}
+    rows = [ear.rows()[i] for i in kind.kept]
     if rows:
         b = ear.conditions(rows, cut_displacements(x, ear, angles, moved), "b", "d Eq. 30", lanes=True)
-        rates = f.solve([-v for v in b], "dx", "d Eq. 30", lanes=True)
-        still = [Twist(list(ZERO), list(ZERO)) for _ in kind.roots]
-        for k, added in enumerate(ear.walk(still, ear.coefficients(rates), "dd", tag, lanes=True)):
+        rates = stored_factor(x, kind).solve([-v for v in b], "dx", "d Eq. 30", lanes=True)
+        for k, added in enumerate(ear.walk(still(kind), ear.coefficients(rates), "dd", tag, lanes=True)):
             angles[k] = let3(x, "th", add(angles[k], added.angular), tag)
             moved[k] = let3(x, "d", add(moved[k], added.linear), tag)
         dq = dependent_displacements(x, ear, rates)
@@ -193,51 +201,49 @@ def complete(x: Any, kind: Any) -> None:
         for array in ("lme", "lane"):
             store_vector(x, f"{array}#{k}", "th", angles[k])
             store_vector(x, f"{array}#{k}", "d", moved[k])
+    return dq
 
-    # velocity closure
+
+def complete_velocities(
+    x: Any, ear: Ear, angles: dict[int, Vec], moved: dict[int, Vec], dq: dict[tuple[str, str], Any]
+) -> None:
+    """du of the ear's dependent joints, and tangents of its links' velocities."""
+    kind = ear.kind
     roots = root_velocities(x, kind)
     velocities = ear.walk(roots, [speeds_of(m) for m in ear.members], "r", "Eq. 30")
-    differences = ear.face_difference(velocities, roots)
-    conditions = ear.conditions(rows, differences, "cv", "Eq. 30")
+    rows = [ear.rows()[i] for i in kind.kept]
+    conditions = ear.conditions(rows, ear.face_difference(velocities, roots), "cv", "Eq. 30")
+    slides = any(c.type in SLIDING for c in kind.closures)
     seeds: dict[Any, Any] = {}
+    held: Vec = []
     for t, role in enumerate(kind.roots):
-        if role == "link":
-            pairs = ((roots[t].angular, "rw"), (roots[t].linear, "rv"))
-            for vector, name in pairs:
-                seeds.update(zip(vector, load_vector(x, f"lroot#{t}", name), strict=True))
-        elif role == "frame" and not kind.rigid:
-            for vector, name in ((roots[t].angular, "cw"), (roots[t].linear, "cv")):
-                seeds.update(zip(vector, load_vector(x, "lbase", name), strict=True))
-    if any(c.type in SLIDING for c in kind.closures):
-        for t, role in enumerate(kind.roots):
-            if role != "frame":
-                seeds.update(zip(ear.position(-1 - t), moved[-1 - t], strict=True))
-    d = EarTangents(ear, angles, seeds, dq)
-    if any(c.type in SLIDING for c in kind.closures):
-        for t, role in enumerate(kind.roots):
-            if role != "frame":
-                d.hold(ear.position(-1 - t))
-    for t, role in enumerate(kind.roots):
-        if role in ("link", "frame"):
-            d.hold([*roots[t].angular, *roots[t].linear])
-    for k, member in enumerate(ear.members):
-        for freedom in member.freedoms:
-            if freedom.index in kind.dependent[k]:
-                d.hold([member.view.load("u", str(freedom.index))])
-    d.run()
+        array, names = (f"lroot#{t}", ("rw", "rv")) if role == "link" else ("lbase", ("cw", "cv"))
+        if role == "link" or (role == "frame" and not kind.rigid):
+            for vector, name in zip((roots[t].angular, roots[t].linear), names, strict=True):
+                seeds.update(zip(vector, load_vector(x, array, name), strict=True))
+        held += [*roots[t].angular, *roots[t].linear]
+        if slides and role != "frame":
+            seeds.update(zip(ear.position(-1 - t), moved[-1 - t], strict=True))
+            held += ear.position(-1 - t)
+    held += [ear.members[k].view.load("u", str(freedom.index)) for k, freedom in ear.dependents()]
+    tangents = EarTangents(ear, angles, seeds, dq)
+    tangents.hold(held)
+    tangents.run()
     if rows:
-        rates = f.solve([-d.of(v) for v in conditions], "du", "d Eq. 30", lanes=True)
-        still = [Twist(list(ZERO), list(ZERO)) for _ in kind.roots]
-        added = ear.walk(still, ear.coefficients(rates), "dr", "d Eq. 30", lanes=True)
-        d.correct([pair for v, more in zip(velocities, added, strict=True)
-                   for pair in ((v.angular, more.angular), (v.linear, more.linear))])  # fmt: skip
-        for (k, freedom), value in zip(dependents, rates, strict=True):
+        b = [-tangents.of(v) for v in conditions]
+        rates = stored_factor(x, kind).solve(b, "du", "d Eq. 30", lanes=True)
+        added = ear.walk(still(kind), ear.coefficients(rates), "dr", "d Eq. 30", lanes=True)
+        pairs = [
+            ((v.angular, more.angular), (v.linear, more.linear)) for v, more in zip(velocities, added, strict=True)
+        ]
+        tangents.correct([pair for both in pairs for pair in both])
+        for (k, freedom), value in zip(ear.dependents(), rates, strict=True):
             x.store(f"du#{k}", str(freedom.index), value)
     for v in ear.fixed:
         if v.kept is not None:
-            store_vector(x, *v.kept, d.vector(v.found))
+            store_vector(x, *v.kept, tangents.vector(v.found))
     for k, velocity in enumerate(velocities):
-        angular, linear = d.vector(velocity.angular), d.vector(velocity.linear)
+        angular, linear = tangents.vector(velocity.angular), tangents.vector(velocity.linear)
         for array in ("lme", "lane"):
             store_vector(x, f"{array}#{k}", "rw", angular)
             store_vector(x, f"{array}#{k}", "rv", linear)
@@ -277,10 +283,19 @@ def dependent_displacements(x: Any, ear: Ear, rates: list[Any], lanes: bool = Tr
             for m in range(3):
                 member.view.store("lane", f"turn.{m}", turn[m])
         if kind.joint == "free":
-            for m, value in enumerate(matvec(member.joint.matrix, [
-                found[j] if j in found else freedom_displacement(member.view, kind, member.joint, j) if lanes else 0
-                for j in range(3, 6)
-            ])):
+            for m, value in enumerate(
+                matvec(
+                    member.joint.matrix,
+                    [
+                        found[j]
+                        if j in found
+                        else freedom_displacement(member.view, kind, member.joint, j)
+                        if lanes
+                        else 0
+                        for j in range(3, 6)
+                    ],
+                )
+            ):
                 result[str(k), str(m)] = x.let("dq", value, "d Eq. 22", lanes=lanes)
     return result
 
@@ -319,7 +334,9 @@ def face_displacement(x: Any, ear: Ear, c: int, side: int) -> tuple[Vec, Vec]:
         _, F = ear.face(c, side)
         dF = [[x.load(f"cl#{c}", f"{name}.F.{a}{b}/{j}") for b in XYZ] for a in XYZ]
         if not all(is_zero(e) for row in dF for e in row):
-            about = [about[i] + v * dp for i, v in enumerate(let3(x, "about", rotation_vector(dF, F), "d Eq. 30", False))]
+            about = [
+                about[i] + v * dp for i, v in enumerate(let3(x, "about", rotation_vector(dF, F), "d Eq. 30", False))
+            ]
     return local, about
 
 
@@ -331,7 +348,7 @@ def total_udot(x: Any, kind: Any, k: int, member: Any) -> list[Any]:
 
 
 def ear_balance_out(x: Any, kind: Any) -> None:
-    """Outward block over directions: tangents of the motion with the sources' udot held, and of the force that it needs. Eqs. 25-29."""
+    """Outward block over directions: tangents of the motion, the sources' udot held, and of the force it needs. Eqs. 25-29."""
     ear = Ear(x, kind)
     f = stored_factor(x, kind)
     rows = [ear.rows()[i] for i in kind.kept]
@@ -350,7 +367,7 @@ def ear_balance_out(x: Any, kind: Any) -> None:
             seeds.update(zip(a, let3(x, "dg", moved, "d Eq. 22"), strict=True))
             continue
         array = "lbase" if role == "frame" else f"lroot#{t}"
-        names = ("w", "al", "a", "B") if role == "frame" else ("sw", "sal", "sa", "sB")
+        names: tuple[str, ...] = ("w", "al", "a", "B") if role == "frame" else ("sw", "sal", "sa", "sB")
         for vector, name in zip((w, al, a), names, strict=False):
             seeds.update(zip(vector, load_vector(x, array, name), strict=True))
         for i in range(3):
@@ -372,7 +389,9 @@ def ear_balance_out(x: Any, kind: Any) -> None:
         motions.append(member_motion(x, member, before, total_udot(x, kind, k, member)))
         if not x.structural:
             x.recall({"sw": motions[-1][0]}, f"me#{k}")
-    conditions = ear.conditions(rows, cut_accelerations(x, ear, motions, roots, slip_roots), "ca", "Eq. 31") if rows else []
+    conditions = (
+        ear.conditions(rows, cut_accelerations(x, ear, motions, roots, slip_roots), "ca", "Eq. 31") if rows else []
+    )
     d = EarTangents(ear, angles, seeds)
     if slides:
         for t, role in enumerate(kind.roots):
@@ -385,8 +404,7 @@ def ear_balance_out(x: Any, kind: Any) -> None:
     d.run()
     if rows:
         rates = f.solve([-d.of(v) for v in conditions], "dx", "d Eq. 31", lanes=True)
-        still = [Twist(list(ZERO), list(ZERO)) for _ in kind.roots]
-        added = ear.walk(still, ear.coefficients(rates), "da", "d Eq. 31", lanes=True)
+        added = ear.walk(still(kind), ear.coefficients(rates), "da", "d Eq. 31", lanes=True)
         pairs: list[tuple[Vec, Vec]] = []
         for (_, al, a, B), more in zip(motions, added, strict=True):
             angular = more.angular
@@ -436,7 +454,10 @@ def less_external_tangents(x: Any, ear: Ear, k: int, needed: Force, theta: Vec) 
 
 
 def _hand_tangents(x: Any, k: int, ear: Ear, d: EarTangents, theta: Vec, w: Vec, al: Vec, a: Vec) -> None:
-    """Motion and tangents of a link in its own axes, for the links that it carries. Components change by ``dv - theta x v`` there."""
+    """Motion and tangents of a link in its own axes, for the links that it carries.
+
+    Components change by ``dv - theta x v`` there.
+    """
     back = transpose(ear.members[k].W)
     own: list[Vec] = []
     tangents: list[Vec] = []
@@ -577,7 +598,9 @@ def along_freedom(x: Any, kind: Any, k: int, freedom: Any, force: tuple[Vec, Vec
     return x.let("gamma", dot(freedom.e, force[0] if freedom.angular else force[1]) - tau, "Eq. 53")
 
 
-def _tangent_along(x: Any, kind: Any, k: int, freedom: Any, force: tuple[Vec, Vec], moved: tuple[Vec, Vec], theta: Vec) -> Any:
+def _tangent_along(
+    x: Any, kind: Any, k: int, freedom: Any, force: tuple[Vec, Vec], moved: tuple[Vec, Vec], theta: Vec
+) -> Any:
     """Tangent of a transmitted force's component along a freedom, less that of the joint force."""
     part = 0 if freedom.angular else 1
     turned = cross(theta, freedom.e)
@@ -648,7 +671,9 @@ def _apply_wrench(
         slip = ear.slip(c) if side == 0 else None
         if slip is not None:
             lever = add(lever, slip)
-        change = tangents.vector(lever) if slip is None else add(tangents.vector(ear.arm(c, side)), tangents.vector(slip))
+        change = (
+            tangents.vector(lever) if slip is None else add(tangents.vector(ear.arm(c, side)), tangents.vector(slip))
+        )
         n = add(moment, cross(lever, force))
         dn = add(d_moment, cross(let3(x, "dlever", change, "d Eq. 30"), force), cross(lever, d_force))
         acting: Force = ([sign * e for e in n], [sign * e for e in force])
@@ -675,7 +700,10 @@ def region_balance_start(x: Any, kind: Any) -> None:
 
 
 def region_balance_in(x: Any, kind: Any) -> None:
-    """Inward block over directions: the sources' right sides are eliminated; a link that carries the region gets what is left. Eqs. 45, 53."""
+    """Inward block over directions: the sources' right sides are eliminated; what is left goes to the link that carries them.
+
+    Eqs. 45, 53.
+    """
     size = kind.sources + (6 if kind.carried else 0)
     g: list[Any] = [x.load("lregion", f"r{c}") for c in range(kind.sources)]
     if kind.carried:

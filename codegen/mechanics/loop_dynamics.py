@@ -1,8 +1,8 @@
 """Forward dynamics of ears and regions. Eqs. 31, 39-47, 53-56 in the sources of a region.
 
-With ``A_k = Z_k w + A_t,k`` for all links of a region, its equations of motion are ``Q w = -g`` with
-``Q = sum Z_k^T I_k Z_k`` and ``g = sum Z_k^T (I_k A_t,k + bias) - joint forces``: the virtual body of Eqs. 39-41. A base that is a link
-carries the region like one joint of as many freedoms.
+With ``A_k = Z_k w + A_t,k`` for all links of a region, its equations of motion are ``Q w = -g`` with ``Q = sum Z_k^T I_k
+Z_k`` and ``g = sum Z_k^T (I_k A_t,k + bias) - joint forces``: the virtual body of Eqs. 39-41. A base that is a link carries
+the region like one joint of as many freedoms.
 """
 
 from __future__ import annotations
@@ -58,9 +58,30 @@ def link_constants(x: Any, ear: Ear, k: int) -> tuple[Any, Vec, Mat]:
 
 def rotated_inertia(x: Any, W: Mat, J: Mat, tag: str) -> Mat:
     """``W J W^T``."""
+    axis = None if x.structural else _axis_of_symmetry(J)
+    if axis is not None:
+        # J = a (U - e e^T) + c e e^T, the first bracket by sums of squares: nothing cancels in its entries
+        e = [W[i][axis] for i in range(3)]
+        c, a = J[axis][axis], J[axis - 1][axis - 1]
+        squares = [x.let("ee", v * v, tag) for v in e]
+        across = [a * x.let("es", squares[i - 2] + squares[i - 1], tag) + c * squares[i] for i in range(3)]
+        more = x.let("ca", c - a, tag)
+        mixed = [more * x.let("ee", e[i] * e[j], tag) for i, j in ((0, 1), (0, 2), (1, 2))]
+        return symmetric([x.let("J", v, tag) for v in (*across, *mixed)])
     half = [[x.let("WJ", e, tag) for e in row] for row in matmul(W, J)]
     entries = [dot(half[i], W[j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
     return symmetric([x.let("J", e, tag) for e in entries])
+
+
+def _axis_of_symmetry(J: Mat) -> int | None:
+    """The axis of a diagonal inertia whose other two moments are the same constant."""
+    if not all(is_zero(J[i][j]) for i, j in ((0, 1), (0, 2), (1, 2))):
+        return None
+    for axis in range(3):
+        a, b = J[axis - 1][axis - 1], J[axis - 2][axis - 2]
+        if a == b and not is_zero(a):
+            return axis
+    return None
 
 
 def joint_bias(x: Any, member: Any, w_before: Vec, speeds: list[Any]) -> tuple[Vec, Vec]:
@@ -224,7 +245,10 @@ def less_external_of(x: Any, ear: Ear, k: int, needed: tuple[Vec, Vec]) -> tuple
     if not ear.kind.links[k].pulled:
         return needed
     acting = [rotate(ear.members[k].W, load_vector(x, f"me#{k}", f"ext.{name}")) for name in "nf"]
-    n, f = ([x.let("less", e - by, "Eq. 24") for e, by in zip(v, w, strict=True)] for v, w in zip(needed, acting, strict=True))
+    n, f = (
+        [x.let("less", e - by, "Eq. 24") for e, by in zip(v, w, strict=True)]
+        for v, w in zip(needed, acting, strict=True)
+    )
     return n, f
 
 
@@ -252,7 +276,9 @@ def base_fields() -> list[str]:
 
 def sum_fields(kind: Any) -> list[str]:
     """What the ears of a region sum up."""
-    names = [f"Q{c}.{d}" for c in range(kind.total) for d in range(c, kind.total)] + [f"g{c}" for c in range(kind.total)]
+    names = [f"Q{c}.{d}" for c in range(kind.total) for d in range(c, kind.total)] + [
+        f"g{c}" for c in range(kind.total)
+    ]
     if kind.carried and kind.rigid:
         names += base_fields() + [f"K{c}.{f}.{i}" for c in range(kind.sources) for f in "nf" for i in XYZ]
     return names
@@ -309,7 +335,7 @@ def ear_triangularize(x: Any, kind: Any) -> None:
                 K[c] = tuple(add(a, b) for a, b in zip(K[c], shifted, strict=True)) if c in K else shifted  # type: ignore[assignment]
         if kind.carried and kind.rigid:
             _to_base(x, ear.position(k), J, H, M, n, f)
-    for (k, freedom), d in zip(ear.dependents(), range(len(ear.dependents())), strict=True):
+    for d, (k, freedom) in enumerate(ear.dependents()):
         if kind.links[k].forced[freedom.index]:
             tau = x.load(f"tau#{k}", str(freedom.index))
             for c in range(kind.total):
@@ -363,7 +389,10 @@ def region_system(x: Any, kind: Any) -> tuple[Mat, list[Any]]:
 
 
 def region_triangularize(x: Any, kind: Any) -> None:
-    """Inward block of a region: its sources are eliminated, the last one first; a link that carries it gets what is left. Eqs. 44-47."""
+    """Inward block of a region: its sources are eliminated, the last one first; what is left goes to the link that carries it.
+
+    Eqs. 44-47.
+    """
     let = x.let
     Q, g = region_system(x, kind)
     size = len(Q)

@@ -1,9 +1,9 @@
 """The closure matrix of an ear as Q R: modified Gram-Schmidt with a second pass, the stable form of Eqs. 33-38.
 
-The paper's recursion projects one joint's motion after the other out of what is left to close. Here each column is projected twice, which
-leaves Q orthogonal to rounding whatever the condition; a column with one entry, and the second of two columns in a plane, need
-neither projection nor root. With more conditions than rank, ``E x = b`` is solved in the least-squares sense: on consistent motion
-the redundant conditions agree.
+The paper's recursion projects one joint's motion after the other out of what is left to close. Here each column is
+projected twice, which leaves Q orthogonal to rounding whatever the condition; a column with one entry, and the second of
+two columns in a plane, need neither projection nor root. With more conditions than rank, ``E x = b`` is solved in the
+least-squares sense: on consistent motion the redundant conditions agree.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import sympy
 from sympy import Float
 
 from ..program.block import ANY
-from .spatial import Vec
+from .spatial import Vec, cross
 
 SMALLEST = Float(1e-28)
 """Squared part of a column that must be left after projection: below it the closure matrix has lost rank."""
@@ -51,7 +51,9 @@ class Factor:
         """``x`` of ``E x = b``, in the order of E's columns."""
         let = self.x.let
         n = len(self.order)
-        y = [let(f"{name}_y", _sum(product(q, v) for q, v in zip(qj, b, strict=True)), tag, lanes=lanes) for qj in self.q]
+        y = [
+            let(f"{name}_y", _sum(product(q, v) for q, v in zip(qj, b, strict=True)), tag, lanes=lanes) for qj in self.q
+        ]
         found: list[Any] = [0] * n
         for j in reversed(range(n)):
             rest = y[j]
@@ -71,7 +73,8 @@ class Factor:
             z.append(let(f"{name}_z", product(rest, self.inverse[j]), tag, lanes=lanes))
         rows = len(self.q[0]) if self.q else 0
         return [
-            let(name, _sum(product(q[i], v) for q, v in zip(self.q, z, strict=True)), tag, lanes=lanes) for i in range(rows)
+            let(name, _sum(product(q[i], v) for q, v in zip(self.q, z, strict=True)), tag, lanes=lanes)
+            for i in range(rows)
         ]
 
     def _sorted(self, values: list[Any]) -> list[Any]:
@@ -120,6 +123,23 @@ def _sum(terms: Any) -> Any:
     return total
 
 
+def _complement(x: Any, q: list[Vec], tag: str) -> Vec:
+    """The unit vector normal to one, two or three orthonormal ones in as many dimensions and one more."""
+    let = x.let
+    if len(q) == 1:
+        return [-q[0][1], q[0][0]]
+    if len(q) == 2:
+        return [let("q", e, tag) for e in cross(*q)]
+    a, b, c = q
+    minor = {(i, j): let("minor", a[i] * b[j] - a[j] * b[i], tag) for i in range(4) for j in range(i + 1, 4)}
+    return [
+        let("q", minor[1, 2] * c[3] - minor[1, 3] * c[2] + minor[2, 3] * c[1], tag),
+        let("q", minor[0, 3] * c[2] - minor[0, 2] * c[3] - minor[2, 3] * c[0], tag),
+        let("q", minor[0, 1] * c[3] - minor[0, 3] * c[1] + minor[1, 3] * c[0], tag),
+        let("q", minor[0, 2] * c[1] - minor[0, 1] * c[2] - minor[1, 2] * c[0], tag),
+    ]
+
+
 def factor(x: Any, columns: list[Vec], tag: str) -> Factor:
     """Factor a matrix given by its columns, the ones with fewest entries first."""
     let = x.let
@@ -137,39 +157,40 @@ def factor(x: Any, columns: list[Vec], tag: str) -> Factor:
                     v[k] = 0
         left = [k for k in range(rows) if v[k] != 0]
         wide = [i for i, q in enumerate(f.q) if not any(e == 1 for e in q) and any(q[k] != 0 for k in left)]
-        spans = [k for i in wide for k in range(rows) if f.q[i][k] != 0]
-        if len(wide) == 1 and len(spans) == 2 and set(left) <= set(spans):
-            # two columns in a plane: the second direction is the first one turned
-            (i,), (a, b) = wide, spans
-            q = f.q[i]
-            f.R[i, j] = let("R", product(q[a], v[a]) + product(q[b], v[b]), tag)
-            r = let("r", product(q[a], v[b]) - product(q[b], v[a]), tag)
-            turned: Vec = [0] * rows
-            turned[a], turned[b] = -q[b], q[a]
-            f.q.append(turned)
+        spans = sorted({k for i in wide for k in range(rows) if f.q[i][k] != 0})
+        if wide and len(wide) == len(spans) - 1 <= 3 and set(left) <= set(spans):
+            # only one direction is left: it follows from the others
+            last = _complement(x, [[f.q[i][k] for k in spans] for i in wide], tag)
+            f.q.append([last[spans.index(k)] if k in spans else 0 for k in range(rows)])
+            for i in wide:
+                f.R[i, j] = let("R", _sum(product(f.q[i][k], v[k]) for k in spans), tag)
+            r = let("r", _sum(product(f.q[-1][k], v[k]) for k in spans), tag)
+            square = r * r
         else:
-            for _ in range(2):
+            for again in (False, True):
                 for i in wide:
                     q = f.q[i]
                     c = let("R", _sum(product(q[k], v[k]) for k in range(rows)), tag)
-                    f.R[i, j] = let("R", f.R.get((i, j), 0) + c, tag)
+                    if not again:  # what the second pass finds is rounding, for R too
+                        f.R[i, j] = c
                     v = [let("E", v[k] - product(c, q[k]), tag) for k in range(rows)]
             left = [k for k in range(rows) if v[k] != 0]
             if not left and not x.structural:
                 raise RankLossError("a dependent joint moves nothing that the loop could close with")
             if len(left) == 1:
                 r = v[left[0]]
+                square = r * r
                 f.q.append([1 if k in left else 0 for k in range(rows)])
             else:
-                length = _sum(v[k] * v[k] for k in range(rows))
-                r = ANY if x.structural else let("r", sympy.sqrt(let("rr", length, tag)), tag)
+                square = let("rr", _sum(v[k] * v[k] for k in range(rows)), tag)
+                r = ANY if x.structural else let("r", sympy.sqrt(square), tag)
                 inverse = let("rinv", 1 / r, tag)
                 f.q.append([let("q", product(e, inverse), tag) for e in v])
         if x.structural:
             r = ANY
         f.inverse.append(let("rinv", 1 / r, tag))
         above = _sum(f.R[i, k] * f.R[i, k] for (i, k) in sorted(f.R) if k == j)
-        margin = let("margin", r * r - (0 if x.structural else SMALLEST) * above, "rank")
+        margin = let("margin", square - (0 if x.structural else SMALLEST) * above, "rank")
         x.store("rank", str(j), margin)
     return f
 

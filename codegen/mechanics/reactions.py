@@ -1,7 +1,8 @@
 """Reactions: the wrenches that joints and loops transmit, by the force sweep, in the ground frame.
 
-With all accelerations known the force that every link's motion needs is summed inward. Loops carry the wrench that leaves the dependent
-joints with nothing but their own joint force: ``E^T W = gamma``, the shortest W where conditions are redundant.
+With all accelerations known the force that every link's motion needs is summed inward. Loops carry the wrench that leaves
+the dependent joints with nothing but their own joint force: ``E^T W = gamma``, the shortest W where conditions are
+redundant.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from .closures import stored_factor
 from .ears import Ear, rotate
 from .inverse_dynamics import transfer
 from .joints import JointTransform
-from .kinematics import body_force, load_matrix, load_vector, store_matrix, store_vector
+from .kinematics import body_force, load_matrix, store_matrix, store_vector
 from .loop_balance import along_freedom, inward, load_force, total_udot
 from .loop_dynamics import accumulate_base, hand_outward, less_external_of, link_constants, member_motion, root_motions
 from .orthogonal import product

@@ -1,10 +1,10 @@
 """Which links are resolved together: ears, the regions they belong to, and the order of everything.
 
-Section 4 of the theory page. An **ear** is a set of links on cycles, resolved together: the new links of a loop, of the several
-loops of a cluster, or, without any loop, one link whose joint is independent. A **region** is a set of ears whose links all
-move as functions of the same few **sources**: independent speeds, and perhaps one link that is resolved elsewhere (``A_k = Z_k w``). A
-ladder of any length is one region with one source. Where a loop closes a long chain, its ear is a region of its own and the link it
-starts from the source.
+Section 4 of the theory page. An **ear** is a set of links on cycles, resolved together: the new links of a loop, of the
+several loops of a cluster, or, without any loop, one link whose joint is independent. A **region** is a set of ears whose
+links all move as functions of the same few **sources**: independent speeds, and perhaps one link that is resolved elsewhere
+(``A_k = Z_k w``). A ladder of any length is one region with one source. Where a loop closes a long chain, its ear is a
+region of its own and the link it starts from the source.
 """
 
 from __future__ import annotations
@@ -85,8 +85,8 @@ class Region:
     base : int
         Link whose axes are used, or `GROUND`.
     rigid : bool
-        The loops close within the region whatever the base does: it carries the region like a rigid subtree. Otherwise the base's six
-        components are sources.
+        The loops close within the region whatever the base does: it carries the region like a rigid subtree. Otherwise the
+        base's six components are sources.
     freedoms : list of (int, int)
         Sources: link and freedom of the independent speeds.
     """
@@ -328,7 +328,9 @@ class _Maker:
             plan.append((members, b, base, rigid))
             taken |= set(members)
         for members, b, base, rigid in plan:
-            inside = [(i, j) for i in members for j in range(FREEDOMS[self.links[i].joint]) if (i, j) not in self.dependent]
+            inside = [
+                (i, j) for i in members for j in range(FREEDOMS[self.links[i].joint]) if (i, j) not in self.dependent
+            ]
             self.regions.append(Region(base, rigid, freedoms=inside))
             self.add(members, b.loops, {f: c for c, f in enumerate(inside)}, b.length)
         return True
@@ -373,9 +375,7 @@ class _Maker:
         self.ears.append(ear)
 
 
-def _order(
-    links: Sequence[Link], regions: list[Region], ears: list[EarLinks], ear_of: list[int | None]
-) -> list[Unit]:
+def _order(links: Sequence[Link], regions: list[Region], ears: list[EarLinks], ear_of: list[int | None]) -> list[Unit]:
     """Units outward: everything after what it hangs on, otherwise in the order of links."""
     region_units = [Unit("region", r, () if x.base == GROUND else (x.base,)) for r, x in enumerate(regions)]
     units = [Unit("link", i, (i,)) for i in range(len(links)) if ear_of[i] is None]

@@ -1,8 +1,8 @@
 """The sweeps: which blocks there are, in which direction they go, and what they are for.
 
-This is the list to read first. Forward dynamics is ``kinematics``, ``triangularize``, ``back_substitute`` (Eqs. 18-24, 42-47,
-53-56); a sensitivity adds ``balance_out``, ``balance_in``, ``balance_back`` over directions. Loops add ``closures`` before the former and
-``complete`` before the latter.
+This is the list to read first. Forward dynamics is ``kinematics``, ``triangularize``, ``back_substitute`` (Eqs. 18-24,
+42-47, 53-56); a sensitivity adds ``balance_out``, ``balance_in``, ``balance_back`` over directions. Loops add ``closures``
+before the former and ``complete`` before the latter.
 """
 
 from __future__ import annotations
@@ -119,7 +119,8 @@ SWEEPS: tuple[Sweep, ...] = (
     Sweep("condition_numbers", "condition numbers of the closure matrices", _nothing, OUTWARD, applies=_never,
           ear=assembly.conditions, units=True),
     Sweep("complete", "completion of seeds: differentiated closure of positions and velocities (Eq. 30)",
-          loop_balance.link_displacement, OUTWARD, lanes=True, tangents=True, ear=loop_balance.complete, units=True, closing=True),
+          loop_balance.link_displacement, OUTWARD, lanes=True, tangents=True, ear=loop_balance.complete, units=True,
+          closing=True),
     Sweep("pose", "positions and attitudes in the ground frame", energy.pose, OUTWARD),
     Sweep("pose_tangents", "tangent of positions and attitudes", energy.pose, OUTWARD, lanes=True, tangents=True),
     Sweep("velocities", "velocities of links (Eq. 18)", springs.velocities, OUTWARD),
@@ -127,8 +128,8 @@ SWEEPS: tuple[Sweep, ...] = (
     Sweep("clear", "no spring acts yet", springs.clear, OUTWARD, applies=_pulled),
     Sweep("clear_tangents", "no tangents of springs yet", springs.clear_tangents, OUTWARD, lanes=True, applies=_pulled),
     Sweep("springs", "forces of springs", _nothing, OUTWARD, spring=springs.springs),
-    Sweep("spring_tangents", "tangent of forces of springs", _nothing, OUTWARD, lanes=True, tangents=True, spring=springs.springs),
-    Sweep("spring_energy", "energy of springs", _nothing, OUTWARD, spring=springs.spring_energy),
+    Sweep("spring_tangents", "tangent of forces of springs", _nothing, OUTWARD, lanes=True, tangents=True,
+    spring=springs.springs), Sweep("spring_energy", "energy of springs", _nothing, OUTWARD, spring=springs.spring_energy),
     Sweep("spring_energy_tangents", "tangent of the energy of springs", _nothing, OUTWARD, lanes=True, tangents=True,
           spring=springs.spring_energy),
     Sweep("kinematics", "kinematic sweep (Eqs. 18-24, 31)", kinematics.kinematics, OUTWARD, units=True,

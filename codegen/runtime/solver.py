@@ -703,9 +703,9 @@ class Solver:
             "q": (nq,), "u": (nu,), "p": (n_p,), "inputs": (ninputs,), "t": (), "udot": (nu,), "b": (nu,),
             "qdot": (nq,), "x": (nu,), "force": (nu,), "energy": (2,), "outputs": (self.noutputs,), "M": (nu, nu),
             "J_q": (nu, nq), "J_u": (nu, nu), "J_p": (nu, n_p), "J_inputs": (nu, ninputs), "J_t": (nu,),
-            "position": (len(self.closure_names),), "velocity": (len(self.closure_names),), "condition": (len(manifest.get("loops", ())),),
-            "reaction": (6 * len(manifest["links"]),), "loop_reaction": (6 * len(manifest.get("loops", ())),), "step": (nq,),
-            "full_q": (nq,), "full_u": (nu,),
+            "position": (len(self.closure_names),), "velocity": (len(self.closure_names),), "step": (nq,),
+            "condition": (len(manifest.get("loops", ())),), "full_q": (nq,), "full_u": (nu,),
+            "reaction": (6 * len(manifest["links"]),), "loop_reaction": (6 * len(manifest.get("loops", ())),),
         }  # fmt: skip
         self._functions = self._functions_of(manifest)
         self._initial = np.array(manifest["initial"]["q"], float), np.array(manifest["initial"]["u"], float)
@@ -790,7 +790,8 @@ class Solver:
         return self._partition
 
     def use_partition(self, partition: int) -> None:
-        """Take other independent coordinates from now on; states keep their meaning, since q and u hold all coordinates and speeds.
+        """Take other independent coordinates from now on; states keep their meaning, since q and u hold all coordinates and
+        speeds.
 
         Not while other threads use this solver.
         """
@@ -973,7 +974,7 @@ class Solver:
         arrays, batch = self._arguments(given)
         return self._target.values(f, arrays, batch)
 
-    def _along(self, name: str, given: Mapping[str, Any], seeds: Mapping[str, Any]) -> tuple[Array, ...]:
+    def _along(self, name: str, given: Mapping[str, Any], seeds: Mapping[str, Any]) -> Any:
         f = self._find(name)
         arrays, batch = self._arguments(given)
         directions, k, batch = self._directions(seeds, arrays, batch)
@@ -1189,8 +1190,9 @@ class Solver:
             What the joint of each body does to it, about the body's origin, the joint's own force included. NaN for a body on a
             fixed joint: it is one with what carries it.
         loops : (..., nloops, 6)
-            What each loop joint does to its ``to`` body, about the origin of the face there. Where conditions are redundant they are
-            not unique: these are the ones with the least sum of squares of moments, and forces times the characteristic length.
+            What each loop joint does to its ``to`` body, about the origin of the face there. Where conditions are redundant
+            they are not unique: these are the ones with the least sum of squares of moments, and forces times the
+            characteristic length.
         """
         found = self._values("reactions", {"q": q, "u": u, "p": p, "inputs": inputs, "t": t})
         batch = found[0].shape[:-1]
@@ -1212,7 +1214,8 @@ class Solver:
         Parameters
         ----------
         q, u : (..., nq) and (..., nu), optional
-            The guess; its independent entries are kept, dependent ones are changed. What is left out is the model's initial state.
+            The guess; its independent entries are kept, dependent ones are changed. What is left out is the model's initial
+            state.
 
         Raises
         ------
