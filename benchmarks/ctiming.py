@@ -110,32 +110,44 @@ class Variant:
         return self.seconds(self.repetitions) / self.repetitions
 
 
+def compile_objects(
+    files: dict[str, str], level: str, cache: Path, compiler: str, version: str
+) -> tuple[list[Path], float]:
+    """Objects of a contestant's sources, and the seconds that took; those of an earlier contestant if it had the same."""
+    digest = hashlib.sha256(repr((sorted(files.items()), level, FLAGS, version)).encode()).hexdigest()[:20]
+    folder, took = cache / f"objects-{digest}", 0.0
+    sources = [name for name in files if name.endswith(".c")]
+    if not folder.exists():
+        unfinished = Path(tempfile.mkdtemp(prefix="unfinished-", dir=cache))
+        for name, text in files.items():
+            (unfinished / name).write_text(text)
+        begin = time.perf_counter()
+        for source in sources:
+            command = [compiler, level, *FLAGS[:2], "-c", source, "-o", f"{source}.o"]
+            subprocess.run(command, check=True, cwd=unfinished)
+        took = time.perf_counter() - begin
+        unfinished.rename(folder)
+    return [folder / f"{source}.o" for source in sources], took
+
+
 def compile_variant(contestant: Contestant, level: str, cache: Path, compiler: str = "gcc") -> Variant:
     """Compile a contestant and its timing loop (a file of its own, always -O2), or take them from the cache."""
-    files = dict(contestant.files)
     clock = CLOCK.format(declarations=contestant.declarations, call=contestant.call)
     version = subprocess.run([compiler, "--version"], capture_output=True, text=True, check=True).stdout
     linked = [str(path) for path in contestant.libraries]
-    what = (sorted(files.items()), clock, level, FLAGS, version, *([linked] if linked else []))
-    digest = hashlib.sha256(repr(what).encode()).hexdigest()[:20]
-    folder = cache / digest
+    what = (sorted(contestant.files.items()), clock, level, FLAGS, version, linked)
+    folder = cache / hashlib.sha256(repr(what).encode()).hexdigest()[:20]
     library, took = folder / "contestant.so", 0.0
     if not library.exists():
         folder.mkdir(parents=True, exist_ok=True)
-        for name, text in files.items() | {("clock.c", clock)}:
-            (folder / name).write_text(text)
-        begin = time.perf_counter()
-        sources = [name for name in files if name.endswith(".c")]
-        objects = []
-        for source in [*sources, "clock.c"]:
-            objects.append(f"{source}.o")
-            optimisation = "-O2" if source == "clock.c" else level
-            command = [compiler, optimisation, *FLAGS[:2], "-c", source, "-o", objects[-1]]
-            subprocess.run(command, check=True, cwd=folder)
-            if source != "clock.c":
-                took = time.perf_counter() - begin
+        objects, took = compile_objects(contestant.files, level, cache, compiler, version)
+        for name, text in contestant.files.items():
+            if name.endswith(".h"):
+                (folder / name).write_text(text)
+        (folder / "clock.c").write_text(clock)
+        subprocess.run([compiler, "-O2", *FLAGS[:2], "-c", "clock.c", "-o", "clock.o"], check=True, cwd=folder)
         linked += [f"-Wl,-rpath,{path.parent}" for path in contestant.libraries]
-        command = [compiler, "-shared", *objects, *linked, "-o", "unfinished.so", "-lm"]
+        command = [compiler, "-shared", *map(str, objects), "clock.o", *linked, "-o", "unfinished.so", "-lm"]
         subprocess.run(command, check=True, cwd=folder)
         (folder / "unfinished.so").rename(library)
     run = ctypes.CDLL(str(library)).seconds
