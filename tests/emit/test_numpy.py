@@ -136,7 +136,7 @@ def test_links_of_few_kinds_in_no_order() -> None:
     """Sweeps that choose the function of every link by its kind."""
     rng = np.random.default_rng(0)
     model = chain("".join(rng.choice(list("xxyz"), 70)))
-    assert "match link[i][KIND]" in write_solver(model, "kinds").files["chain_numpy.py"]
+    assert "match link[i][LINK_KIND]" in write_solver(model, "kinds").files["chain_numpy.py"]
     check_against_reference(model, "kinds", rng, 2)
 
 
@@ -217,7 +217,7 @@ def with_weightless_end() -> Model:
         joint = Joint("revolute", (vector(0, 1, 0),), at)
         bodies.append(Body(("upper", "lower")[k], k - 1, joint, expression(m), vector(0, 0, "-0.5"), inertia))
     damper = JointForce("damper", 1, (expression("-0.1*u.lower"),))
-    return Model("ends", vector(0, 0, -9.81), (Parameter("m", 1.0),), (), tuple(bodies), (damper,))
+    return Model("ends", vector(0, 0, -9.81), (Parameter("m", 1.0),), (), tuple(bodies), forces=(damper,))
 
 
 def test_a_zero_pivot_names_the_link() -> None:
