@@ -122,7 +122,7 @@ def random_mechanisms(count: int, first: int = 0, **options: Any) -> Iterator[tu
 
 
 class PartitionMissing(ValueError):
-    """No set of whole rotations and single speeds is a set of dependents."""
+    """No set of speeds is a fair set of dependents."""
 
 
 class _Smooth(_Maker):
@@ -189,12 +189,7 @@ class _Scene:
             J = np.concatenate([before, poses.jacobian((loop,))])
             if _rank(J) == model.nu or _rank(J) - _rank(before) < self.ranks[type]:
                 continue
-            longer = dataclasses.replace(model, loops=(*model.loops, loop))
-            try:
-                _some_partition(self.rng, longer, poses.q, J)
-            except PartitionMissing:  # only parts of a rotation by quaternion could be dependent
-                continue
-            return longer
+            return dataclasses.replace(model, loops=(*model.loops, loop))
         return None
 
     def standing(self, body: int) -> int:
@@ -441,13 +436,9 @@ def random_partition(rng: np.random.Generator, model: Model, q: Array, p: Array)
     """Some partition that is good here, not the best: ears in random order, dependents drawn among the fair ones.
 
     Loops that cannot be closed one after the other become clusters. The speeds of a joint with a quaternion are dependent
-    all together or not at all.
+    all together or not at all, and one by one where that closes nothing.
     """
-    return _some_partition(rng, model, q, Poses(model, q, p).jacobian(model.loops))
-
-
-def _some_partition(rng: np.random.Generator, model: Model, q: Array, J: Array) -> Partition:
-    n = len(model.loops)
+    J, n = Poses(model, q, p).jacobian(model.loops), len(model.loops)
     orders = [[(int(i),) for i in rng.permutation(n)] for _ in range(6)] + [[tuple(range(n))]]
     for waiting in orders:
         try:
@@ -524,10 +515,14 @@ def condition(partition: Partition, model: Model, q: Array, p: Array) -> float:
 
 
 def _pick(rng: np.random.Generator, model: Model, J: Array, available: list[int], wanted: int) -> list[int] | None:
-    """As many speeds as wanted whose columns of J are independent: single ones, or all those of a joint."""
+    """As many speeds as wanted whose columns of J are independent: single ones, or all those of a joint if that serves."""
     if not wanted:
         return []
     units = [u for u in _units(model) if set(u) <= set(available)]
+    return _pick_of(rng, units, J, wanted) or _pick_of(rng, [(i,) for i in available], J, wanted)
+
+
+def _pick_of(rng: np.random.Generator, units: list[tuple[int, ...]], J: Array, wanted: int) -> list[int] | None:
     whole = [u for u in units if len(u) > 1]
     found = []
     for n in range(len(whole) + 1):

@@ -58,7 +58,8 @@ def assemble(
     Parameters
     ----------
     q : (nq,) array
-        The guess; its independent entries are kept.
+        The guess; its independent entries are kept. A quaternion or position of which some speeds are dependent is moved
+        along those only: rotation and displacement in child axes.
     p : (np,) array, optional
         The defaults if left out.
 
@@ -80,9 +81,9 @@ def assembled(geometry: Geometry, partition: Partition, q: Array) -> Array:
     """`assemble` for coordinates ``(1, nq + 1)``."""
     for ear in partition.ears:
         geometry.lengths[list(ear.loops)] = ear.length
-    moving = {int(geometry.speed_body[s]) for ear in partition.ears for s in ear.dependent}
-    whole = [s for k in sorted(moving) if geometry.whole[k] for s in geometry.speeds[k]]
-    q = advance(geometry, q, whole, np.zeros((1, len(whole))))  # quaternions get unit length
+    dependent = [s for ear in partition.ears for s in ear.dependent]
+    moving = {int(geometry.speed_body[s]) for s in dependent}
+    q = advance(geometry, q, dependent, np.zeros((1, len(dependent))))  # quaternions get unit length
     if is_closed(geometry, q):
         return q
     groups = PoseGroups(geometry, q, [k for k in range(geometry.ground) if k not in moving])

@@ -7,7 +7,7 @@ its neighbours: that keeps an ear short.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import combinations, islice, product
 
 import numpy as np
@@ -29,6 +29,9 @@ GOOD_CONDITION = 20.0
 
 MAX_COMBINATIONS = 500
 """How many ways of making whole quaternion joints dependent are tried."""
+
+MAX_DIVIDED = 6
+"""How many rotations or displacements are tried as the only one that is divided."""
 
 
 def ranks(A: Array) -> Array:
@@ -55,6 +58,37 @@ def whole_joints(geometry: Geometry, speeds: Array, columns: Array) -> list[tupl
         k = int(geometry.speed_body[s])
         joints.setdefault(k if geometry.whole[k] else geometry.ground + s, []).append(c)
     return [tuple(x) for x in joints.values()]
+
+
+def divided_joints(joints: Sequence[tuple[int, ...]]) -> Iterator[list[tuple[int, ...]]]:
+    """The same columns with quaternion joints divided, as little as possible first.
+
+    Rotations and displacements of free joints apart; then single columns of one such group, those near the cut first; then
+    single columns of all.
+    """
+    groups = [part for columns in joints for part in ((columns[:3], columns[3:]) if len(columns) == 6 else (columns,))]
+    if len(groups) > len(joints):
+        yield groups
+    several = [i for i, columns in enumerate(groups) if len(columns) > 1]
+    for i in several[:MAX_DIVIDED] if len(several) > 1 else ():
+        yield [*groups[:i], *((c,) for c in groups[i]), *groups[i + 1 :]]
+    yield [(c,) for columns in groups for c in columns]
+
+
+def divide(A: Array, joints: Sequence[tuple[int, ...]], rank: int) -> list[int]:
+    """Columns that span all of A as `choose_dependents` finds them, quaternion joints divided as little as serves."""
+    best: list[int] = []
+    lowest = float("inf")
+    for parts in divided_joints(joints):
+        chosen = choose_dependents(A, parts, rank)
+        if chosen is None:
+            continue
+        found = condition(A[..., chosen])
+        if not best or found < lowest:
+            best, lowest = chosen, found
+        if lowest < GOOD_CONDITION:
+            break
+    return best
 
 
 def choose_dependents(A: Array, joints: Sequence[tuple[int, ...]], rank: int) -> list[int] | None:

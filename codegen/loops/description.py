@@ -39,6 +39,14 @@ def describe(model: Model, partition: Partition) -> list[str]:
         )
         alike.setdefault(kind if len(ears) > LINES else (i,), []).append(ear)
     lines += [_line(model, group) for group in alike.values()]
+    dependent = set(partition.dependent)
+    for group in partition.split(model):
+        first, second = ([names[s] for s in group.speeds if (s in dependent) is which] for which in (True, False))
+        what = "quaternion" if group.coordinates.stop - group.coordinates.start == 4 else "position"
+        lines.append(
+            f"  {model.bodies[group.body].name} is split: {listed(first)} dependent, {listed(second)} independent; its {what} "
+            f"counts as independent"
+        )
     if rank < rows:
         lines.append(
             f"{rows - rank} of {rows} conditions are redundant: they follow from the others, and the joints' reactions "

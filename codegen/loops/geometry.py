@@ -12,13 +12,11 @@ import numpy as np
 
 from ..model.expressions import Expression
 from ..model.model import CLOSURE_ROWS, GROUND, Model, Vector
+from .speed_groups import QUATERNION, speed_groups
 
 Array = np.ndarray
 
 U = np.eye(3)
-
-QUATERNION = ("spherical", "free")
-"""Joints with a quaternion: their coordinates are dependent all together or not at all."""
 
 
 def cross(a: Array, b: Array) -> Array:
@@ -119,6 +117,8 @@ class Geometry:
         By body: its joint has a quaternion.
     coordinate : (nu,) array
         The coordinate that a speed is the rate of; `nq` for the speeds of quaternion joints.
+    moved : list of slice
+        By speed, the coordinates that it moves: a single one; of quaternion joints the position, or the quaternion.
     turning : (nu,) array
         Whether a speed is an angular one.
     screw_w, screw_v : (nu, 3) array
@@ -183,6 +183,7 @@ class Geometry:
         self.angle1, self.angle2, self.slide = (np.full(n, nowhere) for _ in range(3))
         self.speed_body = np.zeros(self.nu, dtype=int)
         self.coordinate = np.full(self.nu, nowhere)
+        self.moved = [group.coordinates for group in speed_groups(self.model) for _ in group.speeds]
         self.screw_w, self.screw_v = np.zeros((self.nu, 3)), np.zeros((self.nu, 3))
         for k, (q, u) in enumerate(self.slices):
             self.speed_body[u] = k
@@ -364,9 +365,10 @@ def advance(geometry: Geometry, q: Array, speeds: Sequence[int] | Array, step: A
     ----------
     q : (S, nq + 1) array
     speeds : (f,)
-        All speeds of a quaternion joint, in order, or none.
+        Of a quaternion joint some or all; where one of them turns, the quaternion gets unit length.
     step : (S, f) array
-        rad and m; of quaternion joints the rotation vector and displacement in child components.
+        rad and m; of quaternion joints the rotation vector and displacement in child components, zero along speeds that
+        are not listed.
     """
     g = geometry
     q = q.copy()
@@ -374,15 +376,18 @@ def advance(geometry: Geometry, q: Array, speeds: Sequence[int] | Array, step: A
     where = g.coordinate[speeds]
     scalar = where != g.nq
     q[:, where[scalar]] += step[:, scalar]
+    columns: dict[int, list[int]] = {}
     for i in np.flatnonzero(~scalar):
-        k = int(g.speed_body[speeds[i]])
-        if speeds[i] != g.speeds[k].start:
-            continue
-        place = g.slices[k][0]
+        columns.setdefault(int(g.speed_body[speeds[i]]), []).append(int(i))
+    for k, of_body in columns.items():
+        place, which = g.slices[k][0], speeds[of_body] - g.speeds[k].start
+        moved = np.zeros((len(q), 6))
+        moved[:, which] = step[:, of_body]
         e = q[:, place.stop - 4 : place.stop]
-        if place.stop - place.start == 7:
-            q[:, place.start : place.start + 3] += turn(quaternion_rotation(e), step[:, i + 3 : i + 6])
-        q[:, place.stop - 4 : place.stop] = _turned_quaternion(e, step[:, i : i + 3])
+        if np.any(which >= 3):
+            q[:, place.start : place.start + 3] += turn(quaternion_rotation(e), moved[:, 3:])
+        if np.any(which < 3):
+            q[:, place.stop - 4 : place.stop] = _turned_quaternion(e, moved[:, :3])
     return q
 
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .assembling import listed
-from .dependents import choose_dependents, condition, ranks, whole_joints
+from .dependents import choose_dependents, condition, divide, ranks, whole_joints
 from .errors import PartitionError
 from .geometry import Array, Geometry
 from .velocities import Motion, VelocityClosure
@@ -101,10 +101,18 @@ class Sweep:
         Assembled configurations.
     held : set of int
         Speeds that must stay independent.
+
+    Attributes
+    ----------
+    dividing : bool
+        Whether single speeds of quaternion joints may be dependent.
+    would_divide : bool
+        Whether that would have helped.
     """
 
     def __init__(self, geometry: Geometry, q: Array, held: set[int], random: np.random.Generator) -> None:
         self.geometry, self.q, self.held = geometry, q, held
+        self.dividing = self.would_divide = False
         self.motion = Motion(geometry, q, np.repeat(random.normal(size=(1, geometry.nu, MOTIONS)), len(q), axis=0))
 
     def run(self, order: Order) -> tuple[list[Draft], Stuck | None]:
@@ -135,9 +143,13 @@ class Sweep:
         regular = self.regular
         if not _follows(E[regular][..., free], *closure.disturbance(held, regular), rank):
             return self._why_open(closure, E[regular], free, held, rank)
-        chosen = choose_dependents(E[regular], whole_joints(g, closure.speeds, free), rank)
+        joints = whole_joints(g, closure.speeds, free)
+        chosen = choose_dependents(E[regular], joints, rank)
         if chosen is None:
-            return self._why_not_whole(closure, free, rank)
+            if not self.dividing:
+                self.would_divide = True
+                return f"rank {rank} cannot be made up of whole joints"
+            chosen = divide(E[regular], joints, rank)
         dependent = [int(closure.speeds[c]) for c in chosen]
         return Draft(loops, dependent, E.shape[1], condition(E[:1][..., chosen]), rank == closure.possible())
 
@@ -157,16 +169,6 @@ class Sweep:
             f"remove one of them from `independent`"
         )
 
-    def _why_not_whole(self, closure: VelocityClosure, free: Array, rank: int) -> str:
-        g = self.geometry
-        bodies = list(dict.fromkeys(int(g.speed_body[closure.speeds[c]]) for c in free))
-        joints = listed([f"{g.model.bodies[k].name} ({g.types[k]}, {len(g.speeds[k])})" for k in bodies], 12)
-        return (
-            f"rank {rank} cannot be made up of the joints {joints}: speeds of a spherical or free joint are dependent all "
-            f"together or not at all; let a spherical joint close the loop (under `loops`) and the loop's joint carry the "
-            f"body, make one a universal joint, or carry a free body by the joint that holds it"
-        )
-
 
 def _follows(E: Array, known: Array, size: Array, rank: int) -> bool:
     """Whether the columns of E, of this rank, can undo what known motions do at the cut."""
@@ -178,7 +180,7 @@ def _follows(E: Array, known: Array, size: Array, rank: int) -> bool:
 
 
 def arrange(sweep: Sweep, loops: Sequence[int]) -> list[Draft]:
-    """Ears in an order in which each closes by itself.
+    """Ears in an order in which each closes by itself; quaternion joints are divided only if no order does without.
 
     Parameters
     ----------
@@ -194,7 +196,12 @@ def arrange(sweep: Sweep, loops: Sequence[int]) -> list[Draft]:
         drafts, stuck = sweep.run(order)
         if stuck is None:
             return drafts
-        order = _mended(sweep, order, stuck)
+        try:
+            order = _mended(sweep, order, stuck)
+        except PartitionError:
+            if sweep.dividing or not sweep.would_divide:
+                raise
+            sweep.dividing, order = True, [(i,) for i in loops]
 
 
 def _mended(sweep: Sweep, order: Order, stuck: Stuck) -> Order:

@@ -14,6 +14,7 @@ from .dependents import condition
 from .errors import AssemblyError, PartitionError
 from .geometry import Array, Geometry, advance, padded
 from .ordering import Draft, Sweep, arrange, loop_order
+from .speed_groups import SpeedGroup, coordinates_of, speed_groups
 from .velocities import Motion
 
 NEARBY = 2
@@ -86,6 +87,21 @@ class Partition:
     independent: tuple[int, ...]
     q: tuple[float, ...] = ()
     warnings: tuple[str, ...] = ()
+
+    @property
+    def dependent(self) -> tuple[int, ...]:
+        """Indices of the dependent speeds, ascending."""
+        return tuple(sorted(s for ear in self.ears for s in ear.dependent))
+
+    def independent_coordinates(self, model: Model) -> tuple[int, ...]:
+        """Indices of the independent coordinates, ascending: of a split rotation or displacement all."""
+        dependent, _ = coordinates_of(model, self.dependent)
+        return tuple(sorted({*range(model.nq)} - {*dependent}))
+
+    def split(self, model: Model) -> list[SpeedGroup]:
+        """Rotations and displacements of which some speeds are dependent and some are not."""
+        dependent = set(self.dependent)
+        return [group for group in speed_groups(model) if group.is_split(dependent)]
 
     @property
     def lengths(self) -> tuple[float, ...]:
@@ -169,8 +185,7 @@ def _near_guess(geometry: Geometry, drafts: list[Draft], guess: Array, q: Array,
     loose = _partition(geometry, drafts, guess, [])
     start = q.copy()
     for s in loose.independent:
-        k = int(geometry.speed_body[s])
-        where = geometry.slices[k][0] if geometry.whole[k] else geometry.coordinate[s]
+        where = geometry.moved[s]
         start[:, where] = guess[:, where]
     if np.array_equal(start, q):
         return q

@@ -16,6 +16,7 @@ import numpy as np
 
 from ..loops.partition import Partition
 from ..loops.partition import partition as choose_partition
+from ..loops.speed_groups import SpeedGroup, coordinates_of
 from ..model.model import Model, closure_row_names
 from .arithmetic import Arithmetic, Array
 from .pairs import Pair, Pairs
@@ -80,7 +81,10 @@ class Engine(ABC):
     ----------
     partition : Partition
     dependent, dependent_coordinates : array of int
-        Indices of the dependent speeds, and of the coordinates of the same joints.
+        Indices of the dependent speeds, and of the coordinates that only they move.
+    split : list of SpeedGroup
+        Rotations and displacements of which some speeds are dependent and some are not. Their coordinates count as
+        independent; of their seeds the components along dependent speeds follow from closure.
     lengths : tuple of float
         Characteristic length of every loop, m.
     closure_slices : tuple of slice
@@ -95,7 +99,8 @@ class Engine(ABC):
 
     Loops: dependent speeds are recomputed from velocity closure in every call, whatever was passed; dependent coordinates
     are used as passed and have to close the loops. Of ``dq`` and ``du`` the independent entries are read, the others
-    follow from the derivatives of closure.
+    follow from the derivatives of closure. Where a rotation or displacement is split, its seed is read as a rotation vector
+    or displacement in child axes: components along independent speeds are kept, the others follow from closure too.
     """
 
     def __init__(self, model: Model, numbers: str = "float64", partition: Partition | None = None) -> None:
@@ -105,7 +110,8 @@ class Engine(ABC):
             partition = choose_partition(model) if model.loops else Partition((), tuple(range(model.nu)))
         self.partition = partition
         self.dependent = np.array(sorted(i for ear in partition.ears for i in ear.dependent), dtype=int)
-        self.dependent_coordinates = _coordinates_of(model, self.dependent)
+        self.dependent_coordinates = np.array(coordinates_of(model, set(self.dependent.tolist()))[0], dtype=int)
+        self.split = partition.split(model)
         lengths = {loop: ear.length for ear in partition.ears for loop in ear.loops}
         if sorted(lengths) != list(range(len(model.loops))):
             raise ValueError(f"partition: its ears close the loops {sorted(lengths)} of {len(model.loops)}")
@@ -306,16 +312,18 @@ class Engine(ABC):
 
     def _completed(self, state: State) -> State:
         """Dependent speeds and seeds from closure; what was passed for them is dropped."""
-        model, dependent, coordinates = self.model, self.dependent, self.dependent_coordinates
+        model, dependent = self.model, self.dependent
         q, u = (Pair(x.value.copy(), x.tangent.copy()) for x in (state.q, state.u))
-        q.tangent[:, coordinates] *= 0
+        q.tangent[:, self.dependent_coordinates] *= 0
+        for group in self.split:
+            q.tangent[:, group.coordinates] = self._along_independents(state, group)
         u.value[dependent] *= 0
         u.tangent[:, dependent] *= 0
         state = state.moved(model, q, u)
         if state.pairs.k:
             # Displacements are to coordinates what speeds are to their rates: Eq. 1.
             still = state.moved(model, Pair(q.value, 0 * q.tangent), Pair(0 * u.value, self._displacements(state)))
-            q.tangent[:, coordinates] = self._coordinate_rates(still).tangent[:, coordinates]
+            q.tangent += self._coordinate_rates(still).tangent
             state = state.moved(model, q, u)
         closed = self._closed_speeds(state)
         u.value[dependent], u.tangent[:, dependent] = closed.value, closed.tangent
@@ -323,6 +331,23 @@ class Engine(ABC):
         if len(dependent) < len(model.closure_names):
             self._check_redundant(state)
         return state
+
+    def _along_independents(self, state: State, group: SpeedGroup) -> Array:
+        """Of a group's seeds what moves it along its independent speeds, (k, n, 1).
+
+        A displacement is to coordinates what a speed is to their rates, and the rates that the speeds of a group cause are
+        perpendicular to each other: so this is the seeds' projection on some of them. What changes a quaternion's length is
+        dropped with the rest.
+        """
+        seed = state.q.tangent[:, group.coordinates]
+        kept = 0 * seed
+        for speed in set(group.speeds) - set(self.dependent.tolist()):
+            u = self.arithmetic.zeros(self.model.nu, 1)
+            u[speed] += 1
+            moving = state.moved(self.model, state.q, Pair(u, 0 * state.u.tangent))
+            rate = self._coordinate_rates(moving).value[group.coordinates]
+            kept = kept + rate @ (rate.T @ seed) / (rate.T @ rate)
+        return kept
 
     def _check_redundant(self, state: State) -> None:
         """Warn where conditions beyond the rank do not hold: the results depend on which of them were left out."""
@@ -499,32 +524,3 @@ class Engine(ABC):
 def _flat(column: Pair) -> tuple[Array, Array]:
     """A column's value (n,) and derivatives (k, n)."""
     return column.value[:, 0], column.tangent[..., 0]
-
-
-def _coordinates_of(model: Model, speeds: Array) -> Array:
-    """Indices of the coordinates that belong to speeds; rotations by quaternion belong to all three, or to none.
-
-    Raises
-    ------
-    ValueError
-        Some of the three speeds of a rotation, or of a free body's translation, are dependent and some are not.
-    """
-    dependent = set(speeds.tolist())
-    found: list[int] = []
-    for body, (q, u) in zip(model.bodies, model.coordinate_slices, strict=True):
-        groups: list[tuple[tuple[int, ...], tuple[int, ...]]]
-        groups = [((i,), (j,)) for i, j in zip(range(q.start, q.stop), range(u.start, u.stop), strict=False)]
-        if body.joint.type in ("spherical", "free"):
-            turning = tuple(range(u.start, u.start + 3))
-            groups = [(tuple(range(q.stop - 4, q.stop)), turning)]
-            if body.joint.type == "free":
-                groups.append((tuple(range(q.start, q.start + 3)), tuple(range(u.start + 3, u.stop))))
-        for coordinates, of_speeds in groups:
-            chosen = dependent & set(of_speeds)
-            if chosen and len(chosen) < len(of_speeds):
-                raise ValueError(
-                    f"partition: the speeds {', '.join(model.speed_names[i] for i in of_speeds)} of body {body.name} must"
-                    " be dependent all or none"
-                )
-            found += coordinates if chosen else ()
-    return np.array(found, dtype=int)

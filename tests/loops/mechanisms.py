@@ -273,3 +273,27 @@ def jacobian(model_: Model, q: Any, p: Any = None) -> np.ndarray:
 def rank_of(J: np.ndarray) -> int:
     s = np.linalg.svd(J, compute_uv=False)
     return int(np.sum(s > 1e-8 * s[0]))
+
+
+def rssr() -> Model:
+    """A spatial four-bar: crank and rocker on hinges, coupler and rocker carried by ball joints, the rocker's hinge a loop."""
+    return model(
+        [body("crank", GROUND, "revolute", Z), body("coupler", 0, "spherical", at=(0.4, 0, 0)),
+         body("rocker", 1, "spherical", at=(0, 0, 1.1))],
+        [loop("hinge", "revolute", (2, (0, -0.8, 0)), (GROUND, (1.2, 0.5, 0.6)), X)],
+        {"crank": 0.6, "coupler.qw": 0.9, "coupler.qy": 0.4},
+    )  # fmt: skip
+
+
+def three_rods(on_platform: bool) -> Model:
+    """A free body held by three rods with balls at both ends; the rods hang on the ground or on the body."""
+    angles = (0.2, 2.1, 4.4)
+    ground = [(np.cos(a), np.sin(a), 0.1 * i) for i, a in enumerate(angles)]
+    platform = [(0.5 * np.cos(a), 0.5 * np.sin(a), 0.05 * i) for i, a in enumerate(angles)]
+    bodies, loops = [body("float", GROUND, "free")], []
+    for i in range(3):
+        parent, (carried, closed) = (0, (platform, ground)) if on_platform else (GROUND, (ground, platform))
+        bodies.append(body(f"rod{i}", parent, "spherical", at=carried[i]))
+        loops.append(loop(f"ball{i}", "spherical", (i + 1, (0, 0, 1.1)), (GROUND if on_platform else 0, closed[i])))
+    q = {"float.pz": -0.9 if on_platform else 0.9, "float.px": 0.05, "float.qw": 1.0, "float.qx": 0.1, "float.qz": -0.2}
+    return model(bodies, loops, q)

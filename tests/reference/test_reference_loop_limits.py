@@ -73,12 +73,6 @@ def test_a_partition_has_to_fit_the_model(engine):
         engine(model, partition=Partition((), (0, 1, 2)))
     with pytest.raises(ValueError, match="either independent or dependent"):
         engine(model, partition=dataclasses.replace(partition, independent=(0, 1)))
-    ball = Body("ball", -1, Joint("spherical", (), vector(0, 0, 0)), expression(1), vector(0, 0, 1), INERTIA)
-    loop = Loop("slot", "planar", Y, Face(-1, vector(0, 0, 0)), Face(0, vector(0, 0, 0)))
-    with pytest.raises(ValueError, match=r"ball\.wx, ball\.wy, ball\.wz of body ball must be dependent all or none"):
-        engine(
-            Model("m", None, (), (), (ball,), (loop,)), partition=Partition((Ear((0,), (0, 2), 3, 2, 1.0, 1.0),), (1,))
-        )
     if engine is RecursiveEngine:
         loop = dataclasses.replace(model.loops[0], start=Face(1, vector(0, 0, 0)))
         with pytest.raises(ValueError, match="rocker, which its loops do not pass"):
