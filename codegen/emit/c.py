@@ -350,6 +350,7 @@ class CWriter(Writer):
         ]
         return context | {
             "NAME": model.name.upper(),
+            "links": links, "loop_count": len(model.loops),
             "coordinates": model.coordinate_names, "speeds": model.speed_names,
             "parameters": model.parameters, "input_names": model.inputs, "outputs": model.outputs,
             "state": [*state, *(["t"] if use["time"] else [])],

@@ -171,7 +171,7 @@ def interfaces(system: System, reactions: bool = False) -> list[Interface]:
     pair(
         "accelerations",
         "sensitivities",
-        "Forward dynamics (Eqs. 18-24, 42-56).",
+        "Forward dynamics (Eqs. 18-24, 30-56)." if use["loops"] else "Forward dynamics (Eqs. 18-24, 42-56).",
         state,
         ["udot"],
         "Forward dynamics and its total derivative along seeds (Eqs. 9, 10, by the balance).",
@@ -332,6 +332,7 @@ def manifest(
         "quaternions": quaternions,
         "links": [link.name for link in system.links],
         "loops": [loop.name for loop in model.loops],
+        "springs": [spring.name for spring in model.springs],
         "joint_links": [_joint_link(system, k) for k in range(len(model.bodies))],
         "workspace": workspace,
         "widths": list(WIDTHS),

@@ -233,6 +233,7 @@ class NumpyWriter(Writer):
             "ears": len(self.system.regions.ears),
             "regions": len(self.system.regions.regions),
             "springs": len(self.model.springs),
+            "spring_names": [f'"{spring.name}"' for spring in self.model.springs],
             "nclosure": len(self.model.closure_names),
             "constants": len(self.system.constants),
             "ground": self.ground(),

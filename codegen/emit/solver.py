@@ -15,7 +15,8 @@ from ..loops.partition import Partition, partition
 from ..mechanics.expansion import LANE as LANE_MEMORY
 from ..mechanics.expansion import RECORD, Program, expand
 from ..mechanics.formulas import coefficient_formulas, force_formulas
-from ..mechanics.kinds import System, analyse
+from ..mechanics.kinds import RegionKind, System, analyse
+from ..mechanics.orthogonal import RankLossError
 from ..mechanics.outputs import measured_sweeps, output_formulas, potential_formula
 from ..mechanics.sweeps import SWEEPS
 from ..mechanics.triangularization import ZeroPivotError
@@ -136,7 +137,14 @@ def write_solver(
         records.append(potential)
     try:
         program = expand(system, wanted, _read_by_formulas(system, records))
+    except RankLossError as error:
+        raise ModelError([Problem(model.name, None, None, "loops", str(error))]) from None
     except ZeroPivotError as error:
+        if isinstance(error.kind, RegionKind):
+            what = system.regions.regions[error.kind.members[0]]
+            names = ", ".join(dict.fromkeys(system.links[i].name for i, _ in what.freedoms))
+            message = f"nothing that moves with {names} has inertia; give the bodies of the loops mass"
+            raise ModelError([Problem(model.name, None, None, "loops", message)]) from None
         body = system.links[error.kind.members[0]].name.partition(".")[0]
         message = f"nothing outboard of the joint of {body!r} has inertia about it in any state; give it mass or fix the joint"
         raise ModelError([Problem(model.name, None, None, f"bodies.{body}.joint", message)]) from None

@@ -221,7 +221,7 @@ class Writer(ABC):
         return [u.number if u.role == "region" else regions.ears[u.number].region for u in units]
 
     def culprit(self, kind: UnitKind, sweep: str) -> Callable[[str, str], str]:
-        """Number of the link, or that of all links plus the loop, to name when a pivot of a kind is zero."""
+        """Number of the link to name when a pivot of a kind is zero; loops are counted after the links, then springs."""
         regions = self.system.regions
         links = len(self.system.links)
 
@@ -229,6 +229,9 @@ class Writer(ABC):
             if isinstance(kind, RegionKind):
                 values = [regions.regions[regions.order[i].number].freedoms[int(name)][0] for i in kind.units]
                 return self.entry(kind, sweep, f"SOURCE{name}", values)
+            if isinstance(kind, SpringKind):
+                first = links + len(self.model.loops)
+                return self.entry(kind, sweep, "CULPRIT", [first + n for n in kind.members])
             if isinstance(kind, EarKind):
                 ears = [regions.ears[regions.order[i].number] for i in kind.units]
                 return self.entry(kind, sweep, "LOOP", [links + ear.closures[0].loop for ear in ears])

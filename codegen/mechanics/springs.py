@@ -75,6 +75,7 @@ def springs(x: Any, kind: Any) -> None:
     """The forces of a spring on the two links."""
     line, length, arms = stretch(x, kind)
     velocities_ = [point_velocity(x, array, r) for array, r in zip(SIDES, arms, strict=True)]
+    x.store("pivot", "0", length)  # without length it has no direction
     inverse = x.let("inverse", 1 / length, "spring")
     along = [x.let("along", e * inverse, "spring") for e in line]
     rate = x.let("rate", dot(along, [velocities_[1][i] - velocities_[0][i] for i in range(3)]), "spring")

@@ -17,6 +17,7 @@ from .solver import (
     NoCompilerError,
     SingularJointError,
     SingularLoopError,
+    SingularSpringError,
     Solver,
     TargetsDifferError,
 )
@@ -28,6 +29,7 @@ __all__ = [
     "NoCompilerError",
     "SingularJointError",
     "SingularLoopError",
+    "SingularSpringError",
     "Solver",
     "TargetsDifferError",
     "load",

@@ -95,6 +95,23 @@ class SingularLoopError(SingularJointError):
         self.link = loop
 
 
+class SingularSpringError(SingularJointError):
+    """The ends of a spring coincide, so its force has no direction.
+
+    Attributes
+    ----------
+    link : str
+        The spring.
+    """
+
+    def __init__(self, spring: str, where: str = "") -> None:
+        np.linalg.LinAlgError.__init__(
+            self,
+            f"the ends of spring {spring} coincide{where}, so its force has no direction; step off this configuration",
+        )
+        self.link = spring
+
+
 class AssemblyError(ValueError):
     """A loop cannot be closed.
 
@@ -411,6 +428,7 @@ class CTarget:
         self.model: str = manifest["name"]
         self.links: list[str] = manifest["links"]
         self.loops: list[str] = manifest.get("loops", [])
+        self.springs: list[str] = manifest.get("springs", [])
         self.workspace: int = manifest["workspace"]
         self.build = Build(folder, self.model, manifest.get("sources", ()))
         self.library = self._open()
@@ -484,7 +502,9 @@ class CTarget:
 
     def singular(self, status: int, where: str = "") -> SingularJointError:
         """The error for what a compiled function has returned."""
-        links = len(self.links)
+        links, loops = len(self.links), len(self.loops)
+        if status > links + loops:
+            return SingularSpringError(self.springs[status - 1 - links - loops], where)
         if status > links:
             return SingularLoopError(self.loops[status - 1 - links], where)
         return SingularJointError(self.links[status - 1], where)
@@ -602,8 +622,8 @@ class NumpyTarget:
         try:
             return getattr(self.module, f.name)(*arguments)
         except self.module.SingularJointError as error:
-            of_loop = hasattr(self.module, "SingularLoopError") and isinstance(error, self.module.SingularLoopError)
-            raise (SingularLoopError if of_loop else SingularJointError)(error.link) from None
+            kinds = {k.__name__: k for k in (SingularLoopError, SingularSpringError)}
+            raise kinds.get(type(error).__name__, SingularJointError)(error.link) from None
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
@@ -963,6 +983,10 @@ class Solver:
 
     def _find(self, name: str) -> Function:
         f = self._functions.get(name)
+        if f is None and name == "reactions":
+            raise AttributeError(f"{self.name} was generated without reactions: generate it with --reactions")
+        if f is None and self.closure_names:
+            raise AttributeError(f"{self.name} has closed loops: {name!r} is defined for trees only")
         if f is None:
             raise AttributeError(
                 f"{self.name} was generated without the function {name!r}; it has {', '.join(self._functions)}"
@@ -1392,6 +1416,7 @@ __all__ = [
     "NoCompilerError",
     "SingularJointError",
     "SingularLoopError",
+    "SingularSpringError",
     "Solver",
     "TargetsDifferError",
     "compile_library",

@@ -18,7 +18,7 @@ from codegen.model import load_model, parse_model
 from codegen.model.errors import ModelError
 from codegen.model.model import GROUND, Model, Point, Spring
 from codegen.reference import DenseEngine
-from codegen.runtime import AssemblyError, SingularLoopError
+from codegen.runtime import AssemblyError, SingularLoopError, SingularSpringError
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -85,8 +85,9 @@ def test_springs_on_trees(tmp_path: Path, seed: int) -> None:
     springs = []
     for n in range(2):
         a, b = (int(i) for i in rng.choice(ends, 2, replace=False))
-        points = [Point("", i, vector(*(f"{x!r}*{model.parameters[0].name}" for x in map(float, rng.normal(size=3))))) for i in (a, b)]
-        values = [f"{k!r}*(1 + {model.parameters[0].name})" for k in map(float, rng.uniform(0.5, 2, 3))]
+        name = model.parameters[0].name
+        points = [Point("", i, vector(*(f"{float(x)!r}*{name}" for x in rng.normal(size=3)))) for i in (a, b)]
+        values = [f"{float(k)!r}*(1 + {name})" for k in rng.uniform(0.5, 2, 3)]
         springs.append(Spring(f"s{n}", *points, *map(expression, values)))
     model = dataclasses.replace(model, springs=tuple(springs))
     codegen.generate(model, tmp_path / "tree", target="both")
@@ -109,6 +110,22 @@ def test_a_lost_rank_is_an_error_that_names_the_loop(tmp_path: Path) -> None:
             with pytest.raises(SingularLoopError, match="loop foot_1 has lost rank"):
                 call()
         assert solver.condition(flat) == np.inf
+
+
+def test_a_spring_without_length_is_an_error_that_names_it(tmp_path: Path) -> None:
+    model = parse_model("""
+model: pulled
+bodies:
+  slide: {parent: ground, joint: {type: prismatic, axis: x}, mass: 1}
+forces:
+  band: {type: spring, from: slide, to: ground, stiffness: 10, free_length: 1}
+""")
+    codegen.generate(model, tmp_path / "pulled", target="both")
+    for target in ("c", "numpy"):
+        solver = codegen.load(tmp_path / "pulled", target=target)
+        assert abs(solver.accelerations([0.5], [0.0])[0] - 5.0) < 1e-14
+        with pytest.raises(SingularSpringError, match="the ends of spring band coincide"):
+            solver.accelerations([0.0], [0.0])
 
 
 def test_a_loop_out_of_reach_is_named_with_what_is_left(tmp_path: Path) -> None:
@@ -207,7 +224,13 @@ bodies:
 def test_generate_says_what_it_chose(tmp_path: Path) -> None:
     report = codegen.generate(EXAMPLES / "four_bar.yaml", tmp_path / "four_bar", compile=False)
     text = "\n".join(report.loops)
-    for words in ("1 loop", "2 of 3 speeds are dependent", "1 degree of freedom: crank", "rank 2 of 5 conditions", "redundant"):
+    for words in (
+        "1 loop",
+        "2 of 3 speeds are dependent",
+        "1 degree of freedom: crank",
+        "rank 2 of 5 conditions",
+        "redundant",
+    ):
         assert words in text
 
 
@@ -227,7 +250,8 @@ def test_mechanisms_that_cannot_be(change: tuple[str, str], words: str) -> None:
 
 def test_no_freedom_left() -> None:
     with pytest.raises(ModelError, match="no freedom left"):
-        write_solver(parse_model("""
+        write_solver(
+            parse_model("""
 model: truss
 bodies:
   a: {parent: ground, joint: {type: revolute, axis: y}, mass: 1, com: [0, 0, 0.5], inertia: {yy: 1}}
@@ -235,4 +259,5 @@ bodies:
 loops:
   foot: {joint: {type: revolute, axis: y}, from: {body: b, at: [0, 0, 1]}, to: {body: ground, at: [1, 0, 0]}}
 initial: {q: {a: 0.5, b: 2}}
-"""))
+""")
+        )

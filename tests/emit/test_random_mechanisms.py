@@ -28,7 +28,9 @@ def consistent_seeds(engine: Any, drawn: Mechanism, rng: np.random.Generator, k:
     """Random seeds; none of the parameters where they would break redundant conditions: no derivative exists along those."""
     model = drawn.model
     sizes = {"dq": model.nq, "du": model.nu, "dp": len(model.parameters), "dinputs": len(model.inputs)}
-    seeds: dict[str, Any] = {n: rng.uniform(-1, 1, (k, size)) for n, size in sizes.items()} | {"dt": rng.uniform(-1, 1, k)}
+    seeds: dict[str, Any] = {n: rng.uniform(-1, 1, (k, size)) for n, size in sizes.items()} | {
+        "dt": rng.uniform(-1, 1, k)
+    }
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         engine.sensitivities(*drawn[1:6], **seeds)
