@@ -330,7 +330,7 @@ class System:
 
     @property
     def independent(self) -> tuple[list[int], list[int]]:
-        """Indices of the independent coordinates and speeds."""
+        """Indices of the independent coordinates and speeds; of a rotation or position that is split all coordinates."""
         dependent = {
             (i, j)
             for ear in self.regions.ears
@@ -340,8 +340,11 @@ class System:
         q: list[int] = []
         u: list[int] = []
         for i, link in enumerate(self.links):
-            u += [link.u + j for j in range(FREEDOMS[link.joint]) if (i, j) not in dependent]
-            if any((i, j) not in dependent for j in range(FREEDOMS[link.joint])):
+            free = [j for j in range(FREEDOMS[link.joint]) if (i, j) not in dependent]
+            u += [link.u + j for j in free]
+            if link.joint == "free":  # position first, moved by the last three speeds; then the quaternion
+                q += [link.q + c for c in range(7) if any((j < 3) == (c >= 3) for j in free)]
+            elif free:
                 q += range(link.q, link.q + COORDINATES[link.joint])
         return sorted(q), sorted(u)
 

@@ -270,32 +270,30 @@ def dependent_displacements(x: Any, ear: Ear, rates: list[Any], lanes: bool = Tr
         if kind.joint in ("revolute", "prismatic"):
             result[str(k), "0"] = found[0]
             continue
-        n = 3 if kind.joint == "free" else 0
-        # a joint that is dependent in part keeps what was given along its other freedoms
-        turn = [found[j] if j in found else member.view.load("lane", f"turn.{j}") if lanes else 0 for j in range(3)]
-        half = 1 if x.structural else Rational(1, 2)
-        a, b, c = (x.let("half", half * v, "d Eq. 22", lanes=lanes) for v in turn)
-        w, i, j, k_ = (member.view.load("q", str(n + m)) for m in range(4))
-        changed = [-(i * a + j * b + k_ * c), w * a + j * c - k_ * b, w * b + k_ * a - i * c, w * c + i * b - j * a]
-        for m, value in enumerate(changed):
-            result[str(k), str(n + m)] = x.let("dq", value, "d Eq. 22", lanes=lanes)
-        if lanes:
-            for m in range(3):
-                member.view.store("lane", f"turn.{m}", turn[m])
-        if kind.joint == "free":
-            for m, value in enumerate(
-                matvec(
-                    member.joint.matrix,
-                    [
-                        found[j]
-                        if j in found
-                        else freedom_displacement(member.view, kind, member.joint, j)
-                        if lanes
-                        else 0
-                        for j in range(3, 6)
-                    ],
-                )
-            ):
+        # what is dependent in part keeps what was given along its other freedoms; a rotation or displacement without any
+        # dependent freedom is as given, a quaternion's length too
+        if any(j < 3 for j in found):
+            n = 3 if kind.joint == "free" else 0
+            turn = [
+                found[j] if j in found else member.view.load("lane", f"turn.{j}") if lanes else 0 for j in range(3)
+            ]
+            half = 1 if x.structural else Rational(1, 2)
+            a, b, c = (x.let("half", half * v, "d Eq. 22", lanes=lanes) for v in turn)
+            w, i, j, k_ = (member.view.load("q", str(n + m)) for m in range(4))
+            changed = [
+                -(i * a + j * b + k_ * c), w * a + j * c - k_ * b, w * b + k_ * a - i * c, w * c + i * b - j * a,
+            ]  # fmt: skip
+            for m, value in enumerate(changed):
+                result[str(k), str(n + m)] = x.let("dq", value, "d Eq. 22", lanes=lanes)
+            if lanes:
+                for m in range(3):
+                    member.view.store("lane", f"turn.{m}", turn[m])
+        if any(j >= 3 for j in found):
+            slide = [
+                found[j] if j in found else freedom_displacement(member.view, kind, member.joint, j) if lanes else 0
+                for j in range(3, 6)
+            ]
+            for m, value in enumerate(matvec(member.joint.matrix, slide)):
                 result[str(k), str(m)] = x.let("dq", value, "d Eq. 22", lanes=lanes)
     return result
 
