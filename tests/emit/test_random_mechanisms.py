@@ -2,7 +2,7 @@
 
 One and several loops, nested, neighbouring, across branches, on moving and free bases, every loop joint, planar and spherical
 scenes in any orientation with redundant closures, subtrees on links of loops, springs. Nothing is filtered by conditioning; draws
-that are given up (rank lost, no freedom left, whole rotations that cannot be divided) are counted.
+that are given up (rank lost, no freedom left) are counted.
 """
 
 from __future__ import annotations

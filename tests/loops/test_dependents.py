@@ -1,9 +1,9 @@
-"""The choice of columns: near the cut, of full rank, well conditioned, quaternion joints whole or not at all."""
+"""The choice of columns: near the cut, of full rank, well conditioned, quaternion joints whole if that serves."""
 
 import numpy as np
 import pytest
 
-from codegen.loops.dependents import choose_dependents, condition, ranks
+from codegen.loops.dependents import choose_dependents, condition, divide, divided_joints, ranks
 
 
 def alone(n):
@@ -76,6 +76,25 @@ def test_a_joint_whose_own_columns_depend_on_each_other_is_not_taken():
     A = np.concatenate([lever, np.eye(3)], axis=1)[None]
     assert set(choose_dependents(A, [(0, 1, 2), (3,), (4,), (5,)], 3)) == {3, 4, 5}
     assert choose_dependents(A[..., :4], [(0, 1, 2), (3,)], 3) is None
+
+
+def test_joints_are_divided_as_little_as_serves():
+    assert list(divided_joints([(0,), (1, 2, 3)])) == [[(0,), (1,), (2,), (3,)]]
+    free_and_ball = list(divided_joints([(0, 1, 2, 3, 4, 5), (6, 7, 8)]))
+    assert free_and_ball[0] == [(0, 1, 2), (3, 4, 5), (6, 7, 8)]
+    assert free_and_ball[1] == [(0,), (1,), (2,), (3, 4, 5), (6, 7, 8)]
+    assert [len(x) for x in free_and_ball] == [3, 5, 5, 5, 9]
+
+
+@pytest.mark.parametrize(("rank", "whole"), [(3, 3), (4, 3), (5, 3), (6, 6), (2, 0), (1, 0)])
+def test_all_but_one_joint_stay_whole_where_that_is_well_conditioned(rank, whole):
+    rng = np.random.default_rng(3)
+    A = np.linalg.qr(rng.normal(size=(rank, rank)))[0] @ np.eye(rank, 9)  # each column is of full use, or of none
+    A = A + 0.1 * rng.normal(size=A.shape)
+    chosen = divide(A[None], [(0, 1, 2), (3, 4, 5), (6, 7, 8)], rank)
+    assert len(set(chosen)) == rank
+    assert condition(A[None][..., chosen]) < 50
+    assert sum(3 for k in (0, 3, 6) if {k, k + 1, k + 2} <= set(chosen)) >= whole
 
 
 def test_ranks_are_counted_and_conditions_measured():
