@@ -65,7 +65,8 @@ def conditions_of(x: Any, ear: Ear, c: int) -> list[tuple[bool, Vec]]:
     if closure.type == "universal":
         first, second = ear.universal_axes(c)
         angular = [[x.let("n", e, "Eq. 33") for e in cross(first, second)]]
-    return [(False, scale(ear.kind.per_length, n)) for n in linear] + [(True, n) for n in angular]
+    share = 1 if x.structural else ear.kind.per_length
+    return [(False, scale(share, n)) for n in linear] + [(True, n) for n in angular]
 
 
 def residuals(x: Any, kind: Any) -> None:

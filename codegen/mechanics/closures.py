@@ -53,7 +53,7 @@ def closures(x: Any, kind: Any) -> None:
     kept = [i for i in range(len(rows)) if any(not is_zero(c[i]) for c in columns)]
     kind.kept = kept
     f = factor(x, [[c[i] for i in kept] for c in columns], "Eq. 35")
-    kind.structure = f.store("ear")
+    kind.structure = f.store("ear", kept, len(rows))
     kept_rows = [rows[i] for i in kept]
     rates: list[Any] = [0] * len(dependents)
     for c in range(kind.total):
@@ -96,7 +96,7 @@ def source_speed(x: Any, kind: Any, c: int, own: tuple[int, int] | None) -> Any:
 
 def stored_factor(x: Any, kind: Any) -> Factor:
     """The factored closure matrix of the ear."""
-    return load_factor(x, "ear", len(kind.kept), kind.structure)
+    return load_factor(x, "ear", kind.kept, kind.structure)
 
 
 def link_motion(x: Any, kind: Any) -> None:

@@ -301,7 +301,7 @@ class Ear:
                     linear = [columns[axis]]
                 if type_ != "prismatic":
                     angular = across
-            s = self.kind.scale
+            s = 1 if self.x.structural else self.kind.scale
             found += [(c, False, n if s == 1 else scale(s, n)) for n in linear]
             found += [(c, True, n) for n in angular]
         return found

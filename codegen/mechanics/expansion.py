@@ -239,9 +239,22 @@ def expand(system: System, sweeps: Iterable[str], read_outside: Iterable[tuple[s
                 blocks[k] = function(block)
             seconds[sweep_name], clock = seconds[sweep_name] + time.perf_counter() - clock, time.perf_counter()
         program.report.append((name, _total(program), time.perf_counter() - start))
+    for sweep in chosen:
+        for kind in sweep.kinds(system):
+            _check_pattern(patterns, kind, sweep, program.blocks[sweep.name][kind.index])
     _drop_unread(program, patterns, chosen)
     _lay_out(program)
     return program
+
+
+def _check_pattern(patterns: Patterns, kind: UnitKind, sweep: Sweep, block: Block) -> None:
+    """What is stored must be within the pattern: others load zero, or a known number, where the pattern says so."""
+    for array, name, value in block.stores:
+        if value == 0 or patterns.reach.of(kind, sweep, array) is None:
+            continue
+        known = patterns.known(kind, sweep, array, name)
+        if not patterns.is_nonzero(kind, sweep, array, name) or (known is not None and value != known):
+            raise AssertionError(f"{sweep.name}, {kind.role} {kind.index}: {array}.{name} = {value} is not in its pattern")
 
 
 def _ground_pattern(patterns: Patterns) -> None:

@@ -83,31 +83,47 @@ class Factor:
             result[column] = values[j]
         return result
 
-    def store(self, array: str) -> list[tuple[int, list[int], list[int], list[tuple[int, int]]]]:
-        """Keep the factor in a record; returns its structure, for `load`."""
-        structure = []
+    def store(self, array: str, rows: list[int], count: int) -> Structure:
+        """Keep the factor in a record; returns its form, for `load_factor`.
+
+        `rows` are the numbers of E's rows among all `count` conditions. Fields are called after those and after columns. On zero
+        patterns all fields are taken to be there: statements may show more zeros, and then another order of elimination.
+        """
+        if self.x.structural:
+            for j in range(len(self.order)):
+                for i in range(count):
+                    self.x.store(array, f"q{j}.{i}", ANY)
+                for i in range(len(self.order)):
+                    self.x.store(array, f"R{i}.{j}", ANY)
+        structure: Structure = []
         for j, column in enumerate(self.order):
-            unit = [i for i, v in enumerate(self.q[j]) if v == 1]
+            unit = [i for i, v in enumerate(self.q[j]) if isinstance(v, int) and v == 1]
             support = [] if unit else [i for i, v in enumerate(self.q[j]) if v != 0]
-            above = [(i, j) for i in range(j) if self.R.get((i, j), 0) != 0]
+            above = [i for i in range(j) if self.R.get((i, j), 0) != 0]
             for i in support:
-                self.x.store(array, f"q{j}.{i}", self.q[j][i])
-            for i, _ in above:
-                self.x.store(array, f"R{i}.{j}", self.R[i, j])
-            self.x.store(array, f"d{j}", self.inverse[j])
+                self.x.store(array, f"q{column}.{rows[i]}", self.q[j][i])
+            for i in above:
+                self.x.store(array, f"R{self.order[i]}.{column}", self.R[i, j])
+            self.x.store(array, f"d{column}", self.inverse[j])
             structure.append((column, unit, support, above))
         return structure
 
 
-def load_factor(x: Any, array: str, rows: int, structure: Any) -> Factor:
+Structure = list[tuple[int, list[int], list[int], list[int]]]
+"""For each step of elimination: column, the row of its one entry, rows of its entries, and the earlier steps it was projected on."""
+
+
+def load_factor(x: Any, array: str, rows: list[int], structure: Structure) -> Factor:
     """A factor that an earlier block has stored."""
     f = Factor(x)
     for j, (column, unit, support, above) in enumerate(structure):
         f.order.append(column)
-        f.q.append([1 if i in unit else x.load(array, f"q{j}.{i}") if i in support else 0 for i in range(rows)])
-        for i, _ in above:
-            f.R[i, j] = x.load(array, f"R{i}.{j}")
-        f.inverse.append(x.load(array, f"d{j}"))
+        f.q.append(
+            [1 if i in unit else x.load(array, f"q{column}.{row}") if i in support else 0 for i, row in enumerate(rows)]
+        )
+        for i in above:
+            f.R[i, j] = x.load(array, f"R{f.order[i]}.{column}")
+        f.inverse.append(x.load(array, f"d{column}"))
     return f
 
 
