@@ -261,3 +261,22 @@ loops:
 initial: {q: {a: 0.5, b: 2}}
 """)
         )
+
+
+@pytest.mark.parametrize("name", ["closed_chain", "planar_3rrr", "slider_crank", "stewart"])
+def test_examples_agree_with_the_dense_method(tmp_path: Path, name: str) -> None:
+    """Among them a cluster of two loops with linear and angular conditions, and characteristic lengths other than one."""
+    model = load_model(EXAMPLES / f"{name}.yaml")
+    codegen.generate(model, tmp_path / name, target="numpy")
+    solver, engine = codegen.load(tmp_path / name, target="numpy"), DenseEngine(model)
+    rng = np.random.default_rng(3)
+    q, u = solver.initial
+    q, u = solver.assemble(q, u + 0.5 * rng.normal(size=solver.nu))
+    sizes = {"dq": solver.nq, "du": solver.nu, "dp": solver.np, "dinputs": solver.ninputs}
+    seeds = {n: rng.uniform(-1, 1, (3, size)) for n, size in sizes.items()}
+    inputs = rng.normal(size=solver.ninputs)
+    udot, dudot = solver.sensitivities(q, u, None, inputs, **seeds)
+    expected, dexpected = engine.sensitivities(q, u, None, inputs, **seeds)
+    assert np.abs(udot - expected).max() < 1e-12 * np.abs(expected).max()
+    for x, y in zip(dudot, dexpected, strict=True):
+        assert np.abs(x - y).max() < 1e-11 * np.abs(y).max()
