@@ -20,7 +20,7 @@ from .writer import Function, Located, Place, Writer
 LANES = frozenset(
     {"lme", "lup", "lane", "lroot", "laneroot", "lbase", "lanebase", "lground", "laneone", "lanetwo", "laneone_sum",
      "lanetwo_sum", "lregion", "lregion_sum", "dq", "du", "dp", "cldp", "csdp", "dinputs", "dt", "dtau", "dcoefficient", "b",
-     "dudot", "dforce", "dqdot", "denergy", "denergy_sum", "dpotential_sum", "doutputs"}
+     "dudot", "dforce", "dqdot", "denergy", "denergy_sum", "dpotential_sum", "doutputs", "dposition"}
 )  # fmt: skip
 """Arrays that hold one value per direction."""
 
@@ -177,7 +177,7 @@ class CWriter(Writer):
             assert isinstance(kind, EarKind)
             at = self.entry(kind, sweep, f"LOOP{array.partition('#')[2]}", self.loops_meant(kind, array))
             return variable, f"a->condition + {at}", 0
-        if stem in ("position", "velocity"):
+        if stem in ("position", "velocity", "dposition"):
             assert isinstance(kind, EarKind)
             begins = self.closure_offsets
             at = self.entry(
@@ -345,6 +345,7 @@ class CWriter(Writer):
         lane_pointers = [
             *seeds,
             "const LANES *b",
+            *(["LANES *dposition"] if use["loops"] else []),
             *(f"LANES *{n}" for n in ("dudot", "dqdot", "dforce", "denergy", "doutputs")),
             *(f"LANES *{n}" for n, lane, _ in placed if lane),
         ]

@@ -51,6 +51,7 @@ FUNCTION_SWEEPS: dict[str, tuple[str, ...]] = {
     "conditions": ("start", "rotations", "closures", "condition_numbers"),
     "completion": ("start", "rotations", "closures"),
     "completion_sensitivities": ("start", "rotations", "closures", "turns", "complete"),
+    "closure_sensitivities": ("start", "rotations", "closures", "residuals", "turns", "complete", "seed_residuals"),
     "energies": ("start", "rotations", "closures", "kinetic", "moments", "pose", "spring_energy"),
     "energy_sensitivities": ("start", "rotations", "closures", "turns", "complete", "kinetic_tangents", "moment_tangents",
                              "pose", "spring_energy", "pose_tangents", "spring_energy_tangents"),
@@ -259,6 +260,13 @@ def interfaces(system: System, reactions: bool = False) -> list[Interface]:
             Interface(
                 "completion_sensitivities", "Speeds and seeds, the dependent ones as closure asks.", ["q", "u", *p],
                 ["full_u", "dfull_q", "dfull_u"], ["dq", "du", *(["dp"] if p else [])], OTHER_WIDTHS,
+            )
+        )  # fmt: skip
+    if use["loops"]:
+        result.append(
+            Interface(
+                "closure_sensitivities", "How far loops are open in position, and by how much complete seeds open them.",
+                ["q", "u", *p], ["position", "dposition"], ["dq", "du", *(["dp"] if p else [])], OTHER_WIDTHS,
             )
         )  # fmt: skip
     if use["outputs"]:

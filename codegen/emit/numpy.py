@@ -142,7 +142,7 @@ class NumpyWriter(Writer):
         if stem == "condition":
             assert isinstance(kind, EarKind)
             return self.element(stem, _plain(self.entry(kind, sweep, f"LOOP{number}", self.loops_meant(kind, array))))
-        if stem in ("position", "velocity"):
+        if stem in ("position", "velocity", "dposition"):
             assert isinstance(kind, EarKind)
             begins = [self.closure_offsets[n] for n in self.loops_meant(kind, array)]
             return self.element(stem, _index(self.entry(kind, sweep, f"LOOP{number}_ROWS", begins), int(name)))

@@ -31,7 +31,7 @@ UNROLLED_LINKS = 8
 """Models of at most so many links get one function per link unless another layout is asked for."""
 
 ALWAYS = (
-    "rotations", "turns", "closures", "residuals", "correct", "condition_numbers", "complete", "kinematics",
+    "rotations", "turns", "closures", "residuals", "correct", "condition_numbers", "seed_residuals", "complete", "kinematics",
     "triangularize", "back_substitute", "newton_euler_out", "newton_euler_in", "balance_out", "balance_in", "balance_back",
     "force_tangents", "solve_in", "mass_out", "mass_in", "rates", "rate_tangents", "kinetic", "kinetic_tangents",
 )  # fmt: skip

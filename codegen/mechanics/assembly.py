@@ -16,7 +16,7 @@ from .closures import stored_factor
 from .ears import ZERO, Ear, Twist
 from .kinematics import load_vector, store_vector
 from .loop_balance import dependent_displacements
-from .spatial import Vec, add, cross, dot, scale
+from .spatial import Vec, add, cross, dot
 
 TINY = Float(1e-30)
 """Keeps the measure of a rotation finite at half a turn."""
@@ -54,21 +54,6 @@ def face_differences(x: Any, ear: Ear) -> list[Twist]:
     return found
 
 
-def conditions_of(x: Any, ear: Ear, c: int) -> list[tuple[bool, Vec]]:
-    """The conditions of a loop joint as directions fixed in its start face: linear ones, then angular ones."""
-    closure = ear.kind.closures[c]
-    columns = ear.face_axes(c, 0)
-    axis = closure.axis
-    across = [columns[(axis + 1) % 3], columns[(axis + 2) % 3]]
-    linear = {"prismatic": across, "cylindrical": across, "planar": [columns[axis]]}.get(closure.type, columns)
-    angular = {"fixed": columns, "prismatic": columns, "spherical": []}.get(closure.type, across)
-    if closure.type == "universal":
-        first, second = ear.universal_axes(c)
-        angular = [[x.let("n", e, "Eq. 33") for e in cross(first, second)]]
-    share = 1 if x.structural else ear.kind.per_length
-    return [(False, scale(share, n)) for n in linear] + [(True, n) for n in angular]
-
-
 def residuals(x: Any, kind: Any) -> None:
     """Outward block of an ear: by how much its loops are open, and by how much the given speeds open them."""
     ear = Ear(x, kind, positions="ro")
@@ -85,7 +70,7 @@ def residuals(x: Any, kind: Any) -> None:
     velocities = ear.walk(roots, speeds, "g", "Eq. 30")
     rates = ear.face_difference(velocities, roots)
     for c in range(len(kind.closures)):
-        for i, (angular, n) in enumerate(conditions_of(x, ear, c)):
+        for i, (angular, n) in enumerate(ear.joint_conditions(c)):
             gap, rate = (t[c].angular if angular else t[c].linear for t in (gaps, rates))
             x.store(f"position#{c}", str(i), x.let("gap", dot(n, gap), "Eq. 32"))
             x.store(f"velocity#{c}", str(i), x.let("rate", dot(n, rate), "Eq. 30"))

@@ -306,6 +306,20 @@ class Ear:
             found += [(c, True, n) for n in angular]
         return found
 
+    def joint_conditions(self, c: int) -> list[tuple[bool, Vec]]:
+        """All conditions of a loop joint as directions fixed in its start face: linear ones, scaled, then angular ones."""
+        closure = self.kind.closures[c]
+        columns = self.face_axes(c, 0)
+        axis = closure.axis
+        across = [columns[(axis + 1) % 3], columns[(axis + 2) % 3]]
+        linear = {"prismatic": across, "cylindrical": across, "planar": [columns[axis]]}.get(closure.type, columns)
+        angular = {"fixed": columns, "prismatic": columns, "spherical": []}.get(closure.type, across)
+        if closure.type == "universal":
+            first, second = self.universal_axes(c)
+            angular = [self._named("n", cross(first, second), "Eq. 33")]
+        share = 1 if self.x.structural else self.kind.per_length
+        return [(False, scale(share, n)) for n in linear] + [(True, n) for n in angular]
+
     def difference(self, c: int, twists: tuple[Twist | None, Twist | None]) -> Twist:
         """Motion at the cut: the end's minus the start's, both given at origins with their levers to the cut."""
         angular: Vec = [0, 0, 0]

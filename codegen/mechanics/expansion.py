@@ -254,7 +254,9 @@ def _check_pattern(patterns: Patterns, kind: UnitKind, sweep: Sweep, block: Bloc
             continue
         known = patterns.known(kind, sweep, array, name)
         if not patterns.is_nonzero(kind, sweep, array, name) or (known is not None and value != known):
-            raise AssertionError(f"{sweep.name}, {kind.role} {kind.index}: {array}.{name} = {value} is not in its pattern")
+            raise AssertionError(
+                f"{sweep.name}, {kind.role} {kind.index}: {array}.{name} = {value} is not in its pattern"
+            )
 
 
 def _ground_pattern(patterns: Patterns) -> None:

@@ -274,9 +274,7 @@ def dependent_displacements(x: Any, ear: Ear, rates: list[Any], lanes: bool = Tr
         # dependent freedom is as given, a quaternion's length too
         if any(j < 3 for j in found):
             n = 3 if kind.joint == "free" else 0
-            turn = [
-                found[j] if j in found else member.view.load("lane", f"turn.{j}") if lanes else 0 for j in range(3)
-            ]
+            turn = [found[j] if j in found else member.view.load("lane", f"turn.{j}") if lanes else 0 for j in range(3)]
             half = 1 if x.structural else Rational(1, 2)
             a, b, c = (x.let("half", half * v, "d Eq. 22", lanes=lanes) for v in turn)
             w, i, j, k_ = (member.view.load("q", str(n + m)) for m in range(4))
@@ -316,6 +314,34 @@ def cut_displacements(x: Any, ear: Ear, angles: dict[int, Vec], moved: dict[int,
             sides.append(Twist(let3(x, "cut", theta, "d Eq. 30"), let3(x, "cut", at, "d Eq. 30")))
         found.append(ear.difference(c, (sides[0], sides[1])))
     return found
+
+
+def seed_residuals(x: Any, kind: Any) -> None:
+    """Outward block over directions: by how much complete seeds open the loops, in all conditions of their joints.
+
+    Only redundant conditions can be left open: by a parameter, say, that bends a planar loop out of its plane.
+    """
+    ear = Ear(x, kind)
+    angles, _ = root_angles(x, kind, False)
+    moved: dict[int, Vec] = {}
+    for t, role in enumerate(kind.roots):
+        place = -1 - t
+        if role == "link":
+            moved[place] = load_vector(x, f"laneroot#{t}", "d")
+        elif role == "ground":
+            turned = cross(angles[place], ear.position(place))
+            moved[place] = let3(
+                x, "d", [b - a for a, b in zip(load_vector(x, "lanebase", "cd"), turned, strict=True)], "d Eq. 22"
+            )
+        else:
+            moved[place] = list(ZERO)
+    for k in range(len(ear.members)):
+        angles[k], moved[k] = load_vector(x, f"lane#{k}", "th"), load_vector(x, f"lane#{k}", "d")
+    gaps = cut_displacements(x, ear, angles, moved)
+    for c in range(len(kind.closures)):
+        for i, (angular, n) in enumerate(ear.joint_conditions(c)):
+            value = dot(n, gaps[c].angular if angular else gaps[c].linear)
+            x.store(f"dposition#{c}", str(i), x.let("open", value, "d Eq. 32", lanes=True))
 
 
 def face_displacement(x: Any, ear: Ear, c: int, side: int) -> tuple[Vec, Vec]:

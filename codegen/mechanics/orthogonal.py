@@ -110,7 +110,7 @@ class Factor:
 
 
 Structure = list[tuple[int, list[int], list[int], list[int]]]
-"""For each step of elimination: column, the row of its one entry, rows of its entries, and the earlier steps it was projected on."""
+"""For each step of elimination: column, the row of its one entry, rows of its entries, earlier steps it was projected on."""
 
 
 def load_factor(x: Any, array: str, rows: list[int], structure: Structure) -> Factor:

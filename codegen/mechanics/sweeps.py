@@ -121,6 +121,8 @@ SWEEPS: tuple[Sweep, ...] = (
     Sweep("complete", "completion of seeds: differentiated closure of positions and velocities (Eq. 30)",
           loop_balance.link_displacement, OUTWARD, lanes=True, tangents=True, ear=loop_balance.complete, units=True,
           closing=True),
+    Sweep("seed_residuals", "by how much complete seeds open the loops", _nothing, OUTWARD, lanes=True, applies=_never,
+          ear=loop_balance.seed_residuals, units=True),
     Sweep("pose", "positions and attitudes in the ground frame", energy.pose, OUTWARD),
     Sweep("pose_tangents", "tangent of positions and attitudes", energy.pose, OUTWARD, lanes=True, tangents=True),
     Sweep("velocities", "velocities of links (Eq. 18)", springs.velocities, OUTWARD),

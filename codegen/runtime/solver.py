@@ -135,6 +135,9 @@ class TargetsDifferError(ArithmeticError):
     """The compiled C and the NumPy module of one package compute different numbers."""
 
 
+OPEN_SEED = 1e-7
+"""A seed that opens a loop by more than this, per unit of the largest seed, does not keep its redundant conditions."""
+
 NEWTON_STEPS = 60
 SEARCH = tuple(0.5**i for i in range(12))
 """Parts of Newton's step that assembly tries, one after the other."""
@@ -1325,8 +1328,51 @@ class Solver:
             de -= e * np.sum(e * de, axis=-1, keepdims=True)
         if self.closure_names:
             given = {"q": q_new, "u": u_new, "p": p}
-            return q_new, *self._along("completion_sensitivities", given, {"dq": dq_new, "du": du_new, "dp": dp})
+            along = {"dq": dq_new, "du": du_new, "dp": dp}
+            self._warn_of_open_seeds(given, along)
+            return q_new, *self._along("completion_sensitivities", given, along)
         return q_new, u_new, dq_new, du_new
+
+    def _warn_of_open_seeds(self, given: Mapping[str, Any], seeds: Mapping[str, Any]) -> None:
+        """Redundant conditions that a direction does not keep: no derivative exists along it."""
+        _, found = self._along("closure_sensitivities", given, seeds)
+        sizes = [
+            np.abs(np.asarray(s, float)).max(initial=0.0)
+            for s in seeds.values()
+            if s is not None and not isinstance(s, Mapping)
+        ]
+        worst = np.abs(found).reshape(len(found), -1, len(self.closure_names)).max(axis=1, initial=0.0)
+        for j, row in enumerate(worst):
+            if row.max(initial=0.0) > OPEN_SEED * max([1.0, *sizes]):
+                name = self.closure_names[int(np.argmax(row))]
+                warnings.warn(
+                    f"direction {j} opens the redundant condition {name} by {row.max():.2g} per unit: the loop does not stay "
+                    f"closed along it, and the derivatives are those of the nearest motion that keeps the other conditions",
+                    RuntimeWarning,
+                    stacklevel=3,
+                )
+
+    def closure_sensitivities(
+        self,
+        q: ArrayLike,
+        u: ArrayLike,
+        p: Numbers = None,
+        *,
+        dq: Numbers = None,
+        du: Numbers = None,
+        dp: Numbers = None,
+    ) -> tuple[Array, Array]:
+        """Scaled position residuals (..., len(closure_names)), and by how much completed seeds open them, (k, ..., the same).
+
+        The latter is zero to rounding unless conditions are redundant and a direction does not keep them, such as a
+        parameter that bends a planar loop out of its plane: then no derivative exists along it.
+        """
+        given, seeds = {"q": q, "u": u, "p": p}, {"dq": dq, "du": du, "dp": dp}
+        if not self.closure_names:
+            _, k, batch = self._directions(seeds, *self._arguments(given))
+            return np.zeros((*batch, 0)), np.zeros((k, *batch, 0))
+        value, derivative = self._along("closure_sensitivities", given, seeds)
+        return value, derivative
 
     def closure(self, q: ArrayLike, u: ArrayLike, p: Numbers = None) -> tuple[Array, Array]:
         """Scaled residuals of the loops in position and velocity, (..., len(closure_names)) each.

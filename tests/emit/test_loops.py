@@ -128,6 +128,22 @@ forces:
             solver.accelerations([0.0], [0.0])
 
 
+def test_a_direction_that_opens_a_redundant_condition_is_told(tmp_path: Path) -> None:
+    """A foot that moves out of the plane of a planar loop."""
+    text = (EXAMPLES / "four_bar.yaml").read_text().replace("at: [base, 0, 0]", "at: [base, off, 0]")
+    text = text.replace("parameters:\n", "parameters:\n  off: 0.0\n", 1)
+    codegen.generate(parse_model(text), tmp_path / "bent", target="both")
+    for target in ("c", "numpy"):
+        solver = codegen.load(tmp_path / "bent", target=target)
+        q, u = solver.initial
+        _, opened = solver.closure_sensitivities(q, u, dp=np.eye(solver.np))
+        at = solver.parameter_names.index("off")
+        assert np.abs(np.delete(opened, at, axis=0)).max() < 1e-14
+        assert abs(np.abs(opened[at]).max() - 1.0) < 1e-14  # per characteristic length, 1 m
+        with pytest.warns(RuntimeWarning, match="opens the redundant condition bearing.l"):
+            solver.assemble_sensitivities(q, u, dp={"off": 1.0})
+
+
 def test_a_loop_out_of_reach_is_named_with_what_is_left(tmp_path: Path) -> None:
     codegen.generate(EXAMPLES / "four_bar.yaml", tmp_path / "four_bar")
     solver = codegen.load(tmp_path / "four_bar")
