@@ -191,7 +191,7 @@ def print_report(report: Any, verbose: bool = False) -> None:
 
 
 def run_check(options: argparse.Namespace) -> int:
-    """``ordernm check``: read a model and say what is wrong with it."""
+    """``ordernm check``: read a model, close its loops, and say what is wrong with it."""
     from .model import ModelError
 
     try:
@@ -201,7 +201,20 @@ def run_check(options: argparse.Namespace) -> int:
         return MODEL_WRONG
     for warning in model.warnings:
         print(warning)
+    choice: list[str] = []
+    if model.loops:
+        from .loops.description import describe
+        from .loops.errors import AssemblyError, PartitionError
+        from .loops.partition import partition
+
+        try:
+            choice = describe(model, partition(model))
+        except (AssemblyError, PartitionError) as error:
+            _problem(f"{options.model}: loops: {error}")
+            return MODEL_WRONG
     print(f"{options.model}: {len(model.bodies)} bodies, {model.nq} coordinates, {model.nu} speeds: ok")
+    for line in choice:
+        print(f"  {line}")
     return OK
 
 
@@ -235,6 +248,11 @@ def run_show(options: argparse.Namespace) -> int:
         nodes[k] = nodes[body.parent].add(f"{body.name} [dim]{body.joint.type}[/dim]")
     console = Console(highlight=False)
     console.print(tree)
+    names = {-1: "ground"} | {k: body.name for k, body in enumerate(model.bodies)}
+    for loop in model.loops:
+        console.print(f"  loop {loop.name}: {loop.type} from {names[loop.start.body]} to {names[loop.end.body]}")
+    for spring in model.springs:
+        console.print(f"  spring {spring.name}: from {names[spring.start.body]} to {names[spring.end.body]}")
     for p in model.parameters:
         console.print(escape(f"  parameter {p.name} = {p.value} {p.unit}".rstrip()))
     for o in model.outputs:

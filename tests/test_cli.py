@@ -26,6 +26,14 @@ bodies:
     com: [0, 0, -length/2]
     inertia: {xx: 0.1, yy: 0.1, zz: 0.01}
 """
+EXAMPLES = Path(codegen.__file__).parents[1] / "examples"
+SHORT = MODEL + """\
+loops:
+  pin:
+    joint: {type: revolute, axis: y}
+    from: {body: rod, at: [0, 0, -length]}
+    to: {body: ground, at: [9, 0, 0]}
+"""
 WRONG = MODEL.replace("mass: 1", "mas: 1").replace("revolute", "revolving")
 
 
@@ -210,6 +218,24 @@ def test_check(here, capsys):
     assert main(["check", "rod.yaml"]) == 0
     out = capsys.readouterr().out
     assert "warning" in out and "unused" in out and out.count("warning:") == 1
+
+
+def test_check_closes_the_loops(here, capsys):
+    Path("bars.yaml").write_text((EXAMPLES / "four_bar.yaml").read_text())
+    assert main(["check", "bars.yaml"]) == 0
+    assert "1 degree of freedom" in capsys.readouterr().out
+    assert not list(here.glob("generated"))
+
+
+def test_check_tells_a_loop_that_does_not_close(here, capsys):
+    text = (EXAMPLES / "four_bar.yaml").read_text()
+    Path("bars.yaml").write_text(text)
+    assert main(["show", "bars.yaml"]) == 0
+    assert "loop " in capsys.readouterr().out
+    Path("short.yaml").write_text(SHORT)
+    assert main(["check", "short.yaml"]) == 1
+    out, err = capsys.readouterr()
+    assert "ok" not in out and "pin" in err and "cannot be closed" in err
 
 
 def test_show_a_model_and_a_package(here, capsys):
