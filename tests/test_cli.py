@@ -27,13 +27,16 @@ bodies:
     inertia: {xx: 0.1, yy: 0.1, zz: 0.01}
 """
 EXAMPLES = Path(codegen.__file__).parents[1] / "examples"
-SHORT = MODEL + """\
+SHORT = (
+    MODEL
+    + """\
 loops:
   pin:
     joint: {type: revolute, axis: y}
     from: {body: rod, at: [0, 0, -length]}
     to: {body: ground, at: [9, 0, 0]}
 """
+)
 WRONG = MODEL.replace("mass: 1", "mas: 1").replace("revolute", "revolving")
 
 
