@@ -18,15 +18,15 @@ from .templates import render
 from .writer import Function, Located, Place, Writer
 
 LANES = frozenset(
-    {"lme", "lup", "lane", "lroot", "laneroot", "lbase", "lanebase", "lground", "laneone", "lanetwo", "laneone_sum",
-     "lanetwo_sum", "lregion", "lregion_sum", "dq", "du", "dp", "cldp", "csdp", "dinputs", "dt", "dtau", "dcoefficient", "b",
-     "dudot", "dforce", "dqdot", "denergy", "denergy_sum", "dpotential_sum", "doutputs", "dposition"}
+    {"lme", "lup", "lane", "lroot", "laneroot", "lbase", "lanebase", "lpartner", "lanepartner", "lground", "laneone",
+     "lanetwo", "laneone_sum", "lanetwo_sum", "lregion", "lregion_sum", "dq", "du", "dp", "cldp", "csdp", "dinputs", "dt", "dtau",
+     "dcoefficient", "b", "dudot", "dforce", "dqdot", "denergy", "denergy_sum", "dpotential_sum", "doutputs", "dposition"}
 )  # fmt: skip
 """Arrays that hold one value per direction."""
 
-RECORDS = ("me", "up", "root", "base", "ground", "one", "two")
-SLOTS = ("lme", "lup", "lroot", "lbase", "lground")
-LINK_LANES = ("lane", "laneroot", "lanebase", "laneone", "lanetwo")
+RECORDS = ("me", "up", "root", "base", "partner", "ground", "one", "two")
+SLOTS = ("lme", "lup", "lroot", "lbase", "lpartner", "lground")
+LINK_LANES = ("lane", "laneroot", "lanebase", "lanepartner", "laneone", "lanetwo")
 OF_COORDINATES = ("q", "dq", "qdot", "dqdot", "step")
 OF_SPEEDS = ("u", "given_u", "du", "udot", "dudot", "tau", "dtau", "b", "force", "dforce")
 
@@ -161,6 +161,12 @@ class CWriter(Writer):
         if stem == "ear":
             numbers = [system.regions.order[i].number for i in kind.units]
             return "ear", f"a->ears + EAR_SIZE*{self.entry(kind, sweep, 'EAR', numbers)}", layout.ear[name]
+        if stem in ("own", "pair"):
+            return (
+                variable,
+                f"a->couplings + COUPLING_SIZE*{self.coupling_slot(kind, sweep, array)}",
+                layout.coupling[name],
+            )
         if stem == "region":
             at = self.entry(kind, sweep, "REGION", self.numbers_of_regions(kind))
             return "region", f"a->regions + REGION_SIZE*{at}", layout.region[name]
@@ -301,6 +307,7 @@ class CWriter(Writer):
             ("records", "", len(layout.record) * (links + 1)),
             ("near", "", layout.near_size * self.system.slots),
             ("ears", "", len(layout.ear) * len(self.system.regions.ears)),
+            ("couplings", "", len(layout.coupling) * self.system.regions.elimination.slots),
             ("regions", "", len(layout.region) * len(self.system.regions.regions)),
             ("gravity", "", 3 if use["gravity"] else 0),
             ("constants", "", layout.constants_size),
@@ -359,8 +366,8 @@ class CWriter(Writer):
                 ("LINKS", links), ("RECORD", max(1, len(layout.record))),
                 ("NEAR_SIZE", max(1, layout.near_size)), ("SLOT_SIZE", max(1, layout.slot_size)),
                 ("LANE_SIZE", max(1, len(layout.lane))),
-                *((n, len(f)) for n, f in (("EAR_SIZE", layout.ear), ("REGION_SIZE", layout.region),
-                                           ("REGION_LANE_SIZE", layout.region_lane)) if f),
+                *((n, len(f)) for n, f in (("EAR_SIZE", layout.ear), ("COUPLING_SIZE", layout.coupling),
+                                           ("REGION_SIZE", layout.region), ("REGION_LANE_SIZE", layout.region_lane)) if f),
                 ("ANGLES", max(1, layout.angles_padded)),
             ],
             "workspace": self.workspace,

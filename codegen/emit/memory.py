@@ -13,8 +13,8 @@ class Layout:
     ----------
     record, lane : dict of str to int
         Index of a field in a link's record, and in what is kept per link and direction.
-    ear, region, region_lane : dict of str to int
-        The same of ears and regions.
+    ear, region, region_lane, coupling : dict of str to int
+        The same of ears, regions and couplings.
     slots : dict of str to dict of str to int
         The same for the slots, by sweep: slots are used anew by every sweep.
     near : dict of str to dict of str to int
@@ -45,6 +45,7 @@ class Layout:
         self.lane = {name: i for i, name in enumerate(program.lanes)}
         self.ear = {name: i for i, name in enumerate(program.ears)}
         self.region = {name: i for i, name in enumerate(program.regions)}
+        self.coupling = {name: i for i, name in enumerate(program.couplings)}
         self.region_lane = {name: i for i, name in enumerate(program.region_lanes)}
         self.slots = {sweep: {name: i for i, name in enumerate(fields)} for sweep, fields in program.slots.items()}
         self.slot_size = max((len(f) for f in program.slots.values()), default=0)

@@ -21,12 +21,12 @@ from .writer import Located, Place, Writer
 OF_COORDINATES = ("q", "dq", "qdot", "dqdot", "step")
 OF_SPEEDS = ("u", "given_u", "du", "udot", "dudot", "tau", "dtau", "b", "force", "dforce")
 OF_LINKS = {
-    **dict.fromkeys(("me", "up", "root", "base", "ground", "one", "two"), "records"),
-    **dict.fromkeys(("lme", "lup", "lroot", "lbase", "lground"), "slots"),
-    **dict.fromkeys(("lane", "laneroot", "lanebase", "laneone", "lanetwo"), "lanes"),
+    **dict.fromkeys(("me", "up", "root", "base", "partner", "ground", "one", "two"), "records"),
+    **dict.fromkeys(("lme", "lup", "lroot", "lbase", "lpartner", "lground"), "slots"),
+    **dict.fromkeys(("lane", "laneroot", "lanebase", "lanepartner", "laneone", "lanetwo"), "lanes"),
 }
 """Memory of links, by array."""
-SCALARS = ("records", "ears", "regions")
+SCALARS = ("records", "ears", "regions", "couplings")
 """Memory whose numbers are NumPy's: Python's 1.0/0.0 would raise, NumPy's is found by the pivot check."""
 
 AXES = {
@@ -114,7 +114,13 @@ class NumpyWriter(Writer):
     @staticmethod
     def _memory(array: str) -> str:
         stem = array.partition("#")[0].removesuffix("_sum")
-        return OF_LINKS.get(stem) or {"ear": "ears", "region": "regions", "lregion": "region_lanes"}.get(stem, "")
+        return OF_LINKS.get(stem) or {
+            "ear": "ears",
+            "region": "regions",
+            "lregion": "region_lanes",
+            "own": "couplings",
+            "pair": "couplings",
+        }.get(stem, "")
 
     def place(self, kind: UnitKind, sweep: str, array: str, name: str) -> Located:
         system = self.system
@@ -130,6 +136,8 @@ class NumpyWriter(Writer):
         if stem == "ear":
             numbers = [system.regions.order[i].number for i in kind.units]
             return "ear", f"a.ears[{_plain(self.entry(kind, sweep, 'EAR', numbers))}]", f'["{name}"]'
+        if stem in ("own", "pair"):
+            return variable, f"a.couplings[{_plain(self.coupling_slot(kind, sweep, array))}]", f'["{name}"]'
         if stem in ("region", "lregion"):
             at = _plain(self.entry(kind, sweep, "REGION", self.numbers_of_regions(kind)))
             return stem, f"a.{self._memory(array)}[{at}]", f'["{name}"]'
@@ -231,6 +239,7 @@ class NumpyWriter(Writer):
             "links": [f'"{link.name}"' for link in self.system.links],
             "loops": [f'"{loop.name}"' for loop in self.model.loops],
             "ears": len(self.system.regions.ears),
+            "couplings": self.system.regions.elimination.slots,
             "regions": len(self.system.regions.regions),
             "springs": len(self.model.springs),
             "spring_names": [f'"{spring.name}"' for spring in self.model.springs],

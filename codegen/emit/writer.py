@@ -28,7 +28,10 @@ MAX_STRETCHES = 24
 SENSITIVITY_SWEEPS = ("turns", "complete", "balance_out", "balance_in", "balance_back")
 """Sweeps over directions that `sensitivities` needs; the others are not compiled for two directions."""
 
-_STEM = {"root": "ROOT_", "lroot": "ROOT_", "laneroot": "ROOT_", "base": "BASE_", "lbase": "BASE_", "lanebase": "BASE_"}
+_STEM = {
+    **dict.fromkeys(("root", "lroot", "laneroot"), "ROOT_"), **dict.fromkeys(("base", "lbase", "lanebase"), "BASE_"),
+    **dict.fromkeys(("partner", "lpartner", "lanepartner"), "PARTNER_"),
+}  # fmt: skip
 """Beginnings of columns of the units' table, by what an array is of."""
 
 SPRING_SWEEPS = ("pose_tangents", "velocity_tangents", "clear_tangents", "spring_tangents")
@@ -156,7 +159,9 @@ class Writer(ABC):
         ground = len(system.links)
         found: list[int] = []
         for i in self.instances(kind, sweep):
-            if kind.role == "spring":
+            if stem in ("partner", "lpartner", "lanepartner"):
+                link = regions.elimination.partners[i].links[int(place)]
+            elif kind.role == "spring":
                 link = system.spring_ends[i].links[stem.removesuffix("_sum").endswith("two")]
             elif kind.role == "link":
                 link = regions.order[i].number if SWEEP[sweep].units else i
@@ -213,6 +218,15 @@ class Writer(ABC):
             owners = [system.constants_of[i] for i in self.links_meant(kind, sweep, array)]
             column = f"LINK{place}_P{j}" if place else f"P{j}"
         return self.entry(kind, sweep, column, [self.parameter_places[c.parameters[j]] for c in owners])
+
+    def coupling_slot(self, kind: UnitKind, sweep: str, array: str) -> str:
+        """Expression of the place of a coupling: of those that end with the unit (``own``), or that it adds to (``pair``)."""
+        elimination = self.system.regions.elimination
+        stem, _, place = array.partition("#")
+        units = [elimination.partners[i] for i in kind.units]
+        couplings = [p.own[int(place)] if stem == "own" else p.handed_on[int(place)].coupling for p in units]
+        column = f"{'OWN' if stem == 'own' else 'PAIR'}{place}"
+        return self.entry(kind, sweep, column, [elimination.coupling_slot[c] for c in couplings])
 
     def numbers_of_regions(self, kind: UnitKind) -> list[int]:
         """For each instance of a kind of ears or regions, the region."""

@@ -64,6 +64,9 @@ def residuals(x: Any, kind: Any) -> None:
             roots.append(Twist(load_vector(x, f"root#{t}", "rw"), load_vector(x, f"root#{t}", "rv")))
         elif role == "frame" and not kind.rigid:
             roots.append(Twist(load_vector(x, "base", "cw"), load_vector(x, "base", "cv")))
+        elif role == "far":
+            at = f"far{kind.far[t]}"
+            roots.append(Twist(load_vector(x, "region", f"{at}.w"), load_vector(x, "region", f"{at}.v")))
         else:
             roots.append(Twist(list(ZERO), list(ZERO)))
     speeds = [[m.view.load("given_u", str(f.index)) for f in m.freedoms] for m in ear.members]

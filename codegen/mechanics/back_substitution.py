@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from .couplings import SIX, partner_acceleration
 from .joints import JointTransform, freedom_axes
 from .kinematics import load_vector, store_vector
 from .spatial import Vec, add, cross
@@ -30,12 +31,17 @@ def back_substitute(x: Any, kind: Any) -> None:
 
 def substitute(x: Any, kind: Any, A: Vec, array: str, result: str, lanes: bool) -> None:
     """Solve for the joint's own freedoms, the one eliminated last first. Eq. 53. Changes A."""
+    partners = range(len(kind.partners.links)) if x.units else range(0)
+    of_partners = [partner_acceleration(x, kind, m, lanes) for m in partners]
     for j, a in enumerate(freedom_axes(kind.joint, kind.axis)):
         G = [x.load("me", f"G{j}.{i}") for i in range(6)]
         G[a] = 1
         value = x.load(array, f"rD.{j}")
         for i in range(6):
             value = value - G[i] * A[i]
+        for m in partners:
+            for k in SIX:
+                value = value - x.load("me", f"G{j}.{6 + 6 * m + k}") * of_partners[m][k]
         udot = x.let("udot", value, "Eq. 53", lanes=lanes)
         x.store(result, str(j), udot)
         A[a] = x.let("A", A[a] + udot, "Eq. 54", lanes=lanes)

@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import Any
 
 from .back_substitution import carry, substitute
+from .couplings import SIX, hand_force, others
 from .inverse_dynamics import hand_on_lanes, transfer
 from .joints import JointTransform, freedom_axes
 from .kinematics import load_vector, store_vector
@@ -17,18 +18,23 @@ from .spatial import XYZ, Vec
 from .triangularization import force_to_parent, own_inertia
 
 
-def eliminate(x: Any, kind: Any, P: Vec, forces: list[Any]) -> Vec:
-    """The bias-force recursion at one joint: ``r = dtau - P^T p``, ``p += U D^-1 r``. Eqs. 45, 53."""
+def eliminate(x: Any, kind: Any, P: Vec, forces: list[Any]) -> tuple[Vec, dict[int, Vec]]:
+    """The bias-force recursion at one joint: ``r = dtau - P^T p``, ``p += U D^-1 r``; and what partners get. Eqs. 45, 53."""
     axes = freedom_axes(kind.joint, kind.axis)
+    of_partners: dict[int, Vec] = {m: [0] * 6 for m in range(len(kind.partners.links))} if x.units else {}
     for j in reversed(range(len(axes))):
         a = axes[j]
         r = x.let("r", forces[j] - P[a], "d Eq. 53", lanes=True)
         x.store("lane", f"rD.{j}", x.let("rD", r * x.load("me", f"Dinv.{j}"), "d Eq. 53", lanes=True))
+        for m, values in of_partners.items():
+            for k in SIX:
+                G_of = x.load("me", f"G{j}.{6 + 6 * m + k}")
+                values[k] = x.let("gp", values[k] + G_of * r, "d Eq. 45", lanes=True)
         if j == 0 and not kind.carried_on:
             break
         G = [x.load("me", f"G{j}.{i}") for i in range(6)]
         P = [forces[j] if i == a else x.let(f"P{i}", P[i] + G[i] * r, "d Eq. 45", lanes=True) for i in range(6)]
-    return P
+    return P, of_partners
 
 
 def balance_inward(x: Any, kind: Any) -> None:
@@ -41,19 +47,23 @@ def balance_inward(x: Any, kind: Any) -> None:
             key = f"{field}.{i}"
             P.append(x.let("P", x.load("lane", key) + x.load("lme", f"acc.{key}"), "d Eq. 45", lanes=True))
             phi.append(x.load("me", f"t{key}") + x.load("me", f"tacc.{key}"))
-    P = eliminate(x, kind, P, [x.load("dtau", str(j)) if kind.forced[j] else 0 for j in range(len(axes))])
+    P, of_partners = eliminate(x, kind, P, [x.load("dtau", str(j)) if kind.forced[j] else 0 for j in range(len(axes))])
+    for m in others(kind):
+        hand_force(x, kind, m, of_partners[m], lanes=True)
+        if kind.partners.first[m]:
+            hand_force(x, kind, m, [0] * 6, "tacc.")
     if kind.carried_on:
         # in equilibrium a joint transmits its own force along its freedoms
         for j, a in enumerate(axes):
             phi[a] = x.load("tau", str(j)) if kind.forced[j] else 0
-        transfer(x, kind, JointTransform(x, kind), phi, P)
+        transfer(x, kind, JointTransform(x, kind), phi, P, of_partners.get(kind.partners.base))
 
 
 def solve_inward(x: Any, kind: Any) -> None:
     """The same recursion for a given right side: ``M x = b``, several b at once."""
     axes = freedom_axes(kind.joint, kind.axis)
     P = [x.load("lme", f"acc.{field}.{i}") for field in ("n", "f") for i in XYZ]
-    P = eliminate(x, kind, P, [x.load("b", str(j)) for j in range(len(axes))])
+    P, _ = eliminate(x, kind, P, [x.load("b", str(j)) for j in range(len(axes))])
     if kind.carried_on:
         joint = JointTransform(x, kind, lanes=True)
         n, f = force_to_parent(x, joint, joint.offset(), P[:3], P[3:], "Eq. 45")

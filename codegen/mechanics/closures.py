@@ -14,7 +14,7 @@ from .energy import origin_velocity
 from .joints import JointTransform
 from .kinematics import angular_velocity, load_matrix, load_vector, store_matrix, store_vector
 from .orthogonal import Factor, factor, load_factor
-from .spatial import XYZ, Vec, add, matvec
+from .spatial import XYZ, Vec, add, cross, is_zero, matmul, matvec, scale, transpose
 
 
 def own_sources(kind: Any) -> dict[int, tuple[int, int]]:
@@ -28,6 +28,9 @@ def source_twist(x: Any, kind: Any, root: int, c: int) -> Twist:
     if role == "frame" and not kind.rigid and c >= kind.sources:
         unit = [int(i == c - kind.sources) for i in range(6)]
         return Twist(unit[:3], unit[3:])
+    if role == "far" and 0 <= c - kind.sources - 6 * kind.far[root] < 6:
+        unit = [int(i == c - kind.sources - 6 * kind.far[root]) for i in range(6)]
+        return Twist(unit[:3], unit[3:])
     if role == "link":
         return Twist(load_vector(x, f"root#{root}", f"Z{c}.w"), load_vector(x, f"root#{root}", f"Z{c}.v"))
     return Twist(ZERO, ZERO)
@@ -37,10 +40,6 @@ def own_coefficients(ear: Ear, kind: Any, c: int, dependent: list[Any]) -> list[
     """Rates of all freedoms of the ear for a unit of a source."""
     own = own_sources(kind).get(c)
     return ear.coefficients(dependent, lambda k, j: int(own == (k, j)))
-
-
-def is_zero(v: Any) -> bool:
-    return (isinstance(v, int) and v == 0) or getattr(v, "is_zero", False) is True
 
 
 def closures(x: Any, kind: Any) -> None:
@@ -77,11 +76,56 @@ def closures(x: Any, kind: Any) -> None:
             store_vector(x, f"me#{k}", f"Z{c}.v", twist.linear)
         if own is not None:
             x.store("region", f"s{c}", speed)
+    rates = [x.let("u", rate, "Eq. 30") for rate in rates]
     for (k, freedom), rate in zip(dependents, rates, strict=True):
-        x.store(f"u#{k}", str(freedom.index), x.let("u", rate, "Eq. 30"))
+        x.store(f"u#{k}", str(freedom.index), rate)
+    if any(link.closed_on for link in kind.links):
+        member_motions(x, ear, rates)
     if kind.positions:
         for k in range(len(ear.members)):
             store_vector(x, f"me#{k}", "o", ear.position(k))
+
+
+def member_motions(x: Any, ear: Ear, rates: list[Any]) -> None:
+    """Attitude, position and velocity, as `link_motion` gives them, of links of an ear that other loops close on. Eqs. 18, 22."""
+    kind = ear.kind
+    W_base, o_base = load_matrix(x, "base", "cW"), load_vector(x, "base", "co")
+    for k, twist in enumerate(member_velocities(x, ear, rates)):
+        if not kind.links[k].closed_on:
+            continue
+        W, o = ear.members[k].W, ear.position(k)
+        store_matrix(x, f"me#{k}", "cW", [[x.let("cW", e, "Eq. 22") for e in row] for row in matmul(W_base, W)])
+        store_vector(x, f"me#{k}", "co", [x.let("co", e, "Eq. 22") for e in add(o_base, matvec(W_base, o))])
+        back = transpose(W)
+        store_vector(x, f"me#{k}", "cw", [x.let("cw", e, "Eq. 18") for e in matvec(back, twist.angular)])
+        store_vector(x, f"me#{k}", "cv", [x.let("cv", e, "Eq. 18") for e in matvec(back, twist.linear)])
+
+
+def member_velocities(x: Any, ear: Ear, rates: list[Any]) -> list[Twist]:
+    """Velocities of an ear's links against the ground, in region axes."""
+    kind = ear.kind
+    roots = [Twist(list(ZERO), list(ZERO)) for _ in kind.roots]
+    for t, role in enumerate(kind.roots):
+        for c in range(kind.total):
+            if role == "frame" and kind.rigid:
+                break
+            twist = source_twist(x, kind, t, c)
+            speed = source_speed(x, kind, c, own_sources(kind).get(c))
+            roots[t] = Twist(
+                add(roots[t].angular, scale(speed, twist.angular)), add(roots[t].linear, scale(speed, twist.linear))
+            )
+    speeds = ear.coefficients(rates, lambda k, j: ear.members[k].view.load("u", str(j)))
+    found = ear.walk(roots, speeds, "m", "Eq. 18")
+    if not (kind.carried and kind.rigid):
+        return found
+    w, v = load_vector(x, "base", "cw"), load_vector(x, "base", "cv")
+    carried = []
+    for k, twist in enumerate(found):
+        linear = add(twist.linear, v, cross(w, ear.position(k)))
+        carried.append(
+            Twist([x.let("mw", e, "Eq. 18") for e in add(twist.angular, w)], [x.let("mv", e, "Eq. 18") for e in linear])
+        )
+    return carried
 
 
 def source_speed(x: Any, kind: Any, c: int, own: tuple[int, int] | None) -> Any:
@@ -90,7 +134,9 @@ def source_speed(x: Any, kind: Any, c: int, own: tuple[int, int] | None) -> Any:
         return x.load(f"u#{own[0]}", str(own[1]))
     if c < kind.sources:
         return x.load("region", f"s{c}")
-    i = c - kind.sources
+    far, i = divmod(c - kind.sources, 6)
+    if kind.rigid:
+        return x.load("region", f"far{far}.{'wv'[i // 3]}.{XYZ[i % 3]}")
     return x.load("base", f"{'cw' if i < 3 else 'cv'}.{XYZ[i % 3]}")
 
 

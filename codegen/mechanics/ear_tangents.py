@@ -12,9 +12,8 @@ from sympy import Dummy, Expr, S, Symbol
 
 from ..program.block import ANY
 from ..program.derivatives import Tangents
-from .closures import is_zero
 from .ears import UNIT, Ear
-from .spatial import XYZ, Vec, add, cross, dot, matmul, matvec
+from .spatial import XYZ, Vec, add, cross, dot, is_zero, matmul, matvec
 
 One = S.One
 

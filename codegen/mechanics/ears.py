@@ -145,7 +145,13 @@ class Ear:
             return UNIT
         if role == "ground":
             return transpose([[self.x.load("base", f"cW.{i}{j}") for j in XYZ] for i in XYZ])
+        if role == "far":
+            return [[self.x.load("region", f"{self.far(t)}.W.{i}{j}") for j in XYZ] for i in XYZ]
         return [[self.x.load(f"root#{t}", f"sW.{i}{j}") for j in XYZ] for i in XYZ]
+
+    def far(self, t: int) -> str:
+        """Fields of a root that is a far link of the region."""
+        return f"far{self.kind.far[t]}"
 
     def _member(self, k: int, kind: Any, fresh: bool) -> Member:
         view = MemberView(self.x, k)
@@ -239,6 +245,8 @@ class Ear:
             o = [self.x.load("base", f"co.{i}") for i in XYZ]
             W = self.attitude(place)
             return self._named("o", [-e for e in rotate(W, o)], "Eq. 22")
+        if role == "far":
+            return [self.x.load("region", f"{self.far(t)}.o.{i}") for i in XYZ]
         return [self.x.load(f"root#{t}", f"{self.positions}.{i}") for i in XYZ]
 
     # -- steps from link to link -----------------------------------------------------------------------------------

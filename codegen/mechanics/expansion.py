@@ -28,12 +28,16 @@ RECORD, SLOT, LANE = "record", "slot", "lane"
 """Memory kept per link for one call; kept while neighbours need it; kept per link and direction."""
 EAR, REGION, REGION_LANE = "ear", "region", "region lane"
 """Memory kept per ear; per region; per region and direction."""
+COUPLING = "coupling"
+"""Memory of the blocks that couple two links, while they wait for one of them to be eliminated."""
 
 OWN = {"me": RECORD, "lme": SLOT, "lane": LANE}
 PARENTS = {"up": RECORD, "lup": SLOT}
 ROOTS = {"root": RECORD, "lroot": SLOT, "laneroot": LANE}
 BASES = {"base": RECORD, "lbase": SLOT, "lanebase": LANE}
 ENDS = {"one": RECORD, "two": RECORD, "laneone": LANE, "lanetwo": LANE}
+PARTNERS = {"partner": RECORD, "lpartner": SLOT, "lanepartner": LANE}
+COUPLINGS = ("own", "pair")
 GROUNDS = {"ground": RECORD, "lground": SLOT}
 COMMON = {"region": REGION, "region_sum": REGION, "lregion": REGION_LANE, "lregion_sum": REGION_LANE, "ear": EAR}
 """Arrays by what they are of; those of one of several links end in its place, ``me#1``."""
@@ -52,8 +56,8 @@ class Program:
         By sweep and kind.
     records, lanes : list of str
         Fields of a link's record, and of what is kept per link and direction.
-    ears, regions, region_lanes : list of str
-        The same of ears and regions.
+    ears, regions, region_lanes, couplings : list of str
+        The same of ears, regions and couplings.
     slots : dict of str to list of str
         Fields of slots, by sweep.
     transient : dict of str to list of str
@@ -74,6 +78,7 @@ class Program:
     ears: list[str] = field(default_factory=list)
     regions: list[str] = field(default_factory=list)
     region_lanes: list[str] = field(default_factory=list)
+    couplings: list[str] = field(default_factory=list)
     slots: dict[str, list[str]] = field(default_factory=dict)
     report: list[tuple[str, Operations, float]] = field(default_factory=list)
     sweep_seconds: dict[str, float] = field(default_factory=dict)
@@ -92,6 +97,8 @@ class Reach:
         self._roots: dict[tuple[int, int], set[int]] = {}
         self._bases: dict[int, set[int]] = {}
         self._regions: dict[int, set[int]] = {}
+        self._partners: dict[tuple[int, int], set[int]] = {}
+        self._handed_on: dict[tuple[int, int], set[Any]] = {}
         self._ends: dict[tuple[int, bool], set[int]] = {}
         for spring_kind in system.spring_kinds:
             for n in spring_kind.members:
@@ -102,7 +109,17 @@ class Reach:
         of_region = {
             u.number: k.index for u, k in zip(regions.order, system.unit_kind_of, strict=True) if u.role == "region"
         }
-        for unit, kind in zip(regions.order, system.unit_kind_of, strict=True):
+        # a coupling is of the kind of the unit that it ends with
+        kind_of_coupling = {
+            c: (kind.index, n)
+            for partners, kind in zip(regions.elimination.partners, system.unit_kind_of, strict=True)
+            for n, c in enumerate(partners.own)
+        }
+        for unit, kind, partners in zip(regions.order, system.unit_kind_of, regions.elimination.partners, strict=True):
+            for n, i in enumerate(partners.links):
+                self._partners.setdefault((kind.index, n), set()).add(self._link(i))
+            for n, handed_on in enumerate(partners.handed_on):
+                self._handed_on.setdefault((kind.index, n), set()).add(kind_of_coupling[handed_on.coupling])
             if unit.role == "link":
                 continue
             number = unit.number if unit.role == "region" else regions.ears[unit.number].region
@@ -115,7 +132,7 @@ class Reach:
     def _link(self, i: int) -> int:
         return GROUND_KIND if i == GROUND else self.system.kind_of[i].index
 
-    def of(self, kind: Any, sweep: Sweep, array: str) -> tuple[str, set[int]] | None:
+    def of(self, kind: Any, sweep: Sweep, array: str) -> tuple[str, set[Any]] | None:
         """Memory and kinds; None for what is no memory."""
         stem, _, place = array.partition("#")
         if kind.role == "spring":
@@ -129,6 +146,11 @@ class Reach:
             memory, kinds = ROOTS[stem], self._roots[kind.index, int(place)]
         elif stem in BASES:
             memory, kinds = BASES[stem], self._bases[kind.index]
+        elif stem in PARTNERS:
+            memory, kinds = PARTNERS[stem], self._partners[kind.index, int(place)]
+        elif stem in COUPLINGS:
+            memory = COUPLING
+            kinds = {(kind.index, int(place))} if stem == "own" else self._handed_on[kind.index, int(place)]
         elif stem in GROUNDS:
             memory, kinds = GROUNDS[stem], {GROUND_KIND}
         elif stem in COMMON:
@@ -328,7 +350,7 @@ def _drop_unread(program: Program, patterns: Patterns, sweeps: list[Sweep]) -> N
 def _lay_out(program: Program) -> None:
     """Order the fields of each memory by first use."""
     reach = Reach(program.system)
-    found: dict[str, dict[str, None]] = {m: {} for m in (RECORD, LANE, EAR, REGION, REGION_LANE)}
+    found: dict[str, dict[str, None]] = {m: {} for m in (RECORD, LANE, EAR, REGION, REGION_LANE, COUPLING)}
     for sweep in SWEEPS:
         slots: dict[str, None] = {}
         if sweep.name not in program.blocks:
@@ -344,7 +366,7 @@ def _lay_out(program: Program) -> None:
             program.slots[sweep.name] = list(slots)
     program.records, program.lanes = list(found[RECORD]), list(found[LANE])
     program.ears, program.regions = list(found[EAR]), list(found[REGION])
-    program.region_lanes = list(found[REGION_LANE])
+    program.region_lanes, program.couplings = list(found[REGION_LANE]), list(found[COUPLING])
     program.transient = _transient(program)
 
 
@@ -355,7 +377,7 @@ def _transient(program: Program) -> dict[str, list[str]]:
     """
     flows: dict[str, dict[str, set[str]]] = {}
     crossing: set[str] = {n for m, _, n in program.read_outside if m == RECORD}
-    others = {a for a, m in (PARENTS | ROOTS | BASES | GROUNDS | ENDS).items() if m == RECORD}
+    others = {a for a, m in (PARENTS | ROOTS | BASES | PARTNERS | GROUNDS | ENDS).items() if m == RECORD}
     for sweep, blocks in program.blocks.items():
         stored: set[str] = set()
         from_me: set[str] = set()

@@ -79,8 +79,8 @@ def newton_euler_inward(x: Any, kind: Any) -> None:
         transfer(x, kind, joint, phi, d_phi)
 
 
-def transfer(x: Any, kind: Any, joint: JointTransform, phi: Vec, d_phi: Vec) -> None:
-    """Hand the transmitted force on to the parent, and its tangent."""
+def transfer(x: Any, kind: Any, joint: JointTransform, phi: Vec, d_phi: Vec, beside: Vec | None = None) -> None:
+    """Hand the transmitted force on to the parent, and its tangent, with what the parent gets `beside` as a partner."""
     r = joint.offset()
     named = [x.name(f"phi{i}", value, "Eq. 45") for i, value in enumerate(phi)]
     n, f = force_to_parent(x, joint, r, named[:3], named[3:], "Eq. 45")
@@ -93,6 +93,11 @@ def transfer(x: Any, kind: Any, joint: JointTransform, phi: Vec, d_phi: Vec) -> 
             d = differentiate(x, kind, joint, extra)
             assert d is not None
             tn, tf = [d.value(v) for v in n], [d.value(v) for v in f]
+        if beside is not None:
+            tn, tf = (
+                [x.let("beside", a + b, "d Eq. 45", lanes=True) for a, b in zip(v, w, strict=True)]
+                for v, w in ((tn, beside[:3]), (tf, beside[3:]))
+            )
         hand_on_force(x, kind, n, f, "tacc")
         hand_on_lanes(x, kind, tn, tf)
     else:

@@ -21,9 +21,11 @@ from ..program.block import Expansion
 from ..program.functions import SYMBOLIC, number
 from .constants import Constants, Shape, Slots, Statements, make_shape
 from .ears import SLIDING
+from .elimination import NOBODY, Partners
 from .joints import COORDINATES, FREEDOMS, freedom_axes
 from .links import FLOAT, Link, LoopFaces, face_constants, keep, link_constants, links_of, loop_faces
 from .regions import Regions, find_regions
+from .structure import Region
 
 
 @dataclass(slots=True, eq=False)
@@ -88,11 +90,15 @@ class LinkKind(Folded):
     carried_on : bool
         It has a parent other than the ground.
     carries : bool
-        Something that is not of its own ear hangs on it.
+        Something that is not of its own ear hangs on it, or is coupled to it.
+    closed_on : bool
+        A loop that is closed elsewhere depends on its motion.
     pulled : bool
         Springs act on it.
     forced : tuple of bool
         Which freedoms have a force of the model.
+    partners : Partners
+        Coupled links, of the first member; the structure is that of all.
     members : list of int
         Links, in outward order.
     units : list of int
@@ -107,8 +113,10 @@ class LinkKind(Folded):
     first_unit: bool
     carried_on: bool
     carries: bool
+    closed_on: bool
     pulled: bool
     forced: tuple[bool, ...]
+    partners: Partners = NOBODY
     members: list[int] = field(default_factory=list)
     units: list[int] = field(default_factory=list)
 
@@ -125,7 +133,7 @@ class LinkKind(Folded):
 
 @dataclass(slots=True, eq=False)
 class ClosureKind(Folded):
-    """A loop of a kind of ears: see `regions.Closure`; `axis` and `end_axis` are those of the joint among the faces' axes."""
+    """A loop of a kind of ears: see `structure.Closure`; `axis` and `end_axis` are those of the joint among the faces' axes."""
 
     type: str
     axis: int
@@ -143,22 +151,26 @@ class EarKind:
     ----------
     links : list of LinkKind
     parents, dependent, columns
-        See `regions.EarLinks`.
+        See `structure.EarLinks`.
     roots : list of str
-        ``frame`` (the region's base), ``ground`` (where the base is a link), ``link`` (of the region).
+        ``frame`` (the region's base), ``ground`` (where the base is a link), ``link`` (of the region), ``far`` (see `Region`).
+    far : list of int
+        For each root, its place among the region's far links; -1 for the others.
     first_at : list of bool
         Whether the ear is the first, on the way inward, to hand a force to that root.
     followed : list of bool
         Which links later ears of the region start from.
     closures : list of ClosureKind
     sources, total : int
-        Independent speeds of the region; with the six components of a base whose motion the loops close on.
+        Independent speeds of the region; with the six components of a base whose motion the loops close on, or of far links.
     carried, rigid : bool
-        See `regions.Region`.
+        See `structure.Region`.
     scale, per_length : sympy number
         One over the characteristic length; the former 1 where there are no angular conditions to weigh linear ones against.
     positions : bool
         Some joint of the region slides, so positions are needed.
+    partners : Partners
+        See `LinkKind`.
     members : list of int
         Ears.
     kept, structure
@@ -169,6 +181,7 @@ class EarKind:
     links: list[LinkKind]
     parents: list[int]
     roots: list[str]
+    far: list[int]
     first_at: list[bool]
     followed: list[bool]
     closures: list[ClosureKind]
@@ -181,6 +194,7 @@ class EarKind:
     scale: Any
     per_length: Any
     positions: bool
+    partners: Partners = NOBODY
     members: list[int] = field(default_factory=list)
     units: list[int] = field(default_factory=list)
     kept: list[int] = field(default_factory=list)
@@ -209,7 +223,12 @@ class EarKind:
 class RegionKind:
     """What the blocks of a kind of regions are written from; see `EarKind`.
 
-    `first` : the region is the first, on the way inward, to hand inertia to its base.
+    Attributes
+    ----------
+    first : bool
+        The region is the first, on the way inward, to hand inertia to its base.
+    far : tuple of int
+        For each far link, its place among the partners; -1 for the ground.
     """
 
     index: int
@@ -218,6 +237,8 @@ class RegionKind:
     carried: bool
     rigid: bool
     first: bool
+    far: tuple[int, ...] = ()
+    partners: Partners = NOBODY
     members: list[int] = field(default_factory=list)
     units: list[int] = field(default_factory=list)
 
@@ -351,7 +372,7 @@ class System:
     @property
     def has_link_motion(self) -> bool:
         """Some loop closes on the motion of a link that is resolved outside its region."""
-        return any(r.carried and not r.rigid for r in self.regions.regions)
+        return any(r.far or (r.carried and not r.rigid) for r in self.regions.regions)
 
 
 def analyse(model: Model, unrolled: bool, partition: Partition | None = None) -> System:
@@ -431,6 +452,7 @@ def analyse(model: Model, unrolled: bool, partition: Partition | None = None) ->
         signature: Any = (
             link.joint, link.frame.index, aligned, first, first_unit, link.parent != GROUND, i in has_child, forced,
             c.shape.index, _pattern(c), order.place_in_ear(i), order.role_of(i), i in pulled,
+            order.partners_of_link(i).structure(),
         )  # fmt: skip
         if unrolled:
             signature = i
@@ -438,7 +460,7 @@ def analyse(model: Model, unrolled: bool, partition: Partition | None = None) ->
         if kind is None:
             kind = kinds[signature] = LinkKind(
                 c.shape, len(kinds), link.joint, link.frame.index, aligned, first, first_unit, link.parent != GROUND,
-                order.carries(i), i in pulled, forced,
+                *order.role_of(i), i in pulled, forced, order.partners_of_link(i),
             )  # fmt: skip
         kind.members.append(i)
         kind_of.append(kind)
@@ -522,28 +544,48 @@ class _Order:
         self.first_contributor: dict[int, int] = {}
         self.first_follower: dict[int, int] = {}
         self._carriers: set[int] = set()
-        self._closed_on = {r.base for r in regions.regions if not r.rigid}
         self._structures: dict[int, tuple[Any, ...]] = {}
+        self.partners = regions.elimination.partners
         for n, unit in enumerate(regions.order):
-            used: list[int] = []
-            if unit.role == "link":
-                used = [links[unit.number].parent]
-                self.first_contributor[used[0]] = n
-                self._carriers.add(used[0])
-            elif unit.role == "region":
-                used = [regions.regions[unit.number].base]
-                self.first_contributor[used[0]] = n
-                self._carriers.add(used[0])
-            else:
+            coupled = [] if unit.role == "ear" else self.partners[n].links
+            if unit.role == "ear":
                 ear = regions.ears[unit.number]
                 base = regions.regions[ear.region].base
                 used = [*ear.roots, base]
                 for root in ear.roots:
-                    if root != base:
+                    if root != base and root not in regions.regions[ear.region].far:
                         self.first_follower[root] = n
+            else:
+                region = regions.regions[unit.number] if unit.role == "region" else None
+                base = region.base if region else links[unit.number].parent
+                used = [base, *coupled, *(region.far if region else ())]
+                for i in (base, *coupled):
+                    self.first_contributor[i] = n
+                    self._carriers.add(i)
             for i in used:
                 if i != GROUND:
                     self.last_use[i] = n
+        for n, unit in enumerate(regions.order):
+            if unit.role != "ear":
+                mine = self.partners[n]
+                mine.first = [self.first_contributor[i] == n for i in mine.links]
+        self._closed_on = self._moving()
+
+    def _moving(self) -> set[int]:
+        """Links whose motion against the ground some loop closes on, and all that those hang on."""
+        regions = self.regions
+        found: set[int] = set()
+        for region in regions.regions:
+            for i in (region.base, *region.far) if region.far or not region.rigid else ():
+                while i != GROUND and i not in found:
+                    found.add(i)
+                    e = regions.ear_of[i]
+                    i = self.links[i].parent if e is None else regions.regions[regions.ears[e].region].base
+        return found
+
+    def partners_of_link(self, i: int) -> Partners:
+        """Couplings of a link that is a unit."""
+        return NOBODY if self.regions.ear_of[i] is not None else self.partners[self.unit_of_link[i]]
 
     def carries(self, link: int) -> bool:
         return link in self._carriers
@@ -571,13 +613,23 @@ class _Order:
             tuple(ear.parents), self.roles(e), tuple(self.first_follower.get(r) == n for r in ear.roots),
             tuple(i in self.first_follower for i in ear.links), tuple((c.paths, c.roots, c.faces) for c in ear.closures),
             tuple(map(tuple, ear.dependent)), tuple(tuple(sorted(c.items())) for c in ear.columns), ear.length,
-            len(region.freedoms), region.carried, region.rigid, tuple(self.role_of(i) for i in ear.links),
+            len(region.freedoms), region.carried, region.rigid, tuple(self.role_of(i) for i in ear.links), self.far(e),
+            self.partners[n].structure() if n >= 0 else (),
         )  # fmt: skip
 
     def roles(self, e: int) -> tuple[str, ...]:
         ear = self.regions.ears[e]
         region = self.regions.regions[ear.region]
-        return tuple("frame" if r == region.base else "ground" if r == GROUND else "link" for r in ear.roots)
+        return tuple(
+            "frame" if r == region.base else "far" if r in region.far else "ground" if r == GROUND else "link"
+            for r in ear.roots
+        )
+
+    def far(self, e: int) -> tuple[int, ...]:
+        """For each root of an ear, its place among the far links of the region."""
+        ear = self.regions.ears[e]
+        region = self.regions.regions[ear.region]
+        return tuple(region.far.index(r) if r in region.far else -1 for r in ear.roots)
 
     def role_of(self, link: int) -> tuple[bool, bool]:
         """Whether others hang on a link, and whether a loop closes on its motion."""
@@ -604,6 +656,12 @@ class _Order:
         return slot_of, count
 
 
+def total_sources(region: Region) -> int:
+    """Independent speeds, and components of the motion of links."""
+    moving = 1 if region.carried and not region.rigid else len(region.far)
+    return len(region.freedoms) + 6 * moving
+
+
 def _unit_kinds(
     regions: Regions,
     order: _Order,
@@ -625,11 +683,23 @@ def _unit_kinds(
         elif unit.role == "region":
             region = regions.regions[unit.number]
             first = order.first_contributor.get(region.base) == n
-            r = len(region.freedoms)
-            key: Any = ("region", r, region.carried, region.rigid, first, unit.number if unrolled else 0)
-            total = r + (6 if region.carried and not region.rigid else 0)
+            r, partners = len(region.freedoms), order.partners[n]
+            far = tuple(-1 if i == GROUND else partners.links.index(i) for i in region.far)
+            key: Any = (
+                "region", r, region.carried, region.rigid, first, far, partners.structure(), unit.number if unrolled else 0,
+            )  # fmt: skip
             kind = found.setdefault(
-                key, RegionKind(len(kinds) + len(found), r, total, region.carried, region.rigid, first)
+                key,
+                RegionKind(
+                    len(kinds) + len(found),
+                    r,
+                    total_sources(region),
+                    region.carried,
+                    region.rigid,
+                    first,
+                    far,
+                    partners,
+                ),
             )
             kind.members.append(unit.number)
         else:
@@ -689,11 +759,11 @@ def _ear_kind(
         of_region = [faces[c.loop].loop.type for other in region.ears for c in regions.ears[other].closures]
         angular = any(c.type != "spherical" for c in closures)
         kind = found[key] = EarKind(
-            index, [kind_of[i] for i in ear.links], ear.parents, list(order.roles(e)),
+            index, [kind_of[i] for i in ear.links], ear.parents, list(order.roles(e)), list(order.far(e)),
             [order.first_follower.get(root) == n for root in ear.roots], [i in order.first_follower for i in ear.links],
-            closures, ear.dependent, ear.columns, r, r + (6 if region.carried and not region.rigid else 0), region.carried,
+            closures, ear.dependent, ear.columns, r, total_sources(region), region.carried,
             region.rigid, number(1 / ear.length) if angular else sympy.S.One, number(1 / ear.length),
-            region.carried or any(t in SLIDING for t in of_region),
+            region.carried or any(t in SLIDING for t in of_region), order.partners[n],
         )  # fmt: skip
     assert isinstance(kind, EarKind)
     kind.members.append(e)

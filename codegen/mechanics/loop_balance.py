@@ -11,15 +11,18 @@ from typing import Any
 
 from sympy import Rational
 
-from .closures import is_zero, own_sources, stored_factor
+from .closures import own_sources, stored_factor
+from .couplings import component, from_far, hand_force, others, to_base
 from .ear_tangents import EarTangents
 from .ears import SLIDING, ZERO, Ear, Twist, rotate
 from .energy import origin_velocity
+from .far_links import far_motion_tangents
 from .joints import JointTransform
 from .kinematics import (
     acceleration_matrix,
     angular_velocity,
     body_force,
+    load_matrix,
     load_symmetric,
     load_vector,
     store_matrix,
@@ -27,20 +30,22 @@ from .kinematics import (
 )
 from .loop_dynamics import (
     accumulate_base,
-    base_acceleration,
     carried_accelerations,
     cut_accelerations,
     less_external_of,
     link_constants,
     member_motion,
+    place_of_base,
+    places_of_partners,
     root_motions,
     root_velocities,
-    solved,
     source_accelerations,
     speeds_of,
+    store_sources,
+    system_size,
 )
 from .orthogonal import product
-from .spatial import XYZ, Mat, Vec, add, cross, dot, matvec, scale, transpose
+from .spatial import XYZ, Mat, Vec, add, cross, dot, is_zero, matvec, scale, transpose
 from .tangents import differentiate, store_tangent
 
 Force = tuple[Vec, Vec]
@@ -136,7 +141,10 @@ def root_angles(x: Any, kind: Any, slot: bool) -> tuple[dict[int, Vec], dict[int
     moved: dict[int, Vec] = {}
     for t, role in enumerate(kind.roots):
         place = -1 - t
-        if role == "link":
+        if role == "far":
+            angles[place] = load_vector(x, "lregion", f"far{kind.far[t]}.th")
+            moved[place] = load_vector(x, "lregion", f"far{kind.far[t]}.d")
+        elif role == "link":
             angles[place] = load_vector(x, f"lroot#{t}" if slot else f"laneroot#{t}", "th")
             if slot:
                 moved[place] = load_vector(x, f"lroot#{t}", "d")
@@ -218,7 +226,9 @@ def complete_velocities(
     held: Vec = []
     for t, role in enumerate(kind.roots):
         array, names = (f"lroot#{t}", ("rw", "rv")) if role == "link" else ("lbase", ("cw", "cv"))
-        if role == "link" or (role == "frame" and not kind.rigid):
+        if role == "far":
+            array, names = "lregion", (f"far{kind.far[t]}.w", f"far{kind.far[t]}.v")
+        if role in ("link", "far") or (role == "frame" and not kind.rigid):
             for vector, name in zip((roots[t].angular, roots[t].linear), names, strict=True):
                 seeds.update(zip(vector, load_vector(x, array, name), strict=True))
         held += [*roots[t].angular, *roots[t].linear]
@@ -247,6 +257,33 @@ def complete_velocities(
         for array in ("lme", "lane"):
             store_vector(x, f"{array}#{k}", "rw", angular)
             store_vector(x, f"{array}#{k}", "rv", linear)
+        if kind.links[k].closed_on:
+            member_displacement(x, ear, k, (angles[k], moved[k]), velocity, Twist(angular, linear))
+
+
+def member_displacement(x: Any, ear: Ear, k: int, displaced: tuple[Vec, Vec], velocity: Twist, tangent: Twist) -> None:
+    """The same as `link_displacement` gives, of a link of an ear that other loops close on, from what is relative to the base."""
+    kind, tag = ear.kind, "d Eq. 22"
+    theta, d = displaced
+    W, o = ear.members[k].W, ear.position(k)
+    w, v, dw, dv = velocity.angular, velocity.linear, tangent.angular, tangent.linear
+    theta_whole, d_whole = list(theta), list(d)
+    if kind.carried:
+        theta_base, d_base = load_vector(x, "lbase", "ct"), load_vector(x, "lbase", "cd")
+        theta_whole, d_whole = add(theta, theta_base), add(d, d_base, cross(theta_base, o))
+        if kind.rigid:
+            w_base, dw_base = load_vector(x, "base", "cw"), load_vector(x, "lbase", "cw")
+            w = let3(x, "w", add(w, w_base), "Eq. 18", False)
+            v = let3(x, "v", add(v, load_vector(x, "base", "cv"), cross(w_base, o)), "Eq. 18", False)
+            dw = add(dw, dw_base)
+            dv = add(dv, load_vector(x, "lbase", "cv"), cross(dw_base, o), cross(w_base, d))
+    dw = [a - b for a, b in zip(dw, cross(theta, w), strict=True)]
+    dv = [a - b for a, b in zip(dv, cross(theta, v), strict=True)]
+    back = transpose(W)
+    for name, value in (("ct", theta_whole), ("cd", d_whole), ("cw", dw), ("cv", dv)):
+        own = let3(x, name, matvec(back, let3(x, name, value, tag)), tag)
+        for array in ("lme", "lane"):
+            store_vector(x, f"{array}#{k}", name, own)
 
 
 def freedom_displacement(view: Any, kind: Any, joint: JointTransform, j: int) -> Any:
@@ -326,7 +363,9 @@ def seed_residuals(x: Any, kind: Any) -> None:
     moved: dict[int, Vec] = {}
     for t, role in enumerate(kind.roots):
         place = -1 - t
-        if role == "link":
+        if role == "far":
+            moved[place] = load_vector(x, "lregion", f"far{kind.far[t]}.d")
+        elif role == "link":
             moved[place] = load_vector(x, f"laneroot#{t}", "d")
         elif role == "ground":
             turned = cross(angles[place], ear.position(place))
@@ -392,6 +431,8 @@ def ear_balance_out(x: Any, kind: Any) -> None:
             continue
         array = "lbase" if role == "frame" else f"lroot#{t}"
         names: tuple[str, ...] = ("w", "al", "a", "B") if role == "frame" else ("sw", "sal", "sa", "sB")
+        if role == "far":
+            array, names = "lregion", tuple(f"far{kind.far[t]}.{n}" for n in ("aw", "al", "a", "B"))
         for vector, name in zip((w, al, a), names, strict=False):
             seeds.update(zip(vector, load_vector(x, array, name), strict=True))
         for i in range(3):
@@ -405,6 +446,8 @@ def ear_balance_out(x: Any, kind: Any) -> None:
         if role == "ground" or (role == "frame" and kind.rigid):
             continue
         array, names = ("lanebase", ("cw", "cv")) if role == "frame" else (f"laneroot#{t}", ("rw", "rv"))
+        if role == "far":
+            array, names = "lregion", (f"far{kind.far[t]}.w", f"far{kind.far[t]}.v")
         for vector, name in zip((twist.angular, twist.linear), names, strict=True):
             seeds.update(zip(vector, load_vector(x, array, name), strict=True))
     motions: list[Any] = []
@@ -583,6 +626,9 @@ def ear_balance_in(x: Any, kind: Any) -> None:
                 if role == "frame":
                     x.store("region_sum", f"t.{name}.{axis}", v[i])
                     x.store("lregion_sum", f"b.{name}.{axis}", dv[i])
+                elif role == "far":
+                    x.store("region_sum", f"far{kind.far[t]}.t.{name}.{axis}", v[i])
+                    x.store("lregion_sum", f"far{kind.far[t]}.b.{name}.{axis}", dv[i])
                 else:
                     _accumulate_root(x, kind, t, f"root#{t}", f"sacc.{name}.{axis}", v[i], False)
                     _accumulate_root(x, kind, t, f"lroot#{t}", f"sacc.{name}.{axis}", dv[i], True)
@@ -599,7 +645,9 @@ def root_positions(x: Any, ear: Ear) -> dict[Any, Any]:
         return {}
     found: dict[Any, Any] = {}
     for t, role in enumerate(kind.roots):
-        if role == "link":
+        if role == "far":
+            found.update(zip(ear.position(-1 - t), load_vector(x, "lregion", f"far{kind.far[t]}.d"), strict=True))
+        elif role == "link":
             found.update(zip(ear.position(-1 - t), load_vector(x, f"laneroot#{t}", "d"), strict=True))
         elif role == "ground":
             o = ear.position(-1 - t)
@@ -713,47 +761,68 @@ def _apply_wrench(
 
 
 def region_balance_start(x: Any, kind: Any) -> None:
-    """Nothing is summed yet."""
+    """Nothing is summed yet; tangents of the motion of far links."""
     for c in range(kind.total):
         x.store("lregion", f"r{c}", 0)
-    if kind.carried:
+    for prefix in transmitted_fields(kind):
         for name in ("n", "f"):
             for axis in XYZ:
-                x.store("region", f"t.{name}.{axis}", 0)
-                x.store("lregion", f"b.{name}.{axis}", 0)
+                x.store("region", f"{prefix}t.{name}.{axis}", 0)
+                x.store("lregion", f"{prefix}b.{name}.{axis}", 0)
+    far_motion_tangents(x, kind, matrix_tangent)
+
+
+def transmitted_fields(kind: Any) -> list[str]:
+    """Where a region sums up forces on the links that it hangs on: ``t`` the force, ``b`` its tangent, after these prefixes."""
+    return [""] * kind.carried + [f"far{f}." for f, m in enumerate(kind.far) if m >= 0]
 
 
 def region_balance_in(x: Any, kind: Any) -> None:
-    """Inward block over directions: the sources' right sides are eliminated; what is left goes to the link that carries them.
+    """Inward block over directions: the sources' right sides are eliminated; what is left goes to the links that carry them.
 
     Eqs. 45, 53.
     """
-    size = kind.sources + (6 if kind.carried else 0)
-    g: list[Any] = [x.load("lregion", f"r{c}") for c in range(kind.sources)]
-    if kind.carried:
-        for i in range(6):
-            value = x.load("lregion", f"b.{'nf'[i // 3]}.{XYZ[i % 3]}")
-            if not kind.rigid:
-                value = value + x.load("lregion", f"r{kind.sources + i}")
-            g.append(value)
+    at, where = place_of_base(kind), places_of_partners(kind)
+    g: list[Any] = [x.load("lregion", f"r{c}") for c in range(kind.total)]
+    g += [0] * (system_size(kind) + 6 * len(others(kind)) - len(g))
+    for i in range(6 if kind.carried else 0):
+        g[at + i] = g[at + i] + x.load("lregion", component("b.", i))
     for j in reversed(range(kind.sources)):
         x.store("lregion", f"rD{j}", x.let("rD", -g[j] * x.load("region", f"Dinv{j}"), "d Eq. 53", lanes=True))
-        for i in range(size):
+        for i in range(len(g)):
             if i < j or i >= kind.sources:
                 g[i] = x.let("g", g[i] - x.load("region", f"G{j}.{i}") * g[j], "d Eq. 45", lanes=True)
-    if not kind.carried:
-        return
-    for i in range(6):
-        name = f"{'nf'[i // 3]}.{XYZ[i % 3]}"
-        accumulate_base(x, kind, f"acc.{name}", g[kind.sources + i], "lbase", True)
+    transmitted: dict[int, Vec] = {m: [0] * 6 for m in others(kind)}
+    for f, m in enumerate(kind.far):
+        s = kind.sources + 6 * f
+        W, o = load_matrix(x, "region", f"far{f}.W"), load_vector(x, "region", f"far{f}.o")
+        for i, value in enumerate(to_base(x, o, g[s : s + 6], "d Eq. 45", True)):
+            g[at + i] = x.let("g", g[at + i] - value, "d Eq. 45", lanes=True)
+        if m < 0:
+            continue
+        theta = load_vector(x, "lregion", f"far{f}.th")
+        t, b = (
+            [x.load(array, component(f"far{f}.{n}.", i)) for i in range(6)]
+            for array, n in (("region", "t"), ("lregion", "b"))
+        )
+        # components in the far link's axes, which turn
+        b = [p - q for p, q in zip(b, [*cross(theta, t[:3]), *cross(theta, t[3:])], strict=True)]
+        own = [x.let("g", p + q, "d Eq. 45", lanes=True) for p, q in zip(b, g[s : s + 6], strict=True)]
+        for i, value in enumerate(from_far(x, W, own, "d Eq. 45", True)):
+            g[where[m] + i] = x.let("g", g[where[m] + i] + value, "d Eq. 45", lanes=True)
+        transmitted[m] = from_far(x, W, t, "Eq. 45")
+    for m in others(kind):
+        hand_force(x, kind, m, g[where[m] : where[m] + 6], lanes=True)
+        hand_force(x, kind, m, transmitted[m], "tacc.")
+    for i in range(6 if kind.carried else 0):
+        name = component("", i)
+        accumulate_base(x, kind, f"acc.{name}", g[at + i], "lbase", True)
         accumulate_base(x, kind, f"tacc.{name}", x.load("region", f"t.{name}"))
 
 
 def region_balance_back(x: Any, kind: Any) -> None:
     """Outward block over directions: tangents of the sources' accelerations."""
-    right = [x.load("lregion", f"rD{j}") for j in range(kind.sources)]
-    for c, value in enumerate(solved(x, kind, right, base_acceleration(x, kind, "lbase"), True)):
-        x.store("lregion", f"a{c}", value)
+    store_sources(x, kind, "lregion", [x.load("lregion", f"rD{j}") for j in range(kind.sources)], True)
 
 
 def ear_balance_back(x: Any, kind: Any) -> None:

@@ -10,8 +10,21 @@ from __future__ import annotations
 from typing import Any
 
 from ..program.block import ANY
-from .closures import is_zero, own_sources, source_speed, source_twist, stored_factor
+from .closures import own_sources, source_speed, source_twist, stored_factor
+from .couplings import (
+    SIX,
+    from_far,
+    hand_force,
+    hand_inertia,
+    hand_on,
+    load_coupling,
+    others,
+    partner_acceleration,
+    to_base,
+)
 from .ears import SLIDING, UNIT, ZERO, Ear, Twist, rotate
+from .elimination import BASE
+from .far_links import far_motions
 from .joints import shift_inertia
 from .kinematics import (
     acceleration_matrix,
@@ -22,7 +35,24 @@ from .kinematics import (
     store_matrix,
     store_vector,
 )
-from .spatial import NINE, PAIRS, XYZ, Mat, Vec, add, cross, dot, matmul, matvec, scale, six, skew, symmetric, transpose
+from .spatial import (
+    NINE,
+    PAIRS,
+    XYZ,
+    Mat,
+    Vec,
+    add,
+    cross,
+    dot,
+    is_zero,
+    matmul,
+    matvec,
+    scale,
+    six,
+    skew,
+    symmetric,
+    transpose,
+)
 from .triangularization import SMALL_NUMBER, ZeroPivotError, articulated_parts
 
 Motion = tuple[Vec, Vec, Vec, Mat]
@@ -35,6 +65,9 @@ def root_motions(x: Any, kind: Any, prefix: str = "") -> list[Motion]:
     for t, role in enumerate(kind.roots):
         if role == "frame":
             array, names = "base", ("w", f"{prefix}al", f"{prefix}a", f"{prefix}B")
+        elif role == "far":
+            at = f"far{kind.far[t]}"
+            array, names = "region", (f"{at}.aw", f"{at}.{prefix}al", f"{at}.{prefix}a", f"{at}.{prefix}B")
         elif role == "ground":
             W = transpose(load_matrix(x, "base", "cW"))
             moved = rotate(W, load_vector(x, "ground", f"{prefix}a"))
@@ -264,9 +297,10 @@ def hand_outward(x: Any, array: str, W: Mat, w: Vec, al: Vec, a: Vec, prefix: st
 
 
 def region_start(x: Any, kind: Any) -> None:
-    """Outward block of a region: nothing is summed yet."""
+    """Outward block of a region: nothing is summed yet; how its far links move."""
     for name in sum_fields(kind):
         x.store("region", name, 0)
+    far_motions(x, kind)
 
 
 def base_fields() -> list[str]:
@@ -280,8 +314,28 @@ def sum_fields(kind: Any) -> list[str]:
         f"g{c}" for c in range(kind.total)
     ]
     if kind.carried and kind.rigid:
-        names += base_fields() + [f"K{c}.{f}.{i}" for c in range(kind.sources) for f in "nf" for i in XYZ]
-    return names
+        names += base_fields() + [f"K{c}.{f}.{i}" for c in range(kind.total) for f in "nf" for i in XYZ]
+    rows = system_size(kind)
+    return names + [f"P{m}.{c}.{k}" for m in range(len(kind.partners.links)) for c in range(rows) for k in range(6)]
+
+
+def place_of_base(kind: Any) -> int:
+    """Where the base's six components begin among the unknowns of a region."""
+    return int(kind.total if kind.rigid else kind.sources)
+
+
+def system_size(kind: Any) -> int:
+    """Unknowns of a region: its sources, and the six components of a base that carries it rigidly."""
+    return int(kind.total + (6 if kind.carried and kind.rigid else 0))
+
+
+def places_of_partners(kind: Any) -> list[int]:
+    """Where the six components of each partner begin among the unknowns: after the region's own; the base has its place."""
+    found, at = [], system_size(kind)
+    for m in range(len(kind.partners.links)):
+        found.append(place_of_base(kind) if m == kind.partners.base else at)
+        at += 0 if m == kind.partners.base else 6
+    return found
 
 
 def apply_inertia(x: Any, J: Mat, H: Mat, M: Mat, angular: Vec, linear: Vec, name: str, tag: str) -> tuple[Vec, Vec]:
@@ -321,8 +375,7 @@ def ear_triangularize(x: Any, kind: Any) -> None:
     K: dict[int, tuple[Vec, Vec]] = {}
     for k in range(len(ear.members)):
         J, H, M, n, f = member_inertia(x, ear, k)
-        Z = {c: (load_vector(x, f"me#{k}", f"Z{c}.w"), load_vector(x, f"me#{k}", f"Z{c}.v")) for c in range(kind.total)}
-        Z = {c: z for c, z in Z.items() if any(not is_zero(v) for part in z for v in part)}
+        Z = {c: (z[:3], z[3:]) for c, z in motions_with_sources(x, kind, k).items()}
         for c, (zw, zv) in Z.items():
             N = apply_inertia(x, J, H, M, zw, zv, "N", tag)
             for d, (yw, yv) in Z.items():
@@ -335,6 +388,7 @@ def ear_triangularize(x: Any, kind: Any) -> None:
                 K[c] = tuple(add(a, b) for a, b in zip(K[c], shifted, strict=True)) if c in K else shifted  # type: ignore[assignment]
         if kind.carried and kind.rigid:
             _to_base(x, ear.position(k), J, H, M, n, f)
+    couplings_of_ear(x, ear, Q, K)
     for d, (k, freedom) in enumerate(ear.dependents()):
         if kind.links[k].forced[freedom.index]:
             tau = x.load(f"tau#{k}", str(freedom.index))
@@ -353,6 +407,66 @@ def ear_triangularize(x: Any, kind: Any) -> None:
                 x.store("region_sum", f"K{c}.{name}.{axis}", x.let("K", v[i], "Eq. 39"))
 
 
+def motions_with_sources(x: Any, kind: Any, k: int) -> dict[int, Vec]:
+    """How a link of an ear moves with each source, those that do not move it left out."""
+    found = {c: load_vector(x, f"me#{k}", f"Z{c}.w") + load_vector(x, f"me#{k}", f"Z{c}.v") for c in range(kind.total)}
+    return {c: z for c, z in found.items() if any(not is_zero(v) for v in z)}
+
+
+def couplings_of_ear(x: Any, ear: Ear, Q: dict[tuple[int, int], Any], K: dict[int, tuple[Vec, Vec]]) -> None:
+    """What the couplings of an ear's links are in the sources of its region: inertia, or couplings of the region. Eq. 40."""
+    kind, tag = ear.kind, "Eq. 40"
+    found: dict[tuple[int, int, int], Any] = {}
+    for n, (j, other) in enumerate(kind.partners.between):
+        C = [[0] * 6 for _ in SIX]
+        for k, column in enumerate(zip(*load_coupling(x, f"own#{n}"), strict=True)):
+            turned = [e for part in (column[:3], column[3:]) for e in rotate(ear.members[j].W, list(part))]
+            for i in SIX:
+                C[i][k] = x.let("C", turned[i], tag)
+        Z = motions_with_sources(x, kind, j)
+        if other < 0:
+            m = -1 - other
+            for c, z in Z.items():
+                for k in SIX:
+                    found[m, c, k] = found.get((m, c, k), 0) + sum(z[i] * C[i][k] for i in SIX)
+            if kind.carried and kind.rigid:
+                for k, column in enumerate(zip(*C, strict=True)):
+                    for i, value in enumerate(to_base(x, ear.position(j), list(column), tag)):
+                        found[m, kind.total + i, k] = found.get((m, kind.total + i, k), 0) + value
+            continue
+        for row in C:
+            row[:] = [x.let("C", e, tag) for part in (row[:3], row[3:]) for e in rotate(ear.members[other].W, part)]
+        Z_other = motions_with_sources(x, kind, other)
+        for one, Z_one, Z_two, block in ((j, Z, Z_other, C), (other, Z_other, Z, _transposed(C))):
+            for c, z in Z_two.items():
+                N = [x.let("N", sum(block[i][k] * z[k] for k in SIX), tag) for i in SIX]
+                for d, y in Z_one.items():
+                    if d <= c:
+                        Q[d, c] = Q.get((d, c), 0) + sum(y[i] * N[i] for i in SIX)
+                if kind.carried and kind.rigid:
+                    moved = to_base(x, ear.position(one), N, tag)
+                    before = K.get(c, (list(ZERO), list(ZERO)))
+                    K[c] = add(before[0], moved[:3]), add(before[1], moved[3:])
+        if kind.carried and kind.rigid:
+            _coupling_to_base(x, ear.position(j), ear.position(other), C)
+    for (m, c, k), value in found.items():
+        x.store("region_sum", f"P{m}.{c}.{k}", x.let("P", value, tag))
+
+
+def _transposed(C: Mat) -> Mat:
+    return [list(column) for column in zip(*C, strict=True)]
+
+
+def _coupling_to_base(x: Any, o: Vec, o_other: Vec, C: Mat) -> None:
+    """Add a coupling of two links that the base carries to what it carries."""
+    half = _transposed([to_base(x, o, list(column), "Eq. 39") for column in zip(*C, strict=True)])
+    whole = [to_base(x, o_other, row, "Eq. 39") for row in half]
+    for name, pairs, a, b in (("J", PAIRS, 0, 0), ("M", PAIRS, 3, 3), ("H", NINE, 0, 3)):
+        for p in pairs:
+            i, k = a + XYZ.index(p[0]), b + XYZ.index(p[1])
+            x.store("region_sum", f"I.{name}.{p}", x.let("I", whole[i][k] + whole[k][i], "Eq. 39"))
+
+
 def _to_base(x: Any, o: Vec, J: Mat, H: Mat, M: Mat, n: Vec, f: Vec) -> None:
     """Add a link's inertia and force, about the base's origin, to what the base carries."""
     J, H, M = shift_inertia(x, o, J, H, M, "Eq. 39")
@@ -366,8 +480,9 @@ def _to_base(x: Any, o: Vec, J: Mat, H: Mat, M: Mat, n: Vec, f: Vec) -> None:
 
 
 def region_system(x: Any, kind: Any) -> tuple[Mat, list[Any]]:
-    """Inertia and force of a region over its sources, then the six components of a base that is a link."""
-    r, size = kind.sources, kind.sources + (6 if kind.carried else 0)
+    """Inertia and force of a region over its sources, a base that is a link, and partners."""
+    at, where = place_of_base(kind), places_of_partners(kind)
+    size = system_size(kind) + 6 * len(others(kind))
     Q: Mat = [[0] * size for _ in range(size)]
     g: list[Any] = [0] * size
     for c in range(kind.total):
@@ -379,12 +494,23 @@ def region_system(x: Any, kind: Any) -> tuple[Mat, list[Any]]:
         H = load_matrix(x, "region", "I.H")
         for i in range(3):
             for j in range(3):
-                Q[r + i][r + j], Q[r + 3 + i][r + 3 + j] = J[i][j], M[i][j]
-                Q[r + i][r + 3 + j] = Q[r + 3 + j][r + i] = H[i][j]
-            g[r + i], g[r + 3 + i] = x.load("region", f"n.{XYZ[i]}"), x.load("region", f"f.{XYZ[i]}")
-        for c in range(r):
+                Q[at + i][at + j], Q[at + 3 + i][at + 3 + j] = J[i][j], M[i][j]
+                Q[at + i][at + 3 + j] = Q[at + 3 + j][at + i] = H[i][j]
+            g[at + i], g[at + 3 + i] = x.load("region", f"n.{XYZ[i]}"), x.load("region", f"f.{XYZ[i]}")
+        for c in range(kind.total):
             for i in range(6):
-                Q[c][r + i] = Q[r + i][c] = x.load("region", f"K{c}.{'nf'[i // 3]}.{XYZ[i % 3]}")
+                Q[c][at + i] = Q[at + i][c] = x.load("region", f"K{c}.{'nf'[i // 3]}.{XYZ[i % 3]}")
+    for m, first in enumerate(where):
+        P = [[x.load("region", f"P{m}.{c}.{k}") for k in SIX] for c in range(system_size(kind))]
+        for c, row in enumerate(P):
+            for k, value in enumerate(row):
+                if m != kind.partners.base:
+                    Q[c][first + k] = Q[first + k][c] = value
+                elif not at <= c < at + 6:
+                    Q[c][at + k] = Q[at + k][c] = x.let("Q", Q[c][at + k] + value, "Eq. 40")
+                elif c - at <= k:  # it stands on both sides of the base's own block
+                    both = value + P[at + k][c - at]
+                    Q[c][at + k] = Q[at + k][c] = x.let("Q", Q[c][at + k] + both, "Eq. 40")
     return Q, g
 
 
@@ -408,28 +534,75 @@ def region_triangularize(x: Any, kind: Any) -> None:
         x.store("pivot", str(j), let("margin", D - (1 if x.structural else SMALL_NUMBER) * whole, "zero pivot"))
         x.store("region", f"Dinv{j}", inverse)
         x.store("region", f"rD{j}", let("rD", -g[j] * inverse, "Eq. 53"))
-        others = [i for i in range(size) if i < j or i >= kind.sources]
-        G = {i: let("G", Q[i][j] * inverse, "Eq. 46") for i in others}
-        for i in others:
+        remaining = [i for i in range(size) if i < j or i >= kind.sources]
+        G = {i: let("G", Q[i][j] * inverse, "Eq. 46") for i in remaining}
+        for i in remaining:
             x.store("region", f"G{j}.{i}", G[i])
-        U = {i: Q[i][j] for i in others}
-        for i in others:
-            for k in others:
+        U = {i: Q[i][j] for i in remaining}
+        for i in remaining:
+            for k in remaining:
                 if k >= i:
                     Q[i][k] = Q[k][i] = let("Q", Q[i][k] - G[i] * U[k], "Eq. 44")
             g[i] = let("g", g[i] - G[i] * g[j], "Eq. 45")
+    at = place_of_base(kind)
+    if kind.far:
+        absolute_motions(x, kind, Q, g)
+    where = places_of_partners(kind)
+    for m in others(kind):
+        first = where[m]
+        hand_inertia(x, kind, m, [row[first : first + 6] for row in Q[first : first + 6]])
+        hand_force(x, kind, m, g[first : first + 6])
+
+    def remaining_block(m: int, n: int) -> Mat:
+        rows, columns = (at if end == BASE else where[end] for end in (m, n))
+        return [row[columns : columns + 6] for row in Q[rows : rows + 6]]
+
+    hand_on(x, kind, remaining_block)
     if not kind.carried:
         return
-    r = kind.sources
     for i in range(3):
-        accumulate_base(x, kind, f"acc.n.{XYZ[i]}", g[r + i])
-        accumulate_base(x, kind, f"acc.f.{XYZ[i]}", g[r + 3 + i])
+        accumulate_base(x, kind, f"acc.n.{XYZ[i]}", g[at + i])
+        accumulate_base(x, kind, f"acc.f.{XYZ[i]}", g[at + 3 + i])
     for p in PAIRS:
         i, j = XYZ.index(p[0]), XYZ.index(p[1])
-        accumulate_base(x, kind, f"acc.J.{p}", Q[r + i][r + j])
-        accumulate_base(x, kind, f"acc.M.{p}", Q[r + 3 + i][r + 3 + j])
+        accumulate_base(x, kind, f"acc.J.{p}", Q[at + i][at + j])
+        accumulate_base(x, kind, f"acc.M.{p}", Q[at + 3 + i][at + 3 + j])
     for p in NINE:
-        accumulate_base(x, kind, f"acc.H.{p}", Q[r + XYZ.index(p[0])][r + 3 + XYZ.index(p[1])])
+        accumulate_base(x, kind, f"acc.H.{p}", Q[at + XYZ.index(p[0])][at + 3 + XYZ.index(p[1])])
+
+
+def absolute_motions(x: Any, kind: Any, Q: Mat, g: list[Any]) -> None:
+    """From relative motions of far links to their accelerations and the base's: ``s = A_far - X A_base``, a congruence. Eq. 39.
+
+    Changes Q and g; the far links' columns are in their own axes then.
+    """
+    tag = "Eq. 39"
+    base, where = place_of_base(kind), places_of_partners(kind)
+    for f, m in enumerate(kind.far):
+        s = kind.sources + 6 * f
+        W, o = load_matrix(x, "region", f"far{f}.W"), load_vector(x, "region", f"far{f}.o")
+
+        def add_to(target: list[Any], v: Vec, m: int = m, W: Mat = W, o: Vec = o) -> None:
+            """Add what six components along s are along the base and the far link."""
+            for i, value in enumerate(to_base(x, o, v, tag)):
+                target[base + i] = x.let("Q", target[base + i] - value, tag)
+            if m >= 0:
+                for i, value in enumerate(from_far(x, W, v, tag)):
+                    target[where[m] + i] = x.let("Q", target[where[m] + i] + value, tag)
+
+        add_to(g, g[s : s + 6])
+        for row in Q[kind.sources :]:
+            add_to(row, row[s : s + 6])
+        changed = [base + i for i in SIX] + ([where[m] + i for i in SIX] if m >= 0 else [])
+        for c in changed:
+            column = [row[c] for row in Q]
+            add_to(column, column[s : s + 6])
+            for r in changed:
+                Q[r][c] = column[r]
+        for r, row in enumerate(Q):
+            if r not in changed:
+                for c in changed:
+                    Q[c][r] = row[c]
 
 
 def accumulate_base(x: Any, kind: Any, field: str, value: Any, array: str = "base", lanes: bool = False) -> None:
@@ -448,30 +621,49 @@ def base_acceleration(x: Any, kind: Any, array: str) -> list[Any]:
     return [*load_vector(x, array, "bal"), *load_vector(x, array, "ba")]
 
 
+def outer_accelerations(x: Any, kind: Any, lanes: bool) -> dict[int, Any]:
+    """What is known of a region's unknowns before its own are: motions of far links, base and partners, by place."""
+    base = base_acceleration(x, kind, "lbase" if lanes else "base")
+    of_partners = [partner_acceleration(x, kind, m, lanes) for m in range(len(kind.partners.links))]
+    found = {place_of_base(kind) + i: value for i, value in enumerate(base)}
+    for m in others(kind):
+        found |= {places_of_partners(kind)[m] + i: value for i, value in enumerate(of_partners[m])}
+    for f, m in enumerate(kind.far):
+        W, o = load_matrix(x, "region", f"far{f}.W"), load_vector(x, "region", f"far{f}.o")
+        angular, linear = [-v for v in base[:3]], [-v for v in add(base[3:], cross(base[:3], o))]
+        if m >= 0:
+            angular = add(rotate(W, of_partners[m][:3]), angular)
+            linear = add(rotate(W, of_partners[m][3:]), linear)
+        for i, value in enumerate((*angular, *linear)):
+            found[kind.sources + 6 * f + i] = x.let("rel", value, "Eq. 54", lanes=lanes)
+    return found
+
+
 def region_back_substitute(x: Any, kind: Any) -> None:
     """Outward block of a region: the accelerations of its sources. Eq. 53."""
-    A = base_acceleration(x, kind, "base")
-    for c, value in enumerate(solved(x, kind, [x.load("region", f"rD{j}") for j in range(kind.sources)], A, False)):
-        x.store("region", f"a{c}", value)
+    store_sources(x, kind, "region", [x.load("region", f"rD{j}") for j in range(kind.sources)], False)
 
 
-def solved(x: Any, kind: Any, right: list[Any], A: list[Any], lanes: bool) -> list[Any]:
-    """Back substitution among the sources."""
+def store_sources(x: Any, kind: Any, array: str, right: list[Any], lanes: bool) -> None:
+    """Back substitution among the sources, and the relative accelerations of far links."""
+    outer = outer_accelerations(x, kind, lanes)
     found: list[Any] = []
     for j in range(kind.sources):
         value = right[j]
-        for i, known in enumerate(found):
+        for i, known in [*enumerate(found), *sorted(outer.items())]:
             value = value - x.load("region", f"G{j}.{i}") * known
-        for i, known in enumerate(A):
-            value = value - x.load("region", f"G{j}.{kind.sources + i}") * known
         found.append(x.let("a", value, "Eq. 53", lanes=lanes))
-    return found
+    for c, value in enumerate(found):
+        x.store(array, f"a{c}", value)
+    if kind.far:
+        for c in range(kind.sources, kind.total):
+            x.store(array, f"a{c}", outer[c])
 
 
 def source_accelerations(x: Any, kind: Any, region: str, base: str) -> list[Any]:
     """Accelerations of all sources as an ear sees them."""
-    found = [x.load(region, f"a{c}") for c in range(kind.sources)]
-    if kind.total > kind.sources:
+    found = [x.load(region, f"a{c}") for c in range(kind.total if kind.rigid else kind.sources)]
+    if kind.total > len(found):
         found += [*load_vector(x, base, "bal"), *load_vector(x, base, "ba")]
     return found
 

@@ -10,11 +10,13 @@ from __future__ import annotations
 from typing import Any
 
 from .closures import stored_factor
+from .couplings import component, from_far, hand_force, others
 from .ears import Ear, rotate
+from .far_links import far_motions
 from .inverse_dynamics import transfer
 from .joints import JointTransform
 from .kinematics import body_force, load_matrix, store_matrix, store_vector
-from .loop_balance import along_freedom, inward, load_force, total_udot
+from .loop_balance import along_freedom, inward, load_force, total_udot, transmitted_fields
 from .loop_dynamics import accumulate_base, hand_outward, less_external_of, link_constants, member_motion, root_motions
 from .orthogonal import product
 from .spatial import XYZ, Mat, Vec, add, cross, matvec, transpose
@@ -34,6 +36,9 @@ def transmitted(x: Any, kind: Any) -> None:
         for i in XYZ:
             phi.append(x.let("phi", x.load("me", f"t{field}.{i}") + x.load("me", f"tacc.{field}.{i}"), "Eq. 45"))
     store_reaction(x, "reaction", load_matrix(x, "me", "W"), phi[:3], phi[3:])
+    for m in others(kind):
+        if kind.partners.first[m]:
+            hand_force(x, kind, m, [0] * 6, "tacc.")
     if kind.carried_on:
         transfer(x, kind, JointTransform(x, kind), phi, [])
 
@@ -61,11 +66,11 @@ def ear_motion(x: Any, kind: Any) -> None:
 
 
 def region_motion(x: Any, kind: Any) -> None:
-    """Nothing is summed yet."""
-    if kind.carried:
-        for name in ("n", "f"):
-            for axis in XYZ:
-                x.store("region", f"t.{name}.{axis}", 0)
+    """Nothing is summed yet; how far links move."""
+    for prefix in transmitted_fields(kind):
+        for i in range(6):
+            x.store("region", component(f"{prefix}t.", i), 0)
+    far_motions(x, kind, "t")
 
 
 def ground_attitude(x: Any, kind: Any, place: int) -> Mat:
@@ -73,7 +78,7 @@ def ground_attitude(x: Any, kind: Any, place: int) -> Mat:
     if place >= 0:
         return load_matrix(x, f"me#{place}", "W")
     role = kind.roots[-1 - place]
-    array = {"frame": "base", "ground": "ground", "link": f"root#{-1 - place}"}[role]
+    array = {"frame": "base", "ground": "ground"}.get(role, f"root#{-1 - place}")
     return load_matrix(x, array, "W")
 
 
@@ -131,6 +136,8 @@ def ear_transmitted(x: Any, kind: Any) -> None:
                 value = x.let("to_root", v[i], "Eq. 45")
                 if role == "frame":
                     x.store("region_sum", f"t.{name}.{axis}", value)
+                elif role == "far":
+                    x.store("region_sum", f"far{kind.far[t]}.t.{name}.{axis}", value)
                 elif kind.first_at[t]:
                     x.store(f"root#{t}", f"sacc.{name}.{axis}", value)
                 else:
@@ -139,8 +146,14 @@ def ear_transmitted(x: Any, kind: Any) -> None:
 
 
 def region_transmitted(x: Any, kind: Any) -> None:
-    """Inward block of a region: the link that carries it feels all of it."""
-    if kind.carried:
-        for name in ("n", "f"):
-            for axis in XYZ:
-                accumulate_base(x, kind, f"tacc.{name}.{axis}", x.load("region", f"t.{name}.{axis}"))
+    """Inward block of a region: the links that it hangs on feel all of it."""
+    transmitted: dict[int, Vec] = {m: [0] * 6 for m in others(kind)}
+    for f, m in enumerate(kind.far):
+        if m >= 0:
+            W = load_matrix(x, "region", f"far{f}.W")
+            transmitted[m] = from_far(x, W, [x.load("region", component(f"far{f}.t.", i)) for i in range(6)], "Eq. 45")
+    for m, values in transmitted.items():
+        hand_force(x, kind, m, values, "tacc.")
+    for i in range(6 if kind.carried else 0):
+        name = component("", i)
+        accumulate_base(x, kind, f"tacc.{name}", x.load("region", f"t.{name}"))

@@ -9,106 +9,19 @@ region of its own and the link it starts from the source.
 
 from __future__ import annotations
 
-import heapq
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from ..loops.partition import Partition
 from ..model.model import GROUND, Model
+from .elimination import Elimination, find_elimination
 from .joints import FREEDOMS
 from .links import Link
+from .structure import Closure, EarLinks, Region, Unit
 
 MOST_SOURCES = 5
 """Loops whose links share at most so many independent speeds form one region; with six or more a link's own acceleration is
 the shorter description."""
-
-
-@dataclass(slots=True, eq=False)
-class Closure:
-    """A loop as an ear sees it.
-
-    Attributes
-    ----------
-    loop : int
-        Index into `Model.loops`.
-    paths : tuple of two tuples of int
-        For the start and the end face: places among the ear's links, from the root outward, of the links that move the face.
-    roots : tuple of two int
-        Where the paths begin: place among the ear's roots; -1 for both where both begin at the same link.
-    faces : tuple of two int
-        Place of each face's link among the ear's links; minus one minus the place among its roots where it is one of those.
-    """
-
-    loop: int
-    paths: tuple[tuple[int, ...], tuple[int, ...]]
-    roots: tuple[int, int]
-    faces: tuple[int, int]
-
-
-@dataclass(slots=True, eq=False)
-class EarLinks:
-    """An ear as links.
-
-    Attributes
-    ----------
-    links : list of int
-        Outward.
-    parents : list of int
-        For each link, the place of its parent among `links`, or minus one minus its place among `roots`.
-    roots : list of int
-        Links outside, or `GROUND`, that the ear's links and faces hang on.
-    closures : list of Closure
-    dependent : list of list of int
-        For each link, which of its freedoms are dependent.
-    columns : list of dict of int to int
-        For each link, independent freedom to the number of its source in the region.
-    length : float
-        Characteristic length, m.
-    """
-
-    region: int
-    links: list[int]
-    parents: list[int] = field(default_factory=list)
-    roots: list[int] = field(default_factory=list)
-    closures: list[Closure] = field(default_factory=list)
-    dependent: list[list[int]] = field(default_factory=list)
-    columns: list[dict[int, int]] = field(default_factory=list)
-    length: float = 1.0
-
-
-@dataclass(slots=True, eq=False)
-class Region:
-    """Ears whose links move with the same sources.
-
-    Attributes
-    ----------
-    base : int
-        Link whose axes are used, or `GROUND`.
-    rigid : bool
-        The loops close within the region whatever the base does: it carries the region like a rigid subtree. Otherwise the
-        base's six components are sources.
-    freedoms : list of (int, int)
-        Sources: link and freedom of the independent speeds.
-    """
-
-    base: int
-    rigid: bool
-    ears: list[int] = field(default_factory=list)
-    freedoms: list[tuple[int, int]] = field(default_factory=list)
-
-    @property
-    def carried(self) -> bool:
-        """The base is a link."""
-        return self.base != GROUND
-
-
-@dataclass(slots=True)
-class Unit:
-    """What one call of a sweep works on: a link, an ear or a region."""
-
-    role: str
-    number: int
-    links: tuple[int, ...]
 
 
 @dataclass(slots=True)
@@ -119,14 +32,19 @@ class Regions:
     ----------
     ear_of : list of int or None
         For each link.
-    order : list of Unit
-        Outward.
+    elimination : Elimination
+        The order of everything, and couplings.
     """
 
     regions: list[Region]
     ears: list[EarLinks]
     ear_of: list[int | None]
-    order: list[Unit]
+    elimination: Elimination
+
+    @property
+    def order(self) -> list[Unit]:
+        """Units outward."""
+        return self.elimination.order
 
 
 def link_of_speeds(links: Sequence[Link]) -> dict[int, tuple[int, int]]:
@@ -139,8 +57,8 @@ def find_regions(
 ) -> Regions:
     """Ears, regions and the order of everything."""
     if partition is None or not partition.ears:
-        units = [Unit("link", i, (i,)) for i in range(len(links))]
-        return Regions([], [], [None] * len(links), units)
+        ear_of: list[int | None] = [None] * len(links)
+        return Regions([], [], ear_of, find_elimination(links, [], [], ear_of))
     place = link_of_speeds(links)
     dependent = {place[u] for ear in partition.ears for u in ear.dependent}
     faces = [
@@ -149,13 +67,14 @@ def find_regions(
     ]
     regions: list[Region] = []
     ears: list[EarLinks] = []
-    ear_of: list[int | None] = [None] * len(links)
+    ear_of = [None] * len(links)
     for group, base in _components(links, faces, partition):
         bundles = _bundles(links, faces, group)
         on_cycles = sorted({i for b in bundles for i in b.links})
         free = [(i, j) for i in on_cycles for j in range(FREEDOMS[links[i].joint]) if (i, j) not in dependent]
         made = _Maker(links, regions, ears, ear_of, faces, dependent)
-        if len(free) > MOST_SOURCES and made.by_single_ears(bundles):
+        if len(free) > MOST_SOURCES:
+            made.by_single_ears(bundles)
             continue
         regions.append(Region(base, True, freedoms=free))
         number = {f: c for c, f in enumerate(free)}
@@ -166,7 +85,7 @@ def find_regions(
                 if i not in outer:
                     made.add([i], (), number, 1.0)
             made.add([i for i in b.links if i in outer], b.loops, number, b.length)
-    return Regions(regions, ears, ear_of, _order(links, regions, ears, ear_of))
+    return Regions(regions, ears, ear_of, find_elimination(links, regions, ears, ear_of))
 
 
 def _components(
@@ -308,32 +227,25 @@ class _Maker:
                 found.add(i)
         return found
 
-    def by_single_ears(self, bundles: list[Bundle]) -> bool:
-        """Every ear of a component as a region of its own, with the link that it starts from as source.
-
-        False, and nothing made, where some ear starts from two links, neither of them the ground, or from one of another ear.
-        """
-        plan: list[tuple[list[int], Bundle, int, bool]] = []
-        taken: set[int] = set()
+    def by_single_ears(self, bundles: list[Bundle]) -> None:
+        """Every ear of a component as a region of its own, with the motion of the links that it starts from as sources."""
         for b in bundles:
             outer = self.outboard_of_dependents(b.links)
             members = [i for i in b.links if i in outer]
             outside = {self.links[i].parent for i in members} | {f for loop in b.loops for f in self.faces[loop]}
-            full = sorted(outside - set(members) - {GROUND})
-            base = full[0] if full else GROUND
-            # a loop that hangs on one link alone closes whatever that link does
-            rigid = not full or GROUND not in outside
-            if len(full) > 1 or (base in taken and not rigid):
-                return False
-            plan.append((members, b, base, rigid))
-            taken |= set(members)
-        for members, b, base, rigid in plan:
+            moving = list(outside - set(members) - {GROUND})
             inside = [
                 (i, j) for i in members for j in range(FREEDOMS[self.links[i].joint]) if (i, j) not in self.dependent
             ]
-            self.regions.append(Region(base, rigid, freedoms=inside))
+            # what hangs on the base has the shortest description
+            hanging = [self.links[i].parent for i in members]
+            moving.sort(key=lambda i: (-hanging.count(i), i))
+            base = moving[0] if moving else GROUND
+            far = moving[1:] + ([GROUND] if moving[1:] and GROUND in outside else [])
+            # a loop that hangs on one link alone closes whatever that link does
+            rigid = not moving or bool(far) or GROUND not in outside
+            self.regions.append(Region(base, rigid, freedoms=inside, far=far))
             self.add(members, b.loops, {f: c for c, f in enumerate(inside)}, b.length)
-        return True
 
     def add(self, members: list[int], loops: Sequence[int], number: dict[tuple[int, int], int], length: float) -> None:
         """An ear of the last region."""
@@ -373,51 +285,3 @@ class _Maker:
             ear.closures.append(Closure(loop, (a, b), (roots[0], roots[1]), (ends[0], ends[1])))
         self.regions[-1].ears.append(len(self.ears))
         self.ears.append(ear)
-
-
-def _order(links: Sequence[Link], regions: list[Region], ears: list[EarLinks], ear_of: list[int | None]) -> list[Unit]:
-    """Units outward: everything after what it hangs on, otherwise in the order of links."""
-    region_units = [Unit("region", r, () if x.base == GROUND else (x.base,)) for r, x in enumerate(regions)]
-    units = [Unit("link", i, (i,)) for i in range(len(links)) if ear_of[i] is None]
-    units += region_units
-    units += [Unit("ear", e, tuple(ear.links)) for e, ear in enumerate(ears)]
-    of_link: dict[int, int] = {}
-    of_region: dict[int, int] = {}
-    for n, unit in enumerate(units):
-        if unit.role == "region":
-            of_region[unit.number] = n
-        else:
-            of_link.update(dict.fromkeys(unit.links, n))
-    needs: list[set[int]] = []
-    keys: list[tuple[int, int, int]] = []
-    for n, unit in enumerate(units):
-        if unit.role == "link":
-            before = {links[unit.number].parent}
-            keys.append((unit.number, 1, n))
-            needs.append({of_link[i] for i in before if i != GROUND})
-        elif unit.role == "region":
-            region = regions[unit.number]
-            first = min(i for e in region.ears for i in ears[e].links)
-            keys.append((first, 0, n))
-            needs.append(set() if region.base == GROUND else {of_link[region.base]})
-        else:
-            ear = ears[unit.number]
-            keys.append((ear.links[0] if ear.links else 0, 1, n))
-            needs.append({of_link[i] for i in ear.roots if i != GROUND} | {of_region[ear.region]})
-    followers: list[list[int]] = [[] for _ in units]
-    waiting = [len(x) for x in needs]
-    for n, x in enumerate(needs):
-        for before_n in x:
-            followers[before_n].append(n)
-    ready = [keys[n] for n in range(len(units)) if not waiting[n]]
-    heapq.heapify(ready)
-    order: list[Unit] = []
-    while ready:
-        n = heapq.heappop(ready)[2]
-        order.append(units[n])
-        for m in followers[n]:
-            waiting[m] -= 1
-            if not waiting[m]:
-                heapq.heappush(ready, keys[m])
-    assert len(order) == len(units)
-    return order

@@ -12,6 +12,11 @@ Vec = list[Any]
 Mat = list[list[Any]]
 
 
+def is_zero(v: Any) -> bool:
+    """Whether a scalar is known to be zero."""
+    return (isinstance(v, int) and v == 0) or getattr(v, "is_zero", False) is True
+
+
 def cross(a: Vec, b: Vec) -> Vec:
     return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 

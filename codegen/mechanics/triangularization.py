@@ -12,6 +12,8 @@ from typing import Any
 from sympy import Float
 
 from ..program.block import ANY
+from .couplings import SIX, hand_force, hand_inertia, hand_on, load_coupling, others
+from .elimination import BASE
 from .joints import JointTransform, freedom_axes, shift_inertia
 from .kinematics import load_symmetric, load_vector
 from .spatial import NINE, PAIRS, XYZ, Mat, Vec, add, cross, six
@@ -104,6 +106,10 @@ def triangularize(x: Any, kind: Any) -> None:
     p = add(load_vector(x, "me", "n"), load_vector(x, "me", "acc.n")) + add(
         load_vector(x, "me", "f"), load_vector(x, "me", "acc.f")
     )
+    partners = range(len(kind.partners.links))
+    C = {m: load_coupling(x, f"own#{m}") for m in partners}
+    between = {(m, n): [[0] * 6 for _ in SIX] for m in partners for n in partners}
+    force = {m: [0] * 6 for m in partners}
     axes = freedom_axes(kind.joint, kind.axis)
     scales = [let("scale", I[n][n] + I[n + 1][n + 1] + I[n + 2][n + 2], "zero pivot") for n in (0, 3)]
     for j in reversed(range(len(axes))):
@@ -124,6 +130,16 @@ def triangularize(x: Any, kind: Any) -> None:
         G = [0 if i == a else let(f"G{i}", I[i][a] * inverse, "Eq. 46") for i in range(6)]
         for i in range(6):
             x.store("me", f"G{j}.{i}", G[i])
+        h = {m: C[m][a] for m in partners}
+        G_of = {m: [let("Gp", e * inverse, "Eq. 46") for e in h[m]] for m in partners}
+        for m in partners:
+            for k in SIX:
+                x.store("me", f"G{j}.{6 + 6 * m + k}", G_of[m][k])
+                force[m][k] = let("gp", force[m][k] + G_of[m][k] * r, "Eq. 45")
+            for n in partners:
+                between[m, n] = [
+                    [let("Qp", between[m, n][i][k] - G_of[m][i] * h[n][k], "Eq. 44") for k in SIX] for i in SIX
+                ]
         last = j == 0 and not kind.carried_on
         if last:
             break
@@ -135,17 +151,61 @@ def triangularize(x: Any, kind: Any) -> None:
                 else:
                     I[i][k] = I[k][i] = let(f"A{i}{k}", I[i][k] - G[i] * U[k], "Eq. 44")
         p = [tau if i == a else let(f"p{i}", p[i] + G[i] * r, "Eq. 45") for i in range(6)]
+        for m in partners:
+            C[m] = [[0] * 6 if i == a else [let("C", C[m][i][k] - G[i] * h[m][k], "Eq. 44") for k in SIX] for i in SIX]
+    for m in others(kind):
+        hand_inertia(x, kind, m, between[m, m])
+        hand_force(x, kind, m, force[m])
     if not kind.carried_on:
+        hand_on(x, kind, lambda m, n: between[m, n])
         return
     joint = JointTransform(x, kind)
     r_offset = joint.offset()
-    n, f = force_to_parent(x, joint, r_offset, p[:3], p[3:], "Eq. 45")
-    hand_on_force(x, kind, n, f)
+    for m in partners:
+        # columns are forces on the link that an acceleration of the partner asks for
+        columns: Mat = []
+        for k in SIX:
+            column = [row[k] for row in C[m]]
+            moment, push = force_to_parent(x, joint, r_offset, column[:3], column[3:], "Eq. 44")
+            columns.append([*moment, *push])
+        C[m] = [list(row) for row in zip(*columns, strict=True)]
+    moment, push = force_to_parent(x, joint, r_offset, p[:3], p[3:], "Eq. 45")
     J, H, M = joint.inertia_to_parent(*to_blocks(I), "Eq. 44")
     J, H, M = shift_inertia(x, r_offset, J, H, M, "Eq. 44")
+    parent = kind.partners.base
+    if parent >= 0:
+        # the parent is a partner itself: what the coupling was is inertia now
+        more = to_blocks(_symmetrized(x, C[parent], between[parent, parent]))
+        J, H, M = (_sum(x, block, by) for block, by in zip((J, H, M), more, strict=True))
+        moment, push = _sum(x, [moment, push], [force[parent][:3], force[parent][3:]])
+
+    def remaining(m: int, n: int) -> Mat:
+        if n == BASE:
+            return [list(row) for row in zip(*remaining(BASE, m), strict=True)]
+        if m != BASE:
+            return between[m, n]
+        if parent < 0:
+            return C[n]
+        return _sum(x, C[n], between[parent, n])
+
+    hand_on_force(x, kind, moment, push)
     for name, value in zip(PAIRS, six(J), strict=True):
         accumulate(x, kind, f"acc.J.{name}", value)
     for name, value in zip(PAIRS, six(M), strict=True):
         accumulate(x, kind, f"acc.M.{name}", value)
     for name in NINE:
         accumulate(x, kind, f"acc.H.{name}", H[XYZ.index(name[0])][XYZ.index(name[1])])
+    hand_on(x, kind, remaining)
+
+
+def _sum(x: Any, a: Mat, b: Mat) -> Mat:
+    return [[x.let("Ip", p + q, "Eq. 44") for p, q in zip(*rows, strict=True)] for rows in zip(a, b, strict=True)]
+
+
+def _symmetrized(x: Any, C: Mat, Q: Mat) -> Mat:
+    """``Q + C + C^T``."""
+    found: Mat = [[0] * 6 for _ in SIX]
+    for i in SIX:
+        for k in range(i, 6):
+            found[i][k] = found[k][i] = x.let("Ip", Q[i][k] + C[i][k] + C[k][i], "Eq. 44")
+    return found
