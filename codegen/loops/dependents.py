@@ -30,6 +30,9 @@ GOOD_CONDITION = 20.0
 MAX_COMBINATIONS = 500
 """How many ways of making whole quaternion joints dependent are tried."""
 
+MAX_SERVING = 8
+"""How many of those that serve are compared."""
+
 MAX_DIVIDED = 6
 """How many rotations or displacements are tried as the only one that is divided."""
 
@@ -91,7 +94,9 @@ def divide(A: Array, joints: Sequence[tuple[int, ...]], rank: int) -> list[int]:
     return best
 
 
-def choose_dependents(A: Array, joints: Sequence[tuple[int, ...]], rank: int) -> list[int] | None:
+def choose_dependents(
+    A: Array, joints: Sequence[tuple[int, ...]], rank: int, dense: bool = False
+) -> list[int] | None:
     """Columns that span all of A.
 
     Parameters
@@ -101,6 +106,8 @@ def choose_dependents(A: Array, joints: Sequence[tuple[int, ...]], rank: int) ->
     joints : sequence of tuple of int
         The columns in order of preference; several together are taken together or not at all.
     rank : int
+    dense : bool
+        Whether the way from the cut hardly matters: a condition twice as good is worth twice the way.
 
     Returns
     -------
@@ -109,13 +116,26 @@ def choose_dependents(A: Array, joints: Sequence[tuple[int, ...]], rank: int) ->
     """
     single = [c for columns in joints if len(columns) == 1 for c in columns]
     several = [columns for columns in joints if len(columns) > 1]
+    place = {c: i for i, c in enumerate(c for columns in joints for c in columns)}
+    weight = 1.0 if dense else 0.5
+    best: list[int] | None = None
+    lowest = float("inf")
+    serving = 0
     for together in islice(_sums(several, rank), MAX_COMBINATIONS):
         taken = [c for columns in together for c in columns]
         if len(taken) > rank or (taken and np.any(ranks(A[..., taken]) < len(taken))):
             continue
-        if np.all(ranks(A[..., taken + single]) == rank):
-            return _extend(A, taken, single, rank)
-    return None
+        if np.any(ranks(A[..., taken + single]) < rank):
+            continue
+        serving += 1
+        chosen = _extend(A, taken, single, rank, weight)
+        found = condition(A[..., chosen])
+        price = found**weight * (1 + max((place[c] for c in chosen), default=0))
+        if price < lowest:
+            best, lowest = chosen, price
+        if found < GOOD_CONDITION or serving == MAX_SERVING:
+            break
+    return best
 
 
 def _sums(several: list[tuple[int, ...]], rank: int) -> Iterable[tuple[tuple[int, ...], ...]]:
@@ -126,7 +146,7 @@ def _sums(several: list[tuple[int, ...]], rank: int) -> Iterable[tuple[tuple[int
         yield from combinations(several, count)
 
 
-def _extend(A: Array, taken: list[int], single: list[int], rank: int) -> list[int]:
+def _extend(A: Array, taken: list[int], single: list[int], rank: int, weight: float) -> list[int]:
     """`taken` and as many of `single` as complete the rank: a good condition, not far from the cut."""
     if len(taken) == rank:
         return taken
@@ -137,7 +157,7 @@ def _extend(A: Array, taken: list[int], single: list[int], rank: int) -> list[in
     for window, threshold in product(WINDOWS, THRESHOLDS):
         chosen = _eliminate(A, taken, single, rank, window, threshold)
         found = condition(A[..., chosen])
-        price = found**0.5 * (1 + max(place[c] for c in chosen[len(taken) :]))
+        price = found**weight * (1 + max(place[c] for c in chosen[len(taken) :]))
         if price < lowest:
             best, lowest = chosen, price
         if found < GOOD_CONDITION or (len(single) <= window and threshold == 1):

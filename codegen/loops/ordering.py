@@ -17,6 +17,7 @@ from .assembling import listed
 from .dependents import choose_dependents, condition, divide, ranks, whole_joints
 from .errors import PartitionError
 from .geometry import Array, Geometry
+from .tangles import untangled
 from .velocities import Motion, VelocityClosure
 
 MOTIONS = 12
@@ -144,7 +145,7 @@ class Sweep:
         if not _follows(E[regular][..., free], *closure.disturbance(held, regular), rank):
             return self._why_open(closure, E[regular], free, held, rank)
         joints = whole_joints(g, closure.speeds, free)
-        chosen = choose_dependents(E[regular], joints, rank)
+        chosen = choose_dependents(E[regular], joints, rank, dense=len(loops) > 1)
         if chosen is None:
             if not self.dividing:
                 self.would_divide = True
@@ -182,6 +183,8 @@ def _follows(E: Array, known: Array, size: Array, rank: int) -> bool:
 def arrange(sweep: Sweep, loops: Sequence[int]) -> list[Draft]:
     """Ears in an order in which each closes by itself; quaternion joints are divided only if no order does without.
 
+    Ears that start from each other's bodies become a cluster: what is resolved together is chosen together.
+
     Parameters
     ----------
     loops : sequence of int
@@ -195,7 +198,11 @@ def arrange(sweep: Sweep, loops: Sequence[int]) -> list[Draft]:
     while True:
         drafts, stuck = sweep.run(order)
         if stuck is None:
-            return drafts
+            whole = untangled(sweep.geometry, order, {s for d in drafts for s in d.dependent})
+            if len(whole) == len(order):
+                return drafts
+            order = whole
+            continue
         try:
             order = _mended(sweep, order, stuck)
         except PartitionError:

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ..loops.partition import Partition
+from ..loops.tangles import tangle
 from ..model.model import GROUND, Model
 from .elimination import Elimination, find_elimination
 from .joints import FREEDOMS
@@ -69,7 +70,7 @@ def find_regions(
     ears: list[EarLinks] = []
     ear_of = [None] * len(links)
     for group, base in _components(links, faces, partition):
-        bundles = _bundles(links, faces, group)
+        bundles = _bundles(links, faces, group, dependent)
         on_cycles = sorted({i for b in bundles for i in b.links})
         free = [(i, j) for i in on_cycles for j in range(FREEDOMS[links[i].joint]) if (i, j) not in dependent]
         made = _Maker(links, regions, ears, ear_of, faces, dependent)
@@ -80,7 +81,7 @@ def find_regions(
         number = {f: c for c, f in enumerate(free)}
         for b in bundles:
             # links inboard of all dependent ones have their own, loopless ears: then equal loops are of one kind
-            outer = made.outboard_of_dependents(b.links)
+            outer = _outboard_of_dependents(links, b.links, dependent)
             for i in b.links:
                 if i not in outer:
                     made.add([i], (), number, 1.0)
@@ -147,15 +148,21 @@ class Bundle:
     length: float
 
 
-def _bundles(links: Sequence[Link], faces: Sequence[tuple[int, ...]], bundles: list[Bundle]) -> list[Bundle]:
-    """The ears of a component; those that start from each other's links are joined."""
+def _bundles(
+    links: Sequence[Link], faces: Sequence[tuple[int, ...]], bundles: list[Bundle], dependent: set[tuple[int, int]]
+) -> list[Bundle]:
+    """The ears of a component; those that start from each other's links are joined.
+
+    Links inboard of an ear's dependents are free to carry other ears.
+    """
     while True:
-        owner = {i: n for n, b in enumerate(bundles) for i in b.links}
+        outer = [_outboard_of_dependents(links, b.links, dependent) for b in bundles]
+        owner = {i: n for n, members in enumerate(outer) for i in members}
         before: list[set[int]] = []
         for n, b in enumerate(bundles):
-            outside = {links[i].parent for i in b.links} | {f for loop in b.loops for f in faces[loop]}
+            outside = {links[i].parent for i in outer[n]} | {f for loop in b.loops for f in faces[loop]}
             before.append({owner[i] for i in outside if i in owner} - {n})
-        tangled = sorted(_on_circles(before))
+        tangled = sorted(tangle(before))
         if not tangled:
             return bundles
         joined = [bundles[n] for n in tangled]
@@ -167,32 +174,12 @@ def _bundles(links: Sequence[Link], faces: Sequence[tuple[int, ...]], bundles: l
         bundles.insert(min(tangled[0], len(bundles)), one)
 
 
-def _on_circles(before: list[set[int]]) -> set[int]:
-    """Of things that wait for others, those of one tangle where all wait for each other."""
-    left = set(range(len(before)))
-    after: list[set[int]] = [set() for _ in before]
-    for n, x in enumerate(before):
-        for m in x:
-            after[m].add(n)
-    for waits, frees in ((before, after), (after, before)):
-        count = {n: len(waits[n] & left) for n in left}
-        ready = [n for n in left if not count[n]]
-        while ready:
-            n = ready.pop()
-            left.discard(n)
-            for m in frees[n]:
-                if m in left:
-                    count[m] -= 1
-                    if not count[m]:
-                        ready.append(m)
-    if not left:
-        return left
-    found = {min(left)}
-    grown = True
-    while grown:
-        more = {m for n in found for m in (before[n] | after[n]) & left} - found
-        found |= more
-        grown = bool(more)
+def _outboard_of_dependents(links: Sequence[Link], members: Sequence[int], dependent: set[tuple[int, int]]) -> set[int]:
+    """Of links in outward order, those with a dependent freedom, or with such a link between them and the rest."""
+    found: set[int] = set()
+    for i in members:
+        if links[i].parent in found or any((i, j) in dependent for j in range(FREEDOMS[links[i].joint])):
+            found.add(i)
     return found
 
 
@@ -215,22 +202,10 @@ class _Maker:
         self.faces = faces
         self.dependent = dependent
 
-    def moved(self, i: int) -> bool:
-        """Whether a link's joint has a dependent freedom."""
-        return any((i, j) in self.dependent for j in range(FREEDOMS[self.links[i].joint]))
-
-    def outboard_of_dependents(self, links: Sequence[int]) -> set[int]:
-        """Of links in outward order, those with a dependent freedom, or with such a link between them and the rest."""
-        found: set[int] = set()
-        for i in links:
-            if self.moved(i) or self.links[i].parent in found:
-                found.add(i)
-        return found
-
     def by_single_ears(self, bundles: list[Bundle]) -> None:
         """Every ear of a component as a region of its own, with the motion of the links that it starts from as sources."""
         for b in bundles:
-            outer = self.outboard_of_dependents(b.links)
+            outer = _outboard_of_dependents(self.links, b.links, self.dependent)
             members = [i for i in b.links if i in outer]
             outside = {self.links[i].parent for i in members} | {f for loop in b.loops for f in self.faces[loop]}
             moving = list(outside - set(members) - {GROUND})
