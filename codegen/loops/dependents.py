@@ -94,9 +94,7 @@ def divide(A: Array, joints: Sequence[tuple[int, ...]], rank: int) -> list[int]:
     return best
 
 
-def choose_dependents(
-    A: Array, joints: Sequence[tuple[int, ...]], rank: int, dense: bool = False
-) -> list[int] | None:
+def choose_dependents(A: Array, joints: Sequence[tuple[int, ...]], rank: int, dense: bool = False) -> list[int] | None:
     """Columns that span all of A.
 
     Parameters

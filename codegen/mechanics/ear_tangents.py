@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from sympy import Dummy, Expr, S, Symbol
+from sympy import Dummy, Expr, S, Symbol, sympify
 
 from ..program.block import ANY
 from ..program.derivatives import Tangents
@@ -16,6 +16,19 @@ from .ears import UNIT, Ear
 from .spatial import XYZ, Vec, add, cross, dot, is_zero, matmul, matvec
 
 One = S.One
+
+
+def tangents_of(values: Vec, tangents: Vec) -> dict[Symbol, Any]:
+    """Tangents by symbol of values that are symbols, symbols with a minus sign, or numbers; nothing on zero patterns."""
+    found: dict[Symbol, Any] = {}
+    for value, tangent in zip(values, tangents, strict=True):
+        if isinstance(value, Symbol):
+            found[value] = tangent
+        elif isinstance(value, Expr) and isinstance(-value, Symbol):
+            found[-value] = -tangent
+        else:
+            assert value is ANY or sympify(value).is_number, f"{value} has no name"
+    return found
 
 
 class EarTangents:
@@ -27,7 +40,7 @@ class EarTangents:
     angles : dict of int to Vec
         Rotation vectors (lanes) of links, and of roots by negative places.
     roots : dict of Symbol to value
-        Tangents of what the block loads of its roots.
+        Tangents of what the block loads of its roots, from `tangents_of`.
     dq : dict of (str, str) to value
         Displacements that the block has found itself, by link and coordinate. None where seeds are complete: then tangents of
         levers have been kept.
@@ -49,7 +62,7 @@ class EarTangents:
         if self.structural:
             return
         self.d = Tangents(self.x, {}, {})
-        self.d.of.update({s: v for s, v in roots.items() if isinstance(s, Symbol) and not is_zero(v)})
+        self.d.of.update({s: v for s, v in roots.items() if not is_zero(v)})
         for place in [*range(len(ear.members)), *(-1 - t for t in range(len(ear.kind.roots)))]:
             self._attitude(place)
 
@@ -197,8 +210,8 @@ class EarTangents:
             return
         done: set[Symbol] = set()
         for v, more in found:
-            for symbol, value in zip(v, more, strict=True):
-                if isinstance(symbol, Symbol) and symbol not in done:
+            for symbol, value in tangents_of(v, more).items():
+                if symbol not in done:
                     done.add(symbol)
                     if not is_zero(value):
                         before = self.d.of.get(symbol, 0)
@@ -206,7 +219,7 @@ class EarTangents:
 
     def hold(self, v: Vec) -> None:
         """Values whose tangents are given, or taken as zero until more is known: they are not differentiated."""
-        self.known.update(symbol for symbol in v if isinstance(symbol, Symbol))
+        self.known.update(tangents_of(v, v))
 
 
-__all__ = ["EarTangents"]
+__all__ = ["EarTangents", "tangents_of"]

@@ -13,7 +13,7 @@ from sympy import Rational
 
 from .closures import own_sources, stored_factor
 from .couplings import component, from_far, hand_force, others, to_base
-from .ear_tangents import EarTangents
+from .ear_tangents import EarTangents, tangents_of
 from .ears import SLIDING, ZERO, Ear, Twist, rotate
 from .energy import origin_velocity
 from .far_links import far_motion_tangents
@@ -230,10 +230,10 @@ def complete_velocities(
             array, names = "lregion", (f"far{kind.far[t]}.w", f"far{kind.far[t]}.v")
         if role in ("link", "far") or (role == "frame" and not kind.rigid):
             for vector, name in zip((roots[t].angular, roots[t].linear), names, strict=True):
-                seeds.update(zip(vector, load_vector(x, array, name), strict=True))
+                seeds.update(tangents_of(vector, load_vector(x, array, name)))
         held += [*roots[t].angular, *roots[t].linear]
         if slides and role != "frame":
-            seeds.update(zip(ear.position(-1 - t), moved[-1 - t], strict=True))
+            seeds.update(tangents_of(ear.position(-1 - t), moved[-1 - t]))
             held += ear.position(-1 - t)
     held += [ear.members[k].view.load("u", str(freedom.index)) for k, freedom in ear.dependents()]
     tangents = EarTangents(ear, angles, seeds, dq)
@@ -427,14 +427,14 @@ def ear_balance_out(x: Any, kind: Any) -> None:
             change = [-v for v in load_vector(x, "lground", "a")]
             W = ear.attitude(-1 - t)
             moved = add(cross(angles[-1 - t], a), [-v for v in rotate(W, change)])
-            seeds.update(zip(a, let3(x, "dg", moved, "d Eq. 22"), strict=True))
+            seeds.update(tangents_of(a, let3(x, "dg", moved, "d Eq. 22")))
             continue
         array = "lbase" if role == "frame" else f"lroot#{t}"
         names: tuple[str, ...] = ("w", "al", "a", "B") if role == "frame" else ("sw", "sal", "sa", "sB")
         if role == "far":
             array, names = "lregion", tuple(f"far{kind.far[t]}.{n}" for n in ("aw", "al", "a", "B"))
         for vector, name in zip((w, al, a), names, strict=False):
-            seeds.update(zip(vector, load_vector(x, array, name), strict=True))
+            seeds.update(tangents_of(vector, load_vector(x, array, name)))
         for i in range(3):
             for j in range(3):
                 seeds[B[i][j]] = x.load(array, f"{names[3]}.{XYZ[i]}{XYZ[j]}")
@@ -449,7 +449,7 @@ def ear_balance_out(x: Any, kind: Any) -> None:
         if role == "far":
             array, names = "lregion", (f"far{kind.far[t]}.w", f"far{kind.far[t]}.v")
         for vector, name in zip((twist.angular, twist.linear), names, strict=True):
-            seeds.update(zip(vector, load_vector(x, array, name), strict=True))
+            seeds.update(tangents_of(vector, load_vector(x, array, name)))
     motions: list[Any] = []
     for k, member in enumerate(ear.members):
         before = motions[member.parent] if member.parent >= 0 else roots[-1 - member.parent]
@@ -646,14 +646,14 @@ def root_positions(x: Any, ear: Ear) -> dict[Any, Any]:
     found: dict[Any, Any] = {}
     for t, role in enumerate(kind.roots):
         if role == "far":
-            found.update(zip(ear.position(-1 - t), load_vector(x, "lregion", f"far{kind.far[t]}.d"), strict=True))
+            found.update(tangents_of(ear.position(-1 - t), load_vector(x, "lregion", f"far{kind.far[t]}.d")))
         elif role == "link":
-            found.update(zip(ear.position(-1 - t), load_vector(x, f"laneroot#{t}", "d"), strict=True))
+            found.update(tangents_of(ear.position(-1 - t), load_vector(x, f"laneroot#{t}", "d")))
         elif role == "ground":
             o = ear.position(-1 - t)
             turned = cross(load_vector(x, "lanebase", "ct"), o)
             moved = [-(a + b) for a, b in zip(load_vector(x, "lanebase", "cd"), turned, strict=True)]
-            found.update(zip(o, let3(x, "do", moved, "d Eq. 22"), strict=True))
+            found.update(tangents_of(o, let3(x, "do", moved, "d Eq. 22")))
     return found
 
 

@@ -10,10 +10,10 @@ region of its own and the link it starts from the source.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from ..loops.partition import Partition
-from ..loops.tangles import tangle
+from ..loops.tangles import ear_members, tangle
 from ..model.model import GROUND, Model
 from .elimination import Elimination, find_elimination
 from .joints import FREEDOMS
@@ -79,13 +79,13 @@ def find_regions(
             continue
         regions.append(Region(base, True, freedoms=free))
         number = {f: c for c, f in enumerate(free)}
+        moved = {i for b in bundles for i in b.members}
         for b in bundles:
             # links inboard of all dependent ones have their own, loopless ears: then equal loops are of one kind
-            outer = _outboard_of_dependents(links, b.links, dependent)
             for i in b.links:
-                if i not in outer:
+                if i not in moved:
                     made.add([i], (), number, 1.0)
-            made.add([i for i in b.links if i in outer], b.loops, number, b.length)
+            made.add(b.members, b.loops, number, b.length)
     return Regions(regions, ears, ear_of, find_elimination(links, regions, ears, ear_of))
 
 
@@ -141,28 +141,29 @@ def _components(
 
 @dataclass(slots=True)
 class Bundle:
-    """Loops that are closed together, and the links on their cycles that no earlier bundle has."""
+    """Loops that are closed together, the links on their cycles that no earlier bundle has, and the links that they move."""
 
     loops: tuple[int, ...]
     links: list[int]
     length: float
+    members: list[int] = field(default_factory=list)
 
 
 def _bundles(
     links: Sequence[Link], faces: Sequence[tuple[int, ...]], bundles: list[Bundle], dependent: set[tuple[int, int]]
 ) -> list[Bundle]:
-    """The ears of a component; those that start from each other's links are joined.
-
-    Links inboard of an ear's dependents are free to carry other ears.
-    """
+    """The ears of a component with the links that they move; those that start from each other's are joined."""
     while True:
-        outer = [_outboard_of_dependents(links, b.links, dependent) for b in bundles]
-        owner = {i: n for n, members in enumerate(outer) for i in members}
-        before: list[set[int]] = []
-        for n, b in enumerate(bundles):
-            outside = {links[i].parent for i in outer[n]} | {f for loop in b.loops for f in faces[loop]}
-            before.append({owner[i] for i in outside if i in owner} - {n})
-        tangled = sorted(tangle(before))
+        owner = {i: n for n, b in enumerate(bundles) for i in b.links}
+        ends = [[f for loop in b.loops for f in faces[loop]] for b in bundles]
+
+        def is_moved(i: int) -> bool:
+            return any((i, j) in dependent for j in range(FREEDOMS[links[i].joint]))
+
+        members = ear_members({i: links[i].parent for i in owner}, owner, sorted(owner), ends, is_moved)
+        for b, moved in zip(bundles, members.moved, strict=True):
+            b.members = sorted(moved)
+        tangled = sorted(tangle(members.before))
         if not tangled:
             return bundles
         joined = [bundles[n] for n in tangled]
@@ -172,15 +173,6 @@ def _bundles(
         )  # fmt: skip
         bundles = [b for n, b in enumerate(bundles) if n not in tangled]
         bundles.insert(min(tangled[0], len(bundles)), one)
-
-
-def _outboard_of_dependents(links: Sequence[Link], members: Sequence[int], dependent: set[tuple[int, int]]) -> set[int]:
-    """Of links in outward order, those with a dependent freedom, or with such a link between them and the rest."""
-    found: set[int] = set()
-    for i in members:
-        if links[i].parent in found or any((i, j) in dependent for j in range(FREEDOMS[links[i].joint])):
-            found.add(i)
-    return found
 
 
 class _Maker:
@@ -205,8 +197,7 @@ class _Maker:
     def by_single_ears(self, bundles: list[Bundle]) -> None:
         """Every ear of a component as a region of its own, with the motion of the links that it starts from as sources."""
         for b in bundles:
-            outer = _outboard_of_dependents(self.links, b.links, self.dependent)
-            members = [i for i in b.links if i in outer]
+            members = b.members
             outside = {self.links[i].parent for i in members} | {f for loop in b.loops for f in self.faces[loop]}
             moving = list(outside - set(members) - {GROUND})
             inside = [
