@@ -1,0 +1,66 @@
+"""Loops between long branches: generated code agrees with the engines and costs the same for each body."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from comparison import error
+from coupled_mechanisms import BY_HAND, by_hand, rails, tip_on_own_link, tips_joined
+from emit.test_random_mechanisms import check, draw
+
+import codegen
+from codegen.emit.solver import write_solver
+from codegen.reference import DenseEngine
+
+COUPLED = {*BY_HAND} - {"chain_on_four_bar", "chain_on_slide", "chain_on_forward_slide", "ring_with_sub_loop"}
+"""Those whose ears start from two links that both move."""
+
+
+@pytest.mark.parametrize("name", BY_HAND)
+def test_numpy_is_generic_is_dense(tmp_path: Path, name: str) -> None:
+    model = by_hand(name).model
+    codegen.generate(model, tmp_path / "mechanism", target="numpy")
+    text = (tmp_path / "mechanism" / f"{model.name}_numpy.py").read_text()
+    assert ("couplings" in text) == (name in COUPLED)
+    check(by_hand(name), codegen.load(tmp_path / "mechanism"), 1)
+
+
+@pytest.mark.parametrize(("name", "layout"), [("rails", "kinds"), ("platform", "unrolled"), ("tips_slide", "kinds")])
+def test_c_is_generic_is_dense(tmp_path: Path, name: str, layout: str) -> None:
+    codegen.generate(by_hand(name).model, tmp_path / "mechanism", target="c", layout=layout)
+    check(by_hand(name), codegen.load(tmp_path / "mechanism"), 1)
+
+
+@pytest.mark.parametrize("seed", [11])
+def test_random_mechanisms_of_many_bodies(tmp_path: Path, seed: int) -> None:
+    drawn = draw(seed, bodies=(9, 14), loops=(2, 4))
+    assert drawn is not None
+    source = write_solver(drawn.model)
+    assert source.system.regions.elimination.slots
+    codegen.generate(drawn.model, tmp_path / "mechanism", target="numpy")
+    check(drawn, codegen.load(tmp_path / "mechanism"), seed)
+
+
+@pytest.mark.parametrize("name", ["tips_joined_spatial", "platform"])
+def test_loop_forces_are_those_of_the_dense_method(tmp_path: Path, name: str) -> None:
+    model, q, u, p = by_hand(name)[:4]
+    codegen.generate(model, tmp_path / "mechanism", target="numpy", reactions=True)
+    _, loops = codegen.load(tmp_path / "mechanism").reactions(q, u, p)
+    assert error(loops, DenseEngine(model).reactions(q, u, p)) < 1e-11
+
+
+def flops(source: Any, function: str, per: str) -> int:
+    operations = source.manifest["operations"]
+    return sum(sum(operations[s][per].values()) for s in source.manifest["functions"][function]["sweeps"])
+
+
+@pytest.mark.parametrize("made", [rails, tips_joined, tip_on_own_link], ids=lambda f: f.__name__)
+def test_operations_grow_with_the_bodies_and_nothing_else(made: Any) -> None:
+    """Four rungs, or four rods in each chain, cost the same wherever they are added."""
+    short, middle, long = (write_solver(made(n).model(hinted=True)) for n in (12, 16, 20))
+    for function, per in (("accelerations", "per_call"), ("sensitivities", "per_direction")):
+        a, b, c = (flops(s, function, per) for s in (short, middle, long))
+        assert c - b == b - a
+    assert len(long.system.unit_kinds) == len(middle.system.unit_kinds)

@@ -1,0 +1,82 @@
+"""The order of elimination and the couplings that arise in it."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import pytest
+from coupled_mechanisms import BY_HAND, by_hand, platform, rails, tips_joined
+from random_mechanisms import random_mechanisms
+
+from codegen.loops.partition import partition
+from codegen.mechanics.elimination import BASE
+from codegen.mechanics.kinds import System, analyse
+from codegen.model.model import GROUND, Model
+
+
+def analysed(model: Model) -> System:
+    return analyse(model, False, partition(model))
+
+
+MODELS = [*BY_HAND, "random"]
+
+
+@cache
+def systems(name: str) -> list[System]:
+    if name == "random":
+        return [analysed(drawn.model) for _, drawn in random_mechanisms(6, bodies=(6, 14), loops=(2, 4))]
+    return [analysed(by_hand(name).model)]
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_units_come_after_what_they_hang_on(name: str) -> None:
+    for system in systems(name):
+        found = system.regions
+        seen_links, seen_regions = {GROUND}, set[int]()
+        for unit in found.order:
+            if unit.role == "link":
+                assert system.links[unit.number].parent in seen_links
+            elif unit.role == "region":
+                region = found.regions[unit.number]
+                assert {region.base, *region.far} <= seen_links
+                seen_regions.add(unit.number)
+            else:
+                ear = found.ears[unit.number]
+                assert ear.region in seen_regions
+                assert {*ear.roots} <= seen_links
+            seen_links.update(unit.links)
+        assert len(seen_links) == len(system.links) + 1
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_a_coupling_keeps_its_place_from_the_first_to_the_last_who_touches_it(name: str) -> None:
+    """Inward: a unit takes what ends with it, then adds to others; no two couplings have one place at a time."""
+    for system in systems(name):
+        elimination = system.regions.elimination
+        alive: dict[int, int] = {}
+        ended = set[int]()
+        for partners in reversed(elimination.partners):
+            for c in partners.own:
+                ended.add(c)
+            for handed_on in partners.handed_on:
+                c, slot = handed_on.coupling, elimination.coupling_slot[handed_on.coupling]
+                assert c not in ended
+                assert handed_on.first == (c not in alive.values())
+                assert alive.get(slot, c) == c
+                alive[slot] = c
+                assert all(end == BASE or 0 <= end < len(partners.links) for end in handed_on.ends)
+            for c in partners.own:
+                if alive.get(elimination.coupling_slot[c]) == c:
+                    del alive[elimination.coupling_slot[c]]
+        assert not alive
+        assert ended == set(range(len(elimination.coupling_slot)))
+        assert all(0 <= slot < elimination.slots for slot in elimination.coupling_slot)
+
+
+@pytest.mark.parametrize(("made", "most", "places"), [(rails, 2, 2), (tips_joined, 1, 2), (platform, 2, 5)])
+def test_few_partners_and_places_however_long_the_branches(made: Any, most: int, places: int) -> None:
+    for n in (6, 12):
+        elimination = analysed(made(n).model(hinted=True)).regions.elimination
+        assert max(len(p.links) for p in elimination.partners) == most
+        assert elimination.slots == places
