@@ -91,7 +91,9 @@ def member_motions(x: Any, ear: Ear, rates: list[Any]) -> None:
     kind = ear.kind
     W_base, o_base = load_matrix(x, "base", "cW"), load_vector(x, "base", "co")
     for k, twist in enumerate(member_velocities(x, ear, rates)):
-        if not kind.links[k].closed_on:
+        if kind.links[k].closed_on == "origin":
+            at_rest(x, f"me#{k}")
+        if kind.links[k].closed_on != "moving":
             continue
         W, o = ear.members[k].W, ear.position(k)
         store_matrix(x, f"me#{k}", "cW", [[x.let("cW", e, "Eq. 22") for e in row] for row in matmul(W_base, W)])
@@ -102,7 +104,7 @@ def member_motions(x: Any, ear: Ear, rates: list[Any]) -> None:
 
 
 def member_velocities(x: Any, ear: Ear, rates: list[Any]) -> list[Twist]:
-    """Velocities of an ear's links against the ground, in region axes."""
+    """Velocities of an ear's links against the origin, in region axes."""
     kind = ear.kind
     roots = [Twist(list(ZERO), list(ZERO)) for _ in kind.roots]
     for t, role in enumerate(kind.roots):
@@ -145,8 +147,19 @@ def stored_factor(x: Any, kind: Any) -> Factor:
     return load_factor(x, "ear", kind.kept, kind.structure)
 
 
+def at_rest(x: Any, array: str) -> None:
+    """The motion of the origin."""
+    store_matrix(x, array, "cW", [[int(i == j) for j in range(3)] for i in range(3)])
+    for name in ("co", "cw", "cv"):
+        store_vector(x, array, name, ZERO)
+
+
 def link_motion(x: Any, kind: Any) -> None:
-    """Outward block of a link that ears start from: attitude, position and velocity in the ground frame's sense. Eqs. 18, 22."""
+    """Outward block of a link that ears start from: attitude, position and velocity against the origin. Eqs. 18, 22."""
+    if kind.closed_on == "origin":
+        at_rest(x, "me")
+    if kind.closed_on != "moving":
+        return
     joint = JointTransform(x, kind)
     W = load_matrix(x, "up", "cW")
     o = add(load_vector(x, "up", "co"), matvec(W, joint.offset()))

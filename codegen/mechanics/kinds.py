@@ -91,8 +91,9 @@ class LinkKind(Folded):
         It has a parent other than the ground.
     carries : bool
         Something that is not of its own ear hangs on it, or is coupled to it.
-    closed_on : bool
-        A loop that is closed elsewhere depends on its motion.
+    closed_on : {"", "origin", "moving"}
+        Whether a loop that is closed elsewhere depends on its motion: against the ground, or against the link that carries
+        all of the loop, which is then the origin.
     pulled : bool
         Springs act on it.
     forced : tuple of bool
@@ -113,7 +114,7 @@ class LinkKind(Folded):
     first_unit: bool
     carried_on: bool
     carries: bool
-    closed_on: bool
+    closed_on: str
     pulled: bool
     forced: tuple[bool, ...]
     partners: Partners = NOBODY
@@ -569,19 +570,33 @@ class _Order:
             if unit.role != "ear":
                 mine = self.partners[n]
                 mine.first = [self.first_contributor[i] == n for i in mine.links]
-        self._closed_on = self._moving()
+        self._closed_on = self._followed()
 
-    def _moving(self) -> set[int]:
-        """Links whose motion against the ground some loop closes on, and all that those hang on."""
+    def _followed(self) -> dict[int, str]:
+        """Links whose motion some loop closes on, and those between them and the link that carries them all.
+
+        That one is the ``origin``, unless it is between others itself: motions against the ground, say, of links on a satellite
+        would lose the digits of its distance.
+        """
         regions = self.regions
-        found: set[int] = set()
+        moving = set[int]()
+        origins = set[int]()
+
+        def place(i: int) -> int:
+            return -1 if i == GROUND else self.unit_of_link[i]
+
         for region in regions.regions:
-            for i in (region.base, *region.far) if region.far or not region.rigid else ():
-                while i != GROUND and i not in found:
-                    found.add(i)
-                    e = regions.ear_of[i]
-                    i = self.links[i].parent if e is None else regions.regions[regions.ears[e].region].base
-        return found
+            if region.rigid and not region.far:
+                continue
+            front = {region.base, *region.far} | (set() if region.rigid else {GROUND})
+            while len(front) > 1:
+                i = max(front, key=place)
+                moving.add(i)
+                e = regions.ear_of[i]
+                front.remove(i)
+                front.add(self.links[i].parent if e is None else regions.regions[regions.ears[e].region].base)
+            origins |= front - {GROUND}
+        return dict.fromkeys(origins, "origin") | dict.fromkeys(moving, "moving")
 
     def partners_of_link(self, i: int) -> Partners:
         """Couplings of a link that is a unit."""
@@ -631,9 +646,9 @@ class _Order:
         region = self.regions.regions[ear.region]
         return tuple(region.far.index(r) if r in region.far else -1 for r in ear.roots)
 
-    def role_of(self, link: int) -> tuple[bool, bool]:
+    def role_of(self, link: int) -> tuple[bool, str]:
         """Whether others hang on a link, and whether a loop closes on its motion."""
-        return self.carries(link), link in self._closed_on
+        return self.carries(link), self._closed_on.get(link, "")
 
     def slots(self) -> tuple[list[int], int]:
         """Slots for values that live from a link to its last use; slot 0 is the ground's."""

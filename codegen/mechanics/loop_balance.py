@@ -62,8 +62,12 @@ def let3(x: Any, name: str, v: Vec, tag: str, lanes: bool = True) -> Vec:
 def link_displacement(x: Any, kind: Any) -> None:
     """Outward block over directions of a link that ears start from: rotation vector, displacement, tangents of its velocity.
 
-    All are components in the link's axes; the rotation vector and the displacement are those against the ground.
+    All are components in the link's axes, against the origin.
     """
+    if kind.closed_on == "origin":
+        undisplaced(x, "lme", "lane")
+    if kind.closed_on != "moving":
+        return
     joint = JointTransform(x, kind)
     theta = load_vector(x, "lup", "ct")
     d = load_vector(x, "lup", "cd")
@@ -84,6 +88,13 @@ def link_displacement(x: Any, kind: Any) -> None:
     for array in ("lme", "lane"):
         store_tangent(x, tangents, array, "cw", w)
         store_tangent(x, tangents, array, "cv", v)
+
+
+def undisplaced(x: Any, *arrays: str) -> None:
+    """The origin's."""
+    for array in arrays:
+        for name in ("ct", "cd", "cw", "cv"):
+            store_vector(x, array, name, ZERO)
 
 
 def joint_displacement(x: Any, kind: Any, joint: JointTransform) -> tuple[Vec, Vec]:
@@ -257,7 +268,9 @@ def complete_velocities(
         for array in ("lme", "lane"):
             store_vector(x, f"{array}#{k}", "rw", angular)
             store_vector(x, f"{array}#{k}", "rv", linear)
-        if kind.links[k].closed_on:
+        if kind.links[k].closed_on == "origin":
+            undisplaced(x, f"lme#{k}", f"lane#{k}")
+        if kind.links[k].closed_on == "moving":
             member_displacement(x, ear, k, (angles[k], moved[k]), velocity, Twist(angular, linear))
 
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
-from comparison import error
+from comparison import error, worst
 from coupled_mechanisms import BY_HAND, by_hand, rails, tip_on_own_link, tips_joined
 from emit.test_random_mechanisms import check, draw
 
@@ -64,3 +65,21 @@ def test_operations_grow_with_the_bodies_and_nothing_else(made: Any) -> None:
         a, b, c = (flops(s, function, per) for s in (short, middle, long))
         assert c - b == b - a
     assert len(long.system.unit_kinds) == len(middle.system.unit_kinds)
+
+
+def test_a_satellite_far_from_the_origin_loses_nothing(tmp_path: Path) -> None:
+    """Its links are compared with each other, not through the ground: the same numbers at 1e7 m."""
+    model, q, u, p = by_hand("tips_joined_on_free_base")[:4]
+    codegen.generate(model, tmp_path / "mechanism", target="numpy")
+    solver = codegen.load(tmp_path / "mechanism")
+    far = q.copy()
+    far[model.coordinate_names.index("base.px")] += 1e7
+    rng = np.random.default_rng(3)
+    seeds = {
+        "dq": rng.normal(size=(3, model.nq)),
+        "du": rng.normal(size=(3, model.nu)),
+        "dp": rng.normal(size=(3, len(p))),
+    }
+    (here, d_here), (there, d_there) = (solver.sensitivities(x, u, p, **seeds) for x in (q, far))
+    assert error(there, here) < 1e-12
+    assert worst(d_there, d_here) < 1e-12
