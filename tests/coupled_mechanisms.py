@@ -53,7 +53,7 @@ class Rods:
         for i in range(first, first + n):
             at = at if not names else "[0.05, s/2, 0.4*l]" if self.spatial else TIP
             axis = "zxy"[i % 3] if self.spatial else "y"
-            names.append(self.rod(f"{letter}{i}", names[-1] if names else parent, angle * (1 + 0.03 * i), at, axis))
+            names.append(self.rod(f"{letter}{i}", names[-1] if names else parent, angle * (1 + 0.03 * (i % 6)), at, axis))
         return names
 
     def loop(self, name: str, start: str, end: str, at: str = TIP, to: str = TIP, joint: str = "") -> None:
@@ -135,13 +135,16 @@ def rails(rungs: int = 3) -> Rods:
     rods = Rods("rails")
     a, b = GROUND, GROUND
     at_a, at_b = "[0, 0, 0]", "[0.9, 0, 0]"
+    turned = 0.0
     for i in range(rungs):
-        a = rods.chain("a", a, 3, (-1) ** i * 0.25, at=at_a, first=3 * i + 1)[-1]
-        b = rods.chain("b", b, 3, (-1) ** i * -0.2, at=at_b, first=3 * i + 1)[-1]
-        at_a = at_b = TIP
-        rods.rod(f"rung{i}", a, 1.4, at=TIP)
+        angle = (-1) ** i * 0.25
+        for letter, parent, at in (("a", a, at_a), ("b", b, at_b)):
+            rods.chain(letter, parent, 3, angle, at=at, first=3 * i + 1)
+        a, b, at_a, at_b = f"a{3 * i + 3}", f"b{3 * i + 3}", TIP, TIP
+        turned += sum(rods.q[f"a{3 * i + k}"] for k in (1, 2, 3))
+        rods.rod(f"rung{i}", a, np.pi / 2 - turned, at=TIP)
         rods.loop(f"loop{i}", f"rung{i}", b, at="[0, 0, 0.9*l]")
-        rods.dependent += [b, f"rung{i}"]
+        rods.dependent += [f"b{3 * i + 1}", f"rung{i}"]  # b3 instead would pass on an error threefold, rung by rung
     return rods
 
 
