@@ -113,14 +113,19 @@ def test_c_is_generic_is_dense(tmp_path: Path, seed: int, layout: str) -> None:
 
 
 @pytest.mark.campaign
-def test_campaign(tmp_path: Path, capsys) -> None:
-    count, given_up = 100, []
-    for seed in range(count):
-        drawn = draw(seed)
+@pytest.mark.parametrize(
+    ("first", "count", "target", "options"),
+    [(0, 100, "both", {}), (1000, 60, "numpy", {"bodies": (9, 14), "loops": (2, 4)})],
+    ids=["few_bodies", "many_bodies"],
+)
+def test_campaign(tmp_path: Path, capsys, first: int, count: int, target: str, options: dict[str, Any]) -> None:
+    given_up = []
+    for seed in range(first, first + count):
+        drawn = draw(seed, **options)
         if drawn is None:
             given_up.append(seed)
             continue
-        codegen.generate(drawn.model, tmp_path / f"m{seed}", target="both")
+        codegen.generate(drawn.model, tmp_path / f"m{seed}", target=target)
         check(drawn, codegen.load(tmp_path / f"m{seed}"), seed)
     with capsys.disabled():
         print(f"\n{len(given_up)} of {count} draws given up: {given_up}")
