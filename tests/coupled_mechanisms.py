@@ -53,7 +53,9 @@ class Rods:
         for i in range(first, first + n):
             at = at if not names else "[0.05, s/2, 0.4*l]" if self.spatial else TIP
             axis = "zxy"[i % 3] if self.spatial else "y"
-            names.append(self.rod(f"{letter}{i}", names[-1] if names else parent, angle * (1 + 0.03 * (i % 6)), at, axis))
+            names.append(
+                self.rod(f"{letter}{i}", names[-1] if names else parent, angle * (1 + 0.03 * (i % 6)), at, axis)
+            )
         return names
 
     def loop(self, name: str, start: str, end: str, at: str = TIP, to: str = TIP, joint: str = "") -> None:

@@ -13,10 +13,12 @@ from sympy import Float
 
 from ..program.block import ANY
 from .closures import stored_factor
-from .ears import ZERO, Ear, Twist
-from .kinematics import load_vector, store_vector
-from .loop_balance import dependent_displacements
-from .spatial import Vec, add, cross, dot
+from .couplings import partner_array
+from .ears import ZERO, Ear, Twist, rotate
+from .joints import JointTransform
+from .kinematics import load_matrix, load_vector, store_vector
+from .loop_balance import dependent_displacements, let3
+from .spatial import Vec, add, cross, dot, transpose
 
 TINY = Float(1e-30)
 """Keeps the measure of a rotation finite at half a turn."""
@@ -87,11 +89,7 @@ def newton_step(x: Any, kind: Any) -> None:
     """Outward block of an ear: the displacements of its dependent joints that close its loops to first order."""
     ear = Ear(x, kind, positions="ro")
     gaps = face_differences(x, ear)
-    roots = [
-        Twist(load_vector(x, f"root#{t}", "st"), load_vector(x, f"root#{t}", "sd"))
-        if role == "link" else Twist(list(ZERO), list(ZERO))
-        for t, role in enumerate(kind.roots)
-    ]  # fmt: skip
+    roots = [_root_step(x, ear, t, role) for t, role in enumerate(kind.roots)]
     rows = [ear.rows()[i] for i in kind.kept]
     moved = ear.root_difference(roots)
     total = [
@@ -107,6 +105,58 @@ def newton_step(x: Any, kind: Any) -> None:
         store_vector(x, f"me#{k}", "st", twist.angular)
         store_vector(x, f"me#{k}", "sd", twist.linear)
         store_vector(x, f"me#{k}", "ro", ear.position(k))
+        closed_on = kind.links[k].closed_on
+        if closed_on == "origin":
+            _store_step(x, f"me#{k}", ZERO, ZERO)
+        if closed_on == "moving":
+            theta, d = load_vector(x, "base", "nt"), load_vector(x, "base", "nd")
+            back = transpose(ear.attitude(k))
+            d = add(twist.linear, d, cross(theta, ear.position(k)))
+            _store_step(x, f"me#{k}", rotate(back, add(twist.angular, theta)), rotate(back, d))
+
+
+def _root_step(x: Any, ear: Ear, t: int, role: str) -> Twist:
+    """Rotation vector and displacement of a root against the base, in region axes."""
+    if role == "link":
+        return Twist(load_vector(x, f"root#{t}", "st"), load_vector(x, f"root#{t}", "sd"))
+    if role == "far":
+        at = f"far{ear.kind.far[t]}"
+        return Twist(load_vector(x, "region", f"{at}.nt"), load_vector(x, "region", f"{at}.nd"))
+    if role == "ground":
+        theta, d = ([-e for e in load_vector(x, "base", n)] for n in ("nt", "nd"))
+        return Twist(theta, let3(x, "s", add(d, cross(theta, ear.position(-1 - t))), "Eq. 35", False))
+    return Twist(list(ZERO), list(ZERO))
+
+
+def _store_step(x: Any, array: str, theta: Vec, d: Vec) -> None:
+    for name, v in (("nt", theta), ("nd", d)):
+        store_vector(x, array, name, let3(x, name, v, "Eq. 35", False))
+
+
+def link_step(x: Any, kind: Any) -> None:
+    """Outward block of a link that ears start from: its rotation vector and displacement against the origin, in its axes."""
+    if kind.closed_on == "origin":
+        _store_step(x, "me", ZERO, ZERO)
+        return
+    joint = JointTransform(x, kind)
+    theta, d = load_vector(x, "up", "nt"), load_vector(x, "up", "nd")
+    d = add(d, cross(theta, joint.offset()))
+    _store_step(x, "me", joint.to_child(theta, "nt", "Eq. 35"), joint.to_child(d, "nd", "Eq. 35"))
+
+
+def far_steps(x: Any, kind: Any) -> None:
+    """Outward block of a region: displacements of far links against its base, in its axes."""
+    for f, m in enumerate(kind.far):
+        W, o = load_matrix(x, "region", f"far{f}.W"), load_vector(x, "region", f"far{f}.o")
+        base, d_base = load_vector(x, "base", "nt"), load_vector(x, "base", "nd")
+        theta, d = list(ZERO), list(ZERO)
+        if m >= 0:
+            array = partner_array(kind, m)
+            theta, d = (rotate(W, load_vector(x, array, name)) for name in ("nt", "nd"))
+        carried = add(d_base, cross(base, o))
+        for name, v, by in (("nt", theta, base), ("nd", d, carried)):
+            moved = let3(x, name, [a - b for a, b in zip(v, by, strict=True)], "Eq. 35", False)
+            store_vector(x, "region", f"far{f}.{name}", moved)
 
 
 def conditions(x: Any, kind: Any) -> None:

@@ -104,6 +104,10 @@ def _pulled(kind: Any) -> bool:
     return bool(kind.pulled)
 
 
+def _closed_on(kind: Any) -> bool:
+    return bool(kind.closed_on)
+
+
 def _never(kind: Any) -> bool:
     return False
 
@@ -115,8 +119,8 @@ SWEEPS: tuple[Sweep, ...] = (
           ear=closures.closures, region=far_links.far_poses, units=True, closing=True),
     Sweep("residuals", "how far loops are open, in position and velocity", _nothing, OUTWARD, applies=_never,
           ear=assembly.residuals, units=True),
-    Sweep("correct", "Newton's step of the dependent coordinates", _nothing, OUTWARD, applies=_never,
-          ear=assembly.newton_step, units=True),
+    Sweep("correct", "Newton's step of the dependent coordinates", assembly.link_step, OUTWARD, applies=_closed_on,
+          ear=assembly.newton_step, region=assembly.far_steps, units=True, closing=True),
     Sweep("condition_numbers", "condition numbers of the closure matrices", _nothing, OUTWARD, applies=_never,
           ear=assembly.conditions, units=True),
     Sweep("complete", "completion of seeds: differentiated closure of positions and velocities (Eq. 30)",

@@ -10,9 +10,11 @@ import pytest
 from comparison import error, worst
 from coupled_mechanisms import BY_HAND, by_hand, rails, tip_on_own_link, tips_joined
 from emit.test_random_mechanisms import check, draw
+from random_mechanisms import Mechanism
 
 import codegen
 from codegen.emit.solver import write_solver
+from codegen.loops import partition
 from codegen.reference import DenseEngine
 
 COUPLED = {*BY_HAND} - {"chain_on_four_bar", "chain_on_slide", "chain_on_forward_slide", "ring_with_sub_loop"}
@@ -25,7 +27,25 @@ def test_numpy_is_generic_is_dense(tmp_path: Path, name: str) -> None:
     codegen.generate(model, tmp_path / "mechanism", target="numpy")
     text = (tmp_path / "mechanism" / f"{model.name}_numpy.py").read_text()
     assert ("couplings" in text) == (name in COUPLED)
-    check(by_hand(name), codegen.load(tmp_path / "mechanism"), 1)
+    solver = codegen.load(tmp_path / "mechanism")
+    check(by_hand(name), solver, 1)
+    newton_converges(by_hand(name), solver)
+
+
+def newton_converges(drawn: Mechanism, solver: codegen.Solver) -> None:
+    """From nearby, each step of the assembly squares what is open, in all loops at once; independent coordinates are kept."""
+    model, q, u, p = drawn[:4]
+    rng = np.random.default_rng(4)
+    plain = [i for i, n in enumerate(model.coordinate_names) if n.rpartition(".")[2] not in ("qw", "qx", "qy", "qz")]
+    q = q.copy()
+    q[plain] += 1e-5 * rng.uniform(-1, 1, len(plain))
+    opened = np.abs(solver.closure(q, u, p)[0]).max()
+    (step,) = solver._target.values(solver._functions["newton_step"], {"q": q, "p": p}, ())
+    assert np.abs(solver.closure(q + step, u, p)[0]).max() < 1e-3 * opened
+    closed, _ = solver.assemble(q, u, p)
+    assert np.abs(solver.closure(closed, u, p)[0]).max() < 1e-13
+    kept = partition(model).independent_coordinates(model)
+    assert np.array_equal(closed[[i for i in kept if i in plain]], q[[i for i in kept if i in plain]])
 
 
 @pytest.mark.parametrize(("name", "layout"), [("rails", "kinds"), ("platform", "unrolled"), ("tips_slide", "kinds")])
