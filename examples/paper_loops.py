@@ -361,7 +361,7 @@ def main() -> None:
     arguments = parser.parse_args()
     arguments.levels = list(LEVELS)
     if arguments.small:
-        arguments.n, arguments.loops = [8, 16], [1, 2, 3]
+        arguments.n, arguments.loops = [8], [1, 2, 3]
         arguments.rounds, arguments.batches, arguments.levels = 1, 2, ["-O1"]
     use_one_core()
 

@@ -21,7 +21,18 @@ COUPLED = {*BY_HAND} - {"chain_on_four_bar", "chain_on_slide", "chain_on_forward
 """Those whose ears start from two links that both move."""
 
 
-@pytest.mark.parametrize("name", BY_HAND)
+LIKE_ANOTHER = (
+    "tip_on_own_link",
+    "tip_on_own_link_spatial",
+    "tips_joined",
+    "tips_joined_spatial",
+    "chain_on_forward_slide",
+)
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[pytest.mark.campaign] if n in LIKE_ANOTHER else []) for n in BY_HAND]
+)
 def test_numpy_is_generic_is_dense(tmp_path: Path, name: str) -> None:
     model = by_hand(name).model
     codegen.generate(model, tmp_path / "mechanism", target="numpy")

@@ -74,9 +74,12 @@ def test_a_coupling_keeps_its_place_from_the_first_to_the_last_who_touches_it(na
         assert all(0 <= slot < elimination.slots for slot in elimination.coupling_slot)
 
 
-@pytest.mark.parametrize(("made", "most", "places"), [(rails, 2, 2), (tips_joined, 1, 2), (platform, 2, 5)])
-def test_few_partners_and_places_however_long_the_branches(made: Any, most: int, places: int) -> None:
+@pytest.mark.parametrize(
+    ("made", "hinted", "most", "places"),
+    [(rails, True, 1, 2), (rails, False, 2, 2), (tips_joined, True, 1, 2), (platform, True, 2, 5)],
+)
+def test_few_partners_and_places_however_long_the_branches(made: Any, hinted: bool, most: int, places: int) -> None:
     for n in (6, 12):
-        elimination = analysed(made(n).model(hinted=True)).regions.elimination
+        elimination = analysed(made(n).model(hinted)).regions.elimination
         assert max(len(p.links) for p in elimination.partners) == most
         assert elimination.slots == places
