@@ -2,6 +2,9 @@
 
 import os
 
+# Before anything imports NumPy: threads that wait for each other make small matrices slow on a busy machine.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import hypothesis
 import pytest
 
