@@ -107,6 +107,19 @@ def chain_on_four_bar(n: int = 7) -> Rods:
     return rods
 
 
+def chains_on_four_bar(n: int = 5) -> Rods:
+    """A four-bar with two chains from its coupler, their tips joined: couplings that end with a link of another region."""
+    rods = Rods("chains_on_four_bar")
+    rods.rod("crank", GROUND, 0.4, "[0, 0, 0]")
+    rods.rod("coupler", "crank", 0.9, "[0, 0, l]")
+    rods.rod("rocker", "coupler", 1.0, "[0, 0, l]")
+    a = rods.chain("a", "coupler", n, 0.15, at="[0.1, 0, 0.2*l]")
+    b = rods.chain("b", "coupler", n, -0.15, at="[0.2, 0, 0.9*l]")
+    rods.loop("four_bar", "rocker", GROUND, at="[0, 0, l]", to="[1.2, 0, 0]")
+    rods.loop("tips", a[-1], b[-1])
+    return rods
+
+
 def chain_on_slide(n: int = 8, axis: str = "[-1, 0, 0]") -> Rods:
     """A slide, a chain from it guided along a line fixed on the ground, and from that another one to the ground."""
     rods = Rods("chain_on_slide", spatial=True)
@@ -193,6 +206,7 @@ BY_HAND = {
     "tips_joined_on_free_base": lambda: tips_joined(5, base="free"),
     "tips_slide": lambda: tips_joined(8, spatial=True, joint="{type: cylindrical, axis: [0.2, 1, 0.1]}"),
     "chain_on_four_bar": lambda: chain_on_four_bar(),
+    "chains_on_four_bar": lambda: chains_on_four_bar(),
     "chain_on_slide": lambda: chain_on_slide(),
     "chain_on_forward_slide": lambda: chain_on_slide(axis="[1, 0, 0]"),
     "ring_with_sub_loop": lambda: ring_with_sub_loop(),

@@ -143,6 +143,7 @@ class Geometry:
         self._evaluate = evaluator(parameter_values(model, p))
         self.parent = [b.parent if b.parent != GROUND else n for b in model.bodies] + [n]
         self.depth = [0] * (n + 1)
+        self._cycles: dict[int, tuple[list[int], list[int]]] = {}
         for k in model.outward:
             self.depth[k] = self.depth[self.parent[k]] + 1
         self._joints()
@@ -263,13 +264,20 @@ class Geometry:
 
     def cycle(self, loop: int) -> tuple[list[int], list[int]]:
         """Bodies whose joints the loop passes, from the cut inward: on the start side, on the end side."""
-        sides: tuple[list[int], list[int]] = ([], [])
-        ends = [self.starts[loop], self.ends[loop]]
-        while ends[0] != ends[1]:
-            i = int(self.depth[ends[1]] > self.depth[ends[0]])
-            sides[i].append(ends[i])
-            ends[i] = self.parent[ends[i]]
-        return sides
+        known = self._cycles.get(loop)
+        if known is None:
+            start, end = [], []
+            depth, parent = self.depth, self.parent
+            a, b = self.starts[loop], self.ends[loop]
+            while a != b:
+                if depth[b] > depth[a]:
+                    end.append(b)
+                    b = parent[b]
+                else:
+                    start.append(a)
+                    a = parent[a]
+            known = self._cycles[loop] = (start, end)
+        return known
 
 
 class Joints:

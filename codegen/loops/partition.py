@@ -258,8 +258,10 @@ def hinted(geometry: Geometry) -> set[int]:
 def _ear(geometry: Geometry, draft: Draft) -> Ear:
     path: list[int] = []
     chosen = set(draft.dependent)
+    bodies = {int(geometry.speed_body[s]) for s in chosen}
     for loop in draft.loops:
         for side in geometry.cycle(loop):
-            path += [s for k in reversed(side) for s in geometry.speeds[k] if s in chosen and s not in path]
+            here = [k for k in reversed(side) if k in bodies]
+            path += [s for k in here for s in geometry.speeds[k] if s in chosen and s not in path]
     length = float(geometry.lengths[draft.loops[0]])
     return Ear(draft.loops, tuple(path), draft.rows, len(path), draft.condition, length)

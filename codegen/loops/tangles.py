@@ -8,8 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 from .geometry import Geometry
+
+T = TypeVar("T")
 
 
 def untangled(geometry: Geometry, ears: Sequence[tuple[int, ...]], dependent: set[int]) -> list[tuple[int, ...]]:
@@ -23,23 +26,29 @@ def untangled(geometry: Geometry, ears: Sequence[tuple[int, ...]], dependent: se
     dependent : set of int
         Speeds.
     """
-    owner: dict[int, int] = {}
-    for e, loops in enumerate(ears):
-        for i in loops:
-            for side in geometry.cycle(i):
-                for k in side:
-                    owner.setdefault(k, e)
-    faces = [[k for i in loops for k in (geometry.starts[i], geometry.ends[i])] for loops in ears]
-    outward = sorted(owner, key=lambda k: (geometry.depth[k], k))
-    moved = {k for k in outward if dependent.intersection(geometry.speeds[k])}
-    members = ear_members({k: geometry.parent[k] for k in outward}, owner, outward, faces, moved.__contains__)
-    found = sorted(tangle(members.before))
-    if not found:
-        return list(ears)
-    # where the last one stands: the tangle needs whatever the others needed
-    one = tuple(sorted(i for e in found for i in ears[e]))
-    kept = [(one if e == found[-1] else x) for e, x in enumerate(ears) if e == found[-1] or e not in found]
-    return untangled(geometry, kept, dependent)
+    ears = list(ears)
+    while True:
+        owner: dict[int, int] = {}
+        for e, loops in enumerate(ears):
+            for i in loops:
+                for side in geometry.cycle(i):
+                    for k in side:
+                        owner.setdefault(k, e)
+        faces = [[k for i in loops for k in (geometry.starts[i], geometry.ends[i])] for loops in ears]
+        outward = sorted(owner, key=lambda k: (geometry.depth[k], k))
+        moved = {k for k in outward if dependent.intersection(geometry.speeds[k])}
+        members = ear_members({k: geometry.parent[k] for k in outward}, owner, outward, faces, moved.__contains__)
+        found = tangles(members.before)
+        if not found:
+            return ears
+        ears = joined(ears, found, lambda several: tuple(sorted(i for loops in several for i in loops)))
+
+
+def joined(things: Sequence[T], tangled: Sequence[Sequence[int]], join: Callable[[list[T]], T]) -> list[T]:
+    """Things in their order, those of a tangle as one where its last one stands: it needs whatever the others needed."""
+    last = {tangle[-1]: join([things[n] for n in tangle]) for tangle in tangled}
+    gone = {n for tangle in tangled for n in tangle[:-1]}
+    return [last.get(n, thing) for n, thing in enumerate(things) if n not in gone]
 
 
 @dataclass(slots=True)
@@ -109,30 +118,46 @@ def ear_members(
     return Members(moved, before)
 
 
-def tangle(before: Sequence[set[int]]) -> set[int]:
-    """Of things that wait for others, those of one tangle where all wait for each other."""
-    left = set(range(len(before)))
-    after: list[set[int]] = [set() for _ in before]
-    for n, x in enumerate(before):
-        for m in x:
-            after[m].add(n)
-    for waits, frees in ((before, after), (after, before)):
-        count = {n: len(waits[n] & left) for n in left}
-        ready = [n for n in left if not count[n]]
-        while ready:
-            n = ready.pop()
-            left.discard(n)
-            for m in frees[n]:
-                if m in left:
-                    count[m] -= 1
-                    if not count[m]:
-                        ready.append(m)
-    if not left:
-        return left
-    found = {min(left)}
-    grown = True
-    while grown:
-        more = {m for n in found for m in (before[n] | after[n]) & left} - found
-        found |= more
-        grown = bool(more)
-    return found
+def tangles(before: Sequence[set[int]]) -> list[list[int]]:
+    """Of things that wait for others, those that wait for each other: sets of several in which each waits for all, sorted.
+
+    The strongly connected components, by Tarjan's method (SIAM J. Comput. 1, 1972, 146-160).
+    """
+    found: list[list[int]] = []
+    number = [-1] * len(before)
+    lowest = [0] * len(before)
+    stacked = [False] * len(before)
+    stack: list[int] = []
+    count = 0
+    for start in range(len(before)):
+        if number[start] >= 0:
+            continue
+        way = [(start, iter(sorted(before[start])))]
+        number[start] = lowest[start] = count
+        count += 1
+        stack.append(start)
+        stacked[start] = True
+        while way:
+            n, others = way[-1]
+            for m in others:
+                if number[m] < 0:
+                    number[m] = lowest[m] = count
+                    count += 1
+                    stack.append(m)
+                    stacked[m] = True
+                    way.append((m, iter(sorted(before[m]))))
+                    break
+                if stacked[m]:
+                    lowest[n] = min(lowest[n], number[m])
+            else:
+                way.pop()
+                if way:
+                    lowest[way[-1][0]] = min(lowest[way[-1][0]], lowest[n])
+                if lowest[n] == number[n]:
+                    component: list[int] = []
+                    while not component or component[-1] != n:
+                        component.append(stack.pop())
+                        stacked[component[-1]] = False
+                    if len(component) > 1:
+                        found.append(sorted(component))
+    return sorted(found)

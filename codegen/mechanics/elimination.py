@@ -126,6 +126,9 @@ class _Graph:
                 self.unit_of_region[unit.number] = n
             self.unit_of_link.update(dict.fromkeys(unit.links, n))
         self.coupled: dict[int, set[int]] = {}
+        self.inside = [{i for e in region.ears for i in ears[e].links} for region in regions]
+        self.region_of_link = {i: r for r, inside in enumerate(self.inside) for i in inside}
+        self.touched: list[set[int]] = [set() for _ in regions]
 
     def hangs_on(self, unit: Unit) -> set[int]:
         """Units that come before one on the way outward."""
@@ -151,12 +154,17 @@ class _Graph:
         """Links outside that a link, or the region of an ear, is coupled to."""
         if unit.role == "link":
             return self.coupled.get(unit.number, set())
-        region = self.regions[self.ears[unit.number].region if unit.role == "ear" else unit.number]
-        inside = {i for e in region.ears for i in self.ears[e].links}
-        found = set(region.far) - {GROUND}
-        for i in inside:
+        r = self.ears[unit.number].region if unit.role == "ear" else unit.number
+        found = set(self.regions[r].far) - {GROUND}
+        for i in self.touched[r]:
             found |= self.coupled.get(i, set())
-        return found - inside
+        return found - self.inside[r]
+
+    def couple(self, i: int, j: int) -> None:
+        for a, b in ((i, j), (j, i)):
+            self.coupled.setdefault(a, set()).add(b)
+            if a in self.region_of_link:
+                self.touched[self.region_of_link[a]].add(a)
 
     def eliminate(self) -> tuple[list[Unit], list[tuple[set[int], int]]]:
         """Units outward; for each, its partners and the link that it hangs on."""
@@ -202,15 +210,13 @@ class _Graph:
         if unit.role == "link":
             gone, base = [unit.number], self.links[unit.number].parent
         else:
-            region = self.regions[unit.number]
-            gone, base = [i for e in region.ears for i in self.ears[e].links], region.base
+            gone, base = sorted(self.inside[unit.number]), self.regions[unit.number].base
         if partners:
             for i in gone:
                 for j in self.coupled.pop(i, set()):
                     self.coupled.get(j, set()).discard(i)
             for i, j in combinations(_remaining(partners, base), 2):
-                self.coupled.setdefault(i, set()).add(j)
-                self.coupled.setdefault(j, set()).add(i)
+                self.couple(i, j)
         return partners, base
 
 
@@ -241,7 +247,7 @@ def _couplings(
         unit = order[n]
         if unit.role == "ear":
             region = of_region[ears[unit.number].region]
-            if not region.links and not any(i in at_link for i in unit.links):
+            if not region.links and not any(at_link.get(i) for i in unit.links):
                 continue
             assert len(regions[ears[unit.number].region].ears) == 1, "a region with couplings has one ear"
             mine = result[n] = Partners(region.links, region.base)

@@ -13,7 +13,7 @@ from typing import Any
 from .couplings import partner_array
 from .ears import rotate
 from .kinematics import acceleration_matrix, load_matrix, load_vector, store_matrix, store_vector
-from .spatial import XYZ, Mat, Vec, add, cross, matmul, matvec, transpose
+from .spatial import XYZ, Vec, add, cross, matmul, matvec, transpose
 
 ZERO: Vec = [0, 0, 0]
 
@@ -111,4 +111,4 @@ def far_motion_tangents(x: Any, kind: Any, matrix_tangent: Any) -> None:
         store_matrix(x, "lregion", f"far{f}.B", matrix_tangent(x, w, found[0], found[1]))
 
 
-__all__ = ["Mat", "far_displacements", "far_motion_tangents", "far_motions", "far_poses"]
+__all__ = ["far_displacements", "far_motion_tangents", "far_motions", "far_poses"]

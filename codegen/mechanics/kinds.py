@@ -559,7 +559,7 @@ class _Order:
             else:
                 region = regions.regions[unit.number] if unit.role == "region" else None
                 base = region.base if region else links[unit.number].parent
-                used = [base, *coupled, *(region.far if region else ())]
+                used = [base, *coupled]
                 for i in (base, *coupled):
                     self.first_contributor[i] = n
                     self._carriers.add(i)
@@ -567,8 +567,8 @@ class _Order:
                 if i != GROUND:
                     self.last_use[i] = n
         for n, unit in enumerate(regions.order):
-            if unit.role != "ear":
-                mine = self.partners[n]
+            mine = self.partners[n]
+            if unit.role != "ear" and mine.links:
                 mine.first = [self.first_contributor[i] == n for i in mine.links]
         self._closed_on = self._followed()
 
@@ -579,7 +579,7 @@ class _Order:
         would lose the digits of its distance.
         """
         regions = self.regions
-        moving = set[int]()
+        top: dict[int, int] = {}
         origins = set[int]()
 
         def place(i: int) -> int:
@@ -589,14 +589,18 @@ class _Order:
             if region.rigid and not region.far:
                 continue
             front = {region.base, *region.far} | (set() if region.rigid else {GROUND})
+            passed = []
             while len(front) > 1:
                 i = max(front, key=place)
-                moving.add(i)
-                e = regions.ear_of[i]
                 front.remove(i)
-                front.add(self.links[i].parent if e is None else regions.regions[regions.ears[e].region].base)
+                passed.append(i)
+                e = regions.ear_of[i]
+                parent = self.links[i].parent if e is None else regions.regions[regions.ears[e].region].base
+                # where another walk has been, its end is next: this one ends there or further in
+                front.add(top.get(i, parent))
+            top.update(dict.fromkeys(passed, *front))
             origins |= front - {GROUND}
-        return dict.fromkeys(origins, "origin") | dict.fromkeys(moving, "moving")
+        return dict.fromkeys(origins, "origin") | dict.fromkeys(top, "moving")
 
     def partners_of_link(self, i: int) -> Partners:
         """Couplings of a link that is a unit."""

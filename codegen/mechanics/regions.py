@@ -2,9 +2,9 @@
 
 Section 4 of the theory page. An **ear** is a set of links on cycles, resolved together: the new links of a loop, of the
 several loops of a cluster, or, without any loop, one link whose joint is independent. A **region** is a set of ears whose
-links all move as functions of the same few **sources**: independent speeds, and perhaps one link that is resolved elsewhere
-(``A_k = Z_k w``). A ladder of any length is one region with one source. Where a loop closes a long chain, its ear is a
-region of its own and the link it starts from the source.
+links all move as functions of the same few **sources** (``A_k = Z_k w``): independent speeds, and perhaps the motion of links
+that are resolved elsewhere. A ladder of any length is one region with one source. Where a loop closes a long chain, its ear
+is a region of its own; of the links it starts from one is the base, the others are far links that move against it.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from ..loops.partition import Partition
-from ..loops.tangles import ear_members, tangle
+from ..loops.tangles import ear_members, joined, tangles
 from ..model.model import GROUND, Model
 from .elimination import Elimination, find_elimination
 from .joints import FREEDOMS
@@ -110,6 +110,7 @@ def _components(
     for e, ear in enumerate(partition.ears):
         new: list[int] = []
         lowest: list[int] = []
+        reached: list[int] = []
         for loop in ear.loops:
             a, b = faces[loop]
             # links are numbered outward, so the larger number is never an ancestor of the smaller one
@@ -121,10 +122,11 @@ def _components(
                     a = links[a].parent
                     continue
                 known = find(owner[a])
-                if known == e:  # another loop of this ear has been here: on to where that ended
-                    a = links[a].parent
+                if known == e:  # this ear has been here: on to where that ended
+                    a = reached[0] if owner[a] != e and len(reached) == 1 else links[a].parent
                     continue
                 group[known] = e
+                reached.append(base[known])
                 lowest.append(base[known])
                 if b in owner and find(owner[b]) == e:
                     break
@@ -163,16 +165,17 @@ def _bundles(
         members = ear_members({i: links[i].parent for i in owner}, owner, sorted(owner), ends, is_moved)
         for b, moved in zip(bundles, members.moved, strict=True):
             b.members = sorted(moved)
-        tangled = sorted(tangle(members.before))
+        tangled = tangles(members.before)
         if not tangled:
             return bundles
-        joined = [bundles[n] for n in tangled]
-        one = Bundle(
-            tuple(loop for b in joined for loop in b.loops), sorted(i for b in joined for i in b.links),
-            max(b.length for b in joined),
-        )  # fmt: skip
-        bundles = [b for n, b in enumerate(bundles) if n not in tangled]
-        bundles.insert(min(tangled[0], len(bundles)), one)
+        bundles = joined(bundles, tangled, _as_one)
+
+
+def _as_one(bundles: list[Bundle]) -> Bundle:
+    return Bundle(
+        tuple(loop for b in bundles for loop in b.loops), sorted(i for b in bundles for i in b.links),
+        max(b.length for b in bundles),
+    )  # fmt: skip
 
 
 class _Maker:

@@ -67,7 +67,7 @@ class Region:
     Attributes
     ----------
     base : int
-        Link whose axes are used, or `GROUND`.
+        Link whose axes are used and that carries a rigid region, or `GROUND`.
     rigid : bool
         The loops close within the region whatever the base does: it carries the region like a rigid subtree. Otherwise the
         base's six components are sources.

@@ -49,7 +49,7 @@ def newton_converges(drawn: Mechanism, solver: codegen.Solver) -> None:
     rng = np.random.default_rng(4)
     plain = [i for i, n in enumerate(model.coordinate_names) if n.rpartition(".")[2] not in ("qw", "qx", "qy", "qz")]
     q = q.copy()
-    q[plain] += 1e-5 * rng.uniform(-1, 1, len(plain))
+    q[plain] += 1e-7 * rng.uniform(-1, 1, len(plain))
     opened = np.abs(solver.closure(q, u, p)[0]).max()
     (step,) = solver._target.values(solver._functions["newton_step"], {"q": q, "p": p}, ())
     assert np.abs(solver.closure(q + step, u, p)[0]).max() < 1e-3 * opened
