@@ -1218,8 +1218,8 @@ class Solver:
             fixed joint: it is one with what carries it.
         loops : (..., nloops, 6)
             What each loop joint does to its ``to`` body, about the origin of the face there. Where conditions are redundant
-            they are not unique: these are the ones with the least sum of squares of moments, and forces times the
-            characteristic length.
+            they are not unique: these are, ear by ear, the ones with the least sum of squares of moments, and forces
+            times the characteristic length.
         """
         found = self._values("reactions", {"q": q, "u": u, "p": p, "inputs": inputs, "t": t})
         batch = found[0].shape[:-1]
