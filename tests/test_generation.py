@@ -347,3 +347,17 @@ def test_a_solver_of_a_package_can_be_sent_to_another_process(package):
         [sys.executable, "-c", script], cwd=package.parent, capture_output=True, text=True, check=False
     )
     assert run.stdout == "True numpy (4,)\n", run.stderr
+
+
+def test_a_force_without_a_value_at_some_states_is_no_difference_of_the_targets(tmp_path):
+    model = parse_model("""
+model: gated
+bodies:
+  arm: {parent: ground, joint: {type: revolute, axis: y}, mass: 1, com: [0, 0, 1]}
+forces:
+  gate: {type: joint, joint: arm, value: acos(20*u.arm)}
+""")
+    generate(model, tmp_path / "gated", target="both")
+    solver = codegen.load(tmp_path / "gated", target="both")
+    assert np.isnan(solver.accelerations([0.1], [1.0])).all()
+    assert np.isclose(solver.accelerations([0.1], [0.0])[0], np.pi / 2)

@@ -1397,7 +1397,8 @@ class Solver:
             spread = 0.03 if self.closure_names else 0.3
             arrays |= {"q": self._initial[0] + spread * rng.normal(size=self.nq), "p": self._left_out["p"], "t": 0.7}
             seeds = {f"d{n}": rng.normal(size=(k, *(self._shapes[n] or (1,)))) for n in arrays}
-            ours, theirs = (_outcome(target, f, arrays, seeds, k) for target in (compiled, plain))
+            with np.errstate(all="ignore"):
+                ours, theirs = (_outcome(target, f, arrays, seeds, k) for target in (compiled, plain))
             if isinstance(ours, str) or isinstance(theirs, str):
                 if isinstance(ours, str) != isinstance(theirs, str):
                     raise TargetsDifferError(f"{self.name}, {f.name}: only one of C and NumPy finds a singular joint")
@@ -1405,6 +1406,9 @@ class Solver:
             for name, derived, a, b in zip(f.results, f.derived, ours, theirs, strict=True):
                 rows = (k, -1) if derived else (1, -1)
                 for x, y in zip(a.reshape(rows), b.reshape(rows), strict=True):
+                    # a force of the model may have no value at such a state: then in both
+                    finite = np.isfinite(x) | np.isfinite(y)
+                    x, y = x[finite], y[finite]
                     error = float(np.max(np.abs(x - y), initial=0.0))
                     if not error <= TARGET_TOLERANCE * float(np.max(np.abs(y), initial=0.0)) + 1e-12:
                         raise TargetsDifferError(
