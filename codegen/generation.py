@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from .model import Model, load_model
+from .model import Model, ModelError, load_model
 from .version import __version__
 
 LAYOUTS = ("auto", "kinds", "unrolled")
@@ -157,7 +157,12 @@ def generate(
 
     from .emit.solver import write_solver
 
-    source = write_solver(model, layout, reactions=reactions)
+    try:
+        source = write_solver(model, layout, reactions=reactions)
+    except ModelError as error:
+        if origin is None:
+            raise
+        raise ModelError([dataclasses.replace(p, file=str(file)) for p in error.problems]) from None
     seconds |= source.seconds
     if partitions == 2 and source.chosen is not None:
         with _timed(seconds, "second partition"):
@@ -349,22 +354,33 @@ def check_solver(model: Model, report: Report) -> None:
         solver = load(report.folder)
     engine = RecursiveEngine(model)
     rng = np.random.default_rng(1)
-    q0, u0 = solver.initial
+    unchecked = "warning: not checked against the generic engine: "
+    try:
+        q0, u0 = solver.initial
+    except SingularLoopError as singular:
+        report.remarks.append(f"{unchecked}at the initial configuration {singular}")
+        return
     errors = {"udot": 0.0, "dudot": 0.0}
     checked = 0
+    why = "the accelerations are not finite"
     for _ in range(CHECK_DRAWS):
         q = q0 + (0.05 if model.loops else 0.5) * rng.normal(size=solver.nq)
         u = u0 + rng.normal(size=solver.nu)
         if model.loops:
             try:
                 q, u = solver.assemble(q, u)
-            except (AssemblyError, SingularLoopError):
-                continue  # the loops do not reach so far
+            except (AssemblyError, SingularLoopError) as open_loop:
+                why = f"none of them can be assembled, the last because {open_loop}"
+                continue
         inputs, t = rng.normal(size=solver.ninputs), float(rng.uniform(0.1, 1.0))
         sizes = {"dq": solver.nq, "du": solver.nu, "dp": solver.np, "dinputs": solver.ninputs}
         seeds = {name: rng.normal(size=(3, n)) for name, n in sizes.items()} | {"dt": rng.normal(size=3)}
         with np.errstate(all="ignore"):
-            given = solver.sensitivities(q, u, None, inputs, t, **seeds)
+            try:
+                given = solver.sensitivities(q, u, None, inputs, t, **seeds)
+            except SingularLoopError as singular:
+                why = f"loops lose rank, the last because {singular}"
+                continue
             expected = [np.asarray(x) for x in engine.sensitivities(q, u, None, inputs, t, **seeds)]
         if not all(np.isfinite(x).all() for x in expected):
             continue  # a force such as log(q.a - 1) has no value there: nothing to compare with
@@ -379,6 +395,5 @@ def check_solver(model: Model, report: Report) -> None:
         report.errors = errors
     else:
         report.remarks.append(
-            f"not checked against the generic engine: the accelerations are not finite at {CHECK_DRAWS} random states near "
-            f"the initial one; give initial values at which the model's expressions have one"
+            f"{unchecked}of {CHECK_DRAWS} random states near the initial one {why}; give other initial values"
         )

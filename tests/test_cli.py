@@ -241,6 +241,51 @@ def test_check_tells_a_loop_that_does_not_close(here, capsys):
     assert "ok" not in out and "pin" in err and "cannot be closed" in err
 
 
+def bars(ground: float, hint: str = "", initial: str = "q: {}") -> str:
+    """A four-bar of lengths 1, 1.5, 1 in the plane; all angles are zero where it is stretched."""
+    rod = "{{parent: {}, joint: {{type: revolute, axis: y, at: [{}, 0, 0]}}, mass: 1, com: [0.4, 0, 0]}}"
+    bodies = [("a", "ground", 0), ("b", "a", 1), ("c", "b", 1.5)]
+    return (
+        "model: bars\ngravity: [0, 0, -9.81]\nbodies:\n"
+        + "".join(f"  {name}: {rod.format(parent, at)}\n" for name, parent, at in bodies)
+        + "loops:\n  pin: {joint: {type: revolute, axis: y}, from: {body: c, at: [1, 0, 0]}, "
+        f"to: {{body: ground, at: [{ground}, 0, 0]}}}}\nindependent: [{hint}]\ninitial: {{{initial}}}\n"
+    )
+
+
+def test_a_singular_start_is_told(here, capsys):
+    """Stretched to the full: the rank there is one, and there is no other configuration to look at."""
+    Path("flat.yaml").write_text(bars(3.5))
+    assert main(["check", "flat.yaml"]) == 0
+    out = " ".join(capsys.readouterr().out.split())
+    assert "warning: loop pin cannot be closed otherwise" in out and "singular" in out and "rank 1 of 5" in out
+    Path("hinted.yaml").write_text(bars(3.5, "a"))
+    assert main(["check", "hinted.yaml"]) == 1
+    err = capsys.readouterr().err
+    assert "a cannot be independent; remove it" in err and "seems to be singular" in err
+    assert generate_main(["hinted.yaml"]) == 1
+    assert capsys.readouterr().err.startswith("hinted.yaml: loops: loop pin")
+
+
+def test_a_package_that_could_not_be_checked_says_why(here, capsys):
+    """A linkage that moves, started flat."""
+    Path("folded.yaml").write_text(bars(1.5, "a", "q: {a: 0, b: 0, c: 3.141592653589793}"))
+    assert generate_main(["folded.yaml"]) == 0
+    out = " ".join(capsys.readouterr().out.split())
+    assert "warning: loop pin: the closure matrix" in out and "start from another configuration" in out
+    assert "warning: not checked against the generic engine: at the initial configuration loop pin has lost rank" in out
+
+
+def test_initial_values_that_do_not_close_are_told(here, capsys):
+    Path("bars.yaml").write_text(bars(1.5, "a", "q: {a: -1, b: 1, c: 1}, u: {a: 2, b: 17}"))
+    assert main(["check", "bars.yaml"]) == 0
+    out = " ".join(capsys.readouterr().out.split())
+    assert "initial u of dependent speeds do not close the loops; they are changed, b from 17 to" in out
+    Path("far.yaml").write_text(bars(3.4, "a", "q: {a: -2, b: 1, c: 1}"))
+    assert main(["check", "far.yaml"]) == 0
+    assert "they were moved, a from -2 to" in " ".join(capsys.readouterr().out.split())
+
+
 def test_show_a_model_and_a_package(here, capsys):
     assert main(["show", "rod.yaml"]) == 0
     out = capsys.readouterr().out

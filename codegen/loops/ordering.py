@@ -166,8 +166,8 @@ class Sweep:
             return text
         wrong = [c for c in held if np.max(ranks(E[..., [*free, c]])) > rank]
         return (
-            f"{text}: {listed([names[c] for c in (wrong or held)])} cannot all be independent; "
-            f"remove one of them from `independent`"
+            f"{text}: {listed([names[c] for c in (wrong or held)])} cannot {'all ' * (len(wrong or held) > 1)}be "
+            f"independent; remove {'one of them' if len(wrong or held) > 1 else 'it'} from `independent`"
         )
 
 

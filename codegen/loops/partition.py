@@ -15,7 +15,7 @@ from .errors import AssemblyError, PartitionError
 from .geometry import Array, Geometry, advance, padded
 from .ordering import Draft, Sweep, arrange, loop_order
 from .speed_groups import SpeedGroup, coordinates_of, speed_groups
-from .velocities import Motion
+from .velocities import Motion, complete_speeds
 
 NEARBY = 2
 """Configurations near the initial one that are looked at too where a special pose could mislead."""
@@ -129,16 +129,32 @@ def partition(model: Model) -> Partition:
     order = loop_order(geometry, held)
     warnings: list[str] = []
     if is_closed(geometry, guess):
-        q, drafts = guess, _choose(geometry, order, guess, held, random)
+        q, drafts = guess, _choose(geometry, order, guess, held, random, warnings)
     else:
         q, warnings = first_assembly(geometry, order, guess, held, random)
-        drafts = _choose(geometry, order, q, held, random)
+        drafts = _choose(geometry, order, q, held, random, warnings)
         moved, q = q, _near_guess(geometry, drafts, guess, q, warnings)
         if q is not moved:
             drafts = _judged(geometry, drafts, q)
             if max(d.condition for d in drafts) > POOR_CONDITION:
-                drafts = _choose(geometry, order, q, held, random)
-    return _partition(geometry, drafts, q, warnings + [text for d in drafts for text in _doubts(model, d)])
+                drafts = _choose(geometry, order, q, held, random, warnings)
+    warnings += [text for d in drafts for text in _doubts(model, d)]
+    found = _partition(geometry, drafts, q, warnings)
+    ignored = list(_ignored_speeds(model, found))
+    return replace(found, warnings=(*found.warnings, *ignored)) if ignored else found
+
+
+def _ignored_speeds(model: Model, found: Partition) -> Iterator[str]:
+    """Initial values of dependent speeds that closure replaces by others."""
+    named = [s for s in found.dependent if model.speed_names[s] in model.initial_u]
+    if not named:
+        return
+    given = initial_configuration(model)[1]
+    u = complete_speeds(model, found, found.q, given)
+    ignored = [s for s in named if abs(u[s] - given[s]) > 1e-6 * max(1.0, float(np.abs(u).max()))]
+    if ignored:
+        text = listed([f"{model.speed_names[s]} from {given[s]:.4g} to {u[s]:.4g}" for s in ignored])
+        yield f"initial u of dependent speeds do not close the loops; they are changed, {text}"
 
 
 def _doubts(model: Model, draft: Draft) -> Iterator[str]:
@@ -148,7 +164,7 @@ def _doubts(model: Model, draft: Draft) -> Iterator[str]:
     if draft.condition > POOR_CONDITION:
         yield (
             f"{loops}: the closure matrix of the dependent speeds has condition {draft.condition:.1e} at the initial "
-            f"configuration, which is at or near a singular one; start from another"
+            f"configuration, which is at or near a singular one; start from another configuration"
         )
     if len(draft.loops) > LARGE_CLUSTER:
         yield (
@@ -157,12 +173,16 @@ def _doubts(model: Model, draft: Draft) -> Iterator[str]:
         )
 
 
-def _choose(geometry: Geometry, order: list[int], q: Array, held: set[int], random: np.random.Generator) -> list[Draft]:
+def _choose(
+    geometry: Geometry, order: list[int], q: Array, held: set[int], random: np.random.Generator, warnings: list[str]
+) -> list[Draft]:
     """Ears at an assembled configuration, and at some near it unless that one is enough."""
+    doubtful = list(range(len(order)))
     try:
         drafts = arrange(Sweep(geometry, q, held, random), order)
         if all(d.certain for d in drafts):
             return drafts
+        doubtful = [i for d in drafts if not d.certain for i in d.loops]
     except PartitionError:
         pass  # the pose may be a special one
     configurations = [q]
@@ -174,7 +194,33 @@ def _choose(geometry: Geometry, order: list[int], q: Array, held: set[int], rand
             configurations.append(first_assembly(geometry, order, start, set(), random)[0])
         except AssemblyError:
             continue
-    return arrange(Sweep(geometry, np.concatenate(configurations), held, random), order)
+    stuck = [i for i in doubtful if not _moves(geometry, i, configurations)]
+    advice = (
+        f"loop{'s' * (len(stuck) > 1)} {listed([geometry.model.loops[i].name for i in stuck])} cannot be closed otherwise "
+        f"anywhere near the initial configuration, which seems to be singular, so that the rank there says nothing: start "
+        f"from another configuration, or check whether lengths are just long enough"
+    )
+    try:
+        drafts = arrange(Sweep(geometry, np.concatenate(configurations), held, random), order)
+    except PartitionError as error:
+        raise PartitionError(f"{error}; {advice}" if stuck else str(error)) from None
+    if stuck:
+        ranks = [f"{len(d.dependent)} of {d.rows} conditions" for d in drafts if {*d.loops} & {*stuck}]
+        warnings.append(f"{advice} (rank {listed(ranks)})")
+    return drafts
+
+
+def _moves(geometry: Geometry, loop: int, configurations: list[Array]) -> bool:
+    """Whether the joints of a loop stand otherwise in some of the configurations than in the first."""
+    speeds = [s for side in geometry.cycle(loop) for k in side for s in geometry.speeds[k]]
+    where = sorted({i for s in speeds for i in _places(geometry, s)})
+    first, *others = (q[0, where] for q in configurations)
+    return any(np.max(np.abs(q - first), initial=0.0) > DISTANCE / 100 for q in others)
+
+
+def _places(geometry: Geometry, speed: int) -> list[int]:
+    """Indices of the coordinates that a speed moves."""
+    return list(range(geometry.moved[speed].start, geometry.moved[speed].stop))
 
 
 def _near_guess(geometry: Geometry, drafts: list[Draft], guess: Array, q: Array, warnings: list[str]) -> Array:
@@ -194,9 +240,12 @@ def _near_guess(geometry: Geometry, drafts: list[Draft], guess: Array, q: Array,
             return assembled(geometry, loose, x)
         except AssemblyError as error:
             loop, residual = error.loop, error.residual
+    places = sorted({i for s in loose.independent for i in _places(geometry, s) if guess[0, i] != q[0, i]})
+    names = geometry.model.coordinate_names
+    moved = listed([f"{names[i]} from {guess[0, i]:.4g} to {q[0, i]:.4g}" for i in places if i < geometry.nq])
     warnings.append(
-        f"loop {loop} cannot be closed with the initial values of the independent coordinates (residual {residual:.2g}); "
-        f"they were moved: give values under `initial` that fit"
+        f"loop {loop} cannot be closed with the initial values of the independent coordinates ({residual:.2g} of its "
+        f"characteristic length, or rad, is left); they were moved, {moved}: give values under `initial` that fit"
     )
     return q
 
