@@ -95,27 +95,29 @@ def tips_joined(n: int = 6, spatial: bool = False, base: str = "", joint: str = 
     return rods
 
 
-def chain_on_four_bar(n: int = 7) -> Rods:
-    """A four-bar with a chain from its coupler to the ground: an ear that hangs on another ear's link."""
-    rods = Rods("chain_on_four_bar")
+def four_bar(name: str) -> Rods:
+    """The beginning of a model: crank, coupler and rocker between two pins on the ground."""
+    rods = Rods(name)
     rods.rod("crank", GROUND, 0.4, "[0, 0, 0]")
     rods.rod("coupler", "crank", 0.9, "[0, 0, l]")
     rods.rod("rocker", "coupler", 1.0, "[0, 0, l]")
-    names = rods.chain("c", "coupler", n, 0.35, at="[0.2, 0, 0.5*l]")
     rods.loop("four_bar", "rocker", GROUND, at="[0, 0, l]", to="[1.2, 0, 0]")
+    return rods
+
+
+def chain_on_four_bar(n: int = 7) -> Rods:
+    """A four-bar with a chain from its coupler to the ground: an ear that hangs on another ear's link."""
+    rods = four_bar("chain_on_four_bar")
+    names = rods.chain("c", "coupler", n, 0.35, at="[0.2, 0, 0.5*l]")
     rods.loop("tip", names[-1], GROUND, to="[1.5, 0, 1.3]")
     return rods
 
 
 def chains_on_four_bar(n: int = 5) -> Rods:
     """A four-bar with two chains from its coupler, their tips joined: couplings that end with a link of another region."""
-    rods = Rods("chains_on_four_bar")
-    rods.rod("crank", GROUND, 0.4, "[0, 0, 0]")
-    rods.rod("coupler", "crank", 0.9, "[0, 0, l]")
-    rods.rod("rocker", "coupler", 1.0, "[0, 0, l]")
+    rods = four_bar("chains_on_four_bar")
     a = rods.chain("a", "coupler", n, 0.15, at="[0.1, 0, 0.2*l]")
     b = rods.chain("b", "coupler", n, -0.15, at="[0.2, 0, 0.9*l]")
-    rods.loop("four_bar", "rocker", GROUND, at="[0, 0, l]", to="[1.2, 0, 0]")
     rods.loop("tips", a[-1], b[-1])
     return rods
 
