@@ -5,9 +5,7 @@ Chains of rods of length 0.4 l with general inertias and a mass centre off the p
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 from random_mechanisms import Mechanism
@@ -237,9 +235,3 @@ def assembled(model: Model) -> Mechanism:
     q = np.array(assemble(model, chosen, q, p))
     u = complete_speeds(model, chosen, q, rng.uniform(-1, 1, model.nu), p)
     return Mechanism(model, q, u, p, np.zeros(0), 0.0)
-
-
-def write_all(folder: Path, names: Sequence[str] = tuple(BY_HAND)) -> None:
-    """The models as files, to look at."""
-    for name in names:
-        (folder / f"{name}.yaml").write_text(BY_HAND[name]().text())

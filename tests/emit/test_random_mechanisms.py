@@ -14,7 +14,9 @@ from typing import Any
 import numpy as np
 import pytest
 from comparison import error, worst
-from random_mechanisms import Discarded, Mechanism, random_mechanism
+from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import strategies as st
+from random_mechanisms import LOOP_JOINTS, SCENES, Discarded, Mechanism, random_mechanism
 
 import codegen
 from codegen.loops.errors import PartitionError
@@ -96,12 +98,28 @@ def draw(seed: int, **options: Any) -> Mechanism | None:
     return drawn
 
 
-@pytest.mark.parametrize("seed", [1, 7, 22, 26, 39])
-def test_numpy_is_generic_is_dense(tmp_path: Path, seed: int) -> None:
-    drawn = draw(seed, bodies=(3, 5), loops=(1, 2))
+@settings(max_examples=6, derandomize=True, deadline=None, suppress_health_check=list(HealthCheck))
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    scene=st.sampled_from(SCENES),
+    loop_joints=st.lists(st.sampled_from(LOOP_JOINTS), min_size=2, unique=True),
+    bodies=st.integers(3, 5),
+    loops=st.integers(1, 2),
+    parameters=st.booleans(),
+    forces=st.booleans(),
+    layout=st.sampled_from(["kinds", "unrolled"]),
+)
+def test_numpy_is_generic_is_dense(
+    tmp_path_factory: pytest.TempPathFactory, seed: int, scene: str, loop_joints: list[str], bodies: int, loops: int,
+    parameters: bool, forces: bool, layout: str,
+) -> None:  # fmt: skip
+    options = {"loop_joints": tuple(loop_joints), "parameters": parameters, "forces": forces}
+    drawn = draw(seed, scene=scene, bodies=(bodies, bodies), loops=(loops, loops), **options)
+    assume(drawn is not None)
     assert drawn is not None
-    codegen.generate(drawn.model, tmp_path / "mechanism", target="numpy")
-    check(drawn, codegen.load(tmp_path / "mechanism"), seed)
+    folder: Path = tmp_path_factory.mktemp("mechanism")
+    codegen.generate(drawn.model, folder / "mechanism", target="numpy", layout=layout)
+    check(drawn, codegen.load(folder / "mechanism"), seed)
 
 
 @pytest.mark.parametrize(("seed", "layout"), [(6, "kinds"), (25, "unrolled"), (38, "kinds")])
