@@ -177,11 +177,12 @@ class _Scene:
     # --- loops ----------------------------------------------------------------------------------------------------
 
     def _with_loop(self, model: Model, poses: Poses, name: str) -> Model | None:
-        """The model with one loop more, or None if forty draws give none."""
+        """The model with one loop more, or None if forty draws give none, or no joint asked for belongs to the scene."""
         before = poses.jacobian(model.loops)
-        for _ in range(40):
+        types = [j for j in self.loop_joints if j in self.ranks]
+        for _ in range(40 if types else 0):
             start, end = (self.standing(int(x)) for x in self.rng.integers(GROUND, len(model.bodies), 2))
-            type = str(self.rng.choice([j for j in self.loop_joints if j in self.ranks]))
+            type = str(self.rng.choice(types))
             path = loop_speeds(model, start, end)
             if start == end or self.ranks[type] > len(path):
                 continue
