@@ -145,6 +145,9 @@ SEARCH = tuple(0.5**i for i in range(12))
 CLOSED = 1e-10
 """The largest scaled residual of a closed loop; Newton's method goes on below it as long as it gets better."""
 
+ROUNDING = 1e-14
+"""A scaled residual that Newton's method would not mend: assembly leaves such a state as it is."""
+
 # ---- compiling -------------------------------------------------------------------------------------------------------
 
 STANDARD = ("-std=gnu11", "-fPIC", "-shared")
@@ -1261,8 +1264,11 @@ class Solver:
         q_new = np.broadcast_to(arrays["q"], (*batch, self.nq)).copy()
         self._normalise(q_new)
         if self.closure_names:
+            given = {"q": q_new, "u": np.zeros(self.nu), "p": arrays["p"]}
+            gaps = np.abs(self._target.values(self._functions["closure"], given, batch)[0]).max(axis=-1)
             p = np.broadcast_to(arrays["p"], (*batch, self.np))
-            for state in np.ndindex(batch):
+            for state in zip(*np.nonzero(np.atleast_1d(~(gaps <= ROUNDING))), strict=True):
+                state = tuple(int(i) for i in state[: len(batch)])
                 q_new[state] = self._close(q_new[state].copy(), p[state].copy(), state)
         return q_new
 

@@ -125,9 +125,9 @@ def pendulum(make_pendulum):
 
 @pytest.fixture(scope="session")
 def packages(tmp_path_factory):
-    """Generated packages by name: `double_pendulum`, and `satellite` with quaternions and inputs."""
+    """Generated packages by name: `double_pendulum`, `satellite` with quaternions and inputs, and `four_bar`, a loop."""
     folder = tmp_path_factory.mktemp("generated")
-    for name in ("double_pendulum", "satellite"):
+    for name in ("double_pendulum", "satellite", "four_bar"):
         codegen.generate(EXAMPLES / f"{name}.yaml", folder / name)
     return folder
 
