@@ -14,16 +14,17 @@ from typing import TYPE_CHECKING, Any
 from .version import __version__
 
 if TYPE_CHECKING:
-    from .generation import Report, generate
+    from .generation import generate
     from .model import Model, ModelBuilder, ModelError, load_model, parse_model
     from .runtime import Solver, load
+    from .summary import Report
 
 __all__ = [
     "Model", "ModelBuilder", "ModelError", "Report", "Solver", "__version__", "generate", "load", "load_model", "parse_model",
 ]  # fmt: skip
 
 _PLACES = {
-    "generate": "generation", "Report": "generation",
+    "generate": "generation", "Report": "summary",
     "Model": "model", "ModelBuilder": "model", "ModelError": "model", "load_model": "model", "parse_model": "model",
     "Solver": "runtime", "load": "runtime",
 }  # fmt: skip
@@ -36,3 +37,8 @@ def __getattr__(name: str) -> Any:
 
         return getattr(importlib.import_module(f".{_PLACES[name]}", __name__), name)
     raise AttributeError(f"module 'codegen' has no attribute {name!r}; it has {', '.join(__all__)}")
+
+
+def __dir__() -> list[str]:
+    # completion shows them before they are imported
+    return sorted({*globals(), *__all__})

@@ -1,6 +1,7 @@
 """The command line: ``generate model.yaml`` and ``ordernm COMMAND``.
 
-Exit codes: 0 ok, 1 the model is wrong, 2 usage, 3 compiling failed, 4 the numbers failed.
+Exit codes: 0 ok, 1 the model is wrong, 2 usage, 3 compiling failed, 4 the numbers failed; 128 and the number of the signal that
+ended the work, 130 for Ctrl-C.
 """
 
 from __future__ import annotations
@@ -9,16 +10,23 @@ import argparse
 import atexit
 import contextlib
 import gc
-import importlib
+import os
+import signal
 import sys
-import threading
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from types import FrameType
+from typing import Any, NoReturn
 
+from .terminal import StatusLine, width, write_lines
 from .version import __version__
 
 OK, MODEL_WRONG, USAGE, COMPILING_FAILED, NUMBERS_FAILED = 0, 1, 2, 3, 4
+SIGNALLED = 128
+"""To which the number of a signal is added."""
+
+PROBLEMS = 50
+"""So many problems of a model are listed."""
 
 NEW_MODEL = """\
 # {name}: a pendulum to begin with; docs/model_format.md describes every key.
@@ -60,7 +68,8 @@ def _generate_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _problem(text: object) -> None:
-    print(text, file=sys.stderr)
+    """Say on stderr what is wrong."""
+    write_lines(str(text).splitlines(), sys.stderr)
 
 
 def _tolerate_terminal() -> None:
@@ -69,42 +78,34 @@ def _tolerate_terminal() -> None:
         sys.stdout.reconfigure(errors="replace")  # type: ignore[union-attr]
 
 
-def _load(file: str) -> Any:
-    from .model import load_model
+def _wrong(error: Any) -> None:
+    """Say what is wrong with a model: so many problems one reads."""
+    for problem in error.problems[:PROBLEMS]:
+        _problem(problem)
+    if len(error.problems) > PROBLEMS:
+        _problem(f"and {len(error.problems) - PROBLEMS} more problems; these first")
 
-    return load_model(file)
 
-
-def run_generate(options: argparse.Namespace) -> int:
+def run_generate(options: argparse.Namespace, status: StatusLine) -> int:
     """``generate``."""
-    from .generation import FolderError, generate
-    from .model import ModelError
+    from .generation import generate
     from .runtime.solver import CompileError, SingularJointError, TargetsDifferError
 
-    # the terminal's tables are loaded while the C compiler works
-    threading.Thread(target=importlib.import_module, args=("rich.table",), daemon=True).start()
     try:
         report = generate(
             options.model, options.output, options.target, options.layout, partitions=options.partitions,
             reactions=options.reactions,
             compile=not options.no_compile,
             check=not options.no_check and not options.no_compile,
+            progress=status,
         )  # fmt: skip
-    except (ModelError, SingularJointError) as error:
-        _problem(error)
-        return MODEL_WRONG
+    except SingularJointError as error:
+        raise Failure(MODEL_WRONG, str(error)) from None
     except CompileError as error:
-        _problem(f"generate: {error}")
-        return COMPILING_FAILED
+        raise Failure(COMPILING_FAILED, f"generate: {error}") from None
     except TargetsDifferError as error:
-        _problem(f"generate: {error}")
-        return NUMBERS_FAILED
-    except FolderError as error:
-        _problem(f"generate: {error}")
-        return USAGE
-    except OSError as error:
-        _problem(f"generate: {error.filename or ''}: {error.strerror or error}")
-        return USAGE
+        raise Failure(NUMBERS_FAILED, f"generate: {error}") from None
+    status.close()
     print_report(report, options.verbose)
     return _verdict(report)
 
@@ -119,148 +120,76 @@ def _verdict(report: Any) -> int:
     return OK
 
 
-FORWARD = (
-    "start",
-    "rotations",
-    "closures",
-    "pose",
-    "velocities",
-    "springs",
-    "kinematics",
-    "triangularize",
-    "back_substitute",
-)
-DIRECTION = ("turns", "complete", "velocity_tangents", "spring_tangents", "balance_out", "balance_in", "balance_back")
-
-
 def print_report(report: Any, verbose: bool = False) -> None:
     """Print what `generate` made."""
-    from rich.console import Console
-    from rich.markup import escape
-    from rich.table import Table
-
-    console = Console(highlight=False, soft_wrap=True)
-    for warning in report.warnings:
-        console.print(f"[yellow]{escape(str(warning))}[/yellow]")
-    unchanged = "" if report.written else "  (unchanged)"
-    console.print(f"[bold]{report.name}[/bold]  {escape(str(report.folder))}{unchanged}")
-    console.print(
-        f"  {report.bodies} bodies, {report.nq} coordinates, {report.nu} speeds, {report.parameters} parameters; "
-        f"{report.links} links of {report.kinds} kinds, layout {report.layout}, target {report.target}"
-    )
-    for line in report.loops:
-        console.print(f"  {escape(line)}")
-    functions = sum(report.operations[s]["per_call"]["functions"] for s in FORWARD if s in report.operations)
-    divisions = sum(report.operations[s]["per_call"]["divisions"] for s in FORWARD if s in report.operations)
-    n = max(report.links, 1)
-    udot, shared = report.flops(*FORWARD), report.flops(*DIRECTION)
-    each = report.flops(*DIRECTION, per="per_direction")
-    console.print(
-        f"  udot: {udot} operations ({udot / n:.1f} a link, {divisions} of them divisions; {functions} sines and other functions)"
-    )
-    console.print(
-        f"  derivatives: {shared} operations once, {each} per direction ({each / n:.1f} a link, "
-        f"{each / max(udot, 1):.2f} of udot)"
-    )
-    if verbose:
-        table = Table("sweep", "+", "*", "/", "functions", "+ each", "* each", "seconds", box=None,
-                      title="operations per call, and of each direction", title_justify="left")  # fmt: skip
-        table.columns[0].no_wrap = True
-        for sweep, parts in report.operations.items():
-            a, b = parts["per_call"], parts["per_direction"]
-            table.add_row(sweep, *(str(a[k]) for k in ("additions", "multiplications", "divisions", "functions")),
-                          str(b["additions"]), str(b["multiplications"]),
-                          f"{report.sweep_seconds.get(sweep, 0.0):.3f}")  # fmt: skip
-        console.print(table)
-        table = Table("pass", "+", "*", "/", "functions", "seconds", box=None,
-                      title="all blocks after every pass", title_justify="left")  # fmt: skip
-        table.columns[0].no_wrap = True
-        for name, o, seconds in report.passes:
-            table.add_row(name, *(str(v) for v in o.values()), f"{seconds:.3f}")
-        console.print(table)
-        for name, size in report.files.items():
-            console.print(f"  {size:>9} {name}")
-    console.print("  " + ", ".join(f"{stage} {s:.2f} s" for stage, s in report.seconds.items()))
-    if report.errors:
-        console.print(
-            f"  checked against the generic engine: relative error of udot {report.errors['udot']:.1e}, "
-            f"of its derivatives {report.errors['dudot']:.1e}"
-        )
-    for remark in report.remarks:
-        console.print(f"  [yellow]{escape(remark)}[/yellow]")
+    lines = report.lines(verbose, width(sys.stdout))
+    said = {*report.warnings, *(f"  {remark}" for remark in report.remarks)}
+    name = f"{report.name}  {report.folder}"
+    styles = ["yellow" if s in said or "warning: " in s else "bold" if s.startswith(name) else "" for s in lines]
+    write_lines(lines, sys.stdout, styles)
 
 
-def run_check(options: argparse.Namespace) -> int:
+def run_check(options: argparse.Namespace, status: StatusLine) -> int:
     """``ordernm check``: read a model, close its loops, and say what is wrong with it."""
-    from .model import ModelError
+    from .summary import counted
 
-    try:
-        model = _load(options.model)
-    except ModelError as error:
-        _problem(error)
-        return MODEL_WRONG
-    for warning in model.warnings:
-        print(warning)
-    choice: list[str] = []
-    if model.loops:
-        from .loops.description import describe
-        from .loops.errors import AssemblyError, PartitionError
-        from .loops.partition import partition
-
-        try:
-            choice = describe(model, partition(model))
-        except (AssemblyError, PartitionError) as error:
-            _problem(f"{options.model}: loops: {error}")
-            return MODEL_WRONG
-    print(f"{options.model}: {len(model.bodies)} bodies, {model.nq} coordinates, {model.nu} speeds: ok")
-    for line in choice:
-        print(f"  {line}")
+    model = _load(options.model, status)
+    choice = _choice(model, options.model, status)
+    status.close()
+    warnings = [str(w) for w in model.warnings]
+    more = len(warnings) - PROBLEMS
+    if more > 0:
+        warnings[PROBLEMS:] = [f"warning: {more} more like these"]
+    sizes = ", ".join((counted(len(model.bodies), "body", "bodies"), counted(model.nq, "coordinate"),
+                       counted(model.nu, "speed")))  # fmt: skip
+    lines = [*warnings, f"{options.model}: {sizes}: ok", *(f"  {line}" for line in choice)]
+    write_lines(lines, sys.stdout, ["warning" if "warning: " in line else "" for line in lines])
     return OK
 
 
-def run_show(options: argparse.Namespace) -> int:
-    """``ordernm show``: print the tree of a model, or what a generated package is."""
-    from .model import ModelError
+def _load(file: str, status: StatusLine) -> Any:
+    from .model import load_model
 
-    path = Path(options.model)
-    if path.is_dir():
-        from .runtime import load
+    status("reading", 0, 0)
+    return load_model(file)
 
-        try:
-            print(load(path, "numpy"))
-        except ValueError as error:
-            _problem(f"show: {error}")
-            return USAGE
+
+def _choice(model: Any, file: str, status: StatusLine) -> list[str]:
+    """What is chosen for the loops of a model, in words; ModelError if they cannot be closed."""
+    if not model.loops:
+        return []
+    from .loops.description import describe
+    from .loops.errors import AssemblyError, PartitionError
+    from .loops.partition import partition
+    from .model.errors import ModelError, Problem
+
+    status("choosing dependent coordinates", 0, 0)
+    try:
+        return describe(model, partition(model))
+    except (AssemblyError, PartitionError) as error:
+        raise ModelError([Problem(file, None, None, "loops", str(error))]) from None
+
+
+def run_show(options: argparse.Namespace, status: StatusLine) -> int:
+    """``ordernm show``: what a model holds, or a generated package."""
+    from .listing import list_model, list_package
+
+    if Path(options.model).is_dir():
+        lines = list_package(Path(options.model))
+        status.close()
+        write_lines(lines, sys.stdout)
         return OK
+    model = _load(options.model, status)
+    lines = list_model(model, options.verbose)
     try:
-        model = _load(options.model)
-    except ModelError as error:
-        _problem(error)
-        return MODEL_WRONG
-    from rich.console import Console
-    from rich.markup import escape
-    from rich.tree import Tree
-
-    tree = Tree(f"[bold]{model.name}[/bold] ground")
-    nodes: dict[int, Any] = {-1: tree}
-    for k in model.outward:
-        body = model.bodies[k]
-        nodes[k] = nodes[body.parent].add(f"{body.name} [dim]{body.joint.type}[/dim]")
-    console = Console(highlight=False)
-    console.print(tree)
-    names = {-1: "ground"} | {k: body.name for k, body in enumerate(model.bodies)}
-    for loop in model.loops:
-        console.print(f"  loop {loop.name}: {loop.type} from {names[loop.start.body]} to {names[loop.end.body]}")
-    for spring in model.springs:
-        console.print(f"  spring {spring.name}: from {names[spring.start.body]} to {names[spring.end.body]}")
-    for p in model.parameters:
-        console.print(escape(f"  parameter {p.name} = {p.value} {p.unit}".rstrip()))
-    for o in model.outputs:
-        console.print(f"  output {o.name}: {o.measure}")
+        lines += [f"  {line}" for line in _choice(model, options.model, status)]
+    finally:  # what there is, also where it does not close
+        status.close()
+        write_lines(lines, sys.stdout)
     return OK
 
 
-def run_new(options: argparse.Namespace) -> int:
+def run_new(options: argparse.Namespace, status: StatusLine) -> int:
     """``ordernm new``: write a first model file."""
     from .model import ModelError, parse_model
 
@@ -269,17 +198,21 @@ def run_new(options: argparse.Namespace) -> int:
     try:
         parse_model(text, str(path))
     except ModelError:  # the name is all that may be wrong with it: with blanks, a word of Python or C, ...
-        _problem(f"new: {path.stem!r} cannot name a model; call the file after one, such as pendulum.yaml")
-        return USAGE
+        raise Failure(
+            USAGE, f"new: {path.stem!r} cannot name a model; call the file after one, such as pendulum.yaml"
+        ) from None
     try:
         with open(path, "x", encoding="utf-8") as file:
-            file.write(text)
+            try:
+                file.write(text)
+                file.flush()
+            except BaseException:  # no half a model
+                path.unlink()
+                raise
     except FileExistsError:
-        _problem(f"new: {path} exists; choose another name")
-        return USAGE
+        raise Failure(USAGE, f"new: {path} exists; choose another name") from None
     except OSError as error:
-        _problem(f"new: cannot write {path}: {error.strerror or error}")
-        return USAGE
+        raise Failure(USAGE, f"new: cannot write {path}: {error.strerror or error}") from None
     print(f"wrote {path}; now: generate {path}")
     return OK
 
@@ -288,6 +221,96 @@ def _be_short_lived() -> None:
     """A command's expressions live until it ends, which is soon: looking for cycles in them took a third of its time."""
     gc.disable()
     atexit.register(gc.freeze)
+
+
+class Failure(Exception):
+    """A command that ends with a message.
+
+    Attributes
+    ----------
+    code : int
+    """
+
+    def __init__(self, code: int, message: str):
+        super().__init__(message)
+        self.code = code
+
+
+class Terminated(KeyboardInterrupt):
+    """A signal asks the process to end.
+
+    Attributes
+    ----------
+    number : int
+    """
+
+    def __init__(self, number: int):
+        super().__init__(number)
+        self.number = number
+
+
+@contextlib.contextmanager
+def _signals() -> Iterator[None]:
+    """A signal to end becomes an exception meanwhile, so that what is half-done is cleared away."""
+
+    def end(number: int, frame: FrameType | None) -> NoReturn:
+        raise Terminated(number)
+
+    before = {}
+    with contextlib.suppress(ValueError):  # not in the main thread: whoever runs it there has handlers of their own
+        for number in (signal.SIGTERM, signal.SIGHUP):
+            if signal.getsignal(number) == signal.SIG_DFL:  # nohup ignores one: that stays
+                before[number] = signal.signal(number, end)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _run(options: argparse.Namespace) -> int:
+    """Run a command; its errors become messages and exit codes."""
+    command, status = options.command, StatusLine(sys.stderr)
+    try:
+        from .folders import FolderError
+        from .model.errors import ModelError
+
+        try:
+            with _signals(), status:
+                code: int = options.run(options, status)
+                sys.stdout.flush()
+            return code
+        except ModelError as error:
+            _wrong(error)
+            return MODEL_WRONG
+        except FolderError as error:
+            _problem(f"{command}: {error}")
+            return USAGE
+        except Failure as failure:
+            _problem(failure)
+            return failure.code
+    except KeyboardInterrupt as interrupt:
+        number = getattr(interrupt, "number", signal.SIGINT)
+        how = "interrupted" if number == signal.SIGINT else f"ended by {signal.Signals(number).name}"
+        _problem(f"{command}: {how}" + (f" while {status.where}" if status.stage else ""))
+        return SIGNALLED + number
+    except BrokenPipeError:
+        _forget_output()
+        return SIGNALLED + signal.SIGPIPE
+    except OSError as error:
+        name = f"{error.filename}: " if error.filename else ""
+        _forget_output()
+        _problem(f"{command}: {name}{error.strerror or error}")
+        return USAGE
+    except MemoryError:
+        _problem(f"{command}: out of memory" + (f" while {status.where}" if status.stage else ""))
+        return USAGE
+
+
+def _forget_output() -> None:
+    """Nobody takes what stdout still holds: do not try again when the process ends."""
+    with contextlib.suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def generate_main(arguments: Sequence[str] | None = None) -> int:
@@ -300,7 +323,8 @@ def generate_main(arguments: Sequence[str] | None = None) -> int:
     )
     _generate_arguments(parser)
     parser.add_argument("--version", action="version", version=f"ordernm {__version__}")
-    return run_generate(parser.parse_args(arguments))
+    parser.set_defaults(run=run_generate, command="generate")
+    return _run(parser.parse_args(arguments))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -316,15 +340,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     generate.set_defaults(run=run_generate)
     for name, run, help_text in (
         ("check", run_check, "read a model file and list what is wrong with it"),
-        ("show", run_show, "print the tree of a model file, or what a generated package is"),
+        ("show", run_show, "print what a model file, or a generated package, holds"),
         ("new", run_new, "write a first model file"),
     ):
         command = commands.add_parser(name, help=help_text)
-        command.add_argument("model", help="model file (YAML)")
+        command.add_argument("model", help="model file (YAML)" + (", or generated package" if run is run_show else ""))
+        if run is run_show:
+            command.add_argument("-v", "--verbose", action="store_true", help="list all bodies of a large model")
         command.set_defaults(run=run)
-    options = parser.parse_args(arguments)
-    result: int = options.run(options)
-    return result
+    return _run(parser.parse_args(arguments))
 
 
 if __name__ == "__main__":

@@ -8,17 +8,17 @@ import hashlib
 import json
 import math
 import os
-import re
-import secrets
-import shutil
 import time
 import warnings
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from .folders import SECOND, FolderError, put_right, refuse_foreign, write_folder
+from .listing import list_model
 from .model import Model, ModelError, load_model
+from .program.progress import Progress, silent
+from .summary import Report
 from .version import __version__
 
 LAYOUTS = ("auto", "kinds", "unrolled")
@@ -31,71 +31,6 @@ CHECK_LIMIT = 200
 """Models of more bodies are not checked against the generic engine, which is slow."""
 
 
-class FolderError(ValueError):
-    """The output folder cannot be written, or holds something that `generate` did not write."""
-
-
-@dataclass(slots=True)
-class Report:
-    """What `generate` did.
-
-    Attributes
-    ----------
-    folder : Path
-    files : dict of str to int
-        Bytes of every file.
-    links, kinds : int
-    operations : dict
-        By sweep; see `Solver.operations`.
-    passes : list of (str, dict, float)
-        Operations of all blocks after every pass, and seconds.
-    sweep_seconds : dict of str to float
-        Expanding and simplifying, by sweep.
-    seconds : dict of str to float
-        By stage.
-    errors : dict of str to float
-        Largest relative errors of the check: of udot, and of its derivative per direction.
-    remarks : list of str
-        What was left out, and why.
-    loops : list of str
-        The choice made for closed loops, in words: ears, dependents, ranks, degrees of freedom.
-    written : bool
-        False: the folder held these very files already.
-    """
-
-    folder: Path
-    name: str
-    target: str
-    layout: str
-    bodies: int
-    links: int
-    kinds: int
-    nq: int
-    nu: int
-    parameters: int
-    files: dict[str, int]
-    operations: dict[str, Any]
-    passes: list[tuple[str, dict[str, int], float]]
-    sweep_seconds: dict[str, float]
-    warnings: tuple[str, ...]
-    seconds: dict[str, float] = field(default_factory=dict)
-    compiled: bool = False
-    errors: dict[str, float] = field(default_factory=dict)
-    remarks: list[str] = field(default_factory=list)
-    loops: list[str] = field(default_factory=list)
-    written: bool = True
-
-    def flops(self, *sweeps: str, per: str = "per_call") -> int:
-        """Additions, multiplications and divisions of sweeps together."""
-        return sum(
-            count
-            for s in sweeps
-            if s in self.operations
-            for name, count in self.operations[s][per].items()
-            if name != "functions"
-        )
-
-
 def generate(
     model: Model | str | os.PathLike[str],
     folder: str | os.PathLike[str] | None = None,
@@ -106,6 +41,7 @@ def generate(
     reactions: bool = False,
     compile: bool = True,
     check: bool = False,
+    progress: Progress | None = None,
 ) -> Report:
     """Write the solver of a model.
 
@@ -125,6 +61,10 @@ def generate(
         The solver has `Solver.reactions`: what joints and loops transmit.
     compile, check : bool
         Compile now; compare with `codegen.reference.RecursiveEngine` at three random states.
+    progress : callable, optional
+        Called as ``progress(stage, step, steps)`` whenever something else is begun: the stage in words, such as
+        ``"expanding"``, and how far it has come, ``0, 0`` where that is not counted. What it raises ends the work; nothing is
+        half-written.
 
     Returns
     -------
@@ -145,20 +85,23 @@ def generate(
         raise ValueError(f"layout is {layout!r}; allowed are {', '.join(LAYOUTS)}")
     if partitions not in (1, 2):
         raise ValueError(f"partitions is {partitions!r}; allowed are 1 and 2")
+    progress = progress or silent
     seconds: dict[str, float] = {}
     origin = None
+    progress("reading", 0, 0)
     with _timed(seconds, "read"):
         if not isinstance(model, Model):
             file = Path(model)
             model = load_model(file)
             origin = {"file": file.name, "sha256": hashlib.sha256(file.read_bytes()).hexdigest()}
     path = (Path("generated") / model.name if folder is None else Path(folder)).absolute()
+    put_right(path)
     refuse_foreign(path)
 
     from .emit.solver import write_solver
 
     try:
-        source = write_solver(model, layout, reactions=reactions)
+        source = write_solver(model, layout, reactions=reactions, progress=progress)
     except ModelError as error:
         if origin is None:
             raise
@@ -166,8 +109,10 @@ def generate(
     seconds |= source.seconds
     if partitions == 2 and source.chosen is not None:
         with _timed(seconds, "second partition"):
-            add_second(model, layout, source, reactions)
+            add_second(model, layout, source, reactions, progress)
+    progress("writing", 0, 0)
     with _timed(seconds, "write"):
+        source.manifest["description"] = [*list_model(model), *(f"  {line}" for line in source.choice)]
         files = source.files | package_files(source, target, origin)
         written = write_folder(path, files)
     report = Report(
@@ -185,31 +130,31 @@ def generate(
 
         with _timed(seconds, "compile"):
             try:
-                for name in (model.name, *([f"{model.name}{SECOND}"] if "second" in source.manifest else [])):
+                names = [model.name, *([f"{model.name}{SECOND}"] if "second" in source.manifest else [])]
+                for step, name in enumerate(names, 1):
+                    progress("compiling", step, len(names))
                     compile_library(path, name)
                 report.compiled = True
             except NoCompilerError as error:
                 report.remarks.append(f"{error}; the NumPy target (--target numpy) serves until then, more slowly")
     if check:
+        progress("checking", 0, 0)
         with _timed(seconds, "check"):
             check_solver(model, report)
     return report
 
 
-SECOND = "_second"
-"""What the names of files and C functions of a second partition have after the model's."""
-
-
-def add_second(model: Model, layout: str, source: Any, reactions: bool) -> None:
+def add_second(model: Model, layout: str, source: Any, reactions: bool, progress: Progress = silent) -> None:
     """Add the solver of a second partition to the files and the manifest of the first."""
     from .emit.solver import write_solver
     from .loops.alternatives import second_partition
 
+    progress("choosing other independent coordinates", 0, 0)
     found = second_partition(model, source.chosen)
     if found is None:
         source.choice.append("no second partition: no other choice of independent coordinates closes the loops")
         return
-    second = write_solver(dataclasses.replace(model, name=f"{model.name}{SECOND}"), layout, found, reactions)
+    second = write_solver(dataclasses.replace(model, name=f"{model.name}{SECOND}"), layout, found, reactions, progress)
     source.files |= second.files
     source.manifest["second"] = second.manifest
     source.choice += ["second partition:", *second.choice]
@@ -250,93 +195,6 @@ def package_files(source: Any, target: str, origin: dict[str, str] | None) -> di
         "README.md": render("package/README.md.jinja", context),
         "_runtime.py": runtime,
     }
-
-
-def refuse_foreign(folder: Path) -> None:
-    """Raise `FolderError` unless the folder is absent, empty, or an earlier output and nothing else."""
-    if not folder.exists():
-        return
-    if not folder.is_dir():
-        raise FolderError(f"{folder} is a file; give a folder to write into with -o")
-    here = Path.cwd()
-    if folder.resolve() in (here, *here.parents):  # the folder is replaced as a whole: the shell would stand in nothing
-        raise FolderError(f"{folder} is, or holds, the working directory; give a folder of its own with -o")
-    found = {p.name for p in folder.iterdir()}
-    if not found:
-        return
-    manifest: Any = None
-    with contextlib.suppress(OSError, ValueError):
-        manifest = json.loads((folder / "model.json").read_text(encoding="utf-8"))
-    if not isinstance(manifest, dict) or manifest.get("generator") != "ordernm":
-        raise FolderError(
-            f"{folder} holds something that generate did not write; choose another folder with -o, or empty this one"
-        )
-    own = re.compile(
-        rf"{re.escape(str(manifest.get('name')))}({SECOND})?(-[0-9a-f-]+\.so|\.log)|__pycache__|\.build-.*"
-    )
-    foreign = sorted(n for n in found - set(manifest.get("files", ())) if not own.fullmatch(n))
-    if foreign:
-        raise FolderError(
-            f"{folder} holds beside generated files {', '.join(foreign[:5])}{', ...' if len(foreign) > 5 else ''}, which "
-            f"writing anew would lose; move that away, or choose another folder with -o"
-        )
-
-
-def write_folder(folder: Path, files: dict[str, str]) -> bool:
-    """Write a package as a whole: it is complete beside its place before it takes it.
-
-    A folder that holds these very files stays as it is, with its compiled library: False is returned. Where only other
-    files than the C have changed, libraries are taken along.
-    """
-    folder = folder.resolve()  # a link to a folder stays one
-    new = {name: text.encode() for name, text in files.items()}
-    with contextlib.suppress(OSError):
-        if all((folder / name).read_bytes() == content for name, content in new.items()):
-            return False
-    aside = f"{os.getpid()}-{secrets.token_hex(4)}"
-    temporary = folder.with_name(f".{folder.name}-new-{aside}")
-    old = folder.with_name(f".{folder.name}-old-{aside}")
-    try:
-        temporary.mkdir(parents=True)
-        for name, content in new.items():
-            (temporary / name).write_bytes(content)
-        _keep_libraries(folder, temporary)
-        _take_place(temporary, folder, old)
-        return True
-    except OSError as error:
-        raise FolderError(f"cannot write {folder}: {error.strerror or error}") from None
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
-
-
-def _take_place(new: Path, folder: Path, old: Path) -> None:
-    """Put a finished folder where another may stand, also while other processes do the same."""
-    for attempt in range(20):
-        with contextlib.suppress(FileNotFoundError):
-            os.rename(folder, old)
-        try:
-            os.rename(new, folder)
-        except OSError:
-            with contextlib.suppress(OSError):
-                os.rename(old, folder)
-            if attempt == 19:
-                raise
-            time.sleep(0.01)
-        else:
-            return
-        finally:
-            shutil.rmtree(old, ignore_errors=True)
-
-
-def _keep_libraries(old: Path, new: Path) -> None:
-    """Take compiled libraries along where the C has not changed."""
-    for source in new.glob("*.[ch]"):
-        before = old / source.name
-        if not before.is_file() or before.read_bytes() != source.read_bytes():
-            return
-    for library in old.glob("*.so"):
-        with contextlib.suppress(OSError):
-            shutil.copy2(library, new / library.name)
 
 
 def check_solver(model: Model, report: Report) -> None:
@@ -397,3 +255,6 @@ def check_solver(model: Model, report: Report) -> None:
         report.remarks.append(
             f"{unchecked}of {CHECK_DRAWS} random states near the initial one {why}; give other initial values"
         )
+
+
+__all__ = ["FolderError", "Report", "check_solver", "generate"]

@@ -67,7 +67,7 @@ def test_generate_writes_compiles_and_checks(here, capsys):
     out, err = capsys.readouterr()
     assert not err
     assert str(here / "generated" / "rod") in out
-    assert "1 bodies, 1 coordinates, 1 speeds, 1 parameters" in out and "target c" in out
+    assert "1 body, 1 coordinate, 1 speed, 1 parameter;" in out and "target c" in out
     assert re.search(r"udot: \d+ operations .* per direction", out, re.S)
     assert re.search(r"relative error of udot \d\.\de[-+]\d\d, of its derivatives \d\.\de-\d\d", out)
     assert list((here / "generated" / "rod").glob("rod-*.so"))
@@ -216,7 +216,7 @@ def test_models_too_large_to_check_are_said(here, capsys, monkeypatch):
 
 def test_check(here, capsys):
     assert main(["check", "rod.yaml"]) == 0
-    assert capsys.readouterr().out == "rod.yaml: 1 bodies, 1 coordinates, 1 speeds: ok\n"
+    assert capsys.readouterr().out == "rod.yaml: 1 body, 1 coordinate, 1 speed: ok\n"
     Path("rod.yaml").write_text(MODEL.replace("bodies:", "  unused: 2\nbodies:"))
     assert main(["check", "rod.yaml"]) == 0
     out = capsys.readouterr().out
@@ -286,16 +286,119 @@ def test_initial_values_that_do_not_close_are_told(here, capsys):
     assert "they were moved, a from -2 to" in " ".join(capsys.readouterr().out.split())
 
 
-def test_show_a_model_and_a_package(here, capsys):
-    assert main(["show", "rod.yaml"]) == 0
-    out = capsys.readouterr().out
-    assert "rod ground" in out and "rod revolute" in out and "parameter length = 1.0 [m]" in out
+EVERYTHING = """\
+model: press
+gravity: [0, 0, -9.81]
+parameters:
+  arm: {value: 0.25, unit: m, min: 0.1}
+  k: 40.0
+inputs: [motor, clamp]
+bodies:
+  crank: {parent: ground, joint: {type: revolute, axis: -y}, mass: 4*arm, com: [arm/2, 0, 0], inertia: {yy: 0.02}}
+  rod: {parent: crank, joint: {type: revolute, axis: -y, at: [arm, 0, 0]}, mass: 0.7, inertia: {yy: 0.03}}
+  ram: {parent: ground, joint: {type: prismatic, axis: [0, 0, 2], rpy: [0, 0, 0.1]}, mass: 2}
+loops:
+  pin: {joint: {type: point}, from: {body: rod, at: [3*arm, 0, 0]}, to: ram}
+forces:
+  drive: {type: joint, joint: crank, value: motor - 0.5*u.crank}
+  return: {type: spring, from: ram, to: {body: ground, at: [0, 0, 2]}, stiffness: k*(1 + clamp), damping: 3, free_length: 0.5}
+initial:
+  q: {crank: 0.3, rod: 1.5, ram: 0.8}
+  u: {crank: 2*arm}
+independent: [crank]
+outputs:
+  height: {position: ram, axis: z}
+  stored: potential_energy
+"""
+LISTED = [
+    "press: 3 bodies, 3 coordinates, 3 speeds, 1 loop",
+    "  gravity: [0, 0, -9.81] m/s^2",
+    "  parameter arm = 0.25 m (at least 0.1)",
+    "  parameter k = 40.0",
+    "  inputs: motor, clamp",
+    "  body crank: revolute -y on ground; mass 4*arm = 1 kg at [arm/2, 0, 0], inertia [0, 0.02, 0, 0, 0, 0] kg m^2",
+    "    body rod: revolute -y at [arm, 0, 0]; mass 0.7 kg, inertia [0, 0.03, 0, 0, 0, 0] kg m^2",
+    "  loop pin: spherical from rod [3*arm, 0, 0] to ram",
+    "  force drive: on joint crank: motor - 0.5*u.crank",
+    "  spring return: from ram to ground [0, 0, 2]; stiffness k*(1 + clamp), damping 3, free length 0.5",
+    "  initial q: crank = 0.3, rod = 1.5, ram = 0.8",
+    "  initial u: crank = 2*arm",
+    "  independent, as the model asks: crank",
+    "  output height: position of ram along z",
+    "  output stored: potential energy",
+]
+
+
+def test_show_says_all_that_a_model_holds(here, capsys):
+    Path("press.yaml").write_text(EVERYTHING)
+    assert main(["show", "press.yaml"]) == 0
+    out = capsys.readouterr().out.splitlines()
+    assert [line for line in LISTED if line not in out] == []
+    (ram,) = [line for line in out if line.startswith("  body ram")]
+    assert ram.startswith("  body ram: prismatic [0, 0, 2] turned ") and "0.1 about z" in ram and "mass 2 kg" in ram
+    assert any("of 3 speeds" in line and "of freedom: crank" in line for line in out)
+    # what cannot be closed is listed too
+    Path("press.yaml").write_text(EVERYTHING.replace("to: ram}", "to: {body: ram, at: [9, 0, 0]}}", 1))
+    assert main(["show", "press.yaml"]) == 1
+    out, err = capsys.readouterr()
+    assert "loop pin: spherical from rod" in out and err.startswith("press.yaml: loops: ")
+
+
+def test_show_a_package(here, capsys, monkeypatch):
     assert main(["show", "."]) == 2
     assert "no generated solver" in capsys.readouterr().err
-    assert generate_main(["rod.yaml", "-o", "out", "--no-compile"]) == 0
+    Path("press.yaml").write_text(EVERYTHING)
+    assert generate_main(["press.yaml", "-o", "c", "--no-compile"]) == 0
+    assert generate_main(["press.yaml", "-o", "plain", "--target", "numpy", "--no-check"]) == 0
     capsys.readouterr()
-    assert main(["show", "out"]) == 0
-    assert "<Solver rod: nq=1" in capsys.readouterr().out
+    assert main(["show", "plain"]) == 0
+    out = capsys.readouterr().out.splitlines()
+    assert "generated from press.yaml by ordernm" in out[0] and str(here / "plain") in out[0]
+    assert "target numpy" in out[1] and "NumPy computes" in out[1]
+    assert [line for line in LISTED if line not in out] == [] and any("of freedom: crank" in line for line in out)
+    # what computes is what would compute here
+    assert main(["show", "c"]) == 0
+    line = capsys.readouterr().out.splitlines()[1]
+    assert "target c" in line and "C computes" in line and "when it is loaded first" in line
+    library = codegen.load("c")._target.build.library()
+    assert main(["show", "c"]) == 0
+    assert f"compiled C computes: {library.name}" in capsys.readouterr().out.splitlines()[1]
+    library.unlink()
+    monkeypatch.setenv("CC", "no-such-compiler")
+    assert main(["show", "c"]) == 0
+    assert "NumPy computes, since there is no C compiler" in capsys.readouterr().out.splitlines()[1]
+
+
+def test_large_models_are_no_walls(here, capsys):
+    text = """\
+model: endless
+bodies:
+  repeat k in 1..500:
+    link(k):
+      parent: link(k-1)
+      joint: {type: revolute, axis: [1 - k % 2, k % 2, 0], at: [0, 0, -1]}
+      mass: 1
+      inertia: {xx: 1, yy: 1, zz: 9}
+      first: {parent: ground}
+forces:
+  repeat k in 1..500:
+    friction(k): {type: joint, joint: link(k), value: -u.link(k)}
+initial:
+  q: {repeat k in 1..500: {link(k): 0.1*k}}
+"""
+    Path("long.yaml").write_text(text)
+    assert main(["show", "long.yaml"]) == 0
+    out = capsys.readouterr().out
+    assert len(out) < 4000 and "link_1, link_3, link_5 and 247 more: revolute y" in out
+    assert "and 490 forces more" in out and "link_10 = 1 and 490 more" in out
+    assert main(["show", "-v", "long.yaml"]) == 0
+    assert capsys.readouterr().out.count("\n") > 1000
+    # every body breaks the triangle inequality: one warning a body
+    assert main(["check", "long.yaml"]) == 0
+    assert capsys.readouterr().out.count("\n") < 60
+    Path("wrong.yaml").write_text(text.replace("mass: 1", "mass: -1"))
+    assert main(["check", "wrong.yaml"]) == 1
+    assert capsys.readouterr().err.count("\n") < 60
 
 
 def test_new_makes_a_model_without_warnings(here, capsys):

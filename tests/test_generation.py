@@ -101,6 +101,16 @@ def test_both_targets_are_always_written(model, tmp_path, target):
     assert json.loads((folder / "model.json").read_text())["target"] == target
 
 
+def test_a_report_is_short_and_can_be_read(model, tmp_path):
+    report = generate(model, tmp_path / "rod", "numpy", check=True)
+    assert repr(report).startswith("<Report rod: 2 bodies, ") and len(repr(report)) < 200 + len(str(tmp_path))
+    text = str(report)
+    assert text.startswith(f"rod  {tmp_path / 'rod'}\n") and "2 bodies, 5 coordinates, 4 speeds, 1 parameter;" in text
+    assert "checked against the generic engine" in text and "triangularize" not in text
+    assert "triangularize" in "\n".join(report.lines(verbose=True))
+    assert repr(model) == "<Model rod: 2 bodies, 0 loops, nq=5, nu=4, np=1, ninputs=1, noutputs=1>"
+
+
 def test_layouts(model, tmp_path):
     texts = {}
     for layout in ("kinds", "unrolled", "auto"):

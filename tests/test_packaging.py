@@ -98,6 +98,7 @@ def test_the_wheel_holds_the_package_and_its_templates_only(wheel):
     assert TEMPLATES
     modules = {p.relative_to(ROOT).as_posix() for p in (ROOT / "codegen").rglob("*.py")}
     assert {n for n in names if n.endswith(".py")} == modules
+    assert "codegen/py.typed" in names  # type checkers read the annotations
     assert f"{information}/licenses/LICENSE" in names
 
 
@@ -140,3 +141,11 @@ def test_a_generated_package_needs_numpy_and_cffi_only(generated):
     udot, dudot = RecursiveEngine(model).sensitivities(np.array(STATE["q"]), np.array(STATE["u"]), dp=dp)
     np.testing.assert_allclose(result["udot"], udot, rtol=1e-12)
     np.testing.assert_allclose(result["dudot"], dudot, rtol=1e-11, atol=1e-12)
+
+
+def test_what_is_imported_late_can_be_completed():
+    script = "import sys, codegen; print('sympy' in sys.modules, *dir(codegen))"
+    done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True)
+    late, *names = done.stdout.split()
+    assert late == "False" and set(codegen.__all__) <= set(names)
+    assert all(getattr(codegen, name) is not None for name in codegen.__all__)

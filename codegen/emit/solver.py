@@ -23,6 +23,7 @@ from ..mechanics.triangularization import ZeroPivotError
 from ..model.errors import ModelError, Problem
 from ..model.model import GROUND, Model
 from ..program.operations import Operations, count
+from ..program.progress import Progress, silent
 from .c import CWriter, write_c
 from .interface import manifest
 from .numpy import write_numpy
@@ -89,7 +90,11 @@ def collector_paused() -> Iterator[None]:
 
 @collector_paused()
 def write_solver(
-    model: Model, layout: str = "auto", chosen: Partition | None = None, reactions: bool = False
+    model: Model,
+    layout: str = "auto",
+    chosen: Partition | None = None,
+    reactions: bool = False,
+    progress: Progress = silent,
 ) -> Source:
     """Expand a model and print its solver.
 
@@ -102,6 +107,8 @@ def write_solver(
         Of the model's speeds, where it has loops; found if left out.
     reactions : bool
         The solver has a function for the wrenches that joints and loops transmit.
+    progress : callable
+        Hears what is being done; see `codegen.generation.generate`.
     """
     seconds: dict[str, float] = {}
     clock = time.perf_counter()
@@ -116,11 +123,13 @@ def write_solver(
         raise ModelError([Problem(model.name, None, None, "bodies", "no joint has a freedom, so nothing can move")])
     unrolled = layout == "unrolled" or (layout == "auto" and len(model.bodies) <= UNROLLED_LINKS)
     if model.loops and chosen is None:
+        progress("choosing dependent coordinates", 0, 0)
         try:
             chosen = partition(model)
         except (AssemblyError, PartitionError) as error:
             raise ModelError([Problem(model.name, None, None, "loops", str(error))]) from None
         lap("partition")
+    progress("analysing", 0, 0)
     system = analyse(model, unrolled, chosen)
     lap("analyse")
     values, records, energy_outputs = output_formulas(system)
@@ -136,7 +145,7 @@ def write_solver(
         wanted |= {"moments", "moment_tangents"}
         records.append(potential)
     try:
-        program = expand(system, wanted, _read_by_formulas(system, records))
+        program = expand(system, wanted, _read_by_formulas(system, records), progress)
     except RankLossError as error:
         raise ModelError([Problem(model.name, None, None, "loops", str(error))]) from None
     except ZeroPivotError as error:
@@ -150,10 +159,12 @@ def write_solver(
         raise ModelError([Problem(model.name, None, None, f"bodies.{body}.joint", message)]) from None
     formulas = [*force_formulas(system), *coefficient_formulas(system), *values]
     lap("expand and simplify")
+    progress("printing C", 0, 0)
     writer = CWriter(program, formulas, records, energy_outputs, reactions)
     context = writer.context()
     files = write_c(context)
     lap("print")
+    progress("printing NumPy", 0, 0)
     files[f"{model.name}_numpy.py"] = write_numpy(program, formulas, records, energy_outputs, reactions)
     lap("print NumPy")
     return Source(

@@ -20,6 +20,7 @@ from ..model.model import GROUND
 from ..program.block import Block, Expansion, StructuralExpansion
 from ..program.operations import Operations, count
 from ..program.passes import PASSES, drop_dead
+from ..program.progress import Progress, silent
 from .kinds import System, UnitKind
 from .sweeps import SWEEPS, Sweep
 
@@ -223,10 +224,15 @@ class Patterns:
                             changed = True
 
 
-def expand(system: System, sweeps: Iterable[str], read_outside: Iterable[tuple[str, int, str]] = ()) -> Program:
+def expand(
+    system: System,
+    sweeps: Iterable[str],
+    read_outside: Iterable[tuple[str, int, str]] = (),
+    progress: Progress = silent,
+) -> Program:
     """Write the blocks of the named sweeps for every kind, simplify them and lay out their memory.
 
-    `read_outside` are fields (memory, kind, field) that formulas read.
+    `read_outside` are fields (memory, kind, field) that formulas read; `progress` hears of every sweep.
     """
     wanted = set(sweeps)
     chosen = [s for s in SWEEPS if s.name in wanted and s.kinds(system)]
@@ -235,11 +241,13 @@ def expand(system: System, sweeps: Iterable[str], read_outside: Iterable[tuple[s
     program = Program(system, read_outside=set(read_outside))
     start = clock = time.perf_counter()
     seconds = program.sweep_seconds
-    for sweep in chosen:
+    for step, sweep in enumerate(chosen, 1):
+        progress("finding zeros", step, len(chosen))
         patterns.settle(sweep)
         program.blocks[sweep.name] = {}
         seconds[sweep.name], clock = time.perf_counter() - clock, time.perf_counter()
-    for sweep in chosen:
+    for step, sweep in enumerate(chosen, 1):
+        progress("expanding", step, len(chosen))
         for kind in sweep.kinds(system):
             write = sweep.writer(kind)
             assert write is not None
@@ -254,9 +262,10 @@ def expand(system: System, sweeps: Iterable[str], read_outside: Iterable[tuple[s
     start = time.perf_counter()
     _drop_unread(program, patterns, chosen)
     program.report.append(("drop what nobody reads", _total(program), time.perf_counter() - start))
-    for name, function in PASSES:
+    for done, (name, function) in enumerate(PASSES):
         start = clock = time.perf_counter()
-        for sweep_name, blocks in program.blocks.items():
+        for step, (sweep_name, blocks) in enumerate(program.blocks.items(), 1 + done * len(program.blocks)):
+            progress("simplifying", step, len(PASSES) * len(program.blocks))
             for k, block in blocks.items():
                 blocks[k] = function(block)
             seconds[sweep_name], clock = seconds[sweep_name] + time.perf_counter() - clock, time.perf_counter()

@@ -241,6 +241,12 @@ class Model:
     independent: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
 
+    def __repr__(self) -> str:
+        return (
+            f"<Model {self.name}: {len(self.bodies)} bodies, {len(self.loops)} loops, nq={self.nq}, nu={self.nu}, "
+            f"np={len(self.parameters)}, ninputs={len(self.inputs)}, noutputs={len(self.outputs)}>"
+        )
+
     @cached_property
     def coordinate_names(self) -> tuple[str, ...]:
         return tuple(q for b in self.bodies for q in joint_coordinates(b.name, b.joint.type)[0])

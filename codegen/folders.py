@@ -1,0 +1,244 @@
+"""The folder of a package: refused where it holds something else, replaced as a whole, put right after a kill.
+
+A package is written beside its place, under a hidden name, and exchanged with what stands there in one step, so that there is a
+package at any time. Where the system cannot exchange two folders, the old one is moved away first: a kill between the two moves
+leaves it under its hidden name, and the next run moves it back. Whoever writes such a folder holds a lock on it, which the
+system takes back when the process ends: so folders of the living are told from leftovers.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import errno
+import fcntl
+import functools
+import json
+import os
+import re
+import secrets
+import shutil
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+SECOND = "_second"
+"""What the names of files and C functions of a second partition have after the model's."""
+
+ATTEMPTS = 20
+"""So often a place is tried for that other processes take meanwhile."""
+
+
+class FolderError(ValueError):
+    """The output folder cannot be written, or holds something that `generate` did not write."""
+
+
+def refuse_foreign(folder: Path) -> None:
+    """Raise `FolderError` unless the folder is absent, empty, or an earlier output and nothing else."""
+    try:
+        if not folder.exists():
+            _refuse_unwritable(folder)
+            return
+        if not folder.is_dir():
+            raise FolderError(f"{folder} is a file; give a folder to write into with -o")
+        here = Path.cwd()
+        if folder.resolve() in (
+            here,
+            *here.parents,
+        ):  # the folder is replaced as a whole: the shell would stand in nothing
+            raise FolderError(f"{folder} is, or holds, the working directory; give a folder of its own with -o")
+        found = {p.name for p in folder.iterdir()}
+    except (OSError, RuntimeError) as error:  # a link that leads to itself
+        raise FolderError(f"cannot write {folder}: {getattr(error, 'strerror', None) or error}") from None
+    if not found:
+        return
+    manifest: Any = None
+    with contextlib.suppress(OSError, ValueError, RecursionError):
+        manifest = json.loads((folder / "model.json").read_text(encoding="utf-8"))
+    if not isinstance(manifest, dict) or manifest.get("generator") != "ordernm":
+        raise FolderError(
+            f"{folder} holds something that generate did not write; choose another folder with -o, or empty this one"
+        )
+    listed = manifest.get("files", ())
+    own = re.compile(
+        rf"{re.escape(str(manifest.get('name')))}({SECOND})?(-[0-9a-f-]+\.so|\.log)|__pycache__|\.build-.*"
+    )
+    foreign = sorted(n for n in found - set(listed if isinstance(listed, list) else ()) if not own.fullmatch(n))
+    if foreign:
+        raise FolderError(
+            f"{folder} holds beside generated files {', '.join(foreign[:5])}{', ...' if len(foreign) > 5 else ''}, which "
+            f"writing anew would lose; move that away, or choose another folder with -o"
+        )
+
+
+def _refuse_unwritable(folder: Path) -> None:
+    """Raise `FolderError` where nothing can be put in the folder's place; better said before a minute's work than after it."""
+    above = folder.resolve().parent
+    while not above.exists():
+        above = above.parent
+    if not above.is_dir():
+        raise FolderError(f"cannot write {folder}: {above} is a file; give a folder to write into with -o")
+    if not os.access(above, os.W_OK | os.X_OK):
+        raise FolderError(
+            f"cannot write {folder}: no permission to write in {above}; choose another folder with -o, or change its permissions"
+        )
+
+
+def write_folder(folder: Path, files: dict[str, str]) -> bool:
+    """Write a package as a whole: it is complete beside its place before it takes it.
+
+    A folder that holds these very files stays as it is, with its compiled library: False is returned. Where only files have
+    changed that are not compiled, libraries are taken along.
+    """
+    folder = folder.resolve()  # a link to a folder stays one
+    new = {name: text.encode() for name, text in files.items()}
+    with contextlib.suppress(OSError):
+        if all((folder / name).read_bytes() == content for name, content in new.items()):
+            return False
+    try:
+        with _workshop(folder) as temporary:
+            for name, content in new.items():
+                (temporary / name).write_bytes(content)
+            _keep_libraries(folder, temporary)
+            _take_place(temporary, folder)
+        return True
+    except OSError as error:
+        raise FolderError(f"cannot write {folder}: {error.strerror or error}") from None
+
+
+def _keep_libraries(old: Path, new: Path) -> None:
+    """Take compiled libraries along where the C has not changed."""
+    for source in new.glob("*.[ch]"):
+        before = old / source.name
+        if not before.is_file() or before.read_bytes() != source.read_bytes():
+            return
+    for library in old.glob("*.so"):
+        with contextlib.suppress(OSError):
+            shutil.copy2(library, new / library.name)
+
+
+def put_right(folder: Path) -> None:
+    """Move a package back that a killed run had moved away, and remove what killed runs have left beside it.
+
+    What a living process is at work on stays.
+    """
+    folder = folder.resolve()
+    hidden = re.compile(rf"\.{re.escape(folder.name)}-(new|old)-\d+-[0-9a-f]+")
+    with contextlib.suppress(OSError), os.scandir(folder.parent) as entries:
+        # moved away ones first
+        for name in sorted((e.name for e in entries if hidden.fullmatch(e.name)), key=lambda n: "-new-" in n):
+            left = folder.with_name(name)
+            with _locked(left) as free:
+                if not free:
+                    continue
+                if "-old-" in name and not folder.exists():
+                    os.rename(left, folder)
+                else:
+                    shutil.rmtree(left, ignore_errors=True)
+
+
+@contextlib.contextmanager
+def _locked(folder: Path) -> Iterator[bool]:
+    """Hold the lock of a folder meanwhile, if it is free and the file system has locks."""
+    try:
+        handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    except OSError:
+        yield False
+        return
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            yield False
+        else:
+            yield folder.exists()  # who had it before may have removed it
+    finally:
+        os.close(handle)
+
+
+@contextlib.contextmanager
+def _workshop(folder: Path) -> Iterator[Path]:
+    """A hidden folder beside one, locked, and removed in the end with all that is in it."""
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    for _ in range(ATTEMPTS):
+        place = _beside(folder, "new")
+        place.mkdir()
+        try:
+            with _locked(place):
+                if place.exists():  # nobody took it for a leftover before it was locked
+                    yield place
+                    return
+        finally:
+            shutil.rmtree(place, ignore_errors=True)
+    raise OSError(errno.EBUSY, os.strerror(errno.EBUSY), str(folder))
+
+
+def _beside(folder: Path, what: str) -> Path:
+    return folder.with_name(f".{folder.name}-{what}-{os.getpid()}-{secrets.token_hex(4)}")
+
+
+def _take_place(new: Path, folder: Path) -> None:
+    """Put a finished folder where another may stand, also while other processes do the same."""
+    for attempt in range(ATTEMPTS):
+        try:
+            os.rename(new, folder)  # where nothing stands, or an empty folder
+            return
+        except OSError as error:
+            if error.errno not in (errno.ENOTEMPTY, errno.EEXIST):
+                raise
+        with contextlib.suppress(FileNotFoundError):  # another process has moved it away
+            if exchange(new, folder):
+                return
+        if _replace(new, folder):
+            return
+        time.sleep(0.001 * attempt)
+    raise OSError(errno.EBUSY, os.strerror(errno.EBUSY), str(folder))
+
+
+def _replace(new: Path, folder: Path) -> bool:
+    """Move a folder away and another into its place; False: a third one was quicker."""
+    old = _beside(folder, "old")
+    with contextlib.suppress(FileNotFoundError):
+        os.rename(folder, old)
+    try:
+        os.rename(new, folder)
+        return True
+    except OSError:
+        with contextlib.suppress(OSError):
+            os.rename(old, folder)
+        return False
+    finally:
+        if folder.exists():  # else the old one stays, to be moved back
+            shutil.rmtree(old, ignore_errors=True)
+
+
+def exchange(one: Path, other: Path) -> bool:
+    """Let two folders change places in one step; False where the system or the file system cannot."""
+    call = _exchange_call()
+    if call is None:
+        return False
+    if call(os.fsencode(one), os.fsencode(other)) == 0:
+        return True
+    number = ctypes.get_errno()
+    if number in (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP):
+        return False
+    raise OSError(number, os.strerror(number), str(other))
+
+
+@functools.cache
+def _exchange_call() -> Callable[[bytes, bytes], int] | None:
+    """``renameat2`` of Linux, ``renamex_np`` of macOS."""
+    here, swap = -100, 2  # AT_FDCWD; RENAME_EXCHANGE, RENAME_SWAP
+    try:
+        library = ctypes.CDLL(None, use_errno=True)
+        if sys.platform == "darwin":
+            function = library.renamex_np
+            function.argtypes = [ctypes.c_char_p, ctypes.c_char_p, ctypes.c_uint]
+            return lambda one, other: int(function(one, other, swap))
+        function = library.renameat2
+        function.argtypes = [ctypes.c_int, ctypes.c_char_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_uint]
+        return lambda one, other: int(function(here, one, here, other, swap))
+    except (OSError, AttributeError):
+        return None

@@ -1,0 +1,246 @@
+"""What a model, or a generated package, holds: lines for a reader."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from .model.expressions import Expression
+from .model.model import GROUND, Body, Face, Model, Output, Point, Vector
+from .summary import counted
+
+FEW, FIRST = 40, 10
+"""A section of at most so many entries is shown as a whole, of a longer one its first. Of more bodies, those that are alike are
+gathered."""
+LEVELS = 12
+"""The tree is indented up to so many levels."""
+LONG = 32
+"""Expressions longer than this are shown by their value at the default parameters."""
+
+
+def list_model(model: Model, verbose: bool = False) -> list[str]:
+    """The sections of a model: parameters, bodies with their joints, loops, forces, springs, initial values, outputs.
+
+    Parameters
+    ----------
+    verbose : bool
+        List every entry, also of a large model.
+    """
+    return _Listing(model, verbose).lines()
+
+
+class _Listing:
+    """The lines of a model.
+
+    Parameters
+    ----------
+    verbose : bool
+        All entries, or the first of long sections.
+    """
+
+    def __init__(self, model: Model, verbose: bool):
+        self.model = model
+        self.verbose = verbose
+        self.defaults: dict[str, float] = {p.name: p.value for p in model.parameters}
+
+    def lines(self) -> list[str]:
+        model = self.model
+        sizes = [
+            counted(len(model.bodies), "body", "bodies"),
+            counted(model.nq, "coordinate"),
+            counted(model.nu, "speed"),
+        ]
+        if model.loops:
+            sizes.append(counted(len(model.loops), "loop"))
+        lines = [f"{model.name}: {', '.join(sizes)}"]
+        gravity = f"{self.vector(model.gravity)} m/s^2" if model.gravity else "none"
+        lines.append(f"  gravity: {gravity}")
+        lines += self.section("parameter", [self.parameter(p) for p in model.parameters])
+        lines += self.row("inputs", model.inputs)
+        lines += self.bodies()
+        names = self.name
+        lines += self.section(
+            "loop",
+            [
+                f"{loop.name}: {loop.type}{self.axes(loop.axes)} from {self.face(loop.start)} to {self.face(loop.end)}"
+                for loop in model.loops
+            ],
+        )
+        lines += self.section(
+            "force",
+            [f"{f.name}: on joint {names(f.body)}: {', '.join(self.long(v) for v in f.values)}" for f in model.forces],
+        )
+        lines += self.section(
+            "spring",
+            [
+                f"{s.name}: from {self.point(s.start)} to {self.point(s.end)}; stiffness {self.long(s.stiffness)}, damping "
+                f"{self.long(s.damping)}, free length {self.long(s.free_length)}"
+                for s in model.springs
+            ],
+        )
+        lines += self.row("initial q", self.initial(model.initial_q))
+        lines += self.row("initial u", self.initial(model.initial_u))
+        lines += self.row("independent, as the model asks", model.independent)
+        return lines + self.section("output", [f"{o.name}: {self.output(o)}" for o in model.outputs])
+
+    # -- sections --------------------------------------------------------------------------------------------------------
+
+    def section(self, noun: str, entries: Sequence[str]) -> list[str]:
+        shown = entries if self.verbose or len(entries) <= FEW else entries[:FIRST]
+        lines = [f"  {noun} {entry}" for entry in shown]
+        if len(shown) < len(entries):
+            lines.append(f"  and {counted(len(entries) - len(shown), f'{noun} more', f'{noun}s more')}")
+        return lines
+
+    def row(self, title: str, entries: Sequence[str]) -> list[str]:
+        limit = len(entries) if self.verbose or len(entries) <= FEW else FIRST
+        return [f"  {title}: {self.some(entries, limit)}"] if entries else []
+
+    def some(self, entries: Sequence[str], limit: int) -> str:
+        shown = entries[:limit]
+        return ", ".join(shown) + (f" and {len(entries) - len(shown)} more" if len(shown) < len(entries) else "")
+
+    def parameter(self, p: Any) -> str:
+        bounds = [f"{word} {x:g}" for word, x in (("at least", p.min), ("at most", p.max)) if x is not None]
+        return f"{p.name} = {p.value} {p.unit}".rstrip() + (f" ({', '.join(bounds)})" if bounds else "")
+
+    def initial(self, values: Mapping[str, Expression]) -> list[str]:
+        return [f"{name} = {self.long(value)}" for name, value in values.items()]
+
+    def output(self, o: Output) -> str:
+        if o.expression is not None:
+            return self.long(o.expression)
+        if o.point is not None and o.axis is not None:
+            return f"{o.measure} of {self.point(o.point)} along {self.axis(o.axis)}"
+        return o.measure.replace("_", " ")
+
+    def bodies(self) -> list[str]:
+        """The tree; of a large model one line for all bodies that are alike."""
+        model = self.model
+        if self.verbose or len(model.bodies) <= FEW:
+            depth = {GROUND: 0}
+            lines = []
+            for k in model.outward:
+                body = model.bodies[k]
+                depth[k] = depth[body.parent] + 1
+                on = "" if body.parent != GROUND and depth[k] <= LEVELS else f" on {self.name(body.parent)}"
+                lines.append(
+                    f"  {'  ' * min(depth[k] - 1, LEVELS)}body {body.name}: {self.joint(body)}{on}; {self.mass(body)}"
+                )
+            return lines
+        alike: dict[Any, list[int]] = {}
+        for k, b in enumerate(model.bodies):
+            alike.setdefault(
+                (b.joint.type, b.joint.axes, b.joint.at, b.joint.rotation, b.mass, b.com, b.inertia), []
+            ).append(k)
+        entries = []
+        for group in alike.values():
+            first = model.bodies[group[0]]
+            names = self.some([model.bodies[k].name for k in group], 3)
+            parents = list(dict.fromkeys(self.name(model.bodies[k].parent) for k in group[:4]))
+            on = ", ".join([*parents[:3], *["..."][: len(parents) > 3]])
+            entries.append(f"{names}: {self.joint(first)} on {on}; {self.mass(first)}")
+        return self.section("body", entries)
+
+    # -- parts -----------------------------------------------------------------------------------------------------------
+
+    def name(self, body: int) -> str:
+        return "ground" if body == GROUND else self.model.bodies[body].name
+
+    def joint(self, body: Body) -> str:
+        joint = body.joint
+        at = "" if all(_is_zero(x) for x in joint.at) else f" at {self.vector(joint.at)}"
+        return f"{joint.type}{self.axes(joint.axes)}{at}{self.turned(joint.rotation)}"
+
+    def turned(self, rotation: Iterable[tuple[Vector, Expression]]) -> str:
+        turns = [f"{self.short(angle)} about {self.axis(axis)}" for axis, angle in rotation]
+        return f" turned {', '.join(turns)}" if turns else ""
+
+    def axes(self, axes: Sequence[Vector]) -> str:
+        return f" {' and '.join(self.axis(a) for a in axes)}" if axes else ""
+
+    def axis(self, axis: Vector) -> str:
+        text = self.vector(axis)
+        return {
+            f"[{', '.join(str(sign * (i == j)) for j in range(3))}]": f"{'-' * (sign < 0)}{'xyz'[i]}"
+            for i in range(3) for sign in (1, -1)
+        }.get(text, text)  # fmt: skip
+
+    def mass(self, body: Body) -> str:
+        if _is_zero(body.mass) and all(_is_zero(x) for x in body.inertia):
+            return "no mass"
+        value = "" if body.mass.is_number else f" = {self.number(body.mass)}"
+        com = "" if all(_is_zero(x) for x in body.com) else f" at {self.vector(body.com)}"
+        inertia = ", ".join(self.number(x) for x in body.inertia)
+        return f"mass {self.long(body.mass)}{value} kg{com}, inertia [{inertia}] kg m^2"
+
+    def face(self, face: Face) -> str:
+        return f"{self.place(face.body, face.at)}{self.turned(face.rotation)}"
+
+    def point(self, point: Point) -> str:
+        return self.place(point.body, point.at)
+
+    def place(self, body: int, at: Vector) -> str:
+        return self.name(body) + ("" if all(_is_zero(x) for x in at) else f" {self.vector(at)}")
+
+    def vector(self, vector: Vector) -> str:
+        return f"[{', '.join(self.short(x) for x in vector)}]"
+
+    def short(self, expression: Expression) -> str:
+        text = self.long(expression)
+        return text if len(text) <= LONG else self.number(expression)
+
+    def long(self, expression: Expression) -> str:
+        return self.number(expression) if expression.is_number else str(expression)
+
+    def number(self, expression: Expression) -> str:
+        """The value at the default parameters, to six digits."""
+        return f"{float(expression.evaluate(self.defaults)):.6g}"
+
+
+def _is_zero(expression: Expression) -> bool:
+    return expression.is_number and expression.value == 0
+
+
+def list_package(folder: Path) -> list[str]:
+    """What a generated package was made from and what it uses; its first lines, then those of its model.
+
+    Raises
+    ------
+    FolderError
+        The folder holds no package.
+    """
+    from .folders import FolderError
+    from .runtime.solver import read_manifest
+
+    try:
+        manifest = read_manifest(folder)
+    except ValueError as error:
+        raise FolderError(str(error)) from None
+    origin = f" from {manifest['origin']['file']}" if manifest.get("origin") else ""
+    lines = [
+        f"package {folder.absolute()}, generated{origin} by ordernm {manifest.get('version')}",
+        f"  target {manifest.get('target')}, layout {manifest.get('layout')}; {_code(folder, manifest)}",
+        *manifest.get("description", ()),
+    ]
+    return lines
+
+
+def _code(folder: Path, manifest: Mapping[str, Any]) -> str:
+    """What computes when the package is loaded on this machine."""
+    if manifest.get("target") == "numpy":
+        return "NumPy computes"
+    from .runtime.solver import Build, CompileError
+
+    try:
+        build = Build(folder, manifest["name"], manifest.get("sources", ()))
+        key = build.key()
+    except (CompileError, OSError) as error:
+        return f"C cannot be compiled: {error}"
+    for place in build.places:
+        for library in sorted(place.glob(f"{key}-*.so")):
+            return f"compiled C computes: {library.name}"
+    if build.compiler:
+        return f"C computes: {build.compiler[0]} compiles it when it is loaded first"
+    return "NumPy computes, since there is no C compiler"
