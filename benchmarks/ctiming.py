@@ -8,6 +8,7 @@ CPU time of the thread.
 
 from __future__ import annotations
 
+import argparse
 import ctypes
 import hashlib
 import os
@@ -22,8 +23,11 @@ from pathlib import Path
 import numpy as np
 
 LEVELS = ("-O1", "-O2", "-O3")
-FLAGS = ("-march=native", "-fPIC", "-shared")
-"""The same for everybody; no -ffast-math."""
+FLAGS = ["-march=native", "-fPIC", "-shared"]
+"""The same for everybody; no -ffast-math. `restrict_instructions` adds to them."""
+
+INSTRUCTIONS = {"native": [], "avx2": ["-mno-avx512f"], "sse2": ["-mno-avx512f", "-mno-avx"]}
+"""Flags that leave out what a machine may not have."""
 
 CLOCK = """\
 #include <time.h>
@@ -44,6 +48,20 @@ POINTER = ctypes.POINTER(ctypes.c_double)
 def default_cache() -> Path:
     """Where compiled contestants are kept from run to run."""
     return Path(tempfile.gettempdir()) / "ordernm-benchmarks"
+
+
+def add_instructions(parser: argparse.ArgumentParser) -> None:
+    """The option that says which instructions everybody may use."""
+    parser.add_argument("--instructions", default="native", choices=tuple(INSTRUCTIONS))
+
+
+def restrict_instructions(which: str) -> str:
+    """Let compilers use some of the machine's instructions only; the name of the widest set that is left."""
+    FLAGS[1:-2] = INSTRUCTIONS[which]
+    command = ["gcc", *FLAGS[:-2], "-dM", "-E", "-x", "c", os.devnull]
+    macros = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    known = (("__AVX512F__", "AVX-512"), ("__AVX2__", "AVX2"), ("__AVX__", "AVX"), ("__SSE2__", "SSE2"), ("__ARM_NEON", "NEON"))
+    return next((name for macro, name in known if f"{macro} " in macros), "no vector instructions")
 
 
 def use_one_core(core: int | None = None) -> None:
@@ -123,7 +141,7 @@ def compile_objects(
             (unfinished / name).write_text(text)
         begin = time.perf_counter()
         for source in sources:
-            command = [compiler, level, *FLAGS[:2], "-c", source, "-o", f"{source}.o"]
+            command = [compiler, level, *FLAGS[:-1], "-c", source, "-o", f"{source}.o"]
             subprocess.run(command, check=True, cwd=unfinished)
         took = time.perf_counter() - begin
         unfinished.rename(folder)
@@ -145,7 +163,7 @@ def compile_variant(contestant: Contestant, level: str, cache: Path, compiler: s
             if name.endswith(".h"):
                 (folder / name).write_text(text)
         (folder / "clock.c").write_text(clock)
-        subprocess.run([compiler, "-O2", *FLAGS[:2], "-c", "clock.c", "-o", "clock.o"], check=True, cwd=folder)
+        subprocess.run([compiler, "-O2", *FLAGS[:-1], "-c", "clock.c", "-o", "clock.o"], check=True, cwd=folder)
         linked += [f"-Wl,-rpath,{path.parent}" for path in contestant.libraries]
         command = [compiler, "-shared", *map(str, objects), "clock.o", *linked, "-o", "unfinished.so", "-lm"]
         subprocess.run(command, check=True, cwd=folder)

@@ -34,8 +34,8 @@ void tree_solve_1(const double *b, double *x, double *work)
 {
     call_1 d;
     open_1(&d, &kept, work);
-    d.b = b;
-    d.dudot = x;
+    d.b = (const lanes_1 *)b;
+    d.dudot = (lanes_1 *)x;
     solve_in_1(&d);
     balance_back_1(&d);
 }
@@ -46,11 +46,11 @@ void tree_force_tangent(double *udot, const double *dq, const double *du, const 
 {
     call_1 d;
     open_1(&d, &kept, work);
-    d.dq = dq;
-    d.du = du;
-    d.dp = dp;
+    d.dq = (const lanes_1 *)dq;
+    d.du = (const lanes_1 *)du;
+    d.dp = (const lanes_1 *)dp;
     d.udot = udot;
     d.force = force;
-    d.dforce = dforce;
+    d.dforce = (lanes_1 *)dforce;
     mass_tangent_1(&d);
 }

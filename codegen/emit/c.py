@@ -12,7 +12,6 @@ from typing import Any
 
 from ..mechanics.kinds import EarKind, LinkKind, SpringKind, UnitKind
 from ..program.block import Block
-from .interface import Interface
 from .printer import C_FUNCTIONS, Printer
 from .templates import render
 from .writer import Function, Located, Place, Writer
@@ -58,15 +57,24 @@ class CWriter(Writer):
                 type_ = "LANES" if of_directions(array) else "double"
                 const = "" if pointer in written else "const "
                 pointers[pointer] = f"{const}{type_} *restrict {variable} = {expression};"
-            return f"{variable}[{i}]"
+            return f"{variable}[{i}]{'.at[h]' if of_directions(array) else ''}"
 
+        # What all directions share is computed once, then the vectors that hold them, one after the other.
+        passes: list[str] = []
         for symbol, (array, name) in block.loads.items():
-            body.append(f"const {'LANES' if of_directions(array) else 'double'} {symbol} = {access(array, name)};")
-        tag = ""
+            if of_directions(array):
+                passes.append(f"const VECTOR {symbol} = {access(array, name)};")
+            else:
+                body.append(f"const double {symbol} = {access(array, name)};")
+        tags = {False: "", True: ""}
         for s in block.statements:
-            comment = f" /* {s.tag} */" if s.tag and s.tag != tag else ""
-            tag = s.tag
-            body.append(f"const {'LANES' if s.lanes else 'double'} {s.target} = {self.printer(s.expression)};{comment}")
+            comment = f" /* {s.tag} */" if s.tag and s.tag != tags[s.lanes] else ""
+            tags[s.lanes] = s.tag
+            line = f"{s.target} = {self.printer(s.expression)};{comment}"
+            if s.lanes:
+                passes.append(f"const VECTOR {line}")
+            else:
+                body.append(f"const double {line}")
         for array, name, value in block.stores:
             text = self.printer(value)
             if array in ("pivot", "rank"):
@@ -74,9 +82,12 @@ class CWriter(Writer):
                 body.append(f"if (!a->singular && !({text} > 0.0)) a->singular = {culprit(array, name)} + 1;")
                 continue
             if of_directions(array) and value.is_Number:
-                text = "NOTHING" if value == 0 else f"NOTHING + {text}"
-            body.append(f"{access(array, name)} {'+=' if array.endswith('_sum') else '='} {text};")
-        return list(pointers.values()) + body
+                text = "(VECTOR){0}" if value == 0 else f"(VECTOR){{0}} + {text}"
+            line = f"{access(array, name)} {'+=' if array.endswith('_sum') else '='} {text};"
+            (passes if of_directions(array) else body).append(line)
+        if passes:
+            passes = ["EACH_VECTOR {", *(f"    {line}" for line in passes), "}"]
+        return [*pointers.values(), *body, *passes]
 
     def signature(self, name: str, lanes: bool, indexed: bool) -> str:
         type_ = "DIRECTIONS(call)" if lanes else "call"
@@ -288,8 +299,8 @@ class CWriter(Writer):
         zero: list[str] = []
         for name, terms in self.ground_tangents():
             place = f"a->slots[{self.layout.slots['balance_out'][name]}]"
-            text = " + ".join(f"{self._gravity(factor)}*a->dp[{p}]" for factor, p in terms) or "NOTHING"
-            lines.append(f"{place} = {text};")
+            text = " + ".join(f"{self._gravity(factor)}*a->dp[{p}].at[h]" for factor, p in terms) or "(VECTOR){0}"
+            lines.append(f"EACH_VECTOR {place}.at[h] = {text};")
             zero.append(f"{place} = NOTHING;")
         return lines, zero
 
@@ -336,8 +347,7 @@ class CWriter(Writer):
                 placed.append((name, kind == "L", at))
                 at += -(-count * (8 if kind == "L" else 1) // 8) * 8
         functions = context["interfaces"]
-        scratch = max((sum(size[n] for n in f.seeds_sizes() + f.derived()) for f in functions if f.widths), default=0)
-        self.workspace = at + 8 + scratch
+        self.workspace = at + 8
         pointers = ["double *" + n for n in ("udot", "qdot", "force", "energy", "outputs")]
         pointers += ["double *" + n for n in ("reaction", "loop_reaction") if self.reactions]
         pointers += ["double *" + n for n in ("position", "velocity", "condition", "step") if use["loops"]]
@@ -371,7 +381,6 @@ class CWriter(Writer):
                 ("ANGLES", max(1, layout.angles_padded)),
             ],
             "workspace": self.workspace,
-            "scratch": at,
             "speeds_at": next((offset for n, _, offset in placed if n == "speeds"), 0),
             "regions": placed,
             "region_names": {n for n, _, _ in placed},
@@ -390,40 +399,12 @@ class CWriter(Writer):
                 Function("", f.batch_signature(model.name, w), f.batch_lines(model.name, w, size))
                 for f in functions for w in (f.widths or (None,))
             ],
-            "fallbacks": [fallback(f, model.name, w, size) for f in functions for w in f.widths if w > 1],
             "signature": {f.name: f.signature(model.name) for f in functions},
             "lane_signature": {
                 f.name: f.signature(model.name).replace(f"{model.name}_{f.name}", f"DIRECTIONS({model.name}_{f.name})")
                 for f in functions
             },
         }  # fmt: skip
-
-
-def fallback(f: Interface, model: str, width: int, size: dict[str, int]) -> Function:
-    """A function of several directions in plain C: one direction after the other."""
-    result = Function(f"{f.comment} Directions: {width}.", f.signature(model, width))
-    lines = result.lines
-    at = 0
-    pieces: list[tuple[str, int, int]] = []
-    for name in [*f.seeds, *f.derived_names()]:
-        n = size[name.removeprefix("d")]
-        pieces.append((name, at, n))
-        at += n
-    lines.append("double *s = work + SCRATCH;")
-    lines.append(f"for (int l = 0; l < {width}; ++l) {{")
-    for name, offset, n in pieces:
-        if name in f.seeds:
-            lines.append(f"    for (int i = 0; i < {n}; ++i) s[{offset} + i] = {name}[{width}*i + l];")
-    arguments = [*f.arguments, *(f"s + {o}" for name, o, _ in pieces if name in f.seeds)]
-    places = {name: o for name, o, _ in pieces}
-    arguments += [f"s + {places[r]}" if r in places else r for r in f.results]
-    lines.append(f"    const int singular = {model}_{f.name}_1({', '.join([*arguments, 'work'])});")
-    lines.append("    if (singular) return singular;")
-    for name, offset, n in pieces:
-        if name not in f.seeds:
-            lines.append(f"    for (int i = 0; i < {n}; ++i) {name}[{width}*i + l] = s[{offset} + i];")
-    lines += ["}", "return 0;"]
-    return result
 
 
 def _function(name: str, lanes: bool) -> str:

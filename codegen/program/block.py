@@ -65,7 +65,7 @@ class Block:
 
 
 RESERVED = frozenset(
-    "a i l acos asin atan atan2 cos cosh exp fabs fmax fmin log pow sin sinh sqrt tan tanh y0 y1 yn j0 j1 jn np "
+    "a h i l acos asin atan atan2 cos cosh exp fabs fmax fmin log pow sin sinh sqrt tan tanh y0 y1 yn j0 j1 jn np "
     "int double const static link numbers call".split()
 )
 """Names that generated code uses for other things."""
