@@ -60,7 +60,13 @@ def restrict_instructions(which: str) -> str:
     FLAGS[1:-2] = INSTRUCTIONS[which]
     command = ["gcc", *FLAGS[:-2], "-dM", "-E", "-x", "c", os.devnull]
     macros = subprocess.run(command, check=True, capture_output=True, text=True).stdout
-    known = (("__AVX512F__", "AVX-512"), ("__AVX2__", "AVX2"), ("__AVX__", "AVX"), ("__SSE2__", "SSE2"), ("__ARM_NEON", "NEON"))
+    known = (
+        ("__AVX512F__", "AVX-512"),
+        ("__AVX2__", "AVX2"),
+        ("__AVX__", "AVX"),
+        ("__SSE2__", "SSE2"),
+        ("__ARM_NEON", "NEON"),
+    )
     return next((name for macro, name in known if f"{macro} " in macros), "no vector instructions")
 
 

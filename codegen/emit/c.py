@@ -35,6 +35,17 @@ def of_directions(array: str) -> bool:
     return array.partition("#")[0] in LANES
 
 
+def stored_once(block: Block) -> set[Any]:
+    """Symbols that what is stored for all directions together is made of."""
+    if not any(of_directions(array) for array, _, _ in block.stores):
+        return {*block.loads, *(s.target for s in block.statements)}
+    wanted = {s for array, _, value in block.stores if not of_directions(array) for s in value.free_symbols}
+    for s in reversed(block.statements):
+        if s.target in wanted:
+            wanted |= s.expression.free_symbols
+    return wanted
+
+
 class CWriter(Writer):
     """C source of a program; a place is (name of a pointer, its expression, index)."""
 
@@ -46,7 +57,8 @@ class CWriter(Writer):
     # -- the language ----------------------------------------------------------------------------------------------
 
     def lines(self, block: Block, place: Place, culprit: Callable[[str, str], str] | None = None) -> list[str]:
-        written = {place(a, n)[0] for a, n, _ in block.stores if a not in ("pivot", "rank")}
+        stored = {place(a, n) for a, n, _ in block.stores if a not in ("pivot", "rank")}
+        written = {pointer for pointer, _, _ in stored}
         pointers: dict[str, str] = {}
         body: list[str] = []
 
@@ -59,22 +71,23 @@ class CWriter(Writer):
                 pointers[pointer] = f"{const}{type_} *restrict {variable} = {expression};"
             return f"{variable}[{i}]{'.at[h]' if of_directions(array) else ''}"
 
-        # What all directions share is computed once, then the vectors that hold them, one after the other.
+        # Before the loop over vectors stands what is stored once for all directions. Other numbers that they share stay in
+        # the order of the block: compilers take them out of the loop, and know better which to keep in registers.
         passes: list[str] = []
-        for symbol, (array, name) in block.loads.items():
-            if of_directions(array):
-                passes.append(f"const VECTOR {symbol} = {access(array, name)};")
-            else:
-                body.append(f"const double {symbol} = {access(array, name)};")
+        shared = stored_once(block)
         tags = {False: "", True: ""}
+        for symbol, (array, name) in block.loads.items():
+            lanes = of_directions(array)
+            first = symbol in shared or (not lanes and place(array, name) in stored)
+            line = f"const {'VECTOR' if lanes else 'double'} {symbol} = {access(array, name)};"
+            (body if first else passes).append(line)
         for s in block.statements:
-            comment = f" /* {s.tag} */" if s.tag and s.tag != tags[s.lanes] else ""
-            tags[s.lanes] = s.tag
-            line = f"{s.target} = {self.printer(s.expression)};{comment}"
-            if s.lanes:
-                passes.append(f"const VECTOR {line}")
-            else:
-                body.append(f"const double {line}")
+            first = s.target in shared
+            comment = f" /* {s.tag} */" if s.tag and s.tag != tags[first] else ""
+            tags[first] = s.tag
+            (body if first else passes).append(
+                f"const {'VECTOR' if s.lanes else 'double'} {s.target} = {self.printer(s.expression)};{comment}"
+            )
         for array, name, value in block.stores:
             text = self.printer(value)
             if array in ("pivot", "rank"):
@@ -326,6 +339,8 @@ class CWriter(Writer):
             ("tau", "", model.nu if use["forces"] else 0),
             ("coefficient", "", 3 * len(model.springs)),
             ("speeds", "", model.nu if use["loops"] else 0),
+            ("accelerations", "", model.nu if self.reactions else 0),
+            ("rates", "", len(model.closure_names)),
             ("rest_u", "", 0 if use["loops"] else model.nu),
             ("numbers_1", "", 0 if use["loops"] else model.nu),
             ("numbers_2", "", 0 if use["loops"] else model.nu),

@@ -19,6 +19,8 @@ OTHER_WIDTHS = (8, 1)
 
 
 _BALANCE = (
+    "joint_forces",
+    "spring_coefficients",
     "turns",
     "complete",
     "pose_tangents",
@@ -29,37 +31,77 @@ _BALANCE = (
     "balance_in",
     "balance_back",
 )
-_SPRINGS = ("pose", "velocities", "clear", "springs")
-_FORWARD = ("start", "rotations", "closures", *_SPRINGS, "kinematics", "triangularize", "back_substitute")
-_MASS_TANGENT = ("turns", "balance_out", "force_tangents")
+_SPRINGS = ("spring_coefficients", "pose", "velocities", "clear", "springs")
+_SPRING_TANGENTS = ("pose_tangents", "velocity_tangents", "clear_tangents", "spring_tangents")
+_STATE = ("start", "rotations", "closures")
+_FORWARD = (*_STATE, "joint_forces", *_SPRINGS, "kinematics", "triangularize", "back_substitute")
+_MASS_TANGENT = ("turns", "clear_tangents", "balance_out", "force_tangents")
 FUNCTION_SWEEPS: dict[str, tuple[str, ...]] = {
     "accelerations": _FORWARD,
     "sensitivities": _FORWARD + _BALANCE,
     "jacobians": _FORWARD + _BALANCE,
-    "coordinate_rates": ("rotations", "closures", "rates"),
-    "coordinate_rate_sensitivities": ("rotations", "closures", "turns", "complete", "rate_tangents"),
+    "coordinate_rates": (*_STATE, "rates"),
+    "coordinate_rate_sensitivities": (*_STATE, "turns", "complete", "rate_tangents"),
     "mass_matrix": ("start", "rotations", "mass_out", "mass_in"),
-    "mass_matrix_sensitivities": ("start", "rotations", "kinematics", *_MASS_TANGENT),
-    "solve_mass": ("start", "rotations", "kinematics", "triangularize", "solve_in", "balance_back"),
-    "solve_mass_sensitivities": ("start", "rotations", "kinematics", "triangularize", *_MASS_TANGENT, "solve_in",
+    "mass_matrix_sensitivities": ("start", "rotations", "clear", "kinematics", *_MASS_TANGENT),
+    "solve_mass": ("start", "rotations", "clear", "kinematics", "triangularize", "solve_in", "balance_back"),
+    "solve_mass_sensitivities": ("start", "rotations", "clear", "kinematics", "triangularize", *_MASS_TANGENT, "solve_in",
                                  "balance_back"),
-    "inverse_dynamics": ("start", "rotations", "kinematics", "newton_euler_out", "newton_euler_in"),
-    "inverse_dynamics_sensitivities": ("start", "rotations", "kinematics", *_MASS_TANGENT, "mass_out", "mass_in"),
-    "closure": ("start", "rotations", "closures", "residuals"),
-    "newton_step": ("start", "rotations", "closures", "correct"),
-    "reactions": (*_FORWARD, "pose", "motion", "transmitted"),
-    "conditions": ("start", "rotations", "closures", "condition_numbers"),
-    "completion": ("start", "rotations", "closures"),
-    "completion_sensitivities": ("start", "rotations", "closures", "turns", "complete"),
-    "closure_sensitivities": ("start", "rotations", "closures", "residuals", "turns", "complete", "seed_residuals"),
-    "energies": ("start", "rotations", "closures", "kinetic", "moments", "pose", "spring_energy"),
-    "energy_sensitivities": ("start", "rotations", "closures", "turns", "complete", "kinetic_tangents", "moment_tangents",
-                             "pose", "spring_energy", "pose_tangents", "spring_energy_tangents"),
-    "outputs": ("start", "rotations", "closures", "pose", "kinetic", "moments"),
-    "output_sensitivities": ("start", "rotations", "closures", "turns", "complete", "pose_tangents", "kinetic_tangents",
-                             "moment_tangents"),
+    "inverse_dynamics": ("start", "rotations", *_SPRINGS, "kinematics", "newton_euler_out", "newton_euler_in", "joint_forces"),
+    "inverse_dynamics_sensitivities": ("start", "rotations", *_SPRINGS, "kinematics", "turns", *_SPRING_TANGENTS, "balance_out",
+                                       "force_tangents", "mass_out", "mass_in", "joint_forces"),
+    "closure": (*_STATE, "residuals"),
+    "newton_step": (*_STATE, "correct"),
+    "reactions": _FORWARD,
+    "conditions": (*_STATE, "condition_numbers"),
+    "completion": _STATE,
+    "completion_sensitivities": (*_STATE, "turns", "complete"),
+    "closure_sensitivities": (*_STATE, "residuals", "turns", "complete", "seed_residuals"),
+    "energies": _STATE,
+    "energy_sensitivities": (*_STATE, "turns", "complete"),
+    "outputs": (*_STATE, "output_formulas"),
+    "output_sensitivities": (*_STATE, "turns", "complete", "output_formulas"),
 }  # fmt: skip
-"""Sweeps that a function runs. Those over directions run once for each group of columns in matrices."""
+"""Sweeps that a function runs; see `function_sweeps`. Those over directions run once for each group of columns in matrices."""
+
+
+def function_sweeps(system: System, function: str) -> list[str]:
+    """Sweeps that a function runs, each once."""
+    of_springs = set() if system.model.springs else {*_SPRINGS, *_SPRING_TANGENTS}
+    found = [s for s in FUNCTION_SWEEPS[function] if s not in of_springs] + measuring_sweeps(system, function)
+    if function == "reactions":
+        found += ["pose", "motion", "transmitted"]
+    return list(dict.fromkeys(found))
+
+
+def measuring_sweeps(system: System, function: str) -> list[str]:
+    """Sweeps that energies or outputs need beyond a complete state, in the order in which they run."""
+    model = system.model
+    if function not in ("energies", "energy_sensitivities", "outputs", "output_sensitivities"):
+        return []
+    wanted = (
+        {"kinetic_energy", "potential_energy"} if function.startswith("energ") else {o.measure for o in model.outputs}
+    )
+    springs = "potential_energy" in wanted and bool(model.springs)
+    found = []
+    if springs or wanted & {"position", "velocity"}:
+        found.append("pose")
+    if wanted & {"kinetic_energy", "velocity"}:
+        found.append("kinetic")
+    if "potential_energy" in wanted and model.gravity is not None:
+        found += ["moments", "potential_of_gravity"]
+    if springs:
+        found += ["spring_coefficients", "spring_energy"]
+    if function.endswith("sensitivities"):
+        found = [TANGENT_SWEEPS.get(sweep, sweep) for sweep in found]
+    return found
+
+
+TANGENT_SWEEPS = {
+    "pose": "pose_tangents", "kinetic": "kinetic_tangents", "moments": "moment_tangents",
+    "spring_energy": "spring_energy_tangents",
+}  # fmt: skip
+"""Sweeps that compute values and their tangents, by those that compute values."""
 
 
 @dataclass(slots=True)
@@ -143,8 +185,6 @@ def uses(system: System) -> dict[str, bool]:
         "gravity": model.gravity is not None,
         "quaternions": any(link.joint in ("spherical", "free") for link in system.links),
         "outputs": bool(model.outputs),
-        "energy_outputs": any(o.measure.endswith("_energy") for o in model.outputs),
-        "velocity_outputs": any(o.measure == "velocity" for o in model.outputs),
     }
 
 
@@ -220,7 +260,7 @@ def interfaces(system: System, reactions: bool = False) -> list[Interface]:
         "energies",
         "energy_sensitivities",
         "Kinetic and potential energy.",
-        ["q", "u", *p, *(["t"] if use["springs"] and use["time"] else [])],
+        ["q", "u", *p, *_read_by_springs(system)],
         ["energy"],
         "Energies and their total derivative along seeds.",
     )
@@ -281,6 +321,13 @@ def interfaces(system: System, reactions: bool = False) -> list[Interface]:
     return result
 
 
+def _read_by_springs(system: System) -> list[str]:
+    """Whether the coefficients of springs read inputs and time."""
+    model = system.model
+    names = set().union(*(e.names for s in model.springs for e in (s.stiffness, s.damping, s.free_length)))
+    return [*(["inputs"] if names & set(model.inputs) else []), *(["t"] if "t" in names else [])]
+
+
 def sizes(system: System) -> dict[str, int]:
     """Number of entries of every argument and result."""
     model = system.model
@@ -312,14 +359,8 @@ def manifest(
         u0.append(float(given.evaluate(defaults)) if given is not None else 0.0)
     functions: dict[str, Any] = {}
     independent_q, independent_u = system.independent
-    use = uses(system)
-    unused = set() if use["energy_outputs"] else {"moments", "moment_tangents"}
-    if not (use["energy_outputs"] or use["velocity_outputs"]):
-        unused |= {"kinetic", "kinetic_tangents"}
     for f in interfaces(system, reactions):
-        sweeps = [
-            s for s in FUNCTION_SWEEPS[f.name] if s in operations and not (f.name.startswith("output") and s in unused)
-        ]
+        sweeps = [s for s in function_sweeps(system, f.name) if s in operations]
         functions[f.name] = {"arguments": f.arguments, "results": f.results, "sweeps": sweeps}
         if f.widths:
             functions[f.name] |= {"seeds": f.seeds, "widths": list(f.widths)}

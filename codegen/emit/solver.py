@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import gc
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
@@ -14,10 +15,10 @@ from ..loops.errors import AssemblyError, PartitionError
 from ..loops.partition import Partition, partition
 from ..mechanics.expansion import LANE as LANE_MEMORY
 from ..mechanics.expansion import RECORD, Program, expand
-from ..mechanics.formulas import coefficient_formulas, force_formulas
+from ..mechanics.formulas import FormulaKind, coefficient_formulas, force_formulas
 from ..mechanics.kinds import RegionKind, System, analyse
 from ..mechanics.orthogonal import RankLossError
-from ..mechanics.outputs import measured_sweeps, output_formulas, potential_formula
+from ..mechanics.outputs import RecordFormula, measured_sweeps, output_formulas, potential_formula
 from ..mechanics.sweeps import SWEEPS
 from ..mechanics.triangularization import ZeroPivotError
 from ..model.errors import ModelError, Problem
@@ -169,7 +170,9 @@ def write_solver(
     lap("print NumPy")
     return Source(
         files,
-        manifest(system, writer.workspace, operations(program), chosen.q if chosen else (), reactions),
+        manifest(
+            system, writer.workspace, operations(program, [*formulas, *records]), chosen.q if chosen else (), reactions
+        ),
         system,
         program,
         "unrolled" if unrolled else "kinds",
@@ -197,8 +200,14 @@ def _read_by_formulas(system: System, records: list[Any]) -> set[tuple[str, int,
     return read
 
 
-def operations(program: Program) -> dict[str, Any]:
-    """Operations per call of every sweep: once, and per direction."""
+FORMULAS = {
+    "tau": "joint_forces", "coefficient": "spring_coefficients", "outputs": "output_formulas", "energy": "potential_of_gravity",
+}  # fmt: skip
+"""What the model's own formulas are called among the sweeps, by target."""
+
+
+def operations(program: Program, formulas: Sequence[FormulaKind | RecordFormula]) -> dict[str, Any]:
+    """Operations per call of every sweep, and of the model's own formulas: once, and per direction."""
     result: dict[str, Any] = {}
     for sweep in SWEEPS:
         blocks = program.blocks.get(sweep.name)
@@ -209,22 +218,22 @@ def operations(program: Program) -> dict[str, Any]:
             calls = len(kind.members) if sweep.spring else len(kind.units if sweep.units else kind.members)
             once = once + count(blocks[kind.index], False) * calls
             each = each + count(blocks[kind.index], True) * calls
-        result[sweep.name] = {
-            part: {
-                "additions": o.additions, "multiplications": o.multiplications, "divisions": o.divisions,
-                "functions": o.functions,
-            }
-            for part, o in (("per_call", once), ("per_direction", each))
-        }  # fmt: skip
+        result[sweep.name] = _counted(once, each)
+    for target, name in FORMULAS.items():
+        of_target = [f for f in formulas if f.target == target]
+        once, each = Operations(), Operations()
+        for f in of_target:
+            once = once + count(f.value, False) * len(f.rows)
+            each = each + (count(f.tangent, False) + count(f.tangent, True)) * len(f.rows)
+        if of_target:
+            result[name] = _counted(once, each)
     constants = Operations()
     for c in program.system.constants:
         constants = constants + count(c.shape.block, False)
     angles = sum(link.joint == "revolute" for link in program.system.links)
-    result["start"] = {
-        "per_call": {
-            "additions": constants.additions, "multiplications": constants.multiplications,
-            "divisions": constants.divisions, "functions": constants.functions + 2 * angles,
-        },
-        "per_direction": {"additions": 0, "multiplications": 0, "divisions": 0, "functions": 0},
-    }  # fmt: skip
+    result["start"] = _counted(constants + Operations(functions=2 * angles), Operations())
     return result
+
+
+def _counted(once: Operations, each: Operations) -> dict[str, dict[str, int]]:
+    return {"per_call": dataclasses.asdict(once), "per_direction": dataclasses.asdict(each)}

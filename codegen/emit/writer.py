@@ -19,7 +19,7 @@ from ..mechanics.sweeps import INWARD, SWEEP
 from ..model.model import CLOSURE_ROWS, GROUND
 from ..program.block import Block
 from ..version import __version__
-from .interface import interfaces, sizes, uses
+from .interface import interfaces, measuring_sweeps, sizes, uses
 from .memory import IndexTable, Layout
 
 MAX_STRETCHES = 24
@@ -419,6 +419,21 @@ class Writer(ABC):
                 self._add_pair(result, f"{target}_of_link_{record.index}", record, place_record, integers, numbers)
         return result
 
+    def measuring(self, function: str, formulas: dict[str, dict[str, Any]]) -> list[tuple[bool, str]]:
+        """Statements that energies or outputs are computed by once the state is complete: whether over directions, text.
+
+        `formulas` has the calls of those that are no sweep; see `formula_functions`.
+        """
+        tangents = function.endswith("sensitivities")
+        found: list[tuple[bool, str]] = []
+        for name in measuring_sweeps(self.system, function):
+            if name in formulas:
+                found += [(False, c) for c in formulas[name]["calls"]]
+                found += [(True, c) for c in formulas[name]["lane_calls"] if tangents]
+            else:
+                found.append((SWEEP[name].lanes, self.call(name, SWEEP[name].lanes, None)))
+        return found
+
     def _add_pair(self, result: dict[str, Any], name: str, kind: Any, place: Any, integers: Any, numbers: Any) -> None:
         f, call = self.rows_function(name, kind.value, place, integers, numbers)
         result["functions"].append(f)
@@ -500,6 +515,7 @@ class Writer(ABC):
         )
         size = sizes(self.system)
         functions = interfaces(self.system, self.reactions)
+        measured = {"potential_of_gravity": energy, "spring_coefficients": coefficients}
         return {
             "name": model.name,
             "version": __version__,
@@ -522,8 +538,9 @@ class Writer(ABC):
             "lane_functions": tau["lane_functions"] + coefficients["lane_functions"] + lanes,
             "other_lane_functions": others + outputs["lane_functions"] + energy["lane_functions"],
             "constant_calls": constant_calls,
-            "tau": tau, "coefficients": coefficients, "output_formulas": outputs, "potential": energy,
+            "tau": tau, "coefficients": coefficients, "output_formulas": outputs,
             "energy_outputs": self.energy_outputs,
+            "measuring": {f.name: self.measuring(f.name, measured) for f in functions},
             "interfaces": functions,
             "energy_state": next(f for f in functions if f.name == "energies").arguments,
             "rate_state": next(f for f in functions if f.name == "coordinate_rates").arguments,

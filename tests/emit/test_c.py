@@ -203,6 +203,7 @@ def test_no_globals_no_allocation_libc_only(tmp_path: Path) -> None:
         "fmax",
         "fmin",
         "fabs",
+        "memmove",
         "memset",
         "memcpy",
         "_GLOBAL_OFFSET_TABLE_",

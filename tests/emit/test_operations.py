@@ -1,0 +1,100 @@
+"""The manifest says which sweeps a function runs; the generated C is asked whether that is so."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from codegen.emit.solver import Source, write_solver
+from codegen.mechanics.sweeps import SWEEPS
+from codegen.model import load_model, parse_model
+from codegen.model.model import Model
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+SPRINGS = """
+model: springs
+gravity: [0, 0, -9.81]
+parameters: {length: 1.0, k: 50.0}
+inputs: [pull]
+bodies:
+  a: {parent: ground, joint: {type: revolute, axis: y},
+      shape: {type: rod, axis: z, length: length, density: 1.5, center: [0, 0, -length/2]}}
+  b: {parent: a, joint: {type: spherical, at: [0, 0, -length]}, mass: 0.7, com: [0, 0, -0.2], inertia: {xx: 0.02, yy: 0.02, zz: 0.01}}
+forces:
+  spring: {type: spring, from: {body: b, at: [0, 0.1, -0.4]}, to: {body: ground, at: [1, 0, 0]}, stiffness: k*(1 + pull),
+           damping: 0.3, free_length: 0.4*(1 + 0.1*t)}
+  drive: {type: joint, joint: a, value: pull - 0.1*u.a}
+outputs:
+  energy: potential_energy
+  height: {position: {body: b, at: [0, 0, -0.4]}, axis: z}
+"""
+
+FORMULAS = {
+    "tau": "joint_forces",
+    "coefficient": "spring_coefficients",
+    "outputs": "output_formulas",
+    "energy": "potential_of_gravity",
+}
+
+
+def bodies_of(source: Source) -> dict[str, str]:
+    """Bodies of the C functions by name; those over directions without their width."""
+    name = source.manifest["name"]
+    text = source.files[f"{name}.c"] + source.files[f"{name}_directions.h"]
+    text = re.sub(r"DIRECTIONS\((\w+)\)", r"\1", re.sub(r"/\*.*?\*/", "", text, flags=re.S))
+    found: dict[str, str] = {}
+    for head, body in re.findall(
+        r"^(?:static )?(?:int|void|double \*)[ *]?(\w+)\([^;{]*\)\n\{\n(.*?)^\}", text, re.S | re.M
+    ):
+        found[head.removeprefix(f"{name}_")] = body
+    return found
+
+
+def called(functions: dict[str, str], start: str) -> set[str]:
+    """Names of functions that one reaches."""
+    seen: set[str] = set()
+    todo = [start]
+    while todo:
+        body = re.sub(r"(\w+)_1\(&(d|one)\)", r"\1(&\2)", functions[todo.pop()])  # over one direction, not of kind 1
+        names = set(re.findall(r"(\w+)\(", body))
+        todo += (names & functions.keys()) - seen
+        seen |= names & functions.keys()
+    return seen
+
+
+def sweeps_in_c(functions: dict[str, str], start: str) -> set[str]:
+    reached = called(functions, start)
+    found = {s.name for s in SWEEPS} & reached
+    for name in reached:
+        formula = re.fullmatch(r"d?(tau|coefficient|outputs|energy)(_of_link)?_\d+", name)
+        if formula:
+            found.add(FORMULAS[formula[1]])
+    return found
+
+
+def models() -> list[tuple[str, Model]]:
+    names = ("four_bar", "satellite", "tree", "bricard", "stewart", "andrews", "chain")
+    return [("springs", parse_model(SPRINGS))] + [(n, load_model(EXAMPLES / f"{n}.yaml")) for n in names]
+
+
+@pytest.mark.parametrize(("name", "model"), models(), ids=[n for n, _ in models()])
+def test_functions_run_the_sweeps_that_the_manifest_names(name: str, model: Model) -> None:
+    source = write_solver(model, "kinds", reactions=True)
+    functions = bodies_of(source)
+    operations = source.manifest["operations"]
+    for function, described in source.manifest["functions"].items():
+        run = sweeps_in_c(functions, function)
+        # a sweep without statements has no function of its own
+        told = {s for s in described["sweeps"] if s != "start" and (s in FORMULAS.values() or s in functions)}
+        assert told == run, (name, function)
+        assert set(described["sweeps"]) <= set(operations)
+
+
+def test_energies_take_inputs_where_springs_read_them() -> None:
+    with_inputs = write_solver(parse_model(SPRINGS)).manifest["functions"]["energies"]["arguments"]
+    without = write_solver(parse_model(SPRINGS.replace("k*(1 + pull)", "k").replace("*(1 + 0.1*t)", "")))
+    assert with_inputs == ["q", "u", "p", "inputs", "t"]
+    assert without.manifest["functions"]["energies"]["arguments"] == ["q", "u", "p"]
