@@ -18,7 +18,15 @@ import casadi
 import numpy as np
 from chains import accelerations, chain_seeds, chain_source, chain_state, sensitivities
 from ctiming import (
-    LEVELS, Contestant, Timing, add_instructions, alternate, compile_variant, default_cache, restrict_instructions, table,
+    LEVELS,
+    Contestant,
+    Timing,
+    add_instructions,
+    alternate,
+    compile_variant,
+    default_cache,
+    restrict_instructions,
+    table,
     use_one_core,
 )  # fmt: skip
 

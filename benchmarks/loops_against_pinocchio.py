@@ -7,10 +7,10 @@
 C level, one run, all contestants in turns. Ours: `accelerations` and `sensitivities_8`, each at the best of -O1, -O2, -O3;
 Pinocchio's template library: compiled for this processor at -O3 with its default collection of joint types and with one of
 hinges about x and y only, each with and without Eigen's own vectorisation, lcaba with two proximal parameters, the fastest of
-these counted (it is an iteration, so its accuracy is shown); CppADCodeGen: straight-line C of udot and d udot/d length, at the best of the three levels. The state is
-closed in positions and speeds, so that everybody computes the same accelerations; they are compared with the closed form of
-LADDER, and for PINNED with constraintDynamics, which solves for multipliers. No peer has derivatives with respect to lengths
-in linear time.
+these counted (it is an iteration, so its accuracy is shown); CppADCodeGen: straight-line C of udot and d udot/d length, at
+the best of the three levels. The state is closed in positions and speeds, so that everybody computes the same accelerations;
+they are compared with the closed form of LADDER, and for PINNED with constraintDynamics, which solves for multipliers. No
+peer has derivatives with respect to lengths in linear time.
 
 The first run compiles five C++ libraries, up to several minutes each; they stay in the cache folder. `CMEEL_PREFIX` may name the
 folder with Pinocchio's headers where it is not that of this interpreter's packages.
@@ -284,9 +284,7 @@ def main() -> None:
         "our error",
         "their error",
     ]
-    print(
-        f"\n{instructions}. Errors of udot are those against the closed form of LADDER, and against constraintDynamics for PINNED.\n"
-    )
+    print(f"\n{instructions}. Errors of udot: LADDER against its closed form, PINNED against constraintDynamics.\n")
     print(table(head, rows))
     if not good:
         raise SystemExit("a ratio is above its claim")

@@ -171,6 +171,7 @@ def _timed(seconds: dict[str, float], stage: str) -> Iterator[None]:
 
 def package_files(source: Any, target: str, origin: dict[str, str] | None) -> dict[str, str]:
     """The files of a package beside the solver's source; `origin` is the model file, if there is one."""
+    from .emit.repetition import json_text
     from .emit.templates import render
 
     digest = hashlib.sha256()
@@ -190,7 +191,7 @@ def package_files(source: Any, target: str, origin: dict[str, str] | None) -> di
     context = {"manifest": manifest, "name": manifest["name"], "NAME": manifest["name"].upper(), "version": __version__}
     runtime = (Path(__file__).parent / "runtime" / "solver.py").read_text(encoding="utf-8")
     return {
-        "model.json": json.dumps(manifest, indent=1) + "\n",
+        "model.json": json_text(manifest),
         "__init__.py": render("package/init.py.jinja", context),
         "README.md": render("package/README.md.jinja", context),
         "_runtime.py": runtime,

@@ -6,6 +6,7 @@ parameters.
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 from typing import Any
 
@@ -171,6 +172,7 @@ class Interface:
         ]
 
 
+@functools.lru_cache(maxsize=1)
 def uses(system: System) -> dict[str, bool]:
     """What the model has, for leaving out what it has not."""
     model = system.model

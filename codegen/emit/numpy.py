@@ -15,6 +15,7 @@ from ..mechanics.outputs import RecordFormula
 from ..program.block import Block
 from .interface import Interface
 from .printer import NumpyPrinter
+from .repetition import Repeated, repeated
 from .templates import render
 from .writer import Located, Place, Writer
 
@@ -236,13 +237,13 @@ class NumpyWriter(Writer):
         ]
         context |= {
             "tables": self.tables,
-            "links": [f'"{link.name}"' for link in self.system.links],
-            "loops": [f'"{loop.name}"' for loop in self.model.loops],
+            "links": listed([link.name for link in self.system.links]),
+            "loops": listed([loop.name for loop in self.model.loops]),
             "ears": len(self.system.regions.ears),
             "couplings": self.system.regions.elimination.slots,
             "regions": len(self.system.regions.regions),
             "springs": len(self.model.springs),
-            "spring_names": [f'"{spring.name}"' for spring in self.model.springs],
+            "spring_names": listed([spring.name for spring in self.model.springs]),
             "nclosure": len(self.model.closure_names),
             "constants": len(self.system.constants),
             "ground": self.ground(),
@@ -272,6 +273,21 @@ class NumpyWriter(Writer):
     def _shape(self, name: str, lanes: bool) -> str:
         axes = AXES[name.removeprefix("d") if lanes else name]
         return f"{name} ({'k, ' if lanes else ''}...{', ' + axes if axes else ''})"
+
+
+def listed(names: list[str]) -> list[str]:
+    """Lines of a tuple of names; what is repeated is generated when the module is loaded."""
+    lines = []
+    for item in repeated(names):
+        if isinstance(item, Repeated):
+            integers = [
+                f"{{{a} + {b}*i}}" if b != 1 else f"{{{a} + i}}" for a, b in zip(item.start, item.step, strict=True)
+            ]
+            again = ", ".join('f"' + str(name).format(*integers) + '"' for name in item.items)
+            lines.append(f"*(name for i in range({item.count}) for name in ({again},))")
+        else:
+            lines.append(f'"{item}"')
+    return lines
 
 
 def _plain(entry: str) -> str:

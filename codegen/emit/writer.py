@@ -91,6 +91,7 @@ class Writer(ABC):
         self.springs = IndexTable("spring", len(self.model.springs))
         self.parameter_places = {name: i for i, name in enumerate(self.model.parameter_names)}
         self.uses = uses(self.system)
+        self._of_links: dict[tuple[Any, ...], str] = {}
 
     # -- the language ----------------------------------------------------------------------------------------------
 
@@ -198,6 +199,12 @@ class Writer(ABC):
 
     def of_links(self, kind: UnitKind, sweep: str, array: str, column: str, of: list[int] | None = None) -> str:
         """Expression of an integer of the link that an array is of: its number, or what `of` lists by link."""
+        key = (kind.index, kind.role, SWEEP[sweep].units, array, column)
+        if key not in self._of_links:
+            self._of_links[key] = self._found_of_links(kind, sweep, array, column, of)
+        return self._of_links[key]
+
+    def _found_of_links(self, kind: UnitKind, sweep: str, array: str, column: str, of: list[int] | None) -> str:
         links = self.links_meant(kind, sweep, array)
         place = array.partition("#")[2]
         column = f"UP{column}" if array in ("up", "lup") else f"{_STEM.get(array.partition('#')[0], '')}{column}{place}"

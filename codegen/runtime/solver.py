@@ -635,7 +635,7 @@ class NumpyTarget:
 def read_manifest(folder: Path) -> dict[str, Any]:
     """What ``model.json`` of a package says; ValueError if there is none, or one of something else."""
     try:
-        manifest = json.loads((folder / "model.json").read_text(encoding="utf-8"))
+        manifest = unrolled(json.loads((folder / "model.json").read_text(encoding="utf-8")))
     except FileNotFoundError:
         seen = "no model.json in it"
     except ValueError as error:
@@ -1433,6 +1433,26 @@ def _outcome(
         return target.along(f, arrays, seeds, k, ()) if f.seeds else target.values(f, arrays, ())
     except SingularJointError as error:
         return error.link
+
+
+def unrolled(value: Any) -> Any:
+    """Data of ``model.json`` with its long lists as lists again; see `codegen.emit.repetition`."""
+    if isinstance(value, dict):
+        return {key: unrolled(v) for key, v in value.items()}
+    if not isinstance(value, list):
+        return value
+    found: list[Any] = []
+    for item in value:
+        if not (isinstance(item, dict) and "repeat" in item):
+            found.append(unrolled(item))
+            continue
+        start, step = item.get("from", []), item.get("step", [])
+        for i in range(item["repeat"]):
+            at = [a + i * b for a, b in zip(start, step, strict=True)]
+            found += [
+                at[x[0]] if isinstance(x, list) else x.format(*at) if isinstance(x, str) else x for x in item["of"]
+            ]
+    return found
 
 
 def _numbers(name: str, value: Any) -> Array:

@@ -22,10 +22,11 @@ inputs: [pull]
 bodies:
   a: {parent: ground, joint: {type: revolute, axis: y},
       shape: {type: rod, axis: z, length: length, density: 1.5, center: [0, 0, -length/2]}}
-  b: {parent: a, joint: {type: spherical, at: [0, 0, -length]}, mass: 0.7, com: [0, 0, -0.2], inertia: {xx: 0.02, yy: 0.02, zz: 0.01}}
+  b: {parent: a, joint: {type: spherical, at: [0, 0, -length]}, mass: 0.7, com: [0, 0, -0.2],
+      inertia: {xx: 0.02, yy: 0.02, zz: 0.01}}
 forces:
-  spring: {type: spring, from: {body: b, at: [0, 0.1, -0.4]}, to: {body: ground, at: [1, 0, 0]}, stiffness: k*(1 + pull),
-           damping: 0.3, free_length: 0.4*(1 + 0.1*t)}
+  spring: {type: spring, from: {body: b, at: [0, 0.1, -0.4]}, to: {body: ground, at: [1, 0, 0]},
+           stiffness: k*(1 + pull), damping: 0.3, free_length: 0.4*(1 + 0.1*t)}
   drive: {type: joint, joint: a, value: pull - 0.1*u.a}
 outputs:
   energy: potential_energy

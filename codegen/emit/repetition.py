@@ -1,0 +1,154 @@
+"""Long lists of names and numbers in few words: what ``repeat`` of a model file repeats is not listed a hundred thousand times.
+
+A stretch of a list that repeats some items, with integers in them going up in equal steps, is written as a `Repeated`; the
+run time (`codegen.runtime.solver.unrolled`) makes the list again.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+SHORT = 24
+"""Lists of at most so many items are left as they are: a person may want to read them."""
+
+LONGEST = 16
+"""Items that are repeated together, at most."""
+
+Item = str | int | float
+
+_INTEGER = re.compile(r"(?<!\d)(?:0|[1-9]\d*)(?!\d)")
+
+
+@dataclass(frozen=True, slots=True)
+class Repeated:
+    """Items over and over.
+
+    Attributes
+    ----------
+    count : int
+        How many times.
+    items : tuple
+        The first time. In names, integers that change are written ``{0}``, ``{1}``, ...; an item that is itself such an
+        integer is its number alone, as ``(0,)``.
+    start, step : tuple of int
+        Of these integers.
+    """
+
+    count: int
+    items: tuple[Item | tuple[int], ...]
+    start: tuple[int, ...]
+    step: tuple[int, ...]
+
+    def as_json(self) -> dict[str, Any]:
+        items = [list(i) if isinstance(i, tuple) else i for i in self.items]
+        found: dict[str, Any] = {"repeat": self.count, "of": items}
+        return found | ({"from": list(self.start), "step": list(self.step)} if self.start else {})
+
+
+def repeated(values: Sequence[Item]) -> list[Item | Repeated]:
+    """A list with its repetitive stretches as `Repeated`; greedy, linear in its length."""
+    if len(values) <= SHORT or any(isinstance(v, str) and ("{" in v or "}" in v) for v in values):
+        return list(values)
+    forms = [_form(v) for v in values]
+    result: list[Item | Repeated] = []
+    i = 0
+    while i < len(values):
+        best: tuple[int, int] = (1, 1)
+        form = forms[i][0]
+        for period in range(1, min(LONGEST, (len(values) - i) // 3) + 1):
+            if forms[i + period][0] != form:
+                continue
+            count = _count(forms, i, period)
+            if count > 2 and count * period > best[0] * best[1]:
+                best = count, period
+            if i + (count + 1) * period > len(values):
+                break  # it goes on to the end
+        count, period = best
+        if count * period <= SHORT:
+            result.append(values[i])
+            i += 1
+            continue
+        result.append(_repeated(forms, i, period, count))
+        i += count * period
+    return result
+
+
+def _form(value: Item) -> tuple[Any, tuple[int, ...]]:
+    """An item without its integers, and these."""
+    if isinstance(value, str):
+        return "{}".join(_INTEGER.split(value)), tuple(map(int, _INTEGER.findall(value)))
+    if isinstance(value, int):
+        return int, (value,)
+    return ("number", repr(value)), ()
+
+
+def _count(forms: Sequence[tuple[Any, tuple[int, ...]]], start: int, period: int) -> int:
+    """How many times a period goes on."""
+    steps = []
+    for k in range(start, start + period):
+        (form, integers), (next_form, next_integers) = forms[k], forms[k + period]
+        if form != next_form or len(integers) != len(next_integers):
+            return 1
+        steps.append(tuple(b - a for a, b in zip(integers, next_integers, strict=True)))
+    j = start + period
+    while j + period < len(forms):
+        (form, integers), (next_form, next_integers) = forms[j], forms[j + period]
+        step = steps[(j - start) % period]
+        if form != next_form or tuple(a + s for a, s in zip(integers, step, strict=True)) != next_integers:
+            break
+        j += 1
+    return (j + period - start) // period
+
+
+def _repeated(forms: Sequence[tuple[Any, tuple[int, ...]]], i: int, period: int, count: int) -> Repeated:
+    items: list[Item | tuple[int]] = []
+    start: list[int] = []
+    step: list[int] = []
+    for k in range(i, i + period):
+        form, integers = forms[k]
+        steps = [b - a for a, b in zip(integers, forms[k + period][1], strict=True)]
+        if form is int:
+            items.append((len(start),))
+            start.append(integers[0])
+            step.append(steps[0])
+        elif isinstance(form, str):
+            places = []
+            for value, change in zip(integers, steps, strict=True):
+                places.append(f"{{{len(start)}}}" if change else str(value))
+                if change:
+                    start.append(value)
+                    step.append(change)
+            items.append(form.format(*places))
+        else:
+            items.append(float(form[1]))
+    return Repeated(count, tuple(items), tuple(start), tuple(step))
+
+
+def condensed(value: Any) -> Any:
+    """JSON data with long lists of names and numbers in few words."""
+    if isinstance(value, dict):
+        return {key: condensed(v) for key, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        if all(isinstance(v, (str, int, float)) and not isinstance(v, bool) for v in value):
+            return [v.as_json() if isinstance(v, Repeated) else v for v in repeated(value)]
+        return [condensed(v) for v in value]
+    return value
+
+
+def json_text(data: Any) -> str:
+    """JSON of condensed data, with a line for each entry of dictionaries inside dictionaries, and lists in one line."""
+    return _json(condensed(data), 0) + "\n"
+
+
+def _json(value: Any, depth: int) -> str:
+    if depth > 2 or not isinstance(value, dict) or not value:
+        return json.dumps(value)
+    lines = (f"{' ' * (depth + 1)}{json.dumps(key)}: {_json(entry, depth + 1)}" for key, entry in value.items())
+    return "{\n" + ",\n".join(lines) + f"\n{' ' * depth}}}"
+
+
+__all__ = ["Repeated", "condensed", "json_text", "repeated"]
