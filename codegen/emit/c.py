@@ -19,7 +19,8 @@ from .writer import Function, Located, Place, Writer
 LANES = frozenset(
     {"lme", "lup", "lane", "lroot", "laneroot", "lbase", "lanebase", "lpartner", "lanepartner", "lground", "laneone",
      "lanetwo", "laneone_sum", "lanetwo_sum", "lregion", "lregion_sum", "dq", "du", "dp", "cldp", "csdp", "dinputs", "dt", "dtau",
-     "dcoefficient", "b", "dudot", "dforce", "dqdot", "denergy", "denergy_sum", "dpotential_sum", "doutputs", "dposition"}
+     "dcoefficient", "b", "dudot", "dforce", "dqdot", "denergy", "denergy_sum", "dpotential_sum", "doutputs", "dposition",
+     "dinitial_q", "dinitial_u"}
 )  # fmt: skip
 """Arrays that hold one value per direction."""
 
@@ -365,6 +366,7 @@ class CWriter(Writer):
         self.workspace = at + 8
         pointers = ["double *" + n for n in ("udot", "qdot", "force", "energy", "outputs")]
         pointers += ["double *" + n for n in ("reaction", "loop_reaction") if self.reactions]
+        pointers += ["double *" + n for n in ("initial_q", "initial_u") if use["initial"]]
         pointers += ["double *" + n for n in ("position", "velocity", "condition", "step") if use["loops"]]
         sources = [f"const double *{n}" for n in state] + (["double t"] if use["time"] else [])
         seeds = [f"const LANES *d{n}" for n in state] + (["const LANES *dt"] if use["time"] else [])
@@ -378,6 +380,7 @@ class CWriter(Writer):
             *seeds,
             "const LANES *b",
             *(["LANES *dposition"] if use["loops"] else []),
+            *(f"LANES *{n}" for n in ("dinitial_q", "dinitial_u") if use["initial"]),
             *(f"LANES *{n}" for n in ("dudot", "dqdot", "dforce", "denergy", "doutputs")),
             *(f"LANES *{n}" for n, lane, _ in placed if lane),
         ]

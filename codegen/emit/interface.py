@@ -60,6 +60,8 @@ FUNCTION_SWEEPS: dict[str, tuple[str, ...]] = {
     "closure_sensitivities": (*_STATE, "residuals", "turns", "complete", "seed_residuals"),
     "energies": _STATE,
     "energy_sensitivities": (*_STATE, "turns", "complete"),
+    "initial": ("initial_values",),
+    "initial_sensitivities": ("initial_values",),
     "outputs": (*_STATE, "output_formulas"),
     "output_sensitivities": (*_STATE, "turns", "complete", "output_formulas"),
 }  # fmt: skip
@@ -187,6 +189,7 @@ def uses(system: System) -> dict[str, bool]:
         "gravity": model.gravity is not None,
         "quaternions": any(link.joint in ("spherical", "free") for link in system.links),
         "outputs": bool(model.outputs),
+        "initial": model.initial_depends_on_parameters,
     }
 
 
@@ -311,6 +314,11 @@ def interfaces(system: System, reactions: bool = False) -> list[Interface]:
                 ["q", "u", *p], ["position", "dposition"], ["dq", "du", *(["dp"] if p else [])], OTHER_WIDTHS,
             )
         )  # fmt: skip
+    if use["initial"]:
+        result.append(Interface("initial", "Initial values, as the model file gives them: loops not closed yet.",
+                                ["p"], ["q", "u"], []))  # fmt: skip
+        result.append(Interface("initial_sensitivities", "Initial values and their total derivative along seeds.",
+                                ["p"], ["q", "u", "dq", "du"], ["dp"], OTHER_WIDTHS))  # fmt: skip
     if use["outputs"]:
         pair(
             "outputs",

@@ -15,7 +15,7 @@ from ..loops.errors import AssemblyError, PartitionError
 from ..loops.partition import Partition, partition
 from ..mechanics.expansion import LANE as LANE_MEMORY
 from ..mechanics.expansion import RECORD, Program, expand
-from ..mechanics.formulas import FormulaKind, coefficient_formulas, force_formulas
+from ..mechanics.formulas import FormulaKind, coefficient_formulas, force_formulas, initial_formulas
 from ..mechanics.kinds import RegionKind, System, analyse
 from ..mechanics.orthogonal import RankLossError
 from ..mechanics.outputs import RecordFormula, measured_sweeps, output_formulas, potential_formula
@@ -158,7 +158,7 @@ def write_solver(
         body = system.links[error.kind.members[0]].name.partition(".")[0]
         message = f"nothing outboard of the joint of {body!r} has inertia about it in any state; give it mass or fix the joint"
         raise ModelError([Problem(model.name, None, None, f"bodies.{body}.joint", message)]) from None
-    formulas = [*force_formulas(system), *coefficient_formulas(system), *values]
+    formulas = [*force_formulas(system), *coefficient_formulas(system), *values, *initial_formulas(model)]
     lap("expand and simplify")
     progress("printing C", 0, 0)
     writer = CWriter(program, formulas, records, energy_outputs, reactions)
@@ -202,6 +202,7 @@ def _read_by_formulas(system: System, records: list[Any]) -> set[tuple[str, int,
 
 FORMULAS = {
     "tau": "joint_forces", "coefficient": "spring_coefficients", "outputs": "output_formulas", "energy": "potential_of_gravity",
+    "initial_q": "initial_values", "initial_u": "initial_values",
 }  # fmt: skip
 """What the model's own formulas are called among the sweeps, by target."""
 
@@ -219,8 +220,8 @@ def operations(program: Program, formulas: Sequence[FormulaKind | RecordFormula]
             once = once + count(blocks[kind.index], False) * calls
             each = each + count(blocks[kind.index], True) * calls
         result[sweep.name] = _counted(once, each)
-    for target, name in FORMULAS.items():
-        of_target = [f for f in formulas if f.target == target]
+    for name in dict.fromkeys(FORMULAS.values()):
+        of_target = [f for f in formulas if FORMULAS[f.target] == name]
         once, each = Operations(), Operations()
         for f in of_target:
             once = once + count(f.value, False) * len(f.rows)

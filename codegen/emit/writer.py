@@ -520,6 +520,7 @@ class Writer(ABC):
         tau, outputs, energy, coefficients = (
             self.formula_functions(t) for t in ("tau", "outputs", "energy", "coefficient")
         )
+        initial = [self.formula_functions(t) for t in ("initial_q", "initial_u")]
         size = sizes(self.system)
         functions = interfaces(self.system, self.reactions)
         measured = {"potential_of_gravity": energy, "spring_coefficients": coefficients}
@@ -540,10 +541,15 @@ class Writer(ABC):
             "angles": layout.angles,
             "angles_in_order": layout.angles == list(range(len(layout.angles))),
             "functions": [
-                *constants, *tau["functions"], *coefficients["functions"], *scalar, *outputs["functions"], *energy["functions"]
+                *constants, *tau["functions"], *coefficients["functions"], *scalar, *outputs["functions"], *energy["functions"],
+                *(f for values in initial for f in values["functions"]),
             ],
             "lane_functions": tau["lane_functions"] + coefficients["lane_functions"] + lanes,
-            "other_lane_functions": others + outputs["lane_functions"] + energy["lane_functions"],
+            "other_lane_functions": [
+                *others, *outputs["lane_functions"], *energy["lane_functions"],
+                *(f for values in initial for f in values["lane_functions"]),
+            ],
+            "initial": {c: [line for values in initial for line in values[c]] for c in ("calls", "lane_calls")},
             "constant_calls": constant_calls,
             "tau": tau, "coefficients": coefficients, "output_formulas": outputs,
             "energy_outputs": self.energy_outputs,

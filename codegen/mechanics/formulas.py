@@ -25,7 +25,13 @@ from .kinds import System
 
 _NO_VALUES = (sympy.zoo, sympy.oo, -sympy.oo, sympy.nan, sympy.I)
 _LARGEST = sympy.Float(sys.float_info.max)
-_SECTIONS = {"tau": "forces", "coefficient": "forces", "outputs": "outputs"}
+_SECTIONS = {
+    "tau": "forces",
+    "coefficient": "forces",
+    "outputs": "outputs",
+    "initial_q": "initial.q",
+    "initial_u": "initial.u",
+}
 """Of the model file, by target."""
 
 CATEGORIES = ("q", "u", "p", "inputs", "t")
@@ -175,3 +181,15 @@ def coefficient_formulas(system: System) -> list[FormulaKind]:
         for j, e in enumerate((spring.stiffness, spring.damping, spring.free_length))
     ]
     return formula_kinds(system.model, "coefficient", trees)
+
+
+def initial_formulas(model: Model) -> list[FormulaKind]:
+    """Initial values of all coordinates and speeds, as the file gives them; none where no parameter changes them."""
+    if not model.initial_depends_on_parameters:
+        return []
+    q = [
+        (i, model.initial_q.get(n, Expression(("number", int(n.endswith(".qw"))))).tree)
+        for i, n in enumerate(model.coordinate_names)
+    ]
+    u = [(i, model.initial_u.get(n, Expression(("number", 0))).tree) for i, n in enumerate(model.speed_names)]
+    return formula_kinds(model, "initial_q", q) + formula_kinds(model, "initial_u", u)

@@ -264,6 +264,12 @@ class Model:
     def parameter_names(self) -> tuple[str, ...]:
         return tuple(p.name for p in self.parameters)
 
+    @cached_property
+    def initial_depends_on_parameters(self) -> bool:
+        """Whether initial values change with parameters, and so have derivatives."""
+        given = (*self.initial_q.values(), *self.initial_u.values())
+        return any(e.names & set(self.parameter_names) for e in given)
+
     @property
     def nq(self) -> int:
         return len(self.coordinate_names)

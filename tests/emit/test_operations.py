@@ -28,6 +28,7 @@ forces:
   spring: {type: spring, from: {body: b, at: [0, 0.1, -0.4]}, to: {body: ground, at: [1, 0, 0]},
            stiffness: k*(1 + pull), damping: 0.3, free_length: 0.4*(1 + 0.1*t)}
   drive: {type: joint, joint: a, value: pull - 0.1*u.a}
+initial: {q: {a: 0.3*length}, u: {a: -2}}
 outputs:
   energy: potential_energy
   height: {position: {body: b, at: [0, 0, -0.4]}, axis: z}
@@ -38,6 +39,8 @@ FORMULAS = {
     "coefficient": "spring_coefficients",
     "outputs": "output_formulas",
     "energy": "potential_of_gravity",
+    "initial_q": "initial_values",
+    "initial_u": "initial_values",
 }
 
 
@@ -70,7 +73,7 @@ def sweeps_in_c(functions: dict[str, str], start: str) -> set[str]:
     reached = called(functions, start)
     found = {s.name for s in SWEEPS} & reached
     for name in reached:
-        formula = re.fullmatch(r"d?(tau|coefficient|outputs|energy)(_of_link)?_\d+", name)
+        formula = re.fullmatch(r"d?(tau|coefficient|outputs|energy|initial_q|initial_u)(_of_link)?_\d+", name)
         if formula:
             found.add(FORMULAS[formula[1]])
     return found
