@@ -110,7 +110,12 @@ def write_folder(folder: Path, files: dict[str, str]) -> bool:
 
 def _keep_libraries(old: Path, new: Path) -> None:
     """Take compiled libraries along where the C has not changed."""
+    not_compiled = {
+        f"{source.stem}_model.h" for source in new.glob("*.c")
+    }  # defaults and the initial state, for callers
     for source in new.glob("*.[ch]"):
+        if source.name in not_compiled:
+            continue
         before = old / source.name
         if not before.is_file() or before.read_bytes() != source.read_bytes():
             return

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from .folders import SECOND, FolderError, put_right, refuse_foreign, write_folder
+from .for_c import package_context
 from .listing import list_model
 from .model import Model, ModelError, load_model
 from .program.progress import Progress, silent
@@ -176,7 +177,9 @@ def package_files(source: Any, target: str, origin: dict[str, str] | None) -> di
     digest = hashlib.sha256()
     for name, text in sorted(source.files.items()):
         digest.update(f"{name}\0{text}\0".encode())
-    own = ["README.md", "__init__.py", "_runtime.py", "model.json"]
+    model = source.system.model
+    header = f"{model.name}_model.h"
+    own = ["README.md", "__init__.py", "_runtime.py", "model.json", header]
     manifest = {
         "generator": "ordernm",
         "version": __version__,
@@ -187,12 +190,15 @@ def package_files(source: Any, target: str, origin: dict[str, str] | None) -> di
         "layout": source.layout,
         **source.manifest,
     }
-    context = {"manifest": manifest, "name": manifest["name"], "NAME": manifest["name"].upper(), "version": __version__}
+    context = {"name": model.name, "NAME": model.name.upper(), "version": __version__} | package_context(
+        model, manifest
+    )
     runtime = (Path(__file__).parent / "runtime" / "solver.py").read_text(encoding="utf-8")
     return {
         "model.json": json_text(manifest),
         "__init__.py": render("package/init.py.jinja", context),
         "README.md": render("package/README.md.jinja", context),
+        header: render("package/model.h.jinja", context),
         "_runtime.py": runtime,
     }
 

@@ -267,7 +267,8 @@ class Build:
         """Beginning of the library's name; ``*`` for the compiler if there is none."""
         source = hashlib.sha256()
         for file in (*self.sources, *sorted(self.folder.glob(f"{self.name}*.h"))):
-            source.update(file.read_bytes())
+            if file.name != f"{self.name}_model.h":  # defaults, which the library does not hold
+                source.update(file.read_bytes())
         machine = _key(*STANDARD, *self.flags, _processor())
         compiler = _key(*self.compiler, _compiler_version(tuple(self.compiler))) if self.compiler else "*"
         return f"{self.name}-{source.hexdigest()[:16]}-{machine}-{compiler}"

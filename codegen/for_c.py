@@ -1,0 +1,225 @@
+"""What a package holds for a C programmer beside functions: names as indices, defaults, the initial state, a first program."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from .model.model import Model
+
+NAMES = 1000
+"""Of a model with more names of a sort none becomes an index: nobody writes them by hand."""
+NUMBERS = 10_000
+"""A longer initial state is left to whoever knows it."""
+LINE = 100
+
+
+def package_context(model: Model, manifest: Mapping[str, Any]) -> dict[str, Any]:
+    """What the templates of a package's ``NAME_model.h`` and ``README.md`` are rendered with: ready lines."""
+    return {
+        "rows": _rows(model),
+        "indices": _indices(model),
+        "tables": _tables(model, manifest),
+        "program": _program(model, manifest),
+        "codes": _codes(manifest),
+    }
+
+
+def _some(names: Sequence[str], limit: int = 12) -> str:
+    return ", ".join(names[:limit]) + (f", ... ({len(names)} in all)" if len(names) > limit else "")
+
+
+# ---- NAME_model.h ----------------------------------------------------------------------------------------------------
+
+
+def _indices(model: Model) -> list[str]:
+    """The enum of ``NAME_Q_crank = 0`` ...; a dot in a name becomes ``_``, and names that are then equal have none."""
+    sorts = [
+        ("Q", model.coordinate_names), ("U", model.speed_names), ("P", model.parameter_names), ("INPUT", model.inputs),
+        ("OUTPUT", [o.name for o in model.outputs]),
+    ]  # fmt: skip
+    found = [f"{index} = {i}" for sort, names in sorts for i, index in _enumerators(model, sort, names).items()]
+    return ["enum {", *(f"    {line}," for line in found[:-1]), f"    {found[-1]}", "};"] if found else []
+
+
+def _enumerators(model: Model, sort: str, names: Sequence[str]) -> dict[int, str]:
+    """Enumerators by place."""
+    if len(names) > NAMES:
+        return {}
+    words = [name.replace(".", "_") for name in names]
+    count = Counter(words)
+    return {i: f"{model.name.upper()}_{sort}_{word}" for i, word in enumerate(words) if count[word] == 1}
+
+
+def _index(model: Model, sort: str, names: Sequence[str], name: str) -> str:
+    """The enumerator of a name, or its number."""
+    place = names.index(name)
+    return _enumerators(model, sort, names).get(place, str(place))
+
+
+def _tables(model: Model, manifest: Mapping[str, Any]) -> list[list[str]]:
+    """Arrays of constants, line by line."""
+    name = model.name.upper()
+    tables = []
+    if model.parameters:
+        tables.append(
+            ["/* Default design parameters. */", f"static const double {name}_PARAMETERS[{len(model.parameters)}] = {{"]
+            + [
+                f"    {float(p.value)!r},  /* {p.name}{_unit(p.unit)} */"
+                for p in model.parameters
+            ]
+            + ["};"]
+        )  # fmt: skip
+    initial = manifest["initial"]
+    closed, ignored = (
+        (", at which the loops are closed", "; dependent ones are never read") if model.loops else ("", "")
+    )
+    for what, symbol, numbers, remark in (
+        ("coordinates", "Q", initial["q"], closed), ("speeds", "U", initial["u"], ignored)
+    ):  # fmt: skip
+        if len(numbers) <= NUMBERS:
+            tables.append(
+                [f"/* Initial {what}{remark}. */", f"static const double {name}_INITIAL_{symbol}[{len(numbers)}] = {{"]
+                + _filled([repr(float(x)) for x in numbers])
+                + ["};"]
+            )
+    return tables
+
+
+def _unit(unit: str) -> str:
+    return ", " + " ".join(unit.split()).replace("*/", "* /").replace("/*", "/ *") if unit else ""
+
+
+def _filled(words: Iterable[str]) -> list[str]:
+    """Words with commas between them, in lines."""
+    lines = [""]
+    for word in words:
+        if len(lines[-1]) + len(word) > LINE:
+            lines.append("")
+        lines[-1] += f" {word},"
+    return [f"   {line}" for line in lines if line]
+
+
+# ---- README.md -------------------------------------------------------------------------------------------------------
+
+
+def _rows(model: Model) -> list[str]:
+    """Rows of the table of names."""
+    units = [" ".join(p.unit.replace("|", "\\|").split()) for p in model.parameters]
+    parameters = [
+        f"{p.name} = {float(p.value)!r} {unit}".rstrip() for p, unit in zip(model.parameters, units, strict=True)
+    ]
+    outputs = [o.name for o in model.outputs]
+    return [
+        f"| {title} ({len(names)}) | {_some(names, 40)} |"
+        for title, names in (
+            ("coordinates q", model.coordinate_names), ("speeds u", model.speed_names), ("design parameters p", parameters),
+            ("inputs", model.inputs), ("outputs", outputs),
+        )
+        if names
+    ]  # fmt: skip
+
+
+def _codes(manifest: Mapping[str, Any]) -> list[str]:
+    """Rows of the table of return codes."""
+    rows, first = ["| 0 | done |"], 1
+    for names, noun, meaning in (
+        (manifest["links"], "link", "nothing outboard of this link's joint has inertia about it"),
+        (manifest["loops"], "loop", "this loop has lost rank: its dependent speeds are not determined there"),
+        (manifest["springs"], "spring", "the ends of this spring coincide"),
+    ):
+        if names:
+            numbers = str(first) if len(names) == 1 else f"{first} to {first + len(names) - 1}"
+            rows.append(f"| {numbers} | {noun} {_some(names)}: {meaning} |")
+            first += len(names)
+    return rows
+
+
+def _program(model: Model, manifest: Mapping[str, Any]) -> list[str]:
+    """A whole C program: a closed state where there are loops, its accelerations, and one derivative of them."""
+    name, NAME = model.name, model.name.upper()
+    functions = manifest["functions"]
+    given = list(functions["accelerations"]["arguments"])
+    seeds = list(functions["sensitivities"]["seeds"])
+    sizes = {"q": "NQ", "u": "NU", "p": "NP", "inputs": "NINPUTS"}
+    state = [f"q[{NAME}_NQ]", f"u[{NAME}_NU]", *([f"full_u[{NAME}_NU]"] if model.loops else [])]
+    state += [f"inputs[{NAME}_NINPUTS]"] if "inputs" in given else []
+    arrays = [
+        state,
+        [f"{s}[{NAME}_{sizes[s[1:]]}]" if s != "dt" else "dt[1]" for s in seeds],
+        [f"udot[{NAME}_NU]", f"dudot[{NAME}_NU]"],
+    ]
+    lines = [
+        "#include <stdio.h>",
+        "#include <string.h>",
+        *(["#include <math.h>"] if model.loops else []),
+        f'#include "{name}.h"',
+        f'#include "{name}_model.h"',
+        "",
+        f"static double work[{NAME}_WORKSPACE];",
+        *(f"static double {', '.join(line)};" for line in arrays),
+        "",
+    ]
+    if model.loops:
+        lines += _assembly(model, manifest)
+    call = ", ".join("0.0" if a == "t" else a for a in given)
+    independent = manifest["independent_names"][0]
+    turned = f"q[{_index(model, 'Q', model.coordinate_names, independent)}]"
+    lines += ["int main(void)", "{", *([f"    const double *p = {NAME}_PARAMETERS;"] if "p" in given else [])]
+    if model.nq <= NUMBERS:
+        lines += [f"    memcpy(q, {NAME}_INITIAL_Q, sizeof q);", f"    memcpy(u, {NAME}_INITIAL_U, sizeof u);"]
+    if model.loops:
+        p = ", p" if "p" in given else ""
+        lines += [
+            f"    {turned} += 0.01;    /* the dependent coordinates follow */",
+            f"    if (!(assemble(q{p}) < 1e-9)) return 1;",
+            f"    if ({name}_completion(q, u{p}, full_u, work)) return 1;    /* and so do the speeds */",
+            "    memcpy(u, full_u, sizeof u);",
+        ]
+    if "p" in given:
+        seed = f"dp[{_index(model, 'P', model.parameter_names, model.parameter_names[0])}]"
+    else:
+        seed = "d" + turned
+    lines += [
+        f"    int code = {name}_accelerations({call}, udot, work);",
+        f"    {seed} = 1.0;    /* the direction of the derivative */",
+        f"    if (!code) code = {name}_sensitivities_1({call}, {', '.join(seeds)}, udot, dudot, work);",
+        '    if (code) fprintf(stderr, "singular: %d\\n", code);',
+        f"    for (int i = 0; i < {NAME}_NU && !code; ++i)",
+        '        printf("%.17g %.17g\\n", udot[i], dudot[i]);',
+        "    return code;",
+        "}",
+    ]
+    return lines
+
+
+def _assembly(model: Model, manifest: Mapping[str, Any]) -> list[str]:
+    """A C function that closes the loops of q."""
+    name, NAME = model.name, model.name.upper()
+    p, pass_p = (", const double *p", ", p") if model.parameters else ("", "")
+    conditions = len(model.closure_names)
+    quaternions = manifest["quaternions"]
+    lines = [
+        "/* Newton's method on the dependent coordinates; returns the largest residual that is left. */",
+        f"static double assemble(double *q{p})",
+        "{",
+        f"    static double position[{conditions}], velocity[{conditions}], step[{NAME}_NQ];",
+        "    double left = 0.0;",
+        "    for (int round = 0; round < 30; ++round) {",
+        f"        {name}_closure(q, u{pass_p}, position, velocity, work);",
+        "        left = 0.0;",
+        f"        for (int i = 0; i < {conditions}; ++i) left = fmax(left, fabs(position[i]));",
+        f"        if (left < 1e-13 || {name}_newton_step(q{pass_p}, step, work)) break;",
+        f"        for (int i = 0; i < {NAME}_NQ; ++i) q[i] += step[i];",
+    ]
+    if quaternions:
+        lines += [
+            f"        static const int quaternion[] = {{{', '.join(map(str, quaternions))}}};",
+            f"        for (int k = 0; k < {len(quaternions)}; ++k) {{    /* of length one */",
+            "            double *e = q + quaternion[k];",
+            "            const double length = sqrt(e[0]*e[0] + e[1]*e[1] + e[2]*e[2] + e[3]*e[3]);",
+            "            for (int i = 0; i < 4; ++i) e[i] /= length;",
+            "        }",
+        ]
+    return [*lines, "    }", "    return left;", "}", ""]
