@@ -63,7 +63,7 @@ def refuse_foreign(folder: Path) -> None:
         )
     listed = manifest.get("files", ())
     own = re.compile(
-        rf"{re.escape(str(manifest.get('name')))}({SECOND})?(-[0-9a-f-]+\.so|\.log)|__pycache__|\.build-.*"
+        rf"{re.escape(str(manifest.get('name')))}({SECOND})?(-[0-9a-f-]+\.so|\.log)|ordernm_call-[0-9a-f-]+\.so|__pycache__|\.build-.*"
     )
     foreign = sorted(n for n in found - set(listed if isinstance(listed, list) else ()) if not own.fullmatch(n))
     if foreign:

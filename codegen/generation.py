@@ -238,7 +238,9 @@ def check_solver(model: Model, report: Report) -> None:
                 continue
         inputs, t = rng.normal(size=solver.ninputs), float(rng.uniform(0.1, 1.0))
         sizes = {"dq": solver.nq, "du": solver.nu, "dp": solver.np, "dinputs": solver.ninputs}
-        seeds = {name: rng.normal(size=(3, n)) for name, n in sizes.items()} | {"dt": rng.normal(size=3)}
+        seeds: dict[str, Any] = {name: rng.normal(size=(3, n)) for name, n in sizes.items()} | {
+            "dt": rng.normal(size=3)
+        }
         with np.errstate(all="ignore"):
             try:
                 given = solver.sensitivities(q, u, None, inputs, t, **seeds)

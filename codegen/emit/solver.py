@@ -26,7 +26,8 @@ from ..model.model import GROUND, Model
 from ..program.operations import Operations, count
 from ..program.progress import Progress, silent
 from .c import CWriter, write_c
-from .interface import manifest
+from .calls import write_calls
+from .interface import manifest, sizes
 from .numpy import write_numpy
 
 UNROLLED_LINKS = 8
@@ -168,11 +169,12 @@ def write_solver(
     progress("printing NumPy", 0, 0)
     files[f"{model.name}_numpy.py"] = write_numpy(program, formulas, records, energy_outputs, reactions)
     lap("print NumPy")
+    counted = operations(program, [*formulas, *records])
+    made = manifest(system, writer.workspace, counted, chosen.q if chosen else (), reactions)
+    files[f"{model.name}_calls.c"] = write_calls(made, sizes(system))
     return Source(
         files,
-        manifest(
-            system, writer.workspace, operations(program, [*formulas, *records]), chosen.q if chosen else (), reactions
-        ),
+        made,
         system,
         program,
         "unrolled" if unrolled else "kinds",

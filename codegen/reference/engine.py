@@ -216,9 +216,9 @@ class Engine(ABC):
         result = self._inverse_dynamics(state, self._udot(state, udot, dudot))
         return _flat(result)
 
-    def energies(self, q: Any, u: Any, p: Any = None, t: Any = 0.0) -> tuple[Any, Any]:
+    def energies(self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> tuple[Any, Any]:
         """Kinetic and potential energy, J. The potential of gravity is zero at the ground's origin."""
-        state = self._state(q, u, p, None, t)
+        state = self._state(q, u, p, inputs, t)
         kinetic, potential = self._energies(state, self._motion(state))
         return kinetic.value[0, 0], potential.value[0, 0]
 
@@ -227,38 +227,42 @@ class Engine(ABC):
         q: Any,
         u: Any,
         p: Any = None,
+        inputs: Any = None,
         t: Any = 0.0,
         *,
         dq: Any = None,
         du: Any = None,
         dp: Any = None,
+        dinputs: Any = None,
         dt: Any = None,
     ) -> tuple[tuple[Any, Any], tuple[Array, Array]]:
         """Kinetic and potential energy and their total derivatives: (T, V), (dT (k,), dV (k,))."""
-        state = self._state(q, u, p, None, t, **self._seeds(dq=dq, du=du, dp=dp, dt=dt))
+        state = self._state(q, u, p, inputs, t, **self._seeds(dq=dq, du=du, dp=dp, dinputs=dinputs, dt=dt))
         kinetic, potential = self._energies(state, self._motion(state))
         derivatives = kinetic.tangent[:, 0, 0], potential.tangent[:, 0, 0]
         return (kinetic.value[0, 0], potential.value[0, 0]), derivatives
 
-    def coordinate_rates(self, q: Any, u: Any, p: Any = None, t: Any = 0.0) -> Array:
+    def coordinate_rates(self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> Array:
         """The derivatives of the coordinates, Eq. 1, (nq,)."""
-        return _flat(self._coordinate_rates(self._state(q, u, p, None, t)))[0]
+        return _flat(self._coordinate_rates(self._state(q, u, p, inputs, t)))[0]
 
     def coordinate_rate_sensitivities(
         self,
         q: Any,
         u: Any,
         p: Any = None,
+        inputs: Any = None,
         t: Any = 0.0,
         *,
         dq: Any = None,
         du: Any = None,
         dp: Any = None,
+        dinputs: Any = None,
         dt: Any = None,
     ) -> tuple[Array, Array]:
         """qdot (nq,) and its total derivatives, (k, nq)."""
-        result = self._coordinate_rates(self._state(q, u, p, None, t, **self._seeds(dq=dq, du=du, dp=dp, dt=dt)))
-        return _flat(result)
+        seeds = self._seeds(dq=dq, du=du, dp=dp, dinputs=dinputs, dt=dt)
+        return _flat(self._coordinate_rates(self._state(q, u, p, inputs, t, **seeds)))
 
     def outputs(self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> Array:
         """The model's named outputs, (noutputs,)."""
@@ -285,14 +289,14 @@ class Engine(ABC):
 
     # --- loops ----------------------------------------------------------------------------------------------------
 
-    def closure(self, q: Any, u: Any, p: Any = None) -> tuple[Array, Array]:
+    def closure(self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> tuple[Array, Array]:
         """How far the loops are from closing in position and velocity at q and u as passed, (m,) each.
 
         In the order of `Model.closure_names`, linear conditions divided by the loop's characteristic length.
         """
         if not self.model.loops:
             return self.arithmetic.zeros(0), self.arithmetic.zeros(0)
-        position, velocity = self._closure(self._arguments(q, u, p, None, 0.0))
+        position, velocity = self._closure(self._arguments(q, u, p, inputs, t))
         return position.value[:, 0], velocity.value[:, 0]
 
     def complete(

@@ -12,19 +12,24 @@ import copy
 import difflib
 import functools
 import hashlib
+import importlib.machinery
 import importlib.util
+import io
 import itertools
 import json
 import math
+import operator
 import os
 import platform
 import shlex
 import shutil
 import subprocess
 import sys
+import sysconfig
 import tempfile
 import threading
 import warnings
+import weakref
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -247,13 +252,13 @@ class Build:
     name : str
         The model's name.
     sources : list of str
-        C files; left out: ``<name>.c``.
+        C files; left out: ``<name>.c``, ``<name>_calls.c``.
     """
 
     def __init__(self, folder: Path, name: str, sources: Sequence[str] = ()):
         self.folder = folder
         self.name = name
-        self.sources = [folder / s for s in sources or [f"{name}.c"]]
+        self.sources = [folder / s for s in sources or [f"{name}.c", f"{name}_calls.c"]]
         self.flags = optimization()
         try:
             self.compiler = find_compiler()
@@ -416,8 +421,151 @@ def split(k: int, widths: Iterable[int]) -> list[int]:
     return [*parts, next(w for w in allowed if w >= rest)] if rest else parts
 
 
+CALLER = "int ordernm_call(void *, void *, long, double, long);"
+CALLER_SOURCE = """\
+static int ordernm_call(void *function, void *x, long given, double t, long k)
+{
+    return ((int (*)(double *const *, long, double, long))function)(x, given, t, k);
+}
+"""
+"""What cffi's API mode compiles: one call for all functions of all packages."""
+
+
+class CallerBuild(Build):
+    """How cffi's caller is compiled: once for a user's Python, whatever the model is.
+
+    Raises
+    ------
+    CompileError
+        There are no headers of Python.
+    """
+
+    def __init__(self, folder: Path):
+        super().__init__(folder, "ordernm_call")
+        include = sysconfig.get_path("include")
+        if not os.path.exists(os.path.join(include, "Python.h")):
+            raise CompileError(f"no Python.h in {include}")
+        self.flags = ["-O1", "-I", include]
+        self.places = [*self.places[1:], folder]
+
+    def key(self) -> str:
+        import cffi
+
+        python = _key(cffi.__version__, str(sysconfig.get_config_var("SOABI")), CALLER_SOURCE, *STANDARD, *self.flags)
+        machine = _key(platform.machine(), *self.compiler, _compiler_version(tuple(self.compiler)))
+        return f"{self.name}-{python}-{machine if self.compiler else '*'}"
+
+    def _compile(self, output: Path, log_file: Path) -> None:
+        from cffi import FFI
+
+        ffi = FFI()
+        ffi.cdef(CALLER)
+        ffi.set_source("_ordernm_call", CALLER_SOURCE)
+        source = output.with_name("ordernm_call.c")
+        with contextlib.redirect_stdout(io.StringIO()):  # cffi tells what it writes
+            ffi.emit_c_code(str(source))
+        self.sources = [source]
+        super()._compile(
+            output, output.with_name(log_file.name)
+        )  # what fails here is served without, and leaves nothing
+
+
+@functools.cache
+def _load_caller(path: str) -> Callable[..., int]:
+    """The function of a compiled caller."""
+    loader = importlib.machinery.ExtensionFileLoader("_ordernm_call", path)
+    spec = importlib.util.spec_from_file_location("_ordernm_call", path, loader=loader)
+    assert spec is not None
+    module = importlib.util.module_from_spec(spec)
+    loader.exec_module(module)
+    call: Callable[..., int] = module.lib.ordernm_call
+    return call
+
+
+_refused: set[str] = set()
+"""Keys of callers that could not be compiled, which are not tried again."""
+
+
+def find_caller(folder: Path) -> Callable[..., int] | None:
+    """What calls ``(function, x, given, t, k)`` in cffi's API mode; None where ABI mode must serve.
+
+    ``ORDERNM_CFFI`` of the environment asks for one of them: ``api`` or ``abi``.
+
+    Raises
+    ------
+    ValueError, CompileError
+    """
+    mode = os.environ.get("ORDERNM_CFFI", "")
+    if mode not in ("", "abi", "api"):
+        raise ValueError(f"ORDERNM_CFFI is {mode!r}; allowed are 'api' and 'abi', or nothing for the first that works")
+    if mode == "abi":
+        return None
+    try:
+        build = CallerBuild(folder)
+        key = build.key()
+        if mode != "api" and key in _refused:
+            return None
+        try:
+            return _load_caller(str(build.library()))
+        except (CompileError, NoCompilerError, ImportError, OSError):
+            _refused.add(key)
+            raise
+    except (CompileError, NoCompilerError, ImportError, OSError) as error:
+        if mode == "api":
+            raise CompileError(f"ORDERNM_CFFI=api: cffi's API mode cannot be used: {error}") from None
+        return None
+
+
+ARGUMENTS = ("q", "u", "p", "inputs", "udot", "b")
+SEEDS = ("dq", "du", "dp", "dinputs", "dudot", "db", "dt")
+"""Arguments and seeds in the order of their pointers in ``NAME_calls.c``; `t` is passed as a number."""
+
+SLOT = {n: i for i, n in enumerate((*ARGUMENTS, *SEEDS, "default_p", "default_inputs", "work", "lanes", "results"))}
+STATE = {"q", "u", "p", "inputs", "t"}
+
+UNFIT, NOT_FINITE = -1, -2
+"""What calls return beside what the generated functions return."""
+
+SHORT = 1 << 15
+"""Numbers that the short way copies at most, arguments and results together; more of them go the long way, which does not
+copy."""
+
+
+class Desk(threading.local):
+    """What one thread calls the functions of a target with.
+
+    An attribute of a function's name is its short way: a callable that takes the arguments of the solver's member, and
+    returns the results, or None if they are not plain arrays of one valid state. Then the long way takes them, and tells
+    what is wrong.
+    """
+
+    def __init__(self, target: CTarget):
+        self.target = target
+
+    @functools.cached_property
+    def work(self) -> Any:
+        """This thread's workspace."""
+        return self.target.pointer(np.empty(self.target.workspace))
+
+    def __getattr__(self, name: str) -> Callable[..., Any]:
+        way = self.target.short_way(name, self.work)
+        setattr(self, name, way)
+        return way
+
+
+class NoDesk:
+    """Stands for `Desk` where there is no short way."""
+
+    def __getattr__(self, name: str) -> Callable[..., Any]:
+        return _no_short_way
+
+
+def _no_short_way(*arguments: Any) -> None:
+    return None
+
+
 class CTarget:
-    """The compiled functions of a package, called through cffi in ABI mode: calls release the GIL.
+    """The compiled functions of a package, called through cffi, which releases the GIL.
 
     Raises
     ------
@@ -426,7 +574,7 @@ class CTarget:
 
     name = "c"
 
-    def __init__(self, folder: Path, manifest: Mapping[str, Any]):
+    def __init__(self, folder: Path, manifest: Mapping[str, Any], functions: Mapping[str, Function]):
         try:
             from cffi import FFI
         except ImportError:
@@ -437,13 +585,24 @@ class CTarget:
         self.loops: list[str] = manifest.get("loops", [])
         self.springs: list[str] = manifest.get("springs", [])
         self.workspace: int = manifest["workspace"]
+        self.functions = functions
+        self.defaults = np.array(manifest["parameters"], float), np.zeros(len(manifest["input_names"]))
+        self.sizes = {
+            "q": len(manifest["coordinate_names"]), "u": len(manifest["speed_names"]), "p": len(self.defaults[0]),
+            "inputs": len(self.defaults[1]),
+        }  # fmt: skip
         self.build = Build(folder, self.model, manifest.get("sources", ()))
         self.library = self._open()
+        caller = find_caller(folder)
+        self.mode = "abi" if caller is None else "api"
+        self._invoke: Callable[..., int] = operator.call if caller is None else caller
         self._doubles = self.ffi.typeof("double[]")
-        self._calls: dict[tuple[str, int, bool], Callable[..., int]] = {}
+        self._calls: dict[str, Any] = {}
+        self._batches: dict[tuple[str, int], Callable[..., int]] = {}
         self._lock = threading.Lock()
-        self._thread = threading.local()
-        self._zeros = self._pointer(np.zeros(8))
+        self._zeros = self.pointer(np.zeros(8))
+        self._alive: weakref.WeakKeyDictionary[Any, Any] = weakref.WeakKeyDictionary()
+        self.desk = Desk(weakref.proxy(self))
 
     def _open(self) -> Any:
         path = self.build.library()
@@ -456,55 +615,118 @@ class CTarget:
         except OSError as error:
             raise CompileError(f"{path} was compiled but cannot be opened: {error}") from None
 
-    def _call(self, f: Function, width: int = 0, batch: bool = False) -> Callable[..., int]:
-        """The C function, or its loop over a batch; declared when first called, which keeps loading quick."""
-        call = self._calls.get((f.name, width, batch))
+    def pointer(self, x: Array) -> Any:
+        """Where an array begins; keeps it alive."""
+        return self.ffi.from_buffer(self._doubles, x)
+
+    def _function(self, f: Function) -> Any:
+        """The C function with the one signature of all; declared when first called, which keeps loading quick."""
+        call = self._calls.get(f.name)
         if call is None:
-            symbol = f"{self.model}_{f.name}" + (f"_{width}" if width else "") + ("_batch" if batch else "")
-            given = (*f.arguments, *f.seeds)
-            if batch:
-                types = ["long", "long *", *["const double *, long"] * len(given)]
-            else:
-                types = ["double" if a == "t" else "const double *" for a in given]  # seeds are pointers, dt too
+            symbol = f"{self.model}_call_{f.name}"
+            with self._lock:
+                self.ffi.cdef(f"int {symbol}(double **, long, double, long);", override=True)
+                call = getattr(self.library, symbol)
+                if self.mode == "api":
+                    call = self.ffi.cast("void *", call)
+                self._calls[f.name] = call
+        return call
+
+    def _batch_function(self, f: Function, width: int) -> Callable[..., int]:
+        """The C function that loops over a batch."""
+        call = self._batches.get((f.name, width))
+        if call is None:
+            symbol = f"{self.model}_{f.name}" + (f"_{width}" if width else "") + "_batch"
+            types = ["long", "long *", *["const double *, long"] * (len(f.arguments) + len(f.seeds))]
             types += ["double *"] * (len(f.results) + 1)
             with self._lock:
                 self.ffi.cdef(f"int {symbol}({', '.join(types)});", override=True)
-                call = self._calls[f.name, width, batch] = getattr(self.library, symbol)
+                call = self._batches[f.name, width] = getattr(self.library, symbol)
         return call
-
-    def _work(self) -> Any:
-        """This thread's workspace."""
-        try:
-            return self._thread.work
-        except AttributeError:
-            self._thread.work = self._pointer(np.empty(self.workspace))
-            return self._thread.work
-
-    def _pointer(self, x: Array) -> Any:
-        return self.ffi.from_buffer(self._doubles, x)
 
     def _nothing(self, size: int) -> Any:
         """So many zeros: a seed that was left out."""
         zeros = self._zeros  # another thread may put shorter ones there meanwhile
         if len(zeros) < size:
-            zeros = self._zeros = self._pointer(np.zeros(size))
+            zeros = self._zeros = self.pointer(np.zeros(size))
         return zeros
 
-    def values(self, f: Function, arrays: Mapping[str, Any], batch: Shape) -> list[Array]:
-        """Results (*batch, *shape) of a function without directions.
+    def _lanes_needed(self, f: Function) -> int:
+        """Numbers that seeds and derivatives take in the widest call."""
+        derived = sum(math.prod(s) for s, d in zip(f.shapes, f.derived, strict=True) if d)
+        return (sum(f.seeds.values()) + derived) * max(f.widths, default=0)
+
+    # -- one state -----------------------------------------------------------------------------------------------------
+
+    def short_way(self, name: str, work: Any) -> Callable[..., Any]:
+        """The short way of a function: arguments are copied to places whose pointers are made once.
+
+        What is left out, ``p`` or ``inputs``, is at a place of its own. Checks that cost less in C are done there: that
+        numbers are finite, and quaternions long enough.
+        """
+        f = self.functions.get(name)
+        if f is None or not {"q", "u"} <= set(f.arguments) <= STATE:
+            return _no_short_way
+        derived = sum(math.prod(s) for s, d in zip(f.shapes, f.derived, strict=True) if d)
+        values = sum(math.prod(s) for s in f.shapes) - derived
+        copied = sum(self.sizes.values()) + values
+        rows = min(32, (SHORT - copied) // max(1, sum(f.seeds.values()) + derived))
+        if copied > SHORT or rows < 1:
+            return _no_short_way
+        places = {n: np.empty(size) for n, size in self.sizes.items()}
+        seeds = {s: np.empty((rows, n)) for s, n in f.seeds.items()}
+        results = [np.empty(((rows,) if d else ()) + s) for s, d in zip(f.shapes, f.derived, strict=True)]
+        x, kept = self._table({**places, **seeds}, results, work, np.empty(self._lanes_needed(f)))
+        self._alive[x] = kept
+        stage = _stage(places)
+        call = functools.partial(self._invoke, self._function(f), x)
+        if f.seeds:
+            return _short_along(call, stage, seeds, results)
+        if name == "jacobians":
+            named = dict(zip(f.results, results, strict=True))
+            nu = self.sizes["u"]
+            zeros = {n: np.zeros((nu, size)) for n, size in self.sizes.items()} | {"t": np.zeros(nu)}
+            return _short_jacobians(call, stage, [named.get(f"J_{n}", zeros[n]) for n in JACOBIANS])
+        return _short_values(call, stage, results)
+
+    def _table(self, given: Mapping[str, Array], results: Sequence[Array], work: Any, lanes: Array) -> tuple[Any, Any]:
+        """The pointers of a call, and what must live as long as they."""
+        pointers = {n: self.pointer(a) for n, a in given.items()}
+        pointers |= {n: self.pointer(a) for n, a in zip(("default_p", "default_inputs"), self.defaults, strict=True)}
+        pointers |= {"work": work, "lanes": self.pointer(lanes)}
+        x = self.ffi.new("double *[]", SLOT["results"] + len(results))
+        for name, pointer in pointers.items():
+            x[SLOT[name]] = pointer
+        of_results = [self.pointer(r) for r in results]
+        for i, pointer in enumerate(of_results):
+            x[SLOT["results"] + i] = pointer
+        return x, (pointers, of_results)
+
+    def _single(
+        self, f: Function, arrays: Mapping[str, Any], seeds: Mapping[str, Array], k: int, results: Sequence[Array]
+    ) -> None:
+        """Compute the results of one state, directions as rows."""
+        given = {n: a for n, a in arrays.items() if n in SLOT}
+        given |= {s: np.ascontiguousarray(a) for s, a in seeds.items() if s in f.seeds}
+        x, kept = self._table(given, results, self.desk.work, np.empty(self._lanes_needed(f)))
+        bits = sum(1 << SLOT[n] for n in given)
+        status = self._invoke(self._function(f), x, bits, arrays.get("t", 0.0), k)
+        del kept
+        if status > 0:
+            raise self.singular(status)
+
+    # -- any number of states ------------------------------------------------------------------------------------------
+
+    def values(self, f: Function, arrays: Mapping[str, Any], batch: Shape, out: Sequence[Array] = ()) -> list[Array]:
+        """Results (*batch, *shape) of a function without directions, in `out` if there is one.
 
         `arrays` hold (..., n), with leading axes that broadcast to the batch; ``t`` is a float or (...).
         """
-        results = [np.empty(batch + shape) for shape in f.shapes]
+        results = list(out) or [_empty(batch + shape) for shape in f.shapes]
         if batch:
             self._batch(f, 0, [self._row(arrays[a], batch, a == "t") for a in f.arguments], results, batch)
-            return results
-        from_buffer, doubles = self.ffi.from_buffer, self._doubles
-        arguments = [arrays[a] if a == "t" else from_buffer(doubles, arrays[a]) for a in f.arguments]
-        arguments += [from_buffer(doubles, r) for r in results]
-        status = self._call(f)(*arguments, self._work())
-        if status:
-            raise self.singular(status)
+        else:
+            self._single(f, arrays, {}, 0, results)
         return results
 
     def singular(self, status: int, where: str = "") -> SingularJointError:
@@ -517,18 +739,26 @@ class CTarget:
         return SingularJointError(self.links[status - 1], where)
 
     def along(
-        self, f: Function, arrays: Mapping[str, Any], seeds: Mapping[str, Array], k: int, batch: Shape
+        self,
+        f: Function,
+        arrays: Mapping[str, Any],
+        seeds: Mapping[str, Array],
+        k: int,
+        batch: Shape,
+        out: Sequence[Array] = (),
     ) -> list[Array]:
-        """Results of a function over directions: (*batch, *shape), derivatives (k, *batch, *shape).
+        """Results of a function over directions: (*batch, *shape), derivatives (k, *batch, *shape), in `out` if there is one.
 
         `seeds` hold (k, ..., n) with as many batch axes as the batch, ``dt`` (k, ..., 1); missing ones are zero.
         """
+        results = list(out) or [
+            _empty(((k,) if d else ()) + batch + s) for s, d in zip(f.shapes, f.derived, strict=True)
+        ]
+        if not batch:
+            self._single(f, arrays, seeds, k, results)
+            return results
         count = math.prod(batch)
-        results = [np.empty(((k,) if d else ()) + batch + s) for s, d in zip(f.shapes, f.derived, strict=True)]
-        if batch:
-            arguments = [self._row(arrays[a], batch, a == "t") for a in f.arguments]
-        else:
-            arguments = [(arrays[a] if a == "t" else self._pointer(arrays[a]), 0) for a in f.arguments]
+        arguments = [self._row(arrays[a], batch, a == "t") for a in f.arguments]
         start = 0
         for width in split(k, f.widths) or [min(f.widths)]:  # without directions there are values still
             end = min(start + width, k)
@@ -542,22 +772,13 @@ class CTarget:
             lanes: list[tuple[Array, Array]] = []
             for result, shape, derived in zip(results, f.shapes, f.derived, strict=True):
                 if derived and (width > 1 or start == end):
-                    taken.append(np.empty((count, math.prod(shape), width)))
+                    taken.append(_empty((count, math.prod(shape), width)))
                     lanes.append((taken[-1], result[start:end]))
                 else:
                     taken.append(result[start] if derived else result)
-            if batch:
-                self._batch(f, width, given, taken, batch)
-            else:
-                pointers = [self._pointer(r) for r in taken]
-                status = self._call(f, width)(*[x for x, _ in given], *pointers, self._work())
-                if status:
-                    raise self.singular(status)
+            self._batch(f, width, given, taken, batch)
             for lane, part in lanes:
-                if batch:
-                    part[...] = np.moveaxis(lane[..., : end - start], -1, 0).reshape(part.shape)
-                else:
-                    part[...] = lane[0, :, : end - start].T.reshape(part.shape)
+                part[...] = np.moveaxis(lane[..., : end - start], -1, 0).reshape(part.shape)
             start = end
         return results
 
@@ -566,9 +787,9 @@ class CTarget:
     ) -> None:
         """Run over the states of a batch, in C; given are pointers and their steps from state to state, in doubles."""
         failed = self.ffi.new("long *")
-        pointers = [self._pointer(r) for r in results]
-        call = self._call(f, width, True)
-        status = call(math.prod(batch), failed, *itertools.chain.from_iterable(given), *pointers, self._work())
+        pointers = [self.pointer(r) for r in results]
+        call = self._batch_function(f, width)
+        status = call(math.prod(batch), failed, *itertools.chain.from_iterable(given), *pointers, self.desk.work)
         if status:
             state = ", ".join(str(int(j)) for j in np.unravel_index(failed[0], batch))
             raise self.singular(status, f" (state [{state}] of the batch)")
@@ -577,25 +798,186 @@ class CTarget:
         """Where an argument begins, and its step from state to state."""
         if scalar:
             if isinstance(x, float):
-                return self._pointer(np.array([x])), 0
-            return self._pointer(np.ascontiguousarray(np.broadcast_to(x, batch))), 1
+                return self.pointer(np.array([x])), 0
+            return self.pointer(np.ascontiguousarray(np.broadcast_to(x, batch))), 1
         if x.ndim == 1:
-            return self._pointer(x), 0
+            return self.pointer(x), 0
         n = x.shape[-1]
-        return self._pointer(np.ascontiguousarray(np.broadcast_to(x, (*batch, n)))), n
+        return self.pointer(np.ascontiguousarray(np.broadcast_to(x, (*batch, n)))), n
 
     def _lanes(self, part: Array, width: int, batch: Shape, count: int) -> tuple[Any, int]:
         """Some directions of a seed, direction last, and the step; lanes beyond its end are zero."""
         m, n = len(part), part.shape[-1]
         if part.size == m * n:  # the same for all states
             if width == m == 1:
-                return self._pointer(np.ascontiguousarray(part)), 0
+                return self.pointer(np.ascontiguousarray(part)), 0
             lanes = np.zeros((n, width))
             lanes[:, :m] = part.reshape(m, n).T
-            return self._pointer(lanes), 0
+            return self.pointer(lanes), 0
         lanes = np.zeros((count, n, width))
         lanes[..., :m] = np.moveaxis(np.broadcast_to(part, (m, *batch, n)).reshape(m, count, n), 0, -1)
-        return self._pointer(lanes), n * width
+        return self.pointer(lanes), n * width
+
+
+def _stage(places: Mapping[str, Array]) -> Callable[..., int]:
+    """What copies arguments to their places; it returns the bits of those given, 0 if one is no plain array of its shape."""
+    ndarray, float64 = np.ndarray, np.dtype(np.float64)
+    q_place, u_place, p_place, inputs_place = (places[n] for n in ("q", "u", "p", "inputs"))
+    q_shape, u_shape, p_shape, inputs_shape = (places[n].shape for n in ("q", "u", "p", "inputs"))
+    state, with_p, with_inputs = (1 << SLOT["q"]) | (1 << SLOT["u"]), 1 << SLOT["p"], 1 << SLOT["inputs"]
+
+    def stage(q: Any, u: Any, p: Any, inputs: Any, t: Any) -> int:
+        if not (
+            type(q) is ndarray and q.dtype is float64 and q.shape == q_shape
+            and type(u) is ndarray and u.dtype is float64 and u.shape == u_shape
+            and (type(t) is float or isinstance(t, float))
+        ):  # fmt: skip
+            return 0
+        q_place[()] = q
+        u_place[()] = u
+        given = state
+        if p is not None:
+            if not (type(p) is ndarray and p.dtype is float64 and p.shape == p_shape):
+                return 0
+            p_place[()] = p
+            given |= with_p
+        if inputs is not None:
+            if not (type(inputs) is ndarray and inputs.dtype is float64 and inputs.shape == inputs_shape):
+                return 0
+            inputs_place[()] = inputs
+            given |= with_inputs
+        return given
+
+    return stage
+
+
+def _short_values(call: Callable[..., int], stage: Callable[..., int], results: Sequence[Array]) -> Callable[..., Any]:
+    """The short way of a function without directions."""
+    copies = [r.copy for r in results]
+    first = copies[0]
+    one = len(results) == 1
+    turn = 0
+
+    def short(q: Any, u: Any, p: Any, inputs: Any, t: Any, out: Any = None) -> Any:
+        nonlocal turn
+        turn = mine = turn + 1
+        given = stage(q, u, p, inputs, t)
+        if not given or call(given, t, 0):
+            return None
+        if out is not None:
+            if not (one and _fits(out, results[0])):
+                return None
+            out[...] = results[0]
+            found = out
+        else:
+            found = first() if one else [copy() for copy in copies]
+        # a signal handler or a finalizer may have called in between and used the same places
+        return found if mine == turn else None
+
+    return short
+
+
+def _short_jacobians(
+    call: Callable[..., int], stage: Callable[..., int], matrices: Sequence[Array]
+) -> Callable[..., Any]:
+    """The short way of `Solver.jacobians`."""
+    q_copy, u_copy, p_copy, inputs_copy, t_copy = (m.copy for m in matrices)
+    turn = 0
+
+    def short(q: Any, u: Any, p: Any, inputs: Any, t: Any, out: Any = None) -> Any:
+        nonlocal turn
+        turn = mine = turn + 1
+        given = stage(q, u, p, inputs, t)
+        if not given or call(given, t, 0):
+            return None
+        if out is None:
+            found = Jacobians(q_copy(), u_copy(), p_copy(), inputs_copy(), t_copy())
+        else:
+            if not isinstance(out, Jacobians):
+                return None
+            places = out.q, out.u, out.p, out.inputs, out.t
+            if not all(map(_fits, places, matrices)):
+                return None
+            for place, matrix in zip(places, matrices, strict=True):
+                place[...] = matrix
+            found = out
+        return found if mine == turn else None
+
+    return short
+
+
+def _short_along(
+    call: Callable[..., int],
+    stage: Callable[..., int],
+    seeds: Mapping[str, Array],
+    results: Sequence[Array],
+) -> Callable[..., Any]:
+    """The short way of a function over directions, as many as it has rows for."""
+    ndarray, float64 = np.ndarray, np.dtype(np.float64)
+    order = [s for s in SEEDS if s not in ("dudot", "db")]
+    bits = [1 << SLOT[s] for s in order]
+    rows = [seeds.get(s) for s in order]
+    value, derivative = results[0], results[-1]
+    two = len(results) == 2
+    turn = 0
+
+    def short(q: Any, u: Any, p: Any, inputs: Any, t: Any, given_seeds: Any, out: Any = None) -> Any:
+        nonlocal turn
+        turn = mine = turn + 1
+        given = stage(q, u, p, inputs, t)
+        if not given:
+            return None
+        k = 0
+        for bit, place, seed in zip(bits, rows, given_seeds, strict=True):
+            if seed is None:
+                continue
+            if place is None or type(seed) is not ndarray or seed.dtype is not float64:
+                return None
+            shape = seed.shape
+            if len(shape) == 1:
+                shape = (1, *shape)
+            m, n = shape if len(shape) == 2 else (0, 0)
+            if n != place.shape[1] or not 0 < m <= len(place) or (k and m != k):
+                return None
+            k = m
+            place[:m] = seed
+            given |= bit
+        if not k or call(given, t, k) or not two:
+            return None
+        part = derivative[:k]
+        if out is not None:
+            if not (isinstance(out, (tuple, list)) and len(out) == 2 and all(map(_fits, out, (value, part)))):
+                return None
+            out[0][...] = value
+            out[1][...] = part
+            found = tuple(out)
+        else:
+            found = value.copy(), part.copy()
+        return found if mine == turn else None
+
+    return short
+
+
+def _fits(out: Any, result: Array) -> bool:
+    """Whether a result may be put into an array of the caller's."""
+    return bool(type(out) is np.ndarray and out.dtype == np.float64 and out.shape == result.shape and out.flags.carray)
+
+
+def _empty(shape: Shape) -> Array:
+    """Room for results.
+
+    Raises
+    ------
+    MemoryError
+        Says how much was asked for.
+    """
+    try:
+        return np.empty(shape)
+    except (MemoryError, ValueError):
+        size = math.prod(shape) * 8 / 2**30
+        raise MemoryError(
+            f"results of shape {shape} take {size:,.0f} GiB, more than there is; call with fewer states or directions at a time"
+        ) from None
 
 
 class NumpyTarget:
@@ -604,26 +986,33 @@ class NumpyTarget:
     name = "numpy"
 
     def __init__(self, folder: Path, manifest: Mapping[str, Any]):
+        self.desk = NoDesk()
         module = f"{manifest['name']}_numpy"
         spec = importlib.util.spec_from_file_location(module, folder / f"{module}.py")
         assert spec is not None and spec.loader is not None
         self.module = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(self.module)
 
-    def values(self, f: Function, arrays: Mapping[str, Any], batch: Shape) -> list[Array]:
+    def values(self, f: Function, arrays: Mapping[str, Any], batch: Shape, out: Sequence[Array] = ()) -> list[Array]:
         """See `CTarget.values`."""
         results = self._call(f, [arrays[a] for a in f.arguments])
-        return [_full(r, batch + shape) for r, shape in zip(results, f.shapes, strict=True)]
+        return _put([_full(r, batch + shape) for r, shape in zip(results, f.shapes, strict=True)], out)
 
     def along(
-        self, f: Function, arrays: Mapping[str, Any], seeds: Mapping[str, Array], k: int, batch: Shape
+        self,
+        f: Function,
+        arrays: Mapping[str, Any],
+        seeds: Mapping[str, Array],
+        k: int,
+        batch: Shape,
+        out: Sequence[Array] = (),
     ) -> list[Array]:
         """See `CTarget.along`."""
         given = [seeds[s] if s in seeds else np.zeros((k, *(1,) * len(batch), n)) for s, n in f.seeds.items()]
         given = [x[..., 0] if s == "dt" else x for s, x in zip(f.seeds, given, strict=True)]
         results = self._call(f, [*(arrays[a] for a in f.arguments), *given])
         shapes = [((k,) if d else ()) + batch + s for s, d in zip(f.shapes, f.derived, strict=True)]
-        return [_full(r, shape) for r, shape in zip(results, shapes, strict=True)]
+        return _put([_full(r, shape) for r, shape in zip(results, shapes, strict=True)], out)
 
     def _call(self, f: Function, arguments: list[Any]) -> Any:
         try:
@@ -648,6 +1037,13 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     raise ValueError(f"{folder} holds no generated solver: {seen}; make one with: generate MODEL.yaml -o FOLDER")
 
 
+def _put(results: list[Array], out: Sequence[Array]) -> list[Array]:
+    """Results in the arrays of the caller's, if there are any."""
+    for place, result in zip(out, results, strict=False):
+        place[...] = result
+    return list(out) or results
+
+
 def _full(x: Any, shape: Shape) -> Array:
     """An array of its own of that shape; arguments without batch axes give results without them."""
     x = np.asarray(x, dtype=np.float64)
@@ -657,7 +1053,7 @@ def _full(x: Any, shape: Shape) -> Array:
 # ---- the solver ------------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True, eq=False, repr=False)
 class Jacobians:
     """Partial derivatives of udot.
 
@@ -675,6 +1071,14 @@ class Jacobians:
     p: Array
     inputs: Array
     t: Array
+
+    def __repr__(self) -> str:
+        shapes = ", ".join(f"{n} {getattr(self, n).shape}" for n in ("q", "u", "p", "inputs", "t"))
+        return f"<Jacobians of udot: {shapes}>"
+
+
+JACOBIANS = ("q", "u", "p", "inputs", "t")
+"""What udot is differentiated in, in the order of `Jacobians`."""
 
 
 class Solver:
@@ -739,10 +1143,12 @@ class Solver:
         self._quaternions: tuple[int, ...] = tuple(manifest["quaternions"])
         self._left_out = {"p": np.array(manifest["parameters"], float), "inputs": np.zeros(ninputs)}
         self._wanted = manifest.get("target", "c") if target is None else target
-        self._target = self._choose(self._wanted, manifest)
+        self._target = self._choose(self._wanted, manifest, self._functions)
         self._manifests: list[dict[str, Any]] = [manifest, *([manifest["second"]] if "second" in manifest else [])]
         self._made = {0: (self._functions, self._target)}
+        self._making = threading.Lock()
         self._partition = 0
+        self._desk: Any = self._target.desk
 
     def _functions_of(self, manifest: Mapping[str, Any]) -> dict[str, Function]:
         return {name: self._function(name, entry) for name, entry in manifest["functions"].items()}
@@ -756,13 +1162,15 @@ class Solver:
             name, tuple(entry["arguments"]), seeds, results, shapes, derived, tuple(entry.get("widths", ()))
         )
 
-    def _choose(self, target: str, manifest: Mapping[str, Any]) -> CTarget | NumpyTarget:
+    def _choose(
+        self, target: str, manifest: Mapping[str, Any], functions: dict[str, Function]
+    ) -> CTarget | NumpyTarget:
         if target not in ("c", "numpy", "both"):
             raise ValueError(f"target is {target!r}; allowed are 'c', 'numpy' and 'both'")
         if target == "numpy":
             return NumpyTarget(self.folder, manifest)
         try:
-            compiled = CTarget(self.folder, manifest)
+            compiled = CTarget(self.folder, manifest, functions)
         except NoCompilerError as error:
             warnings.warn(
                 f"{self.name}: {error}. The NumPy target (target='numpy') serves instead: same numbers, slower",
@@ -771,7 +1179,7 @@ class Solver:
             )
             return NumpyTarget(self.folder, manifest)
         if target == "both":
-            self._compare(compiled, NumpyTarget(self.folder, manifest))
+            self._compare(compiled, NumpyTarget(self.folder, manifest), functions)
         return compiled
 
     def __getstate__(self) -> tuple[str, str]:
@@ -822,17 +1230,27 @@ class Solver:
 
         Not while other threads use this solver.
         """
+        if isinstance(partition, bool) or not isinstance(partition, (int, np.integer)):
+            raise ValueError(f"partition is {partition!r}, expected a whole number below {len(self._manifests)}")
         if not 0 <= partition < len(self._manifests):
             raise ValueError(f"partition {partition}: there are {len(self._manifests)}, counted from 0")
         manifest = self._manifests[partition]
-        if partition not in self._made:
-            self._made[partition] = self._functions_of(manifest), self._choose(self._wanted, manifest)
-        self._functions, self._target = self._made[partition]
-        self._partition = partition
+        self._functions, self._target = self._of_partition(int(partition))
+        self._desk = self._target.desk
+        self._partition = int(partition)
         self.independent_names = tuple(manifest.get("independent_names", self.coordinate_names))
         self.independent_speed_names = tuple(manifest.get("independent_speed_names", self.speed_names))
 
-    def condition(self, q: ArrayLike, p: Numbers = None) -> Array:
+    def _of_partition(self, partition: int) -> tuple[dict[str, Function], CTarget | NumpyTarget]:
+        """Functions and target of a partition, opened when first asked for."""
+        with self._making:
+            if partition not in self._made:
+                manifest = self._manifests[partition]
+                functions = self._functions_of(manifest)
+                self._made[partition] = functions, self._choose(self._wanted, manifest, functions)
+            return self._made[partition]
+
+    def condition(self, q: Numbers, p: Numbers = None) -> Array:
         """Worst condition number of the closure matrices, for each partition, (..., len(partitions)).
 
         One is best; infinite where a loop has lost rank. The figure is the product of the Frobenius norms of the matrix and its
@@ -844,19 +1262,15 @@ class Solver:
             return found
         q_all = np.broadcast_to(arrays["q"], (*batch, self.nq))
         p_all = np.broadcast_to(arrays["p"], (*batch, self.np))
-        before = self._partition
-        try:
-            for k in range(len(self._manifests)):
-                self.use_partition(k)
-                for state in np.ndindex(batch):
-                    given = {"q": q_all[state].copy(), "p": p_all[state].copy()}
-                    try:
-                        (values,) = self._target.values(self._functions["conditions"], given, ())
-                        found[(*state, k)] = values.max(initial=1.0)
-                    except SingularLoopError:
-                        found[(*state, k)] = math.inf
-        finally:
-            self.use_partition(before)
+        for k in range(len(self._manifests)):
+            functions, target = self._of_partition(k)
+            for state in np.ndindex(batch):
+                given = {"q": q_all[state].copy(), "p": p_all[state].copy()}
+                try:
+                    (values,) = target.values(functions["conditions"], given, ())
+                    found[(*state, k)] = values.max(initial=1.0)
+                except SingularLoopError:
+                    found[(*state, k)] = math.inf
         return found
 
     @property
@@ -1000,29 +1414,50 @@ class Solver:
             )
         return f
 
-    def _values(self, name: str, given: Mapping[str, Any]) -> list[Array]:
+    def _values(self, name: str, given: Mapping[str, Any], out: Any = None) -> list[Array]:
         f = self._find(name)
         arrays, batch = self._arguments(given)
-        return self._target.values(f, arrays, batch)
+        places: list[Array] = []
+        if out is not None:
+            places = _places([out], list(f.results), [batch + s for s in f.shapes])
+        if not _overlap(places, arrays):
+            return self._target.values(f, arrays, batch, places)
+        return _put(self._target.values(f, arrays, batch), places)
 
-    def _along(self, name: str, given: Mapping[str, Any], seeds: Mapping[str, Any]) -> Any:
+    def _along(self, name: str, given: Mapping[str, Any], seeds: Mapping[str, Any], out: Any = None) -> Any:
         f = self._find(name)
         arrays, batch = self._arguments(given)
         directions, k, batch = self._directions(seeds, arrays, batch)
-        return tuple(self._target.along(f, arrays, directions, k, batch))
+        places: list[Array] = []
+        if out is not None:
+            shapes = [((k,) if d else ()) + batch + s for s, d in zip(f.shapes, f.derived, strict=True)]
+            places = _places(out, list(f.results), shapes)
+        if not _overlap(places, {**arrays, **directions}):
+            return tuple(self._target.along(f, arrays, directions, k, batch, places))
+        return tuple(_put(self._target.along(f, arrays, directions, k, batch), places))
 
     # -- dynamics ------------------------------------------------------------------------------------------------------
 
     def accelerations(
-        self, q: ArrayLike, u: ArrayLike, p: Numbers = None, inputs: Numbers = None, t: ArrayLike = 0.0
+        self,
+        q: Numbers,
+        u: Numbers,
+        p: Numbers = None,
+        inputs: Numbers = None,
+        t: ArrayLike = 0.0,
+        *,
+        out: Array | None = None,
     ) -> Array:
         """The derivatives of the speeds, udot (..., nu), by Eqs. 18-24 and 42-56."""
-        return self._values("accelerations", {"q": q, "u": u, "p": p, "inputs": inputs, "t": t})[0]
+        found: Array | None = self._desk.accelerations(q, u, p, inputs, t, out)
+        if found is None:
+            return self._values("accelerations", {"q": q, "u": u, "p": p, "inputs": inputs, "t": t}, out)[0]
+        return found
 
     def sensitivities(
         self,
-        q: ArrayLike,
-        u: ArrayLike,
+        q: Numbers,
+        u: Numbers,
         p: Numbers = None,
         inputs: Numbers = None,
         t: ArrayLike = 0.0,
@@ -1032,42 +1467,93 @@ class Solver:
         dp: Numbers = None,
         dinputs: Numbers = None,
         dt: ArrayLike | None = None,
+        out: tuple[Array, Array] | None = None,
     ) -> tuple[Array, Array]:
         """udot (..., nu) and its total derivative (k, ..., nu) along the seeds (Eqs. 9, 10), exact to rounding."""
-        seeds = {"dq": dq, "du": du, "dp": dp, "dinputs": dinputs, "dt": dt}
-        return self._along("sensitivities", {"q": q, "u": u, "p": p, "inputs": inputs, "t": t}, seeds)
+        found: tuple[Array, Array] | None = self._desk.sensitivities(q, u, p, inputs, t, (dq, du, dp, dinputs, dt), out)
+        return found or self._state_along("sensitivities", q, u, p, inputs, t, dq, du, dp, dinputs, dt, out)
 
     def jacobians(
-        self, q: ArrayLike, u: ArrayLike, p: Numbers = None, inputs: Numbers = None, t: ArrayLike = 0.0
+        self,
+        q: Numbers,
+        u: Numbers,
+        p: Numbers = None,
+        inputs: Numbers = None,
+        t: ArrayLike = 0.0,
+        *,
+        out: Jacobians | None = None,
     ) -> Jacobians:
         """Every partial derivative of udot."""
+        quick: Jacobians | None = self._desk.jacobians(q, u, p, inputs, t, out)
+        if quick is not None:
+            return quick
         f = self._find("jacobians")
         arrays, batch = self._arguments({"q": q, "u": u, "p": p, "inputs": inputs, "t": t})
-        found = dict(zip(f.results, self._target.values(f, arrays, batch), strict=True))
-        for name in ("J_q", "J_u", "J_p", "J_inputs", "J_t"):
-            if name not in found:
-                found[name] = np.zeros(batch + self._shapes[name])
-        return Jacobians(found["J_q"], found["J_u"], found["J_p"], found["J_inputs"], found["J_t"])
+        shapes = {n: batch + self._shapes[f"J_{n}"] for n in JACOBIANS}
+        if out is None:
+            J = Jacobians(*(_empty(shapes[n]) for n in JACOBIANS))
+        elif isinstance(out, Jacobians):
+            J = out
+        else:
+            raise ValueError(f"out is {type(out).__name__}, expected Jacobians, such as those of an earlier call")
+        places = _places([getattr(J, n) for n in JACOBIANS], [f"J.{n}" for n in JACOBIANS], list(shapes.values()))
+        named = dict(zip((f"J_{n}" for n in JACOBIANS), places, strict=True))
+        wanted = [named[r] if r in named else _empty(batch + s) for r, s in zip(f.results, f.shapes, strict=True)]
+        if out is not None and _overlap(places, arrays):
+            _put(self._target.values(f, arrays, batch), wanted)
+        else:
+            self._target.values(f, arrays, batch, wanted)
+        for name, place in named.items():
+            if name not in f.results:
+                place[...] = 0.0
+        return J
 
-    def coordinate_rates(self, q: ArrayLike, u: ArrayLike, p: Numbers = None, t: ArrayLike = 0.0) -> Array:
+    def coordinate_rates(
+        self,
+        q: Numbers,
+        u: Numbers,
+        p: Numbers = None,
+        inputs: Numbers = None,
+        t: ArrayLike = 0.0,
+        *,
+        out: Array | None = None,
+    ) -> Array:
         """The derivatives of the coordinates, qdot (..., nq), by Eq. 1."""
-        return self._values("coordinate_rates", {"q": q, "u": u, "p": p, "t": t})[0]
+        found: Array | None = self._desk.coordinate_rates(q, u, p, inputs, t, out)
+        if found is None:
+            return self._values("coordinate_rates", {"q": q, "u": u, "p": p, "inputs": inputs, "t": t}, out)[0]
+        return found
 
     def coordinate_rate_sensitivities(
         self,
-        q: ArrayLike,
-        u: ArrayLike,
+        q: Numbers,
+        u: Numbers,
         p: Numbers = None,
+        inputs: Numbers = None,
         t: ArrayLike = 0.0,
         *,
         dq: Numbers = None,
         du: Numbers = None,
         dp: Numbers = None,
+        dinputs: Numbers = None,
         dt: ArrayLike | None = None,
+        out: tuple[Array, Array] | None = None,
     ) -> tuple[Array, Array]:
         """qdot (..., nq) and its total derivative (k, ..., nq) along the seeds."""
-        seeds = {"dq": dq, "du": du, "dp": dp, "dt": dt}
-        return self._along("coordinate_rate_sensitivities", {"q": q, "u": u, "p": p, "t": t}, seeds)
+        found: tuple[Array, Array] | None = self._desk.coordinate_rate_sensitivities(
+            q, u, p, inputs, t, (dq, du, dp, dinputs, dt), out
+        )
+        return found or self._state_along(
+            "coordinate_rate_sensitivities", q, u, p, inputs, t, dq, du, dp, dinputs, dt, out
+        )
+
+    def _state_along(
+        self, name: str, q: Any, u: Any, p: Any, inputs: Any, t: Any, dq: Any, du: Any, dp: Any, dinputs: Any, dt: Any,
+        out: Any = None,
+    ) -> Any:  # fmt: skip
+        """The long way of a function of the state over directions."""
+        given = {"q": q, "u": u, "p": p, "inputs": inputs, "t": t}
+        return self._along(name, given, {"dq": dq, "du": du, "dp": dp, "dinputs": dinputs, "dt": dt}, out)
 
     def mass_matrix(self, q: ArrayLike, p: Numbers = None) -> Array:
         """The mass matrix M of Eq. 4, (..., nu, nu)."""
@@ -1098,8 +1584,8 @@ class Solver:
 
     def inverse_dynamics(
         self,
-        q: ArrayLike,
-        u: ArrayLike,
+        q: Numbers,
+        u: Numbers,
         udot: ArrayLike,
         p: Numbers = None,
         inputs: Numbers = None,
@@ -1111,8 +1597,8 @@ class Solver:
 
     def inverse_dynamics_sensitivities(
         self,
-        q: ArrayLike,
-        u: ArrayLike,
+        q: Numbers,
+        u: Numbers,
         udot: ArrayLike,
         p: Numbers = None,
         inputs: Numbers = None,
@@ -1131,15 +1617,15 @@ class Solver:
         return self._along("inverse_dynamics_sensitivities", given, seeds)
 
     def bias_force(
-        self, q: ArrayLike, u: ArrayLike, p: Numbers = None, inputs: Numbers = None, t: ArrayLike = 0.0
+        self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: ArrayLike = 0.0
     ) -> Array:
         """The joint forces (..., nu) that hold udot at zero, -K of Eq. 4: M udot + bias_force = 0."""
         return self.inverse_dynamics(q, u, np.zeros(self.nu), p, inputs, t)
 
     def bias_force_sensitivities(
         self,
-        q: ArrayLike,
-        u: ArrayLike,
+        q: Numbers,
+        u: Numbers,
         p: Numbers = None,
         inputs: Numbers = None,
         t: ArrayLike = 0.0,
@@ -1155,41 +1641,19 @@ class Solver:
         seeds = {"dq": dq, "du": du, "dp": dp, "dinputs": dinputs, "dt": dt}
         return self._along("inverse_dynamics_sensitivities", given, seeds)
 
-    def energies(self, q: ArrayLike, u: ArrayLike, p: Numbers = None, t: ArrayLike = 0.0) -> tuple[Array, Array]:
+    def energies(
+        self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: ArrayLike = 0.0
+    ) -> tuple[Array, Array]:
         """Kinetic and potential energy, (...) each, J; gravity's is zero at the ground's origin."""
-        energy = self._values("energies", {"q": q, "u": u, "p": p, "t": t})[0]
+        energy: Array | None = self._desk.energies(q, u, p, inputs, t)
+        if energy is None:
+            (energy,) = self._values("energies", {"q": q, "u": u, "p": p, "inputs": inputs, "t": t})
         return energy[..., 0], energy[..., 1]
 
     def energy_sensitivities(
         self,
-        q: ArrayLike,
-        u: ArrayLike,
-        p: Numbers = None,
-        t: ArrayLike = 0.0,
-        *,
-        dq: Numbers = None,
-        du: Numbers = None,
-        dp: Numbers = None,
-        dt: ArrayLike | None = None,
-    ) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-        """Kinetic and potential energy, and their total derivatives: (T, V), (dT, dV), dT and dV (k, ...)."""
-        seeds = {"dq": dq, "du": du, "dp": dp, "dt": dt}
-        energy, denergy = self._along("energy_sensitivities", {"q": q, "u": u, "p": p, "t": t}, seeds)
-        return (energy[..., 0], energy[..., 1]), (denergy[..., 0], denergy[..., 1])
-
-    def outputs(
-        self, q: ArrayLike, u: ArrayLike, p: Numbers = None, inputs: Numbers = None, t: ArrayLike = 0.0
-    ) -> Array:
-        """The model's outputs (..., noutputs), in the order of `output_names`."""
-        given = {"q": q, "u": u, "p": p, "inputs": inputs, "t": t}
-        if not self.noutputs:
-            return np.zeros((*self._arguments(given)[1], 0))
-        return self._values("outputs", given)[0]
-
-    def output_sensitivities(
-        self,
-        q: ArrayLike,
-        u: ArrayLike,
+        q: Numbers,
+        u: Numbers,
         p: Numbers = None,
         inputs: Numbers = None,
         t: ArrayLike = 0.0,
@@ -1199,17 +1663,61 @@ class Solver:
         dp: Numbers = None,
         dinputs: Numbers = None,
         dt: ArrayLike | None = None,
+    ) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+        """Kinetic and potential energy, and their total derivatives: (T, V), (dT, dV), dT and dV (k, ...)."""
+        energy, denergy = self._desk.energy_sensitivities(
+            q, u, p, inputs, t, (dq, du, dp, dinputs, dt)
+        ) or self._state_along("energy_sensitivities", q, u, p, inputs, t, dq, du, dp, dinputs, dt)
+        return (energy[..., 0], energy[..., 1]), (denergy[..., 0], denergy[..., 1])
+
+    def outputs(
+        self,
+        q: Numbers,
+        u: Numbers,
+        p: Numbers = None,
+        inputs: Numbers = None,
+        t: ArrayLike = 0.0,
+        *,
+        out: Array | None = None,
+    ) -> Array:
+        """The model's outputs (..., noutputs), in the order of `output_names`."""
+        found: Array | None = self._desk.outputs(q, u, p, inputs, t, out)
+        if found is not None:
+            return found
+        given = {"q": q, "u": u, "p": p, "inputs": inputs, "t": t}
+        if not self.noutputs:
+            shape = (*self._arguments(given)[1], 0)
+            return np.zeros(shape) if out is None else _places([out], ["outputs"], [shape])[0]
+        return self._values("outputs", given, out)[0]
+
+    def output_sensitivities(
+        self,
+        q: Numbers,
+        u: Numbers,
+        p: Numbers = None,
+        inputs: Numbers = None,
+        t: ArrayLike = 0.0,
+        *,
+        dq: Numbers = None,
+        du: Numbers = None,
+        dp: Numbers = None,
+        dinputs: Numbers = None,
+        dt: ArrayLike | None = None,
+        out: tuple[Array, Array] | None = None,
     ) -> tuple[Array, Array]:
         """The model's outputs (..., noutputs) and their total derivative (k, ..., noutputs) along the seeds."""
-        given = {"q": q, "u": u, "p": p, "inputs": inputs, "t": t}
-        seeds = {"dq": dq, "du": du, "dp": dp, "dinputs": dinputs, "dt": dt}
         if not self.noutputs:
+            given = {"q": q, "u": u, "p": p, "inputs": inputs, "t": t}
+            seeds = {"dq": dq, "du": du, "dp": dp, "dinputs": dinputs, "dt": dt}
             _, k, batch = self._directions(seeds, *self._arguments(given))
             return np.zeros((*batch, 0)), np.zeros((k, *batch, 0))
-        return self._along("output_sensitivities", given, seeds)
+        found: tuple[Array, Array] | None = self._desk.output_sensitivities(
+            q, u, p, inputs, t, (dq, du, dp, dinputs, dt), out
+        )
+        return found or self._state_along("output_sensitivities", q, u, p, inputs, t, dq, du, dp, dinputs, dt, out)
 
     def reactions(
-        self, q: ArrayLike, u: ArrayLike, p: Numbers = None, inputs: Numbers = None, t: ArrayLike = 0.0
+        self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: ArrayLike = 0.0
     ) -> tuple[Array, Array]:
         """What joints and loops transmit, in the ground frame: moment, N m, then force, N.
 
@@ -1238,7 +1746,7 @@ class Solver:
     # -- states --------------------------------------------------------------------------------------------------------
 
     def assemble(
-        self, q: ArrayLike | None = None, u: ArrayLike | None = None, p: Numbers = None
+        self, q: Numbers = None, u: Numbers = None, p: Numbers = None, inputs: Numbers = None, t: ArrayLike = 0.0
     ) -> tuple[Array, Array]:
         """A consistent state (q, u): loops closed, quaternions of unit length.
 
@@ -1253,11 +1761,11 @@ class Solver:
         AssemblyError
             Names the loop and what is left of its conditions.
         """
-        given = {"q": self._initial[0] if q is None else q, "u": self._initial[1] if u is None else u, "p": p}
-        arrays, batch = self._arguments(given)
+        q, u = self._initial[0] if q is None else q, self._initial[1] if u is None else u
+        arrays, batch = self._arguments({"q": q, "u": u, "p": p, "inputs": inputs, "t": t})
         q_new = self._assembled(arrays, batch)
         if self.closure_names:
-            return q_new, self._values("completion", {"q": q_new, "u": arrays["u"], "p": p})[0]
+            return q_new, self._values("completion", {**arrays, "q": q_new})[0]
         return q_new, np.broadcast_to(arrays["u"], (*batch, self.nu)).copy()
 
     def _assembled(self, arrays: Mapping[str, Any], batch: Shape) -> Array:
@@ -1310,20 +1818,25 @@ class Solver:
 
     def assemble_sensitivities(
         self,
-        q: ArrayLike,
-        u: ArrayLike,
+        q: Numbers,
+        u: Numbers,
         p: Numbers = None,
+        inputs: Numbers = None,
+        t: ArrayLike = 0.0,
         *,
         dq: Numbers = None,
         du: Numbers = None,
         dp: Numbers = None,
+        dinputs: Numbers = None,
+        dt: ArrayLike | None = None,
     ) -> tuple[Array, Array, Array, Array]:
         """A consistent state and its derivatives along the seeds: q, u, dq (k, ..., nq), du (k, ..., nu).
 
         Only the independent entries of the seeds are read; the dependent ones follow from closure.
         """
-        arrays, batch = self._arguments({"q": q, "u": u, "p": p})
-        seeds, k, batch = self._directions({"dq": dq, "du": du, "dp": dp}, arrays, batch)
+        arrays, batch = self._arguments({"q": q, "u": u, "p": p, "inputs": inputs, "t": t})
+        along = {"dq": dq, "du": du, "dp": dp, "dinputs": dinputs, "dt": dt}
+        seeds, k, batch = self._directions(along, arrays, batch)
         lengths = {i: np.linalg.norm(arrays["q"][..., i : i + 4], axis=-1, keepdims=True) for i in self._quaternions}
         q_new = self._assembled(arrays, batch)
         u_new = np.broadcast_to(arrays["u"], (*batch, self.nu)).copy()
@@ -1361,32 +1874,39 @@ class Solver:
 
     def closure_sensitivities(
         self,
-        q: ArrayLike,
-        u: ArrayLike,
+        q: Numbers,
+        u: Numbers,
         p: Numbers = None,
+        inputs: Numbers = None,
+        t: ArrayLike = 0.0,
         *,
         dq: Numbers = None,
         du: Numbers = None,
         dp: Numbers = None,
+        dinputs: Numbers = None,
+        dt: ArrayLike | None = None,
     ) -> tuple[Array, Array]:
         """Scaled position residuals (..., len(closure_names)), and by how much completed seeds open them, (k, ..., the same).
 
         The latter is zero to rounding unless conditions are redundant and a direction does not keep them, such as a
         parameter that bends a planar loop out of its plane: then no derivative exists along it.
         """
-        given, seeds = {"q": q, "u": u, "p": p}, {"dq": dq, "du": du, "dp": dp}
+        given = {"q": q, "u": u, "p": p, "inputs": inputs, "t": t}
+        seeds = {"dq": dq, "du": du, "dp": dp, "dinputs": dinputs, "dt": dt}
         if not self.closure_names:
             _, k, batch = self._directions(seeds, *self._arguments(given))
             return np.zeros((*batch, 0)), np.zeros((k, *batch, 0))
         value, derivative = self._along("closure_sensitivities", given, seeds)
         return value, derivative
 
-    def closure(self, q: ArrayLike, u: ArrayLike, p: Numbers = None) -> tuple[Array, Array]:
+    def closure(
+        self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: ArrayLike = 0.0
+    ) -> tuple[Array, Array]:
         """Scaled residuals of the loops in position and velocity, (..., len(closure_names)) each.
 
         Linear conditions are divided by the loop's characteristic length; the velocities are those of u as it is given.
         """
-        arrays, batch = self._arguments({"q": q, "u": u, "p": p})
+        arrays, batch = self._arguments({"q": q, "u": u, "p": p, "inputs": inputs, "t": t})
         if not self.closure_names:
             return np.zeros((*batch, 0)), np.zeros((*batch, 0))
         position, velocity = self._target.values(self._functions["closure"], arrays, batch)
@@ -1394,11 +1914,11 @@ class Solver:
 
     # -- both targets --------------------------------------------------------------------------------------------------
 
-    def _compare(self, compiled: CTarget, plain: NumpyTarget) -> None:
+    def _compare(self, compiled: CTarget, plain: NumpyTarget, functions: Mapping[str, Function]) -> None:
         """Compare the targets, all functions and directions, at random states; they hold the same statements."""
         rng = np.random.default_rng(0)
         k = 3
-        for _, f in itertools.product(range(3), self._functions.values()):
+        for _, f in itertools.product(range(3), functions.values()):
             arrays: dict[str, Any] = {n: rng.normal(size=self._shapes[n]) for n in ("u", "inputs", "udot", "b")}
             # loops stay closed enough for both targets to be on the same side of every singularity
             spread = 0.03 if self.closure_names else 0.3
@@ -1424,6 +1944,28 @@ class Solver:
                             f"{self.name}: {name} of {f.name} differs by {error:.3g} between C and NumPy; "
                             f"please report this with the model"
                         )
+
+
+def _places(out: Any, names: Sequence[str], shapes: Sequence[Shape]) -> list[Array]:
+    """The arrays of ``out=``, checked."""
+    if not isinstance(out, (tuple, list)) or len(out) != len(names):
+        raise ValueError(f"out is {type(out).__name__}, expected a tuple of {len(names)} arrays: {', '.join(names)}")
+    for name, x, shape in zip(names, out, shapes, strict=True):
+        wanted = f"expected a writeable C-contiguous array of float64 of shape {shape}"
+        if not isinstance(x, np.ndarray):
+            raise ValueError(f"out ({name}) is {type(x).__name__}, {wanted}")
+        if x.dtype != np.float64 or x.shape != shape:
+            raise ValueError(f"out ({name}) holds {x.dtype} and has shape {x.shape}, {wanted}")
+        if not x.flags.carray:
+            raise ValueError(f"out ({name}) is read-only, not contiguous or not aligned, {wanted}")
+    return list(out)
+
+
+def _overlap(places: Sequence[Array], arrays: Mapping[str, Any]) -> bool:
+    """Whether results would be written over arguments, or over one another, while they are read."""
+    among = itertools.combinations(places, 2)
+    given = itertools.product(places, (a for a in arrays.values() if isinstance(a, np.ndarray)))
+    return any(np.may_share_memory(a, b) for a, b in itertools.chain(among, given))
 
 
 def _outcome(

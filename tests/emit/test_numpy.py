@@ -76,8 +76,8 @@ def reference(model: Model, x: dict[str, Any]) -> dict[str, tuple[str, Array, Ar
     q, u, p, inputs, t = (x[n] for n in ("q", "u", "p", "inputs", "t"))
     seeds = {n: x[n] for n in SEEDS}
     dq, du, dp = x["dq"], x["du"], x["dp"]
-    energy, denergy = engine.energy_sensitivities(q, u, p, t, dq=dq, du=du, dp=dp)
-    rates = engine.coordinate_rate_sensitivities(q, u, p, t, dq=dq, du=du)
+    energy, denergy = engine.energy_sensitivities(q, u, p, inputs, t, dq=dq, du=du, dp=dp)
+    rates = engine.coordinate_rate_sensitivities(q, u, p, inputs, t, dq=dq, du=du)
     inverse = engine.inverse_dynamics_sensitivities(q, u, x["udot"], p, inputs, t, dudot=x["dudot"], **seeds)
     found = {
         "sensitivities": ("udot", *engine.sensitivities(q, u, p, inputs, t, **seeds)),

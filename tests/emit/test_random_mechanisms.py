@@ -50,14 +50,14 @@ def compare(drawn: Mechanism, solver: codegen.Solver, engine: Any, rng: np.rando
     pairs = [
         ("sensitivities", (q, u, p, inputs, t), seeds),
         ("output_sensitivities", (q, u, p, inputs, t), seeds),
-        ("coordinate_rate_sensitivities", (q, u, p, t), {"dq": dq, "du": du, "dp": dp}),
+        ("coordinate_rate_sensitivities", (q, u, p, inputs, t), {"dq": dq, "du": du, "dp": dp}),
     ]
     for name, arguments, directions in pairs:
         a, da = getattr(solver, name)(*arguments, **directions)
         b, db = getattr(engine, name)(*arguments, **directions)
         found[f"{name}, values"], found[name] = error(a, b), worst(da, db)
-    (T, V), (dT, dV) = solver.energy_sensitivities(q, u, p, t, dq=dq, du=du, dp=dp)
-    (T_, V_), (dT_, dV_) = engine.energy_sensitivities(q, u, p, t, dq=dq, du=du, dp=dp)
+    (T, V), (dT, dV) = solver.energy_sensitivities(q, u, p, inputs, t, dq=dq, du=du, dp=dp)
+    (T_, V_), (dT_, dV_) = engine.energy_sensitivities(q, u, p, inputs, t, dq=dq, du=du, dp=dp)
     found["energies"], found["energy_sensitivities"] = error([T, V], [T_, V_]), worst([dT, dV], [dT_, dV_])
     ours, theirs = solver.jacobians(q, u, p, inputs, t), engine.jacobians(q, u, p, inputs, t)
     for name in ("q", "u", *(["p"] if np.any(dp) else []), "inputs"):

@@ -60,24 +60,23 @@ def test_everything_else_and_its_derivatives(seed, n, joints):
     one, two = RecursiveEngine(model), DenseEngine(model)
     udot, dudot = rng.uniform(-1, 1, model.nu), rng.uniform(-1, 1, (3, model.nu))
     of_q = {name: seeds[name] for name in ("dq", "dp")}
-    of_motion = {name: seeds[name] for name in ("dq", "du", "dp", "dt")}
     calls = {
         "solve_mass_sensitivities": ((q, udot, p), of_q | {"db": dudot}),
         "mass_matrix_sensitivities": ((q, p), of_q),
         "inverse_dynamics_sensitivities": ((q, u, udot, p, inputs, t), seeds | {"dudot": dudot}),
-        "coordinate_rate_sensitivities": ((q, u, p, t), of_motion),
+        "coordinate_rate_sensitivities": ((q, u, p, inputs, t), seeds),
         "output_sensitivities": ((q, u, p, inputs, t), seeds),
     }
     for name, (arguments, directions) in calls.items():
         (a, da), (b, db) = (getattr(e, name)(*arguments, **directions) for e in (one, two))
         check(name, a.reshape(1, -1), b.reshape(1, -1))
         check(name, da.reshape(3, -1), db.reshape(3, -1))
-    (a, da), (b, db) = (e.energy_sensitivities(q, u, p, t, **of_motion) for e in (one, two))
+    (a, da), (b, db) = (e.energy_sensitivities(q, u, p, inputs, t, **seeds) for e in (one, two))
     check("energies", np.array(a)[:, None], np.array(b)[:, None])
     check("energies", np.concatenate(da)[:, None], np.concatenate(db)[:, None], 1e-10)
     # The methods without derivatives are the same numbers.
     np.testing.assert_array_equal(one.mass_matrix(q, p), one.mass_matrix_sensitivities(q, p, **of_q)[0])
-    np.testing.assert_array_equal(one.energies(q, u, p, t), a)
+    np.testing.assert_array_equal(one.energies(q, u, p, inputs, t), a)
     np.testing.assert_array_equal(
         one.outputs(q, u, p, inputs, t), one.output_sensitivities(q, u, p, inputs, t, **seeds)[0]
     )

@@ -50,8 +50,8 @@ def test_power_balance(engine):
     for with_forces in (False, True):
         for model, (q, u, p, inputs, t), _ in cases(12, forces=with_forces):
             e = engine(model)
-            udot, qdot = e.accelerations(q, u, p, inputs, t), e.coordinate_rates(q, u, p, t)
-            _, (dT, dV) = e.energy_sensitivities(q, u, p, t, dq=qdot, du=udot)
+            udot, qdot = e.accelerations(q, u, p, inputs, t), e.coordinate_rates(q, u, p, inputs, t)
+            _, (dT, dV) = e.energy_sensitivities(q, u, p, inputs, t, dq=qdot, du=udot)
             assert dT.shape == dV.shape == (1,)
             names = {f"q.{n}": float(q[i]) for i, n in enumerate(model.coordinate_names)}
             names |= {f"u.{n}": float(u[i]) for i, n in enumerate(model.speed_names)}

@@ -50,8 +50,8 @@ def test_the_engines_agree(first):
             check(("u", "dq", "du")[i], np.atleast_2d(a), np.atleast_2d(b), 1e-10)
         for (a, da), (b, db) in (
             [e.output_sensitivities(*m[1:], **seeds) for e in (one, two)],
-            [e.coordinate_rate_sensitivities(m.q, m.u, m.p, m.t, **of_motion) for e in (one, two)],
-            [e.energy_sensitivities(m.q, m.u, m.p, m.t, **of_motion) for e in (one, two)],
+            [e.coordinate_rate_sensitivities(*m[1:], **of_motion) for e in (one, two)],
+            [e.energy_sensitivities(*m[1:], **of_motion) for e in (one, two)],
             [e.mass_matrix_sensitivities(m.q, m.p, dq=seeds["dq"], dp=seeds["dp"]) for e in (one, two)],
         ):
             check("value", [a], [b], 1e-11)
@@ -150,7 +150,7 @@ def test_power_balance(engine):
         e = case(seed, m)[0][ENGINES.index(engine)]
         u, _, _ = e.complete(m.q, m.u, m.p)
         udot, qdot = e.accelerations(m.q, u, *m[3:]), e.coordinate_rates(m.q, u, m.p)
-        _, (dT, dV) = e.energy_sensitivities(m.q, u, m.p, m.t, dq=qdot, du=udot)
+        _, (dT, dV) = e.energy_sensitivities(m.q, u, *m[3:], dq=qdot, du=udot)
         assert abs(dT[0] + dV[0]) < 1e-11 * (abs(dT[0]) + 1)
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 import codegen
+from codegen.emit.calls import write_calls
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -49,6 +50,12 @@ SENSITIVITIES(8)
 
 PENDULUM_H = """\
 int pendulum_accelerations(const double *q, const double *u, const double *p, double *udot, double *work);
+#define SENSITIVITIES_(W) \\
+int pendulum_sensitivities_##W(const double *q, const double *u, const double *p, const double *dq, const double *du, \\
+                               const double *dp, double *udot, double *dudot, double *work);
+SENSITIVITIES_(1)
+SENSITIVITIES_(2)
+SENSITIVITIES_(8)
 """
 
 PENDULUM_NUMPY = """\
@@ -101,6 +108,8 @@ PENDULUM = {
     "operations": {},
 }
 
+SIZES = {"q": 1, "u": 1, "p": 2, "inputs": 0, "t": 1, "udot": 1, "b": 1}
+
 
 @pytest.fixture
 def make_pendulum(tmp_path):
@@ -112,7 +121,9 @@ def make_pendulum(tmp_path):
         (folder / "pendulum.c").write_text(PENDULUM_C)
         (folder / "pendulum.h").write_text(PENDULUM_H)
         (folder / "pendulum_numpy.py").write_text(PENDULUM_NUMPY)
-        (folder / "model.json").write_text(json.dumps(PENDULUM | changes))
+        manifest = PENDULUM | changes
+        (folder / "pendulum_calls.c").write_text(write_calls(manifest, SIZES))
+        (folder / "model.json").write_text(json.dumps(manifest))
         return folder
 
     return make

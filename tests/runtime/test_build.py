@@ -237,7 +237,7 @@ def test_processes_may_build_at_once(pendulum, monkeypatch, tmp_path):
 
 
 def test_several_sources_are_compiled_and_linked(make_pendulum):
-    folder = make_pendulum(sources=["pendulum.c", "pendulum_more.c"])
+    folder = make_pendulum(sources=["pendulum.c", "pendulum_calls.c", "pendulum_more.c"])
     text = (folder / "pendulum.c").read_text()
     cut = text.index("#define SENSITIVITIES")
     (folder / "pendulum.c").write_text(text[:cut])

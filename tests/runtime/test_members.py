@@ -47,16 +47,16 @@ def test_every_member_agrees_with_the_generic_engine(name, target, packages, mod
     pairs = [
         ("accelerations", (q, u, p, inputs, t), {}),
         ("sensitivities", (q, u, p, inputs, t), everything),
-        ("coordinate_rates", (q, u, p, t), {}),
-        ("coordinate_rate_sensitivities", (q, u, p, t), some("dq", "du", "dp", "dt")),
+        ("coordinate_rates", (q, u, p, inputs, t), {}),
+        ("coordinate_rate_sensitivities", (q, u, p, inputs, t), everything),
         ("mass_matrix", (q, p), {}),
         ("mass_matrix_sensitivities", (q, p), some("dq", "dp")),
         ("solve_mass", (q, b, p), {}),
         ("solve_mass_sensitivities", (q, b, p), some("dq", "dp") | {"db": db}),
         ("inverse_dynamics", (q, u, udot, p, inputs, t), {}),
         ("inverse_dynamics_sensitivities", (q, u, udot, p, inputs, t), everything | {"dudot": dudot}),
-        ("energies", (q, u, p, t), {}),
-        ("energy_sensitivities", (q, u, p, t), some("dq", "du", "dp", "dt")),
+        ("energies", (q, u, p, inputs, t), {}),
+        ("energy_sensitivities", (q, u, p, inputs, t), everything),
         ("outputs", (q, u, p, inputs, t), {}),
         ("output_sensitivities", (q, u, p, inputs, t), everything),
     ]
@@ -83,8 +83,8 @@ def _same(ours, theirs, member):
 
 
 def test_what_a_function_does_not_depend_on_has_zero_derivative(satellite):
-    q, u, p, _, t = state(satellite, np.random.default_rng(12))
-    qdot, dqdot = satellite.coordinate_rate_sensitivities(q, u, p, t, dp=np.eye(satellite.np))
+    q, u, p, inputs, t = state(satellite, np.random.default_rng(12))
+    qdot, dqdot = satellite.coordinate_rate_sensitivities(q, u, p, inputs, t, dp=np.eye(satellite.np))
     close(qdot, satellite.coordinate_rates(q, u))
     assert dqdot.shape == (satellite.np, satellite.nq)
     assert not dqdot.any()

@@ -63,28 +63,28 @@ bodies:
 VALUES = {
     "accelerations": "q u p inputs t",
     "jacobians": "q u p inputs t",
-    "coordinate_rates": "q u p t",
+    "coordinate_rates": "q u p inputs t",
     "mass_matrix": "q p",
     "solve_mass": "q b p",
     "inverse_dynamics": "q u udot p inputs t",
     "bias_force": "q u p inputs t",
-    "energies": "q u p t",
+    "energies": "q u p inputs t",
     "outputs": "q u p inputs t",
-    "closure": "q u p",
-    "assemble": "q u p",
+    "closure": "q u p inputs t",
+    "assemble": "q u p inputs t",
 }
 """Functions without directions, and the arguments they take."""
 
 ALONG = {
     "sensitivities": "q u p inputs t",
-    "coordinate_rate_sensitivities": "q u p t",
+    "coordinate_rate_sensitivities": "q u p inputs t",
     "mass_matrix_sensitivities": "q p",
     "solve_mass_sensitivities": "q b p",
     "inverse_dynamics_sensitivities": "q u udot p inputs t",
     "bias_force_sensitivities": "q u p inputs t",
-    "energy_sensitivities": "q u p t",
+    "energy_sensitivities": "q u p inputs t",
     "output_sensitivities": "q u p inputs t",
-    "assemble_sensitivities": "q u p",
+    "assemble_sensitivities": "q u p inputs t",
 }
 """Functions over directions, and the arguments they take; every argument has a seed."""
 

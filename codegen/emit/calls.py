@@ -1,0 +1,95 @@
+"""Writes ``NAME_calls.c``: the functions of the header, each with one signature, as the run time calls them from Python."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from ..version import __version__
+from .templates import render
+
+ARGUMENTS = ("q", "u", "p", "inputs", "udot", "b")
+SEEDS = ("dq", "du", "dp", "dinputs", "dudot", "db", "dt")
+"""Arguments and seeds, `t` apart, in the order of their pointers; `codegen.runtime.solver` has the same."""
+
+INTERNAL = ("closure", "conditions", "newton_step")
+"""What these return may be infinite and is looked at elsewhere."""
+
+_WITH_DEFAULT = ("p", "inputs")
+
+
+def write_calls(manifest: Mapping[str, Any], sizes: Mapping[str, int]) -> str:
+    """The C of the calls.
+
+    Parameters
+    ----------
+    manifest : dict
+        See `codegen.emit.interface.manifest`.
+    sizes : dict of str to int
+        Numbers of entries of arguments and results.
+    """
+    name = manifest["name"]
+    functions = manifest["functions"].items()
+    counted = ("coordinate_names", "speed_names", "parameter_names", "input_names", "output_names")
+    return render(
+        "c/calls.c.jinja",
+        {
+            "name": name,
+            "version": __version__,
+            "slots": [n.upper() for n in (*ARGUMENTS, *SEEDS)],
+            "first_seed": len(ARGUMENTS),
+            "sizes": [*(sizes[n] for n in ARGUMENTS), *(sizes[s[1:]] for s in SEEDS)],
+            "checked": [*(len(manifest[n]) for n in counted), manifest["workspace"]],
+            "quaternions": manifest["quaternions"],
+            "values": [_value(name, n, f, sizes) for n, f in functions if not f.get("seeds")],
+            "along": [_along(name, n, f, sizes) for n, f in functions if f.get("seeds")],
+        },
+    )
+
+
+def _given(f: Mapping[str, Any]) -> list[str]:
+    return [a if a == "t" or a in _WITH_DEFAULT else f"x[{a.upper()}]" for a in f["arguments"]]
+
+
+def _defaults(f: Mapping[str, Any]) -> list[str]:
+    """Lines that choose between what is given and the default."""
+    names = [(a, a.upper()) for a in f["arguments"] if a in _WITH_DEFAULT]
+    return [f"const double *const {a} = given >> {slot} & 1 ? x[{slot}] : x[DEFAULT_{slot}];" for a, slot in names]
+
+
+def _value(model: str, name: str, f: Mapping[str, Any], sizes: Mapping[str, int]) -> dict[str, Any]:
+    results = [f"x[RESULTS + {i}]" for i in range(len(f["results"]))]
+    finite = [f"all_finite({r}, {sizes[n]}L)" for r, n in zip(results, f["results"], strict=True)]
+    call = f"{model}_{name}({', '.join([*_given(f), *results, 'x[WORK]'])})"
+    return {"name": name, "given": _defaults(f), "call": call, "finite": [] if name in INTERNAL else finite}
+
+
+def _along(model: str, name: str, f: Mapping[str, Any], sizes: Mapping[str, int]) -> dict[str, Any]:
+    """A function over directions: seeds and derivatives lie in lanes one after the other."""
+    at = 0
+    seeds, derived, finite, passed = [], [], [], []
+    for seed in f["seeds"]:
+        seeds.append((seed.upper(), at))
+        passed.append(f"lanes + width*{at}L")
+        at += sizes[seed[1:]]
+    for i, result in enumerate(f["results"]):
+        place = f"x[RESULTS + {i}]"
+        if result.startswith("d"):
+            n = sizes[result[1:]]
+            derived.append((i, at, n))
+            passed.append(f"lanes + width*{at}L")
+            finite.append(f"all_finite({place}, k*{n}L)")
+            at += n
+        else:
+            passed.append(place)
+            finite.append(f"all_finite({place}, {sizes[result]}L)")
+    widths = sorted(f["widths"])
+    width = "".join(f"rest <= {w} ? {w} : " for w in widths[:-1]) + str(widths[-1])
+    given = ", ".join([*_given(f), *passed, "x[WORK]"])
+    return {
+        "name": name, "given": _defaults(f), "seeds": seeds, "derived": derived, "finite": finite, "width": width,
+        "calls": [(w, f"{model}_{name}_{w}({given})") for w in widths],
+    }  # fmt: skip
+
+
+__all__ = ["write_calls"]
