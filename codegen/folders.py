@@ -129,7 +129,10 @@ def put_right(folder: Path) -> None:
 
     What a living process is at work on stays.
     """
-    folder = folder.resolve()
+    try:
+        folder = folder.resolve()
+    except (OSError, RuntimeError):  # a link that leads to itself: `refuse_foreign` says so
+        return
     hidden = re.compile(rf"\.{re.escape(folder.name)}-(new|old)-\d+-[0-9a-f]+")
     with contextlib.suppress(OSError), os.scandir(folder.parent) as entries:
         # moved away ones first

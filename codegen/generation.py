@@ -93,7 +93,9 @@ def generate(
         if not isinstance(model, Model):
             file = Path(model)
             model = load_model(file)
-            origin = {"file": file.name, "sha256": hashlib.sha256(file.read_bytes()).hexdigest()}
+            origin = {"file": file.name}
+            if file.is_file():  # what comes from a pipe is read once
+                origin["sha256"] = hashlib.sha256(file.read_bytes()).hexdigest()
     path = (Path("generated") / model.name if folder is None else Path(folder)).absolute()
     put_right(path)
     refuse_foreign(path)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -240,7 +242,30 @@ def _code(folder: Path, manifest: Mapping[str, Any]) -> str:
         return f"C cannot be compiled: {error}"
     for place in build.places:
         for library in sorted(place.glob(f"{key}-*.so")):
-            return f"compiled C computes: {library.name}"
+            return f"compiled C computes: {library.name}{_instructions([*build.compiler, *build.flags])}"
     if build.compiler:
         return f"C computes: {build.compiler[0]} compiles it when it is loaded first"
     return "NumPy computes, since there is no C compiler"
+
+
+INSTRUCTIONS = {
+    "__AVX512F__": "AVX-512",
+    "__AVX2__": "AVX2",
+    "__AVX__": "AVX",
+    "__ARM_NEON": "NEON",
+    "__SSE2__": "SSE2",
+}
+"""What a compiler defines where it may use them, the widest first."""
+
+
+def _instructions(compiler: Sequence[str]) -> str:
+    """What a compiler with its flags uses on this machine; a library's name holds all three."""
+    try:
+        asked = subprocess.run(
+            [*compiler, "-dM", "-E", "-x", "c", os.devnull],
+            stdin=subprocess.DEVNULL, capture_output=True, text=True, errors="replace", timeout=10, check=False,
+        )  # fmt: skip
+    except (OSError, subprocess.TimeoutExpired):
+        return ""
+    defined = {line.split()[1] for line in asked.stdout.splitlines() if line.startswith("#define ")}
+    return next((f", {name}" for macro, name in INSTRUCTIONS.items() if macro in defined), "")

@@ -362,7 +362,10 @@ def test_show_a_package(here, capsys, monkeypatch):
     assert "target c" in line and "C computes" in line and "when it is loaded first" in line
     library = codegen.load("c")._target.build.library()
     assert main(["show", "c"]) == 0
-    assert f"compiled C computes: {library.name}" in capsys.readouterr().out.splitlines()[1]
+    assert re.search(
+        rf"compiled C computes: {re.escape(library.name)}(, (AVX-512|AVX2?|SSE2|NEON))?$",
+        capsys.readouterr().out.splitlines()[1],
+    )
     library.unlink()
     monkeypatch.setenv("CC", "no-such-compiler")
     assert main(["show", "c"]) == 0
@@ -421,6 +424,70 @@ def test_new_refuses(here, capsys, name):
     err = capsys.readouterr().err
     assert err.startswith("new: ") and err.count("\n") == 1
     assert files(here) == before
+
+
+NOWHERE = {"": "working directory", ".": "working directory", "..": "working directory", "rod.yaml": "is a file",
+           "rod.yaml/x/y": "is a file", "round": "cannot write", "x" * 300: "too long", "/dev/null": "is a file"}  # fmt: skip
+
+
+@pytest.mark.parametrize("folder", NOWHERE)
+def test_folders_that_cannot_be_are_told_before_the_work(here, capsys, monkeypatch, folder):
+    import codegen.emit.solver
+
+    monkeypatch.setattr(codegen.emit.solver, "write_solver", lambda *a, **k: pytest.fail("the work has begun"))
+    Path("round").symlink_to("round")
+    before = sorted(p.name for p in here.iterdir())
+    assert generate_main(["rod.yaml", "-o", folder]) == 2
+    err = capsys.readouterr().err
+    assert err.startswith("generate: ") and NOWHERE[folder] in err and err.count("\n") == 1
+    assert sorted(p.name for p in here.iterdir()) == before
+
+
+@pytest.mark.parametrize("command", ["generate", "check", "show"])
+def test_files_that_cannot_be_read(here, capsys, command):
+    Path("folder").mkdir()
+    Path("round.yaml").symlink_to("round.yaml")
+    Path("binary.yaml").write_bytes(bytes(range(128, 256)))
+    for name in ("folder", "round.yaml", "binary.yaml", "/dev/null", "nowhere/x.yaml"):
+        code = main([command, name])
+        out, err = capsys.readouterr()
+        assert code == (2 if (command, name) == ("show", "folder") else 1) and not out
+        assert name in err and err.count("\n") == 1
+
+
+def test_a_model_from_a_pipe(here):
+    run = subprocess.run(
+        [sys.executable, "-m", "codegen", "generate", "/dev/stdin", "--target", "numpy", "--no-check"], cwd=here, input=MODEL,
+        env={**os.environ, "PYTHONPATH": str(Path(codegen.__file__).parents[1])}, capture_output=True, text=True, timeout=60,
+        check=False,
+    )  # fmt: skip
+    assert run.returncode == 0 and (here / "generated" / "rod" / "rod.c").exists(), run.stderr
+
+
+ODD_COMPILERS = {
+    "/bin/cat": 3,
+    "/bin/true": 3,
+    "/bin/false": 3,
+    "": 0,
+    " ": 0,
+    "/tmp": 0,
+    "'cc": 0,
+    "no such": 0,
+    "cc -fnope": 3,
+}
+
+
+@pytest.mark.parametrize("compiler", ODD_COMPILERS)
+def test_odd_compilers(here, capsys, monkeypatch, compiler):
+    """A failing one is an error that names the log; none is a remark, and NumPy serves."""
+    monkeypatch.setenv("CC", compiler)
+    monkeypatch.setenv("ORDERNM_CFLAGS", "-O0")
+    assert generate_main(["rod.yaml", "--no-check"]) == ODD_COMPILERS[compiler]
+    out, err = capsys.readouterr()
+    if ODD_COMPILERS[compiler]:
+        assert not out and err.startswith("generate: the C compiler failed") and "rod.log" in err
+    else:
+        assert not err and ("no C compiler" in out) == bool(compiler.strip())
 
 
 # ---- as a program ----------------------------------------------------------------------------------------------------

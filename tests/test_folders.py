@@ -186,6 +186,7 @@ def test_what_cannot_be_written_is_told_before_the_work(tmp_path):
     with pytest.raises(FolderError, match=r"x: .*file is a file; .*-o"):
         refuse_foreign(tmp_path / "file" / "x")
     (tmp_path / "round").symlink_to(tmp_path / "round")
+    put_right(tmp_path / "round")
     with pytest.raises(FolderError, match="cannot write"):
         refuse_foreign(tmp_path / "round")
     with pytest.raises(FolderError, match=r"cannot write .*too long"):
