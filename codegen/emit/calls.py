@@ -41,6 +41,7 @@ def write_calls(manifest: Mapping[str, Any], sizes: Mapping[str, int]) -> str:
             "sizes": [*(sizes[n] for n in ARGUMENTS), *(sizes[s[1:]] for s in SEEDS)],
             "checked": [*(len(manifest[n]) for n in counted), manifest["workspace"]],
             "quaternions": manifest["quaternions"],
+            "matrices": manifest["functions"].get("jacobians", {"results": []})["results"][1:],
             "values": [_value(name, n, f, sizes) for n, f in functions if not f.get("seeds")],
             "along": [_along(name, n, f, sizes) for n, f in functions if f.get("seeds")],
         },

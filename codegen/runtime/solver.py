@@ -18,7 +18,6 @@ import io
 import itertools
 import json
 import math
-import operator
 import os
 import platform
 import shlex
@@ -28,6 +27,7 @@ import sys
 import sysconfig
 import tempfile
 import threading
+import types
 import warnings
 import weakref
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -421,14 +421,29 @@ def split(k: int, widths: Iterable[int]) -> list[int]:
     return [*parts, next(w for w in allowed if w >= rest)] if rest else parts
 
 
-CALLER = "int ordernm_call(void *, void *, long, double, long);"
-CALLER_SOURCE = """\
-static int ordernm_call(void *function, void *x, long given, double t, long k)
-{
-    return ((int (*)(double *const *, long, double, long))function)(x, given, t, k);
-}
-"""
-"""What cffi's API mode compiles: one call for all functions of all packages."""
+TAKES = {
+    "values": "intptr_t, intptr_t, intptr_t, intptr_t, double, intptr_t",
+    "matrices": "intptr_t, intptr_t, intptr_t, intptr_t, double, intptr_t, intptr_t, intptr_t, intptr_t, intptr_t",
+    "along": "intptr_t, intptr_t, intptr_t, intptr_t, double, long, "
+             "intptr_t, intptr_t, intptr_t, intptr_t, intptr_t, intptr_t, intptr_t",
+}  # fmt: skip
+"""What ``NAME_take_values`` and the others of ``NAME_calls.c`` take after the desk."""
+
+CALLER = "".join(f"int ordernm_{n}(void *, {taken});\n" for n, taken in TAKES.items())
+"""What cffi's API mode compiles: calls of those, for all packages."""
+
+
+def _caller_source() -> str:
+    """Definitions of `CALLER`."""
+    lines = ["#include <stdint.h>"]
+    for name, taken in TAKES.items():
+        kinds = taken.split(", ")
+        given = ", ".join(f"{kind} x{i}" for i, kind in enumerate(kinds))
+        passed = ", ".join(f"x{i}" for i in range(len(kinds)))
+        # a desk begins with the function to call
+        lines.append(f"static int ordernm_{name}(void *desk, {given})")
+        lines.append(f"{{ return (*(int (**)(void *, {taken}))desk)(desk, {passed}); }}")
+    return "\n".join([*lines, ""])
 
 
 class CallerBuild(Build):
@@ -440,8 +455,9 @@ class CallerBuild(Build):
         There are no headers of Python.
     """
 
-    def __init__(self, folder: Path):
+    def __init__(self, folder: Path, wanted: bool):
         super().__init__(folder, "ordernm_call")
+        self.wanted = wanted
         include = sysconfig.get_path("include")
         if not os.path.exists(os.path.join(include, "Python.h")):
             raise CompileError(f"no Python.h in {include}")
@@ -451,7 +467,9 @@ class CallerBuild(Build):
     def key(self) -> str:
         import cffi
 
-        python = _key(cffi.__version__, str(sysconfig.get_config_var("SOABI")), CALLER_SOURCE, *STANDARD, *self.flags)
+        python = _key(
+            cffi.__version__, str(sysconfig.get_config_var("SOABI")), _caller_source(), *STANDARD, *self.flags
+        )
         machine = _key(platform.machine(), *self.compiler, _compiler_version(tuple(self.compiler)))
         return f"{self.name}-{python}-{machine if self.compiler else '*'}"
 
@@ -460,34 +478,32 @@ class CallerBuild(Build):
 
         ffi = FFI()
         ffi.cdef(CALLER)
-        ffi.set_source("_ordernm_call", CALLER_SOURCE)
+        ffi.set_source("_ordernm_call", _caller_source())
         source = output.with_name("ordernm_call.c")
         with contextlib.redirect_stdout(io.StringIO()):  # cffi tells what it writes
             ffi.emit_c_code(str(source))
         self.sources = [source]
-        super()._compile(
-            output, output.with_name(log_file.name)
-        )  # what fails here is served without, and leaves nothing
+        # what fails is done without, and leaves no log, unless it was asked for
+        super()._compile(output, log_file if self.wanted else output.with_name(log_file.name))
 
 
 @functools.cache
-def _load_caller(path: str) -> Callable[..., int]:
-    """The function of a compiled caller."""
+def _load_caller(path: str) -> Any:
+    """The functions of a compiled caller."""
     loader = importlib.machinery.ExtensionFileLoader("_ordernm_call", path)
     spec = importlib.util.spec_from_file_location("_ordernm_call", path, loader=loader)
     assert spec is not None
     module = importlib.util.module_from_spec(spec)
     loader.exec_module(module)
-    call: Callable[..., int] = module.lib.ordernm_call
-    return call
+    return module.lib
 
 
 _refused: set[str] = set()
 """Keys of callers that could not be compiled, which are not tried again."""
 
 
-def find_caller(folder: Path) -> Callable[..., int] | None:
-    """What calls ``(function, x, given, t, k)`` in cffi's API mode; None where ABI mode must serve.
+def find_caller(folder: Path) -> Any:
+    """The functions of `CALLER` in cffi's API mode; None where ABI mode must serve.
 
     ``ORDERNM_CFFI`` of the environment asks for one of them: ``api`` or ``abi``.
 
@@ -501,7 +517,7 @@ def find_caller(folder: Path) -> Callable[..., int] | None:
     if mode == "abi":
         return None
     try:
-        build = CallerBuild(folder)
+        build = CallerBuild(folder, mode == "api")
         key = build.key()
         if mode != "api" and key in _refused:
             return None
@@ -521,47 +537,76 @@ SEEDS = ("dq", "du", "dp", "dinputs", "dudot", "db", "dt")
 """Arguments and seeds in the order of their pointers in ``NAME_calls.c``; `t` is passed as a number."""
 
 SLOT = {n: i for i, n in enumerate((*ARGUMENTS, *SEEDS, "default_p", "default_inputs", "work", "lanes", "results"))}
-STATE = {"q", "u", "p", "inputs", "t"}
+SHORT = (
+    "accelerations", "sensitivities", "jacobians", "coordinate_rates", "coordinate_rate_sensitivities", "energies",
+    "energy_sensitivities", "outputs", "output_sensitivities",
+)  # fmt: skip
+"""Functions that have a short way: those of a state and its seeds."""
 
-UNFIT, NOT_FINITE = -1, -2
-"""What calls return beside what the generated functions return."""
+ARRAY_HEAD = """\
+typedef struct { char *data; int dimensions; intptr_t *shape, *strides; void *base, *type; int flags; } ordernm_array;
+typedef struct { void *take, *function; intptr_t head; void *arrays, *doubles; double *x[32]; } ordernm_desk;
+"""
+"""The same stand in ``NAME_calls.c``: arrays as NumPy's C interface publishes them, and what a thread calls with."""
 
-SHORT = 1 << 15
-"""Numbers that the short way copies at most, arguments and results together; more of them go the long way, which does not
-copy."""
+
+@functools.cache
+def _head_of_objects() -> int:
+    """Bytes of a Python object before what an array adds; 0 where arrays are not laid out as `ARRAY_HEAD` says."""
+    if sys.implementation.name != "cpython":
+        return 0
+    from cffi import FFI
+
+    ffi = FFI()
+    ffi.cdef(ARRAY_HEAD)
+    head = object.__basicsize__
+    if np.ndarray.__basicsize__ < head + ffi.sizeof("ordernm_array"):
+        return 0
+    for x in (np.zeros(3), np.zeros((2, 5)), np.zeros((4, 6))[1:, ::2], np.zeros((3, 2)).T, np.zeros(0)):
+        x.flags.writeable = x.ndim == 2
+        seen = ffi.cast("ordernm_array *", id(x) + head)
+        if (
+            ffi.cast("void **", id(x) + head)[-1] != ffi.cast("void *", id(np.ndarray))
+            or seen.dimensions != x.ndim
+            or int(ffi.cast("intptr_t", seen.data)) != x.__array_interface__["data"][0]
+            or any(seen.shape[i] != x.shape[i] or seen.strides[i] != x.strides[i] for i in range(x.ndim))
+            or seen.type != ffi.cast("void *", id(x.dtype))
+            or seen.flags != x.flags.num
+        ):
+            return 0
+    return head
 
 
 class Desk(threading.local):
-    """What one thread calls the functions of a target with.
+    """What one thread calls the functions of a target with: the short way of a function is the attribute of its name.
 
-    An attribute of a function's name is its short way: a callable that takes the arguments of the solver's member, and
-    returns the results, or None if they are not plain arrays of one valid state. Then the long way takes them, and tells
-    what is wrong.
+    It takes the arguments of the solver's member, and returns the results, or None if they are not plain arrays of one valid
+    state. Then the long way takes them, and tells what is wrong.
     """
 
     def __init__(self, target: CTarget):
         self.target = target
+        for name in SHORT:
+            setattr(self, name, functools.partial(self._first, name))
+
+    def _first(self, name: str, *arguments: Any) -> Any:
+        """The first call of a thread."""
+        way = self.target.short_way(name, self.work)
+        setattr(self, name, way)
+        return way(*arguments)
 
     @functools.cached_property
     def work(self) -> Any:
         """This thread's workspace."""
         return self.target.pointer(np.empty(self.target.workspace))
 
-    def __getattr__(self, name: str) -> Callable[..., Any]:
-        way = self.target.short_way(name, self.work)
-        setattr(self, name, way)
-        return way
-
-
-class NoDesk:
-    """Stands for `Desk` where there is no short way."""
-
-    def __getattr__(self, name: str) -> Callable[..., Any]:
-        return _no_short_way
-
 
 def _no_short_way(*arguments: Any) -> None:
     return None
+
+
+NO_DESK = types.SimpleNamespace(**dict.fromkeys(SHORT, _no_short_way))
+"""Stands for `Desk` where there is no short way."""
 
 
 class CTarget:
@@ -587,15 +632,12 @@ class CTarget:
         self.workspace: int = manifest["workspace"]
         self.functions = functions
         self.defaults = np.array(manifest["parameters"], float), np.zeros(len(manifest["input_names"]))
-        self.sizes = {
-            "q": len(manifest["coordinate_names"]), "u": len(manifest["speed_names"]), "p": len(self.defaults[0]),
-            "inputs": len(self.defaults[1]),
-        }  # fmt: skip
         self.build = Build(folder, self.model, manifest.get("sources", ()))
         self.library = self._open()
         caller = find_caller(folder)
         self.mode = "abi" if caller is None else "api"
-        self._invoke: Callable[..., int] = operator.call if caller is None else caller
+        self._caller = caller
+        self.ffi.cdef(ARRAY_HEAD)
         self._doubles = self.ffi.typeof("double[]")
         self._calls: dict[str, Any] = {}
         self._batches: dict[tuple[str, int], Callable[..., int]] = {}
@@ -626,11 +668,18 @@ class CTarget:
             symbol = f"{self.model}_call_{f.name}"
             with self._lock:
                 self.ffi.cdef(f"int {symbol}(double **, long, double, long);", override=True)
-                call = getattr(self.library, symbol)
-                if self.mode == "api":
-                    call = self.ffi.cast("void *", call)
-                self._calls[f.name] = call
+                call = self._calls[f.name] = getattr(self.library, symbol)
         return call
+
+    def _take(self, kind: str, f: Function, desk: Any) -> Callable[..., int]:
+        """What calls a function with arrays' objects: the desk, ``id`` of each, 0 for what is left out."""
+        symbol = f"{self.model}_take_{kind}"
+        desk.function = self.ffi.cast("void *", self._function(f))
+        with self._lock:
+            self.ffi.cdef(f"int {symbol}(void *, {TAKES[kind]});", override=True)
+            take: Callable[..., int] = getattr(self.library, symbol)
+        desk.take = self.ffi.cast("void *", take)
+        return take if self._caller is None else getattr(self._caller, f"ordernm_{kind}")
 
     def _batch_function(self, f: Function, width: int) -> Callable[..., int]:
         """The C function that loops over a batch."""
@@ -659,35 +708,31 @@ class CTarget:
     # -- one state -----------------------------------------------------------------------------------------------------
 
     def short_way(self, name: str, work: Any) -> Callable[..., Any]:
-        """The short way of a function: arguments are copied to places whose pointers are made once.
-
-        What is left out, ``p`` or ``inputs``, is at a place of its own. Checks that cost less in C are done there: that
-        numbers are finite, and quaternions long enough.
-        """
+        """The short way of a function: the C finds the numbers in the arrays' objects, and checks them."""
         f = self.functions.get(name)
-        if f is None or not {"q", "u"} <= set(f.arguments) <= STATE:
+        head = _head_of_objects()
+        if f is None or not head:
             return _no_short_way
-        derived = sum(math.prod(s) for s, d in zip(f.shapes, f.derived, strict=True) if d)
-        values = sum(math.prod(s) for s in f.shapes) - derived
-        copied = sum(self.sizes.values()) + values
-        rows = min(32, (SHORT - copied) // max(1, sum(f.seeds.values()) + derived))
-        if copied > SHORT or rows < 1:
-            return _no_short_way
-        places = {n: np.empty(size) for n, size in self.sizes.items()}
-        seeds = {s: np.empty((rows, n)) for s, n in f.seeds.items()}
-        results = [np.empty(((rows,) if d else ()) + s) for s, d in zip(f.shapes, f.derived, strict=True)]
-        x, kept = self._table({**places, **seeds}, results, work, np.empty(self._lanes_needed(f)))
-        self._alive[x] = kept
-        stage = _stage(places)
-        call = functools.partial(self._invoke, self._function(f), x)
+        desk = self.ffi.new("ordernm_desk *")
+        desk.head = head
+        desk.arrays, desk.doubles = (self.ffi.cast("void *", id(x)) for x in (np.ndarray, np.dtype(np.float64)))
+        unasked = np.empty(f.shapes[0])  # udot beside its Jacobians
+        x, kept = self._table({}, [unasked], work, np.empty(self._lanes_needed(f)))
+        self.ffi.memmove(desk.x, x, self.ffi.sizeof("double *") * len(x))
+        self._alive[desk] = kept
         if f.seeds:
-            return _short_along(call, stage, seeds, results)
+            return _short_along(self._take("along", f, desk), desk, f.shapes[0], f.shapes[1])
         if name == "jacobians":
-            named = dict(zip(f.results, results, strict=True))
-            nu = self.sizes["u"]
-            zeros = {n: np.zeros((nu, size)) for n, size in self.sizes.items()} | {"t": np.zeros(nu)}
-            return _short_jacobians(call, stage, [named.get(f"J_{n}", zeros[n]) for n in JACOBIANS])
-        return _short_values(call, stage, results)
+            nu, np_, ninputs = f.shapes[0][0], *map(len, self.defaults)
+            shapes = {
+                "q": dict(zip(f.results, f.shapes, strict=True))["J_q"],
+                "u": (nu, nu),
+                "p": (nu, np_),
+                "inputs": (nu, ninputs),
+                "t": (nu,),
+            }
+            return _short_jacobians(self._take("matrices", f, desk), desk, shapes, f.results[1:])
+        return _short_values(self._take("values", f, desk), desk, f.shapes[0])
 
     def _table(self, given: Mapping[str, Array], results: Sequence[Array], work: Any, lanes: Array) -> tuple[Any, Any]:
         """The pointers of a call, and what must live as long as they."""
@@ -710,7 +755,7 @@ class CTarget:
         given |= {s: np.ascontiguousarray(a) for s, a in seeds.items() if s in f.seeds}
         x, kept = self._table(given, results, self.desk.work, np.empty(self._lanes_needed(f)))
         bits = sum(1 << SLOT[n] for n in given)
-        status = self._invoke(self._function(f), x, bits, arrays.get("t", 0.0), k)
+        status = self._function(f)(x, bits, arrays.get("t", 0.0), k)
         del kept
         if status > 0:
             raise self.singular(status)
@@ -819,148 +864,88 @@ class CTarget:
         return self.pointer(lanes), n * width
 
 
-def _stage(places: Mapping[str, Array]) -> Callable[..., int]:
-    """What copies arguments to their places; it returns the bits of those given, 0 if one is no plain array of its shape."""
-    ndarray, float64 = np.ndarray, np.dtype(np.float64)
-    q_place, u_place, p_place, inputs_place = (places[n] for n in ("q", "u", "p", "inputs"))
-    q_shape, u_shape, p_shape, inputs_shape = (places[n].shape for n in ("q", "u", "p", "inputs"))
-    state, with_p, with_inputs = (1 << SLOT["q"]) | (1 << SLOT["u"]), 1 << SLOT["p"], 1 << SLOT["inputs"]
-
-    def stage(q: Any, u: Any, p: Any, inputs: Any, t: Any) -> int:
-        if not (
-            type(q) is ndarray and q.dtype is float64 and q.shape == q_shape
-            and type(u) is ndarray and u.dtype is float64 and u.shape == u_shape
-            and (type(t) is float or isinstance(t, float))
-        ):  # fmt: skip
-            return 0
-        q_place[()] = q
-        u_place[()] = u
-        given = state
-        if p is not None:
-            if not (type(p) is ndarray and p.dtype is float64 and p.shape == p_shape):
-                return 0
-            p_place[()] = p
-            given |= with_p
-        if inputs is not None:
-            if not (type(inputs) is ndarray and inputs.dtype is float64 and inputs.shape == inputs_shape):
-                return 0
-            inputs_place[()] = inputs
-            given |= with_inputs
-        return given
-
-    return stage
-
-
-def _short_values(call: Callable[..., int], stage: Callable[..., int], results: Sequence[Array]) -> Callable[..., Any]:
+def _short_values(call: Callable[..., int], desk: Any, shape: Shape) -> Callable[..., Any]:
     """The short way of a function without directions."""
-    copies = [r.copy for r in results]
-    first = copies[0]
-    one = len(results) == 1
-    turn = 0
+    empty, ndarray = np.empty, np.ndarray
 
     def short(q: Any, u: Any, p: Any, inputs: Any, t: Any, out: Any = None) -> Any:
-        nonlocal turn
-        turn = mine = turn + 1
-        given = stage(q, u, p, inputs, t)
-        if not given or call(given, t, 0):
+        if type(t) is not float and not isinstance(t, float):
             return None
-        if out is not None:
-            if not (one and _fits(out, results[0])):
-                return None
-            out[...] = results[0]
-            found = out
+        if out is None:
+            result = empty(shape)
+        elif type(out) is ndarray and out.shape == shape:
+            result = out
         else:
-            found = first() if one else [copy() for copy in copies]
-        # a signal handler or a finalizer may have called in between and used the same places
-        return found if mine == turn else None
+            return None
+        p = 0 if p is None else id(p)
+        inputs = 0 if inputs is None else id(inputs)
+        return None if call(desk, id(q), id(u), p, inputs, t, id(result)) else result
 
     return short
 
 
 def _short_jacobians(
-    call: Callable[..., int], stage: Callable[..., int], matrices: Sequence[Array]
+    call: Callable[..., int], desk: Any, shapes: Mapping[str, Shape], computed: Sequence[str]
 ) -> Callable[..., Any]:
-    """The short way of `Solver.jacobians`."""
-    q_copy, u_copy, p_copy, inputs_copy, t_copy = (m.copy for m in matrices)
-    turn = 0
+    """The short way of `Solver.jacobians`; matrices that are not computed are zero."""
+    new_q, new_u, new_p, new_inputs, new_t = (np.empty if f"J_{n}" in computed else np.zeros for n in JACOBIANS)
+    q_shape, u_shape, p_shape, inputs_shape, t_shape = (shapes[n] for n in JACOBIANS)
 
     def short(q: Any, u: Any, p: Any, inputs: Any, t: Any, out: Any = None) -> Any:
-        nonlocal turn
-        turn = mine = turn + 1
-        given = stage(q, u, p, inputs, t)
-        if not given or call(given, t, 0):
+        if out is not None or (type(t) is not float and not isinstance(t, float)):
+            return None
+        J_q, J_u, J_p = new_q(q_shape), new_u(u_shape), new_p(p_shape)
+        J_inputs, J_t = new_inputs(inputs_shape), new_t(t_shape)
+        p = 0 if p is None else id(p)
+        inputs = 0 if inputs is None else id(inputs)
+        status = call(
+            desk, id(q), id(u), p, inputs, t, id(J_q), id(J_u), id(J_p), id(J_inputs), id(J_t)
+        )  # fmt: skip
+        return None if status else Jacobians(J_q, J_u, J_p, J_inputs, J_t)
+
+    return short
+
+
+def _short_along(call: Callable[..., int], desk: Any, value_shape: Shape, derived_shape: Shape) -> Callable[..., Any]:
+    """The short way of a function over directions."""
+    empty, ndarray, array = np.empty, np.ndarray, np.array
+
+    def short(q: Any, u: Any, p: Any, inputs: Any, t: Any, seeds: Any, out: Any = None) -> Any:
+        if type(t) is not float and not isinstance(t, float):
+            return None
+        dq, du, dp, dinputs, dt = seeds
+        if type(dt) is float:
+            dt = array([dt])
+        first = dq
+        if first is None:
+            first = du if du is not None else dp if dp is not None else dinputs if dinputs is not None else dt
+        if type(first) is not ndarray:
+            return None
+        axes = first.ndim
+        if axes == 2 or (axes == 1 and first is dt):
+            k = len(first)
+        elif axes == 1:
+            k = 1
+        else:
             return None
         if out is None:
-            found = Jacobians(q_copy(), u_copy(), p_copy(), inputs_copy(), t_copy())
+            value, derivative = empty(value_shape), empty((k, *derived_shape))
         else:
-            if not isinstance(out, Jacobians):
+            if not (isinstance(out, (tuple, list)) and len(out) == 2 and all(type(x) is ndarray for x in out)):
                 return None
-            places = out.q, out.u, out.p, out.inputs, out.t
-            if not all(map(_fits, places, matrices)):
+            value, derivative = out
+            if value.shape != value_shape or derivative.shape != (k, *derived_shape):
                 return None
-            for place, matrix in zip(places, matrices, strict=True):
-                place[...] = matrix
-            found = out
-        return found if mine == turn else None
+            if np.may_share_memory(value, derivative):
+                return None
+        status = call(
+            desk, id(q), id(u), 0 if p is None else id(p), 0 if inputs is None else id(inputs), t, k,
+            0 if dq is None else id(dq), 0 if du is None else id(du), 0 if dp is None else id(dp),
+            0 if dinputs is None else id(dinputs), 0 if dt is None else id(dt), id(value), id(derivative),
+        )  # fmt: skip
+        return None if status else (value, derivative)
 
     return short
-
-
-def _short_along(
-    call: Callable[..., int],
-    stage: Callable[..., int],
-    seeds: Mapping[str, Array],
-    results: Sequence[Array],
-) -> Callable[..., Any]:
-    """The short way of a function over directions, as many as it has rows for."""
-    ndarray, float64 = np.ndarray, np.dtype(np.float64)
-    order = [s for s in SEEDS if s not in ("dudot", "db")]
-    bits = [1 << SLOT[s] for s in order]
-    rows = [seeds.get(s) for s in order]
-    value, derivative = results[0], results[-1]
-    two = len(results) == 2
-    turn = 0
-
-    def short(q: Any, u: Any, p: Any, inputs: Any, t: Any, given_seeds: Any, out: Any = None) -> Any:
-        nonlocal turn
-        turn = mine = turn + 1
-        given = stage(q, u, p, inputs, t)
-        if not given:
-            return None
-        k = 0
-        for bit, place, seed in zip(bits, rows, given_seeds, strict=True):
-            if seed is None:
-                continue
-            if place is None or type(seed) is not ndarray or seed.dtype is not float64:
-                return None
-            shape = seed.shape
-            if len(shape) == 1:
-                shape = (1, *shape)
-            m, n = shape if len(shape) == 2 else (0, 0)
-            if n != place.shape[1] or not 0 < m <= len(place) or (k and m != k):
-                return None
-            k = m
-            place[:m] = seed
-            given |= bit
-        if not k or call(given, t, k) or not two:
-            return None
-        part = derivative[:k]
-        if out is not None:
-            if not (isinstance(out, (tuple, list)) and len(out) == 2 and all(map(_fits, out, (value, part)))):
-                return None
-            out[0][...] = value
-            out[1][...] = part
-            found = tuple(out)
-        else:
-            found = value.copy(), part.copy()
-        return found if mine == turn else None
-
-    return short
-
-
-def _fits(out: Any, result: Array) -> bool:
-    """Whether a result may be put into an array of the caller's."""
-    return bool(type(out) is np.ndarray and out.dtype == np.float64 and out.shape == result.shape and out.flags.carray)
 
 
 def _empty(shape: Shape) -> Array:
@@ -986,7 +971,7 @@ class NumpyTarget:
     name = "numpy"
 
     def __init__(self, folder: Path, manifest: Mapping[str, Any]):
-        self.desk = NoDesk()
+        self.desk: Any = NO_DESK
         module = f"{manifest['name']}_numpy"
         spec = importlib.util.spec_from_file_location(module, folder / f"{module}.py")
         assert spec is not None and spec.loader is not None
@@ -1420,6 +1405,11 @@ class Solver:
         places: list[Array] = []
         if out is not None:
             places = _places([out], list(f.results), [batch + s for s in f.shapes])
+        if name in SHORT and not batch and not places:
+            # what came as lists, by name or of another type is plain now
+            found = getattr(self._desk, name)(*(arrays[n] for n in ("q", "u", "p", "inputs", "t")))
+            if found is not None:
+                return [found]
         if not _overlap(places, arrays):
             return self._target.values(f, arrays, batch, places)
         return _put(self._target.values(f, arrays, batch), places)
@@ -1432,6 +1422,12 @@ class Solver:
         if out is not None:
             shapes = [((k,) if d else ()) + batch + s for s, d in zip(f.shapes, f.derived, strict=True)]
             places = _places(out, list(f.results), shapes)
+        if name in SHORT and not batch and not places:
+            plain = [directions.get(s) for s in ("dq", "du", "dp", "dinputs")]
+            dt = directions["dt"][..., 0] if "dt" in directions else None
+            found = getattr(self._desk, name)(*(arrays[n] for n in ("q", "u", "p", "inputs", "t")), (*plain, dt))
+            if found is not None:
+                return found
         if not _overlap(places, {**arrays, **directions}):
             return tuple(self._target.along(f, arrays, directions, k, batch, places))
         return tuple(_put(self._target.along(f, arrays, directions, k, batch), places))
@@ -1555,51 +1551,62 @@ class Solver:
         given = {"q": q, "u": u, "p": p, "inputs": inputs, "t": t}
         return self._along(name, given, {"dq": dq, "du": du, "dp": dp, "dinputs": dinputs, "dt": dt}, out)
 
-    def mass_matrix(self, q: ArrayLike, p: Numbers = None) -> Array:
+    def mass_matrix(self, q: Numbers, p: Numbers = None, *, out: Array | None = None) -> Array:
         """The mass matrix M of Eq. 4, (..., nu, nu)."""
-        return self._values("mass_matrix", {"q": q, "p": p})[0]
+        return self._values("mass_matrix", {"q": q, "p": p}, out)[0]
 
     def mass_matrix_sensitivities(
-        self, q: ArrayLike, p: Numbers = None, *, dq: Numbers = None, dp: Numbers = None
+        self,
+        q: Numbers,
+        p: Numbers = None,
+        *,
+        dq: Numbers = None,
+        dp: Numbers = None,
+        out: tuple[Array, Array] | None = None,
     ) -> tuple[Array, Array]:
         """M (..., nu, nu) and its total derivative (k, ..., nu, nu) along the seeds."""
-        return self._along("mass_matrix_sensitivities", {"q": q, "p": p}, {"dq": dq, "dp": dp})
+        return self._along("mass_matrix_sensitivities", {"q": q, "p": p}, {"dq": dq, "dp": dp}, out)
 
-    def solve_mass(self, q: ArrayLike, b: ArrayLike, p: Numbers = None) -> Array:
+    def solve_mass(self, q: Numbers, b: Numbers, p: Numbers = None, *, out: Array | None = None) -> Array:
         """The solution x (..., nu) of M x = b for generalised forces b (..., nu), in O(n)."""
-        return self._values("solve_mass", {"q": q, "b": b, "p": p})[0]
+        return self._values("solve_mass", {"q": q, "b": b, "p": p}, out)[0]
 
     def solve_mass_sensitivities(
         self,
-        q: ArrayLike,
-        b: ArrayLike,
+        q: Numbers,
+        b: Numbers,
         p: Numbers = None,
         *,
         dq: Numbers = None,
         db: Numbers = None,
         dp: Numbers = None,
+        out: tuple[Array, Array] | None = None,
     ) -> tuple[Array, Array]:
         """x (..., nu) of M x = b and its total derivative (k, ..., nu) along the seeds; ``db (k, ..., nu)``."""
-        return self._along("solve_mass_sensitivities", {"q": q, "b": b, "p": p}, {"dq": dq, "db": db, "dp": dp})
+        given, seeds = {"q": q, "b": b, "p": p}, {"dq": dq, "db": db, "dp": dp}
+        found: tuple[Array, Array] = self._along("solve_mass_sensitivities", given, seeds, out)
+        return found
 
     def inverse_dynamics(
         self,
         q: Numbers,
         u: Numbers,
-        udot: ArrayLike,
+        udot: Numbers,
         p: Numbers = None,
         inputs: Numbers = None,
         t: ArrayLike = 0.0,
+        *,
+        out: Array | None = None,
     ) -> Array:
         """The joint forces (..., nu) that udot (..., nu) needs beside the model's own: M udot - K."""
         given = {"q": q, "u": u, "udot": udot, "p": p, "inputs": inputs, "t": t}
-        return self._values("inverse_dynamics", given)[0]
+        return self._values("inverse_dynamics", given, out)[0]
 
     def inverse_dynamics_sensitivities(
         self,
         q: Numbers,
         u: Numbers,
-        udot: ArrayLike,
+        udot: Numbers,
         p: Numbers = None,
         inputs: Numbers = None,
         t: ArrayLike = 0.0,
@@ -1610,17 +1617,25 @@ class Solver:
         dp: Numbers = None,
         dinputs: Numbers = None,
         dt: ArrayLike | None = None,
+        out: tuple[Array, Array] | None = None,
     ) -> tuple[Array, Array]:
         """The joint forces of `inverse_dynamics` and their total derivative (k, ..., nu); ``dudot (k, ..., nu)``."""
         given = {"q": q, "u": u, "udot": udot, "p": p, "inputs": inputs, "t": t}
         seeds = {"dq": dq, "du": du, "dudot": dudot, "dp": dp, "dinputs": dinputs, "dt": dt}
-        return self._along("inverse_dynamics_sensitivities", given, seeds)
+        return self._along("inverse_dynamics_sensitivities", given, seeds, out)
 
     def bias_force(
-        self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: ArrayLike = 0.0
+        self,
+        q: Numbers,
+        u: Numbers,
+        p: Numbers = None,
+        inputs: Numbers = None,
+        t: ArrayLike = 0.0,
+        *,
+        out: Array | None = None,
     ) -> Array:
         """The joint forces (..., nu) that hold udot at zero, -K of Eq. 4: M udot + bias_force = 0."""
-        return self.inverse_dynamics(q, u, np.zeros(self.nu), p, inputs, t)
+        return self.inverse_dynamics(q, u, np.zeros(self.nu), p, inputs, t, out=out)
 
     def bias_force_sensitivities(
         self,
@@ -1635,11 +1650,12 @@ class Solver:
         dp: Numbers = None,
         dinputs: Numbers = None,
         dt: ArrayLike | None = None,
+        out: tuple[Array, Array] | None = None,
     ) -> tuple[Array, Array]:
         """The forces of `bias_force` and their total derivative (k, ..., nu) along the seeds."""
         given = {"q": q, "u": u, "udot": np.zeros(self.nu), "p": p, "inputs": inputs, "t": t}
         seeds = {"dq": dq, "du": du, "dp": dp, "dinputs": dinputs, "dt": dt}
-        return self._along("inverse_dynamics_sensitivities", given, seeds)
+        return self._along("inverse_dynamics_sensitivities", given, seeds, out)
 
     def energies(
         self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: ArrayLike = 0.0
