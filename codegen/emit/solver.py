@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-import gc
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -21,6 +19,7 @@ from ..mechanics.orthogonal import RankLossError
 from ..mechanics.outputs import RecordFormula, measured_sweeps, output_formulas, potential_formula
 from ..mechanics.sweeps import SWEEPS
 from ..mechanics.triangularization import ZeroPivotError
+from ..model.collector import collector_paused
 from ..model.errors import ModelError, Problem
 from ..model.model import GROUND, Model
 from ..program.operations import Operations, count
@@ -76,18 +75,6 @@ class Source:
     passes: list[tuple[str, Operations, float]] = field(default_factory=list)
     choice: list[str] = field(default_factory=list)
     chosen: Partition | None = None
-
-
-@contextmanager
-def collector_paused() -> Iterator[None]:
-    """No search for reference cycles meanwhile: the expansion makes many small objects, and nearly all live to its end."""
-    enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if enabled:
-            gc.enable()
 
 
 @collector_paused()

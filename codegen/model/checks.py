@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 
 from .expressions import Expression
+from .mobility import Value, placement, singular_joint
 from .model import GROUND, Body, joint_coordinates
 
 Finding = tuple[int, tuple[str, ...], str, str]
@@ -15,6 +16,8 @@ Finding = tuple[int, tuple[str, ...], str, str]
 PSD_TOLERANCE = 1e-12
 TRIANGLE_TOLERANCE = 1e-9
 SINGULAR_TOLERANCE = 1e-14
+DIRT = 1e-15
+"""Relative to mass times size squared of the whole system: moments below it are what rounding has left."""
 
 
 def cycles(parents: Sequence[int]) -> list[list[int]]:
@@ -35,8 +38,22 @@ def cycles(parents: Sequence[int]) -> list[list[int]]:
     return found
 
 
-def fixed_path(a: int, b: int, bodies: Sequence[Body]) -> list[int] | None:
-    """The bodies whose fixed joints hold two bodies together: none for one and the same, None if the two can move.
+def rigid_parts(bodies: Sequence[Body]) -> list[int]:
+    """For each body of a tree the innermost one that fixed joints hold it to: itself, another, or the ground."""
+    result = [GROUND - 1] * len(bodies)
+    for k in range(len(bodies)):
+        walk = []
+        while k != GROUND and result[k] < GROUND and bodies[k].joint.type == "fixed":
+            walk.append(k)
+            k = bodies[k].parent
+        part = k if k == GROUND or result[k] < GROUND else result[k]
+        for i in (*walk, *([k] if k != GROUND else [])):
+            result[i] = part
+    return result
+
+
+def fixed_path(a: int, b: int, bodies: Sequence[Body]) -> list[int]:
+    """The bodies whose fixed joints hold two bodies of one rigid part together: none for one and the same.
 
     Parameters
     ----------
@@ -53,51 +70,77 @@ def fixed_path(a: int, b: int, bodies: Sequence[Body]) -> list[int] | None:
             path.append(k)
         paths.append(path)
     first, second = paths
-    if first[-1] != second[-1]:
-        return None
     while len(first) > 1 and len(second) > 1 and first[-2] == second[-2]:
         first.pop()
         second.pop()
     return [*first[:-1], *second[-2::-1]]
 
 
-def _mass_and_inertia(
-    bodies: Sequence[Body], value: Callable[[Expression], float]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Masses (n,), inertia matrices (n, 3, 3) and the largest entry of each (n,)."""
-    mass = np.array([value(b.mass) for b in bodies])
-    six = np.array([[value(e) for e in b.inertia] for b in bodies])
-    inertia = six[:, [0, 3, 4, 3, 1, 5, 4, 5, 2]].reshape(len(bodies), 3, 3)
-    return mass, inertia, np.abs(inertia).max(axis=(1, 2))
+def _mass_and_inertia(bodies: Sequence[Body], value: Value) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    """Masses (n,), inertia matrices (n, 3, 3), the largest entry of each (n,), and what is dirt among moments."""
+    known: dict[tuple[int, int], tuple[float, ...]] = {}  # repeated bodies share their expressions
+    rows = []
+    for b in bodies:
+        key = id(b.mass), id(b.inertia)
+        if key not in known:
+            known[key] = value(b.mass), *(value(e) for e in b.inertia)
+        rows.append(known[key])
+    seven = np.array(rows)
+    mass = seven[:, 0]
+    inertia = seven[:, [1, 4, 5, 4, 2, 6, 5, 6, 3]].reshape(len(bodies), 3, 3)
+    scale = np.abs(inertia).max(axis=(1, 2))
+    places = {id(v): v for b in bodies for v in (b.joint.at, b.com)}
+    size = max(abs(value(e)) for v in places.values() for e in v)
+    with np.errstate(over="ignore"):
+        whole = max(float(np.abs(mass).sum()) * size * size, float(scale.max()))
+    return mass, inertia, scale, DIRT * whole if np.isfinite(whole) else 0.0
 
 
-def check_inertia(bodies: Sequence[Body], value: Callable[[Expression], float]) -> Iterator[Finding]:
+def check_inertia(
+    bodies: Sequence[Body], value: Value, tolerated: Collection[int] = (), is_whole: bool = True
+) -> Iterator[Finding]:
     """What is impossible or doubtful about the mass and inertia of single bodies at the default parameters.
+
+    A negative principal moment is no error where it is rounding dirt beside the mass and size of the whole system, or where
+    the body is fixed to others and the inertia of all of them together is possible.
 
     Parameters
     ----------
     bodies : sequence of Body
     value : callable
         Value of an expression at the default parameters.
+    tolerated : collection of int
+        Bodies whose inertia is only warned of.
+    is_whole : bool
+        Whether these are all bodies, and a tree; otherwise those on fixed joints are not judged.
     """
     if not bodies:
         return
-    mass, inertia, scale = _mass_and_inertia(bodies, value)
+    mass, inertia, scale, dirt = _mass_and_inertia(bodies, value)
     # scaled, so that huge or tiny numbers neither overflow nor vanish in the eigenvalues
     moments = np.linalg.eigvalsh(inertia / np.where(scale > 0, scale, 1.0)[:, None, None])
     for i in _where(mass < 0):
         seen = with_value(bodies[i].mass, mass[i])
         yield i, ("mass",), f"mass of {bodies[i].name!r}, {seen}, is negative; at least 0 is needed", "error"
-    impossible = moments[:, 0] < -PSD_TOLERANCE
+    impossible = (moments[:, 0] < -PSD_TOLERANCE) & (moments[:, 0] * scale < -dirt)
     for i in _where(impossible):
         low = moments[i, 0] * scale[i]
-        message = (
-            f"the inertia of {bodies[i].name!r} has the negative principal moment {low:.6g}; "
-            f"none may be below 0 (kg m^2, about the centre of mass)"
-        )
-        yield i, ("inertia",), message, "error"
+        message = f"the inertia of {bodies[i].name!r} has the negative principal moment {low:.6g}"
+        if not is_whole and bodies[i].joint.type == "fixed":
+            continue
+        fixed = _merged_is_possible(i, bodies, mass, inertia, value, dirt) if is_whole else ""
+        if fixed:
+            yield i, ("inertia",), f"{message}; {fixed}", "warning"
+        elif i in tolerated:
+            yield i, ("inertia",), f"{message}, which no body has; accelerations may be wrong in sign", "warning"
+        else:
+            message += (
+                "; none may be below 0 (kg m^2, about the centre of mass); if it is meant, "
+                "check: warn beside xx, yy, ... lets it pass"
+            )
+            yield i, ("inertia",), message, "error"
     broken = (moments[:, 2] - moments[:, 1] - moments[:, 0] > TRIANGLE_TOLERANCE * moments[:, 2]) & ~impossible
-    for i in _where(broken):
+    for i in _where(broken & (scale > dirt)):
         a, b, c = moments[i] * scale[i]
         message = (
             f"the principal moments of {bodies[i].name!r}, {a:.6g}, {b:.6g}, {c:.6g}, break the triangle inequality "
@@ -110,9 +153,47 @@ def _where(condition: np.ndarray) -> list[int]:
     return [int(i) for i in np.flatnonzero(condition)]
 
 
-def check_freedoms(
-    bodies: Sequence[Body], value: Callable[[Expression], float], held: Collection[int] = ()
-) -> Iterator[Finding]:
+def _merged_is_possible(
+    k: int, bodies: Sequence[Body], mass: np.ndarray, inertia: np.ndarray, value: Value, dirt: float
+) -> str:
+    """Why a body's impossible inertia does no harm: what it is fixed to counts; empty if it does."""
+    root = k
+    while root != GROUND and bodies[root].joint.type == "fixed":
+        root = bodies[root].parent
+    if root == GROUND:
+        return "the body is fixed to the ground, so it does no harm"
+    children: dict[int, list[int]] = {}
+    for i, b in enumerate(bodies):
+        if b.joint.type == "fixed":
+            children.setdefault(b.parent, []).append(i)
+    members = [(root, np.eye(3), np.zeros(3))]
+    for i, turn, origin in members:  # grows on the way
+        for c in children.get(i, ()):
+            at, own = placement(bodies[c].joint, value)
+            members.append((c, turn @ own, origin + turn @ at))
+    if len(members) == 1:
+        return ""
+    with np.errstate(all="ignore"):
+        centers = {i: origin + turn @ [value(e) for e in bodies[i].com] for i, turn, origin in members}
+        total = sum(mass[i] for i in centers)
+        middle = sum(mass[i] * c for i, c in centers.items()) / (total or 1.0)
+        whole = sum(turn @ inertia[i] @ turn.T + mass[i] * _parallel(centers[i] - middle) for i, turn, _ in members)
+        scale = float(np.abs(whole).max())
+    if not np.isfinite(scale) or scale == 0:
+        return ""
+    low = float(np.linalg.eigvalsh(whole / scale)[0])
+    if low < -PSD_TOLERANCE and low * scale < -dirt:
+        return ""
+    others = ", ".join(repr(bodies[i].name) for i, *_ in members[:4] if i != k)
+    return f"with what it is fixed to ({others}{', ...' if len(members) > 4 else ''}) the inertia is possible, so it does no harm"
+
+
+def _parallel(c: np.ndarray) -> np.ndarray:
+    """Inertia of a unit mass at c, (3, 3)."""
+    return c @ c * np.eye(3) - np.outer(c, c)
+
+
+def check_freedoms(bodies: Sequence[Body], value: Value, held: Collection[int] = ()) -> Iterator[Finding]:
     """Joints that move nothing at the default parameters: their accelerations would be a division by zero.
 
     Parameters
@@ -130,7 +211,7 @@ def check_freedoms(
     if all(b.joint.type == "fixed" for b in bodies):
         yield 0, ("joint",), "all joints are fixed, so nothing can move; give at least one of them a freedom", "error"
         return
-    mass, inertia, scale = _mass_and_inertia(bodies, value)
+    mass, inertia, scale, dirt = _mass_and_inertia(bodies, value)
     n = len(bodies)
     children: list[list[int]] = [[] for _ in range(n)]
     roots: list[int] = []
@@ -142,12 +223,13 @@ def check_freedoms(
         k = stack.pop()
         order.append(k)
         stack.extend(children[k][::-1])
-    massless = (mass == 0) & (scale == 0)
+    massless = (mass == 0) & (scale <= dirt)
     light = massless.copy()
     light[list(held)] = False
     for k in reversed(order):
         light[k] = light[k] and all(light[c] for c in children[k])
     inside = [False] * n  # below a joint that has been reported
+    sound = True
     for k in order:
         parent = bodies[k].parent
         inside[k] = parent != GROUND and inside[parent]
@@ -159,23 +241,37 @@ def check_freedoms(
                 f"the {type_} joint of {bodies[k].name!r} moves no mass: the body{beyond} has neither mass "
                 f"nor inertia; give it mass or fix the joint"
             )
+            sound = False
             yield k, ("joint",), message, "error"
         elif not children[k] and k not in held and not massless[k] and mass[k] >= 0:
             message = _idle_freedom(bodies[k], mass[k], inertia[k], value)
             if message:
+                sound = False
                 yield k, ("joint",), message, "error"
+    if sound and not held:
+        singular = singular_joint(bodies, order, mass, inertia, value)
+        if singular is not None:
+            type_ = bodies[singular].joint.type
+            message = (
+                f"the {type_} joint of {bodies[singular].name!r} is free to move without moving any mass, in every "
+                f"configuration: what it carries gives way; give the body mass and inertia"
+            )
+            yield singular, ("joint",), message, "error"
 
 
-def _idle_freedom(body: Body, mass: float, inertia: np.ndarray, value: Callable[[Expression], float]) -> str:
+def _idle_freedom(body: Body, mass: float, inertia: np.ndarray, value: Value) -> str:
     """Why the mass matrix is singular because of the last body of a branch, or nothing."""
     type_ = body.joint.type
     if type_ in ("prismatic", "free") and mass == 0:
         return f"the {type_} joint of {body.name!r} shifts a body with inertia but no mass; give it mass"
     if type_ not in ("revolute", "spherical", "universal", "free"):
         return ""
-    c = np.array([value(e) for e in body.com])
-    about = inertia if type_ == "free" else inertia + mass * (c @ c * np.eye(3) - np.outer(c, c))
-    top = np.abs(about).max()
+    with np.errstate(over="ignore", invalid="ignore"):
+        c = np.array([value(e) for e in body.com])
+        about = inertia if type_ == "free" else inertia + mass * _parallel(c)
+        top = float(np.abs(about).max())
+    if not np.isfinite(top):
+        return ""
     if top == 0:
         return f"the {type_} joint of {body.name!r} turns a point mass in its centre; give the body inertia"
     about = about / top

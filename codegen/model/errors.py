@@ -6,6 +6,8 @@ import difflib
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+_LONG, _MANY, _LINE = 100, 1000, 1200
+
 
 @dataclass(frozen=True, slots=True)
 class Problem:
@@ -58,5 +60,15 @@ class ModelError(Exception):
 
 def nearest(name: str, known: Iterable[str]) -> str:
     """``; did you mean 'mass'?`` for a misspelt name, or nothing."""
-    matches = difflib.get_close_matches(name, list(known), n=1, cutoff=0.6)
+    if len(name) > _LONG:
+        return ""
+    listed = list(known)
+    if len(listed) > _MANY:  # comparing takes time; of many names the misspelt one at least begins alike
+        listed = [n for n in listed if n[:2] == name[:2] and abs(len(n) - len(name)) <= 2][:_MANY]
+    matches = difflib.get_close_matches(name, listed, n=1, cutoff=0.6)
     return f"; did you mean {matches[0]!r}?" if matches else ""
+
+
+def within_a_line(text: str) -> str:
+    """A message without its middle where it is longer than anybody reads."""
+    return text if len(text) <= _LINE else f"{text[: _LINE * 2 // 3]} ... {text[-_LINE // 3 :]}"

@@ -22,7 +22,7 @@ import re
 from collections.abc import Callable, Mapping
 from functools import lru_cache
 from types import ModuleType
-from typing import Any, Final, NoReturn
+from typing import Any, Final, NoReturn, Protocol
 from weakref import WeakValueDictionary
 
 from .errors import nearest
@@ -296,10 +296,8 @@ def _print(tree: Tree, around: int) -> str:
 
 def _canonical(value: Number) -> Number:
     """The one representation of a number: whole numbers below 2**53 are ints, all others floats; no -0.0."""
-    if isinstance(value, int):
-        if -_EXACT < value < _EXACT:
-            return int(value)
-        value = float(value)
+    if isinstance(value, int) and -_EXACT < value < _EXACT:
+        return int(value)
     value = float(value)
     if not math.isfinite(value):
         raise OverflowError("the number is not finite")
@@ -340,15 +338,14 @@ def combine(kind: str, *arguments: Tree) -> Tree:
     ExpressionError
         If the numbers have no finite result.
     """
-    if all(a[0] == "number" for a in arguments):
-        numbers = [a[1] for a in arguments]
+    if arguments[0][0] == "number" and (len(arguments) == 1 or arguments[1][0] == "number"):
         try:
             if kind == "neg":
-                value = -numbers[0]
+                value = -arguments[0][1]
             elif kind in _PRECEDENCE:
-                value = _compute(kind, *numbers)
+                value = _compute(kind, arguments[0][1], arguments[1][1])
             else:
-                value = FLOAT_FUNCTIONS[kind](*numbers)
+                value = FLOAT_FUNCTIONS[kind](*[a[1] for a in arguments])
             return ("number", _canonical(value))
         except ZeroDivisionError:
             raise ExpressionError(f"{_print(_node(kind, arguments), 0)} divides by zero") from None
@@ -402,13 +399,35 @@ def _node(kind: str, arguments: tuple[Tree, ...]) -> Tree:
 # --- binding ----------------------------------------------------------------------------------------------------
 
 
-def bind(expression: Expression, numbers: Mapping[str, Number | str]) -> Expression:
+class Numbers(Protocol):
+    """What `bind` looks names up in: a mapping, or a `Scope`."""
+
+    def get(self, name: str, /) -> Number | str | None:
+        """Number or label of a name, or None."""
+
+
+class Scope:
+    """Repeat indices before constants, without a copy of either."""
+
+    __slots__ = ("constants", "indices")
+
+    def __init__(self, indices: Mapping[str, Number | str], constants: Mapping[str, Number | str]) -> None:
+        self.indices = indices
+        self.constants = constants
+
+    def get(self, name: str, /) -> Number | str | None:
+        """Number or label of a name, or None."""
+        value = self.indices.get(name)
+        return self.constants.get(name) if value is None else value
+
+
+def bind(expression: Expression, numbers: Numbers) -> Expression:
     """Put numbers in the place of constants and repeat indices, settle indexed names, and compute what is numeric.
 
     Parameters
     ----------
     expression : Expression
-    numbers : mapping of str to int, float or str
+    numbers : mapping of str to int, float or str, or Scope
         Constants and indices. A str is the label of a repetition and may be used as an index only.
 
     Raises
@@ -425,7 +444,7 @@ def label_key(label: str) -> str:
     return f"'{label}'"  # no name has a quote
 
 
-def index_text(tree: Tree, numbers: Mapping[str, Number | str]) -> str:
+def index_text(tree: Tree, numbers: Numbers) -> str:
     """Text of a repeat index in a generated name, such as ``3`` or ``left``.
 
     Raises
@@ -434,9 +453,13 @@ def index_text(tree: Tree, numbers: Mapping[str, Number | str]) -> str:
         If it is neither a label nor a whole number from 0.
     """
     if tree[0] == "name":
-        value = numbers.get(tree[1], numbers.get(label_key(tree[1])))
+        value = numbers.get(tree[1])
+        if value is None:
+            value = numbers.get(label_key(tree[1]))
         if isinstance(value, str):
             return value
+        if type(value) is int and value >= 0:
+            return str(value)
     bound = _bind(tree, numbers)
     if bound[0] == "number" and isinstance(bound[1], int) and bound[1] >= 0:
         return str(bound[1])
@@ -445,7 +468,7 @@ def index_text(tree: Tree, numbers: Mapping[str, Number | str]) -> str:
     raise ExpressionError(f"index ({_print(tree, 0)}) is {bound[1]!r}; an index is a whole number from 0, or a label")
 
 
-def _bind(tree: Tree, numbers: Mapping[str, Number | str]) -> Tree:
+def _bind(tree: Tree, numbers: Numbers) -> Tree:
     kind = tree[0]
     if kind == "number":
         return tree
@@ -471,7 +494,7 @@ def _bind(tree: Tree, numbers: Mapping[str, Number | str]) -> Tree:
 
 
 class Binder:
-    """Binds many expressions to the same constants and remembers the results.
+    """Binds many expressions to the same constants and remembers the results that no index changes.
 
     Parameters
     ----------
@@ -481,16 +504,16 @@ class Binder:
 
     def __init__(self, constants: Mapping[str, Number | str]) -> None:
         self.constants = constants
-        self._results: dict[Any, Expression] = {}
+        self._results: dict[Expression, Expression] = {}
 
     def __call__(self, expression: Expression, indices: Mapping[str, int | str]) -> Expression:
-        """`bind` to the constants and these repeat indices; shared between repetitions that use equal values."""
+        """`bind` to the constants and these repeat indices."""
         names = expression.names
-        key = (expression, *[(i, indices[i]) for i in indices if i in names]) if indices else (expression,)
-        result = self._results.get(key)
+        if any(i in names for i in indices):
+            return bind(expression, Scope(indices, self.constants))
+        result = self._results.get(expression)
         if result is None:
-            result = bind(expression, {**self.constants, **indices})
-            self._results[key] = result
+            result = self._results[expression] = bind(expression, self.constants)
         return result
 
 
@@ -637,7 +660,7 @@ class _Parser:
         if math.isinf(value):
             self.fail(f"number {token if len(token) < 30 else token[:27] + '...'} is too large; up to 1.8e308", start)
         if value != 0 and abs(value) < _EXACT and token.isdigit():
-            return ("number", int(token))
+            return ("number", int(value))  # exact, and int(token) refuses some thousands of leading zeros
         return ("number", _canonical(value))
 
     def name(self, name: str, start: int) -> Tree:

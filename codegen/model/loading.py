@@ -5,6 +5,7 @@ from __future__ import annotations
 from os import PathLike, fspath
 
 from .assembly import assemble
+from .collector import collector_paused
 from .errors import ModelError, Problem
 from .model import Model
 from .positions import compose, read_file
@@ -43,4 +44,5 @@ def parse_model(text: str, filename: str = "<string>") -> Model:
     if not text.strip():
         message = "the file is empty; a model has at least the keys model and bodies"
         raise ModelError([Problem(filename, 1, 1, "", message)])
-    return assemble(compose(text, filename))
+    with collector_paused():
+        return assemble(compose(text, filename))

@@ -16,10 +16,20 @@ import yaml
 
 from .errors import ModelError, Problem
 
-MAX_BYTES: Final = 64 * 2**20
+MAX_BYTES: Final = 8 * 2**20
+MAX_VALUES: Final = 1_000_000
+"""Values in a file; so many are read within seconds."""
 MAX_DEPTH: Final = 60
+MAX_NOTES: Final = 200
 ALIAS_ALLOWANCE: Final = 100_000
 """Values that aliases may add to those written in the file."""
+
+# a place is (line * _COLUMNS + column) * 4 + flags, so that a million of them cost little
+_COLUMNS: Final = 2**24
+_ON_ONE_LINE: Final = 1
+_QUOTED: Final = 2
+_HALF: Final = 64
+_WHOLE_HALF: Final = 2**_HALF - 1
 
 Key = str | int
 Path_ = tuple[Key, ...]
@@ -43,62 +53,53 @@ class Document:
         self.file = file
         self.root = root
         self.problems: list[Problem] = []
-        # by id of a mapping or list: for every key or index the events of key and value
-        self._places: dict[int, dict[Key, tuple[Any, Any]]] = {}
+        self._kept: list[Any] = []  # keeps ids valid
+        # by id of a mapping: for every key the places of key and value in one number; of a list: the places of its values
+        self._places: dict[int, dict[str, int] | list[int]] = {}
 
-    def event(self, start: Any, path: Path_, key: bool = False) -> Any:
-        """The YAML event of the value (or key) that `path` leads to from `start`, or of the last part that exists."""
+    def _place(self, start: Any, path: Path_, key: bool = False) -> int | None:
+        """Place of the value (or key) that `path` leads to from `start`, or of the last part that exists."""
         found, container = None, start
         for part in path:
             places = self._places.get(id(container))
-            if places is None or part not in places:
+            if isinstance(places, dict) and isinstance(part, str) and part in places:
+                found = places[part] >> _HALF if key else places[part] & _WHOLE_HALF
+            elif isinstance(places, list) and isinstance(part, int) and part < len(places):
+                found = places[part]
+            else:
                 continue  # a missing key, or pydantic's name for an alternative
-            found = places[part][0 if key else 1] or places[part][1]
             container = container[part]
         return found
 
-    def problem(
-        self,
-        start: Any,
-        path: Path_,
-        message: str,
-        *,
-        shown: str,
-        key: bool = False,
-        inside: int | None = None,
-        severity: str = "error",
-    ) -> Problem:
-        """A problem placed at a value.
+    def place(
+        self, start: Any, path: Path_, *, key: bool = False, inside: int | None = None
+    ) -> tuple[int | None, int | None]:
+        """Line and column of a value, counted from 1; None where there is no text.
 
         Parameters
         ----------
         start : dict or list
             Where `path` begins.
         path : tuple
-        message, severity : str
-        shown : str
-            Path to print.
         key : bool
-            Place it at the key instead of the value.
+            Of the key instead of the value.
         inside : int, optional
             Column inside the scalar, counted from 1.
         """
-        event = self.event(start, path, key)
-        if event is None:
+        place = self._place(start, path, key)
+        if place is None:
             begin = 1 if id(self.root) in self._places else None
-            return Problem(self.file, begin, begin, shown, message, severity)
-        mark: Any = event.start_mark
-        line, column = mark.line + 1, mark.column + 1
-        on_one_line = event.end_mark.line == mark.line
-        if inside and on_one_line and isinstance(event, yaml.ScalarEvent):
-            column += inside - 1 + (1 if event.style in ("'", '"') else 0)
-        return Problem(self.file, line, column, shown, message, severity)
+            return begin, begin
+        line, column = (place >> 2) // _COLUMNS + 1, (place >> 2) % _COLUMNS + 1
+        if inside and place & _ON_ONE_LINE:
+            column += inside - 1 + (1 if place & _QUOTED else 0)
+        return line, column
 
     def merged(self, base: dict[str, Any], over: Mapping[str, Any], drop: tuple[str, ...] = ()) -> dict[str, Any]:
         """`base` without the keys `drop`, overlaid with `over`: mappings are merged, everything else is replaced."""
         result = {k: v for k, v in base.items() if k not in drop}
-        places = {k: v for k, v in self._places.get(id(base), {}).items() if k not in drop}
-        over_places = self._places.get(id(over), {})
+        places = {k: v for k, v in self._of_mapping(base).items() if k not in drop}
+        over_places = self._of_mapping(over)
         for key, value in over.items():
             if key in over_places:
                 places[key] = over_places[key]
@@ -106,15 +107,30 @@ class Document:
             both = isinstance(old, dict) and isinstance(value, Mapping)
             result[key] = self.merged(old, value) if both and old is not None else value
         self._places[id(result)] = places
+        self._kept.append(result)
         return result
+
+    def _of_mapping(self, mapping: Mapping[str, Any]) -> dict[str, int]:
+        places = self._places.get(id(mapping))
+        return places if isinstance(places, dict) else {}
 
 
 def show_path(path: Path_) -> str:
     """``bodies.crank.joint.at[0]``."""
     text = ""
     for part in path:
-        text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else part
+        text += f"[{part}]" if isinstance(part, int) else f".{_cut(part)}" if text else _cut(part)
     return text
+
+
+def shortened(text: str) -> str:
+    """A text of the file as messages show it: in quotes, and not longer than a line."""
+    return repr(_cut(text))
+
+
+def _cut(text: str) -> str:
+    text = text if text.isprintable() else repr(text)[1:-1]
+    return text if len(text) <= 60 else text[:57] + "..."
 
 
 def read_file(path: str | Path) -> str:
@@ -159,11 +175,11 @@ def compose(text: str, file: str) -> Document:
     try:
         document.root = _Composer(document).compose(_events(text))
     except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
+        found: Any = error.problem_mark or error.context_mark
         what = " ".join(str(p) for p in (error.context, error.problem) if p)
         if "\t" in text and "cannot start any token" in what:
             what += " (a tab? YAML is indented with spaces)"
-        line, column = (mark.line + 1, mark.column + 1) if mark else (1, 1)
+        line, column = (found.line + 1, found.column + 1) if found else (1, 1)
         raise ModelError([Problem(file, line, column, "", f"this is not YAML: {what}")]) from None
     except yaml.reader.ReaderError as error:
         line, column = _place_of_control(text)
@@ -190,12 +206,20 @@ def _place_of_control(text: str) -> tuple[int, int]:
     return text.count("\n", 0, start) + 1, start - text.rfind("\n", 0, start)
 
 
+def _packed(event: Any) -> int:
+    start, end = event.start_mark, event.end_mark
+    place = (start.line * _COLUMNS + start.column) << 2
+    if type(event) is yaml.ScalarEvent and end.line == start.line:
+        place |= _ON_ONE_LINE | (_QUOTED if event.style in ("'", '"') else 0)
+    return int(place)
+
+
 class _Frame:
     """A mapping or list that is being read."""
 
     __slots__ = ("data", "event", "expects_key", "key", "key_event", "merges", "places", "size")
 
-    def __init__(self, data: Any, places: dict[Key, tuple[Any, Any]], event: Any) -> None:
+    def __init__(self, data: Any, places: Any, event: Any) -> None:
         self.data = data
         self.places = places
         self.event = event
@@ -209,6 +233,7 @@ class _Frame:
 class _Composer:
     def __init__(self, document: Document) -> None:
         self.document = document
+        self.strings: dict[str, str] = {}
         self.anchors: dict[str, Any] = {}
         self.sizes: dict[int, int] = {}
         self.stack: list[_Frame] = []
@@ -222,6 +247,8 @@ class _Composer:
             if kind is yaml.ScalarEvent:
                 # nothing written, as after "forces:" with every line commented out
                 value = None if event.style in (None, "") and event.value in ("", "~", "null") else event.value
+                if value is not None and len(value) < 40:
+                    value = self.strings.setdefault(value, value)  # most texts stand many times
                 self.tag(event)
                 self.anchor(event, value)
                 self.add(value, event, 1)
@@ -241,6 +268,8 @@ class _Composer:
         mark: Any = event.start_mark
         path = show_path(tuple(f.key for f in self.stack if f.key is not None))
         self.document.problems.append(Problem(self.document.file, mark.line + 1, mark.column + 1, path, message))
+        if len(self.document.problems) == MAX_NOTES:
+            raise ModelError(self.document.problems)
 
     def stop(self, event: Any, message: str) -> None:
         self.note(event, message)
@@ -259,8 +288,9 @@ class _Composer:
             self.stop(event, f"more than {MAX_DEPTH} levels of nesting; a model needs far fewer")
         self.tag(event)
         self.anchor(event, data)
-        places: dict[Key, tuple[Any, Any]] = {}
+        places: Any = {} if isinstance(data, dict) else []
         self.document._places[id(data)] = places
+        self.document._kept.append(data)
         self.add(data, event, 0)
         self.stack.append(_Frame(data, places, event))
 
@@ -271,7 +301,7 @@ class _Composer:
                 if not isinstance(one, dict):
                     self.note(frame.event, "<< is followed by something else than a mapping or a list of mappings")
                     continue
-                known = self.document._places.get(id(one), {})
+                known = self.document._of_mapping(one)
                 for key, value in one.items():
                     if key not in frame.data:
                         frame.data[key] = value
@@ -298,6 +328,8 @@ class _Composer:
     def add(self, value: Any, event: Any, size: int) -> None:
         """Put a value where the innermost mapping or list expects it."""
         self.written += 1
+        if self.written > MAX_VALUES:
+            self.stop(event, f"more than {MAX_VALUES} keys and values; use repeat for repeated structure")
         if not self.stack:
             if self.documents == 1:
                 self.root = value
@@ -306,7 +338,7 @@ class _Composer:
         if size:
             self.grow(size, event)
         if isinstance(frame.data, list):
-            frame.places[len(frame.data)] = (None, event)
+            frame.places.append(_packed(event))
             frame.data.append(value)
         elif frame.expects_key:
             frame.expects_key = False
@@ -314,8 +346,8 @@ class _Composer:
             if not isinstance(value, str):
                 self.note(event, "a key that is not a name; quote it, or put a name before the colon")
             elif value in frame.data:
-                first = frame.places[value][0].start_mark
-                self.note(event, f"key {value!r} is there already, on line {first.line + 1}; each key may stand once")
+                line = (frame.places[value] >> _HALF >> 2) // _COLUMNS + 1
+                self.note(event, f"key {shortened(value)} is there already, on line {line}; each key may stand once")
             else:
                 frame.key = value
         else:
@@ -324,4 +356,4 @@ class _Composer:
                 frame.merges.append(value)
             elif frame.key is not None:
                 frame.data[frame.key] = value
-                frame.places[frame.key] = (frame.key_event, event)
+                frame.places[frame.key] = _packed(frame.key_event) << _HALF | _packed(event)

@@ -5,21 +5,23 @@ A `Reader` holds the state of one reading. The modules of `sections` are functio
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from typing import Any, Final
 
 from pydantic import TypeAdapter, ValidationError
 from pydantic_core import PydanticCustomError
 
-from .errors import Problem, nearest
-from .expressions import Binder, Expression, ExpressionError, Number
+from .errors import Problem, nearest, within_a_line
+from .expressions import Binder, Expression, ExpressionError, Number, Numbers, Scope
 from .model import Vector
 from .positions import Document, Path_, show_path
 from .repetition import Instance, Repetition, labels, name_of
 from .schema import RESERVED, ZERO, Entry, Expr, explain, parse_name, repaired, seen, validate
 
 MAX_PROBLEMS: Final = 200
+MAX_ERRORS: Final = 10_000
+"""So many errors are counted, those of repetitions that are not said again included."""
 
 _EXPRESSION: Final = TypeAdapter(Expr)
 
@@ -46,6 +48,9 @@ class Reader:
         or ``motion`` (coordinates and speeds too).
     broken : set of str
         Bodies that were reported; their coordinates are not known.
+    errors : int
+        How often an error was reported, those of repeated entries that were said before included: as long as it stays,
+        what was read is sound.
     """
 
     def __init__(self, document: Document) -> None:
@@ -61,6 +66,7 @@ class Reader:
         # dicts used as ordered sets: names are printed in the order of the file
         self.allowed: dict[str, dict[str, None]] = {"constants": {}, "parameters": {}, "inputs": {}, "motion": {}}
         self.broken: set[str] = set()
+        self.errors = 0
         self._reported: set[tuple[Any, ...]] = set()
         self._specs: dict[tuple[int, int], Any] = {}
         self._repaired: set[int] = set()  # ids of specs with placeholders
@@ -81,26 +87,33 @@ class Reader:
         self,
         at: Instance,
         sub: Path_,
-        message: str,
+        message: str | Callable[[], str],
         *,
         key: bool = False,
         inside: int | None = None,
         severity: str = "error",
     ) -> None:
-        """A problem in an entry; of a repeated one the first repetition is enough."""
+        """A problem in an entry; of a repeated one the first repetition is enough.
+
+        A message that takes long to make, such as one with the nearest of many names, is given as a function.
+        """
+        self.errors += severity == "error"
         path = (at.key, *sub)
         shown = show_path((*at.section, *self._existing(at.container, path)))
+        line, column = self.document.place(at.container, path, key=key, inside=inside)
+        if self.errors > MAX_ERRORS:
+            message = f"more than {MAX_ERRORS} mistakes with those that repetitions repeat; mend these first"
+            self.problems.append(Problem(self.document.file, line, column, shown, message))
+            raise TooManyProblems
         if at.indices:
-            message += " (" + ", ".join(f"{k} = {v}" for k, v in at.indices.items()) + ")"
-        problem = self.document.problem(
-            at.container, path, message, shown=shown, key=key, inside=inside, severity=severity
-        )
-        if at.indices:
-            mark = (problem.line, problem.column, shown, severity)
+            mark = (line, column, shown, severity)
             if mark in self._reported:
                 return
             self._reported.add(mark)
-        self.add(problem)
+        text = message if isinstance(message, str) else message()
+        if at.indices:
+            text += " (" + ", ".join(f"{k} = {v}" for k, v in at.indices.items()) + ")"
+        self.add(Problem(self.document.file, line, column, shown, within_a_line(text), severity))
 
     @staticmethod
     def _existing(container: Any, path: Path_) -> Path_:
@@ -124,7 +137,7 @@ class Reader:
             prefix = "" if error.message.startswith(text) else f"{text}: "
             self.report(at, sub, prefix + error.message, inside=error.column)
             return ZERO
-        if (result, scope) not in self._checked:
+        if result.tree[0] != "number" and (result, scope) not in self._checked:
             if not self._check(result, expression, at, sub, scope):
                 return ZERO
             self._checked.add((result, scope))
@@ -137,7 +150,7 @@ class Reader:
         for name in unknown:
             if name[:2] in ("q.", "u.") and scope == "motion" and name.split(".")[1] in self.broken:
                 continue
-            self.report(at, sub, self._unknown(name, scope), inside=self._column(at, sub, name))
+            self.report(at, sub, partial(self._unknown, name, scope), inside=self._column(at, sub, name))
         if unknown:
             return False
         if scope != "motion" and result.names <= self.defaults.keys():
@@ -148,9 +161,19 @@ class Reader:
         return True
 
     def _column(self, at: Instance, sub: Path_, name: str) -> int | None:
-        event = self.document.event(at.container, (at.key, *sub))
-        match = re.search(rf"(?<![\w.]){re.escape(name)}(?![\w.])", getattr(event, "value", ""))
-        return match.start() + 1 if match else None
+        value: Any = at.container
+        for part in self._existing(value, (at.key, *sub)):
+            value = value[part]
+        if not isinstance(value, str):
+            return None
+        start = value.find(name)
+        while start >= 0:  # no regular expression: compiling one for each of many names takes longest
+            end = start + len(name)
+            around = value[max(start - 1, 0) : start] + value[end : end + 1]
+            if not any(c.isalnum() or c in "_." for c in around):
+                return start + 1
+            start = value.find(name, end)
+        return None
 
     def _unknown(self, name: str, scope: str) -> str:
         everything = self.allowed["motion"]
@@ -230,7 +253,7 @@ class Reader:
     def key_name(self, at: Instance, what: str, space: str) -> str | None:
         """Name of an entry from its key, registered."""
         try:
-            name = name_of(parse_name(at.key), {**self.constants, **at.indices} if "(" in at.key else {})
+            name = name_of(parse_name(at.key), self.numbers(at))
         except PydanticCustomError as error:
             self.report(at, (), str(error.message()), key=True)
         except ExpressionError as error:
@@ -239,10 +262,13 @@ class Reader:
             return name if self.new_name(at, name, space, what) else None
         return None
 
+    def numbers(self, at: Instance) -> Numbers:
+        """The constants and repeat indices that an entry may use."""
+        return Scope(at.indices, self.constants) if at.indices else self.constants
+
     def reference(self, expression: Expression, at: Instance, sub: Path_) -> str | None:
         try:
-            tree = expression.tree
-            return name_of(tree, {**self.constants, **at.indices} if tree[0] == "indexed" else {})
+            return name_of(expression.tree, self.numbers(at))
         except ExpressionError as error:
             self.report(at, sub, error.message)
             return None
@@ -310,9 +336,16 @@ class Reader:
             return None
 
     def direction(self, axis: Vector, at: Instance, sub: Path_) -> None:
-        """Report an axis that is zero."""
-        if all(self.numeric(e) == 0 for e in axis):
+        """Report an axis that is zero, or whose length cannot be computed."""
+        largest = max(abs(self.numeric(e)) for e in axis)
+        if largest == 0:
             message = "the axis is zero at the default parameters; a direction is needed: x, y, z or [x, y, z]"
+            self.report(at, sub, message)
+        elif not 1e-100 < largest < 1e100:
+            message = (
+                f"the axis has a length of about {largest:.2g}, whose square is no number of this machine; "
+                f"only its direction counts: give it a length between 1e-100 and 1e100"
+            )
             self.report(at, sub, message)
 
 

@@ -12,11 +12,12 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from .errors import Problem
-from .expressions import ExpressionError, Number, bind, index_text, label_key, parse
-from .positions import Document, Path_, show_path
+from .expressions import ExpressionError, Number, Numbers, Scope, bind, index_text, label_key, parse
+from .positions import Document, Path_, shortened, show_path
 from .schema import RESERVED
 
-MAX_REPETITIONS: Final = 1_000_000
+MAX_REPETITIONS: Final = 400_000
+"""Entries that the repeat blocks of a model may stand for; so many are read within seconds."""
 
 _HEADER = re.compile(r"repeat\s+([A-Za-z_][A-Za-z0-9_]*)\s+in\s+(.*\S)\s*", re.DOTALL)
 _LABEL = re.compile(r"[A-Za-z0-9_]+")
@@ -46,6 +47,10 @@ class Instance:
     container: dict[str, Any]
     section: Path_
     indices: dict[str, int | str]
+
+
+class TooManyRepetitions(Exception):
+    """The model is too large to go on; it has been reported."""
 
 
 class Repetition:
@@ -88,11 +93,14 @@ class Repetition:
             if header is None:
                 continue
             index, values = header
-            self.count += len(values)
+            self.count += _length(values) * max(1, sum(not k.startswith("repeat") for k in value))
             if self.count > MAX_REPETITIONS:
-                message = f"{self.count} repetitions so far; up to {MAX_REPETITIONS} are allowed"
-                self._problem(container, key, path, message)
-                return
+                message = (
+                    f"with this block the model has {self.count} repeated entries; up to {MAX_REPETITIONS} are allowed, "
+                    f"since reading more would take too long"
+                )
+                self._problem(container, (key,), path, message)
+                raise TooManyRepetitions
             for number, chosen in enumerate(values):
                 inner = {**indices, index: chosen}
                 yield from self._expand(value, path, inner, number == 0, number == len(values) - 1)
@@ -102,6 +110,7 @@ class Repetition:
     ) -> tuple[Any, dict[str, Any]]:
         """An entry with its ``first`` and ``last`` applied, and a container in which it has its places."""
         value = container[key]
+        first, last = first and "first" in value, last and "last" in value
         known = self._variants.get((id(value), first, last))
         if known is None:
             merged = value
@@ -109,19 +118,17 @@ class Repetition:
                 over = value.get(part)
                 if part in value and not isinstance(over, dict):
                     message = "a mapping is needed: the keys that differ in this repetition"
-                    self.report(
-                        self.document.problem(container, (key, part), message, shown=show_path((*path, key, part)))
-                    )
+                    self._problem(container, (key, part), path, message, at_key=False)
                     over = {}
                 merged = self.document.merged(merged, over if applies and over else {}, drop=("first", "last"))
             known = self._variants[id(value), first, last] = merged, self.document.merged(container, {key: merged})
         return known
 
     def _problem(
-        self, container: dict[str, Any], key: str, path: Path_, message: str, inside: int | None = None
+        self, container: dict[str, Any], keys: tuple[str, ...], path: Path_, message: str, at_key: bool = True
     ) -> None:
-        shown = show_path((*path, key))
-        self.report(self.document.problem(container, (key,), message, shown=shown, key=True, inside=inside))
+        line, column = self.document.place(container, keys, key=at_key)
+        self.report(Problem(self.document.file, line, column, show_path((*path, *keys)), message))
 
     def _header(
         self, container: dict[str, Any], key: str, path: Path_, indices: dict[str, int | str]
@@ -129,24 +136,24 @@ class Repetition:
         """Index and values of a repeat block, or None after reporting what is wrong with it."""
         match = _HEADER.fullmatch(key)
         if match is None:
-            self._problem(container, key, path, f"{key!r} is no repetition; {_FORM}")
+            self._problem(container, (key,), path, f"{shortened(key)} is no repetition; {_FORM}")
             return None
         index, text = match.groups()
         if index in RESERVED or index in indices or index in self.constants:
             taken = "reserved" if index in RESERVED else "already the name of an index or a constant"
-            self._problem(container, key, path, f"index {index!r} is {taken}; choose another name")
+            self._problem(container, (key,), path, f"index {index!r} is {taken}; choose another name")
             return None
         if not isinstance(container[key], dict):
             message = "a repeat block without entries; put the entries to repeat under it"
-            self._problem(container, key, path, message)
+            self._problem(container, (key,), path, message)
             return None
         try:
-            return index, self._values(text, {**self.constants, **indices})
+            return index, self._values(text, Scope(indices, self.constants))
         except ExpressionError as error:
-            self._problem(container, key, path, f"{text!r}: {error.message}; {_FORM}")
+            self._problem(container, (key,), path, f"{shortened(text)}: {error.message}; {_FORM}")
             return None
 
-    def _values(self, text: str, numbers: Mapping[str, Number | str]) -> range | list[int | str]:
+    def _values(self, text: str, numbers: Numbers) -> range | list[int | str]:
         if ".." in text:
             begin, _, rest = text.partition("..")
             end, *more = re.split(r"\bstep\b", rest)
@@ -168,7 +175,7 @@ class Repetition:
         return [int(t) if t.isdigit() and len(t) < 16 else t for t in labels]
 
     @staticmethod
-    def _whole(text: str, numbers: Mapping[str, Number | str]) -> int:
+    def _whole(text: str, numbers: Numbers) -> int:
         value = bind(parse(text.strip()), numbers)
         if not value.is_number:
             raise ExpressionError(
@@ -177,6 +184,13 @@ class Repetition:
         if not isinstance(value.value, int):
             raise ExpressionError(f"{text.strip()} is {value.value}; a whole number is needed")
         return value.value
+
+
+def _length(values: range | list[int | str]) -> int:
+    """``len`` for ranges beyond the machine's integers too."""
+    if isinstance(values, list):
+        return len(values)
+    return max(0, (values.stop - values.start + values.step - 1) // values.step)
 
 
 def labels(root: Any) -> dict[str, str]:
@@ -197,7 +211,7 @@ def labels(root: Any) -> dict[str, str]:
     return found
 
 
-def name_of(tree: Any, numbers: Mapping[str, Number | str]) -> str:
+def name_of(tree: Any, numbers: Numbers) -> str:
     """The name that a name tree means, with its indices in place: ``link(k-1)`` is ``link_2`` at k = 3.
 
     Raises

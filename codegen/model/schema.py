@@ -52,6 +52,8 @@ def seen(value: Any) -> str:
         return "a mapping"
     if isinstance(value, (list, tuple)):
         return f"a list of {len(value)}"
+    if isinstance(value, int) and abs(value) >= 10**60:  # Python does not print those of some thousand digits
+        return f"a number of about 10**{int(value.bit_length() * 0.30103)}"
     text = str(value) if isinstance(value, Expression) else repr(value)
     return text if len(text) <= 60 else text[:57] + "..."
 
@@ -68,7 +70,7 @@ def _expression(value: Any) -> Expression:
         try:
             return Expression.number(int(value) if isinstance(value, numbers.Integral) else float(value))
         except (OverflowError, ValueError):
-            raise _custom(f"{value!r}; a finite number or an expression is needed") from None
+            raise _custom(f"{seen(value)}; a finite number or an expression is needed") from None
     raise _custom(f"{seen(value)}; a number or an expression is needed")
 
 
@@ -239,6 +241,12 @@ class RodEntry(ShapeEntry):
 AnyShape = Annotated[BoxEntry | CylinderEntry | CapsuleEntry | SphereEntry | RodEntry, Field(discriminator="type")]
 
 
+def _check_mode(value: Any) -> str:
+    if value not in ("error", "warn"):
+        raise _custom(f"{seen(value)}; error or warn is allowed: whether an impossible inertia stops the model")
+    return str(value)
+
+
 class InertiaEntry(Entry):
     xx: Expr = ZERO
     yy: Expr = ZERO
@@ -246,6 +254,7 @@ class InertiaEntry(Entry):
     xy: Expr = ZERO
     xz: Expr = ZERO
     yz: Expr = ZERO
+    check: Annotated[str, PlainValidator(_check_mode)] = "error"
 
 
 class BodyEntry(Entry):

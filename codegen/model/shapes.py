@@ -74,6 +74,9 @@ def _mass(shape: ShapeEntry, volume: Tree) -> Tree:
 
 def _about_axis(axis: Vector, along: Tree, across: Tree) -> tuple[Tree, ...]:
     a = [_tree(e) for e in axis]
+    zero = _number(0)
+    if a.count(zero) == 2:  # what the general formula comes to, without the way there
+        return (*(across if e == zero else along for e in a), zero, zero, zero)
     square = _plus(_plus(_times(a[0], a[0]), _times(a[1], a[1])), _times(a[2], a[2]))
 
     def entry(i: int, j: int) -> Tree:

@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final
 
 from .. import checks
 from ..errors import nearest
 from ..expressions import Expression, ExpressionError
 from ..model import GROUND, Body, Joint, Vector, joint_coordinates
 from ..positions import Path_
-from ..reading import Reader, some
+from ..reading import Reader, TooManyProblems, some
 from ..repetition import Instance
 from ..schema import ZERO, BodyEntry, JointEntry
 from ..shapes import Inertia, mass_properties
-from .placement import Bound, expressions_of, rotation, vector
+from .placement import Bound, bound_entry, expressions_of, rotation, vector
+
+MAX_DIFFERENT: Final = 50_000
+"""So many bodies of repeat blocks may differ in their numbers; those that do not are read once."""
 
 _Parts = tuple[Joint, Expression, Vector, Inertia, bool]
+_Listed = list[tuple[Path_, Expression]]
 
 
 @dataclass(slots=True)
@@ -40,6 +45,8 @@ class BodySection:
         Whether every body leads to the ground.
     is_sound : bool
         Whether joints and mass properties of all bodies are known.
+    rigid_parts : list of int, optional
+        See `checks.rigid_parts`; found when first needed.
     """
 
     instances: list[Instance] = field(default_factory=list)
@@ -50,6 +57,7 @@ class BodySection:
     bodies: list[Body] = field(default_factory=list)
     is_tree: bool = True
     is_sound: bool = False
+    rigid_parts: list[int] | None = None
 
 
 def read_bodies(reader: Reader) -> BodySection:
@@ -82,6 +90,7 @@ def _build(reader: Reader, section: BodySection) -> None:
     """The bodies; those that could not be read are left out, after their report."""
     parts = _PartsReader(reader)
     sound: list[tuple[Instance, Body]] = []
+    tolerated: list[int] = []
     parents = [GROUND] * len(section.names)
     for i, (at, spec, name) in enumerate(zip(section.instances, section.specs, section.names, strict=True)):
         if spec is None:
@@ -95,6 +104,8 @@ def _build(reader: Reader, section: BodySection) -> None:
         joint, mass, com, inertia, is_sound = parts.of(spec, at)
         section.bodies.append(Body(name, parents[i], joint, mass, com, inertia))
         if is_sound:
+            if spec.inertia is not None and spec.inertia.check == "warn":
+                tolerated.append(len(sound))
             sound.append((at, section.bodies[-1]))
     for cycle in checks.cycles(parents):
         section.is_tree = False
@@ -102,9 +113,9 @@ def _build(reader: Reader, section: BodySection) -> None:
         chain = " -> ".join([*circle, circle[0]]) if len(circle) <= 8 else some(circle)
         message = f"the parents form a circle, {chain}; one of them must lead to ground"
         reader.report(section.instances[cycle[0]], ("parent",), message)
-    for found in checks.check_inertia([b for _, b in sound], reader.numeric):
-        _report_finding(reader, sound[found[0]][0], found)
     section.is_sound = section.is_tree and len(sound) == len(section.names)
+    for found in checks.check_inertia([b for _, b in sound], reader.numeric, tolerated, section.is_sound):
+        _report_finding(reader, sound[found[0]][0], found)
 
 
 def check_freedoms(reader: Reader, section: BodySection, held: Collection[int] = ()) -> None:
@@ -128,11 +139,16 @@ def body_index(reader: Reader, reference: Expression, at: Instance, sub: Path_, 
         return None
     found = frames.get(name)
     if found is None:
-        names = [n for n in frames if n != "ground"]
-        hint = nearest(name, frames)
-        if at.indices and sub == ("parent",):
-            hint = "; for the first repetition write first: {parent: ground}"
-        reader.report(at, sub, f"unknown body {name!r}; ground or one of {some(names)} is allowed{hint}")
+
+        def message() -> str:
+            hint = nearest(name, frames)
+            if at.indices and sub == ("parent",):
+                hint = "; for the first repetition write first: {parent: ground}"
+            return (
+                f"unknown body {name!r}; ground or one of {some(n for n in frames if n != 'ground')} is allowed{hint}"
+            )
+
+        reader.report(at, sub, message)
     return found
 
 
@@ -141,59 +157,71 @@ class _PartsReader:
 
     def __init__(self, reader: Reader) -> None:
         self.reader = reader
-        self._indices: dict[int, list[tuple[Path_, Expression]]] = {}
+        self._plans: dict[int, tuple[dict[Path_, Expression], _Listed, bool]] = {}
         self._parts: dict[tuple[Any, ...], _Parts] = {}
 
     def of(self, spec: BodyEntry, at: Instance) -> _Parts:
-        """Joint, mass properties and whether they are sound; the same objects where the indices used are equal."""
-        listed = self._indices.get(id(spec))
-        if listed is None:
-            listed = self._indices[id(spec)] = list(expressions_of(spec))
-        used = set().union(*(e.names for _, e in listed)) if at.indices else set()
-        key = (id(spec), *((i, v) for i, v in at.indices.items() if i in used))
+        """Joint, mass properties and whether they are sound; the same objects where all expressions become equal."""
+        reader = self.reader
+        before = reader.errors
+        plan = self._plans.get(id(spec))
+        if plan is None:
+            listed = list(expressions_of(spec))
+            fixed = {
+                s: reader.bound(e, at, s, "parameters") for s, e in listed if at.indices.keys().isdisjoint(e.names)
+            }
+            plan = fixed, [(s, e) for s, e in listed if s not in fixed], reader.errors == before
+            self._plans[id(spec)] = plan
+        fixed, varying, sound = plan
+        before = reader.errors
+        bound = {sub: reader.bound(e, at, sub, "parameters") for sub, e in varying}
+        sound = sound and reader.errors == before and reader.is_whole(spec)
+        key = id(spec), sound, *bound.values()
         found = self._parts.get(key)
         if found is None:
-            found = self._parts[key] = _body_parts(self.reader, spec, at, listed)
+            if at.indices and len(self._parts) > MAX_DIFFERENT:
+                message = (
+                    f"more than {MAX_DIFFERENT} bodies of repeat blocks whose numbers all differ; reading them would take "
+                    f"too long: repeat less, or let repetitions have numbers in common"
+                )
+                reader.report(at, (), message, key=True)
+                raise TooManyProblems
+            found = self._parts[key] = _body_parts(reader, spec, at, {**fixed, **bound}, sound)
         return found
 
 
-def _body_parts(reader: Reader, spec: BodyEntry, at: Instance, listed: list[tuple[Path_, Expression]]) -> _Parts:
-    before = len(reader.problems)
-    result = {sub: reader.bound(e, at, sub, "parameters") for sub, e in listed}
-    sound = len(reader.problems) == before and reader.is_whole(
-        spec
-    )  # names and values; the joint is checked for itself
-
-    joint = _joint(reader, spec.joint, at, result)
+def _body_parts(reader: Reader, spec: BodyEntry, at: Instance, result: Bound, sound: bool) -> _Parts:
+    """Joint and mass properties; `sound` says whether names and values are, the joint is checked for itself."""
+    before = reader.errors
+    joint = _joint(reader, spec.joint, at, result, sound)
+    sound = sound and reader.errors == before
     if spec.mass is not None or spec.shape is None:
         com = vector(result, "com") if spec.com is not None else (ZERO, ZERO, ZERO)
         keys = ("xx", "yy", "zz", "xy", "xz", "yz")
-        inertia: Any = tuple(result.get(("inertia", k), ZERO) for k in keys)
-        return joint, result.get(("mass",), ZERO), com, inertia, sound
+        six: Any = tuple(result.get(("inertia", k), ZERO) for k in keys)
+        return joint, result.get(("mass",), ZERO), com, six, sound
     for what in ("length", "radius"):
         if ("shape", what) in result:
             _check_size(reader, result["shape", what], at, ("shape", what))
     for i in range(3):
         if ("shape", "size", i) in result:
             _check_size(reader, result["shape", "size", i], at, ("shape", "size", i))
-    if ("shape", "axis", 0) in result and all(reader.numeric(e) == 0 for e in vector(result, "shape", "axis")):
-        reader.report(at, ("shape", "axis"), "the axis is zero; a direction is needed: x, y, z or [x, y, z]")
-    sound = sound and len(reader.problems) == before
+    if ("shape", "axis", 0) in result:
+        reader.direction(vector(result, "shape", "axis"), at, ("shape", "axis"))
+    sound = sound and reader.errors == before
     nothing: _Parts = (joint, ZERO, (ZERO, ZERO, ZERO), (ZERO,) * 6, False)
     if not sound:
         return nothing
     try:
-        mass, _, inertia6 = mass_properties(spec.shape)
-        bound = [reader.binder(e, at.indices) for e in (mass, *inertia6)]
+        mass, center, inertia = mass_properties(bound_entry(spec.shape, result, ("shape",)))
     except ExpressionError as error:
         reader.report(at, ("shape",), error.message)
         return nothing
-    for e in bound:
+    for e in (mass, *inertia):
         if isinstance(why := reader.value(e), str):
             reader.report(at, ("shape",), f"no finite mass properties at the default parameters: {why}")
             return nothing
-    six: Any = tuple(bound[1:])
-    return joint, bound[0], vector(result, "shape", "center"), six, True
+    return joint, mass, center, inertia, True
 
 
 def _check_size(reader: Reader, size: Expression, at: Instance, sub: Path_) -> None:
@@ -202,7 +230,7 @@ def _check_size(reader: Reader, size: Expression, at: Instance, sub: Path_) -> N
         reader.report(at, sub, f"{seen} is negative; a size is at least 0")
 
 
-def _joint(reader: Reader, spec: JointEntry, at: Instance, bound: Bound) -> Joint:
+def _joint(reader: Reader, spec: JointEntry, at: Instance, bound: Bound, sound: bool) -> Joint:
     axes: list[Vector] = []
     if hasattr(spec, "axis"):
         axes = [vector(bound, "joint", "axis")]
@@ -210,13 +238,13 @@ def _joint(reader: Reader, spec: JointEntry, at: Instance, bound: Bound) -> Join
         axes = [vector(bound, "joint", "axes", i) for i in range(2)]
     for i, axis in enumerate(axes):
         sub = ("joint", "axis") if hasattr(spec, "axis") else ("joint", "axes", i)
-        reader.direction(axis, at, sub)
-    if len(axes) == 2:
+        if sound:
+            reader.direction(axis, at, sub)
+    if len(axes) == 2 and sound:
         a, b = ([reader.numeric(e) for e in axis] for axis in axes)
-        product = sum(x * y for x, y in zip(a, b, strict=True))
-        lengths = (sum(x * x for x in a) * sum(x * x for x in b)) ** 0.5
-        if abs(product) > 1e-9 * lengths:
-            cosine = product / lengths
+        lengths = math.hypot(*a), math.hypot(*b)
+        cosine = sum(x / lengths[0] * (y / lengths[1]) for x, y in zip(a, b, strict=True)) if all(lengths) else 0.0
+        if abs(cosine) > 1e-9:
             message = f"the two axes have cosine {cosine:.3g}; those of a universal joint are perpendicular (to 1e-9)"
             reader.report(at, ("joint", "axes"), message)
     turns = rotation(reader, spec, at, ("joint",), bound)

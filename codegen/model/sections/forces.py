@@ -37,9 +37,12 @@ def _joint_force(
     if joint is None:
         return None
     if joint not in bodies.index:
-        hint = reader.loop_hint(joint) or nearest(joint, bodies.index)
-        known = f"a joint has the name of its body: {some(bodies.index)}{hint}"
-        reader.report(at, ("joint",), f"unknown joint {joint!r}; {known}")
+
+        def message() -> str:
+            hint = reader.loop_hint(joint) or nearest(joint, bodies.index)
+            return f"unknown joint {joint!r}; a joint has the name of its body: {some(bodies.index)}{hint}"
+
+        reader.report(at, ("joint",), message)
         return None
     body = bodies.specs[bodies.index[joint]]
     if body is None or not (reader.is_whole(spec) and reader.is_whole(body)):

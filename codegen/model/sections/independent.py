@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from functools import partial
 from typing import Any, Final
 
 from pydantic_core import PydanticCustomError
@@ -38,10 +40,7 @@ def read_independent(reader: Reader, bodies: BodySection) -> tuple[str, ...]:
                 reader.report(at, sub, f"joint {name!r} is {type_} and has no coordinates; leave it out")
                 continue
         elif name not in coordinates:
-            groups = [(j, *(() if t in _WHOLE else group)) for j, (t, group) in joints.items() if group]
-            known = list(dict.fromkeys(n for group in groups for n in group))
-            hint = reader.loop_hint(name) or nearest(name, known)
-            reader.report(at, sub, f"unknown coordinate or joint {name!r}; allowed are {some(known)}{hint}")
+            reader.report(at, sub, partial(_unknown, reader, name, joints))
             continue
         elif type_ in _WHOLE:
             message = (
@@ -59,10 +58,17 @@ def read_independent(reader: Reader, bodies: BodySection) -> tuple[str, ...]:
     return tuple(result)
 
 
+def _unknown(reader: Reader, name: str, joints: Mapping[str, tuple[str, tuple[str, ...]]]) -> str:
+    groups = [(j, *(() if t in _WHOLE else group)) for j, (t, group) in joints.items() if group]
+    known = list(dict.fromkeys(n for group in groups for n in group))
+    hint = reader.loop_hint(name) or nearest(name, known)
+    return f"unknown coordinate or joint {name!r}; allowed are {some(known)}{hint}"
+
+
 def _name(reader: Reader, at: Instance, sub: Path_, item: Any) -> str | None:
     """The name that an item means, with its indices in place."""
     try:
-        return name_of(parse_name(item, prefix="q."), {**reader.constants, **at.indices})[2:]
+        return name_of(parse_name(item, prefix="q."), reader.numbers(at))[2:]
     except PydanticCustomError as error:
         reader.report(at, sub, str(error.message()))
     except ExpressionError as error:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from pydantic_core import PydanticCustomError
@@ -58,8 +59,7 @@ def _initial_value(
 ) -> None:
     what = "coordinate" if part == "q" else "speed"
     try:
-        numbers = {**reader.constants, **at.indices} if "(" in at.key else {}
-        name = name_of(parse_name(at.key, prefix=f"{part}."), numbers)[2:]
+        name = name_of(parse_name(at.key, prefix=f"{part}."), reader.numbers(at))[2:]
     except PydanticCustomError as error:
         reader.report(at, (), str(error.message()), key=True)
         return
@@ -72,10 +72,13 @@ def _initial_value(
             return
         owner = groups.get(name.rpartition(".")[0], ())
         if name not in owner:
-            known = list(dict.fromkeys([n for g in groups.values() for n in g] + list(groups)))
-            hint = reader.loop_hint(name) or nearest(name, known)
-            message = f"unknown {what} {name!r}; allowed are {some(known)}{hint}"
-            reader.report(at, (), message, key=True)
+
+            def unknown() -> str:
+                known = list(dict.fromkeys([n for g in groups.values() for n in g] + list(groups)))
+                hint = reader.loop_hint(name) or nearest(name, known)
+                return f"unknown {what} {name!r}; allowed are {some(known)}{hint}"
+
+            reader.report(at, (), unknown, key=True)
             return
         entries = (name,)
     if isinstance(at.value, (list, tuple)):
@@ -106,7 +109,7 @@ def _normalise(
     if not given:
         return
     parts = [values.get(k, Expression.number(int(k.endswith("w")))) for k in keys]
-    length = sum(reader.numeric(e) ** 2 for e in parts) ** 0.5
+    length = math.hypot(*(reader.numeric(e) for e in parts))
     at = places[given[0]][0]
     if abs(length - 1) > 1e-3:
         message = f"the quaternion {name}.qw qx qy qz has length {length:.6g}; 1 is needed (to 1e-3)"

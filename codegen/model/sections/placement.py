@@ -36,6 +36,17 @@ def _expressions_in(value: Any, sub: Path_) -> Iterator[tuple[Path_, Expression]
             yield from _expressions_in(item, (*sub, i))
 
 
+def bound_entry(entry: Entry, bound: Bound, sub: Path_) -> Any:
+    """A copy of the entry at a path with its expressions bound."""
+
+    def of(value: Any, path: Path_) -> Any:
+        if isinstance(value, tuple):
+            return tuple(of(item, (*path, i)) for i, item in enumerate(value))
+        return bound.get(path, value) if isinstance(value, Expression) else value
+
+    return entry.model_copy(update={key: of(value, (*sub, key)) for key, value in entry})
+
+
 def vector(bound: Bound, *sub: str | int) -> Vector:
     """The vector at a path; zero where nothing is."""
     x, y, z = (bound.get((*sub, i), ZERO) for i in range(3))

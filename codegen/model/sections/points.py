@@ -52,8 +52,11 @@ def point_at(
     if target in bodies.frames:
         return Point(target, bodies.frames[target], (ZERO, ZERO, ZERO))
     if ("point", target) not in reader.first_seen:  # a point that is there but wrong has been reported
-        known = [*points, *bodies.frames]
-        message = f"unknown point {target!r}; a point or a body is allowed: {some(known)}{nearest(target, known)}"
+
+        def message() -> str:
+            known = [*points, *bodies.frames]
+            return f"unknown point {target!r}; a point or a body is allowed: {some(known)}{nearest(target, known)}"
+
         reader.report(at, sub, message)
     return None
 
@@ -83,9 +86,11 @@ def held_together(
     elif not bodies.is_tree or reader.broken:
         return False
     else:
-        path = checks.fixed_path(start, end, bodies.bodies)
-        if path is None:
+        if bodies.rigid_parts is None:
+            bodies.rigid_parts = [*checks.rigid_parts(bodies.bodies), GROUND]  # the ground's index, -1, is the last
+        if bodies.rigid_parts[start] != bodies.rigid_parts[end]:
             return False
+        path = checks.fixed_path(start, end, bodies.bodies)
         one, other = ("the ground" if k == GROUND else repr(bodies.names[k]) for k in (start, end))
         joints = "joint of" if len(path) == 1 else "joints of"
         message = (

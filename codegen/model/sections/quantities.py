@@ -79,7 +79,7 @@ def read_parameters(reader: Reader) -> list[tuple[Parameter, Instance]]:
 def read_inputs(reader: Reader) -> None:
     for at, sub, item in reader.listed("inputs", "[motor, brake]"):
         try:
-            name = name_of(parse_name(item), {**reader.constants, **at.indices})
+            name = name_of(parse_name(item), reader.numbers(at))
         except PydanticCustomError as error:
             reader.report(at, sub, str(error.message()))
             continue

@@ -1,0 +1,150 @@
+"""Whether a joint of a tree can move without moving mass, whatever the configuration: found on numbers, before any symbol."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from .expressions import Expression
+from .model import GROUND, Body, Joint
+
+Value = Callable[[Expression], float]
+"""Value of an expression at the default parameters."""
+
+MAX_BODIES = 1000
+"""Larger systems are not looked at: the sweep is written for clarity."""
+
+_TOLERANCE = 1e-13
+_STATES = 2
+
+
+def rotation(axis: np.ndarray, angle: float) -> np.ndarray:
+    """Rotation matrix (3, 3) about an axis of any length but zero."""
+    x, y, z = axis / np.abs(axis).max() / np.linalg.norm(axis / np.abs(axis).max())
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * (cross @ cross)
+
+
+def placement(joint: Joint, value: Value) -> tuple[np.ndarray, np.ndarray]:
+    """Origin (3,) and rotation (3, 3) of a joint's frame in the parent's body frame."""
+    turn = np.eye(3)
+    for axis, angle in joint.rotation:
+        turn = turn @ rotation(np.array([value(e) for e in axis]), value(angle))
+    return np.array([value(e) for e in joint.at]), turn
+
+
+def singular_joint(
+    bodies: Sequence[Body], order: Sequence[int], mass: np.ndarray, inertia: np.ndarray, value: Value
+) -> int | None:
+    """The first body, outward, whose joint has an articulated inertia of zero at random configurations; or None.
+
+    Joints move mass for certain where every body resists its own joint, and then nothing is computed.
+
+    Parameters
+    ----------
+    order : sequence of int
+        Parents before children.
+    mass, inertia : (n,) and (n, 3, 3) arrays
+        At the default parameters, about the centres of mass.
+    """
+    if len(bodies) > MAX_BODIES and len({id(b.joint) for b in bodies}) > MAX_BODIES:
+        return None
+    resists: dict[tuple[int, ...], bool] = {}  # repeated bodies share their expressions
+    for k, b in enumerate(bodies):
+        key = id(b.joint), id(b.mass), id(b.com), id(b.inertia)
+        if key not in resists:
+            resists[key] = _resists(b, mass[k], inertia[k], value)
+    if all(resists.values()) or len(bodies) > MAX_BODIES:
+        return None
+    rng = np.random.default_rng(1)
+    with np.errstate(all="ignore"):
+        found = [_singular_at(rng, bodies, order, mass, inertia, value) for _ in range(_STATES)]
+    common = set(found[0]).intersection(*found[1:])
+    return next((k for k in order if k in common), None)
+
+
+def _resists(body: Body, mass: float, inertia: np.ndarray, value: Value) -> bool:
+    """Whether the body's own inertia is enough for every freedom of its joint."""
+    if body.joint.type == "fixed":
+        return True
+    with np.errstate(all="ignore"):
+        s = _freedoms(body.joint, np.random.default_rng(2), value)[2]
+        own = _spatial(mass, np.array([value(e) for e in body.com]), inertia)
+        pivot = s.T @ own @ s
+        scale = float(np.abs(pivot).max())
+    if not np.isfinite(scale) or scale == 0:
+        return scale != 0
+    return bool(np.abs(np.linalg.eigvalsh(pivot / scale)).min() > _TOLERANCE)
+
+
+def _singular_at(
+    rng: np.random.Generator,
+    bodies: Sequence[Body],
+    order: Sequence[int],
+    mass: np.ndarray,
+    inertia: np.ndarray,
+    value: Value,
+) -> list[int]:
+    """Bodies whose joints have a singular articulated inertia at one random configuration."""
+    shift, freedoms, articulated, composite = {}, {}, {}, {}
+    for k in order:
+        at, turn = placement(bodies[k].joint, value)
+        own_turn, own_at, freedoms[k] = _freedoms(bodies[k].joint, rng, value)
+        at, turn = at + turn @ own_at, turn @ own_turn
+        # motion of the parent's frame to motion of the body's: angular part first, body components
+        shift[k] = np.zeros((6, 6))
+        shift[k][:3, :3] = shift[k][3:, 3:] = turn.T
+        shift[k][3:, :3] = -turn.T @ np.array([[0, -at[2], at[1]], [at[2], 0, -at[0]], [-at[1], at[0], 0]])
+        articulated[k] = _spatial(mass[k], np.array([value(e) for e in bodies[k].com]), inertia[k])
+        composite[k] = articulated[k].copy()
+    singular = []
+    for k in reversed(order):
+        s, a = freedoms[k], articulated[k]
+        if s.shape[1]:
+            u = a @ s
+            pivot = s.T @ u
+            full = np.sqrt(np.abs(np.diag(s.T @ composite[k] @ s)))
+            full[full == 0] = 1.0
+            if not np.isfinite(pivot).all() or not np.isfinite(full).all():
+                return []  # numbers too large to tell
+            values, vectors = np.linalg.eigh(pivot / np.outer(full, full))
+            good = np.abs(values) > _TOLERANCE
+            if not good.all():
+                singular.append(k)
+            basis = vectors[:, good] / full[:, None]  # the inverse on what resists
+            a = a - (u @ basis / values[good]) @ (u @ basis).T
+        parent = bodies[k].parent
+        if parent != GROUND:
+            articulated[parent] += shift[k].T @ a @ shift[k]
+            composite[parent] += shift[k].T @ composite[k] @ shift[k]
+    return singular
+
+
+def _freedoms(joint: Joint, rng: np.random.Generator, value: Value) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """At a random position of the joint: rotation and shift of the body in the joint frame, and its motions (6, f)."""
+    axes = [np.array([value(e) for e in axis]) for axis in joint.axes]
+    axes = [axis / (np.abs(axis).max() or 1.0) for axis in axes]
+    angles, away = rng.uniform(0.3, 2.8, 3), rng.normal(size=3)
+    none = np.zeros(3)
+    if joint.type == "revolute":
+        return rotation(axes[0], angles[0]), none, np.append(axes[0], none)[:, None]
+    if joint.type == "prismatic":
+        return np.eye(3), axes[0] * away[0], np.append(none, axes[0])[:, None]
+    if joint.type == "universal":
+        second = rotation(axes[1], angles[1])
+        s = np.column_stack([np.append(second.T @ axes[0], none), np.append(axes[1], none)])
+        return rotation(axes[0], angles[0]) @ second, none, s
+    turn = rotation(away, angles[0])
+    if joint.type == "spherical":
+        return turn, none, np.eye(6)[:, :3]
+    if joint.type == "free":
+        return turn, away, np.eye(6)
+    return np.eye(3), none, np.zeros((6, 0))
+
+
+def _spatial(mass: float, com: np.ndarray, inertia: np.ndarray) -> np.ndarray:
+    """Inertia (6, 6) about the body's origin, angular part first."""
+    x, y, z = com
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.block([[inertia - mass * cross @ cross, mass * cross], [-mass * cross, mass * np.eye(3)]])
