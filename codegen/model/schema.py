@@ -35,7 +35,10 @@ SECTIONS: Final = (
     *("bodies", "points", "loops", "forces", "initial", "independent", "outputs"),
 )
 LATER_SECTIONS: Final = ("motion",)
-LATER_TYPES: Final = {"joint": ("screw", "cylindrical", "planar"), "loop joint": ("screw",), "force": ("body",)}
+LATER_TYPES: Final = {
+    "joint": ("screw", "cylindrical", "planar"), "loop joint": ("screw",),
+    "force": ("body", "force", "torque", "moment", "wrench", "point"),  # whatever one calls a force on a body
+}  # fmt: skip
 RESERVED: Final = frozenset({"t", "q", "u", "pi", "ground", *FUNCTIONS})
 ENERGIES: Final = ("kinetic_energy", "potential_energy")
 
@@ -580,7 +583,8 @@ def _unknown_type(value: Any, classes: list[type[Entry]]) -> str:
     name = value.get("type") if isinstance(value, dict) else value
     kind = next((k for k, base in _KINDS.items() if issubclass(classes[0], base)), "force")
     if name in LATER_TYPES.get(kind, ()):
-        return f"{kind} type {name!r} is not supported yet by this version; available: {_tags(classes)}"
+        what = ": forces and torques on bodies come later" if kind == "force" else ""
+        return f"{kind} type {name!r} is not supported yet by this version{what}; available: {_tags(classes)}"
     if kind == "loop joint" and name == "free":
         return f"a free joint sets no condition, so it closes no loop; one of {_tags(classes)} is allowed"
     hint = nearest(name, [_tag(c) for c in classes]) if isinstance(name, str) else ""

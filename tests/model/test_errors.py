@@ -85,6 +85,7 @@ def test_the_model_the_others_are_made_from_is_good():
         ("at: [0, 0, L]", "at: 3", "m.yaml:14:34: bodies.hand.joint.at: '3'; three numbers are needed*"),
         ("motor - 0.1*u.arm", "[1, 2]", "m.yaml:18:43: forces.drive.value: 2 values for the revolute joint 'arm'; 1 are*"),
         ("type: joint", "type: body", "m.yaml:18:17: forces.drive.type: force type 'body' is not supported yet*"),
+        ("type: joint", "type: torque", "m.yaml:18:17: forces.drive.type: force type 'torque' is not supported yet*on bodies*"),
         ("joint: arm,", "joint: amr,", "m.yaml:18:31: forces.drive.joint: unknown joint 'amr'; *did you mean 'arm'?"),
         ("position: hand", "position: tip", "m.yaml:20:22: outputs.height.position: unknown point 'tip'*"),
         (", axis: z}", "}", "m.yaml:20:11: outputs.height: position without axis*"),

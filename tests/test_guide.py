@@ -1,0 +1,141 @@
+"""docs/guide.md: every piece of its code runs, one after the other, and does what the page says."""
+
+import re
+import shutil
+import subprocess
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+PAGE = (Path(__file__).parents[1] / "docs" / "guide.md").read_text(encoding="utf-8")
+
+
+def blocks(language: str) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", PAGE, re.DOTALL)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory) -> tuple[Path, list[dict[str, Any]]]:
+    """The folder in which the page was followed, and what names meant after each piece of Python."""
+    place = tmp_path_factory.mktemp("guide")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(place)
+        for text in blocks("yaml"):
+            Path(f"{re.findall('model: (.*)', text)[0]}.yaml").write_text(text)
+        names: dict[str, Any] = {}
+        after = []
+        for code in blocks("python"):
+            exec(compile(code, "guide.md", "exec"), names)
+            after.append(dict(names))
+    return place, after
+
+
+def piece(run: tuple[Path, list[dict[str, Any]]], word: str) -> dict[str, Any]:
+    """What names meant after the piece that contains a word."""
+    (found,) = [names for code, names in zip(blocks("python"), run[1], strict=True) if word in code]
+    return found
+
+
+def test_the_pendulum(run):
+    first = piece(run, "print(report)")
+    assert first["height"] == pytest.approx(-np.cos(0.5)) and first["report"].compiled
+    found = piece(run, 'dp={"length": 1.0}')
+    assert found["dudot"].shape == (1, 1)
+    # a uniform rod: udot = -3 g sin(q) / (2 l) nearly (the cylinder is thin)
+    assert found["dudot"][0, 0] == pytest.approx(1.5 * 9.81 * np.sin(0.5), rel=1e-2)
+
+
+def test_the_loop_is_closed(run):
+    found = piece(run, "crank.closure")
+    assert found["q"][0] == 1.2 and np.abs(found["gap"]).max() < 1e-12 and np.abs(found["rate"]).max() < 1e-10
+
+
+@pytest.mark.parametrize(("solver", "parameter"), [("pendulum", 0), ("pendulum", 1), ("crank", 0), ("crank", 3)])
+def test_derivatives_of_motions(run, solver, parameter):
+    """Against differences of motions, which are good for a few digits; and assembling at every stage changes nothing."""
+    names = run[1][-1]
+    solver, simulate, times = names[solver], names["simulate"], np.array([0.0, 0.4])
+    p, step = solver.parameters, 1e-5 * np.eye(solver.np)[parameter]
+    q, u, dq, du = simulate(solver, times, dp=np.eye(solver.np)[parameter], tolerance=1e-11)
+    (qa, ua, *_), (qb, ub, *_) = (simulate(solver, times, p=p + s, tolerance=1e-12) for s in (-step, step))
+    np.testing.assert_allclose(dq[-1, 0], (qb - qa)[-1] / 2e-5, rtol=1e-4, atol=1e-5)
+    np.testing.assert_allclose(du[-1, 0], (ub - ua)[-1] / 2e-5, rtol=1e-4, atol=1e-4)
+    closed = simulate(solver, times, dp=np.eye(solver.np)[parameter], tolerance=1e-11, assemble=True)
+    for x, y in zip((q, u, dq, du), closed, strict=True):
+        np.testing.assert_allclose(x, y, rtol=1e-7, atol=1e-7)
+
+
+def test_the_drift_is_below_the_tolerance(run):
+    crank = run[1][-1]["crank"]
+    q, u = crank.initial
+
+    def rates(t, y):
+        return np.concatenate([crank.coordinate_rates(y[:3], y[3:]), crank.accelerations(y[:3], y[3:])])
+
+    start = np.concatenate([q, u])
+    y = solve_ivp(rates, (0.0, 10.0), start, method="DOP853", rtol=1e-9, atol=1e-9, t_eval=[5.0, 10.0]).y.T
+    assert 0 < np.abs(crank.closure(y[:, :3], y[:, 3:])[0]).max() < 1e-9
+
+
+def test_motions_keep_their_energy(run):
+    names = run[1][-1]
+    crank, (q, u, *_) = names["crank"], names["simulate"](names["crank"], np.linspace(0, 3, 7))
+    total = sum(crank.energies(q, u))
+    assert np.ptp(total) < 1e-7 * np.abs(total).max() and np.abs(crank.closure(q, u)[0]).max() < 1e-10
+
+
+def test_assembly_is_many_times_an_evaluation(run):
+    names = run[1][-1]
+    crank = names["crank"]
+    q, u = crank.initial
+    open_q = q + [0.05, 0, 0]
+
+    def least(function, *arguments):
+        seconds = []
+        for _ in range(40):
+            start = time.perf_counter()
+            function(*arguments)
+            seconds.append(time.perf_counter() - start)
+        return min(seconds)
+
+    assert least(crank.assemble, open_q, u) > 10 * least(crank.accelerations, q, u)
+
+
+def test_the_length_that_newton_finds(run):
+    names = piece(run, "root_scalar")
+    best = names["best"]
+    assert best.converged and best.function_calls < 16
+    q, *_ = names["simulate"](names["pendulum"], np.array([0.0, 0.6]), p={"length": best.root})
+    assert abs(q[-1, 0]) < 1e-6
+
+
+def test_the_controller(run):
+    names = piece(run, "solve_continuous_are")
+    A, B, gain = names["A"], names["B"], names["gain"]
+    inertia = 0.5 * (0.4**2 + 0.8**2 / 12 + 0.01**2 / 4)  # of the cylinder about its foot
+    grows = np.sqrt(0.5 * 9.81 * 0.4 / inertia)
+    free = np.sort(np.linalg.eigvals(A).real)
+    np.testing.assert_allclose(free, [-grows, -grows, 0, 0, grows, grows], atol=1e-7)  # two ways to fall, one to turn
+    assert np.linalg.eigvals(A - B @ gain).real.max() < -0.1
+
+
+def test_batches(run):
+    names = piece(run, "ThreadPoolExecutor")
+    assert names["udot"].shape == (10_000, 1)
+    np.testing.assert_array_equal(np.concatenate(names["parts"]), names["udot"])
+
+
+def test_the_program_in_c(run):
+    place, after = run
+    compiler = shutil.which("cc") or pytest.skip("no C compiler")
+    (program,), (command,) = blocks("c"), re.findall(r"^    cc (.*)$", PAGE, re.MULTILINE)
+    (place / "swing.c").write_text(program)
+    subprocess.run([compiler, "-Wall", "-Wextra", "-Werror", *command.split()], cwd=place, check=True)
+    done = subprocess.run([place / "swing"], capture_output=True, text=True, check=True)
+    pendulum = after[0]["pendulum"]
+    expected = pendulum.accelerations(*pendulum.initial, inputs=[0.3])
+    assert float(done.stdout) == pytest.approx(expected[0], rel=1e-13)
