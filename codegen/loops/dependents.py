@@ -45,12 +45,17 @@ def ranks(A: Array) -> Array:
     return np.sum(s > RANK_TOLERANCE * np.maximum(s[:, :1], RANK_TOLERANCE), axis=1)
 
 
+def conditions(A: Array) -> Array:
+    """Condition numbers ``(S,)`` of matrices ``(S, rows, f)``."""
+    if 0 in A.shape:
+        return np.ones(len(A))
+    s = np.linalg.svd(A, compute_uv=False)
+    return np.where(s[:, -1] > 0, s[:, 0] / np.maximum(s[:, -1], 1e-300), np.inf)
+
+
 def condition(A: Array) -> float:
     """The worst condition number of matrices ``(S, rows, f)``."""
-    if 0 in A.shape:
-        return 1.0
-    s = np.linalg.svd(A, compute_uv=False)
-    return float(np.max(s[:, 0] / s[:, -1])) if np.all(s[:, -1] > 0) else float("inf")
+    return float(np.max(conditions(A), initial=1.0))
 
 
 def whole_joints(geometry: Geometry, speeds: Array, columns: Array) -> list[tuple[int, ...]]:
@@ -179,6 +184,22 @@ def _eliminate(A: Array, taken: list[int], single: list[int], rank: int, window:
         chosen.append(single[pivot])
         _orthogonalise(rest, basis, rest[..., pivot].copy())
         rest[..., pivot] = 0
+    return chosen
+
+
+def columns_at_all(A: Array, rank: int) -> list[int]:
+    """Columns of ``(S, rows, f)`` by an elimination that takes, of the worst of the matrices, always the largest."""
+    return _eliminate(A, [], list(range(A.shape[2])), rank, A.shape[2], 1.0)
+
+
+def pivoted_columns(A: Array, rank: int) -> Array:
+    """Columns ``(S, rank)`` that a Gram-Schmidt with column pivoting takes of each of the matrices ``(S, rows, f)``."""
+    rest, basis = A.copy(), list[Array]()
+    chosen = np.empty((len(A), rank), dtype=int)
+    for i in range(rank):
+        chosen[:, i] = pivot = np.argmax(np.linalg.norm(rest, axis=1), axis=1)
+        _orthogonalise(rest, basis, np.take_along_axis(rest, pivot[:, None, None], axis=2)[..., 0])
+        np.put_along_axis(rest, np.broadcast_to(pivot[:, None, None], (*rest.shape[:2], 1)), 0.0, axis=2)
     return chosen
 
 

@@ -47,12 +47,39 @@ def describe(model: Model, partition: Partition) -> list[str]:
             f"  {model.bodies[group.body].name} is split: {listed(first)} dependent, {listed(second)} independent; its {what} "
             f"counts as independent"
         )
+    lines += _comparison(model, partition)
     if rank < rows:
         lines.append(
             f"{rows - rank} of {rows} conditions are redundant: they follow from the others, and the joints' reactions "
             f"to them are not unique"
         )
     return lines + [f"warning: {text}" for text in partition.warnings]
+
+
+def _comparison(model: Model, partition: Partition) -> list[str]:
+    """How good the choice is: of the loops that share joints those where it is worst, and what was not compared."""
+    lines = []
+    compared = partition.compared
+    if compared:
+        found = min(compared, key=lambda c: c.worth)
+        which = ""
+        if len(compared) > 1:
+            which = f" of {listed([model.loops[i].name for i in found.loops])}, the worst of {len(compared)},"
+        text = (
+            f"  dependents{which} together: condition number {found.condition:.2g}, {found.pivoted:.2g} by pivoting the whole "
+            f"closure matrix"
+        )
+        if found.worst == found.worst:
+            text += f"; at three of four other states at most {found.worst:.2g} and {found.worst_pivoted:.2g}"
+        if found.reach == found.reach:
+            text += f"; {found.reach:.0%} of random independents nearby close"
+        lines.append(text)
+    if partition.uncompared:
+        lines.append(
+            f"  {partition.uncompared} loops not compared with pivoting, which would be dense; their dependents follow the "
+            f"independents {partition.growth:.2g} times as fast at most"
+        )
+    return lines
 
 
 def _line(model: Model, ears: list[Ear]) -> str:

@@ -10,12 +10,15 @@ import numpy as np
 from ..model.errors import nearest
 from ..model.model import Model
 from .assembling import assembled, first_assembly, initial_configuration, is_closed, listed
+from .comparison import Comparison
+from .components import components
 from .dependents import condition
 from .errors import AssemblyError, PartitionError
 from .geometry import Array, Geometry, advance, padded
 from .ordering import Draft, Sweep, arrange, loop_order
 from .speed_groups import SpeedGroup, coordinates_of, speed_groups
 from .velocities import Motion, complete_speeds
+from .weighing import Weighed, weighed
 
 NEARBY = 2
 """Configurations near the initial one that are looked at too where a special pose could mislead."""
@@ -81,12 +84,22 @@ class Partition:
         The assembled initial configuration that ranks were found at.
     warnings : tuple of str
         What a user should know about the choice.
+    compared : tuple of Comparison
+        How good the choice is for loops that share joints, taken together.
+    uncompared : int
+        How many loops share joints with too many others for that.
+    growth : float
+        How much faster than all independent speeds a dependent speed of these is: the root mean square of random motions,
+        of the speed that is worst, displacements per characteristic length.
     """
 
     ears: tuple[Ear, ...]
     independent: tuple[int, ...]
     q: tuple[float, ...] = ()
     warnings: tuple[str, ...] = ()
+    compared: tuple[Comparison, ...] = ()
+    uncompared: int = 0
+    growth: float = 1.0
 
     @property
     def dependent(self) -> tuple[int, ...]:
@@ -127,19 +140,29 @@ def partition(model: Model) -> Partition:
     held = hinted(geometry)
     check_cycles(geometry)
     order = loop_order(geometry, held)
+    shared = components(geometry)
     warnings: list[str] = []
+
+    def choose(q: Array) -> Weighed:
+        return weighed(geometry, *_choose(geometry, order, q, held, random, warnings), q, held, shared)
+
     if is_closed(geometry, guess):
-        q, drafts = guess, _choose(geometry, order, guess, held, random, warnings)
+        q, chosen = guess, choose(guess)
     else:
         q, warnings = first_assembly(geometry, order, guess, held, random)
-        drafts = _choose(geometry, order, q, held, random, warnings)
-        moved, q = q, _near_guess(geometry, drafts, guess, q, warnings)
+        chosen = choose(q)
+        moved, q = q, _near_guess(geometry, chosen.drafts, guess, q, warnings)
         if q is not moved:
-            drafts = _judged(geometry, drafts, q)
-            if max(d.condition for d in drafts) > POOR_CONDITION:
-                drafts = _choose(geometry, order, q, held, random, warnings)
-    warnings += [text for d in drafts for text in _doubts(model, d)]
-    found = _partition(geometry, drafts, q, warnings)
+            drafts = _judged(geometry, chosen.drafts, q)
+            poor = max(d.condition for d in drafts) > POOR_CONDITION
+            chosen = choose(q) if poor else weighed(geometry, drafts, chosen.growth, q, held, shared)
+    warnings += [text for d in chosen.drafts for text in _doubts(model, geometry, d, held)]
+    found = replace(
+        _partition(geometry, chosen.drafts, q, [*warnings, *chosen.warnings]),
+        compared=chosen.compared,
+        uncompared=chosen.uncompared,
+        growth=chosen.growth_of_uncompared,
+    )
     ignored = list(_ignored_speeds(model, found))
     return replace(found, warnings=(*found.warnings, *ignored)) if ignored else found
 
@@ -157,7 +180,7 @@ def _ignored_speeds(model: Model, found: Partition) -> Iterator[str]:
         yield f"initial u of dependent speeds do not close the loops; they are changed, {text}"
 
 
-def _doubts(model: Model, draft: Draft) -> Iterator[str]:
+def _doubts(model: Model, geometry: Geometry, draft: Draft, held: set[int]) -> Iterator[str]:
     """What a user should know about an ear."""
     names = listed([model.loops[i].name for i in draft.loops])
     loops = f"loop{'s' * (len(draft.loops) > 1)} {names}"
@@ -167,21 +190,25 @@ def _doubts(model: Model, draft: Draft) -> Iterator[str]:
             f"configuration, which is at or near a singular one; start from another configuration"
         )
     if len(draft.loops) > LARGE_CLUSTER:
+        asked = any(
+            s in held for i in draft.loops for side in geometry.cycle(i) for k in side for s in geometry.speeds[k]
+        )
         yield (
             f"{loops} close only all together, in one dense system of rank {len(draft.dependent)}; other coordinates "
-            f"under `independent`, or none, may do better"
+            f"under `independent`{', or none,' * asked} may do better"
         )
 
 
 def _choose(
     geometry: Geometry, order: list[int], q: Array, held: set[int], random: np.random.Generator, warnings: list[str]
-) -> list[Draft]:
-    """Ears at an assembled configuration, and at some near it unless that one is enough."""
+) -> tuple[list[Draft], Array]:
+    """Ears at an assembled configuration, and at some near it unless that one is enough; and `Sweep.growth`."""
     doubtful = list(range(len(order)))
     try:
-        drafts = arrange(Sweep(geometry, q, held, random), order)
+        sweep = Sweep(geometry, q, held, random)
+        drafts = arrange(sweep, order)
         if all(d.certain for d in drafts):
-            return drafts
+            return drafts, sweep.growth()
         doubtful = [i for d in drafts if not d.certain for i in d.loops]
     except PartitionError:
         pass  # the pose may be a special one
@@ -201,13 +228,14 @@ def _choose(
         f"from another configuration, or check whether lengths are just long enough"
     )
     try:
-        drafts = arrange(Sweep(geometry, np.concatenate(configurations), held, random), order)
+        sweep = Sweep(geometry, np.concatenate(configurations), held, random)
+        drafts = arrange(sweep, order)
     except PartitionError as error:
         raise PartitionError(f"{error}; {advice}" if stuck else str(error)) from None
     if stuck:
         ranks = [f"{len(d.dependent)} of {d.rows} conditions" for d in drafts if {*d.loops} & {*stuck}]
         warnings.append(f"{advice} (rank {listed(ranks)})")
-    return drafts
+    return drafts, sweep.growth()
 
 
 def _moves(geometry: Geometry, loop: int, configurations: list[Array]) -> bool:

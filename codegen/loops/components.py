@@ -1,0 +1,48 @@
+"""Which loops share joints: components, each of which closes whatever the others do."""
+
+from __future__ import annotations
+
+from .geometry import Geometry
+
+
+def components(geometry: Geometry) -> list[list[int]]:
+    """Loops in sets that share no joint that moves, each ascending, by their first loops.
+
+    The joints of a component are a connected part of the tree. A walk along a cycle that meets one goes on from the body
+    that carries it, so that every joint is passed about once, however long the cycles are.
+    """
+    depth = geometry.depth
+    carrier = list(range(geometry.ground + 1))  # what joints without freedom carry moves with their parents
+    for k in geometry.model.outward:
+        if not geometry.speeds[k]:
+            carrier[k] = carrier[geometry.parent[k]]
+    joined = list(range(len(geometry.starts)))
+    base = [0] * len(joined)
+    owner: dict[int, int] = {}
+
+    def find(i: int) -> int:
+        while joined[i] != i:
+            joined[i] = joined[joined[i]]
+            i = joined[i]
+        return i
+
+    for i, (start, end) in enumerate(zip(geometry.starts, geometry.ends, strict=True)):
+        a, b = carrier[start], carrier[end]
+        touched: set[int] = set()
+        while a != b:
+            if depth[a] < depth[b]:
+                a, b = b, a
+            if a in owner and owner[a] != i:
+                known = find(owner[a])
+                touched.add(known)
+                a = base[known]
+            else:
+                owner[a] = i
+                a = carrier[geometry.parent[a]]
+        base[i] = min([a, *(base[c] for c in touched)], key=depth.__getitem__)
+        for c in touched:
+            joined[c] = i
+    found: dict[int, list[int]] = {}
+    for i in range(len(joined)):
+        found.setdefault(find(i), []).append(i)
+    return sorted(found.values())

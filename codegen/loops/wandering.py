@@ -1,0 +1,156 @@
+"""Assembled configurations spread over the range of some loops: walks along what their closure leaves free."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from .geometry import Array, Geometry, advance
+from .paths import PoseGroups
+from .rings import LARGEST_STEP, Ring
+
+WALKS = 5
+"""Walks from the initial configuration, each in a direction of its own."""
+
+STRIDES = 4
+"""Steps of a walk; after each the loops are closed again."""
+
+STRIDE = 0.4
+"""rad, or characteristic lengths: the largest component of a step."""
+
+CORRECTIONS = 4
+"""Newton steps that close the loops again."""
+
+DRAWS = 20
+"""Random independents that a choice of dependents is tried with."""
+
+RANGE = 0.5
+"""rad, and characteristic lengths: how far from the initial configuration these are."""
+
+PARTS = 3
+"""Steps in which the independents go there."""
+
+TRIALS = 10
+"""Newton steps that may close the loops after the last of them."""
+
+DAMPING = 1e-11
+"""Part of the squared size of a closure matrix that is added to its squares: redundant conditions do not matter then."""
+
+NEARLY_CLOSED = 1e-5
+"""Of the characteristic length, or rad: good enough to see how the joints stand to each other."""
+
+
+class Surroundings:
+    """Closure matrices of some loops at the initial configuration and at others that it is connected with.
+
+    Coordinates that no joint of these loops has stay as they are. All configurations are computed at once.
+
+    Attributes
+    ----------
+    speeds : (f,) array
+        Of the joints on the loops' cycles.
+    q : (S, nq + 1) array
+        The initial configuration first.
+    E : (S, rows, f) array
+        Linear conditions and displacements per characteristic length.
+    residual : (S,) array
+        How far the loops are open: rad, and characteristic lengths.
+    """
+
+    def __init__(self, groups: PoseGroups, loops: Sequence[int], q: Array, random: np.random.Generator) -> None:
+        g = groups.geometry
+        g.lengths[list(loops)] = g.own_lengths[list(loops)]
+        ring = Ring(groups, loops, {k for i in loops for side in g.cycle(i) for k in side if g.speeds[k]})
+        self.geometry, self.ring, self.speeds = g, ring, ring.joints.speeds
+        self.scale = np.where(g.turning[self.speeds], 1.0, ring.length)
+        self.draws = random.uniform(-RANGE, RANGE, (DRAWS, len(self.speeds)))
+        self.q, self.E, self.residual = self._walked(np.repeat(q, WALKS, axis=0), random)
+
+    def reach(self, dependent: Sequence[int]) -> float:
+        """For which part of random independents Newton's method closes the loops by moving the dependents.
+
+        The same displacements of all joints are drawn for every choice; dependents begin at the initial configuration.
+
+        Parameters
+        ----------
+        dependent : sequence of int
+            Columns.
+        """
+        step = self.draws / PARTS
+        step[:, dependent] = 0
+        q = np.repeat(self.q[:1], len(step), axis=0)
+        speeds, scale = self.speeds[list(dependent)], self.scale[list(dependent)]
+        for part in range(PARTS):
+            q = advance(self.geometry, q, self.speeds, step * self.scale)
+            rows, E = self._closed(q)
+            for _ in range(TRIALS if part == PARTS - 1 else CORRECTIONS):
+                if np.all(_largest(rows) < NEARLY_CLOSED):
+                    break
+                q = advance(self.geometry, q, speeds, _limited(-_least(E[..., dependent], rows)) * scale)
+                rows, E = self._closed(q)
+        return float(np.mean(_largest(rows) < NEARLY_CLOSED))
+
+    def _walked(self, q: Array, random: np.random.Generator) -> tuple[Array, Array, Array]:
+        direction = random.normal(size=(len(q), len(self.speeds)))
+        rows, E = self._closed(q)
+        configurations, matrices, residuals = [q[:1]], [E[:1]], [_largest(rows[:1])]
+        for _ in range(STRIDES):
+            along = direction - _least(E, (E @ direction[..., None])[..., 0])
+            size = np.max(np.abs(along), axis=1, keepdims=True)
+            step = STRIDE * along / np.where(size > 0, size, 1.0)
+            moved, found, residual = self._corrected(advance(self.geometry, q, self.speeds, step * self.scale))
+            closed = residual < NEARLY_CLOSED
+            # A walk that has met an end of the range turns round.
+            direction = np.where(closed[:, None], along, -direction)
+            q, E = np.where(closed[:, None], moved, q), np.where(closed[:, None, None], found, E)
+            configurations.append(q[closed])
+            matrices.append(E[closed])
+            residuals.append(residual[closed])
+        return np.concatenate(configurations), np.concatenate(matrices), np.concatenate(residuals)
+
+    def _corrected(self, q: Array) -> tuple[Array, Array, Array]:
+        """Configurations with the loops closed, their matrices, and how far they are open still."""
+        rows, E = self._closed(q)
+        for _ in range(CORRECTIONS):
+            step = _limited(-_least(E, rows))
+            q = advance(self.geometry, q, self.speeds, step * self.scale)
+            rows, E = self._closed(q)
+        return q, E, _largest(rows)
+
+    def _closed(self, q: Array) -> tuple[Array, Array]:
+        rows, E = self.ring.evaluate(q)
+        return rows, E * self.scale
+
+
+def _largest(rows: Array) -> Array:
+    """The largest residual ``(S,)`` of rows ``(S, rows)``."""
+    largest: Array = np.max(np.abs(rows), axis=1, initial=0.0)
+    return largest
+
+
+def _limited(step: Array) -> Array:
+    """Steps ``(S, f)`` shortened to where a linearisation means something."""
+    size = np.max(np.abs(step), axis=1, keepdims=True)
+    limited: Array = step * np.minimum(1.0, LARGEST_STEP / np.where(size > 0, size, 1.0))
+    return limited
+
+
+def _least(E: Array, right: Array) -> Array:
+    """The shortest x ``(S, f)`` with E x = right ``(S, rows)``, in the least-squares sense, hardly damped."""
+    ET = np.swapaxes(E, -1, -2)
+    gram = E @ ET if E.shape[1] <= E.shape[2] else ET @ E
+    n = gram.shape[1]
+    size = np.maximum(np.trace(gram, axis1=1, axis2=2), 1e-300)
+    gram = gram + (DAMPING * size)[:, None, None] * np.eye(n)
+    if E.shape[1] <= E.shape[2]:
+        x: Array = ET @ np.linalg.solve(gram, right[..., None])
+    else:
+        x = np.linalg.solve(gram, ET @ right[..., None])
+    return x[..., 0]
+
+
+def rigid_parts(geometry: Geometry, q: Array, components: Iterable[Sequence[int]]) -> PoseGroups:
+    """Bodies that no joint of these loops parts, in groups."""
+    moving = {k for loops in components for i in loops for side in geometry.cycle(i) for k in side}
+    return PoseGroups(geometry, q, [k for k in range(geometry.ground) if k not in moving or not geometry.speeds[k]])

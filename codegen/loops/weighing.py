@@ -1,0 +1,141 @@
+"""Choices of dependents weighed, component by component: compared, made better, or said to be poor."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .assembling import listed
+from .comparison import ACCEPTED, WORTH_IT, Comparison, Judge, is_compared
+from .geometry import Array, Geometry
+from .ordering import Draft
+from .wandering import Surroundings, rigid_parts
+
+POOR_GROWTH = 1e5
+"""How much faster than independent speeds dependent ones of many loops may be before the user is told."""
+
+SEED = 19900117
+"""Of the random numbers, for every component the same."""
+
+
+@dataclass(frozen=True, slots=True)
+class Weighed:
+    """Ears, and how good they are.
+
+    Attributes
+    ----------
+    drafts : list of Draft
+    growth : (nu,) array
+        As from `Sweep.growth`.
+    growth_of_uncompared : float
+        Its largest for dependents of components that are not compared.
+    compared : tuple of Comparison
+    uncompared : int
+        Loops of components that are not compared.
+    warnings : tuple of str
+    """
+
+    drafts: list[Draft]
+    growth: Array
+    growth_of_uncompared: float
+    compared: tuple[Comparison, ...]
+    uncompared: int
+    warnings: tuple[str, ...]
+
+
+def weighed(
+    geometry: Geometry,
+    drafts: list[Draft],
+    growth: Array,
+    q: Array,
+    held: set[int],
+    components: Sequence[Sequence[int]],
+) -> Weighed:
+    """Judge the choice for every set of loops that share joints, and replace it where another one is clearly better.
+
+    Parameters
+    ----------
+    drafts : list of Draft
+        All ears.
+    growth : (nu,) array
+        As from `Sweep.growth`.
+    q : (1, nq + 1) array
+        Assembled.
+    held : set of int
+        Speeds that must stay independent.
+    components : sequence of sequence of int
+        Loops that share joints.
+    """
+    of_loop = {i: n for n, loops in enumerate(components) for i in loops}
+    ears: list[list[Draft]] = [[] for _ in components]
+    for draft in drafts:
+        ears[of_loop[draft.loops[0]]].append(draft)
+    small = [n for n, loops in enumerate(components) if is_compared(geometry, loops, ears[n])]
+    compared: list[Comparison] = []
+    warnings: list[str] = []
+    if small:
+        groups = rigid_parts(geometry, q, [components[n] for n in small])
+        for n in small:
+            order = [i for d in ears[n] for i in d.loops]
+            near = Surroundings(groups, components[n], q, np.random.default_rng(SEED))
+            judge = Judge(near, order, held, sum(len(d.dependent) for d in ears[n]), SEED)
+            ears[n], found = judge.better(ears[n])
+            unasked = None
+            if held.intersection(judge.speeds):
+                unasked = Judge(near, order, set(), judge.rank, SEED)
+                found = unasked.compare(ears[n])
+            compared.append(found)
+            if found.loss > ACCEPTED:
+                warnings.append(_poor(geometry, found, unasked))
+        drafts = _in_their_places(drafts, ears, of_loop)
+        for draft in drafts:  # which other choices have changed
+            geometry.lengths[list(draft.loops)] = np.max(geometry.own_lengths[list(draft.loops)])
+    rest = [n for n in range(len(components)) if n not in small]
+    dependent = [s for n in rest for d in ears[n] for s in d.dependent]
+    worst = float(np.max(growth[dependent], initial=0.0))
+    if worst > POOR_GROWTH:
+        name = geometry.model.speed_names[max(dependent, key=lambda s: float(growth[s]))]
+        warnings.append(
+            f"{name} is {worst:.1e} times as fast as the independent speeds that it follows, and as many times less exact; "
+            f"other coordinates under `independent` may do better"
+        )
+    uncompared = sum(len(components[n]) for n in rest)
+    return Weighed(drafts, growth, worst, tuple(compared), uncompared, tuple(warnings))
+
+
+def _in_their_places(drafts: list[Draft], ears: list[list[Draft]], of_loop: dict[int, int]) -> list[Draft]:
+    """Ears of all components, in the places that those components had."""
+    left: list[Iterator[Draft]] = [iter(x) for x in ears]
+    result = [d for old in drafts for d in (next(left[of_loop[old.loops[0]]], None),) if d is not None]
+    return result + [d for more in left for d in more]
+
+
+def _poor(geometry: Geometry, found: Comparison, unasked: Judge | None) -> str:
+    """What to say of a poor choice; `unasked` judges without the model's hints, if it has any for these loops."""
+    model = geometry.model
+    names = listed([model.loops[i].name for i in found.loops])
+    text = (
+        f"loop{'s' * (len(found.loops) > 1)} {names}: the closure matrix of all dependents is {found.loss:.0f} times worse "
+        f"conditioned than the one that pivoting finds, here or at other assembled states"
+    )
+    other = unasked.own_choice() if unasked is not None else None
+    if unasked is not None and other is not None and other[1].loss * WORTH_IT < found.loss:
+        dependent = {s for d in other[0] for s in d.dependent}
+        hint = ", ".join(independent_names(geometry, unasked.speeds, dependent))
+        return f"{text}; `independent: [{hint}]` would be {other[1].loss:.1f} times worse, and no hint at all may serve too"
+    return f"{text}; other coordinates under `independent`{', or none,' * (unasked is not None)} may do better"
+
+
+def independent_names(geometry: Geometry, speeds: Sequence[int], dependent: set[int]) -> Iterator[str]:
+    """What to write under `independent` to get the same choice, as far as that can be said: quaternion joints as a whole."""
+    model = geometry.model
+    bodies = dict.fromkeys(int(geometry.speed_body[s]) for s in speeds)
+    for k in bodies:
+        mine = geometry.speeds[k]
+        if geometry.whole[k]:
+            if not dependent.intersection(mine):
+                yield model.bodies[k].name
+        else:
+            yield from (model.coordinate_names[geometry.coordinate[s]] for s in mine if s not in dependent)
