@@ -57,7 +57,7 @@ def describe(model: Model, partition: Partition) -> list[str]:
 
 
 def _comparison(model: Model, partition: Partition) -> list[str]:
-    """How good the choice is: of the loops that share joints those where it is worst, and what was not compared."""
+    """How good the choice is, for the loops that share joints where it is worst; and what was not compared."""
     lines = []
     compared = partition.compared
     if compared:
@@ -65,14 +65,11 @@ def _comparison(model: Model, partition: Partition) -> list[str]:
         which = ""
         if len(compared) > 1:
             which = f" of {listed([model.loops[i].name for i in found.loops])}, the worst of {len(compared)},"
-        text = (
-            f"  dependents{which} together: condition number {found.condition:.2g}, {found.pivoted:.2g} by pivoting the whole "
-            f"closure matrix"
-        )
+        text = f"  dependents{which} together: condition number {found.condition:.2g}, by pivoting {found.pivoted:.2g}"
         if found.worst == found.worst:
-            text += f"; at three of four other states at most {found.worst:.2g} and {found.worst_pivoted:.2g}"
+            text += f"; in three of four other states at most {found.worst:.2g}, by pivoting {found.worst_pivoted:.2g}"
         if found.reach == found.reach:
-            text += f"; {found.reach:.0%} of random independents nearby close"
+            text += f"; {found.reach:.0%} of random states nearby close"
         lines.append(text)
     if partition.uncompared:
         lines.append(

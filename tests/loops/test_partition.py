@@ -394,9 +394,7 @@ def test_description_names_what_depends_on_what():
     assert lines[1].startswith(
         "  foot: coupler, rocker dependent; rank 2 of 5 conditions, 3 redundant; condition number 1."
     )
-    assert lines[2].startswith(
-        "  dependents together: condition number 1.5, 1.5 by pivoting the whole closure matrix; at three"
-    )
+    assert lines[2].startswith("  dependents together: condition number 1.5, by pivoting 1.5; in three")
     assert lines[3].startswith("3 of 5 conditions are redundant")
 
 

@@ -118,10 +118,8 @@ def test_what_is_said_of_a_choice_is_what_it_is(four_loops, chosen):
     s = np.linalg.svd((E * size)[:, list(chosen.dependent)], compute_uv=False)
     assert compared.condition == pytest.approx(s[0] / s[-1], rel=1e-6)
     (line,) = [x for x in describe(four_loops, chosen) if "together" in x]
-    assert line.startswith(
-        f"  dependents together: condition number {compared.condition:.2g}, {compared.pivoted:.2g} by pivoting"
-    )
-    assert f"{compared.reach:.0%} of random independents" in line
+    assert f"condition number {compared.condition:.2g}, by pivoting {compared.pivoted:.2g}; in three" in line
+    assert f"{compared.reach:.0%} of random states nearby" in line
 
 
 def closing(made, found, spread=0.4, count=40):
