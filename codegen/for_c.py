@@ -172,9 +172,11 @@ def _program(model: Model, manifest: Mapping[str, Any]) -> list[str]:
     if model.loops:
         p = ", p" if "p" in given else ""
         lines += [
-            f"    {turned} += 0.01;    /* the dependent coordinates follow */",
-            f"    if (!(assemble(q{p}) < 1e-9)) return 1;",
-            f"    if ({name}_completion(q, u{p}, full_u, work)) return 1;    /* and so do the speeds */",
+            f"    {turned} += 0.001;    /* the dependent coordinates follow */",
+            f"    if (!(assemble(q{p}) < 1e-9) || {name}_completion(q, u{p}, full_u, work)) {{    /* and so do the speeds */",
+            '        fprintf(stderr, "the loops cannot be closed there\\n");',
+            "        return 1;",
+            "    }",
             "    memcpy(u, full_u, sizeof u);",
         ]
     if "p" in given:

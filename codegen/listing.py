@@ -172,10 +172,13 @@ class _Listing:
     def mass(self, body: Body) -> str:
         if _is_zero(body.mass) and all(_is_zero(x) for x in body.inertia):
             return "no mass"
-        value = "" if body.mass.is_number else f" = {self.number(body.mass)}"
+        if len(str(body.mass)) > LONG:
+            mass = f"{self.number(body.mass)} kg (of {', '.join(sorted(body.mass.names))})"
+        else:
+            mass = self.long(body.mass) + ("" if body.mass.is_number else f" = {self.number(body.mass)}") + " kg"
         com = "" if all(_is_zero(x) for x in body.com) else f" at {self.vector(body.com)}"
         inertia = ", ".join(self.number(x) for x in body.inertia)
-        return f"mass {self.long(body.mass)}{value} kg{com}, inertia [{inertia}] kg m^2"
+        return f"mass {mass}{com}, inertia [{inertia}] kg m^2"
 
     def face(self, face: Face) -> str:
         return f"{self.place(face.body, face.at)}{self.turned(face.rotation)}"

@@ -25,6 +25,7 @@ def here(tmp_path_factory):
         (place / f"{re.findall('model: (.*)', text)[0]}.yaml").write_text(text)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(place)
+        patch.setenv("ORDERNM_CFLAGS", "-O1")  # compiles quicker
         yield place
 
 
