@@ -356,7 +356,7 @@ def manifest(
 ) -> dict[str, Any]:
     """What ``model.json`` says for the run time."""
     model = system.model
-    defaults = {p.name: p.value for p in model.parameters}
+    defaults = model.defaults
     q0, u0 = [], []
     quaternions = []
     for i, name in enumerate(model.coordinate_names):
@@ -397,7 +397,19 @@ def manifest(
         "widths": list(WIDTHS),
         "functions": functions,
         "operations": operations,
+        **_redundancy(system),
     }
+
+
+def _redundancy(system: System) -> dict[str, Any]:
+    """Conditions that were dropped and parameters that open others, where there are any."""
+    chosen, model = system.partition, system.model
+    if chosen is None:
+        return {}
+    dropped, opening = list(chosen.dropped_conditions(model)), list(chosen.opening)
+    return ({"loop_tolerance": model.loop_tolerance, "dropped": dropped} if dropped else {}) | (
+        {"opening": opening} if opening else {}
+    )
 
 
 def _joint_link(system: System, body: int) -> int:

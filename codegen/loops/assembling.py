@@ -20,6 +20,9 @@ from .rings import ROUNDING, Outcome, Ring, close
 if TYPE_CHECKING:
     from .partition import Partition
 
+NEARLY = 10.0
+"""Tolerances of the model that a loop may stay open by where conditions follow from others: angles add up, and act on levers."""
+
 TRIES = 8
 """Guesses from which a ring that does not close is tried again, further and further from the given one."""
 
@@ -80,7 +83,7 @@ def assemble(
 def assembled(geometry: Geometry, partition: Partition, q: Array) -> Array:
     """`assemble` for coordinates ``(1, nq + 1)``."""
     for ear in partition.ears:
-        geometry.lengths[list(ear.loops)] = ear.length
+        geometry.follow(ear)
     dependent = [s for ear in partition.ears for s in ear.dependent]
     moving = {int(geometry.speed_body[s]) for s in dependent}
     q = advance(geometry, q, dependent, np.zeros((1, len(dependent))))  # quaternions get unit length
@@ -107,7 +110,12 @@ def is_closed(geometry: Geometry, q: Array) -> bool:
 
 
 def first_assembly(
-    geometry: Geometry, order: Sequence[int], q: Array, held: set[int], random: np.random.Generator
+    geometry: Geometry,
+    order: Sequence[int],
+    q: Array,
+    held: set[int],
+    random: np.random.Generator,
+    open_: set[int] | None = None,
 ) -> tuple[Array, list[str]]:
     """Close all loops before it is known which coordinates depend on which: minimum-norm steps, loop by loop.
 
@@ -122,6 +130,8 @@ def first_assembly(
         Guess.
     held : set of int
         Speeds whose coordinates are kept if that is possible.
+    open_ : set of int, optional
+        If given, loops may stay open by the model's tolerance where no joint can close more of them; they are added to it.
 
     Returns
     -------
@@ -138,7 +148,15 @@ def first_assembly(
         start, end = groups.unknown(loop)
         ring = Ring(groups, [loop], [*start, *end])
         movable = ~np.isin(ring.joints.speeds, list(held))
-        outcome, tries = close(ring, q, _near_cut(ring, (start, end), q, movable)), 0
+        near = _near_cut(ring, (start, end), q, movable)
+        outcome, tries = close(ring, q, near), 0
+        if not outcome.closed and open_ is not None:
+            nearly = close(ring, q, near, geometry.tolerance)
+            if nearly.settled and nearly.residual <= NEARLY * geometry.tolerance:
+                open_.add(loop)
+                groups.found(ring.joints, nearly.q)
+                q = nearly.q
+                continue
         if not outcome.closed:
             outcome, tries = _tried(ring, q, movable, random)
         if outcome.closed:
@@ -165,7 +183,7 @@ def _near_cut(ring: Ring, sides: tuple[list[int], list[int]], q: Array, movable:
     g, speeds = ring.geometry, ring.joints.speeds
     free = np.flatnonzero(movable)
     E = ring.evaluate(q)[1] * np.where(g.turning[speeds], 1.0, ring.length)
-    rank = int(ranks(E[..., free])[0])
+    rank = int(ranks(E[..., free], g.tolerance)[0])
     if rank == len(free):
         return movable
     distance = {k: d for side in sides for d, k in enumerate(side)}
@@ -227,7 +245,7 @@ def open_loop(ring: Ring, outcome: Outcome, movable: Array) -> AssemblyError:
     """Which loop stays open, by how much, and what to do."""
     g = ring.geometry
     model = g.model
-    owner = [(i, r) for i in ring.cuts.loops for r in g.rows[i]]
+    owner = [(i, r) for i in ring.cuts.loops for r in g.kept[i]]
     worst = owner[int(np.argmax(np.abs(outcome.rows)))][0]
     mine = [(x, r) for x, (i, r) in zip(outcome.rows, owner, strict=True) if i == worst]
     gap = float(np.linalg.norm([x * g.lengths[worst] for x, r in mine if r < 3]))

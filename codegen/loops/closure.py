@@ -63,7 +63,7 @@ def closure(
     geometry = Geometry(model, p)
     if lengths is not None:
         geometry.lengths = np.asarray(lengths, dtype=float)
-    q, cuts = padded(q), Cuts(geometry, range(len(model.loops)))
+    q, cuts = padded(q), Cuts(geometry, range(len(model.loops)), geometry.rows)
     frames = body_frames(geometry, q)
     position = cuts.place(cuts.faces(frames))
     w, v = body_twists(geometry, q, frames, np.asarray(u, dtype=float)[None, :, None])
@@ -167,7 +167,8 @@ def shifted(w: Array, v: Array, r: Array) -> Array:
 class Cuts:
     """The conditions of some loops, l of them, at S configurations.
 
-    Every loop has six rows here, three linear and three angular, of which some are idle; `kept` leaves those out.
+    Every loop has six rows here, three linear and three angular, of which some are idle; `kept` leaves those out, and
+    those that have been dropped. `rows` asks for others, loop by loop.
 
     Attributes
     ----------
@@ -181,15 +182,16 @@ class Cuts:
     n: Array
     m: Array
 
-    def __init__(self, geometry: Geometry, loops: Sequence[int]) -> None:
+    def __init__(self, geometry: Geometry, loops: Sequence[int], rows: Sequence[Sequence[int]] | None = None) -> None:
         g, self.loops = geometry, list(loops)
+        rows = g.kept if rows is None else rows
         i = np.array(self.loops, dtype=int)
         self.starts, self.ends = np.array(g.starts, dtype=int)[i], np.array(g.ends, dtype=int)[i]
         self.face_R, self.face_at = g.face_R[:, i], g.face_at[:, i]
         self.linear = g.linear[i] / g.lengths[i, None, None]
         self.angular, self.axis, self.end_axis = g.angular[i], g.axis[i], g.end_axis[i]
         self.whole, self.universal = np.flatnonzero(g.turned_whole[i]), np.flatnonzero(g.is_universal[i])
-        self.row_index = np.array([6 * j + r for j, k in enumerate(self.loops) for r in g.rows[k]], dtype=int)
+        self.row_index = np.array([6 * j + r for j, k in enumerate(self.loops) for r in rows[k]], dtype=int)
 
     def kept(self, six: Array) -> Array:
         """The true rows of ``(S, l, 6, ...)`` as ``(S, rows, ...)``."""

@@ -37,12 +37,12 @@ MAX_DIVIDED = 6
 """How many rotations or displacements are tried as the only one that is divided."""
 
 
-def ranks(A: Array) -> Array:
+def ranks(A: Array, tolerance: float = RANK_TOLERANCE) -> Array:
     """Numerical ranks of matrices ``(S, rows, f)`` whose entries are of order one, ``(S,)``."""
     if 0 in A.shape:
         return np.zeros(len(A), dtype=int)
     s = np.linalg.svd(A, compute_uv=False)
-    return np.sum(s > RANK_TOLERANCE * np.maximum(s[:, :1], RANK_TOLERANCE), axis=1)
+    return np.sum(s > tolerance * np.maximum(s[:, :1], tolerance), axis=1)
 
 
 def conditions(A: Array) -> Array:

@@ -53,6 +53,13 @@ def describe(model: Model, partition: Partition) -> list[str]:
             f"{rows - rank} of {rows} conditions are redundant: they follow from the others, and the joints' reactions "
             f"to them are not unique"
         )
+    lines += partition.remarks
+    if partition.opening:
+        opened = listed([model.parameter_names[j] for j in partition.opening])
+        lines.append(
+            f"parameters that open redundant conditions when they change alone: {opened}; along them derivatives are those "
+            f"of the nearest motion, and a warning says so"
+        )
     return lines + [f"warning: {text}" for text in partition.warnings]
 
 

@@ -7,16 +7,23 @@ first axis. The ground is a body too, the last one: index `Geometry.ground`.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..model.expressions import Expression
-from ..model.model import CLOSURE_ROWS, GROUND, Model, Vector
+from ..model.model import CLOSURE_ROWS, GROUND, Model, Vector, coordinate_axis, least_along
 from .speed_groups import QUATERNION, speed_groups
+
+if TYPE_CHECKING:
+    from .partition import Ear
 
 Array = np.ndarray
 
 U = np.eye(3)
+
+LEAST_TOLERANCE = 1e-12
+"""Well above rounding: less than this cannot be told from nothing."""
 
 
 def cross(a: Array, b: Array) -> Array:
@@ -84,12 +91,23 @@ def unit(a: Array) -> Array:
     return a / np.linalg.norm(a, axis=-1, keepdims=True)
 
 
-def perpendicular(a: Array) -> tuple[Array, Array]:
-    """Two unit vectors perpendicular to a unit vector and to each other: a x e and a x (a x e), e the base vector that a
-    is least along.
+def axis_frame(axis: Vector, a: Array, defaults: dict[str, float]) -> tuple[int, Array]:
+    """The frame of a loop joint's conditions, see `closure_row_names`: which of its columns is the axis, and the columns.
+
+    Parameters
+    ----------
+    a : (3,) array
+        The unit vector along the axis.
     """
-    first = unit(cross(a, np.eye(3)[int(np.argmin(np.abs(a)))]))
-    return first, cross(a, first)
+    along = coordinate_axis(axis)
+    if along is not None:
+        i, sign = along
+        turned = np.ones(3)
+        if sign < 0:
+            turned[[i, (i + 2) % 3]] = -1
+        return i, np.diag(turned)
+    first = unit(cross(np.eye(3)[least_along(axis, defaults)], a))
+    return 2, np.column_stack([first, cross(a, first), a])
 
 
 class Geometry:
@@ -130,14 +148,17 @@ class Geometry:
         Start and end faces in their bodies, m.
     linear, angular : (L, 3, 3) array
         Directions of the loops' conditions in the start face; rows of zeros where there are fewer than three.
-    rows : list of list of int
-        Which of the six (linear, then angular) are conditions of a loop.
+    rows, kept : list of list of int
+        Which of the six (linear, then angular) are conditions of a loop; and those of them that have not been dropped.
+    tolerance : float
+        Part of a condition that may be missing where it follows from others.
     own_lengths, lengths : (L,) array
         Characteristic length of each loop, a power of two, m; and that of its ear, by which linear conditions are divided.
     """
 
     def __init__(self, model: Model, p: Sequence[float] | Array | None = None) -> None:
         self.model = model
+        self.tolerance = max(model.loop_tolerance, LEAST_TOLERANCE)
         n = self.ground = len(model.bodies)
         self.nq, self.nu = model.nq, model.nu
         self._evaluate = evaluator(parameter_values(model, p))
@@ -148,6 +169,8 @@ class Geometry:
             self.depth[k] = self.depth[self.parent[k]] + 1
         self._joints()
         self._loops()
+        points = [self.at, *self.face_at, self._vectors(b.com for b in model.bodies)]
+        self._extent = max(float(np.linalg.norm(x, axis=1).max(initial=0.0)) for x in points)
         self.own_lengths = np.array([self._length(i) for i in range(len(model.loops))])
         self.lengths = self.own_lengths.copy()
         self.all_joints = Joints(self, range(n))
@@ -222,24 +245,26 @@ class Geometry:
         self.linear, self.angular = np.zeros((len(loops), 3, 3)), np.zeros((len(loops), 3, 3))
         self.axis, self.end_axis = np.zeros((len(loops), 3)), np.zeros((len(loops), 3))
         self.rows = []
-        cyclic = np.eye(3)[[2, 0, 1]]
         for i, loop in enumerate(loops):
             linear, angular = CLOSURE_ROWS[loop.type]
             self.rows.append([*range(linear), *range(3, 3 + angular)])
+            k, frame = 2, np.eye(3)
             if loop.axes:
                 a, b = self._vectors(loop.axes)[[0, -1]]
                 self.axis[i], self.end_axis[i] = unit(a), unit(b)
-                n1, n2 = perpendicular(self.axis[i])
-            if loop.type in ("fixed", "revolute", "universal", "spherical"):
-                self.linear[i] = np.eye(3)
-            elif loop.type == "planar":
-                self.linear[i, 0] = self.axis[i]
+                k, frame = axis_frame(loop.axes[0], self.axis[i], self.model.defaults)
+            across = frame[:, [(k + 1) % 3, (k + 2) % 3]].T
+            if linear == 3:
+                self.linear[i] = frame.T
+            elif linear == 2:
+                self.linear[i, :2] = across
             else:
-                self.linear[i, :2] = n1, n2
+                self.linear[i, 0] = self.axis[i]
             if angular == 3:
-                self.angular[i] = cyclic
+                self.angular[i] = frame.T
             elif angular == 2:
-                self.angular[i, :2] = n2, -n1
+                self.angular[i, :2] = across
+        self.kept = [list(rows) for rows in self.rows]
         types = [x.type for x in loops]
         self.turned_whole = np.array([t in ("fixed", "prismatic") for t in types], dtype=bool)
         self.is_universal = np.array([t == "universal" for t in types], dtype=bool)
@@ -247,7 +272,8 @@ class Geometry:
     def _length(self, loop: int, window: int = 8) -> float:
         """The mean distance between neighbouring joints near the cut, rounded to a power of two, m.
 
-        It uses what is fixed in the bodies and so does not depend on the configuration.
+        It uses what is fixed in the bodies and so does not depend on the configuration. Distances within the tolerance of
+        the model's largest are not meant: joints stand in one place.
         """
         ends = [self.starts[loop], self.ends[loop]]
         points = [self.face_at[0, loop], self.face_at[1, loop]]
@@ -259,8 +285,14 @@ class Geometry:
             i = int(self.depth[ends[1]] > self.depth[ends[0]])
             distances.append(np.linalg.norm(points[i]))  # a body's origin is on its joint
             points[i], ends[i] = self.at[ends[i]], self.parent[ends[i]]
-        distances = [d for d in distances if d > 0]
+        distances = [d for d in distances if d > self.tolerance * self._extent]
         return float(2.0 ** np.round(np.log2(np.mean(distances)))) if distances else 1.0
+
+    def follow(self, ear: Ear) -> None:
+        """Take the characteristic length of an ear, and drop the conditions that it drops."""
+        self.lengths[list(ear.loops)] = ear.length
+        for i in {i for i, _ in ear.dropped}:
+            self.kept[i] = [r for n, r in enumerate(self.rows[i]) if (i, n) not in ear.dropped]
 
     def cycle(self, loop: int) -> tuple[list[int], list[int]]:
         """Bodies whose joints the loop passes, from the cut inward: on the start side, on the end side."""

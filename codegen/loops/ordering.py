@@ -154,12 +154,12 @@ class Sweep:
         E = closure.scaled(g, float(g.lengths[loops[0]]))
         hinted = [int(s) in self.held for s in closure.speeds]
         free, held = np.flatnonzero(~np.array(hinted, dtype=bool)), np.flatnonzero(hinted)
-        found = ranks(E[..., free])
+        found = ranks(E[..., free], g.tolerance)
         rank = int(np.max(found[self.regular]))
         # Where the rank is lower, the pose is a special one and nothing more can be learnt there.
         self.regular &= found == rank
         regular = self.regular
-        if not _follows(E[regular][..., free], *closure.disturbance(held, regular), rank):
+        if not _follows(E[regular][..., free], *closure.disturbance(held, regular), rank, g.tolerance):
             return self._why_open(closure, E[regular], free, held, rank)
         joints = whole_joints(g, closure.speeds, free)
         chosen = choose_dependents(E[regular], joints, rank, dense=len(loops) > 1)
@@ -180,25 +180,25 @@ class Sweep:
         motion, size = closure.disturbance(held, self.regular)
         everything = np.concatenate([E, motion / np.maximum(size, 1e-300)[:, None]], axis=2)
         text = (
-            f"its conditions have rank {int(np.max(ranks(everything)))}, and "
+            f"its conditions have rank {int(np.max(ranks(everything, self.geometry.tolerance)))}, and "
             f"{listed([names[c] for c in free]) or 'what is left'} can meet {rank} of them"
         )
         if not len(held):
             return text
-        wrong = [c for c in held if np.max(ranks(E[..., [*free, c]])) > rank]
+        wrong = [c for c in held if np.max(ranks(E[..., [*free, c]], self.geometry.tolerance)) > rank]
         return (
             f"{text}: {listed([names[c] for c in (wrong or held)])} cannot {'all ' * (len(wrong or held) > 1)}be "
             f"independent; remove {'one of them' if len(wrong or held) > 1 else 'it'} from `independent`"
         )
 
 
-def _follows(E: Array, known: Array, size: Array, rank: int) -> bool:
+def _follows(E: Array, known: Array, size: Array, rank: int, tolerance: float) -> bool:
     """Whether the columns of E, of this rank, can undo what known motions do at the cut."""
     rows = E.shape[1]
     if rank == rows:
         return True
     left = np.swapaxes(np.linalg.svd(E)[0][..., rank:], -1, -2) if E.shape[2] else np.eye(rows)
-    return bool(np.all(np.abs(left @ known) <= FOLLOWED * np.maximum(size, 1e-300)[:, None]))
+    return bool(np.all(np.abs(left @ known) <= max(FOLLOWED, tolerance) * np.maximum(size, 1e-300)[:, None]))
 
 
 def arrange(sweep: Sweep, loops: Sequence[int]) -> list[Draft]:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..model.errors import nearest
-from ..model.model import Model
+from ..model.model import Model, closure_row_names
 from .assembling import assembled, first_assembly, initial_configuration, is_closed, listed
 from .comparison import Comparison
 from .components import components
@@ -16,6 +17,7 @@ from .dependents import condition
 from .errors import AssemblyError, PartitionError
 from .geometry import Array, Geometry, advance, padded
 from .ordering import Draft, Sweep, arrange, loop_order
+from .redundancy import Redundancy, keep, kept_rows, nearly_redundant, opening, remark
 from .speed_groups import SpeedGroup, coordinates_of, speed_groups
 from .velocities import Motion, complete_speeds
 from .weighing import Weighed, weighed
@@ -31,6 +33,12 @@ POOR_CONDITION = 1e4
 
 LARGE_CLUSTER = 5
 """Loops; the user is told of larger clusters."""
+
+FEW = 100
+"""Ears; with more of them redundant conditions are looked at in one configuration only."""
+
+OTHERS = 3
+"""Configurations that they are looked at beside that one."""
 
 SEED = 20030617
 """Of the random numbers: the same model has the same partition."""
@@ -56,6 +64,12 @@ class Ear:
         assembled initial configuration.
     length : float
         Characteristic length of the loops, a power of two, m: linear conditions are divided by it.
+    dropped : tuple of (int, int)
+        Conditions that follow from the others but for a little, loop and place among `closure_row_names`: they do not count.
+        As many are left as there are dependents. Empty where the redundant ones follow to rounding: then all are met.
+    gaps : bool
+        The loops may be open in some conditions, which were dropped, or be opened by a parameter: what moves their faces
+        apart is followed.
     """
 
     loops: tuple[int, ...]
@@ -64,6 +78,8 @@ class Ear:
     rank: int
     condition: float
     length: float
+    dropped: tuple[tuple[int, int], ...] = ()
+    gaps: bool = False
 
     @property
     def redundant(self) -> int:
@@ -91,6 +107,10 @@ class Partition:
     growth : float
         How much faster than all independent speeds a dependent speed of these is: the root mean square of random motions,
         of the speed that is worst, displacements per characteristic length.
+    remarks : tuple of str
+        Conditions that were dropped, and why.
+    opening : tuple of int
+        Parameters that open redundant conditions when they change alone.
     """
 
     ears: tuple[Ear, ...]
@@ -100,6 +120,8 @@ class Partition:
     compared: tuple[Comparison, ...] = ()
     uncompared: int = 0
     growth: float = 1.0
+    remarks: tuple[str, ...] = ()
+    opening: tuple[int, ...] = ()
 
     @property
     def dependent(self) -> tuple[int, ...]:
@@ -115,6 +137,21 @@ class Partition:
         """Rotations and displacements of which some speeds are dependent and some are not."""
         dependent = set(self.dependent)
         return [group for group in speed_groups(model) if group.is_split(dependent)]
+
+    def dropped_rows(self, model: Model) -> tuple[set[int], ...]:
+        """For each loop, places of the conditions that have been dropped among its own."""
+        found: list[set[int]] = [set() for _ in model.loops]
+        for ear in self.ears:
+            for loop, row in ear.dropped:
+                found[loop].add(row)
+        return tuple(found)
+
+    def dropped_conditions(self, model: Model) -> tuple[int, ...]:
+        """Places of the conditions that have been dropped among `Model.closure_names`."""
+        place = {name: i for i, name in enumerate(model.closure_names)}
+        return tuple(
+            sorted(place[closure_row_names(model.loops[i])[row]] for ear in self.ears for i, row in ear.dropped)
+        )
 
     @property
     def lengths(self) -> tuple[float, ...]:
@@ -140,31 +177,102 @@ def partition(model: Model) -> Partition:
     held = hinted(geometry)
     check_cycles(geometry)
     order = loop_order(geometry, held)
-    shared = components(geometry)
-    warnings: list[str] = []
-
-    def choose(q: Array) -> Weighed:
-        return weighed(geometry, *_choose(geometry, order, q, held, random, warnings), q, held, shared)
-
-    if is_closed(geometry, guess):
-        q, chosen = guess, choose(guess)
-    else:
-        q, warnings = first_assembly(geometry, order, guess, held, random)
-        chosen = choose(q)
-        moved, q = q, _near_guess(geometry, chosen.drafts, guess, q, warnings)
-        if q is not moved:
-            drafts = _judged(geometry, chosen.drafts, q)
-            poor = max(d.condition for d in drafts) > POOR_CONDITION
-            chosen = choose(q) if poor else weighed(geometry, drafts, chosen.growth, q, held, shared)
+    open_ = set[int]()
+    try:
+        q, chosen, warnings, redundancy = _chosen(geometry, order, guess, held, random, open_)
+    except (AssemblyError, PartitionError):
+        if not open_:
+            raise
+        geometry, random = Geometry(model), np.random.default_rng(SEED)
+        q, chosen, warnings, redundancy = _chosen(geometry, order, guess, held, random, None)
     warnings += [text for d in chosen.drafts for text in _doubts(model, geometry, d, held)]
     found = replace(
-        _partition(geometry, chosen.drafts, q, [*warnings, *chosen.warnings]),
+        _partition(geometry, chosen.drafts, q, [*warnings, *chosen.warnings], redundancy),
         compared=chosen.compared,
         uncompared=chosen.uncompared,
         growth=chosen.growth_of_uncompared,
     )
     ignored = list(_ignored_speeds(model, found))
     return replace(found, warnings=(*found.warnings, *ignored)) if ignored else found
+
+
+def _chosen(
+    geometry: Geometry,
+    order: list[int],
+    guess: Array,
+    held: set[int],
+    random: np.random.Generator,
+    open_: set[int] | None,
+) -> tuple[Array, Weighed, list[str], Redundancy]:
+    """An assembled configuration, the ears, doubts, and what is known of redundant conditions.
+
+    With `open_` loops may stay open by the tolerance of the model in conditions that are then dropped.
+    """
+    shared = components(geometry)
+    warnings: list[str] = []
+
+    def choose(q: Array) -> Weighed:
+        drafts, growth = _choose(geometry, order, q, held, random, warnings, open_ is not None)
+        return weighed(geometry, drafts, growth, q, held, shared)
+
+    if is_closed(geometry, guess):
+        q, chosen = guess, choose(guess)
+        return q, chosen, warnings, _redundancy(geometry, chosen.drafts, q, random)
+    q, warnings = first_assembly(geometry, order, guess, held, random, open_)
+    chosen = choose(q)
+    redundancy = _redundancy(geometry, chosen.drafts, q, random)
+    if redundancy.dropped or open_:
+        q = assembled(geometry, _partition(geometry, chosen.drafts, q, []), q)
+    moved, q = q, _near_guess(geometry, chosen.drafts, guess, q, warnings)
+    if q is not moved:
+        drafts = _judged(geometry, chosen.drafts, q)
+        if max(d.condition for d in drafts) > POOR_CONDITION:
+            geometry.kept = [list(rows) for rows in geometry.rows]
+            chosen = choose(q)
+            redundancy = _redundancy(geometry, chosen.drafts, q, random)
+        else:
+            chosen = weighed(geometry, drafts, chosen.growth, q, held, shared)
+            redundancy = _redundancy(geometry, chosen.drafts, q, random) if chosen.drafts != drafts else redundancy
+    return q, chosen, warnings, redundancy
+
+
+def _redundancy(geometry: Geometry, drafts: list[Draft], q: Array, random: np.random.Generator) -> Redundancy:
+    """Redundant conditions: those that are dropped (`geometry.kept` is changed), and what opens others."""
+    result = Redundancy()
+    nearly = nearly_redundant(geometry, drafts, q, random)
+    for draft in nearly:
+        keep(geometry, draft, kept_rows(geometry, draft, [q]))
+    if not any(d.rows > len(d.dependent) for d in drafts):
+        return result
+    configurations = [q]
+    if len(drafts) <= FEW:
+        loose = _partition(geometry, drafts, q, [])
+        if nearly:
+            configurations = [q := assembled(geometry, loose, q)]
+        configurations += _others(geometry, loose, q, random)
+    for draft in nearly:
+        keep(geometry, draft, kept_rows(geometry, draft, configurations))
+        result.gaps.update(draft.loops)
+        for i in draft.loops:
+            result.dropped[i] = [n for n, r in enumerate(geometry.rows[i]) if r not in geometry.kept[i]]
+        result.remarks.append(remark(geometry, draft, q))
+    result.opening, opened = opening(geometry, drafts, configurations)
+    result.gaps |= opened
+    return result
+
+
+def _others(geometry: Geometry, loose: Partition, q: Array, random: np.random.Generator) -> list[Array]:
+    """Some more assembled configurations, up to half a radian from one, or nearer."""
+    speeds = np.array(loose.independent)
+    size = np.where(geometry.turning[speeds], 1.0, float(np.median(geometry.lengths)))
+    found: list[Array] = []
+    for part in (0.5, 0.5, 0.2, 0.2, 0.05):
+        if len(found) == OTHERS:
+            break
+        with suppress(AssemblyError):
+            step = random.uniform(-part, part, (1, len(speeds))) * size
+            found.append(assembled(geometry, loose, advance(geometry, q, speeds, step)))
+    return found
 
 
 def _ignored_speeds(model: Model, found: Partition) -> Iterator[str]:
@@ -200,9 +308,18 @@ def _doubts(model: Model, geometry: Geometry, draft: Draft, held: set[int]) -> I
 
 
 def _choose(
-    geometry: Geometry, order: list[int], q: Array, held: set[int], random: np.random.Generator, warnings: list[str]
+    geometry: Geometry,
+    order: list[int],
+    q: Array,
+    held: set[int],
+    random: np.random.Generator,
+    warnings: list[str],
+    nearly: bool,
 ) -> tuple[list[Draft], Array]:
-    """Ears at an assembled configuration, and at some near it unless that one is enough; and `Sweep.growth`."""
+    """Ears at an assembled configuration, and at some near it unless that one is enough; and `Sweep.growth`.
+
+    With `nearly` those may be open as `first_assembly` says.
+    """
     doubtful = list(range(len(order)))
     try:
         sweep = Sweep(geometry, q, held, random)
@@ -218,7 +335,8 @@ def _choose(
     for _ in range(NEARBY):
         start = advance(geometry, q, speeds, random.uniform(-DISTANCE, DISTANCE, (1, geometry.nu)) * size)
         try:
-            configurations.append(first_assembly(geometry, order, start, set(), random)[0])
+            open_ = set[int]() if nearly else None
+            configurations.append(first_assembly(geometry, order, start, set(), random, open_)[0])
         except AssemblyError:
             continue
     stuck = [i for i in doubtful if not _moves(geometry, i, configurations)]
@@ -290,7 +408,13 @@ def _judged(geometry: Geometry, drafts: list[Draft], q: Array) -> list[Draft]:
     return result
 
 
-def _partition(geometry: Geometry, drafts: list[Draft], q: Array, warnings: list[str]) -> Partition:
+def _partition(
+    geometry: Geometry,
+    drafts: list[Draft],
+    q: Array,
+    warnings: list[str],
+    redundancy: Redundancy | None = None,
+) -> Partition:
     dependent = {s for d in drafts for s in d.dependent}
     independent = tuple(s for s in range(geometry.nu) if s not in dependent)
     if not independent:
@@ -298,8 +422,16 @@ def _partition(geometry: Geometry, drafts: list[Draft], q: Array, warnings: list
             f"no freedom left: closing {listed([x.name for x in geometry.model.loops])} takes all {geometry.nu} speeds "
             f"(rank {len(dependent)}); remove a loop or give a joint one more freedom"
         )
-    ears = tuple(_ear(geometry, d) for d in drafts)
-    return Partition(ears, independent, tuple(float(x) for x in q[0, : geometry.nq]), tuple(warnings))
+    known = redundancy or Redundancy()
+    ears = tuple(_ear(geometry, d, known) for d in drafts)
+    return Partition(
+        ears,
+        independent,
+        tuple(float(x) for x in q[0, : geometry.nq]),
+        tuple(warnings),
+        remarks=tuple(known.remarks),
+        opening=tuple(sorted(known.opening)),
+    )
 
 
 def check_cycles(geometry: Geometry) -> None:
@@ -332,7 +464,7 @@ def hinted(geometry: Geometry) -> set[int]:
     return held
 
 
-def _ear(geometry: Geometry, draft: Draft) -> Ear:
+def _ear(geometry: Geometry, draft: Draft, redundancy: Redundancy) -> Ear:
     path: list[int] = []
     chosen = set(draft.dependent)
     bodies = {int(geometry.speed_body[s]) for s in chosen}
@@ -341,4 +473,6 @@ def _ear(geometry: Geometry, draft: Draft) -> Ear:
             here = [k for k in reversed(side) if k in bodies]
             path += [s for k in here for s in geometry.speeds[k] if s in chosen and s not in path]
     length = float(geometry.lengths[draft.loops[0]])
-    return Ear(draft.loops, tuple(path), draft.rows, len(path), draft.condition, length)
+    dropped = tuple((i, n) for i in draft.loops for n in redundancy.dropped.get(i, ()))
+    gaps = bool(redundancy.gaps & {*draft.loops})
+    return Ear(draft.loops, tuple(path), draft.rows, len(path), draft.condition, length, dropped, gaps)

@@ -93,7 +93,7 @@ class PoseGroups(Groups):
 
 
 class TwistGroups(Groups):
-    """Groups with relative twists of K motions, from the speeds of known joints.
+    """Groups with relative twists of K motions, from the speeds of known joints, and what bodies move beside them (`own`).
 
     Attributes
     ----------
@@ -101,8 +101,16 @@ class TwistGroups(Groups):
         Angular velocity of each body and velocity of its origin relative to the body it links to, ground frame.
     """
 
-    def __init__(self, geometry: Geometry, frames: Frames, screws: tuple[Array, Array], motions: int) -> None:
+    def __init__(
+        self,
+        geometry: Geometry,
+        frames: Frames,
+        screws: tuple[Array, Array],
+        motions: int,
+        own: tuple[Array, Array] | None = None,
+    ) -> None:
         super().__init__(geometry)
+        self.own = own
         self.origin, self.screws = np.swapaxes(frames[1], 0, 1), screws
         shape = (geometry.ground + 1, frames[1].shape[0], 3, motions)
         self.w, self.v = np.zeros(shape), np.zeros(shape)
@@ -118,6 +126,9 @@ class TwistGroups(Groups):
                 s = slice(speeds.start, speeds.stop)
                 for total, screw in ((self.w, self.screws[0]), (self.v, self.screws[1])):
                     total[k] = np.swapaxes(screw[:, s], -1, -2) @ u[:, s]
+            if self.own is not None:
+                self.w[k] += self.own[0][:, k]
+                self.v[k] += self.own[1][:, k]
         self.join(bodies)
 
     def difference(self, loop: int, point: Array) -> tuple[Array, Array, Array, tuple[list[int], list[int]]]:

@@ -17,6 +17,9 @@ ROUNDING = 5e-16
 CLOSED = 1e-10
 """Residuals that count as closed, in the same measure: between rounding and any gap that is meant."""
 
+SETTLED = 1e-3
+"""A step by less than this part of what is open changes nothing."""
+
 MAX_STEPS = 60
 
 PATIENCE = 6
@@ -134,11 +137,14 @@ class Outcome:
     rows : (rows,) array
         Scaled position residuals.
     closed : bool
+    settled : bool
+        No joint that may move can close anything more: what is left is in conditions that follow from others, nearly.
     """
 
     q: Array
     rows: Array
     closed: bool
+    settled: bool = False
 
     @property
     def residual(self) -> float:
@@ -146,7 +152,7 @@ class Outcome:
         return float(np.max(np.abs(self.rows), initial=0.0))
 
 
-def close(ring: Ring, q: Array, movable: Array) -> Outcome:
+def close(ring: Ring, q: Array, movable: Array, pivot: float = LEAST_PIVOT) -> Outcome:
     """Close the loops of a ring by minimum-norm least-squares Newton steps within a trust region.
 
     A step longer than the linearisation is good for is not shortened but damped (Levenberg and Marquardt): near a singular
@@ -159,6 +165,8 @@ def close(ring: Ring, q: Array, movable: Array) -> Outcome:
         Guess.
     movable : (f,) array of bool
         Which speeds of the ring's joints may move.
+    pivot : float
+        Singular values of the closure matrix below this part of the largest are not divided by.
     """
     g, speeds = ring.geometry, ring.joints.speeds[movable]
     scale = np.where(g.turning[speeds], 1.0, ring.length)
@@ -174,7 +182,7 @@ def close(ring: Ring, q: Array, movable: Array) -> Outcome:
                 break
             progress = norm
         scaled = E[0][:, movable] * scale
-        y = _step(scaled, rows[0], radius)
+        y = _step(scaled, rows[0], radius, pivot)
         q_new = advance(g, q, speeds, (scale * y)[None])
         rows_new, E_new = ring.evaluate(q_new)
         norm_new = float(np.linalg.norm(rows_new))
@@ -191,13 +199,17 @@ def close(ring: Ring, q: Array, movable: Array) -> Outcome:
             radius = float(np.abs(y).max()) / 3
         elif won > 0.7 * expected:
             radius = min(2 * radius, LARGEST_STEP)
-    return Outcome(q, rows[0], bool(np.abs(rows).max() < CLOSED * unit))
+    settled = False
+    if pivot > LEAST_PIVOT and len(speeds):
+        y = _step(E[0][:, movable] * scale, rows[0], LARGEST_STEP, pivot)
+        settled = bool(np.abs(y).max() < max(SETTLED * norm, CLOSED * unit))
+    return Outcome(q, rows[0], bool(np.abs(rows).max(initial=0.0) < CLOSED * unit), settled)
 
 
-def _step(E: Array, rows: Array, radius: float) -> Array:
+def _step(E: Array, rows: Array, radius: float, pivot: float) -> Array:
     """The step ``(f,)``, damped until no component is larger than the radius."""
     U, s, Vt = np.linalg.svd(E, full_matrices=False)
-    k = int(np.sum(s > LEAST_PIVOT * max(s[0], 1e-300)))
+    k = int(np.sum(s > pivot * max(s[0], 1e-300)))
     s, against = s[:k], U[:, :k].T @ rows
     step: Array = np.zeros(E.shape[1])
     damping = 0.0

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..model.model import Model
-from .closure import Cuts, body_frames, ground_screws
+from .closure import Cuts, body_frames, ground_screws, shifted
 from .dependents import ranks
 from .geometry import Array, Geometry, padded
 from .paths import TwistGroups
@@ -46,7 +46,7 @@ def complete_speeds(
     bodies = {int(geometry.speed_body[s]) for s in dependent}
     motion.groups.found([k for k in range(geometry.ground) if k not in bodies], motion.u)
     for ear in partition.ears:
-        geometry.lengths[list(ear.loops)] = ear.length
+        geometry.follow(ear)
         motion.resolve(motion.closure(ear.loops), ear.dependent)
     return motion.u[0, :, 0]
 
@@ -54,14 +54,19 @@ def complete_speeds(
 class Motion:
     """K motions at S configurations, resolved ear by ear: the velocity level of closure.
 
+    Parameters
+    ----------
+    own : tuple of two (S, n + 1, 3, K) arrays, optional
+        What bodies move against their parents beside their speeds, angular velocity and velocity of the origin, ground frame.
+
     Attributes
     ----------
     u : (S, nu, K) array
         Speeds; dependent ones are right once their ear has been resolved.
     """
 
-    def __init__(self, geometry: Geometry, q: Array, u: Array) -> None:
-        self.geometry, self.given = geometry, u
+    def __init__(self, geometry: Geometry, q: Array, u: Array, own: tuple[Array, Array] | None = None) -> None:
+        self.geometry, self.given, self.own = geometry, u, own
         self.frames = body_frames(geometry, q)
         self.screws = ground_screws(geometry, q, self.frames)
         self.restart()
@@ -69,11 +74,11 @@ class Motion:
     def restart(self) -> None:
         """Forget what has been resolved."""
         self.u = self.given.copy()
-        self.groups = TwistGroups(self.geometry, self.frames, self.screws, self.u.shape[-1])
+        self.groups = TwistGroups(self.geometry, self.frames, self.screws, self.u.shape[-1], self.own)
 
-    def closure(self, loops: Sequence[int]) -> VelocityClosure:
-        """The velocity closure of an ear on what is known so far."""
-        return VelocityClosure(self, loops)
+    def closure(self, loops: Sequence[int], rows: Sequence[Sequence[int]] | None = None) -> VelocityClosure:
+        """The velocity closure of an ear on what is known so far; `rows` as in `Cuts`."""
+        return VelocityClosure(self, loops, rows)
 
     def resolve(self, closure: VelocityClosure, dependent: Sequence[int]) -> None:
         """Find the dependent speeds of an ear; its joints are known then."""
@@ -100,16 +105,23 @@ class VelocityClosure:
         What the known speeds contribute.
     size : (S, K) array
         How large the contributions are that `known` is the difference of.
+    position : (S, rows) array
+        Position residuals.
+    screws : tuple of two (S, f, 3) arrays
+        Of the speeds about their bodies' origins, ground frame.
+    origins : (S, f, 3) array
+        These, m.
     """
 
-    def __init__(self, motion: Motion, loops: Sequence[int]) -> None:
-        g = motion.geometry
-        cuts = Cuts(g, loops)
-        cuts.place(cuts.faces(motion.frames))
+    def __init__(self, motion: Motion, loops: Sequence[int], rows: Sequence[Sequence[int]] | None = None) -> None:
+        g, self.loops = motion.geometry, list(loops)
+        cuts = Cuts(g, loops, rows)
+        self.position = cuts.kept(cuts.place(cuts.faces(motion.frames)))
+        self._tolerance = g.tolerance
+        self._length = float(np.max(g.lengths[self.loops]))
         moved = [motion.groups.difference(i, cuts.point[:, j]) for j, i in enumerate(loops)]
         known_w, known_v, size = (np.stack([m[i] for m in moved], axis=1) for i in range(3))
         sides = [m[3] for m in moved]
-        self.known = cuts.kept(cuts.conditions(known_w, known_v))
         self.size = np.max(size, axis=1)
         distance: dict[int, int] = {}
         for start, end in sides:
@@ -124,10 +136,18 @@ class VelocityClosure:
         for j, (start, end) in enumerate(sides):
             sign[j, [place[k] for k in start]] = -1
             sign[j, [place[k] for k in end]] = 1
+        if motion.own is not None:
+            w, v = (x[:, self.bodies] for x in motion.own)
+            for j in range(len(loops)):
+                at_cut = shifted(w, v, cuts.point[:, j, None] - motion.frames[1][:, self.bodies])
+                known_w[:, j] += np.einsum("b,sbik->sik", sign[j], w)
+                known_v[:, j] += np.einsum("b,sbik->sik", sign[j], at_cut)
+        self.known = cuts.kept(cuts.conditions(known_w, known_v))
         body = g.speed_body[self.speeds]
         sign = sign[:, [place[int(k)] for k in body]]
         w, v = motion.screws[0][:, self.speeds], motion.screws[1][:, self.speeds]
-        at_cut = cuts.at_cut(w, v, motion.frames[1][:, body])
+        self.screws, self.origins = (w, v), motion.frames[1][:, body]
+        at_cut = cuts.at_cut(w, v, self.origins)
         self.E = cuts.matrix(w, at_cut, sign)
         self._u = motion.u
         self._passing = [sign[j] != 0 for j in range(len(loops))]
@@ -139,13 +159,17 @@ class VelocityClosure:
         size = self.size[configurations] + np.sum(np.max(np.abs(E), axis=1)[..., None] * np.abs(u), axis=1)
         return self.known[configurations] + E @ u, size
 
+    def reach(self) -> float:
+        """How far from the base the cuts are, in characteristic lengths: the measure of rounding."""
+        return float(np.max(np.linalg.norm(self._cuts.point, axis=-1))) / self._length
+
     def possible(self) -> int:
         """How many of the conditions motions of this kind can break: in a plane only those in the plane."""
         cuts, total = self._cuts, 0
         for j, passing in enumerate(self._passing):
             w = np.concatenate([self._w[0, passing].T, self._known_w[0, j]], axis=1)
             v = np.concatenate([self._at_cut[0, j, passing].T, self._known_v[0, j]], axis=1)
-            total += _possible(cuts.n[0, j], cuts.m[0, j], w, v)
+            total += _possible(cuts.n[0, j], cuts.m[0, j], w, v, self._tolerance)
         return total
 
     def scaled(self, geometry: Geometry, length: float) -> Array:
@@ -153,14 +177,14 @@ class VelocityClosure:
         return self.E * np.where(geometry.turning[self.speeds], 1.0, length)
 
 
-def _possible(n: Array, m: Array, w: Array, v: Array) -> int:
+def _possible(n: Array, m: Array, w: Array, v: Array, tolerance: float) -> int:
     """Rank of a loop's conditions n, m ``(3, 3)`` for all motions of the kind of some twists ``(3, f)`` at its cut.
 
     Twists with one direction of w and all v across it are motions in a plane, whatever the configuration; all others are
     taken for motions in space.
     """
     U, s, _ = np.linalg.svd(w)
-    planar = s[0] > 0 and np.max(s[1:], initial=0.0) < PLANAR * s[0]
-    planar = planar and np.max(np.abs(U[:, 0] @ v)) <= PLANAR * np.max(np.abs(v))
+    planar = s[0] > 0 and np.max(s[1:], initial=0.0) < max(tolerance, PLANAR) * s[0]
+    planar = planar and np.max(np.abs(U[:, 0] @ v)) <= max(tolerance, PLANAR) * np.max(np.abs(v))
     across, along = (U[:, 1:], U[:, :1]) if planar else (np.eye(3), np.eye(3))
     return int(ranks((n @ across)[None])[0] + ranks((m @ along)[None])[0])

@@ -11,6 +11,7 @@ from typing import Any
 import sympy
 from sympy import Float
 
+from ..model.model import CLOSURE_ROWS
 from ..program.block import ANY
 from .closures import stored_factor
 from .couplings import partner_array
@@ -47,7 +48,7 @@ def face_differences(x: Any, ear: Ear) -> list[Twist]:
             turned = [cross(p, q) for p, q in zip(start, end, strict=True)]
             root = _over_root(x, 1 + sum(dot(p, q) for p, q in zip(start, end, strict=True)), "share")
             angular = [root * sum(t[i] for t in turned) for i in range(3)]
-        elif closure.type != "spherical":
+        elif CLOSURE_ROWS[closure.type][1]:
             p, q = ear.face_axes(c, 0)[closure.axis], ear.face_axes(c, 1)[closure.end_axis]
             half = 1 if x.structural else sympy.Rational(1, 2)
             root = _over_root(x, half + half * dot(p, q), "share")
@@ -75,10 +76,10 @@ def residuals(x: Any, kind: Any) -> None:
     velocities = ear.walk(roots, speeds, "g", "Eq. 30")
     rates = ear.face_difference(velocities, roots)
     for c in range(len(kind.closures)):
-        for i, (angular, n) in enumerate(ear.joint_conditions(c)):
-            gap, rate = (t[c].angular if angular else t[c].linear for t in (gaps, rates))
-            x.store(f"position#{c}", str(i), x.let("gap", dot(n, gap), "Eq. 32"))
-            x.store(f"velocity#{c}", str(i), x.let("rate", dot(n, rate), "Eq. 30"))
+        for i, row in enumerate(ear.joint_conditions(c)):
+            gap, rate = (t[c].angular if row.angular else t[c].linear for t in (gaps, rates))
+            x.store(f"position#{c}", str(i), x.let("gap", dot(row.axis or row.n, gap), "Eq. 32"))
+            x.store(f"velocity#{c}", str(i), x.let("rate", dot(row.n, rate), "Eq. 30"))
     for k, velocity in enumerate(velocities):
         store_vector(x, f"me#{k}", "rw", velocity.angular)
         store_vector(x, f"me#{k}", "rv", velocity.linear)
@@ -98,6 +99,10 @@ def newton_step(x: Any, kind: Any) -> None:
     rates: list[Any] = []
     if rows:
         b = ear.conditions(rows, total, "b", "Eq. 32")
+        for i, row in enumerate(rows):
+            if row.turning:  # what is open in this condition alone
+                sine = sum(weight * dot(one, other) for weight, one, other in row.turning)
+                b[i] = x.let("b", sine + dot(row.n, moved[row.loop].angular), "Eq. 32")
         rates = stored_factor(x, kind).solve([-v for v in b], "dx", "Eq. 35")
         for (place, name), value in dependent_displacements(x, ear, rates, lanes=False).items():
             x.store(f"step#{place}", name, value)

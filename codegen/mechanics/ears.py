@@ -10,13 +10,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+from sympy import Rational
+
+from ..model.model import CLOSURE_ROWS
 from .joints import JointTransform, freedom_axes
 from .orthogonal import product
 from .spatial import XYZ, Mat, Vec, add, cross, dot, matmul, matvec, scale, transpose
 
 ZERO: Vec = [0, 0, 0]
-SLIDING = ("prismatic", "cylindrical", "planar")
-"""Loop joints whose faces move apart."""
 UNIT: Mat = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
 
 
@@ -108,6 +109,31 @@ class FixedVector:
     local: Vec
     kept: tuple[str, str] | None
     inertial: bool
+
+
+@dataclass(slots=True)
+class Condition:
+    """A condition of a loop.
+
+    Attributes
+    ----------
+    loop : int
+        Among the ear's.
+    angular : bool
+    n : Vec
+        What it sees of a motion at the cut, in region axes: the component along n, scaled.
+    turning : list of (weight, Vec, Vec)
+        Where the loop may be open in others: an angular condition is that a sum of weight c . d is zero, c fixed in the end, d
+        in the start, and n the sum of weight c x d.
+    axis : Vec or None
+        A direction of the start face in the place of n where what is open is told.
+    """
+
+    loop: int
+    angular: bool
+    n: Vec
+    turning: list[tuple[Any, Vec, Vec]] = field(default_factory=list)
+    axis: Vec | None = None
 
 
 class Ear:
@@ -221,8 +247,8 @@ class Ear:
         return result
 
     def slip(self, c: int) -> Vec | None:
-        """From the origin of the start face to that of the end face, for joints that slide; None where they coincide."""
-        if self.kind.closures[c].type not in SLIDING:
+        """From the origin of the start face to that of the end face; None where they coincide."""
+        if not self.kind.closures[c].slides:
             return None
         a, b = (self.position_of_face(c, side) for side in (0, 1))
         return self._named("slip", [b[i] - a[i] for i in range(3)], "Eq. 32")
@@ -289,10 +315,15 @@ class Ear:
         closure = self.kind.closures[c]
         return self.face_axes(c, 0)[closure.axis], self.face_axes(c, 1)[closure.end_axis]
 
-    def rows(self) -> list[tuple[int, bool, Vec]]:
-        """The conditions of all loops: (loop, angular, direction). Linear ones are divided by the characteristic length."""
-        found: list[tuple[int, bool, Vec]] = []
+    def rows(self) -> list[Condition]:
+        """The conditions of all loops that count. Linear ones are divided by the characteristic length."""
+        found: list[Condition] = []
         for c, closure in enumerate(self.kind.closures):
+            s = 1 if self.x.structural else self.kind.scale
+            if closure.gaps:
+                every = self._open_conditions(c, s)
+                found += [row for i, row in enumerate(every) if i not in closure.dropped]
+                continue
             type_ = closure.type
             linear: list[Vec] = [list(e) for e in UNIT]
             angular: list[Vec] = [list(e) for e in UNIT] if type_ in ("fixed", "prismatic") else []
@@ -303,30 +334,62 @@ class Ear:
                 columns = self.face_axes(c, 0)
                 axis = closure.axis
                 across = [columns[(axis + 1) % 3], columns[(axis + 2) % 3]]
-                if type_ in ("prismatic", "cylindrical"):
+                if type_ in ("prismatic", "cylindrical", "inline"):
                     linear = across
                 elif type_ == "planar":
                     linear = [columns[axis]]
-                if type_ != "prismatic":
+                if type_ not in ("prismatic", "inline"):
                     angular = across
-            s = 1 if self.x.structural else self.kind.scale
-            found += [(c, False, n if s == 1 else scale(s, n)) for n in linear]
-            found += [(c, True, n) for n in angular]
+            found += [Condition(c, False, n if s == 1 else scale(s, n)) for n in linear]
+            found += [Condition(c, True, n) for n in angular]
         return found
 
-    def joint_conditions(self, c: int) -> list[tuple[bool, Vec]]:
-        """All conditions of a loop joint as directions fixed in its start face: linear ones, scaled, then angular ones."""
+    def joint_conditions(self, c: int) -> list[Condition]:
+        """All conditions of a loop joint: linear ones, scaled, then angular ones."""
+        closure = self.kind.closures[c]
+        share = 1 if self.x.structural else self.kind.per_length
+        if closure.gaps:
+            return self._open_conditions(c, share)
+        linear, columns = self._linear_directions(c)
+        across = [columns[(closure.axis + 1) % 3], columns[(closure.axis + 2) % 3]]
+        angular = {"fixed": columns, "prismatic": columns, "spherical": [], "inline": []}.get(closure.type, across)
+        if closure.type == "universal":
+            first, second = self.universal_axes(c)
+            angular = [self._named("n", cross(first, second), "Eq. 33")]
+        return [Condition(c, False, scale(share, n)) for n in linear] + [Condition(c, True, n) for n in angular]
+
+    def _linear_directions(self, c: int) -> tuple[list[Vec], list[Vec]]:
+        """Directions of a loop joint's linear conditions, and the axes of its start face."""
         closure = self.kind.closures[c]
         columns = self.face_axes(c, 0)
         axis = closure.axis
         across = [columns[(axis + 1) % 3], columns[(axis + 2) % 3]]
-        linear = {"prismatic": across, "cylindrical": across, "planar": [columns[axis]]}.get(closure.type, columns)
-        angular = {"fixed": columns, "prismatic": columns, "spherical": []}.get(closure.type, across)
+        linear = {"prismatic": across, "cylindrical": across, "inline": across, "planar": [columns[axis]]}
+        return linear.get(closure.type, columns), columns
+
+    def _open_conditions(self, c: int, share: Any) -> list[Condition]:
+        """All conditions of a loop joint whose faces may be apart: they hold, and so do their rates, where others do not."""
+        closure = self.kind.closures[c]
+        linear, s = self._linear_directions(c)
+        found = [Condition(c, False, scale(share, n)) for n in linear]
+        count = CLOSURE_ROWS[closure.type][1]
+        if not count:
+            return found
+        e = self.face_axes(c, 1)
+        i, j, k = closure.axis, (closure.axis + 1) % 3, (closure.axis + 2) % 3
+        half = 1 if self.x.structural else Rational(1, 2)
         if closure.type == "universal":
-            first, second = self.universal_axes(c)
-            angular = [self._named("n", cross(first, second), "Eq. 33")]
-        share = 1 if self.x.structural else self.kind.per_length
-        return [(False, scale(share, n)) for n in linear] + [(True, n) for n in angular]
+            turning: list[tuple[list[tuple[Any, Vec, Vec]], Vec | None]] = [([(-1, e[closure.end_axis], s[i])], None)]
+        elif count == 2:
+            turning = [([(-1, e[i], s[k])], s[j]), ([(1, e[i], s[j])], s[k])]
+        else:
+            turning = [([(half, e[n - 2], s[n - 1]), (-half, e[n - 1], s[n - 2])], s[n]) for n in range(3)]
+        for terms, axis in turning:
+            total: Vec = [0, 0, 0]
+            for weight, a, b in terms:
+                total = add(total, scale(weight, cross(a, b)))
+            found.append(Condition(c, True, self._named("n", total, "Eq. 33"), terms, axis))
+        return found
 
     def difference(self, c: int, twists: tuple[Twist | None, Twist | None]) -> Twist:
         """Motion at the cut: the end's minus the start's, both given at origins with their levers to the cut."""
@@ -370,14 +433,12 @@ class Ear:
             found.append(total)
         return found
 
-    def conditions(
-        self, rows: list[tuple[int, bool, Vec]], at_cuts: list[Twist], name: str, tag: str, lanes: bool = False
-    ) -> Vec:
+    def conditions(self, rows: list[Condition], at_cuts: list[Twist], name: str, tag: str, lanes: bool = False) -> Vec:
         """Components of motions at the cuts along the conditions."""
         result: Vec = []
-        for c, angular, n in rows:
-            v = at_cuts[c].angular if angular else at_cuts[c].linear
-            result.append(self.x.let(name, _along(n, v), tag, lanes=lanes))
+        for row in rows:
+            v = at_cuts[row.loop].angular if row.angular else at_cuts[row.loop].linear
+            result.append(self.x.let(name, _along(row.n, v), tag, lanes=lanes))
         return result
 
     def root_difference(self, roots: list[Twist]) -> list[Twist]:
@@ -438,4 +499,4 @@ def turned(x: Any, joint: JointTransform, W: Mat) -> Mat:
     return W
 
 
-__all__ = ["Ear", "Freedom", "Member", "MemberView", "Twist", "dot", "field", "rotate", "turned"]
+__all__ = ["Condition", "Ear", "Freedom", "Member", "MemberView", "Twist", "dot", "rotate", "turned"]

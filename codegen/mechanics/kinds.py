@@ -16,11 +16,10 @@ import sympy
 from sympy import Expr
 
 from ..loops.partition import Partition
-from ..model.model import GROUND, Face, Loop, Model, Spring
+from ..model.model import CLOSURE_ROWS, GROUND, Face, Loop, Model, Spring
 from ..program.block import Expansion
 from ..program.functions import SYMBOLIC, number
 from .constants import Constants, Shape, Slots, Statements, make_shape
-from .ears import SLIDING
 from .elimination import NOBODY, Partners
 from .joints import COORDINATES, FREEDOMS, freedom_axes
 from .links import FLOAT, Link, LoopFaces, face_constants, keep, link_constants, links_of, loop_faces
@@ -134,7 +133,10 @@ class LinkKind(Folded):
 
 @dataclass(slots=True, eq=False)
 class ClosureKind(Folded):
-    """A loop of a kind of ears: see `structure.Closure`; `axis` and `end_axis` are those of the joint among the faces' axes."""
+    """A loop of a kind of ears: see `structure.Closure`; `axis` and `end_axis` are those of the joint among the faces' axes.
+
+    `slides`: the way between the faces matters.
+    """
 
     type: str
     axis: int
@@ -142,6 +144,9 @@ class ClosureKind(Folded):
     paths: tuple[tuple[int, ...], tuple[int, ...]]
     roots: tuple[int, int]
     faces: tuple[int, int]
+    gaps: bool
+    dropped: tuple[int, ...]
+    slides: bool
 
 
 @dataclass(slots=True, eq=False)
@@ -169,7 +174,7 @@ class EarKind:
     scale, per_length : sympy number
         One over the characteristic length; the former 1 where there are no angular conditions to weigh linear ones against.
     positions : bool
-        Some joint of the region slides, so positions are needed.
+        The faces of some joint of the region may be apart, so positions are needed.
     partners : Partners
         See `LinkKind`.
     members : list of int
@@ -322,6 +327,8 @@ class System:
         Minus gravity, in ground components, m/s^2.
     force_of : dict of int to list
         Joint forces by body.
+    partition : Partition or None
+        Of models with loops.
     """
 
     model: Model
@@ -344,6 +351,7 @@ class System:
     slots: int
     gravity: Constants | None
     force_of: dict[int, list[Any]]
+    partition: Partition | None
 
     @property
     def independent_links(self) -> bool:
@@ -378,7 +386,7 @@ class System:
 
 def analyse(model: Model, unrolled: bool, partition: Partition | None = None) -> System:
     """Find links, constants and kinds. No symbolic work but one expansion per form of constants."""
-    defaults = {p.name: p.value for p in model.parameters}
+    defaults = model.defaults
 
     def evaluate(e: Any) -> Any:
         return e.evaluate(defaults)
@@ -488,7 +496,7 @@ def analyse(model: Model, unrolled: bool, partition: Partition | None = None) ->
     return System(
         model, links, carriers, list(kinds.values()), kind_of, constants_of, constants, list(shapes.values()),
         regions, unit_kinds, unit_kind_of, faces, closure_constants, spring_kinds,
-        ends, spring_constants, slot_of, slots, gravity, force_of,
+        ends, spring_constants, slot_of, slots, gravity, force_of, partition,
     )  # fmt: skip
 
 
@@ -630,7 +638,8 @@ class _Order:
         n = self.unit_of_link[ear.links[0]] if ear.links else -1
         return (
             tuple(ear.parents), self.roles(e), tuple(self.first_follower.get(r) == n for r in ear.roots),
-            tuple(i in self.first_follower for i in ear.links), tuple((c.paths, c.roots, c.faces) for c in ear.closures),
+            tuple(i in self.first_follower for i in ear.links),
+            tuple((c.paths, c.roots, c.faces, c.gaps, c.dropped) for c in ear.closures),
             tuple(map(tuple, ear.dependent)), tuple(tuple(sorted(c.items())) for c in ear.columns), ear.length,
             len(region.freedoms), region.carried, region.rigid, tuple(self.role_of(i) for i in ear.links), self.far(e),
             self.partners[n].structure() if n >= 0 else (),
@@ -771,18 +780,21 @@ def _ear_kind(
                 c.paths,
                 c.roots,
                 c.faces,
+                c.gaps,
+                c.dropped,
+                c.slides(f.loop.type),
             )
             for f, c in zip(loops, ear.closures, strict=True)
         ]
         r = len(region.freedoms)
-        of_region = [faces[c.loop].loop.type for other in region.ears for c in regions.ears[other].closures]
-        angular = any(c.type != "spherical" for c in closures)
+        slides = any(c.slides(faces[c.loop].loop.type) for other in region.ears for c in regions.ears[other].closures)
+        angular = any(CLOSURE_ROWS[c.type][1] for c in closures)
         kind = found[key] = EarKind(
             index, [kind_of[i] for i in ear.links], ear.parents, list(order.roles(e)), list(order.far(e)),
             [order.first_follower.get(root) == n for root in ear.roots], [i in order.first_follower for i in ear.links],
             closures, ear.dependent, ear.columns, r, total_sources(region), region.carried,
             region.rigid, number(1 / ear.length) if angular else sympy.S.One, number(1 / ear.length),
-            region.carried or any(t in SLIDING for t in of_region), order.partners[n],
+            region.carried or slides, order.partners[n],
         )  # fmt: skip
     assert isinstance(kind, EarKind)
     kind.members.append(e)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ..model.expressions import Expression
-from ..model.model import GROUND, Body, Loop, Model, Vector
+from ..model.model import GROUND, Body, Loop, Model, Vector, coordinate_axis
 from .spatial import XYZ, Mat, Vec, add, cross, dot, matmul, matvec, scale, transpose
 
 Evaluate = Callable[[Expression], Any]
@@ -92,12 +92,10 @@ ORIGIN: Vector = (ZERO, ZERO, ZERO)
 
 def axis_frame(axis: Vector, evaluate: Evaluate) -> Frame:
     """The frame for a joint axis: the body's own axes where the axis is one of them."""
-    if all(a.is_number for a in axis):
-        values = [float(a.value) for a in axis]
-        nonzero = [i for i in range(3) if values[i] != 0]
-        if len(nonzero) == 1:
-            i = nonzero[0]
-            return Frame(i, axis, flipped=True) if values[i] < 0 else Frame(i)
+    along = coordinate_axis(axis)
+    if along is not None:
+        i, sign = along
+        return Frame(i, axis, flipped=True) if sign < 0 else Frame(i)
     defaults = [abs(float(evaluate(a))) for a in axis]
     return Frame(2, axis, start=defaults.index(min(defaults)))
 

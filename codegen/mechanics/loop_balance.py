@@ -14,7 +14,7 @@ from sympy import Rational
 from .closures import own_sources, stored_factor
 from .couplings import component, from_far, hand_force, others, to_base
 from .ear_tangents import EarTangents, tangents_of
-from .ears import SLIDING, ZERO, Ear, Twist, rotate
+from .ears import ZERO, Condition, Ear, Twist, rotate
 from .energy import origin_velocity
 from .far_links import far_motion_tangents
 from .joints import JointTransform
@@ -31,7 +31,7 @@ from .kinematics import (
 from .loop_dynamics import (
     accumulate_base,
     carried_accelerations,
-    cut_accelerations,
+    closing_accelerations,
     less_external_of,
     link_constants,
     member_motion,
@@ -232,7 +232,7 @@ def complete_velocities(
     velocities = ear.walk(roots, [speeds_of(m) for m in ear.members], "r", "Eq. 30")
     rows = [ear.rows()[i] for i in kind.kept]
     conditions = ear.conditions(rows, ear.face_difference(velocities, roots), "cv", "Eq. 30")
-    slides = any(c.type in SLIDING for c in kind.closures)
+    slides = any(c.slides for c in kind.closures)
     seeds: dict[Any, Any] = {}
     held: Vec = []
     for t, role in enumerate(kind.roots):
@@ -391,8 +391,8 @@ def seed_residuals(x: Any, kind: Any) -> None:
         angles[k], moved[k] = load_vector(x, f"lane#{k}", "th"), load_vector(x, f"lane#{k}", "d")
     gaps = cut_displacements(x, ear, angles, moved)
     for c in range(len(kind.closures)):
-        for i, (angular, n) in enumerate(ear.joint_conditions(c)):
-            value = dot(n, gaps[c].angular if angular else gaps[c].linear)
+        for i, row in enumerate(ear.joint_conditions(c)):
+            value = dot(row.n, gaps[c].angular if row.angular else gaps[c].linear)
             x.store(f"dposition#{c}", str(i), x.let("open", value, "d Eq. 32", lanes=True))
 
 
@@ -405,7 +405,7 @@ def face_displacement(x: Any, ear: Ear, c: int, side: int) -> tuple[Vec, Vec]:
     for j in range(closure.parameters):
         dp = x.load(f"cldp#{c}", str(j))
         local = [local[i] + x.load(f"cl#{c}", f"{name}.r.{a}/{j}") * dp for i, a in enumerate(XYZ)]
-        if closure.type == "spherical":
+        if closure.type == "spherical" and not closure.gaps:
             continue
         _, F = ear.face(c, side)
         dF = [[x.load(f"cl#{c}", f"{name}.F.{a}{b}/{j}") for b in XYZ] for a in XYZ]
@@ -451,7 +451,7 @@ def ear_balance_out(x: Any, kind: Any) -> None:
         for i in range(3):
             for j in range(3):
                 seeds[B[i][j]] = x.load(array, f"{names[3]}.{XYZ[i]}{XYZ[j]}")
-    slides = any(c.type in SLIDING for c in kind.closures)
+    slides = any(c.slides for c in kind.closures)
     slip_roots = root_velocities(x, kind) if slides else []
     seeds.update(root_positions(x, ear))
     for t, twist in enumerate(slip_roots):
@@ -469,9 +469,7 @@ def ear_balance_out(x: Any, kind: Any) -> None:
         motions.append(member_motion(x, member, before, total_udot(x, kind, k, member)))
         if not x.structural:
             x.recall({"sw": motions[-1][0]}, f"me#{k}")
-    conditions = (
-        ear.conditions(rows, cut_accelerations(x, ear, motions, roots, slip_roots), "ca", "Eq. 31") if rows else []
-    )
+    conditions = closing_accelerations(x, ear, rows, motions, roots, "ca", slip_roots) if rows else []
     d = EarTangents(ear, angles, seeds)
     if slides:
         for t, role in enumerate(kind.roots):
@@ -583,7 +581,7 @@ def ear_balance_in(x: Any, kind: Any) -> None:
             ear.arm(c, side)
         ear.slip(c)
     tangents = EarTangents(ear, angles, root_positions(x, ear))
-    if any(c.type in SLIDING for c in kind.closures):
+    if any(c.slides for c in kind.closures):
         for t, role in enumerate(kind.roots):
             if role != "frame":
                 tangents.hold(ear.position(-1 - t))
@@ -654,7 +652,7 @@ def load_force(x: Any, array: str, prefix: str) -> Force:
 def root_positions(x: Any, ear: Ear) -> dict[Any, Any]:
     """Tangents of the roots' positions, where sliding joints ask for them and seeds are complete."""
     kind = ear.kind
-    if not any(c.type in SLIDING for c in kind.closures):
+    if not any(c.slides for c in kind.closures):
         return {}
     found: dict[Any, Any] = {}
     for t, role in enumerate(kind.roots):
@@ -727,7 +725,7 @@ def _apply_wrench(
     x: Any,
     ear: Ear,
     c: int,
-    rows: list[tuple[int, bool, Vec]],
+    rows: list[Condition],
     wrench: Vec,
     phi: list[Force],
     d_phi: list[Force],
@@ -739,12 +737,12 @@ def _apply_wrench(
     moment: Vec = [0, 0, 0]
     d_force: Vec = [0, 0, 0]
     d_moment: Vec = [0, 0, 0]
-    for (loop, angular, n), value in zip(rows, wrench, strict=True):
-        if loop != c:
+    for row, value in zip(rows, wrench, strict=True):
+        if row.loop != c:
             continue
-        part = [product(e, value) for e in n]
-        change = [t * value for t in tangents.vector(n)]
-        if angular:
+        part = [product(e, value) for e in row.n]
+        change = [t * value for t in tangents.vector(row.n)]
+        if row.angular:
             moment, d_moment = add(moment, part), add(d_moment, change)
         else:
             force, d_force = add(force, part), add(d_force, change)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from ..model.model import CLOSURE_ROWS
 from ..program.block import ANY
 from .closures import own_sources, source_speed, source_twist, stored_factor
 from .couplings import (
@@ -22,7 +23,7 @@ from .couplings import (
     partner_acceleration,
     to_base,
 )
-from .ears import SLIDING, UNIT, ZERO, Ear, Twist, rotate
+from .ears import UNIT, ZERO, Condition, Ear, Twist, rotate
 from .elimination import BASE
 from .far_links import far_motions
 from .joints import shift_inertia
@@ -185,17 +186,43 @@ def slip_velocities(x: Any, ear: Ear, roots: list[Twist]) -> list[Twist]:
     return ear.face_difference(velocities, roots)
 
 
+def closing_accelerations(
+    x: Any,
+    ear: Ear,
+    rows: list[Condition],
+    motions: list[Motion],
+    roots: list[Motion],
+    name: str,
+    root_speeds: list[Twist] | None = None,
+) -> Vec:
+    """What the conditions see of the faces' accelerations, with what their turning adds. Eq. 31."""
+    at_cuts, relative = cut_accelerations(x, ear, motions, roots, root_speeds)
+    result: Vec = []
+    for row, value in zip(rows, ear.conditions(rows, at_cuts, name, "Eq. 31"), strict=True):
+        w = relative[row.loop]
+        for weight, c, d in row.turning:  # c turns with the end: ((w x c) x d) . w
+            turned = [x.let("nd", v, "Eq. 31") for v in cross([x.let("nc", v, "Eq. 31") for v in cross(w, c)], d)]
+            value = value + weight * x.let("nrate", dot(turned, w), "Eq. 31")
+        result.append(x.let(name, value, "Eq. 31") if row.turning else value)
+    return result
+
+
 def cut_accelerations(
     x: Any, ear: Ear, motions: list[Motion], roots: list[Motion], root_speeds: list[Twist] | None = None
-) -> list[Twist]:
-    """What the faces' accelerations differ by at every cut, the joint's own remainder taken off. Eq. 31."""
+) -> tuple[list[Twist], list[Vec]]:
+    """What the faces' accelerations differ by at every cut, and their angular velocities. Eq. 31.
+
+    The joint's own remainder is taken off, for conditions that turn with the start face.
+    """
     found = []
+    turning: list[Vec] = []
     slips = []
-    if any(c.type in SLIDING for c in ear.kind.closures):
+    if any(c.slides for c in ear.kind.closures):
         slips = slip_velocities(x, ear, root_speeds or root_velocities(x, ear.kind))
     for c, closure in enumerate(ear.kind.closures):
         if closure.roots == (-1, -1) and not any(closure.paths):
             found.append(Twist(list(ZERO), list(ZERO)))
+            turning.append(list(ZERO))
             continue
         sides = []
         for side in (0, 1):
@@ -209,17 +236,18 @@ def cut_accelerations(
         (w_a, al_a, a_a), (w_b, al_b, a_b) = sides
         relative = [x.let("wrel", w_b[i] - w_a[i], "Eq. 31") for i in range(3)]
         angular = [al_b[i] - al_a[i] for i in range(3)]
-        if closure.type != "spherical":
+        if CLOSURE_ROWS[closure.type][1]:
             turn = cross(w_a, relative)
             angular = [angular[i] - turn[i] for i in range(3)]
-        if closure.type == "universal":
+        if closure.type == "universal" and not closure.gaps:
             angular = universal_bias(x, ear, c, angular, w_a, w_b, relative)
         linear = [a_b[i] - a_a[i] for i in range(3)]
-        if closure.type in SLIDING:
+        if closure.slides:
             coriolis = cross(w_a, slips[c].linear)
             linear = [linear[i] - 2 * coriolis[i] for i in range(3)]
         found.append(Twist([x.let("ca", e, "Eq. 31") for e in angular], [x.let("cl", e, "Eq. 31") for e in linear]))
-    return found
+        turning.append(relative)
+    return found, turning
 
 
 def universal_bias(x: Any, ear: Ear, c: int, angular: Vec, w_a: Vec, w_b: Vec, relative: Vec) -> Vec:
@@ -245,7 +273,7 @@ def ear_kinematics(x: Any, kind: Any) -> None:
         before = motions[member.parent] if member.parent >= 0 else roots[-1 - member.parent]
         motions.append(member_motion(x, member, before))
     if rows:
-        b = ear.conditions(rows, cut_accelerations(x, ear, motions, roots), "b", "Eq. 31")
+        b = closing_accelerations(x, ear, rows, motions, roots, "b")
         rates = stored_factor(x, kind).solve([-v for v in b], "y", "Eq. 38")
         still = [Twist(list(ZERO), list(ZERO)) for _ in kind.roots]
         added = ear.walk(still, ear.coefficients(rates), "e", "Eq. 38")

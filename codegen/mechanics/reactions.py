@@ -104,10 +104,10 @@ def ear_transmitted(x: Any, kind: Any) -> None:
         for c, closure in enumerate(kind.closures):
             moment: Vec = [0, 0, 0]
             force: Vec = [0, 0, 0]
-            for (loop, angular, n), value in zip(rows, multipliers, strict=True):
-                if loop == c:
-                    part = [product(e, value) for e in n]
-                    moment, force = (add(moment, part), force) if angular else (moment, add(force, part))
+            for row, value in zip(rows, multipliers, strict=True):
+                if row.loop == c:
+                    part = [product(e, value) for e in row.n]
+                    moment, force = (add(moment, part), force) if row.angular else (moment, add(force, part))
             end = closure.faces[1]
             turned = [matvec(transpose(ear.attitude(end)), [-e for e in v]) for v in (moment, force)]
             store_reaction(x, f"loop_reaction#{c}", ground_attitude(x, kind, end), turned[0], turned[1])

@@ -68,12 +68,14 @@ def find_regions(
     ]
     regions: list[Region] = []
     ears: list[EarLinks] = []
+    gaps = {i for ear in partition.ears if ear.gaps for i in ear.loops}
+    dropped = partition.dropped_rows(model)
     ear_of = [None] * len(links)
     for group, base in _components(links, faces, partition):
         bundles = _bundles(links, faces, group, dependent)
         on_cycles = sorted({i for b in bundles for i in b.links})
         free = [(i, j) for i in on_cycles for j in range(FREEDOMS[links[i].joint]) if (i, j) not in dependent]
-        made = _Maker(links, regions, ears, ear_of, faces, dependent)
+        made = _Maker(links, regions, ears, ear_of, faces, dependent, gaps, dropped)
         if len(free) > MOST_SOURCES:
             made.by_single_ears(bundles)
             continue
@@ -189,8 +191,12 @@ class _Maker:
         ear_of: list[int | None],
         faces: Sequence[tuple[int, ...]],
         dependent: set[tuple[int, int]],
+        gaps: set[int],
+        dropped: Sequence[set[int]],
     ):
         self.links = links
+        self.gaps = gaps
+        self.dropped = dropped
         self.regions = regions
         self.ears = ears
         self.ear_of = ear_of
@@ -251,6 +257,11 @@ class _Maker:
             if common or roots[0] == roots[1]:
                 roots = [-1, -1]
             ends = tuple(where(face) for face in self.faces[loop])
-            ear.closures.append(Closure(loop, (a, b), (roots[0], roots[1]), (ends[0], ends[1])))
+            ear.closures.append(
+                Closure(
+                    loop, (a, b), (roots[0], roots[1]), (ends[0], ends[1]), loop in self.gaps,
+                    tuple(sorted(self.dropped[loop])),
+                )
+            )  # fmt: skip
         self.regions[-1].ears.append(len(self.ears))
         self.ears.append(ear)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from ..model.model import GROUND
+from ..model.model import CLOSURE_ROWS, GROUND
 
 
 @dataclass(slots=True, eq=False)
@@ -21,12 +21,23 @@ class Closure:
         Where the paths begin: place among the ear's roots; -1 for both where both begin at the same link.
     faces : tuple of two int
         Place of each face's link among the ear's links; minus one minus the place among its roots where it is one of those.
+    gaps : bool
+        The faces may be apart in dropped conditions, or be moved apart by a parameter; see `loops.partition.Ear`.
+    dropped : tuple of int
+        Conditions that do not count.
     """
 
     loop: int
     paths: tuple[tuple[int, ...], tuple[int, ...]]
     roots: tuple[int, int]
     faces: tuple[int, int]
+    gaps: bool = False
+    dropped: tuple[int, ...] = ()
+
+    def slides(self, type: str) -> bool:
+        """Whether the way between the faces matters, for a joint of some type."""
+        linear, _ = CLOSURE_ROWS[type]
+        return linear < 3 or (self.gaps and any(r not in self.dropped for r in range(linear)))
 
 
 @dataclass(slots=True, eq=False)

@@ -21,6 +21,7 @@ from .sections.loops import read_loops
 from .sections.outputs import read_outputs
 from .sections.points import read_points
 from .sections.quantities import model_name, read_constants, read_gravity, read_inputs, read_parameters
+from .sections.tolerance import read_loop_tolerance
 
 
 def assemble(document: Document) -> Model:
@@ -78,6 +79,7 @@ def _model(reader: Reader) -> Model | None:
     outputs = read_outputs(reader, bodies, points)
     initial = read_initial(reader, bodies)
     independent = read_independent(reader, bodies)
+    loop_tolerance = read_loop_tolerance(reader)
     if any(p.severity == "error" for p in reader.problems):
         return None
     for parameter, at in parameters:
@@ -100,4 +102,5 @@ def _model(reader: Reader) -> Model | None:
         initial_u=initial["u"],
         independent=independent,
         warnings=tuple(str(p) for p in reader.problems if p.severity == "warning"),
+        loop_tolerance=loop_tolerance,
     )

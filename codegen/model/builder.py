@@ -26,6 +26,8 @@ class ModelBuilder:
         Names the generated package.
     gravity : sequence of three numbers, optional
         m/s^2 in the ground frame.
+    loop_tolerance : number, optional
+        See `Model.loop_tolerance`.
 
     Examples
     --------
@@ -38,10 +40,14 @@ class ModelBuilder:
     1
     """
 
-    def __init__(self, name: str, gravity: Sequence[Scalar] | None = None) -> None:
+    def __init__(
+        self, name: str, gravity: Sequence[Scalar] | None = None, loop_tolerance: Scalar | None = None
+    ) -> None:
         self._root: dict[str, Any] = {"model": name}
         if gravity is not None:
             self._root["gravity"] = _plain(gravity)
+        if loop_tolerance is not None:
+            self._root["loop_tolerance"] = _plain(loop_tolerance)
         self._problems: list[Problem] = []
 
     def constant(self, name: str, value: Scalar | Sequence[Scalar]) -> Name:

@@ -124,16 +124,17 @@ class Loop:
     Attributes
     ----------
     type : str
-        One of ``fixed revolute prismatic universal spherical cylindrical planar`` (``point`` is read as spherical).
+        One of ``fixed revolute prismatic universal spherical cylindrical planar inline`` (``point`` is read as spherical).
     axes : tuple of Vector
-        Not normalised. One for revolute, prismatic, cylindrical and planar (its normal), the same components in
+        Not normalised. One for revolute, prismatic, cylindrical, planar (its normal) and inline, the same components in
         both faces; two for universal: the first fixed in `start`, the second in `end`, perpendicular where the loop is
         closed. None for fixed and spherical.
     start, end : Face
         ``from`` and ``to`` of the file. Fixed: the faces coincide. Revolute: origins coincide, the axes are parallel.
         Prismatic: the faces are parallel, the origins differ along the axis only. Universal: origins coincide, the axes
         are perpendicular. Spherical: origins coincide. Cylindrical: the axes lie on one line. Planar: the normals are
-        parallel, the origin of `end` lies in the plane through that of `start`.
+        parallel, the origin of `end` lies in the plane through that of `start`. Inline: the origin of `end` lies on the
+        axis through that of `start`.
     """
 
     name: str
@@ -161,15 +162,40 @@ class Spring:
 
 CLOSURE_ROWS = {
     "fixed": (3, 3), "revolute": (3, 2), "prismatic": (2, 3), "universal": (3, 1), "spherical": (3, 0),
-    "cylindrical": (2, 2), "planar": (1, 2),
+    "cylindrical": (2, 2), "planar": (1, 2), "inline": (2, 0),
 }  # fmt: skip
 """How many linear and angular conditions a loop joint sets."""
 
+LOOP_TOLERANCE = 1e-4
+"""Of models that give none. Angles of five significant digits, such as 1.5708 for pi/2 or 3.1416 for pi, are off by 4e-6 to
+1e-5 rad, and a few of them add up; a closure matrix half a degree from a dead point has singular values of 1e-2."""
+
 
 def closure_row_names(loop: Loop) -> tuple[str, ...]:
-    """``name.l1 ...`` for the linear conditions of a loop joint, then ``name.a1 ...`` for the angular ones."""
+    """``name.l1 ...`` for the linear conditions of a loop joint, then ``name.a1 ...`` for the angular ones.
+
+    They are along, or about, directions of the start face, in this order. With a the joint's axis (its first) these are the
+    face's own axes x, y, z if a is along one of them (two of them reversed if it is along its opposite); otherwise t1, t2
+    and a, with t1 along e x a, t2 = a x t1, e the base vector that a is least along. Where a joint leaves out the direction
+    of its axis, the other two follow in cyclic order: y, z for x; z, x for y; x, y for z; t1, t2.
+    """
     linear, angular = CLOSURE_ROWS[loop.type]
     return tuple(f"{loop.name}.{c}{i + 1}" for c, n in (("l", linear), ("a", angular)) for i in range(n))
+
+
+def coordinate_axis(axis: Vector) -> tuple[int, int] | None:
+    """Index and sign of the base vector that an axis is along, if it is given as one."""
+    if not all(a.is_number for a in axis):
+        return None
+    values = [float(a.value) for a in axis]
+    along = [i for i in range(3) if values[i] != 0]
+    return (along[0], 1 if values[along[0]] > 0 else -1) if len(along) == 1 else None
+
+
+def least_along(axis: Vector, defaults: dict[str, float]) -> int:
+    """Index of the base vector that an axis is least along at the default parameters."""
+    sizes = [abs(float(a.evaluate(defaults))) for a in axis]
+    return sizes.index(min(sizes))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -224,6 +250,8 @@ class Model:
         Initial values by coordinate and speed name (missing: 0, unit quaternion); guesses where loops decide.
     independent : tuple of str
         Coordinates that the model asks to be independent: a hint, may be fewer than the freedoms.
+    loop_tolerance : float
+        Conditions of loops that follow from others but for this part of them are taken to follow.
     warnings : tuple of str
     """
 
@@ -240,6 +268,7 @@ class Model:
     initial_u: dict[str, Expression] = field(default_factory=dict)
     independent: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    loop_tolerance: float = LOOP_TOLERANCE
 
     def __repr__(self) -> str:
         return (
@@ -259,6 +288,11 @@ class Model:
     def closure_names(self) -> tuple[str, ...]:
         """The conditions of all loops, in the order of residuals."""
         return tuple(name for loop in self.loops for name in closure_row_names(loop))
+
+    @cached_property
+    def defaults(self) -> dict[str, float]:
+        """Values of the parameters by name."""
+        return {p.name: p.value for p in self.parameters}
 
     @cached_property
     def parameter_names(self) -> tuple[str, ...]:

@@ -32,7 +32,7 @@ ONE: Final = Expression.number(1)
 
 SECTIONS: Final = (
     *("model", "gravity", "constants", "parameters", "inputs"),
-    *("bodies", "points", "loops", "forces", "initial", "independent", "outputs"),
+    *("bodies", "points", "loops", "loop_tolerance", "forces", "initial", "independent", "outputs"),
 )
 LATER_SECTIONS: Final = ("motion",)
 LATER_TYPES: Final = {
@@ -357,8 +357,21 @@ class PlanarLoop(LoopJointEntry):
     normal: Axis
 
 
+class InlineLoop(LoopJointEntry):
+    type: Literal["inline"]
+    axis: Axis
+
+
 AnyLoopJoint = Annotated[
-    FixedLoop | RevoluteLoop | PrismaticLoop | UniversalLoop | SphericalLoop | PointLoop | CylindricalLoop | PlanarLoop,
+    FixedLoop
+    | RevoluteLoop
+    | PrismaticLoop
+    | UniversalLoop
+    | SphericalLoop
+    | PointLoop
+    | CylindricalLoop
+    | PlanarLoop
+    | InlineLoop,
     Field(discriminator="type"),
 ]
 

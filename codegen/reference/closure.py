@@ -20,23 +20,27 @@ and Xi from body to body, Eqs. 37 and 38. Here the same projection is done with 
 (`LeftInverse`), for joints on both branches and several loops at a time. E may have more rows than columns: any left
 inverse serves on consistent motion.
 
-Derivatives. On consistent seeds E dx = db - dE x; columns of E^+ W that are not consistent by themselves obey it too, for
-what it drops vanishes on the motions that they are multiplied with.
+Angular conditions are sums of w c . d = 0, c fixed in the end body, d in the start body: a_e . n for hinges, antisymmetric
+parts of the relative rotation for whole turns. Their rows, sums of w c x d, and what these add to the accelerations hold where
+the loop is open in other conditions too.
+
+Derivatives. E dx = db - dE x with the left inverse of the state: the derivative of the mechanism that keeps, ear by ear, those
+combinations of its conditions that the dependent speeds can reach here (docs, 4.7). On consistent seeds that is all of them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..model.model import CLOSURE_ROWS, GROUND, Loop, Model
-from .arithmetic import LeftInverse, SingularMatrixError
+from .arithmetic import Array, LeftInverse, SingularMatrixError
 from .ears import Group
 from .pairs import Pair, Pairs
-from .primitives import placed_rotation, transverse
+from .primitives import condition_frame, placed_rotation
 
 if TYPE_CHECKING:
     from .recursive import Terms
@@ -44,6 +48,10 @@ if TYPE_CHECKING:
 
 HALF_TURN = 1e-12
 """A squared cosine below this has no direction back any more."""
+
+
+Turning = list[tuple[Any, Pair, Pair]]
+"""An angular condition: weights w and directions c (end), d (start), (3, 1), of its terms w c . d = 0."""
 
 
 @dataclass(slots=True)
@@ -55,6 +63,12 @@ class Cut:
     rows : Pair
         The complement of the freedoms, (m, 6), at the end face's origin: linear conditions first, divided by the
         characteristic length, in the order of `closure_row_names`.
+    kept : array of int
+        Those of the m conditions that have not been dropped.
+    turning : list of Turning
+        The angular conditions.
+    frame : Pair
+        Directions of the conditions, (3, 3).
     K_start, K_end : Pair
         Conditions of a motion of the start and end body's mass centres, each in its body's own axes, (m, 6).
     arm_start, arm_end : Pair
@@ -63,30 +77,37 @@ class Cut:
         From the start face's origin to the end face's, (3, 1), m.
     C : Pair
         End body's components into the start body's, (3, 3).
-    turns_with_end : Pair
-        Projector onto the freedoms whose axes are fixed in the end body, (3, 3): the second one of a universal joint.
     """
 
     rows: Pair
+    kept: Array
+    turning: list[Turning]
+    frame: Pair
     K_start: Pair
     K_end: Pair
     arm_start: Pair
     arm_end: Pair
     offset: Pair
     C: Pair
-    turns_with_end: Pair
 
     def remainder(self, pairs: Pairs, start: Terms, end: Terms) -> Pair:
-        """The conditions of the accelerations at udot = 0, (m, 1): Eq. 31's A_t, and what the moving axes add."""
+        """The kept conditions of the accelerations at udot = 0, (m, 1): Eq. 31's A_t, and what the moving axes add."""
         V_s, V_e = start.pair("V"), end.pair("V")
         w_s, w_e = V_s[:3], self.C @ V_e[:3]
         wx_s, wx_e = pairs.skew(w_s), pairs.skew(w_e)
         w = w_e - w_s  # of the end face against the start face, and v its origin's
         v = (self.C @ V_e[3:] + wx_e @ self.arm_end) - (V_s[3:] + wx_s @ self.arm_start)
-        angular = -(wx_s @ w) - pairs.skew(w) @ self.turns_with_end @ w
         linear = wx_e @ wx_e @ self.arm_end - wx_s @ wx_s @ self.arm_start - wx_s @ (v + v)
-        moving_axes = self.rows @ pairs.block([[angular], [linear]])
-        return self.K_end @ end.pair("A_t") - self.K_start @ start.pair("A_t") + moving_axes
+        moving_axes = self.rows @ pairs.block([[-(wx_s @ w)], [linear]])
+        # c turns with the end: ((w x c) x d) . w beside what the start's turning adds
+        turned = [pairs.constant(np.zeros((len(self.rows.value) - len(self.turning), 1), int))]
+        for terms in self.turning:
+            rate = pairs.constant([[0]])
+            for weight, c, d in terms:
+                rate = rate + (pairs.skew(pairs.skew(w) @ c) @ d).mT @ w * pairs.number(weight)
+            turned.append(rate)
+        total = self.K_end @ end.pair("A_t") - self.K_start @ start.pair("A_t") + moving_axes
+        return (total + pairs.block([[x] for x in turned]))[self.kept]
 
     def position_residual(self, pairs: Pairs, loop: Loop) -> Pair:
         """How far the faces are from closing, (m, 1), in the order and scale of the rows.
@@ -94,24 +115,26 @@ class Cut:
         Angular rows: along them, 2 sin(t/2) of the turn by t that is left. Of universal joints the cosine of their axes.
         """
         linear = self.rows[: CLOSURE_ROWS[loop.type][0], 3:] @ self.offset
-        angular = self.rows[CLOSURE_ROWS[loop.type][0] :, :3]
+        if not self.turning:
+            return linear
         R_s, R_e = placed_rotation(loop.start, pairs), self.C @ placed_rotation(loop.end, pairs)
         if loop.type in ("fixed", "prismatic"):
-            return pairs.block([[linear], [angular @ R_s @ twice_half_sine(pairs, R_s.mT @ R_e)]])
+            return pairs.block([[linear], [self.frame.mT @ R_s @ twice_half_sine(pairs, R_s.mT @ R_e)]])
         axes = [pairs.unit(pairs.vector(axis)) for axis in loop.axes]
         if loop.type == "universal":
             return pairs.block([[linear], [(R_e @ axes[1]).mT @ R_s @ axes[0]]])
-        if loop.type == "spherical":
-            return linear
         a_s, a_e = R_s @ axes[0], R_e @ axes[0]
         double = a_s + a_e  # twice the cosine of t/2 long
         if not pairs.dot(double, double).value > HALF_TURN:
             return pairs.block([[linear], [pairs.constant([[2], [0]])]])
         length = pairs.call("sqrt", pairs.dot(double, double)) / pairs.number(2)
-        return pairs.block([[linear], [angular @ pairs.skew(a_s) @ a_e * (pairs.number(1) / length)]])
+        sines = [pairs.dot(c, d) * pairs.number(weight) for ((weight, c, d),) in self.turning]
+        return pairs.block([[linear], [pairs.column(sines) * (pairs.number(1) / length)]])
 
-    def displacement_of_faces(self, pairs: Pairs, loop: Loop, start: Terms, end: Terms) -> Pair:
-        """The conditions of what the parameters alone move the faces in their bodies by, (m, 1): derivatives without value.
+    def displacement_of_faces(
+        self, pairs: Pairs, loop: Loop, defaults: dict[str, float], start: Terms, end: Terms
+    ) -> Pair:
+        """The kept conditions of what the parameters alone move the faces in their bodies by, (m, 1): derivatives without value.
 
         A face turns with its joint's axis, which may have parameters; turning it carries along what is off its origin.
         """
@@ -120,54 +143,66 @@ class Cut:
         for face, axis, body in ((loop.start, axes[0], start), (loop.end, axes[-1], end)):
             R = placed_rotation(face, pairs)
             if axis is not None:
-                a = pairs.unit(pairs.vector(axis))
-                R = R @ pairs.block([[*transverse(pairs, a), a]])
+                R = R @ condition_frame(pairs, axis, defaults)[1]
             moved.append((rotation_only(R), shift_only(pairs.vector(face.at) - body.pair("com"))))
         (turn_s, shift_s), (turn_e, shift_e) = moved
         angular = self.C @ turn_e - turn_s
         linear = self.C @ shift_e - shift_s + pairs.skew(self.offset) @ turn_s
-        return self.rows @ pairs.block([[angular], [linear]])
+        return (self.rows @ pairs.block([[angular], [linear]]))[self.kept]
 
 
-def cut(pairs: Pairs, loop: Loop, length: float, start: Terms, end: Terms) -> Cut:
-    """The loop joint between two bodies."""
+def cut(
+    pairs: Pairs,
+    loop: Loop,
+    length: float,
+    start: Terms,
+    end: Terms,
+    defaults: dict[str, float],
+    dropped: Collection[int],
+) -> Cut:
+    """The loop joint between two bodies; `dropped` are those of its conditions that do not count."""
     U, zero = pairs.constant(np.eye(3, dtype=int)), pairs.constant(np.zeros((3, 3), int))
     C = start.pair("N_C").mT @ end.pair("N_C")
     arm_end = C @ (pairs.vector(loop.end.at) - end.pair("com"))
     arm_start = start.pair("N_C").mT @ (end.pair("x") - start.pair("x")) + arm_end
     offset = arm_start - (pairs.vector(loop.start.at) - start.pair("com"))
 
-    R = placed_rotation(loop.start, pairs)  # the start face
-    axes = [pairs.unit(pairs.vector(axis)) for axis in loop.axes]
-    along = R @ axes[0] if axes else pairs.constant(np.zeros((3, 1), int))
-    across = [R @ n for n in transverse(pairs, axes[0])] if axes else []
-    second = (
-        C @ placed_rotation(loop.end, pairs) @ axes[1]
-        if loop.type == "universal"
-        else pairs.constant(np.zeros((3, 1), int))
-    )
-    every = [R[:, i : i + 1] for i in range(3)]
-    tilting = [across[1], -across[0]] if axes else []
-    linear, angular = {
-        "fixed": lambda: (every, [every[2], every[0], every[1]]),
-        "prismatic": lambda: (across, [every[2], every[0], every[1]]),
-        "revolute": lambda: (every, tilting),
-        "cylindrical": lambda: (across, tilting),
-        "planar": lambda: ([along], tilting),
-        "universal": lambda: (every, [pairs.skew(second) @ along]),
-        "spherical": lambda: (every, []),
-    }[loop.type]()
+    # The directions of the conditions, column i that of the joint's axis: fixed in the start face, and in the end face.
+    i, end_i, frame, end_frame = 2, 2, U, U
+    if loop.axes:
+        i, frame = condition_frame(pairs, loop.axes[0], defaults)
+        end_i, end_frame = condition_frame(pairs, loop.axes[-1], defaults)
+    frame, end_frame = placed_rotation(loop.start, pairs) @ frame, C @ placed_rotation(loop.end, pairs) @ end_frame
+    s, e = ([axes[:, j : j + 1] for j in range(3)] for axes in (frame, end_frame))
+    j, k = (i + 1) % 3, (i + 2) % 3
+    linear: list[Pair] = {1: [s[i]], 2: [s[j], s[k]], 3: s}[CLOSURE_ROWS[loop.type][0]]
+    turning: list[Turning] = []
+    if loop.type == "universal":
+        turning = [[(1, e[end_i], s[i])]]
+    elif CLOSURE_ROWS[loop.type][1] == 2:
+        turning = [[(-1, e[i], s[k])], [(1, e[i], s[j])]]
+    elif CLOSURE_ROWS[loop.type][1] == 3:
+        half = pairs.arithmetic.number(1) / 2
+        turning = [[(half, e[n - 2], s[n - 1]), (-half, e[n - 1], s[n - 2])] for n in range(3)]
     scale, none = pairs.number(1) / pairs.number(length), pairs.constant(np.zeros((1, 3), int))
-    rows = pairs.block([*([none, n.mT * scale] for n in linear), *([m.mT, none] for m in angular)])
+    angular = []
+    for terms in turning:
+        total = none
+        for weight, c, d in terms:
+            total = total + (pairs.skew(c) @ d).mT * pairs.number(weight)
+        angular.append([total, none])
+    rows = pairs.block([*([none, n.mT * scale] for n in linear), *angular])
     return Cut(
         rows,
+        np.array([n for n in range(len(rows.value)) if n not in dropped], dtype=int),
+        turning,
+        frame,
         rows @ pairs.block([[U, zero], [-pairs.skew(arm_start), U]]),
         rows @ pairs.block([[C, zero], [-pairs.skew(arm_end) @ C, C]]),
         arm_start,
         arm_end,
         offset,
         C,
-        second @ second.mT,
     )
 
 
@@ -207,15 +242,15 @@ class EarClosure:
         return G
 
     def conditions(self, motion: Mapping[int, Pair]) -> Pair:
-        """K_end M_end - K_start M_start, loop below loop, for motions (6, c) of mass centres; a body without one rests."""
+        """K_end M_end - K_start M_start of kept conditions, loop below loop, for motions (6, c) of mass centres or none."""
         (still,) = {x.value.shape[1] for x in motion.values()} or {1}
         rows = []
         for start, end, joint in self._loops:
-            total = self.pairs.constant(np.zeros((joint.rows.value.shape[0], still), int))
+            total = self.pairs.constant(np.zeros((len(joint.kept), still), int))
             if end in motion:
-                total = total + joint.K_end @ motion[end]
+                total = total + joint.K_end[joint.kept] @ motion[end]
             if start in motion:
-                total = total - joint.K_start @ motion[start]
+                total = total - joint.K_start[joint.kept] @ motion[start]
             rows.append([total])
         return self.pairs.block(rows)
 
@@ -263,7 +298,7 @@ def closed_motion(
     own : sequence of Pair
         For each body the motion of its mass centre relative to the parent with dependent joints at rest, (6, 1).
     of_faces : sequence of Pair
-        By loop, what its faces move in their bodies, as conditions (m, 1).
+        By loop, what its faces move in their bodies, as kept conditions (m, 1).
     """
     result = pairs.constant(np.zeros((model.nu, 1), int))
     motion: dict[int, Pair] = {}

@@ -12,7 +12,8 @@ with the derivatives, alpha and a being what is left of the accelerations at udo
     (w_e - w_s) . (c x d)
     (alpha_e - alpha_s) . (c x d) + (w_e - w_s) . ((w_e x c) x d + c x (w_s x d))
 
-The first of each pair is the Jacobian times u, the second B of Eq. 8.
+The first of each pair is the Jacobian times u, the second B of Eq. 8. For joints that hold a whole turn a condition is half the
+difference of two such products, an antisymmetric part of the relative rotation.
 
 c . d is a sine, which vanishes at half a turn too, where the joint is closed the wrong way round. The residual that is reported
 has 2 sin(t/2) in its place, t the angle between the axes that should be parallel, or of the turn between faces that should be:
@@ -23,10 +24,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from ..model.model import Face, Loop
+from ..model.model import Face, Loop, Vector, coordinate_axis, least_along
 from .arithmetic import Array
 from .ground_frame import Frame, Freedoms, cross, placement
 from .pairs import Pair, Pairs
@@ -35,7 +37,10 @@ HALF_TURN = 1e-12
 """A squared cosine below this has no direction back any more."""
 
 Row = tuple[Pair, Pair, Pair, Pair]
-"""Residual (1, 1), Jacobian (1, nu), remainder (1, 1) and wrench (1, 6) of one condition."""
+"""What is zero where the condition is met (1, 1), its Jacobian (1, nu), remainder (1, 1) and wrench (1, 6)."""
+
+Turning = list[tuple[Any, Pair, Pair]]
+"""An angular condition: weights and directions c, d, (1, 3), of its terms w c . d = 0."""
 
 
 @dataclass(slots=True)
@@ -45,9 +50,11 @@ class Conditions:
     Attributes
     ----------
     position : Pair
-        Residuals of Eq. 5, (m, 1).
+        Residuals of Eq. 5 as they are reported, (m, 1).
+    constraint : Pair
+        The same with sines of angles, (m, 1).
     jacobian : Pair
-        Their derivatives by the speeds, (m, nu).
+        Derivatives of the latter by the speeds, (m, nu).
     remainder : Pair
         What their second derivative in time has beside jacobian times udot, (m, 1).
     wrenches : Pair
@@ -55,6 +62,7 @@ class Conditions:
     """
 
     position: Pair
+    constraint: Pair
     jacobian: Pair
     remainder: Pair
     wrenches: Pair
@@ -79,21 +87,30 @@ class Side:
 
 
 def conditions(
-    pairs: Pairs, loops: Sequence[Loop], lengths: Sequence[float], frames: list[Frame], freedoms: Freedoms, u: Pair
+    pairs: Pairs,
+    loops: Sequence[Loop],
+    lengths: Sequence[float],
+    frames: list[Frame],
+    freedoms: Freedoms,
+    u: Pair,
+    defaults: dict[str, float],
 ) -> Conditions:
     """The conditions of all loops at a state."""
     rows: list[Row] = []
+    positions: list[Pair] = []
     for loop, length in zip(loops, lengths, strict=True):
         s, e = (side(pairs, face, frames[face.body], freedoms, u) for face in (loop.start, loop.end))
-        linear, angular = directions(pairs, loop, s.R, e.R)
+        linear, angular = directions(pairs, loop, s.R, e.R, defaults)
         scale = pairs.number(1) / pairs.number(length)
-        for n in linear:
-            position, row, remainder, wrench = _linear(pairs, s, e, n)
-            rows.append((position * scale, row * scale, remainder * scale, wrench * scale))
-        sines = [_angular(pairs, s, e, c, d) for c, d in angular]
-        turns = residuals_of_turn(pairs, loop, s.R, e.R, [position for position, *_ in sines])
-        rows += [(turn, *row[1:]) for turn, row in zip(turns, sines, strict=True)]
-    return Conditions(*(pairs.block([[row[i]] for row in rows]) for i in range(4)))
+        found = [_linear(pairs, s, e, n) for n in linear]
+        rows += [(value * scale, row * scale, more * scale, wrench * scale) for value, row, more, wrench in found]
+        positions += [value * scale for value, *_ in found]
+        turned = [_angular(pairs, s, e, terms) for terms in angular]
+        rows += turned
+        positions += residuals_of_turn(pairs, loop, s.R, e.R, [value for value, *_ in turned])
+    return Conditions(
+        pairs.block([[x] for x in positions]), *(pairs.block([[row[i]] for row in rows]) for i in range(4))
+    )
 
 
 def side(pairs: Pairs, face: Face, frame: Frame, freedoms: Freedoms, u: Pair) -> Side:
@@ -108,28 +125,30 @@ def side(pairs: Pairs, face: Face, frame: Frame, freedoms: Freedoms, u: Pair) ->
     return Side(R, x, v, a, frame.omega, alpha, _spread(pairs, J_v, index, nu), _spread(pairs, J_w, index, nu))
 
 
-def directions(pairs: Pairs, loop: Loop, R_s: Pair, R_e: Pair) -> tuple[list[Pair], list[tuple[Pair, Pair]]]:
-    """The directions n, and the pairs c, d, of a loop joint's conditions, each (1, 3) in the ground frame."""
-    axes = [pairs.unit(pairs.vector(axis)) for axis in loop.axes]
-    start, end = ([columns[:, i : i + 1].mT for i in range(3)] for columns in (R_s, R_e))
-    # Of fixed and prismatic joints every pair of axes one after the other stays perpendicular, as they are in one frame.
-    every = [(end[i], start[(i + 1) % 3]) for i in range(3)]
-    if loop.type in ("fixed", "spherical"):
-        return start, every if loop.type == "fixed" else []
-    a_s, a_e = axes[0].mT @ R_s.mT, axes[0].mT @ R_e.mT
+def directions(
+    pairs: Pairs, loop: Loop, R_s: Pair, R_e: Pair, defaults: dict[str, float]
+) -> tuple[list[Pair], list[Turning]]:
+    """The directions n, and the terms of c . d, of a loop joint's conditions, each (1, 3) in the ground frame."""
+    U = pairs.constant(np.eye(3, dtype=int))
+    i, frame = axes_of_conditions(pairs, loop.axes[0], defaults) if loop.axes else (2, U)
+    start, end = ([(R @ frame)[:, j : j + 1].mT for j in range(3)] for R in (R_s, R_e))
+    j, k = (i + 1) % 3, (i + 2) % 3
+    across = [start[j], start[k]]
+    half = pairs.arithmetic.number(1) / 2
+    parallel: list[Turning] = [[(-1, end[i], start[k])], [(1, end[i], start[j])]]
+    whole: list[Turning] = [
+        [(half, end[n - 2], start[n - 1]), (-half, end[n - 1], start[n - 2])] for n in range(3)
+    ]  # fmt: skip
     if loop.type == "universal":
-        return start, [(axes[1].mT @ R_e.mT, a_s)]
-    across = [n.mT @ R_s.mT for n in perpendicular(pairs, axes[0])]
-    parallel = [(a_e, n) for n in across]
-    if loop.type == "prismatic":
-        return across, every
-    if loop.type == "revolute":
-        return start, parallel
-    if loop.type == "cylindrical":
-        return across, parallel
-    if loop.type == "planar":
-        return [a_s], parallel
-    raise ValueError(f"loop {loop.name}: joint type {loop.type!r} is not known to the reference engines")
+        second = pairs.unit(pairs.vector(loop.axes[1])).mT @ R_e.mT
+        return start, [[(1, second, start[i])]]
+    known: dict[str, tuple[list[Pair], list[Turning]]] = {
+        "fixed": (start, whole), "spherical": (start, []), "prismatic": (across, whole), "revolute": (start, parallel),
+        "cylindrical": (across, parallel), "planar": ([start[i]], parallel), "inline": (across, []),
+    }  # fmt: skip
+    if loop.type not in known:
+        raise ValueError(f"loop {loop.name}: joint type {loop.type!r} is not known to the reference engines")
+    return known[loop.type]
 
 
 def residuals_of_turn(pairs: Pairs, loop: Loop, R_s: Pair, R_e: Pair, sines: list[Pair]) -> list[Pair]:
@@ -139,14 +158,14 @@ def residuals_of_turn(pairs: Pairs, loop: Loop, R_s: Pair, R_e: Pair, sines: lis
         B = R_s.mT @ R_e
         squared = one + B[0, 0] + B[1, 1] + B[2, 2]  # 4 cos(t/2)^2
         if squared.value > HALF_TURN:
-            root = pairs.call("sqrt", squared)
-            twice = [(B[2, 1] - B[1, 2]) / root, (B[0, 2] - B[2, 0]) / root, (B[1, 0] - B[0, 1]) / root]
-        else:  # B = 2 a a^T - U, a of either sign
-            i = int(np.argmax(np.diagonal(B.value)))
-            root = pairs.call("sqrt", (one + B[i, i]) * two)
-            twice = [((B[j, i] + B[i, j] + (two if i == j else pairs.number(0))) / root) for j in range(3)]
-        return [pairs.matrix([[twice[i]]]) for i in (2, 0, 1)]
-    if loop.type in ("universal", "spherical"):
+            root = two / pairs.call("sqrt", squared)
+            return [x * root for x in sines]
+        # B = 2 a a^T - U, a of either sign
+        i = int(np.argmax(np.diagonal(B.value)))
+        root = pairs.call("sqrt", (one + B[i, i]) * two)
+        twice = [((B[j, i] + B[i, j] + (two if i == j else pairs.number(0))) / root) for j in range(3)]
+        return [pairs.matrix([[twice[i]]]) for i in range(3)]
+    if loop.type == "universal" or not sines:
         return sines
     a = pairs.unit(pairs.vector(loop.axes[0]))
     squared = (one + pairs.dot(R_s @ a, R_e @ a)) / two  # cos(t/2)^2
@@ -155,14 +174,16 @@ def residuals_of_turn(pairs: Pairs, loop: Loop, R_s: Pair, R_e: Pair, sines: lis
     return [x * (one / pairs.call("sqrt", squared)) for x in sines]
 
 
-def perpendicular(pairs: Pairs, a: Pair) -> tuple[Pair, Pair]:
-    """Two unit vectors perpendicular to a unit vector and to each other, (3, 1): a x e and a x (a x e), e the base
-    vector that a is least along.
-    """
-    least = min(range(3), key=lambda i: abs(a.value[i, 0]))
-    cross_matrix = pairs.skew(a)
-    first = pairs.unit(cross_matrix[:, least : least + 1])
-    return first, cross_matrix @ first
+def axes_of_conditions(pairs: Pairs, axis: Vector, defaults: dict[str, float]) -> tuple[int, Pair]:
+    """The frame of `closure_row_names`: which column is the joint's axis, and (3, 3)."""
+    along = coordinate_axis(axis)
+    if along is not None:
+        i, sign = along
+        return i, pairs.constant(np.diag([sign if j in (i, (i + 2) % 3) else 1 for j in range(3)]))
+    a = pairs.unit(pairs.vector(axis))
+    e = np.eye(3, dtype=int)[:, [least_along(axis, defaults)]]
+    first = pairs.unit(pairs.skew(pairs.constant(e)) @ a)
+    return 2, pairs.block([[first, pairs.skew(a) @ first, a]])
 
 
 def _linear(pairs: Pairs, s: Side, e: Side, n: Pair) -> Row:
@@ -176,12 +197,16 @@ def _linear(pairs: Pairs, s: Side, e: Side, n: Pair) -> Row:
     return n @ r.mT, row, remainder, pairs.block([[pairs.constant([[0, 0, 0]]), n]])
 
 
-def _angular(pairs: Pairs, s: Side, e: Side, c: Pair, d: Pair) -> Row:
-    """The condition c . d = 0."""
-    m, omega = cross(c, d), e.omega - s.omega
+def _angular(pairs: Pairs, s: Side, e: Side, terms: Turning) -> Row:
+    """The condition that the sum of w c . d is zero."""
+    omega = e.omega - s.omega
+    value, turned, m = pairs.constant([[0]]), pairs.constant([[0]]), pairs.constant([[0, 0, 0]])
+    for weight, c, d in terms:
+        w = pairs.number(weight)
+        value, m = value + c @ d.mT * w, m + cross(c, d) * w
+        turned = turned + omega @ (cross(cross(e.omega, c), d) + cross(c, cross(s.omega, d))).mT * w
     row = m @ (e.J_w - s.J_w).mT
-    remainder = (e.alpha - s.alpha) @ m.mT + omega @ (cross(cross(e.omega, c), d) + cross(c, cross(s.omega, d))).mT
-    return c @ d.mT, row, remainder, pairs.block([[m, pairs.constant([[0, 0, 0]])]])
+    return value, row, (e.alpha - s.alpha) @ m.mT + turned, pairs.block([[m, pairs.constant([[0, 0, 0]])]])
 
 
 def _spread(pairs: Pairs, rows: Pair, index: Array, n: int) -> Pair:

@@ -17,8 +17,9 @@ Eqs. 8 and 9 are the last system solved for dlambda first; here both are solved 
 singular (massless bodies that a loop moves). Eq. 6 is printed with M_,p in front of dudot; it is M. M, K, Phi_q and all
 they are made of are formed as pairs, so dM and the others are their direct derivatives, one full matrix per direction.
 
-Redundant conditions. Which speeds are dependent is given, so the rank is known: as many conditions are kept as there
-are dependents, chosen by complete pivoting; the others must follow from them.
+Redundant conditions. Which speeds are dependent, and which loops make them so, is given: of an ear's conditions those
+combinations count that its dependent speeds can reach at the state, held fixed while everything is differentiated (docs, 4.7).
+The others must follow from them, but for those that the partition has dropped.
 """
 
 from __future__ import annotations
@@ -35,30 +36,37 @@ from .ground_frame import Frame, Freedoms, cross, motion, quaternion_product, ro
 from .pairs import Pair, Pairs
 
 LEFT_OVER = 1e-6
-"""A condition that is no combination of the kept ones to this part of the largest entry is one more, not redundant."""
+"""A condition that is no combination of the others to this part of the largest entry is one more, not redundant."""
 
 
 class DenseEngine(Engine):
-    """The dense method for any model. Of the partition it uses which speeds are dependent, and the loops' lengths."""
+    """The dense method for any model.
+
+    Of the partition it uses which speeds depend on which loops, the conditions that are dropped, and the loops' lengths.
+    """
 
     def _accelerations(self, state: State) -> Pair:
         return self._constrained(state)[0]
 
-    def _constrained(self, state: State) -> tuple[Pair, Pair]:
-        """udot, (nu, 1), and the multipliers of all conditions, (m, 1): Eqs. 4 to 9."""
+    def _constrained(self, state: State, subset: bool = False) -> tuple[Pair, Pair]:
+        """udot, (nu, 1), and the multipliers of all conditions, (m, 1): Eqs. 4 to 9.
+
+        With `subset` only as many conditions as there are dependents have multipliers.
+        """
         pairs, nu = state.pairs, self.model.nu
         M, K = self._mass_matrix(state), self._right_side(state)
         if not self.model.loops:
             return self._solve(M, K), pairs.constant(np.zeros((0, 1), int))
         known = self._conditions(state)
-        kept = self._kept(known.jacobian.value)
+        J = known.jacobian.value
+        C = self.arithmetic.eye(len(J))[self._subset(J)] if subset else self._combinations(J)
         # The same conditions, combined so that their rows are orthonormal here: the system is then as good as M.
-        inverse = LeftInverse(self.arithmetic, known.jacobian.value[kept].T)
-        W = pairs.constant(inverse(inverse.Q).T)
-        Phi_q, B = W @ known.jacobian[kept], W @ known.remainder[kept]
-        zero = pairs.constant(np.zeros((len(kept), len(kept)), int))
+        inverse = LeftInverse(self.arithmetic, (C @ J).T)
+        W = pairs.constant(inverse(inverse.Q).T @ C)
+        Phi_q, B = W @ known.jacobian, W @ known.remainder
+        zero = pairs.constant(np.zeros((len(C), len(C)), int))
         x = self._solve(pairs.block([[M, Phi_q.mT], [Phi_q, zero]]), pairs.block([[K], [-B]]))
-        return x[:nu], self._shared(known.jacobian, kept, W.mT @ x[nu:])
+        return x[:nu], W.mT @ x[nu:]
 
     def _solve_mass(self, state: State, b: Pair) -> Pair:
         return self._solve(self._mass_matrix(state), b)
@@ -107,19 +115,24 @@ class DenseEngine(Engine):
         pairs = state.pairs
         if not self.model.loops:
             return pairs.constant(np.zeros((0, 6), int))
-        wrenches, (_, multipliers) = self._conditions(state).wrenches, self._constrained(state)
+        known, (_, multipliers) = self._conditions(state), self._constrained(state, subset=True)
+        multipliers = self._shared(known.jacobian, multipliers)
         # Phi_q^T lambda stands on the left of Eq. 4, hence the minus.
-        return pairs.block([[-(multipliers[rows].mT @ wrenches[rows])] for rows in self.closure_slices])
+        return pairs.block([[-(multipliers[rows].mT @ known.wrenches[rows])] for rows in self.closure_slices])
 
-    def _shared(self, jacobian: Pair, kept: Array, multipliers: Pair) -> Pair:
-        """The multipliers of least norm of all conditions, (m, 1), that act as those of the kept conditions do."""
+    def _shared(self, jacobian: Pair, multipliers: Pair) -> Pair:
+        """The multipliers of least norm, (m, 1), that act as those of a subset do; dropped conditions have none."""
+        rows = self._subset(jacobian.value)
         dependent = jacobian[:, self.dependent]
-        W = self._solve(dependent[kept].mT, dependent.mT).mT  # every condition from the kept ones
-        return W @ self._solve(W.mT @ W, multipliers)
+        W = self._solve(dependent[rows].mT, dependent.mT).mT  # every condition from those of the subset
+        dropped = np.setdiff1d(np.arange(len(jacobian.value)), self.kept)
+        W.value[dropped], W.tangent[:, dropped] = 0 * W.value[dropped], 0 * W.tangent[:, dropped]
+        return W @ self._solve(W.mT @ W, multipliers[rows])
 
     def _conditions(self, state: State) -> Conditions:
         frames, freedoms = self._motion(state)
-        return conditions(state.pairs, self.model.loops, self.lengths, frames, freedoms, state.u)
+        loops, defaults = self.model.loops, self.model.defaults
+        return conditions(state.pairs, loops, self.lengths, frames, freedoms, state.u, defaults)
 
     def _closure(self, state: State) -> tuple[Pair, Pair]:
         known = self._conditions(state)
@@ -128,42 +141,65 @@ class DenseEngine(Engine):
     def _displacements(self, state: State) -> Array:
         """Eq. 7 for the dependent displacements; what p and the independents do is the position's derivative so far."""
         known = self._conditions(state)
-        kept = self._kept(known.jacobian.value)
-        right = -known.position.tangent[:, kept, 0].T
+        C = self._combinations(known.jacobian.value)
+        E = C @ known.jacobian.value[:, self.dependent]
         result = self.arithmetic.zeros(state.pairs.k, self.model.nu, 1)
-        result[:, self.dependent, 0] = self.arithmetic.solve(known.jacobian.value[kept][:, self.dependent], right).T
+        for moved, opened in zip(
+            result, known.constraint.tangent, strict=True
+        ):  # one by one: the same numbers in any company
+            moved[self.dependent] = self.arithmetic.solve(E, -(C @ opened))
         return result
 
     def _closed_speeds(self, state: State) -> Pair:
         """Eq. 5 once in time: Phi_q u = 0."""
         jacobian = self._conditions(state).jacobian
-        kept = self._kept(jacobian.value)
-        return self._solve(jacobian[kept][:, self.dependent], -(jacobian[kept] @ state.u))
+        combined = state.pairs.constant(self._combinations(jacobian.value)) @ jacobian
+        return self._solve(combined[:, self.dependent], -(combined @ state.u))
 
-    def _kept(self, jacobian: Array) -> Array:
-        """Indices of as many independent conditions as there are dependent speeds.
+    def _combinations(self, jacobian: Array) -> Array:
+        """Ear by ear, orthonormal combinations of conditions that the dependent speeds can reach, (r, m).
 
         Raises
         ------
         SingularMatrixError
-            The dependent speeds do not follow from the conditions, or the conditions do not follow from those kept.
+            The dependent speeds do not follow from the conditions, or the conditions do not follow from them.
         """
-        dependent, names = jacobian[:, self.dependent], [self.model.speed_names[i] for i in self.dependent]
-        kept, rank = self.arithmetic.independent_rows(dependent)
+        self._check_rank(jacobian)
+        place = {int(s): i for i, s in enumerate(self.dependent)}
+        kept = {int(i) for i in self.kept}
+        found = self.arithmetic.zeros(len(place), len(jacobian))
+        for ear in self.partition.ears:
+            slices = [self.closure_slices[k] for k in ear.loops]
+            rows = [i for x in slices for i in range(x.start, x.stop) if i in kept]
+            if ear.dependent:
+                columns = [jacobian[rows, s] for s in ear.dependent]
+                Q = LeftInverse(self.arithmetic, np.stack(columns, axis=1)).Q
+                for j, s in enumerate(ear.dependent):
+                    found[place[s], rows] = Q[:, j]
+        return found
+
+    def _subset(self, jacobian: Array) -> Array:
+        """Indices of as many independent conditions as there are dependent speeds."""
+        rows, _ = self.arithmetic.independent_rows(jacobian[np.ix_(self.kept, self.dependent)])
+        return self.kept[rows]
+
+    def _check_rank(self, jacobian: Array) -> None:
+        dependent = jacobian[np.ix_(self.kept, self.dependent)]
+        names = [self.model.speed_names[i] for i in self.dependent]
+        rows, rank = self.arithmetic.independent_rows(dependent)
         if rank < len(names):
             raise SingularMatrixError(
                 f"loops {', '.join(x.name for x in self.model.loops)}: the speeds {', '.join(names)} do not follow from"
                 f" closure here: rank {rank} of {len(names)}"
             )
-        combinations = self.arithmetic.solve(dependent[kept].T, dependent.T).T
-        left = np.abs(jacobian - combinations @ jacobian[kept]).max(axis=1)
+        combinations = self.arithmetic.solve(dependent[rows].T, dependent.T).T
+        left = np.abs(jacobian[self.kept] - combinations @ jacobian[self.kept[rows]]).max(axis=1)
         worst = int(np.argmax(left))
         if left[worst] > LEFT_OVER * np.abs(jacobian).max():
             raise SingularMatrixError(
-                f"condition {self.model.closure_names[worst]} does not follow from the others: {len(names)} dependent"
-                f" speeds ({', '.join(names)}) are too few here"
+                f"condition {self.model.closure_names[self.kept[worst]]} does not follow from the others: {len(names)}"
+                f" dependent speeds ({', '.join(names)}) are too few here"
             )
-        return kept
 
     # --- M, K and energies ----------------------------------------------------------------------------------------
 

@@ -77,7 +77,7 @@ def embed(
     Parameters
     ----------
     remainders : sequence of Pair
-        By loop, the conditions of the accelerations at udot = 0, (m, 1).
+        By loop, the kept conditions of the accelerations at udot = 0, (m, 1).
     """
     inward = _Inward(model, bodies, pairs)
     eliminated = [

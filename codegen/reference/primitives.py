@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..model.model import Body, Face, Joint
+from ..model.model import Body, Face, Joint, Vector, coordinate_axis, least_along
 from .arithmetic import Array
 from .pairs import Pair, Pairs, skew
 
@@ -73,14 +73,16 @@ def placed_rotation(placed: Joint | Face, pairs: Pairs) -> Pair:
     return C
 
 
-def transverse(pairs: Pairs, a: Pair) -> list[Pair]:
-    """n1 and n2 that make a right-handed frame with the unit vector a, (3, 1).
-
-    n1 is along a x e, e the base vector that a is least along.
-    """
-    least = min(range(3), key=lambda i: abs(a.value[i, 0]))
-    n1 = pairs.unit(pairs.skew(a)[:, least : least + 1])
-    return [n1, pairs.skew(a) @ n1]
+def condition_frame(pairs: Pairs, axis: Vector, defaults: dict[str, float]) -> tuple[int, Pair]:
+    """The frame of a loop joint's conditions, see `closure_row_names`: which of its columns is the axis, and (3, 3)."""
+    along = coordinate_axis(axis)
+    if along is not None:
+        i, sign = along
+        return i, pairs.constant(np.diag([sign if j in (i, (i + 2) % 3) else 1 for j in range(3)]))
+    a = pairs.unit(pairs.vector(axis))
+    least = least_along(axis, defaults)
+    t1 = -pairs.unit(pairs.skew(a)[:, least : least + 1])
+    return 2, pairs.block([[t1, pairs.skew(a) @ t1, a]])
 
 
 def joint_terms(body: Body, pairs: Pairs, q: Pair, u: Pair) -> JointTerms:

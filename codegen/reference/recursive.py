@@ -303,8 +303,8 @@ class RecursiveEngine(Engine):
     def _cuts(self, pairs: Pairs, bodies: list[Terms]) -> list[Cut]:
         """The loop joints at the position of the bodies."""
         return [
-            cut(pairs, loop, length, bodies[loop.start.body], bodies[loop.end.body])
-            for loop, length in zip(self.model.loops, self.lengths, strict=True)
+            cut(pairs, loop, length, bodies[loop.start.body], bodies[loop.end.body], self.model.defaults, dropped)
+            for loop, length, dropped in zip(self.model.loops, self.lengths, self.dropped_rows, strict=True)
         ]
 
     def _closed_speeds(self, state: State) -> Pair:
@@ -312,7 +312,7 @@ class RecursiveEngine(Engine):
         pairs, bodies = state.pairs, self._motion(state)
         cuts = self._cuts(pairs, bodies)
         own = [b.pair("P") @ state.u[rows] for b, (_, rows) in zip(bodies, self.model.coordinate_slices, strict=False)]
-        still = [pairs.constant(np.zeros((len(joint.rows.value), 1), int)) for joint in cuts]
+        still = [pairs.constant(np.zeros((len(joint.kept), 1), int)) for joint in cuts]
         return closed_motion(self.model, self.groups, pairs, bodies, cuts, own, still)[self.dependent]
 
     def _displacements(self, state: State) -> Array:
@@ -326,7 +326,9 @@ class RecursiveEngine(Engine):
         moved = [displacement(pairs, b.pair("N_C"), b.pair("x")) for b in bodies]
         own = [moved[k] - bodies[k].pair("S").mT @ moved[body.parent] for k, body in enumerate(self.model.bodies)]
         of_faces = [
-            joint.displacement_of_faces(pairs, loop, bodies[loop.start.body], bodies[loop.end.body])
+            joint.displacement_of_faces(
+                pairs, loop, self.model.defaults, bodies[loop.start.body], bodies[loop.end.body]
+            )
             for loop, joint in zip(self.model.loops, cuts, strict=True)
         ]
         return closed_motion(self.model, self.groups, pairs, bodies, cuts, own, of_faces).tangent

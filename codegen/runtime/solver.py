@@ -141,11 +141,17 @@ class TargetsDifferError(ArithmeticError):
 
 
 OPEN_SEED = 1e-7
-"""A seed that opens a loop by more than this, per unit of the largest seed, does not keep its redundant conditions."""
+"""A direction of parameters that opens a loop by more than this, per unit, does not keep its redundant conditions."""
 
 NEWTON_STEPS = 60
 SEARCH = tuple(0.5**i for i in range(12))
 """Parts of Newton's step that assembly tries, one after the other."""
+
+STEPS_OFF = (0.02, -0.02, 0.1, -0.1, 0.5, -0.5)
+"""rad or m: how far assembly moves dependent coordinates off a guess at which a loop has lost rank, one after the other."""
+
+ALLOWED = 10.0
+"""Tolerances of the model that a dropped condition may be open by, and by which a unit of a parameter may open it, untold."""
 
 CLOSED = 1e-10
 """The largest scaled residual of a closed loop; Newton's method goes on below it as long as it gets better."""
@@ -603,6 +609,16 @@ class Desk(threading.local):
 
 def _no_short_way(*arguments: Any) -> None:
     return None
+
+
+class WatchedDesk:
+    """A desk without short ways along directions, for models with parameters that open loops: the long way looks for them."""
+
+    def __init__(self, desk: Any):
+        self._desk = desk
+
+    def __getattr__(self, name: str) -> Any:
+        return _no_short_way if name == "jacobians" or name.endswith("sensitivities") else getattr(self._desk, name)
 
 
 NO_DESK = types.SimpleNamespace(**dict.fromkeys(SHORT, _no_short_way))
@@ -1133,7 +1149,15 @@ class Solver:
         self._made = {0: (self._functions, self._target)}
         self._making = threading.Lock()
         self._partition = 0
-        self._desk: Any = self._target.desk
+        self._take_redundancy(manifest)
+
+    def _take_redundancy(self, manifest: Mapping[str, Any]) -> None:
+        """Which conditions count, by how much the others may be open, and parameters that open some."""
+        self._opening: list[int] = manifest.get("opening", [])
+        self._desk: Any = WatchedDesk(self._target.desk) if self._opening else self._target.desk
+        self._open = np.zeros(len(self.closure_names))
+        self._open[manifest.get("dropped", [])] = ALLOWED * manifest.get("loop_tolerance", 0.0)
+        self._kept = np.flatnonzero(self._open == 0)
 
     def _functions_of(self, manifest: Mapping[str, Any]) -> dict[str, Function]:
         return {name: self._function(name, entry) for name, entry in manifest["functions"].items()}
@@ -1221,8 +1245,8 @@ class Solver:
             raise ValueError(f"partition {partition}: there are {len(self._manifests)}, counted from 0")
         manifest = self._manifests[partition]
         self._functions, self._target = self._of_partition(int(partition))
-        self._desk = self._target.desk
         self._partition = int(partition)
+        self._take_redundancy(manifest)
         self.independent_names = tuple(manifest.get("independent_names", self.coordinate_names))
         self.independent_speed_names = tuple(manifest.get("independent_speed_names", self.speed_names))
 
@@ -1416,6 +1440,8 @@ class Solver:
 
     def _along(self, name: str, given: Mapping[str, Any], seeds: Mapping[str, Any], out: Any = None) -> Any:
         f = self._find(name)
+        if self._opening and seeds.get("dp") is not None and name != "closure_sensitivities":
+            self._warn_of_opening(given, seeds["dp"])
         arrays, batch = self._arguments(given)
         directions, k, batch = self._directions(seeds, arrays, batch)
         places: list[Array] = []
@@ -1485,6 +1511,8 @@ class Solver:
             return quick
         f = self._find("jacobians")
         arrays, batch = self._arguments({"q": q, "u": u, "p": p, "inputs": inputs, "t": t})
+        if self._opening:
+            self._warn_of_opening({"q": q, "u": u, "p": p}, np.eye(self.np))
         shapes = {n: batch + self._shapes[f"J_{n}"] for n in JACOBIANS}
         if out is None:
             J = Jacobians(*(_empty(shapes[n]) for n in JACOBIANS))
@@ -1790,7 +1818,9 @@ class Solver:
         self._normalise(q_new)
         if self.closure_names:
             given = {"q": q_new, "u": np.zeros(self.nu), "p": arrays["p"]}
-            gaps = np.abs(self._target.values(self._functions["closure"], given, batch)[0]).max(axis=-1)
+            gaps = np.abs(self._target.values(self._functions["closure"], given, batch)[0][..., self._kept]).max(
+                axis=-1
+            )
             p = np.broadcast_to(arrays["p"], (*batch, self.np))
             for state in zip(*np.nonzero(np.atleast_1d(~(gaps <= ROUNDING))), strict=True):
                 state = tuple(int(i) for i in state[: len(batch)])
@@ -1803,13 +1833,29 @@ class Solver:
             e /= np.linalg.norm(e, axis=-1, keepdims=True)
 
     def _close(self, q: Array, p: Array, state: tuple[int, ...]) -> Array:
+        """Close the loops of one state; from a guess at which a loop has lost rank, with a step off it."""
+        try:
+            return self._newton(q, p, state)
+        except SingularLoopError as singular:
+            dependent = [i for i, name in enumerate(self.coordinate_names) if name not in self.independent_names]
+            # no two of the numbers are the same, nor opposite: no symmetry that the guess may have is kept
+            direction = np.sin(1.0 + np.arange(len(dependent)))
+            for size in STEPS_OFF:
+                trial = q.copy()
+                trial[dependent] += size * direction
+                self._normalise(trial)
+                with contextlib.suppress(SingularLoopError, AssemblyError):
+                    return self._newton(trial, p, state)
+            raise singular
+
+    def _newton(self, q: Array, p: Array, state: tuple[int, ...]) -> Array:
         """Newton's method on the dependent coordinates of one state, with a line search."""
         still = np.zeros(self.nu)
 
-        def gap(q: Array) -> Array:
+        def gaps(q: Array) -> Array:
             return self._target.values(self._functions["closure"], {"q": q, "u": still, "p": p}, ())[0]
 
-        found = gap(q)
+        found = gaps(q)[self._kept]
         for _ in range(NEWTON_STEPS):
             size = float(np.abs(found).max())
             if not size > 0.0:
@@ -1819,7 +1865,7 @@ class Solver:
             for part in SEARCH:
                 trial = q + part * step
                 self._normalise(trial)
-                after = gap(trial)
+                after = gaps(trial)[self._kept]
                 # the sum of squares goes down by nearly what a linear closure would take off
                 if float(after @ after) < (1.0 - 0.2 * part) * float(found @ found):
                     q, found, better = trial, after, True
@@ -1827,10 +1873,25 @@ class Solver:
             if not better:
                 break
         size = float(np.abs(found).max(initial=0.0))
+        where = f" (state {list(state)} of the batch)" if state else ""
         if not size <= CLOSED:
-            worst = self.closure_names[int(np.argmax(np.abs(found)))].rpartition(".")[0]
-            raise AssemblyError(worst, size, f" (state {list(state)} of the batch)" if state else "")
+            worst = self.closure_names[self._kept[int(np.argmax(np.abs(found)))]].rpartition(".")[0]
+            raise AssemblyError(worst, size, where)
+        if len(self._kept) < len(self.closure_names):
+            self._warn_of_gaps(gaps(q), where)
         return q
+
+    def _warn_of_gaps(self, gaps: Array, where: str) -> None:
+        """Conditions that were dropped since they follow from others nearly, and that are open by more than that."""
+        excess = np.where(self._open > 0, np.abs(gaps) - self._open, 0.0)
+        worst = int(np.argmax(excess))
+        if excess[worst] > 0:
+            warnings.warn(
+                f"condition {self.closure_names[worst]}, which was dropped since it follows from others but for the model's "
+                f"tolerance, is open by {abs(gaps[worst]):.2g}{where}; the loop is not what it was taken for there",
+                RuntimeWarning,
+                stacklevel=_level_of_caller(),
+            )
 
     def assemble_sensitivities(
         self,
@@ -1865,27 +1926,34 @@ class Solver:
         if self.closure_names:
             given = {"q": q_new, "u": u_new, "p": p}
             along = {"dq": dq_new, "du": du_new, "dp": dp}
-            self._warn_of_open_seeds(given, along)
             return q_new, *self._along("completion_sensitivities", given, along)
         return q_new, u_new, dq_new, du_new
 
-    def _warn_of_open_seeds(self, given: Mapping[str, Any], seeds: Mapping[str, Any]) -> None:
-        """Redundant conditions that a direction does not keep: no derivative exists along it."""
-        _, found = self._along("closure_sensitivities", given, seeds)
-        sizes = [
-            np.abs(np.asarray(s, float)).max(initial=0.0)
-            for s in seeds.values()
-            if s is not None and not isinstance(s, Mapping)
-        ]
-        worst = np.abs(found).reshape(len(found), -1, len(self.closure_names)).max(axis=1, initial=0.0)
-        for j, row in enumerate(worst):
-            if row.max(initial=0.0) > OPEN_SEED * max([1.0, *sizes]):
-                name = self.closure_names[int(np.argmax(row))]
+    def _warn_of_opening(self, given: Mapping[str, Any], dp: Numbers) -> None:
+        """Directions of parameters that open redundant conditions: no derivative exists along them."""
+        arrays, batch = self._arguments({name: given[name] for name in ("q", "u", "p") if name in given})
+        directions, _, _ = self._directions({"dp": dp}, arrays, batch)
+        seeds = directions["dp"].reshape(-1, self.np)
+        touched = [j for j in self._opening if np.any(seeds[:, j] != 0.0)]
+        if not touched:
+            return
+        arrays.setdefault("u", np.zeros(self.nu))
+        units = {"dp": np.eye(self.np)[touched].reshape(len(touched), *[1] * len(batch), self.np)}
+        found = self._target.along(self._functions["closure_sensitivities"], arrays, units, len(touched), batch)[1]
+        per_unit = found.reshape(len(touched), -1, len(self.closure_names))
+        opened = np.abs(np.einsum("kj,jbc->kbc", seeds[:, touched], per_unit)).max(axis=1, initial=0.0)
+        allowed = np.maximum(self._open, OPEN_SEED) * np.maximum(1.0, np.abs(seeds).max(axis=1))[:, None]
+        involved = np.any(seeds[np.any(opened > allowed, axis=1)] != 0.0, axis=0)
+        worst = np.abs(per_unit).max(axis=1, initial=0.0)
+        for j, row in zip(touched, worst, strict=True):
+            if involved[j]:
+                condition = int(np.argmax(row))
                 warnings.warn(
-                    f"direction {j} opens the redundant condition {name} by {row.max():.2g} per unit: the loop does not stay "
-                    f"closed along it, and the derivatives are those of the nearest motion that keeps the other conditions",
+                    f"parameter {self.parameter_names[j]} opens the redundant condition {self.closure_names[condition]} by "
+                    f"{row[condition]:.2g} per unit: the loop does not stay closed when it changes alone, and derivatives along "
+                    f"it are those of the nearest motion, which keeps what the dependent joints can keep",
                     RuntimeWarning,
-                    stacklevel=3,
+                    stacklevel=_level_of_caller(),
                 )
 
     def closure_sensitivities(
@@ -2025,6 +2093,14 @@ def _numbers(name: str, value: Any) -> Array:
     except (TypeError, ValueError, OverflowError) as error:
         raise ValueError(f"{name}: {error}; expected an array of real numbers") from None
     raise ValueError(f"{name} holds {array.dtype}, expected real numbers")
+
+
+def _level_of_caller() -> int:
+    """The stack level of a warning that means a line of the caller, not of this file."""
+    level, frame = 1, sys._getframe(1)
+    while frame.f_back is not None and frame.f_code.co_filename == __file__:
+        level, frame = level + 1, frame.f_back
+    return level
 
 
 def _some(names: Sequence[str]) -> str:

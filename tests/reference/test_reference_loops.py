@@ -6,6 +6,7 @@ import mpmath
 import numpy as np
 import pytest
 from random_mechanisms import (
+    DRAWN,
     LOOP_JOINTS,
     Discarded,
     assemble,
@@ -179,7 +180,7 @@ def test_the_generator_discards_little_and_reaches_everything():
     discarded = [x for x in drawn if isinstance(x, Discarded)]
     assert len(discarded) < 0.05 * len(drawn), [x.reason for x in discarded]
     models = [x.model for x in drawn if not isinstance(x, Discarded)]
-    assert {loop.type for model in models for loop in model.loops} == set(LOOP_JOINTS)
+    assert {loop.type for model in models for loop in model.loops} == set(DRAWN)
     assert {len(model.loops) for model in models} == {1, 2, 3}
     assert any(model.springs for model in models) and any(model.gravity is None for model in models)
     for m in drawn[:20]:

@@ -99,7 +99,7 @@ def test_columns_of_jacobians_are_derivatives_along_unit_seeds(engine):
         e = engine(m.model)
         J = e.jacobians(*m[1:])
         _, along = e.sensitivities(*m[1:], dq=np.eye(m.model.nq))
-        np.testing.assert_array_equal(J.q.T, along)
+        assert relative_error(J.q.T, along) < 1e-13  # in other company a product's last columns round differently
         split = [i for group in e.split for i in range(m.model.nq)[group.coordinates]]
         assert set(split) <= set(e.partition.independent_coordinates(m.model))
         assert np.abs(J.q[:, split]).max() > 0.01

@@ -1,0 +1,280 @@
+"""Conditions of loops that follow from others, to rounding or but for a little, and parameters that open them.
+
+Where the redundant conditions of an ear follow to rounding all of its conditions are met together, and nothing is done. Numbers
+of few digits, such as 1.5708 for pi/2, leave a planar loop a little out of its plane: then the redundant conditions can be met
+nearly, never exactly. So many of them are dropped that as many are left as there are dependent speeds. Which ones is decided
+once: a set that stays well conditioned at several configurations, in directions of the start face, in which the plane of a planar
+loop and the centre of a spherical one stand still.
+
+A parameter may open what is redundant: one that shifts a hinge along its axis, say. Which parameters do is decided here from
+small changes of the joints' frames; no derivative of the generated code comes from these.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from itertools import combinations, islice
+from math import comb
+
+import numpy as np
+
+from ..model.expressions import Expression
+from ..model.model import Model, Vector, closure_row_names
+from .closure import Cuts
+from .geometry import Array, Geometry, turn
+from .ordering import Draft
+from .velocities import Motion, VelocityClosure
+
+ROUNDING = 2e-13
+"""What may be left of conditions that follow, in proportion to the way from the base and to what is compared."""
+
+OPENED = 1e-7
+"""A parameter that opens a redundant condition by less than this per unit leaves it closed."""
+
+ALLOWED = 10.0
+"""Tolerances of the model that a dropped condition may be off by: angles add up, and act on levers."""
+
+SUBSETS = 5000
+"""Sets of conditions to keep that are compared; beyond that rows are eliminated one by one."""
+
+AS_GOOD = 0.7
+"""A set of conditions gives way to a later one only if that makes it less than this part as good."""
+
+STEP = 2.0**-10
+"""Of parameters, relative, or in units where they are small."""
+
+
+@dataclass(slots=True)
+class Redundancy:
+    """What is known of redundant conditions.
+
+    Attributes
+    ----------
+    dropped : dict of int to list of int
+        By loop, places among `closure_row_names` of the conditions that do not count.
+    gaps : set of int
+        Loops whose faces may be apart, or be moved apart by a parameter.
+    opening : set of int
+        Parameters that open redundant conditions.
+    remarks : list of str
+    """
+
+    dropped: dict[int, list[int]] = field(default_factory=dict)
+    gaps: set[int] = field(default_factory=set)
+    opening: set[int] = field(default_factory=set)
+    remarks: list[str] = field(default_factory=list)
+
+
+def nearly_redundant(geometry: Geometry, drafts: Sequence[Draft], q: Array, random: np.random.Generator) -> list[Draft]:
+    """Ears that have redundant conditions which do not follow to rounding, at an assembled configuration ``(1, nq + 1)``."""
+    found = []
+    motion = Motion(geometry, q, random.normal(size=(1, geometry.nu, 4)))
+    for draft in drafts:
+        closure = motion.closure(draft.loops, geometry.rows)
+        if draft.rows > len(draft.dependent) and _left(geometry, closure, draft) > ROUNDING:
+            found.append(draft)
+        motion.resolve(closure, draft.dependent)
+    return found
+
+
+def _left(geometry: Geometry, closure: VelocityClosure, draft: Draft) -> float:
+    """What redundant conditions see of the motions of the loop, and of how far it is open, over the size of rounding."""
+    E = closure.scaled(geometry, float(geometry.lengths[draft.loops[0]]))[0]
+    A = E[:, [closure.column[s] for s in draft.dependent]]
+    U, s, _ = np.linalg.svd(A)
+    left = U[:, A.shape[1] :].T
+    worse = max(1.0, float(s[0] / s[-1]) / 100) if len(s) else 1.0
+    size = worse * max(1.0, float(np.abs(E).max(initial=0.0)))
+    by_known = np.abs(left @ closure.known[0]) / np.maximum(closure.size[0], 1e-300)
+    found = [np.abs(left @ E).max(initial=0.0) / size, by_known.max(initial=0.0) / worse]
+    return float(max(*found, np.abs(left @ closure.position[0]).max(initial=0.0)) / (1 + closure.reach()))
+
+
+def kept_rows(geometry: Geometry, draft: Draft, configurations: Sequence[Array]) -> list[tuple[int, int]]:
+    """Conditions of an ear, loop and number among the six, that determine its dependents best at the worst configuration."""
+    matrices = []
+    for q in configurations:
+        closure = Motion(geometry, q, np.zeros((1, geometry.nu, 1))).closure(draft.loops, geometry.rows)
+        E = closure.scaled(geometry, float(geometry.lengths[draft.loops[0]]))[0]
+        matrices.append(E[:, [closure.column[s] for s in draft.dependent]])
+    A = np.stack(matrices)
+    names = [(i, r) for i in draft.loops for r in geometry.rows[i]]
+    rank = A.shape[2]
+    # angular conditions come first: where they serve, nothing has to be said about the way between the faces
+    order = sorted(range(len(names)), key=lambda n: (names[n][1] < 3, n))
+    if comb(len(names), rank) > SUBSETS:
+        return sorted(names[n] for n in _eliminated(A, order))
+    whole = np.linalg.svd(A, compute_uv=False)[:, -1]
+    best: tuple[int, ...] = ()
+    quality = 0.0
+    for subset in islice(combinations(order, rank), SUBSETS):
+        found = float(np.min(np.linalg.svd(A[:, list(subset)], compute_uv=False)[:, -1] / np.maximum(whole, 1e-300)))
+        if not best or found * AS_GOOD > quality:
+            best, quality = subset, found
+    return sorted(names[n] for n in best)
+
+
+def _eliminated(A: Array, order: list[int]) -> list[int]:
+    """As many rows of A ``(S, rows, r)`` as it has columns: always the one of which most is left, nearly, in an order."""
+    rest, chosen = A.copy(), list[int]()
+    while len(chosen) < A.shape[2]:
+        size = np.min(np.linalg.norm(rest, axis=2), axis=0)
+        n = next(n for n in order if size[n] >= AS_GOOD * size.max())
+        chosen.append(n)
+        b = rest[:, n] / np.maximum(np.linalg.norm(rest[:, n], axis=1, keepdims=True), 1e-300)
+        rest = rest - (rest @ b[..., None]) * b[:, None]
+        rest[:, chosen] = 0
+    return chosen
+
+
+def keep(geometry: Geometry, draft: Draft, rows: Sequence[tuple[int, int]]) -> None:
+    """Let only these conditions of an ear count."""
+    for i in draft.loops:
+        geometry.kept[i] = [r for r in geometry.rows[i] if (i, r) in rows]
+
+
+def names_of(model: Model, geometry: Geometry, loop: int) -> dict[int, int]:
+    """For each of the six numbers of a loop's conditions, its place among `closure_row_names`."""
+    return {r: n for n, r in enumerate(geometry.rows[loop])}
+
+
+# --- what is said -------------------------------------------------------------------------------------------------------
+
+
+def remark(geometry: Geometry, draft: Draft, q: Array) -> str:
+    """Which conditions of an ear are dropped, and why."""
+    model = geometry.model
+    dropped = [
+        closure_row_names(model.loops[i])[n]
+        for i in draft.loops
+        for r, n in names_of(model, geometry, i).items()
+        if r not in geometry.kept[i]
+    ]
+    closure = Motion(geometry, q, np.zeros((1, geometry.nu, 1))).closure(draft.loops, geometry.rows)
+    names = ", ".join(model.loops[i].name for i in draft.loops)
+    left = closure.position[0][[(i, r) not in {(j, k) for j in draft.loops for k in geometry.kept[j]}
+                                for i in draft.loops for r in geometry.rows[i]]]  # fmt: skip
+    missing = f"{np.abs(left).max(initial=0.0):.1e} of them stays open at the initial configuration"
+    return (
+        f"loop{'s' * (len(draft.loops) > 1)} {names} {_shape(geometry, closure)}; dropped, since they follow from the other "
+        f"conditions but for that: {', '.join(dropped)} ({missing}; `closure` tells how much)"
+    )
+
+
+def _shape(geometry: Geometry, closure: VelocityClosure) -> str:
+    """What kind of motion the joints of an ear nearly have, and how nearly."""
+    turning = geometry.turning[closure.speeds]
+    w, v = closure.screws[0][0][turning], closure.screws[1][0][~turning]
+    if len(w):
+        axis = np.linalg.svd(w)[2][0]
+        off = float(np.linalg.norm(np.cross(w[:, None], w), axis=2).max())
+        off = max(off, float(np.abs(v @ axis).max(initial=0.0)))
+        if off <= ALLOWED * geometry.tolerance:
+            return f"taken as planar: axes agree to {off:.1e} rad"
+        if not len(v):
+            # the point nearest to all axes
+            o = closure.origins[0][turning]
+            P = np.eye(3) - w[:, :, None] * w[:, None, :]
+            x = np.linalg.lstsq(P.reshape(-1, 3), (P @ o[..., None]).reshape(-1), rcond=None)[0]
+            off = float(np.linalg.norm((P @ (x - o)[..., None])[..., 0], axis=1).max())
+            if off <= ALLOWED * geometry.tolerance * float(np.max(geometry.lengths[closure.loops])):
+                return f"taken as spherical: axes meet in a point to {off:.1e} m"
+    return "taken as able to move: its lengths and axes fit nearly, not exactly"
+
+
+# --- parameters that open redundant conditions --------------------------------------------------------------------------
+
+
+def opening(geometry: Geometry, drafts: Sequence[Draft], configurations: Sequence[Array]) -> tuple[set[int], set[int]]:
+    """Parameters that open redundant conditions when they change alone, and loops that they open."""
+    model = geometry.model
+    if not any(d.rows > len(d.dependent) for d in drafts):
+        return set(), set()
+    moving = [j for j, p in enumerate(model.parameters) if p.name in _names(model)]
+    if not moving:
+        return set(), set()
+    changed = [[_changed(geometry, j, part * _step(model, j)) for part in (1, -1, 0.5, -0.5)] for j in moving]
+    parameters, loops = set[int](), set[int]()
+    for q in configurations:
+        for j, draft in _opened(geometry, drafts, q, moving, changed):
+            parameters.add(j)
+            loops.update(draft.loops)
+    return parameters, loops
+
+
+def _names(model: Model) -> set[str]:
+    """Names in what places joints and faces."""
+    found: set[str] = set()
+
+    def place(at: Vector, rotation: Iterable[tuple[Vector, Expression]], axes: Iterable[Vector]) -> None:
+        for e in (*at, *(e for axis in axes for e in axis), *(e for axis, angle in rotation for e in (*axis, angle))):
+            found.update(e.names)
+
+    for b in model.bodies:
+        place(b.joint.at, b.joint.rotation, b.joint.axes)
+    for x in model.loops:
+        place(x.start.at, x.start.rotation, x.axes)
+        place(x.end.at, x.end.rotation, ())
+    return found
+
+
+def _step(model: Model, j: int) -> float:
+    return STEP * max(abs(model.parameters[j].value), STEP)
+
+
+def _changed(geometry: Geometry, j: int, by: float) -> Geometry:
+    """The geometry with one parameter changed, with the lengths of the given one."""
+    values = [p.value for p in geometry.model.parameters]
+    values[j] += by
+    changed = Geometry(geometry.model, values)
+    changed.lengths = geometry.lengths
+    return changed
+
+
+def _rate(values: Sequence[Array], step: float) -> Array:
+    """Of change, from values a step and half a step to both sides."""
+    whole, half = (values[0] - values[1]) / (2 * step), (values[2] - values[3]) / step
+    return (4 * half - whole) / 3
+
+
+def _opened(
+    geometry: Geometry, drafts: Sequence[Draft], q: Array, moving: list[int], changed: list[list[Geometry]]
+) -> Iterable[tuple[int, Draft]]:
+    """Pairs of a parameter and an ear that it opens at a configuration; dependent joints follow as far as they can."""
+    model = geometry.model
+    steps = [_step(model, j) for j in moving]
+    K, n = len(moving), geometry.ground
+    still = Motion(geometry, q, np.zeros((1, geometry.nu, K)))
+    R = still.frames[0]
+    inboard = R[:, geometry.parent[:n]]
+    w, v = (np.zeros((1, n + 1, 3, K)) for _ in range(2))
+    for c, others in enumerate(changed):
+        turned, moved = zip(*(g.all_joints.transforms(q) for g in others), strict=True)
+        spin = _rate(turned, steps[c]) @ np.swapaxes(geometry.all_joints.transforms(q)[0], -1, -2)
+        w[:, :n, :, c] = turn(inboard, spin[..., [2, 0, 1], [1, 2, 0]])
+        v[:, :n, :, c] = turn(inboard, np.broadcast_to(_rate(moved, steps[c]), (1, n, 3)))
+    motion = Motion(geometry, q, np.zeros((1, geometry.nu, K)), (w, v))
+    for draft in drafts:
+        closure = motion.closure(draft.loops, geometry.rows)
+        faces = np.stack([
+            _rate([_residual(g, draft.loops, motion) for g in others], step)
+            for others, step in zip(changed, steps, strict=True)
+        ], axis=-1)  # fmt: skip
+        right = closure.known[0] + faces
+        names = [(i, r) for i in draft.loops for r in geometry.rows[i]]
+        kept = [m for m, (i, r) in enumerate(names) if r in geometry.kept[i]]
+        A = closure.E[0][:, [closure.column[s] for s in draft.dependent]]
+        x = -np.linalg.pinv(A[kept], rcond=1e-12) @ right[kept]
+        motion.u[0, list(draft.dependent)] = x
+        motion.groups.found(closure.bodies, motion.u)
+        left = np.abs(right + A @ x).max(axis=0, initial=0.0)
+        size = 1 + np.abs(right).max(axis=0, initial=0.0) + np.abs(x).max(axis=0, initial=0.0)
+        allowed = OPENED * size if len(kept) == len(names) else ALLOWED * geometry.tolerance * np.ones(K)
+        yield from ((j, draft) for j, opens in zip(moving, left > allowed, strict=True) if opens)
+
+
+def _residual(geometry: Geometry, loops: Sequence[int], motion: Motion) -> Array:
+    """Position residuals ``(rows,)`` of some loops with bodies where a motion has them."""
+    cuts = Cuts(geometry, loops, geometry.rows)
+    return cuts.kept(cuts.place(cuts.faces(motion.frames)))[0]

@@ -1,0 +1,152 @@
+"""Conditions that follow from others nearly: what is dropped, what is said, which parameters open what is redundant."""
+
+import numpy as np
+import pytest
+
+from codegen.loops import PartitionError, assemble, closure, describe, partition
+from codegen.loops.dependents import condition
+from codegen.loops.geometry import Geometry, padded
+from codegen.loops.velocities import Motion
+from codegen.model import parse_model
+
+FOUR_BAR = """
+model: four_bar
+{more}
+parameters: {{shift: 0.0, coupler: 1.2}}
+bodies:
+  a: {{parent: ground, joint: {{type: revolute, axis: {axis}, rotate: [{{axis: {axis}, angle: 0.4}}]}}, mass: 1}}
+  b: {{parent: a, joint: {{type: revolute, axis: {axis}, at: {arm_a}, rotate: [{{axis: x, angle: {tilt}}}]}}, mass: 1}}
+  c: {{parent: b, joint: {{type: revolute, axis: {axis}, at: {arm_b}}}, mass: 1}}
+loops:
+  bearing: {{joint: {{{joint}}}, from: {{body: c, at: {arm_c}}}, to: {{body: ground, at: {base}}}}}
+initial: {{q: {{a: -1.2, b: 0.4, c: 1.9}}}}
+independent: [a]
+"""
+TILTS = (1e-12, 1e-10, 1e-9, 1e-8, 7.4e-8, 1e-6, 3.7e-6, 1e-5)
+JOINTS = ("type: revolute, axis: y", "type: point", "type: universal, axes: [y, x]", "type: cylindrical, axis: y")
+
+
+def four_bar(tilt=0.0, joint=JOINTS[0], offset="0", oblique=False, more=""):
+    """In the plane of x and z; or `oblique`, all hinges along (1, 1, 1) and links along (1, -1, 0)."""
+    arms = {"arm_a": "0.4", "arm_b": "coupler", "arm_c": "0.9", "base": "1.1"}
+    for name, length in arms.items():
+        across = f"[{length}*sqrt(0.5), -({length})*sqrt(0.5), 0]"
+        arms[name] = across if oblique else f"[{length}, {offset if name == 'arm_b' else 0}, 0]"
+    axis = "[1, 1, 1]" if oblique else "y"
+    return parse_model(FOUR_BAR.format(tilt=tilt, joint=joint, axis=axis, more=more, **arms))
+
+
+def dropped(model, chosen):
+    return [model.closure_names[i] for i in chosen.dropped_conditions(model)]
+
+
+@pytest.mark.parametrize("joint", JOINTS)
+@pytest.mark.parametrize("tilt", TILTS)
+def test_a_tilted_hinge_leaves_a_planar_loop_which_is_said(tilt, joint):
+    model = four_bar(tilt, joint)
+    chosen = partition(model)
+    (ear,) = chosen.ears
+    assert ear.rank == 2
+    assert ear.rows - len(ear.dropped) == 2
+    assert ear.gaps
+    assert ear.condition < 3
+    assert not chosen.warnings
+    (said,) = chosen.remarks
+    assert f"loop bearing taken as planar: axes agree to {tilt:.1e} rad; dropped" in said
+    assert all(name in said for name in dropped(model, chosen))
+    assert said in describe(model, chosen)
+    q = np.array(chosen.q)
+    for angle in np.linspace(0, 2 * np.pi, 10):
+        q[0] = -1.2 + angle
+        q = assemble(model, chosen, q)
+        position, _ = closure(model, q, np.zeros(3))
+        kept = [i for i, name in enumerate(model.closure_names) if name not in said]
+        assert np.abs(position[kept]).max() < 1e-14
+        assert 0.01 * tilt < np.abs(position).max() < 5 * tilt
+
+
+def test_what_is_exact_is_as_it_was():
+    for joint in JOINTS:
+        chosen = partition(four_bar(0, joint))
+        assert not chosen.ears[0].dropped
+        assert not chosen.ears[0].gaps
+        assert not chosen.opening
+        assert not chosen.remarks
+
+
+def test_a_tilt_beyond_the_tolerance_locks_and_a_tolerance_lets_it_go():
+    with pytest.raises(PartitionError):
+        partition(four_bar(1e-3, "type: point"))
+    chosen = partition(four_bar(1e-3, "type: point", more="loop_tolerance: 2e-3"))
+    assert "axes agree to 1.0e-03 rad" in chosen.remarks[0]
+    with pytest.raises(PartitionError):
+        partition(four_bar(1e-6, "type: point", more="loop_tolerance: 1e-8"))
+
+
+def test_lengths_that_do_not_fit_by_little_are_taken_so():
+    """An offset of a hinge along its axis: the closure matrix has rank 2 to rounding, only the position is open."""
+    model = four_bar(offset="1e-7")
+    chosen = partition(model)
+    assert dropped(model, chosen) == ["bearing.l2", "bearing.a1", "bearing.a2"]
+    assert "1.0e-07 of them stays open" in chosen.remarks[0]
+
+
+def test_the_plane_may_lie_anywhere_in_the_faces():
+    """Axes along (1, 1, 1) in all bodies: which of the linear conditions is dropped matters by the root of three at most."""
+    oblique = four_bar(1e-7, "type: point", oblique=True)
+    chosen = partition(oblique)
+    assert len(chosen.ears[0].dropped) == 1
+    assert chosen.ears[0].condition < 6
+
+
+def spherical(offset):
+    """Arcs of 0.8, 0.6, 0.5 and 0.7 rad; all axes through the origin, but for an offset of the second."""
+    return parse_model(f"""
+model: spherical_four_bar
+bodies:
+  a: {{parent: ground, joint: {{type: revolute, axis: z}}, mass: 1, com: [0.3, 0, 0]}}
+  b: {{parent: a, joint: {{type: revolute, axis: [0, sin(0.6), cos(0.6)], at: [{offset}, 0, 0]}}, mass: 1, com: [0.3, 0, 0]}}
+  c: {{parent: b, joint: {{type: revolute, axis: [0, sin(1.1), cos(1.1)]}}, mass: 1, com: [0.3, 0, 0]}}
+loops:
+  pin: {{joint: {{type: revolute, axis: z}}, from: {{body: c, rotate: [{{axis: x, angle: -1.8}}]}},
+        to: {{body: ground, rotate: [{{axis: x, angle: -0.8}}]}}}}
+initial: {{q: {{a: 0.5, b: 1.6, c: 1.6}}}}
+""")
+
+
+def test_axes_that_meet_in_a_point_but_for_a_little_are_taken_to_meet():
+    model = spherical(1e-7)
+    chosen = partition(model)
+    assert chosen.ears[0].rank == 2
+    assert dropped(model, chosen) == ["pin.l1", "pin.l2", "pin.l3"]
+    assert "taken as spherical: axes meet in a point to" in chosen.remarks[0]
+
+
+def test_the_conditions_that_stay_do_so_far_from_where_they_were_chosen():
+    model = four_bar(1e-6)
+    chosen = partition(model)
+    geometry = Geometry(model)
+    geometry.follow(chosen.ears[0])
+    q = np.array(chosen.q)
+    for angle in np.linspace(0, 2 * np.pi, 20):
+        q[0] = -1.2 + angle
+        q = assemble(model, chosen, q)
+        matrix = Motion(geometry, padded(q), np.zeros((1, 3, 1))).closure([0])
+        columns = [matrix.column[s] for s in chosen.ears[0].dependent]
+        everything = Motion(geometry, padded(q), np.zeros((1, 3, 1))).closure([0], geometry.rows)
+        whole = [everything.column[s] for s in chosen.ears[0].dependent]
+        assert condition(matrix.E[..., columns]) < 1.5 * condition(everything.E[..., whole])
+
+
+@pytest.mark.parametrize("joint", JOINTS[:2])
+def test_parameters_that_open_a_loop_are_found(joint):
+    chosen = partition(four_bar(0, joint, "shift"))
+    assert [("shift", "coupler")[j] for j in chosen.opening] == ["shift"]
+    assert chosen.ears[0].gaps
+    assert not chosen.ears[0].dropped
+    turned = partition(four_bar("shift", joint))
+    assert [("shift", "coupler")[j] for j in turned.opening] == ["shift"]
+
+
+def test_parameters_in_the_plane_open_little_where_the_plane_is_nearly_one():
+    assert not partition(four_bar(1e-6)).opening
