@@ -80,10 +80,10 @@ def _tolerate_terminal() -> None:
 
 def _wrong(error: Any) -> None:
     """Say what is wrong with a model: so many problems one reads."""
-    for problem in error.problems[:PROBLEMS]:
-        _problem(problem)
-    if len(error.problems) > PROBLEMS:
-        _problem(f"and {len(error.problems) - PROBLEMS} more problems; these first")
+    from .summary import first
+
+    for line in first(error.problems, PROBLEMS, "and {} more problems; these first"):
+        _problem(line)
 
 
 def run_generate(options: argparse.Namespace, status: StatusLine) -> int:
@@ -123,23 +123,20 @@ def _verdict(report: Any) -> int:
 def print_report(report: Any, verbose: bool = False) -> None:
     """Print what `generate` made."""
     lines = report.lines(verbose, width(sys.stdout))
-    said = {*report.warnings, *(f"  {remark}" for remark in report.remarks)}
+    remarks = {f"  {remark}" for remark in report.remarks}
     name = f"{report.name}  {report.folder}"
-    styles = ["yellow" if s in said or "warning: " in s else "bold" if s.startswith(name) else "" for s in lines]
+    styles = ["warning" if s in remarks or "warning: " in s else "bold" if s.startswith(name) else "" for s in lines]
     write_lines(lines, sys.stdout, styles)
 
 
 def run_check(options: argparse.Namespace, status: StatusLine) -> int:
     """``ordernm check``: read a model, close its loops, and say what is wrong with it."""
-    from .summary import counted
+    from .summary import counted, first
 
     model = _load(options.model, status)
     choice = _choice(model, options.model, status)
     status.close()
-    warnings = [str(w) for w in model.warnings]
-    more = len(warnings) - PROBLEMS
-    if more > 0:
-        warnings[PROBLEMS:] = [f"warning: {more} more like these"]
+    warnings = first(model.warnings, PROBLEMS, "warning: {} more like these")
     sizes = ", ".join((counted(len(model.bodies), "body", "bodies"), counted(model.nq, "coordinate"),
                        counted(model.nu, "speed")))  # fmt: skip
     lines = [*warnings, f"{options.model}: {sizes}: ok", *(f"  {line}" for line in choice)]
@@ -162,10 +159,11 @@ def _choice(model: Any, file: str, status: StatusLine) -> list[str]:
     from .loops.errors import AssemblyError, PartitionError
     from .loops.partition import partition
     from .model.errors import ModelError, Problem
+    from .summary import first
 
     status("choosing dependent coordinates", 0, 0)
     try:
-        return describe(model, partition(model))
+        return first(describe(model, partition(model)), PROBLEMS, "and {} lines more")
     except (AssemblyError, PartitionError) as error:
         raise ModelError([Problem(file, None, None, "loops", str(error))]) from None
 

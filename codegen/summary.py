@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 SHOWN = 20
-"""A report shows so many warnings; the others are counted."""
+"""A report shows so many warnings, and twice as many lines about loops; the others are counted."""
 
 FORWARD = (
     "start", "rotations", "closures", "pose", "velocities", "springs", "kinematics", "triangularize", "back_substitute",
@@ -95,21 +95,22 @@ class Report:
         Parameters
         ----------
         verbose : bool
-            With the operations of every sweep and after every pass, all files and all warnings.
+            With the operations of every sweep and after every pass, all files, all warnings and all that is said of loops.
         width : int, optional
             Columns; tables that are wider become lists.
         """
-        shown = self.warnings if verbose else self.warnings[:SHOWN]
-        lines = [str(w) for w in shown]
-        if len(shown) < len(self.warnings):
-            lines.append(f"warning: {len(self.warnings) - len(shown)} more warnings like these; --verbose shows them")
+        lines = (
+            [str(w) for w in self.warnings] if verbose else first(self.warnings, SHOWN, "warning: {} more like these")
+        )
         lines.append(f"{self.name}  {self.folder}{'' if self.written else '  (unchanged)'}")
         lines.append(
             f"  {counted(self.bodies, 'body', 'bodies')}, {counted(self.nq, 'coordinate')}, {counted(self.nu, 'speed')}, "
             f"{counted(self.parameters, 'parameter')}; {counted(self.links, 'link')} of {counted(self.kinds, 'kind')}, "
             f"layout {self.layout}, target {self.target}"
         )
-        lines += [f"  {line}" for line in self.loops]
+        lines += [
+            f"  {line}" for line in (self.loops if verbose else first(self.loops, 2 * SHOWN, "and {} lines more"))
+        ]
         divisions, functions = (
             sum(self.operations[s]["per_call"][what] for s in FORWARD if s in self.operations)
             for what in ("divisions", "functions")
@@ -153,6 +154,12 @@ class Report:
 def counted(n: int, one: str, many: str = "") -> str:
     """``1 body``, ``2 bodies``."""
     return f"{n} {one if n == 1 else many or one + 's'}"
+
+
+def first(lines: Iterable[object], limit: int, more: str) -> list[str]:
+    """So many lines, and how many more there are."""
+    found = [str(line) for line in lines]
+    return found if len(found) <= limit else [*found[:limit], more.format(len(found) - limit)]
 
 
 def table(header: Sequence[str], rows: Sequence[Sequence[Any]], width: int | None = None) -> list[str]:

@@ -35,8 +35,8 @@ forces:
 outputs:
   energy: kinetic_energy
 """
-FILES = ["README.md", "__init__.py", "_runtime.py", "model.json", "rod.c", "rod.h", "rod_calls.c", "rod_directions.h", "rod_model.h",
-         "rod_numpy.py"]  # fmt: skip
+FILES = ["README.md", "__init__.py", "_runtime.py", "model.json", "rod.c", "rod.h", "rod_calls.c", "rod_directions.h",
+         "rod_model.h", "rod_numpy.py"]  # fmt: skip
 
 
 @pytest.fixture(scope="module")

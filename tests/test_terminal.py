@@ -1,6 +1,7 @@
 """Terminals and pipes: colour, lines that end between words, one line of progress, and what Ctrl-C does."""
 
 import contextlib
+import dataclasses
 import fcntl
 import io
 import os
@@ -19,13 +20,13 @@ import pytest
 import codegen
 import codegen.emit.solver
 from codegen import terminal
-from codegen.cli import generate_main, main
+from codegen.cli import generate_main, main, print_report
 from codegen.terminal import StatusLine, wrapped
 
 ROOT = Path(codegen.__file__).parents[1]
 MODEL = ROOT / "examples" / "double_pendulum.yaml"
 AT_ONCE = """
-import sys, time
+import os, signal, sys, time
 from codegen import terminal
 from codegen.cli import main
 
@@ -36,6 +37,8 @@ def slowly(self, stage, step, steps, call=terminal.StatusLine.__call__):
         while self._live is None and time.monotonic() < end:
             time.sleep(0.01)
         time.sleep(0.5)
+        if "INTERRUPT" in os.environ:
+            signal.raise_signal(signal.SIGINT)
 
 terminal.PATIENCE, terminal.StatusLine.__call__ = 0.0, slowly
 sys.exit(main())
@@ -179,6 +182,20 @@ def test_lines_are_wrapped_with_their_indent():
     ]  # fmt: skip
 
 
+def test_warnings_and_remarks_are_coloured(report, monkeypatch):
+    monkeypatch.setenv("TERM", "xterm")
+    for name in ("NO_COLOR", "CI"):
+        monkeypatch.delenv(name, raising=False)
+    more = dataclasses.replace(
+        report, warnings=("x.yaml:1:1: warning: unused",), remarks=["no compiler"], loops=["warning: flat"]
+    )
+    monkeypatch.setattr(sys, "stdout", screen := Screen())
+    print_report(more)
+    coloured = re.findall(r"\x1b\[33m *(.*?)\x1b\[0m", screen.getvalue())
+    assert coloured == ["x.yaml:1:1: warning: unused", "warning: flat", "no compiler"]
+    assert screen.getvalue().count("\x1b[1m") == 1
+
+
 class Screen(io.StringIO):
     def isatty(self) -> bool:
         return True
@@ -223,6 +240,14 @@ def test_signals_end_in_one_line(tmp_path, monkeypatch, capsys, number, said):
     out, err = capsys.readouterr()
     assert out == "" and err == f"generate: {said} while expanding, 3 of 21\n"
     assert list(tmp_path.iterdir()) == [] and signal.getsignal(number) == before
+
+
+def test_ctrl_c_takes_the_line_of_progress_away(tmp_path):
+    code, text = on_a_terminal(tmp_path, "generate", MODEL, INTERRUPT="1")
+    assert code == 130 and "expanding, 2 of" in text and text.count("\x1b[?25h") == 1
+    (line,) = filter(None, screen(text))
+    assert re.fullmatch(r"generate: interrupted while expanding, 2 of \d+", line)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_ctrl_c_while_compiling(tmp_path):
