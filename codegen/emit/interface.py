@@ -166,7 +166,7 @@ class Interface:
             "for (long i = 0; i < count; ++i) {",
             f"    const int singular = {model}_{self.symbol(width)}({', '.join([*passed, 'work'])});",
             "    if (singular) {",
-            "        *failed = i;",
+            "        if (failed) *failed = i;",
             "        return singular;",
             "    }",
             "}",

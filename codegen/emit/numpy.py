@@ -81,7 +81,7 @@ class NumpyWriter(Writer):
             text = self.printer(value)
             if array in ("pivot", "rank"):
                 assert culprit is not None
-                body.append(f"check_pivot({text}, {_plain(culprit(array, name))})")
+                body.append(f"check_pivot(a, {text}, {_plain(culprit(array, name))})")
                 continue
             if self._memory(array) in SCALARS and value.is_Number:
                 text = "ZERO" if value == 0 else f"np.float64({text})"

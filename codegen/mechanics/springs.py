@@ -20,6 +20,9 @@ from .tangents import differentiate, store_tangent
 
 SIDES = ("one", "two")
 
+SHORTEST = 1e-100
+"""Of a spring, m, that has a direction: squares of what is divided by its length stay finite."""
+
 
 def velocities(x: Any, kind: Any) -> None:
     """Outward block of a link: angular velocity and velocity of the origin, in its own axes. Eq. 18."""
@@ -51,8 +54,11 @@ def _length(x: Any, square: Any) -> Any:
     return ANY if x.structural else x.let("length", sympy.sqrt(square), "spring")
 
 
-def stretch(x: Any, kind: Any) -> tuple[Vec, Any, list[Vec]]:
-    """From the first point to the second in the ground frame, the distance, and the points in the components of their links."""
+def stretch(x: Any, kind: Any, directed: bool = True) -> tuple[Vec, Any, list[Vec]]:
+    """From the first point to the second in the ground frame, the distance, and the points in the components of their links.
+
+    `directed`: without length the spring has no direction, nor its length a derivative, which is an error.
+    """
     points: list[Vec] = []
     arms: list[Vec] = []
     for side, array in enumerate(SIDES):
@@ -61,7 +67,10 @@ def stretch(x: Any, kind: Any) -> tuple[Vec, Any, list[Vec]]:
         moved = matvec(load_matrix(x, array, "W"), r)
         points.append([x.let("point", e, "spring") for e in add(load_vector(x, array, "pos"), moved)])
     line = [x.let("line", points[1][i] - points[0][i], "spring") for i in range(3)]
-    return line, _length(x, x.let("square", dot(line, line), "spring")), arms
+    square = x.let("square", dot(line, line), "spring")
+    if directed:
+        x.store("pivot", "0", square if x.structural else square - SHORTEST**2)
+    return line, _length(x, square), arms
 
 
 def point_velocity(x: Any, array: str, r: Vec) -> Vec:
@@ -75,7 +84,6 @@ def springs(x: Any, kind: Any) -> None:
     """The forces of a spring on the two links."""
     line, length, arms = stretch(x, kind)
     velocities_ = [point_velocity(x, array, r) for array, r in zip(SIDES, arms, strict=True)]
-    x.store("pivot", "0", length)  # without length it has no direction
     inverse = x.let("inverse", 1 / length, "spring")
     along = [x.let("along", e * inverse, "spring") for e in line]
     rate = x.let("rate", dot(along, [velocities_[1][i] - velocities_[0][i] for i in range(3)]), "spring")
@@ -107,7 +115,7 @@ def springs(x: Any, kind: Any) -> None:
 
 def spring_energy(x: Any, kind: Any) -> None:
     """Half of stiffness times the square of what the spring is longer than free."""
-    _, length, _ = stretch(x, kind)
+    _, length, _ = stretch(x, kind, directed=x.tangents)
     more = x.let("more", length - x.load("coefficient", "2"), "spring")
     half = 1 if x.structural else sympy.Rational(1, 2)
     energy = x.let("V", half * x.load("coefficient", "0") * more * more, "spring")
