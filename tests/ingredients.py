@@ -1,0 +1,226 @@
+"""Small models that have, or have not, each thing that a model may have: every two such choices meet in one of them.
+
+What a model does not use leaves no argument, array or statement in the generated code, so its pieces are put together
+differently for each mixture; errors in that show where two of them meet.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import combinations, product
+from typing import NamedTuple
+
+import numpy as np
+
+from codegen.model import Model, parse_model
+
+Choices = Mapping[str, Sequence[str]]
+
+MAY_HAVE: Choices = {
+    "joint": ("revolute", "prismatic", "universal", "spherical", "free"),
+    "outputs": ("none", "position", "velocity", "value", "kinetic", "potential", "given"),
+    "springs": ("none", "numbers", "parameters", "inputs", "time"),
+    "forces": ("none", "state", "inputs", "time"),
+    "gravity": ("none", "numbers", "parameters"),
+    "bodies": ("moving", "one fixed", "one massless"),
+    "parameters": ("none", "some"),
+    "initial": ("numbers", "parameters"),
+    "layout": ("kinds", "unrolled"),
+    "reactions": ("no", "yes"),
+}
+"""Choices for every model. Where there are no parameters, their names are those of constants."""
+
+LOOP_JOINTS_MAY_BE = ("fixed", "revolute", "prismatic", "universal", "spherical", "cylindrical", "planar", "inline")
+TREES: Choices = MAY_HAVE
+LOOPS: Choices = {"loop": LOOP_JOINTS_MAY_BE, **MAY_HAVE, "partitions": ("1", "2")}
+
+ALIKE = {
+    "loop": (LOOP_JOINTS_MAY_BE,),
+    "joint": (("revolute", "prismatic"), ("universal",), ("spherical", "free")),
+    "outputs": (("none",), ("position", "velocity"), ("value", "given"), ("kinetic", "potential")),
+    "springs": (("none",), ("numbers", "parameters"), ("inputs", "time")),
+    "forces": (("none",), ("state", "inputs", "time")),
+    "gravity": (("none",), ("numbers", "parameters")),
+    "bodies": (("moving",), ("one fixed", "one massless")),
+}
+"""Entries that the generated code treats nearly alike: where few models are wanted, they take turns."""
+
+JOINTS = {
+    "revolute": "{type: revolute, axis: [1, 0, 2]",
+    "prismatic": "{type: prismatic, axis: -x",
+    "universal": "{type: universal, axes: [y, x]",
+    "spherical": "{type: spherical",
+    "free": "{type: free",
+}
+LOOP_JOINTS = {
+    "fixed": "{type: fixed}",
+    "revolute": "{type: revolute, axis: y}",
+    "prismatic": "{type: prismatic, axis: z}",
+    "universal": "{type: universal, axes: [y, x]}",
+    "spherical": "{type: spherical}",
+    "cylindrical": "{type: cylindrical, axis: y}",
+    "planar": "{type: planar, normal: x}",
+    "inline": "{type: inline, axis: y}",
+}
+MEASURES = {
+    "position": "{position: {body: tool, at: [0.1, 0, l]}, axis: [1, 0, 1]}",
+    "velocity": "{velocity: {body: tool, at: [0, l, 0]}, axis: z}",
+    "value": "{value: q.link_1*u.link_1 - l}",
+    "kinetic": "kinetic_energy",
+    "potential": "potential_energy",
+    "given": "{value: motor*sin(t)*u.link_1}",
+}
+SPRINGS = {
+    "numbers": ("20", "0.5", "0.6"),
+    "parameters": ("k", "0.03*k", "l"),
+    "inputs": ("20*(1 + pull**2)", "0.5*cos(pull)", "0.6 + 0.1*pull"),
+    "time": ("20*(1 + t**2)", "0.5*cos(t)", "0.6 + 0.1*t"),
+}
+"""Stiffness, damping and free length."""
+FORCES = {
+    "state": "-0.3*q.link_1 - 0.1*u.link_1*m",
+    "inputs": "motor - 0.1*u.link_1",
+    "time": "sin(3*t)*m",
+}
+ANGLES = (0.5, 0.7, 0.4, 0.6)
+"""Of the links at the start."""
+
+
+class Mixture(NamedTuple):
+    """A model, what it has, and how it is generated: ``codegen.generate(mixture.model, folder, **mixture.options)``."""
+
+    name: str
+    choice: dict[str, str]
+    model: Model
+    options: dict[str, object]
+
+    def has(self, what: str) -> bool:
+        """Whether the model has something, by the name of its choice."""
+        return self.choice.get(what, "none") not in ("none", "no")
+
+
+def mixtures(every: bool = False) -> list[Mixture]:
+    """Trees, then mechanisms with a loop: every entry occurs, and every two that are not alike do together.
+
+    Parameters
+    ----------
+    every : bool
+        Every two, whether alike or not: three times as many models.
+    """
+    found = []
+    for kind, choices in (("tree", TREES), ("loop", LOOPS)):
+        for i, choice in enumerate(covering(choices) if every else _taking_turns(choices)):
+            name = f"{kind}_{i}"
+            options = {
+                "layout": choice["layout"],
+                "reactions": choice["reactions"] == "yes",
+                "partitions": int(choice.get("partitions", "1")),
+            }
+            found.append(Mixture(name, choice, parse_model(text(name, choice)), options))
+    return found
+
+
+def covering(choices: Choices) -> list[dict[str, str]]:
+    """Few rows, with one entry for each choice, in which every two entries occur together."""
+    names = list(choices)
+    missing = {
+        tuple(zip(chosen, entries, strict=True)): None
+        for chosen in combinations(names, 2)
+        for entries in product(*(choices[n] for n in chosen))
+    }
+    rows = []
+    while missing:
+        row = dict(next(iter(missing)))
+        for n in names:
+            if n not in row:  # entries that gain alike take turns
+                gains = {e: _gain({**row, n: e}, n, missing) for e in _turned(choices[n], len(rows))}
+                row[n] = max(gains, key=gains.__getitem__)
+        rows.append({n: row[n] for n in names})
+        missing = {w: None for w in missing if not all(row[a] == b for a, b in w)}
+    return rows
+
+
+def _gain(row: dict[str, str], name: str, missing: Iterable[tuple[tuple[str, str], ...]]) -> int:
+    """How many missing pairs an entry adds to a row that is not yet complete."""
+    return sum(all(row.get(n) == e for n, e in pair) for pair in missing if name in dict(pair))
+
+
+def _taking_turns(choices: Choices) -> list[dict[str, str]]:
+    """Rows in which all entries occur, and every two entries that are not alike occur together."""
+    groups = {n: ALIKE.get(n, tuple((e,) for e in entries)) for n, entries in choices.items()}
+    rows = []
+    for row in covering({n: [str(i) for i in range(len(g))] for n, g in groups.items()}):
+        rows.append({})
+        for n, i in row.items():
+            group = groups[n][int(i)]
+            before = [r[n] for r in rows[:-1]]
+            rows[-1][n] = min(group, key=before.count)
+    missed = {n: set(entries) - {r[n] for r in rows} for n, entries in choices.items()}
+    assert not any(missed.values()), missed
+    return rows
+
+
+def _turned(entries: Sequence[str], by: int) -> list[str]:
+    by %= len(entries)
+    return [*entries[by:], *entries[:by]]
+
+
+def text(name: str, choice: Mapping[str, str]) -> str:
+    """The model file: a chain of links in the x-z plane, closed by a loop or not, and a tool on one of them."""
+    closed = "loop" in choice
+    links = 4 if closed else {"kinds": 3, "unrolled": 1}[choice["layout"]]
+    given = " ".join(
+        [*SPRINGS.get(choice["springs"], ()), FORCES.get(choice["forces"], ""), MEASURES.get(choice["outputs"], "")]
+    )
+    inputs = [n for n in ("motor", "pull") if n in given]
+    gravity = {"none": "", "numbers": "gravity: [0.5, 0, -9.81]", "parameters": "gravity: [0.1*g, m, -g]"}
+    lines = [
+        f"model: {name}",
+        gravity[choice["gravity"]],
+        f"{'parameters' if choice['parameters'] == 'some' else 'constants'}: {{l: 0.4, m: 1.2, g: 9.81, k: 18.0}}",
+        f"inputs: [{', '.join(inputs)}]" if inputs else "",
+        "bodies:",
+        f"  repeat i in 1..{links}:",
+        "    link(i):",
+        "      {parent: link(i-1), joint: {type: revolute, axis: y, at: [0, 0, l]}, mass: m, com: [0.03, 0.02, l/2],",
+        "       inertia: {xx: 0.02*m, yy: 0.03*m, zz: 0.02, xz: 0.002}, first: {parent: ground, joint: {at: [0, 0, 0]}}}",
+    ]
+    carrier = f"link_{min(links, 2)}"
+    if choice["bodies"] == "one massless":
+        lines.append(f"  hinge: {{parent: {carrier}, joint: {{type: revolute, axis: x, at: [l/2, 0, 0]}}}}")
+        carrier = "hinge"
+        if choice["joint"] == "free":  # which passes no inertia on
+            lines.append("  rod: {parent: hinge, joint: {type: prismatic, axis: z}, mass: m, com: [0, 0.2, l]}")
+    lines.append(
+        f"  tool: {{parent: {carrier}, joint: {JOINTS[choice['joint']]}, at: [0, 0.1, l]}}, mass: 0.7*m, com: [0.05, 0, 0.1],"
+        " inertia: {xx: 0.02, yy: 0.03, zz: 0.01*m}}"
+    )
+    if choice["bodies"] == "one fixed":
+        lines.append(
+            "  plate: {parent: tool, joint: {type: fixed, at: [0, l/2, 0.1], rotate: [{axis: y, angle: l}]}, mass: 0.2,"
+            " com: [0.1, 0, 0], inertia: {xx: 0.01, yy: 0.01, zz: 0.02}}"
+        )
+    if closed:
+        turned = np.cumsum(ANGLES)
+        x, z = float(np.sum(np.sin(turned))), float(np.sum(np.cos(turned)))
+        lines += [
+            "loops:",
+            f"  ring: {{joint: {LOOP_JOINTS[choice['loop']]}, from: {{body: link_4, at: [0, 0, l]}},",
+            f"         to: {{body: ground, at: [{x!r}*l, 0, {z!r}*l], rotate: [{{axis: y, angle: {float(turned[-1])!r}}}]}}}}",
+        ]
+    forces = []
+    if choice["forces"] != "none":
+        forces.append(f'  drive: {{type: joint, joint: link_1, value: "{FORCES[choice["forces"]]}"}}')
+    if choice["springs"] != "none":
+        stiffness, damping, free_length = SPRINGS[choice["springs"]]
+        forces += [
+            "  spring: {type: spring, from: {body: tool, at: [0.1, 0, l/2]}, to: {body: ground, at: [1.1, 0.4, 0.2]},",
+            f"           stiffness: {stiffness}, damping: {damping}, free_length: {free_length}}}",
+        ]
+    lines += ["forces:", *forces] if forces else []
+    angles = [f"link_{i + 1}: {a}" for i, a in enumerate(ANGLES[:links])]
+    speed = {"numbers": "0.3", "parameters": "0.3*m"}[choice["initial"]]
+    lines.append(f"initial: {{q: {{{', '.join(angles)}}}, u: {{link_1: {speed}}}}}")
+    if choice["outputs"] != "none":
+        lines.append(f"outputs: {{measured: {MEASURES[choice['outputs']]}}}")
+    return "\n".join(filter(None, lines)) + "\n"

@@ -1,0 +1,354 @@
+"""Calls of every function of a generated header: what they are given, and what must come out.
+
+Names and sizes are read from the header and ``model.json``, not asked of the generator; numbers must be those of the
+package's NumPy module.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from codegen.runtime.solver import read_manifest
+
+Array = np.ndarray
+
+STATES = 3
+DIRECTIONS = 8
+TOLERANCE = 1e-10
+"""Largest relative difference to the NumPy module, per result and state, or per direction."""
+
+PROTOTYPE = re.compile(r"^int (\w+)\(([^)]*)\);", re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class Prototype:
+    """A function of the header.
+
+    Attributes
+    ----------
+    symbol : str
+        In C.
+    function : str
+        Its name in ``model.json`` and in the NumPy module.
+    width : int
+        Directions at once; 0 for a function without directions.
+    batch : bool
+    arguments, results : tuple of str
+        Arguments include the seeds.
+    """
+
+    symbol: str
+    function: str
+    width: int
+    batch: bool
+    arguments: tuple[str, ...]
+    results: tuple[str, ...]
+    scalars: frozenset[str]
+
+    @property
+    def c(self) -> str:
+        """A C function that takes arguments and results from one array of pointers."""
+        given = ["count", "failed"] if self.batch else []
+        for at, name in enumerate((*self.arguments, *self.results)):
+            given.append(f"*a[{at}]" if name in self.scalars else f"a[{at}]")
+            if self.batch and name in self.arguments:
+                given.append(f"step[{at}]")
+        unused = "" if self.batch else "    (void)step, (void)count, (void)failed;\n"
+        return (
+            f"static int call_{self.symbol}(double *const *a, const long *step, long count, long *failed, double *work)\n"
+            f"{{\n{unused}    return {self.symbol}({', '.join([*given, 'work'])});\n}}\n"
+        )
+
+
+@dataclass
+class Call:
+    """A call, and what must come out of it: the results, the number of what is singular, or None for whatever comes."""
+
+    prototype: Prototype
+    count: int | None
+    shift: int
+    wants_failed: bool
+    arguments: list[Array]
+    steps: list[int]
+    sizes: list[int]
+    expected: list[Array] | int | None
+    failed: int = -1
+
+
+@dataclass
+class Part:
+    """The functions of one header: a package has one, with a second partition two."""
+
+    folder: Path
+    manifest: Mapping[str, Any]
+    prototypes: list[Prototype] = field(init=False)
+    module: ModuleType = field(init=False)
+    known: dict[Any, Any] = field(default_factory=dict, init=False)
+
+    def __post_init__(self) -> None:
+        header = (self.folder / f"{self.name}.h").read_text()
+        self.prototypes = [self._prototype(*found) for found in PROTOTYPE.findall(header)]
+        assert self.prototypes and header.count("\nint ") == len(self.prototypes)
+        spec = importlib.util.spec_from_file_location(f"{self.name}_numpy", self.folder / f"{self.name}_numpy.py")
+        assert spec is not None and spec.loader is not None
+        self.module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(self.module)
+
+    @property
+    def name(self) -> str:
+        return str(self.manifest["name"])
+
+    def _prototype(self, symbol: str, declared: str) -> Prototype:
+        stem = symbol.removeprefix(f"{self.name}_")
+        batch = stem.endswith("_batch")
+        stem = stem.removesuffix("_batch")
+        function, _, width = stem.rpartition("_")
+        if not width.isdigit():
+            function, width = stem, "0"
+        assert function in self.manifest["functions"], f"{symbol} is not in model.json"
+        arguments, results, scalars = [], [], []
+        for declaration in declared.split(", "):
+            type, _, name = declaration.replace("*", "* ").rpartition(" ")
+            match " ".join(type.split()):
+                case "const double *":
+                    arguments.append(name)
+                case "double":
+                    arguments.append(name)
+                    scalars.append(name)
+                case "double *":
+                    results.append(name)
+                case "long" | "long *":
+                    assert batch, f"{symbol} takes {declaration}"
+                case other:
+                    raise AssertionError(f"{symbol}: {other} {name}")
+        assert results.pop() == "work", symbol
+        return Prototype(symbol, function, int(width), batch, tuple(arguments), tuple(results), frozenset(scalars))
+
+    # -- sizes -----------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def sizes(self) -> dict[str, int]:
+        """Number of doubles of arguments and results, as the header says; of one direction for derivatives and seeds."""
+        m = self.manifest
+        nq, nu, links, loops = (len(m[n]) for n in ("coordinate_names", "speed_names", "links", "loops"))
+        given = {"q": nq, "u": nu, "p": len(m["parameter_names"]), "inputs": len(m["input_names"]), "t": 1}
+        closure = len(m["closure_names"])
+        return given | {f"J_{n}": nu * size for n, size in given.items()} | {
+            "udot": nu, "qdot": nq, "b": nu, "x": nu, "M": nu * nu, "force": nu, "energy": 2, "outputs": len(m["output_names"]),
+            "position": closure, "velocity": closure, "condition": loops, "step": nq, "full_q": nq, "full_u": nu,
+            "reaction": 6 * links, "loop_reaction": 6 * loops,
+        }  # fmt: skip
+
+    def size(self, f: Prototype, name: str) -> int:
+        """Number of doubles that a function takes or gives in one call."""
+        return self.sizes[name.removeprefix("d")] * f.width if self.along(f, name) else self.sizes[name]
+
+    def along(self, f: Prototype, name: str) -> bool:
+        """Whether an argument or result has a value for each direction."""
+        return bool(f.width) and name not in self.sizes
+
+    # -- states ----------------------------------------------------------------------------------------------------
+
+    def states(self, rng: np.random.Generator) -> dict[str, Array]:
+        """Arguments (STATES, n) and seeds (STATES, n, DIRECTIONS) near the initial state."""
+        m = self.manifest
+        spread = 0.02 if m["closure_names"] else 0.3
+        q, u = (np.array(m["initial"][n], float) for n in "qu")
+        p = np.array(m["parameters"], float)
+        given = {
+            "q": q + spread * rng.normal(size=(STATES, len(q))),
+            "u": u + rng.normal(size=(STATES, len(u))),
+            "p": p * rng.uniform(0.98, 1.02, size=(STATES, len(p))),
+            "inputs": rng.uniform(0.2, 0.8, size=(STATES, len(m["input_names"]))),
+            "t": rng.uniform(0.2, 0.8, size=(STATES, 1)),
+            "udot": rng.normal(size=(STATES, len(u))),
+            "b": rng.normal(size=(STATES, len(u))),
+        }
+        return given | {f"d{n}": rng.normal(size=(*x.shape, DIRECTIONS)) for n, x in given.items()}
+
+    # -- calls -----------------------------------------------------------------------------------------------------
+
+    def calls(self, rng: np.random.Generator, singular: Sequence[Mapping[str, float]] = ()) -> list[Call]:
+        """Every function at every alignment and over batches, with steps of zero too, and with numbers that are none.
+
+        `singular` are states in which functions may find no result: numbers that all entries of an argument get.
+        """
+        states = self.states(rng)
+        calls = [call for f in self.prototypes for call in self._calls(f, states)]
+        for numbers in singular:
+            there = {a: np.full_like(x[0], numbers[a]) if a in numbers else x[0] for a, x in states.items()}
+            for f in self.prototypes:
+                own = {a: states[a].copy() for a in f.arguments}
+                if not f.batch:
+                    calls.append(self.call(f, {a: there[a] for a in own}))
+                    continue
+                for a, x in own.items():
+                    x[1] = there[a]
+                calls += [self.call(f, own, STATES, wants_failed=wanted) for wanted in (True, False)]
+        return calls
+
+    def _calls(self, f: Prototype, states: Mapping[str, Array]) -> list[Call]:
+        if not f.batch:
+            calls = [
+                self.call(f, {a: states[a][shift % STATES] for a in f.arguments}, shift=shift) for shift in range(8)
+            ]
+        else:
+            own = {a: states[a] for a in f.arguments}
+            odd = {a: x[0] if i % 2 else x for i, (a, x) in enumerate(own.items())}
+            even = {a: x if i % 2 else x[0] for i, (a, x) in enumerate(own.items())}
+            calls = [self.call(f, x, STATES, shift, shift == 0) for shift, x in enumerate((own, odd, even))]
+            calls.append(self.call(f, {a: x[:0] for a, x in own.items()}, 0, wants_failed=False))
+        wild = [np.nan, np.inf, -np.inf, 1e308, -1e200, 1e-320, 0.0]
+        for i, x in enumerate(wild):
+            given = {a: np.full_like(states[a][0], x) for a in f.arguments}
+            calls.append(self.call(f, given, 1 if f.batch else None, i, checked=False))
+        return calls
+
+    def call(
+        self,
+        f: Prototype,
+        given: Mapping[str, Array],
+        count: int | None = None,
+        shift: int = 0,
+        wants_failed: bool = True,
+        checked: bool = True,
+    ) -> Call:
+        """A call; in a batch arguments have a first axis, or are the same for all states and have none."""
+        arguments, steps, stepping = [], [], []
+        for a in f.arguments:
+            seed = self.along(f, a)
+            x = given[a][..., : f.width] if seed else given[a]
+            stepping.append(x.ndim > 1 + seed)
+            steps.append(int(np.prod(x.shape[1:])) if stepping[-1] else 0)
+            arguments.append(np.ascontiguousarray(x, float))
+        times = 1 if count is None else count
+        sizes = [times * self.size(f, r) for r in f.results]
+        call = Call(f, count, shift, wants_failed, arguments, steps, sizes, None)
+        if checked and count != 0:
+            single = [
+                [x[i] if along else x for x, along in zip(arguments, stepping, strict=True)] for i in range(times)
+            ]
+            found = [self.expected(f, x) for x in single]
+            singular = [i for i, x in enumerate(found) if isinstance(x, int)]
+            if singular:
+                call.expected = found[singular[0]]
+                call.failed = singular[0] if f.batch and wants_failed else -1
+            else:
+                call.expected = [np.concatenate([x[r].ravel() for x in found]) for r in range(len(f.results))]
+        elif checked:
+            call.expected = [np.zeros(0) for _ in f.results]
+        return call
+
+    def expected(self, f: Prototype, arguments: list[Array]) -> list[Array] | int:
+        """What the NumPy module computes, laid out as in C: results, or the number of what is singular."""
+        key = f.symbol.removesuffix("_batch"), *(x.tobytes() for x in arguments)
+        if key not in self.known:
+            self.known[key] = self._expected(f, arguments)
+        return self.known[key]
+
+    def _expected(self, f: Prototype, arguments: list[Array]) -> list[Array] | int:
+        passed = []
+        for name, x in zip(f.arguments, arguments, strict=True):
+            x = np.moveaxis(x, -1, 0) if self.along(f, name) else x
+            passed.append(x[..., 0] if name in ("t", "dt") else x)
+        try:
+            with np.errstate(all="ignore"):
+                found = getattr(self.module, f.function)(*passed)
+        except self.module.SingularJointError as error:
+            return self._number(error)
+        results = []
+        for name, x in zip(f.results, found, strict=True):
+            # matrices are one row after the other; directions come last
+            x = np.asarray(x, float)
+            results.append(np.moveaxis(x, 0, -1) if self.along(f, name) else x)
+        return results
+
+    def _number(self, error: Any) -> int:
+        """What the C returns for a singular joint, loop or spring."""
+        m = self.manifest
+        names = {
+            "SingularJointError": [("", n) for n in m["links"]],
+            "SingularLoopError": [("loop", n) for n in m["loops"]],
+            "SingularSpringError": [("spring", n) for n in m["springs"]],
+        }
+        begins = 1
+        for kind, known in names.items():
+            if type(error).__name__ == kind:
+                return begins + [n for _, n in known].index(error.link)
+            begins += len(known)
+        raise AssertionError(type(error).__name__)
+
+    # -- files -----------------------------------------------------------------------------------------------------
+
+    def header(self) -> str:
+        """calls.h of the harness."""
+        table = [
+            f'    {{"{f.symbol}", call_{f.symbol}, {len(f.arguments)}, {len(f.results)}}},\n' for f in self.prototypes
+        ]
+        return (
+            f'#include "{self.name}.h"\n\nenum {{ WORKSPACE = {self.name.upper()}_WORKSPACE }};\n\n'
+            "typedef struct {\n    const char *name;\n"
+            "    int (*call)(double *const *a, const long *step, long count, long *failed, double *work);\n"
+            "    int arguments, results;\n} function;\n\n"
+            f"{''.join(f.c for f in self.prototypes)}\nstatic const function functions[] = {{\n{''.join(table)}}};\n"
+        )
+
+    def write(self, calls: list[Call], file: Path) -> None:
+        """The harness's input."""
+        with open(file, "wb") as out:
+            for c in calls:
+                head = [self.prototypes.index(c.prototype), -1 if c.count is None else c.count, c.shift, c.wants_failed]
+                np.array(head, float).tofile(out)
+                for x, step in zip(c.arguments, c.steps, strict=True):
+                    np.array([x.size, step], float).tofile(out)
+                    x.tofile(out)
+                np.array(c.sizes, float).tofile(out)
+
+    def check(self, calls: list[Call], file: Path) -> None:
+        """Compare the harness's output with what was expected."""
+        out, at = np.fromfile(file), 0
+        highest = sum(len(self.manifest[n]) for n in ("links", "loops", "springs"))
+        for c in calls:
+            f, (status, failed) = c.prototype, out[at : at + 2]
+            at += 2
+            results = []
+            if not status:
+                for n in c.sizes:
+                    results.append(out[at : at + n])
+                    at += n
+            assert 0 <= status <= highest, (f.symbol, status)
+            if c.expected is None:
+                assert failed == (0 if status and f.batch and c.wants_failed else -1)
+                continue
+            wanted = c.expected if isinstance(c.expected, int) else 0
+            assert (status, failed) == (wanted, c.failed), f.symbol
+            if not isinstance(c.expected, int):
+                for name, x, y in zip(f.results, results, c.expected, strict=True):
+                    self._compare(f, name, x, y)
+        assert at == len(out)
+
+    def _compare(self, f: Prototype, name: str, x: Array, y: Array) -> None:
+        assert x.shape == y.shape, (f.symbol, name)
+        assert np.isfinite(y).all(), f"{f.symbol}: {name} of the NumPy module is not finite"
+        columns = f.width if self.along(f, name) else 1
+        x, y = x.reshape(-1, columns), y.reshape(-1, columns)
+        error = np.abs(x - y).max(axis=0, initial=0.0)
+        # what seeds leave open in a closed loop is nothing but rounding
+        floor = 1.0 if name in ("dposition", "position") else 1e-2
+        scale = np.maximum(np.abs(y).max(axis=0, initial=0.0), floor)
+        assert (error <= TOLERANCE * scale).all(), (f.symbol, name, error, scale)
+
+
+def parts(folder: Path) -> list[Part]:
+    """The headers of a package."""
+    manifest = read_manifest(folder)
+    return [Part(folder, m) for m in (manifest, manifest.get("second")) if m]

@@ -1,0 +1,106 @@
+"""Generates a package, compiles it with sanitizers and calls every function of its headers; several packages side by side."""
+
+from __future__ import annotations
+
+import multiprocessing
+import subprocess
+import zlib
+from collections.abc import Iterable
+from concurrent.futures import Future, ProcessPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from sanitizers.builds import ENVIRONMENT, Build
+from sanitizers.calls import Part, parts
+
+import codegen
+from codegen.model import Model
+
+HARNESS = Path(__file__).parent / "harness.c"
+WARNINGS = ("-Wall", "-Wextra", "-Werror")
+
+
+@dataclass(frozen=True)
+class Package:
+    """What is generated, and where to; ``builds`` examine all functions of it."""
+
+    name: str
+    model: Model
+    options: tuple[tuple[str, Any], ...]
+    builds: tuple[Build, ...]
+    warned: tuple[Build, ...] = ()
+    """Builds that are only compiled, with all warnings being errors."""
+    thorough: bool = False
+    """Whether a second partition, which has the same templates, is built in more than the last way."""
+    singular: tuple[dict[str, float], ...] = ()
+    """States to call everything in as well; see `Part.calls`."""
+
+
+def examine(package: Package, folder: Path) -> list[str]:
+    """What is wrong with a package: nothing, one hopes."""
+    codegen.generate(package.model, folder, compile=False, **dict(package.options))
+    complaints = []
+    for i, part in enumerate(parts(folder)):
+        for build in filter(works, package.warned if not i else ()):
+            complaints += warnings_of(part, build)
+        calls = part.calls(np.random.default_rng(zlib.crc32(part.name.encode())), package.singular)
+        (folder / "calls.h").write_text(part.header())
+        part.write(calls, folder / "in")
+        for build in filter(works, package.builds if not i or package.thorough else package.builds[-1:]):
+            complaint = run(part, build)
+            if not complaint:
+                try:
+                    part.check(calls, folder / "out")
+                except AssertionError as error:
+                    complaint = f"wrong: {error}"
+            complaints += [f"{part.name}, {build}: {complaint}"] if complaint else []
+    return complaints
+
+
+def works(build: Build) -> bool:
+    return not build.missing
+
+
+def warnings_of(part: Part, build: Build) -> list[str]:
+    command = [build.compiler, *build.flags, *WARNINGS, "-c", f"{part.name}.c", "-o", "warned.o"]
+    said = subprocess.run(command, cwd=part.folder, capture_output=True, text=True, check=False)
+    return [f"{part.name}, {build}: {said.stderr[:1000]}"] if said.returncode else []
+
+
+def run(part: Part, build: Build) -> str:
+    """Compile and run the harness; what was said if that failed."""
+    sources = [f"{part.name}.c", str(HARNESS)]
+    command = [build.compiler, *build.flags, "-g1", *WARNINGS, "-I.", *sources, "-o", "examined", "-lm"]
+    for step in (command, ["./examined", "in", "out"]):
+        said = subprocess.run(
+            step, cwd=part.folder, capture_output=True, text=True, errors="replace", env=ENVIRONMENT, check=False
+        )
+        if said.returncode:
+            return f"exit code {said.returncode}: {said.stderr[:1500]}"
+    return ""
+
+
+class Bench:
+    """Examines packages in two processes; results are waited for where they are asked for.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the packages go.
+    packages : iterable of Package
+    """
+
+    def __init__(self, folder: Path, packages: Iterable[Package]) -> None:
+        self.folder = folder
+        self.pool = ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("spawn"))
+        self.found: dict[str, Future[list[str]]] = {
+            p.name: self.pool.submit(examine, p, folder / p.name) for p in packages
+        }
+
+    def complaints(self, name: str) -> list[str]:
+        return self.found[name].result()
+
+    def close(self) -> None:
+        self.pool.shutdown(cancel_futures=True)

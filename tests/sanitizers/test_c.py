@@ -1,0 +1,133 @@
+"""Every function of every header runs clean under the sanitizers of gcc and clang, and computes what the NumPy module does.
+
+A compiler without its sanitizers is skipped, and the package to install is said.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from ingredients import mixtures
+from sanitizers.builds import CLANG, CLANG_MEMORY, CLANG_NATIVE, CLANG_PLAIN, EVERY, GCC, GCC_NATIVE, GCC_PLAIN, Build
+from sanitizers.examination import Bench, Package
+
+from codegen.model import Model, parse_model
+
+EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("*.yaml"))
+SMALL = {"double_pendulum", "four_bar", "slider_crank", "chain", "n_four_bar"}
+"""Examples that do not take half a minute to compile."""
+WARNED = tuple(Build(c, (level,)) for c in ("gcc", "clang") for level in ("-O2", "-O3"))
+
+SINGULAR = {
+    "a body without inertia": (
+        """
+parameters: {m: 1.0}
+bodies:
+  cart: {parent: ground, joint: {type: prismatic, axis: x}, mass: 2}
+  bob: {parent: cart, joint: {type: revolute, axis: y}, mass: m, com: [0, 0, -0.5]}
+""",
+        {"p": 0.0},
+    ),
+    "a spring without length": (
+        """
+parameters: {k: 10.0}
+bodies:
+  cart: {parent: ground, joint: {type: prismatic, axis: x}, mass: 2}
+  bob: {parent: cart, joint: {type: prismatic, axis: z}, mass: 1}
+forces:
+  rope: {type: spring, from: bob, to: ground, stiffness: k, damping: 0.1, free_length: 0.5}
+initial: {q: {cart: 1.0, bob: 1.0}}
+outputs: {stored: potential_energy}
+""",
+        {"q": 0.0},
+    ),
+    "a flattened four-bar": (
+        """
+parameters: {l: 1.0}
+bodies:
+  crank: {parent: ground, joint: {type: revolute, axis: y}, mass: 1, com: [0, 0, l/2]}
+  coupler: {parent: crank, joint: {type: revolute, axis: y, at: [0, 0, l]}, mass: 1, com: [0, 0, l/2]}
+  rocker: {parent: coupler, joint: {type: revolute, axis: y, at: [0, 0, l]}, mass: 1, com: [0, 0, -l/2]}
+loops:
+  pin: {joint: {type: revolute, axis: y}, from: {body: rocker, at: [0, 0, l]}, to: {body: ground, at: [1.2, 0, 0]}}
+forces:
+  rope: {type: spring, from: coupler, to: ground, stiffness: 3, damping: 0.1, free_length: 0.5}
+initial: {q: {crank: 0.3, coupler: 1.27, rocker: 1.87}}
+independent: [crank]
+outputs: {height: {position: rocker, axis: z}}
+""",
+        {"q": 0.0},
+    ),
+}
+
+
+def example(path: Path) -> Model:
+    """A shipped model, shorter where it says how long it is."""
+    text = path.read_text()
+    for long, short in ((r"\bn: 12\b", "n: 4"), (r"\bL: 3\b", "L: 2")):
+        if path.stem in ("chain", "ladder", "hooke_ladder"):
+            text = re.sub(long, short, text)
+    return parse_model(text, path.name)
+
+
+def packages() -> dict[str, Package]:
+    """All that is examined: quick ones have the builds that fit into three minutes, the campaign's have all."""
+    # what differs with the vectors' width takes turns
+    turns = ((GCC, CLANG_NATIVE), (GCC_NATIVE, CLANG), (GCC, CLANG_PLAIN), (GCC_PLAIN, CLANG))
+    warned = (WARNED[0:1], (), WARNED[1:2], ())
+    found = [
+        Package(m.name, m.model, tuple(m.options.items()), (*turns[i % 4], CLANG_MEMORY), warned[i % 4])
+        for i, m in enumerate(mixtures())
+    ]
+    for i, (name, (text, there)) in enumerate(SINGULAR.items()):
+        model = parse_model(f"model: singular_{i}{text}")
+        found.append(Package(name, model, (), (GCC, CLANG_PLAIN, CLANG_MEMORY), singular=({}, there)))
+    everything = (("reactions", True), ("partitions", 2))
+    for path in EXAMPLES:
+        if path.stem in SMALL:
+            found.append(Package(path.stem, example(path), everything, (GCC_NATIVE, CLANG)))
+    return {p.name: p for p in found}
+
+
+def campaign() -> dict[str, Package]:
+    every = [(f"every {m.name}", m.model, tuple(m.options.items())) for m in mixtures(every=True)]
+    for path in EXAMPLES:
+        for layout in ("kinds", "unrolled"):
+            options = (("reactions", True), ("partitions", 2), ("layout", layout))
+            every.append((f"{path.stem} {layout}", example(path), options))
+    return {name: Package(name, model, options, EVERY, WARNED, thorough=True) for name, model, options in every}
+
+
+PACKAGES, CAMPAIGN = packages(), campaign()
+
+
+@pytest.fixture(scope="session")
+def bench(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
+    """Begins with all packages that tests of this run ask for."""
+    asked = [i.callspec.params["name"] for i in request.session.items if "bench" in getattr(i, "fixturenames", ())]
+    bench = Bench(tmp_path_factory.mktemp("sanitized"), [(PACKAGES | CAMPAIGN)[n] for n in dict.fromkeys(asked)])
+    yield bench
+    bench.close()
+
+
+@pytest.mark.parametrize("build", [GCC, CLANG, CLANG_MEMORY], ids=str)
+def test_the_sanitizers_are_there(build: Build) -> None:
+    """The tests below do without those that are not."""
+    if build.missing:
+        pytest.skip(build.missing)
+
+
+@pytest.mark.parametrize("name", PACKAGES)
+def test_every_function_is_clean(bench: Bench, name: str) -> None:
+    complaints = bench.complaints(name)
+    assert not complaints, "\n".join(complaints)
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("name", CAMPAIGN)
+def test_every_function_is_clean_with_all_checks(bench: Bench, name: str) -> None:
+    complaints = bench.complaints(name)
+    assert not complaints, "\n".join(complaints)
