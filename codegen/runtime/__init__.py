@@ -15,11 +15,15 @@ from .solver import (
     CompileError,
     Jacobians,
     NoCompilerError,
+    PackageError,
     SingularJointError,
     SingularLoopError,
     SingularSpringError,
     Solver,
     TargetsDifferError,
+    check_files,
+    is_sealed,
+    read_manifest,
 )
 
 __all__ = [
@@ -27,6 +31,7 @@ __all__ = [
     "CompileError",
     "Jacobians",
     "NoCompilerError",
+    "PackageError",
     "SingularJointError",
     "SingularLoopError",
     "SingularSpringError",
@@ -55,15 +60,16 @@ def load(folder: str | os.PathLike[str], target: str | None = None) -> Solver:
 
     Raises
     ------
-    ValueError
-        The folder holds no generated package.
+    PackageError
+        The folder holds no generated package, or a damaged one.
     CompileError
     """
     path = Path(folder).absolute()
-    if not (path / "model.json").is_file():
-        raise ValueError(f"{folder} holds no generated solver: no model.json in it; make one with: generate MODEL.yaml")
     brought = path / "_runtime.py"
-    if not brought.is_file() or brought.read_bytes() == Path(_own.__file__).read_bytes():
+    ours = not brought.is_file() or brought.read_bytes() == Path(_own.__file__).read_bytes()
+    if ours or is_sealed(path):  # what is not may be of a version that knew no seals
+        check_files(path, read_manifest(path), (".py",))
+    if ours:
         return Solver(path, target)
     found: Solver = _package(path).Solver(target)
     return found

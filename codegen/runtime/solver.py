@@ -22,11 +22,13 @@ import os
 import platform
 import shlex
 import shutil
+import signal
 import subprocess
 import sys
 import sysconfig
 import tempfile
 import threading
+import time
 import types
 import warnings
 import weakref
@@ -55,6 +57,10 @@ SMALLEST_QUATERNION = 1e-6
 
 class CompileError(RuntimeError):
     """The C compiler refused the generated source; the message says where source and log are kept."""
+
+
+class PackageError(ValueError):
+    """A folder holds no package, or one that is not as generate wrote it: cut short, edited, with a file gone."""
 
 
 class FlagsError(CompileError, ValueError):
@@ -165,6 +171,12 @@ STANDARD = ("-std=gnu11", "-fPIC", "-shared")
 OPTIMIZATION = ("-O2", "-march=native")
 """``ORDERNM_CFLAGS`` in the environment replaces these. Never -ffast-math: pivots are compared with zero."""
 
+COMPILE_SECONDS = 600.0
+"""A compiler that takes longer is stopped; ``ORDERNM_COMPILE_SECONDS`` in the environment gives another time."""
+
+VERSION_SECONDS = 60.0
+"""The same for its version."""
+
 COMMAND = "$ "
 """Begins the lines of a log that are commands."""
 
@@ -211,6 +223,24 @@ def optimization() -> list[str]:
     return flags
 
 
+def compile_seconds() -> float:
+    """How long a compiler may take.
+
+    Raises
+    ------
+    FlagsError
+        ``ORDERNM_COMPILE_SECONDS`` is no time.
+    """
+    given = os.environ.get("ORDERNM_COMPILE_SECONDS", "")
+    try:
+        seconds = float(given) if given else COMPILE_SECONDS
+    except ValueError:
+        seconds = math.nan
+    if not seconds > 0.0:
+        raise FlagsError(f"ORDERNM_COMPILE_SECONDS={given} is no time in seconds; the default is {COMPILE_SECONDS:g}")
+    return seconds
+
+
 def user_cache() -> Path:
     """Where libraries go whose package cannot be written to."""
     if sys.platform == "darwin":
@@ -239,9 +269,18 @@ def _processor() -> str:
 def _compiler_version(command: tuple[str, ...]) -> str:
     """What tells two compilers of one name apart."""
     try:
-        return subprocess.run([*command, "--version"], capture_output=True, text=True, check=False).stdout
+        done = subprocess.run(
+            [*command, "--version"], stdin=subprocess.DEVNULL, capture_output=True, text=True, errors="replace", check=False,
+            timeout=min(compile_seconds(), VERSION_SECONDS),
+        )  # fmt: skip
+        return done.stdout
     except OSError:
         return ""
+    except subprocess.TimeoutExpired:
+        raise CompileError(
+            f"the C compiler does not answer: {shlex.join([*command, '--version'])} was stopped without an end; set CC to "
+            f"another compiler"
+        ) from None
 
 
 class Build:
@@ -326,10 +365,19 @@ class Build:
                 log_file.unlink()
             return
         log = log or f"{shlex.join(self.compiler)} reported no error, but wrote no library\n"
+        if not self._compiles(output):
+            log = f"{shlex.join(self.compiler)} compiles no C: it fails on a file of one line too; set CC to a C compiler\n{log}"
         log_file.write_text(log, encoding="utf-8")
         sources = ", ".join(map(str, self.sources))
         first = "\n".join(log.splitlines()[:12])
         raise CompileError(f"the C compiler failed on {sources}; the whole log is in {log_file}:\n{first}")
+
+    def _compiles(self, output: Path) -> bool:
+        """Whether the compiler compiles anything."""
+        source, made = output.with_name("one_line.c"), output.with_name("one_line.o")
+        source.write_text("int one_line(void) { return 0; }\n", encoding="utf-8")
+        refused, _ = _run_all([[*self.compiler, "-c", "-o", str(made), str(source)]])
+        return not refused and made.exists()
 
     def _run(self, flags: list[str], output: Path) -> tuple[bool, str]:
         """Compile the sources, several at once, and link them; whether that was refused, and the log."""
@@ -356,22 +404,50 @@ def _key(*parts: str) -> str:
 
 
 def _run_all(commands: list[list[str]]) -> tuple[bool, str]:
-    """Run commands side by side; whether one failed, and what they said."""
+    """Run commands side by side; whether one failed, and what they said.
+
+    Raises
+    ------
+    CompileError
+        One took too long. All are stopped then, with what they have started, and also when the user interrupts.
+    """
     log = []
     failed = False
+    running: list[subprocess.Popen[bytes]] = []
+    seconds = compile_seconds()
+    end = time.monotonic() + seconds
     try:
-        running = [
-            subprocess.Popen(c, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
-            for c in commands
-        ]
+        for c in commands:
+            running.append(
+                subprocess.Popen(
+                    c,
+                    stdin=subprocess.DEVNULL,
+                    stdout=subprocess.PIPE,
+                    stderr=subprocess.STDOUT,
+                    start_new_session=True,
+                )
+            )
+        for command, process in zip(commands, running, strict=True):
+            said, _ = process.communicate(timeout=max(0.01, end - time.monotonic()))
+            if process.returncode:
+                failed = True
+                text = said.decode(errors="replace")
+                log.append(f"{COMMAND}{shlex.join(command)}\n{text}exit code {process.returncode}\n")
     except OSError as error:
-        return True, f"{COMMAND}{shlex.join(commands[0])}\n{error}\n"
-    for command, process in zip(commands, running, strict=True):
-        said, _ = process.communicate()
-        if process.returncode:
-            failed = True
-            text = said.decode(errors="replace")
-            log.append(f"{COMMAND}{shlex.join(command)}\n{text}exit code {process.returncode}\n")
+        return True, f"{COMMAND}{shlex.join(commands[len(running)])}\n{error}\n"
+    except subprocess.TimeoutExpired:
+        raise CompileError(
+            f"the C compiler was stopped after {seconds:g} s without an end: {shlex.join(command)}; if it needs longer, set "
+            f"ORDERNM_COMPILE_SECONDS to more seconds, else set CC to another compiler"
+        ) from None
+    finally:
+        for process in running:
+            if process.poll() is None:
+                with contextlib.suppress(OSError):
+                    os.killpg(process.pid, signal.SIGKILL)
+                process.wait()
+            if process.stdout is not None:
+                process.stdout.close()
     return failed, "".join(log)
 
 
@@ -543,6 +619,9 @@ SEEDS = ("dq", "du", "dp", "dinputs", "dudot", "db", "dt")
 """Arguments and seeds in the order of their pointers in ``NAME_calls.c``; `t` is passed as a number."""
 
 SLOT = {n: i for i, n in enumerate((*ARGUMENTS, *SEEDS, "default_p", "default_inputs", "work", "lanes", "results"))}
+STATE = ("q", "u", "p", "inputs", "t")
+"""What the members of a solver that take a state take, in order."""
+
 SHORT = (
     "accelerations", "sensitivities", "jacobians", "coordinate_rates", "coordinate_rate_sensitivities", "energies",
     "energy_sensitivities", "outputs", "output_sensitivities",
@@ -1023,19 +1102,80 @@ class NumpyTarget:
             raise kinds.get(type(error).__name__, SingularJointError)(error.link) from None
 
 
+SEAL = ',\n "seal": "'
+
+
+def seal(text: str) -> str:
+    """The text of ``model.json`` with a digest of itself as its last entry, so that a damaged one is known."""
+    body = text.rstrip().removesuffix("}").rstrip()
+    return f'{body}{SEAL}{hashlib.sha256(body.encode()).hexdigest()}"\n}}\n'
+
+
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """What ``model.json`` of a package says; ValueError if there is none, or one of something else."""
+    """What ``model.json`` of a package says.
+
+    Raises
+    ------
+    PackageError
+        There is none, it is one of something else, or it is damaged.
+    """
     try:
-        manifest = unrolled(json.loads((folder / "model.json").read_text(encoding="utf-8")))
-    except FileNotFoundError:
+        text = (folder / "model.json").read_text(encoding="utf-8")
+        if SEAL in text and seal(text[: text.rindex(SEAL)] + "}") == text:
+            manifest: dict[str, Any] = unrolled(json.loads(text))
+            return manifest
+        damaged = json.loads(text)
+    except (FileNotFoundError, NotADirectoryError):
         seen = "no model.json in it"
-    except ValueError as error:
+    except OSError as error:
+        seen = f"its model.json cannot be read ({error.strerror or error})"
+    except (ValueError, RecursionError) as error:
         seen = f"its model.json is no JSON ({error})"
     else:
-        if isinstance(manifest, dict) and manifest.get("generator") == "ordernm" and "functions" in manifest:
-            return manifest
-        seen = "its model.json is not one that generate wrote"
-    raise ValueError(f"{folder} holds no generated solver: {seen}; make one with: generate MODEL.yaml -o FOLDER")
+        if isinstance(damaged, dict) and damaged.get("generator") == "ordernm":
+            seen = "its model.json is damaged: it is not as generate wrote it"
+        else:
+            seen = "its model.json is not one that generate wrote"
+    raise PackageError(
+        f"{folder} holds no generated solver that is whole: {seen}; make one with: generate MODEL.yaml -o FOLDER"
+    )
+
+
+def is_sealed(folder: Path) -> bool:
+    """Whether there is a ``model.json`` with a seal, right or wrong."""
+    try:
+        return SEAL in (folder / "model.json").read_text(encoding="utf-8")
+    except (OSError, ValueError):
+        return False
+
+
+def check_files(folder: Path, manifest: Mapping[str, Any], suffixes: tuple[str, ...]) -> None:
+    """Compare files of a package with the digests in its manifest.
+
+    Raises
+    ------
+    PackageError
+        Names the file that is gone or changed.
+    """
+    for name, digest in manifest.get("digests", {}).items():
+        if not name.endswith(suffixes):
+            continue
+        try:
+            seen = "was changed" if file_digest((folder / name).read_bytes()) != digest else ""
+        except FileNotFoundError:
+            seen = "is missing"
+        except OSError as error:
+            seen = f"cannot be read ({error.strerror or error})"
+        if seen:
+            raise PackageError(
+                f"{folder} is damaged: its {name} {seen} since it was generated; generate it again: "
+                f"generate MODEL.yaml -o FOLDER"
+            )
+
+
+def file_digest(content: bytes) -> str:
+    """Digest of a file for the manifest."""
+    return hashlib.sha256(content).hexdigest()[:16]
 
 
 def _put(results: list[Array], out: Sequence[Array]) -> list[Array]:
@@ -1177,7 +1317,9 @@ class Solver:
         if target not in ("c", "numpy", "both"):
             raise ValueError(f"target is {target!r}; allowed are 'c', 'numpy' and 'both'")
         if target == "numpy":
+            check_files(self.folder, self._manifest, ("_numpy.py",))
             return NumpyTarget(self.folder, manifest)
+        check_files(self.folder, self._manifest, (".c", ".h"))
         try:
             compiled = CTarget(self.folder, manifest, functions)
         except NoCompilerError as error:
@@ -1186,8 +1328,10 @@ class Solver:
                 RuntimeWarning,
                 stacklevel=4,
             )
+            check_files(self.folder, self._manifest, ("_numpy.py",))
             return NumpyTarget(self.folder, manifest)
         if target == "both":
+            check_files(self.folder, self._manifest, ("_numpy.py",))
             self._compare(compiled, NumpyTarget(self.folder, manifest), functions)
         return compiled
 
@@ -1219,7 +1363,7 @@ class Solver:
     @property
     def initial(self) -> tuple[Array, Array]:
         """The model's initial state (q, u) at the default parameters, assembled."""
-        return self.assemble()
+        return self.initial_state()
 
     # -- partitions ----------------------------------------------------------------------------------------------------
 
@@ -1297,11 +1441,19 @@ class Solver:
 
     # -- arguments -----------------------------------------------------------------------------------------------------
 
-    def _argument(self, name: str, value: Any, of: str) -> Array:
-        """An array of finite numbers whose last axis is that of the names of `of`; anything else is an error."""
+    def _argument(self, name: str, value: Any, of: str, rest: Array | float = 0.0) -> Array:
+        """An array of finite numbers whose last axis is that of the names of `of`; anything else is an error.
+
+        `rest` is what a mapping leaves out.
+        """
         n = self._shapes[of]
         if type(value) is not np.ndarray or value.dtype != np.float64:
-            value = self._named(name, value, of) if isinstance(value, Mapping) else _numbers(name, value)
+            value = self._named(name, value, of, rest) if isinstance(value, Mapping) else _numbers(name, value)
+        if value.ndim > MOST_AXES + (1 if name == of else 2):
+            raise ValueError(
+                f"{name} has {value.ndim} axes, expected at most {MOST_AXES} of a batch; reshape it into fewer, such as by "
+                f"reshape(-1, n)"
+            )
         if n:
             if value.ndim == 0 or value.shape[-1] != n[0]:
                 shape = f"(k, ..., {n[0]})" if name != of else f"(..., {n[0]})"
@@ -1313,15 +1465,15 @@ class Solver:
                     value = np.ascontiguousarray(value)
                 if math.isfinite(value.dot(value)):  # half the time of isfinite
                     return value
-        if not np.isfinite(value).all():
+        if not np.isfinite(_once(value)).all():
             place = tuple(int(i) for i in np.argwhere(~np.isfinite(value))[0])
             where = f"[{', '.join(map(str, place))}]" if place else ""
             which = f" ({self._names[of][place[-1]]})" if n else ""
             raise ValueError(f"{name}{where}{which} is {value[place]}, expected finite numbers")
         return value
 
-    def _named(self, name: str, given: Mapping[str, Any], of: str) -> Array:
-        """An array from some of its entries; the others are those of the model, zero in a seed."""
+    def _named(self, name: str, given: Mapping[str, Any], of: str, rest: Array | float) -> Array:
+        """An array from some of its entries; the others are those of `rest`."""
         if of not in self._names:
             raise ValueError(f"{name} is a mapping, expected numbers of shape (...)")
         names = self._names[of]
@@ -1332,13 +1484,12 @@ class Solver:
             raise ValueError(f"{name}: {unknown[0]!r} is not known{hint} Expected any of {_some(names)}")
         columns = {n: _numbers(f"{name}[{n!r}]", x) for n, x in given.items()}
         try:
-            lead = np.broadcast_shapes(*(x.shape for x in columns.values()))
+            lead = np.broadcast_shapes(np.shape(rest)[:-1], *(x.shape for x in columns.values()))
         except ValueError:
             shapes = ", ".join(f"{n} {x.shape}" for n, x in columns.items())
             raise ValueError(f"{name}: shapes do not broadcast: {shapes}") from None
-        result = np.zeros((*lead, len(names)))
-        if name == of:
-            result[:] = self._left_out.get(of, 0.0)
+        result = np.empty((*lead, len(names)))
+        result[...] = rest
         for n, x in columns.items():
             result[..., names.index(n)] = x
         return result
@@ -1359,7 +1510,8 @@ class Solver:
                 arrays[name] = value if value.ndim else float(value)
                 lead = value.shape
             else:
-                arrays[name] = value = self._argument(name, value, name)
+                rest = self._rest(name, given) if isinstance(value, Mapping) else 0.0
+                arrays[name] = value = self._argument(name, value, name, rest)
                 lead = value.shape[:-1]
             if lead != batch:
                 batch = _broadcast(batch, lead, lambda: arrays)
@@ -1367,7 +1519,14 @@ class Solver:
             self._check_quaternions(arrays["q"])
         return arrays, batch
 
+    def _rest(self, name: str, given: Mapping[str, Any]) -> Array | float:
+        """What a mapping leaves out: the initial values of q and u at the given parameters, default parameters, else zeros."""
+        if name in ("q", "u"):
+            return self._initial_values(given.get("p"))[name == "u"]
+        return self._left_out.get(name, 0.0)
+
     def _check_quaternions(self, q: Array) -> None:
+        q = _once(q)
         for i in self._quaternions:
             e = q[..., i : i + 4]
             square = e.dot(e) if e.ndim == 1 else np.einsum("...i,...i", e, e).min(initial=math.inf)
@@ -1431,12 +1590,15 @@ class Solver:
             places = _places([out], list(f.results), [batch + s for s in f.shapes])
         if name in SHORT and not batch and not places:
             # what came as lists, by name or of another type is plain now
-            found = getattr(self._desk, name)(*(arrays[n] for n in ("q", "u", "p", "inputs", "t")))
+            found = getattr(self._desk, name)(*(arrays[n] for n in STATE))
             if found is not None:
                 return [found]
         if not _overlap(places, arrays):
-            return self._target.values(f, arrays, batch, places)
-        return _put(self._target.values(f, arrays, batch), places)
+            results = self._target.values(f, arrays, batch, places)
+        else:
+            results = _put(self._target.values(f, arrays, batch), places)
+        self._tell_infinite(f, results, arrays, batch)
+        return results
 
     def _along(self, name: str, given: Mapping[str, Any], seeds: Mapping[str, Any], out: Any = None) -> Any:
         f = self._find(name)
@@ -1451,12 +1613,99 @@ class Solver:
         if name in SHORT and not batch and not places:
             plain = [directions.get(s) for s in ("dq", "du", "dp", "dinputs")]
             dt = directions["dt"][..., 0] if "dt" in directions else None
-            found = getattr(self._desk, name)(*(arrays[n] for n in ("q", "u", "p", "inputs", "t")), (*plain, dt))
+            found = getattr(self._desk, name)(*(arrays[n] for n in STATE), (*plain, dt))
             if found is not None:
                 return found
         if not _overlap(places, {**arrays, **directions}):
-            return tuple(self._target.along(f, arrays, directions, k, batch, places))
-        return tuple(_put(self._target.along(f, arrays, directions, k, batch), places))
+            results = self._target.along(f, arrays, directions, k, batch, places)
+        else:
+            results = _put(self._target.along(f, arrays, directions, k, batch), places)
+        self._tell_infinite(f, results, arrays, batch, directions, k)
+        return tuple(results)
+
+    def _tell_infinite(
+        self,
+        f: Function,
+        results: Sequence[Array],
+        arrays: Mapping[str, Any],
+        batch: Shape,
+        seeds: Mapping[str, Array] | None = None,
+        k: int = 0,
+    ) -> None:
+        """Warn of results that are not finite, with what made them so."""
+        for name, x, derived in zip(f.results, results, f.derived, strict=True):
+            if _all_finite(x):
+                continue
+            state = np.argwhere(~np.isfinite(x))[0][derived : derived + len(batch)]
+            at = tuple(int(i) for i in state)
+            alone = {
+                n: _of_state(a, batch, at, 0) if n != "t" else float(np.broadcast_to(a, batch)[at])
+                for n, a in arrays.items()
+            }
+            along = {s: _of_state(a, batch, at, 1) for s, a in (seeds or {}).items()}
+            reason = self._inquire(f.name, alone, along, k) if {"q", "u"} <= set(arrays) else ""
+            where = f" in state {list(at)} of the batch" if batch else ""
+            warnings.warn(
+                f"{self.name}: {name} of {f.name} is not finite{where}{reason}", RuntimeWarning, stacklevel=_callers()
+            )
+            return
+
+    def _units(self) -> tuple[dict[str, Array], int]:
+        """Seeds of all columns of the Jacobians."""
+        sizes = self._functions["sensitivities"].seeds
+        every = np.eye(sum(sizes.values()))
+        ends = itertools.accumulate(sizes.values())
+        return {s: every[:, end - n : end] for (s, n), end in zip(sizes.items(), ends, strict=True)}, len(every)
+
+    def _inquire(self, name: str, arrays: Mapping[str, Any], seeds: Mapping[str, Array], k: int) -> str:
+        """What makes the results of one state infinite: the NumPy module does the forward dynamics again, sweep by sweep."""
+        module = NumpyTarget(self.folder, self._manifests[self._partition]).module
+        f = self._functions["accelerations"]
+        given = {n: arrays[n] for n in f.arguments}
+        wanted = self._functions["sensitivities"].seeds
+        for s, n in wanted.items() if seeds else ():
+            given[s] = seeds[s] if s in seeds else np.zeros((k, n))
+            given[s] = given[s][..., 0] if s == "dt" else given[s]
+        with np.errstate(all="ignore"), contextlib.suppress(Exception):
+            a = module.Call(**given)
+            module.start(a)
+            return self._first_infinite(module, a, moved=not name.startswith("energ"), along=bool(seeds))
+        return ""
+
+    def _first_infinite(self, module: Any, a: Any, moved: bool, along: bool) -> str:
+        """The first force, spring or body whose numbers are not finite, in words."""
+
+        def bad(values: Any) -> list[int]:
+            return [i for i, x in enumerate(values) if not np.isfinite(x).all()]
+
+        def force(i: int, what: str) -> str:
+            joint = self.speed_names[i].partition(".")[0]
+            lines = [line.strip() for line in self._manifest.get("description", ())]
+            told = [line for line in lines if line.startswith("force ") and f"on joint {joint}:" in line]
+            return f": {what} on joint {joint} is not ({'; '.join(told) or self.speed_names[i]})"
+
+        def spring(i: int) -> str:
+            return f": the coefficients of spring {self._manifest['springs'][i // 3]} are not"
+
+        if hasattr(module, "joint_forces"):
+            module.joint_forces(a)
+        for i in bad(getattr(a, "tau", ())) if moved else ():
+            return force(i, "the force")
+        for i in bad(getattr(a, "coefficient", ())):
+            return spring(i)
+        module.kinematics(a)
+        names = self._manifest["links"]
+        for i in bad([sum(np.sum(np.abs(x)) for x in record.values()) for record in a.records[: len(names)]]):
+            return f": the motion of body {names[i].partition('.')[0]} is too large for floating-point numbers"
+        module.forward(a)
+        for i in bad(a.udot):
+            joint = self.speed_names[i].partition(".")[0]
+            return f": the acceleration of joint {joint} is too large for floating-point numbers"
+        if along and hasattr(module, "joint_force_tangents"):
+            module.joint_force_tangents(a)
+            for i in bad(getattr(a, "dtau", ())):
+                return force(i, "the derivative of the force")
+        return ""
 
     # -- dynamics ------------------------------------------------------------------------------------------------------
 
@@ -1527,6 +1776,9 @@ class Solver:
             _put(self._target.values(f, arrays, batch), wanted)
         else:
             self._target.values(f, arrays, batch, wanted)
+        if not all(map(_all_finite, wanted)):
+            units, k = self._units()
+            self._tell_infinite(f, wanted, arrays, batch, units, k)
         for name, place in named.items():
             if name not in f.results:
                 place[...] = 0.0
@@ -1805,12 +2057,44 @@ class Solver:
         AssemblyError
             Names the loop and what is left of its conditions.
         """
-        q, u = self._initial[0] if q is None else q, self._initial[1] if u is None else u
+        if q is None or u is None:
+            first = self._initial_values(p)
+            q, u = first[0] if q is None else q, first[1] if u is None else u
         arrays, batch = self._arguments({"q": q, "u": u, "p": p, "inputs": inputs, "t": t})
         q_new = self._assembled(arrays, batch)
         if self.closure_names:
             return q_new, self._values("completion", {**arrays, "q": q_new})[0]
         return q_new, np.broadcast_to(arrays["u"], (*batch, self.nu)).copy()
+
+    def initial_state(self, p: Numbers = None) -> tuple[Array, Array]:
+        """The model's initial state (q, u) at some parameters, assembled: initial values may be expressions of them."""
+        return self.assemble(p=p)
+
+    def initial_sensitivities(self, p: Numbers = None, *, dp: Numbers) -> tuple[Array, Array, Array, Array]:
+        """The state of `initial_state` and its derivatives: q, u, dq (k, ..., nq), du (k, ..., nu).
+
+        Where initial values depend on parameters, theirs are part of it, and loops stay closed.
+        """
+        q, u = self._initial_values(p)
+        if "initial_sensitivities" not in self._functions:
+            return self.assemble_sensitivities(q, u, p, dp=dp)
+        _, _, dq, du = self._along("initial_sensitivities", {"p": p}, {"dp": dp})
+        return self.assemble_sensitivities(q, u, p, dq=dq, du=du, dp=dp)
+
+    def _initial_values(self, p: Numbers) -> tuple[Array, Array]:
+        """The initial values at some parameters, as a guess for assembly.
+
+        Where the model's values do not close its loops, the package has assembled ones at the default parameters; they move
+        with the parameters as the model's do.
+        """
+        if p is None or "initial" not in self._functions:
+            return self._initial
+        found = self._values("initial", {"p": p})
+        default = self._values("initial", {"p": self._left_out["p"]})
+        q, u = (
+            np.where(known == d, x, known + (x - d)) for x, d, known in zip(found, default, self._initial, strict=True)
+        )
+        return q, u
 
     def _assembled(self, arrays: Mapping[str, Any], batch: Shape) -> Array:
         """Assembled coordinates, (..., nq)."""
@@ -2110,6 +2394,37 @@ def _some(names: Sequence[str]) -> str:
     return ", ".join(names[:12]) + (f", ... ({len(names)} in all)" if len(names) > 12 else "")
 
 
+def _all_finite(x: Array) -> bool:
+    flat = x.reshape(-1)
+    with np.errstate(all="ignore"):
+        return math.isfinite(flat.dot(flat)) or bool(np.isfinite(x).all())  # the first takes half the time
+
+
+def _of_state(x: Array, batch: Shape, at: tuple[int, ...], rows: int) -> Array:
+    """What belongs to a state of a batch, after so many axes in front."""
+    whole = np.broadcast_to(x, (*x.shape[:rows], *batch, x.shape[-1]))
+    return whole[(slice(None),) * rows + at]
+
+
+def _callers() -> int:
+    """The level of a warning that names the line which called the solver, from a function that warns."""
+    level, frame = 1, sys._getframe(1)
+    while frame.f_back is not None and frame.f_globals is globals():
+        level, frame = level + 1, frame.f_back
+    return level
+
+
+MOST_AXES = 29
+"""Of batches: NumPy's functions take 32, and results have up to three more."""
+
+
+def _once(x: Array) -> Array:
+    """An array without the repetitions that broadcasting has made."""
+    if 0 not in x.strides:
+        return x
+    return x[tuple(slice(None) if step else slice(0, 1) for step in x.strides)]
+
+
 def _broadcast(batch: Shape, lead: Shape, arrays: Callable[[], Mapping[str, Any]]) -> Shape:
     try:
         return np.broadcast_shapes(batch, lead)
@@ -2127,6 +2442,7 @@ __all__ = [
     "CompileError",
     "Jacobians",
     "NoCompilerError",
+    "PackageError",
     "SingularJointError",
     "SingularLoopError",
     "SingularSpringError",

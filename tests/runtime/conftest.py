@@ -7,6 +7,7 @@ import pytest
 
 import codegen
 from codegen.emit.calls import write_calls
+from codegen.runtime.solver import seal
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -123,7 +124,7 @@ def make_pendulum(tmp_path):
         (folder / "pendulum_numpy.py").write_text(PENDULUM_NUMPY)
         manifest = PENDULUM | changes
         (folder / "pendulum_calls.c").write_text(write_calls(manifest, SIZES))
-        (folder / "model.json").write_text(json.dumps(manifest))
+        (folder / "model.json").write_text(seal(json.dumps(manifest)))
         return folder
 
     return make

@@ -1,5 +1,6 @@
 """Opening packages: where they lie, when they are written anew, and from other versions."""
 
+import json
 import os
 import subprocess
 import sys
@@ -8,7 +9,8 @@ import numpy as np
 import pytest
 
 import codegen
-from codegen.runtime.solver import Solver
+from codegen.runtime import PackageError
+from codegen.runtime.solver import Solver, file_digest, seal
 
 MODEL = """\
 model: pendulum
@@ -53,12 +55,25 @@ def test_a_package_is_importable_by_name(tmp_path):
     assert done.stdout.split() == ["1.5", "c"]
 
 
-def test_a_package_of_another_version_runs_itself(tmp_path):
+@pytest.mark.parametrize("sealed", [True, False])
+def test_a_package_of_another_version_runs_itself(tmp_path, sealed):
     folder = tmp_path / "pendulum"
     codegen.generate(codegen.model.parse_model(MODEL), folder)
     assert type(codegen.load(folder)) is Solver
     brought = folder / "_runtime.py"
     brought.write_text(brought.read_text() + "\nVERSION_OF_THE_TEST = 1\n")
+    with pytest.raises(PackageError, match=r"_runtime\.py was changed"):
+        codegen.load(folder)
+    manifest = json.loads((folder / "model.json").read_text())
+    del manifest["seal"]
+    if not sealed:
+        (folder / "model.json").write_text(json.dumps(manifest))
+        with pytest.raises(ValueError, match="damaged") as told:
+            codegen.load(folder)  # by its own run time, which knows seals
+        assert not isinstance(told.value, PackageError)
+        return
+    manifest["digests"]["_runtime.py"] = file_digest(brought.read_bytes())
+    (folder / "model.json").write_text(seal(json.dumps(manifest)))
     solver = codegen.load(folder)
     assert not isinstance(solver, Solver)
     assert type(solver) is type(codegen.load(folder))

@@ -1,0 +1,260 @@
+"""Packages that were cut short or edited, compilers that hang or are none, results that are not finite: all are told."""
+
+import json
+import os
+import re
+import signal
+import stat
+import subprocess
+import sys
+import time
+import warnings
+
+import numpy as np
+import pytest
+
+import codegen
+from codegen.runtime import CompileError, PackageError
+from codegen.runtime import solver as runtime
+
+TEXT = """\
+model: odd
+parameters: {k: 2.0}
+bodies:
+  a: {parent: ground, joint: {type: revolute, axis: y}, mass: 1, com: [0, 0, -0.5], inertia: {yy: 0.1}}
+  b: {parent: a, joint: {type: revolute, axis: y, at: [0, 0, -1]}, mass: 1, com: [0, 0, -0.5], inertia: {yy: 0.1}}
+forces:
+  drive: {type: joint, joint: b, value: "k*(acos(1 + q.a) + sqrt(q.b))"}
+outputs:
+  speed: {value: u.a + u.b}
+"""
+
+
+@pytest.fixture(scope="module")
+def odd(tmp_path_factory):
+    return codegen.generate(codegen.parse_model(TEXT), tmp_path_factory.mktemp("packages") / "odd").folder
+
+
+@pytest.fixture
+def copied(odd, tmp_path):
+    """A copy to damage."""
+    folder = tmp_path / "odd"
+    folder.mkdir()
+    for file in odd.iterdir():
+        if file.is_file():
+            (folder / file.name).write_bytes(file.read_bytes())
+    return folder
+
+
+def edited(**changes):
+    def edit(text):
+        return json.dumps({**json.loads(text), **changes})
+
+    return edit
+
+
+def without(key):
+    def edit(text):
+        return json.dumps({k: v for k, v in json.loads(text).items() if k != key})
+
+    return edit
+
+
+MANIFESTS = {
+    "small workspace": edited(workspace=1), "no name": without("name"), "no seal": without("seal"),
+    "one digit": lambda text: text.replace('"parameters": [2.0]', '"parameters": [3.0]'),
+    "half": lambda text: text[: len(text) // 2], "deep": lambda text: "[" * 100_000, "empty": lambda text: "",
+    "a byte more": lambda text: text + " ", "functions": edited(functions={}),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("target", ["c", "numpy"])
+@pytest.mark.parametrize("damage", MANIFESTS)
+def test_a_damaged_manifest_is_told(copied, damage, target):
+    file = copied / "model.json"
+    file.write_text(MANIFESTS[damage](file.read_text()))
+    with pytest.raises(PackageError, match=r"model\.json is (damaged|no JSON).*generate MODEL\.yaml"):
+        codegen.load(copied, target)
+
+
+@pytest.mark.parametrize(
+    "name", ["odd.c", "odd_calls.c", "odd.h", "odd_directions.h", "odd_numpy.py", "_runtime.py", "__init__.py"]
+)
+def test_a_damaged_file_is_named(copied, name):
+    file = copied / name
+    whole = file.read_bytes()
+    target = "numpy" if name == "odd_numpy.py" else "c"
+    for content in (whole[:-1], whole[: len(whole) // 2], b"", whole.replace(b"0", b"1", 1)):
+        file.write_bytes(content)
+        with pytest.raises(PackageError, match=rf"damaged: its {name} was changed.*generate it again"):
+            codegen.load(copied, target)
+    file.unlink()
+    with pytest.raises(PackageError, match=rf"damaged: its {name} is missing"):
+        codegen.load(copied, target)
+    file.write_bytes(whole)
+    assert codegen.load(copied, target).name == "odd"
+
+
+def test_a_damaged_package_tells_by_itself_too(copied):
+    (copied / "odd.c").unlink()
+    program = "from odd import Solver, PackageError\ntry: Solver()\nexcept PackageError as error: print(error)"
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=copied.parent, capture_output=True, text=True, check=True
+    )
+    assert "its odd.c is missing" in done.stdout
+
+
+# ---- compilers -------------------------------------------------------------------------------------------------------
+
+
+def compiler(path, text):
+    path.write_text(f"#!/bin/sh\n{text}\n")
+    path.chmod(path.stat().st_mode | stat.S_IXUSR)
+    return str(path)
+
+
+def ends(pid, seconds=5.0):
+    """Whether a process ends."""
+    stop = time.monotonic() + seconds
+    while time.monotonic() < stop:
+        try:
+            os.kill(pid, 0)
+        except ProcessLookupError:
+            return True
+        time.sleep(0.02)
+    return False
+
+
+HANG = 'case "$*" in *--version*) exit 0;; esac\necho $$ > "{pid}.part"\nmv "{pid}.part" "{pid}"\nsleep 60 & wait'
+
+
+def test_a_compiler_that_hangs_is_stopped(pendulum, monkeypatch, tmp_path):
+    pid = tmp_path / "pid"
+    monkeypatch.setenv("CC", compiler(tmp_path / "cc", HANG.format(pid=pid)))
+    monkeypatch.setenv("ORDERNM_COMPILE_SECONDS", "0.7")
+    monkeypatch.setenv("ORDERNM_CFFI", "abi")
+    with pytest.raises(CompileError, match=r"stopped after 0\.7 s.*ORDERNM_COMPILE_SECONDS"):
+        codegen.load(pendulum)
+    assert ends(int(pid.read_text()))
+    assert not list(pendulum.glob(".build*"))
+    monkeypatch.setenv("ORDERNM_COMPILE_SECONDS", "soon")
+    with pytest.raises(CompileError, match="ORDERNM_COMPILE_SECONDS=soon is no time in seconds; the default is 600"):
+        codegen.load(pendulum)
+
+
+def test_a_compiler_that_does_not_even_tell_its_version_is_stopped(pendulum, monkeypatch, tmp_path):
+    monkeypatch.setenv("CC", compiler(tmp_path / "silent", "exec sleep 60"))
+    monkeypatch.setenv("ORDERNM_COMPILE_SECONDS", "0.3")
+    with pytest.raises(CompileError, match=r"does not answer: .*silent --version"):
+        codegen.load(pendulum)
+
+
+def test_an_interrupted_build_leaves_no_compiler_behind(pendulum, tmp_path):
+    pid = tmp_path / "pid"
+    environment = {**os.environ, "CC": compiler(tmp_path / "cc", HANG.format(pid=pid)), "ORDERNM_CFFI": "abi"}
+    program = "import sys, codegen; codegen.load(sys.argv[1])"
+    process = subprocess.Popen(
+        [sys.executable, "-c", program, str(pendulum)], env=environment, stderr=subprocess.PIPE, text=True
+    )
+    stop = time.monotonic() + 60
+    while not pid.exists() and time.monotonic() < stop:
+        time.sleep(0.02)
+    process.send_signal(signal.SIGINT)
+    assert "KeyboardInterrupt" in process.communicate(timeout=30)[1]
+    assert ends(int(pid.read_text()))
+
+
+def test_what_is_no_compiler_is_told(pendulum, monkeypatch):
+    monkeypatch.setenv("CC", "/bin/cat")
+    with pytest.raises(CompileError, match=r"/bin/cat compiles no C: it fails on a file of one line too; set CC"):
+        codegen.load(pendulum)
+
+
+# ---- results that are not finite -------------------------------------------------------------------------------------
+
+
+@pytest.fixture(params=["c", "numpy"])
+def solver(request, odd):
+    return codegen.load(odd, request.param)
+
+
+def told(call):
+    """Results and what was said of them; NumPy's own warnings left out."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        found = call()
+    ours = [w for w in caught if "is not finite" in str(w.message)]
+    assert all(w.category is RuntimeWarning and w.filename == __file__ for w in ours)
+    return found, [str(w.message) for w in ours]
+
+
+FORCE = r"force drive: on joint b: .*acos"
+
+
+def test_a_force_without_value_is_named(solver):
+    good, bad, u = np.array([-0.5, 0.5]), np.array([0.5, 0.5]), np.array([0.2, 0.3])
+    for given in (bad, bad.tolist()):
+        udot, (said,) = told(lambda given=given: solver.accelerations(given, u))
+        assert np.isnan(udot).all()
+        assert re.match(rf"odd: udot of accelerations is not finite: the force on joint b is not \({FORCE}", said)
+    _, (said,) = told(lambda: solver.accelerations(np.array([[good, good], [good, bad]]), u))
+    assert re.search(rf"in state \[1, 1\] of the batch.*{FORCE}", said)
+    for q in (good, np.array([good, good])):
+        _, said = told(
+            lambda q=q: (solver.accelerations(q, u), solver.sensitivities(q, u, dq=np.ones(2)), solver.jacobians(q, u))
+        )
+        assert not said
+
+
+def test_a_force_without_derivative_is_named(solver):
+    q, u = np.array([-0.5, 0.0]), np.array([0.2, 0.3])
+    for name, call in {
+        "dudot of sensitivities": lambda: solver.sensitivities(q, u, dq=np.eye(2)),
+        "J_q of jacobians": lambda: solver.jacobians(q, u),
+    }.items():
+        _, (said,) = told(call)
+        assert said.startswith(
+            f"odd: {name} is not finite: the derivative of the force on joint b is not (force drive:"
+        )
+
+
+def test_a_motion_that_is_too_large_names_the_body(solver):
+    q, u = np.array([-0.5, 0.5]), np.array([0.0, 1e160])
+    for call in (lambda: solver.accelerations(q, u), lambda: solver.energies(q, u)):
+        _, (said,) = told(call)
+        assert said.endswith("the motion of body b is too large for floating-point numbers")
+    _, (said,) = told(lambda: solver.outputs(q, np.array([1.7e308, 1.7e308])))
+    assert "outputs of outputs is not finite" in said
+
+
+# ---- batches ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("axes", [31, 40, 62])
+def test_more_batch_axes_than_numpy_can_take_are_told(solver, axes):
+    q, u = np.full((1,) * axes + (2,), -0.5), np.zeros(2)
+    for call in (
+        lambda: solver.accelerations(q, u), lambda: solver.sensitivities(u, u, dq=q), lambda: solver.assemble(q, u),
+        lambda: solver.accelerations(u, u, t=q[..., 0]),
+    ):  # fmt: skip
+        with pytest.raises(ValueError, match=r"has \d\d axes, expected at most 29 of a batch; reshape"):
+            call()
+
+
+def test_as_many_batch_axes_as_allowed_work(solver):
+    q, u = np.full((1,) * runtime.MOST_AXES + (2,), -0.5), np.full(2, 0.5)
+    q[..., 1] = 0.5
+    assert solver.jacobians(q, u).q.shape == (*(1,) * runtime.MOST_AXES, 2, 2)
+    assert solver.sensitivities(q, u, dq=q)[1].shape == (*(1,) * (runtime.MOST_AXES + 1), 2)
+
+
+def test_results_larger_than_memory_are_told_with_their_size(odd):
+    solver = codegen.load(odd)
+    q, u = np.broadcast_to([-0.5, 0.5], (10**6, 10**6, 2)), np.zeros(2)
+    for call, shape in (
+        (lambda: solver.accelerations(q, u), r"\(1000000, 1000000, 2\)"),
+        (lambda: solver.sensitivities(q, u, dq=np.ones((8, 1, 1, 2))), r"\(.*1000000, 1000000, 2\)"),
+        (lambda: solver.jacobians(q, u), r"\(1000000, 1000000, 2, 2\)"),
+    ):
+        with pytest.raises(MemoryError, match=rf"results of shape {shape} take \d[\d,]* GiB.*fewer states"):
+            call()
