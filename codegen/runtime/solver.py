@@ -1602,7 +1602,7 @@ class Solver:
 
     def _along(self, name: str, given: Mapping[str, Any], seeds: Mapping[str, Any], out: Any = None) -> Any:
         f = self._find(name)
-        if self._opening and seeds.get("dp") is not None and name != "closure_sensitivities":
+        if self._opening and seeds.get("dp") is not None and "q" in given and name != "closure_sensitivities":
             self._warn_of_opening(given, seeds["dp"])
         arrays, batch = self._arguments(given)
         directions, k, batch = self._directions(seeds, arrays, batch)
@@ -1646,7 +1646,9 @@ class Solver:
             reason = self._inquire(f.name, alone, along, k) if {"q", "u"} <= set(arrays) else ""
             where = f" in state {list(at)} of the batch" if batch else ""
             warnings.warn(
-                f"{self.name}: {name} of {f.name} is not finite{where}{reason}", RuntimeWarning, stacklevel=_callers()
+                f"{self.name}: {name} of {f.name} is not finite{where}{reason}",
+                RuntimeWarning,
+                stacklevel=_level_of_caller(),
             )
             return
 
@@ -2404,14 +2406,6 @@ def _of_state(x: Array, batch: Shape, at: tuple[int, ...], rows: int) -> Array:
     """What belongs to a state of a batch, after so many axes in front."""
     whole = np.broadcast_to(x, (*x.shape[:rows], *batch, x.shape[-1]))
     return whole[(slice(None),) * rows + at]
-
-
-def _callers() -> int:
-    """The level of a warning that names the line which called the solver, from a function that warns."""
-    level, frame = 1, sys._getframe(1)
-    while frame.f_back is not None and frame.f_globals is globals():
-        level, frame = level + 1, frame.f_back
-    return level
 
 
 MOST_AXES = 29
