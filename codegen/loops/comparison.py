@@ -35,8 +35,8 @@ SHORT_OF_REACH = 0.7
 WIDER = 0.25
 """So many more of them another choice must close."""
 
-PRICE_OF_CLUSTER = 0.6
-"""What a cluster has to gain in reach to be worth its dense system."""
+PRICE_OF_CLUSTERED = 0.02
+"""What every dependent speed of a cluster has to gain in reach, to be worth a dense system."""
 
 PRICE_OF_DIGIT = 0.05
 """What a digit of condition is worth in reach."""
@@ -93,7 +93,7 @@ class Comparison:
         For which part of random independents around the initial ones the loops close; nan for chains with more
         independent speeds than dependent ones, which no few joints near the cut can follow.
     clustered : int
-        Loops in clusters.
+        Dependent speeds of clusters.
     """
 
     loops: tuple[int, ...]
@@ -115,7 +115,7 @@ class Comparison:
         """What choices of acceptable condition are compared by."""
         reach = self.reach if self.reach == self.reach else 1.0
         loss = self.loss if self.loss == self.loss else 1.0
-        return reach - PRICE_OF_CLUSTER * (self.clustered > 0) - PRICE_OF_DIGIT * math.log10(max(loss, 1.0))
+        return reach - PRICE_OF_CLUSTERED * self.clustered - PRICE_OF_DIGIT * math.log10(max(loss, 1.0))
 
     def is_better(self, other: Comparison) -> bool:
         """Whether this choice is to be preferred: one of acceptable condition, and of these the one worth most."""
@@ -164,7 +164,7 @@ class Judge:
     def compare(self, drafts: Sequence[Draft]) -> Comparison:
         """How good a choice is."""
         chosen = tuple(sorted(self.column[s] for d in drafts for s in d.dependent))
-        return self._judged(chosen, sum(len(d.loops) for d in drafts if len(d.loops) > 1))
+        return self._judged(chosen, sum(len(d.dependent) for d in drafts if len(d.loops) > 1))
 
     def _judged(self, chosen: tuple[int, ...], clustered: int) -> Comparison:
         """How good a choice of columns is."""

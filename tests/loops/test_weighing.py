@@ -92,7 +92,6 @@ def test_walks_stay_assembled_and_spread(four_loops, chosen):
 def test_the_choice_of_four_loops_is_as_good_as_pivoting(four_loops, chosen):
     """One by one at the initial configuration it is a thousand times worse."""
     check(four_loops, chosen)
-    assert all(len(ear.loops) == 1 for ear in chosen.ears)
     near = surroundings(four_loops, chosen.q, 7)  # other states than those the choice was made with
     best = conditions(np.take_along_axis(near.E, pivoted_columns(near.E, 13)[:, None], axis=2))
     column = {int(s): c for c, s in enumerate(near.speeds)}
@@ -102,7 +101,8 @@ def test_the_choice_of_four_loops_is_as_good_as_pivoting(four_loops, chosen):
 
     found = ratios(chosen.dependent)
     assert found[0] < 10
-    assert np.median(found) < 10
+    assert np.median(found) < 5
+    assert chosen.compared[0].reach > 0.6
     assert max(ear.condition for ear in chosen.ears) < 10 * best[0]
     g = Geometry(four_loops)
     drafts = arrange(Sweep(g, padded(chosen.q), set(), np.random.default_rng(SEED)), loop_order(g, set()))
