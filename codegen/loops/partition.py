@@ -17,7 +17,7 @@ from .dependents import condition
 from .errors import AssemblyError, PartitionError
 from .geometry import Array, Geometry, advance, padded
 from .ordering import Draft, Sweep, arrange, loop_order
-from .redundancy import Redundancy, keep, kept_rows, nearly_redundant, opening, remark
+from .redundancy import FAR, Redundancy, keep, kept_rows, nearly_redundant, opening, remark
 from .speed_groups import SpeedGroup, coordinates_of, speed_groups
 from .velocities import Motion, complete_speeds
 from .weighing import Weighed, weighed
@@ -217,10 +217,10 @@ def _chosen(
 
     if is_closed(geometry, guess):
         q, chosen = guess, choose(guess)
-        return q, chosen, warnings, _redundancy(geometry, chosen.drafts, q, random)
+        return q, chosen, warnings, _redundancy(geometry, chosen, q, random)
     q, warnings = first_assembly(geometry, order, guess, held, random, open_)
     chosen = choose(q)
-    redundancy = _redundancy(geometry, chosen.drafts, q, random)
+    redundancy = _redundancy(geometry, chosen, q, random)
     if redundancy.dropped or open_:
         q = assembled(geometry, _partition(geometry, chosen.drafts, q, []), q)
     moved, q = q, _near_guess(geometry, chosen.drafts, guess, q, warnings)
@@ -229,17 +229,20 @@ def _chosen(
         if max(d.condition for d in drafts) > POOR_CONDITION:
             geometry.kept = [list(rows) for rows in geometry.rows]
             chosen = choose(q)
-            redundancy = _redundancy(geometry, chosen.drafts, q, random)
+            redundancy = _redundancy(geometry, chosen, q, random)
         else:
             chosen = weighed(geometry, drafts, chosen.growth, q, held, shared)
-            redundancy = _redundancy(geometry, chosen.drafts, q, random) if chosen.drafts != drafts else redundancy
+            redundancy = _redundancy(geometry, chosen, q, random) if chosen.drafts != drafts else redundancy
     return q, chosen, warnings, redundancy
 
 
-def _redundancy(geometry: Geometry, drafts: list[Draft], q: Array, random: np.random.Generator) -> Redundancy:
+def _redundancy(geometry: Geometry, chosen: Weighed, q: Array, random: np.random.Generator) -> Redundancy:
     """Redundant conditions: those that are dropped (`geometry.kept` is changed), and what opens others."""
-    result = Redundancy()
-    nearly = nearly_redundant(geometry, drafts, q, random)
+    result, drafts = Redundancy(), chosen.drafts
+    seen = [id(d) for d in nearly_redundant(geometry, drafts, q, random)]
+    for other in chosen.elsewhere:  # the initial pose may be a special one, such as a flattened parallelogram
+        seen += [id(d) for d in nearly_redundant(geometry, drafts, other[None], random, FAR)]
+    nearly = [d for d in drafts if id(d) in seen]
     for draft in nearly:
         keep(geometry, draft, kept_rows(geometry, draft, [q]))
     if not any(d.rows > len(d.dependent) for d in drafts):

@@ -29,6 +29,9 @@ from .velocities import Motion, VelocityClosure
 ROUNDING = 2e-13
 """What may be left of conditions that follow, in proportion to the way from the base and to what is compared."""
 
+FAR = 2e-11
+"""The same at configurations that are closed less well."""
+
 OPENED = 1e-7
 """A parameter that opens a redundant condition by less than this per unit leaves it closed."""
 
@@ -66,13 +69,15 @@ class Redundancy:
     remarks: list[str] = field(default_factory=list)
 
 
-def nearly_redundant(geometry: Geometry, drafts: Sequence[Draft], q: Array, random: np.random.Generator) -> list[Draft]:
+def nearly_redundant(
+    geometry: Geometry, drafts: Sequence[Draft], q: Array, random: np.random.Generator, rounding: float = ROUNDING
+) -> list[Draft]:
     """Ears that have redundant conditions which do not follow to rounding, at an assembled configuration ``(1, nq + 1)``."""
     found = []
     motion = Motion(geometry, q, random.normal(size=(1, geometry.nu, 4)))
     for draft in drafts:
         closure = motion.closure(draft.loops, geometry.rows)
-        if draft.rows > len(draft.dependent) and _left(geometry, closure, draft) > ROUNDING:
+        if draft.rows > len(draft.dependent) and _left(geometry, closure, draft) > rounding:
             found.append(draft)
         motion.resolve(closure, draft.dependent)
     return found

@@ -91,6 +91,15 @@ class Surroundings:
                 rows, E = self._closed(q)
         return float(np.mean(_largest(rows) < NEARLY_CLOSED))
 
+    def put(self, q: Array) -> Array:
+        """Configurations with the coordinates of these joints from the ends of walks, closed as well as they can be."""
+        moved = sorted({i for s in self.speeds for i in range(*self.geometry.moved[s].indices(q.shape[1]))})
+        far = np.argsort(-np.max(np.abs(self.q - self.q[0]), axis=1), kind="stable")[: len(q)]
+        far = np.resize(far, len(q))
+        q = q.copy()
+        q[:, moved] = self._corrected(self.q[far])[0][:, moved]
+        return q
+
     def _walked(self, q: Array, random: np.random.Generator) -> tuple[Array, Array, Array]:
         direction = random.normal(size=(len(q), len(self.speeds)))
         rows, E = self._closed(q)

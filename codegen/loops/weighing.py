@@ -16,6 +16,12 @@ from .wandering import Surroundings, rigid_parts
 POOR_GROWTH = 1e5
 """How much faster than independent speeds dependent ones of many loops may be before the user is told."""
 
+POOR_HINTS = 100.0
+"""How many times worse than pivoting a choice that the model asks for may be before the user is told."""
+
+ELSEWHERE = 2
+"""How many configurations far from the initial one are handed on."""
+
 SEED = 19900117
 """Of the random numbers, for every component the same."""
 
@@ -35,6 +41,9 @@ class Weighed:
     uncompared : int
         Loops of components that are not compared.
     warnings : tuple of str
+    elsewhere : (S, nq + 1) array
+        Configurations far from the initial one, with the loops that are compared closed as well as they can be: where
+        these stand at a special pose, others tell more.
     """
 
     drafts: list[Draft]
@@ -43,6 +52,7 @@ class Weighed:
     compared: tuple[Comparison, ...]
     uncompared: int
     warnings: tuple[str, ...]
+    elsewhere: Array
 
 
 def weighed(
@@ -75,11 +85,13 @@ def weighed(
     small = [n for n, loops in enumerate(components) if is_compared(geometry, loops, ears[n])]
     compared: list[Comparison] = []
     warnings: list[str] = []
+    elsewhere = np.repeat(q, ELSEWHERE, axis=0)
     if small:
         groups = rigid_parts(geometry, q, [components[n] for n in small])
         for n in small:
             order = [i for d in ears[n] for i in d.loops]
             near = Surroundings(groups, components[n], q, np.random.default_rng(SEED))
+            elsewhere = near.put(elsewhere)
             judge = Judge(near, order, held, sum(len(d.dependent) for d in ears[n]), SEED)
             ears[n], found = judge.better(ears[n])
             unasked = None
@@ -87,7 +99,7 @@ def weighed(
                 unasked = Judge(near, order, set(), judge.rank, SEED)
                 found = unasked.compare(ears[n])
             compared.append(found)
-            if found.loss > ACCEPTED:
+            if found.loss > (ACCEPTED if unasked is None else POOR_HINTS):
                 warnings.append(_poor(geometry, found, unasked))
         drafts = _in_their_places(drafts, ears, of_loop)
         for draft in drafts:  # which other choices have changed
@@ -102,7 +114,7 @@ def weighed(
             f"other coordinates under `independent` may do better"
         )
     uncompared = sum(len(components[n]) for n in rest)
-    return Weighed(drafts, growth, worst, tuple(compared), uncompared, tuple(warnings))
+    return Weighed(drafts, growth, worst, tuple(compared), uncompared, tuple(warnings), elsewhere if small else q[:0])
 
 
 def _in_their_places(drafts: list[Draft], ears: list[list[Draft]], of_loop: dict[int, int]) -> list[Draft]:

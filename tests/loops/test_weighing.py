@@ -149,7 +149,7 @@ def test_of_choices_that_are_conditioned_alike_the_one_that_reaches_further_is_t
 
 def test_hints_that_make_a_poor_choice_are_told_with_better_ones():
     """Of a nearly planar chain only the hinge across the plane can close it well across."""
-    axes = [Z, Z, (0.0, 0.02, 1.0), X, Z]
+    axes = [Z, Z, (0.0, 0.002, 1.0), X, Z]
     bodies = [body(f"b{i}", i - 1, "revolute", a, at=(1, 0, 0) if i else (0, 0, 0)) for i, a in enumerate(axes)]
     q = {f"b{i}": 0.4 + 0.2 * i for i in range(5)} | {"b3": 0.0}
     made = model(bodies, [loop("tip", "spherical", (4, (1, 0, 0)), (GROUND, (2.0, 2.2, 0.0)))], q)
