@@ -9,13 +9,13 @@ SUM, PRODUCT, ATOM = 0, 1, 2
 C_FUNCTIONS = {
     "sin": "sin", "cos": "cos", "tan": "tan", "asin": "asin", "acos": "acos", "atan": "atan", "atan2": "atan2",
     "sinh": "sinh", "cosh": "cosh", "tanh": "tanh", "exp": "exp", "log": "log", "sqrt": "sqrt",
-    "Absolute": "fabs", "Maximum": "fmax", "Minimum": "fmin", "pow": "pow",
+    "Absolute": "fabs", "Maximum": "fmax", "Minimum": "fmin", "pow": "pow", "Power": "pow",
 }  # fmt: skip
 NUMPY_FUNCTIONS = {
     "sin": "np.sin", "cos": "np.cos", "tan": "np.tan", "asin": "np.arcsin", "acos": "np.arccos", "atan": "np.arctan",
     "atan2": "np.arctan2", "sinh": "np.sinh", "cosh": "np.cosh", "tanh": "np.tanh", "exp": "np.exp", "log": "np.log",
     "sqrt": "np.sqrt", "Absolute": "np.abs", "Maximum": "np.maximum", "Minimum": "np.minimum", "Sign": "np.sign",
-    "pow": "np.power",
+    "pow": "np.power", "Power": "np.power",
 }  # fmt: skip
 
 

@@ -20,7 +20,7 @@ from ..mechanics.outputs import RecordFormula, measured_sweeps, output_formulas,
 from ..mechanics.sweeps import SWEEPS
 from ..mechanics.triangularization import ZeroPivotError
 from ..model.collector import collector_paused
-from ..model.errors import ModelError, Problem
+from ..model.errors import ModelError
 from ..model.model import GROUND, Model
 from ..program.operations import Operations, count
 from ..program.progress import Progress, silent
@@ -109,14 +109,14 @@ def write_solver(
         clock = now
 
     if not model.nu:
-        raise ModelError([Problem(model.name, None, None, "bodies", "no joint has a freedom, so nothing can move")])
+        raise ModelError([model.problem("bodies", "no joint has a freedom, so nothing can move")])
     unrolled = layout == "unrolled" or (layout == "auto" and len(model.bodies) <= UNROLLED_LINKS)
     if model.loops and chosen is None:
         progress("choosing dependent coordinates", 0, 0)
         try:
             chosen = partition(model)
         except (AssemblyError, PartitionError) as error:
-            raise ModelError([Problem(model.name, None, None, "loops", str(error))]) from None
+            raise ModelError([model.problem("loops", str(error))]) from None
         lap("partition")
     progress("analysing", 0, 0)
     system = analyse(model, unrolled, chosen)
@@ -136,16 +136,16 @@ def write_solver(
     try:
         program = expand(system, wanted, _read_by_formulas(system, records), progress)
     except RankLossError as error:
-        raise ModelError([Problem(model.name, None, None, "loops", str(error))]) from None
+        raise ModelError([model.problem("loops", str(error))]) from None
     except ZeroPivotError as error:
         if isinstance(error.kind, RegionKind):
             what = system.regions.regions[error.kind.members[0]]
             names = ", ".join(dict.fromkeys(system.links[i].name for i, _ in what.freedoms))
             message = f"nothing that moves with {names} has inertia; give the bodies of the loops mass"
-            raise ModelError([Problem(model.name, None, None, "loops", message)]) from None
+            raise ModelError([model.problem("loops", message)]) from None
         body = system.links[error.kind.members[0]].name.partition(".")[0]
         message = f"nothing outboard of the joint of {body!r} has inertia about it in any state; give it mass or fix the joint"
-        raise ModelError([Problem(model.name, None, None, f"bodies.{body}.joint", message)]) from None
+        raise ModelError([model.problem(f"bodies.{body}.joint", message)]) from None
     formulas = [*force_formulas(system), *coefficient_formulas(system), *values, *initial_formulas(model)]
     lap("expand and simplify")
     progress("printing C", 0, 0)

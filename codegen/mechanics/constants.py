@@ -13,11 +13,13 @@ from typing import Any
 import sympy
 from sympy import Expr
 
-from ..model.expressions import Expression
+from ..model.expressions import FLOAT_FUNCTIONS, Expression
 from ..program.block import Block, Expansion
 from ..program.derivatives import Tangents
-from ..program.functions import SYMBOLIC, number
+from ..program.functions import SYMBOLIC, Power, computed, number
 from ..program.passes import simplify
+
+_LARGE = 100
 
 
 class Slots:
@@ -77,6 +79,8 @@ class Statements:
             return self.leaf(tree)
         if kind == "call":
             arguments = [self.named(a) for a in tree[2:]]
+            if all(a.is_Number for a in arguments) and not all(-_LARGE < float(a) < _LARGE for a in arguments):
+                return computed(FLOAT_FUNCTIONS[tree[1]], *arguments)  # sympy would compute exp(1e300)
             function = SYMBOLIC[tree[1]]
             if tree[1] in ("min", "max"):
                 value = arguments[0]
@@ -96,7 +100,9 @@ class Statements:
             return a * b
         if kind == "/":
             return a / b
-        return self.let(a**b)
+        if not (b.is_Integer and abs(b) <= 2):
+            a = self.let(a)  # a power of a product stays one: its factors' powers overflow where it does not
+        return self.let(Power(a, b))
 
     def named(self, tree: Any) -> Expr:
         value = self.write(tree)

@@ -13,26 +13,19 @@ from typing import Any
 import sympy
 from sympy import Expr
 
-from ..model.errors import ModelError, Problem
+from ..model.errors import ModelError
 from ..model.expressions import Expression
 from ..model.model import Model
-from ..program.block import Block, Expansion, Statement
+from ..program.block import Block, Expansion
 from ..program.derivatives import Tangents
-from ..program.functions import number
 from ..program.passes import simplify
 from .constants import Statements, to_slots
 from .kinds import System
 
 _NO_VALUES = (sympy.zoo, sympy.oo, -sympy.oo, sympy.nan, sympy.I)
 _LARGEST = sympy.Float(sys.float_info.max)
-_SECTIONS = {
-    "tau": "forces",
-    "coefficient": "forces",
-    "outputs": "outputs",
-    "initial_q": "initial.q",
-    "initial_u": "initial.u",
-}
-"""Of the model file, by target."""
+Row = tuple[int, list[int], list[float]]
+"""Target index, indices for the slots, numbers."""
 
 CATEGORIES = ("q", "u", "p", "inputs", "t")
 
@@ -56,7 +49,7 @@ class FormulaKind:
     value: Block
     tangent: Block
     slots: list[tuple[str, int]]
-    rows: list[tuple[int, list[int], list[float]]] = field(default_factory=list)
+    rows: list[Row] = field(default_factory=list)
 
 
 class FormulaSlots:
@@ -93,40 +86,48 @@ def formula_kinds(model: Model, target: str, formulas: Sequence[tuple[int, Any]]
     formulas : sequence of (index, tree)
         Target index and expression tree.
     """
-    kinds: dict[Any, FormulaKind] = {}
-    sources: list[Any] = []
+    forms: dict[Any, tuple[Any, list[tuple[str, int]], list[Row]]] = {}
     template = FormulaSlots(model)
     for index, tree in formulas:
         template.slots, template.numbers = {}, []
         canonical = template.convert(tree)
-        kind = kinds.get(canonical)
-        if kind is None:
-            kind = kinds[canonical] = _make(len(kinds), target, canonical, list(template.slots))
-            sources.append(tree)
-        kind.rows.append((index, [i for _, i in template.slots], list(template.numbers)))
-    for kind, tree in zip(kinds.values(), sources, strict=True):
-        literal: dict[int, Expr] = {}
-        for j in range(len(kind.rows[0][2])):
-            values = {row[2][j] for row in kind.rows}
-            if len(values) == 1:
-                literal[j] = number(values.pop())
-        if literal:
-            kind.value, kind.tangent = (_substitute(block, literal) for block in (kind.value, kind.tangent))
+        _, _, rows = forms.setdefault(canonical, (tree, list(template.slots), []))
+        rows.append((index, [i for _, i in template.slots], list(template.numbers)))
+    kinds: list[FormulaKind] = []
+    for canonical, (tree, slots, rows) in forms.items():
+        # numbers that all its formulas share are put in their places
+        literal = {j: row for j, row in enumerate(rows[0][2]) if all(r[2][j] == row for r in rows)}
+        kind = _make(len(kinds), target, _with_numbers(canonical, literal), slots)
+        kind.rows.extend(rows)
         if not (_has_values(kind.value) and _has_values(kind.tangent)):
             message = (
                 f"{Expression(tree)} has no value or no derivative (a division by zero? an overflow?) for any state; "
                 f"change the expression"
             )
-            raise ModelError([Problem(model.name, None, None, _SECTIONS[target], message)])
-    return list(kinds.values())
+            raise ModelError([model.problem(_place(model, target, rows[0][0]), message)])
+        kinds.append(kind)
+    return kinds
 
 
-def _substitute(block: Block, literal: dict[int, Expr]) -> Block:
-    """The block with numbers in the place of data that all its formulas share."""
-    known = {s: literal[int(n)] for s, (a, n) in block.loads.items() if a == "k" and int(n) in literal}
-    statements = [Statement(s.target, s.expression.xreplace(known), s.tag, s.lanes) for s in block.statements]
-    stores = [(a, f, e.xreplace(known)) for a, f, e in block.stores]
-    return simplify(Block(block.name, block.title, block.loads, statements, stores))
+def _with_numbers(tree: Any, literal: dict[int, float]) -> Any:
+    """A tree with numbers in the place of some of its numbered slots."""
+    if tree[0] == "slot":
+        return ("number", literal[tree[1]]) if tree[1] in literal else tree
+    return tuple(_with_numbers(part, literal) if isinstance(part, tuple) else part for part in tree)
+
+
+def _place(model: Model, target: str, index: int) -> str:
+    """Path in the model file of the formula with a target index."""
+    if target == "outputs":
+        return f"outputs.{model.outputs[index].name}.value"
+    if target == "coefficient":
+        key = ("stiffness", "damping", "free_length")[index % 3]
+        return f"forces.{model.springs[index // 3].name}.{key}"
+    if target != "tau":
+        names = model.coordinate_names if target == "initial_q" else model.speed_names
+        return f"initial.{target[-1]}.{names[index]}"
+    bodies = {k for k, (_, u) in enumerate(model.coordinate_slices) if u.start <= index < u.stop}
+    return next(f"forces.{f.name}.value" for f in model.forces if f.body in bodies)
 
 
 def _has_values(block: Block) -> bool:

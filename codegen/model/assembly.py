@@ -103,4 +103,6 @@ def _model(reader: Reader) -> Model | None:
         independent=independent,
         warnings=tuple(str(p) for p in reader.problems if p.severity == "warning"),
         loop_tolerance=loop_tolerance,
+        file=reader.document.file,
+        places=reader.places,
     )

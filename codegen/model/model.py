@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 
+from .errors import Problem
 from .expressions import Expression
 
 GROUND = -1
@@ -253,6 +254,10 @@ class Model:
     loop_tolerance : float
         Conditions of loops that follow from others but for this part of them are taken to follow.
     warnings : tuple of str
+    file : str
+        Where the model was read, for messages: ``<string>`` and ``builder`` too.
+    places : dict of str to dict of str to (int, int)
+        Line and column of entries by section and name.
     """
 
     name: str
@@ -269,6 +274,14 @@ class Model:
     independent: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     loop_tolerance: float = LOOP_TOLERANCE
+    file: str = "builder"
+    places: dict[str, dict[str, tuple[int | None, int | None]]] = field(default_factory=dict, repr=False)
+
+    def problem(self, path: str, message: str) -> Problem:
+        """A problem found after loading, such as a force without a value, at the entry that a path leads to."""
+        section, _, rest = path.partition(".")
+        line, column = self.places.get(section, {}).get(rest.partition(".")[0], (None, None))
+        return Problem(self.file, line, column, path, message)
 
     def __repr__(self) -> str:
         return (

@@ -48,6 +48,8 @@ class Reader:
         or ``motion`` (coordinates and speeds too).
     broken : set of str
         Bodies that were reported; their coordinates are not known.
+    places : dict of str to dict of str to (int, int)
+        Line and column of entries by section and name.
     errors : int
         How often an error was reported, those of repeated entries that were said before included: as long as it stays,
         what was read is sound.
@@ -67,6 +69,8 @@ class Reader:
         self.allowed: dict[str, dict[str, None]] = {"constants": {}, "parameters": {}, "inputs": {}, "motion": {}}
         self.broken: set[str] = set()
         self.errors = 0
+        self.places: dict[str, dict[str, tuple[int | None, int | None]]] = {}
+        self._key_places: dict[tuple[int, str], tuple[int | None, int | None]] = {}
         self._reported: set[tuple[Any, ...]] = set()
         self._specs: dict[tuple[int, int], Any] = {}
         self._repaired: set[int] = set()  # ids of specs with placeholders
@@ -259,8 +263,18 @@ class Reader:
         except ExpressionError as error:
             self.report(at, (), error.message, key=True)
         else:
-            return name if self.new_name(at, name, space, what) else None
+            if self.new_name(at, name, space, what):
+                self.places.setdefault(str(at.section[0]), {})[name] = self._key_place(at)
+                return name
         return None
+
+    def _key_place(self, at: Instance) -> tuple[int | None, int | None]:
+        """Place of an entry's key; one object for all its repetitions."""
+        key = id(at.container), at.key
+        found = self._key_places.get(key)
+        if found is None:
+            found = self._key_places[key] = self.document.place(at.container, (at.key,), key=True)
+        return found
 
     def numbers(self, at: Instance) -> Numbers:
         """The constants and repeat indices that an entry may use."""

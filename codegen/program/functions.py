@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from typing import Any
 
 import sympy
@@ -53,6 +55,41 @@ class Absolute(Function):
 
     def fdiff(self, argindex: int = 1) -> Expr:
         return Sign(self.args[0])
+
+
+class Power(Function):
+    """base**exponent of numbers not known before: what sympy would multiply out, take apart or put together stays as written.
+
+    ``(2 q)**1000000000`` is no number of 300 million digits times a power of q, and ``(q**1000)**1000`` overflows where the
+    floats do.
+    """
+
+    nargs = 2
+
+    @classmethod
+    def eval(cls, base: Expr, exponent: Expr) -> Expr | None:
+        if exponent.is_Integer and abs(exponent) <= MULTIPLIED:
+            return base**exponent
+        if base.is_Number and exponent.is_Number:
+            return computed(math.pow, base, exponent)
+        return None
+
+    def fdiff(self, argindex: int = 1) -> Expr:
+        base, exponent = self.args
+        return exponent * Power(base, exponent - 1) if argindex == 1 else Power(base, exponent) * sympy.log(base)
+
+
+MULTIPLIED = 16
+"""Powers up to this one are written as products."""
+
+
+def computed(function: Callable[..., float], *arguments: Expr) -> Expr:
+    """Value of a function of floats at numbers; nan where it has none or is no float."""
+    try:
+        value = function(*map(float, arguments))
+        return number(value) if math.isfinite(value) else S.NaN
+    except (ArithmeticError, ValueError):
+        return S.NaN
 
 
 SYMBOLIC: dict[str, Any] = {

@@ -6,7 +6,7 @@ import pytest
 
 from codegen.emit.solver import write_solver
 from codegen.mechanics.kinds import analyse
-from codegen.model import ModelError, parse_model
+from codegen.model import ModelError, checks, parse_model
 
 FORWARD = ("start", "kinematics", "triangularize", "back_substitute")
 DIRECTION = ("balance_out", "balance_in", "balance_back")
@@ -148,12 +148,18 @@ def test_slots_do_not_grow_along_a_chain() -> None:
         ("{type: revolute, axis: x}", "{type: spherical}"),
     ],
 )
-def test_a_joint_that_never_moves_inertia_is_an_error_that_names_the_body(first: str, second: str) -> None:
-    model = parse_model(f"""
+def test_a_joint_that_never_moves_inertia_is_an_error_that_names_the_body(
+    first: str, second: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(checks, "singular_joint", lambda *_: None)  # what the loader finds, it finds on numbers
+    model = parse_model(
+        f"""
 model: idle
 bodies:
   hub: {{parent: ground, joint: {first}}}
   arm: {{parent: hub, joint: {second}, mass: 1, inertia: {{xx: 1, yy: 1, zz: 1}}}}
-""")
-    with pytest.raises(ModelError, match="joint of 'hub'"):
+""",
+        "idle.yaml",
+    )
+    with pytest.raises(ModelError, match="idle.yaml:4:3: bodies.hub.joint: .* joint of 'hub'"):
         write_solver(model)
