@@ -11,7 +11,7 @@ from .errors import ModelError, Problem, nearest
 from .model import GROUND, Model
 from .positions import Document
 from .reading import Reader, TooManyProblems, some
-from .repetition import TooManyRepetitions
+from .repetition import CannotGoOn
 from .schema import LATER_SECTIONS, SECTIONS, seen
 from .sections.bodies import check_freedoms, read_bodies
 from .sections.forces import read_forces
@@ -36,7 +36,7 @@ def assemble(document: Document) -> Model:
     model = None
     try:
         model = _model(reader)
-    except (TooManyProblems, TooManyRepetitions):
+    except (TooManyProblems, CannotGoOn):
         pass
     except RecursionError:  # bounded depths should prevent it; a deep call stack of the caller may not
         reader.problems.append(Problem(document.file, 1, 1, "", "expressions nested too deeply"))

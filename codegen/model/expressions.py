@@ -36,6 +36,23 @@ FUNCTIONS: Final[dict[str, int]] = {
 }  # fmt: skip
 """Functions of the grammar and how many arguments they take (``min`` and ``max``: at least so many)."""
 
+_OTHER_LANGUAGES: Final = {
+    "ln": "log", "arcsin": "asin", "arccos": "acos", "arctan": "atan", "arctan2": "atan2", "fabs": "abs", "sgn": "sign",
+    "signum": "sign", "sqr": "sqrt", "fmin": "min", "fmax": "max", "minimum": "min", "maximum": "max",
+}  # fmt: skip
+
+
+def functions(name: str) -> str:
+    """``functions are sin, cos, ...; did you mean 'log'?`` for a name that is none."""
+    other = {
+        "step": "; a step is (1 + sign(x))/2", "heaviside": "; a step is (1 + sign(x))/2", "pow": "; a power is written a**b",
+        "log10": "; write log(x)/log(10)", "log2": "; write log(x)/log(2)", "cbrt": "; write x**(1/3)",
+    }.get(name.lower())  # fmt: skip
+    if other is None and name.lower() in _OTHER_LANGUAGES:
+        other = f"; did you mean {_OTHER_LANGUAGES[name.lower()]!r}?"
+    return f"functions are {', '.join(FUNCTIONS)}{other or nearest(name, FUNCTIONS)}"
+
+
 MAX_LENGTH: Final = 10_000
 MAX_NESTING: Final = 100
 MAX_DEPTH: Final = 200
@@ -485,9 +502,8 @@ def _bind(tree: Tree, numbers: Numbers) -> Tree:
         try:
             name = "_".join([tree[1], *[index_text(i, numbers) for i in tree[2]]]) + tree[3]
         except ExpressionError as error:
-            hint = nearest(tree[1], FUNCTIONS)
             raise ExpressionError(
-                f"{tree[1]}(...) is neither a function nor a name with a repeat index: {error.message}{hint}"
+                f"{tree[1]}(...) is neither a function nor a name with a repeat index: {error.message}; {functions(tree[1])}"
             ) from None
         return _bind(("name", name), numbers)
     return combine(kind, *[_bind(a, numbers) for a in tree[1:]])
@@ -714,8 +730,9 @@ class _Parser:
             self.advance()
             tree, depth = self.expression(1, nesting + 1)
             if self.token == ",":
-                hint = nearest(name, FUNCTIONS)
-                self.fail(f"{name} is no function{hint}; two indices are written {name}(i)(j)", start)
+                self.fail(
+                    f"{name} is no function; {functions(name)}; of a name, two indices are written {name}(i)(j)", start
+                )
             if self.token == ")" and (match := _SUFFIX.match(self.text, self.end)):
                 self.end = match.end()
                 self.advance()

@@ -49,8 +49,8 @@ class Instance:
     indices: dict[str, int | str]
 
 
-class TooManyRepetitions(Exception):
-    """The model is too large to go on; it has been reported."""
+class CannotGoOn(Exception):
+    """What has been reported would bring forth mistakes that are none, or take too long."""
 
 
 class Repetition:
@@ -100,7 +100,7 @@ class Repetition:
                     f"since reading more would take too long"
                 )
                 self._problem(container, (key,), path, message)
-                raise TooManyRepetitions
+                raise CannotGoOn
             for number, chosen in enumerate(values):
                 inner = {**indices, index: chosen}
                 yield from self._expand(value, path, inner, number == 0, number == len(values) - 1)
@@ -143,6 +143,13 @@ class Repetition:
             taken = "reserved" if index in RESERVED else "already the name of an index or a constant"
             self._problem(container, (key,), path, f"index {index!r} is {taken}; choose another name")
             return None
+        if container[key] is None and self._is_cut(container, key, text):
+            message = (
+                f"YAML ends this key at its comma, since it stands in {{ }}; quote the key: {{'repeat {index} in {text}, ...': "
+                f"{{...}}}}, or write the block without {{ }}"
+            )
+            self._problem(container, (key,), path, message)
+            raise CannotGoOn
         if not isinstance(container[key], dict):
             message = "a repeat block without entries; put the entries to repeat under it"
             self._problem(container, (key,), path, message)
@@ -152,6 +159,12 @@ class Repetition:
         except ExpressionError as error:
             self._problem(container, (key,), path, f"{shortened(text)}: {error.message}; {_FORM}")
             return None
+
+    @staticmethod
+    def _is_cut(container: dict[str, Any], key: str, text: str) -> bool:
+        """Whether the labels of a repeat block go on in the next key, as in ``{repeat s in left, right: {...}}``."""
+        following = list(container)[list(container).index(key) + 1 :]
+        return ".." not in text and bool(following) and _LABEL.fullmatch(following[0]) is not None
 
     def _values(self, text: str, numbers: Numbers) -> range | list[int | str]:
         if ".." in text:

@@ -1481,7 +1481,7 @@ class Solver:
         if unknown:
             near = difflib.get_close_matches(str(unknown[0]), names, 1)
             hint = f"; did you mean {near[0]!r}?" if near else ""
-            raise ValueError(f"{name}: {unknown[0]!r} is not known{hint} Expected any of {_some(names)}")
+            raise ValueError(f"{name}: {unknown[0]!r} is not known; expected is any of {_some(names)}{hint}")
         columns = {n: _numbers(f"{name}[{n!r}]", x) for n, x in given.items()}
         try:
             lead = np.broadcast_shapes(np.shape(rest)[:-1], *(x.shape for x in columns.values()))

@@ -38,9 +38,9 @@ def state_of_the_code() -> str:
     return digest.hexdigest()[:16]
 
 
-def run_chunk(job: tuple[int, int, Path, float]) -> dict[str, Any]:
+def run_chunk(job: tuple[int, int, Path, float, str]) -> dict[str, Any]:
     """Load the texts of the seeds ``start <= seed < stop`` and write down what became of them."""
-    start, stop, file, limit = job
+    start, stop, file, limit, code = job
     counts: Counter[str] = Counter()
     failures, slow = [], []
     total = 0.0
@@ -55,7 +55,7 @@ def run_chunk(job: tuple[int, int, Path, float]) -> dict[str, Any]:
             failures.append({"seed": seed, "why": verdict.why, "seconds": verdict.seconds, "text": text})
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024
     result = {
-        "start": start, "stop": stop, "code": state_of_the_code(), "counts": counts, "seconds": total,
+        "start": start, "stop": stop, "code": code, "counts": counts, "seconds": total,
         "slowest": slow, "failures": failures, "peak_mb": peak,
     }  # fmt: skip
     temporary = file.with_suffix(".part")
@@ -69,7 +69,7 @@ def main() -> int:
     parser.add_argument("seeds", nargs="?", default="0:200000", help="FIRST:LAST, the last one left out")
     parser.add_argument("--results", type=Path, default=Path("mutated_models"), metavar="DIR")
     parser.add_argument("--jobs", type=int, default=1)
-    parser.add_argument("--limit", type=float, default=10.0, help="seconds that a text may take")
+    parser.add_argument("--limit", type=float, default=10.0, help="seconds of the processor that a text may take")
     parser.add_argument("--show", type=int, metavar="SEED")
     options = parser.parse_args()
     if options.show is not None:
@@ -87,7 +87,7 @@ def main() -> int:
         if file.exists() and (found := json.loads(file.read_text(encoding="utf-8")))["code"] == code:
             done.append(found)
         else:
-            jobs.append((start, stop, file, options.limit))
+            jobs.append((start, stop, file, options.limit, code))
     with multiprocessing.Pool(options.jobs) as pool:
         for result in pool.imap(run_chunk, jobs):
             done.append(result)

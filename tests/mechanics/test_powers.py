@@ -19,8 +19,8 @@ CASES = {
     "huge": ("(2*q.huge)**1000000000", 0.5 * (1 + 2.0**-33), lambda q: (2 * q) ** 10**9),
     "negative": ("(2*q.negative)**-1000000000", 0.5 * (1 + 2.0**-31), lambda q: (2 * q) ** -(10**9)),
     "odd": ("(2*q.odd)**12345679", -0.5 * (1 + 2.0**-26), lambda q: (2 * q) ** 12345679),
-    "tower": ("((q.tower**1000)**1000)**1000", 1.0, lambda q: q ** 10**9),
-    "squares": ("((((q.squares**16)**16)**16)**16)**16", 1.0, lambda q: q ** 16**5),
+    "tower": ("((q.tower**1000)**1000)**1000", 1.0, lambda q: q**10**9),
+    "squares": ("((((q.squares**16)**16)**16)**16)**16", 1.0, lambda q: q**16**5),
     "root": ("(2*q.root)**2.5", 0.7, lambda q: (2 * q) ** mpmath.mpf(2.5)),
     "product": ("(1e200*q.product)**16", 3e-200, lambda q: (mpmath.mpf(1e200) * q) ** 16),
     "small": ("(1e-30*q.small)**12", 2e30, lambda q: (mpmath.mpf(1e-30) * q) ** 12),
@@ -51,7 +51,10 @@ def test_powers_and_their_derivatives_are_exact(folder: Path, target: str) -> No
     udot, dudot = solver.sensitivities(q, np.zeros(len(q)), dq=np.eye(len(q)))
     with mpmath.workdps(80):
         for i, (name, (_, state, f)) in enumerate(CASES.items()):
-            value, slope = f(mpmath.mpf(state)), mpmath.diff(f, mpmath.mpf(state), h=mpmath.mpf(state) * mpmath.mpf(10) ** -40)
+            value, slope = (
+                f(mpmath.mpf(state)),
+                mpmath.diff(f, mpmath.mpf(state), h=mpmath.mpf(state) * mpmath.mpf(10) ** -40),
+            )
             assert abs(udot[i] / value - 1) < 1e-14, name
             assert abs(dudot[i, i] / slope - 1) < 1e-14, name
     assert np.count_nonzero(dudot) == len(q)
@@ -81,7 +84,10 @@ bodies:
     assert "pow(" in files["rod.c"] and "np.power(" in files["rod_numpy.py"]
 
 
-@pytest.mark.parametrize("value", ["exp(t - t + 1e300)", "exp(exp(t - t + 1e5))", "(q.a - q.a + 10)**1000000000", "cosh(exp(q.a - q.a + 700))*q.a"])
+@pytest.mark.parametrize(
+    "value",
+    ["exp(t - t + 1e300)", "exp(exp(t - t + 1e5))", "(q.a - q.a + 10)**1000000000", "cosh(exp(q.a - q.a + 700))*q.a"],
+)
 def test_what_overflows_in_every_state_has_no_value(value: str) -> None:
     start = time.process_time()
     with pytest.raises(ModelError, match="has no value or no derivative") as info:

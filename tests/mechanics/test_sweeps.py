@@ -161,5 +161,5 @@ bodies:
 """,
         "idle.yaml",
     )
-    with pytest.raises(ModelError, match="idle.yaml:4:3: bodies.hub.joint: .* joint of 'hub'"):
+    with pytest.raises(ModelError, match=r"idle\.yaml:4:3: bodies\.hub\.joint: .* joint of 'hub'"):
         write_solver(model)

@@ -210,3 +210,44 @@ def test_many_damaged_models(tmp_path) -> None:
     for seed in range(1000, 21_000):
         verdict = judge(mutated(seed))
         assert verdict.kind != "failed", f"seed {seed}: {verdict.why}"
+
+
+@pytest.mark.parametrize(
+    ("section", "place"),
+    [
+        (
+            "bodies: {repeat s in left, right: {c(s): {parent: ground, joint: {type: free}, mass: 1}}}",
+            "m.yaml:2:10: bodies.repeat s in left:",
+        ),
+        (
+            "bodies:\n  {repeat s in left, middle, right: {c(s): {parent: ground}}, d: {parent: c_left}}",
+            "m.yaml:3:4: bodies.repeat s in left:",
+        ),
+    ],
+)
+def test_a_key_that_yaml_cuts_at_its_comma_is_one_mistake(section: str, place: str) -> None:
+    (line,) = refused(f"model: m\n{section}\n")
+    assert line.startswith(place)
+    assert "quote the key" in line
+
+
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [
+        ("ln(q.arm)", "; functions are sin, cos, tan, asin, acos, atan, atan2, sinh, cosh, tanh, sqrt, exp, log, abs, sign, min, max; did you mean 'log'?"),
+        ("step(q.arm)", "max; a step is (1 + sign(x))/2"),
+        ("step(q.arm, 1)", "max; a step is (1 + sign(x))/2; of a name, two indices are written step(i)(j)"),
+        ("coss(u.arm)", "did you mean 'cos'?"),
+        ("Pow(q.arm, 2)", "a power is written a**b"),
+    ],
+)  # fmt: skip
+def test_functions_that_are_none_name_those_that_are(value: str, said: str) -> None:
+    (line,) = refused(f"{ARM}forces:\n  f: {{type: joint, joint: arm, value: '{value}'}}\n")
+    assert line.startswith("m.yaml:11:") and said in line
+
+
+def test_entries_know_their_places() -> None:
+    model = parse_model(ARM + "forces:\n  repeat k in 1..2:\n    f(k): {type: joint, joint: arm, value: k}\n", FILE)
+    assert str(model.problem("bodies.arm.joint", "x")) == "m.yaml:4:3: bodies.arm.joint: x"
+    assert str(model.problem("forces.f_2.value", "x")) == "m.yaml:12:5: forces.f_2.value: x"
+    assert str(model.problem("loops", "x")) == "m.yaml: loops: x"
