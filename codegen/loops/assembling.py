@@ -80,8 +80,11 @@ def assemble(
     return assembled(geometry, partition, padded(q))[0, : geometry.nq]
 
 
-def assembled(geometry: Geometry, partition: Partition, q: Array) -> Array:
-    """`assemble` for coordinates ``(1, nq + 1)``."""
+def assembled(geometry: Geometry, partition: Partition, q: Array, nearly: bool = False) -> Array:
+    """`assemble` for coordinates ``(1, nq + 1)``.
+
+    With `nearly` loops may stay open by the model's tolerance where their dependents cannot close more of them.
+    """
     for ear in partition.ears:
         geometry.follow(ear)
     dependent = [s for ear in partition.ears for s in ear.dependent]
@@ -93,8 +96,8 @@ def assembled(geometry: Geometry, partition: Partition, q: Array) -> Array:
     for ear in partition.ears:
         ring = Ring(groups, ear.loops, {int(geometry.speed_body[s]) for s in ear.dependent})
         movable = np.isin(ring.joints.speeds, ear.dependent)
-        outcome = close(ring, q, movable)
-        if not outcome.closed:
+        outcome = close(ring, q, movable, geometry.tolerance) if nearly else close(ring, q, movable)
+        if not outcome.closed and not (outcome.settled and outcome.residual <= NEARLY * geometry.tolerance):
             raise open_loop(ring, outcome, movable)
         q = outcome.q
         groups.found(ring.joints, q)

@@ -16,6 +16,7 @@ from .components import components
 from .dependents import condition
 from .errors import AssemblyError, PartitionError
 from .geometry import Array, Geometry, advance, padded
+from .locking import nearly_locked, stopped
 from .ordering import Draft, Sweep, arrange, loop_order
 from .redundancy import FAR, Redundancy, keep, kept_rows, nearly_redundant, opening, remark
 from .speed_groups import SpeedGroup, coordinates_of, speed_groups
@@ -186,6 +187,7 @@ def partition(model: Model) -> Partition:
         geometry, random = Geometry(model), np.random.default_rng(SEED)
         q, chosen, warnings, redundancy = _chosen(geometry, order, guess, held, random, None)
     warnings += [text for d in chosen.drafts for text in _doubts(model, geometry, d, held)]
+    warnings += _locked(geometry, chosen.drafts, q, random)
     found = replace(
         _partition(geometry, chosen.drafts, q, [*warnings, *chosen.warnings], redundancy),
         compared=chosen.compared,
@@ -226,33 +228,36 @@ def _chosen(
     moved, q = q, _near_guess(geometry, chosen.drafts, guess, q, warnings)
     if q is not moved:
         drafts = _judged(geometry, chosen.drafts, q)
+        kept, geometry.kept = geometry.kept, [list(rows) for rows in geometry.rows]
         if max(d.condition for d in drafts) > POOR_CONDITION:
-            geometry.kept = [list(rows) for rows in geometry.rows]
             chosen = choose(q)
-            redundancy = _redundancy(geometry, chosen, q, random)
         else:
             chosen = weighed(geometry, drafts, chosen.growth, q, held, shared)
-            redundancy = _redundancy(geometry, chosen, q, random) if chosen.drafts != drafts else redundancy
+        if chosen.drafts == drafts:
+            geometry.kept = kept
+        else:
+            redundancy = _redundancy(geometry, chosen, q, random)
     return q, chosen, warnings, redundancy
 
 
 def _redundancy(geometry: Geometry, chosen: Weighed, q: Array, random: np.random.Generator) -> Redundancy:
     """Redundant conditions: those that are dropped (`geometry.kept` is changed), and what opens others."""
     result, drafts = Redundancy(), chosen.drafts
-    seen = [id(d) for d in nearly_redundant(geometry, drafts, q, random)]
-    for other in chosen.elsewhere:  # the initial pose may be a special one, such as a flattened parallelogram
-        seen += [id(d) for d in nearly_redundant(geometry, drafts, other[None], random, FAR)]
-    nearly = [d for d in drafts if id(d) in seen]
-    for draft in nearly:
-        keep(geometry, draft, kept_rows(geometry, draft, [q]))
     if not any(d.rows > len(d.dependent) for d in drafts):
         return result
-    configurations = [q]
-    if len(drafts) <= FEW:
-        loose = _partition(geometry, drafts, q, [])
-        if nearly:
-            configurations = [q := assembled(geometry, loose, q)]
-        configurations += _others(geometry, loose, q, random)
+    loose = _partition(geometry, drafts, q, [])
+    few = len(drafts) <= FEW
+    # what follows at the initial configuration may do so by chance; or its pose is special, such as a flattened parallelogram
+    open_ones = [q, *(_others(geometry, loose, q, random, nearly=True) if few else [])]
+    found = {d.loops for x in open_ones for d in nearly_redundant(geometry, drafts, x, random)}
+    found |= {d.loops for x in chosen.elsewhere for d in nearly_redundant(geometry, drafts, x[None], random, FAR)}
+    nearly = [d for d in drafts if d.loops in found]
+    for draft in nearly:
+        keep(geometry, draft, kept_rows(geometry, draft, [q]))
+    configurations = open_ones
+    if nearly:
+        configurations = [q := assembled(geometry, loose, q)]
+        configurations += _others(geometry, loose, q, random) if few else []
     for draft in nearly:
         keep(geometry, draft, kept_rows(geometry, draft, configurations))
         result.gaps.update(draft.loops)
@@ -264,8 +269,19 @@ def _redundancy(geometry: Geometry, chosen: Weighed, q: Array, random: np.random
     return result
 
 
-def _others(geometry: Geometry, loose: Partition, q: Array, random: np.random.Generator) -> list[Array]:
-    """Some more assembled configurations, up to half a radian from one, or nearer."""
+def _locked(geometry: Geometry, drafts: list[Draft], q: Array, random: np.random.Generator) -> list[str]:
+    """What to say of motions that loops stop by little."""
+    doubtful = [d for d in drafts if stopped(geometry, d, q)] if len(drafts) <= FEW else []
+    if not doubtful:
+        return []
+    loose = _partition(geometry, drafts, q, [])
+    return nearly_locked(geometry, doubtful, [q, *_others(geometry, loose, q, random)])
+
+
+def _others(
+    geometry: Geometry, loose: Partition, q: Array, random: np.random.Generator, nearly: bool = False
+) -> list[Array]:
+    """Some more assembled configurations, up to half a radian from one, or nearer; `nearly` as for `assembled`."""
     speeds = np.array(loose.independent)
     size = np.where(geometry.turning[speeds], 1.0, float(np.median(geometry.lengths)))
     found: list[Array] = []
@@ -274,7 +290,7 @@ def _others(geometry: Geometry, loose: Partition, q: Array, random: np.random.Ge
             break
         with suppress(AssemblyError):
             step = random.uniform(-part, part, (1, len(speeds))) * size
-            found.append(assembled(geometry, loose, advance(geometry, q, speeds, step)))
+            found.append(assembled(geometry, loose, advance(geometry, q, speeds, step), nearly))
     return found
 
 

@@ -26,8 +26,11 @@ from .geometry import Array, Geometry, turn
 from .ordering import Draft
 from .velocities import Motion, VelocityClosure
 
-ROUNDING = 2e-13
-"""What may be left of conditions that follow, in proportion to the way from the base and to what is compared."""
+ROUNDING = 2e-14
+"""What may be left of conditions that follow, and of positions that meet them, in proportion to the way from the base."""
+
+SPACING = 4e-16
+"""The same in proportion to the condition of the dependents' columns: so well is known what these cannot reach."""
 
 FAR = 2e-11
 """The same at configurations that are closed less well."""
@@ -89,7 +92,7 @@ def _left(geometry: Geometry, closure: VelocityClosure, draft: Draft) -> float:
     A = E[:, [closure.column[s] for s in draft.dependent]]
     U, s, _ = np.linalg.svd(A)
     left = U[:, A.shape[1] :].T
-    worse = max(1.0, float(s[0] / s[-1]) / 100) if len(s) else 1.0
+    worse = 1.0 + SPACING / ROUNDING * float(s[0] / s[-1]) if len(s) else 1.0
     size = worse * max(1.0, float(np.abs(E).max(initial=0.0)))
     by_known = np.abs(left @ closure.known[0]) / np.maximum(closure.size[0], 1e-300)
     found = [np.abs(left @ E).max(initial=0.0) / size, by_known.max(initial=0.0) / worse]

@@ -150,3 +150,29 @@ def test_parameters_that_open_a_loop_are_found(joint):
 
 def test_parameters_in_the_plane_open_little_where_the_plane_is_nearly_one():
     assert not partition(four_bar(1e-6)).opening
+
+
+LOCKED = """
+model: pushrod
+bodies:
+  a: {{parent: ground, joint: {{type: revolute, axis: y}}, mass: 1}}
+  b: {{parent: a, joint: {{type: revolute, axis: y, at: [0.4, 0, 0], rotate: [{{axis: x, angle: {tilt}}}]}}, mass: 1}}
+  c: {{parent: b, joint: {{type: revolute, axis: y, at: [1.2, 0, 0]}}, mass: 1}}
+  other: {{parent: ground, joint: {{type: revolute, axis: z}}, mass: 1, com: [1, 0, 0]}}
+loops:
+  bearing: {{joint: {{type: point}}, from: {{body: c, at: [0.9, 0, 0]}}, to: {{body: ground, at: [1.1, {at}, 0]}}}}
+initial: {{q: {{a: -1.2, b: 0.4, c: 1.9}}}}
+"""
+
+
+def test_motions_that_are_stopped_by_little_are_told():
+    """A point off the plane by as much as the tilt allows: all three joints stand still, held by 1e-3 of what holds others."""
+    model = parse_model(LOCKED.format(tilt=3e-3, at=-1e-3))
+    chosen = partition(model)
+    assert [model.speed_names[s] for s in chosen.independent] == ["other"]
+    (told,) = (x for x in chosen.warnings if "is stopped by" in x)
+    assert "loop bearing: a motion of" in told and "loop_tolerance" in told
+    assert f"warning: {told}" in describe(model, chosen)
+    loose = parse_model(LOCKED.format(tilt=3e-3, at=-1e-3) + "loop_tolerance: 1e-2\n")
+    assert not any("is stopped by" in x for x in partition(loose).warnings)
+    assert len(partition(loose).independent) == 2
