@@ -32,8 +32,7 @@ def contestants(solver: Any, mode: str, n: int) -> dict[str, tuple[Callable[[], 
     q, u = chain_state(n)
     p = solver.parameters
     dq, du, dp = chain_seeds(n)
-    one = {"dq": dq[0], "du": du[0], "dp": dp[0]}
-    eight = {"dq": dq, "du": du, "dp": dp}
+    dq_1, du_1, dp_1 = dq[0], du[0], dp[0]
     result, lists = np.empty(n), (q.tolist(), u.tolist())
     target = solver._target
     functions = solver._functions
@@ -52,11 +51,11 @@ def contestants(solver: Any, mode: str, n: int) -> dict[str, tuple[Callable[[], 
         f"{mode}: accelerations(q, u, p)": (lambda: solver.accelerations(q, u, p), loop("accelerations")),
         f"{mode}: accelerations(..., out=)": (lambda: solver.accelerations(q, u, p, out=result), loop("accelerations")),
         f"{mode}: sensitivities, 1 direction": (
-            lambda: solver.sensitivities(q, u, p, **one),
+            lambda: solver.sensitivities(q, u, p, dq=dq_1, du=du_1, dp=dp_1),
             loop("sensitivities", 1, (dq, du, dp)),
         ),
         f"{mode}: sensitivities, 8 directions": (
-            lambda: solver.sensitivities(q, u, p, **eight),
+            lambda: solver.sensitivities(q, u, p, dq=dq, du=du, dp=dp),
             loop("sensitivities", 8, (dq, du, dp)),
         ),
         f"{mode}: jacobians": (lambda: solver.jacobians(q, u, p), loop("jacobians")),
