@@ -16,6 +16,7 @@ from ..reading import Reader, TooManyProblems, some
 from ..repetition import Instance
 from ..schema import ZERO, BodyEntry, JointEntry
 from ..shapes import Inertia, mass_properties
+from .digits import check_axis
 from .placement import Bound, bound_entry, expressions_of, rotation, vector
 
 MAX_DIFFERENT: Final = 50_000
@@ -240,6 +241,7 @@ def _joint(reader: Reader, spec: JointEntry, at: Instance, bound: Bound, sound: 
         sub = ("joint", "axis") if hasattr(spec, "axis") else ("joint", "axes", i)
         if sound:
             reader.direction(axis, at, sub)
+            check_axis(reader, axis, at, sub)
     if len(axes) == 2 and sound:
         a, b = ([reader.numeric(e) for e in axis] for axis in axes)
         lengths = math.hypot(*a), math.hypot(*b)

@@ -9,6 +9,7 @@ from ..reading import Reader
 from ..repetition import Instance
 from ..schema import LoopEntry, LoopJointEntry
 from .bodies import BodySection
+from .digits import check_axis
 from .placement import expressions_of, vector
 from .points import face_at, held_together
 
@@ -40,4 +41,5 @@ def _axes(reader: Reader, spec: LoopJointEntry, at: Instance) -> tuple[Vector, .
     axes = tuple(vector(bound, *sub) for sub in places)
     for axis, sub in zip(axes, places, strict=True):
         reader.direction(axis, at, sub)
+        check_axis(reader, axis, at, sub)
     return axes

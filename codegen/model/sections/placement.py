@@ -11,6 +11,7 @@ from ..positions import Path_
 from ..reading import Reader
 from ..repetition import Instance
 from ..schema import ZERO, Entry, PlacedEntry
+from .digits import check_angle, check_axis
 
 Bound = Mapping[Path_, Expression]
 """Bound expressions of an entry by their paths in it."""
@@ -61,8 +62,12 @@ def rotation(
     for i in range(len(spec.rotate or ())):
         axis = vector(bound, *sub, "rotate", i, "axis")
         reader.direction(axis, at, (*sub, "rotate", i, "axis"))
+        check_axis(reader, axis, at, (*sub, "rotate", i, "axis"))
+        check_angle(reader, bound[*sub, "rotate", i, "angle"], at, (*sub, "rotate", i, "angle"))
         turns.append((axis, bound[*sub, "rotate", i, "angle"]))
     if spec.rpy is not None:
+        for k in range(3):
+            check_angle(reader, bound[*sub, "rpy", k], at, (*sub, "rpy", k))
         # fixed axes x, y, z by roll, pitch, yaw: the moving axes z, y, x in turn
         turns = [(_AXES[k], bound[*sub, "rpy", k]) for k in (2, 1, 0)]  # type: ignore[misc]
     return tuple(t for t in turns if t[1] is not ZERO)

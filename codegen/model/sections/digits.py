@@ -1,0 +1,85 @@
+"""Angles and axes that look like exact ones with few digits: 1.5708 for pi/2.
+
+Hinges that should be parallel are not quite then, and what should move may be locked. Only warnings come from here.
+"""
+
+from __future__ import annotations
+
+import math
+from decimal import Decimal
+from fractions import Fraction
+from typing import Final
+
+from ..expressions import Expression
+from ..model import Vector
+from ..positions import Path_
+from ..reading import Reader
+from ..repetition import Instance
+
+_PART: Final = math.pi / 12
+_EXACT: Final = 1e-13
+_MOST: Final = 48
+"""Twelfths of pi: two turns to both sides."""
+
+
+def check_angle(reader: Reader, angle: Expression, at: Instance, sub: Path_) -> None:
+    """Warn of an angle that is a multiple of pi/12 but for its missing digits.
+
+    With two decimals that is taken for meant at multiples of pi/2 only: 0.52 may be just that.
+    """
+    value = _number(angle)
+    if value is None:
+        return
+    decimals = _decimals(value)
+    count = round(value / _PART)
+    if count and decimals >= (2 if count % 6 == 0 else 3) and _is_cut(value, count, decimals):
+        off = abs(value - count * _PART)
+        message = f"{value!r} is {_multiple(count)} but for {off:.1e} rad; write {_multiple(count)}, so that axes are parallel"
+        reader.report(at, sub, message, severity="warning")
+
+
+def check_axis(reader: Reader, axis: Vector, at: Instance, sub: Path_) -> None:
+    """Warn of an axis across a base vector whose angle in that plane is a multiple of pi/12 but for missing digits."""
+    values = [_number(e) for e in axis]
+    numbers = [v for v in values if v is not None]
+    plane = [i for i, v in enumerate(numbers) if v != 0]
+    if len(numbers) != 3 or len(plane) != 2:
+        return
+    i, j = plane
+    decimals = max(_decimals(v) for v in numbers)
+    angle = math.atan2(numbers[j], numbers[i])
+    count = round(angle / _PART)
+    off = abs(angle - count * _PART)
+    if decimals >= 3 and abs(math.hypot(*numbers) - 1) < 2 * 10.0**-decimals and _EXACT < off < 2 * 10.0**-decimals:
+        exact = ["0"] * 3
+        exact[i], exact[j] = (f"{f}({_multiple(count)})" for f in ("cos", "sin"))
+        message = f"the axis is [{', '.join(exact)}] but for {off:.1e} rad; write that, so that axes are parallel"
+        reader.report(at, sub, message, severity="warning")
+
+
+def _number(e: Expression) -> float | None:
+    """The number that an expression is, with any sign."""
+    if e.is_number:
+        return float(e.value)
+    return -float(e.tree[1][1]) if e.tree[0] == "neg" and e.tree[1][0] == "number" else None
+
+
+def _decimals(value: float) -> int:
+    exponent = Decimal(repr(value)).normalize().as_tuple().exponent
+    return max(0, -exponent) if isinstance(exponent, int) else 0
+
+
+def _is_cut(value: float, count: int, decimals: int) -> bool:
+    """Whether a number is a multiple of pi/12 rounded, or cut off, after its decimals."""
+    exact = abs(count) * _PART
+    off = abs(abs(value) - exact)
+    if abs(count) > _MOST or off < _EXACT:
+        return False
+    return off <= 0.5000001 * 10.0**-decimals or (abs(value) < exact and off < 10.0**-decimals)
+
+
+def _multiple(count: int) -> str:
+    part = Fraction(count, 12)
+    over = f"/{part.denominator}" if part.denominator > 1 else ""
+    size = abs(part.numerator)
+    return f"{'-' * (count < 0)}{f'{size}*' if size > 1 else ''}pi{over}" if count else "0"
