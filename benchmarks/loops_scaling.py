@@ -1,6 +1,7 @@
 """Exponent of time against the number of loops: LADDER(L), HOOKE(L) and PINNED(n), udot alone and with eight directions.
 
-    python benchmarks/loops_scaling.py [--rounds 3] [--batches 25] [--names LADDER PINNED HOOKE] [--layout auto]
+    python benchmarks/loops_scaling.py [--rounds 3] [--batches 25] [--names LADDER PINNED HOOKE]
+        [--layout auto] [--instructions avx2]
 
 Time ~ size^exponent by least squares of the logarithms, over six sizes and more. A figure is the fastest of all batches (25
 a round, three rounds), all sizes and functions in turns; every optimisation level is compiled and fitted for itself, so that
@@ -15,7 +16,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from ctiming import alternate, default_cache, table, use_one_core
+from ctiming import add_instructions, alternate, default_cache, restrict_instructions, table, use_one_core
 from ladders import accelerations, mechanism, sensitivities, source_of
 
 SIZES = {
@@ -64,11 +65,13 @@ def main() -> None:
     parser.add_argument("--sizes", nargs="*", type=int, help="the same for all of them; left out: those of the claims")
     parser.add_argument("--layout", default="auto", choices=("auto", "kinds", "unrolled"))
     parser.add_argument("--levels", nargs="*", default=[1, 2, 3], type=int, choices=(1, 2, 3), help="of optimisation")
+    add_instructions(parser)
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--batches", type=int, default=25)
     parser.add_argument("--cache", type=Path, default=default_cache())
     arguments = parser.parse_args()
     arguments.levels = [f"-O{level}" for level in arguments.levels]
+    instructions = restrict_instructions(arguments.instructions)
     use_one_core()
     rows: list[list[object]] = []
     good = True
@@ -76,7 +79,7 @@ def main() -> None:
         more, fine = measured(name, arguments.sizes or list(SIZES[name]), arguments)
         rows, good = rows + more, good and fine
     head = ["", "function", "exponent", "claim", "gcc", "at other levels", "us, largest", "ns a body, by size"]
-    print("\n" + table(head, rows))
+    print(f"\n{instructions}\n\n" + table(head, rows))
     if not good:
         raise SystemExit(f"an exponent is above {CLAIM}")
 

@@ -16,6 +16,7 @@ from comparison import compare, error, worst
 from random_models import random_tree
 
 import codegen
+from codegen.emit.repetition import json_text
 from codegen.emit.solver import write_solver
 from codegen.emit.templates import render
 from codegen.model import parse_model
@@ -210,7 +211,10 @@ def test_no_globals_no_allocation_libc_only(tmp_path: Path) -> None:
     }
 
 
-@pytest.mark.parametrize("flags", ["-O2 -march=native -DORDERNM_PLAIN_C", "-O2", "-O3 -march=native"])
+@pytest.mark.parametrize(
+    "flags",
+    ["-O2 -march=native -DORDERNM_PLAIN_C", "-O2", "-O3 -march=native", "-O2 -march=native -mno-avx512f"],
+)
 def test_every_way_to_compile_gives_the_same_numbers(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, flags: str
 ) -> None:
@@ -221,6 +225,17 @@ def test_every_way_to_compile_gives_the_same_numbers(
         model, codegen.load(tmp_path / "everything"), RecursiveEngine(model), np.random.default_rng(5), k=11
     )
     assert max(found.values()) < 1e-11, found
+
+
+def test_memory_and_files_of_a_chain_grow_with_its_bodies() -> None:
+    """100 000 bodies need 100 times the workspace of 1000, and no more words to be told."""
+    workspace, words = [], []
+    for n in (1000, 2000, 3000):
+        source = write_solver(parse_model(CHAIN.format(n=n)))
+        workspace.append(source.manifest["workspace"])
+        words.append(len(json_text(source.manifest)))
+    assert workspace[2] - workspace[1] == workspace[1] - workspace[0] < 500 * 1000
+    assert max(words) - min(words) < 200
 
 
 def test_equal_input_gives_equal_bytes() -> None:

@@ -89,7 +89,10 @@ bodies:
   leaf: {parent: ground, joint: {type: revolute, axis: z}, mass: 1, com: [0.5, 0, 0]}
   arm: {parent: leaf, joint: {type: revolute, axis: z, at: [1, 0, 0]}, mass: 1}
 loops:
-  pin: {joint: {type: inline, axis: [0.5, 0.866, 0]}, from: {body: arm, rpy: [3.1416, 0, 0]}, to: {body: ground, rotate: [{axis: x, angle: 0.7854}]}}
+  pin:
+    joint: {type: inline, axis: [0.5, 0.866, 0]}
+    from: {body: arm, rpy: [3.1416, 0, 0]}
+    to: {body: ground, rotate: [{axis: x, angle: 0.7854}]}
 """
     told = parse_model(text).warnings
     assert len(told) == 3
