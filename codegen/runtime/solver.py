@@ -1096,7 +1096,8 @@ class NumpyTarget:
 
     def _call(self, f: Function, arguments: list[Any]) -> Any:
         try:
-            return getattr(self.module, f.name)(*arguments)
+            with np.errstate(all="ignore"):  # what is not finite is told by the solver, for both targets alike
+                return getattr(self.module, f.name)(*arguments)
         except self.module.SingularJointError as error:
             kinds = {k.__name__: k for k in (SingularLoopError, SingularSpringError)}
             raise kinds.get(type(error).__name__, SingularJointError)(error.link) from None
@@ -1335,12 +1336,15 @@ class Solver:
             self._compare(compiled, NumpyTarget(self.folder, manifest), functions)
         return compiled
 
-    def __getstate__(self) -> tuple[str, str]:
+    def __getstate__(self) -> tuple[str, str, int]:
         # a pool of processes sends solvers by pickle: the package is opened anew where they arrive
-        return str(self.folder), self.target
+        return str(self.folder), self.target, self.partition
 
-    def __setstate__(self, state: tuple[str, str]) -> None:
-        Solver.__init__(self, *state)
+    def __setstate__(self, state: tuple[str, str, int]) -> None:
+        folder, target, partition = state
+        Solver.__init__(self, folder, target)
+        if partition:
+            self.use_partition(partition)
 
     def __repr__(self) -> str:
         return (
@@ -1449,6 +1453,8 @@ class Solver:
         n = self._shapes[of]
         if type(value) is not np.ndarray or value.dtype != np.float64:
             value = self._named(name, value, of, rest) if isinstance(value, Mapping) else _numbers(name, value)
+        if not value.flags.aligned:  # the C reads doubles where doubles may be
+            value = value.copy()
         if value.ndim > MOST_AXES + (1 if name == of else 2):
             raise ValueError(
                 f"{name} has {value.ndim} axes, expected at most {MOST_AXES} of a batch; reshape it into fewer, such as by "
@@ -1463,7 +1469,7 @@ class Solver:
             if value.ndim == 1:
                 if not value.flags.c_contiguous:
                     value = np.ascontiguousarray(value)
-                if math.isfinite(value.dot(value)):  # half the time of isfinite
+                if _is_finite(value):
                     return value
         if not np.isfinite(_once(value)).all():
             place = tuple(int(i) for i in np.argwhere(~np.isfinite(value))[0])
@@ -1529,7 +1535,8 @@ class Solver:
         q = _once(q)
         for i in self._quaternions:
             e = q[..., i : i + 4]
-            square = e.dot(e) if e.ndim == 1 else np.einsum("...i,...i", e, e).min(initial=math.inf)
+            with np.errstate(all="ignore"):  # of entries beyond 1e154
+                square = e.dot(e) if e.ndim == 1 else np.einsum("...i,...i", e, e).min(initial=math.inf)
             if square < SMALLEST_QUATERNION**2:
                 names = ", ".join(self.coordinate_names[i : i + 4])
                 raise ValueError(
@@ -1643,7 +1650,12 @@ class Solver:
                 for n, a in arrays.items()
             }
             along = {s: _of_state(a, batch, at, 1) for s, a in (seeds or {}).items()}
-            reason = self._inquire(f.name, alone, along, k) if {"q", "u"} <= set(arrays) else ""
+            reason = ""
+            if "outputs" in (name, name[1:]):
+                bad = sorted({int(i) for i in np.argwhere(~np.isfinite(x))[:, -1]})
+                reason = f": {_some([self.output_names[i] for i in bad])}"
+            elif {"q", "u"} <= set(arrays):
+                reason = self._inquire(f.name, alone, along, k)
             where = f" in state {list(at)} of the batch" if batch else ""
             warnings.warn(
                 f"{self.name}: {name} of {f.name} is not finite{where}{reason}",
@@ -1686,18 +1698,25 @@ class Solver:
             told = [line for line in lines if line.startswith("force ") and f"on joint {joint}:" in line]
             return f": {what} on joint {joint} is not ({'; '.join(told) or self.speed_names[i]})"
 
-        def spring(i: int) -> str:
-            return f": the coefficients of spring {self._manifest['springs'][i // 3]} are not"
+        def spring(i: int, what: str) -> str:
+            return f": {what} of spring {self._manifest['springs'][i // 3]} are not"
 
         if hasattr(module, "joint_forces"):
             module.joint_forces(a)
         for i in bad(getattr(a, "tau", ())) if moved else ():
             return force(i, "the force")
+        if hasattr(module, "spring_forces"):
+            module.spring_forces(a)
         for i in bad(getattr(a, "coefficient", ())):
-            return spring(i)
-        module.kinematics(a)
+            return spring(i, "the coefficients")
         names = self._manifest["links"]
-        for i in bad([sum(np.sum(np.abs(x)) for x in record.values()) for record in a.records[: len(names)]]):
+        links = a.records[: len(names)]
+        for i in bad([_sum_of_sizes(x for n, x in r.items() if n.startswith("ext.")) for r in links]):
+            return (
+                f": the force of springs on body {names[i].partition('.')[0]} is too large for floating-point numbers"
+            )
+        module.kinematics(a)
+        for i in bad([_sum_of_sizes(r.values()) for r in links]):
             return f": the motion of body {names[i].partition('.')[0]} is too large for floating-point numbers"
         module.forward(a)
         for i in bad(a.udot):
@@ -1707,6 +1726,11 @@ class Solver:
             module.joint_force_tangents(a)
             for i in bad(getattr(a, "dtau", ())):
                 return force(i, "the derivative of the force")
+        if along and hasattr(module, "spring_force_tangents"):
+            with contextlib.suppress(Exception):
+                module.spring_force_tangents(a)
+            for i in bad(getattr(a, "dcoefficient", ())):
+                return spring(i, "the derivatives of the coefficients")
         return ""
 
     # -- dynamics ------------------------------------------------------------------------------------------------------
@@ -2033,13 +2057,13 @@ class Solver:
         """
         found = self._values("reactions", {"q": q, "u": u, "p": p, "inputs": inputs, "t": t})
         batch = found[0].shape[:-1]
-        links = found[0].reshape(*batch, -1, 6)
+        links, *loops = (x.reshape(*batch, x.shape[-1] // 6, 6) for x in found)
         of_bodies: list[int] = self._manifest["joint_links"]
         joints = np.full((*batch, len(of_bodies), 6), math.nan)
         for body, link in enumerate(of_bodies):
             if link >= 0:
                 joints[..., body, :] = links[..., link, :]
-        return joints, found[1].reshape(*batch, -1, 6) if len(found) > 1 else np.zeros((*batch, 0, 6))
+        return joints, loops[0] if loops else np.zeros((*batch, 0, 6))
 
     # -- states --------------------------------------------------------------------------------------------------------
 
@@ -2116,7 +2140,8 @@ class Solver:
     def _normalise(self, q: Array) -> None:
         for i in self._quaternions:
             e = q[..., i : i + 4]
-            e /= np.linalg.norm(e, axis=-1, keepdims=True)
+            e /= np.abs(e).max(axis=-1, keepdims=True)
+            e /= _length(e)
 
     def _close(self, q: Array, p: Array, state: tuple[int, ...]) -> Array:
         """Close the loops of one state; from a guess at which a loop has lost rank, with a step off it."""
@@ -2138,6 +2163,10 @@ class Solver:
         """Newton's method on the dependent coordinates of one state, with a line search."""
         still = np.zeros(self.nu)
 
+        def square(x: Array) -> float:
+            with np.errstate(all="ignore"):  # a step may lead anywhere
+                return float(x @ x)
+
         def gaps(q: Array) -> Array:
             return self._target.values(self._functions["closure"], {"q": q, "u": still, "p": p}, ())[0]
 
@@ -2153,7 +2182,7 @@ class Solver:
                 self._normalise(trial)
                 after = gaps(trial)[self._kept]
                 # the sum of squares goes down by nearly what a linear closure would take off
-                if float(after @ after) < (1.0 - 0.2 * part) * float(found @ found):
+                if square(after) < (1.0 - 0.2 * part) * square(found):
                     q, found, better = trial, after, True
                     break
             if not better:
@@ -2200,7 +2229,7 @@ class Solver:
         arrays, batch = self._arguments({"q": q, "u": u, "p": p, "inputs": inputs, "t": t})
         along = {"dq": dq, "du": du, "dp": dp, "dinputs": dinputs, "dt": dt}
         seeds, k, batch = self._directions(along, arrays, batch)
-        lengths = {i: np.linalg.norm(arrays["q"][..., i : i + 4], axis=-1, keepdims=True) for i in self._quaternions}
+        lengths = {i: _length(arrays["q"][..., i : i + 4]) for i in self._quaternions}
         q_new = self._assembled(arrays, batch)
         u_new = np.broadcast_to(arrays["u"], (*batch, self.nu)).copy()
         dq_new = np.broadcast_to(seeds.get("dq", 0.0), (k, *batch, self.nq)).copy()
@@ -2381,6 +2410,17 @@ def _numbers(name: str, value: Any) -> Array:
     raise ValueError(f"{name} holds {array.dtype}, expected real numbers")
 
 
+def _length(e: Array) -> Array:
+    """Lengths of quaternions (..., 4), as (..., 1); their squares may be beyond floating-point numbers."""
+    largest = np.abs(e).max(axis=-1, keepdims=True)
+    with np.errstate(all="ignore"):
+        return largest * np.linalg.norm(e / largest, axis=-1, keepdims=True)
+
+
+def _sum_of_sizes(numbers: Iterable[Any]) -> float:
+    return float(sum(np.sum(np.abs(x)) for x in numbers))
+
+
 def _level_of_caller() -> int:
     """The stack level of a warning that means a line of the caller, not of this file."""
     level, frame = 1, sys._getframe(1)
@@ -2396,6 +2436,15 @@ def _some(names: Sequence[str]) -> str:
     return ", ".join(names[:12]) + (f", ... ({len(names)} in all)" if len(names) > 12 else "")
 
 
+FEW = 32
+"""So many numbers are looked at one by one in less time than NumPy takes to begin."""
+
+
+def _is_finite(x: Array) -> bool:
+    """Whether all numbers of a row are finite, without arithmetic that could overflow."""
+    return all(map(math.isfinite, x.tolist())) if len(x) <= FEW else bool(np.isfinite(x).all())
+
+
 def _all_finite(x: Array) -> bool:
     flat = x.reshape(-1)
     with np.errstate(all="ignore"):
@@ -2404,6 +2453,8 @@ def _all_finite(x: Array) -> bool:
 
 def _of_state(x: Array, batch: Shape, at: tuple[int, ...], rows: int) -> Array:
     """What belongs to a state of a batch, after so many axes in front."""
+    missing = len(batch) + rows + 1 - x.ndim
+    x = x.reshape(*x.shape[:rows], *(1,) * missing, *x.shape[rows:])
     whole = np.broadcast_to(x, (*x.shape[:rows], *batch, x.shape[-1]))
     return whole[(slice(None),) * rows + at]
 

@@ -234,6 +234,9 @@ bodies:
     codegen.generate(model, tmp_path / "pendulum", target="both", reactions=True)
     joints, loops = codegen.load(tmp_path / "pendulum").reactions([0.0], [3.0])
     assert loops.shape == (0, 6)
+    for target in ("c", "numpy"):
+        none = codegen.load(tmp_path / "pendulum", target).reactions(np.zeros((2, 0, 1)), [3.0])
+        assert [x.shape for x in none] == [(2, 0, 1, 6), (2, 0, 0, 6)]
     assert np.abs(joints[0] - [0, 0, 0, 0, 0, 2 * 9.81 + 2 * 1.5 * 9.0]).max() < 1e-12
 
 

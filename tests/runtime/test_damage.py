@@ -227,6 +227,89 @@ def test_a_motion_that_is_too_large_names_the_body(solver):
     assert "outputs of outputs is not finite" in said
 
 
+SPRUNG = """\
+model: sprung
+parameters: {k: 2.0}
+inputs: [pull]
+bodies:
+  a: {parent: ground, joint: {type: revolute, axis: y}, mass: 1, com: [0, 0, -0.5], inertia: {yy: 0.1}}
+  b: {parent: a, joint: {type: prismatic, axis: x, at: [0, 0, -1]}, mass: 1}
+forces:
+  coil: {type: spring, from: {body: b, at: [0, 0, -1]}, to: {body: ground, at: [0, 2, 0]}, stiffness: k*sqrt(pull)}
+outputs:
+  good: kinetic_energy
+  first: {value: log(q.a)}
+  second: {value: sqrt(q.b)}
+"""
+
+
+@pytest.fixture(scope="module")
+def sprung(tmp_path_factory):
+    return codegen.generate(codegen.parse_model(SPRUNG), tmp_path_factory.mktemp("packages") / "sprung").folder
+
+
+@pytest.mark.parametrize("target", ["c", "numpy"])
+def test_where_there_are_springs_the_reason_is_named_too(sprung, target):
+    solver = codegen.load(sprung, target)
+    q, u = np.array([0.3, 0.2]), np.array([0.0, 0.5])
+    for call, what in {
+        lambda: solver.accelerations(q, [1e170, 0.0]): "the motion of body a is too large for floats",
+        lambda: solver.accelerations(q, u, [1e308], [2.0]): "the force of springs on body b is too large for floats",
+        lambda: solver.accelerations(q, u, inputs=[-1.0]): "the coefficients of spring coil are not",
+        lambda: solver.sensitivities(q, u, dinputs=[1.0]): "the derivatives of the coefficients of spring coil are not",
+        lambda: solver.energy_sensitivities(q, u, dinputs=[1.0]): "the derivatives of the coefficients of spring coil are not",
+        lambda: solver.jacobians(q, u): "the derivatives of the coefficients of spring coil are not",
+        lambda: solver.outputs(-q, u, inputs=[1.0]): "outputs of outputs is not finite: first, second",
+        lambda: solver.output_sensitivities([0.3, -1.0], u, dq=q): "outputs of output_sensitivities is not finite: second",
+    }.items():  # fmt: skip
+        _, (said,) = told(call)
+        assert said.endswith(what.replace("floats", "floating-point numbers")), said
+
+
+@pytest.mark.parametrize("target", ["c", "numpy"])
+def test_the_jacobians_of_a_batch_tell_the_state(sprung, target):
+    solver = codegen.load(sprung, target)
+    q, u = np.array([0.3, 0.2]), np.zeros((2, 1, 2))
+    J, (said,) = told(lambda: solver.jacobians(q, u, inputs=[[[1.0]], [[0.0]]]))
+    assert said.endswith("in state [1, 0] of the batch: the derivatives of the coefficients of spring coil are not")
+    np.testing.assert_array_equal(J.q[0, 0], solver.jacobians(q, u[0, 0], inputs=[1.0]).q)
+    J, (said,) = told(lambda: solver.jacobians(q, u + 1e170, inputs=[1.0]))
+    assert said.endswith("in state [0, 0] of the batch: the motion of body a is too large for floating-point numbers")
+
+
+@pytest.mark.parametrize("state", ["raise", "warn", "call"])
+@pytest.mark.parametrize("target", ["c", "numpy"])
+def test_what_numpy_does_about_overflow_does_not_matter(packages, target, state):
+    # checks of arguments and the NumPy target square numbers: numbers that are allowed, and results that are told
+    solver = codegen.load(packages / "satellite", target)
+    q, u = solver.initial
+    e = solver._quaternions[0]
+
+    def calls(size):
+        large = q.copy()
+        large[e : e + 4] *= size
+        return (
+            lambda: solver.assemble(large, u)[0],
+            lambda: solver.solve_mass(q, (size * u).tolist()),
+            lambda: solver.solve_mass(q, size * np.stack([u, u])),
+            lambda: solver.sensitivities(q, u, dp={solver.parameter_names[0]: 1.0}, du=size * u)[1],
+            lambda: solver.mass_matrix_sensitivities(q, dq=size * q)[1],
+        )
+
+    for size in (1e170, 1e-170):
+        for i, call in enumerate(calls(size)):
+            if i == 0 and size < 1:
+                continue  # such a quaternion is refused
+            expected = calls(1.0)[i]()
+            with np.errstate(all=state, call=pytest.fail), warnings.catch_warnings():
+                warnings.simplefilter("error")
+                found = call()
+            if i != 3:
+                np.testing.assert_allclose(found, expected * (1.0 if i == 0 else size), rtol=1e-12, atol=1e-14 * size)
+    with np.errstate(all=state, call=pytest.fail), pytest.warns(RuntimeWarning, match="motion of body"):
+        assert not np.isfinite(solver.accelerations(q, np.full(solver.nu, 1e170))).all()
+
+
 # ---- batches ---------------------------------------------------------------------------------------------------------
 
 
