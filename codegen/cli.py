@@ -73,7 +73,14 @@ def _problem(text: object) -> None:
 
 
 def _tolerate_terminal() -> None:
-    """A terminal without unicode shows ``?`` for what it lacks; it is no reason to fail."""
+    """A terminal without unicode shows ``?`` for what it lacks, and streams may be closed; it is no reason to fail."""
+    for name, mode in (
+        ("stdin", "r"),
+        ("stdout", "w"),
+        ("stderr", "w"),
+    ):  # in the order of their numbers, which are free
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, mode))  # noqa: SIM115
     with contextlib.suppress(AttributeError):  # a stream that somebody put in the place of stdout
         sys.stdout.reconfigure(errors="replace")  # type: ignore[union-attr]
 

@@ -2,6 +2,7 @@
 
 import os
 import re
+import shlex
 import subprocess
 import sys
 import warnings
@@ -192,6 +193,10 @@ def test_forbidden_flags_are_no_traceback(here, capsys, monkeypatch):
     monkeypatch.setenv("ORDERNM_CFLAGS", "-O3 '")
     assert generate_main(["rod.yaml"]) == 3
     assert "ORDERNM_CFLAGS" in capsys.readouterr().err
+    monkeypatch.delenv("ORDERNM_CFLAGS")
+    monkeypatch.setenv("ORDERNM_CFFI", "ctypes")
+    assert generate_main(["rod.yaml"]) == 3
+    assert "ORDERNM_CFFI is 'ctypes'; allowed are" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("error", [1e-3, float("nan"), float("inf")])
@@ -502,6 +507,24 @@ def test_python_m_codegen_is_ordernm(here):
     run = shell("check", "wrong.yaml", cwd=here)
     assert run.returncode == 1 and run.stderr.count("\n") == 2 and "Traceback" not in run.stderr
     assert shell("frobnicate", cwd=here).returncode == 2
+
+
+@pytest.mark.parametrize("closed", [">&-", "2>&-", "<&- >&- 2>&-"])
+def test_closed_streams_change_nothing_else(here, closed):
+    def run(*arguments):
+        command = f"exec {shlex.join([sys.executable, '-m', 'codegen', *arguments])} {closed}"
+        env = {**os.environ, "PYTHONPATH": str(Path(codegen.__file__).parents[1])}
+        return subprocess.run(command, shell=True, env=env, capture_output=True, text=True, check=False)
+
+    for arguments, code in (
+        (("check", "rod.yaml"), 0), (("generate", "rod.yaml"), 0), (("new", "rod.yaml"), 2), (("check", "no.yaml"), 1)
+    ):  # fmt: skip
+        done = run(*arguments)
+        assert done.returncode == code
+        assert not done.stderr if code == 0 or "2>" in closed else done.stderr.count("\n") == 1
+        if ">&-" not in closed.split():
+            assert bool(done.stdout) == (code == 0)
+    assert (here / "generated" / "rod" / "model.json").is_file()
 
 
 def test_output_needs_no_unicode_terminal(here):

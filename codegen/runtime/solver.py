@@ -64,7 +64,7 @@ class PackageError(ValueError):
 
 
 class FlagsError(CompileError, ValueError):
-    """``ORDERNM_CFLAGS`` of the environment cannot be used."""
+    """A variable of the environment, such as ``ORDERNM_CFLAGS``, cannot be used."""
 
 
 class NoCompilerError(RuntimeError):
@@ -174,6 +174,9 @@ OPTIMIZATION = ("-O2", "-march=native")
 COMPILE_SECONDS = 600.0
 """A compiler that takes longer is stopped; ``ORDERNM_COMPILE_SECONDS`` in the environment gives another time."""
 
+LONGEST_WAIT = 1e6
+"""Seconds, some days: the system counts those of a wait in milliseconds, and not far."""
+
 VERSION_SECONDS = 60.0
 """The same for its version."""
 
@@ -238,7 +241,7 @@ def compile_seconds() -> float:
         seconds = math.nan
     if not seconds > 0.0:
         raise FlagsError(f"ORDERNM_COMPILE_SECONDS={given} is no time in seconds; the default is {COMPILE_SECONDS:g}")
-    return seconds
+    return min(seconds, LONGEST_WAIT)
 
 
 def user_cache() -> Path:
@@ -343,16 +346,14 @@ class Build:
         for place in self.places:
             try:
                 place.mkdir(parents=True, exist_ok=True)
-                workshop = tempfile.TemporaryDirectory(prefix=".build-", dir=place)
-            except OSError as error:  # read-only, or not ours
+                with tempfile.TemporaryDirectory(prefix=".build-", dir=place, ignore_cleanup_errors=True) as temporary:
+                    made = Path(temporary) / "library.so"
+                    self._compile(made, place / f"{self.name}.log")
+                    library = place / f"{key}-{_digest(made)}.so"
+                    os.replace(made, library)
+                return library
+            except OSError as error:  # read-only, not ours, full, or a folder is where the library shall be
                 refusals.append(str(error))
-                continue
-            with workshop as temporary:
-                made = Path(temporary) / "library.so"
-                self._compile(made, place / f"{self.name}.log")
-                library = place / f"{key}-{_digest(made)}.so"
-                os.replace(made, library)
-            return library
         raise CompileError(f"no folder to write the library of {self.name} to: {'; '.join(refusals)}")
 
     def _compile(self, output: Path, log_file: Path) -> None:
@@ -591,11 +592,11 @@ def find_caller(folder: Path) -> Any:
 
     Raises
     ------
-    ValueError, CompileError
+    FlagsError, CompileError
     """
     mode = os.environ.get("ORDERNM_CFFI", "")
     if mode not in ("", "abi", "api"):
-        raise ValueError(f"ORDERNM_CFFI is {mode!r}; allowed are 'api' and 'abi', or nothing for the first that works")
+        raise FlagsError(f"ORDERNM_CFFI is {mode!r}; allowed are 'api' and 'abi', or nothing for the first that works")
     if mode == "abi":
         return None
     try:
@@ -744,13 +745,22 @@ class CTarget:
     def _open(self) -> Any:
         path = self.build.library()
         try:
-            return self.ffi.dlopen(str(path))
+            return self._opened(path)
         except OSError:  # damaged, or of another machine
             path = self.build.library(rebuild=True)
         try:
-            return self.ffi.dlopen(str(path))
+            return self._opened(path)
         except OSError as error:
             raise CompileError(f"{path} was compiled but cannot be opened: {error}") from None
+
+    def _opened(self, path: Path) -> Any:
+        try:
+            return self.ffi.dlopen(str(path))
+        except UnicodeEncodeError:  # a name that is no text in the user's locale: cffi takes texts only
+            import ctypes
+
+            self._ctypes_library = ctypes.CDLL(str(path))
+            return self.ffi.dlopen(self.ffi.cast("void *", self._ctypes_library._handle))
 
     def pointer(self, x: Array) -> Any:
         """Where an array begins; keeps it alive."""

@@ -208,6 +208,34 @@ def test_a_library_goes_to_the_users_cache_if_the_package_is_read_only(pendulum,
         load(pendulum)
 
 
+def test_where_a_folder_is_in_the_librarys_place_the_cache_serves(pendulum, monkeypatch, tmp_path):
+    # what makes a place unfit may show only when the library is moved there: a full disk, a folder of that name
+    library = runtime.compile_library(pendulum, "pendulum")
+    library.unlink()
+    library.mkdir()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr(sys, "platform", "linux")
+    assert accelerate(load(pendulum)) == pytest.approx(EXPECTED, rel=1e-15)
+    assert len(libraries(tmp_path / "cache" / "ordernm" / "pendulum")) == 1
+    assert not list(pendulum.glob(".build*"))
+    monkeypatch.setattr(runtime, "user_cache", lambda: pendulum / "model.json")
+    with pytest.raises(CompileError, match=r"no folder to write the library of pendulum to: .*Is a directory"):
+        load(pendulum)
+
+
+@pytest.mark.skipif(sys.platform == "darwin", reason="file names are text there")
+def test_a_folder_whose_name_is_no_text_works(pendulum):
+    folder = pendulum.with_name("h\udcfclle")  # latin-1 for u with two dots
+    pendulum.rename(folder)
+    assert accelerate(load(folder)) == pytest.approx(EXPECTED, rel=1e-15)
+
+
+@pytest.mark.parametrize("seconds", ["inf", "1e300", "1e9"])
+def test_a_compiler_may_take_as_long_as_one_likes(pendulum, monkeypatch, seconds):
+    monkeypatch.setenv("ORDERNM_COMPILE_SECONDS", seconds)
+    assert accelerate(load(pendulum)) == pytest.approx(EXPECTED, rel=1e-15)
+
+
 def _build(folder: str, results) -> None:
     try:
         results.put(accelerate(load(folder)))

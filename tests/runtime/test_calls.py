@@ -155,7 +155,7 @@ def test_the_caller_is_compiled_once_for_each_python(packages, pendulum, monkeyp
 
 def test_an_unknown_way_is_refused(pendulum, monkeypatch):
     monkeypatch.setenv("ORDERNM_CFFI", "ctypes")
-    with pytest.raises(ValueError, match="ORDERNM_CFFI is 'ctypes'; allowed are 'api' and 'abi'"):
+    with pytest.raises(CompileError, match="ORDERNM_CFFI is 'ctypes'; allowed are 'api' and 'abi'"):
         codegen.load(pendulum)
 
 
