@@ -161,6 +161,7 @@ class Partition:
         return tuple(length[i] for i in sorted(length))
 
 
+@np.errstate(all="ignore")  # numbers of a model may be of any size: what overflows does not close, and is told
 def partition(model: Model) -> Partition:
     """Choose dependents and order the ears.
 
@@ -174,7 +175,21 @@ def partition(model: Model) -> Partition:
     guess = padded(initial_configuration(model)[0])
     if not model.loops:
         return Partition((), tuple(range(model.nu)), tuple(float(x) for x in guess[0, : model.nq]))
-    geometry, random = Geometry(model), np.random.default_rng(SEED)
+    geometry = Geometry(model)
+    try:
+        return _found(model, geometry, guess)
+    except np.linalg.LinAlgError:  # of matrices that are not finite
+        widest = int(np.argmax(geometry.own_lengths))
+        name, length = model.loops[widest].name, geometry.own_lengths[widest]
+        raise PartitionError(
+            f"loop {name}, whose joints are about {length:.1g} m apart, cannot be closed in floating-point numbers, since "
+            f"squares of such lengths are too large; check lengths and units"
+        ) from None
+
+
+def _found(model: Model, geometry: Geometry, guess: Array) -> Partition:
+    """The partition of a model with loops."""
+    random = np.random.default_rng(SEED)
     held = hinted(geometry)
     check_cycles(geometry)
     order = loop_order(geometry, held)

@@ -70,9 +70,9 @@ def _model(reader: Reader) -> Model | None:
     gravity = read_gravity(reader)
     bodies = read_bodies(reader)
     points = read_points(reader, bodies)
-    before = len(reader.problems)
+    before = reader.errors
     loops = read_loops(reader, bodies, points)
-    if len(reader.problems) == before:  # a loop that could not be read may hold what seems to move no mass
+    if reader.errors == before:  # a loop that could not be read may hold what seems to move no mass
         faces = [face for loop in loops for face in (loop.start, loop.end)]
         check_freedoms(reader, bodies, {face.body for face in faces if face.body != GROUND})
     forces, springs = read_forces(reader, bodies, points)

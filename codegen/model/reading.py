@@ -81,7 +81,7 @@ class Reader:
     # --- problems -----------------------------------------------------------------------------------------------
 
     def add(self, problem: Problem) -> None:
-        if len(self.problems) >= MAX_PROBLEMS:
+        if problem.severity == "error" and sum(p.severity == "error" for p in self.problems) >= MAX_PROBLEMS:
             message = f"more than {MAX_PROBLEMS} problems; mend these first"
             self.problems.append(Problem(self.document.file, problem.line, problem.column, "", message))
             raise TooManyProblems

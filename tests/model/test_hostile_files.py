@@ -4,12 +4,14 @@
 from __future__ import annotations
 
 import math
+import re
 import time
 import warnings
 
 import pytest
 from model_mutations import FILE, bases, judge, mutated
 
+from codegen.cli import main
 from codegen.model import ModelBuilder, ModelError, parse_model
 from codegen.model.repetition import MAX_REPETITIONS
 
@@ -114,6 +116,64 @@ def test_bodies_of_huge_mass_and_size_are_checked_without_a_warning_of_numpy() -
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert math.isfinite(parse_model(text).bodies[0].mass.value)
+
+
+BARS = """\
+model: bars
+bodies:
+  a: {parent: ground, joint: {type: revolute, axis: y}, mass: 1, com: [0.5, 0, 0], inertia: {xx: 1, yy: 1, zz: 1}}
+  b: {parent: a, joint: {type: revolute, axis: y, at: [1, 0, 0]}, mass: 1, com: [0.5, 0, 0], inertia: {xx: 1, yy: 1, zz: 1}}
+  c: {parent: b, joint: {type: revolute, axis: y, at: [1.2, 0, 0]}, mass: 1, com: [0.5, 0, 0], inertia: {xx: 1, yy: 1, zz: 1}}
+loops:
+  pin: {joint: {type: revolute, axis: y}, from: {body: c, at: [0.9, 0, 0]}, to: {body: ground, at: [1.1, 0, 0]}}
+initial:
+  q: {a: 0.8, b: 0.4, c: 1.9}
+"""
+
+
+@pytest.mark.parametrize(
+    "old, new, said",
+    [
+        (
+            "[1.1, 0, 0]",
+            "[1e160, 0, 0]",
+            "loop pin, whose joints are about .* m apart, cannot be closed in floating-point",
+        ),
+        (
+            "[1.1, 0, 0]",
+            "[0, 0, 1e300]",
+            "loop pin, whose joints are about .* m apart, cannot be closed in floating-point",
+        ),
+        ("[1.1, 0, 0]", "[1e100, 0, 0]", "loop pin .* cannot be closed"),
+        ("a: 0.8", "a: 1e300", ""),
+        ("com: [0.5, 0, 0]", "com: [0, 1e300, 0]", ""),
+    ],
+)
+def test_huge_loops_are_told_without_a_warning_of_numpy(old: str, new: str, said: str, tmp_path, capsys) -> None:
+    file = tmp_path / "bars.yaml"
+    file.write_text(BARS.replace(old, new))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert main(["check", str(file)]) == bool(said)
+    assert re.search(said, capsys.readouterr().err)
+
+
+def test_warnings_of_any_number_are_no_mistakes() -> None:
+    lines = [
+        f"  b{i}: {{parent: ground, joint: {{type: revolute, axis: y}}, mass: 1, com: [1, 0, 0], inertia: {{yy: 1}}}}"
+        for i in range(250)
+    ]
+    text = "\n".join(["model: many", "bodies:", *lines, ""])
+    assert len(parse_model(text).warnings) == 250
+    errors = refused(text.replace("mass: 1", "mas: 1"))
+    assert len(errors) == 201 and "more than 200 problems" in errors[200]
+
+
+def test_a_warning_in_a_loop_does_not_keep_massless_joints_from_being_found() -> None:
+    text = BARS.replace("loops:\n", "  d: {parent: ground, joint: {type: revolute, axis: y}, mass: 1}\nloops:\n")
+    (expected,) = refused(text)
+    assert "the revolute joint of 'd' turns a point mass in its centre" in expected
+    assert refused(text.replace("at: [1.1, 0, 0]", "at: [1.1, 0, 0], rpy: [0, 1.5708, 0]")) == [expected]
 
 
 @pytest.mark.parametrize(
