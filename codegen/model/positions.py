@@ -318,11 +318,12 @@ class _Composer:
                 )
 
     def alias(self, event: Any) -> None:
+        name = _cut(event.anchor)
         if event.anchor not in self.anchors:
-            self.stop(event, f"alias *{event.anchor} has no anchor &{event.anchor} before it")
+            self.stop(event, f"alias *{name} has no anchor &{name} before it")
         value = self.anchors[event.anchor]
         if any(f.data is value for f in self.stack):
-            self.stop(event, f"alias *{event.anchor} stands inside the value it repeats")
+            self.stop(event, f"alias *{name} stands inside the value it repeats")
         self.add(value, event, self.sizes.get(id(value), 1))
 
     def add(self, value: Any, event: Any, size: int) -> None:

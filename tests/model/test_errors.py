@@ -222,6 +222,12 @@ def test_aliases_do_not_explode():
     assert "aliases repeat more than" in problems(f"a: &a [x]\n{layers}\n")[0]
 
 
+@pytest.mark.parametrize("text", ["a: *{name}", "a: &{name} [*{name}]"])
+def test_names_of_aliases_are_cut(text):
+    (told,) = problems(text.format(name="n" * 5000))
+    assert "nnn..." in told and len(told) < 300
+
+
 def test_anchors_and_merge_keys_work():
     text = GOOD.replace("inertia: {xx: 1, yy: 1, zz: 1}", "inertia: &ball {xx: 1, yy: 1, zz: 1}")
     text = (

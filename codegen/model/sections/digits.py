@@ -28,7 +28,7 @@ def check_angle(reader: Reader, angle: Expression, at: Instance, sub: Path_) -> 
     With two decimals that is taken for meant at multiples of pi/2 only: 0.52 may be just that.
     """
     value = _number(angle)
-    if value is None:
+    if value is None or abs(value) > (_MOST + 0.5) * _PART:
         return
     decimals = _decimals(value)
     count = round(value / _PART)
@@ -73,7 +73,7 @@ def _is_cut(value: float, count: int, decimals: int) -> bool:
     """Whether a number is a multiple of pi/12 rounded, or cut off, after its decimals."""
     exact = abs(count) * _PART
     off = abs(abs(value) - exact)
-    if abs(count) > _MOST or off < _EXACT:
+    if off < _EXACT:
         return False
     return off <= 0.5000001 * 10.0**-decimals or (abs(value) < exact and off < 10.0**-decimals)
 
