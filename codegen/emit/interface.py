@@ -72,6 +72,8 @@ def function_sweeps(system: System, function: str) -> list[str]:
     """Sweeps that a function runs, each once."""
     of_springs = set() if system.model.springs else {*_SPRINGS, *_SPRING_TANGENTS}
     found = [s for s in FUNCTION_SWEEPS[function] if s not in of_springs] + measuring_sweeps(system, function)
+    if function.startswith("coordinate_rate") and not system.model.loops:  # quaternions alone
+        found.remove("start")
     if function == "reactions":
         found += ["pose", "motion", "transmitted"]
     return list(dict.fromkeys(found))
