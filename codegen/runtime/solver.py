@@ -2361,7 +2361,7 @@ def _places(out: Any, names: Sequence[str], shapes: Sequence[Shape]) -> list[Arr
         raise ValueError(f"out is {type(out).__name__}, expected a tuple of {len(names)} arrays: {', '.join(names)}")
     for name, x, shape in zip(names, out, shapes, strict=True):
         wanted = f"expected a writeable C-contiguous array of float64 of shape {shape}"
-        if not isinstance(x, np.ndarray):
+        if not isinstance(x, np.ndarray) or isinstance(x, np.ma.MaskedArray):  # whose mask would stay as it is
             raise ValueError(f"out ({name}) is {type(x).__name__}, {wanted}")
         if x.dtype != np.float64 or x.shape != shape:
             raise ValueError(f"out ({name}) holds {x.dtype} and has shape {x.shape}, {wanted}")

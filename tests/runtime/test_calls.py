@@ -216,7 +216,7 @@ def test_wrong_places_are_told(either):
     frozen.flags.writeable = False
     wrong = {
         "list": [0.0] * nu, "shape": np.zeros(nu + 1), "read-only": frozen, "float32": np.zeros(nu, np.float32),
-        "contiguous": np.zeros(2 * nu)[::2],
+        "contiguous": np.zeros(2 * nu)[::2], "MaskedArray": np.ma.zeros(nu),
     }  # fmt: skip
     for what, out in wrong.items():
         with pytest.raises(ValueError, match=rf"out \(udot\).*{what}.*expected a writeable C-contiguous array"):
