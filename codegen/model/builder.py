@@ -69,7 +69,7 @@ class ModelBuilder:
 
     def input(self, name: str) -> Name:
         """A run-time input."""
-        self._root.setdefault("inputs", []).append(name)
+        self._root.setdefault("inputs", []).append(_plain(name))
         return Name(name)
 
     def body(
@@ -136,7 +136,7 @@ class ModelBuilder:
 
     def independent(self, *names: str) -> None:
         """Coordinates that shall be independent, or joints for all of theirs; may be called several times."""
-        self._root.setdefault("independent", []).extend(names)
+        self._root.setdefault("independent", []).extend(_plain(names))
 
     def joint_force(self, name: str, joint: str, value: Scalar | Sequence[Scalar]) -> None:
         """A generalised force on the freedoms of a joint, positive where it raises u."""
@@ -177,6 +177,10 @@ class ModelBuilder:
         """Initial coordinates and speeds; may be called several times."""
         initial = self._root.setdefault("initial", {})
         for key, values in (("q", q), ("u", u)):
+            if values is not None and not isinstance(values, Mapping):
+                problem = f"{type(values).__name__}; a mapping from names to values is needed"
+                self._problems.append(Problem("builder", None, None, f"initial.{key}", problem))
+                continue
             for name, value in (values or {}).items():
                 self._put_into(initial.setdefault(key, {}), f"initial.{key}", name, _plain(value))
 
@@ -204,7 +208,7 @@ class ModelBuilder:
         elif name in mapping:
             problem = f"name {name!r} is given twice; each name may be given once"
         if problem is None:
-            mapping[name] = value
+            mapping[name] = _plain(value)
         else:
             self._problems.append(Problem("builder", None, None, f"{section}.{name}", problem))
 

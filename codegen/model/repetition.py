@@ -216,7 +216,7 @@ def labels(root: Any) -> dict[str, str]:
             waiting.extend(v for v in value if isinstance(v, dict))
         elif isinstance(value, dict):
             for key, inner in value.items():
-                match = _HEADER.fullmatch(key) if key.startswith("repeat ") else None
+                match = _HEADER.fullmatch(key) if isinstance(key, str) and key.startswith("repeat ") else None
                 if match and ".." not in match.group(2):
                     found.update((label_key(t.strip()), t.strip()) for t in match.group(2).split(","))
                 if match or key in ("q", "u"):

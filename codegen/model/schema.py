@@ -595,10 +595,10 @@ _KINDS: Final[dict[str, type[Entry]]] = {"joint": JointEntry, "loop joint": Loop
 def _unknown_type(value: Any, classes: list[type[Entry]]) -> str:
     name = value.get("type") if isinstance(value, dict) else value
     kind = next((k for k, base in _KINDS.items() if issubclass(classes[0], base)), "force")
-    if name in LATER_TYPES.get(kind, ()):
+    if isinstance(name, str) and name in LATER_TYPES.get(kind, ()):
         what = ": forces and torques on bodies come later" if kind == "force" else ""
         return f"{kind} type {name!r} is not supported yet by this version{what}; available: {_tags(classes)}"
-    if kind == "loop joint" and name == "free":
+    if kind == "loop joint" and isinstance(name, str) and name == "free":
         return f"a free joint sets no condition, so it closes no loop; one of {_tags(classes)} is allowed"
     hint = nearest(name, [_tag(c) for c in classes]) if isinstance(name, str) else ""
     return f"unknown {kind} type {seen(name)}; one of {_tags(classes)} is allowed{hint}"

@@ -3,6 +3,7 @@
 
 import os
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -266,6 +267,31 @@ def test_the_builder_reports_the_same_way():
     assert "builder: bodies.a.mass: nan" in text
     assert "builder: bodies.a.parent: unknown body 'b'" in text
     assert "builder: bodies.c.joint.type: unknown joint type 'revolut'" in text
+
+
+@pytest.mark.parametrize(
+    "change, said",
+    [
+        (lambda b: b.initial(q=np.zeros(2)), "initial.q: ndarray; a mapping from names to values is needed"),
+        (lambda b: b.initial(u="a"), "initial.u: str; a mapping from names to values is needed"),
+        (lambda b: b.input({1: 2}), "inputs"),
+        (lambda b: b.independent({1: 2}), "independent"),
+        (lambda b: b.constant("c", {1: {2: 3}}), "constants.c"),
+        (lambda b: b.output("e", np.array([])), "outputs.e"),
+        (lambda b: b.output("e", measure=["kinetic_energy"]), "outputs.e"),
+        (lambda b: b.body("c", joint={"type": np.array([])}), "bodies.c.joint.type"),
+        (lambda b: b.body("c", shape={"type": {}}), "bodies.c.shape.type"),
+        (lambda b: b.loop("l", {"type": np.array([])}, "a", "ground"), "loops.l.joint.type"),
+    ],
+)
+def test_whatever_python_gives_the_builder_is_told(change, said):
+    b = ModelBuilder("m")
+    b.body("a", axis="y", mass=1, com=[0.1, 0, 0], inertia={"xx": 1, "yy": 1, "zz": 1})
+    b.build()
+    change(b)
+    with pytest.raises(ModelError) as info:
+        b.build()
+    assert f"builder: {said}" in str(info.value)
 
 
 @settings(max_examples=300, deadline=None)

@@ -15,7 +15,7 @@ def read_outputs(reader: Reader, bodies: BodySection, points: dict[str, Point]) 
     for at in reader.section("outputs"):
         name = reader.key_name(at, "output", "output")
         if not isinstance(at.value, dict):
-            if at.value in ENERGIES:
+            if isinstance(at.value, str) and at.value in ENERGIES:
                 if name is not None:
                     result.append(Output(name, str(at.value)))
             else:
