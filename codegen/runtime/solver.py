@@ -183,7 +183,11 @@ VERSION_SECONDS = 60.0
 COMMAND = "$ "
 """Begins the lines of a log that are commands."""
 
-FORBIDDEN = ("-ffast-math", "-Ofast", "-ffinite-math-only", "-funsafe-math-optimizations")
+FORBIDDEN = (
+    "-ffast-math", "-Ofast", "-ffinite-math-only", "-funsafe-math-optimizations", "-fassociative-math", "-fno-honor-nans",
+    "-fno-honor-infinities", "-ffp-model=fast", "-ffp-model=aggressive", "-fsingle-precision-constant",
+)  # fmt: skip
+"""Flags with which sines and cosines, which are sums of parts, pivots, or checks of numbers that are not finite go wrong."""
 
 
 def find_compiler() -> list[str]:
@@ -192,11 +196,14 @@ def find_compiler() -> list[str]:
     Raises
     ------
     NoCompilerError
+    FlagsError
+        ``CC`` has flags that ask for arithmetic that breaks the solver.
     """
     try:
         given = shlex.split(os.environ.get("CC", ""))
     except ValueError as error:
         raise NoCompilerError(f"no C compiler found: CC={os.environ['CC']} is no command ({error})") from None
+    _refuse_forbidden("CC", given)
     for command in [given] if given else [["cc"], ["gcc"], ["clang"]]:
         path = shutil.which(command[0])
         if path:
@@ -218,12 +225,16 @@ def optimization() -> list[str]:
         flags = list(OPTIMIZATION) if given is None else shlex.split(given)
     except ValueError as error:
         raise FlagsError(f"ORDERNM_CFLAGS={given} cannot be split into flags: {error}") from None
+    _refuse_forbidden("ORDERNM_CFLAGS", flags)
+    return flags
+
+
+def _refuse_forbidden(variable: str, flags: Sequence[str]) -> None:
     for flag in flags:
         if flag in FORBIDDEN:
             raise FlagsError(
-                f"ORDERNM_CFLAGS holds {flag}, which breaks the search for singular joints; use for instance -O3"
+                f"{variable} holds {flag}, which breaks sines, cosines and the search for singular joints; use for instance -O3"
             )
-    return flags
 
 
 def compile_seconds() -> float:

@@ -150,10 +150,14 @@ def test_a_compiler_without_march_native_is_served(pendulum, monkeypatch, tmp_pa
     assert accelerate(load(pendulum)) == pytest.approx(EXPECTED, rel=1e-15)
 
 
-@pytest.mark.parametrize("flag", ["-ffast-math", "-Ofast"])
+@pytest.mark.parametrize("flag", ["-ffast-math", "-Ofast", "-fassociative-math", "-fsingle-precision-constant"])
 def test_arithmetic_that_breaks_the_solver_is_refused(pendulum, monkeypatch, flag):
     monkeypatch.setenv("ORDERNM_CFLAGS", f"-O3 {flag}")
-    with pytest.raises(ValueError, match=flag):
+    with pytest.raises(ValueError, match=f"ORDERNM_CFLAGS holds {flag}"):
+        load(pendulum)
+    monkeypatch.delenv("ORDERNM_CFLAGS")
+    monkeypatch.setenv("CC", f"{shutil.which('cc') or shutil.which('gcc')} {flag}")
+    with pytest.raises(CompileError, match=f"CC holds {flag}"):
         load(pendulum)
 
 
