@@ -12,6 +12,7 @@ from typing import Any
 
 from ..mechanics.kinds import EarKind, LinkKind, SpringKind, UnitKind
 from ..program.block import Block
+from ..program.passes import by_results
 from .printer import C_FUNCTIONS, Printer
 from .templates import render
 from .writer import Function, Located, Place, Writer
@@ -82,23 +83,26 @@ class CWriter(Writer):
             first = symbol in shared or (not lanes and place(array, name) in stored)
             line = f"const {'VECTOR' if lanes else 'double'} {symbol} = {access(array, name)};"
             (body if first else passes).append(line)
-        for s in block.statements:
-            first = s.target in shared
-            comment = f" /* {s.tag} */" if s.tag and s.tag != tags[first] else ""
-            tags[first] = s.tag
-            (body if first else passes).append(
-                f"const {'VECTOR' if s.lanes else 'double'} {s.target} = {self.printer(s.expression)};{comment}"
-            )
-        for array, name, value in block.stores:
-            text = self.printer(value)
-            if array in ("pivot", "rank"):
-                assert culprit is not None
-                body.append(f"if (!a->singular && !({text} > 0.0)) a->singular = {culprit(array, name)} + 1;")
-                continue
-            if of_directions(array) and value.is_Number:
-                text = "(VECTOR){0}" if value == 0 else f"(VECTOR){{0}} + {text}"
-            line = f"{access(array, name)} {'+=' if array.endswith('_sum') else '='} {text};"
-            (passes if of_directions(array) else body).append(line)
+        # blocks over directions keep their order: they gain nothing by another
+        along = any(of_directions(array) for array, _, _ in block.stores)
+        for statements, stores in [(block.statements, block.stores)] if along else by_results(block):
+            for s in statements:
+                first = s.target in shared
+                comment = f" /* {s.tag} */" if s.tag and s.tag != tags[first] else ""
+                tags[first] = s.tag
+                (body if first else passes).append(
+                    f"const {'VECTOR' if s.lanes else 'double'} {s.target} = {self.printer(s.expression)};{comment}"
+                )
+            for array, name, value in stores:
+                text = self.printer(value)
+                if array in ("pivot", "rank"):
+                    assert culprit is not None
+                    body.append(f"if (!a->singular && !({text} > 0.0)) a->singular = {culprit(array, name)} + 1;")
+                    continue
+                if of_directions(array) and value.is_Number:
+                    text = "(VECTOR){0}" if value == 0 else f"(VECTOR){{0}} + {text}"
+                line = f"{access(array, name)} {'+=' if array.endswith('_sum') else '='} {text};"
+                (passes if of_directions(array) else body).append(line)
         if passes:
             passes = ["EACH_VECTOR {", *(f"    {line}" for line in passes), "}"]
         return [*pointers.values(), *body, *passes]

@@ -45,7 +45,7 @@ from .loop_dynamics import (
     system_size,
 )
 from .orthogonal import product
-from .spatial import XYZ, Mat, Vec, add, cross, dot, is_zero, matvec, scale, transpose
+from .spatial import PAIRS, XYZ, Mat, Vec, add, cross, dot, is_zero, matvec, scale, six, transpose
 from .tangents import differentiate, store_tangent
 
 Force = tuple[Vec, Vec]
@@ -498,6 +498,9 @@ def ear_balance_out(x: Any, kind: Any) -> None:
         constants = link_constants(x, ear, k)
         local = load_symmetric(ear.members[k].view, "c", "J")
         d.inertia(k, ear.members[k].W, constants[2], local)
+        if not x.structural:
+            x.recall({"sh": constants[1]}, f"me#{k}")
+            x.recall_each({f"sJ.{ij}": e for ij, e in zip(PAIRS, six(constants[2]), strict=True)}, f"me#{k}")
         moment, force = body_force(x, w, al, a, B, constants)
         d.run()
         store_vector(x, f"me#{k}", "tsal", al)

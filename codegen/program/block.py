@@ -161,9 +161,13 @@ class Expansion:
     def recall(self, vectors: dict[str, list[Expr]], array: str = "me") -> None:
         """Values that an earlier block has stored: they are loaded, not computed, but still differentiated."""
         for name, vector in vectors.items():
-            for component, value in zip("xyz", vector, strict=True):
-                if value.is_Symbol and value not in self.block.loads:
-                    self._recalled[value] = (array, f"{name}.{component}")
+            self.recall_each({f"{name}.{component}": v for component, v in zip("xyz", vector, strict=True)}, array)
+
+    def recall_each(self, fields: dict[str, Expr], array: str = "me") -> None:
+        """The same of single fields."""
+        for name, value in fields.items():
+            if value.is_Symbol and value not in self.block.loads:
+                self._recalled[value] = (array, name)
 
     def finish(self) -> Block:
         """The block, recalled statements turned into loads."""
@@ -265,4 +269,7 @@ class StructuralExpansion:
         return self.let(name, value)
 
     def recall(self, vectors: dict[str, Any], array: str = "me") -> None:
+        pass
+
+    def recall_each(self, fields: dict[str, Any], array: str = "me") -> None:
         pass
