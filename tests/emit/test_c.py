@@ -177,6 +177,21 @@ def test_no_warnings_in_corners(tmp_path: Path, text: str, flags: str) -> None:
     assert result.returncode == 0, result.stderr[:2000]
 
 
+@pytest.mark.parametrize(
+    "flags", ["-Ofast", "-ffast-math", "-ffinite-math-only", "-fassociative-math -fno-signed-zeros -fno-trapping-math"]
+)
+@pytest.mark.parametrize("compiler", compilers())
+def test_arithmetic_in_another_order_is_an_error(tmp_path: Path, compiler: str, flags: str) -> None:
+    if compiler == "clang" and flags.startswith("-fassociative"):
+        pytest.skip("clang has no macro for it")
+    source = write(tmp_path)
+    for given, refused in ((flags, True), ("-O3", False)):
+        command = [compiler, *given.split(), "-fsyntax-only", str(source)]
+        result = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert bool(result.returncode) == refused
+        assert ("everything.c needs sums in their order" in result.stderr) == refused
+
+
 def test_header_is_a_header_of_cpp(tmp_path: Path) -> None:
     if not shutil.which("g++"):
         pytest.skip("g++ is not installed")
