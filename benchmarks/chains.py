@@ -39,7 +39,8 @@ def chain_seeds(n: int, width: int = 8) -> tuple[np.ndarray, np.ndarray, np.ndar
 
 
 def c_files(source: Source) -> dict[str, str]:
-    return {name: text for name, text in source.files.items() if name.endswith((".c", ".h"))}
+    """What a C program needs: without what only calls from Python need."""
+    return {name: text for name, text in source.files.items() if name.endswith((".c", ".h")) and "_calls" not in name}
 
 
 def accelerations(source: Source, n: int, name: str = "udot") -> Contestant:

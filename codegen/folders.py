@@ -148,8 +148,8 @@ def put_right(folder: Path) -> None:
 
 
 @contextlib.contextmanager
-def _locked(folder: Path) -> Iterator[bool]:
-    """Hold the lock of a folder meanwhile, if it is free and the file system has locks."""
+def _locked(folder: Path) -> Iterator[bool | None]:
+    """Hold the lock of a folder meanwhile; False: it is gone, or another holds it. None: the file system has no locks."""
     try:
         handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     except OSError:
@@ -158,8 +158,10 @@ def _locked(folder: Path) -> Iterator[bool]:
     try:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
+        except BlockingIOError:
             yield False
+        except OSError:
+            yield None
         else:
             yield folder.exists()  # who had it before may have removed it
     finally:
@@ -174,8 +176,8 @@ def _workshop(folder: Path) -> Iterator[Path]:
         place = _beside(folder, "new")
         place.mkdir()
         try:
-            with _locked(place):
-                if place.exists():  # nobody took it for a leftover before it was locked
+            with _locked(place) as held:
+                if held is not False:  # nobody took it for a leftover before it was locked
                     yield place
                     return
         finally:
