@@ -32,7 +32,7 @@ import time
 import types
 import warnings
 import weakref
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -415,6 +415,23 @@ def _key(*parts: str) -> str:
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:8]
 
 
+@contextlib.contextmanager
+def _interrupts_wait() -> Iterator[None]:
+    """Ctrl-C meanwhile takes effect in the end. Signals reach the main thread only."""
+    usual = signal.getsignal(signal.SIGINT)
+    if usual is None or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    came: list[tuple[int, Any]] = []
+    signal.signal(signal.SIGINT, lambda number, frame: came.append((number, frame)))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, usual)
+        if came and callable(usual):
+            usual(*came[0])
+
+
 def _run_all(commands: list[list[str]]) -> tuple[bool, str]:
     """Run commands side by side; whether one failed, and what they said.
 
@@ -429,16 +446,17 @@ def _run_all(commands: list[list[str]]) -> tuple[bool, str]:
     seconds = compile_seconds()
     end = time.monotonic() + seconds
     try:
-        for c in commands:
-            running.append(
-                subprocess.Popen(
-                    c,
-                    stdin=subprocess.DEVNULL,
-                    stdout=subprocess.PIPE,
-                    stderr=subprocess.STDOUT,
-                    start_new_session=True,
+        with _interrupts_wait():  # a process is known before anything can end its start
+            for c in commands:
+                running.append(
+                    subprocess.Popen(
+                        c,
+                        stdin=subprocess.DEVNULL,
+                        stdout=subprocess.PIPE,
+                        stderr=subprocess.STDOUT,
+                        start_new_session=True,
+                    )
                 )
-            )
         for command, process in zip(commands, running, strict=True):
             said, _ = process.communicate(timeout=max(0.01, end - time.monotonic()))
             if process.returncode:
@@ -1141,6 +1159,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     PackageError
         There is none, it is one of something else, or it is damaged.
     """
+    first = "remove what is left of it, and "  # generate writes into no folder that it does not know as its own
     try:
         text = (folder / "model.json").read_text(encoding="utf-8")
         if SEAL in text and seal(text[: text.rindex(SEAL)] + "}") == text:
@@ -1148,7 +1167,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
             return manifest
         damaged = json.loads(text)
     except (FileNotFoundError, NotADirectoryError):
-        seen = "no model.json in it"
+        seen, first = "no model.json in it", ""
     except OSError as error:
         seen = f"its model.json cannot be read ({error.strerror or error})"
     except (ValueError, RecursionError) as error:
@@ -1157,9 +1176,9 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         if isinstance(damaged, dict) and damaged.get("generator") == "ordernm":
             seen = "its model.json is damaged: it is not as generate wrote it"
         else:
-            seen = "its model.json is not one that generate wrote"
+            seen, first = "its model.json is not one that generate wrote", ""
     raise PackageError(
-        f"{folder} holds no generated solver that is whole: {seen}; make one with: generate MODEL.yaml -o FOLDER"
+        f"{folder} holds no generated solver that is whole: {seen}; {first}make one with: generate MODEL.yaml -o FOLDER"
     )
 
 
