@@ -64,7 +64,8 @@ def test_commands_that_are_named_exist(capsys):
             with pytest.raises(SystemExit) as end:
                 main([command, "--help"])
             assert end.value.code == 0
-        for option in re.findall(r"\B--[a-z][a-z-]+", page):
+        ours = "\n".join(line for line in page.splitlines() if "pytest" not in line)
+        for option in re.findall(r"\B--[a-z][a-z-]+", ours):
             with pytest.raises(SystemExit):
                 main(["generate", "--help"])
             assert option in capsys.readouterr().out, option
