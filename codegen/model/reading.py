@@ -73,6 +73,8 @@ class Reader:
         self._key_places: dict[tuple[int, str], tuple[int | None, int | None]] = {}
         self._reported: set[tuple[Any, ...]] = set()
         self._specs: dict[tuple[int, int], Any] = {}
+        self.bound_once: dict[tuple[int, Path_], dict[Path_, Expression]] = {}
+        """Bound expressions of validated entries that no repeat index changes; see `placement.bound_expressions`."""
         self._repaired: set[int] = set()  # ids of specs with placeholders
         self._keep: list[Entry] = []  # keeps those ids valid
         self._checked: set[tuple[Expression, str]] = set()
@@ -134,6 +136,8 @@ class Reader:
 
     def bound(self, expression: Expression, at: Instance, sub: Path_, scope: str) -> Expression:
         """The expression with constants and indices as numbers, its names checked; 0 after a problem."""
+        if expression.tree[0] == "number":
+            return expression
         try:
             result = self.binder(expression, at.indices)
         except ExpressionError as error:

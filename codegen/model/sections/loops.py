@@ -10,7 +10,7 @@ from ..repetition import Instance
 from ..schema import LoopEntry, LoopJointEntry
 from .bodies import BodySection
 from .digits import check_axis
-from .placement import expressions_of, vector
+from .placement import bound_expressions, vector
 from .points import face_at, held_together
 
 _SAME: Final = {"point": "spherical"}
@@ -36,7 +36,7 @@ def read_loops(reader: Reader, bodies: BodySection, points: dict[str, Point]) ->
 
 
 def _axes(reader: Reader, spec: LoopJointEntry, at: Instance) -> tuple[Vector, ...]:
-    bound = {sub: reader.bound(e, at, sub, "parameters") for sub, e in expressions_of(spec, ("joint",))}
+    bound = bound_expressions(reader, spec, at, ("joint",))
     places = list(dict.fromkeys(sub[:-1] for sub in bound))  # axis, normal, or axes[0] and axes[1]
     axes = tuple(vector(bound, *sub) for sub in places)
     for axis, sub in zip(axes, places, strict=True):

@@ -37,6 +37,19 @@ def _expressions_in(value: Any, sub: Path_) -> Iterator[tuple[Path_, Expression]
             yield from _expressions_in(item, (*sub, i))
 
 
+def bound_expressions(reader: Reader, entry: Entry, at: Instance, sub: Path_) -> dict[Path_, Expression]:
+    """The expressions of a validated entry by their paths, bound to parameters; once for all repetitions that mean the same."""
+    same = reader.bound_once.get((id(entry), sub))
+    if same is not None:
+        return same
+    listed = list(expressions_of(entry, sub))
+    errors = reader.errors
+    bound = {path: reader.bound(e, at, path, "parameters") for path, e in listed}
+    if reader.errors == errors and not any(index in e.names for index in at.indices for _, e in listed):
+        reader.bound_once[id(entry), sub] = bound
+    return bound
+
+
 def bound_entry(entry: Entry, bound: Bound, sub: Path_) -> Any:
     """A copy of the entry at a path with its expressions bound."""
 

@@ -12,7 +12,7 @@ from ..reading import Reader, some
 from ..repetition import Instance
 from ..schema import ZERO, FaceEntry, PointEntry
 from .bodies import BodySection, body_index
-from .placement import expressions_of, rotation, vector
+from .placement import bound_expressions, rotation, vector
 
 
 def read_points(reader: Reader, bodies: BodySection) -> dict[str, Point]:
@@ -69,7 +69,7 @@ def face_at(
         point = point_at(reader, spec, "", at, sub, bodies, points)
         return None if point is None else Face(point.body, point.at)
     body = body_index(reader, spec.body, at, (*sub, "body"), bodies.frames)
-    bound = {path: reader.bound(e, at, path, "parameters") for path, e in expressions_of(spec, sub)}
+    bound = bound_expressions(reader, spec, at, sub)
     turns = rotation(reader, spec, at, sub, bound)
     return None if body is None else Face(body, vector(bound, *sub, "at"), turns)
 
