@@ -100,7 +100,7 @@ def summary(done: list[dict[str, Any]], code: str) -> int:
     """Print what became of all seeds; 1 if any failed."""
     counts: Counter[str] = sum((Counter(r["counts"]) for r in done), Counter())
     failures = [f for r in done for f in r["failures"]]
-    slowest = sorted((s for r in done for s in r["slowest"]), reverse=True)[:SLOWEST]
+    slowest = sorted((tuple(s) for r in done for s in r["slowest"]), reverse=True)[:SLOWEST]
     seconds = sum(r["seconds"] for r in done)
     print(
         f"{sum(counts.values())} texts, {dict(sorted(counts.items()))}; {seconds:.0f} s in all; loader and mutations {code}"
