@@ -14,11 +14,11 @@ from sympy import Float
 from ..model.model import CLOSURE_ROWS
 from ..program.block import ANY
 from .closures import stored_factor
+from .completion import dependent_displacements, let3
 from .couplings import partner_array
 from .ears import ZERO, Ear, Twist, rotate
 from .joints import JointTransform
 from .kinematics import load_matrix, load_vector, store_vector
-from .loop_balance import dependent_displacements, let3
 from .spatial import Vec, add, cross, dot, transpose
 
 TINY = Float(1e-30)

@@ -8,14 +8,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from sympy import Dummy, Expr, S, Symbol, sympify
+from sympy import Expr, Symbol, sympify
 
 from ..program.block import ANY
 from ..program.derivatives import Tangents
 from .ears import UNIT, Ear
-from .spatial import XYZ, Vec, add, cross, dot, is_zero, matmul, matvec
-
-One = S.One
+from .spatial import XYZ, Vec, add, cross, is_zero, matvec
 
 
 def tangents_of(values: Vec, tangents: Vec) -> dict[Symbol, Any]:
@@ -76,6 +74,11 @@ class EarTangents:
             elif stem == "q" and place:
                 found = self.dq.get((place, name))
                 self._seed(symbol, self.x.load(f"dq#{place}", name) if found is None else found)
+            elif stem == "turn":
+                revolute = self.ear.kind.links[int(place)].joint == "revolute"
+                self._seed(
+                    symbol, self.x.load(*((f"dq#{place}", name) if revolute else (f"lane#{place}", f"turn.{name}")))
+                )
             elif stem in ("c", "cl") and place and "/" not in name:
                 self._transparent(symbol, stem, place, name)
         self.scanned = len(loads)
@@ -121,35 +124,17 @@ class EarTangents:
             W = self.ear.attitude(v.place)
             theta = self.angles.get(v.place)
             turned: Vec = [0, 0, 0] if theta is None else cross(theta, v.found)
-            if v.inertial:
-                self._set(v.found, turned, self._by_parameters(W, v.local))
-            else:
-                changed = [self._of_local(e) for e in v.local]
-                self._set(v.found, add(turned, changed if W is UNIT else matvec(W, changed)))
+            changed = [self._of_local(e) for e in v.local]
+            self._set(v.found, add(turned, changed if W is UNIT else matvec(W, changed)))
 
-    def _set(self, found: Vec, moved: Vec, primitives: list[dict[Symbol, Expr]] | None = None) -> None:
+    def _set(self, found: Vec, moved: Vec) -> None:
         for i, symbol in enumerate(found):
             if not isinstance(symbol, Symbol) or symbol in self.x.block.loads or symbol in self.known:
                 continue
             self.known.add(symbol)
             value = self.x.let("d_fixed", moved[i], "d Eq. 22", lanes=True)
-            if primitives is not None and primitives[i]:
-                turning = Dummy("turning")
-                self.d.transparent[symbol] = {turning: One, **primitives[i]} if not is_zero(value) else primitives[i]
-                symbol = turning
             if not is_zero(value):
                 self.d.of[symbol] = value
-
-    def _by_parameters(self, W: Any, local: Vec) -> list[dict[Symbol, Expr]]:
-        """What each design parameter changes in a vector fixed in a link, as scalars that all directions share."""
-        found: list[dict[Symbol, Expr]] = [{}, {}, {}]
-        inner = [self.d.transparent.get(v, {}) for v in local]
-        for root in sorted({s for one in inner for s in one}, key=str):
-            column = [one.get(root, 0) for one in inner]
-            for i, value in enumerate(column if W is UNIT else matvec(W, column)):
-                if not is_zero(value):
-                    found[i][root] = self.x.let("d", value, "primitive")
-        return found
 
     def _of_local(self, value: Any) -> Any:
         """Tangent of a component in a link's own axes: of a constant, or of a statement on constants and coordinates."""
@@ -160,25 +145,6 @@ class EarTangents:
                     self.known.add(value)
                     break
         return self.d.value(value)
-
-    def inertia(self, place: int, W: Any, J: Any, local: Any) -> None:
-        """Tangent of ``J = W local W^T``: ``theta x J - J theta x`` and what the parameters change."""
-        if self.structural:
-            return
-        self._scan()
-        theta = self.angles[place]
-        turning = [cross(theta, [J[i][j] for i in range(3)]) for j in range(3)]  # columns of theta x J
-        changed = [[self.d.value(e) for e in row] for row in local]
-        half = [[self.x.let("WdJ", e, "d Eq. 23", lanes=True) for e in row] for row in matmul(W, changed)]
-        for i in range(3):
-            for j in range(i, 3):
-                symbol = J[i][j]
-                if isinstance(symbol, Symbol) and symbol not in self.x.block.loads:
-                    value = turning[j][i] + turning[i][j] + dot(half[i], W[j])
-                    value = self.x.let("dJ", value, "d Eq. 23", lanes=True)
-                    if not is_zero(value):
-                        self.d.of[symbol] = value
-                    self.known.add(symbol)
 
     def run(self) -> None:
         """Differentiate the scalar statements written since the last call."""
@@ -205,17 +171,39 @@ class EarTangents:
         return [self.of(e, f"{name}_{i}") for e, i in zip(v, XYZ, strict=True)]
 
     def correct(self, found: list[tuple[Vec, Vec]]) -> None:
-        """Add what has been found since to the tangents of named values. A value that several links share is corrected once."""
+        """Add what has been found since to the tangents of named values, and find those of what depends on them anew.
+
+        A value that several links share is corrected once.
+        """
         if self.structural:
             return
-        done: set[Symbol] = set()
+        listed: set[Symbol] = set()
+        changed: set[Symbol] = set()
         for v, more in found:
             for symbol, value in tangents_of(v, more).items():
-                if symbol not in done:
-                    done.add(symbol)
+                if symbol not in listed:
+                    listed.add(symbol)
                     if not is_zero(value):
                         before = self.d.of.get(symbol, 0)
                         self.d.of[symbol] = self.x.let("d", before + value, "d Eq. 31", lanes=True)
+                        changed.add(symbol)
+        for statement in self.x.block.statements[: self.done]:
+            if statement.lanes or statement.tag == "primitive" or statement.target in listed:
+                continue
+            if not changed.isdisjoint(statement.expression.free_symbols):
+                self.d.statement(statement)
+                changed.add(statement.target)
+
+    def give(self, v: Vec, tangents: Vec) -> None:
+        """Tangents of named values."""
+        self.d.of.update({s: t for s, t in tangents_of(v, tangents).items() if not is_zero(t)})
+        self.hold(v)
+
+    def turn_joints(self) -> None:
+        """Let vectors pass from link to link: what turns them are sines, cosines and matrices of the joints."""
+        if not self.structural:
+            for member in self.ear.members:
+                self.d.transparent.update(member.joint.transparent())
 
     def hold(self, v: Vec) -> None:
         """Values whose tangents are given, or taken as zero until more is known: they are not differentiated."""

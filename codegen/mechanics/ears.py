@@ -100,15 +100,12 @@ class FixedVector:
         In region and in link components.
     kept : (str, str) or None
         Where its tangent is kept once the seeds are complete.
-    inertial : bool
-        It stands in sums with masses, so what parameters change goes into the primitives of those.
     """
 
     place: int
     found: Vec
     local: Vec
     kept: tuple[str, str] | None
-    inertial: bool
 
 
 @dataclass(slots=True)
@@ -209,11 +206,10 @@ class Ear:
         v: Vec,
         tag: str = "Eq. 22",
         kept: tuple[str, str] | None = None,
-        inertial: bool = False,
     ) -> Vec:
         """Region components of a vector given in a link's; remembered for differentiation."""
         found = self._named(name, rotate(self.attitude(place), v), tag)
-        self.fixed.append(FixedVector(place, found, v, kept, inertial))
+        self.fixed.append(FixedVector(place, found, v, kept))
         return found
 
     def face(self, c: int, side: int) -> tuple[Vec, Mat]:

@@ -89,26 +89,22 @@ def far_motions(x: Any, kind: Any, prefix: str = "") -> None:
         store_matrix(x, "region", f"far{f}.{prefix}B", acceleration_matrix(x, w, al))
 
 
-def far_motion_tangents(x: Any, kind: Any, matrix_tangent: Any) -> None:
-    """Tangents of `far_motions` with all of the accelerations, in the base's axes, which turn."""
-    far_motions(x, kind, "t")
+def far_own_motions(x: Any, kind: Any) -> None:
+    """Motion of far links against the ground in their own axes, with all of the accelerations, and its tangents.
+
+    Fields ``far0.ow``, ``far0.oal``, ``far0.oa``, ``far0.oB``; the ground has its acceleration only.
+    """
     for f, m in enumerate(kind.far):
-        W, theta = load_matrix(x, "region", f"far{f}.W"), load_vector(x, "lregion", f"far{f}.th")
-        found: list[Vec] = []
-        for name, own in (("aw", "w"), ("tal", "al"), ("ta", "a")):
-            if m < 0 and name != "ta":
-                found.append(list(ZERO))
-                continue
-            array = _array(kind, m)
-            v = _let3(x, "own", rotate(W, load_vector(x, array, "w" if name == "aw" else name)), "Eq. 21")
-            changed = rotate(W, load_vector(x, _array(kind, m, "l"), own))
-            found.append(_let3(x, "d", add(changed, cross(theta, v)), "d Eq. 21", True))
-        w: Vec = list(ZERO)
-        if m >= 0:
-            w = _let3(x, "own", rotate(W, load_vector(x, _array(kind, m), "w")), "Eq. 21")
-        for name, v in zip(("aw", "al", "a"), found, strict=True):
-            store_vector(x, "lregion", f"far{f}.{name}", v)
-        store_matrix(x, "lregion", f"far{f}.B", matrix_tangent(x, w, found[0], found[1]))
+        array, moved = _array(kind, m), _array(kind, m, "l")
+        store_vector(x, "region", f"far{f}.oa", load_vector(x, array, "ta"))
+        store_vector(x, "lregion", f"far{f}.oa", load_vector(x, moved, "a"))
+        if m < 0:
+            continue
+        for name, own, tangent in (("ow", "w", "w"), ("oal", "tal", "al")):
+            store_vector(x, "region", f"far{f}.{name}", load_vector(x, array, own))
+            store_vector(x, "lregion", f"far{f}.{name}", load_vector(x, moved, tangent))
+        store_matrix(x, "region", f"far{f}.oB", load_matrix(x, array, "tB"))
+        store_matrix(x, "lregion", f"far{f}.oB", load_matrix(x, moved, "B"))
 
 
-__all__ = ["far_displacements", "far_motion_tangents", "far_motions", "far_poses"]
+__all__ = ["far_displacements", "far_motions", "far_own_motions", "far_poses"]

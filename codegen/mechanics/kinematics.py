@@ -49,12 +49,17 @@ def acceleration_matrix(x: Any, w: Vec, al: Vec, name: str = "B") -> Mat:
 def angular_velocity(x: Any, kind: Any, joint: JointTransform, field: str = "w") -> tuple[Vec, Vec]:
     """Angular velocity of the parent in the link's axes, and of the link. Eq. 18."""
     carried = joint.to_child(load_vector(x, "up", field), "wp", "Eq. 18")
+    return carried, turning(x, kind, carried)
+
+
+def turning(x: Any, kind: Any, carried: Vec) -> Vec:
+    """Angular velocity of a link from that of its parent, in the link's axes. Eq. 18."""
     w = list(carried)
     if kind.joint == "revolute":
         w[kind.axis] = x.let(f"w_{XYZ[kind.axis]}", w[kind.axis] + x.load("u", "0"), "Eq. 18")
     elif kind.joint in ("spherical", "free"):
         w = let_vector(x, "w", add(w, [x.load("u", str(i)) for i in range(3)]), "Eq. 18")
-    return carried, w
+    return w
 
 
 def relative_bias(x: Any, kind: Any, carried: Vec) -> tuple[Vec, Vec]:
@@ -130,11 +135,17 @@ def accelerate(x: Any, kind: Any, joint: JointTransform, carried: Vec, prefix: s
 
     `prefix` names the fields of the parent that it starts from: the remainders, or the total accelerations.
     """
+    al, a = (load_vector(x, "up", prefix + name) for name in ("al", "a"))
+    return accelerated(x, kind, joint, carried, (al, a, load_matrix(x, "up", prefix + "B")))
+
+
+def accelerated(
+    x: Any, kind: Any, joint: JointTransform, carried: Vec, before: tuple[Vec, Vec, Mat]
+) -> tuple[Vec, Vec]:
+    """The same from the parent's angular acceleration, acceleration and B, in the parent's axes."""
     al_bias, a_bias = relative_bias(x, kind, carried)
-    r = joint.offset()
-    al = joint.to_child(load_vector(x, "up", prefix + "al"), "alp", "Eq. 21")
-    at_joint = add(load_vector(x, "up", prefix + "a"), matvec(load_matrix(x, "up", prefix + "B"), r))
-    a = joint.to_child(at_joint, "ap", "Eq. 21")
+    al = joint.to_child(before[0], "alp", "Eq. 21")
+    a = joint.to_child(add(before[1], matvec(before[2], joint.offset())), "ap", "Eq. 21")
     al = [x.let(f"al_{i}", al[k] + al_bias[k], "Eq. 21") for k, i in enumerate(XYZ)]
     a = [x.let(f"a_{i}", a[k] + a_bias[k], "Eq. 21") for k, i in enumerate(XYZ)]
     return al, a

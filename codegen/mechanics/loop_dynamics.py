@@ -7,6 +7,8 @@ the region like one joint of as many freedoms.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from ..model.model import CLOSURE_ROWS
@@ -59,6 +61,9 @@ from .triangularization import SMALL_NUMBER, ZeroPivotError, articulated_parts
 Motion = tuple[Vec, Vec, Vec, Mat]
 """Angular velocity, angular and linear acceleration, and B = alpha x + omega x omega x of a link, in region axes."""
 
+FaceMotion = Callable[[int, int], tuple[Vec, Vec, Vec]]
+"""Angular velocity, angular and linear acceleration of a face by loop and side, in region axes."""
+
 
 def root_motions(x: Any, kind: Any, prefix: str = "") -> list[Motion]:
     """Motions of the roots. `prefix` ``t``: with all of the accelerations, not only the remainders."""
@@ -86,7 +91,7 @@ def link_constants(x: Any, ear: Ear, k: int) -> tuple[Any, Vec, Mat]:
     """Mass, first moment and inertia about the origin of a link, in region axes."""
     member = ear.members[k]
     m = member.view.load("c", "m")
-    h = ear.fixed_vector("h", k, load_vector(member.view, "c", "h"), "Eq. 23", inertial=True)
+    h = ear.fixed_vector("h", k, load_vector(member.view, "c", "h"), "Eq. 23")
     return m, h, rotated_inertia(x, member.W, load_symmetric(member.view, "c", "J"), "Eq. 23")
 
 
@@ -180,6 +185,13 @@ def root_velocities(x: Any, kind: Any) -> list[Twist]:
     return found
 
 
+def face_motion(ear: Ear, motions: list[Motion], roots: list[Motion], c: int, side: int) -> tuple[Vec, Vec, Vec]:
+    """Angular velocity, angular acceleration and acceleration of a loop's face."""
+    place = ear.kind.closures[c].faces[side]
+    w, al, a, B = motions[place] if place >= 0 else roots[-1 - place]
+    return w, al, add(a, matvec(B, ear.arm(c, side)))
+
+
 def slip_velocities(x: Any, ear: Ear, roots: list[Twist]) -> list[Twist]:
     """Relative velocities at the cuts, for joints that slide."""
     velocities = ear.walk(roots, [speeds_of(m) for m in ear.members], "s", "Eq. 30")
@@ -190,13 +202,12 @@ def closing_accelerations(
     x: Any,
     ear: Ear,
     rows: list[Condition],
-    motions: list[Motion],
-    roots: list[Motion],
+    face: FaceMotion,
     name: str,
     root_speeds: list[Twist] | None = None,
 ) -> Vec:
     """What the conditions see of the faces' accelerations, with what their turning adds. Eq. 31."""
-    at_cuts, relative = cut_accelerations(x, ear, motions, roots, root_speeds)
+    at_cuts, relative = cut_accelerations(x, ear, face, root_speeds)
     result: Vec = []
     for row, value in zip(rows, ear.conditions(rows, at_cuts, name, "Eq. 31"), strict=True):
         w = relative[row.loop]
@@ -208,7 +219,7 @@ def closing_accelerations(
 
 
 def cut_accelerations(
-    x: Any, ear: Ear, motions: list[Motion], roots: list[Motion], root_speeds: list[Twist] | None = None
+    x: Any, ear: Ear, face: FaceMotion, root_speeds: list[Twist] | None = None
 ) -> tuple[list[Twist], list[Vec]]:
     """What the faces' accelerations differ by at every cut, and their angular velocities. Eq. 31.
 
@@ -226,13 +237,11 @@ def cut_accelerations(
             continue
         sides = []
         for side in (0, 1):
-            place = closure.faces[side]
-            w, al, a, B = motions[place] if place >= 0 else roots[-1 - place]
-            lever = ear.arm(c, side)
+            w, al, a = face(c, side)
             slip = ear.slip(c) if side == 0 else None
             if slip is not None:
-                lever = add(lever, slip)
-            sides.append((w, al, add(a, matvec(B, lever))))
+                a = add(a, matvec(acceleration_matrix(x, w, al), slip))
+            sides.append((w, al, a))
         (w_a, al_a, a_a), (w_b, al_b, a_b) = sides
         relative = [x.let("wrel", w_b[i] - w_a[i], "Eq. 31") for i in range(3)]
         angular = [al_b[i] - al_a[i] for i in range(3)]
@@ -273,7 +282,7 @@ def ear_kinematics(x: Any, kind: Any) -> None:
         before = motions[member.parent] if member.parent >= 0 else roots[-1 - member.parent]
         motions.append(member_motion(x, member, before))
     if rows:
-        b = closing_accelerations(x, ear, rows, motions, roots, "b")
+        b = closing_accelerations(x, ear, rows, partial(face_motion, ear, motions, roots), "b")
         rates = stored_factor(x, kind).solve([-v for v in b], "y", "Eq. 38")
         still = [Twist(list(ZERO), list(ZERO)) for _ in kind.roots]
         added = ear.walk(still, ear.coefficients(rates), "e", "Eq. 38")

@@ -15,11 +15,33 @@ from .ears import Ear, rotate
 from .far_links import far_motions
 from .inverse_dynamics import transfer
 from .joints import JointTransform
-from .kinematics import body_force, load_matrix, store_matrix, store_vector
-from .loop_balance import along_freedom, inward, load_force, total_udot, transmitted_fields
+from .kinematics import body_force, load_matrix, load_vector, store_matrix, store_vector
 from .loop_dynamics import accumulate_base, hand_outward, less_external_of, link_constants, member_motion, root_motions
 from .orthogonal import product
-from .spatial import XYZ, Mat, Vec, add, cross, matvec, transpose
+from .region_balance import transmitted_fields
+from .spatial import XYZ, Mat, Vec, add, cross, dot, matvec, transpose
+
+
+def along_freedom(x: Any, kind: Any, k: int, freedom: Any, force: tuple[Vec, Vec]) -> Any:
+    tau = x.load(f"tau#{k}", str(freedom.index)) if kind.links[k].forced[freedom.index] else 0
+    return x.let("gamma", dot(freedom.e, force[0] if freedom.angular else force[1]) - tau, "Eq. 53")
+
+
+def inward(x: Any, ear: Ear, own: list[tuple[Vec, Vec]]) -> list[tuple[Vec, Vec]]:
+    """tuple[Vec, Vec]s transmitted by the joints of the ear's links, about the links' origins."""
+    held = list(own)
+    for k in reversed(range(len(own))):
+        n = [x.let("phin", e, "Eq. 45") for e in held[k][0]]
+        force = [x.let("phif", e, "Eq. 45") for e in held[k][1]]
+        held[k] = n, force
+        parent = ear.members[k].parent
+        if parent >= 0:
+            held[parent] = add(held[parent][0], n, cross(ear.members[k].rho, force)), add(held[parent][1], force)
+    return held
+
+
+def load_force(x: Any, array: str, prefix: str) -> tuple[Vec, Vec]:
+    return load_vector(x, array, f"{prefix}n"), load_vector(x, array, f"{prefix}f")
 
 
 def store_reaction(x: Any, array: str, attitude: Mat, moment: Vec, force: Vec) -> None:
@@ -50,7 +72,8 @@ def ear_motion(x: Any, kind: Any) -> None:
     motions: list[Any] = []
     for k, member in enumerate(ear.members):
         before = motions[member.parent] if member.parent >= 0 else roots[-1 - member.parent]
-        motions.append(member_motion(x, member, before, total_udot(x, kind, k, member)))
+        udot = [x.load(f"udot#{k}", str(f.index)) for f in member.freedoms]
+        motions.append(member_motion(x, member, before, udot))
     for k, (w, al, a, B) in enumerate(motions):
         me = f"me#{k}"
         moment, force = body_force(x, w, al, a, B, link_constants(x, ear, k))

@@ -1,0 +1,385 @@
+"""Completion of seeds: dq and du of the dependent joints, by differentiated closure. Section 4.6 of the theory page.
+
+Position and velocity closure are differentiated one after the other; each gives what the dependent joints must do by the
+same factored closure matrix. Links that ears start from hand on how a direction displaces and turns them.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from sympy import Rational
+
+from .closures import stored_factor
+from .ear_tangents import EarTangents, tangents_of
+from .ears import ZERO, Ear, Twist, rotate
+from .energy import origin_velocity
+from .joints import JointTransform
+from .kinematics import angular_velocity, load_vector, store_vector
+from .loop_dynamics import root_velocities, speeds_of
+from .spatial import XYZ, Mat, Vec, add, cross, dot, is_zero, matvec, scale, transpose
+from .tangents import differentiate, store_tangent
+
+
+def let3(x: Any, name: str, v: Vec, tag: str, lanes: bool = True) -> Vec:
+    return [x.let(f"{name}_{i}", v[k], tag, lanes=lanes) for k, i in enumerate(XYZ)]
+
+
+# -- links that ears start from ----------------------------------------------------------------------------------------
+
+
+def link_displacement(x: Any, kind: Any) -> None:
+    """Outward block over directions of a link that ears start from: rotation vector, displacement, tangents of its velocity.
+
+    All are components in the link's axes, against the origin.
+    """
+    if kind.closed_on == "origin":
+        undisplaced(x, "lme", "lane")
+    if kind.closed_on != "moving":
+        return
+    joint = JointTransform(x, kind)
+    theta = load_vector(x, "lup", "ct")
+    d = load_vector(x, "lup", "cd")
+    moving = JointTransform(x, kind, lanes=True)
+    r = joint.offset()
+    tag = "d Eq. 22"
+    turn, slide = joint_displacement(x, kind, joint)
+    local, about = parameter_displacement(x, kind, joint)
+    theta_here = moving.to_child(add(theta, about), "ct", tag)
+    d_here = moving.to_child(add(d, cross(theta, r), local), "cd", tag)
+    store_vector(x, "lme", "ct", let3(x, "ct", add(theta_here, turn), tag))
+    store_vector(x, "lme", "cd", let3(x, "cd", add(d_here, slide), tag))
+    store_vector(x, "lane", "ct", let3(x, "ct", add(theta_here, turn), tag))
+    store_vector(x, "lane", "cd", let3(x, "cd", add(d_here, slide), tag))
+    _, w = angular_velocity(x, kind, joint, "cw")
+    v = origin_velocity(x, kind, joint, "cw", "cv")
+    tangents = differentiate(x, kind, joint)
+    for array in ("lme", "lane"):
+        store_tangent(x, tangents, array, "cw", w)
+        store_tangent(x, tangents, array, "cv", v)
+
+
+def undisplaced(x: Any, *arrays: str) -> None:
+    """The origin's."""
+    for array in arrays:
+        for name in ("ct", "cd", "cw", "cv"):
+            store_vector(x, array, name, ZERO)
+
+
+def joint_displacement(x: Any, kind: Any, joint: JointTransform) -> tuple[Vec, Vec]:
+    """Rotation vector and displacement that a joint's own dq causes, in the link's axes."""
+    turn: Vec = [0, 0, 0]
+    slide: Vec = [0, 0, 0]
+    if kind.joint == "revolute":
+        turn[kind.axis] = x.load("dq", "0")
+    elif kind.joint == "prismatic":
+        slide[kind.axis] = x.load("dq", "0")
+    else:
+        turn = [x.load("lane", f"turn.{i}") for i in range(3)]
+        if kind.joint == "free":
+            moved = matvec(transpose(joint.matrix), [x.load("dq", str(i)) for i in range(3)])
+            slide = let3(x, "slide", moved, "d Eq. 22")
+    return turn, slide
+
+
+def parameter_displacement(x: Any, kind: Any, joint: JointTransform) -> tuple[Vec, Vec]:
+    """Displacement and rotation vector of the joint in its parent that the design parameters cause, in the parent's axes."""
+    local: Vec = [0, 0, 0]
+    about: Vec = [0, 0, 0]
+    for j in range(kind.parameters):
+        dp = x.load("dp", str(j))
+        local = [local[i] + x.load("c", f"r.{a}/{j}") * dp for i, a in enumerate(XYZ)]
+        if joint.fixed is not None:
+            dR = [[x.load("c", f"R.{a}{b}/{j}") for b in XYZ] for a in XYZ]
+            if not all(is_zero(e) for row in dR for e in row):
+                about = [
+                    about[i] + v * dp
+                    for i, v in enumerate(let3(x, "about", rotation_vector(dR, joint.fixed), "d Eq. 22", False))
+                ]
+            if joint.joint in ("prismatic", "free"):
+                q = [x.load("q", str(i)) for i in range(3)] if joint.joint == "free" else None
+                moved = matvec(dR, q) if q else [row[joint.axis] * x.load("q", "0") for row in dR]
+                local = [local[i] + v * dp for i, v in enumerate(let3(x, "moved", moved, "d Eq. 22", False))]
+    return local, about
+
+
+def rotation_vector(dR: Mat, R: Mat) -> Vec:
+    """Of ``dR R^T``."""
+    found = []
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        found.append(dot(dR[k], R[j]))
+    return found
+
+
+# -- ears --------------------------------------------------------------------------------------------------------------
+
+
+def root_angles(x: Any, kind: Any, slot: bool) -> tuple[dict[int, Vec], dict[int, Vec]]:
+    """Rotation vectors and displacements of the roots; the latter only in the sweep that finds them (`slot`)."""
+    angles: dict[int, Vec] = {}
+    moved: dict[int, Vec] = {}
+    for t, role in enumerate(kind.roots):
+        place = -1 - t
+        if role == "far":
+            angles[place] = load_vector(x, "lregion", f"far{kind.far[t]}.th")
+            moved[place] = load_vector(x, "lregion", f"far{kind.far[t]}.d")
+        elif role == "link":
+            angles[place] = load_vector(x, f"lroot#{t}" if slot else f"laneroot#{t}", "th")
+            if slot:
+                moved[place] = load_vector(x, f"lroot#{t}", "d")
+        elif role == "ground":
+            # seen from the base, whose axes turn, it is the ground that turns
+            angles[place] = [-v for v in load_vector(x, "lbase" if slot else "lanebase", "ct")]
+            if slot:
+                moved[place] = [-v for v in load_vector(x, "lbase", "cd")]
+        else:
+            angles[place], moved[place] = list(ZERO), list(ZERO)
+    return angles, moved
+
+
+def complete(x: Any, kind: Any) -> None:
+    """Outward block over directions: dq and du of the dependent joints, by differentiated position and velocity closure."""
+    ear = Ear(x, kind)
+    angles, moved = root_angles(x, kind, True)
+    for t, role in enumerate(kind.roots):
+        if role == "ground":
+            turned = cross(angles[-1 - t], ear.position(-1 - t))
+            moved[-1 - t] = let3(x, "d", add(moved[-1 - t], turned), "d Eq. 22")
+    dq = complete_positions(x, ear, angles, moved)
+    complete_velocities(x, ear, angles, moved, dq)
+
+
+def still(kind: Any) -> list[Twist]:
+    """Roots that do not move."""
+    return [Twist(list(ZERO), list(ZERO)) for _ in kind.roots]
+
+
+def complete_positions(x: Any, ear: Ear, angles: dict[int, Vec], moved: dict[int, Vec]) -> dict[tuple[str, str], Any]:
+    """Displacements of the ear's links, put into `angles` and `moved`, and dq of its dependent joints, by link and coordinate."""
+    kind, tag = ear.kind, "d Eq. 22"
+    for k, member in enumerate(ear.members):
+        view = member.view
+        W = ear.attitude(member.parent)
+        turn, slide = [0, 0, 0], [0, 0, 0]
+        for freedom in member.freedoms:
+            if freedom.index in kind.dependent[k]:
+                continue
+            value = freedom_displacement(view, kind.links[k], member.joint, freedom.index)
+            if freedom.angular:
+                turn = add(turn, scale(value, freedom.e))
+            else:
+                slide = add(slide, scale(value, freedom.e))
+        local, about = parameter_displacement(view, kind.links[k], member.joint)
+        theta, d = angles[member.parent], moved[member.parent]
+        angles[k] = let3(x, "th", add(theta, rotate(W, let3(x, "about", about, tag)), turn), tag)
+        moved[k] = let3(x, "d", add(d, cross(theta, member.rho), rotate(W, let3(x, "dr", local, tag)), slide), tag)
+    dq: dict[tuple[str, str], Any] = {}
+    rows = [ear.rows()[i] for i in kind.kept]
+    if rows:
+        b = ear.conditions(rows, cut_displacements(x, ear, angles, moved), "b", "d Eq. 30", lanes=True)
+        rates = stored_factor(x, kind).solve([-v for v in b], "dx", "d Eq. 30", lanes=True)
+        for k, added in enumerate(ear.walk(still(kind), ear.coefficients(rates), "dd", tag, lanes=True)):
+            angles[k] = let3(x, "th", add(angles[k], added.angular), tag)
+            moved[k] = let3(x, "d", add(moved[k], added.linear), tag)
+        dq = dependent_displacements(x, ear, rates)
+        for (place, name), value in dq.items():
+            x.store(f"dq#{place}", name, value)
+    for k in range(len(ear.members)):
+        for array in ("lme", "lane"):
+            store_vector(x, f"{array}#{k}", "th", angles[k])
+            store_vector(x, f"{array}#{k}", "d", moved[k])
+    return dq
+
+
+def complete_velocities(
+    x: Any, ear: Ear, angles: dict[int, Vec], moved: dict[int, Vec], dq: dict[tuple[str, str], Any]
+) -> None:
+    """du of the ear's dependent joints, and tangents of its links' velocities."""
+    kind = ear.kind
+    roots = root_velocities(x, kind)
+    velocities = ear.walk(roots, [speeds_of(m) for m in ear.members], "r", "Eq. 30")
+    rows = [ear.rows()[i] for i in kind.kept]
+    conditions = ear.conditions(rows, ear.face_difference(velocities, roots), "cv", "Eq. 30")
+    slides = any(c.slides for c in kind.closures)
+    seeds: dict[Any, Any] = {}
+    held: Vec = []
+    for t, role in enumerate(kind.roots):
+        array, names = (f"lroot#{t}", ("rw", "rv")) if role == "link" else ("lbase", ("cw", "cv"))
+        if role == "far":
+            array, names = "lregion", (f"far{kind.far[t]}.w", f"far{kind.far[t]}.v")
+        if role in ("link", "far") or (role == "frame" and not kind.rigid):
+            for vector, name in zip((roots[t].angular, roots[t].linear), names, strict=True):
+                seeds.update(tangents_of(vector, load_vector(x, array, name)))
+        held += [*roots[t].angular, *roots[t].linear]
+        if slides and role != "frame":
+            seeds.update(tangents_of(ear.position(-1 - t), moved[-1 - t]))
+            held += ear.position(-1 - t)
+    held += [ear.members[k].view.load("u", str(freedom.index)) for k, freedom in ear.dependents()]
+    tangents = EarTangents(ear, angles, seeds, dq)
+    tangents.hold(held)
+    tangents.run()
+    if rows:
+        b = [-tangents.of(v) for v in conditions]
+        rates = stored_factor(x, kind).solve(b, "du", "d Eq. 30", lanes=True)
+        added = ear.walk(still(kind), ear.coefficients(rates), "dr", "d Eq. 30", lanes=True)
+        pairs = [
+            ((v.angular, more.angular), (v.linear, more.linear)) for v, more in zip(velocities, added, strict=True)
+        ]
+        tangents.correct([pair for both in pairs for pair in both])
+        for (k, freedom), value in zip(ear.dependents(), rates, strict=True):
+            x.store(f"du#{k}", str(freedom.index), value)
+    for v in ear.fixed:
+        if v.kept is not None:
+            store_vector(x, *v.kept, tangents.vector(v.found))
+    for k, velocity in enumerate(velocities):
+        angular, linear = tangents.vector(velocity.angular), tangents.vector(velocity.linear)
+        for array in ("lme", "lane"):
+            store_vector(x, f"{array}#{k}", "rw", angular)
+            store_vector(x, f"{array}#{k}", "rv", linear)
+        if kind.links[k].closed_on == "origin":
+            undisplaced(x, f"lme#{k}", f"lane#{k}")
+        if kind.links[k].closed_on == "moving":
+            member_displacement(x, ear, k, (angles[k], moved[k]), velocity, Twist(angular, linear))
+
+
+def member_displacement(x: Any, ear: Ear, k: int, displaced: tuple[Vec, Vec], velocity: Twist, tangent: Twist) -> None:
+    """The same as `link_displacement` gives, of a link of an ear that other loops close on, from what is relative to the base."""
+    kind, tag = ear.kind, "d Eq. 22"
+    theta, d = displaced
+    W, o = ear.members[k].W, ear.position(k)
+    w, v, dw, dv = velocity.angular, velocity.linear, tangent.angular, tangent.linear
+    theta_whole, d_whole = list(theta), list(d)
+    if kind.carried:
+        theta_base, d_base = load_vector(x, "lbase", "ct"), load_vector(x, "lbase", "cd")
+        theta_whole, d_whole = add(theta, theta_base), add(d, d_base, cross(theta_base, o))
+        if kind.rigid:
+            w_base, dw_base = load_vector(x, "base", "cw"), load_vector(x, "lbase", "cw")
+            w = let3(x, "w", add(w, w_base), "Eq. 18", False)
+            v = let3(x, "v", add(v, load_vector(x, "base", "cv"), cross(w_base, o)), "Eq. 18", False)
+            dw = add(dw, dw_base)
+            dv = add(dv, load_vector(x, "lbase", "cv"), cross(dw_base, o), cross(w_base, d))
+    dw = [a - b for a, b in zip(dw, cross(theta, w), strict=True)]
+    dv = [a - b for a, b in zip(dv, cross(theta, v), strict=True)]
+    back = transpose(W)
+    for name, value in (("ct", theta_whole), ("cd", d_whole), ("cw", dw), ("cv", dv)):
+        own = let3(x, name, matvec(back, let3(x, name, value, tag)), tag)
+        for array in ("lme", "lane"):
+            store_vector(x, f"{array}#{k}", name, own)
+
+
+def freedom_displacement(view: Any, kind: Any, joint: JointTransform, j: int) -> Any:
+    """Displacement along one freedom of a joint that its dq causes."""
+    if kind.joint in ("revolute", "prismatic"):
+        return view.load("dq", "0")
+    if j < 3:
+        return view.load("lane", f"turn.{j}")
+    column = [row[j - 3] for row in joint.matrix]
+    return view.let("slide", dot(column, [view.load("dq", str(i)) for i in range(3)]), "d Eq. 22", lanes=True)
+
+
+def dependent_displacements(x: Any, ear: Ear, rates: list[Any], lanes: bool = True) -> dict[tuple[str, str], Any]:
+    """dq of dependent joints from displacements along their freedoms; a quaternion's is ``e (0, theta) / 2``."""
+    result: dict[tuple[str, str], Any] = {}
+    values: dict[int, dict[int, Any]] = {}
+    for (k, freedom), value in zip(ear.dependents(), rates, strict=True):
+        values.setdefault(k, {})[freedom.index] = value
+    for k, found in values.items():
+        member, kind = ear.members[k], ear.kind.links[k]
+        if kind.joint in ("revolute", "prismatic"):
+            result[str(k), "0"] = found[0]
+            continue
+        # what is dependent in part keeps what was given along its other freedoms; a rotation or displacement without any
+        # dependent freedom is as given, a quaternion's length too
+        if any(j < 3 for j in found):
+            n = 3 if kind.joint == "free" else 0
+            turn = [found[j] if j in found else member.view.load("lane", f"turn.{j}") if lanes else 0 for j in range(3)]
+            half = 1 if x.structural else Rational(1, 2)
+            a, b, c = (x.let("half", half * v, "d Eq. 22", lanes=lanes) for v in turn)
+            w, i, j, k_ = (member.view.load("q", str(n + m)) for m in range(4))
+            changed = [
+                -(i * a + j * b + k_ * c), w * a + j * c - k_ * b, w * b + k_ * a - i * c, w * c + i * b - j * a,
+            ]  # fmt: skip
+            for m, value in enumerate(changed):
+                result[str(k), str(n + m)] = x.let("dq", value, "d Eq. 22", lanes=lanes)
+            if lanes:
+                for m in range(3):
+                    member.view.store("lane", f"turn.{m}", turn[m])
+        if any(j >= 3 for j in found):
+            slide = [
+                found[j] if j in found else freedom_displacement(member.view, kind, member.joint, j) if lanes else 0
+                for j in range(3, 6)
+            ]
+            for m, value in enumerate(matvec(member.joint.matrix, slide)):
+                result[str(k), str(m)] = x.let("dq", value, "d Eq. 22", lanes=lanes)
+    return result
+
+
+def cut_displacements(x: Any, ear: Ear, angles: dict[int, Vec], moved: dict[int, Vec]) -> list[Twist]:
+    """Displacements of the end faces against the start faces."""
+    found = []
+    for c, closure in enumerate(ear.kind.closures):
+        sides = []
+        for side in (0, 1):
+            place = closure.faces[side]
+            W = ear.attitude(place)
+            theta, d = angles[place], moved[place]
+            local, about = face_displacement(x, ear, c, side)
+            at = add(d, cross(theta, ear.arm(c, side)), rotate(W, let3(x, "dr", local, "d Eq. 30")))
+            theta = add(theta, rotate(W, let3(x, "about", about, "d Eq. 30")))
+            slip = ear.slip(c) if side == 0 else None
+            if slip is not None:
+                at = add(at, cross(theta, slip))
+            sides.append(Twist(let3(x, "cut", theta, "d Eq. 30"), let3(x, "cut", at, "d Eq. 30")))
+        found.append(ear.difference(c, (sides[0], sides[1])))
+    return found
+
+
+def seed_residuals(x: Any, kind: Any) -> None:
+    """Outward block over directions: by how much complete seeds open the loops, in all conditions of their joints.
+
+    Only redundant conditions can be left open: by a parameter, say, that bends a planar loop out of its plane.
+    """
+    ear = Ear(x, kind)
+    angles, _ = root_angles(x, kind, False)
+    moved: dict[int, Vec] = {}
+    for t, role in enumerate(kind.roots):
+        place = -1 - t
+        if role == "far":
+            moved[place] = load_vector(x, "lregion", f"far{kind.far[t]}.d")
+        elif role == "link":
+            moved[place] = load_vector(x, f"laneroot#{t}", "d")
+        elif role == "ground":
+            turned = cross(angles[place], ear.position(place))
+            moved[place] = let3(
+                x, "d", [b - a for a, b in zip(load_vector(x, "lanebase", "cd"), turned, strict=True)], "d Eq. 22"
+            )
+        else:
+            moved[place] = list(ZERO)
+    for k in range(len(ear.members)):
+        angles[k], moved[k] = load_vector(x, f"lane#{k}", "th"), load_vector(x, f"lane#{k}", "d")
+    gaps = cut_displacements(x, ear, angles, moved)
+    for c in range(len(kind.closures)):
+        for i, row in enumerate(ear.joint_conditions(c)):
+            value = dot(row.n, gaps[c].angular if row.angular else gaps[c].linear)
+            x.store(f"dposition#{c}", str(i), x.let("open", value, "d Eq. 32", lanes=True))
+
+
+def face_displacement(x: Any, ear: Ear, c: int, side: int) -> tuple[Vec, Vec]:
+    """Displacement and rotation vector of a face in its link that the design parameters cause."""
+    name = "AB"[side]
+    local: Vec = [0, 0, 0]
+    about: Vec = [0, 0, 0]
+    closure = ear.kind.closures[c]
+    for j in range(closure.parameters):
+        dp = x.load(f"cldp#{c}", str(j))
+        local = [local[i] + x.load(f"cl#{c}", f"{name}.r.{a}/{j}") * dp for i, a in enumerate(XYZ)]
+        if closure.type == "spherical" and not closure.gaps:
+            continue
+        _, F = ear.face(c, side)
+        dF = [[x.load(f"cl#{c}", f"{name}.F.{a}{b}/{j}") for b in XYZ] for a in XYZ]
+        if not all(is_zero(e) for row in dF for e in row):
+            about = [
+                about[i] + v * dp for i, v in enumerate(let3(x, "about", rotation_vector(dF, F), "d Eq. 30", False))
+            ]
+    return local, about

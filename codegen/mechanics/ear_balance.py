@@ -1,0 +1,432 @@
+"""The balance through an ear: tangents of its inverse dynamics at fixed udot. Section 4.6 of the theory page.
+
+Motions and forces are components in the links' own axes, as those of plain links are: there a link's inertia is constant, and
+nothing but its joint turns. Only what meets at a cut is turned into the region's axes, and the loops' wrenches back.
+Outward, the acceleration closure is differentiated; inward, the loops carry the wrench that closes them, and what is left
+along the dependent joints is projected on the sources by the same map ``Y``: no multiplier is ever solved for along a
+direction.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from .closures import own_sources, stored_factor
+from .completion import let3, root_angles
+from .couplings import component
+from .ear_tangents import EarTangents, tangents_of
+from .ears import UNIT, Condition, Ear, Twist
+from .inverse_dynamics import joint_acceleration
+from .joints import JointTransform, freedom_axes
+from .kinematics import (
+    accelerated,
+    acceleration_matrix,
+    body_force,
+    less_external,
+    load_matrix,
+    load_vector,
+    own_inertia,
+    store_matrix,
+    store_vector,
+    turning,
+)
+from .loop_dynamics import carried_accelerations, closing_accelerations, root_velocities, source_accelerations
+from .orthogonal import product
+from .spatial import Mat, Vec, add, cross, is_zero, matvec, transpose
+from .triangularization import force_to_parent
+
+SIX = range(6)
+
+
+@dataclass(slots=True)
+class Motion:
+    """Motion of a link in its own axes: angular velocity, accelerations of the origin and ``B``. Eqs. 18-21."""
+
+    w: Vec
+    al: Vec
+    a: Vec
+    B: Mat
+
+
+@dataclass(slots=True)
+class Handed:
+    """A moment and force on a root, about its origin and in its own axes, and its tangent: six components each."""
+
+    root: int
+    force: Vec
+    tangent: Vec
+
+
+# -- outward -----------------------------------------------------------------------------------------------------------
+
+
+def root_motion(x: Any, kind: Any, t: int) -> tuple[Motion, dict[Any, Any]]:
+    """Motion of a root with all of the accelerations, and the tangents of it."""
+    role = kind.roots[t]
+    if role == "ground":
+        a = load_vector(x, "ground", "ta")
+        return Motion([0] * 3, [0] * 3, a, [[0] * 3] * 3), tangents_of(a, load_vector(x, "lground", "a"))
+    array, prefix = "base", ""
+    if role == "far":
+        array, prefix = "region", f"far{kind.far[t]}.o"
+    elif role == "link":
+        array = f"root#{t}"
+    moved = [f"{prefix}{n}" for n in ("w", "al", "a", "B")]
+    names = moved if role == "far" else ["tw" if role == "link" else "w", "tal", "ta", "tB"]
+    w, al, a = (load_vector(x, array, n) for n in names[:3])
+    B = load_matrix(x, array, names[3])
+    seeds: dict[Any, Any] = {}
+    for vector, name in zip((w, al, a), moved[:3], strict=True):
+        seeds.update(tangents_of(vector, load_vector(x, f"l{array}", name)))
+    for row, changed in zip(B, load_matrix(x, f"l{array}", moved[3]), strict=True):
+        seeds.update(tangents_of(row, changed))
+    return Motion(w, al, a, B), seeds
+
+
+def member_motion(x: Any, kind: Any, member: Any, before: Motion) -> Motion:
+    """Motion of a link from that of its parent, with the joint's udot. Eqs. 18-21."""
+    view, joint = member.view, member.joint
+    carried = joint.to_child(before.w, "wp", "Eq. 18")
+    w = turning(view, kind, carried)
+    al, a = accelerated(view, kind, joint, carried, (before.al, before.a, before.B))
+    al, a = joint_acceleration(view, kind, al, a)
+    return Motion(w, al, a, acceleration_matrix(x, w, al))
+
+
+def face_motion(
+    x: Any, ear: Ear, motions: list[Motion], roots: list[Motion], c: int, side: int
+) -> tuple[Vec, Vec, Vec]:
+    """Angular velocity, angular acceleration and acceleration of a loop's face, in the region's axes."""
+    place = ear.kind.closures[c].faces[side]
+    m = motions[place] if place >= 0 else roots[-1 - place]
+    r, _ = ear.face(c, side)
+    a = let3(x, "fa", add(m.a, matvec(m.B, r)), "Eq. 31", False)
+    w, al, a = (ear.fixed_vector("face", place, v, "Eq. 31") for v in (m.w, m.al, a))
+    return w, al, a
+
+
+def dependent_accelerations(x: Any, ear: Ear, rates: list[Any]) -> list[tuple[Vec, Vec]]:
+    """Angular and linear accelerations of the links that the dependent joints cause, in the links' axes. Eq. 31."""
+    tag = "d Eq. 31"
+    found: list[tuple[Vec, Vec]] = []
+    along = {(k, freedom.index): value for (k, freedom), value in zip(ear.dependents(), rates, strict=True)}
+    for k, (member, kind) in enumerate(zip(ear.members, ear.kind.links, strict=True)):
+        A: Vec = [0] * 6
+        if member.parent >= 0:
+            al, a = found[member.parent]
+            joint = JointTransform(member.view, kind, lanes=True)
+            A = joint.to_child(al, "da", tag) + joint.to_child(add(a, cross(al, member.r)), "da", tag)
+        for j, i in enumerate(freedom_axes(kind.joint, kind.axis)):
+            A[i] = A[i] + along.get((k, j), 0)
+        A = [x.let("da", e, tag, lanes=True) for e in A]
+        found.append((A[:3], A[3:]))
+    return found
+
+
+def ear_balance_out(x: Any, kind: Any) -> None:
+    """Outward block over directions: tangents of the motion, the sources' udot held, and of the force it needs. Eqs. 25-29."""
+    ear = Ear(x, kind)
+    rows = [ear.rows()[i] for i in kind.kept]
+    angles, _ = root_angles(x, kind, False)
+    for k in range(len(ear.members)):
+        angles[k] = load_vector(x, f"lane#{k}", "th")
+    roots: list[Motion] = []
+    seeds: dict[Any, Any] = {}
+    for t in range(len(kind.roots)):
+        motion, tangents = root_motion(x, kind, t)
+        roots.append(motion)
+        seeds.update(tangents)
+    slides = any(c.slides for c in kind.closures)
+    slip_roots = root_velocities(x, kind) if slides else []
+    seeds.update(root_positions(x, ear))
+    seeds.update(slip_tangents(x, kind, slip_roots))
+    d = EarTangents(ear, angles, seeds)
+    d.turn_joints()
+    hold_roots(d, ear, slip_roots)
+    motions: list[Motion] = []
+    for k, member in enumerate(ear.members):
+        before = motions[member.parent] if member.parent >= 0 else roots[-1 - member.parent]
+        motions.append(member_motion(x, kind.links[k], member, before))
+    d.run()
+    if rows:
+        faces = partial(face_motion, x, ear, motions, roots)
+        conditions = closing_accelerations(x, ear, rows, faces, "ca", slip_roots)
+        d.run()
+        rates = stored_factor(x, kind).solve([-d.of(v) for v in conditions], "dx", "d Eq. 31", lanes=True)
+        pairs: list[tuple[Vec, Vec]] = []
+        for m, (al, a) in zip(motions, dependent_accelerations(x, ear, rates), strict=True):
+            pairs += [(m.al, al), (m.a, a)]
+        d.correct(pairs)
+        for n, (k, freedom) in enumerate(ear.dependents()):
+            x.store(f"lane#{k}", f"x.{freedom.index}", rates[n])
+    for k, m in enumerate(motions):
+        view, link = ear.members[k].view, kind.links[k]
+        needed = body_force(x, m.w, m.al, m.a, m.B, own_inertia(view))
+        d.run()
+        moment, force = less_external(view, link, needed)
+        d_moment, d_force = less_external(view, link, (d.vector(needed[0]), d.vector(needed[1])), "lane", True)
+        for name, v in (("tw", m.w), ("tal", m.al), ("ta", m.a), ("tn", moment), ("tf", force)):
+            store_vector(x, f"me#{k}", name, v)
+        store_matrix(x, f"me#{k}", "tB", m.B)
+        for name, v in (("w", m.w), ("al", m.al), ("a", m.a)):
+            store_vector(x, f"lme#{k}", name, d.vector(v))
+        store_matrix(x, f"lme#{k}", "B", [d.vector(row) for row in m.B])
+        store_vector(x, f"lane#{k}", "n", d_moment)
+        store_vector(x, f"lane#{k}", "f", d_force)
+
+
+def root_positions(x: Any, ear: Ear) -> dict[Any, Any]:
+    """Tangents of the roots' positions, where sliding joints ask for them and seeds are complete."""
+    kind = ear.kind
+    if not any(c.slides for c in kind.closures):
+        return {}
+    found: dict[Any, Any] = {}
+    for t, role in enumerate(kind.roots):
+        if role == "far":
+            found.update(tangents_of(ear.position(-1 - t), load_vector(x, "lregion", f"far{kind.far[t]}.d")))
+        elif role == "link":
+            found.update(tangents_of(ear.position(-1 - t), load_vector(x, f"laneroot#{t}", "d")))
+        elif role == "ground":
+            o = ear.position(-1 - t)
+            turned = cross(load_vector(x, "lanebase", "ct"), o)
+            moved = [-(a + b) for a, b in zip(load_vector(x, "lanebase", "cd"), turned, strict=True)]
+            found.update(tangents_of(o, let3(x, "do", moved, "d Eq. 22")))
+    return found
+
+
+def slip_tangents(x: Any, kind: Any, velocities: list[Twist]) -> dict[Any, Any]:
+    """Tangents of the roots' velocities, for joints that slide."""
+    found: dict[Any, Any] = {}
+    for t, twist in enumerate(velocities):
+        role = kind.roots[t]
+        if role == "ground" or (role == "frame" and kind.rigid):
+            continue
+        array, names = ("lanebase", ("cw", "cv")) if role == "frame" else (f"laneroot#{t}", ("rw", "rv"))
+        if role == "far":
+            array, names = "lregion", (f"far{kind.far[t]}.w", f"far{kind.far[t]}.v")
+        for vector, name in zip((twist.angular, twist.linear), names, strict=True):
+            found.update(tangents_of(vector, load_vector(x, array, name)))
+    return found
+
+
+def hold_roots(d: EarTangents, ear: Ear, velocities: list[Twist]) -> None:
+    """The roots' velocities and positions are given, where sliding joints ask for them."""
+    if not any(c.slides for c in ear.kind.closures):
+        return
+    for t, role in enumerate(ear.kind.roots):
+        if velocities:
+            d.hold([*velocities[t].angular, *velocities[t].linear])
+        if role != "frame":
+            d.hold(ear.position(-1 - t))
+
+
+# -- inward ------------------------------------------------------------------------------------------------------------
+
+
+def ear_balance_in(x: Any, kind: Any) -> None:
+    """Inward block over directions: forces transmitted by the joints, with the wrenches that close the loops, and their tangents;
+    what they miss along the joints, projected on the sources. Eqs. 9, 45, 50."""
+    ear = Ear(x, kind)
+    rows = [ear.rows()[i] for i in kind.kept]
+    count = len(ear.members)
+    angles, _ = root_angles(x, kind, False)
+    for k in range(count):
+        angles[k] = load_vector(x, f"lane#{k}", "th")
+    for c in range(len(kind.closures)):
+        ear.slip(c)
+    d = EarTangents(ear, angles, root_positions(x, ear))
+    d.turn_joints()
+    hold_roots(d, ear, [])
+    d.run()
+    phi: list[Vec] = []
+    d_phi: list[Vec] = []
+    for k in range(count):
+        fields = [("t", "lane", "")]
+        if kind.followed[k]:
+            fields.append(("oacc.", "lme", "oacc."))
+        if kind.links[k].carries:
+            fields.append(("tacc.", "lme", "acc."))
+        phi.append([sum(x.load(f"me#{k}", component(f, i)) for f, _, _ in fields) for i in SIX])
+        d_phi.append([sum(x.load(f"{array}#{k}", component(f, i)) for _, array, f in fields) for i in SIX])
+    handed: list[Handed] = []
+    if rows:
+        # what the joints would transmit without the loops' wrenches
+        held = transmitted(x, ear, phi)
+        gamma = [
+            x.let("gamma", held[k][place_of(ear, k, j)] - tau(x, kind, k, j), "Eq. 53") for k, j in dependents(kind)
+        ]
+        wrench = stored_factor(x, kind).solve_transposed([-v for v in gamma], "W", "Eq. 9")
+        for c in range(len(kind.closures)):
+            handed += apply_wrench(x, ear, c, rows, wrench, phi, d_phi, d)
+    handed += transmit(x, ear, phi, d_phi, d)
+
+    def missing(k: int, j: int) -> Any:
+        dtau = x.load(f"dtau#{k}", str(j)) if kind.links[k].forced[j] else 0
+        return x.let("dgamma", d_phi[k][place_of(ear, k, j)] - dtau, "d Eq. 53", lanes=True)
+
+    r = {c: missing(k, j) for c, (k, j) in own_sources(kind).items()}
+    for n, (k, j) in enumerate(dependents(kind)):
+        value = missing(k, j)
+        for c in range(kind.total):
+            r[c] = r.get(c, 0) + x.load("ear", f"Y{n}.{c}") * value
+    for c, value in r.items():
+        x.store("lregion_sum", f"r{c}", x.let("r", value, "d Eq. 53", lanes=True))
+    hand_to_roots(x, kind, handed)
+
+
+def dependents(kind: Any) -> list[tuple[int, int]]:
+    """Link and freedom of the dependent freedoms."""
+    return [(k, j) for k in range(len(kind.links)) for j in kind.dependent[k]]
+
+
+def place_of(ear: Ear, k: int, j: int) -> int:
+    """Which of a link's six components a freedom is."""
+    link = ear.kind.links[k]
+    return freedom_axes(link.joint, link.axis)[j]
+
+
+def tau(x: Any, kind: Any, k: int, j: int) -> Any:
+    """The model's own force along a freedom."""
+    return x.load(f"tau#{k}", str(j)) if kind.links[k].forced[j] else 0
+
+
+def to_parent(x: Any, member: Any, force: Vec, tag: str) -> Vec:
+    """Moment and force about the parent's origin, in its axes."""
+    n, f = force_to_parent(x, member.joint, member.r, force[:3], force[3:], tag)
+    return [*n, *f]
+
+
+def transmitted(x: Any, ear: Ear, own: list[Vec]) -> list[Vec]:
+    """Forces transmitted by the joints of the ear's links, about the links' origins."""
+    held = list(own)
+    for k in reversed(range(len(own))):
+        held[k] = [x.let("phi", v, "Eq. 45") for v in held[k]]
+        parent = ear.members[k].parent
+        if parent >= 0:
+            held[parent] = add(held[parent], to_parent(x, ear.members[k], held[k], "Eq. 45"))
+    return held
+
+
+def transmit(x: Any, ear: Ear, phi: list[Vec], d_phi: list[Vec], d: EarTangents) -> list[Handed]:
+    """The same with the loops' wrenches, and its tangent, left in `phi` and `d_phi`; what the roots get."""
+    kind = ear.kind
+    handed: list[Handed] = []
+    for k in reversed(range(len(phi))):
+        member = ear.members[k]
+        for j in kind.dependent[k]:
+            # in equilibrium a dependent joint transmits its own force along its freedom
+            phi[k][place_of(ear, k, j)] = tau(x, kind, k, j)
+        phi[k] = [x.name("phi", v, "Eq. 45") for v in phi[k]]
+        d_phi[k] = [x.let("dphi", v, "d Eq. 45", lanes=True) for v in d_phi[k]]
+        if member.parent < 0 and kind.roots[-1 - member.parent] == "ground":
+            continue
+        on_parent = to_parent(x, member, phi[k], "Eq. 45")
+        if x.structural:
+            moved = add(on_parent, to_parent(x, member, d_phi[k], ""))
+        else:
+            d.give(phi[k], d_phi[k])
+            d.run()
+            moved = [d.of(v) for v in on_parent]
+        if member.parent >= 0:
+            phi[member.parent] = add(phi[member.parent], on_parent)
+            d_phi[member.parent] = add(d_phi[member.parent], moved)
+        else:
+            handed.append(Handed(-1 - member.parent, on_parent, moved))
+    return handed
+
+
+def apply_wrench(
+    x: Any, ear: Ear, c: int, rows: list[Condition], wrench: Vec, phi: list[Vec], d_phi: list[Vec], d: EarTangents
+) -> list[Handed]:
+    """Let a loop's wrench act on its two faces; it keeps to the directions that the joint holds, which turn with the links.
+
+    What it does to links of the ear is added to `phi` and `d_phi`; what it does to roots is returned.
+    """
+    sums: dict[bool, tuple[Vec, Vec]] = {True: ([0] * 3, [0] * 3), False: ([0] * 3, [0] * 3)}
+    for row, value in zip(rows, wrench, strict=True):
+        if row.loop == c:
+            n, dn = sums[row.angular]
+            sums[row.angular] = (
+                add(n, [product(e, value) for e in row.n]), add(dn, [t * value for t in d.vector(row.n)]),
+            )  # fmt: skip
+    moment, force = (let3(x, "W", sums[angular][0], "Eq. 9", False) for angular in (True, False))
+    d_moment, d_force = (let3(x, "dW", sums[angular][1], "d Eq. 9") for angular in (True, False))
+    handed: list[Handed] = []
+    for side, sign in ((0, -1), (1, 1)):
+        place = ear.kind.closures[c].faces[side]
+        if place < 0 and ear.kind.roots[-1 - place] == "ground":
+            continue
+        slip = ear.slip(c) if side == 0 else None
+        n, dn = moment, d_moment
+        if slip is not None:
+            d_slip = let3(x, "dslip", d.vector(slip), "d Eq. 30")
+            n = add(moment, cross(slip, force))
+            dn = add(d_moment, cross(d_slip, force), cross(slip, d_force))
+        r, _ = ear.face(c, side)
+        f, df = turned_back(x, ear, place, d.angles.get(place), force, d_force)
+        n, dn = turned_back(x, ear, place, d.angles.get(place), n, dn)
+        n = add(n, cross(r, f))
+        dn = add(dn, cross(r, df), cross(d.vector(r), f))
+        acting, moved = [sign * e for e in (*n, *f)], [sign * e for e in (*dn, *df)]
+        if place < 0:
+            handed.append(Handed(-1 - place, acting, moved))
+        else:
+            phi[place] = add(phi[place], acting)
+            d_phi[place] = add(d_phi[place], moved)
+    return handed
+
+
+def turned_back(x: Any, ear: Ear, place: int, theta: Vec | None, v: Vec, dv: Vec) -> tuple[Vec, Vec]:
+    """Components in a link's axes of a vector given in the region's, and their tangents ``W^T (dv - theta x v)``."""
+    W = ear.attitude(place)
+    if W is UNIT or theta is None:
+        return v, dv
+    back = transpose(W)
+    relative = let3(x, "rel", [a - b for a, b in zip(dv, cross(theta, v), strict=True)], "d Eq. 22")
+    return let3(x, "own", matvec(back, v), "Eq. 22", False), let3(x, "own", matvec(back, relative), "d Eq. 22")
+
+
+def hand_to_roots(x: Any, kind: Any, handed: list[Handed]) -> None:
+    """Sum up what the roots get, in their axes."""
+    for t, role in enumerate(kind.roots):
+        parts = [h for h in handed if h.root == t]
+        if not parts or role == "ground" or (role == "frame" and not kind.carried):
+            continue
+        total = [x.let("to_root", v, "Eq. 45") for v in add(*(h.force for h in parts))]
+        change = [x.let("to_root", v, "d Eq. 45", lanes=True) for v in add(*(h.tangent for h in parts))]
+        for i in SIX:
+            if role == "link":
+                accumulate_root(x, kind, t, f"root#{t}", component("oacc.", i), total[i], False)
+                accumulate_root(x, kind, t, f"lroot#{t}", component("oacc.", i), change[i], True)
+                continue
+            prefix = f"far{kind.far[t]}." if role == "far" else ""
+            x.store("region_sum", component(f"{prefix}t.", i), total[i])
+            x.store("lregion_sum", component(f"{prefix}b.", i), change[i])
+
+
+def accumulate_root(x: Any, kind: Any, t: int, array: str, field: str, value: Any, lanes: bool) -> None:
+    """Add to what a link gets from the ears that start from it; the first one on the way inward writes it."""
+    if not kind.first_at[t]:
+        if is_zero(value):
+            return
+        value = x.let("acc", x.load(array, field) + value, "Eq. 45", lanes=lanes)
+    x.store(array, field, value)
+
+
+# -- outward again -----------------------------------------------------------------------------------------------------
+
+
+def ear_balance_back(x: Any, kind: Any) -> None:
+    """Outward block over directions: tangents of the accelerations of the ear's joints. Eq. 55."""
+    a = source_accelerations(x, kind, "lregion", "lbase")
+    for c, (k, j) in own_sources(kind).items():
+        x.store(f"dudot#{k}", str(j), a[c])
+    for n, (k, j) in enumerate(dependents(kind)):
+        value = x.load(f"lane#{k}", f"x.{j}")
+        for c in range(kind.total):
+            value = value + x.load("ear", f"Y{n}.{c}") * a[c]
+        x.store(f"dudot#{k}", str(j), x.let("dudot", value, "d Eq. 53", lanes=True))
+    if any(link.carries for link in kind.links):
+        carried_accelerations(x, kind, a, "lme", "lbase", True)
