@@ -14,6 +14,7 @@ from model_mutations import FILE, bases, judge, mutated
 from codegen.cli import main
 from codegen.model import ModelBuilder, ModelError, parse_model
 from codegen.model.repetition import MAX_REPETITIONS
+from codegen.model.sections.bodies import MAX_BODIES
 
 ARM = """\
 model: arm
@@ -206,6 +207,17 @@ def test_mistakes_in_every_repetition_do_not_take_forever() -> None:
 def test_many_bodies_whose_numbers_differ_are_refused() -> None:
     text = "model: m\nbodies:\n  repeat k in 1..60000:\n    a(k): {parent: ground, joint: {type: revolute, axis: y}, mass: k, com: [1, 0, 0]}\n"
     assert "bodies of repeat blocks whose numbers all differ" in refused(text)[0]
+
+
+def test_too_many_bodies_are_refused_before_they_are_built() -> None:
+    text = "model: m\nbodies:\n  repeat k in 1..%d:\n    a(k): {parent: ground, joint: {type: revolute, axis: y}, mass: 1}\n"
+    start = time.process_time()
+    (line,) = refused(text % (MAX_BODIES + 1))
+    assert time.process_time() - start < 5
+    assert (
+        line
+        == f"m.yaml:4:11: bodies.a(k): more than {MAX_BODIES} bodies; reading them would take too long: repeat less (k = {MAX_BODIES + 1})"
+    )
 
 
 def test_reading_a_chain_takes_linear_time_and_little_memory() -> None:

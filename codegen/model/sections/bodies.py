@@ -13,14 +13,15 @@ from ..expressions import Expression, ExpressionError
 from ..model import GROUND, Body, Joint, Vector, joint_coordinates
 from ..positions import Path_
 from ..reading import Reader, TooManyProblems, some
-from ..repetition import Instance
+from ..repetition import CannotGoOn, Instance
 from ..schema import ZERO, BodyEntry, JointEntry
 from ..shapes import Inertia, mass_properties
 from .digits import check_axis
 from .placement import Bound, bound_entry, expressions_of, rotation, vector
 
-MAX_DIFFERENT: Final = 50_000
-"""So many bodies of repeat blocks may differ in their numbers; those that do not are read once."""
+MAX_BODIES: Final = 200_000
+MAX_DIFFERENT: Final = 40_000
+"""So many of those of repeat blocks may differ in their numbers; those that do not are read once."""
 
 _Parts = tuple[Joint, Expression, Vector, Inertia, bool]
 _Listed = list[tuple[Path_, Expression]]
@@ -65,6 +66,9 @@ def read_bodies(reader: Reader) -> BodySection:
     """Read the bodies; coordinates and speeds of their joints are allowed in expressions of the motion from now on."""
     section = BodySection()
     for at in reader.section("bodies"):
+        if len(section.names) == MAX_BODIES:
+            reader.report(at, (), f"more than {MAX_BODIES} bodies; reading them would take too long: repeat less")
+            raise CannotGoOn
         name = reader.key_name(at, "body", "body")
         spec = reader.spec(BodyEntry, at)
         if name is not None:
