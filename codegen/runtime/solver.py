@@ -1566,10 +1566,15 @@ class Solver:
         return arrays, batch
 
     def _rest(self, name: str, given: Mapping[str, Any]) -> Array | float:
-        """What a mapping leaves out: the initial values of q and u at the given parameters, default parameters, else zeros."""
-        if name in ("q", "u"):
-            return self._initial_values(given.get("p"))[name == "u"]
-        return self._left_out.get(name, 0.0)
+        """What a mapping leaves out: the initial state at the given parameters, default parameters, else zeros."""
+        if name not in ("q", "u"):
+            return self._left_out.get(name, 0.0)
+        p = given.get("p")
+        if p is not None and self.closure_names:
+            # what the mapping says may close where the initial independent coordinates do not
+            with contextlib.suppress(SingularLoopError, AssemblyError):
+                return self.initial_state(p)[name == "u"]
+        return self._initial_values(p)[name == "u"]
 
     def _check_quaternions(self, q: Array) -> None:
         q = _once(q)

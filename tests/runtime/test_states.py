@@ -77,6 +77,25 @@ def test_a_mapping_leaves_the_others_at_their_initial_values(four_bar):
         four_bar.accelerations(q, {"c": 1.0})
 
 
+def test_mappings_leave_out_a_closed_state_at_other_parameters(four_bar):
+    p = {"crank_length": 1.1 * four_bar.parameters[0]}
+    q, u = four_bar.initial_state(p)
+    assert np.abs(q - four_bar.initial[0]).max() > 1e-2  # other lengths close otherwise
+    np.testing.assert_array_equal(four_bar.accelerations({}, {}, p), four_bar.accelerations(q, u, p))
+    np.testing.assert_array_equal(four_bar.closure({"crank": q[0]}, {}, p)[0], four_bar.closure(q, u, p)[0])
+    q, u = four_bar.assemble({"crank": 1.0}, p=p)
+    assert np.abs(four_bar.closure(q, u, p)[0]).max() < 1e-13
+
+
+def test_mappings_at_parameters_that_the_initial_crank_cannot_close(four_bar):
+    """Rods too short for the crank where it is, and long enough for one that points at the rocker's hinge."""
+    p = {"coupler_length": 0.3, "rocker_length": 0.48}
+    with pytest.raises(codegen.runtime.AssemblyError):
+        four_bar.initial_state(p)
+    q, u = four_bar.assemble({"crank": 0.1}, p=p)
+    assert np.abs(four_bar.closure(q, u, p)[0]).max() < 1e-13
+
+
 def test_seeds_by_name_are_zero_elsewhere(four_bar):
     q, u = four_bar.initial
     dq = np.zeros(four_bar.nq)
