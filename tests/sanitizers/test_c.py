@@ -93,12 +93,20 @@ def packages() -> dict[str, Package]:
 
 
 def campaign() -> dict[str, Package]:
-    every = [(f"every {m.name}", m.model, tuple(m.options.items())) for m in mixtures(every=True)]
+    """Mixtures of ingredients in all builds, all checks on; all examples, with all options, by both compilers."""
+    found = [
+        Package(f"every {m.name}", m.model, tuple(m.options.items()), EVERY, WARNED, thorough=True)
+        for m in mixtures(every=True)
+    ]
     for path in EXAMPLES:
-        for layout in ("kinds", "unrolled"):
+        for layout, builds in (("kinds", (GCC_NATIVE, CLANG)), ("unrolled", (GCC, CLANG_NATIVE))):
             options = (("reactions", True), ("partitions", 2), ("layout", layout))
-            every.append((f"{path.stem} {layout}", example(path), options))
-    return {name: Package(name, model, options, EVERY, WARNED, thorough=True) for name, model, options in every}
+            found.append(
+                Package(
+                    f"{path.stem} {layout}", example(path), options, (*builds, CLANG_MEMORY), WARNED[1:2], thorough=True
+                )
+            )
+    return {p.name: p for p in found}
 
 
 PACKAGES, CAMPAIGN = packages(), campaign()
