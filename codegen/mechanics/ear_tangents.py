@@ -57,6 +57,7 @@ class EarTangents:
         self.scanned = 0
         self.fixed = 0
         self.known: set[Symbol] = set()
+        self.turned: set[Symbol] = set()
         if self.structural:
             return
         self.d = Tangents(self.x, {}, {})
@@ -132,6 +133,7 @@ class EarTangents:
             if not isinstance(symbol, Symbol) or symbol in self.x.block.loads or symbol in self.known:
                 continue
             self.known.add(symbol)
+            self.turned.add(symbol)
             value = self.x.let("d_fixed", moved[i], "d Eq. 22", lanes=True)
             if not is_zero(value):
                 self.d.of[symbol] = value
@@ -187,8 +189,10 @@ class EarTangents:
                         before = self.d.of.get(symbol, 0)
                         self.d.of[symbol] = self.x.let("d", before + value, "d Eq. 31", lanes=True)
                         changed.add(symbol)
+        # what is turned into the region's axes has served, and shares its name with nothing else
+        right = listed | self.turned
         for statement in self.x.block.statements[: self.done]:
-            if statement.lanes or statement.tag == "primitive" or statement.target in listed:
+            if statement.lanes or statement.tag == "primitive" or statement.target in right:
                 continue
             if not changed.isdisjoint(statement.expression.free_symbols):
                 self.d.statement(statement)

@@ -8,6 +8,7 @@ acceleration or a displacement goes from link to link by ``a + alpha x rho``.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 from sympy import Rational
@@ -154,7 +155,6 @@ class Ear:
         self.fixed: list[FixedVector] = []
         for k, link_kind in enumerate(kind.links):
             self.members.append(self._member(k, link_kind, fresh))
-        self.levers = [self._levers(c) for c in range(len(kind.closures))]
 
     # -- geometry --------------------------------------------------------------------------------------------------
 
@@ -225,6 +225,11 @@ class Ear:
         place = self.kind.closures[c].faces[side]
         kept = (f"lane#{place}", f"da{c}{'AB'[side]}") if place >= 0 else None
         return self.fixed_vector("arm", place, r, kept=kept)
+
+    @cached_property
+    def levers(self) -> list[tuple[dict[int, Vec], dict[int, Vec]]]:
+        """For each loop, from the origins of the links on both sides to the cut."""
+        return [self._levers(c) for c in range(len(self.kind.closures))]
 
     def _levers(self, c: int) -> tuple[dict[int, Vec], dict[int, Vec]]:
         """From the origins of the links on both sides of a loop to the cut. The root's has the key -1."""
