@@ -53,10 +53,17 @@ def test_the_recursion_is_exact_to_rounding(model):
         assert dudot < 1e-11
 
 
+@pytest.fixture(scope="module")
+def generated(model, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("four_loops") / "four_loops"
+    codegen.generate(model, folder)
+    return folder
+
+
 @pytest.mark.campaign
-def test_the_generated_solver_is_exact_to_rounding_at_twenty_states(model, tmp_path):
-    codegen.generate(model, tmp_path / "four_loops", target="numpy")
-    solver = codegen.load(tmp_path / "four_loops")
+@pytest.mark.parametrize("target", ["c", "numpy"])
+def test_the_generated_solvers_are_exact_to_rounding_at_twenty_states(model, generated, target):
+    solver = codegen.load(generated, target)
     for udot, dudot in compared(solver.sensitivities, model, 20):
         assert udot < 1e-12
         assert dudot < 1e-11
