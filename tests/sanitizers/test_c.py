@@ -105,7 +105,7 @@ def campaign() -> dict[str, Package]:
             options = (("reactions", True), ("partitions", 2), ("layout", layout))
             found.append(
                 Package(
-                    f"{path.stem} {layout}", example(path), options, (*builds, CLANG_MEMORY), WARNED[1:2], thorough=True
+                    f"{path.stem} {layout}", example(path), options, (*builds, CLANG_MEMORY), WARNED[0:2], thorough=True
                 )
             )
     return {p.name: p for p in found}
