@@ -15,13 +15,19 @@ from .dependents import choose_dependents, ranks, whole_joints
 from .errors import AssemblyError
 from .geometry import Array, Geometry, advance, evaluator, padded, parameter_values
 from .paths import PoseGroups
-from .rings import ROUNDING, Outcome, Ring, close
+from .rings import ROUNDING, Outcome, Ring, close, is_settled
 
 if TYPE_CHECKING:
     from .partition import Partition
 
 NEARLY = 10.0
 """Tolerances of the model that a loop may stay open by where conditions follow from others: angles add up, and act on levers."""
+
+LEAST_MOTION = 1e-3
+"""Part that a joint has to have in a motion of all joints together: smaller ones are what is left of others."""
+
+MANY = 100
+"""Loops whose joints are not looked at all together."""
 
 TRIES = 8
 """Guesses from which a ring that does not close is tried again, further and further from the given one."""
@@ -154,9 +160,10 @@ def first_assembly(
         near = _near_cut(ring, (start, end), q, movable)
         outcome, tries = close(ring, q, near), 0
         if not outcome.closed and open_ is not None:
-            nearly = close(ring, q, near, geometry.tolerance)
-            if nearly.settled and nearly.residual <= NEARLY * geometry.tolerance:
-                open_.add(loop)
+            nearly = _nearly_closed(ring, q, near, movable)
+            if nearly is not None:
+                if not nearly.closed:
+                    open_.add(loop)
                 groups.found(ring.joints, nearly.q)
                 q = nearly.q
                 continue
@@ -174,6 +181,64 @@ def first_assembly(
                 f"from others, perhaps not in the way that is meant: give better values under `initial`"
             )
     return q, warnings
+
+
+def _nearly_closed(ring: Ring, q: Array, *movable: Array) -> Outcome | None:
+    """A ring closed but for conditions that no joint of it can meet, by the first speeds that serve; None if none do."""
+    tolerance = ring.geometry.tolerance
+    for i, joints in enumerate(movable):
+        if any(np.array_equal(joints, others) for others in movable[:i]):
+            continue
+        outcome = close(ring, q, joints, tolerance)
+        if outcome.closed or (outcome.settled and outcome.residual <= NEARLY * tolerance):
+            return outcome
+    return None
+
+
+def is_nearly_closed(geometry: Geometry, q: Array, loops: Sequence[int]) -> bool:
+    """Whether what is open of loops that share joints is open in conditions that no joint can change, to first order.
+
+    Far from a singular configuration that is so where conditions are redundant within the tolerance of the model. Near one
+    loops may be open as little in conditions that joints do change: by the square of the distance from it.
+    """
+    return is_settled(_whole_ring(geometry, q, loops), q, geometry.tolerance)
+
+
+def settled_together(geometry: Geometry, q: Array, loops: Sequence[int], held: set[int]) -> Array | None:
+    """Coordinates at which loops that share joints are nearly closed together, from some at which each is by itself, or None.
+
+    What a later loop leaves open may be closed by joints of an earlier one.
+    """
+    ring = _whole_ring(geometry, q, loops)
+    if is_settled(ring, q, geometry.tolerance):
+        return q
+    outcome = _nearly_closed(ring, q, ~np.isin(ring.joints.speeds, list(held)))
+    return None if outcome is None else outcome.q
+
+
+def loose_loops(geometry: Geometry, q: Array, loops: Sequence[int]) -> list[int]:
+    """Of loops that share joints, those with joints that move to first order; of very many all, unseen.
+
+    Of a structure, such as a triangle of bars, nothing moves.
+    """
+    if len(loops) > MANY:
+        return list(loops)
+    ring = _whole_ring(geometry, q, loops)
+    speeds = ring.joints.speeds
+    E = ring.evaluate(q)[1][0] * np.where(geometry.turning[speeds], 1.0, ring.length)
+    if not E.shape[1]:
+        return []
+    _, s, Vt = np.linalg.svd(E)
+    free = Vt[int(np.sum(s > geometry.tolerance * max(s[0], geometry.tolerance))) :]
+    moving = np.abs(free).max(axis=0, initial=0.0) > LEAST_MOTION
+    bodies = {int(k) for k in geometry.speed_body[speeds[moving]]}
+    return [i for i in loops if _passed(geometry, [i]) & bodies]
+
+
+def _whole_ring(geometry: Geometry, q: Array, loops: Sequence[int]) -> Ring:
+    """All joints of loops that share joints with no others."""
+    bodies = {k for k in _passed(geometry, loops) if geometry.speeds[k]}
+    return Ring(PoseGroups(geometry, q, []), loops, bodies)
 
 
 def _passed(geometry: Geometry, loops: Sequence[int]) -> set[int]:
