@@ -238,7 +238,7 @@ def loose_loops(geometry: Geometry, q: Array, loops: Sequence[int]) -> list[int]
 def _whole_ring(geometry: Geometry, q: Array, loops: Sequence[int]) -> Ring:
     """All joints of loops that share joints with no others."""
     bodies = {k for k in _passed(geometry, loops) if geometry.speeds[k]}
-    return Ring(PoseGroups(geometry, q, []), loops, bodies)
+    return Ring(PoseGroups(geometry, q, [k for k in range(geometry.ground) if k not in bodies]), loops, bodies)
 
 
 def _passed(geometry: Geometry, loops: Sequence[int]) -> set[int]:

@@ -50,6 +50,9 @@ FEW = 100
 OTHERS = 3
 """Configurations that they are looked at beside that one."""
 
+PARTS = (0.5,) * 4 + (0.2,) * 3 + (0.1, 0.1, 0.05)
+"""rad and characteristic lengths: how far off they are looked for, until there are enough; near by all may be special."""
+
 SEED = 20030617
 """Of the random numbers: the same model has the same partition."""
 
@@ -289,7 +292,7 @@ def _redundancy(
     found |= {d.loops for x in chosen.elsewhere for d in nearly_redundant(geometry, drafts, x[None], random, FAR)}
     nearly = [d for d in drafts if d.loops in found and not {*d.loops} & {*stuck}]
     for draft in nearly:
-        keep(geometry, draft, kept_rows(geometry, draft, [q]))
+        keep(geometry, draft, kept_rows(geometry, draft, open_ones))
     configurations = open_ones
     if nearly:
         configurations = [q := assembled(geometry, loose, q)]
@@ -322,7 +325,7 @@ def _others(
     size = np.where(geometry.turning[speeds], 1.0, float(np.median(geometry.lengths)))
     shared = components(geometry) if nearly else []
     found: list[Array] = []
-    for part in (0.5, 0.5, 0.2, 0.2, 0.05):
+    for part in PARTS:
         if len(found) == OTHERS:
             break
         with suppress(AssemblyError):

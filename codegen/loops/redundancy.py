@@ -113,7 +113,7 @@ def kept_rows(geometry: Geometry, draft: Draft, configurations: Sequence[Array])
     A = np.stack(matrices)
     names = [(i, r) for i in draft.loops for r in geometry.rows[i]]
     rank = A.shape[2]
-    A = A[ranks(A, geometry.tolerance) == rank]
+    A = A[ranks(A) == rank]
     if not len(A):
         return names
     # angular conditions come first: where they serve, nothing has to be said about the way between the faces

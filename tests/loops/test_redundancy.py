@@ -99,7 +99,8 @@ model: truss
 bodies:
   base: {{parent: ground, joint: {{type: revolute, axis: z}}, mass: 1}}
   a: {{parent: base, joint: {{type: revolute, axis: y}}, mass: 1}}
-  b: {{parent: a, joint: {{type: revolute, axis: y, at: [1, 0, 0]}}, mass: 1}}
+  tip: {{parent: a, joint: {{type: fixed, at: [1, 0, 0]}}, mass: 1}}
+  b: {{parent: tip, joint: {{type: revolute, axis: y}}, mass: 1}}
 loops:
   weld: {{joint: {{type: fixed}}, from: {{body: b, at: [{1 + long}, 0, 0]}},
          to: {{body: base, at: [1, 0, 0], rotate: [{{axis: y, angle: pi/3}}]}}}}
