@@ -15,7 +15,7 @@ from .dependents import choose_dependents, ranks, whole_joints
 from .errors import AssemblyError
 from .geometry import Array, Geometry, advance, evaluator, padded, parameter_values
 from .paths import PoseGroups
-from .rings import ROUNDING, Outcome, Ring, close
+from .rings import ROUNDING, Outcome, Ring, close, is_settled
 
 if TYPE_CHECKING:
     from .partition import Partition
@@ -23,8 +23,20 @@ if TYPE_CHECKING:
 NEARLY = 10.0
 """Tolerances of the model that a loop may stay open by where conditions follow from others: angles add up, and act on levers."""
 
+LEAST_MOTION = 1e-3
+"""Part that a joint has to have in a motion of all joints together: smaller ones are what is left of others."""
+
+MANY = 100
+"""Loops whose joints are not looked at all together."""
+
 TRIES = 8
 """Guesses from which a ring that does not close is tried again, further and further from the given one."""
+
+GUESSES = 16
+"""The same for an ear, whose independents are kept, so that there may be no closed state near the given one."""
+
+SEED = 20070404
+"""Of these: the same guess leads to the same state."""
 
 
 def initial_configuration(model: Model) -> tuple[Array, Array]:
@@ -58,6 +70,8 @@ def assemble(
 ) -> Array:
     """Close all loops by moving dependent coordinates only, ear by ear, from a guess.
 
+    An ear that does not close from there is tried from other dependents, further and further off, the same each time.
+
     Parameters
     ----------
     q : (nq,) array
@@ -77,11 +91,11 @@ def assemble(
         A loop stays open; the text names it and says by how much.
     """
     geometry = Geometry(model, p)
-    return assembled(geometry, partition, padded(q))[0, : geometry.nq]
+    return assembled(geometry, partition, padded(q), tries=GUESSES)[0, : geometry.nq]
 
 
-def assembled(geometry: Geometry, partition: Partition, q: Array, nearly: bool = False) -> Array:
-    """`assemble` for coordinates ``(1, nq + 1)``.
+def assembled(geometry: Geometry, partition: Partition, q: Array, nearly: bool = False, tries: int = 0) -> Array:
+    """`assemble` for coordinates ``(1, nq + 1)``, from so many other dependents where the given ones do not lead to closure.
 
     With `nearly` loops may stay open by the model's tolerance where their dependents cannot close more of them.
     """
@@ -97,6 +111,8 @@ def assembled(geometry: Geometry, partition: Partition, q: Array, nearly: bool =
         ring = Ring(groups, ear.loops, {int(geometry.speed_body[s]) for s in ear.dependent})
         movable = np.isin(ring.joints.speeds, ear.dependent)
         outcome = close(ring, q, movable, geometry.tolerance) if nearly else close(ring, q, movable)
+        if not outcome.closed and tries:
+            outcome, _ = _tried(ring, q, movable, np.random.default_rng(SEED), tries)
         if not outcome.closed and not (outcome.settled and outcome.residual <= NEARLY * geometry.tolerance):
             raise open_loop(ring, outcome, movable)
         q = outcome.q
@@ -154,9 +170,10 @@ def first_assembly(
         near = _near_cut(ring, (start, end), q, movable)
         outcome, tries = close(ring, q, near), 0
         if not outcome.closed and open_ is not None:
-            nearly = close(ring, q, near, geometry.tolerance)
-            if nearly.settled and nearly.residual <= NEARLY * geometry.tolerance:
-                open_.add(loop)
+            nearly = _nearly_closed(ring, q, near, movable)
+            if nearly is not None:
+                if not nearly.closed:
+                    open_.add(loop)
                 groups.found(ring.joints, nearly.q)
                 q = nearly.q
                 continue
@@ -174,6 +191,64 @@ def first_assembly(
                 f"from others, perhaps not in the way that is meant: give better values under `initial`"
             )
     return q, warnings
+
+
+def _nearly_closed(ring: Ring, q: Array, *movable: Array) -> Outcome | None:
+    """A ring closed but for conditions that no joint of it can meet, by the first speeds that serve; None if none do."""
+    tolerance = ring.geometry.tolerance
+    for i, joints in enumerate(movable):
+        if any(np.array_equal(joints, others) for others in movable[:i]):
+            continue
+        outcome = close(ring, q, joints, tolerance)
+        if outcome.closed or (outcome.settled and outcome.residual <= NEARLY * tolerance):
+            return outcome
+    return None
+
+
+def is_nearly_closed(geometry: Geometry, q: Array, loops: Sequence[int]) -> bool:
+    """Whether what is open of loops that share joints is open in conditions that no joint can change, to first order.
+
+    Far from a singular configuration that is so where conditions are redundant within the tolerance of the model. Near one
+    loops may be open as little in conditions that joints do change: by the square of the distance from it.
+    """
+    return is_settled(_whole_ring(geometry, q, loops), q, geometry.tolerance)
+
+
+def settled_together(geometry: Geometry, q: Array, loops: Sequence[int], held: set[int]) -> Array | None:
+    """Coordinates at which loops that share joints are nearly closed together, from some at which each is by itself, or None.
+
+    What a later loop leaves open may be closed by joints of an earlier one.
+    """
+    ring = _whole_ring(geometry, q, loops)
+    if is_settled(ring, q, geometry.tolerance):
+        return q
+    outcome = _nearly_closed(ring, q, ~np.isin(ring.joints.speeds, list(held)))
+    return None if outcome is None else outcome.q
+
+
+def loose_loops(geometry: Geometry, q: Array, loops: Sequence[int]) -> list[int]:
+    """Of loops that share joints, those with joints that move to first order; of very many all, unseen.
+
+    Of a structure, such as a triangle of bars, nothing moves.
+    """
+    if len(loops) > MANY:
+        return list(loops)
+    ring = _whole_ring(geometry, q, loops)
+    speeds = ring.joints.speeds
+    E = ring.evaluate(q)[1][0] * np.where(geometry.turning[speeds], 1.0, ring.length)
+    if not E.shape[1]:
+        return []
+    _, s, Vt = np.linalg.svd(E)
+    free = Vt[int(np.sum(s > geometry.tolerance * max(s[0], geometry.tolerance))) :]
+    moving = np.abs(free).max(axis=0, initial=0.0) > LEAST_MOTION
+    bodies = {int(k) for k in geometry.speed_body[speeds[moving]]}
+    return [i for i in loops if _passed(geometry, [i]) & bodies]
+
+
+def _whole_ring(geometry: Geometry, q: Array, loops: Sequence[int]) -> Ring:
+    """All joints of loops that share joints with no others."""
+    bodies = {k for k in _passed(geometry, loops) if geometry.speeds[k]}
+    return Ring(PoseGroups(geometry, q, [k for k in range(geometry.ground) if k not in bodies]), loops, bodies)
 
 
 def _passed(geometry: Geometry, loops: Sequence[int]) -> set[int]:
@@ -195,19 +270,21 @@ def _near_cut(ring: Ring, sides: tuple[list[int], list[int]], q: Array, movable:
     return movable if chosen is None else np.isin(np.arange(len(speeds)), chosen)
 
 
-def _tried(ring: Ring, q: Array, movable: Array, random: np.random.Generator) -> tuple[Outcome, int]:
+def _tried(
+    ring: Ring, q: Array, movable: Array, random: np.random.Generator, tries: int = TRIES
+) -> tuple[Outcome, int]:
     """Close a ring, from other guesses too where the first does not lead to closure; and how many those were."""
     best = close(ring, q, movable)
     speeds = ring.joints.speeds[movable]
     size = np.where(ring.geometry.turning[speeds], 1.0, ring.length)
-    for i in range(TRIES):
+    for i in range(tries):
         if best.closed or not len(speeds):
             return best, i
-        step = 3.0 * (i + 1) / TRIES * random.uniform(-1, 1, (1, len(speeds))) * size
+        step = 3.0 * (i + 1) / tries * random.uniform(-1, 1, (1, len(speeds))) * size
         again = close(ring, advance(ring.geometry, q, speeds, step), movable)
         if again.residual < best.residual:
             best = again
-    return best, TRIES
+    return best, tries
 
 
 def _with_neighbours(

@@ -10,7 +10,16 @@ import numpy as np
 
 from ..model.errors import nearest
 from ..model.model import Model, closure_row_names
-from .assembling import assembled, first_assembly, initial_configuration, is_closed, listed
+from .assembling import (
+    assembled,
+    first_assembly,
+    initial_configuration,
+    is_closed,
+    is_nearly_closed,
+    listed,
+    loose_loops,
+    settled_together,
+)
 from .comparison import Comparison
 from .components import components
 from .dependents import condition
@@ -40,6 +49,9 @@ FEW = 100
 
 OTHERS = 3
 """Configurations that they are looked at beside that one."""
+
+PARTS = (0.5,) * 4 + (0.2,) * 3 + (0.1, 0.1, 0.05)
+"""rad and characteristic lengths: how far off they are looked for, until there are enough; near by all may be special."""
 
 SEED = 20030617
 """Of the random numbers: the same model has the same partition."""
@@ -228,16 +240,22 @@ def _chosen(
     shared = components(geometry)
     warnings: list[str] = []
 
+    stuck: list[int] = []
+
     def choose(q: Array) -> Weighed:
-        drafts, growth = _choose(geometry, order, q, held, random, warnings, open_ is not None)
+        drafts, growth, stuck[:] = _choose(geometry, order, q, held, random, warnings, shared, open_)
         return weighed(geometry, drafts, growth, q, held, shared)
 
     if is_closed(geometry, guess):
         q, chosen = guess, choose(guess)
-        return q, chosen, warnings, _redundancy(geometry, chosen, q, random)
+        return q, chosen, warnings, _redundancy(geometry, chosen, q, random, stuck)
     q, warnings = first_assembly(geometry, order, guess, held, random, open_)
+    settled = _settled(geometry, q, shared, open_, held)
+    if settled is None:
+        raise PartitionError("loops are open in conditions that joints change")
+    q = settled
     chosen = choose(q)
-    redundancy = _redundancy(geometry, chosen, q, random)
+    redundancy = _redundancy(geometry, chosen, q, random, stuck)
     if redundancy.dropped or open_:
         q = assembled(geometry, _partition(geometry, chosen.drafts, q, []), q)
     moved, q = q, _near_guess(geometry, chosen.drafts, guess, q, warnings)
@@ -251,12 +269,18 @@ def _chosen(
         if chosen.drafts == drafts:
             geometry.kept = kept
         else:
-            redundancy = _redundancy(geometry, chosen, q, random)
+            redundancy = _redundancy(geometry, chosen, q, random, stuck)
     return q, chosen, warnings, redundancy
 
 
-def _redundancy(geometry: Geometry, chosen: Weighed, q: Array, random: np.random.Generator) -> Redundancy:
-    """Redundant conditions: those that are dropped (`geometry.kept` is changed), and what opens others."""
+def _redundancy(
+    geometry: Geometry, chosen: Weighed, q: Array, random: np.random.Generator, stuck: list[int]
+) -> Redundancy:
+    """Redundant conditions: those that are dropped (`geometry.kept` is changed), and what opens others.
+
+    Nothing is dropped of loops that are stuck: where only one configuration is known, and that is singular, conditions
+    follow from others by chance.
+    """
     result, drafts = Redundancy(), chosen.drafts
     if not any(d.rows > len(d.dependent) for d in drafts):
         return result
@@ -266,9 +290,9 @@ def _redundancy(geometry: Geometry, chosen: Weighed, q: Array, random: np.random
     open_ones = [q, *(_others(geometry, loose, q, random, nearly=True) if few else [])]
     found = {d.loops for x in open_ones for d in nearly_redundant(geometry, drafts, x, random)}
     found |= {d.loops for x in chosen.elsewhere for d in nearly_redundant(geometry, drafts, x[None], random, FAR)}
-    nearly = [d for d in drafts if d.loops in found]
+    nearly = [d for d in drafts if d.loops in found and not {*d.loops} & {*stuck}]
     for draft in nearly:
-        keep(geometry, draft, kept_rows(geometry, draft, [q]))
+        keep(geometry, draft, kept_rows(geometry, draft, open_ones))
     configurations = open_ones
     if nearly:
         configurations = [q := assembled(geometry, loose, q)]
@@ -299,13 +323,16 @@ def _others(
     """Some more assembled configurations, up to half a radian from one, or nearer; `nearly` as for `assembled`."""
     speeds = np.array(loose.independent)
     size = np.where(geometry.turning[speeds], 1.0, float(np.median(geometry.lengths)))
+    shared = components(geometry) if nearly else []
     found: list[Array] = []
-    for part in (0.5, 0.5, 0.2, 0.2, 0.05):
+    for part in PARTS:
         if len(found) == OTHERS:
             break
         with suppress(AssemblyError):
             step = random.uniform(-part, part, (1, len(speeds))) * size
-            found.append(assembled(geometry, loose, advance(geometry, q, speeds, step), nearly))
+            other = assembled(geometry, loose, advance(geometry, q, speeds, step), nearly)
+            if all(is_nearly_closed(geometry, other, loops) for loops in shared):
+                found.append(other)
     return found
 
 
@@ -348,18 +375,24 @@ def _choose(
     held: set[int],
     random: np.random.Generator,
     warnings: list[str],
-    nearly: bool,
-) -> tuple[list[Draft], Array]:
-    """Ears at an assembled configuration, and at some near it unless that one is enough; and `Sweep.growth`.
+    shared: list[list[int]],
+    open_: set[int] | None,
+) -> tuple[list[Draft], Array, list[int]]:
+    """Ears at an assembled configuration, and at some near it unless that one is enough; `Sweep.growth`; loops that are stuck.
 
-    With `nearly` those may be open as `first_assembly` says.
+    Parameters
+    ----------
+    shared : list of list of int
+        Loops that share joints.
+    open_ : set of int or None
+        Loops that `first_assembly` has left open there; others may be open in the same way near it. None if none may.
     """
     doubtful = list(range(len(order)))
     try:
         sweep = Sweep(geometry, q, held, random)
         drafts = arrange(sweep, order)
         if all(d.certain for d in drafts):
-            return drafts, sweep.growth()
+            return drafts, sweep.growth(), []
         doubtful = [i for d in drafts if not d.certain for i in d.loops]
     except PartitionError:
         pass  # the pose may be a special one
@@ -369,25 +402,54 @@ def _choose(
     for _ in range(NEARBY):
         start = advance(geometry, q, speeds, random.uniform(-DISTANCE, DISTANCE, (1, geometry.nu)) * size)
         try:
-            open_ = set[int]() if nearly else None
-            configurations.append(first_assembly(geometry, order, start, set(), random, open_)[0])
+            still_open = None if open_ is None else set[int]()
+            found = first_assembly(geometry, order, start, set(), random, still_open)[0]
         except AssemblyError:
             continue
-    stuck = [i for i in doubtful if not _moves(geometry, i, configurations)]
+        settled = _settled(geometry, found, shared, still_open, set())
+        if settled is not None:
+            configurations.append(settled)
+    still = {i for i in doubtful if not _moves(geometry, i, configurations)}
+    stuck = [i for loops in shared if still.intersection(loops) for i in loose_loops(geometry, q, loops) if i in still]
+    if open_ and open_.intersection(stuck):
+        raise PartitionError("loops that are open and move nowhere are not nearly closed")
     advice = (
         f"loop{'s' * (len(stuck) > 1)} {listed([geometry.model.loops[i].name for i in stuck])} cannot be closed otherwise "
         f"anywhere near the initial configuration, which seems to be singular, so that the rank there says nothing: start "
         f"from another configuration, or check whether lengths are just long enough"
     )
+    speeds_of_stuck = {s for i in stuck for side in geometry.cycle(i) for k in side for s in geometry.speeds[k]}
+    # configurations were found that are the same again; where none was found, more may be possible
+    wrong = sorted(held & speeds_of_stuck) if len(configurations) > 1 else []
+    if wrong:
+        raise PartitionError(
+            f"loop{'s' * (len(stuck) > 1)} {listed([geometry.model.loops[i].name for i in stuck])}: "
+            f"{listed([geometry.model.speed_names[s] for s in wrong])} cannot be independent; remove "
+            f"{'them' if len(wrong) > 1 else 'it'} from `independent`; {advice}"
+        )
+    others = [x for x in configurations[1:] if any(_moves(geometry, i, [q, x]) for i in doubtful)]
     try:
-        sweep = Sweep(geometry, np.concatenate(configurations), held, random)
+        sweep = Sweep(geometry, np.concatenate([q, *others]), held, random)
         drafts = arrange(sweep, order)
     except PartitionError as error:
         raise PartitionError(f"{error}; {advice}" if stuck else str(error)) from None
     if stuck:
         ranks = [f"{len(d.dependent)} of {d.rows} conditions" for d in drafts if {*d.loops} & {*stuck}]
         warnings.append(f"{advice} (rank {listed(ranks)})")
-    return drafts, sweep.growth()
+    return drafts, sweep.growth(), stuck
+
+
+def _settled(
+    geometry: Geometry, q: Array, shared: list[list[int]], open_: set[int] | None, held: set[int]
+) -> Array | None:
+    """Coordinates at which open loops are nearly closed together with those that share joints with them, if there are any."""
+    for loops in shared:
+        if open_ and open_.intersection(loops):
+            settled = settled_together(geometry, q, loops, held)
+            if settled is None:
+                return None
+            q = settled
+    return q
 
 
 def _moves(geometry: Geometry, loop: int, configurations: list[Array]) -> bool:
@@ -395,7 +457,7 @@ def _moves(geometry: Geometry, loop: int, configurations: list[Array]) -> bool:
     speeds = [s for side in geometry.cycle(loop) for k in side for s in geometry.speeds[k]]
     where = sorted({i for s in speeds for i in _places(geometry, s)})
     first, *others = (q[0, where] for q in configurations)
-    return any(np.max(np.abs(q - first), initial=0.0) > DISTANCE / 100 for q in others)
+    return any(np.max(np.abs(q - first), initial=0.0) > DISTANCE / 20 for q in others)
 
 
 def _places(geometry: Geometry, speed: int) -> list[int]:

@@ -22,6 +22,7 @@ import numpy as np
 from ..model.expressions import Expression
 from ..model.model import Model, Vector, closure_row_names
 from .closure import Cuts
+from .dependents import ranks
 from .geometry import Array, Geometry, turn
 from .ordering import Draft
 from .velocities import Motion, VelocityClosure
@@ -100,7 +101,10 @@ def _left(geometry: Geometry, closure: VelocityClosure, draft: Draft) -> float:
 
 
 def kept_rows(geometry: Geometry, draft: Draft, configurations: Sequence[Array]) -> list[tuple[int, int]]:
-    """Conditions of an ear, loop and number among the six, that determine its dependents best at the worst configuration."""
+    """Conditions of an ear, loop and number among the six, that determine its dependents best at the worst configuration.
+
+    Singular configurations say nothing; where all are, all conditions are kept.
+    """
     matrices = []
     for q in configurations:
         closure = Motion(geometry, q, np.zeros((1, geometry.nu, 1))).closure(draft.loops, geometry.rows)
@@ -109,6 +113,9 @@ def kept_rows(geometry: Geometry, draft: Draft, configurations: Sequence[Array])
     A = np.stack(matrices)
     names = [(i, r) for i in draft.loops for r in geometry.rows[i]]
     rank = A.shape[2]
+    A = A[ranks(A) == rank]
+    if not len(A):
+        return names
     # angular conditions come first: where they serve, nothing has to be said about the way between the faces
     order = sorted(range(len(names)), key=lambda n: (names[n][1] < 3, n))
     if comb(len(names), rank) > SUBSETS:

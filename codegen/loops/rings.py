@@ -138,7 +138,8 @@ class Outcome:
         Scaled position residuals.
     closed : bool
     settled : bool
-        No joint that may move can close anything more: what is left is in conditions that follow from others, nearly.
+        No joint of the ring, whether it may move or not, can close anything more: what is left is in conditions that
+        follow from others, nearly.
     """
 
     q: Array
@@ -199,11 +200,23 @@ def close(ring: Ring, q: Array, movable: Array, pivot: float = LEAST_PIVOT) -> O
             radius = float(np.abs(y).max()) / 3
         elif won > 0.7 * expected:
             radius = min(2 * radius, LARGEST_STEP)
-    settled = False
-    if pivot > LEAST_PIVOT and len(speeds):
-        y = _step(E[0][:, movable] * scale, rows[0], LARGEST_STEP, pivot)
-        settled = bool(np.abs(y).max() < max(SETTLED * norm, CLOSED * unit))
+    settled = pivot > LEAST_PIVOT and _is_settled(ring, rows[0], E[0], pivot)
     return Outcome(q, rows[0], bool(np.abs(rows).max(initial=0.0) < CLOSED * unit), settled)
+
+
+def is_settled(ring: Ring, q: Array, pivot: float) -> bool:
+    """Whether no joint of a ring can close anything more at coordinates ``(1, nq + 1)``; `pivot` as for `close`."""
+    rows, E = ring.evaluate(q)
+    return _is_settled(ring, rows[0], E[0], pivot)
+
+
+def _is_settled(ring: Ring, rows: Array, E: Array, pivot: float) -> bool:
+    if not E.shape[1]:
+        return True
+    scale = np.where(ring.geometry.turning[ring.joints.speeds], 1.0, ring.length)
+    y = _step(E * scale, rows, LARGEST_STEP, pivot)
+    allowed = max(SETTLED * float(np.linalg.norm(rows)), CLOSED * (1 + ring.reach()))
+    return bool(np.abs(y).max(initial=0.0) < allowed)
 
 
 def _step(E: Array, rows: Array, radius: float, pivot: float) -> Array:

@@ -156,6 +156,15 @@ SEARCH = tuple(0.5**i for i in range(12))
 STEPS_OFF = (0.02, -0.02, 0.1, -0.1, 0.5, -0.5)
 """rad or m: how far assembly moves dependent coordinates off a guess at which a loop has lost rank, one after the other."""
 
+GUESSES = 16
+"""Guesses for dependent coordinates that assembly tries where the given one leads to no closed state, further and further off."""
+
+FURTHEST = 3.0
+"""rad or m: how far off the last of them is."""
+
+SEVERAL = 200
+"""Dependent coordinates; with more of them no other guesses are tried, they would cost too much."""
+
 ALLOWED = 10.0
 """Tolerances of the model that a dropped condition may be open by, and by which a unit of a parameter may open it, untold."""
 
@@ -1235,6 +1244,27 @@ def _full(x: Any, shape: Shape) -> Array:
 # ---- the solver ------------------------------------------------------------------------------------------------------
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Part:
+    """Loops that share dependent coordinates with each other and with no others.
+
+    Attributes
+    ----------
+    rows : list of int
+        Their conditions, among those that count.
+    columns : list of int
+        Their coordinates, among the dependent ones.
+    coordinates : list of int
+        The same, among all.
+    loops : set of str
+    """
+
+    rows: list[int]
+    columns: list[int]
+    coordinates: list[int]
+    loops: set[str]
+
+
 @dataclass(slots=True, eq=False, repr=False)
 class Jacobians:
     """Partial derivatives of udot.
@@ -2189,11 +2219,16 @@ class Solver:
             e /= _length(e)
 
     def _close(self, q: Array, p: Array, state: tuple[int, ...]) -> Array:
-        """Close the loops of one state; from a guess at which a loop has lost rank, with a step off it."""
+        """Close the loops of one state; where the guess does not lead there, from others."""
+        dependent = [i for i, name in enumerate(self.coordinate_names) if name not in self.independent_names]
         try:
             return self._newton(q, p, state)
+        except AssemblyError:
+            found = self._from_elsewhere(q, p, dependent)
+            if found is None:
+                raise
+            return self._newton(found, p, state)
         except SingularLoopError as singular:
-            dependent = [i for i, name in enumerate(self.coordinate_names) if name not in self.independent_names]
             # no two of the numbers are the same, nor opposite: no symmetry that the guess may have is kept
             direction = np.sin(1.0 + np.arange(len(dependent)))
             for size in STEPS_OFF:
@@ -2202,7 +2237,108 @@ class Solver:
                 self._normalise(trial)
                 with contextlib.suppress(SingularLoopError, AssemblyError):
                     return self._newton(trial, p, state)
-            raise singular
+            found = self._from_elsewhere(q, p, dependent)
+            if found is None:
+                raise singular
+            return self._newton(found, p, state)
+
+    def _from_elsewhere(self, q: Array, p: Array, dependent: list[int]) -> Array | None:
+        """A closed state with the independent coordinates of a guess that leads to none; or None where none is found.
+
+        Loops that share no dependent coordinates are closed apart: one that does not close holds up no other.
+        """
+        if len(dependent) > SEVERAL:
+            return None
+        parts = self._parts(q, p, dependent)
+        rng = np.random.default_rng(0)  # the same guess leads to the same state
+        left, closed = list(parts), q.copy()
+        for n in range(GUESSES + 1):
+            trial = closed.copy()
+            for part in left:
+                off = FURTHEST * n / GUESSES * rng.uniform(-1.0, 1.0, len(part.coordinates))
+                trial[part.coordinates] = q[part.coordinates] + off
+            self._normalise(trial)
+            trial, sizes = self._newton_apart(trial, p, left, rng)
+            for part, size in zip(left, sizes, strict=True):
+                if size <= CLOSED:
+                    closed[part.coordinates] = trial[part.coordinates]
+            left = [part for part, size in zip(left, sizes, strict=True) if not size <= CLOSED]
+            if not left:
+                return closed
+        return None
+
+    def _gaps(self, q: Array, p: Array) -> Array:
+        """Conditions that count, (..., of them)."""
+        still = np.zeros(self.nu)
+        found: Array = self._target.values(self._functions["closure"], {"q": q, "u": still, "p": p}, q.shape[:-1])[0]
+        return found[..., self._kept]
+
+    def _parts(self, q: Array, p: Array, dependent: list[int]) -> list[Part]:
+        """Loops in sets that share no dependent coordinates, as is seen from what each coordinate changes."""
+        n = len(dependent)
+        moved = np.tile(q, (n + 1, 1))
+        moved[:, dependent] += 0.1 * np.sin(1.0 + np.arange(n))  # off guesses that are special
+        moved[1:, dependent] += 0.3 * np.eye(n)
+        self._normalise(moved)
+        gaps = self._gaps(moved, np.tile(p, (n + 1, 1)))
+        concerned = np.abs(gaps[1:] - gaps[0]) > 1e-9 * (1.0 + np.abs(gaps[0]))
+        of_loop = [self.closure_names[k].rpartition(".")[0] for k in self._kept]
+        parts: list[Part] = []
+        for name in dict.fromkeys(of_loop):
+            rows = {k for k, loop in enumerate(of_loop) if loop == name}
+            columns = {int(i) for i in np.flatnonzero(concerned[:, sorted(rows)].any(axis=1))}
+            for i in self._quaternions:  # as a whole
+                whole = {k for k, c in enumerate(dependent) if i <= c < i + 4}
+                columns |= whole if columns & whole else set()
+            for other in [part for part in parts if columns.intersection(part.columns)]:
+                parts.remove(other)
+                rows, columns = rows | {*other.rows}, columns | {*other.columns}
+            at = sorted(columns)
+            parts.append(Part(sorted(rows), at, [dependent[i] for i in at], {of_loop[k] for k in rows}))
+        return parts
+
+    def _newton_apart(
+        self, q: Array, p: Array, parts: list[Part], rng: np.random.Generator
+    ) -> tuple[Array, list[float]]:
+        """Newton's method with a line search for each of some parts, and the largest residual of each."""
+
+        def size(gaps: Array, part: Part) -> float:
+            with np.errstate(all="ignore"):  # a step may lead anywhere
+                return float(np.linalg.norm(gaps[part.rows]))
+
+        gaps = self._gaps(q, p)
+        going = list(parts)
+        for _ in range(NEWTON_STEPS):
+            going = [part for part in going if np.abs(gaps[part.rows]).max() > CLOSED]
+            if not going:
+                break
+            try:
+                (step,) = self._target.values(self._functions["newton_step"], {"q": q, "p": p}, ())
+            except SingularLoopError as singular:
+                flat = [part for part in going if singular.link in part.loops]
+                if not flat:  # one that is closed: no steps are known for the others
+                    break
+                for part in flat:
+                    q[part.coordinates] += rng.uniform(-0.1, 0.1, len(part.coordinates))
+                self._normalise(q)
+                gaps = self._gaps(q, p)
+                continue
+            searching, going = going, []
+            for fraction in SEARCH:
+                trial = q.copy()
+                for part in searching:
+                    trial[part.coordinates] += fraction * step[part.coordinates]
+                self._normalise(trial)
+                after = self._gaps(trial, p)
+                better = [part for part in searching if size(after, part) < (1.0 - 0.1 * fraction) * size(gaps, part)]
+                for part in better:
+                    q[part.coordinates] = trial[part.coordinates]
+                going += better
+                searching = [part for part in searching if part not in better]
+                if not searching:
+                    break
+            gaps = self._gaps(q, p)
+        return q, [float(np.abs(gaps[part.rows]).max(initial=0.0)) for part in parts]
 
     def _newton(self, q: Array, p: Array, state: tuple[int, ...]) -> Array:
         """Newton's method on the dependent coordinates of one state, with a line search."""

@@ -91,6 +91,28 @@ def test_lengths_that_do_not_fit_by_little_are_taken_so():
     assert "1.0e-07 of them stays open" in chosen.remarks[0]
 
 
+@pytest.mark.parametrize("long", [0, 1e-9, 1e-6])
+def test_a_structure_is_no_singular_start(long):
+    """A triangle of bars on a hinge, welded: its joints cannot move, and its rank says so wherever it stands."""
+    model = parse_model(f"""
+model: truss
+bodies:
+  base: {{parent: ground, joint: {{type: revolute, axis: z}}, mass: 1}}
+  a: {{parent: base, joint: {{type: revolute, axis: y}}, mass: 1}}
+  tip: {{parent: a, joint: {{type: fixed, at: [1, 0, 0]}}, mass: 1}}
+  b: {{parent: tip, joint: {{type: revolute, axis: y}}, mass: 1}}
+loops:
+  weld: {{joint: {{type: fixed}}, from: {{body: b, at: [{1 + long}, 0, 0]}},
+         to: {{body: base, at: [1, 0, 0], rotate: [{{axis: y, angle: pi/3}}]}}}}
+initial: {{q: {{a: -pi/3, b: 2*pi/3}}}}
+""")
+    chosen = partition(model)
+    assert chosen.ears[0].rank == 2
+    assert chosen.independent == (0,)
+    assert len(dropped(model, chosen)) == (4 if long else 0)
+    assert not chosen.warnings
+
+
 def test_the_plane_may_lie_anywhere_in_the_faces():
     """Axes along (1, 1, 1) in all bodies: which of the linear conditions is dropped matters by the root of three at most."""
     oblique = four_bar(1e-7, "type: point", oblique=True)
