@@ -65,6 +65,12 @@ def closures(x: Any, kind: Any) -> None:
                 at_cuts[n] = Twist(add(at_cuts[n].angular, moved.angular), add(at_cuts[n].linear, moved.linear))
         b = ear.conditions(kept_rows, at_cuts, "b", "Eq. 36")
         if own is None and all(is_zero(v) for t in roots for v in (*t.angular, *t.linear)):
+            # zeros are written too: the links' kinds may be those of other ears, which the source moves
+            for d in range(len(dependents)):
+                x.store("ear", f"Y{d}.{c}", 0)
+            for k in range(len(ear.members)):
+                store_vector(x, f"me#{k}", f"Z{c}.w", ZERO)
+                store_vector(x, f"me#{k}", f"Z{c}.v", ZERO)
             continue
         Y = f.solve([-v for v in b], "Y", "Eq. 37")
         speed = source_speed(x, kind, c, own)

@@ -127,6 +127,8 @@ class EarTangents:
             turned: Vec = [0, 0, 0] if theta is None else cross(theta, v.found)
             changed = [self._of_local(e) for e in v.local]
             self._set(v.found, add(turned, changed if W is UNIT else matvec(W, changed)))
+            # where W is known to be the unit matrix, it turns names into themselves
+            self.turned.difference_update(e for e in v.local if isinstance(e, Symbol))
 
     def _set(self, found: Vec, moved: Vec) -> None:
         for i, symbol in enumerate(found):
@@ -189,7 +191,7 @@ class EarTangents:
                         before = self.d.of.get(symbol, 0)
                         self.d.of[symbol] = self.x.let("d", before + value, "d Eq. 31", lanes=True)
                         changed.add(symbol)
-        # what is turned into the region's axes has served, and shares its name with nothing else
+        # what is turned into the region's axes has served
         right = listed | self.turned
         for statement in self.x.block.statements[: self.done]:
             if statement.lanes or statement.tag == "primitive" or statement.target in right:

@@ -169,6 +169,9 @@ class Patterns:
         self.system = system
         self.reach = Reach(system)
         self.nonzero: dict[tuple[str, int], dict[str, int | None]] = {}
+        self.overruled = False
+        """Whether a sweep has stored something else where an earlier one had stored 1 or -1."""
+        self._known_from: dict[tuple[str, int, str], str] = {}
 
     def of(self, memory: str, kind: int) -> dict[str, int | None]:
         """Fields that can differ from zero, and the number that they are, if any."""
@@ -203,6 +206,7 @@ class Patterns:
         changed = True
         while changed:
             changed = False
+            zeros: list[tuple[str, int, str]] = []
             for kind in sweep.kinds(self.system):
                 write = sweep.writer(kind)
                 assert write is not None
@@ -216,12 +220,24 @@ class Patterns:
                         continue
                     for k in found[1]:
                         fields = self.of(found[0], k)
-                        if name not in fields:
+                        if value == 0:
+                            zeros.append((found[0], k, name))
+                        elif name not in fields:
                             fields[name] = value
+                            self._known_from[found[0], k, name] = sweep.name
                             changed = True
                         elif fields[name] is not None and fields[name] != value:
-                            fields[name] = None
-                            changed = True
+                            changed = self._forget(sweep, found[0], k, name)
+            if not changed:  # only now is a zero sure to stay one: then the field is not 1 for all
+                for memory, k, name in zeros:
+                    if self.of(memory, k).get(name) is not None:
+                        changed = self._forget(sweep, memory, k, name)
+
+    def _forget(self, sweep: Sweep, memory: str, kind: int, name: str) -> bool:
+        """A field is not the same number in every state."""
+        self.of(memory, kind)[name] = None
+        self.overruled |= self._known_from.get((memory, kind, name), sweep.name) != sweep.name
+        return True
 
 
 def expand(
@@ -246,6 +262,10 @@ def expand(
         patterns.settle(sweep)
         program.blocks[sweep.name] = {}
         seconds[sweep.name], clock = time.perf_counter() - clock, time.perf_counter()
+    while patterns.overruled:
+        patterns.overruled = False
+        for sweep in chosen:
+            patterns.settle(sweep)
     for step, sweep in enumerate(chosen, 1):
         progress("expanding", step, len(chosen))
         for kind in sweep.kinds(system):
@@ -281,9 +301,11 @@ def expand(
 def _check_pattern(patterns: Patterns, kind: UnitKind, sweep: Sweep, block: Block) -> None:
     """What is stored must be within the pattern: others load zero, or a known number, where the pattern says so."""
     for array, name, value in block.stores:
-        if value == 0 or patterns.reach.of(kind, sweep, array) is None:
+        if patterns.reach.of(kind, sweep, array) is None:
             continue
         known = patterns.known(kind, sweep, array, name)
+        if known is None and value == 0:
+            continue
         if not patterns.is_nonzero(kind, sweep, array, name) or (known is not None and value != known):
             raise AssertionError(
                 f"{sweep.name}, {kind.role} {kind.index}: {array}.{name} = {value} is not in its pattern"

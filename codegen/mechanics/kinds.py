@@ -444,7 +444,7 @@ def analyse(model: Model, unrolled: bool, partition: Partition | None = None) ->
     last_child: dict[int, int] = {}
     for i, link in enumerate(links):
         last_child[link.parent] = i
-    order = _Order(links, regions)
+    order = _Order(links, regions, [loop.type for loop in model.loops])
     kinds: dict[Any, LinkKind] = {}
     kind_of: list[LinkKind] = []
     for i, link in enumerate(links):
@@ -542,9 +542,10 @@ def in_order_of_units(
 class _Order:
     """Who uses whom, along the order of units."""
 
-    def __init__(self, links: list[Link], regions: Regions):
+    def __init__(self, links: list[Link], regions: Regions, loop_types: list[str]):
         self.links = links
         self.regions = regions
+        self.loop_types = loop_types
         self.unit_of_link: dict[int, int] = {}
         for n, unit in enumerate(regions.order):
             if unit.role != "region":
@@ -561,7 +562,8 @@ class _Order:
                 ear = regions.ears[unit.number]
                 base = regions.regions[ear.region].base
                 used = [*ear.roots, base]
-                for root in ear.roots:
+                # an ear without links, whose loop asks nothing new, hands nothing on
+                for root in ear.roots if ear.links else ():
                     if root != base and root not in regions.regions[ear.region].far:
                         self.first_follower[root] = n
             else:
@@ -642,8 +644,13 @@ class _Order:
             tuple((c.paths, c.roots, c.faces, c.gaps, c.dropped) for c in ear.closures),
             tuple(map(tuple, ear.dependent)), tuple(tuple(sorted(c.items())) for c in ear.columns), ear.length,
             len(region.freedoms), region.carried, region.rigid, tuple(self.role_of(i) for i in ear.links), self.far(e),
+            self.slides(region), tuple(i == GROUND for i in region.far),
             self.partners[n].structure() if n >= 0 else (),
         )  # fmt: skip
+
+    def slides(self, region: Region) -> bool:
+        """Whether the way between the faces of some loop of a region matters."""
+        return any(c.slides(self.loop_types[c.loop]) for e in region.ears for c in self.regions.ears[e].closures)
 
     def roles(self, e: int) -> tuple[str, ...]:
         ear = self.regions.ears[e]
@@ -787,14 +794,13 @@ def _ear_kind(
             for f, c in zip(loops, ear.closures, strict=True)
         ]
         r = len(region.freedoms)
-        slides = any(c.slides(faces[c.loop].loop.type) for other in region.ears for c in regions.ears[other].closures)
         angular = any(CLOSURE_ROWS[c.type][1] for c in closures)
         kind = found[key] = EarKind(
             index, [kind_of[i] for i in ear.links], ear.parents, list(order.roles(e)), list(order.far(e)),
             [order.first_follower.get(root) == n for root in ear.roots], [i in order.first_follower for i in ear.links],
             closures, ear.dependent, ear.columns, r, total_sources(region), region.carried,
             region.rigid, number(1 / ear.length) if angular else sympy.S.One, number(1 / ear.length),
-            region.carried or slides, order.partners[n],
+            region.carried or order.slides(region), order.partners[n],
         )  # fmt: skip
     assert isinstance(kind, EarKind)
     kind.members.append(e)

@@ -225,7 +225,7 @@ ANY = Nonzero()
 
 
 class StructuralExpansion:
-    """Runs block-writing code on zero patterns only; `stored` receives the fields that can differ from zero.
+    """Runs block-writing code on zero patterns only; `stored` receives the fields that are written.
 
     The numbers 1 and -1 pass through as they are: the axis of a planar mechanism is one in every link.
     """
@@ -244,7 +244,7 @@ class StructuralExpansion:
         self._known = known
         self.tangents = tangents
         self.stored: dict[tuple[str, str], int | None] = {}
-        """Fields that can differ from zero, and the 1 or -1 that they are whatever the state."""
+        """The 0, 1 or -1 that a field is whatever the state, or None."""
 
     def load(self, array: str, name: str) -> Any:
         if not self._nonzero(array, name):
@@ -254,10 +254,12 @@ class StructuralExpansion:
 
     def store(self, array: str, name: str, value: Any) -> None:
         value = self.let(name, value)
-        if not isinstance(value, int):
-            self.stored[array, name] = None
-        elif value:
-            self.stored[array, name] = value
+        if array.partition("#")[0].endswith("_sum"):
+            # added to what others store there: what it is cannot be known from one of them
+            value = ANY if value else 0
+        number = value if isinstance(value, int) else None
+        key = array, name
+        self.stored[key] = number if self.stored.get(key, number) == number else None
 
     def let(self, name: str, value: Any, tag: str = "", lanes: bool = False) -> Any:
         if isinstance(value, Nonzero):
