@@ -35,6 +35,7 @@ from .kinematics import (
 from .loop_dynamics import carried_accelerations, closing_accelerations, root_velocities, source_accelerations
 from .orthogonal import product
 from .spatial import Mat, Vec, add, cross, is_zero, matvec, transpose
+from .tangents import pattern
 from .triangularization import force_to_parent
 
 SIX = range(6)
@@ -324,7 +325,7 @@ def transmit(x: Any, ear: Ear, phi: list[Vec], d_phi: list[Vec], d: EarTangents)
             continue
         on_parent = to_parent(x, member, phi[k], "Eq. 45")
         if x.structural:
-            moved = add(on_parent, to_parent(x, member, d_phi[k], ""))
+            moved = add([pattern(v) for v in on_parent], to_parent(x, member, d_phi[k], ""))
         else:
             d.give(phi[k], d_phi[k])
             d.run()

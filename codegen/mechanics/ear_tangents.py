@@ -14,6 +14,7 @@ from ..program.block import ANY
 from ..program.derivatives import Tangents
 from .ears import UNIT, Ear
 from .spatial import XYZ, Vec, add, cross, is_zero, matvec
+from .tangents import pattern
 
 
 def tangents_of(values: Vec, tangents: Vec) -> dict[Symbol, Any]:
@@ -168,7 +169,7 @@ class EarTangents:
         if not self.structural:
             self._scan()
         if self.structural:
-            return 0 if is_zero(value) else ANY
+            return pattern(value)
         return self.d.value(value, name)
 
     def vector(self, v: Vec, name: str = "d") -> Vec:

@@ -16,7 +16,7 @@ from .kinematics import (
     store_vector,
 )
 from .spatial import XYZ, Vec, add, cross, dot, matmul, matvec, scale
-from .tangents import differentiate, store_tangent
+from .tangents import differentiate, store_tangent, tangent
 from .triangularization import accumulate
 
 
@@ -42,7 +42,7 @@ def kinetic(x: Any, kind: Any) -> None:
         store_tangent(x, d, "lme", "v", v)
         store_tangent(x, d, "lane", "w", w)
         store_tangent(x, d, "lane", "v", v)
-        x.store("denergy_sum", "0", d.value(T) if d else T)
+        x.store("denergy_sum", "0", tangent(d, T))
 
 
 def origin_velocity(x: Any, kind: Any, joint: JointTransform, w: str = "w", v_field: str = "v") -> Vec:
@@ -69,9 +69,9 @@ def moments(x: Any, kind: Any) -> None:
     for k, i in enumerate(XYZ):
         accumulate(x, kind, f"sum.h.{i}", h[k])
     if x.tangents:
-        accumulate(x, kind, "sum.m", d.value(m) if d else m, array="lup", lanes=True)
+        accumulate(x, kind, "sum.m", tangent(d, m), array="lup", lanes=True)
         for k, i in enumerate(XYZ):
-            accumulate(x, kind, f"sum.h.{i}", d.value(h[k]) if d else h[k], array="lup", lanes=True)
+            accumulate(x, kind, f"sum.h.{i}", tangent(d, h[k]), array="lup", lanes=True)
 
 
 def _sums(x: Any) -> dict[Any, Any]:
@@ -113,4 +113,4 @@ def pose(x: Any, kind: Any) -> None:
             store_tangent(x, d, array, "pos", position)
             for i in range(3):
                 for j in range(3):
-                    x.store(array, f"W.{XYZ[i]}{XYZ[j]}", d.value(W[i][j]) if d else W[i][j])
+                    x.store(array, f"W.{XYZ[i]}{XYZ[j]}", tangent(d, W[i][j]))

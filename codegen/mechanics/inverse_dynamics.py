@@ -19,8 +19,8 @@ from .kinematics import (
     store_matrix,
     store_vector,
 )
-from .spatial import NINE, XYZ, Vec, add
-from .tangents import differentiate, store_tangent
+from .spatial import NINE, XYZ, Vec
+from .tangents import differentiate, pattern, store_tangent, tangent
 from .triangularization import accumulate, force_to_parent, hand_on_force
 
 
@@ -52,8 +52,8 @@ def newton_euler_outward(x: Any, kind: Any) -> None:
             store_tangent(x, d, "lme", name, v)
         for name in NINE:
             entry = B[XYZ.index(name[0])][XYZ.index(name[1])]
-            x.store("lme", f"B.{name}", d.value(entry) if d else entry)
-        tangents = [[d.value(e) if d else e for e in v] for v in (moment, force)]
+            x.store("lme", f"B.{name}", tangent(d, entry))
+        tangents = [[tangent(d, e) for e in v] for v in (moment, force)]
         tangents = list(less_external(x, kind, (tangents[0], tangents[1]), "lane", True))
         store_vector(x, "lane", "n", tangents[0])
         store_vector(x, "lane", "f", tangents[1])
@@ -87,7 +87,7 @@ def transfer(x: Any, kind: Any, joint: JointTransform, phi: Vec, d_phi: Vec, bes
     if x.tangents:
         if x.structural:
             moved = force_to_parent(x, joint, r, d_phi[:3], d_phi[3:], "")
-            tn, tf = add(n, moved[0]), add(f, moved[1])
+            tn, tf = ([pattern(a) + b for a, b in zip(v, w, strict=True)] for v, w in zip((n, f), moved, strict=True))
         else:
             extra = {s: v for s, v in zip(named, d_phi, strict=True) if v != 0}
             d = differentiate(x, kind, joint, extra)

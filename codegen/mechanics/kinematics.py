@@ -8,7 +8,7 @@ from sympy import Rational
 
 from .joints import JointTransform
 from .spatial import XYZ, Mat, Vec, add, cross, matvec, symmetric
-from .tangents import differentiate
+from .tangents import differentiate, tangent
 
 
 def load_vector(x: Any, array: str, name: str) -> Vec:
@@ -232,4 +232,4 @@ def coordinate_rates(x: Any, kind: Any) -> None:
     if x.tangents:
         d = differentiate(x, kind, joint)
         for m, value in enumerate(rates):
-            x.store("dqdot", str(m), d.value(value) if d else value)
+            x.store("dqdot", str(m), tangent(d, value))

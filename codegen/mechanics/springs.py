@@ -16,7 +16,7 @@ from .energy import origin_velocity
 from .joints import JointTransform
 from .kinematics import angular_velocity, load_matrix, load_vector, store_vector
 from .spatial import XYZ, Vec, add, cross, dot, matvec, transpose
-from .tangents import differentiate, store_tangent
+from .tangents import differentiate, store_tangent, tangent
 
 SIDES = ("one", "two")
 
@@ -110,7 +110,7 @@ def springs(x: Any, kind: Any) -> None:
             if found is not None:
                 for name, v in zip(("n", "f"), found, strict=True):
                     for k, i in enumerate(XYZ):
-                        x.store(f"lane{array}_sum", f"ext.{name}.{i}", d.value(v[k]) if d else v[k])
+                        x.store(f"lane{array}_sum", f"ext.{name}.{i}", tangent(d, v[k]))
 
 
 def spring_energy(x: Any, kind: Any) -> None:
@@ -122,7 +122,7 @@ def spring_energy(x: Any, kind: Any) -> None:
     x.store("potential_sum", "0", energy)
     if x.tangents:
         d = _tangents(x, kind)
-        x.store("dpotential_sum", "0", d.value(energy) if d else energy)
+        x.store("dpotential_sum", "0", tangent(d, energy))
 
 
 def _tangents(x: Any, kind: Any) -> Tangents | None:

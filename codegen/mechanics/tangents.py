@@ -11,10 +11,20 @@ from .joints import JointTransform
 from .spatial import XYZ, Vec
 
 
+def tangent(d: Tangents | None, value: Any) -> Any:
+    """Tangent of a value. On zero patterns (no `d`) it may differ from zero where the value does, unless that is a number."""
+    return d.value(value) if d else pattern(value)
+
+
+def pattern(value: Any) -> Any:
+    """Where the tangent of a structural value can differ from zero."""
+    return 0 if isinstance(value, int) else value
+
+
 def store_tangent(x: Any, d: Tangents | None, array: str, name: str, v: Vec) -> None:
-    """Store the tangent of a vector; on zero patterns the tangent is zero where the vector is."""
+    """Store the tangent of a vector."""
     for k, i in enumerate(XYZ):
-        x.store(array, f"{name}.{i}", d.value(v[k]) if d else v[k])
+        x.store(array, f"{name}.{i}", tangent(d, v[k]))
 
 
 UP_TANGENTS = {
