@@ -136,10 +136,6 @@ class Interface:
         """What they are the derivatives of."""
         return [r.removeprefix("d") for r in self.derived_names()]
 
-    def seeds_sizes(self) -> list[str]:
-        """What the seeds are the tangents of."""
-        return [s.removeprefix("d") for s in self.seeds]
-
     def signature(self, model: str, width: int | None = None) -> str:
         """C declaration, without the semicolon."""
         arguments = [f"double {a}" if a == "t" else f"const double *{a}" for a in self.arguments]

@@ -149,7 +149,7 @@ def keep(geometry: Geometry, draft: Draft, rows: Sequence[tuple[int, int]]) -> N
         geometry.kept[i] = [r for r in geometry.rows[i] if (i, r) in rows]
 
 
-def names_of(model: Model, geometry: Geometry, loop: int) -> dict[int, int]:
+def names_of(geometry: Geometry, loop: int) -> dict[int, int]:
     """For each of the six numbers of a loop's conditions, its place among `closure_row_names`."""
     return {r: n for n, r in enumerate(geometry.rows[loop])}
 
@@ -163,7 +163,7 @@ def remark(geometry: Geometry, draft: Draft, q: Array) -> str:
     dropped = [
         closure_row_names(model.loops[i])[n]
         for i in draft.loops
-        for r, n in names_of(model, geometry, i).items()
+        for r, n in names_of(geometry, i).items()
         if r not in geometry.kept[i]
     ]
     closure = Motion(geometry, q, np.zeros((1, geometry.nu, 1))).closure(draft.loops, geometry.rows)

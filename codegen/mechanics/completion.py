@@ -22,6 +22,7 @@ from .tangents import differentiate, store_tangent
 
 
 def let3(x: Any, name: str, v: Vec, tag: str, lanes: bool = True) -> Vec:
+    """Names for the components of a vector."""
     return [x.let(f"{name}_{i}", v[k], tag, lanes=lanes) for k, i in enumerate(XYZ)]
 
 

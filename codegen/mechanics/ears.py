@@ -393,7 +393,7 @@ class Ear:
         return found
 
     def difference(self, c: int, twists: tuple[Twist | None, Twist | None]) -> Twist:
-        """Motion at the cut: the end's minus the start's, both given at origins with their levers to the cut."""
+        """Motion at the cut: the end's minus the start's, both given there."""
         angular: Vec = [0, 0, 0]
         linear: Vec = [0, 0, 0]
         for side, sign in ((1, 1), (0, -1)):

@@ -23,12 +23,13 @@ from .spatial import XYZ, Mat, Vec, add, cross, dot, matvec, transpose
 
 
 def along_freedom(x: Any, kind: Any, k: int, freedom: Any, force: tuple[Vec, Vec]) -> Any:
+    """What a force misses along a dependent freedom: its component less the model's own joint force."""
     tau = x.load(f"tau#{k}", str(freedom.index)) if kind.links[k].forced[freedom.index] else 0
     return x.let("gamma", dot(freedom.e, force[0] if freedom.angular else force[1]) - tau, "Eq. 53")
 
 
 def inward(x: Any, ear: Ear, own: list[tuple[Vec, Vec]]) -> list[tuple[Vec, Vec]]:
-    """tuple[Vec, Vec]s transmitted by the joints of the ear's links, about the links' origins."""
+    """Forces transmitted by the joints of the ear's links, about the links' origins."""
     held = list(own)
     for k in reversed(range(len(own))):
         n = [x.let("phin", e, "Eq. 45") for e in held[k][0]]
@@ -41,6 +42,7 @@ def inward(x: Any, ear: Ear, own: list[tuple[Vec, Vec]]) -> list[tuple[Vec, Vec]
 
 
 def load_force(x: Any, array: str, prefix: str) -> tuple[Vec, Vec]:
+    """Moment and force."""
     return load_vector(x, array, f"{prefix}n"), load_vector(x, array, f"{prefix}f")
 
 
