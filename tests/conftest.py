@@ -1,12 +1,17 @@
 """What every test runs under: a private cache, and hypothesis without deadlines (compiling takes its time)."""
 
 import os
+import signal
 
 # Before anything imports NumPy: threads that wait for each other make small matrices slow on a busy machine.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import hypothesis
 import pytest
+
+# What a shell starts in the background ignores Ctrl-C, and so would all that tests start.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 hypothesis.settings.register_profile("local", deadline=None)
 hypothesis.settings.register_profile("ci", deadline=None, derandomize=True, database=None, print_blob=True)
