@@ -1,8 +1,8 @@
 """Ears in the axes of their region: attitudes, levers, the motion of joints, closing conditions.
 
-All vectors of a region's links are in the axes of its base (but for the balance, `ear_balance.py`). So nothing is turned from link to link: a joint of a link
-contributes its axis e, the column ``(e, e x lever)`` to a loop (section 4.1 of the theory page), and a velocity, an
-acceleration or a displacement goes from link to link by ``a + alpha x rho``.
+All vectors of a region's links are in the axes of its base (but for the balance, `ear_balance.py`). So nothing is turned from
+link to link: a joint of a link contributes its axis e, the column ``(e, e x lever)`` to a loop (section 4.1 of the theory
+page), and a velocity, an acceleration or a displacement goes from link to link by ``a + alpha x rho``.
 """
 
 from __future__ import annotations
