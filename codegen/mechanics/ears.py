@@ -38,6 +38,7 @@ class MemberView(Scope):
         self.tangents = x.tangents
         self.units = x.units
         self.title = x.title
+        self.asked = x.asked
 
     def load(self, store: Store, field: Field[V]) -> V:
         return self.x.load(store[self.place], field)

@@ -17,11 +17,12 @@ import sympy
 from sympy import Expr
 
 from ..model.model import GROUND
-from ..program.block import Block, Expansion, StructuralExpansion
+from ..program.block import Block, Expansion, FieldError, Scope, StructuralExpansion
 from ..program.operations import Operations, count
 from ..program.passes import PASSES, drop_dead
 from ..program.progress import Progress, silent
 from ..program.store import Life, Memory, Store
+from . import fields
 from .kinds import System, UnitKind
 from .stores import (
     BASE_LINK,
@@ -170,6 +171,22 @@ class Patterns:
         self.overruled = False
         """Whether a sweep has stored something else where an earlier one had stored 1 or -1."""
         self._known_from: dict[Place, str] = {}
+        self._written: set[Place] = set()
+        self._ground()
+
+    def _ground(self) -> None:
+        """The ground: at rest, accelerating by -g."""
+        gravity = self.system.gravity
+        record = self.of((RECORD, ""), GROUND_KIND)
+        for turned in (fields.attitude, fields.closing_attitude):
+            record |= dict.fromkeys((f"{turned.name}.{ii}" for ii in ("xx", "yy", "zz")), 1)
+        if gravity is None:
+            return
+        for name, value in gravity.shape.fields.items():
+            if value != 0:
+                record |= {name: None, "t" + name: None}
+            if name in gravity.shape.varying:
+                self.of((SLOT, "balance_out"), GROUND_KIND)[name] = None
 
     def of(self, memory: MemoryKey, kind: Any) -> dict[str, int | None]:
         """Fields that can differ from zero, and the number that they are, if any."""
@@ -200,10 +217,17 @@ class Patterns:
         return None if known is None else sympy.Integer(known)
 
     def settle(self, sweep: Sweep) -> None:
-        """Run a sweep's block-writing code on patterns until they do not grow."""
+        """Run a sweep's block-writing code on patterns until they do not grow.
+
+        Raises
+        ------
+        FieldError
+            Something is loaded that neither this sweep nor one before it stores.
+        """
         changed = True
         while changed:
             changed = False
+            asked: list[tuple[UnitKind, Scope]] = []
             zeros: list[Place] = []
             for kind in sweep.kinds(self.system):
                 write = sweep.writer(kind)
@@ -216,24 +240,44 @@ class Patterns:
                     sweep.units,
                 )
                 write(x, kind)
+                asked.append((kind, x))
                 for (store, name), value in x.stored.items():
                     found = self.reach.of(kind, sweep, store)
                     if found is None:
                         continue
                     for k in found[1]:
-                        fields = self.of(found[0], k)
+                        self._written.add((found[0], k, name))
+                        known = self.of(found[0], k)
                         if value == 0:
                             zeros.append((found[0], k, name))
-                        elif name not in fields:
-                            fields[name] = value
+                        elif name not in known:
+                            known[name] = value
                             self._known_from[found[0], k, name] = sweep.name
                             changed = True
-                        elif fields[name] is not None and fields[name] != value:
+                        elif known[name] is not None and known[name] != value:
                             changed = self._forget(sweep, found[0], k, name)
             if not changed:  # only now is a zero sure to stay one: then the field is not 1 for all
                 for memory, k, name in zeros:
                     if self.of(memory, k).get(name) is not None:
                         changed = self._forget(sweep, memory, k, name)
+        for kind, x in asked:
+            self.check_loads(sweep, kind, x)
+
+    def check_loads(self, sweep: Sweep, kind: UnitKind, x: Scope) -> None:
+        """What a block loads must be stored by some block, zeros too, unless others hand it on and there may be none.
+
+        Raises
+        ------
+        FieldError
+            With block, store and component.
+        """
+        for (store, name), asked in x.asked.items():
+            found = self.reach.of(kind, sweep, store)
+            if found is None or asked.handed_on:
+                continue
+            for k in found[1]:
+                if k != GROUND_KIND and (found[0], k, name) not in self._written:
+                    raise FieldError(f"{sweep.title}: {store}.{name} is loaded, and no block stores it")
 
     def _forget(self, sweep: Sweep, memory: MemoryKey, kind: Any, name: str) -> bool:
         """A field is not the same number in every state."""
@@ -255,7 +299,6 @@ def expand(
     wanted = set(sweeps)
     chosen = [s for s in SWEEPS if s.name in wanted and s.kinds(system)]
     patterns = Patterns(system)
-    _ground_pattern(patterns)
     program = Program(system, read_outside=set(read_outside))
     start = clock = time.perf_counter()
     seconds = program.sweep_seconds
@@ -278,6 +321,7 @@ def expand(
                 partial(patterns.number, kind, sweep), kind.alias_of, sweep.tangents, sweep.units,
             )  # fmt: skip
             write(x, kind)
+            patterns.check_loads(sweep, kind, x)
             program.blocks[sweep.name][kind.index] = x.finish()
         seconds[sweep.name], clock = seconds[sweep.name] + time.perf_counter() - clock, time.perf_counter()
     program.report.append(("expand", _total(program), time.perf_counter() - start))
@@ -312,20 +356,6 @@ def _check_pattern(patterns: Patterns, kind: UnitKind, sweep: Sweep, block: Bloc
             raise AssertionError(
                 f"{sweep.name}, {kind.role} {kind.index}: {store}.{name} = {value} is not in its pattern"
             )
-
-
-def _ground_pattern(patterns: Patterns) -> None:
-    """The ground: at rest, accelerating by -g."""
-    gravity = patterns.system.gravity
-    record = patterns.of((RECORD, ""), GROUND_KIND)
-    record |= dict.fromkeys(("W.xx", "W.yy", "W.zz", "cW.xx", "cW.yy", "cW.zz"), 1)
-    if gravity is None:
-        return
-    for name, value in gravity.shape.fields.items():
-        if value != 0:
-            record |= {name: None, "t" + name: None}
-        if name in gravity.shape.varying:
-            patterns.of((SLOT, "balance_out"), GROUND_KIND)[name] = None
 
 
 def _total(program: Program) -> Operations:

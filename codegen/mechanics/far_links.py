@@ -107,7 +107,11 @@ def far_own_motions(x: Any, kind: Any) -> None:
         own, found = fields.total, fields.far_own(f)
         x.store(REGION, found.a, x.load(record, own.a))
         x.store(LREGION, found.a, x.load(slot, fields.remainder.a))
-        if m < 0:
+        if m < 0:  # it does not turn
+            for store in (REGION, LREGION):
+                x.store(store, found.w, list(ZERO))
+                x.store(store, found.al, list(ZERO))
+                x.store(store, found.B, [list(ZERO) for _ in range(3)])
             continue
         for field, whole, tangent in ((found.w, own.w, own.w), (found.al, own.al, fields.remainder.al)):
             x.store(REGION, field, x.load(record, whole))

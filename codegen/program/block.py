@@ -95,12 +95,17 @@ class Scope(ABC):
         Its sweep goes over units of several links.
     structural : bool
         Values are zero patterns; otherwise they are expressions.
+    title : str
+        Of the block.
+    asked : dict of (Store, str) to Field
+        Components that have been read, and the field that each is of.
     """
 
     structural: bool
     tangents: bool
     units: bool
     title: str
+    asked: dict[Component, Field[Any]]
 
     @abstractmethod
     def component(self, store: Store, name: str) -> Value:
@@ -125,6 +130,7 @@ class Scope(ABC):
     def load(self, store: Store, field: Field[V]) -> V:
         """The value of a field."""
         self._check(store, field)
+        self.asked |= {(store, name): field for name in field.components}
         return field.read(partial(self.component, store))
 
     def store(self, store: Store, field: Field[V], value: V) -> None:
@@ -176,6 +182,7 @@ class Expansion(Scope):
     ):
         self.block = Block(name, title)
         self.title = title
+        self.asked = {}
         self.tangents = tangents
         self.units = units
         self._nonzero = nonzero
@@ -230,7 +237,9 @@ class Expansion(Scope):
         return symbol
 
     def recall(self, store: Store, field: Field[V], value: V) -> None:
+        self._check(store, field)
         for name, part in field.parts(value):
+            self.asked[store, name] = field
             if isinstance(part, Symbol) and part not in self.block.loads:
                 self._recalled[part] = (store, name)
 
@@ -312,12 +321,7 @@ class StructuralExpansion(Scope):
         self.tangents = tangents
         self.stored: dict[Component, int | None] = {}
         """The 0, 1 or -1 that a component is whatever the state, or None."""
-        self.asked: dict[Component, Field[Any]] = {}
-        """Components that are read, and the field that each is of."""
-
-    def load(self, store: Store, field: Field[V]) -> V:
-        self.asked |= {(store, name): field for name in field.components}
-        return super().load(store, field)
+        self.asked = {}
 
     def component(self, store: Store, name: str) -> Value:
         if not self._nonzero(store, name):
@@ -344,4 +348,4 @@ class StructuralExpansion(Scope):
         return self.let(name, value)
 
     def recall(self, store: Store, field: Field[V], value: V) -> None:
-        pass
+        self.load(store, field)
