@@ -260,8 +260,8 @@ class Patterns:
                 for memory, k, name in zeros:
                     if self.of(memory, k).get(name) is not None:
                         changed = self._forget(sweep, memory, k, name)
-        for kind, x in asked:
-            self.check_loads(sweep, kind, x)
+        for kind, block in asked:
+            self.check_loads(sweep, kind, block)
 
     def check_loads(self, sweep: Sweep, kind: UnitKind, x: Scope) -> None:
         """What a block loads must be stored by some block, zeros too, unless others hand it on and there may be none.
