@@ -20,6 +20,9 @@ REGION_LANE = Memory("region lane", lanes=True)
 LAID_OUT = (RECORD, SLOT, LANE, EAR_RECORD, REGION_RECORD, REGION_LANE, COUPLING_BLOCK)
 """Memory whose fields the layout gives places to. Of everything else the place is known beforehand."""
 
+KEPT = {RECORD: Memory("kept record"), REGION_RECORD: Memory("kept region")}
+"""Scalars that sweeps over directions hand on themselves, kept for their transposes."""
+
 CONSTANT = Memory("constants", life=Life.OUTSIDE)
 PER_COORDINATE, PER_COORDINATE_LANE = (
     Memory("coordinates", life=Life.OUTSIDE),

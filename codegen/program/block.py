@@ -11,7 +11,7 @@ Supported: sums, products, integer powers, quotients and elementary functions. N
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import cache, partial
 from typing import Any, TypeVar
@@ -242,6 +242,10 @@ class Expansion(Scope):
             self.asked[store, name] = field
             if isinstance(part, Symbol) and part not in self.block.loads:
                 self._recalled[part] = (store, name)
+
+    def reserve(self, names: Iterable[str]) -> None:
+        """Names that no symbol made from now on may have."""
+        self._taken.update(names)
 
     def finish(self) -> Block:
         """The block, recalled statements turned into loads."""

@@ -94,6 +94,8 @@ class Store:
         found = self._others.get(place)
         if found is None:
             found = self._others[place] = Store(self.name, self.owner, self.memory, self.adds, place)
+            if self.adds:
+                found._others["plain"] = self.plain[place]
         return found
 
     @property
@@ -102,7 +104,13 @@ class Store:
         found = self._others.get("sum")
         if found is None:
             found = self._others["sum"] = Store(self.name, self.owner, self.memory, True, self.place)
+            found._others["plain"] = self
         return found
+
+    @property
+    def plain(self) -> Store:
+        """The same, not added to."""
+        return self._others["plain"] if self.adds else self
 
     def __repr__(self) -> str:
         return self.label + ("_sum" if self.adds else "")
