@@ -176,7 +176,6 @@ SWEEPS: tuple[Sweep, ...] = (
 )  # fmt: skip
 
 
-
 def values_name(sweep: str) -> str:
     """The sweep that gives the scalars which a sweep over directions hands on."""
     return f"{sweep}_values"

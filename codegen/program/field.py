@@ -77,6 +77,11 @@ class Field(Generic[V]):
         return member
 
     @property
+    def shown(self) -> tuple[str, ...]:
+        """Names for people."""
+        return (self.name,)
+
+    @property
     def components(self) -> tuple[str, ...]:
         """Names of the components."""
         raise NotImplementedError
@@ -178,6 +183,10 @@ class SixField(Field[Vector]):
     halves = ("n", "f")
 
     @property
+    def shown(self) -> tuple[str, ...]:
+        return tuple(f"{self.name}{half}" for half in self.halves)
+
+    @property
     def angular(self) -> VectorField:
         """The first three: moment, angular velocity or angular acceleration."""
         return self._half(0)
@@ -238,6 +247,10 @@ class BlockField(Field[Matrix]):
     """Six rows of six."""
 
     shape = "6x6 matrix"
+
+    @property
+    def shown(self) -> tuple[str, ...]:
+        return (f"{self.name}{{}}{{}}",)
 
     @property
     def components(self) -> tuple[str, ...]:

@@ -140,7 +140,10 @@ def transposed(block: Block, name: str, title: str, adjoints: Adjoints, kept: Ke
     for statement in reversed(block.statements):
         if statement.lanes and statement.target in bars:
             bar = x.let(
-                f"{statement.target.name}_bar", sympy.Add(*bars[statement.target]), f"T {statement.tag}".strip(), lanes=True
+                f"{statement.target.name}_bar",
+                sympy.Add(*bars[statement.target]),
+                f"T {statement.tag}".strip(),
+                lanes=True,
             )
             give(statement.expression, bar)
     stores: list[tuple[Store, str, Expr]] = []

@@ -15,6 +15,7 @@ from codegen.emit.solver import OF_TREES
 from codegen.loops.partition import partition
 from codegen.mechanics.expansion import Patterns
 from codegen.mechanics.fields import FIELDS
+from codegen.mechanics.glossary import glossary
 from codegen.mechanics.kinds import System, analyse
 from codegen.mechanics.stores import LAID_OUT
 from codegen.mechanics.sweeps import SWEEPS, Sweep
@@ -146,3 +147,8 @@ def test_fields_say_what_they_are():
     for name, field in FIELDS.items():
         assert field.meaning and field.unit, name
         assert field.shape, name
+
+
+def test_the_glossary_is_as_the_table_of_fields_has_it():
+    page = EXAMPLES.parent / "docs" / "glossary.md"
+    assert page.read_text(encoding="utf-8") == glossary(), "python -m codegen.mechanics.glossary > docs/glossary.md"
