@@ -1,7 +1,7 @@
 """Sweeps run backwards: what the transpose of a function over directions is made of.
 
-Of every sweep over directions there are two more (`sweeps.backwards`): one gives the scalars that the sweep itself would hand from
-link to link, in the same order, and keeps them; the other is its transpose, from the last link to the first
+Of every sweep over directions there are two more (`sweeps.backwards`): one gives the scalars that the sweep itself would
+hand from link to link, in the same order, and keeps them; the other is its transpose, from the last link to the first
 (`codegen.program.transpose`). Nothing here knows what a sweep computes.
 """
 
@@ -14,7 +14,7 @@ from ..program.passes import drop_dead, simplify
 from ..program.store import Life, Memory, Store
 from ..program.transpose import Adjoints, Kept, transposed, values
 from .expansion import Program
-from .stores import KEPT, LAID_OUT, LINK, REGION_RECORD, RECORD
+from .stores import KEPT, LAID_OUT, LINK, RECORD, REGION_RECORD
 from .sweeps import SWEEP, transpose_name, values_name
 
 Name = tuple[Memory, str]
@@ -91,7 +91,7 @@ def _keep_needed(forwards: dict[int, Block], backwards: dict[int, Block]) -> Non
     before = -1
     while before != len(needed):
         before = len(needed)
-        for kind, block in forwards.items():
+        for block in forwards.values():
             stores = [(a, n, e) for a, n, e in block.stores if (a.memory, n) in needed]
             found = drop_dead(Block(block.name, block.title, block.loads, block.statements, stores))
             needed |= set(_kept_names(found))
