@@ -6,17 +6,23 @@ of the header.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
+from ..mechanics import procedures
 from ..mechanics.kinds import UnitKind
 from ..mechanics.stores import LME, MARGIN, MY_LANE
+from ..model.model import Model
 from ..program.block import Block
 from ..program.passes import by_results
+from ..program.procedure import Own, Perform, Prepare, Procedure, Run
 from ..program.store import Store
+from . import c_functions
+from .c_functions import CFunctions
+from .function import Function, in_lines
 from .printer import C_FUNCTIONS, Printer
 from .templates import render
-from .writer import Function, Located, Place, Writer
+from .writer import Located, Place, Writer
 
 SIZES = {
     "records": "RECORD", "near": "NEAR_SIZE", "slots": "SLOT_SIZE", "lanes": "LANE_SIZE", "ears": "EAR_SIZE",
@@ -232,78 +238,87 @@ class CWriter(Writer):
 
     # -- the files -------------------------------------------------------------------------------------------------
 
+    def prepared(self, what: str) -> list[str]:
+        angles = self.layout.angles
+        n = len(angles)
+        match what:
+            case procedures.CONSTANTS:
+                return self.constants[1]
+            case procedures.GROUND:
+                return self.gravity() + self.ground()
+            case procedures.ANGLES if angles:
+                angle = "i" if angles == list(range(n)) else "angle_of[i]"
+                return [
+                    f"for (int i = 0; i < {n}; ++i) a->trig[ANGLES + i] = a->q[{angle}];",
+                    f"for (int i = {n}; i < ANGLES; ++i) a->trig[ANGLES + i] = 0.0;",
+                    "sines_and_cosines(ANGLES, a->trig);",
+                ]
+            case procedures.GROUND_AT_REST if self.system.gravity is not None:
+                record = [line for line in self.ground() if "gravity" in line]
+                return ["for (int i = 0; i < 3; ++i) a->gravity[i] = 0.0;", *record]
+            case procedures.GROUND_TANGENT:
+                return self.ground_tangent()[0]
+            case procedures.GROUND_TANGENT_AT_REST:
+                return self.ground_tangent()[1]
+        return []
+
+    def regions(self) -> list[tuple[str, bool, int]]:
+        """What sweeps keep in the workspace: name, whether per direction, number of entries."""
+        layout, model, regions = self.layout, self.model, self.system.regions
+        links, forced = len(self.system.links), model.nu if model.forces else 0
+        found = [
+            ("records", False, len(layout.record) * (links + 1)),
+            ("near", False, layout.near_size * self.system.slots),
+            ("ears", False, len(layout.ear) * len(regions.ears)),
+            ("couplings", False, len(layout.coupling) * regions.elimination.slots),
+            ("regions", False, len(layout.region) * len(regions.regions)),
+            ("gravity", False, 3 if self.system.gravity is not None else 0),
+            ("constants", False, layout.constants_size),
+            ("trig", False, 2 * layout.angles_padded),
+            ("tau", False, forced),
+            ("coefficient", False, 3 * len(model.springs)),
+            ("slots", True, layout.slot_size * self.system.slots),
+            ("lanes", True, len(layout.lane) * links),
+            ("region_lanes", True, len(layout.region_lane) * len(regions.regions)),
+            ("dtau", True, forced),
+            ("dcoefficient", True, 3 * len(model.springs)),
+        ]
+        return [r for r in found if r[2]]
+
+    def laid_out(self, procedure: Procedure, places: dict[str, int]) -> list[str]:
+        """Lines that give a call the memory of the workspace: all of it, or what a few sweeps need."""
+        if any(isinstance(s, (Prepare, Perform, Own)) for s in procedure.steps):
+            return ["lay_out(&c, work);"]
+        sweeps = [s.sweep for s in procedure.steps if isinstance(s, Run) and not s.lanes]
+        text = "\n".join(line for s in sweeps for f in self.swept[s] for line in f.lines)
+        lines = [f"c.{name} = aligned(work) + {at};" for name, at in places.items() if f"a->{name} " in text]
+        return lines if lines or procedure.seeds else ["(void)work;"]
+
     def context(self) -> dict[str, Any]:
         """What the templates are rendered with."""
-        model, layout, use = self.model, self.layout, self.uses
+        model, layout = self.model, self.layout
         context = self.shared_context()
-        size = context["size"]
-        ground_tangent, ground_tangent_rest = self.ground_tangent()
-        links = len(self.system.links)
-        state = ["q", "u"] + [n for n, name in (("p", "parameters"), ("inputs", "inputs")) if use[name]]
-        regions = [
-            ("records", "", len(layout.record) * (links + 1)),
-            ("near", "", layout.near_size * self.system.slots),
-            ("ears", "", len(layout.ear) * len(self.system.regions.ears)),
-            ("couplings", "", len(layout.coupling) * self.system.regions.elimination.slots),
-            ("regions", "", len(layout.region) * len(self.system.regions.regions)),
-            ("gravity", "", 3 if use["gravity"] else 0),
-            ("constants", "", layout.constants_size),
-            ("trig", "", 2 * layout.angles_padded),
-            ("tau", "", model.nu if use["forces"] else 0),
-            ("coefficient", "", 3 * len(model.springs)),
-            ("speeds", "", model.nu if use["loops"] else 0),
-            ("accelerations", "", model.nu if self.reactions else 0),
-            ("rates", "", len(model.closure_names)),
-            ("rest_u", "", 0 if use["loops"] else model.nu),
-            ("numbers_1", "", 0 if use["loops"] else model.nu),
-            ("numbers_2", "", 0 if use["loops"] else model.nu),
-            ("slots", "L", layout.slot_size * self.system.slots),
-            ("lanes", "L", len(layout.lane) * links),
-            ("region_lanes", "L", len(layout.region_lane) * len(self.system.regions.regions)),
-            ("dtau", "L", model.nu if use["forces"] else 0),
-            ("dcoefficient", "L", 3 * len(model.springs)),
-            ("lanes_1", "L", model.nu),
-            ("lanes_2", "L", 0 if use["loops"] else model.nu),
-            ("own_dq", "L", model.nq if use["loops"] else 0),
-            ("own_du", "L", model.nu if use["loops"] else 0),
-            *((f"rest_d{n}", "L", size[n]) for n in state),
-            ("rest_dt", "L", int(use["time"])),
-        ]
-        at, placed = 0, []
-        for name, kind, count in regions:
-            if count:
-                placed.append((name, kind == "L", at))
-                at += -(-count * (8 if kind == "L" else 1) // 8) * 8
-        functions = context["interfaces"]
-        self.workspace = at + 8
-        pointers = ["double *" + n for n in ("udot", "qdot", "force", "energy", "outputs")]
-        pointers += ["double *" + n for n in ("reaction", "loop_reaction") if self.reactions]
-        pointers += ["double *" + n for n in ("initial_q", "initial_u") if use["initial"]]
-        pointers += ["double *" + n for n in ("position", "velocity", "condition", "step") if use["loops"]]
-        sources = [f"const double *{n}" for n in state] + (["double t"] if use["time"] else [])
-        seeds = [f"const LANES *d{n}" for n in state] + (["const LANES *dt"] if use["time"] else [])
-        if use["loops"]:  # dependent speeds and seeds are written into copies
-            sources[1] = "double *u"
-            sources.append("const double *given_u")
-            seeds[:2] = ["LANES *dq", "LANES *du", "const LANES *given_dq", "const LANES *given_du"]
-        names = lambda declarations: [d.split()[-1].lstrip("*") for d in declarations]  # noqa: E731
-        call_pointers = [*sources, *pointers, *(f"double *{n}" for n, lane, _ in placed if not lane)]
-        lane_pointers = [
-            *seeds,
-            "const LANES *b",
-            *(["LANES *dposition"] if use["loops"] else []),
-            *(f"LANES *{n}" for n in ("dinitial_q", "dinitial_u") if use["initial"]),
-            *(f"LANES *{n}" for n in ("dudot", "dqdot", "dforce", "denergy", "doutputs")),
-            *(f"LANES *{n}" for n, lane, _ in placed if lane),
-        ]
+        found = context["interfaces"]
+        places: dict[str, int] = {}
+        at = 0
+        for name, lanes, count in self.regions():
+            places[name] = at
+            at += -(-count * (8 if lanes else 1) // 8) * 8
+        kept = {name: lanes for name, lanes, _ in self.regions()}
+        memory = c_functions.memory(found)
+        if memory.size:
+            places["own"], kept["own"] = at, False
+        self.workspace = at + memory.size + 8
+        fields, lane_fields = memory.declarations(kept)
+        in_workspace = {name: at for name, at in places.items() if not kept[name]}
+        lines = CFunctions(model.name, memory, self.prepared, lambda p: self.laid_out(p, in_workspace))
+        of_width = [(f, w) for f in found for w in (f.widths or (None,))]
+        batches = [(c_functions.batch_signature(f, model.name, w), f, w) for f, w in of_width]
         return context | {
             "NAME": model.name.upper(),
-            "links": links, "loop_count": len(model.loops),
-            "coordinates": model.coordinate_names, "speeds": model.speed_names,
-            "parameters": model.parameters, "input_names": model.inputs, "outputs": model.outputs,
-            "state": [*state, *(["t"] if use["time"] else [])],
-            "constants_in_c": [
-                ("LINKS", links), ("RECORD", max(1, len(layout.record))),
+            "legend": legend(model, len(self.system.links)),
+            "sizes_in_c": [
+                ("LINKS", len(self.system.links)), ("RECORD", max(1, len(layout.record))),
                 ("NEAR_SIZE", max(1, layout.near_size)), ("SLOT_SIZE", max(1, layout.slot_size)),
                 ("LANE_SIZE", max(1, len(layout.lane))),
                 *((n, len(f)) for n, f in (("EAR_SIZE", layout.ear), ("COUPLING_SIZE", layout.coupling),
@@ -311,30 +326,70 @@ class CWriter(Writer):
                 ("ANGLES", max(1, layout.angles_padded)),
             ],
             "workspace": self.workspace,
-            "speeds_at": next((offset for n, _, offset in placed if n == "speeds"), 0),
-            "regions": placed,
-            "region_names": {n for n, _, _ in placed},
-            "call_pointers": call_pointers, "call_names": names(call_pointers),
-            "lane_pointers": lane_pointers,
-            "tables": self.tables,
-            "ground": self.gravity() + self.ground(),
-            "ground_record": [line for line in self.ground() if "gravity" in line],
-            "ground_tangent": ground_tangent, "ground_tangent_rest": ground_tangent_rest,
+            "fields": fields, "lane_fields": lane_fields, "field_names": [f.split()[-1].lstrip("*") for f in fields],
+            "value_places": in_workspace, "lane_places": {n: at for n, at in places.items() if kept[n]},
+            "tables": [*self.flat_tables(), *((head, [f"{{{row}}}," for row in rows]) for head, rows in self.tables)],
+            "sines": ["c/sincos.c.jinja"] if layout.angles else [],
+            "routines": [lines.routine(r) for r in context["routines"]],
+            "lane_routines": [lines.routine(r) for r in context["lane_routines"]],
+            "other_lane_routines": [lines.routine(r) for r in context["other_lane_routines"]],
+            "header_functions": [lines.function(f) for f in found if not f.seeds],
+            "header_lane_functions": [lines.function(f) for f in found if 2 in f.widths],
+            "other_header_lane_functions": [lines.function(f) for f in found if f.seeds and 2 not in f.widths],
             "prototypes": [
-                (f.comment if not w else f"{f.comment} Directions: {w}.", f.signature(model.name, w))
-                for f in functions for w in (f.widths or (None,))
+                (f.doc if not w else f"{f.doc} Directions: {w}.",
+                 c_functions.signature(f, f"{model.name}_{c_functions.symbol(f, w)}")) for f, w in of_width
             ],
-            "batch_prototypes": [f.batch_signature(model.name, w) for f in functions for w in (f.widths or (None,))],
-            "batches": [
-                Function("", f.batch_signature(model.name, w), f.batch_lines(model.name, w, size))
-                for f in functions for w in (f.widths or (None,))
-            ],
-            "signature": {f.name: f.signature(model.name) for f in functions},
-            "lane_signature": {
-                f.name: f.signature(model.name).replace(f"{model.name}_{f.name}", f"DIRECTIONS({model.name}_{f.name})")
-                for f in functions
-            },
+            "batches": [Function("", head, c_functions.batch_lines(f, model.name, w)) for head, f, w in batches],
         }  # fmt: skip
+
+    def flat_tables(self) -> list[tuple[str, list[str]]]:
+        """Declarations and lines of tables without rows: numbers; coordinates that are angles if they are not the first."""
+        numbers, angles = [repr(v) for v in self.layout.numbers], self.layout.angles
+        found = [(f"static const double numbers[{len(numbers)}]", in_lines(numbers, 6))] if numbers else []
+        if angles != list(range(len(angles))):
+            found.append((f"static const int angle_of[{len(angles)}]", in_lines(list(map(str, angles)), 16)))
+        return found
+
+
+def legend(model: Model, links: int) -> list[str]:
+    """Lines that say what arguments and results are."""
+
+    def some(names: Sequence[str]) -> str:
+        return " ".join(names[:12]) + (" ..." if len(names) > 12 else "")
+
+    nq, nu, outputs = model.nq, model.nu, [o.name for o in model.outputs]
+    lines = [
+        f"  q[{nq}]     coordinates: {some(model.coordinate_names)}",
+        f"  u[{nu}]     speeds: {some(model.speed_names)}",
+        f"  udot[{nu}]  their time derivatives",
+    ]
+    if model.parameters:
+        where = f"{model.name}_model.h has defaults, initial state and indices"
+        lines.append(f"  p[{len(model.parameters)}]     design parameters; {where}:")
+        for p in model.parameters[:64]:
+            unit = p.unit.replace("*/", "* /").replace("/*", "/ *") if p.unit else ""
+            lines.append(f"             {p.name}{f' [{unit}]' if unit else ''}")
+    if model.inputs:
+        lines.append(f"  inputs[{len(model.inputs)}]: {' '.join(model.inputs)}")
+    if any("t" in e.names for e in model.expressions()):
+        lines.append("  t         time, s")
+    if outputs:
+        lines.append(f"  outputs[{len(outputs)}]: {some(outputs)}")
+    lines += [
+        "  energy[2]  kinetic and potential energy, J",
+        f"  M[{nu}*{nu}] and J_x[{nu}*n] are stored row by row.",
+        "A function whose name ends in _8, _2 or _1 works on so many directions at once: seeds (dq, du, ...) and derivatives",
+        f"have the direction as last index, dq[{nq}][8].",
+        f"work: {model.name.upper()}_WORKSPACE doubles of the caller's. Nothing in it is kept between calls; functions are "
+        f"re-entrant.",
+        "Functions return 0, or the number (from 1) of the link about whose joint nothing outboard has inertia.",
+    ]
+    if model.loops:
+        lines.append(f"Numbers above {links}, the number of links: a loop has lost rank.")
+    if model.springs:
+        lines.append(f"Numbers above {links + len(model.loops)}: the ends of a spring coincide.")
+    return lines
 
 
 def _function(name: str, lanes: bool) -> str:

@@ -8,15 +8,19 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from ..mechanics import procedures
 from ..mechanics.expansion import Program
 from ..mechanics.formulas import FormulaKind
 from ..mechanics.kinds import UnitKind
 from ..mechanics.outputs import RecordFormula
 from ..mechanics.stores import COUPLING_BLOCK, EAR_RECORD, MARGIN, RECORD, REGION_RECORD
 from ..program.block import Block
+from ..program.procedure import Procedure, routines
 from ..program.store import Store
+from . import numpy_functions
 from .address import REGIONS
-from .interface import Interface
+from .function import in_lines
+from .numpy_functions import NumpyFunctions
 from .printer import NumpyPrinter
 from .repetition import Repeated, repeated
 from .templates import render
@@ -24,14 +28,6 @@ from .writer import Located, Place, Writer
 
 SCALARS = (RECORD, EAR_RECORD, REGION_RECORD, COUPLING_BLOCK)
 """Memory whose numbers are NumPy's: Python's 1.0/0.0 would raise, NumPy's is found by the pivot check."""
-
-AXES = {
-    "q": "nq", "u": "nu", "p": "np", "inputs": "ninputs", "t": "", "udot": "nu", "qdot": "nq", "M": "nu, nu", "b": "nu",
-    "x": "nu", "force": "nu", "energy": "2", "outputs": "noutputs", "J_q": "nu, nq", "J_u": "nu, nu", "J_p": "nu, np",
-    "J_inputs": "nu, ninputs", "J_t": "nu", "position": "nclosure", "velocity": "nclosure", "condition": "nloops",
-    "reaction": "6*nlinks", "loop_reaction": "6*nloops", "step": "nq", "full_q": "nq", "full_u": "nu",
-}  # fmt: skip
-"""Axes of arguments and results after those of the batch."""
 
 
 class NumpyWriter(Writer):
@@ -44,10 +40,9 @@ class NumpyWriter(Writer):
         program: Program,
         formulas: list[FormulaKind],
         records: list[RecordFormula],
-        energy_outputs: list[tuple[int, int]],
-        reactions: bool = False,
+        asked: tuple[Procedure, ...],
     ):
-        super().__init__(program, formulas, records, energy_outputs, reactions)
+        super().__init__(program, formulas, records, asked)
         self.printer = NumpyPrinter()
         self.tables: dict[str, list[str]] = {}
 
@@ -152,51 +147,85 @@ class NumpyWriter(Writer):
             lines.append(f'a.records[GROUND]["{name}"] = {text}')
         return lines
 
+    def prepared(self, what: str) -> list[str]:
+        angles = self.layout.angles
+        match what:
+            case procedures.CONSTANTS:
+                return self.constants[1]
+            case procedures.GROUND:
+                return self.ground()
+            case procedures.ANGLES if angles:
+                place = f":{len(angles)}" if angles == list(range(len(angles))) else "angle_of"
+                return [f"angles = a.q[{place}]", "a.cos, a.sin = np.cos(angles), np.sin(angles)"]
+            case procedures.GROUND_AT_REST:
+                return [f'a.records[GROUND]["{name}"] = ZERO' for name in self.ground_accelerations()]
+            case procedures.GROUND_TANGENT:
+                return [f'a.slots[GROUND]["{name}"] = {self._along(terms)}' for name, terms in self.ground_tangents()]
+            case procedures.GROUND_TANGENT_AT_REST:
+                return [f'a.slots[GROUND]["{name}"] = 0.0' for name, _ in self.ground_tangents()]
+        return []
+
+    def _along(self, terms: list[tuple[float | str, int]]) -> str:
+        return " + ".join(f"{self._gravity(factor)}*a.dp[{p}]" for factor, p in terms) or "0.0"
+
+    def pivots(self, sweep: str) -> bool:
+        """Whether a sweep checks pivots."""
+        return any(store.memory is MARGIN for b in self.blocks[sweep].values() for store, _, _ in b.stores)
+
+    def memory(self) -> list[str]:
+        """Lines that give a call its memory."""
+        system, model = self.system, self.model
+        regions = system.regions
+        kept = {
+            "records": "GROUND + 1", "slots": "GROUND + 1", "lanes": "GROUND + 1", "constants": len(system.constants),
+            "ears": len(regions.ears), "couplings": regions.elimination.slots, "regions": len(regions.regions),
+            "region_lanes": len(regions.regions),
+        }  # fmt: skip
+        lines = [f"self.{name} = [{{}} for _ in range({n})]" for name, n in kept.items() if n]
+        arrays = {a.name: numpy_functions.count(a) for a in numpy_functions.made(self.procedures)}
+        arrays |= {n: "NU" for n in ("tau", "dtau") if model.forces}
+        arrays |= {n: str(3 * len(model.springs)) for n in ("coefficient", "dcoefficient") if model.springs}
+        return [*lines, *(f"self.{name} = [0.0] * {n}" for name, n in arrays.items())]
+
+    def flat_tables(self) -> list[tuple[str, list[str], str]]:
+        """Beginning, lines and end of the tables; numbers are arrays."""
+        found = []
+        if self.layout.numbers:
+            found.append(("numbers = np.array([", in_lines(list(map(repr, self.layout.numbers)), 6), "])"))
+        for name, rows in self.tables.items():
+            ends = ("np.array((", "))") if name.startswith("numbers") else ("(", ")")
+            found.append((f"{name} = {ends[0]}", [f"({row},)," for row in rows], ends[1]))
+        angles = self.layout.angles
+        if angles != list(range(len(angles))):
+            found.append(("angle_of = [", in_lines(list(map(str, angles)), 16), "]"))
+        return found
+
     def context(self) -> dict[str, Any]:
         """What the templates are rendered with."""
         context = self.shared_context()
-        tangent = [
-            (name, " + ".join(f"{self._gravity(factor)}*a.dp[{p}]" for factor, p in terms) or "0.0")
-            for name, terms in self.ground_tangents()
-        ]
-        context |= {
-            "tables": self.tables,
-            "links": listed([link.name for link in self.system.links]),
-            "loops": listed([loop.name for loop in self.model.loops]),
-            "ears": len(self.system.regions.ears),
-            "couplings": self.system.regions.elimination.slots,
-            "regions": len(self.system.regions.regions),
-            "springs": len(self.model.springs),
-            "spring_names": listed([spring.name for spring in self.model.springs]),
-            "nclosure": len(self.model.closure_names),
-            "constants": len(self.system.constants),
-            "ground": self.ground(),
-            "rest": [f'a.records[GROUND]["{name}"] = ZERO' for name in self.ground_accelerations()],
-            "ground_tangent": [f'a.slots[GROUND]["{name}"] = {value}' for name, value in tangent],
-            "ground_tangent_rest": [f'a.slots[GROUND]["{name}"] = 0.0' for name, _ in tangent],
-            "public": {f.name: self._public(f) for f in context["interfaces"]},
+        lines = NumpyFunctions(self.prepared, self.pivots)
+        model = self.model
+        names = {"LINKS": [link.name for link in self.system.links]}
+        singular: list[tuple[str, str, str]] = []
+        errors = []
+        if model.loops:
+            names["LOOPS"] = [loop.name for loop in model.loops]
+            singular.append(("SingularLoopError", "GROUND", "LOOPS[link - GROUND]"))
+            errors.append("numpy/singular_loop.py.jinja")
+        if model.springs:
+            names["SPRINGS"] = [spring.name for spring in model.springs]
+            first = f"GROUND + {len(model.loops)}" if model.loops else "GROUND"
+            singular.append(("SingularSpringError", first, f"SPRINGS[link - ({first})]"))
+            errors.append("numpy/singular_spring.py.jinja")
+        return context | {
+            "tables": self.flat_tables(),
+            "names": [(n, listed(found)) for n, found in names.items()],
+            "memory": self.memory(),
+            "singular": singular[::-1],  # the last ones have the largest numbers
+            "errors": errors,
+            "routines": [lines.routine(r) for r in routines(self.procedures)],
+            "public": [lines.function(f) for f in self.procedures],
         }
-        return context
-
-    def _public(self, f: Interface) -> dict[str, Any]:
-        """Signature, documentation and opening statement of a function of the module."""
-        given = [*f.arguments, *f.seeds]
-        results = [self._shape(r, bool(f.seeds) and r.startswith("d")) for r in f.results]
-        return {
-            "signature": f"def {f.name}({', '.join(given)}):",
-            "comment": f.comment,
-            "takes": [
-                ", ".join(self._shape(n, lanes) for n in names)
-                for names, lanes in ((f.arguments, False), (f.seeds, True))
-                if names
-            ],
-            "returns": ", ".join(results),
-            "open": f"a = Call({', '.join(f'{n}={n}' for n in given)})",
-        }
-
-    def _shape(self, name: str, lanes: bool) -> str:
-        axes = AXES[name.removeprefix("d") if lanes else name]
-        return f"{name} ({'k, ' if lanes else ''}...{', ' + axes if axes else ''})"
 
 
 def listed(names: list[str]) -> list[str]:
@@ -229,17 +258,16 @@ def write_numpy(
     program: Program,
     formulas: list[FormulaKind],
     records: list[RecordFormula],
-    energy_outputs: list[tuple[int, int]],
-    reactions: bool = False,
+    asked: tuple[Procedure, ...],
 ) -> str:
     """The text of ``<name>_numpy.py``; needs NumPy only.
 
     Parameters
     ----------
-    program, formulas, records, energy_outputs, reactions
+    program, formulas, records, asked
         See `Writer`.
     """
-    return render("numpy/module.py.jinja", NumpyWriter(program, formulas, records, energy_outputs, reactions).context())
+    return render("numpy/module.py.jinja", NumpyWriter(program, formulas, records, asked).context())
 
 
 __all__ = ["NumpyWriter", "write_numpy"]

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,39 +11,25 @@ from ..loops.errors import AssemblyError, PartitionError
 from ..loops.partition import Partition, partition
 from ..mechanics.expansion import Place as MemoryPlace
 from ..mechanics.expansion import Program, expand
-from ..mechanics.formulas import FormulaKind, coefficient_formulas, force_formulas, initial_formulas
+from ..mechanics.formulas import coefficient_formulas, force_formulas, initial_formulas
 from ..mechanics.kinds import RegionKind, System, analyse
 from ..mechanics.orthogonal import RankLossError
-from ..mechanics.outputs import RecordFormula, measured_sweeps, output_formulas, potential_formula
+from ..mechanics.outputs import output_formulas, potential_formula
+from ..mechanics.procedures import arrays, procedures, sweeps
 from ..mechanics.stores import LAID_OUT, SLOT
-from ..mechanics.sweeps import SWEEPS
 from ..mechanics.triangularization import ZeroPivotError
 from ..model.collector import collector_paused
 from ..model.errors import ModelError
 from ..model.model import GROUND, Model
-from ..program.operations import Operations, count
+from ..program.operations import Operations
 from ..program.progress import Progress, silent
 from .c import CWriter, write_c
 from .calls import write_calls
-from .interface import manifest, sizes
+from .interface import manifest, operations
 from .numpy import write_numpy
 
 UNROLLED_LINKS = 8
 """Models of at most so many links get one function per link unless another layout is asked for."""
-
-ALWAYS = (
-    "rotations", "turns", "closures", "residuals", "correct", "condition_numbers", "seed_residuals", "complete", "kinematics",
-    "triangularize", "back_substitute", "newton_euler_out", "newton_euler_in", "balance_out", "balance_in", "balance_back",
-    "force_tangents", "solve_in", "mass_out", "mass_in", "rates", "rate_tangents", "kinetic", "kinetic_tangents",
-)  # fmt: skip
-"""Sweeps of every solver."""
-OF_SPRINGS = {
-    "pose", "pose_tangents", "velocities", "velocity_tangents", "clear", "clear_tangents", "springs", "spring_tangents",
-    "spring_energy", "spring_energy_tangents",
-}  # fmt: skip
-"""Sweeps of models with springs."""
-OF_TREES = {"newton_euler_out", "newton_euler_in", "force_tangents", "solve_in", "mass_out", "mass_in"}
-"""Of those, what only trees need."""
 
 
 @dataclass(slots=True)
@@ -122,20 +106,13 @@ def write_solver(
     progress("analysing", 0, 0)
     system = analyse(model, unrolled, chosen)
     lap("analyse")
-    values, records, energy_outputs = output_formulas(system)
+    values, records = output_formulas(system)
     potential = potential_formula(system)
-    wanted = set(ALWAYS) | measured_sweeps(system)
-    if model.loops:
-        wanted -= OF_TREES
-    if model.springs:
-        wanted |= OF_SPRINGS
-    if reactions:
-        wanted |= {"pose", "motion", "transmitted"}
     if potential is not None:
-        wanted |= {"moments", "moment_tangents"}
         records.append(potential)
+    asked = procedures(system, reactions)
     try:
-        program = expand(system, wanted, _read_by_formulas(system, records), progress)
+        program = expand(system, sweeps(asked), _read_by_formulas(system, records), progress)
     except RankLossError as error:
         raise ModelError([model.problem("loops", str(error))]) from None
     except ZeroPivotError as error:
@@ -150,16 +127,16 @@ def write_solver(
     formulas = [*force_formulas(system), *coefficient_formulas(system), *values, *initial_formulas(model)]
     lap("expand and simplify")
     progress("printing C", 0, 0)
-    writer = CWriter(program, formulas, records, energy_outputs, reactions)
+    writer = CWriter(program, formulas, records, asked)
     context = writer.context()
     files = write_c(context)
     lap("print")
     progress("printing NumPy", 0, 0)
-    files[f"{model.name}_numpy.py"] = write_numpy(program, formulas, records, energy_outputs, reactions)
+    files[f"{model.name}_numpy.py"] = write_numpy(program, formulas, records, asked)
     lap("print NumPy")
-    counted = operations(program, [*formulas, *records])
-    made = manifest(system, writer.workspace, counted, chosen.q if chosen else (), reactions)
-    files[f"{model.name}_calls.c"] = write_calls(made, sizes(system))
+    counts = operations(program, [*formulas, *records], writer.procedures)
+    made = manifest(system, writer.procedures, writer.workspace, counts, chosen.q if chosen else ())
+    files[f"{model.name}_calls.c"] = write_calls(made, {n: a.size for n, a in arrays(system).items()})
     return Source(
         files,
         made,
@@ -185,43 +162,3 @@ def _read_by_formulas(system: System, records: list[Any]) -> set[MemoryPlace]:
                         sweep = "moment_tangents" if store.memory is SLOT else ""
                         read.add(((store.memory, sweep), kind, name))
     return read
-
-
-FORMULAS = {
-    "tau": "joint_forces", "coefficient": "spring_coefficients", "outputs": "output_formulas", "energy": "potential_of_gravity",
-    "initial_q": "initial_values", "initial_u": "initial_values",
-}  # fmt: skip
-"""What the model's own formulas are called among the sweeps, by target."""
-
-
-def operations(program: Program, formulas: Sequence[FormulaKind | RecordFormula]) -> dict[str, Any]:
-    """Operations per call of every sweep, and of the model's own formulas: once, and per direction."""
-    result: dict[str, Any] = {}
-    for sweep in SWEEPS:
-        blocks = program.blocks.get(sweep.name)
-        if not blocks:
-            continue
-        once, each = Operations(), Operations()
-        for kind in sweep.kinds(program.system):
-            calls = len(kind.members) if sweep.spring else len(kind.units if sweep.units else kind.members)
-            once = once + count(blocks[kind.index], False) * calls
-            each = each + count(blocks[kind.index], True) * calls
-        result[sweep.name] = _counted(once, each)
-    for name in dict.fromkeys(FORMULAS.values()):
-        of_target = [f for f in formulas if FORMULAS[f.target] == name]
-        once, each = Operations(), Operations()
-        for f in of_target:
-            once = once + count(f.value, False) * len(f.rows)
-            each = each + (count(f.tangent, False) + count(f.tangent, True)) * len(f.rows)
-        if of_target:
-            result[name] = _counted(once, each)
-    constants = Operations()
-    for c in program.system.constants:
-        constants = constants + count(c.shape.block, False)
-    angles = sum(link.joint == "revolute" for link in program.system.links)
-    result["start"] = _counted(constants + Operations(functions=2 * angles), Operations())
-    return result
-
-
-def _counted(once: Operations, each: Operations) -> dict[str, dict[str, int]]:
-    return {"per_call": dataclasses.asdict(once), "per_direction": dataclasses.asdict(each)}

@@ -7,8 +7,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 from ..mechanics.expansion import Program
@@ -19,20 +18,16 @@ from ..mechanics.stores import LME, ME, MY_LANE, NUMBER, SHAPE
 from ..mechanics.sweeps import INWARD, SWEEP
 from ..model.model import GROUND
 from ..program.block import Block
+from ..program.procedure import Formulas, Prepare, Procedure, Run, pruned, routines, walk
 from ..program.store import Store
 from ..version import __version__
 from .address import Addresses
-from .interface import interfaces, measuring_sweeps, sizes, uses
+from .function import Function
 from .memory import Layout
 
 MAX_STRETCHES = 24
 """More different stretches of links than this, and a sweep dispatches on the kind instead."""
 
-SENSITIVITY_SWEEPS = ("turns", "complete", "balance_out", "balance_in", "balance_back")
-"""Sweeps over directions that `sensitivities` needs; the others are not compiled for two directions."""
-
-SPRING_SWEEPS = ("pose_tangents", "velocity_tangents", "clear_tangents", "spring_tangents")
-"""The same for springs."""
 
 Located = tuple[str, str, int | str]
 """Where a field lies, as a target writes it: name of a pointer, the expression it starts as, index or text."""
@@ -40,15 +35,6 @@ Located = tuple[str, str, int | str]
 Place = Callable[[Store, str], Located]
 Column = Callable[[int], str]
 """The expression of an integer column of the current row of a table."""
-
-
-@dataclass(slots=True)
-class Function:
-    """A generated function: comment, signature, ready lines."""
-
-    comment: str
-    signature: str
-    lines: list[str] = field(default_factory=list)
 
 
 class Writer(ABC):
@@ -61,10 +47,8 @@ class Writer(ABC):
         Joint forces and outputs.
     records : list of RecordFormula
         Outputs of links, potential energy.
-    energy_outputs : list of (int, int)
-        Outputs that are energies: output index, 0 kinetic or 1 potential.
-    reactions : bool
-        The solver has a function for them.
+    asked : tuple of Procedure
+        The functions of the solver.
     """
 
     numbered = True
@@ -75,20 +59,17 @@ class Writer(ABC):
         program: Program,
         formulas: list[FormulaKind],
         records: list[RecordFormula],
-        energy_outputs: list[tuple[int, int]],
-        reactions: bool = False,
+        asked: tuple[Procedure, ...],
     ):
-        self.reactions = reactions
+        self.asked = asked
         self.program = program
         self.system = program.system
         self.model = program.system.model
         self.formulas = formulas
         self.records = records
-        self.energy_outputs = energy_outputs
         self.layout = Layout(program)
         self.addresses = Addresses(program, self.layout, self.numbered)
         self.parameter_places = {name: i for i, name in enumerate(self.model.parameter_names)}
-        self.uses = uses(self.system)
 
     # -- the language ----------------------------------------------------------------------------------------------
 
@@ -139,6 +120,10 @@ class Writer(ABC):
     @abstractmethod
     def place_of_constants(self, index: int) -> int:
         """Where constants begin."""
+
+    @abstractmethod
+    def prepared(self, what: str) -> list[str]:
+        """Lines, in a routine, for what lies outside of the sweeps; see `Prepare`."""
 
     @abstractmethod
     def number_of_row(self, table: str, row: str, index: int) -> Located:
@@ -313,21 +298,6 @@ class Writer(ABC):
                 self._add_pair(result, f"{target}_of_link_{record.index}", record, place_record, integers, numbers)
         return result
 
-    def measuring(self, function: str, formulas: dict[str, dict[str, Any]]) -> list[tuple[bool, str]]:
-        """Statements that energies or outputs are computed by once the state is complete: whether over directions, text.
-
-        `formulas` has the calls of those that are no sweep; see `formula_functions`.
-        """
-        tangents = function.endswith("sensitivities")
-        found: list[tuple[bool, str]] = []
-        for name in measuring_sweeps(self.system, function):
-            if name in formulas:
-                found += [(False, c) for c in formulas[name]["calls"]]
-                found += [(True, c) for c in formulas[name]["lane_calls"] if tangents]
-            else:
-                found.append((SWEEP[name].lanes, self.call(name, SWEEP[name].lanes, None)))
-        return found
-
     def _add_pair(self, result: dict[str, Any], name: str, kind: Any, place: Any, integers: Any, numbers: Any) -> None:
         f, call = self.rows_function(name, kind.value, place, integers, numbers)
         result["functions"].append(f)
@@ -374,75 +344,101 @@ class Writer(ABC):
             found.append((name, terms))
         return found
 
-    def independent(self) -> dict[str, list[int] | None]:
-        """Where the independent coordinates and speeds stand; None where all are, and for other arguments."""
-        found: dict[str, list[int] | None] = dict.fromkeys(("q", "u", "p", "inputs", "t"))
-        if self.uses["loops"]:
-            found["q"], found["u"] = self.system.independent
+    # -- the files -------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def blocks(self) -> dict[str, dict[int, Block]]:
+        """Blocks by sweep and kind, of the sweeps that have something to do."""
+        blocks = self.program.blocks
+        if not any(b.stores for b in blocks.get("rotations", {}).values()):
+            # nobody reads them, so nobody would call their functions
+            return {s: b for s, b in blocks.items() if s not in ("rotations", "turns")}
+        return blocks
+
+    @cached_property
+    def swept(self) -> dict[str, list[Function]]:
+        """The functions of every sweep."""
+        order = sorted(self.blocks, key=lambda s: 2 if s in self.wide else int(SWEEP[s].lanes))
+        return {s: self.sweep_functions(s) for s in order}
+
+    @cached_property
+    def wide(self) -> set[str]:
+        """Sweeps and formulas over directions that are not compiled for two of them, since nothing is called for two."""
+        steps = [(p, s) for p in self.asked for s in walk(p.steps) if isinstance(s, (Run, Formulas)) and s.lanes]
+        narrow = {_name(s) for p, s in steps if 2 in p.widths}
+        return {_name(s) for _, s in steps} - narrow
+
+    @cached_property
+    def constants(self) -> tuple[list[Function], list[str]]:
+        """Functions that compute constants, and their calls."""
+        _ = self.swept  # tables are in the order of the sweeps
+        return self.constants_functions()
+
+    @cached_property
+    def groups(self) -> dict[Formulas, list[Function]]:
+        """The functions of formulas: those of each form, and last the one that calls them. Nothing of those without formulas."""
+        _ = self.constants
+        found: dict[Formulas, list[Function]] = {}
+        steps = {s for p in self.asked for s in walk(p.steps) if isinstance(s, Formulas)}
+        by_target = {t: self.formula_functions(t) for t in FORMULA_ORDER}
+        for step in sorted(steps, key=lambda s: (FORMULA_ORDER.index(s.targets[0]), s.lanes)):
+            functions, calls = ("lane_functions", "lane_calls") if step.lanes else ("functions", "calls")
+            lines = [line for t in step.targets for line in by_target[t][calls]]
+            if lines:
+                title = f"{'tangents of ' if step.lanes else ''}{step.name.replace('_', ' ')}"
+                group = Function(title, self.signature(_name(step), step.lanes, False), lines)
+                found[step] = [*(f for t in step.targets for f in by_target[t][functions]), group]
         return found
 
-    # -- the files -------------------------------------------------------------------------------------------------
+    @cached_property
+    def procedures(self) -> tuple[Procedure, ...]:
+        """The functions of the solver, without steps that have nothing to do."""
+        return tuple(pruned(p, self.lives) for p in self.asked)
+
+    def lives(self, step: Run | Formulas | Prepare) -> bool:
+        """Whether a step has something to do."""
+        match step:
+            case Run():
+                return step.sweep in self.blocks
+            case Formulas():
+                return step in self.groups
+            case Prepare():
+                return bool(self.prepared(step.what))
 
     def shared_context(self) -> dict[str, Any]:
         """What the templates of every target are rendered with."""
-        model, layout = self.model, self.layout
-        blocks = self.program.blocks
-        quaternions = any(b.stores for b in blocks.get("rotations", {}).values())
-        if not quaternions:  # nobody reads them, so nobody would call their functions
-            blocks = {s: b for s, b in blocks.items() if s not in ("rotations", "turns")}
-        needed = SENSITIVITY_SWEEPS + (SPRING_SWEEPS if model.springs else ())
-        scalar = [f for s in blocks if not SWEEP[s].lanes for f in self.sweep_functions(s)]
-        lanes = [f for s in blocks if s in needed for f in self.sweep_functions(s)]
-        others = [f for s in blocks if SWEEP[s].lanes and s not in needed for f in self.sweep_functions(s)]
-        constants, constant_calls = self.constants_functions()
-        tau, outputs, energy, coefficients = (
-            self.formula_functions(t) for t in ("tau", "outputs", "energy", "coefficient")
-        )
-        initial = [self.formula_functions(t) for t in ("initial_q", "initial_u")]
-        size = sizes(self.system)
-        functions = interfaces(self.system, self.reactions)
-        measured = {"potential_of_gravity": energy, "spring_coefficients": coefficients}
+        model = self.model
+        parts = self.swept | {_name(step): functions for step, functions in self.groups.items()}
+        lanes = {_name(s) for s in self.groups if s.lanes} | {s for s in self.swept if SWEEP[s].lanes}
+        narrow = routines(tuple(p for p in self.procedures if 2 in p.widths))
         return {
             "name": model.name,
             "version": __version__,
             "nq": model.nq, "nu": model.nu, "np": len(model.parameters), "ninputs": len(model.inputs),
             "noutputs": len(model.outputs),
-            "uses": self.uses,
-            "has": set(blocks), "reactions": self.reactions,
-            "quaternions": quaternions,
-            "size": size,
             "index_tables": [
-                (t.name, t.count, [(c, f"{t.name.upper()}_{c}") for c in t.columns], t.rows())
+                (t.name, t.count, [f"{t.name.upper()}_{c}" for c in t.columns], t.rows())
                 for t in self.addresses.tables if t.columns
             ],
-            "numbers": [repr(v) for v in layout.numbers],
-            "angles": layout.angles,
-            "angles_in_order": layout.angles == list(range(len(layout.angles))),
-            "functions": [
-                *constants, *tau["functions"], *coefficients["functions"], *scalar, *outputs["functions"], *energy["functions"],
-                *(f for values in initial for f in values["functions"]),
-            ],
-            "lane_functions": tau["lane_functions"] + coefficients["lane_functions"] + lanes,
-            "other_lane_functions": [
-                *others, *outputs["lane_functions"], *energy["lane_functions"],
-                *(f for values in initial for f in values["lane_functions"]),
-            ],
-            "initial": {c: [line for values in initial for line in values[c]] for c in ("calls", "lane_calls")},
-            "constant_calls": constant_calls,
-            "tau": tau, "coefficients": coefficients, "output_formulas": outputs,
-            "energy_outputs": self.energy_outputs,
-            "measuring": {f.name: self.measuring(f.name, measured) for f in functions},
-            "interfaces": functions,
-            "energy_state": next(f for f in functions if f.name == "energies").arguments,
-            "rate_state": next(f for f in functions if f.name == "coordinate_rates").arguments,
-            "independent": self.independent(),
-            "dependent": {
-                n: [i for i in range(size[n]) if i not in free] for n, free in self.independent().items() if free is not None
-            },
-            "jacobian_groups": [
-                (n, size[n]) for n in next(f for f in functions if f.name == "accelerations").arguments
-            ],
+            "functions": [*self.constants[0], *(f for n in parts if n not in lanes for f in parts[n])],
+            "lane_functions": [f for n in parts if n in lanes - self.wide for f in parts[n]],
+            "other_lane_functions": [f for n in parts if n in lanes & self.wide for f in parts[n]],
+            "routines": [r for r in routines(self.procedures) if not r.lanes],
+            "lane_routines": [r for r in narrow if r.lanes],
+            "other_lane_routines": [r for r in routines(self.procedures) if r.lanes and r not in narrow],
+            "interfaces": self.procedures,
         }  # fmt: skip
+
+
+FORMULA_ORDER = ("tau", "outputs", "energy", "coefficient", "initial_q", "initial_u")
+"""The order in which the tables of formulas stand."""
+
+
+def _name(step: Run | Formulas) -> str:
+    """Name of the function that a step calls."""
+    if isinstance(step, Run):
+        return step.sweep
+    return f"{step.name}_tangents" if step.lanes else step.name
 
 
 def stretches(kinds: list[int], longest: int = 8) -> list[tuple[int, tuple[int, ...], int]]:

@@ -46,23 +46,10 @@ class RecordFormula:
     rows: list[tuple[int, int, list[int], list[float]]] = field(default_factory=list)
 
 
-def measured_sweeps(system: System) -> set[str]:
-    """Sweeps that the outputs of the model read."""
-    measures = {o.measure for o in system.model.outputs}
-    sweeps: set[str] = set()
-    if measures & {"position", "velocity"}:
-        sweeps |= {"pose", "pose_tangents"}
-    if "velocity" in measures:
-        sweeps |= {"kinetic", "kinetic_tangents"}
-    return sweeps
-
-
-def output_formulas(system: System) -> tuple[list[FormulaKind], list[RecordFormula], list[tuple[int, int]]]:
-    """Outputs as value formulas, record formulas and copies of energies (output index, energy index)."""
+def output_formulas(system: System) -> tuple[list[FormulaKind], list[RecordFormula]]:
+    """Outputs as value formulas and record formulas; those that are energies are copied by the procedures."""
     model = system.model
     values = [(i, o.expression.tree) for i, o in enumerate(model.outputs) if o.measure == "value" and o.expression]
-    energies = {"kinetic_energy": 0, "potential_energy": 1}
-    copies = [(i, energies[o.measure]) for i, o in enumerate(model.outputs) if o.measure in energies]
     kinds: dict[Any, RecordFormula] = {}
     for i, o in enumerate(model.outputs):
         if o.measure not in ("position", "velocity"):
@@ -82,7 +69,7 @@ def output_formulas(system: System) -> tuple[list[FormulaKind], list[RecordFormu
         if kind is None:
             kind = kinds[key] = _make(len(kinds), o, link, steps, frame, slots, canonical)
         kind.rows.append((i, link, [j for _, j in slots.slots], list(slots.numbers)))
-    return formula_kinds(model, "outputs", values), list(kinds.values()), copies
+    return formula_kinds(model, "outputs", values), list(kinds.values())
 
 
 def _expressions(o: Output, steps: Any, frame: Any) -> list[Any]:

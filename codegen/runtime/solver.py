@@ -8,7 +8,6 @@ From top to bottom: errors, compiling, the C target, the NumPy target, the solve
 from __future__ import annotations
 
 import contextlib
-import copy
 import difflib
 import functools
 import hashlib
@@ -1505,13 +1504,13 @@ class Solver:
         """Additions, multiplications, divisions and functions, by function and sweep.
 
         ``operations["sensitivities"]["balance_in"]["per_direction"]["additions"]`` is what one more direction costs there,
-        ``"per_call"`` what all directions share. ``"start"`` computes constants, sines and cosines.
+        ``"per_call"`` what all directions share. ``"start"`` computes constants, sines and cosines. A sweep that a function
+        runs twice counts twice; each column of a matrix is a direction; ``"solve_in_1"`` is a sweep over directions that
+        runs for values.
         """
         by_sweep = self._manifest["operations"]
-        return {
-            name: {s: copy.deepcopy(by_sweep[s]) for s in f.get("sweeps", ())}
-            for name, f in self._manifest["functions"].items()
-        }
+        run = {name: f.get("sweeps", ()) for name, f in self._manifest["functions"].items()}
+        return {name: {s: _times(by_sweep[s], sweeps.count(s)) for s in sweeps} for name, sweeps in run.items()}
 
     # -- arguments -----------------------------------------------------------------------------------------------------
 
@@ -2576,6 +2575,11 @@ def unrolled(value: Any) -> Any:
                 at[x[0]] if isinstance(x, list) else x.format(*at) if isinstance(x, str) else x for x in item["of"]
             ]
     return found
+
+
+def _times(counts: Mapping[str, Mapping[str, int]], n: int) -> dict[str, dict[str, int]]:
+    """Operations of what runs n times."""
+    return {part: {k: n * v for k, v in of.items()} for part, of in counts.items()}
 
 
 def _numbers(name: str, value: Any) -> Array:

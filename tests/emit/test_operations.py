@@ -1,14 +1,18 @@
-"""The manifest says which sweeps a function runs; the generated C is asked whether that is so."""
+"""The manifest says which sweeps a function runs, and how often; the generated C and NumPy are asked whether that is so."""
 
 from __future__ import annotations
 
 import re
+from collections import Counter
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 from codegen.emit.solver import Source, write_solver
-from codegen.mechanics.sweeps import SWEEPS
+from codegen.mechanics.procedures import arrays
+from codegen.mechanics.sweeps import SWEEP, SWEEPS
 from codegen.model import load_model, parse_model
 from codegen.model.model import Model
 
@@ -91,10 +95,70 @@ def test_functions_run_the_sweeps_that_the_manifest_names(name: str, model: Mode
     operations = source.manifest["operations"]
     for function, described in source.manifest["functions"].items():
         run = sweeps_in_c(functions, function)
-        # a sweep without statements has no function of its own
-        told = {s for s in described["sweeps"] if s in FORMULAS.values() or s in functions}
+        told = {s.removesuffix("_1") for s in described["sweeps"]}
         assert told == run, (name, function)
         assert set(described["sweeps"]) <= set(operations)
+
+
+def calls_in_numpy(source: Source) -> dict[str, Counter[str]]:
+    """What each function of the NumPy module calls, sweeps and formulas, how often: found by running it."""
+    manifest = source.manifest
+    module: dict[str, Any] = {}
+    exec(source.files[f"{manifest['name']}_numpy.py"], module)
+    calls: Counter[str] = Counter()
+
+    def counting(name: str, function: Any) -> Any:
+        def call(a: Any) -> None:
+            calls[name] += 1
+            function(a)
+
+        return call
+
+    formulas = {f"{name}{along}" for name in FORMULAS.values() for along in ("", "_tangents")}
+    for name in {"start", *(s.name for s in SWEEPS), *formulas} & module.keys():
+        module[name] = counting(name, module[name])
+    rng = np.random.default_rng(7)
+    state = {"q": np.array(manifest["initial"]["q"]), "p": np.array(manifest["parameters"]), "t": np.array(0.3)}
+    sizes = {n: a.size for n, a in arrays(source.system).items()}
+    found = {}
+    for function, described in manifest["functions"].items():
+        given = [state[a] if a in state else rng.standard_normal(sizes[a]) for a in described["arguments"]]
+        seeds = [rng.standard_normal((2, sizes[s[1:]]) if s != "dt" else 2) for s in described.get("seeds", ())]
+        calls.clear()
+        module[function](*given, *seeds)
+        found[function] = Counter(calls)
+    return found
+
+
+def all_models() -> list[tuple[str, Model]]:
+    return [("springs", parse_model(SPRINGS))] + [(f.stem, load_model(f)) for f in sorted(EXAMPLES.glob("*.yaml"))]
+
+
+@pytest.mark.parametrize(("name", "model"), all_models(), ids=[n for n, _ in all_models()])
+def test_functions_run_the_sweeps_as_often_as_the_manifest_says(name: str, model: Model) -> None:
+    source = write_solver(model, "kinds", reactions=True)
+    for function, run in calls_in_numpy(source).items():
+        described = source.manifest["functions"][function]
+        told = Counter(s.removesuffix("_1") for s in described["sweeps"])
+        matrices = len(described["results"]) - 1 if function == "jacobians" else 1
+        expected: Counter[str] = Counter()
+        for sweep, times in told.items():
+            if sweep in FORMULAS.values():  # their tangents have no name of their own
+                values, tangents = run[sweep], run[f"{sweep}_tangents"]
+                assert times == max(values, tangents / matrices), (name, function, sweep)
+                expected += Counter({sweep: values, f"{sweep}_tangents": tangents})
+            else:
+                expected[sweep] = times * (matrices if sweep in SWEEP and SWEEP[sweep].lanes else 1)
+        assert expected == run, (name, function)
+
+
+def test_a_sweep_for_values_counts_as_one_direction() -> None:
+    operations = write_solver(parse_model(SPRINGS)).manifest["operations"]
+    for sweep in ("solve_in", "balance_back"):
+        each, one = operations[sweep], operations[f"{sweep}_1"]
+        assert one["per_call"] == {k: v + each["per_direction"][k] for k, v in each["per_call"].items()}
+        assert one["per_call"]["multiplications"] > 0
+        assert not any(one["per_direction"].values())
 
 
 def test_energies_take_inputs_where_springs_read_them() -> None:

@@ -1,0 +1,436 @@
+"""The functions of a C header: a procedure's steps as lines, what they work on, declarations, loops over batches.
+
+A call's values lie in ``c``, what it has per direction in ``d``, which is opened before the first step over directions; routines
+get one of the two as ``a``. Arrays are pointers of these, to the caller's memory or to the workspace.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from ..program.procedure import (
+    Array,
+    Bind,
+    Check,
+    Columns,
+    Combine,
+    Copy,
+    CopyEntry,
+    Formulas,
+    Hold,
+    Own,
+    Perform,
+    Prepare,
+    Procedure,
+    Routine,
+    Run,
+    Single,
+    Step,
+    Tolerate,
+    Zero,
+    over_directions,
+    stops,
+    walk,
+)
+from .function import Function
+
+
+def symbol(procedure: Procedure, width: int | None = None) -> str:
+    """Name in C, without the model's."""
+    return f"{procedure.name}_{width}" if width else procedure.name
+
+
+def parameters(procedure: Procedure) -> list[str]:
+    """Declarations of the parameters."""
+    found = [f"double {a.name}" if not a.shape else f"const double *{a.name}" for a in procedure.arguments]
+    found += [f"const double *{a.name}" for a in procedure.seeds]
+    return [*found, *(f"double *{a.name}" for a in procedure.results), "double *work"]
+
+
+def signature(procedure: Procedure, name: str) -> str:
+    """Declaration under a name, without the semicolon."""
+    return f"int {name}({', '.join(parameters(procedure))})"
+
+
+def batch_signature(procedure: Procedure, model: str, width: int | None = None) -> str:
+    """Declaration of the loop over a batch, without the semicolon: every argument has a step, in doubles."""
+    given = [f"const double *{a.name}, long {a.name}_step" for a in (*procedure.arguments, *procedure.seeds)]
+    given += [f"double *{r.name}" for r in procedure.results]
+    return (
+        f"int {model}_{symbol(procedure, width)}_batch(long count, long *failed, {', '.join([*given, 'double *work'])})"
+    )
+
+
+def batch_lines(procedure: Procedure, model: str, width: int | None) -> list[str]:
+    """Body of the loop over a batch."""
+    passed = [
+        f"{a.name} + i*{a.name}_step" if a.shape or a.lanes else f"{a.name}[i*{a.name}_step]"
+        for a in (*procedure.arguments, *procedure.seeds)
+    ]
+    passed += [f"{r.name} + i*{r.size * (width or 1) if r.lanes else r.size}" for r in procedure.results]
+    return [
+        "for (long i = 0; i < count; ++i) {",
+        f"    const int singular = {model}_{symbol(procedure, width)}({', '.join([*passed, 'work'])});",
+        "    if (singular) {",
+        "        if (failed) *failed = i;",
+        "        return singular;",
+        "    }",
+        "}",
+        "return 0;",
+    ]
+
+
+@dataclass(slots=True)
+class Memory:
+    """What procedures need beside what sweeps keep: pointers of the two structs, and the arrays of a call's own.
+
+    Attributes
+    ----------
+    fields, lane_fields : dict of str to bool
+        Arrays by name, and whether they are written.
+    numbers : dict of str to bool
+        Arguments that are passed by value.
+    own : dict of Array to int
+        Arrays in the workspace, with their places in doubles; those that no procedure has at once share memory.
+    size : int
+    """
+
+    fields: dict[str, bool] = field(default_factory=dict)
+    lane_fields: dict[str, bool] = field(default_factory=dict)
+    numbers: dict[str, bool] = field(default_factory=dict)
+    own: dict[Array, int] = field(default_factory=dict)
+    size: int = 0
+
+    def declarations(self, kept: dict[str, bool]) -> tuple[list[str], list[str]]:
+        """Declarations of the pointers of both structs; `kept` has what sweeps keep, and whether per direction."""
+
+        def pointers(type_: str, fields: dict[str, bool]) -> list[str]:
+            return [
+                f"{'' if written else 'const '}{type_} *{name}" for name, written in fields.items() if name not in kept
+            ]
+
+        of_values = pointers("double", self.fields) + [f"double {name}" for name in self.numbers]
+        of_values += [f"double *{name}" for name, lanes in kept.items() if not lanes]
+        of_lanes = pointers("LANES", self.lane_fields) + [f"LANES *{name}" for name, lanes in kept.items() if lanes]
+        return of_values, of_lanes
+
+
+def memory(procedures: tuple[Procedure, ...]) -> Memory:
+    """What procedures need."""
+    found = Memory()
+    together: dict[Array, set[Array]] = {}
+    for p in procedures:
+        held, apart = p.held(), p.written_apart()
+        for a in (*p.arguments, *p.seeds):
+            name = held[a.name].name if a.name in held else a.name
+            if not a.shape and not a.lanes:
+                found.numbers[name] = False
+            elif not _read_apart(p, a):
+                (found.lane_fields if a.lanes else found.fields).setdefault(name, False)
+        for r in p.results:
+            if r.name not in apart:
+                (found.lane_fields if r.lanes else found.fields)[r.name] = True
+        own: dict[Array, None] = {}
+        for step in walk(p.steps):
+            written: list[Array] = []
+            match step:
+                case Own():
+                    written, own[step.array] = [step.array], None
+                case Hold():
+                    written, own[step.array] = [step.array], None
+                case Bind():
+                    written = [step.array]
+                case Zero():
+                    written = [step.array]
+                case Combine():
+                    written = [step.to]
+                case Single():
+                    for a, _ in (*step.reads, *step.writes):
+                        found.lane_fields.setdefault(a.name, False)
+                    written = [a for a, _ in step.writes]
+                case _:
+                    pass
+            for a in written:
+                (found.lane_fields if a.lanes else found.fields)[a.name] = True
+        for a in own:
+            together.setdefault(a, set()).update(own)
+    _place(found, together)
+    return found
+
+
+def _read_apart(procedure: Procedure, array: Array) -> bool:
+    """Whether an argument is one direction's array."""
+    return any(of is array or of == array for s in procedure.steps if isinstance(s, Single) for _, of in s.reads)
+
+
+def _place(found: Memory, together: dict[Array, set[Array]]) -> None:
+    """Give each array of the call's own the first place that none of those has that are in use at the same time."""
+    for array, others in together.items():
+        at = 0
+        for other in sorted((o for o in others if o in found.own), key=lambda o: found.own[o]):
+            if found.own[other] < at + room(array) and at < found.own[other] + room(other):
+                at = found.own[other] + room(other)
+        found.own[array] = at
+        found.size = max(found.size, at + room(array))
+
+
+def room(array: Array) -> int:
+    """Doubles that an array takes in the workspace: whole cache lines."""
+    return -(-array.size * (8 if array.lanes else 1) // 8) * 8
+
+
+class CFunctions:
+    """Lines of procedures and routines in C.
+
+    Parameters
+    ----------
+    model : str
+    memory : Memory
+    prepared : callable (str) -> list of str
+        Lines for what lies outside of the sweeps.
+    laid_out : callable (Procedure) -> list of str
+        Lines that give a call its memory; none where it needs none.
+    """
+
+    def __init__(
+        self,
+        model: str,
+        memory: Memory,
+        prepared: Callable[[str], list[str]],
+        laid_out: Callable[[Procedure], list[str]],
+    ):
+        self.model = model
+        self.memory = memory
+        self.prepared = prepared
+        self.laid_out = laid_out
+
+    def routine(self, routine: Routine) -> Function:
+        """A routine as a function."""
+        inner = _Lines(self, None, routine.lanes)
+        lines = [line for step in routine.steps for line in inner.of(step)]
+        status = any(map(stops, routine.steps))
+        name = f"DIRECTIONS({routine.name})" if routine.lanes else routine.name
+        type_ = "DIRECTIONS(call)" if routine.lanes else "call"
+        head = f"static {'int' if status else 'void'} {name}({type_} *a)"
+        return Function(routine.doc, head, [*lines, "return 0;"] if status else lines)
+
+    def function(self, procedure: Procedure) -> Function:
+        """A function of the header; one over directions for the width at hand."""
+        name = f"{self.model}_{procedure.name}"
+        head = signature(procedure, f"DIRECTIONS({name})" if procedure.seeds else name)
+        return Function(procedure.doc, head, _Lines(self, procedure, False).function())
+
+
+class _Lines:
+    """Writes the lines of one function."""
+
+    def __init__(self, of: CFunctions, procedure: Procedure | None, lanes: bool):
+        self.functions = of
+        self.memory = of.memory
+        self.procedure = procedure
+        self.lanes = lanes
+        self.opened = False
+
+    # -- names -----------------------------------------------------------------------------------------------------
+
+    def passed(self, lanes: bool) -> str:
+        """What a sweep or a routine is called with."""
+        return "a" if self.procedure is None else "&d" if lanes else "&c"
+
+    def base(self, lanes: bool) -> str:
+        return "a->" if self.procedure is None else "d." if lanes else "c."
+
+    def array(self, a: Array) -> str:
+        """An array as an expression."""
+        if self.apart(a):
+            return f"((LANES *){a.name})" if a.lanes else a.name
+        return f"{self.base(a.lanes)}{a.name}"
+
+    def apart(self, a: Array) -> bool:
+        """Whether an array is a result that no sweep writes: it is known as a parameter of the function only."""
+        p = self.procedure
+        return p is not None and a in p.results and a.name in p.written_apart()
+
+    def caller(self, a: Array, written: bool) -> str:
+        """A parameter of the function as a pointer."""
+        if a.lanes:
+            return f"({'' if written else 'const '}LANES *){a.name}"
+        is_const = self.procedure is not None and a in self.procedure.arguments
+        return f"(double *){a.name}" if written and is_const else a.name
+
+    # -- a function of the header ----------------------------------------------------------------------------------
+
+    def function(self) -> list[str]:
+        p = self.procedure
+        assert p is not None
+        body: list[str] = []
+        for step in p.steps:
+            if over_directions(step) and not self.opened:
+                body += self.open()
+            body += self.of(step)
+        if not (p.steps and isinstance(p.steps[-1], Check)):
+            body.append("return 0;")
+        else:
+            body[-1] = f"return {self.base(p.steps[-1].lanes)}singular;"
+        head = ["call c = {0};"]
+        if self.opened:
+            head.append("DIRECTIONS(call) d;")
+        if any(isinstance(s, Single) for s in p.steps):
+            head.append("call_1 one;")
+        return [*head, *self.bound(p.arguments), *self.bound_results(False), *self.functions.laid_out(p), *body]
+
+    def bound(self, given: tuple[Array, ...]) -> list[str]:
+        """Arguments or seeds as arrays of the call."""
+        p = self.procedure
+        assert p is not None
+        held = p.held()
+        lines = []
+        for a in given:
+            name = held[a.name].name if a.name in held else a.name
+            if not a.shape and not a.lanes:
+                lines.append(f"c.{name} = {a.name};")
+            elif not _read_apart(p, a):
+                fields = self.memory.lane_fields if a.lanes else self.memory.fields
+                lines.append(f"{self.base(a.lanes)}{name} = {self.caller(a, fields[name])};")
+        return lines
+
+    def bound_results(self, lanes: bool) -> list[str]:
+        p = self.procedure
+        assert p is not None
+        apart = p.written_apart()
+        return [
+            f"{self.base(lanes)}{r.name} = {self.caller(r, True)};"
+            for r in p.results
+            if r.lanes == lanes and r.name not in apart
+        ]
+
+    def open(self) -> list[str]:
+        """Lines that open the part of a call that is over directions."""
+        p = self.procedure
+        assert p is not None
+        self.opened = True
+        return ["DIRECTIONS(open)(&d, &c, work);", *self.bound(p.seeds), *self.bound_results(True)]
+
+    # -- steps -----------------------------------------------------------------------------------------------------
+
+    def of(self, step: Step) -> list[str]:
+        """Lines of a step."""
+        match step:
+            case Run():
+                return [self.call(step.sweep, step.lanes)]
+            case Formulas():
+                return [self.call(f"{step.name}_tangents" if step.lanes else step.name, step.lanes)]
+            case Prepare():
+                return self.functions.prepared(step.what)
+            case Perform():
+                return self.perform(step)
+            case Check():
+                singular = f"{self.base(step.lanes)}singular"
+                return [f"if ({singular}) return {singular};"]
+            case Tolerate():
+                return []
+            case Own():
+                return [f"{self.base(step.array.lanes)}{step.array.name} = {self.own(step.array)};"]
+            case Hold():
+                return [*self.of(Own(step.array)), *self.of(Copy(step.array, step.given))]
+            case Bind():
+                return [f"{self.base(step.array.lanes)}{step.array.name} = {self.bound_to(step.to)};"]
+            case Zero():
+                return [self.each(step.array.size, f"{self.array(step.array)}[i] = {_nothing(step.array)};")]
+            case Copy():
+                return [self.each(step.to.size, f"{self.array(step.to)}[i] = {self.array(step.of)}[i];")]
+            case CopyEntry():
+                return [f"{self.array(step.to)}[{step.index}] = {self.array(step.of)}[{step.entry}];"]
+            case Combine():
+                return [self.combine(step)]
+            case Single():
+                return self.single(step)
+            case Columns():
+                return self.columns(step) if step.unit.lanes else self.columns_of_values(step)
+
+    def call(self, name: str, lanes: bool) -> str:
+        return f"{f'DIRECTIONS({name})' if lanes else name}({self.passed(lanes)});"
+
+    def perform(self, step: Perform) -> list[str]:
+        call = self.call(step.routine.name, step.routine.lanes)
+        if not stops(step):
+            return [call]
+        return [f"if ({call.removesuffix(';')}) return {self.base(step.routine.lanes)}singular;"]
+
+    @staticmethod
+    def each(n: int, line: str) -> str:
+        return f"for (int i = 0; i < {n}; ++i) {line}"
+
+    def own(self, a: Array) -> str:
+        place = f"{self.base(a.lanes)}own + {self.memory.own[a]}"
+        return f"(LANES *)({place})" if a.lanes else place
+
+    def bound_to(self, a: Array) -> str:
+        if self.apart(a):
+            return self.caller(a, True)
+        return self.array(a)
+
+    def combine(self, step: Combine) -> str:
+        h = ".at[h]" if step.to.lanes else ""
+        terms = " + ".join(f"{self.array(a)}[i]{h}" for a in step.plus)
+        terms += "".join(f" - {self.array(a)}[i]{h}" for a in step.minus)
+        return self.each(
+            step.to.size, f"{'EACH_VECTOR ' if step.to.lanes else ''}{self.array(step.to)}[i]{h} = {terms};"
+        )
+
+    def single(self, step: Single) -> list[str]:
+        lines = ["open_1(&one, &c, work);"]
+        lines += [f"one.{a.name} = (lanes_1 *){of.name};" for a, of in (*step.reads, *step.writes)]
+        return [*lines, *(f"{s.sweep}_1(&one);" for s in step.steps)]
+
+    def columns(self, step: Columns) -> list[str]:
+        """As many columns at a time as there are directions."""
+        unit, free = step.unit, step.among
+        count = unit.size if free is None else len(free)
+        at = "j + l" if free is None else f"free_{unit.name}[j + l]"
+        lines = []
+        if free is not None:
+            lines.append(f"static const int free_{unit.name}[{count}] = {{{', '.join(map(str, free))}}};")
+            lines += [
+                f"for (long i = 0; i < {t.into.size}L; ++i) {self.array(t.into)}[i] = {_nothing(t.into)};"
+                for t in step.takes
+            ]
+        lines += [
+            f"for (int j = 0; j < {count}; j += WIDTH) {{",
+            f"    const int m = {count} - j < WIDTH ? {count} - j : WIDTH;",
+            f"    for (int l = 0; l < m; ++l) *component({self.array(unit)} + {at}, l) = 1.0;",
+        ]
+        lines += [f"    {line}" for s in step.steps for line in self.of(s)]
+        for t in step.takes:
+            rows, columns = t.of.size, t.into.size // t.of.size
+            taken = f"*component({self.array(t.of)} + i, l);"
+            into = self.array(t.into)
+            if t.symmetric:
+                lines += [
+                    "    for (int l = 0; l < m; ++l)",
+                    f"        for (int i = j + l; i < {rows}; ++i)",
+                    f"            {into}[{columns}L*i + {at}] = {into}[{columns}L*({at}) + i] = {taken}",
+                ]
+            else:
+                lines += [
+                    f"    for (int i = 0; i < {rows}; ++i)",
+                    f"        for (int l = 0; l < m; ++l) {into}[{columns}L*i + {at}] = {taken}",
+                ]
+        return [*lines, f"    for (int l = 0; l < m; ++l) {self.array(unit)}[{at}] = NOTHING;", "}"]
+
+    def columns_of_values(self, step: Columns) -> list[str]:
+        """One column at a time, all directions of its tangent together."""
+        unit = self.array(step.unit)
+        lines = [f"for (int j = 0; j < {step.unit.size}; ++j) {{", f"    {unit}[j] = 1.0;"]
+        lines += [f"    {line}" for s in step.steps for line in self.of(s)]
+        lines.append(f"    {unit}[j] = 0.0;")
+        for t in step.takes:
+            columns = t.into.size // t.of.size
+            line = f"{self.array(t.into)}[{columns}L*i + j] = {self.array(t.of)}[i];"
+            lines.append(f"    {self.each(t.of.size, line)}")
+        return [*lines, "}"]
+
+
+def _nothing(a: Array) -> str:
+    return "NOTHING" if a.lanes else "0.0"

@@ -1,0 +1,217 @@
+"""The functions of a NumPy module: a procedure's steps as lines.
+
+All arrays of a call are attributes of ``a``; lists of entries, which sweeps replace one by one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from ..program.procedure import (
+    Array,
+    Bind,
+    Check,
+    Columns,
+    Combine,
+    Copy,
+    CopyEntry,
+    Formulas,
+    Hold,
+    Own,
+    Perform,
+    Prepare,
+    Procedure,
+    Routine,
+    Run,
+    Single,
+    Step,
+    Tolerate,
+    Zero,
+    over_directions,
+)
+from .function import Function
+
+AXES = {"nq": "NQ", "nu": "NU"}
+"""Numbers that the module has a name for."""
+
+WIDEST = 110
+"""Longest line of results."""
+
+
+def made(procedures: tuple[Procedure, ...]) -> list[Array]:
+    """Arrays that a call has from the beginning: results that sweeps write."""
+    found: dict[Array, None] = {}
+    for p in procedures:
+        apart = p.written_apart()
+        found |= dict.fromkeys(r for r in p.results if r.name not in apart)
+    return list(found)
+
+
+@dataclass(slots=True)
+class PublicFunction(Function):
+    """A function of the module, with lines that describe arguments and results."""
+
+    takes: list[str] = field(default_factory=list)
+    returns: str = ""
+
+
+class NumpyFunctions:
+    """Lines of procedures and routines in NumPy.
+
+    Parameters
+    ----------
+    prepared : callable (str) -> list of str
+        Lines for what lies outside of the sweeps.
+    pivots : callable (str) -> bool
+        Whether a sweep checks pivots: it divides by them before they are told.
+    """
+
+    def __init__(self, prepared: Callable[[str], list[str]], pivots: Callable[[str], bool]):
+        self.prepared = prepared
+        self.pivots = pivots
+
+    def routine(self, routine: Routine) -> Function:
+        inner = _Lines(self, frozenset())
+        return Function(routine.doc, f"def {routine.name}(a):", [line for s in routine.steps for line in inner.of(s)])
+
+    def function(self, procedure: Procedure) -> PublicFunction:
+        """A function of the module."""
+        p = procedure
+        given = (*p.arguments, *p.seeds)
+        names = ", ".join(a.name for a in given)
+        lines = [f"a = Call({', '.join(f'{a.name}={a.name}' for a in given)})"]
+        held = p.held()
+        lines += [f"a.{held[a.name].name} = a.{a.name}" for a in given if a.name in held]
+        inner = _Lines(self, frozenset(r.name for r in p.results if r.name not in p.written_apart()), p)
+        lines += [line for s in p.steps for line in inner.of(s)]
+        takes = [", ".join(map(described, arrays)) for arrays in (p.arguments, p.seeds) if arrays]
+        returns = ", ".join(map(described, p.results))
+        return PublicFunction(p.doc, f"def {p.name}({names}):", [*lines, *inner.returned()], takes, returns)
+
+
+def described(a: Array) -> str:
+    """Name and axes of an argument or a result."""
+    return f"{a.name} ({'k, ' if a.lanes else ''}...{''.join(f', {axis}' for axis in a.shape)})"
+
+
+def count(a: Array) -> str:
+    """Number of entries."""
+    return AXES.get(a.shape[0], str(a.size)) if len(a.shape) == 1 else str(a.size)
+
+
+class _Lines:
+    """Writes the lines of one function; `zero` are arrays that have nothing but zeros yet."""
+
+    def __init__(self, of: NumpyFunctions, zero: frozenset[str], procedure: Procedure | None = None):
+        self.functions = of
+        self.procedure = procedure
+        self.zero = set(zero)
+        self.matrices: set[str] = set()
+        self.result_of: dict[str, str] = {}
+
+    def of(self, step: Step) -> list[str]:
+        """Lines of a step."""
+        if isinstance(step, (Run, Formulas, Perform, Single, Columns)):
+            self.zero.clear() if over_directions(step) else self.zero.intersection_update(self._of_lanes())
+        match step:
+            case Run():
+                line = f"{step.sweep}(a)"
+                return (
+                    ['with np.errstate(all="ignore"):', f"    {line}"] if self.functions.pivots(step.sweep) else [line]
+                )
+            case Formulas():
+                return [f"{step.name}_tangents(a)" if step.lanes else f"{step.name}(a)"]
+            case Prepare():
+                return self.functions.prepared(step.what)
+            case Perform():
+                return [f"{step.routine.name}(a)"]
+            case Check():
+                return []
+            case Tolerate():
+                return ["a.solves = False  # how far loops are open can be told where they have lost rank, too"]
+            case Own():
+                return self.fresh(step.array)
+            case Hold():
+                return [f"a.{step.array.name} = list(a.{step.given.name})"]
+            case Bind():
+                return self.bind(step)
+            case Zero():
+                return [] if step.array.name in self.zero else self.fresh(step.array)
+            case Copy():
+                return [f"a.{step.to.name} = list(a.{step.of.name})"]
+            case CopyEntry():
+                return [f"a.{step.to.name}[{step.index}] = a.{step.of.name}[{step.entry}]"]
+            case Combine():
+                names = [a.name for a in (*step.plus, *step.minus)]
+                terms = " + ".join(a.name for a in step.plus) + "".join(f" - {a.name}" for a in step.minus)
+                arrays = ", ".join(f"a.{n}" for n in names)
+                return [f"a.{step.to.name} = [{terms} for {', '.join(names)} in zip({arrays})]"]
+            case Single():
+                return self.single(step)
+            case Columns():
+                return self.columns(step)
+
+    def _of_lanes(self) -> set[str]:
+        """Derivatives: what values alone do not write."""
+        return {r.name for r in self.procedure.results if r.lanes} if self.procedure else set()
+
+    def fresh(self, a: Array) -> list[str]:
+        """A list of zeros."""
+        self.zero.add(a.name)
+        return [f"a.{a.name} = [0.0] * {count(a)}"]
+
+    def bind(self, step: Bind) -> list[str]:
+        p, to = self.procedure, step.to
+        if p is not None and to in p.results and to.name not in self.result_of:
+            self.result_of[to.name] = step.array.name
+            return self.fresh(step.array)
+        return [f"a.{step.array.name} = a.{to.name}"]
+
+    def single(self, step: Single) -> list[str]:
+        lines = [f"a.{a.name} = a.{of.name}" for a, of in step.reads if a.name != of.name]
+        lines += [line for a, _ in step.writes for line in self.fresh(a)]
+        lines += [line for s in step.steps for line in self.of(s)]
+        self.result_of |= {to.name: to.name for _, to in step.writes}
+        return [*lines, *(f"a.{to.name} = a.{a.name}" for a, to in step.writes)]
+
+    def columns(self, step: Columns) -> list[str]:
+        unit, along = step.unit, any(map(over_directions, step.steps)) and not step.unit.lanes
+        lines = []
+        for t in step.takes:
+            self.matrices.add(t.into.name)
+            columns = t.into.size // t.of.size
+            size = AXES.get(t.into.shape[-1], str(columns)) if len(t.into.shape) > 1 else str(columns)
+            lead = "*a.k, *a.batch" if t.into.lanes else "*a.batch"
+            lines.append(f"a.{t.into.name} = np.zeros(({lead}, {count(t.of)}, {size}))")
+        among = "" if step.among is None else f", among={list(step.among)}"
+        lines.append(f"for columns, m, unit in unit_columns(a, {count(unit)}{', a.k' if along else ''}{among}):")
+        inner = [f"a.{unit.name} = unit", *(line for s in step.steps for line in self.of(s))]
+        for t in step.takes:
+            # columns before directions before states
+            matrix, shape = f"a.{t.into.name}", "(m, *a.k, *a.batch)" if t.into.lanes else "(m, *a.batch)"
+            if along and not t.into.lanes:
+                matrix, shape = f"a.{t.into.name}[None]", "(m, 1, *a.batch)"
+            inner += [
+                f"for i, row in enumerate(a.{t.of.name}):",
+                f"    set_columns({matrix}, i, columns, row, {shape})",
+            ]
+        lines += [f"    {line}" for line in inner]
+        for t in step.takes:
+            if t.symmetric:
+                name = f"a.{t.into.name}"
+                lines.append(f"{name} = np.tril({name}) + np.swapaxes(np.tril({name}, -1), -1, -2)")
+        return [*lines, *self.fresh(unit)]  # a unit vector no more
+
+    def returned(self) -> list[str]:
+        """Statement that gives the results."""
+        assert self.procedure is not None
+        parts = []
+        for r in self.procedure.results:
+            name = f"a.{self.result_of.get(r.name, r.name)}"
+            if r.name in self.matrices:
+                parts.append(name if len(r.shape) > 1 else f"{name}[..., 0]")
+            else:
+                parts.append(f"result({name}, {'a.k + a.batch' if r.lanes else 'a.batch'})")
+        line = f"return {', '.join(parts)}" if len(parts) > 1 else f"return ({parts[0]},)"
+        return [line] if len(line) <= WIDEST else ["return (", *(f"    {part}," for part in parts), ")"]

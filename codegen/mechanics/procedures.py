@@ -1,0 +1,531 @@
+"""What each function of a solver does, step by step.
+
+This is the list to read for what runs when; what the sweeps compute stands in `codegen.mechanics.sweeps`. An argument that a
+model does not use does not exist: no ``inputs`` without inputs, no ``t`` without time, no ``p`` without parameters.
+"""
+
+from __future__ import annotations
+
+from ..program.procedure import (
+    Array,
+    Bind,
+    Check,
+    Columns,
+    Combine,
+    Copy,
+    CopyEntry,
+    Formulas,
+    Hold,
+    Own,
+    Perform,
+    Prepare,
+    Procedure,
+    Routine,
+    Run,
+    Single,
+    Step,
+    Take,
+    Tolerate,
+    Zero,
+    walk,
+)
+from .kinds import System
+from .quantities import POSE, Quantity, elements, measured, missing, run
+
+WIDTHS = (8, 2, 1)
+"""How many directions one call of the sensitivities takes."""
+
+OTHER_WIDTHS = (8, 1)
+"""The same for all other functions: two widths less to compile, and they are called less often."""
+
+CONSTANTS, ANGLES = "constants", "angles"
+GROUND, GROUND_AT_REST = "ground", "ground at rest"
+GROUND_TANGENT, GROUND_TANGENT_AT_REST = "tangent of the ground", "tangent of the ground at rest"
+"""What is prepared outside of the sweeps: constants from parameters; sines and cosines; what links read of the ground, which
+accelerates by -g or, for the mass matrix, not at all."""
+
+JOINT_FORCES = Formulas("joint_forces", ("tau",))
+OUTPUTS = Formulas("output_formulas", ("outputs",))
+INITIAL = Formulas("initial_values", ("initial_q", "initial_u"))
+
+SHAPES: dict[str, tuple[str, ...]] = {
+    "q": ("nq",), "u": ("nu",), "p": ("np",), "inputs": ("ninputs",), "t": (), "udot": ("nu",), "qdot": ("nq",),
+    "M": ("nu", "nu"), "b": ("nu",), "x": ("nu",), "force": ("nu",), "energy": ("2",), "outputs": ("noutputs",),
+    "J_q": ("nu", "nq"), "J_u": ("nu", "nu"), "J_p": ("nu", "np"), "J_inputs": ("nu", "ninputs"), "J_t": ("nu",),
+    "position": ("nclosure",), "velocity": ("nclosure",), "condition": ("nloops",), "reaction": ("6*nlinks",),
+    "loop_reaction": ("6*nloops",), "step": ("nq",), "full_q": ("nq",), "full_u": ("nu",), "tau": ("nu",),
+}  # fmt: skip
+"""Axes of arguments and results."""
+
+
+def arrays(system: System) -> dict[str, Array]:
+    """Arguments and results by name, and the joint forces."""
+    model = system.model
+    counts = {
+        "nq": model.nq, "nu": model.nu, "np": len(model.parameters), "ninputs": len(model.inputs), "2": 2,
+        "noutputs": len(model.outputs), "nclosure": len(model.closure_names), "nloops": len(model.loops),
+        "6*nlinks": 6 * len(system.links), "6*nloops": 6 * len(model.loops),
+    }  # fmt: skip
+    found = {}
+    for name, shape in SHAPES.items():
+        size = 1
+        for axis in shape:
+            size *= counts[axis]
+        found[name] = Array(name, shape, size)
+    return found
+
+
+def procedures(system: System, reactions: bool = False) -> tuple[Procedure, ...]:
+    """The functions that a solver has, in the order of its header; reactions where they are asked for."""
+    return _Writer(system).all(reactions)
+
+
+class _Writer:
+    """Writes the procedures of a system: routines first, then functions by what they are about."""
+
+    def __init__(self, system: System):
+        model = system.model
+        self.system = system
+        self.array = arrays(system)
+        names = set().union(*(e.names for e in model.expressions())) if model.bodies else set()
+        self.p = ["p"] if model.parameters else []
+        self.rest = self.p + (["inputs"] if model.inputs else []) + (["t"] if "t" in names else [])
+        self.state = ["q", "u", *self.rest]
+        self.loops = bool(model.loops)
+        self.forces: tuple[Formulas, ...] = (JOINT_FORCES,) if model.forces else ()
+        self.elements = elements(system)
+        self._routines()
+
+    def of(self, *names: str) -> tuple[Array, ...]:
+        """Arrays by name; seeds and derivatives begin with d."""
+        return tuple(self.array[n] if n in self.array else self.array[n[1:]].tangent() for n in names)
+
+    def one(self, name: str) -> Array:
+        return self.of(name)[0]
+
+    def pair(
+        self,
+        names: tuple[str, str],
+        docs: tuple[str, str],
+        arguments: list[str],
+        results: list[str],
+        steps: tuple[Step, ...],
+        along: tuple[Step, ...],
+        widths: tuple[int, ...] = OTHER_WIDTHS,
+    ) -> list[Procedure]:
+        """A function and its derivative along seeds of all arguments."""
+        given, found = self.of(*arguments), self.of(*results)
+        return [
+            Procedure(names[0], docs[0], given, found, steps),
+            Procedure(
+                names[1],
+                docs[1],
+                given,
+                (*found, *(r.tangent() for r in found)),
+                along,
+                tuple(a.tangent() for a in given),
+                widths,
+            ),
+        ]
+
+    # -- what procedures share -------------------------------------------------------------------------------------
+
+    def _routines(self) -> None:
+        u, dq, du = self.of("u", "dq", "du")
+        held: tuple[Step, ...] = (Hold(u, u.called("given_u")), *run("closures")) if self.loops else ()
+        start = Routine(
+            "start",
+            "Computes what depends on no other link: constants, sines and cosines, rotation matrices.",
+            (Prepare(CONSTANTS), Prepare(GROUND), Prepare(ANGLES), *run("rotations"), *held),
+        )
+        self.start = Perform(start)
+        self.begin: tuple[Step, ...] = (self.start, Check()) if self.loops else (self.start,)
+        close = Routine(
+            "close",
+            "Completes the seeds: those of dependent coordinates and speeds follow from the others.",
+            (
+                Hold(dq, dq.called("given_dq")),
+                Hold(du, du.called("given_du")),
+                *run("turns", "complete"),
+            ),
+        )
+        self.along: tuple[Step, ...] = (Perform(close),) if self.loops else ()
+        applied: list[Step] = [e.coefficients for e in self.elements]
+        applied += missing((q for e in self.elements for q in e.needs), ())
+        applied += [s for e in self.elements for s in e.forces]
+        self.applied: tuple[Step, ...] = ()
+        self.applied_tangents: tuple[Step, ...] = ()
+        if self.elements:
+            self.applied = (
+                Perform(Routine("applied_forces", "Forces of springs on links.", tuple(applied))),
+                Check(),
+            )
+            tangents: list[Step] = [e.coefficients.tangents() for e in self.elements]
+            needs = {q.name: q for e in self.elements for q in e.needs}
+            tangents += [s for q in needs.values() for s in q.tangents]
+            tangents += [s for e in self.elements for s in e.tangents]
+            self.applied_tangents = (
+                Perform(Routine("applied_force_tangents", "Their tangents along the seeds.", tuple(tangents))),
+            )
+        self.forward: tuple[Step, ...] = (
+            Perform(
+                Routine(
+                    "forward",
+                    "Forward dynamics: the three sweeps.",
+                    (
+                        *self.forces,
+                        *self.applied[:1],
+                        *run("kinematics", "triangularize"),
+                        Check(),
+                        *run("back_substitute"),
+                    ),
+                )
+            ),
+        )
+        self.ground_tangent = Perform(
+            Routine("ground_tangent", "The tangent of gravity.", (Prepare(GROUND_TANGENT, True),))
+        )
+        self.balance = Perform(
+            Routine(
+                "balance",
+                "From seeds to dudot, with the factors and accelerations of the forward dynamics at hand.",
+                (
+                    *(f.tangents() for f in self.forces),
+                    self.ground_tangent,
+                    *run("turns"),
+                    *self.applied_tangents,
+                    *run("balance_out", "balance_in", "balance_back"),
+                ),
+            )
+        )
+        tau = self.one("tau")
+        self.at_rest = Perform(
+            Routine(
+                "at_rest",
+                "Takes speeds, gravity and joint forces away: what is left of the dynamics is the mass matrix.",
+                (
+                    Own(u),
+                    Zero(u),
+                    *([Zero(tau)] if self.forces else []),
+                    Prepare(GROUND_AT_REST),
+                    *(run("clear") if self.elements else ()),
+                ),
+            )
+        )
+        self.mass_tangent = Perform(
+            Routine(
+                "mass_tangent",
+                "Tangent of M x along dq and dp at fixed x = udot; force becomes M x.",
+                (
+                    Prepare(GROUND_TANGENT_AT_REST, True),
+                    *(run("clear_tangents") if self.elements else ()),
+                    *run("balance_out", "force_tangents"),
+                ),
+            )
+        )
+
+    def measuring(self, quantities: list[Quantity]) -> tuple[tuple[Step, ...], tuple[Step, ...]]:
+        """Steps for quantities, and for them with their tangents."""
+        values = tuple(s for q in quantities for s in q.values)
+        tangents = tuple(s for q in quantities for s in q.tangents)
+        return values, tangents
+
+    # -- functions -------------------------------------------------------------------------------------------------
+
+    def all(self, reactions: bool) -> tuple[Procedure, ...]:
+        found = [*self.dynamics(), self.jacobians(), *self.rates()]
+        if not self.loops:
+            found += [*self.mass(), *self.inverse_dynamics()]
+        found += self.energies()
+        if reactions:
+            found.append(self.reactions())
+        if self.loops:
+            found += self.closing()
+        if self.system.model.initial_depends_on_parameters:
+            found += self.initial()
+        if self.system.model.outputs:
+            found += self.outputs()
+        return tuple(found)
+
+    def dynamics(self) -> list[Procedure]:
+        equations = "Eqs. 18-24, 30-56" if self.loops else "Eqs. 18-24, 42-56"
+        return self.pair(
+            ("accelerations", "sensitivities"),
+            (
+                f"Forward dynamics ({equations}).",
+                "Forward dynamics and its total derivative along seeds (Eqs. 9, 10, by the balance).",
+            ),
+            self.state,
+            ["udot"],
+            (*self.begin, *self.forward),
+            (*self.begin, *self.forward, *self.along, self.balance),
+            WIDTHS,
+        )
+
+    def jacobians(self) -> Procedure:
+        dudot = self.one("dudot")
+        free = dict(zip(("q", "u"), self.system.independent, strict=True)) if self.loops else {}
+        seeds = {n: self.one(f"d{n}") for n in self.state}
+        if self.loops:
+            seeds |= {n: seeds[n].called(f"given_d{n}") for n in ("q", "u")}
+        steps: list[Step] = [*self.begin, *self.forward, Own(dudot)]
+        for seed in seeds.values():
+            steps += [Own(seed), Zero(seed)]
+        for n, seed in seeds.items():
+            among = tuple(free[n]) if n in free else None
+            steps.append(Columns(seed, (*self.along, self.balance), (Take(self.one(f"J_{n}"), dudot),), among))
+        results = self.of("udot", *(f"J_{n}" for n in self.state))
+        doc = "Accelerations and their partial derivatives, row by row."
+        return Procedure("jacobians", doc, self.of(*self.state), results, tuple(steps))
+
+    def rates(self) -> list[Procedure]:
+        begin = self.begin if self.loops else run("rotations")
+        return self.pair(
+            ("coordinate_rates", "coordinate_rate_sensitivities"),
+            ("Time derivatives of the coordinates (Eq. 1).", "Their total derivative along seeds."),
+            ["q", "u", *(self.p if self.loops else [])],
+            ["qdot"],
+            (*begin, *run("rates")),
+            (*begin, *self.along, *run("turns", "rate_tangents")),
+        )
+
+    def mass(self) -> list[Procedure]:
+        udot, force, du, dforce, b, x = self.of("udot", "force", "du", "dforce", "b", "x")
+        dM, M, dx, db, dudot = self.of("dM", "M", "dx", "db", "dudot")
+        right = b.tangent("b")  # the sweeps that solve take right sides and give solutions per direction
+        resting: tuple[Step, ...] = (self.start, self.at_rest, *run("kinematics"))
+        factors: tuple[Step, ...] = (*resting, *run("triangularize"), Check())
+        solve = run("solve_in", "balance_back")
+        at_rest: tuple[Step, ...] = (Own(du), Zero(du), Own(dforce), *run("turns"))
+        return [
+            *self.pair(
+                ("mass_matrix", "mass_matrix_sensitivities"),
+                ("Mass matrix, row by row.", "Mass matrix and its total derivative along seeds."),
+                ["q", *self.p],
+                ["M"],
+                (
+                    self.start,
+                    Own(right),
+                    Zero(right),
+                    Own(dforce),
+                    Columns(right, run("mass_out", "mass_in"), (Take(M, dforce, symmetric=True),)),
+                ),
+                (
+                    *resting,
+                    Own(udot),
+                    Zero(udot),
+                    Own(force),
+                    *at_rest,
+                    Columns(udot, (self.mass_tangent,), (Take(M, force), Take(dM, dforce))),
+                ),
+            ),
+            *self.pair(
+                ("solve_mass", "solve_mass_sensitivities"),
+                ("Solution of M x = b in O(n).", "Solution of M x = b and its total derivative along seeds."),
+                ["q", *self.p, "b"],
+                ["x"],
+                (*factors, Single(solve, ((right, b),), ((dudot, x),))),
+                (
+                    *factors,
+                    Single(solve, ((right, b),), ((dudot, x),)),
+                    Bind(udot, x),
+                    Own(force),
+                    *at_rest,
+                    self.mass_tangent,
+                    Combine(dforce, (db,), (dforce,)),
+                    Bind(right, dforce),
+                    Bind(dudot, dx),
+                    *solve,
+                ),
+            ),
+        ]
+
+    def inverse_dynamics(self) -> list[Procedure]:
+        force, tau, dforce, dtau, dudot = self.of("force", "tau", "dforce", "dtau", "dudot")
+        right, held = dudot.called("b"), dforce.called("held")
+        less: tuple[Step, ...] = ()
+        less_along: tuple[Step, ...] = (Combine(dforce, (dforce, held)),)
+        if self.forces:
+            less = (Zero(tau), JOINT_FORCES, Combine(force, (force,), (tau,)))
+            less_along = (
+                Zero(tau),
+                Zero(dtau),
+                JOINT_FORCES,
+                JOINT_FORCES.tangents(),
+                Combine(force, (force,), (tau,)),
+                Combine(dforce, (dforce, held), (dtau,)),
+            )
+        begin: tuple[Step, ...] = (self.start, *self.applied, *run("kinematics"))
+        return self.pair(
+            ("inverse_dynamics", "inverse_dynamics_sensitivities"),
+            (
+                "Joint forces that udot needs beside the model's own.",
+                "Those forces and their total derivative along seeds.",
+            ),
+            ["q", "u", "udot", *self.rest],
+            ["force"],
+            (*begin, *run("newton_euler_out", "newton_euler_in"), *less),
+            (
+                *begin,
+                Bind(right, dudot),
+                *run("mass_out", "mass_in"),
+                Own(held),
+                Copy(held, dforce),
+                self.ground_tangent,
+                *run("turns"),
+                *self.applied_tangents,
+                *run("balance_out", "force_tangents"),
+                *less_along,
+            ),
+        )
+
+    def energies(self) -> list[Procedure]:
+        model = self.system.model
+        energy, denergy = self.of("energy", "denergy")
+        quantities = measured(self.system, ("kinetic_energy", "potential_energy"))
+        values, tangents = self.measuring(quantities)
+        read = set().union(*(e.names for s in model.springs for e in (s.stiffness, s.damping, s.free_length)))
+        more = [*(["inputs"] if read & set(model.inputs) else []), *(["t"] if "t" in read else [])]
+        check = (Check(True),) if any(q.pivots for q in quantities) else ()
+        return self.pair(
+            ("energies", "energy_sensitivities"),
+            ("Kinetic and potential energy.", "Energies and their total derivative along seeds."),
+            ["q", "u", *self.p, *more],
+            ["energy"],
+            (Zero(energy), *self.begin, *values),
+            (Zero(energy), *self.begin, Zero(denergy), *self.along, *run("turns"), *tangents, *check),
+        )
+
+    def outputs(self) -> list[Procedure]:
+        model = self.system.model
+        outputs, doutputs, energy, denergy = self.of("outputs", "doutputs", "energy", "denergy")
+        quantities = measured(self.system, (o.measure for o in model.outputs))
+        values, tangents = self.measuring(quantities)
+        sums = any(q.energy for q in quantities)
+        zero: tuple[Step, ...] = (Own(energy), Zero(energy)) if sums else ()
+        zero_along: tuple[Step, ...] = (Own(denergy), Zero(denergy)) if sums else ()
+        copies: list[Step] = []
+        copies_along: list[Step] = []
+        for i, o in enumerate(model.outputs):
+            if o.measure in ENERGIES:
+                copies.append(CopyEntry(outputs, i, energy, ENERGIES.index(o.measure)))
+                copies_along.append(CopyEntry(doutputs, i, denergy, ENERGIES.index(o.measure)))
+        check = (Check(True),) if any(q.pivots for q in quantities) else ()
+        return self.pair(
+            ("outputs", "output_sensitivities"),
+            ("The outputs of the model.", "Outputs and their total derivative along seeds."),
+            self.state,
+            ["outputs"],
+            (*zero, *self.begin, *values, OUTPUTS, *copies),
+            (
+                *zero,
+                *self.begin,
+                *zero_along,
+                *self.along,
+                *run("turns"),
+                *tangents,
+                OUTPUTS,
+                OUTPUTS.tangents(),
+                *copies,
+                *copies_along,
+                *check,
+            ),
+        )
+
+    def reactions(self) -> Procedure:
+        wrenches = self.of("reaction", *(["loop_reaction"] if self.loops else []))
+        before: tuple[Step, ...] = (*self.begin, Own(self.one("udot")), *self.forward)
+        return Procedure(
+            "reactions",
+            "Wrenches on links at their joints and on loops' end faces: moment, force; ground frame.",
+            self.of(*self.state),
+            wrenches,
+            (*map(Zero, wrenches[1:]), *before, *missing((POSE,), before), *run("motion", "transmitted")),
+        )
+
+    def closing(self) -> list[Procedure]:
+        u, full_u, dfull_q, dfull_u, dq, du = self.of("u", "full_u", "dfull_q", "dfull_u", "dq", "du")
+        position, velocity, dposition, step = self.of("position", "velocity", "dposition", "step")
+        given = u.called("given_u")
+        state, seeds = self.of("q", "u", *self.p), self.of("dq", "du", *(["dp"] if self.p else []))
+        places = self.of("q", *self.p)
+        return [
+            Procedure(
+                "closure",
+                "Scaled residuals of all loops, of position and velocity.",
+                state,
+                (position, velocity),
+                (Tolerate(), self.start, *run("residuals")),
+            ),
+            Procedure(
+                "conditions",
+                "Condition number of the closure matrix that each loop belongs to.",
+                places,
+                self.of("condition"),
+                (Own(given), Zero(given), *self.begin, *run("condition_numbers")),
+            ),
+            Procedure(
+                "newton_step",
+                "Newton's step of the dependent coordinates towards closure.",
+                places,
+                (step,),
+                (Zero(step), Own(given), Zero(given), *self.begin, *run("correct")),
+            ),
+            Procedure(
+                "completion",
+                "Speeds, the dependent ones as velocity closure asks.",
+                state,
+                (full_u,),
+                (*self.begin, Copy(full_u, u)),
+            ),
+            Procedure(
+                "completion_sensitivities",
+                "Speeds and seeds, the dependent ones as closure asks.",
+                state,
+                (full_u, dfull_q, dfull_u),
+                (*self.begin, *self.along, Copy(full_u, u), Copy(dfull_q, dq), Copy(dfull_u, du)),
+                seeds,
+                OTHER_WIDTHS,
+            ),
+            Procedure(
+                "closure_sensitivities",
+                "How far loops are open in position, and by how much complete seeds open them.",
+                state,
+                (position, dposition),
+                (
+                    *self.begin,
+                    Own(velocity),
+                    *run("residuals"),
+                    *self.along,
+                    Zero(dposition),
+                    *run("seed_residuals"),
+                ),
+                seeds,
+                OTHER_WIDTHS,
+            ),
+        ]
+
+    def initial(self) -> list[Procedure]:
+        results = self.of("q", "u")
+        bound: tuple[Step, ...] = tuple(Bind(r.called(f"initial_{r.name}"), r) for r in results)
+        along: tuple[Step, ...] = tuple(Bind(r.tangent(f"dinitial_{r.name}"), r.tangent()) for r in results)
+        return self.pair(
+            ("initial", "initial_sensitivities"),
+            (
+                "Initial values, as the model file gives them: loops not closed yet.",
+                "Initial values and their total derivative along seeds.",
+            ),
+            ["p"],
+            ["q", "u"],
+            (*bound, INITIAL),
+            (*bound, *along, INITIAL, INITIAL.tangents()),
+        )
+
+
+ENERGIES = ("kinetic_energy", "potential_energy")
+"""Measures of outputs that are energies, in the order of the array ``energy``."""
+
+
+def sweeps(found: tuple[Procedure, ...]) -> set[str]:
+    """Sweeps that procedures run."""
+    return {s.sweep for p in found for s in walk(p.steps) if isinstance(s, Run)}

@@ -1,0 +1,381 @@
+"""Procedures: what the functions of a solver do, step by step, as data.
+
+A procedure takes *arguments* and *seeds* and gives *results*; its steps run sweeps and formulas, which read and write arrays by
+name. An array of the name of an argument, a seed or a result lies in the caller's memory unless a step puts it elsewhere. Steps
+that several procedures share are a `Routine`. From the same steps every target prints its functions, and operations are counted.
+
+There are no branches: what a model does not have, a procedure does not do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+
+@dataclass(frozen=True, slots=True)
+class Array:
+    """Numbers that a step knows by name.
+
+    Attributes
+    ----------
+    name : str
+    shape : tuple of str
+        Axes, as letters or numbers, for people; none of a number.
+    size : int
+        Number of entries.
+    lanes : bool
+        There is one of each entry per direction.
+    """
+
+    name: str
+    shape: tuple[str, ...]
+    size: int
+    lanes: bool = False
+
+    def tangent(self, name: str = "") -> Array:
+        """Its seed or its derivative."""
+        return replace(self, name=name or f"d{self.name}", lanes=True)
+
+    def called(self, name: str) -> Array:
+        """Another array of the same shape."""
+        return replace(self, name=name)
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """Run a sweep."""
+
+    sweep: str
+    lanes: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Formulas:
+    """Evaluate the model's own formulas of some targets, or their tangents."""
+
+    name: str
+    targets: tuple[str, ...]
+    lanes: bool = False
+
+    def tangents(self) -> Formulas:
+        return replace(self, lanes=True)
+
+
+@dataclass(frozen=True, slots=True)
+class Prepare:
+    """Compute what lies outside of the sweeps, by name: constants, sines and cosines, what is known of the ground."""
+
+    what: str
+    lanes: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Own:
+    """From here on an array lies in memory of the call."""
+
+    array: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Bind:
+    """From here on an array is the memory of another one, or of an argument, a seed or a result."""
+
+    array: Array
+    to: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Hold:
+    """From here on an array is a copy in memory of the call, which may be changed; what was given is called `given`."""
+
+    array: Array
+    given: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Zero:
+    """Set all entries to zero."""
+
+    array: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Copy:
+    """Copy all entries; of result and array, the first has no memory but the caller's."""
+
+    to: Array
+    of: Array
+
+
+@dataclass(frozen=True, slots=True)
+class CopyEntry:
+    """Copy one entry."""
+
+    to: Array
+    index: int
+    of: Array
+    entry: int
+
+
+@dataclass(frozen=True, slots=True)
+class Combine:
+    """A sum of arrays, less others."""
+
+    to: Array
+    plus: tuple[Array, ...]
+    minus: tuple[Array, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """Stop here if a pivot was zero."""
+
+    lanes: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Tolerate:
+    """Nothing is solved for: zero pivots are no errors."""
+
+
+@dataclass(frozen=True, slots=True)
+class Routine:
+    """Steps that procedures share: a function of its own, over directions or not."""
+
+    name: str
+    doc: str
+    steps: tuple[Step, ...]
+
+    @property
+    def lanes(self) -> bool:
+        return any(over_directions(s) for s in self.steps)
+
+
+@dataclass(frozen=True, slots=True)
+class Perform:
+    """Do what a routine does."""
+
+    routine: Routine
+
+
+@dataclass(frozen=True, slots=True)
+class Single:
+    """Sweeps over directions that serve for values: one direction, before those of the seeds.
+
+    Attributes
+    ----------
+    reads, writes : tuple of (Array, Array)
+        Arrays of the sweeps, with the arguments and results that they are.
+    """
+
+    steps: tuple[Run, ...]
+    reads: tuple[tuple[Array, Array], ...]
+    writes: tuple[tuple[Array, Array], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Take:
+    """Columns of a matrix from an array; a symmetric one is known from its lower half."""
+
+    into: Array
+    of: Array
+    symmetric: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Columns:
+    """For each entry of an array, or some: steps with a one there and zeros elsewhere. They give one column of matrices.
+
+    Where the array has directions, as many columns are computed at a time as there are directions.
+
+    Attributes
+    ----------
+    unit : Array
+        Zero before and after.
+    steps : tuple of Step
+    takes : tuple of Take
+    among : tuple of int, optional
+        The entries; columns of the others are zero.
+    """
+
+    unit: Array
+    steps: tuple[Step, ...]
+    takes: tuple[Take, ...]
+    among: tuple[int, ...] | None = None
+
+
+Step = (
+    Run
+    | Formulas
+    | Prepare
+    | Own
+    | Bind
+    | Hold
+    | Zero
+    | Copy
+    | CopyEntry
+    | Combine
+    | Check
+    | Tolerate
+    | Perform
+    | Single
+    | Columns
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Procedure:
+    """A function of a solver.
+
+    Attributes
+    ----------
+    name, doc : str
+    arguments, seeds, results : tuple of Array
+    steps : tuple of Step
+    widths : tuple of int
+        How many directions one call takes, of functions over directions; none for the others.
+    """
+
+    name: str
+    doc: str
+    arguments: tuple[Array, ...]
+    results: tuple[Array, ...]
+    steps: tuple[Step, ...]
+    seeds: tuple[Array, ...] = ()
+    widths: tuple[int, ...] = ()
+
+    def written_apart(self) -> frozenset[str]:
+        """Results that no sweep writes: steps of the procedure copy into them, or another array is their memory."""
+        found: set[str] = set()
+        for step in self.steps:
+            if isinstance(step, Copy):
+                found.add(step.to.name)
+            elif isinstance(step, Columns):
+                found.update(t.into.name for t in step.takes)
+            elif isinstance(step, Single):
+                found.update(to.name for _, to in step.writes)
+            elif isinstance(step, Bind):
+                found.add(step.to.name)
+        return frozenset(r.name for r in self.results if r.name in found)
+
+    def held(self) -> dict[str, Array]:
+        """What arrays are called while they are as given, of those that routines copy."""
+        return {s.array.name: s.given for s in walk(self.steps) if isinstance(s, Hold)}
+
+
+def over_directions(step: Step) -> bool:
+    """Whether a step works on directions."""
+    match step:
+        case Run() | Formulas() | Prepare() | Check():
+            return step.lanes
+        case Own() | Bind() | Hold() | Zero():
+            return step.array.lanes
+        case Copy() | CopyEntry() | Combine():
+            return step.to.lanes
+        case Perform():
+            return step.routine.lanes
+        case Columns():
+            return step.unit.lanes or any(map(over_directions, step.steps))
+        case Single() | Tolerate():
+            return False
+
+
+def stops(step: Step) -> bool:
+    """Whether what is done may end here, because of a pivot."""
+    return isinstance(step, Check) or (isinstance(step, Perform) and any(map(stops, step.routine.steps)))
+
+
+def walk(steps: tuple[Step, ...]) -> Iterator[Step]:
+    """All steps in their order, those of routines and inner ones too, after what they are in."""
+    for step in steps:
+        yield step
+        if isinstance(step, Perform):
+            yield from walk(step.routine.steps)
+        elif isinstance(step, (Single, Columns)):
+            yield from walk(step.steps)
+
+
+def routines(procedures: tuple[Procedure, ...]) -> list[Routine]:
+    """Every routine that procedures perform, after those that it performs itself."""
+    found: dict[Routine, None] = {}
+
+    def add(steps: tuple[Step, ...]) -> None:
+        for step in walk(steps):
+            if isinstance(step, Perform) and step.routine not in found:
+                add(step.routine.steps)
+                found[step.routine] = None
+
+    for p in procedures:
+        add(p.steps)
+    return list(found)
+
+
+def pruned(procedure: Procedure, lives: Callable[[Run | Formulas | Prepare], bool]) -> Procedure:
+    """A procedure without the steps that have nothing to do, and without routines of such steps only."""
+
+    def kept(steps: tuple[Step, ...]) -> tuple[Step, ...]:
+        found: list[Step] = []
+        for step in steps:
+            if isinstance(step, (Run, Formulas, Prepare)):
+                if lives(step):
+                    found.append(step)
+            elif isinstance(step, Perform):
+                inner = kept(step.routine.steps)
+                if inner:
+                    found.append(Perform(replace(step.routine, steps=inner)))
+            elif isinstance(step, Columns):
+                found.append(replace(step, steps=kept(step.steps)))
+            else:
+                found.append(step)
+        return tuple(found)
+
+    return replace(procedure, steps=kept(procedure.steps))
+
+
+def counted(procedure: Procedure, outside: str) -> list[str]:
+    """What a procedure runs, in the order in which it begins: sweeps, formulas by name, and `outside` for what it prepares.
+
+    What it runs twice stands there twice. Each column of a matrix is a direction, so what computes columns counts once for all
+    matrices. A sweep that runs for values, over one direction, is called ``solve_in_1``. Values and tangents of formulas, as well
+    as what is prepared, have one name.
+    """
+    found = _names(procedure.steps, outside)
+    shared = {outside, *(s.name for s in walk(procedure.steps) if isinstance(s, Formulas))}
+    of_columns: list[str] = []
+    for step in procedure.steps:
+        if isinstance(step, Columns):
+            names = _names(step.steps, outside)
+            for name in dict.fromkeys(names):
+                known = of_columns.count(name) + (found.count(name) if name in shared else 0)
+                of_columns += [name] * (names.count(name) - known)
+    return found + of_columns
+
+
+def _names(steps: tuple[Step, ...], outside: str) -> list[str]:
+    """What steps run once each, columns apart."""
+    found: list[str] = []
+    shared: dict[tuple[str, bool], int] = {}
+    for step in _flat(steps):
+        match step:
+            case Run():
+                found.append(step.sweep)
+            case Formulas():
+                times = shared[step.name, step.lanes] = shared.get((step.name, step.lanes), 0) + 1
+                if times > found.count(step.name):
+                    found.append(step.name)
+            case Prepare() if outside not in found:
+                found.append(outside)
+            case Single():
+                found += [f"{s.sweep}_1" for s in step.steps]
+            case _:
+                pass
+    return found
+
+
+def _flat(steps: tuple[Step, ...]) -> tuple[Step, ...]:
+    """Steps with those of routines in the place of routines."""
+    found: list[Step] = []
+    for step in steps:
+        found += _flat(step.routine.steps) if isinstance(step, Perform) else (step,)
+    return tuple(found)

@@ -1,0 +1,55 @@
+"""A procedure's steps as lines of C, and where a call keeps its arrays."""
+
+from __future__ import annotations
+
+import itertools
+
+from codegen.emit.c_functions import CFunctions, memory, room
+from codegen.program.procedure import Array, Check, Own, Perform, Procedure, Routine, Run, Zero
+
+U = Array("u", ("nu",), 3)
+A = Array("a", ("nu",), 3)
+OUT, ALONG = Run("out"), Run("along", True)
+
+
+def procedure(*steps, **more) -> Procedure:
+    return Procedure("f", "Does.", (U,), more.pop("results", (A,)), steps, **more)
+
+
+def test_own_arrays_of_one_procedure_do_not_overlap() -> None:
+    b, c, d = (U.called(n) for n in "bcd")
+    lanes = U.tangent("lanes")
+    found = memory((procedure(Own(b), Own(lanes), Own(c)), procedure(Own(d), Zero(d), Own(c))))
+    for together in ((b, lanes, c), (c, d)):
+        spans = sorted((found.own[a], found.own[a] + room(a)) for a in together)
+        assert all(end <= begin for (_, end), (begin, _) in itertools.pairwise(spans))
+    assert found.size == room(b) + room(lanes) + room(c)  # d lies where b does
+    assert found.own[d] == found.own[b]
+    assert all(at % 8 == 0 for at in found.own.values())
+
+
+def test_pointers_are_those_of_arrays_that_procedures_have() -> None:
+    found = memory((procedure(Own(A.tangent()), OUT, seeds=(U.tangent(),)),))
+    assert found.fields == {"u": False, "a": True}
+    assert found.lane_fields == {"du": False, "da": True}
+
+
+def test_a_procedure_in_c() -> None:
+    checked = Perform(Routine("forward", "Goes forward.", (OUT, Check())))
+    p = procedure(checked, ALONG, seeds=(U.tangent(),), results=(A, A.tangent()), widths=(8,))
+    printer = CFunctions("model", memory((p,)), lambda what: [], lambda p: ["lay_out(&c, work);"])
+    assert printer.routine(checked.routine).signature == "static int forward(call *a)"
+    assert printer.routine(checked.routine).lines == ["out(a);", "if (a->singular) return a->singular;", "return 0;"]
+    assert printer.function(p).lines == [
+        "call c = {0};",
+        "DIRECTIONS(call) d;",
+        "c.u = u;",
+        "c.a = a;",
+        "lay_out(&c, work);",
+        "if (forward(&c)) return c.singular;",
+        "DIRECTIONS(open)(&d, &c, work);",
+        "d.du = (const LANES *)du;",
+        "d.da = (LANES *)da;",
+        "DIRECTIONS(along)(&d);",
+        "return 0;",
+    ]
