@@ -5,7 +5,7 @@ import pytest
 
 import codegen
 from codegen.reference import RecursiveEngine
-from codegen.runtime.solver import split
+from codegen.runtime.standalone.functions import split
 
 
 def state(solver, rng, *batch):
