@@ -49,24 +49,24 @@ def refuse_foreign(folder: Path) -> None:
             *here.parents,
         ):  # the folder is replaced as a whole: the shell would stand in nothing
             raise FolderError(f"{folder} is, or holds, the working directory; give a folder of its own with -o")
-        inside = sorted(folder.iterdir())
+        manifest: Any = None
+        with contextlib.suppress(OSError, ValueError, RecursionError):
+            manifest = json.loads((folder / "model.json").read_text(encoding="utf-8"))
+        listed = manifest.get("files", ()) if isinstance(manifest, dict) else ()
+        listed = {str(n) for n in listed} if isinstance(listed, list) else set()
+        found = list(_names(folder, {n.partition("/")[0] for n in listed if "/" in n}))
     except (OSError, RuntimeError) as error:  # a link that leads to itself
         raise FolderError(f"cannot write {folder}: {getattr(error, 'strerror', None) or error}") from None
-    if not inside:
+    if not found:
         return
-    manifest: Any = None
-    with contextlib.suppress(OSError, ValueError, RecursionError):
-        manifest = json.loads((folder / "model.json").read_text(encoding="utf-8"))
     if not isinstance(manifest, dict) or manifest.get("generator") != "ordernm":
         raise FolderError(
             f"{folder} holds something that generate did not write; choose another folder with -o, or empty this one"
         )
-    listed = manifest.get("files", ())
-    listed = {str(n) for n in listed} if isinstance(listed, list) else set()
     own = re.compile(
         rf"{re.escape(str(manifest.get('name')))}({SECOND})?(-[0-9a-f-]+\.so|\.log)|ordernm_call-[0-9a-f-]+\.so|(.*/)?__pycache__|\.build-.*"
     )
-    foreign = sorted(n for n in _names(folder, inside, listed) if n not in listed and not own.fullmatch(n))
+    foreign = sorted(n for n in found if n not in listed and not own.fullmatch(n))
     if foreign:
         raise FolderError(
             f"{folder} holds beside generated files {', '.join(foreign[:5])}{', ...' if len(foreign) > 5 else ''}, which "
@@ -74,12 +74,11 @@ def refuse_foreign(folder: Path) -> None:
         )
 
 
-def _names(folder: Path, inside: list[Path], listed: set[str]) -> Iterator[str]:
-    """What is in a folder; of its folders that hold files of a package, what is in these."""
-    folders = {n.partition("/")[0] for n in listed if "/" in n}
-    for path in inside:
-        if path.name in folders and path.is_dir():
-            yield from (p.relative_to(folder).as_posix() for p in path.iterdir())
+def _names(folder: Path, own: set[str]) -> Iterator[str]:
+    """What is in a folder; of its folders that a package has, such as that of the run time, what is in these."""
+    for path in folder.iterdir():
+        if path.name in own and path.is_dir():
+            yield from (f"{path.name}/{inside.name}" for inside in path.iterdir())
         else:
             yield path.name
 

@@ -129,14 +129,14 @@ def generate(
     )  # fmt: skip
     if compile and target != "numpy":
         from .runtime import NoCompilerError
-        from .runtime.standalone.build import compile_library
+        from .runtime.standalone.build import Build
 
         with _timed(seconds, "compile"):
             try:
                 names = [model.name, *([f"{model.name}{SECOND}"] if "second" in source.manifest else [])]
                 for step, name in enumerate(names, 1):
                     progress("compiling", step, len(names))
-                    compile_library(path, name)
+                    Build(path, name).library()
                 report.compiled = True
             except NoCompilerError as error:
                 report.remarks.append(f"{error}; the NumPy target (--target numpy) serves until then, more slowly")

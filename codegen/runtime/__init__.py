@@ -22,7 +22,7 @@ from .standalone.errors import (
     TargetsDifferError,
 )
 from .standalone.jacobians import Jacobians
-from .standalone.manifest import check_files, is_sealed, read_manifest
+from .standalone.manifest import SEAL, check_files, read_manifest
 
 __all__ = [
     "AssemblyError",
@@ -65,12 +65,20 @@ def load(folder: str | os.PathLike[str], target: str | None = None) -> Solver:
     path = Path(folder).absolute()
     brought = _brought(path)
     ours = all(_is_own(file) for file in brought)
-    if ours or is_sealed(path):  # what is not may be of a version that knew no seals
+    if ours or _is_sealed(path):  # what is not may be of a version that knew no seals
         check_files(path, read_manifest(path), (".py",))
     if ours:
         return Solver(path, target)
     found: Solver = _package(path, brought).Solver(target)
     return found
+
+
+def _is_sealed(path: Path) -> bool:
+    """Whether there is a ``model.json`` with a seal, right or wrong."""
+    try:
+        return SEAL in (path / "model.json").read_text(encoding="utf-8")
+    except (OSError, ValueError):
+        return False
 
 
 def _brought(path: Path) -> list[Path]:

@@ -81,7 +81,7 @@ DAMAGES = {
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_a_damaged_library_is_built_anew(pendulum, damage):
     # opening a library that was cut short would kill the process (SIGBUS)
-    library = build.compile_library(pendulum, "pendulum")
+    library = build.Build(pendulum, "pendulum").library()
     library.write_bytes(DAMAGES[damage](library.read_bytes()))
     assert accelerate(load(pendulum)) == pytest.approx(EXPECTED, rel=1e-15)
     (library,) = libraries(pendulum)
@@ -90,7 +90,7 @@ def test_a_damaged_library_is_built_anew(pendulum, damage):
 
 def test_a_library_that_does_not_open_is_built_anew(pendulum, monkeypatch):
     # whole, but made for another machine
-    library = build.compile_library(pendulum, "pendulum")
+    library = build.Build(pendulum, "pendulum").library()
     digest = library.stem.rpartition("-")[2]
     monkeypatch.setattr(build, "digest", lambda file: digest)
     library.write_bytes(b"for another machine")
@@ -214,7 +214,7 @@ def test_a_library_goes_to_the_users_cache_if_the_package_is_read_only(pendulum,
 
 def test_where_a_folder_is_in_the_librarys_place_the_cache_serves(pendulum, monkeypatch, tmp_path):
     # what makes a place unfit may show only when the library is moved there: a full disk, a folder of that name
-    library = build.compile_library(pendulum, "pendulum")
+    library = build.Build(pendulum, "pendulum").library()
     library.unlink()
     library.mkdir()
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))

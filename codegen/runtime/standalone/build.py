@@ -138,13 +138,3 @@ def digest(file: Path) -> str:
 
 def short_key(*parts: str) -> str:
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:8]
-
-
-def compile_library(folder: Path, name: str, sources: Sequence[str] = ()) -> Path:
-    """Compile the C of a package unless that has been done; see `Build`.
-
-    Raises
-    ------
-    NoCompilerError, CompileError
-    """
-    return Build(folder, name, sources).library()

@@ -50,14 +50,6 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     )
 
 
-def is_sealed(folder: Path) -> bool:
-    """Whether there is a ``model.json`` with a seal, right or wrong."""
-    try:
-        return SEAL in (folder / "model.json").read_text(encoding="utf-8")
-    except (OSError, ValueError):
-        return False
-
-
 def check_files(folder: Path, manifest: Mapping[str, Any], suffixes: tuple[str, ...]) -> None:
     """Compare files of a package with the digests in its manifest.
 
