@@ -53,7 +53,7 @@ class Assembly:
         self.loops = [self.names[k].rpartition(".")[0] for k in self.kept]  # of each condition that counts
         independent = set(manifest.get("independent_names", manifest["coordinate_names"]))
         self.dependent = np.array([i for i, n in enumerate(manifest["coordinate_names"]) if n not in independent], int)
-        self.all = Part(np.arange(len(self.kept)), self.dependent, set(self.loops))
+        self.all = Part(slice(None), slice(None), set(self.loops))
 
     def close(self, q: Array, p: Array, state: tuple[int, ...]) -> Array:
         """Coordinates (nq,) of one state with its loops closed; `state` says which one of a batch it is.
@@ -115,8 +115,8 @@ class Assembly:
         for n in range(GUESSES + 1):
             trial = closed.copy()
             for part in left:
-                off = FURTHEST * n / GUESSES * rng.uniform(-1.0, 1.0, len(part.coordinates))
-                trial[part.coordinates] = q[part.coordinates] + off
+                guess = q[part.coordinates]
+                trial[part.coordinates] = guess + FURTHEST * n / GUESSES * rng.uniform(-1.0, 1.0, guess.size)
             normalise(trial, self.newton.quaternions)
             trial, gaps = self.newton.solve(trial, p, left, CLOSED, rng)
             done = [part for part in left if part.largest(gaps) <= CLOSED]

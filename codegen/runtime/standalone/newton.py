@@ -25,15 +25,15 @@ class Part:
 
     Attributes
     ----------
-    rows : array of int
+    rows : array of int, or slice
         Their conditions, among those that count.
-    coordinates : array of int
-        Their dependent coordinates.
+    coordinates : array of int, or slice
+        Their dependent coordinates; may be all coordinates for all loops, since Newton's step is zero for independent ones.
     loops : set of str
     """
 
-    rows: Indices
-    coordinates: Indices
+    rows: Indices | slice
+    coordinates: Indices | slice
     loops: set[str]
 
     def largest(self, gaps: Array) -> float:
@@ -42,8 +42,8 @@ class Part:
 
     def square(self, gaps: Array) -> float:
         """The sum of squares of its conditions."""
-        with np.errstate(all="ignore"):  # a step may lead anywhere
-            return float(gaps[self.rows] @ gaps[self.rows])
+        of_part = gaps[self.rows]
+        return float(of_part @ of_part)
 
 
 class Newton:
@@ -69,7 +69,8 @@ class Newton:
 
     def gaps(self, q: Array, p: Array) -> Array:
         """Those of the conditions that count."""
-        return self.all_gaps(q, p)[..., self.kept]
+        found = self.all_gaps(q, p)
+        return found if len(self.kept) == found.shape[-1] else found[..., self.kept]
 
     def solve(
         self, q: Array, p: Array, parts: Sequence[Part], goal: float, rng: np.random.Generator | None = None
@@ -100,11 +101,12 @@ class Newton:
                 if not flat:  # one that is closed: no steps are known for the others
                     break
                 for part in flat:
-                    q[part.coordinates] += rng.uniform(-NUDGE, NUDGE, len(part.coordinates))
+                    q[part.coordinates] += rng.uniform(-NUDGE, NUDGE, q[part.coordinates].size)
                 normalise(q, self.quaternions)
                 gaps = self.gaps(q, p)
                 continue
-            q, gaps, going = self._search(q, p, gaps, step, going)
+            with np.errstate(all="ignore"):  # a step may lead anywhere
+                q, gaps, going = self._search(q, p, gaps, step, going)
         return q, gaps
 
     def _search(
@@ -112,21 +114,19 @@ class Newton:
     ) -> tuple[Array, Array, list[Part]]:
         """As much of a step as makes each part smaller: coordinates, conditions, and the parts that are smaller."""
         new, smaller = q.copy(), []
-        after, of = gaps, q
+        before = {part: part.square(gaps) for part in parts}
         for fraction in SEARCH:
             trial = new.copy()
             for part in parts:
                 trial[part.coordinates] += fraction * step[part.coordinates]
             normalise(trial, self.quaternions)
-            after, of = self.gaps(trial, p), trial
+            after = self.gaps(trial, p)
             # the sum of squares goes down by nearly what a linear closure would take off
-            better = [part for part in parts if part.square(after) < (1.0 - 0.2 * fraction) * part.square(gaps)]
-            for part in better:
-                new[part.coordinates] = trial[part.coordinates]
+            better = [part for part in parts if part.square(after) < (1.0 - 0.2 * fraction) * before[part]]
             smaller += better
             parts = [part for part in parts if part not in better]
             if not parts:
-                break
-        if not smaller:
-            return q, gaps, smaller
-        return new, after if np.array_equal(new, of) else self.gaps(new, p), smaller
+                return trial, after, smaller
+            for part in better:
+                new[part.coordinates] = trial[part.coordinates]
+        return (new, self.gaps(new, p), smaller) if smaller else (q, gaps, smaller)
