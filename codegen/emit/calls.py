@@ -10,7 +10,7 @@ from .templates import render
 
 ARGUMENTS = ("q", "u", "p", "inputs", "udot", "b")
 SEEDS = ("dq", "du", "dp", "dinputs", "dudot", "db", "dt")
-"""Arguments and seeds, `t` apart, in the order of their pointers; `codegen.runtime.solver` has the same."""
+"""Arguments and seeds, `t` apart, in the order of their pointers; `codegen.runtime.standalone.functions` has the same."""
 
 INTERNAL = ("closure", "conditions", "newton_step")
 """What these return may be infinite and is looked at elsewhere."""
