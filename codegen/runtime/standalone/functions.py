@@ -10,7 +10,7 @@ from typing import Any
 from .arrays import Shape
 
 ARGUMENTS = ("q", "u", "p", "inputs", "udot", "b")
-SEEDS = ("dq", "du", "dp", "dinputs", "dudot", "db", "dt")
+SEEDS = ("dq", "du", "dp", "dinputs", "dudot", "db", "dt", "dqdot", "denergy", "doutputs", "dfull_q", "dfull_u")
 """Arguments and seeds in the order of their pointers in ``NAME_calls.c``; `t` is passed as a number."""
 
 STATE = ("q", "u", "p", "inputs", "t")

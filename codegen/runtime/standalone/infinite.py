@@ -86,8 +86,8 @@ def _first_infinite(package: Mapping[str, Any], module: Any, a: Any, moved: bool
         module.joint_forces(a)
     for i in bad(getattr(a, "tau", ())) if moved else ():
         return force(i, "the force")
-    if hasattr(module, "spring_forces"):
-        module.spring_forces(a)
+    if hasattr(module, "applied_forces"):
+        module.applied_forces(a)
     for i in bad(getattr(a, "coefficient", ())):
         return spring(i, "the coefficients")
     records = a.records[: len(links)]
@@ -103,9 +103,9 @@ def _first_infinite(package: Mapping[str, Any], module: Any, a: Any, moved: bool
         module.joint_force_tangents(a)
         for i in bad(getattr(a, "dtau", ())):
             return force(i, "the derivative of the force")
-    if along and hasattr(module, "spring_force_tangents"):
+    if along and hasattr(module, "applied_force_tangents"):
         with contextlib.suppress(Exception):
-            module.spring_force_tangents(a)
+            module.applied_force_tangents(a)
         for i in bad(getattr(a, "dcoefficient", ())):
             return spring(i, "the derivatives of the coefficients")
     return ""
