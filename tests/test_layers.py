@@ -4,7 +4,8 @@ import ast
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -81,6 +82,40 @@ def forbidden_calls(source: str) -> list[tuple[int, str]]:
 @pytest.mark.parametrize("path", MODULES, ids=_name)
 def test_a_module_imports_lower_floors_only(path):
     assert not faults(path.read_text(encoding="utf-8"), path)
+
+
+def neighbours(source: str, path: Path, modules: Collection[str]) -> set[str]:
+    """The modules that one imports at any depth, under TYPE_CHECKING too; `modules` are the absolute names of all."""
+    names = {name for _, name in imports(source, path)}
+    return {m for name in names for m in (name, name.rpartition(".")[0]) if m in modules}
+
+
+def circle(graph: dict[str, set[str]]) -> list[str]:
+    """Modules that import each other, the first of them again at the end; empty if there are none."""
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        return list(error.args[1])
+    return []
+
+
+def _module(path: Path) -> str:
+    return ".".join(path.relative_to(ROOT).with_suffix("").parts)
+
+
+def test_no_modules_import_each_other():
+    paths = {_module(p): p for p in MODULES if p.stem != "__init__"}
+    graph = {m: neighbours(p.read_text(encoding="utf-8"), p, paths) for m, p in paths.items()}
+    assert sum(map(len, graph.values())) > len(graph)
+    assert not circle(graph)
+
+
+def test_the_check_sees_circles():
+    path, modules = PACKAGE / "loops" / "a.py", {"codegen.loops.a", "codegen.loops.b", "codegen.model.c"}
+    source = "from ..model import c\nif TYPE_CHECKING:\n    from .b import X\ndef f():\n    from .b import y"
+    assert neighbours(source, path, modules) == {"codegen.loops.b", "codegen.model.c"}
+    assert circle({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}})
+    assert not circle({"a": {"b", "c"}, "b": {"c"}, "c": set()})
 
 
 @pytest.mark.parametrize("path", MODULES, ids=_name)

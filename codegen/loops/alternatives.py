@@ -5,8 +5,9 @@ from __future__ import annotations
 import dataclasses
 
 from ..model.model import Model
+from .ears import Partition
 from .errors import AssemblyError, PartitionError
-from .partition import Partition, partition
+from .partition import partition
 
 
 def second_partition(model: Model, first: Partition) -> Partition | None:

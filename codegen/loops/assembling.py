@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,13 +11,12 @@ from ..model.expressions import Expression
 from ..model.model import Model
 from .closure import Cuts, body_frames
 from .dependents import choose_dependents, ranks, whole_joints
+from .ears import Partition
 from .errors import AssemblyError
 from .geometry import Array, Geometry, advance, evaluator, padded, parameter_values
 from .paths import PoseGroups
 from .rings import ROUNDING, Outcome, Ring, close, is_settled
-
-if TYPE_CHECKING:
-    from .partition import Partition
+from .wording import listed
 
 NEARLY = 10.0
 """Tolerances of the model that a loop may stay open by where conditions follow from others: angles add up, and act on levers."""
@@ -353,9 +351,3 @@ def open_loop(ring: Ring, outcome: Outcome, movable: Array) -> AssemblyError:
         loop.name,
         outcome.residual,
     )
-
-
-def listed(names: Sequence[str], limit: int = 6) -> str:
-    """Names in a row, long lists cut."""
-    more = f" and {len(names) - limit} more" if len(names) > limit else ""
-    return ", ".join(names[:limit]) + more

@@ -7,16 +7,13 @@ first axis. The ground is a body too, the last one: index `Geometry.ground`.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..model.expressions import Expression
 from ..model.model import CLOSURE_ROWS, GROUND, Model, Vector, coordinate_axis, least_along
+from .ears import Ear
 from .speed_groups import QUATERNION, speed_groups
-
-if TYPE_CHECKING:
-    from .partition import Ear
 
 Array = np.ndarray
 

@@ -32,7 +32,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -41,10 +41,7 @@ from .arithmetic import Array, LeftInverse, SingularMatrixError
 from .ears import Group
 from .pairs import Pair, Pairs
 from .primitives import condition_frame, placed_rotation
-
-if TYPE_CHECKING:
-    from .recursive import Terms
-
+from .terms import Terms
 
 HALF_TURN = 1e-12
 """A squared cosine below this has no direction back any more."""
