@@ -13,9 +13,10 @@ from .closure import Cuts, body_frames
 from .dependents import choose_dependents, ranks, whole_joints
 from .ears import Partition
 from .errors import AssemblyError
-from .geometry import Array, Geometry, advance, evaluator, padded, parameter_values
+from .geometry import Geometry, advance, evaluator, padded, parameter_values
 from .paths import PoseGroups
 from .rings import ROUNDING, Outcome, Ring, close, is_settled
+from .vectors import Array
 from .wording import listed
 
 NEARLY = 10.0
@@ -52,11 +53,10 @@ def initial_configuration(model: Model) -> tuple[Array, Array]:
         return np.array([evaluate([given[x]])[0] if x in given else 0.0 for x in names])
 
     q, u = values(model.coordinate_names, model.initial_q), values(model.speed_names, model.initial_u)
-    for body, (place, _) in zip(model.bodies, model.coordinate_slices, strict=True):
-        if body.joint.type in ("spherical", "free"):
-            e = q[place.stop - 4 : place.stop]
-            size = np.linalg.norm(e)
-            e[:] = e / size if size > 1e-6 else (1.0, 0.0, 0.0, 0.0)
+    for _, place in model.quaternions:
+        e = q[place]
+        size = np.linalg.norm(e)
+        e[:] = e / size if size > 1e-6 else (1.0, 0.0, 0.0, 0.0)
     return q, u
 
 

@@ -27,7 +27,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..model.model import Model
-from .geometry import Array, Geometry, cross, padded, turn
+from .geometry import Geometry, padded
+from .vectors import Array, cross, turn
 
 Frames = tuple[Array, Array]
 """Rotations (body into base components) ``(S, n, 3, 3)`` and origins ``(S, n, 3)``, m."""

@@ -19,8 +19,9 @@ import numpy as np
 from .comparison import ACCEPTED, Comparison
 from .dependents import RANK_TOLERANCE, columns_at_all, conditions, pivoted_columns
 from .errors import PartitionError
-from .geometry import Array, Geometry
+from .geometry import Geometry
 from .ordering import Draft, Sweep, arrange
+from .vectors import Array
 from .wandering import Surroundings
 
 FEW = 30

@@ -11,8 +11,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .geometry import Array, Geometry
+from .geometry import Geometry
 from .ordering import Draft
+from .vectors import Array
 from .velocities import Motion
 from .wording import listed
 

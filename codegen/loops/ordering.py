@@ -15,8 +15,9 @@ import numpy as np
 
 from .dependents import choose_dependents, condition, divide, ranks, whole_joints
 from .errors import PartitionError
-from .geometry import Array, Geometry
+from .geometry import Geometry
 from .tangles import untangled
+from .vectors import Array
 from .velocities import Motion, VelocityClosure
 from .wording import listed
 

@@ -23,10 +23,11 @@ from .components import components
 from .dependents import condition
 from .ears import Ear, Partition
 from .errors import AssemblyError, PartitionError
-from .geometry import Array, Geometry, advance, padded
+from .geometry import Geometry, advance, padded
 from .locking import nearly_locked, stopped
 from .ordering import Draft, Sweep, arrange, loop_order
 from .redundancy import FAR, Redundancy, keep, kept_rows, nearly_redundant, opening, remark
+from .vectors import Array
 from .velocities import Motion, complete_speeds
 from .weighing import Weighed, weighed
 from .wording import listed

@@ -10,8 +10,9 @@ from ..model.model import Model
 from .closure import Cuts, body_frames, ground_screws, shifted
 from .dependents import ranks
 from .ears import Partition
-from .geometry import Array, Geometry, padded
+from .geometry import Geometry, padded
 from .paths import TwistGroups
+from .vectors import Array
 
 PLANAR = 1e-9
 """How far, relatively, planar motions may be out of their plane."""

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from .comparison import ACCEPTED, WORTH_IT, Comparison
-from .geometry import Array, Geometry
+from .geometry import Geometry
 from .judging import Judge, is_compared
 from .ordering import Draft
+from .vectors import Array
 from .wandering import Surroundings, rigid_parts
 from .wording import listed
 

@@ -7,12 +7,13 @@ so that the others are still read.
 
 from __future__ import annotations
 
+from .entries import seen
 from .errors import ModelError, Problem, nearest
 from .model import GROUND, Model
 from .positions import Document
 from .reading import Reader, TooManyProblems, some
 from .repetition import CannotGoOn
-from .schema import LATER_SECTIONS, SECTIONS, seen
+from .schema import LATER_SECTIONS, SECTIONS
 from .sections.bodies import check_freedoms, read_bodies
 from .sections.forces import read_forces
 from .sections.independent import read_independent

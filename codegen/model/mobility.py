@@ -8,6 +8,7 @@ import numpy as np
 
 from .expressions import Expression
 from .model import GROUND, Body, Joint
+from .motions import Ball, Displacement, Slide, Turn
 
 Value = Callable[[Expression], float]
 """Value of an expression at the default parameters."""
@@ -66,7 +67,7 @@ def singular_joint(
 
 def _resists(body: Body, mass: float, inertia: np.ndarray, value: Value) -> bool:
     """Whether the body's own inertia is enough for every freedom of its joint."""
-    if body.joint.type == "fixed":
+    if body.joint.is_fixed:
         return True
     with np.errstate(all="ignore"):
         s = _freedoms(body.joint, np.random.default_rng(2), value)[2]
@@ -125,22 +126,32 @@ def _freedoms(joint: Joint, rng: np.random.Generator, value: Value) -> tuple[np.
     """At a random position of the joint: rotation and shift of the body in the joint frame, and its motions (6, f)."""
     axes = [np.array([value(e) for e in axis]) for axis in joint.axes]
     axes = [axis / (np.abs(axis).max() or 1.0) for axis in axes]
-    angles, away = rng.uniform(0.3, 2.8, 3), rng.normal(size=3)
-    none = np.zeros(3)
-    if joint.type == "revolute":
-        return rotation(axes[0], angles[0]), none, np.append(axes[0], none)[:, None]
-    if joint.type == "prismatic":
-        return np.eye(3), axes[0] * away[0], np.append(none, axes[0])[:, None]
-    if joint.type == "universal":
-        second = rotation(axes[1], angles[1])
-        s = np.column_stack([np.append(second.T @ axes[0], none), np.append(axes[1], none)])
-        return rotation(axes[0], angles[0]) @ second, none, s
-    turn = rotation(away, angles[0])
-    if joint.type == "spherical":
-        return turn, none, np.eye(6)[:, :3]
-    if joint.type == "free":
-        return turn, away, np.eye(6)
-    return np.eye(3), none, np.zeros((6, 0))
+    factors = [value(e) for e in joint.factors]
+    kind = joint.kind
+    turn, away, columns = np.eye(3), np.zeros(3), np.zeros((6, len(kind.speeds)))
+    angles, ways = rng.uniform(0.3, 2.8, len(kind.speeds)), rng.normal(size=len(kind.speeds))
+    at_end: list[int] = []  # velocities in components of the end
+    for m in kind.motion:
+        own_turn, own_way = np.eye(3), np.zeros(3)
+        own = np.zeros_like(columns)
+        match m:
+            case Turn(axis, i):
+                own_turn = rotation(axes[axis], angles[i])
+                own[:3, i] = axes[axis]
+            case Slide(axis, i, factor):
+                along = axes[axis] * (1.0 if factor is None else factors[factor])
+                own_way, own[3:, i] = along * (ways[i] if factor is None else angles[i]), along
+            case Ball(_, i):
+                own_turn = rotation(rng.normal(size=3), rng.uniform(0.3, 2.8))
+                own[:3, i : i + 3] = np.eye(3)
+            case Displacement(_, i):
+                own_way = rng.normal(size=3)
+                at_end += range(i, i + 3)
+        moved = columns[3:] - np.cross(own_way, columns[:3], axis=0)
+        columns = np.concatenate([own_turn.T @ columns[:3], own_turn.T @ moved]) + own
+        away, turn = away + turn @ own_way, turn @ own_turn
+    columns[3:, at_end] = np.eye(3)[:, : len(at_end)]
+    return turn, away, columns
 
 
 def _spatial(mass: float, com: np.ndarray, inertia: np.ndarray) -> np.ndarray:

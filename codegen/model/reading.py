@@ -12,12 +12,13 @@ from typing import Any, Final
 from pydantic import TypeAdapter, ValidationError
 from pydantic_core import PydanticCustomError
 
+from .entries import RESERVED, ZERO, Entry, Expr, parse_name, seen
 from .errors import Problem, nearest, within_a_line
+from .explaining import explain, repaired, validate
 from .expressions import Binder, Expression, ExpressionError, Number, Numbers, Scope
 from .model import Vector
 from .positions import Document, Path_, show_path
 from .repetition import Instance, Repetition, labels, name_of
-from .schema import RESERVED, ZERO, Entry, Expr, explain, parse_name, repaired, seen, validate
 
 MAX_PROBLEMS: Final = 200
 MAX_ERRORS: Final = 10_000

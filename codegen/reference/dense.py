@@ -29,10 +29,11 @@ from typing import Any
 import numpy as np
 
 from ..model.model import Body, Spring
+from ..model.motions import Ball, Displacement, Slide, Turn
 from .arithmetic import Array, LeftInverse, SingularMatrixError
 from .conditions import Conditions, conditions
 from .engine import Engine, State
-from .ground_frame import Frame, Freedoms, cross, motion, quaternion_product, rotation_of
+from .ground_frame import Frame, Freedoms, attitudes, cross, motion, quaternion_product
 from .pairs import Pair, Pairs
 
 LEFT_OVER = 1e-6
@@ -268,19 +269,21 @@ class DenseEngine(Engine):
 
     def _coordinate_rates(self, state: State) -> Pair:
         """qdot, (nq, 1): quaternions by their own product, edot = e (0, omega)/2."""
-        pairs, rates = state.pairs, []
-        half = pairs.number(1) / pairs.number(2)
+        pairs, rates = state.pairs, state.pairs.constant(np.zeros((self.model.nq, 1), int))
+        half, U = pairs.number(1) / pairs.number(2), pairs.constant(np.eye(3, dtype=int))
         for body, (q_rows, u_rows) in zip(self.model.bodies, self.model.coordinate_slices, strict=True):
             q, u = state.q[q_rows], state.u[u_rows]
-            if body.joint.type in ("spherical", "free"):
-                e = [q[i, 0] for i in range(q.value.shape[0] - 4, q.value.shape[0])]
-                omega = [pairs.number(0), *(u[i, 0] for i in range(3))]
-                if body.joint.type == "free":
-                    rates.append(rotation_of(pairs, e) @ u[3:])
-                rates.append(pairs.column(quaternion_product(e, omega)) * half)
-            else:
-                rates.append(u)
-        return pairs.block([[x] for x in rates]) if rates else state.q
+            for m in body.joint.kind.motion:
+                match m:
+                    case Turn(_, i) | Slide(_, i):
+                        part = u[i : i + 1]
+                    case Ball(i, j):
+                        omega = [pairs.number(0), *(u[j + n, 0] for n in range(3))]
+                        part = pairs.column(quaternion_product([q[i + n, 0] for n in range(4)], omega)) * half
+                    case Displacement(i, j):
+                        part = attitudes(pairs, body.joint, q, U)[-1] @ u[j : j + 3]
+                pairs.put(rates, q_rows.start + i, part)
+        return rates
 
     def _motion(self, state: State) -> tuple[list[Frame], Freedoms]:
         return motion(self.model, state)

@@ -491,11 +491,11 @@ class Engine(ABC):
         environment = {"t": time[0, 0]}
         environment |= {name: p[i, 0] for i, name in enumerate(model.parameter_names)}
         environment |= {name: inputs[i, 0] for i, name in enumerate(model.inputs)}
-        for body, (rows, _) in zip(model.bodies, model.coordinate_slices, strict=True):
-            if body.joint.type in ("spherical", "free"):
-                e = q.value[rows.stop - 4 : rows.stop, 0]
-                if not e @ e >= SMALLEST_QUATERNION**2:
-                    raise ValueError(f"q: the quaternion of {body.name} is {e}; its length must be at least 1e-6")
+        for body, place in model.quaternions:
+            e = q.value[place, 0]
+            if not e @ e >= SMALLEST_QUATERNION**2:
+                name = model.bodies[body].name
+                raise ValueError(f"q: the quaternion of {name} is {e}; its length must be at least 1e-6")
         return State(Pairs(self.arithmetic, k, environment), q, u).moved(model, q, u)
 
     def _pair(self, name: str, value: Any, n: int, seed: Any, k: int) -> Pair:

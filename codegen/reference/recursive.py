@@ -37,6 +37,7 @@ import numpy as np
 
 from ..loops.partition import Partition
 from ..model.model import GROUND, Model, Spring
+from ..model.motions import Ball, Displacement, Slide, Turn
 from .arithmetic import Array, SingularMatrixError
 from .closure import Cut, EarClosure, closed_motion, cut, displacement, with_best_dependents
 from .ears import groups
@@ -48,7 +49,6 @@ from .primitives import (
     joint_terms,
     placed_rotation,
     quaternion_rate_matrix,
-    quaternion_rotation,
     shift,
 )
 from .terms import Terms
@@ -366,17 +366,19 @@ class RecursiveEngine(Engine):
 
     def _coordinate_rates(self, state: State) -> Pair:
         """qdot = C(q) u, Eq. 1 with D = 0, (nq, 1)."""
-        pairs, rates = state.pairs, []
+        pairs, rates = state.pairs, state.pairs.constant(np.zeros((self.model.nq, 1), int))
         for body, (q_rows, u_rows) in zip(self.model.bodies, self.model.coordinate_slices, strict=True):
             q, u = state.q[q_rows], state.u[u_rows]
-            if body.joint.type == "spherical":
-                rates.append(quaternion_rate_matrix(pairs, q) @ u)
-            elif body.joint.type == "free":
-                rates.append(quaternion_rotation(pairs, q[3:]) @ u[3:])
-                rates.append(quaternion_rate_matrix(pairs, q[3:]) @ u[:3])
-            else:
-                rates.append(u)  # Eq. 11
-        return pairs.block([[x] for x in rates]) if rates else state.q
+            for m in body.joint.kind.motion:
+                match m:
+                    case Turn(_, i) | Slide(_, i):
+                        part = u[i : i + 1]  # Eq. 11
+                    case Ball(i, j):
+                        part = quaternion_rate_matrix(pairs, q[i : i + 4]) @ u[j : j + 3]
+                    case Displacement(i, j):
+                        part = joint_terms(body, pairs, q, u).R @ u[j : j + 3]
+                pairs.put(rates, q_rows.start + i, part)
+        return rates
 
     # --- parts of the kinematic sweep -----------------------------------------------------------------------------
 

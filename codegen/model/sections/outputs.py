@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from ..entries import seen
 from ..errors import nearest
 from ..model import Output, Point
 from ..reading import Reader
-from ..schema import ENERGIES, OutputEntry, seen
+from ..schema import ENERGIES, OutputEntry
 from .bodies import BodySection
 from .points import point_at
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 from .. import checks
+from ..entries import ZERO, FaceEntry, PointEntry
 from ..errors import nearest
 from ..model import GROUND, Face, Point
 from ..positions import Path_
 from ..reading import Reader, some
 from ..repetition import Instance
-from ..schema import ZERO, FaceEntry, PointEntry
 from .bodies import BodySection, body_index
 from .placement import bound_expressions, rotation, vector
 
