@@ -39,6 +39,16 @@ class Polar(JointType):
     axes: tuple[Axis, Axis]
 
 
+class Corkscrew(JointType):
+    """One coordinate for a turn that a later turn changes, and for a slide that it does not."""
+
+    name = "corkscrew"
+    motion = (Turn(axis=0, index=0), Slide(axis=1, index=0, factor=0), Turn(axis=1, index=1))
+
+    axes: tuple[Axis, Axis]
+    pitch: Expr
+
+
 class Gimballed(JointType):
     """A displacement that several turns follow."""
 
@@ -58,7 +68,7 @@ class Geared(JointType):
     gain: Expr
 
 
-OTHERS = {kind.name: kind for kind in (Helical, Polar, Gimballed, Geared)}
+OTHERS = {kind.name: kind for kind in (Helical, Polar, Corkscrew, Gimballed, Geared)}
 
 TYPES: list[type[JointType]] = [*JOINTS.values(), *OTHERS.values()]
 

@@ -6,7 +6,9 @@ elementary motion is a class here; everything else follows from their order.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cache
 from typing import Protocol
 
 import numpy as np
@@ -20,15 +22,21 @@ class Step(Protocol):
 
     Attributes
     ----------
-    speeds : range
-        Which of a joint's speeds are its own.
+    speeds : slice
+        Which of a joint's speeds are its own, see `speeds_of`.
+    place : (m,) or (m, c) array
+        Its coordinates in q.
     w, v : (m, f, 3) array
         Angular velocity and velocity, in components behind it, of unit speeds; None where there is none.
     """
 
-    speeds: range
+    speeds: slice
+    place: Array
     w: Array | None
     v: Array | None
+
+    def of(self, rows: Array) -> Step:
+        """That of some of the joints."""
 
     def rotation(self, q: Array) -> Array | None:
         """Components behind it into components before it, ``(S, m, 3, 3)``."""
@@ -40,14 +48,17 @@ class Step(Protocol):
         """The origin behind it in components before it, ``(S, m, 3)``, m."""
 
 
+@dataclass(slots=True)
 class _Turn:
-    v = None
+    speeds: slice
+    place: Array
+    w: Array | None
+    K: Array
+    KK: Array
+    v: Array | None = None
 
-    def __init__(self, motion: Turn, start: Array, axes: Array, factors: Array) -> None:
-        self.place, axis = start + motion.index, axes[:, motion.axis]
-        self.speeds, self.w = range(motion.index, motion.index + 1), axis[:, None]
-        self.K = skew(axis)
-        self.KK = self.K @ self.K
+    def of(self, rows: Array) -> _Turn:
+        return _Turn(self.speeds, self.place[rows], some(self.w, rows), self.K[rows], self.KK[rows])
 
     def rotation(self, q: Array) -> Array:
         return axis_rotation(self.K, self.KK, q[:, self.place])
@@ -59,14 +70,16 @@ class _Turn:
         return None
 
 
+@dataclass(slots=True)
 class _Slide:
-    w = None
+    speeds: slice
+    place: Array
+    along: Array
+    v: Array | None
+    w: Array | None = None
 
-    def __init__(self, motion: Slide, start: Array, axes: Array, factors: Array) -> None:
-        self.place, self.along = start + motion.index, axes[:, motion.axis]
-        if motion.factor is not None:
-            self.along = self.along * factors[:, motion.factor, None]
-        self.speeds, self.v = range(motion.index, motion.index + 1), self.along[:, None]
+    def of(self, rows: Array) -> _Slide:
+        return _Slide(self.speeds, self.place[rows], self.along[rows], some(self.v, rows))
 
     def rotation(self, q: Array) -> None:
         return None
@@ -78,12 +91,15 @@ class _Slide:
         return q[:, self.place, None] * self.along
 
 
+@dataclass(slots=True)
 class _Ball:
-    v = None
+    speeds: slice
+    place: Array
+    w: Array | None
+    v: Array | None = None
 
-    def __init__(self, motion: Ball, start: Array, axes: Array, factors: Array) -> None:
-        self.place = start[:, None] + (motion.coordinate + np.arange(4))
-        self.speeds, self.w = range(motion.speed, motion.speed + 3), np.broadcast_to(U, (len(start), 3, 3))
+    def of(self, rows: Array) -> _Ball:
+        return _Ball(self.speeds, self.place[rows], some(self.w, rows))
 
     def rotation(self, q: Array) -> Array:
         return quaternion_rotation(q[:, self.place])
@@ -95,14 +111,17 @@ class _Ball:
         return None
 
 
+@dataclass(slots=True)
 class _Displacement:
-    """Its velocities are in components of the chain's end, so none are behind it."""
+    """Its velocities `v` are in components of the chain's end."""
 
-    w = v = None
+    speeds: slice
+    place: Array
+    v: Array | None
+    w: Array | None = None
 
-    def __init__(self, motion: Displacement, start: Array, axes: Array, factors: Array) -> None:
-        self.place = start[:, None] + (motion.coordinate + np.arange(3))
-        self.speeds = range(0)
+    def of(self, rows: Array) -> _Displacement:
+        return _Displacement(self.speeds, self.place[rows], some(self.v, rows))
 
     def rotation(self, q: Array) -> None:
         return None
@@ -114,7 +133,34 @@ class _Displacement:
         return q[:, self.place]
 
 
-_STEPS = {Turn: _Turn, Slide: _Slide, Ball: _Ball, Displacement: _Displacement}
+def some(x: Array | None, rows: Array) -> Array | None:
+    """Rows of an array that may be none."""
+    return None if x is None else x[rows]
+
+
+def step(motion: Motion, start: Array, axes: Array, factors: Array) -> Step:
+    """A motion of m joints.
+
+    Parameters
+    ----------
+    start : (m,) array
+        Where the joints' coordinates begin in q.
+    axes : (m, a, 3) array
+        Of unit length, in the joint frame.
+    factors : (m, c) array
+    """
+    speeds, units = speeds_of(motion), np.broadcast_to(U, (len(start), 3, 3))
+    match motion:
+        case Turn(axis, i):
+            K = skew(axes[:, axis])
+            return _Turn(speeds, start + i, axes[:, axis, None], K, K @ K)
+        case Slide(axis, i, factor):
+            along = axes[:, axis] if factor is None else axes[:, axis] * factors[:, factor, None]
+            return _Slide(speeds, start + i, along, along[:, None])
+        case Ball(i, _):
+            return _Ball(speeds, start[:, None] + (i + np.arange(4)), units)
+        case Displacement(i, _):
+            return _Displacement(speeds, start[:, None] + (i + np.arange(3)), units)
 
 
 class Chain:
@@ -123,32 +169,37 @@ class Chain:
     Parameters
     ----------
     motion : sequence of Motion
-    start : (m,) array
-        Where the joints' coordinates begin in q.
-    axes : (m, a, 3) array
-        Of unit length, in the joint frame.
-    factors : (m, c) array
+    steps : sequence of Step
+        One for each.
 
     Attributes
     ----------
-    w, v : (m, f, 3) array
-        Unit screws of the speeds about the child's origin, child components, as far as they are constant.
-    changes : bool
-        Whether they depend on coordinates.
+    seen : list of int
+        Steps that later ones change, see `changed`.
     """
 
-    def __init__(self, motion: Sequence[Motion], start: Array, axes: Array, factors: Array) -> None:
-        self.steps: list[Step] = [_STEPS[type(m)](m, start, axes, factors) for m in motion]
-        speeds = max((s.stop for s in map(speeds_of, motion)), default=0)
-        self.w, self.v = (np.zeros((len(start), speeds, 3)) for _ in range(2))
-        for m, step in zip(motion, self.steps, strict=True):
+    def __init__(self, motion: Sequence[Motion], steps: Sequence[Step]) -> None:
+        self.motion, self.steps = tuple(motion), steps
+        self.seen = changed(self.motion)
+
+    def of(self, rows: Array) -> Chain:
+        """That of some of the joints."""
+        return Chain(self.motion, [step.of(rows) for step in self.steps])
+
+    def behind_first(self) -> Chain:
+        """Without the first motion."""
+        return Chain(self.motion[1:], self.steps[1:])
+
+    def unit_screws(self, steps: Iterable[int]) -> tuple[Array, Array]:
+        """Screws of unit speeds, w and v ``(m, f, 3)``, as some of the steps alone cause them, components behind these."""
+        m, f = len(self.steps[0].place), max(step.speeds.stop for step in self.steps)
+        w, v = np.zeros((m, f, 3)), np.zeros((m, f, 3))
+        for step in (self.steps[i] for i in steps):
             if step.w is not None:
-                self.w[:, step.speeds] += step.w
+                w[:, step.speeds] += step.w
             if step.v is not None:
-                self.v[:, step.speeds] += step.v
-            if isinstance(m, Displacement):
-                self.v[:, speeds_of(m)] += U
-        self.changes = changes(motion)
+                v[:, step.speeds] += step.v
+        return w, v
 
     def transforms(self, q: Array) -> tuple[Array | None, Array | None]:
         """Child components into components of the joint frame, and the child's origin there; None where that is the frame's."""
@@ -162,45 +213,49 @@ class Chain:
                 R = turned if R is None else R @ turned
         return R, d
 
-    def screws(self, q: Array) -> tuple[Array, Array]:
-        """Unit screws of the speeds about the child's origin, child components, ``(S, m, f, 3)`` each.
+    def screws(self, q: Array) -> list[tuple[Array | None, Array | None]]:
+        """Unit screws of the steps that later ones change, w, v ``(S, m, f, 3)`` about the child's origin, None for zero.
 
         What a motion does is seen through all that follow it.
         """
-        w, v = (np.zeros((len(q), *x.shape)) for x in (self.w, self.v))
-        known: list[int] = []
-        for step in self.steps:
-            if known:
-                moved, back = step.shift(q), step.back(q)
-                if moved is not None:
-                    v[:, :, known] += cross(w[:, :, known], moved[:, :, None])
+        first = self.seen[0] + 1
+        followers = [(step.shift(q), step.back(q)) for step in self.steps[first:]]
+        found = []
+        for i in self.seen:
+            w, v = self.steps[i].w, self.steps[i].v
+            for moved, back in followers[i + 1 - first :]:
+                if moved is not None and w is not None:
+                    arm = cross(w, moved[:, :, None])
+                    v = arm if v is None else v + arm
                 if back is not None:
-                    w[:, :, known] = turn(back[:, :, None], w[:, :, known])
-                    v[:, :, known] = turn(back[:, :, None], v[:, :, known])
-            if step.w is not None:
-                w[:, :, step.speeds] += step.w
-            if step.v is not None:
-                v[:, :, step.speeds] += step.v
-            known += [s for s in step.speeds if s not in known]
-        rest = [s for s in range(w.shape[2]) if s not in known]  # of displacements
-        v[:, :, rest] = self.v[:, rest]
-        return w, v
+                    back = back[:, :, None]
+                    w = w if w is None else turn(back, w)
+                    v = v if v is None else turn(back, v)
+            found.append((w, v))
+        return found
 
 
-def speeds_of(motion: Motion) -> range:
+def speeds_of(motion: Motion) -> slice:
     """Which of a joint's speeds are those of an elementary motion."""
     if isinstance(motion, Turn | Slide):
-        return range(motion.index, motion.index + 1)
-    return range(motion.speed, motion.speed + 3)
+        return slice(motion.index, motion.index + 1)
+    return slice(motion.speed, motion.speed + 3)
 
 
-def changes(motion: Sequence[Motion]) -> bool:
-    """Whether unit screws depend on coordinates: one is followed by a motion that turns it, or shifts it off its axis."""
-    for i, m in enumerate(motion):
-        for other in motion[i + 1 :]:
-            along = isinstance(m, Turn | Slide) and isinstance(other, Turn | Slide) and m.axis == other.axis
-            turned = isinstance(other, Turn | Ball) and not isinstance(m, Displacement)
-            shifted = isinstance(other, Slide | Displacement) and isinstance(m, Turn | Ball)
-            if (turned or shifted) and not along:
-                return True
-    return False
+def turns(motion: Sequence[Motion]) -> bool:
+    """Whether a body turns against its parent."""
+    return any(isinstance(m, Turn | Ball) for m in motion)
+
+
+@cache
+def changed(motion: tuple[Motion, ...]) -> list[int]:
+    """Motions whose screws later ones change: these turn them, or shift them off their axes."""
+
+    def alters(other: Motion, m: Motion) -> bool:
+        if isinstance(m, Displacement):
+            return False
+        if isinstance(m, Turn | Slide) and isinstance(other, Turn | Slide) and m.axis == other.axis:
+            return False
+        return isinstance(other, Turn | Ball) or isinstance(m, Turn | Ball)
+
+    return [i for i, m in enumerate(motion) if any(alters(other, m) for other in motion[i + 1 :])]

@@ -12,8 +12,8 @@ import numpy as np
 
 from ..model.expressions import Expression
 from ..model.model import GROUND, Kind, Model, Vector, coordinate_axis, least_along
-from ..model.motions import Ball, Displacement, Motion
-from .chains import Chain, speeds_of
+from ..model.motions import Ball, Displacement
+from .chains import Chain, speeds_of, step, turns
 from .ears import Ear
 from .speed_groups import speed_groups
 from .vectors import Array, U, axis_rotation, cross, skew, turn, turned_quaternion, unit
@@ -96,10 +96,11 @@ class Geometry:
         Whether a speed is an angular one.
     kinds : list of type of JointType
         By body.
-    start : (n,) array
-        Where each body's coordinates begin in q.
-    axes, factors : (n, a, 3), (n, c) array
-        Of each body's joint: axes of unit length in its frame, zeros where it has fewer; and factors of its motion.
+    chains : dict of type of JointType to Chain
+        The motion of all joints of a type; `row (n,)` tells where a body's stands in it.
+    screw_w, screw_v : (nu, 3) array
+        Angular velocity and velocity of the body's origin, relative to the parent in child components, of a unit speed; of
+        motions that later ones of a joint change as they were without these. `still_w`, `still_v`: without such motions.
     all_joints : Joints
     starts, ends : list of int
         The bodies of the loops' faces.
@@ -145,9 +146,14 @@ class Geometry:
             R = R @ axis_rotation(K, K @ K, np.array(self._evaluate([angle])[0]))
         return R
 
-    def chain(self, motion: Sequence[Motion], bodies: Sequence[int] | Array) -> Chain:
-        """A motion that these bodies have, or the end of one."""
-        return Chain(motion, self.start[bodies], self.axes[bodies], self.factors[bodies])
+    def turned_behind(self, body: int, q: Array) -> Array | None:
+        """Child components into those behind the first motion of a body's joint, ``(S, 3, 3)``; None where that does not turn."""
+        known = self._behind.get(body)
+        if known is None:
+            chain = self.chains[self.kinds[body]].behind_first()
+            known = self._behind[body] = chain.of(self.row[[body]])
+        R = known.transforms(q)[0]
+        return None if R is None else R[:, 0]
 
     def _joints(self) -> None:
         bodies, n = self.model.bodies, self.ground
@@ -160,16 +166,18 @@ class Geometry:
         self.kinds = [b.joint.kind for b in bodies]
         self.whole = [bool(kind.quaternions) for kind in self.kinds] + [False]
         self.slices = self.model.coordinate_slices
-        self.start = np.array([q.start for q, _ in self.slices], dtype=int)
+        start, first = (np.array([x[i].start for x in self.slices], dtype=int) for i in (0, 1))
         self.speeds = [range(u.start, u.stop) for _, u in self.slices] + [range(0)]
         most = max(len(b.joint.axes) for b in bodies)
         axes = np.zeros((n, most, 3))
         for i in range(most):
             axes[:, i] = self._vectors(b.joint.axes[i] if len(b.joint.axes) > i else zero for b in bodies)
         length = np.linalg.norm(axes, axis=-1, keepdims=True)
-        self.axes = axes / np.where(length > 0, length, 1.0)
-        factors = [self._evaluate(b.joint.factors) for b in bodies]
-        self.factors = np.array([row + [0.0] * (max(map(len, factors)) - len(row)) for row in factors]).reshape(n, -1)
+        unit_axes = axes / np.where(length > 0, length, 1.0)
+        given = [self._evaluate(b.joint.factors) for b in bodies]
+        factors = np.zeros((n, max(map(len, given))))
+        for k, row in enumerate(given):
+            factors[k, : len(row)] = row
 
         self.speed_body = np.array(
             [k for k, (_, u) in enumerate(self.slices) for _ in range(u.start, u.stop)], dtype=int
@@ -180,8 +188,23 @@ class Geometry:
             self.moved += [group.coordinates] * len(group.speeds)
             if len(group.speeds) == 1:
                 self.coordinate[group.speeds.start] = group.coordinates.start
+        alike: dict[Kind, list[int]] = {}
+        for k, kind in enumerate(self.kinds):
+            if kind.motion:
+                alike.setdefault(kind, []).append(k)
+        self.chains: dict[Kind, Chain] = {}
+        self.row = np.zeros(n, dtype=int)
+        self.screw_w, self.screw_v, self.still_w, self.still_v = (np.zeros((self.nu, 3)) for _ in range(4))
+        for kind, ks in alike.items():
+            self.row[ks] = np.arange(len(ks))
+            steps = [step(m, start[ks], unit_axes[ks], factors[ks]) for m in kind.motion]
+            chain = self.chains[kind] = Chain(kind.motion, steps)
+            speeds = first[ks][:, None] + np.arange(len(kind.speeds))
+            self.screw_w[speeds], self.screw_v[speeds] = chain.unit_screws(range(len(steps)))
+            self.still_w[speeds], self.still_v[speeds] = chain.unit_screws(set(range(len(steps))) - set(chain.seen))
+        self.turning = np.any(self.screw_w != 0, axis=1)
+        self._behind: dict[int, Chain] = {}
         self.all_joints = Joints(self, range(n))
-        self.turning = np.any(self.all_joints.screw_w != 0, axis=1)
 
     # --- loop joints --------------------------------------------------------------------------------------------------
 
@@ -216,7 +239,7 @@ class Geometry:
                 self.angular[i, :2] = across
         self.kept = [list(rows) for rows in self.rows]
         by_angles = np.array([x.closure.angular for x in loops], dtype=int)
-        self.turned_whole, self.is_universal = by_angles == 3, by_angles == 1
+        self.is_whole_turn, self.is_perpendicular = by_angles == 3, by_angles == 1
 
     def _length(self, loop: int, window: int = 8) -> float:
         """The mean distance between neighbouring joints near the cut, rounded to a power of two, m.
@@ -276,8 +299,6 @@ class Joints:
         The speeds of these joints, body by body.
     place : (f,) array
         Which of the m bodies a speed belongs to.
-    screw_w, screw_v : (f, 3) array
-        Unit screws of the speeds, as from `screws`, as far as they are constant.
     """
 
     def __init__(self, geometry: Geometry, bodies: Iterable[int]) -> None:
@@ -286,21 +307,23 @@ class Joints:
         self.R0, self.at = g.R0[b], g.at[b]
         self.speeds = np.array([s for k in self.bodies for s in g.speeds[k]], dtype=int)
         self.place = np.array([i for i, k in enumerate(self.bodies) for _ in g.speeds[k]], dtype=int)
-        self.screw_w, self.screw_v = (np.zeros((len(self.speeds), 3)) for _ in range(2))
+        self.still_w, self.still_v = g.still_w[self.speeds], g.still_v[self.speeds]
         alike: dict[Kind, list[int]] = {}
         for i, k in enumerate(self.bodies):
             alike.setdefault(g.kinds[k], []).append(i)
-        first = np.cumsum([0, *(len(g.speeds[k]) for k in self.bodies)])
         self.chains: list[tuple[Array, Chain]] = []
-        self.changing: list[tuple[Array, Chain]] = []
-        for kind, places in alike.items():
-            if kind.motion:
-                chain = g.chain(kind.motion, b[places])
-                columns = first[places][:, None] + np.arange(len(kind.speeds))
-                self.screw_w[columns], self.screw_v[columns] = chain.w, chain.v
-                self.chains.append((np.array(places), chain))
-                if chain.changes:
-                    self.changing.append((columns, chain))
+        self.changing: list[tuple[Chain, list[Array]]] = []
+        for kind, members in alike.items():
+            if not kind.motion:
+                continue
+            places = np.array(members)
+            chain = g.chains[kind].of(g.row[b[places]])
+            self.chains.append((places, chain))
+            if chain.seen:
+                first = np.searchsorted(self.place, places)  # of their speeds
+                columns = first[:, None] + np.arange(len(kind.speeds))
+                self.changing.append((chain, [columns[:, chain.steps[i].speeds] for i in chain.seen]))
+        self.unturned = np.array([i for i, k in enumerate(self.bodies) if not turns(g.kinds[k].motion)], dtype=int)
 
     def transforms(self, q: Array) -> tuple[Array, Array]:
         """Child components into parent components and the child's origin in the parent.
@@ -322,7 +345,9 @@ class Joints:
                 R, moved = turned, shifted
                 break
             if turned is not None:
-                R = np.broadcast_to(U, shape).copy() if R is None else R
+                if R is None:
+                    R = np.empty(shape)
+                    R[:, self.unturned] = U
                 R[:, places] = turned
             if shifted is not None:
                 moved = np.zeros(shape[:3]) if moved is None else moved
@@ -336,10 +361,16 @@ class Joints:
         What a joint does first is seen through what it does after that.
         """
         if not self.changing:
-            return self.screw_w, self.screw_v
-        w, v = (np.broadcast_to(x, (len(q), *x.shape)).copy() for x in (self.screw_w, self.screw_v))
-        for columns, chain in self.changing:
-            w[:, columns], v[:, columns] = chain.screws(q)
+            return self.still_w, self.still_v
+        w, v = (np.broadcast_to(x, (len(q), *x.shape)) for x in (self.still_w, self.still_v))
+        for chain, columns in self.changing:
+            for of_step, (w_own, v_own) in zip(columns, chain.screws(q), strict=True):
+                if w_own is not None:
+                    w = w if w.flags.writeable else w.copy()
+                    w[:, of_step] += w_own
+                if v_own is not None:
+                    v = v if v.flags.writeable else v.copy()
+                    v[:, of_step] += v_own
         return w, v
 
 
@@ -375,13 +406,13 @@ def advance(geometry: Geometry, q: Array, speeds: Sequence[int] | Array, step: A
         which = speeds[of_body] - g.speeds[k].start
         moved = np.zeros((len(q), len(g.speeds[k])))
         moved[:, which] = step[:, of_body]
-        for j, m in enumerate(motion):  # a displacement comes before the ball that turns its velocities
+        for m in motion:  # a displacement comes before the ball that turns its velocities
             own = speeds_of(m)
-            if not np.isin(which, own).any():
+            if not np.any((which >= own.start) & (which < own.stop)):
                 continue
             if isinstance(m, Displacement):
-                behind = g.chain(motion[j + 1 :], [k]).transforms(q)[0]
-                along = moved[:, own] if behind is None else turn(behind[:, 0], moved[:, own])
+                behind = g.turned_behind(k, q)
+                along = moved[:, own] if behind is None else turn(behind, moved[:, own])
                 q[:, place.start + m.coordinate : place.start + m.coordinate + 3] += along
             elif isinstance(m, Ball):
                 e = q[:, place.start + m.coordinate : place.start + m.coordinate + 4]

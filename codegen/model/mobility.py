@@ -8,7 +8,7 @@ import numpy as np
 
 from .expressions import Expression
 from .model import GROUND, Body, Joint
-from .motions import Ball, Displacement, Slide, Turn
+from .motions import Ball, Slide, Turn
 
 Value = Callable[[Expression], float]
 """Value of an expression at the default parameters."""
@@ -126,31 +126,35 @@ def _freedoms(joint: Joint, rng: np.random.Generator, value: Value) -> tuple[np.
     """At a random position of the joint: rotation and shift of the body in the joint frame, and its motions (6, f)."""
     axes = [np.array([value(e) for e in axis]) for axis in joint.axes]
     axes = [axis / (np.abs(axis).max() or 1.0) for axis in axes]
-    factors = [value(e) for e in joint.factors]
     kind = joint.kind
     turn, away, columns = np.eye(3), np.zeros(3), np.zeros((6, len(kind.speeds)))
+    w, v = columns[:3], columns[3:]
     angles, ways = rng.uniform(0.3, 2.8, len(kind.speeds)), rng.normal(size=len(kind.speeds))
-    at_end: list[int] = []  # velocities in components of the end
-    for m in kind.motion:
-        own_turn, own_way = np.eye(3), np.zeros(3)
-        own = np.zeros_like(columns)
-        match m:
-            case Turn(axis, i):
-                own_turn = rotation(axes[axis], angles[i])
-                own[:3, i] = axes[axis]
-            case Slide(axis, i, factor):
-                along = axes[axis] * (1.0 if factor is None else factors[factor])
-                own_way, own[3:, i] = along * (ways[i] if factor is None else angles[i]), along
-            case Ball(_, i):
-                own_turn = rotation(rng.normal(size=3), rng.uniform(0.3, 2.8))
-                own[:3, i : i + 3] = np.eye(3)
-            case Displacement(_, i):
-                own_way = rng.normal(size=3)
-                at_end += range(i, i + 3)
-        moved = columns[3:] - np.cross(own_way, columns[:3], axis=0)
-        columns = np.concatenate([own_turn.T @ columns[:3], own_turn.T @ moved]) + own
-        away, turn = away + turn @ own_way, turn @ own_turn
-    columns[3:, at_end] = np.eye(3)[:, : len(at_end)]
+    at_end: dict[int, np.ndarray] = {}  # velocities in components of the end
+    for n, m in enumerate(kind.motion):
+        if isinstance(m, Turn | Ball):
+            own, place = (axes[m.axis], m.index) if isinstance(m, Turn) else (rng.normal(size=3), m.speed)
+            back = rotation(own, angles[place]).T
+            if n:
+                w[:], v[:] = back @ w, back @ v
+            if isinstance(m, Turn):
+                w[:, place] += own
+            else:
+                w[:, place : place + 3] += np.eye(3)
+            turn = turn @ back.T
+        elif isinstance(m, Slide):
+            along, by = axes[m.axis], ways[m.index]
+            if m.factor is not None:
+                along, by = along * value(joint.factors[m.factor]), angles[m.index]
+            if n:
+                v += np.cross(w, along * by, axisa=0, axisc=0)
+            v[:, m.index] += along
+            away = away + turn @ along * by
+        else:
+            away = rng.normal(size=3)
+            at_end |= {m.speed + i: unit for i, unit in enumerate(np.eye(3))}
+    for place, unit in at_end.items():
+        v[:, place] = unit
     return turn, away, columns
 
 
