@@ -8,9 +8,11 @@ from pydantic import TypeAdapter, ValidationError
 
 from .entries import Entry, FaceEntry, PlacedEntry, PointEntry, seen
 from .errors import nearest
-from .joints import JOINTS, LATER
+from .forces import LATER as LATER_FORCES
+from .joints import JOINTS
+from .joints import LATER as LATER_JOINTS
 from .positions import Path_
-from .schema import LATER_FORCES, JointEntry, LoopJointEntry, ShapeEntry
+from .schema import JointEntry, LoopJointEntry, ShapeEntry
 
 
 def validate(cls: Any, value: Any) -> Any:
@@ -192,7 +194,7 @@ def _comes_later(kind: str, name: str) -> bool:
     if kind == "force":
         return name in LATER_FORCES
     is_later = name in JOINTS and JOINTS[name].carries_later and kind == "joint"
-    return is_later or (name in LATER and kind in ("joint", "loop joint"))
+    return is_later or (name in LATER_JOINTS and kind in ("joint", "loop joint"))
 
 
 def _models(annotation: Any) -> list[type[Entry]]:

@@ -14,7 +14,10 @@ from functools import cached_property
 from .axes import Vector, coordinate_axis, least_along
 from .errors import Problem
 from .expressions import Expression
+from .forces import ForceElement, JointForce, Spring
 from .joints import JOINTS, Closure, JointType
+from .outputs import Output
+from .places import GROUND, Face, Point
 
 __all__ = [
     "CLOSURE_ROWS",
@@ -40,9 +43,6 @@ __all__ = [
 
 Kind = type[JointType]
 """Of a joint: the facts that all engines work from."""
-
-GROUND = -1
-"""Index of the ground in `Body.parent` and `Point.body`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,43 +119,6 @@ class Body:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class JointForce:
-    """Generalised forces on the freedoms of a joint; positive raises u. Expressions of p, inputs, t, q.x, u.x."""
-
-    name: str
-    body: int
-    values: tuple[Expression, ...]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Point:
-    """A point fixed in a body (or the ground), in body axes, m."""
-
-    name: str
-    body: int
-    at: Vector
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Face:
-    """One side of a loop joint: a frame fixed in a body (or the ground).
-
-    Attributes
-    ----------
-    body : int
-        Index into `Model.bodies`, or `GROUND`.
-    at : Vector
-        Origin in the body frame, m.
-    rotation : tuple of (Vector, Expression)
-        As in `Joint`.
-    """
-
-    body: int
-    at: Vector
-    rotation: tuple[tuple[Vector, Expression], ...] = ()
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class Loop:
     """A joint that closes a loop. It constrains; it has no coordinates of its own.
 
@@ -182,22 +145,6 @@ class Loop:
         return CLOSURE_ROWS[self.type]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Spring:
-    """A spring and damper between two points.
-
-    Each point is pulled towards the other by ``stiffness (d - free_length) + damping d'``, d the distance, N. Expressions of
-    p, inputs and t.
-    """
-
-    name: str
-    start: Point
-    end: Point
-    stiffness: Expression
-    damping: Expression
-    free_length: Expression
-
-
 CLOSURE_ROWS = {kind.name: kind.closure for kind in JOINTS.values() if kind.closure}
 """How many linear and angular conditions a loop joint sets."""
 
@@ -218,21 +165,6 @@ def closure_row_names(loop: Loop) -> tuple[str, ...]:
     return tuple(f"{loop.name}.{c}{i + 1}" for c, n in (("l", linear), ("a", angular)) for i in range(n))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Output:
-    """A named scalar of interest.
-
-    ``measure`` is ``position`` or ``velocity`` (of `point` in the ground frame along `axis`, normalised),
-    ``kinetic_energy``, ``potential_energy`` or ``value`` (`expression` of p, inputs, t, q.x, u.x).
-    """
-
-    name: str
-    measure: str
-    point: Point | None = None
-    axis: Vector | None = None
-    expression: Expression | None = None
-
-
 def joint_coordinates(name: str, type: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Names of a joint's coordinates and speeds, in array order.
 
@@ -241,8 +173,9 @@ def joint_coordinates(name: str, type: str) -> tuple[tuple[str, ...], tuple[str,
     components.
     """
     kind = JOINTS[type]
-    q, u = (tuple(f"{name}.{s}" if s else name for s in group) for group in (kind.coordinates, kind.speeds))
-    return q, u
+    if kind.coordinates == ("",):
+        return (name,), (name,)
+    return tuple([f"{name}.{s}" for s in kind.coordinates]), tuple([f"{name}.{s}" for s in kind.speeds])
 
 
 @dataclass(frozen=True, eq=False)
@@ -259,6 +192,8 @@ class Model:
         Initial values by coordinate and speed name (missing: 0, unit quaternion); guesses where loops decide.
     independent : tuple of str
         Coordinates that the model asks to be independent: a hint, may be fewer than the freedoms.
+    forces, springs, others : tuple of ForceElement
+        Forces on joints, springs, and force elements of all other types, each in the order of the file.
     loop_tolerance : float
         Conditions of loops that follow from others but for this part of them are taken to follow.
     warnings : tuple of str
@@ -283,6 +218,7 @@ class Model:
     warnings: tuple[str, ...] = ()
     loop_tolerance: float = LOOP_TOLERANCE
     file: str = "builder"
+    others: tuple[ForceElement, ...] = ()
     places: dict[str, dict[str, tuple[int | None, int | None]]] = field(default_factory=dict, repr=False)
 
     def problem(self, path: str, message: str) -> Problem:
@@ -309,6 +245,11 @@ class Model:
     def closure_names(self) -> tuple[str, ...]:
         """The conditions of all loops, in the order of residuals."""
         return tuple(name for loop in self.loops for name in closure_row_names(loop))
+
+    @property
+    def elements(self) -> tuple[ForceElement, ...]:
+        """All that exerts forces, type by type."""
+        return (*self.forces, *self.springs, *self.others)
 
     @cached_property
     def defaults(self) -> dict[str, float]:
@@ -389,14 +330,7 @@ class Model:
                 for axis, angle in face.rotation:
                     yield from axis
                     yield angle
-        for f in self.forces:
-            yield from f.values
-        for s in self.springs:
-            yield from (*s.start.at, *s.end.at, s.stiffness, s.damping, s.free_length)
-        for o in self.outputs:
-            if o.point:
-                yield from o.point.at
-            if o.axis:
-                yield from o.axis
-            if o.expression:
-                yield o.expression
+        for element in self.elements:
+            yield from element.expressions()
+        for output in self.outputs:
+            yield from output.expressions()

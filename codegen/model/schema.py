@@ -2,7 +2,7 @@
 
 Pydantic models, one for each kind of entry. They know nothing of names and values: numbers arrive as parsed
 expressions, references as parsed names, and the modules of `sections` give them their meaning. Types of joints
-stand in `joints`.
+stand in `joints`, of force elements in `forces`, of outputs in `outputs`.
 """
 
 from __future__ import annotations
@@ -21,25 +21,23 @@ from .entries import (
     OptionalVector,
     Origin,
     PlacedEntry,
-    PointOrName,
     Reference,
     Vector,
     complaint,
-    list_or_one,
     seen,
     written,
 )
+from .errors import with_article
+from .forces import FORCES, ForceEntry
 from .joints import JOINTS, JointType
 from .joints.fixed import Fixed
+from .outputs import MEASURES, Measure
 
 SECTIONS: Final = (
     *("model", "gravity", "constants", "parameters", "inputs"),
     *("bodies", "points", "loops", "loop_tolerance", "forces", "initial", "independent", "outputs"),
 )
 LATER_SECTIONS: Final = ("motion",)
-LATER_FORCES: Final = ("body", "force", "torque", "moment", "wrench", "point")
-"""Whatever one calls a force on a body."""
-ENERGIES: Final = ("kinetic_energy", "potential_energy")
 
 
 class JointEntry(PlacedEntry):
@@ -184,42 +182,54 @@ class LoopEntry(Entry):
     end: FaceOrName = Field(alias="to")
 
 
-class JointForceEntry(Entry):
-    type: Literal["joint"]
-    joint: Reference
-    value: Annotated[tuple[Expr, ...], WrapValidator(list_or_one)]
+if TYPE_CHECKING:
+    AnyForce = ForceEntry
+else:
+    AnyForce = Annotated[Union[FORCES], Field(discriminator="type")]  # noqa: UP007
+
+_KEYED: Final = [measure for measure in MEASURES.values() if measure.keys]
+ENERGIES: Final = tuple(measure.name for measure in MEASURES.values() if not measure.keys)
+"""Outputs that are written as their name alone."""
 
 
-class SpringEntry(Entry):
-    placeholders: ClassVar[dict[str, Any]] = {"from": "ground", "to": "ground", "stiffness": "0"}
-
-    type: Literal["spring"]
-    start: PointOrName = Field(alias="from")
-    end: PointOrName = Field(alias="to")
-    stiffness: Expr
-    damping: Expr = ZERO
-    free_length: Expr = ZERO
-
-
-AnyForce = Annotated[JointForceEntry | SpringEntry, Field(discriminator="type")]
+def _keys_of_outputs() -> dict[str, Any]:
+    """All keys of outputs, those that several share behind the last of these."""
+    keys: dict[str, Any] = {}
+    for measure in _KEYED:
+        for key, value in measure.keys.items():
+            keys.pop(key, None)
+            keys[key] = (value, None)
+    return keys
 
 
-class OutputEntry(Entry):
-    position: Annotated[PointOrName | None, WrapValidator(written)] = None
-    velocity: Annotated[PointOrName | None, WrapValidator(written)] = None
-    axis: Annotated[Axis | None, WrapValidator(written)] = None
-    value: OptionalExpr = None
+class _OneMeasure(Entry):
+    """What every output is that is a mapping: one of the measures with a key."""
+
+    @property
+    def measure(self) -> type[Measure]:
+        """The first of those whose key is given."""
+        return next(measure for measure in _KEYED if getattr(self, measure.name) is not None)
 
     @model_validator(mode="after")
-    def _one_measure(self) -> OutputEntry:
-        given = [k for k in ("position", "velocity", "value") if getattr(self, k) is not None]
+    def _one_measure(self) -> _OneMeasure:
+        given = [measure.name for measure in _KEYED if getattr(self, measure.name) is not None]
         if len(given) != 1:
             raise complaint(
-                f"{' and '.join(given) or 'no measure'}; an output has exactly one of position, velocity, value, "
-                f"or is {' or '.join(ENERGIES)}"
+                f"{' and '.join(given) or 'no measure'}; an output has exactly one of "
+                f"{', '.join(measure.name for measure in _KEYED)}, or is {' or '.join(ENERGIES)}"
             )
-        if given == ["value"] and self.axis is not None:
-            raise complaint("an axis beside value; axis belongs to position and velocity")
-        if given != ["value"] and self.axis is None:
-            raise complaint(f"{given[0]} without axis; add axis: x, y, z or a vector in the ground frame")
+        measure = self.measure
+        for key in type(self).model_fields:
+            is_given = getattr(self, key) is not None
+            if is_given and key not in measure.keys:
+                owners = [other.name for other in _KEYED if key in other.keys]
+                raise complaint(f"{with_article(key)} beside {measure.name}; {key} belongs to {' and '.join(owners)}")
+            if not is_given and key in measure.hints:
+                raise complaint(f"{measure.name} without {key}; add {key}: {measure.hints[key]}")
         return self
+
+
+if TYPE_CHECKING:
+    OutputEntry = _OneMeasure
+else:
+    OutputEntry = create_model("OutputEntry", __base__=_OneMeasure, **_keys_of_outputs())

@@ -28,7 +28,7 @@ from typing import Any
 
 import numpy as np
 
-from ..model.model import Body, Spring
+from ..model.model import Body
 from ..model.motions import Ball, Displacement, Slide, Turn
 from .arithmetic import Array, LeftInverse, SingularMatrixError
 from .conditions import Conditions, conditions
@@ -236,21 +236,16 @@ class DenseEngine(Engine):
             part = J_v @ force.mT + J_w @ moment.mT
             K.value[index] += part.value
             K.tangent[:, index] += part.tangent
-        for joint_force in self.model.forces:
-            rows = self.model.coordinate_slices[joint_force.body][1]
-            tau = pairs.vector(joint_force.values)
-            K.value[rows] += tau.value
-            K.tangent[:, rows] += tau.tangent
-        for spring in self.model.springs:
-            force, _ = spring_law(spring, frames, pairs)
-            for point, pull in ((spring.start, force), (spring.end, -force)):
-                frame = frames[point.body]
-                index = np.array(frame.freedoms, dtype=int)
-                x, _ = frame.point(pairs.vector(point.at))
-                part = freedoms.partial_velocities(index, x) @ pull.mT
-                K.value[index] += part.value
-                K.tangent[:, index] += part.tangent
-        return K
+        for point, end, wrench in self._wrenches(pairs, (frames, freedoms)):
+            index = np.array(frames[point.body].freedoms, dtype=int)
+            for load, J in (
+                (wrench.force, freedoms.partial_velocities(index, end.x.mT)), (wrench.torque, freedoms.w[index]),
+            ):  # fmt: skip
+                if load is not None:
+                    part = J @ load
+                    K.value[index] += part.value
+                    K.tangent[:, index] += part.tangent
+        return K + self._forces_on_speeds(pairs)
 
     def _energies(self, state: State, motion: tuple[list[Frame], Freedoms]) -> tuple[Pair, Pair]:
         pairs, g = state.pairs, self._gravity(state.pairs)
@@ -259,13 +254,15 @@ class DenseEngine(Engine):
         for body, frame in zip(self.model.bodies, motion[0], strict=False):
             m, _, x, _ = self._mass(body, frame, pairs)
             potential = potential - (g @ x.mT) * m
-        for spring in self.model.springs:
-            potential = potential + spring_law(spring, motion[0], pairs)[1]
-        return kinetic, potential
+        return kinetic, potential + pairs.matrix([[self._potential(pairs, motion)]])
 
     def _point(self, motion: tuple[list[Frame], Freedoms], body: int, at: Pair) -> tuple[Pair, Pair]:
         x, v = motion[0][body].point(at)
         return x.mT, v.mT
+
+    def _attitude(self, motion: tuple[list[Frame], Freedoms], body: int) -> tuple[Pair, Pair]:
+        frame = motion[0][body]
+        return frame.R, frame.omega.mT
 
     def _coordinate_rates(self, state: State) -> Pair:
         """qdot, (nq, 1): quaternions by their own product, edot = e (0, omega)/2."""
@@ -297,26 +294,3 @@ class DenseEngine(Engine):
         I = frame.R @ pairs.matrix([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ frame.R.mT
         arm = pairs.vector(body.com).mT @ frame.R.mT
         return pairs.expression(body.mass), I, frame.o + arm, frame.v + cross(frame.omega, arm)
-
-
-def spring_law(spring: Spring, frames: list[Frame], pairs: Pairs) -> tuple[Pair, Pair]:
-    """The force of a spring on its start point, (1, 3) in the ground frame, and its potential energy, (1, 1).
-
-    Raises
-    ------
-    ValueError
-        The points coincide, so that the force has no direction. A spring without damping and free length is k r there.
-    """
-    (x_s, v_s), (x_e, v_e) = (frames[x.body].point(pairs.vector(x.at)) for x in (spring.start, spring.end))
-    k, c, d_0 = (pairs.expression(x) for x in (spring.stiffness, spring.damping, spring.free_length))
-    r, half = x_e - x_s, pairs.number(1) / pairs.number(2)
-    squared = (r @ r.mT)[0, 0]
-    if squared.value == 0:
-        if any(x.names or x.value != 0 for x in (spring.damping, spring.free_length)):
-            raise ValueError(f"spring {spring.name}: its two points coincide, so its force has no direction")
-        return r * k, (r @ r.mT) * (k * half)
-    d = pairs.call("sqrt", squared)
-    rate = ((v_e - v_s) @ r.mT)[0, 0] / d
-    stretch = d - d_0
-    tension = k * stretch + c * rate
-    return r * (tension / d), pairs.matrix([[k * stretch * stretch * half]])

@@ -36,13 +36,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..loops.partition import Partition
-from ..model.model import GROUND, Model, Spring
+from ..model.model import GROUND, Model
 from ..model.motions import Ball, Displacement, Slide, Turn
 from .arithmetic import Array, SingularMatrixError
 from .closure import Cut, EarClosure, closed_motion, cut, displacement, with_best_dependents
 from .ears import groups
 from .embedding import embed
 from .engine import Engine, State
+from .forces import Wrench
 from .pairs import Pair, Pairs, skew
 from .primitives import (
     generalised_inertia,
@@ -160,7 +161,7 @@ class RecursiveEngine(Engine):
         bodies = [self._ground(pairs)] * (len(model.bodies) + 1)
         gravity = self._gravity(pairs)
         g, dg = gravity.value, gravity.tangent
-        joint_forces = self._joint_forces(pairs)
+        on_speeds = self._forces_on_speeds(pairs)
         for k in model.outward:
             body = model.bodies[k]
             q_rows, u_rows = model.coordinate_slices[k]
@@ -215,37 +216,24 @@ class RecursiveEngine(Engine):
 
             x = pr.x + N_C @ gamma
             dx = pr.dx + dN_C @ gamma + N_C @ dgamma
-            tau = joint_forces[k]
+            tau = on_speeds[u_rows]
             bodies[k] = Terms(S, dS, P, dP, V, dV, A_t, dA_t, I, dI, F, dF, tau.value, tau.tangent,
                               N_C, dN_C, x, dx, r.value, r.tangent)  # fmt: skip
-        self._springs(pairs, bodies)
+        for point, _, wrench in self._wrenches(pairs, bodies):
+            if point.body != GROUND:
+                self._apply(pairs, bodies[point.body], pairs.vector(point.at), wrench)
         return bodies
 
-    def _springs(self, pairs: Pairs, bodies: list[Terms]) -> None:
-        """Add the springs' pulls to the generalised forces of the bodies they act on."""
-        for spring in self.model.springs:
-            pull, _ = self._spring(pairs, bodies, spring)
-            for point, force in ((spring.start, pull), (spring.end, -pull)):
-                if point.body != GROUND:
-                    b = bodies[point.body]
-                    force = b.pair("N_C").mT @ force
-                    arm = pairs.vector(point.at) - b.pair("com")
-                    F = b.pair("F") + pairs.block([[pairs.skew(arm) @ force], [force]])
-                    b.F, b.dF = F.value, F.tangent
-
-    def _spring(self, pairs: Pairs, bodies: list[Terms], spring: Spring) -> tuple[Pair, Pair]:
-        """The pull on a spring's start point, (3, 1) in the ground frame, and its energy, a number."""
-        k, c, free = (pairs.expression(e) for e in (spring.stiffness, spring.damping, spring.free_length))
-        (x_s, v_s), (x_e, v_e) = (self._point(bodies, p.body, pairs.vector(p.at)) for p in (spring.start, spring.end))
-        r, two = x_e - x_s, pairs.number(2)
-        if pairs.dot(r, r).value == 0:
-            if all(e.is_number and e.value == 0 for e in (spring.damping, spring.free_length)):
-                return r * k, pairs.dot(r, r) * k / two
-            raise ValueError(f"spring {spring.name}: its two points coincide, so its force has no direction")
-        d = pairs.call("sqrt", pairs.dot(r, r))
-        along = r * (pairs.number(1) / d)
-        tension = k * (d - free) + c * pairs.dot(along, v_e - v_s)
-        return along * tension, k * (d - free) * (d - free) / two
+    @staticmethod
+    def _apply(pairs: Pairs, b: Terms, at: Pair, wrench: Wrench) -> None:
+        """Add what acts at the point ``at`` (3, 1) of a body to its generalised force."""
+        inward, F = b.pair("N_C").mT, b.pair("F")
+        if wrench.force is not None:
+            force = inward @ wrench.force
+            F = F + pairs.block([[pairs.skew(at - b.pair("com")) @ force], [force]])
+        if wrench.torque is not None:
+            F = F + pairs.block([[inward @ wrench.torque], [pairs.constant(np.zeros((3, 1), int))]])
+        b.F, b.dF = F.value, F.tangent
 
     # --- loops: completion of dependent speeds and seeds ------------------------------------------------------------
 
@@ -350,9 +338,8 @@ class RecursiveEngine(Engine):
             m, dm = b.I[5:, 5:], b.dI[:, 5:, 5:]
             W = W - m * (g.mT @ b.x)
             dW = dW - dm * (g.mT @ b.x) - m * (dg.mT @ b.x + g.mT @ b.dx)
-        for spring in self.model.springs:
-            _, energy = self._spring(state.pairs, motion, spring)
-            W, dW = W + energy.value, dW + energy.tangent[:, None, None]
+        energy = self._potential(state.pairs, motion)
+        W, dW = W + energy.value, dW + energy.tangent[:, None, None]
         return Pair(T, dT), Pair(W, dW)
 
     def _point(self, motion: list[Terms], body: int, at: Pair) -> tuple[Pair, Pair]:
@@ -363,6 +350,10 @@ class RecursiveEngine(Engine):
         v = b.V[3:] + skew(b.V[:3]) @ r
         dv = b.dV[:, 3:] + skew(b.dV[:, :3]) @ r + skew(b.V[:3]) @ dr
         return Pair(position, dposition), Pair(b.N_C @ v, b.dN_C @ v + b.N_C @ dv)
+
+    def _attitude(self, motion: list[Terms], body: int) -> tuple[Pair, Pair]:
+        b = motion[body]
+        return b.pair("N_C"), b.pair("N_C") @ b.pair("V")[:3]
 
     def _coordinate_rates(self, state: State) -> Pair:
         """qdot = C(q) u, Eq. 1 with D = 0, (nq, 1)."""
@@ -394,13 +385,6 @@ class RecursiveEngine(Engine):
     def _gravity(self, pairs: Pairs) -> Pair:
         """The acceleration of gravity in the ground frame, (3, 1), m/s^2."""
         return pairs.vector(self.model.gravity) if self.model.gravity else pairs.constant(np.zeros((3, 1), int))
-
-    def _joint_forces(self, pairs: Pairs) -> list[Pair]:
-        """The model's forces on the joints' speeds, (f, 1) a body."""
-        tau = [pairs.constant(np.zeros((u.stop - u.start, 1), int)) for _, u in self.model.coordinate_slices]
-        for force in self.model.forces:
-            tau[force.body] = tau[force.body] + pairs.vector(force.values)
-        return tau
 
     def _inverse(self, k: int, M: Array, M_locked: Array) -> Array:
         """The inverse of M_k, (f, f); a body without inertia about its joint is named."""

@@ -77,7 +77,7 @@ def face_at(
 def held_together(
     reader: Reader, what: str, start: int, end: int, at: Instance, bodies: BodySection, useless: str
 ) -> bool:
-    """Report a loop or spring between two bodies that cannot move against each other."""
+    """Report a loop or force element between two bodies that cannot move against each other."""
     if start == end:
         body = "the ground" if start == GROUND else repr(bodies.names[start])
         message = (
