@@ -133,7 +133,7 @@ class Entry(BaseModel):
     placeholders: ClassVar[dict[str, Any]] = {}
     misspelt: ClassVar[dict[str, str]] = {}
 
-    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True, defer_build=True)
 
 
 class RotationEntry(Entry):
