@@ -7,8 +7,8 @@ elementary motion is a class here; everything else follows from their order.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from copy import copy
 from dataclasses import dataclass
-from functools import cache
 from typing import Protocol
 
 import numpy as np
@@ -176,15 +176,20 @@ class Chain:
     ----------
     seen : list of int
         Steps that later ones change, see `changed`.
+    turns : bool
+        Whether a body turns against its parent.
     """
 
     def __init__(self, motion: Sequence[Motion], steps: Sequence[Step]) -> None:
-        self.motion, self.steps = tuple(motion), steps
-        self.seen = changed(self.motion)
+        self.motion, self.steps = motion, steps
+        self.seen = changed(motion)
+        self.turns = any(isinstance(m, Turn | Ball) for m in motion)
 
     def of(self, rows: Array) -> Chain:
         """That of some of the joints."""
-        return Chain(self.motion, [step.of(rows) for step in self.steps])
+        part = copy(self)
+        part.steps = [step.of(rows) for step in self.steps]
+        return part
 
     def behind_first(self) -> Chain:
         """Without the first motion."""
@@ -242,13 +247,7 @@ def speeds_of(motion: Motion) -> slice:
     return slice(motion.speed, motion.speed + 3)
 
 
-def turns(motion: Sequence[Motion]) -> bool:
-    """Whether a body turns against its parent."""
-    return any(isinstance(m, Turn | Ball) for m in motion)
-
-
-@cache
-def changed(motion: tuple[Motion, ...]) -> list[int]:
+def changed(motion: Sequence[Motion]) -> list[int]:
     """Motions whose screws later ones change: these turn them, or shift them off their axes."""
 
     def alters(other: Motion, m: Motion) -> bool:

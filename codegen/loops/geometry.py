@@ -13,7 +13,7 @@ import numpy as np
 from ..model.expressions import Expression
 from ..model.model import GROUND, Kind, Model, Vector, coordinate_axis, least_along
 from ..model.motions import Ball, Displacement
-from .chains import Chain, speeds_of, step, turns
+from .chains import Chain, speeds_of, step
 from .ears import Ear
 from .speed_groups import speed_groups
 from .vectors import Array, U, axis_rotation, cross, skew, turn, turned_quaternion, unit
@@ -313,7 +313,10 @@ class Joints:
             alike.setdefault(g.kinds[k], []).append(i)
         self.chains: list[tuple[Array, Chain]] = []
         self.changing: list[tuple[Chain, list[Array]]] = []
+        unturned: list[int] = []
         for kind, members in alike.items():
+            if not kind.motion or not g.chains[kind].turns:
+                unturned += members
             if not kind.motion:
                 continue
             places = np.array(members)
@@ -323,7 +326,7 @@ class Joints:
                 first = np.searchsorted(self.place, places)  # of their speeds
                 columns = first[:, None] + np.arange(len(kind.speeds))
                 self.changing.append((chain, [columns[:, chain.steps[i].speeds] for i in chain.seen]))
-        self.unturned = np.array([i for i, k in enumerate(self.bodies) if not turns(g.kinds[k].motion)], dtype=int)
+        self.unturned = np.array(unturned, dtype=int)
 
     def transforms(self, q: Array) -> tuple[Array, Array]:
         """Child components into parent components and the child's origin in the parent.
@@ -362,14 +365,14 @@ class Joints:
         """
         if not self.changing:
             return self.still_w, self.still_v
-        w, v = (np.broadcast_to(x, (len(q), *x.shape)) for x in (self.still_w, self.still_v))
+        w, v = self.still_w, self.still_v
         for chain, columns in self.changing:
             for of_step, (w_own, v_own) in zip(columns, chain.screws(q), strict=True):
                 if w_own is not None:
-                    w = w if w.flags.writeable else w.copy()
+                    w = np.repeat(w[None], len(q), axis=0) if w.ndim == 2 else w
                     w[:, of_step] += w_own
                 if v_own is not None:
-                    v = v if v.flags.writeable else v.copy()
+                    v = np.repeat(v[None], len(q), axis=0) if v.ndim == 2 else v
                     v[:, of_step] += v_own
         return w, v
 
