@@ -134,7 +134,8 @@ class _Listing:
         alike: dict[Any, list[int]] = {}
         for k, b in enumerate(model.bodies):
             alike.setdefault(
-                (b.joint.type, b.joint.axes, b.joint.at, b.joint.rotation, b.mass, b.com, b.inertia), []
+                (b.joint.type, b.joint.axes, b.joint.at, b.joint.rotation, b.joint.factors, b.mass, b.com, b.inertia),
+                [],
             ).append(k)
         entries = []
         for group in alike.values():
