@@ -10,7 +10,8 @@ from typing import Any
 from ..program.store import Store
 from . import fields
 from .couplings import SIX, partner_acceleration
-from .joints import JointTransform, freedom_axes
+from .freedoms import freedom_axes
+from .joints import JointTransform
 from .spatial import Vec, add, cross
 from .stores import ME, UDOT, UP
 

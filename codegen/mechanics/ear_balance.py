@@ -18,9 +18,10 @@ from .closures import own_sources, stored_factor
 from .completion import let3, root_angles
 from .ear_tangents import EarTangents, tangents_of
 from .ears import UNIT, Condition, Ear, Twist
+from .freedoms import freedom_axes
 from .handing_on import accumulate
 from .inverse_dynamics import joint_acceleration
-from .joints import JointTransform, freedom_axes
+from .joints import JointTransform
 from .kinematics import (
     accelerated,
     acceleration_matrix,

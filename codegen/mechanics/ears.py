@@ -19,7 +19,8 @@ from ..program.field import Field, SixField, VectorField
 from ..program.scalar import Value
 from ..program.store import Store
 from . import fields
-from .joints import JointTransform, freedom_axes
+from .freedoms import freedom_axes
+from .joints import JointTransform
 from .orthogonal import product
 from .spatial import XYZ, Mat, Vec, add, cross, dot, matmul, matvec, scale, transpose
 from .stores import BASE, LOOP_CONSTANTS, ME, MY_LANE, REGION, ROOTS

@@ -9,8 +9,9 @@ from __future__ import annotations
 from typing import Any
 
 from . import fields
+from .freedoms import freedom_axes
 from .handing_on import accumulate_force
-from .joints import JointTransform, freedom_axes
+from .joints import JointTransform
 from .kinematics import (
     accelerate,
     acceleration_matrix,

@@ -17,14 +17,6 @@ from . import fields
 from .spatial import XYZ, Mat, Vec, dot, matmul, matvec, six, skew, symmetric, transpose
 from .stores import CONSTANTS, COORDINATES, ME, TRIG, TURNS
 
-FREEDOMS = {"revolute": 1, "prismatic": 1, "spherical": 3, "free": 6}
-COORDINATE_COUNT = {"revolute": 1, "prismatic": 1, "spherical": 4, "free": 7}
-
-
-def freedom_axes(joint: str, axis: int) -> list[int]:
-    """Which unit column of the six each freedom moves along: 0-2 angular, 3-5 linear."""
-    return {"revolute": [axis], "prismatic": [3 + axis], "spherical": [0, 1, 2], "free": [0, 1, 2, 3, 4, 5]}[joint]
-
 
 class JointTransform:
     """The motion between a link and its parent, as statements of an expansion.

@@ -22,7 +22,7 @@ from ..program.functions import SYMBOLIC, number
 from ..program.store import Store
 from .constants import Constants, Shape, Slots, Statements, make_shape
 from .elimination import NOBODY, Partners
-from .joints import COORDINATE_COUNT, FREEDOMS, freedom_axes
+from .freedoms import COORDINATE_COUNT, FREEDOMS, freedom_axes
 from .links import FLOAT, Link, LoopFaces, face_constants, keep, link_constants, links_of, loop_faces
 from .regions import Regions, find_regions
 from .stores import CONSTANT, CONSTANTS, LINK, SPRING_CONSTANTS

@@ -8,6 +8,7 @@ from sympy import Rational
 
 from ..program.field import VectorField
 from . import fields
+from .freedoms import COORDINATE_START
 from .joints import JointTransform
 from .spatial import XYZ, Mat, Vec, add, cross, matvec
 from .stores import CONSTANTS, COORDINATES, DQ, DQDOT, DU, ME, MY_LANE, QDOT, SPEEDS, UP
@@ -165,10 +166,6 @@ def quaternion_matrix(x: Any, kind: Any) -> None:
     Q = [[1 - (jj + kk), ij - wk, ik + wj], [ij + wk, 1 - (ii + kk), jk - wi], [ik - wj, jk + wi, 1 - (ii + jj)]]
     named = [[x.let(f"Q_{XYZ[a]}{XYZ[b]}", Q[a][b], tag) for b in range(3)] for a in range(3)]
     x.store(ME, fields.quaternion_matrix, named)
-
-
-COORDINATE_START = {"spherical": 0, "free": 3}
-"""Where the quaternion begins among a joint's coordinates."""
 
 
 def quaternion_turn(x: Any, kind: Any) -> None:

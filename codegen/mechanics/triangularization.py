@@ -16,8 +16,9 @@ from ..program.field import PLACES, ScalarField
 from . import fields
 from .couplings import SIX, hand_force, hand_inertia, hand_on, others
 from .elimination import CARRIER
+from .freedoms import freedom_axes
 from .handing_on import accumulate, accumulate_force
-from .joints import JointTransform, freedom_axes, shift_inertia
+from .joints import JointTransform, shift_inertia
 from .spatial import XYZ, Mat, Vec, add, cross
 from .stores import CONSTANTS, ME, OWN, PIVOT, TAU, UP
 
