@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -25,6 +26,9 @@ FLOORS = {
 }
 """What each floor may import beside itself. Floors that are not listed (generation, cli, report, ...) are the top:
 they may import everything, and no listed floor may import them."""
+
+WITHOUT_CIRCLES = ["emit", "mechanics", "model", "program", "runtime"]
+"""Floors on which imports are in order inside too."""
 
 STANDALONE = PACKAGE / "runtime" / "solver.py"
 """Copied into every generated package, which needs NumPy and cffi only."""
@@ -73,6 +77,21 @@ def faults(source: str, path: Path) -> list[str]:
     return found
 
 
+def circle(sources: dict[Path, str]) -> list[str]:
+    """A circle of imports, if there is one, among modules given by path with their text."""
+    by_name = {".".join(p.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): p for p in sources}
+    needs: dict[str, set[str]] = {}
+    for name, path in by_name.items():
+        found = {full for _, full in imports(sources[path], path)}
+        # what is imported is a module, or something in one
+        needs[name] = {f if f in by_name else f.rpartition(".")[0] for f in found} & by_name.keys()
+    try:
+        TopologicalSorter(needs).prepare()
+    except CycleError as error:
+        return list(error.args[1])
+    return []
+
+
 def forbidden_calls(source: str) -> list[tuple[int, str]]:
     calls = (n for n in ast.walk(ast.parse(source)) if isinstance(n, ast.Call))
     return [(n.lineno, f) for n in calls if (f := ast.unparse(n.func)) in FORBIDDEN_CALLS]
@@ -86,6 +105,17 @@ def test_a_module_imports_lower_floors_only(path):
 @pytest.mark.parametrize("path", MODULES, ids=_name)
 def test_a_module_makes_no_forbidden_calls(path):
     assert not forbidden_calls(path.read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("floor", WITHOUT_CIRCLES)
+def test_no_modules_of_a_floor_import_each_other(floor):
+    assert not circle({p: p.read_text(encoding="utf-8") for p in MODULES if _floor(p) == floor})
+
+
+def test_the_check_sees_circles():
+    a, b, c = (PACKAGE / "program" / f"{name}.py" for name in "abc")
+    assert circle({a: "from .b import x", b: "from . import c", c: "def f():\n    from .a import y"})
+    assert not circle({a: "from .b import x\nfrom . import c", b: "from . import c", c: "import a"})
 
 
 def test_there_are_modules_on_every_floor():

@@ -17,7 +17,7 @@ from .couplings import partner_store
 from .ears import ZERO, Ear, Twist, rotate
 from .joints import JointTransform
 from .kinds import EarKind, LinkKind, RegionKind
-from .spatial import add, cross, dot, transpose
+from .spatial import add, cross, dot, minus, transpose
 from .stores import BASE, CONDITION, GIVEN_U, ME, POSITION, REGION, ROOTS, STEP, UP, VELOCITY
 
 TINY = 1e-30
@@ -35,7 +35,7 @@ def face_differences(x: Scope, ear: Ear) -> list[Twist]:
     found = []
     for c, closure in enumerate(ear.kind.closures):
         a, b = (ear.position_of_face(c, side) for side in (0, 1))
-        linear = [x.let("gap", b[i] - a[i], "Eq. 32") for i in range(3)]
+        linear = [x.let("gap", e, "Eq. 32") for e in minus(b, a)]
         angular: Vector = [0, 0, 0]
         if closure.type == "universal":
             first, second = ear.universal_axes(c)
@@ -154,7 +154,7 @@ def far_steps(x: Scope, kind: RegionKind) -> None:
         carried = add(d_base, cross(base, o))
         step = fields.far_step(f)
         for name, field, v, by in (("nt", step.angular, theta, base), ("nd", step.linear, d, carried)):
-            x.store(REGION, field, x.let_vector(name, [a - b for a, b in zip(v, by, strict=True)], "Eq. 35"))
+            x.store(REGION, field, x.let_vector(name, minus(v, by), "Eq. 35"))
 
 
 def conditions(x: Scope, kind: EarKind) -> None:

@@ -9,11 +9,11 @@ from ..program.block import Scope
 from ..program.scalar import Vector
 from ..program.store import Store
 from . import fields
-from .couplings import SIX, partner_acceleration
+from .couplings import partner_acceleration
 from .freedoms import freedom_axes
 from .joints import JointTransform
 from .kinds import LinkKind
-from .spatial import add, cross
+from .spatial import SIX, add, cross
 from .stores import ME, UDOT, UP
 
 

@@ -11,11 +11,12 @@ from ..program.block import Scope
 from ..program.scalar import Vector
 from . import fields
 from .back_substitution import carry, substitute
-from .couplings import SIX, hand_force, others
+from .couplings import hand_force, others
 from .freedoms import freedom_axes
 from .inverse_dynamics import hand_on_lanes, transfer
 from .joints import JointTransform
 from .kinds import LinkKind
+from .spatial import SIX
 from .stores import CONSTANTS, DFORCE, DTAU, DUDOT, LME, LUP, ME, MY_LANE, RIGHT_SIDE, TAU
 from .triangularization import constants_of_inertia, force_to_parent
 

@@ -21,7 +21,7 @@ from .joints import JointTransform
 from .kinds import EarKind, LinkKind
 from .kinematics import angular_velocity
 from .loop_dynamics import root_velocities, speeds_of
-from .spatial import add, cross, dot, is_zero, matvec, scale, transpose
+from .spatial import add, cross, dot, is_zero, matvec, minus, scale, transpose
 from .stores import (
     BASE,
     CL_DP,
@@ -291,8 +291,8 @@ def member_displacement(
             v = x.let_vector("v", add(v, x.load(BASE, fields.closing_twist.linear), cross(w_base, o)), "Eq. 18")
             dw = add(dw, dw_base)
             dv = add(dv, x.load(LBASE, fields.closing_twist.linear), cross(dw_base, o), cross(w_base, d))
-    dw = [a - b for a, b in zip(dw, cross(theta, w), strict=True)]
-    dv = [a - b for a, b in zip(dv, cross(theta, v), strict=True)]
+    dw = minus(dw, cross(theta, w))
+    dv = minus(dv, cross(theta, v))
     back = transpose(W)
     shift, twist = fields.closing_shift, fields.closing_twist
     for field, value in (
@@ -395,7 +395,7 @@ def seed_residuals(x: Scope, kind: EarKind) -> None:
         elif role == "ground":
             turned = cross(angles[place], ear.position(place))
             d = x.load(LANE_BASE, fields.closing_shift.linear)
-            moved[place] = x.let_vector("d", [b - a for a, b in zip(d, turned, strict=True)], "d Eq. 22", lanes=True)
+            moved[place] = x.let_vector("d", minus(turned, d), "d Eq. 22", lanes=True)
         else:
             moved[place] = list(ZERO)
     for k in range(len(ear.members)):

@@ -16,13 +16,11 @@ from . import fields
 from .ears import rotate
 from .elimination import CARRIER
 from .handing_on import accumulate
-from .kinds import EarKind, LinkKind, RegionKind
+from .kinds import LinkKind, RegionKind
 from .spatial import add, cross, transpose
 from .stores import BASE, LBASE, LPARTNERS, LUP, PAIR, PARTNERS, UP
 
-SIX = range(6)
-
-Coupled = LinkKind | EarKind | RegionKind
+Coupled = LinkKind | RegionKind
 
 
 def partner_store(kind: Coupled, m: int, lanes: bool = False) -> Store:

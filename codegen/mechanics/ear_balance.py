@@ -36,7 +36,7 @@ from .kinematics import (
 )
 from .loop_dynamics import carried_accelerations, closing_accelerations, root_velocities, source_accelerations
 from .orthogonal import product
-from .spatial import add, cross, matvec, transpose
+from .spatial import SIX, add, cross, matvec, minus, transpose
 from .stores import (
     BASE,
     DTAU,
@@ -58,8 +58,6 @@ from .stores import (
 )
 from .tangents import pattern
 from .triangularization import force_to_parent
-
-SIX = range(6)
 
 
 @dataclass(slots=True)
@@ -414,7 +412,7 @@ def turned_back(x: Scope, ear: Ear, place: int, theta: Vector | None, v: Vector,
     if W is UNIT or theta is None:
         return v, dv
     back = transpose(W)
-    relative = x.let_vector("rel", [a - b for a, b in zip(dv, cross(theta, v), strict=True)], "d Eq. 22", lanes=True)
+    relative = x.let_vector("rel", minus(dv, cross(theta, v)), "d Eq. 22", lanes=True)
     return x.let_vector("own", matvec(back, v), "Eq. 22"), x.let_vector(
         "own", matvec(back, relative), "d Eq. 22", lanes=True
     )

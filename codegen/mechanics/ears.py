@@ -23,7 +23,7 @@ from .freedoms import freedom_axes
 from .joints import JointTransform
 from .kinds import EarKind, LinkKind
 from .orthogonal import product
-from .spatial import add, cross, matmul, matvec, scale, transpose
+from .spatial import add, cross, matmul, matvec, minus, scale, transpose
 from .stores import BASE, LOOP_CONSTANTS, ME, MY_LANE, REGION, ROOTS
 
 ZERO: Vector = [0, 0, 0]
@@ -271,7 +271,7 @@ class Ear:
         if not self.kind.closures[c].slides:
             return None
         a, b = (self.position_of_face(c, side) for side in (0, 1))
-        return self.x.let_vector("slip", [b[i] - a[i] for i in range(3)], "Eq. 32")
+        return self.x.let_vector("slip", minus(b, a), "Eq. 32")
 
     def position_of_face(self, c: int, side: int) -> Vector:
         """In region axes, from the region's base."""

@@ -9,7 +9,6 @@ relative to that are sources of the region (`structure.Region.far`). The ground 
 from __future__ import annotations
 
 from ..program.block import Scope
-from ..program.scalar import Vector
 from ..program.store import Store
 from . import fields
 from .couplings import partner_store
@@ -17,14 +16,10 @@ from .ears import ZERO, rotate
 from .fields import Motion
 from .kinds import RegionKind
 from .kinematics import acceleration_matrix
-from .spatial import add, cross, matmul, matvec, transpose
+from .spatial import add, cross, matmul, matvec, minus, transpose
 from .stores import BASE, GROUND, LBASE, LGROUND, LREGION, REGION
 
 TWIST = (fields.closing_twist.angular, fields.closing_twist.linear)
-
-
-def _minus(a: Vector, b: Vector) -> Vector:
-    return [p - q for p, q in zip(a, b, strict=True)]
 
 
 def _store(kind: RegionKind, m: int, lanes: bool = False) -> Store:
@@ -40,16 +35,16 @@ def far_poses(x: Scope, kind: RegionKind) -> None:
         back = transpose(W_base)
         W = [x.let_vector("W", row, "Eq. 22") for row in matmul(back, x.load(far, fields.closing_attitude))]
         apart = x.let_vector(
-            "apart", _minus(x.load(far, fields.closing_position), x.load(BASE, fields.closing_position)), "Eq. 22"
+            "apart", minus(x.load(far, fields.closing_position), x.load(BASE, fields.closing_position)), "Eq. 22"
         )
         o = x.let_vector("o", matvec(back, apart), "Eq. 22")
         w_base, v_base = x.load(BASE, fields.closing_twist.angular), x.load(BASE, fields.closing_twist.linear)
         w, v = (x.let_vector("turned", rotate(W, x.load(far, field)), "Eq. 18") for field in TWIST)
         x.store(REGION, fields.far_attitude(f), W)
         x.store(REGION, fields.far_position(f), o)
-        x.store(REGION, fields.far_velocity(f).angular, x.let_vector("w", _minus(w, w_base), "Eq. 30"))
+        x.store(REGION, fields.far_velocity(f).angular, x.let_vector("w", minus(w, w_base), "Eq. 30"))
         x.store(
-            REGION, fields.far_velocity(f).linear, x.let_vector("v", _minus(v, add(v_base, cross(w_base, o))), "Eq. 30")
+            REGION, fields.far_velocity(f).linear, x.let_vector("v", minus(v, add(v_base, cross(w_base, o))), "Eq. 30")
         )
 
 
@@ -66,8 +61,8 @@ def far_displacements(x: Scope, kind: RegionKind) -> None:
             shift = fields.closing_shift
             turned = [rotate(W, x.load(far, field)) for field in (shift.angular, shift.linear, *TWIST)]
             theta, d, dw, dv = (x.let_vector("turned", v, "d Eq. 22", lanes=True) for v in turned)
-        theta = x.let_vector("th", _minus(theta, theta_base), "d Eq. 22", lanes=True)
-        d = x.let_vector("d", _minus(d, add(d_base, cross(theta_base, o))), "d Eq. 22", lanes=True)
+        theta = x.let_vector("th", minus(theta, theta_base), "d Eq. 22", lanes=True)
+        d = x.let_vector("d", minus(d, add(d_base, cross(theta_base, o))), "d Eq. 22", lanes=True)
         if m >= 0:
             # W v turns with theta besides
             w, v = (x.let_vector("own", rotate(W, x.load(partner_store(kind, m), f)), "Eq. 18") for f in TWIST)
@@ -75,10 +70,8 @@ def far_displacements(x: Scope, kind: RegionKind) -> None:
         carried = add(dv_base, cross(dw_base, o), cross(w_base, d))
         x.store(LREGION, fields.far_shift(f).angular, theta)
         x.store(LREGION, fields.far_shift(f).linear, d)
-        x.store(
-            LREGION, fields.far_velocity(f).angular, x.let_vector("dw", _minus(dw, dw_base), "d Eq. 18", lanes=True)
-        )
-        x.store(LREGION, fields.far_velocity(f).linear, x.let_vector("dv", _minus(dv, carried), "d Eq. 18", lanes=True))
+        x.store(LREGION, fields.far_velocity(f).angular, x.let_vector("dw", minus(dw, dw_base), "d Eq. 18", lanes=True))
+        x.store(LREGION, fields.far_velocity(f).linear, x.let_vector("dv", minus(dv, carried), "d Eq. 18", lanes=True))
 
 
 def far_motions(

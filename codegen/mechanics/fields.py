@@ -40,7 +40,7 @@ class Motion:
 
     def __call__(self, *numbers: int) -> Motion:
         """The member of a family."""
-        return Motion(*(f(*numbers) if "{}" in f.name else f for f in (self.w, self.al, self.a, self.B)))  # type: ignore[arg-type]
+        return Motion(self.w(*numbers), self.al(*numbers), self.a(*numbers), self.B(*numbers))
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,6 @@ from ..program.store import Store
 from . import fields
 from .closures import own_sources, source_speed, source_twist, stored_factor
 from .couplings import (
-    SIX,
     from_far,
     hand_force,
     hand_inertia,
@@ -35,6 +34,7 @@ from .joints import shift_inertia
 from .kinds import EarKind, RegionKind
 from .kinematics import acceleration_matrix, body_force
 from .spatial import (
+    SIX,
     add,
     cross,
     dot,
@@ -418,7 +418,7 @@ def ear_triangularize(x: Scope, kind: EarKind) -> None:
             if kind.carried and kind.rigid:
                 o = ear.position(k)
                 shifted = add(N[0], cross(o, N[1])), N[1]
-                K[c] = tuple(add(a, b) for a, b in zip(K[c], shifted, strict=True)) if c in K else shifted  # type: ignore[assignment]
+                K[c] = (add(K[c][0], shifted[0]), add(K[c][1], shifted[1])) if c in K else shifted
         if kind.carried and kind.rigid:
             _to_base(x, ear.position(k), J, H, M, n, f)
     couplings_of_ear(x, ear, Q, K)

@@ -9,11 +9,12 @@ from ..program.block import Scope
 from ..program.field import SixField
 from ..program.scalar import Vector
 from . import fields
-from .couplings import SIX, from_far, hand_force, others, to_base
+from .couplings import from_far, hand_force, others, to_base
 from .far_links import far_own_motions
 from .handing_on import accumulate
 from .kinds import RegionKind
 from .loop_dynamics import place_of_base, places_of_partners, store_sources, system_size
+from .spatial import SIX
 from .stores import BASE, LBASE, LREGION, REGION
 
 

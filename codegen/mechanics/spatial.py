@@ -9,6 +9,9 @@ from ..program.scalar import Matrix, Value, Vector
 Components = Sequence[Value]
 Rows = Sequence[Sequence[Value]]
 
+SIX = range(6)
+"""Components of a moment and a force, or of what else has an angular and a linear part."""
+
 
 def is_zero(v: object) -> bool:
     """Whether a scalar is known to be zero."""
@@ -21,6 +24,10 @@ def cross(a: Components, b: Components) -> Vector:
 
 def add(*vectors: Components) -> Vector:
     return [sum(components[1:], components[0]) for components in zip(*vectors, strict=True)]
+
+
+def minus(a: Components, b: Components) -> Vector:
+    return [p - q for p, q in zip(a, b, strict=True)]
 
 
 def dot(a: Components, b: Components) -> Value:

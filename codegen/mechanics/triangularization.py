@@ -11,13 +11,13 @@ from ..program.block import ANY, Scope
 from ..program.field import PLACES, ScalarField
 from ..program.scalar import Matrix, Value, Vector
 from . import fields
-from .couplings import SIX, hand_force, hand_inertia, hand_on, others
+from .couplings import hand_force, hand_inertia, hand_on, others
 from .elimination import CARRIER
 from .freedoms import freedom_axes
 from .handing_on import accumulate, accumulate_force
 from .joints import JointTransform, shift_inertia
 from .kinds import LinkKind, RegionKind
-from .spatial import add, cross, is_zero, transpose
+from .spatial import SIX, add, cross, is_zero, transpose
 from .stores import CONSTANTS, ME, OWN, PIVOT, TAU, UP
 
 
