@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import numpy as np
@@ -29,6 +30,48 @@ def worst(rows: Any, references: Any) -> float:
     references = [np.asarray(r, dtype=float) for r in references]
     floor = 1e-3 * max([1.0, *(float(np.max(np.abs(r), initial=0.0)) for r in references)])
     return max((error(x, y, floor) for x, y in zip(rows, references, strict=True)), default=0.0)
+
+
+TRANSPOSES = {
+    "sensitivities": "gradients", "output_sensitivities": "output_gradients", "energy_sensitivities": "energy_gradients",
+    "coordinate_rate_sensitivities": "coordinate_rate_gradients", "assemble_sensitivities": "assemble_gradients",
+}  # fmt: skip
+"""Functions along seeds, and their transposes."""
+
+
+def transposes(
+    solver: codegen.Solver, state: tuple[Any, ...], rng: np.random.Generator, k: int = 2
+) -> dict[str, float]:
+    """How far ``lambda . (J v)`` is from ``(J^T lambda) . v``, by function, over the sum of the sizes of the products.
+
+    Directions without derivatives (parameters that open redundant conditions) are left out of v.
+    """
+    model_sizes = {"dq": solver.nq, "du": solver.nu, "dp": solver.np, "dinputs": solver.ninputs}
+    v = {n: rng.uniform(-1, 1, (1, size)) for n, size in model_sizes.items()} | {"dt": rng.uniform(-1, 1, 1)}
+    found = {}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for along, back in TRANSPOSES.items():
+            values = getattr(solver, along)(*state, **v)
+            if along == "energy_sensitivities":
+                Jv = np.stack(values[1], axis=-1)
+            elif along == "assemble_sensitivities":
+                Jv = np.concatenate(values[2:], axis=-1)
+            else:
+                Jv = values[1]
+            weights = rng.uniform(-1, 1, (k, Jv.shape[-1]))
+            given = {"weights": weights}
+            if along == "assemble_sensitivities":
+                given = {"weights_q": weights[:, : solver.nq], "weights_u": weights[:, solver.nq :]}
+            gradients = getattr(solver, back)(*state, **given)
+            products = [
+                weights * Jv,
+                *(np.reshape(g, (k, -1)) * np.reshape(s, -1) for g, s in zip(gradients, v.values(), strict=True)),
+            ]
+            difference = products[0].sum(axis=-1) - sum(x.sum(axis=-1) for x in products[1:])
+            scale = sum(np.abs(x).sum(axis=-1) for x in products)
+            found[f"{back}, transposed"] = float(np.max(np.abs(difference) / np.maximum(scale, 1e-3), initial=0.0))
+    return found
 
 
 def compare(
@@ -63,4 +106,8 @@ def compare(
     for name in ("q", "u", "p", "inputs"):
         found[f"J.{name}"] = worst(getattr(ours, name).T, np.asarray(getattr(theirs, name), dtype=float).T)
     found["J.t"] = error(ours.t, theirs.t)
-    return found
+    weights = rng.normal(size=(2, model.nu))
+    gradients = zip(solver.gradients(q, u, p, inputs, t, weights=weights),
+                    engine.gradients(q, u, p, inputs, t, weights=weights), strict=True)  # fmt: skip
+    found["gradients"] = max(worst(ours, theirs) for ours, theirs in gradients)
+    return found | transposes(solver, (q, u, p, inputs, t), rng)

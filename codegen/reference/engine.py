@@ -169,6 +169,14 @@ class Engine(ABC):
         by_q, by_u, by_p, by_inputs, by_t = (dudot[a:b].T for a, b in pairwise(start))
         return Jacobians(by_q, by_u, by_p, by_inputs, by_t[:, 0])
 
+    def gradients(
+        self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0, *, weights: Any
+    ) -> tuple[Array, Array, Array, Array, Array]:
+        """Gradients of ``sum_i weights_i udot_i``, (k, n) with respect to q, u, p, inputs and (k,) to t: ``weights^T J``."""
+        J = self.jacobians(q, u, p, inputs, t)
+        w = np.atleast_2d(np.asarray(weights))
+        return w @ J.q, w @ J.u, w @ J.p, w @ J.inputs, w @ J.t
+
     def mass_matrix(self, q: Any, p: Any = None) -> Array:
         """The mass matrix M of Eq. 4 over all speeds of the tree, (nu, nu); loops do not enter."""
         M: Array = self._mass_matrix(self._state(q, None, p, None, 0.0)).value

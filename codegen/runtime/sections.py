@@ -15,7 +15,8 @@ CARRIED = "_runtime"
 """What it is called in a package."""
 
 SECTIONS: dict[str, str | None] = {
-    "Dynamics": None, "Energies": "energies", "Outputs": None, "TreeForces": "mass_matrix", "Reactions": "reactions",
+    "Dynamics": None, "WeightedGradients": None, "Energies": "energies", "Outputs": None,
+    "TreeForces": "mass_matrix", "Reactions": "reactions",
     "Loops": "closure", "States": None, "Redundancy": "opening", "Partitions": None,
 }  # fmt: skip
 """Sections of `Solver`, and what a manifest names, among its functions or beside them, where they are needed: None for

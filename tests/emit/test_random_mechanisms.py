@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from comparison import error, worst
+from comparison import error, transposes, worst
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 from random_mechanisms import LOOP_JOINTS, SCENES, Discarded, Mechanism, random_mechanism
@@ -71,7 +71,7 @@ def compare(drawn: Mechanism, solver: codegen.Solver, engine: Any, rng: np.rando
     found["dq"] = worst(full_dq[:, plain], np.asarray(expected[1], dtype=float)[:, plain])
     position, velocity = solver.closure(q, full_u, p)
     found["closure"] = max(float(np.abs(position).max()), float(np.abs(velocity).max()))
-    return found
+    return found | transposes(solver, (q, u, p, inputs, t), rng)
 
 
 def check(drawn: Mechanism, solver: codegen.Solver, seed: int) -> None:

@@ -38,7 +38,10 @@ class Arguments:
 
     def __init__(self, manifest: Mapping[str, Any], shapes: Mapping[str, Shape]):
         q, u, p, inputs = (tuple(manifest[f"{n}_names"]) for n in ("coordinate", "speed", "parameter", "input"))
-        self.names: dict[str, tuple[str, ...]] = {"q": q, "u": u, "udot": u, "b": u, "p": p, "inputs": inputs}
+        self.names: dict[str, tuple[str, ...]] = {
+            "q": q, "u": u, "udot": u, "b": u, "p": p, "inputs": inputs, "qdot": q, "full_q": q, "full_u": u,
+            "outputs": tuple(manifest["output_names"]), "energy": ("kinetic", "potential"),
+        }  # fmt: skip
         self.shapes = shapes
         self.defaults = {"p": np.array(manifest["parameters"], float), "inputs": np.zeros(len(inputs))}
         self.quaternions: tuple[int, ...] = tuple(manifest["quaternions"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 from .arguments import Arguments, broadcast
@@ -10,22 +11,29 @@ from .arrays import Array, Shape
 
 
 def take_directions(
-    arguments: Arguments, given: Mapping[str, Any], arrays: Mapping[str, Any], batch: Shape
+    arguments: Arguments,
+    given: Mapping[str, Any],
+    arrays: Mapping[str, Any],
+    batch: Shape,
+    called: Mapping[str, str] = MappingProxyType({}),
 ) -> tuple[dict[str, Array], int, Shape]:
     """Checked seeds (k, ..., n) with as many batch axes as the batch; k; the batch with theirs.
 
-    `arrays` are the checked arguments, and `batch` the shape they make.
+    `arrays` are the checked arguments, and `batch` the shape they make; `called` are names of seeds that callers know by others.
     """
     seeds: dict[str, Array] = {}
     for name, value in given.items():
         if value is None:
             continue
         of = name[1:]
-        seed = arguments.array(name, value, of)
+        seed = arguments.array(called.get(name, name), value, of)
         if of == "t":
             seed = seed[..., None]
         seeds[name] = seed[None] if seed.ndim == 1 else seed
     if not seeds:
+        if called:
+            names = [called[n] for n in given]
+            raise ValueError(f"no weights given; give {' or '.join(names)}, sums first: (k, ..., n)")
         raise ValueError(f"no seed given; give at least one of {', '.join(given)}, directions first: dq (k, ..., nq)")
     counts = {name: len(seed) for name, seed in seeds.items()}
     k = next(iter(counts.values()))
