@@ -470,11 +470,7 @@ class Writer(ABC):
     @cached_property
     def blocks(self) -> dict[str, dict[int, Block]]:
         """Blocks by sweep and kind, of the sweeps that have something to do."""
-        blocks = self.program.blocks
-        if not any(b.stores for b in blocks.get("rotations", {}).values()):
-            # nobody reads them, so nobody would call their functions
-            return {s: b for s, b in blocks.items() if s not in ("rotations", "turns")}
-        return blocks
+        return {s: b for s, b in self.program.blocks.items() if any(block.stores for block in b.values())}
 
     @cached_property
     def swept(self) -> dict[str, list[Function]]:
