@@ -7,15 +7,16 @@ of the header.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import cached_property
 from typing import Any
 
 from ..mechanics import procedures
-from ..mechanics.kinds import EarKind, LinkKind, SpringKind, UnitKind
+from ..mechanics.kinds import UnitKind
+from ..mechanics.stores import LME, MARGIN, MY_LANE
 from ..model.model import Model
 from ..program.block import Block
 from ..program.passes import by_results
 from ..program.procedure import Own, Perform, Prepare, Procedure, Run
+from ..program.store import Store
 from . import c_functions
 from .c_functions import CFunctions
 from .function import Function, in_lines
@@ -23,31 +24,18 @@ from .printer import C_FUNCTIONS, Printer
 from .templates import render
 from .writer import Located, Place, Writer
 
-LANES = frozenset(
-    {"lme", "lup", "lane", "lroot", "laneroot", "lbase", "lanebase", "lpartner", "lanepartner", "lground", "laneone",
-     "lanetwo", "laneone_sum", "lanetwo_sum", "lregion", "lregion_sum", "dq", "du", "dp", "cldp", "csdp", "dinputs", "dt", "dtau",
-     "dcoefficient", "b", "dudot", "dforce", "dqdot", "denergy", "denergy_sum", "dpotential_sum", "doutputs", "dposition",
-     "dinitial_q", "dinitial_u"}
-)  # fmt: skip
-"""Arrays that hold one value per direction."""
-
-RECORDS = ("me", "up", "root", "base", "partner", "ground", "one", "two")
-SLOTS = ("lme", "lup", "lroot", "lbase", "lpartner", "lground")
-LINK_LANES = ("lane", "laneroot", "lanebase", "lanepartner", "laneone", "lanetwo")
-OF_COORDINATES = ("q", "dq", "qdot", "dqdot", "step")
-OF_SPEEDS = ("u", "given_u", "du", "udot", "dudot", "tau", "dtau", "b", "force", "dforce")
-
-
-def of_directions(array: str) -> bool:
-    """Whether an array holds one value per direction."""
-    return array.partition("#")[0] in LANES
+SIZES = {
+    "records": "RECORD", "near": "NEAR_SIZE", "slots": "SLOT_SIZE", "lanes": "LANE_SIZE", "ears": "EAR_SIZE",
+    "regions": "REGION_SIZE", "region_lanes": "REGION_LANE_SIZE", "couplings": "COUPLING_SIZE",
+}  # fmt: skip
+"""How long a row of each region of memory is."""
 
 
 def stored_once(block: Block) -> set[Any]:
     """Symbols that what is stored for all directions together is made of."""
-    if not any(of_directions(array) for array, _, _ in block.stores):
+    if not any(store.lanes for store, _, _ in block.stores):
         return {*block.loads, *(s.target for s in block.statements)}
-    wanted = {s for array, _, value in block.stores if not of_directions(array) for s in value.free_symbols}
+    wanted = {s for store, _, value in block.stores if not store.lanes for s in value.free_symbols}
     for s in reversed(block.statements):
         if s.target in wanted:
             wanted |= s.expression.free_symbols
@@ -64,33 +52,32 @@ class CWriter(Writer):
 
     # -- the language ----------------------------------------------------------------------------------------------
 
-    def lines(self, block: Block, place: Place, culprit: Callable[[str, str], str] | None = None) -> list[str]:
-        stored = {place(a, n) for a, n, _ in block.stores if a not in ("pivot", "rank")}
+    def lines(self, block: Block, place: Place, culprit: Callable[[str], str] | None = None) -> list[str]:
+        stored = {place(store, n) for store, n, _ in block.stores if store.memory is not MARGIN}
         written = {pointer for pointer, _, _ in stored}
         pointers: dict[str, str] = {}
         body: list[str] = []
 
-        def access(array: str, name: str) -> str:
-            pointer, expression, i = place(array, name)
+        def access(store: Store, name: str) -> str:
+            pointer, expression, i = place(store, name)
             variable = pointer + "_at"
             if pointer not in pointers:
-                type_ = "LANES" if of_directions(array) else "double"
+                type_ = "LANES" if store.lanes else "double"
                 const = "" if pointer in written else "const "
                 pointers[pointer] = f"{const}{type_} *restrict {variable} = {expression};"
-            return f"{variable}[{i}]{'.at[h]' if of_directions(array) else ''}"
+            return f"{variable}[{i}]{'.at[h]' if store.lanes else ''}"
 
         # Before the loop over vectors stands what is stored once for all directions. Other numbers that they share stay in
         # the order of the block: compilers take them out of the loop, and know better which to keep in registers.
         passes: list[str] = []
         shared = stored_once(block)
         tags = {False: "", True: ""}
-        for symbol, (array, name) in block.loads.items():
-            lanes = of_directions(array)
-            first = symbol in shared or (not lanes and place(array, name) in stored)
-            line = f"const {'VECTOR' if lanes else 'double'} {symbol} = {access(array, name)};"
+        for symbol, (store, name) in block.loads.items():
+            first = symbol in shared or (not store.lanes and place(store, name) in stored)
+            line = f"const {'VECTOR' if store.lanes else 'double'} {symbol} = {access(store, name)};"
             (body if first else passes).append(line)
         # blocks over directions keep their order: they gain nothing by another
-        along = any(of_directions(array) for array, _, _ in block.stores)
+        along = any(store.lanes for store, _, _ in block.stores)
         for statements, stores in [(block.statements, block.stores)] if along else by_results(block):
             for s in statements:
                 first = s.target in shared
@@ -99,16 +86,16 @@ class CWriter(Writer):
                 (body if first else passes).append(
                     f"const {'VECTOR' if s.lanes else 'double'} {s.target} = {self.printer(s.expression)};{comment}"
                 )
-            for array, name, value in stores:
+            for store, name, value in stores:
                 text = self.printer(value)
-                if array in ("pivot", "rank"):
+                if store.memory is MARGIN:
                     assert culprit is not None
-                    body.append(f"if (!a->singular && !({text} > 0.0)) a->singular = {culprit(array, name)} + 1;")
+                    body.append(f"if (!a->singular && !({text} > 0.0)) a->singular = {culprit(name)} + 1;")
                     continue
-                if of_directions(array) and value.is_Number:
+                if store.lanes and value.is_Number:
                     text = "(VECTOR){0}" if value == 0 else f"(VECTOR){{0}} + {text}"
-                line = f"{access(array, name)} {'+=' if array.endswith('_sum') else '='} {text};"
-                (passes if of_directions(array) else body).append(line)
+                line = f"{access(store, name)} {'+=' if store.adds else '='} {text};"
+                (passes if store.lanes else body).append(line)
         if passes:
             passes = ["EACH_VECTOR {", *(f"    {line}" for line in passes), "}"]
         return [*pointers.values(), *body, *passes]
@@ -160,12 +147,13 @@ class CWriter(Writer):
     def element(self, array: str, index: str) -> Located:
         return array, "&a->t" if array == "t" else f"a->{array}", index
 
-    def field_of_record(self, array: str, link: str, name: str) -> Located:
-        if array == "lme":
-            return array, "a->slots", self.layout.slots["moment_tangents"][name]
-        if array == "lane":
-            return array, f"a->lanes + LANE_SIZE*{link}", self.layout.lane[name]
-        return array, f"a->records + RECORD*{link}", self.layout.record[name]
+    def field_of_record(self, store: Store, link: str, name: str) -> Located:
+        layout = self.layout
+        if store is LME:
+            return store.name, "a->slots", layout.slots["moment_tangents"][name]
+        if store is MY_LANE:
+            return store.name, f"a->lanes + LANE_SIZE*{link}", layout.lane[name]
+        return store.name, f"a->records + RECORD*{link}", layout.record[name]
 
     def constant(self, shape: int, constants: str, name: str) -> Located:
         return "c", f"a->constants + {constants}", self.layout.constant_fields[shape][name]
@@ -176,105 +164,25 @@ class CWriter(Writer):
     def number_of_row(self, table: str, row: str, index: int) -> Located:
         return "k", f"{table}[{row}]", index
 
-    def place(self, kind: UnitKind, sweep: str, array: str, name: str) -> Located:
-        layout, system = self.layout, self.system
-        stem = array.partition("#")[0].removesuffix("_sum")
-        variable = array.removesuffix("_sum").replace("#", "_")
-
-        def of_links(column: str, of: list[int] | None = None) -> str:
-            return self.of_links(kind, sweep, array, column, of)
-
-        if stem in RECORDS:
-            near = layout.near.get(sweep, {})
-            if name in near:
-                return f"near_{variable}", f"a->near + NEAR_SIZE*{of_links('SLOT', self.slots)}", near[name]
-            return variable, f"a->records + RECORD*{of_links('NUMBER')}", layout.record[name]
-        if stem in SLOTS:
-            return variable, f"a->slots + SLOT_SIZE*{of_links('SLOT', self.slots)}", layout.slots[sweep][name]
-        if stem in LINK_LANES:
-            return variable, f"a->lanes + LANE_SIZE*{of_links('NUMBER')}", layout.lane[name]
-        if stem == "ear":
-            numbers = [system.regions.order[i].number for i in kind.units]
-            return "ear", f"a->ears + EAR_SIZE*{self.entry(kind, sweep, 'EAR', numbers)}", layout.ear[name]
-        if stem in ("own", "pair"):
-            return (
-                variable,
-                f"a->couplings + COUPLING_SIZE*{self.coupling_slot(kind, sweep, array)}",
-                layout.coupling[name],
-            )
-        if stem == "region":
-            at = self.entry(kind, sweep, "REGION", self.numbers_of_regions(kind))
-            return "region", f"a->regions + REGION_SIZE*{at}", layout.region[name]
-        if stem == "lregion":
-            at = self.entry(kind, sweep, "REGION", self.numbers_of_regions(kind))
-            return "lregion", f"a->region_lanes + REGION_LANE_SIZE*{at}", layout.region_lane[name]
-        if stem == "reaction":
-            return variable, f"a->reaction + 6*{of_links('NUMBER')}", int(name)
-        if stem == "loop_reaction":
-            assert isinstance(kind, EarKind)
-            at = self.entry(kind, sweep, f"LOOP{array.partition('#')[2]}", self.loops_meant(kind, array))
-            return variable, f"a->loop_reaction + 6*{at}", int(name)
-        if stem == "condition":
-            assert isinstance(kind, EarKind)
-            at = self.entry(kind, sweep, f"LOOP{array.partition('#')[2]}", self.loops_meant(kind, array))
-            return variable, f"a->condition + {at}", 0
-        if stem in ("position", "velocity", "dposition"):
-            assert isinstance(kind, EarKind)
-            begins = self.closure_offsets
-            at = self.entry(
-                kind, sweep, f"LOOP{array.partition('#')[2]}_ROWS", [begins[n] for n in self.loops_meant(kind, array)]
-            )
-            return variable, f"a->{stem} + {at}", int(name)
-        if stem in OF_COORDINATES:
-            return variable, f"a->{stem} + {of_links('Q', [link.q for link in system.links])}", int(name)
-        if stem in OF_SPEEDS:
-            return variable, f"a->{stem} + {of_links('U', [link.u for link in system.links])}", int(name)
-        if stem == "trig":
-            return variable, f"a->trig + {of_links('TRIG', layout.trig_of)}", 0 if name == "cos" else "ANGLES"
-        if stem in ("dp", "cldp", "csdp"):
-            return "dp", "a->dp", self.parameter(kind, sweep, array, int(name))
-        if stem in ("energy", "denergy"):
-            return stem, f"a->{stem}", 0
-        if stem in ("potential", "dpotential"):
-            return stem, f"a->{stem.replace('potential', 'energy')}", 1
-        if stem in ("coefficient", "dcoefficient"):
-            at = self.entry(kind, sweep, "COEFFICIENTS", [3 * n for n in kind.members])
-            return stem, f"a->{stem} + {at}", int(name)
-        if stem == "cs":
-            assert isinstance(kind, SpringKind)
-            if name in kind.data:
-                values = [layout.spring_number_offsets[n] for n in kind.members]
-                return "k", f"numbers + {self.entry(kind, sweep, 'NUMBERS', values)}", kind.data[name]
-            values = [layout.constant_offsets[system.spring_constants[n].index] for n in kind.members]
-            at = self.entry(kind, sweep, "CONSTANTS", values)
-            return variable, f"a->constants + {at}", layout.constant_fields[kind.shape.index][name]
-        if stem == "c":
-            place = array.partition("#")[2]
-            of_kind = kind.links[int(place)] if isinstance(kind, EarKind) else kind
-            assert isinstance(of_kind, LinkKind)
-            if name in of_kind.data:
-                return f"k_{variable}", f"numbers + {of_links('NUMBERS', layout.number_offsets)}", of_kind.data[name]
-            begins = [layout.constant_offsets[c.index] for c in system.constants_of]
-            expression = f"a->constants + {of_links('CONSTANTS', begins)}"
-            return variable, expression, layout.constant_fields[of_kind.shape.index][name]
-        if stem == "cl":
-            assert isinstance(kind, EarKind)
-            place = array.partition("#")[2]
-            closure = kind.closures[int(place)]
-            loops = self.loops_meant(kind, array)
-            if name in closure.data:
-                values = [layout.closure_number_offsets[n] for n in loops]
-                at = self.entry(kind, sweep, f"LOOP{place}_NUMBERS", values)
-                return f"k_{variable}", f"numbers + {at}", closure.data[name]
-            values = [layout.constant_offsets[system.closure_constants[n].index] for n in loops]
-            at = self.entry(kind, sweep, f"LOOP{place}_CONSTANTS", values)
-            return variable, f"a->constants + {at}", layout.constant_fields[closure.shape.index][name]
-        raise KeyError(array)
-
-    @cached_property
-    def slots(self) -> list[int]:
-        """Slots of links, the ground's last."""
-        return [*self.system.slot_of, 0]
+    def place(self, kind: UnitKind, sweep: str, store: Store, name: str) -> Located:
+        at, layout = self.addresses.address(kind, sweep, store, name), self.layout
+        if at.region in SIZES:
+            places = {
+                "records": layout.record, "near": layout.near.get(sweep, {}), "slots": layout.slots.get(sweep, {}),
+                "lanes": layout.lane, "ears": layout.ear, "regions": layout.region, "region_lanes": layout.region_lane,
+                "couplings": layout.coupling,
+            }  # fmt: skip
+            return at.variable, f"a->{at.region} + {SIZES[at.region]}*{at.row}", places[at.region][name]
+        if at.region == "numbers":
+            return at.variable, f"numbers + {at.row}", int(at.component)
+        row = f" + {at.row}" if at.row else ""
+        if at.region == "constants":
+            fields = layout.constant_fields[self.addresses.shape_of(kind, store)]
+            return at.variable, f"a->constants{row}", fields[name]
+        component: int | str = int(at.component) if at.component.isdigit() else at.component
+        if at.region == "trig":
+            component = 0 if name == "cos" else "ANGLES"
+        return at.variable, f"a->{at.region}{row}", component
 
     # -- the ground ------------------------------------------------------------------------------------------------
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from ..mechanics.expansion import Program
 from ..mechanics.kinds import EarKind, System
+from ..mechanics.stores import COUPLING_BLOCK, EAR_RECORD, LANE, ME, RECORD, REGION_LANE, REGION_RECORD, UP
 
 
 class Layout:
@@ -35,18 +36,18 @@ class Layout:
         used: dict[str, set[str]] = {}
         for sweep, blocks in program.blocks.items():
             for b in blocks.values():
-                for a, n in [*b.loads.values(), *((a, n) for a, n, _ in b.stores)]:
-                    if a in ("me", "up"):
+                for store, n in [*b.loads.values(), *((a, n) for a, n, _ in b.stores)]:
+                    if store is ME or store is UP:
                         used.setdefault(n, set()).add(sweep)
         passing = {n for n, sweeps in used.items() if all(n in program.transient.get(x, ()) for x in sweeps)}
-        self.record = {name: i for i, name in enumerate(n for n in program.records if n not in passing)}
+        self.record = {name: i for i, name in enumerate(n for n in program.fields[RECORD] if n not in passing)}
         self.near = {sweep: {name: i for i, name in enumerate(fields)} for sweep, fields in program.transient.items()}
         self.near_size = -(-max((len(f) for f in program.transient.values()), default=0) // 8) * 8
-        self.lane = {name: i for i, name in enumerate(program.lanes)}
-        self.ear = {name: i for i, name in enumerate(program.ears)}
-        self.region = {name: i for i, name in enumerate(program.regions)}
-        self.coupling = {name: i for i, name in enumerate(program.couplings)}
-        self.region_lane = {name: i for i, name in enumerate(program.region_lanes)}
+        self.lane = {name: i for i, name in enumerate(program.fields[LANE])}
+        self.ear = {name: i for i, name in enumerate(program.fields[EAR_RECORD])}
+        self.region = {name: i for i, name in enumerate(program.fields[REGION_RECORD])}
+        self.coupling = {name: i for i, name in enumerate(program.fields[COUPLING_BLOCK])}
+        self.region_lane = {name: i for i, name in enumerate(program.fields[REGION_LANE])}
         self.slots = {sweep: {name: i for i, name in enumerate(fields)} for sweep, fields in program.slots.items()}
         self.slot_size = max((len(f) for f in program.slots.values()), default=0)
         self._constants(system)

@@ -11,11 +11,14 @@ from typing import Any
 from ..mechanics import procedures
 from ..mechanics.expansion import Program
 from ..mechanics.formulas import FormulaKind
-from ..mechanics.kinds import EarKind, LinkKind, SpringKind, UnitKind
+from ..mechanics.kinds import UnitKind
 from ..mechanics.outputs import RecordFormula
+from ..mechanics.stores import COUPLING_BLOCK, EAR_RECORD, MARGIN, RECORD, REGION_RECORD
 from ..program.block import Block
 from ..program.procedure import Procedure, routines
+from ..program.store import Store
 from . import numpy_functions
+from .address import REGIONS
 from .function import in_lines
 from .numpy_functions import NumpyFunctions
 from .printer import NumpyPrinter
@@ -23,20 +26,14 @@ from .repetition import Repeated, repeated
 from .templates import render
 from .writer import Located, Place, Writer
 
-OF_COORDINATES = ("q", "dq", "qdot", "dqdot", "step")
-OF_SPEEDS = ("u", "given_u", "du", "udot", "dudot", "tau", "dtau", "b", "force", "dforce")
-OF_LINKS = {
-    **dict.fromkeys(("me", "up", "root", "base", "partner", "ground", "one", "two"), "records"),
-    **dict.fromkeys(("lme", "lup", "lroot", "lbase", "lpartner", "lground"), "slots"),
-    **dict.fromkeys(("lane", "laneroot", "lanebase", "lanepartner", "laneone", "lanetwo"), "lanes"),
-}
-"""Memory of links, by array."""
-SCALARS = ("records", "ears", "regions", "couplings")
+SCALARS = (RECORD, EAR_RECORD, REGION_RECORD, COUPLING_BLOCK)
 """Memory whose numbers are NumPy's: Python's 1.0/0.0 would raise, NumPy's is found by the pivot check."""
 
 
 class NumpyWriter(Writer):
     """NumPy source of a program; a place is (variable of a dict, its expression, text that follows)."""
+
+    numbered = False
 
     def __init__(
         self,
@@ -51,13 +48,13 @@ class NumpyWriter(Writer):
 
     # -- the language ----------------------------------------------------------------------------------------------
 
-    def lines(self, block: Block, place: Place, culprit: Callable[[str, str], str] | None = None) -> list[str]:
+    def lines(self, block: Block, place: Place, culprit: Callable[[str], str] | None = None) -> list[str]:
         taken = {s.name for s in block.loads} | {s.target.name for s in block.statements}
         variables: dict[str, str] = {}
         body: list[str] = []
 
-        def access(array: str, name: str) -> str:
-            variable, expression, text = place(array, name)
+        def access(store: Store, name: str) -> str:
+            variable, expression, text = place(store, name)
             if not variable:
                 return f"{expression}{text}"
             if variable in taken:
@@ -65,23 +62,23 @@ class NumpyWriter(Writer):
             variables[variable] = f"{variable} = {expression}"
             return f"{variable}{text}"
 
-        for symbol, (array, name) in block.loads.items():
-            body.append(f"{symbol} = {access(array, name)}")
+        for symbol, (store, name) in block.loads.items():
+            body.append(f"{symbol} = {access(store, name)}")
         tag = ""
         for s in block.statements:
             comment = f"  # {s.tag}" if s.tag and s.tag != tag else ""
             tag = s.tag
             body.append(f"{s.target} = {self.printer(s.expression)}{comment}")
-        for array, name, value in block.stores:
+        for store, name, value in block.stores:
             text = self.printer(value)
-            if array in ("pivot", "rank"):
+            if store.memory is MARGIN:
                 assert culprit is not None
-                body.append(f"check_pivot(a, {text}, {_plain(culprit(array, name))})")
+                body.append(f"check_pivot(a, {text}, {_plain(culprit(name))})")
                 continue
-            if self._memory(array) in SCALARS and value.is_Number:
+            if store.memory in SCALARS and value.is_Number:
                 text = "ZERO" if value == 0 else f"np.float64({text})"
-            where = access(array, name)
-            body.append(f"{where} = {where} + {text}" if array.endswith("_sum") else f"{where} = {text}")
+            where = access(store, name)
+            body.append(f"{where} = {where} + {text}" if store.adds else f"{where} = {text}")
         return [*variables.values(), *body]
 
     def signature(self, name: str, lanes: bool, indexed: bool) -> str:
@@ -107,95 +104,22 @@ class NumpyWriter(Writer):
     def add_table(self, name: str, rows: list[list[int]] | list[list[float]]) -> None:
         self.tables[name] = [", ".join(map(repr, row)) for row in rows]
 
-    @staticmethod
-    def _memory(array: str) -> str:
-        stem = array.partition("#")[0].removesuffix("_sum")
-        return OF_LINKS.get(stem) or {
-            "ear": "ears",
-            "region": "regions",
-            "lregion": "region_lanes",
-            "own": "couplings",
-            "pair": "couplings",
-        }.get(stem, "")
-
-    def place(self, kind: UnitKind, sweep: str, array: str, name: str) -> Located:
-        system = self.system
-        stem, _, number = array.partition("#")
-        stem = stem.removesuffix("_sum")
-        variable = array.removesuffix("_sum").replace("#", "_")
-
-        def of_links(column: str, of: list[int] | None = None) -> str:
-            return _plain(self.of_links(kind, sweep, array, column, of))
-
-        if stem in OF_LINKS:
-            return variable, f"a.{OF_LINKS[stem]}[{of_links('NUMBER')}]", f'["{name}"]'
-        if stem == "ear":
-            numbers = [system.regions.order[i].number for i in kind.units]
-            return "ear", f"a.ears[{_plain(self.entry(kind, sweep, 'EAR', numbers))}]", f'["{name}"]'
-        if stem in ("own", "pair"):
-            return variable, f"a.couplings[{_plain(self.coupling_slot(kind, sweep, array))}]", f'["{name}"]'
-        if stem in ("region", "lregion"):
-            at = _plain(self.entry(kind, sweep, "REGION", self.numbers_of_regions(kind)))
-            return stem, f"a.{self._memory(array)}[{at}]", f'["{name}"]'
-        if stem == "reaction":
-            return self.element(stem, f"6*{self.of_links(kind, sweep, array, 'NUMBER')} + {name}")
-        if stem == "loop_reaction":
-            assert isinstance(kind, EarKind)
-            at = self.entry(kind, sweep, f"LOOP{number}", self.loops_meant(kind, array))
-            return self.element(stem, f"6*{at} + {name}")
-        if stem == "condition":
-            assert isinstance(kind, EarKind)
-            return self.element(stem, _plain(self.entry(kind, sweep, f"LOOP{number}", self.loops_meant(kind, array))))
-        if stem in ("position", "velocity", "dposition"):
-            assert isinstance(kind, EarKind)
-            begins = [self.closure_offsets[n] for n in self.loops_meant(kind, array)]
-            return self.element(stem, _index(self.entry(kind, sweep, f"LOOP{number}_ROWS", begins), int(name)))
-        if stem in OF_COORDINATES:
-            return self.element(stem, _index(of_links("Q", [link.q for link in system.links]), int(name)))
-        if stem in OF_SPEEDS:
-            return self.element(stem, _index(of_links("U", [link.u for link in system.links]), int(name)))
-        if stem == "trig":
-            return self.element(name, of_links("TRIG", self.layout.trig_of))
-        if stem in ("dp", "cldp", "csdp"):
-            return self.element("dp", _plain(self.parameter(kind, sweep, array, int(name))))
-        if stem in ("energy", "denergy"):
-            return self.element(stem, "0")
-        if stem in ("potential", "dpotential"):
-            return self.element(stem.replace("potential", "energy"), "1")
-        if stem in ("coefficient", "dcoefficient"):
-            at = self.entry(kind, sweep, "COEFFICIENTS", [3 * n for n in kind.members])
-            return self.element(stem, _index(at, int(name)))
-        if stem == "cs":
-            assert isinstance(kind, SpringKind)
-            if name in kind.data:
-                values = [self.layout.spring_number_offsets[n] for n in kind.members]
-                return "", "numbers", f"[{_index(self.entry(kind, sweep, 'NUMBERS', values), kind.data[name])}]"
-            at = self.entry(kind, sweep, "CONSTANTS", [system.spring_constants[n].index for n in kind.members])
-            return variable, f"a.constants[{_plain(at)}]", f'["{name}"]'
-        if stem == "c":
-            of_kind = kind.links[int(number)] if isinstance(kind, EarKind) else kind
-            assert isinstance(of_kind, LinkKind)
-            if name in of_kind.data:
-                return "", "numbers", f"[{_index(of_links('NUMBERS', self.layout.number_offsets), of_kind.data[name])}]"
-            at = of_links("CONSTANTS", [c.index for c in system.constants_of])
-            return variable, f"a.constants[{at}]", f'["{name}"]'
-        if stem == "cl":
-            assert isinstance(kind, EarKind)
-            closure, loops = kind.closures[int(number)], self.loops_meant(kind, array)
-            if name in closure.data:
-                at = self.entry(
-                    kind, sweep, f"LOOP{number}_NUMBERS", [self.layout.closure_number_offsets[n] for n in loops]
-                )
-                return "", "numbers", f"[{_index(at, closure.data[name])}]"
-            at = self.entry(kind, sweep, f"LOOP{number}_CONSTANTS", [system.closure_constants[n].index for n in loops])
-            return variable, f"a.constants[{_plain(at)}]", f'["{name}"]'
-        raise KeyError(array)
+    def place(self, kind: UnitKind, sweep: str, store: Store, name: str) -> Located:
+        at = self.addresses.address(kind, sweep, store, name)
+        if at.region in REGIONS.values() or at.region == "constants":
+            return at.variable, f"a.{at.region}[{_plain(at.row)}]", f'["{name}"]'
+        if at.region == "trig":
+            return self.element(name, _plain(at.row))
+        if not at.row:
+            return self.element(at.region, _plain(at.component))
+        index = _index(at.row, int(at.component))
+        return ("", "numbers", f"[{index}]") if at.region == "numbers" else self.element(at.region, index)
 
     def element(self, array: str, index: str) -> Located:
         return "", f"a.{array}", f"[{index}]"
 
-    def field_of_record(self, array: str, link: str, name: str) -> Located:
-        return array, f"a.{OF_LINKS[array]}[{link}]", f'["{name}"]'
+    def field_of_record(self, store: Store, link: str, name: str) -> Located:
+        return store.name, f"a.{REGIONS[store.memory]}[{link}]", f'["{name}"]'
 
     def constant(self, shape: int, constants: str, name: str) -> Located:
         return "c", f"a.constants[{constants}]", f'["{name}"]'
@@ -246,7 +170,7 @@ class NumpyWriter(Writer):
 
     def pivots(self, sweep: str) -> bool:
         """Whether a sweep checks pivots."""
-        return any(array in ("pivot", "rank") for b in self.blocks[sweep].values() for array, _, _ in b.stores)
+        return any(store.memory is MARGIN for b in self.blocks[sweep].values() for store, _, _ in b.stores)
 
     def memory(self) -> list[str]:
         """Lines that give a call its memory."""

@@ -9,13 +9,14 @@ from typing import Any
 from ..loops.description import describe
 from ..loops.errors import AssemblyError, PartitionError
 from ..loops.partition import Partition, partition
-from ..mechanics.expansion import LANE as LANE_MEMORY
-from ..mechanics.expansion import RECORD, Program, expand
+from ..mechanics.expansion import Place as MemoryPlace
+from ..mechanics.expansion import Program, expand
 from ..mechanics.formulas import coefficient_formulas, force_formulas, initial_formulas
 from ..mechanics.kinds import RegionKind, System, analyse
 from ..mechanics.orthogonal import RankLossError
 from ..mechanics.outputs import output_formulas, potential_formula
 from ..mechanics.procedures import arrays, procedures, sweeps
+from ..mechanics.stores import LAID_OUT, SLOT
 from ..mechanics.triangularization import ZeroPivotError
 from ..model.collector import collector_paused
 from ..model.errors import ModelError
@@ -149,18 +150,15 @@ def write_solver(
     )
 
 
-def _read_by_formulas(system: System, records: list[Any]) -> set[tuple[str, int, str]]:
-    """Fields of records and lanes that outputs and the potential energy read."""
-    read: set[tuple[str, int, str]] = set()
+def _read_by_formulas(system: System, records: list[Any]) -> set[MemoryPlace]:
+    """Components of records and lanes that outputs and the potential energy read."""
+    read: set[MemoryPlace] = set()
     for r in records:
         for _, link, _, _ in r.rows:
             kind = -1 if link == GROUND else system.kind_of[link].index
             for block in (r.value, r.tangent):
-                for array, name in block.loads.values():
-                    if array == "me":
-                        read.add((RECORD, kind, name))
-                    elif array == "lane":
-                        read.add((LANE_MEMORY, kind, name))
-                    elif array == "lme":
-                        read.add(("slot:moment_tangents", kind, name))
+                for store, name in block.loads.values():
+                    if store.memory in LAID_OUT:
+                        sweep = "moment_tangents" if store.memory is SLOT else ""
+                        read.add(((store.memory, sweep), kind, name))
     return read

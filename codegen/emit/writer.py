@@ -7,34 +7,32 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 from ..mechanics.expansion import Program
 from ..mechanics.formulas import FormulaKind
 from ..mechanics.kinds import EarKind, RegionKind, SpringKind, UnitKind
 from ..mechanics.outputs import RecordFormula
+from ..mechanics.stores import LME, ME, MY_LANE, NUMBER, SHAPE
 from ..mechanics.sweeps import INWARD, SWEEP
-from ..model.model import CLOSURE_ROWS, GROUND
+from ..model.model import GROUND
 from ..program.block import Block
 from ..program.procedure import Formulas, Prepare, Procedure, Run, pruned, routines, walk
+from ..program.store import Store
 from ..version import __version__
+from .address import Addresses
 from .function import Function
-from .memory import IndexTable, Layout
+from .memory import Layout
 
 MAX_STRETCHES = 24
 """More different stretches of links than this, and a sweep dispatches on the kind instead."""
 
-_STEM = {
-    **dict.fromkeys(("root", "lroot", "laneroot"), "ROOT_"), **dict.fromkeys(("base", "lbase", "lanebase"), "BASE_"),
-    **dict.fromkeys(("partner", "lpartner", "lanepartner"), "PARTNER_"),
-}  # fmt: skip
-"""Beginnings of columns of the units' table, by what an array is of."""
 
 Located = tuple[str, str, int | str]
 """Where a field lies, as a target writes it: name of a pointer, the expression it starts as, index or text."""
 
-Place = Callable[[str, str], Located]
+Place = Callable[[Store, str], Located]
 Column = Callable[[int], str]
 """The expression of an integer column of the current row of a table."""
 
@@ -53,6 +51,9 @@ class Writer(ABC):
         The functions of the solver.
     """
 
+    numbered = True
+    """Places in memory are numbers, not names."""
+
     def __init__(
         self,
         program: Program,
@@ -67,16 +68,13 @@ class Writer(ABC):
         self.formulas = formulas
         self.records = records
         self.layout = Layout(program)
-        self.links = IndexTable("link", len(self.system.links))
-        self.units = self.links if self.system.independent_links else IndexTable("unit", len(self.system.regions.order))
-        self.springs = IndexTable("spring", len(self.model.springs))
+        self.addresses = Addresses(program, self.layout, self.numbered)
         self.parameter_places = {name: i for i, name in enumerate(self.model.parameter_names)}
-        self._of_links: dict[tuple[Any, ...], str] = {}
 
     # -- the language ----------------------------------------------------------------------------------------------
 
     @abstractmethod
-    def lines(self, block: Block, place: Place, culprit: Callable[[str, str], str] | None = None) -> list[str]:
+    def lines(self, block: Block, place: Place, culprit: Callable[[str], str] | None = None) -> list[str]:
         """Lines of a block; `culprit` gives the number of the link or loop to name where a pivot is zero."""
 
     @abstractmethod
@@ -104,16 +102,16 @@ class Writer(ABC):
         """Table of equally long rows; asked for twice, it stands there once."""
 
     @abstractmethod
-    def place(self, kind: UnitKind, sweep: str, array: str, name: str) -> Located:
-        """Where a field of a link, an ear or a region of a kind lies."""
+    def place(self, kind: UnitKind, sweep: str, store: Store, name: str) -> Located:
+        """Where a component of a store lies, in the functions of a kind."""
 
     @abstractmethod
     def element(self, array: str, index: str) -> Located:
         """Where an entry of an argument, a seed or a result lies."""
 
     @abstractmethod
-    def field_of_record(self, array: str, link: str, name: str) -> Located:
-        """Where a field of the record (``me``), the lanes (``lane``) or the ground's slot (``lme``) lies."""
+    def field_of_record(self, store: Store, link: str, name: str) -> Located:
+        """Where a component of the record, the lanes or the ground's slot of a link lies."""
 
     @abstractmethod
     def constant(self, shape: int, constants: str, name: str) -> Located:
@@ -133,122 +131,12 @@ class Writer(ABC):
 
     # -- functions of links ----------------------------------------------------------------------------------------
 
-    def instances(self, kind: UnitKind, sweep: str) -> list[int]:
-        """The values that i takes in the functions of a kind."""
-        return kind.units if SWEEP[sweep].units else kind.members
-
-    def links_meant(self, kind: UnitKind, sweep: str, array: str) -> list[int]:
-        """For each instance of a kind, the link that an array is of; the ground has the number after the last."""
-        system, regions = self.system, self.system.regions
-        stem, _, place = array.partition("#")
-        ground = len(system.links)
-        found: list[int] = []
-        for i in self.instances(kind, sweep):
-            if stem in ("partner", "lpartner", "lanepartner"):
-                link = regions.elimination.partners[i].links[int(place)]
-            elif kind.role == "spring":
-                link = system.spring_ends[i].links[stem.removesuffix("_sum").endswith("two")]
-            elif kind.role == "link":
-                link = regions.order[i].number if SWEEP[sweep].units else i
-                if stem in ("up", "lup"):
-                    link = system.links[link].parent
-            elif stem in ("ground", "lground"):
-                link = GROUND
-            else:
-                number = regions.order[i].number
-                if stem in ("base", "lbase", "lanebase"):
-                    region = number if kind.role == "region" else regions.ears[number].region
-                    link = regions.regions[region].base
-                elif stem in ("root", "lroot", "laneroot"):
-                    link = regions.ears[number].roots[int(place)]
-                else:
-                    link = regions.ears[number].links[int(place)]
-            found.append(ground if link == GROUND else link)
-        return found
-
-    def loops_meant(self, kind: EarKind, array: str) -> list[int]:
-        """For each instance of a kind of ears, the loop that an array is of."""
-        place = int(array.partition("#")[2])
-        regions = self.system.regions
-        return [regions.ears[regions.order[i].number].closures[place].loop for i in kind.units]
-
-    def entry(self, kind: UnitKind, sweep: str, column: str, values: list[int]) -> str:
-        """Expression of integers that belong to the instances of a kind."""
-        return self.table(sweep).entry(column, self.instances(kind, sweep), values)
-
-    def table(self, sweep: str) -> IndexTable:
-        """The table of what a sweep goes over."""
-        spec = SWEEP[sweep]
-        return self.springs if spec.spring else self.units if spec.units else self.links
-
-    def of_links(self, kind: UnitKind, sweep: str, array: str, column: str, of: list[int] | None = None) -> str:
-        """Expression of an integer of the link that an array is of: its number, or what `of` lists by link."""
-        key = (kind.index, kind.role, SWEEP[sweep].units, array, column)
-        if key not in self._of_links:
-            self._of_links[key] = self._found_of_links(kind, sweep, array, column, of)
-        return self._of_links[key]
-
-    def _found_of_links(self, kind: UnitKind, sweep: str, array: str, column: str, of: list[int] | None) -> str:
-        links = self.links_meant(kind, sweep, array)
-        place = array.partition("#")[2]
-        column = f"UP{column}" if array in ("up", "lup") else f"{_STEM.get(array.partition('#')[0], '')}{column}{place}"
-        return self.entry(kind, sweep, column, links if of is None else [of[i] for i in links])
-
-    def parameter(self, kind: UnitKind, sweep: str, array: str, j: int) -> str:
-        """Expression of the number of the j-th design parameter that the constants of a link or a loop depend on."""
-        system = self.system
-        place = array.partition("#")[2]
-        if isinstance(kind, SpringKind):
-            owners = [system.spring_constants[n] for n in kind.members]
-            column = f"P{j}"
-        elif array.startswith("cl"):
-            assert isinstance(kind, EarKind)
-            owners = [system.closure_constants[n] for n in self.loops_meant(kind, array)]
-            column = f"LOOP{place}_P{j}"
-        else:
-            owners = [system.constants_of[i] for i in self.links_meant(kind, sweep, array)]
-            column = f"LINK{place}_P{j}" if place else f"P{j}"
-        return self.entry(kind, sweep, column, [self.parameter_places[c.parameters[j]] for c in owners])
-
-    def coupling_slot(self, kind: UnitKind, sweep: str, array: str) -> str:
-        """Expression of the place of a coupling: of those that end with the unit (``own``), or that it adds to (``pair``)."""
-        elimination = self.system.regions.elimination
-        stem, _, place = array.partition("#")
-        units = [elimination.partners[i] for i in kind.units]
-        couplings = [p.own[int(place)] if stem == "own" else p.handed_on[int(place)].coupling for p in units]
-        column = f"{'OWN' if stem == 'own' else 'PAIR'}{place}"
-        return self.entry(kind, sweep, column, [elimination.coupling_slot[c] for c in couplings])
-
-    def numbers_of_regions(self, kind: UnitKind) -> list[int]:
-        """For each instance of a kind of ears or regions, the region."""
-        regions = self.system.regions
-        units = [regions.order[i] for i in kind.units]
-        return [u.number if u.role == "region" else regions.ears[u.number].region for u in units]
-
-    def culprit(self, kind: UnitKind, sweep: str) -> Callable[[str, str], str]:
-        """Number of the link to name when a pivot of a kind is zero; loops are counted after the links, then springs."""
-        regions = self.system.regions
-        links = len(self.system.links)
-
-        def number(array: str, name: str) -> str:
-            if isinstance(kind, RegionKind):
-                values = [regions.regions[regions.order[i].number].freedoms[int(name)][0] for i in kind.units]
-                return self.entry(kind, sweep, f"SOURCE{name}", values)
-            if isinstance(kind, SpringKind):
-                first = links + len(self.model.loops)
-                return self.entry(kind, sweep, "CULPRIT", [first + n for n in kind.members])
-            if isinstance(kind, EarKind):
-                ears = [regions.ears[regions.order[i].number] for i in kind.units]
-                return self.entry(kind, sweep, "LOOP", [links + ear.closures[0].loop for ear in ears])
-            return self.of_links(kind, sweep, "me", "LINK")
-
-        return number
-
     def link_function(self, sweep: str, kind: UnitKind, block: Block) -> Function:
         """The function of a kind of links, ears or regions."""
-        single = len(self.instances(kind, sweep)) == 1
+        single = len(self.addresses.instances(kind, sweep)) == 1
         signature = self.signature(f"{sweep}_{kind.index}", SWEEP[sweep].lanes, not single)
-        lines = self.lines(block, lambda array, name: self.place(kind, sweep, array, name), self.culprit(kind, sweep))
+        place = partial(self.place, kind, sweep)
+        lines = self.lines(block, place, self.addresses.culprit(kind, sweep))
         return Function(f"{block.title}; {self.called(kind)}", signature, lines)
 
     def called(self, kind: UnitKind) -> str:
@@ -281,7 +169,7 @@ class Writer(ABC):
             block = blocks.get(kind)
             if block is None or not block.stores:
                 return []
-            single = len(self.instances(known[kind], sweep)) == 1
+            single = len(self.addresses.instances(known[kind], sweep)) == 1
             return [self.call(f"{sweep}_{kind}", spec.lanes, None if single else i)]
 
         parts = stretches(kinds)
@@ -297,7 +185,7 @@ class Writer(ABC):
                     step = len(pattern)
                     f.lines += self.repeat(start, start + step * count, step, inward, calls)
         else:
-            entry = self.table(sweep).entry("KIND", list(range(len(kinds))), kinds)
+            entry = self.addresses.table(sweep).entry("KIND", list(range(len(kinds))), kinds)
             cases = [(k, c) for k in known for c in call(k, "i")]
             f.lines += self.dispatch(len(kinds), inward, entry, cases)
         return f
@@ -324,7 +212,7 @@ class Writer(ABC):
         self,
         name: str,
         block: Block,
-        place: Callable[[Column, str, str], Located],
+        place: Callable[[Column, Store, str], Located],
         integers: list[list[int]],
         numbers: list[list[float]],
         lanes: bool = False,
@@ -344,15 +232,15 @@ class Writer(ABC):
             used[0] = True
             return f"{table}[i][{j}]"
 
-        def located(array: str, field_: str) -> Located:
-            if array == "k":
-                return self.number_of_row(f"numbers_of_{name}", "0" if single else "i", int(field_))
-            return place(column, array, field_)
+        def located(store: Store, component: str) -> Located:
+            if store is NUMBER:
+                return self.number_of_row(f"numbers_of_{name}", "0" if single else "i", int(component))
+            return place(column, store, component)
 
         f = Function(block.title, self.signature(name, lanes, not single), self.lines(block, located))
         if used[0]:
             self.add_table(table, integers)
-        if any(a == "k" for a, _ in block.loads.values()):
+        if any(store is NUMBER for store, _ in block.loads.values()):
             self.add_table(f"numbers_of_{name}", numbers)
         if single:
             return f, [self.call(name, lanes, None)]
@@ -367,8 +255,8 @@ class Writer(ABC):
                 continue
             rows = [c for c in self.system.constants if c.shape is shape]
 
-            def place(column: Column, array: str, name: str, index: int = shape.index) -> Located:
-                if array == "pc":
+            def place(column: Column, store: Store, name: str, index: int = shape.index) -> Located:
+                if store is SHAPE:
                     return self.constant(index, column(0), name)
                 return self.element("p", column(1 + int(name)))
 
@@ -384,10 +272,10 @@ class Writer(ABC):
         """Functions of the formulas of a target, for values and for tangents."""
         result: dict[str, Any] = {"functions": [], "lane_functions": [], "calls": [], "lane_calls": []}
 
-        def place_formula(column: Column, array: str, name: str) -> Located:
-            if array in (target, f"d{target}"):
-                return self.element(array, column(0))
-            return self.element(array, "0" if array in ("t", "dt") else column(1 + int(name)))
+        def place_formula(column: Column, store: Store, name: str) -> Located:
+            if store.name in (target, f"d{target}"):
+                return self.element(store.name, column(0))
+            return self.element(store.name, "0" if store.name in ("t", "dt") else column(1 + int(name)))
 
         for kind in self.formulas:
             if kind.target == target:
@@ -396,12 +284,12 @@ class Writer(ABC):
                 self._add_pair(result, f"{target}_{kind.index}", kind, place_formula, integers, numbers)
         ground = len(self.system.links)
 
-        def place_record(column: Column, array: str, name: str) -> Located:
-            if array in (target, f"d{target}"):
-                return self.element(array, column(0))
-            if array in ("me", "lane", "lme"):
-                return self.field_of_record(array, column(1), name)
-            return self.element(array, column(2 + int(name)))
+        def place_record(column: Column, store: Store, name: str) -> Located:
+            if store.name in (target, f"d{target}"):
+                return self.element(store.name, column(0))
+            if store in (ME, MY_LANE, LME):
+                return self.field_of_record(store, column(1), name)
+            return self.element(store.name, column(2 + int(name)))
 
         for record in self.records:
             if record.target == target:
@@ -454,15 +342,6 @@ class Writer(ABC):
                 elif key in g.shape.varying:
                     terms.append((g.shape.varying[key], places[p]))
             found.append((name, terms))
-        return found
-
-    @cached_property
-    def closure_offsets(self) -> list[int]:
-        """Where the conditions of each loop begin among all."""
-        found, at = [], 0
-        for loop in self.model.loops:
-            found.append(at)
-            at += sum(CLOSURE_ROWS[loop.type])
         return found
 
     # -- the files -------------------------------------------------------------------------------------------------
@@ -535,7 +414,7 @@ class Writer(ABC):
             "noutputs": len(model.outputs),
             "index_tables": [
                 (t.name, t.count, [f"{t.name.upper()}_{c}" for c in t.columns], t.rows())
-                for t in (self.links, *([] if self.units is self.links else [self.units]), self.springs) if t.columns
+                for t in self.addresses.tables if t.columns
             ],
             "functions": [*self.constants[0], *(f for n in parts if n not in lanes for f in parts[n])],
             "lane_functions": [f for n in parts if n in lanes - self.wide for f in parts[n]],

@@ -13,13 +13,15 @@ from sympy import Float
 
 from ..model.model import CLOSURE_ROWS
 from ..program.block import ANY
+from ..program.store import Store
+from . import fields
 from .closures import stored_factor
 from .completion import dependent_displacements, let3
-from .couplings import partner_array
+from .couplings import partner_store
 from .ears import ZERO, Ear, Twist, rotate
 from .joints import JointTransform
-from .kinematics import load_matrix, load_vector, store_vector
 from .spatial import Vec, add, cross, dot, transpose
+from .stores import BASE, CONDITION, GIVEN_U, ME, POSITION, REGION, ROOTS, STEP, UP, VELOCITY
 
 TINY = Float(1e-30)
 """Keeps the measure of a rotation finite at half a turn."""
@@ -59,36 +61,34 @@ def face_differences(x: Any, ear: Ear) -> list[Twist]:
 
 def residuals(x: Any, kind: Any) -> None:
     """Outward block of an ear: by how much its loops are open, and by how much the given speeds open them."""
-    ear = Ear(x, kind, positions="ro")
+    ear = Ear(x, kind, positions=fields.measured_position)
     gaps = face_differences(x, ear)
     roots: list[Twist] = []
     for t, role in enumerate(kind.roots):
         if role == "link":
-            roots.append(Twist(load_vector(x, f"root#{t}", "rw"), load_vector(x, f"root#{t}", "rv")))
+            roots.append(Twist.load(x, ROOTS[t], fields.measured_velocity))
         elif role == "frame" and not kind.rigid:
-            roots.append(Twist(load_vector(x, "base", "cw"), load_vector(x, "base", "cv")))
+            roots.append(Twist.load(x, BASE, fields.closing_twist))
         elif role == "far":
-            at = f"far{kind.far[t]}"
-            roots.append(Twist(load_vector(x, "region", f"{at}.w"), load_vector(x, "region", f"{at}.v")))
+            roots.append(Twist.load(x, REGION, fields.far_velocity(kind.far[t])))
         else:
             roots.append(Twist(list(ZERO), list(ZERO)))
-    speeds = [[m.view.load("given_u", str(f.index)) for f in m.freedoms] for m in ear.members]
+    speeds = [[m.view.entry(GIVEN_U, f.index) for f in m.freedoms] for m in ear.members]
     velocities = ear.walk(roots, speeds, "g", "Eq. 30")
     rates = ear.face_difference(velocities, roots)
     for c in range(len(kind.closures)):
         for i, row in enumerate(ear.joint_conditions(c)):
             gap, rate = (t[c].angular if row.angular else t[c].linear for t in (gaps, rates))
-            x.store(f"position#{c}", str(i), x.let("gap", dot(row.axis or row.n, gap), "Eq. 32"))
-            x.store(f"velocity#{c}", str(i), x.let("rate", dot(row.n, rate), "Eq. 30"))
+            x.set_entry(POSITION[c], i, x.let("gap", dot(row.axis or row.n, gap), "Eq. 32"))
+            x.set_entry(VELOCITY[c], i, x.let("rate", dot(row.n, rate), "Eq. 30"))
     for k, velocity in enumerate(velocities):
-        store_vector(x, f"me#{k}", "rw", velocity.angular)
-        store_vector(x, f"me#{k}", "rv", velocity.linear)
-        store_vector(x, f"me#{k}", "ro", ear.position(k))
+        x.store(ME[k], fields.measured_velocity, [*velocity.angular, *velocity.linear])
+        x.store(ME[k], fields.measured_position, ear.position(k))
 
 
 def newton_step(x: Any, kind: Any) -> None:
     """Outward block of an ear: the displacements of its dependent joints that close its loops to first order."""
-    ear = Ear(x, kind, positions="ro")
+    ear = Ear(x, kind, positions=fields.measured_position)
     gaps = face_differences(x, ear)
     roots = [_root_step(x, ear, t, role) for t, role in enumerate(kind.roots)]
     rows = [ear.rows()[i] for i in kind.kept]
@@ -104,64 +104,62 @@ def newton_step(x: Any, kind: Any) -> None:
                 sine = sum(weight * dot(one, other) for weight, one, other in row.turning)
                 b[i] = x.let("b", sine + dot(row.n, moved[row.loop].angular), "Eq. 32")
         rates = stored_factor(x, kind).solve([-v for v in b], "dx", "Eq. 35")
-        for (place, name), value in dependent_displacements(x, ear, rates, lanes=False).items():
-            x.store(f"step#{place}", name, value)
+        for (place, i), value in dependent_displacements(x, ear, rates, lanes=False).items():
+            x.set_entry(STEP[place], i, value)
     for k, twist in enumerate(ear.walk(roots, ear.coefficients(rates), "s", "Eq. 35")):
-        store_vector(x, f"me#{k}", "st", twist.angular)
-        store_vector(x, f"me#{k}", "sd", twist.linear)
-        store_vector(x, f"me#{k}", "ro", ear.position(k))
+        x.store(ME[k], fields.ear_step, [*twist.angular, *twist.linear])
+        x.store(ME[k], fields.measured_position, ear.position(k))
         closed_on = kind.links[k].closed_on
         if closed_on == "origin":
-            _store_step(x, f"me#{k}", ZERO, ZERO)
+            _store_step(x, ME[k], ZERO, ZERO)
         if closed_on == "moving":
-            theta, d = load_vector(x, "base", "nt"), load_vector(x, "base", "nd")
+            theta, d = x.load(BASE, fields.step.angular), x.load(BASE, fields.step.linear)
             back = transpose(ear.attitude(k))
             d = add(twist.linear, d, cross(theta, ear.position(k)))
-            _store_step(x, f"me#{k}", rotate(back, add(twist.angular, theta)), rotate(back, d))
+            _store_step(x, ME[k], rotate(back, add(twist.angular, theta)), rotate(back, d))
 
 
 def _root_step(x: Any, ear: Ear, t: int, role: str) -> Twist:
     """Rotation vector and displacement of a root against the base, in region axes."""
     if role == "link":
-        return Twist(load_vector(x, f"root#{t}", "st"), load_vector(x, f"root#{t}", "sd"))
+        return Twist.load(x, ROOTS[t], fields.ear_step)
     if role == "far":
-        at = f"far{ear.kind.far[t]}"
-        return Twist(load_vector(x, "region", f"{at}.nt"), load_vector(x, "region", f"{at}.nd"))
+        return Twist.load(x, REGION, fields.far_step(ear.kind.far[t]))
     if role == "ground":
-        theta, d = ([-e for e in load_vector(x, "base", n)] for n in ("nt", "nd"))
+        theta, d = ([-e for e in x.load(BASE, f)] for f in (fields.step.angular, fields.step.linear))
         return Twist(theta, let3(x, "s", add(d, cross(theta, ear.position(-1 - t))), "Eq. 35", False))
     return Twist(list(ZERO), list(ZERO))
 
 
-def _store_step(x: Any, array: str, theta: Vec, d: Vec) -> None:
-    for name, v in (("nt", theta), ("nd", d)):
-        store_vector(x, array, name, let3(x, name, v, "Eq. 35", False))
+def _store_step(x: Any, store: Store, theta: Vec, d: Vec) -> None:
+    for field, v in ((fields.step.angular, theta), (fields.step.linear, d)):
+        x.store(store, field, let3(x, field.name, v, "Eq. 35", False))
 
 
 def link_step(x: Any, kind: Any) -> None:
     """Outward block of a link that ears start from: its rotation vector and displacement against the origin, in its axes."""
     if kind.closed_on == "origin":
-        _store_step(x, "me", ZERO, ZERO)
+        _store_step(x, ME, ZERO, ZERO)
         return
     joint = JointTransform(x, kind)
-    theta, d = load_vector(x, "up", "nt"), load_vector(x, "up", "nd")
+    theta, d = x.load(UP, fields.step.angular), x.load(UP, fields.step.linear)
     d = add(d, cross(theta, joint.offset()))
-    _store_step(x, "me", joint.to_child(theta, "nt", "Eq. 35"), joint.to_child(d, "nd", "Eq. 35"))
+    _store_step(x, ME, joint.to_child(theta, "nt", "Eq. 35"), joint.to_child(d, "nd", "Eq. 35"))
 
 
 def far_steps(x: Any, kind: Any) -> None:
     """Outward block of a region: displacements of far links against its base, in its axes."""
     for f, m in enumerate(kind.far):
-        W, o = load_matrix(x, "region", f"far{f}.W"), load_vector(x, "region", f"far{f}.o")
-        base, d_base = load_vector(x, "base", "nt"), load_vector(x, "base", "nd")
+        W, o = x.load(REGION, fields.far_attitude(f)), x.load(REGION, fields.far_position(f))
+        base, d_base = x.load(BASE, fields.step.angular), x.load(BASE, fields.step.linear)
         theta, d = list(ZERO), list(ZERO)
         if m >= 0:
-            array = partner_array(kind, m)
-            theta, d = (rotate(W, load_vector(x, array, name)) for name in ("nt", "nd"))
+            far = partner_store(kind, m)
+            theta, d = (rotate(W, x.load(far, field)) for field in (fields.step.angular, fields.step.linear))
         carried = add(d_base, cross(base, o))
-        for name, v, by in (("nt", theta, base), ("nd", d, carried)):
-            moved = let3(x, name, [a - b for a, b in zip(v, by, strict=True)], "Eq. 35", False)
-            store_vector(x, "region", f"far{f}.{name}", moved)
+        step = fields.far_step(f)
+        for name, field, v, by in (("nt", step.angular, theta, base), ("nd", step.linear, d, carried)):
+            x.store(REGION, field, let3(x, name, [a - b for a, b in zip(v, by, strict=True)], "Eq. 35", False))
 
 
 def conditions(x: Any, kind: Any) -> None:
@@ -178,7 +176,7 @@ def conditions(x: Any, kind: Any) -> None:
         size, share = (x.let("size", sum(v * v for v in m.values()), "Eq. 35") for m in (R, inverse))
         value = ANY if x.structural else x.let("condition", sympy.sqrt(size * share) / n, "Eq. 35")
     for c in range(len(kind.closures)):
-        x.store(f"condition#{c}", "0", value if n else 0)
+        x.set_entry(CONDITION[c], 0, value if n else 0)
 
 
 def _inverse(x: Any, R: dict[tuple[int, int], Any], diagonal: list[Any]) -> dict[tuple[int, int], Any]:

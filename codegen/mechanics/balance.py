@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from typing import Any
 
+from . import fields
 from .back_substitution import carry, substitute
 from .couplings import SIX, hand_force, others
 from .inverse_dynamics import hand_on_lanes, transfer
 from .joints import JointTransform, freedom_axes
-from .kinematics import load_vector, store_vector
-from .spatial import XYZ, Vec
-from .triangularization import force_to_parent, own_inertia
+from .spatial import Vec
+from .stores import CONSTANTS, DFORCE, DTAU, DUDOT, LME, LUP, ME, MY_LANE, RIGHT_SIDE, TAU
+from .triangularization import constants_of_inertia, force_to_parent
 
 
 def eliminate(x: Any, kind: Any, P: Vec, forces: list[Any]) -> tuple[Vec, dict[int, Vec]]:
@@ -25,14 +26,16 @@ def eliminate(x: Any, kind: Any, P: Vec, forces: list[Any]) -> tuple[Vec, dict[i
     for j in reversed(range(len(axes))):
         a = axes[j]
         r = x.let("r", forces[j] - P[a], "d Eq. 53", lanes=True)
-        x.store("lane", f"rD.{j}", x.let("rD", r * x.load("me", f"Dinv.{j}"), "d Eq. 53", lanes=True))
+        x.store(
+            MY_LANE, fields.right_side(j), x.let("rD", r * x.load(ME, fields.inverse_pivot(j)), "d Eq. 53", lanes=True)
+        )
         for m, values in of_partners.items():
             for k in SIX:
-                G_of = x.load("me", f"G{j}.{6 + 6 * m + k}")
+                G_of = x.load(ME, fields.gain(j, 6 + 6 * m + k))
                 values[k] = x.let("gp", values[k] + G_of * r, "d Eq. 45", lanes=True)
         if j == 0 and not kind.carried_on:
             break
-        G = [x.load("me", f"G{j}.{i}") for i in range(6)]
+        G = [x.load(ME, fields.gain(j, i)) for i in range(6)]
         P = [forces[j] if i == a else x.let(f"P{i}", P[i] + G[i] * r, "d Eq. 45", lanes=True) for i in range(6)]
     return P, of_partners
 
@@ -42,28 +45,27 @@ def balance_inward(x: Any, kind: Any) -> None:
     axes = freedom_axes(kind.joint, kind.axis)
     P: Vec = []
     phi: Vec = []
-    for field in ("n", "f"):
-        for i in XYZ:
-            key = f"{field}.{i}"
-            P.append(x.let("P", x.load("lane", key) + x.load("lme", f"acc.{key}"), "d Eq. 45", lanes=True))
-            phi.append(x.load("me", f"t{key}") + x.load("me", f"tacc.{key}"))
-    P, of_partners = eliminate(x, kind, P, [x.load("dtau", str(j)) if kind.forced[j] else 0 for j in range(len(axes))])
+    for i in SIX:
+        own, handed = fields.needed.scalars()[i], fields.articulated_force.scalars()[i]
+        P.append(x.let("P", x.load(MY_LANE, own) + x.load(LME, handed), "d Eq. 45", lanes=True))
+        phi.append(x.load(ME, fields.total_needed.scalars()[i]) + x.load(ME, fields.transmitted.scalars()[i]))
+    P, of_partners = eliminate(x, kind, P, [x.entry(DTAU, j) if kind.forced[j] else 0 for j in range(len(axes))])
     for m in others(kind):
         hand_force(x, kind, m, of_partners[m], lanes=True)
         if kind.partners.first[m]:
-            hand_force(x, kind, m, [0] * 6, "tacc.")
+            hand_force(x, kind, m, [0] * 6, fields.transmitted)
     if kind.carried_on:
         # in equilibrium a joint transmits its own force along its freedoms
         for j, a in enumerate(axes):
-            phi[a] = x.load("tau", str(j)) if kind.forced[j] else 0
+            phi[a] = x.entry(TAU, j) if kind.forced[j] else 0
         transfer(x, kind, JointTransform(x, kind), phi, P, of_partners.get(kind.partners.base))
 
 
 def solve_inward(x: Any, kind: Any) -> None:
     """The same recursion for a given right side: ``M x = b``, several b at once."""
     axes = freedom_axes(kind.joint, kind.axis)
-    P = [x.load("lme", f"acc.{field}.{i}") for field in ("n", "f") for i in XYZ]
-    P, _ = eliminate(x, kind, P, [x.load("b", str(j)) for j in range(len(axes))])
+    P = x.load(LME, fields.articulated_force)
+    P, _ = eliminate(x, kind, P, [x.entry(RIGHT_SIDE, j) for j in range(len(axes))])
     if kind.carried_on:
         joint = JointTransform(x, kind, lanes=True)
         n, f = force_to_parent(x, joint, joint.offset(), P[:3], P[3:], "Eq. 45")
@@ -73,38 +75,35 @@ def solve_inward(x: Any, kind: Any) -> None:
 def balance_outward(x: Any, kind: Any) -> None:
     """Back substitution over directions. Eqs. 53-55."""
     joint = JointTransform(x, kind, lanes=True)
-    A = carry(joint, load_vector(x, "lup", "bal"), load_vector(x, "lup", "ba"), "d Eq. 54")
-    substitute(x, kind, A, "lane", "dudot", lanes=True)
-    store_vector(x, "lme", "bal", A[:3])
-    store_vector(x, "lme", "ba", A[3:])
+    A = carry(joint, x.load(LUP, fields.explicit_acceleration), "d Eq. 54")
+    substitute(x, kind, A, MY_LANE, DUDOT, lanes=True)
+    x.store(LME, fields.explicit_acceleration, A)
 
 
 def mass_outward(x: Any, kind: Any) -> None:
     """``M x`` over directions, outward: accelerations from x alone and the force they need."""
     joint = JointTransform(x, kind, lanes=True)
-    A = carry(joint, load_vector(x, "lup", "bal"), load_vector(x, "lup", "ba"), "Eq. 19")
+    A = carry(joint, x.load(LUP, fields.explicit_acceleration), "Eq. 19")
     for j, a in enumerate(freedom_axes(kind.joint, kind.axis)):
-        A[a] = x.let("A", A[a] + x.load("b", str(j)), "Eq. 19", lanes=True)
-    store_vector(x, "lme", "bal", A[:3])
-    store_vector(x, "lme", "ba", A[3:])
+        A[a] = x.let("A", A[a] + x.entry(RIGHT_SIDE, j), "Eq. 19", lanes=True)
+    x.store(LME, fields.explicit_acceleration, A)
     force: Vec = [0] * 6
-    for i, j, name, sign in own_inertia():
-        value = sign * x.load("c", name)
+    for i, j, field, sign in constants_of_inertia():
+        value = sign * x.load(CONSTANTS, field)
         force[i] = force[i] + value * A[j]
         if i != j:
             force[j] = force[j] + value * A[i]
-    for k in range(6):
-        x.store("lane", f"{'nf'[k // 3]}.{XYZ[k % 3]}", x.let("f", force[k], "Eq. 23", lanes=True))
+    x.store(MY_LANE, fields.needed, [x.let("f", e, "Eq. 23", lanes=True) for e in force])
 
 
 def mass_inward(x: Any, kind: Any) -> None:
     """``M x`` over directions, inward: the sum of those forces along the freedoms."""
     P = [
-        x.let("P", x.load("lane", f"{f}.{i}") + x.load("lme", f"acc.{f}.{i}"), "Eq. 45", lanes=True)
-        for f in "nf" for i in XYZ
-    ]  # fmt: skip
+        x.let("P", x.load(MY_LANE, own) + x.load(LME, handed), "Eq. 45", lanes=True)
+        for own, handed in zip(fields.needed.scalars(), fields.articulated_force.scalars(), strict=True)
+    ]
     for j, a in enumerate(freedom_axes(kind.joint, kind.axis)):
-        x.store("dforce", str(j), P[a])
+        x.set_entry(DFORCE, j, P[a])
     if kind.carried_on:
         joint = JointTransform(x, kind, lanes=True)
         n, f = force_to_parent(x, joint, joint.offset(), P[:3], P[3:], "Eq. 45")

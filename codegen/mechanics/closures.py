@@ -9,12 +9,16 @@ from __future__ import annotations
 
 from typing import Any
 
+from ..program.store import Store
+from . import fields
 from .ears import ZERO, Ear, Twist, turned
 from .energy import origin_velocity
 from .joints import JointTransform
-from .kinematics import angular_velocity, load_matrix, load_vector, store_matrix, store_vector
+from .kinematics import angular_velocity
+from .links import identity
 from .orthogonal import Factor, factor, load_factor
-from .spatial import XYZ, Vec, add, cross, is_zero, matmul, matvec, scale, transpose
+from .spatial import Vec, add, cross, is_zero, matmul, matvec, scale, transpose
+from .stores import BASE, EAR, ME, REGION, ROOTS, SPEEDS, UP
 
 
 def own_sources(kind: Any) -> dict[int, tuple[int, int]]:
@@ -32,7 +36,9 @@ def source_twist(x: Any, kind: Any, root: int, c: int) -> Twist:
         unit = [int(i == c - kind.sources - 6 * kind.far[root]) for i in range(6)]
         return Twist(unit[:3], unit[3:])
     if role == "link":
-        return Twist(load_vector(x, f"root#{root}", f"Z{c}.w"), load_vector(x, f"root#{root}", f"Z{c}.v"))
+        return Twist(
+            x.load(ROOTS[root], fields.per_source(c).angular), x.load(ROOTS[root], fields.per_source(c).linear)
+        )
     return Twist(ZERO, ZERO)
 
 
@@ -52,7 +58,7 @@ def closures(x: Any, kind: Any) -> None:
     kept = [i for i in range(len(rows)) if any(not is_zero(c[i]) for c in columns)]
     kind.kept = kept
     f = factor(x, [[c[i] for i in kept] for c in columns], "Eq. 35")
-    kind.structure = f.store("ear", kept, len(rows))
+    kind.structure = f.store(kept, len(rows))
     kept_rows = [rows[i] for i in kept]
     rates: list[Any] = [0] * len(dependents)
     for c in range(kind.total):
@@ -67,46 +73,46 @@ def closures(x: Any, kind: Any) -> None:
         if own is None and all(is_zero(v) for t in roots for v in (*t.angular, *t.linear)):
             # zeros are written too: the links' kinds may be those of other ears, which the source moves
             for d in range(len(dependents)):
-                x.store("ear", f"Y{d}.{c}", 0)
+                x.store(EAR, fields.dependent_rate(d, c), 0)
             for k in range(len(ear.members)):
-                store_vector(x, f"me#{k}", f"Z{c}.w", ZERO)
-                store_vector(x, f"me#{k}", f"Z{c}.v", ZERO)
+                x.store(ME[k], fields.per_source(c).angular, ZERO)
+                x.store(ME[k], fields.per_source(c).linear, ZERO)
             continue
         Y = f.solve([-v for v in b], "Y", "Eq. 37")
         speed = source_speed(x, kind, c, own)
         for d, y in enumerate(Y):
-            x.store("ear", f"Y{d}.{c}", y)
+            x.store(EAR, fields.dependent_rate(d, c), y)
             rates[d] = rates[d] + y * speed
         for k, twist in enumerate(ear.walk(roots, own_coefficients(ear, kind, c, Y), "Z", "Eq. 37")):
-            store_vector(x, f"me#{k}", f"Z{c}.w", twist.angular)
-            store_vector(x, f"me#{k}", f"Z{c}.v", twist.linear)
+            x.store(ME[k], fields.per_source(c).angular, twist.angular)
+            x.store(ME[k], fields.per_source(c).linear, twist.linear)
         if own is not None:
-            x.store("region", f"s{c}", speed)
+            x.store(REGION, fields.source_speed(c), speed)
     rates = [x.let("u", rate, "Eq. 30") for rate in rates]
     for (k, freedom), rate in zip(dependents, rates, strict=True):
-        x.store(f"u#{k}", str(freedom.index), rate)
+        x.set_entry(SPEEDS[k], freedom.index, rate)
     if any(link.closed_on for link in kind.links):
         member_motions(x, ear, rates)
     if kind.positions:
         for k in range(len(ear.members)):
-            store_vector(x, f"me#{k}", "o", ear.position(k))
+            x.store(ME[k], fields.ear_position, ear.position(k))
 
 
 def member_motions(x: Any, ear: Ear, rates: list[Any]) -> None:
     """Attitude, position and velocity, as `link_motion` gives them, of links of an ear that other loops close on. Eqs. 18, 22."""
     kind = ear.kind
-    W_base, o_base = load_matrix(x, "base", "cW"), load_vector(x, "base", "co")
+    W_base, o_base = x.load(BASE, fields.closing_attitude), x.load(BASE, fields.closing_position)
     for k, twist in enumerate(member_velocities(x, ear, rates)):
         if kind.links[k].closed_on == "origin":
-            at_rest(x, f"me#{k}")
+            at_rest(x, ME[k])
         if kind.links[k].closed_on != "moving":
             continue
         W, o = ear.members[k].W, ear.position(k)
-        store_matrix(x, f"me#{k}", "cW", [[x.let("cW", e, "Eq. 22") for e in row] for row in matmul(W_base, W)])
-        store_vector(x, f"me#{k}", "co", [x.let("co", e, "Eq. 22") for e in add(o_base, matvec(W_base, o))])
+        x.store(ME[k], fields.closing_attitude, [[x.let("cW", e, "Eq. 22") for e in row] for row in matmul(W_base, W)])
+        x.store(ME[k], fields.closing_position, [x.let("co", e, "Eq. 22") for e in add(o_base, matvec(W_base, o))])
         back = transpose(W)
-        store_vector(x, f"me#{k}", "cw", [x.let("cw", e, "Eq. 18") for e in matvec(back, twist.angular)])
-        store_vector(x, f"me#{k}", "cv", [x.let("cv", e, "Eq. 18") for e in matvec(back, twist.linear)])
+        x.store(ME[k], fields.closing_twist.angular, [x.let("cw", e, "Eq. 18") for e in matvec(back, twist.angular)])
+        x.store(ME[k], fields.closing_twist.linear, [x.let("cv", e, "Eq. 18") for e in matvec(back, twist.linear)])
 
 
 def member_velocities(x: Any, ear: Ear, rates: list[Any]) -> list[Twist]:
@@ -122,11 +128,11 @@ def member_velocities(x: Any, ear: Ear, rates: list[Any]) -> list[Twist]:
             roots[t] = Twist(
                 add(roots[t].angular, scale(speed, twist.angular)), add(roots[t].linear, scale(speed, twist.linear))
             )
-    speeds = ear.coefficients(rates, lambda k, j: ear.members[k].view.load("u", str(j)))
+    speeds = ear.coefficients(rates, lambda k, j: ear.members[k].view.entry(SPEEDS, j))
     found = ear.walk(roots, speeds, "m", "Eq. 18")
     if not (kind.carried and kind.rigid):
         return found
-    w, v = load_vector(x, "base", "cw"), load_vector(x, "base", "cv")
+    w, v = x.load(BASE, fields.closing_twist.angular), x.load(BASE, fields.closing_twist.linear)
     carried = []
     for k, twist in enumerate(found):
         linear = add(twist.linear, v, cross(w, ear.position(k)))
@@ -139,43 +145,44 @@ def member_velocities(x: Any, ear: Ear, rates: list[Any]) -> list[Twist]:
 def source_speed(x: Any, kind: Any, c: int, own: tuple[int, int] | None) -> Any:
     """The speed that a source stands for."""
     if own is not None:
-        return x.load(f"u#{own[0]}", str(own[1]))
+        return x.entry(SPEEDS[own[0]], own[1])
     if c < kind.sources:
-        return x.load("region", f"s{c}")
+        return x.load(REGION, fields.source_speed(c))
     far, i = divmod(c - kind.sources, 6)
     if kind.rigid:
-        return x.load("region", f"far{far}.{'wv'[i // 3]}.{XYZ[i % 3]}")
-    return x.load("base", f"{'cw' if i < 3 else 'cv'}.{XYZ[i % 3]}")
+        return x.load(REGION, fields.far_velocity(far).scalars()[i])
+    field = fields.closing_twist.angular if i < 3 else fields.closing_twist.linear
+    return x.load(BASE, field.scalars()[i % 3])
 
 
 def stored_factor(x: Any, kind: Any) -> Factor:
     """The factored closure matrix of the ear."""
-    return load_factor(x, "ear", kind.kept, kind.structure)
+    return load_factor(x, kind.kept, kind.structure)
 
 
-def at_rest(x: Any, array: str) -> None:
+def at_rest(x: Any, store: Store) -> None:
     """The motion of the origin."""
-    store_matrix(x, array, "cW", [[int(i == j) for j in range(3)] for i in range(3)])
-    for name in ("co", "cw", "cv"):
-        store_vector(x, array, name, ZERO)
+    x.store(store, fields.closing_attitude, identity())
+    for field in (fields.closing_position, fields.closing_twist.angular, fields.closing_twist.linear):
+        x.store(store, field, ZERO)
 
 
 def link_motion(x: Any, kind: Any) -> None:
     """Outward block of a link that ears start from: attitude, position and velocity against the origin. Eqs. 18, 22."""
     if kind.closed_on == "origin":
-        at_rest(x, "me")
+        at_rest(x, ME)
     if kind.closed_on != "moving":
         return
     joint = JointTransform(x, kind)
-    W = load_matrix(x, "up", "cW")
-    o = add(load_vector(x, "up", "co"), matvec(W, joint.offset()))
+    W = x.load(UP, fields.closing_attitude)
+    o = add(x.load(UP, fields.closing_position), matvec(W, joint.offset()))
     W = turned(x, joint, W)
-    _, w = angular_velocity(x, kind, joint, "cw")
-    v = origin_velocity(x, kind, joint, "cw", "cv")
-    store_matrix(x, "me", "cW", W)
-    store_vector(x, "me", "co", [x.let("co", e, "Eq. 22") for e in o])
-    store_vector(x, "me", "cw", w)
-    store_vector(x, "me", "cv", v)
+    _, w = angular_velocity(x, kind, joint, fields.closing_twist.angular)
+    v = origin_velocity(x, kind, joint, fields.closing_twist.angular, fields.closing_twist.linear)
+    x.store(ME, fields.closing_attitude, W)
+    x.store(ME, fields.closing_position, [x.let("co", e, "Eq. 22") for e in o])
+    x.store(ME, fields.closing_twist.angular, w)
+    x.store(ME, fields.closing_twist.linear, v)
 
 
 __all__ = ["Vec", "closures", "link_motion", "own_coefficients", "own_sources", "source_twist", "stored_factor"]

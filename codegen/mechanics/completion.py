@@ -10,14 +10,36 @@ from typing import Any
 
 from sympy import Rational
 
+from ..program.store import Store
+from . import fields
 from .closures import stored_factor
 from .ear_tangents import EarTangents, tangents_of
 from .ears import ZERO, Ear, Twist, rotate
 from .energy import origin_velocity
 from .joints import JointTransform
-from .kinematics import angular_velocity, load_vector, store_vector
+from .kinematics import angular_velocity
 from .loop_dynamics import root_velocities, speeds_of
 from .spatial import XYZ, Mat, Vec, add, cross, dot, is_zero, matvec, scale, transpose
+from .stores import (
+    BASE,
+    CL_DP,
+    CONSTANTS,
+    COORDINATES,
+    DP,
+    DPOSITION,
+    DQ,
+    DU,
+    LANE_BASE,
+    LANE_ROOTS,
+    LBASE,
+    LME,
+    LOOP_CONSTANTS,
+    LREGION,
+    LROOTS,
+    LUP,
+    MY_LANE,
+    SPEEDS,
+)
 from .tangents import differentiate, store_tangent
 
 
@@ -35,12 +57,12 @@ def link_displacement(x: Any, kind: Any) -> None:
     All are components in the link's axes, against the origin.
     """
     if kind.closed_on == "origin":
-        undisplaced(x, "lme", "lane")
+        undisplaced(x, LME, MY_LANE)
     if kind.closed_on != "moving":
         return
     joint = JointTransform(x, kind)
-    theta = load_vector(x, "lup", "ct")
-    d = load_vector(x, "lup", "cd")
+    theta = x.load(LUP, fields.closing_shift.angular)
+    d = x.load(LUP, fields.closing_shift.linear)
     moving = JointTransform(x, kind, lanes=True)
     r = joint.offset()
     tag = "d Eq. 22"
@@ -48,23 +70,23 @@ def link_displacement(x: Any, kind: Any) -> None:
     local, about = parameter_displacement(x, kind, joint)
     theta_here = moving.to_child(add(theta, about), "ct", tag)
     d_here = moving.to_child(add(d, cross(theta, r), local), "cd", tag)
-    store_vector(x, "lme", "ct", let3(x, "ct", add(theta_here, turn), tag))
-    store_vector(x, "lme", "cd", let3(x, "cd", add(d_here, slide), tag))
-    store_vector(x, "lane", "ct", let3(x, "ct", add(theta_here, turn), tag))
-    store_vector(x, "lane", "cd", let3(x, "cd", add(d_here, slide), tag))
-    _, w = angular_velocity(x, kind, joint, "cw")
-    v = origin_velocity(x, kind, joint, "cw", "cv")
+    shift = [*let3(x, "ct", add(theta_here, turn), tag), *let3(x, "cd", add(d_here, slide), tag)]
+    for store in (LME, MY_LANE):
+        x.store(store, fields.closing_shift, shift)
+    twist = fields.closing_twist
+    _, w = angular_velocity(x, kind, joint, twist.angular)
+    v = origin_velocity(x, kind, joint, twist.angular, twist.linear)
     tangents = differentiate(x, kind, joint)
-    for array in ("lme", "lane"):
-        store_tangent(x, tangents, array, "cw", w)
-        store_tangent(x, tangents, array, "cv", v)
+    for store in (LME, MY_LANE):
+        store_tangent(x, tangents, (store,), twist.angular, w)
+        store_tangent(x, tangents, (store,), twist.linear, v)
 
 
-def undisplaced(x: Any, *arrays: str) -> None:
+def undisplaced(x: Any, *stores: Store) -> None:
     """The origin's."""
-    for array in arrays:
-        for name in ("ct", "cd", "cw", "cv"):
-            store_vector(x, array, name, ZERO)
+    for store in stores:
+        for field in (fields.closing_shift, fields.closing_twist):
+            x.store(store, field, [0] * 6)
 
 
 def joint_displacement(x: Any, kind: Any, joint: JointTransform) -> tuple[Vec, Vec]:
@@ -72,13 +94,13 @@ def joint_displacement(x: Any, kind: Any, joint: JointTransform) -> tuple[Vec, V
     turn: Vec = [0, 0, 0]
     slide: Vec = [0, 0, 0]
     if kind.joint == "revolute":
-        turn[kind.axis] = x.load("dq", "0")
+        turn[kind.axis] = x.entry(DQ, 0)
     elif kind.joint == "prismatic":
-        slide[kind.axis] = x.load("dq", "0")
+        slide[kind.axis] = x.entry(DQ, 0)
     else:
-        turn = [x.load("lane", f"turn.{i}") for i in range(3)]
+        turn = [x.load(MY_LANE, fields.turn(i)) for i in range(3)]
         if kind.joint == "free":
-            moved = matvec(transpose(joint.matrix), [x.load("dq", str(i)) for i in range(3)])
+            moved = matvec(transpose(joint.matrix), [x.entry(DQ, i) for i in range(3)])
             slide = let3(x, "slide", moved, "d Eq. 22")
     return turn, slide
 
@@ -88,18 +110,19 @@ def parameter_displacement(x: Any, kind: Any, joint: JointTransform) -> tuple[Ve
     local: Vec = [0, 0, 0]
     about: Vec = [0, 0, 0]
     for j in range(kind.parameters):
-        dp = x.load("dp", str(j))
-        local = [local[i] + x.load("c", f"r.{a}/{j}") * dp for i, a in enumerate(XYZ)]
+        dp = x.entry(DP, j)
+        dr = x.load(CONSTANTS, fields.joint_place.derivative(j))
+        local = [local[i] + dr[i] * dp for i in range(3)]
         if joint.fixed is not None:
-            dR = [[x.load("c", f"R.{a}{b}/{j}") for b in XYZ] for a in XYZ]
+            dR = x.load(CONSTANTS, fields.joint_attitude.derivative(j))
             if not all(is_zero(e) for row in dR for e in row):
                 about = [
                     about[i] + v * dp
                     for i, v in enumerate(let3(x, "about", rotation_vector(dR, joint.fixed), "d Eq. 22", False))
                 ]
             if joint.joint in ("prismatic", "free"):
-                q = [x.load("q", str(i)) for i in range(3)] if joint.joint == "free" else None
-                moved = matvec(dR, q) if q else [row[joint.axis] * x.load("q", "0") for row in dR]
+                q = [x.entry(COORDINATES, i) for i in range(3)] if joint.joint == "free" else None
+                moved = matvec(dR, q) if q else [row[joint.axis] * x.entry(COORDINATES, 0) for row in dR]
                 local = [local[i] + v * dp for i, v in enumerate(let3(x, "moved", moved, "d Eq. 22", False))]
     return local, about
 
@@ -123,17 +146,17 @@ def root_angles(x: Any, kind: Any, slot: bool) -> tuple[dict[int, Vec], dict[int
     for t, role in enumerate(kind.roots):
         place = -1 - t
         if role == "far":
-            angles[place] = load_vector(x, "lregion", f"far{kind.far[t]}.th")
-            moved[place] = load_vector(x, "lregion", f"far{kind.far[t]}.d")
+            angles[place] = x.load(LREGION, fields.far_shift(kind.far[t]).angular)
+            moved[place] = x.load(LREGION, fields.far_shift(kind.far[t]).linear)
         elif role == "link":
-            angles[place] = load_vector(x, f"lroot#{t}" if slot else f"laneroot#{t}", "th")
+            angles[place] = x.load((LROOTS if slot else LANE_ROOTS)[t], fields.shift.angular)
             if slot:
-                moved[place] = load_vector(x, f"lroot#{t}", "d")
+                moved[place] = x.load(LROOTS[t], fields.shift.linear)
         elif role == "ground":
             # seen from the base, whose axes turn, it is the ground that turns
-            angles[place] = [-v for v in load_vector(x, "lbase" if slot else "lanebase", "ct")]
+            angles[place] = [-v for v in x.load(LBASE if slot else LANE_BASE, fields.closing_shift.angular)]
             if slot:
-                moved[place] = [-v for v in load_vector(x, "lbase", "cd")]
+                moved[place] = [-v for v in x.load(LBASE, fields.closing_shift.linear)]
         else:
             angles[place], moved[place] = list(ZERO), list(ZERO)
     return angles, moved
@@ -156,7 +179,7 @@ def still(kind: Any) -> list[Twist]:
     return [Twist(list(ZERO), list(ZERO)) for _ in kind.roots]
 
 
-def complete_positions(x: Any, ear: Ear, angles: dict[int, Vec], moved: dict[int, Vec]) -> dict[tuple[str, str], Any]:
+def complete_positions(x: Any, ear: Ear, angles: dict[int, Vec], moved: dict[int, Vec]) -> dict[tuple[int, int], Any]:
     """Displacements of the ear's links, put into `angles` and `moved`, and dq of its dependent joints, by link and coordinate."""
     kind, tag = ear.kind, "d Eq. 22"
     for k, member in enumerate(ear.members):
@@ -175,7 +198,7 @@ def complete_positions(x: Any, ear: Ear, angles: dict[int, Vec], moved: dict[int
         theta, d = angles[member.parent], moved[member.parent]
         angles[k] = let3(x, "th", add(theta, rotate(W, let3(x, "about", about, tag)), turn), tag)
         moved[k] = let3(x, "d", add(d, cross(theta, member.rho), rotate(W, let3(x, "dr", local, tag)), slide), tag)
-    dq: dict[tuple[str, str], Any] = {}
+    dq: dict[tuple[int, int], Any] = {}
     rows = [ear.rows()[i] for i in kind.kept]
     if rows:
         b = ear.conditions(rows, cut_displacements(x, ear, angles, moved), "b", "d Eq. 30", lanes=True)
@@ -184,17 +207,16 @@ def complete_positions(x: Any, ear: Ear, angles: dict[int, Vec], moved: dict[int
             angles[k] = let3(x, "th", add(angles[k], added.angular), tag)
             moved[k] = let3(x, "d", add(moved[k], added.linear), tag)
         dq = dependent_displacements(x, ear, rates)
-        for (place, name), value in dq.items():
-            x.store(f"dq#{place}", name, value)
+        for (place, i), value in dq.items():
+            x.set_entry(DQ[place], i, value)
     for k in range(len(ear.members)):
-        for array in ("lme", "lane"):
-            store_vector(x, f"{array}#{k}", "th", angles[k])
-            store_vector(x, f"{array}#{k}", "d", moved[k])
+        for store in (LME[k], MY_LANE[k]):
+            x.store(store, fields.shift, [*angles[k], *moved[k]])
     return dq
 
 
 def complete_velocities(
-    x: Any, ear: Ear, angles: dict[int, Vec], moved: dict[int, Vec], dq: dict[tuple[str, str], Any]
+    x: Any, ear: Ear, angles: dict[int, Vec], moved: dict[int, Vec], dq: dict[tuple[int, int], Any]
 ) -> None:
     """du of the ear's dependent joints, and tangents of its links' velocities."""
     kind = ear.kind
@@ -206,17 +228,16 @@ def complete_velocities(
     seeds: dict[Any, Any] = {}
     held: Vec = []
     for t, role in enumerate(kind.roots):
-        array, names = (f"lroot#{t}", ("rw", "rv")) if role == "link" else ("lbase", ("cw", "cv"))
+        store, field = (LROOTS[t], fields.measured_velocity) if role == "link" else (LBASE, fields.closing_twist)
         if role == "far":
-            array, names = "lregion", (f"far{kind.far[t]}.w", f"far{kind.far[t]}.v")
+            store, field = LREGION, fields.far_velocity(kind.far[t])
         if role in ("link", "far") or (role == "frame" and not kind.rigid):
-            for vector, name in zip((roots[t].angular, roots[t].linear), names, strict=True):
-                seeds.update(tangents_of(vector, load_vector(x, array, name)))
+            seeds.update(tangents_of([*roots[t].angular, *roots[t].linear], x.load(store, field)))
         held += [*roots[t].angular, *roots[t].linear]
         if slides and role != "frame":
             seeds.update(tangents_of(ear.position(-1 - t), moved[-1 - t]))
             held += ear.position(-1 - t)
-    held += [ear.members[k].view.load("u", str(freedom.index)) for k, freedom in ear.dependents()]
+    held += [ear.members[k].view.entry(SPEEDS, freedom.index) for k, freedom in ear.dependents()]
     tangents = EarTangents(ear, angles, seeds, dq)
     tangents.hold(held)
     tangents.run()
@@ -229,17 +250,16 @@ def complete_velocities(
         ]
         tangents.correct([pair for both in pairs for pair in both])
         for (k, freedom), value in zip(ear.dependents(), rates, strict=True):
-            x.store(f"du#{k}", str(freedom.index), value)
+            x.set_entry(DU[k], freedom.index, value)
     for v in ear.fixed:
         if v.kept is not None:
-            store_vector(x, *v.kept, tangents.vector(v.found))
+            x.store(*v.kept, tangents.vector(v.found))
     for k, velocity in enumerate(velocities):
         angular, linear = tangents.vector(velocity.angular), tangents.vector(velocity.linear)
-        for array in ("lme", "lane"):
-            store_vector(x, f"{array}#{k}", "rw", angular)
-            store_vector(x, f"{array}#{k}", "rv", linear)
+        for store in (LME[k], MY_LANE[k]):
+            x.store(store, fields.measured_velocity, [*angular, *linear])
         if kind.links[k].closed_on == "origin":
-            undisplaced(x, f"lme#{k}", f"lane#{k}")
+            undisplaced(x, LME[k], MY_LANE[k])
         if kind.links[k].closed_on == "moving":
             member_displacement(x, ear, k, (angles[k], moved[k]), velocity, Twist(angular, linear))
 
@@ -252,67 +272,75 @@ def member_displacement(x: Any, ear: Ear, k: int, displaced: tuple[Vec, Vec], ve
     w, v, dw, dv = velocity.angular, velocity.linear, tangent.angular, tangent.linear
     theta_whole, d_whole = list(theta), list(d)
     if kind.carried:
-        theta_base, d_base = load_vector(x, "lbase", "ct"), load_vector(x, "lbase", "cd")
+        theta_base, d_base = x.load(LBASE, fields.closing_shift.angular), x.load(LBASE, fields.closing_shift.linear)
         theta_whole, d_whole = add(theta, theta_base), add(d, d_base, cross(theta_base, o))
         if kind.rigid:
-            w_base, dw_base = load_vector(x, "base", "cw"), load_vector(x, "lbase", "cw")
+            w_base, dw_base = x.load(BASE, fields.closing_twist.angular), x.load(LBASE, fields.closing_twist.angular)
             w = let3(x, "w", add(w, w_base), "Eq. 18", False)
-            v = let3(x, "v", add(v, load_vector(x, "base", "cv"), cross(w_base, o)), "Eq. 18", False)
+            v = let3(x, "v", add(v, x.load(BASE, fields.closing_twist.linear), cross(w_base, o)), "Eq. 18", False)
             dw = add(dw, dw_base)
-            dv = add(dv, load_vector(x, "lbase", "cv"), cross(dw_base, o), cross(w_base, d))
+            dv = add(dv, x.load(LBASE, fields.closing_twist.linear), cross(dw_base, o), cross(w_base, d))
     dw = [a - b for a, b in zip(dw, cross(theta, w), strict=True)]
     dv = [a - b for a, b in zip(dv, cross(theta, v), strict=True)]
     back = transpose(W)
-    for name, value in (("ct", theta_whole), ("cd", d_whole), ("cw", dw), ("cv", dv)):
-        own = let3(x, name, matvec(back, let3(x, name, value, tag)), tag)
-        for array in ("lme", "lane"):
-            store_vector(x, f"{array}#{k}", name, own)
+    shift, twist = fields.closing_shift, fields.closing_twist
+    for field, value in (
+        (shift.angular, theta_whole),
+        (shift.linear, d_whole),
+        (twist.angular, dw),
+        (twist.linear, dv),
+    ):
+        own = let3(x, field.name, matvec(back, let3(x, field.name, value, tag)), tag)
+        for store in (LME[k], MY_LANE[k]):
+            x.store(store, field, own)
 
 
 def freedom_displacement(view: Any, kind: Any, joint: JointTransform, j: int) -> Any:
     """Displacement along one freedom of a joint that its dq causes."""
     if kind.joint in ("revolute", "prismatic"):
-        return view.load("dq", "0")
+        return view.entry(DQ, 0)
     if j < 3:
-        return view.load("lane", f"turn.{j}")
+        return view.load(MY_LANE, fields.turn(j))
     column = [row[j - 3] for row in joint.matrix]
-    return view.let("slide", dot(column, [view.load("dq", str(i)) for i in range(3)]), "d Eq. 22", lanes=True)
+    return view.let("slide", dot(column, [view.entry(DQ, i) for i in range(3)]), "d Eq. 22", lanes=True)
 
 
-def dependent_displacements(x: Any, ear: Ear, rates: list[Any], lanes: bool = True) -> dict[tuple[str, str], Any]:
+def dependent_displacements(x: Any, ear: Ear, rates: list[Any], lanes: bool = True) -> dict[tuple[int, int], Any]:
     """dq of dependent joints from displacements along their freedoms; a quaternion's is ``e (0, theta) / 2``."""
-    result: dict[tuple[str, str], Any] = {}
+    result: dict[tuple[int, int], Any] = {}
     values: dict[int, dict[int, Any]] = {}
     for (k, freedom), value in zip(ear.dependents(), rates, strict=True):
         values.setdefault(k, {})[freedom.index] = value
     for k, found in values.items():
         member, kind = ear.members[k], ear.kind.links[k]
         if kind.joint in ("revolute", "prismatic"):
-            result[str(k), "0"] = found[0]
+            result[k, 0] = found[0]
             continue
         # what is dependent in part keeps what was given along its other freedoms; a rotation or displacement without any
         # dependent freedom is as given, a quaternion's length too
         if any(j < 3 for j in found):
             n = 3 if kind.joint == "free" else 0
-            turn = [found[j] if j in found else member.view.load("lane", f"turn.{j}") if lanes else 0 for j in range(3)]
+            turn = [
+                found[j] if j in found else member.view.load(MY_LANE, fields.turn(j)) if lanes else 0 for j in range(3)
+            ]
             half = 1 if x.structural else Rational(1, 2)
             a, b, c = (x.let("half", half * v, "d Eq. 22", lanes=lanes) for v in turn)
-            w, i, j, k_ = (member.view.load("q", str(n + m)) for m in range(4))
+            w, i, j, k_ = (member.view.entry(COORDINATES, n + m) for m in range(4))
             changed = [
                 -(i * a + j * b + k_ * c), w * a + j * c - k_ * b, w * b + k_ * a - i * c, w * c + i * b - j * a,
             ]  # fmt: skip
             for m, value in enumerate(changed):
-                result[str(k), str(n + m)] = x.let("dq", value, "d Eq. 22", lanes=lanes)
+                result[k, n + m] = x.let("dq", value, "d Eq. 22", lanes=lanes)
             if lanes:
                 for m in range(3):
-                    member.view.store("lane", f"turn.{m}", turn[m])
+                    member.view.store(MY_LANE, fields.turn(m), turn[m])
         if any(j >= 3 for j in found):
             slide = [
                 found[j] if j in found else freedom_displacement(member.view, kind, member.joint, j) if lanes else 0
                 for j in range(3, 6)
             ]
             for m, value in enumerate(matvec(member.joint.matrix, slide)):
-                result[str(k), str(m)] = x.let("dq", value, "d Eq. 22", lanes=lanes)
+                result[k, m] = x.let("dq", value, "d Eq. 22", lanes=lanes)
     return result
 
 
@@ -347,23 +375,22 @@ def seed_residuals(x: Any, kind: Any) -> None:
     for t, role in enumerate(kind.roots):
         place = -1 - t
         if role == "far":
-            moved[place] = load_vector(x, "lregion", f"far{kind.far[t]}.d")
+            moved[place] = x.load(LREGION, fields.far_shift(kind.far[t]).linear)
         elif role == "link":
-            moved[place] = load_vector(x, f"laneroot#{t}", "d")
+            moved[place] = x.load(LANE_ROOTS[t], fields.shift.linear)
         elif role == "ground":
             turned = cross(angles[place], ear.position(place))
-            moved[place] = let3(
-                x, "d", [b - a for a, b in zip(load_vector(x, "lanebase", "cd"), turned, strict=True)], "d Eq. 22"
-            )
+            d = x.load(LANE_BASE, fields.closing_shift.linear)
+            moved[place] = let3(x, "d", [b - a for a, b in zip(d, turned, strict=True)], "d Eq. 22")
         else:
             moved[place] = list(ZERO)
     for k in range(len(ear.members)):
-        angles[k], moved[k] = load_vector(x, f"lane#{k}", "th"), load_vector(x, f"lane#{k}", "d")
+        angles[k], moved[k] = x.load(MY_LANE[k], fields.shift.angular), x.load(MY_LANE[k], fields.shift.linear)
     gaps = cut_displacements(x, ear, angles, moved)
     for c in range(len(kind.closures)):
         for i, row in enumerate(ear.joint_conditions(c)):
             value = dot(row.n, gaps[c].angular if row.angular else gaps[c].linear)
-            x.store(f"dposition#{c}", str(i), x.let("open", value, "d Eq. 32", lanes=True))
+            x.set_entry(DPOSITION[c], i, x.let("open", value, "d Eq. 32", lanes=True))
 
 
 def face_displacement(x: Any, ear: Ear, c: int, side: int) -> tuple[Vec, Vec]:
@@ -373,12 +400,13 @@ def face_displacement(x: Any, ear: Ear, c: int, side: int) -> tuple[Vec, Vec]:
     about: Vec = [0, 0, 0]
     closure = ear.kind.closures[c]
     for j in range(closure.parameters):
-        dp = x.load(f"cldp#{c}", str(j))
-        local = [local[i] + x.load(f"cl#{c}", f"{name}.r.{a}/{j}") * dp for i, a in enumerate(XYZ)]
+        dp = x.entry(CL_DP[c], j)
+        dr = x.load(LOOP_CONSTANTS[c], fields.face_place(name).derivative(j))
+        local = [local[i] + dr[i] * dp for i in range(3)]
         if closure.type == "spherical" and not closure.gaps:
             continue
         _, F = ear.face(c, side)
-        dF = [[x.load(f"cl#{c}", f"{name}.F.{a}{b}/{j}") for b in XYZ] for a in XYZ]
+        dF = x.load(LOOP_CONSTANTS[c], fields.face_axes(name).derivative(j))
         if not all(is_zero(e) for row in dF for e in row):
             about = [
                 about[i] + v * dp for i, v in enumerate(let3(x, "about", rotation_vector(dF, F), "d Eq. 30", False))

@@ -18,6 +18,7 @@ from ..program.block import Block, Expansion
 from ..program.derivatives import Tangents
 from ..program.functions import SYMBOLIC, Power, computed, number
 from ..program.passes import simplify
+from .stores import NUMBER, PARAMETER, SHAPE
 
 _LARGE = 100
 
@@ -122,7 +123,7 @@ class Shape:
     parameters : int
         How many design parameters.
     block : Block
-        Computes the constants that depend on parameters: stores ``("pc", field)`` and ``("pc", "field/j")``.
+        Computes the constants that depend on parameters, and their derivatives: components ``r.x`` and ``r.x/0`` of `SHAPE`.
     fields : dict of str to Expr
         Every constant; 0 where it is structurally zero.
     varying : dict of str to str
@@ -154,10 +155,10 @@ def make_shape(index: int, slots: Slots, write: Callable[[Expansion, Callable[[A
     )
 
     def leaf(tree: Any) -> Expr:
-        return x.load("k" if tree[0] == "slot" else "parameter", str(tree[1]))
+        return x.entry(NUMBER if tree[0] == "slot" else PARAMETER, tree[1])
 
     fields = {name: sympy.sympify(value) for name, value in write(x, leaf).items()}
-    parameters = [x.load("parameter", str(j)) for j in range(len(slots.parameters))]
+    parameters = [x.entry(PARAMETER, j) for j in range(len(slots.parameters))]
     # which symbols depend on a parameter
     depends: set[Any] = set(parameters)
     statements = list(x.block.statements)
@@ -171,7 +172,7 @@ def make_shape(index: int, slots: Slots, write: Callable[[Expansion, Callable[[A
         if value.free_symbols & depends:
             varying[name] = first.setdefault(value, name)
             if varying[name] == name:
-                x.store("pc", name, value)
+                x.set_component(SHAPE, name, value)
     for j, p in enumerate(parameters):
         d = Tangents(x, {p: sympy.S.One}, {}, lanes=False)
         for s in statements:
@@ -186,7 +187,7 @@ def make_shape(index: int, slots: Slots, write: Callable[[Expansion, Callable[[A
             else:
                 varying[key] = first.setdefault(value, key)
                 if varying[key] == key:
-                    x.store("pc", key, value)
+                    x.set_component(SHAPE, key, value)
     for name in [n for n in varying if "/" not in n]:
         same = varying[name]
         for j in range(len(parameters)):

@@ -8,27 +8,24 @@ from __future__ import annotations
 
 from typing import Any
 
+from ..program.field import PLACES, SixField
+from ..program.store import Store
+from . import fields
 from .ears import rotate
-from .elimination import BASE
-from .spatial import NINE, PAIRS, XYZ, Mat, Vec, add, cross, is_zero, transpose
+from .elimination import CARRIER
+from .handing_on import accumulate
+from .spatial import Mat, Vec, add, cross, transpose
+from .stores import BASE, LBASE, LPARTNERS, LUP, PAIR, PARTNERS, UP
 
 SIX = range(6)
 
 
-def component(prefix: str, i: int) -> str:
-    """Name of the i-th of six components: ``n.x`` ... ``f.z``."""
-    return f"{prefix}{'nf'[i // 3]}.{XYZ[i % 3]}"
-
-
-def load_coupling(x: Any, array: str) -> Mat:
-    return [[x.load(array, f"{i}{k}") for k in SIX] for i in SIX]
-
-
-def partner_array(kind: Any, m: int, prefix: str = "") -> str:
-    """The array of a partner; of the one that the unit hangs on, as everything else there calls it."""
-    if m in (kind.partners.base, BASE):
-        return prefix + ("up" if kind.role == "link" else "base")
-    return f"{prefix}partner#{m}"
+def partner_store(kind: Any, m: int, lanes: bool = False) -> Store:
+    """The record (or slot) of a partner; of the one that the unit hangs on, as everything else there calls it."""
+    if m in (kind.partners.base, CARRIER):
+        record, slot = (UP, LUP) if kind.role == "link" else (BASE, LBASE)
+        return slot if lanes else record
+    return (LPARTNERS if lanes else PARTNERS)[m]
 
 
 def others(kind: Any) -> list[int]:
@@ -39,42 +36,29 @@ def others(kind: Any) -> list[int]:
 def hand_on(x: Any, kind: Any, block: Any) -> None:
     """Add to the couplings of the links that remain; `block` gives the 6x6 block of two of them, rows first."""
     for n, pair in enumerate(kind.partners.handed_on):
-        value = block(*pair.ends)
-        for i in SIX:
-            for k in SIX:
-                _accumulate(x, f"pair#{n}", f"{i}{k}", value[i][k], pair.first, False, "Eq. 44")
+        accumulate(x, PAIR[n], fields.coupling, block(*pair.ends), pair.first, "Eq. 44")
 
 
 def hand_inertia(x: Any, kind: Any, m: int, Q: Mat) -> None:
     """Add a symmetric 6x6 inertia to what a partner carries."""
-    array, first = partner_array(kind, m), kind.partners.first[m]
-    for p in PAIRS:
-        i, j = XYZ.index(p[0]), XYZ.index(p[1])
-        _accumulate(x, array, f"acc.J.{p}", Q[i][j], first, False, "Eq. 44")
-        _accumulate(x, array, f"acc.M.{p}", Q[3 + i][3 + j], first, False, "Eq. 44")
-    for p in NINE:
-        _accumulate(x, array, f"acc.H.{p}", Q[XYZ.index(p[0])][3 + XYZ.index(p[1])], first, False, "Eq. 44")
+    store, first = partner_store(kind, m), kind.partners.first[m]
+    handed = fields.articulated
+    for J, M, (i, j) in zip(handed.J.scalars(), handed.M.scalars(), PLACES, strict=True):
+        accumulate(x, store, J, Q[i][j], first, "Eq. 44")
+        accumulate(x, store, M, Q[3 + i][3 + j], first, "Eq. 44")
+    accumulate(x, store, handed.H, [row[3:] for row in Q[:3]], first, "Eq. 44")
 
 
-def hand_force(x: Any, kind: Any, m: int, values: Vec, prefix: str = "acc.", lanes: bool = False) -> None:
+def hand_force(
+    x: Any, kind: Any, m: int, values: Vec, field: SixField = fields.articulated_force, lanes: bool = False
+) -> None:
     """Add moment and force to what a partner carries."""
-    array, first = partner_array(kind, m, "l" if lanes else ""), kind.partners.first[m]
-    for i, value in enumerate(values):
-        _accumulate(x, array, component(prefix, i), value, first, lanes, "Eq. 45")
-
-
-def _accumulate(x: Any, array: str, field: str, value: Any, first: bool, lanes: bool, tag: str) -> None:
-    if not first:
-        if is_zero(value):
-            return
-        value = x.let("acc", x.load(array, field) + value, tag, lanes=lanes)
-    x.store(array, field, value)
+    accumulate(x, partner_store(kind, m, lanes), field, values, kind.partners.first[m], "Eq. 45", lanes)
 
 
 def partner_acceleration(x: Any, kind: Any, m: int, lanes: bool) -> Vec:
     """The explicit part of a partner's acceleration, in its own axes."""
-    array = partner_array(kind, m, "l" if lanes else "")
-    return [x.load(array, f"{('bal', 'ba')[i // 3]}.{XYZ[i % 3]}") for i in SIX]
+    return list(x.load(partner_store(kind, m, lanes), fields.explicit_acceleration))
 
 
 # -- motion of a far link against the base ----------------------------------------------------------------------------

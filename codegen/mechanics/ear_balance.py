@@ -13,11 +13,12 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+from . import fields
 from .closures import own_sources, stored_factor
 from .completion import let3, root_angles
-from .couplings import component
 from .ear_tangents import EarTangents, tangents_of
 from .ears import UNIT, Condition, Ear, Twist
+from .handing_on import accumulate
 from .inverse_dynamics import joint_acceleration
 from .joints import JointTransform, freedom_axes
 from .kinematics import (
@@ -25,16 +26,31 @@ from .kinematics import (
     acceleration_matrix,
     body_force,
     less_external,
-    load_matrix,
-    load_vector,
     own_inertia,
-    store_matrix,
-    store_vector,
     turning,
 )
 from .loop_dynamics import carried_accelerations, closing_accelerations, root_velocities, source_accelerations
 from .orthogonal import product
-from .spatial import Mat, Vec, add, cross, is_zero, matvec, transpose
+from .spatial import Mat, Vec, add, cross, matvec, transpose
+from .stores import (
+    BASE,
+    DTAU,
+    DUDOT,
+    EAR,
+    GROUND,
+    LANE_BASE,
+    LANE_ROOTS,
+    LBASE,
+    LGROUND,
+    LME,
+    LREGION,
+    LROOTS,
+    ME,
+    MY_LANE,
+    REGION,
+    ROOTS,
+    TAU,
+)
 from .tangents import pattern
 from .triangularization import force_to_parent
 
@@ -67,21 +83,20 @@ def root_motion(x: Any, kind: Any, t: int) -> tuple[Motion, dict[Any, Any]]:
     """Motion of a root with all of the accelerations, and the tangents of it."""
     role = kind.roots[t]
     if role == "ground":
-        a = load_vector(x, "ground", "ta")
-        return Motion([0] * 3, [0] * 3, a, [[0] * 3] * 3), tangents_of(a, load_vector(x, "lground", "a"))
-    array, prefix = "base", ""
+        a = x.load(GROUND, fields.total.a)
+        return Motion([0] * 3, [0] * 3, a, [[0] * 3] * 3), tangents_of(a, x.load(LGROUND, fields.remainder.a))
+    store, lanes, own, moved = BASE, LBASE, fields.total, fields.remainder
     if role == "far":
-        array, prefix = "region", f"far{kind.far[t]}.o"
+        store, lanes = REGION, LREGION
+        own = moved = fields.far_own(kind.far[t])
     elif role == "link":
-        array = f"root#{t}"
-    moved = [f"{prefix}{n}" for n in ("w", "al", "a", "B")]
-    names = moved if role == "far" else ["tw" if role == "link" else "w", "tal", "ta", "tB"]
-    w, al, a = (load_vector(x, array, n) for n in names[:3])
-    B = load_matrix(x, array, names[3])
+        store, lanes, own = ROOTS[t], LROOTS[t], fields.ear_own
+    w, al, a = (x.load(store, field) for field in (own.w, own.al, own.a))
+    B = x.load(store, own.B)
     seeds: dict[Any, Any] = {}
-    for vector, name in zip((w, al, a), moved[:3], strict=True):
-        seeds.update(tangents_of(vector, load_vector(x, f"l{array}", name)))
-    for row, changed in zip(B, load_matrix(x, f"l{array}", moved[3]), strict=True):
+    for vector, field in ((w, moved.w), (al, moved.al), (a, moved.a)):
+        seeds.update(tangents_of(vector, x.load(lanes, field)))
+    for row, changed in zip(B, x.load(lanes, moved.B), strict=True):
         seeds.update(tangents_of(row, changed))
     return Motion(w, al, a, B), seeds
 
@@ -132,7 +147,7 @@ def ear_balance_out(x: Any, kind: Any) -> None:
     rows = [ear.rows()[i] for i in kind.kept]
     angles, _ = root_angles(x, kind, False)
     for k in range(len(ear.members)):
-        angles[k] = load_vector(x, f"lane#{k}", "th")
+        angles[k] = x.load(MY_LANE[k], fields.shift.angular)
     roots: list[Motion] = []
     seeds: dict[Any, Any] = {}
     for t in range(len(kind.roots)):
@@ -161,21 +176,22 @@ def ear_balance_out(x: Any, kind: Any) -> None:
             pairs += [(m.al, al), (m.a, a)]
         d.correct(pairs)
         for n, (k, freedom) in enumerate(ear.dependents()):
-            x.store(f"lane#{k}", f"x.{freedom.index}", rates[n])
+            x.store(MY_LANE[k], fields.dependent_acceleration(freedom.index), rates[n])
     for k, m in enumerate(motions):
         view, link = ear.members[k].view, kind.links[k]
         needed = body_force(x, m.w, m.al, m.a, m.B, own_inertia(view))
         d.run()
         moment, force = less_external(view, link, needed)
-        d_moment, d_force = less_external(view, link, (d.vector(needed[0]), d.vector(needed[1])), "lane", True)
-        for name, v in (("tw", m.w), ("tal", m.al), ("ta", m.a), ("tn", moment), ("tf", force)):
-            store_vector(x, f"me#{k}", name, v)
-        store_matrix(x, f"me#{k}", "tB", m.B)
-        for name, v in (("w", m.w), ("al", m.al), ("a", m.a)):
-            store_vector(x, f"lme#{k}", name, d.vector(v))
-        store_matrix(x, f"lme#{k}", "B", [d.vector(row) for row in m.B])
-        store_vector(x, f"lane#{k}", "n", d_moment)
-        store_vector(x, f"lane#{k}", "f", d_force)
+        d_moment, d_force = less_external(view, link, (d.vector(needed[0]), d.vector(needed[1])), lanes=True)
+        own, moved = fields.ear_own, fields.remainder
+        for field, v in ((own.w, m.w), (own.al, m.al), (own.a, m.a)):
+            x.store(ME[k], field, v)
+        x.store(ME[k], fields.total_needed, [*moment, *force])
+        x.store(ME[k], own.B, m.B)
+        for field, v in ((moved.w, m.w), (moved.al, m.al), (moved.a, m.a)):
+            x.store(LME[k], field, d.vector(v))
+        x.store(LME[k], moved.B, [d.vector(row) for row in m.B])
+        x.store(MY_LANE[k], fields.needed, [*d_moment, *d_force])
 
 
 def root_positions(x: Any, ear: Ear) -> dict[Any, Any]:
@@ -186,13 +202,13 @@ def root_positions(x: Any, ear: Ear) -> dict[Any, Any]:
     found: dict[Any, Any] = {}
     for t, role in enumerate(kind.roots):
         if role == "far":
-            found.update(tangents_of(ear.position(-1 - t), load_vector(x, "lregion", f"far{kind.far[t]}.d")))
+            found.update(tangents_of(ear.position(-1 - t), x.load(LREGION, fields.far_shift(kind.far[t]).linear)))
         elif role == "link":
-            found.update(tangents_of(ear.position(-1 - t), load_vector(x, f"laneroot#{t}", "d")))
+            found.update(tangents_of(ear.position(-1 - t), x.load(LANE_ROOTS[t], fields.shift.linear)))
         elif role == "ground":
             o = ear.position(-1 - t)
-            turned = cross(load_vector(x, "lanebase", "ct"), o)
-            moved = [-(a + b) for a, b in zip(load_vector(x, "lanebase", "cd"), turned, strict=True)]
+            turned = cross(x.load(LANE_BASE, fields.closing_shift.angular), o)
+            moved = [-(a + b) for a, b in zip(x.load(LANE_BASE, fields.closing_shift.linear), turned, strict=True)]
             found.update(tangents_of(o, let3(x, "do", moved, "d Eq. 22")))
     return found
 
@@ -204,11 +220,12 @@ def slip_tangents(x: Any, kind: Any, velocities: list[Twist]) -> dict[Any, Any]:
         role = kind.roots[t]
         if role == "ground" or (role == "frame" and kind.rigid):
             continue
-        array, names = ("lanebase", ("cw", "cv")) if role == "frame" else (f"laneroot#{t}", ("rw", "rv"))
-        if role == "far":
-            array, names = "lregion", (f"far{kind.far[t]}.w", f"far{kind.far[t]}.v")
-        for vector, name in zip((twist.angular, twist.linear), names, strict=True):
-            found.update(tangents_of(vector, load_vector(x, array, name)))
+        store, field = LANE_ROOTS[t], fields.measured_velocity
+        if role == "frame":
+            store, field = LANE_BASE, fields.closing_twist
+        elif role == "far":
+            store, field = LREGION, fields.far_velocity(kind.far[t])
+        found.update(tangents_of([*twist.angular, *twist.linear], x.load(store, field)))
     return found
 
 
@@ -234,7 +251,7 @@ def ear_balance_in(x: Any, kind: Any) -> None:
     count = len(ear.members)
     angles, _ = root_angles(x, kind, False)
     for k in range(count):
-        angles[k] = load_vector(x, f"lane#{k}", "th")
+        angles[k] = x.load(MY_LANE[k], fields.shift.angular)
     for c in range(len(kind.closures)):
         ear.slip(c)
     d = EarTangents(ear, angles, root_positions(x, ear))
@@ -244,13 +261,13 @@ def ear_balance_in(x: Any, kind: Any) -> None:
     phi: list[Vec] = []
     d_phi: list[Vec] = []
     for k in range(count):
-        fields = [("t", "lane", "")]
+        parts = [(fields.total_needed, MY_LANE[k], fields.needed)]
         if kind.followed[k]:
-            fields.append(("oacc.", "lme", "oacc."))
+            parts.append((fields.root_transmitted, LME[k], fields.root_transmitted))
         if kind.links[k].carries:
-            fields.append(("tacc.", "lme", "acc."))
-        phi.append([sum(x.load(f"me#{k}", component(f, i)) for f, _, _ in fields) for i in SIX])
-        d_phi.append([sum(x.load(f"{array}#{k}", component(f, i)) for _, array, f in fields) for i in SIX])
+            parts.append((fields.transmitted, LME[k], fields.articulated_force))
+        phi.append([sum(x.load(ME[k], field.scalars()[i]) for field, _, _ in parts) for i in SIX])
+        d_phi.append([sum(x.load(store, field.scalars()[i]) for _, store, field in parts) for i in SIX])
     handed: list[Handed] = []
     if rows:
         # what the joints would transmit without the loops' wrenches
@@ -264,16 +281,16 @@ def ear_balance_in(x: Any, kind: Any) -> None:
     handed += transmit(x, ear, phi, d_phi, d)
 
     def missing(k: int, j: int) -> Any:
-        dtau = x.load(f"dtau#{k}", str(j)) if kind.links[k].forced[j] else 0
+        dtau = x.entry(DTAU[k], j) if kind.links[k].forced[j] else 0
         return x.let("dgamma", d_phi[k][place_of(ear, k, j)] - dtau, "d Eq. 53", lanes=True)
 
     r = {c: missing(k, j) for c, (k, j) in own_sources(kind).items()}
     for n, (k, j) in enumerate(dependents(kind)):
         value = missing(k, j)
         for c in range(kind.total):
-            r[c] = r.get(c, 0) + x.load("ear", f"Y{n}.{c}") * value
+            r[c] = r.get(c, 0) + x.load(EAR, fields.dependent_rate(n, c)) * value
     for c, value in r.items():
-        x.store("lregion_sum", f"r{c}", x.let("r", value, "d Eq. 53", lanes=True))
+        x.store(LREGION.sum, fields.source_tangent_force(c), x.let("r", value, "d Eq. 53", lanes=True))
     hand_to_roots(x, kind, handed)
 
 
@@ -290,7 +307,7 @@ def place_of(ear: Ear, k: int, j: int) -> int:
 
 def tau(x: Any, kind: Any, k: int, j: int) -> Any:
     """The model's own force along a freedom."""
-    return x.load(f"tau#{k}", str(j)) if kind.links[k].forced[j] else 0
+    return x.entry(TAU[k], j) if kind.links[k].forced[j] else 0
 
 
 def to_parent(x: Any, member: Any, force: Vec, tag: str) -> Vec:
@@ -397,23 +414,17 @@ def hand_to_roots(x: Any, kind: Any, handed: list[Handed]) -> None:
             continue
         total = [x.let("to_root", v, "Eq. 45") for v in add(*(h.force for h in parts))]
         change = [x.let("to_root", v, "d Eq. 45", lanes=True) for v in add(*(h.tangent for h in parts))]
+        whole, balance = fields.region_transmitted, fields.region_balance
+        if role == "far":
+            whole, balance = fields.far_transmitted(kind.far[t]), fields.far_balance(kind.far[t])
         for i in SIX:
             if role == "link":
-                accumulate_root(x, kind, t, f"root#{t}", component("oacc.", i), total[i], False)
-                accumulate_root(x, kind, t, f"lroot#{t}", component("oacc.", i), change[i], True)
+                part, first = fields.root_transmitted.scalars()[i], kind.first_at[t]
+                accumulate(x, ROOTS[t], part, total[i], first, "Eq. 45")
+                accumulate(x, LROOTS[t], part, change[i], first, "Eq. 45", lanes=True)
                 continue
-            prefix = f"far{kind.far[t]}." if role == "far" else ""
-            x.store("region_sum", component(f"{prefix}t.", i), total[i])
-            x.store("lregion_sum", component(f"{prefix}b.", i), change[i])
-
-
-def accumulate_root(x: Any, kind: Any, t: int, array: str, field: str, value: Any, lanes: bool) -> None:
-    """Add to what a link gets from the ears that start from it; the first one on the way inward writes it."""
-    if not kind.first_at[t]:
-        if is_zero(value):
-            return
-        value = x.let("acc", x.load(array, field) + value, "Eq. 45", lanes=lanes)
-    x.store(array, field, value)
+            x.store(REGION.sum, whole.scalars()[i], total[i])
+            x.store(LREGION.sum, balance.scalars()[i], change[i])
 
 
 # -- outward again -----------------------------------------------------------------------------------------------------
@@ -421,13 +432,13 @@ def accumulate_root(x: Any, kind: Any, t: int, array: str, field: str, value: An
 
 def ear_balance_back(x: Any, kind: Any) -> None:
     """Outward block over directions: tangents of the accelerations of the ear's joints. Eq. 55."""
-    a = source_accelerations(x, kind, "lregion", "lbase")
+    a = source_accelerations(x, kind, True)
     for c, (k, j) in own_sources(kind).items():
-        x.store(f"dudot#{k}", str(j), a[c])
+        x.set_entry(DUDOT[k], j, a[c])
     for n, (k, j) in enumerate(dependents(kind)):
-        value = x.load(f"lane#{k}", f"x.{j}")
+        value = x.load(MY_LANE[k], fields.dependent_acceleration(j))
         for c in range(kind.total):
-            value = value + x.load("ear", f"Y{n}.{c}") * a[c]
-        x.store(f"dudot#{k}", str(j), x.let("dudot", value, "d Eq. 53", lanes=True))
+            value = value + x.load(EAR, fields.dependent_rate(n, c)) * a[c]
+        x.set_entry(DUDOT[k], j, x.let("dudot", value, "d Eq. 53", lanes=True))
     if any(link.carries for link in kind.links):
-        carried_accelerations(x, kind, a, "lme", "lbase", True)
+        carried_accelerations(x, kind, a, True)

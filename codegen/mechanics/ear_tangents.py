@@ -12,8 +12,24 @@ from sympy import Expr, Symbol, sympify
 
 from ..program.block import ANY
 from ..program.derivatives import Tangents
+from ..program.store import Store
+from . import fields
 from .ears import UNIT, Ear
 from .spatial import XYZ, Vec, add, cross, is_zero, matvec
+from .stores import (
+    CL_DP,
+    CL_PARAMETER,
+    CONSTANT,
+    COORDINATES,
+    DP,
+    DQ,
+    DU,
+    LINK,
+    MY_LANE,
+    PARAMETER,
+    SPEEDS,
+    TURNS,
+)
 from .tangents import pattern
 
 
@@ -40,13 +56,13 @@ class EarTangents:
         Rotation vectors (lanes) of links, and of roots by negative places.
     roots : dict of Symbol to value
         Tangents of what the block loads of its roots, from `tangents_of`.
-    dq : dict of (str, str) to value
+    dq : dict of (int, int) to value
         Displacements that the block has found itself, by link and coordinate. None where seeds are complete: then tangents of
         levers have been kept.
     """
 
     def __init__(
-        self, ear: Ear, angles: dict[int, Vec], roots: dict[Any, Any], dq: dict[tuple[str, str], Any] | None = None
+        self, ear: Ear, angles: dict[int, Vec], roots: dict[Any, Any], dq: dict[tuple[int, int], Any] | None = None
     ):
         self.ear = ear
         self.stored = dq is None
@@ -69,35 +85,38 @@ class EarTangents:
     def _scan(self) -> None:
         """Seeds of what has been loaded since the last call."""
         loads = list(self.x.block.loads.items())
-        for symbol, (array, name) in loads[self.scanned :]:
-            stem, _, place = array.partition("#")
-            if stem == "u" and place:
-                self._seed(symbol, self.x.load(f"du#{place}", name))
-            elif stem == "q" and place:
-                found = self.dq.get((place, name))
-                self._seed(symbol, self.x.load(f"dq#{place}", name) if found is None else found)
-            elif stem == "turn":
-                revolute = self.ear.kind.links[int(place)].joint == "revolute"
-                self._seed(
-                    symbol, self.x.load(*((f"dq#{place}", name) if revolute else (f"lane#{place}", f"turn.{name}")))
-                )
-            elif stem in ("c", "cl") and place and "/" not in name:
-                self._transparent(symbol, stem, place, name)
+        for symbol, (store, name) in loads[self.scanned :]:
+            place = store.place
+            if place is None:
+                continue
+            if store is SPEEDS[place]:
+                self._seed(symbol, self.x.component(DU[place], name))
+            elif store is COORDINATES[place]:
+                found = self.dq.get((place, int(name)))
+                self._seed(symbol, self.x.component(DQ[place], name) if found is None else found)
+            elif store is TURNS[place]:
+                revolute = self.ear.kind.links[place].joint == "revolute"
+                seed = self.x.component(DQ[place], name) if revolute else self.x.load(MY_LANE[place], fields.turn(name))
+                self._seed(symbol, seed)
+            elif store.memory is CONSTANT and "/" not in name:
+                self._transparent(symbol, store, place, name)
         self.scanned = len(loads)
 
     def _seed(self, symbol: Symbol, value: Any) -> None:
         if not is_zero(value) and symbol not in self.known:
             self.d.of[symbol] = value
 
-    def _transparent(self, symbol: Symbol, stem: str, place: str, name: str) -> None:
-        kinds = self.ear.kind.links if stem == "c" else self.ear.kind.closures
+    def _transparent(self, symbol: Symbol, store: Store, place: int, name: str) -> None:
+        of_link = store.owner is LINK
+        kinds = self.ear.kind.links if of_link else self.ear.kind.closures
+        parameters, seeds = (PARAMETER, DP) if of_link else (CL_PARAMETER, CL_DP)
         inner: dict[Symbol, Expr] = {}
-        for j in range(kinds[int(place)].parameters):
-            value = self.x.load(f"{stem}#{place}", f"{name}/{j}")
+        for j in range(kinds[place].parameters):
+            value = self.x.component(store, f"{name}/{j}")
             if not is_zero(value):
-                root = self.x.load(f"{'parameter' if stem == 'c' else 'clparameter'}#{place}", str(j))
+                root = self.x.entry(parameters[place], j)
                 inner[root] = value
-                self._seed(root, self.x.load(f"{'dp' if stem == 'c' else 'cldp'}#{place}", str(j)))
+                self._seed(root, self.x.entry(seeds[place], j))
         if inner:
             self.d.transparent[symbol] = inner
 
@@ -119,9 +138,7 @@ class EarTangents:
             v = self.ear.fixed[self.fixed]
             self.fixed += 1
             if v.kept is not None and self.stored:
-                array, field = v.kept
-                moved = [self.x.load(array, f"{field}.{i}") for i in XYZ]
-                self._set(v.found, moved)
+                self._set(v.found, self.x.load(*v.kept))
                 continue
             W = self.ear.attitude(v.place)
             theta = self.angles.get(v.place)

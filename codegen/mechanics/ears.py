@@ -14,28 +14,43 @@ from typing import Any
 from sympy import Rational
 
 from ..model.model import CLOSURE_ROWS
+from ..program.block import Scope, V
+from ..program.field import Field, SixField, VectorField
+from ..program.scalar import Value
+from ..program.store import Store
+from . import fields
 from .joints import JointTransform, freedom_axes
 from .orthogonal import product
 from .spatial import XYZ, Mat, Vec, add, cross, dot, matmul, matvec, scale, transpose
+from .stores import BASE, LOOP_CONSTANTS, ME, MY_LANE, REGION, ROOTS
 
 ZERO: Vec = [0, 0, 0]
 UNIT: Mat = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
 
 
-class MemberView:
-    """The expansion of an ear as one of its links sees it: ``c``, ``q`` and the like are the link's own."""
+class MemberView(Scope):
+    """The expansion of an ear as one of its links sees it: constants, coordinates and records are the link's own."""
 
     def __init__(self, x: Any, place: int):
         self.x = x
         self.place = place
         self.structural = x.structural
         self.tangents = x.tangents
+        self.units = x.units
+        self.title = x.title
+        self.asked = x.asked
 
-    def load(self, array: str, name: str) -> Any:
-        return self.x.load(f"{array}#{self.place}", name)
+    def load(self, store: Store, field: Field[V]) -> V:
+        return self.x.load(store[self.place], field)
 
-    def store(self, array: str, name: str, value: Any) -> None:
-        self.x.store(f"{array}#{self.place}", name, value)
+    def component(self, store: Store, name: str) -> Value:
+        return self.x.component(store[self.place], name)
+
+    def set_component(self, store: Store, name: str, value: Value) -> None:
+        self.x.set_component(store[self.place], name, value)
+
+    def recall(self, store: Store, field: Field[V], value: V) -> None:
+        self.x.recall(store[self.place], field, value)
 
     def let(self, name: str, value: Any, tag: str = "", lanes: bool = False) -> Any:
         return self.x.let(name, value, tag, lanes=lanes)
@@ -60,6 +75,12 @@ class Twist:
 
     angular: Vec
     linear: Vec
+
+    @staticmethod
+    def load(x: Scope, store: Store, field: SixField) -> Twist:
+        """From a field of six components."""
+        six = x.load(store, field)
+        return Twist(six[:3], six[3:])
 
     def at(self, lever: Vec) -> Vec:
         """Linear part at a point of the link."""
@@ -99,14 +120,14 @@ class FixedVector:
     ----------
     found, local : Vec
         In region and in link components.
-    kept : (str, str) or None
+    kept : (Store, VectorField) or None
         Where its tangent is kept once the seeds are complete.
     """
 
     place: int
     found: Vec
     local: Vec
-    kept: tuple[str, str] | None
+    kept: tuple[Store, VectorField] | None
 
 
 @dataclass(slots=True)
@@ -143,11 +164,11 @@ class Ear:
     kind : EarKind
     fresh : bool
         Attitudes are computed; otherwise they are loaded.
-    positions : str
-        Field of the roots' positions.
+    positions : VectorField
+        Of the roots.
     """
 
-    def __init__(self, x: Any, kind: Any, fresh: bool = False, positions: str = "o"):
+    def __init__(self, x: Any, kind: Any, fresh: bool = False, positions: VectorField = fields.ear_position):
         self.x = x
         self.kind = kind
         self.positions = positions
@@ -167,14 +188,10 @@ class Ear:
         if role == "frame":
             return UNIT
         if role == "ground":
-            return transpose([[self.x.load("base", f"cW.{i}{j}") for j in XYZ] for i in XYZ])
+            return transpose(self.x.load(BASE, fields.closing_attitude))
         if role == "far":
-            return [[self.x.load("region", f"{self.far(t)}.W.{i}{j}") for j in XYZ] for i in XYZ]
-        return [[self.x.load(f"root#{t}", f"sW.{i}{j}") for j in XYZ] for i in XYZ]
-
-    def far(self, t: int) -> str:
-        """Fields of a root that is a far link of the region."""
-        return f"far{self.kind.far[t]}"
+            return self.x.load(REGION, fields.far_attitude(self.kind.far[t]))
+        return self.x.load(ROOTS[t], fields.ear_attitude)
 
     def _member(self, k: int, kind: Any, fresh: bool) -> Member:
         view = MemberView(self.x, k)
@@ -182,14 +199,12 @@ class Ear:
         parent = self.kind.parents[k]
         W_parent = self.attitude(parent)
         r = joint.offset()
-        rho = self.fixed_vector("rho", parent, r, kept=(f"lane#{k}", "dr"))
+        rho = self.fixed_vector("rho", parent, r, kept=(MY_LANE[k], fields.lever_tangent))
         if fresh:
             W = turned(view, joint, W_parent)
-            for i in range(3):
-                for j in range(3):
-                    view.store("me", f"sW.{XYZ[i]}{XYZ[j]}", W[i][j])
+            view.store(ME, fields.ear_attitude, W)
         else:
-            W = [[view.load("me", f"sW.{i}{j}") for j in XYZ] for i in XYZ]
+            W = view.load(ME, fields.ear_attitude)
         freedoms = [
             Freedom(a < 3, [W[i][a % 3] for i in range(3)], j)
             for j, a in enumerate(freedom_axes(kind.joint, kind.axis))
@@ -205,7 +220,7 @@ class Ear:
         place: int,
         v: Vec,
         tag: str = "Eq. 22",
-        kept: tuple[str, str] | None = None,
+        kept: tuple[Store, VectorField] | None = None,
     ) -> Vec:
         """Region components of a vector given in a link's; remembered for differentiation."""
         found = self._named(name, rotate(self.attitude(place), v), tag)
@@ -214,16 +229,15 @@ class Ear:
 
     def face(self, c: int, side: int) -> tuple[Vec, Mat]:
         """Origin and axes of a loop joint's face in the components of its link: the joint's axis is a coordinate axis."""
-        array, name = f"cl#{c}", "AB"[side]
-        r = [self.x.load(array, f"{name}.r.{i}") for i in XYZ]
-        F = [[self.x.load(array, f"{name}.F.{i}{j}") for j in XYZ] for i in XYZ]
-        return r, F
+        name = "AB"[side]
+        r = self.x.load(LOOP_CONSTANTS[c], fields.face_place(name))
+        return r, self.x.load(LOOP_CONSTANTS[c], fields.face_axes(name))
 
     def arm(self, c: int, side: int) -> Vec:
         """From the origin of a face's link to the face."""
         r, _ = self.face(c, side)
         place = self.kind.closures[c].faces[side]
-        kept = (f"lane#{place}", f"da{c}{'AB'[side]}") if place >= 0 else None
+        kept = (MY_LANE[place], fields.arm_tangent(c, "AB"[side])) if place >= 0 else None
         return self.fixed_vector("arm", place, r, kept=kept)
 
     @cached_property
@@ -269,12 +283,12 @@ class Ear:
         if role == "frame":
             return ZERO
         if role == "ground":
-            o = [self.x.load("base", f"co.{i}") for i in XYZ]
+            o = self.x.load(BASE, fields.closing_position)
             W = self.attitude(place)
             return self._named("o", [-e for e in rotate(W, o)], "Eq. 22")
         if role == "far":
-            return [self.x.load("region", f"{self.far(t)}.o.{i}") for i in XYZ]
-        return [self.x.load(f"root#{t}", f"{self.positions}.{i}") for i in XYZ]
+            return self.x.load(REGION, fields.far_position(self.kind.far[t]))
+        return self.x.load(ROOTS[t], self.positions)
 
     # -- steps from link to link -----------------------------------------------------------------------------------
 

@@ -16,7 +16,7 @@ from ..model.model import GROUND
 from .links import Link
 from .structure import EarLinks, Region, Unit
 
-BASE = -1
+CARRIER = -1
 """The link that a unit hangs on, among its partners."""
 
 
@@ -28,7 +28,7 @@ class HandedOn:
     ----------
     coupling : int
     ends : tuple of two int
-        Places among the partners, rows first; `BASE` for the link that the unit hangs on.
+        Places among the partners, rows first; `CARRIER` for the link that the unit hangs on.
     first : bool
         The unit is the first to add to it.
     """
@@ -265,7 +265,7 @@ def _couplings(
             if unit.role == "link":
                 at_link.pop(unit.number, None)
                 mine.own = [number[frozenset((unit.number, i))] for i in mine.links]
-            where = {i: BASE if i == base else k for k, i in enumerate([*mine.links, base])}
+            where = {i: CARRIER if i == base else k for k, i in enumerate([*mine.links, base])}
             for pair in combinations(_remaining(partners, base), 2):
                 key = frozenset(pair)
                 rows, columns = sorted(pair, key=place.__getitem__, reverse=True)

@@ -17,34 +17,38 @@ import sympy
 from sympy import Expr
 
 from ..model.model import GROUND
-from ..program.block import Block, Expansion, StructuralExpansion
+from ..program.block import Block, Expansion, FieldError, Scope, StructuralExpansion
 from ..program.operations import Operations, count
 from ..program.passes import PASSES, drop_dead
 from ..program.progress import Progress, silent
+from ..program.store import Life, Memory, Store
+from . import fields
 from .kinds import System, UnitKind
+from .stores import (
+    BASE_LINK,
+    CONSTANT,
+    EAR_ITSELF,
+    FIRST_END,
+    GROUND_LINK,
+    HANDED_COUPLING,
+    LAID_OUT,
+    LINK,
+    OWN_COUPLING,
+    PARENT,
+    PARTNER,
+    RECORD,
+    ROOT,
+    SECOND_END,
+    SLOT,
+)
 from .sweeps import SWEEPS, Sweep
 
 GROUND_KIND = -1
-RECORD, SLOT, LANE = "record", "slot", "lane"
-"""Memory kept per link for one call; kept while neighbours need it; kept per link and direction."""
-EAR, REGION, REGION_LANE = "ear", "region", "region lane"
-"""Memory kept per ear; per region; per region and direction."""
-COUPLING = "coupling"
-"""Memory of the blocks that couple two links, while they wait for one of them to be eliminated."""
+MemoryKey = tuple[Memory, str]
+"""A sort of memory, and the sweep whose slots are meant; without sweep for what outlives one."""
 
-OWN = {"me": RECORD, "lme": SLOT, "lane": LANE}
-PARENTS = {"up": RECORD, "lup": SLOT}
-ROOTS = {"root": RECORD, "lroot": SLOT, "laneroot": LANE}
-BASES = {"base": RECORD, "lbase": SLOT, "lanebase": LANE}
-ENDS = {"one": RECORD, "two": RECORD, "laneone": LANE, "lanetwo": LANE}
-PARTNERS = {"partner": RECORD, "lpartner": SLOT, "lanepartner": LANE}
-COUPLINGS = ("own", "pair")
-GROUNDS = {"ground": RECORD, "lground": SLOT}
-COMMON = {"region": REGION, "region_sum": REGION, "lregion": REGION_LANE, "lregion_sum": REGION_LANE, "ear": EAR}
-"""Arrays by what they are of; those of one of several links end in its place, ``me#1``."""
-
-Field = tuple[str, int, str]
-"""A field of a memory of a kind."""
+Place = tuple[MemoryKey, Any, str]
+"""A component in a memory of a kind."""
 
 
 @dataclass(slots=True)
@@ -55,12 +59,10 @@ class Program:
     ----------
     blocks : dict of str to dict of int to Block
         By sweep and kind.
-    records, lanes : list of str
-        Fields of a link's record, and of what is kept per link and direction.
-    ears, regions, region_lanes, couplings : list of str
-        The same of ears, regions and couplings.
+    fields : dict of Memory to list of str
+        Components that are kept, by sort of memory.
     slots : dict of str to list of str
-        Fields of slots, by sweep.
+        Those of slots, by sweep.
     transient : dict of str to list of str
         Fields of records that need a slot only, by sweep.
     ground_fields : set of str
@@ -74,18 +76,13 @@ class Program:
 
     system: System
     blocks: dict[str, dict[int, Block]] = field(default_factory=dict)
-    records: list[str] = field(default_factory=list)
-    lanes: list[str] = field(default_factory=list)
-    ears: list[str] = field(default_factory=list)
-    regions: list[str] = field(default_factory=list)
-    region_lanes: list[str] = field(default_factory=list)
-    couplings: list[str] = field(default_factory=list)
+    fields: dict[Memory, list[str]] = field(default_factory=dict)
     slots: dict[str, list[str]] = field(default_factory=dict)
     report: list[tuple[str, Operations, float]] = field(default_factory=list)
     sweep_seconds: dict[str, float] = field(default_factory=dict)
     ground_fields: set[str] = field(default_factory=set)
     transient: dict[str, list[str]] = field(default_factory=dict)
-    read_outside: set[Field] = field(default_factory=set)
+    read_outside: set[Place] = field(default_factory=set)
 
 
 class Reach:
@@ -95,11 +92,11 @@ class Reach:
         self.system = system
         regions = system.regions
         self._parents: dict[int, set[int]] = {k.index: set() for k in system.kinds}
-        self._roots: dict[tuple[int, int], set[int]] = {}
+        self._roots: dict[tuple[int, int | None], set[int]] = {}
         self._bases: dict[int, set[int]] = {}
         self._regions: dict[int, set[int]] = {}
-        self._partners: dict[tuple[int, int], set[int]] = {}
-        self._handed_on: dict[tuple[int, int], set[Any]] = {}
+        self._partners: dict[tuple[int, int | None], set[int]] = {}
+        self._handed_on: dict[tuple[int, int | None], set[Any]] = {}
         self._ends: dict[tuple[int, bool], set[int]] = {}
         for spring_kind in system.spring_kinds:
             for n in spring_kind.members:
@@ -133,33 +130,35 @@ class Reach:
     def _link(self, i: int) -> int:
         return GROUND_KIND if i == GROUND else self.system.kind_of[i].index
 
-    def of(self, kind: Any, sweep: Sweep, array: str) -> tuple[str, set[Any]] | None:
-        """Memory and kinds; None for what is no memory."""
-        stem, _, place = array.partition("#")
-        if kind.role == "spring":
-            stem = stem.removesuffix("_sum")
-            return (ENDS[stem], self._ends[kind.index, stem.endswith("two")]) if stem in ENDS else None
-        if stem in OWN:
-            memory, kinds = OWN[stem], {kind.links[int(place)].index if place else kind.index}
-        elif stem in PARENTS:
-            memory, kinds = PARENTS[stem], self._parents[kind.index]
-        elif stem in ROOTS:
-            memory, kinds = ROOTS[stem], self._roots[kind.index, int(place)]
-        elif stem in BASES:
-            memory, kinds = BASES[stem], self._bases[kind.index]
-        elif stem in PARTNERS:
-            memory, kinds = PARTNERS[stem], self._partners[kind.index, int(place)]
-        elif stem in COUPLINGS:
-            memory = COUPLING
-            kinds = {(kind.index, int(place))} if stem == "own" else self._handed_on[kind.index, int(place)]
-        elif stem in GROUNDS:
-            memory, kinds = GROUNDS[stem], {GROUND_KIND}
-        elif stem in COMMON:
-            memory = COMMON[stem]
-            kinds = {kind.index} if stem == "ear" else self._regions[kind.index]
-        else:
+    def of(self, kind: Any, sweep: Sweep, store: Store) -> tuple[MemoryKey, set[Any]] | None:
+        """Memory and kinds; None for what the layout does not place."""
+        if store.memory not in LAID_OUT:
             return None
-        return (f"{memory}:{sweep.name}" if memory == SLOT else memory), kinds
+        key = store.memory, sweep.name if store.memory.life is Life.SWEEP else ""
+        return key, self._kinds(kind, store)
+
+    def _kinds(self, kind: Any, store: Store) -> set[Any]:
+        """Kinds of what a store is of, in the blocks of a kind."""
+        owner, place = store.owner, store.place
+        if owner is LINK:
+            return {kind.index if place is None else kind.links[place].index}
+        if owner is PARENT:
+            return self._parents[kind.index]
+        if owner is ROOT:
+            return self._roots[kind.index, place]
+        if owner is BASE_LINK:
+            return self._bases[kind.index]
+        if owner is PARTNER:
+            return self._partners[kind.index, place]
+        if owner is OWN_COUPLING:
+            return {(kind.index, place)}
+        if owner is HANDED_COUPLING:
+            return self._handed_on[kind.index, place]
+        if owner in (FIRST_END, SECOND_END):
+            return self._ends[kind.index, owner is SECOND_END]
+        if owner is GROUND_LINK:
+            return {GROUND_KIND}
+        return {kind.index} if owner is EAR_ITSELF else self._regions[kind.index]
 
 
 class Patterns:
@@ -168,72 +167,119 @@ class Patterns:
     def __init__(self, system: System):
         self.system = system
         self.reach = Reach(system)
-        self.nonzero: dict[tuple[str, int], dict[str, int | None]] = {}
+        self.nonzero: dict[tuple[MemoryKey, Any], dict[str, int | None]] = {}
         self.overruled = False
         """Whether a sweep has stored something else where an earlier one had stored 1 or -1."""
-        self._known_from: dict[tuple[str, int, str], str] = {}
+        self._known_from: dict[Place, str] = {}
+        self._written: set[Place] = set()
+        self._ground()
 
-    def of(self, memory: str, kind: int) -> dict[str, int | None]:
+    def _ground(self) -> None:
+        """The ground: at rest, accelerating by -g."""
+        gravity = self.system.gravity
+        record = self.of((RECORD, ""), GROUND_KIND)
+        for turned in (fields.attitude, fields.closing_attitude):
+            record |= dict.fromkeys((f"{turned.name}.{ii}" for ii in ("xx", "yy", "zz")), 1)
+        if gravity is None:
+            return
+        for name, value in gravity.shape.fields.items():
+            if value != 0:
+                record |= {name: None, "t" + name: None}
+            if name in gravity.shape.varying:
+                self.of((SLOT, "balance_out"), GROUND_KIND)[name] = None
+
+    def of(self, memory: MemoryKey, kind: Any) -> dict[str, int | None]:
         """Fields that can differ from zero, and the number that they are, if any."""
         return self.nonzero.setdefault((memory, kind), {})
 
-    def is_nonzero(self, kind: UnitKind, sweep: Sweep, array: str, name: str) -> bool:
-        if array.partition("#")[0] in ("c", "cl", "cs"):
-            number = kind.number_of(array, name)
+    def is_nonzero(self, kind: UnitKind, sweep: Sweep, store: Store, name: str) -> bool:
+        if store.memory is CONSTANT:
+            number = kind.number_of(store, name)
             return number is None or number != 0
-        found = self.reach.of(kind, sweep, array)
+        found = self.reach.of(kind, sweep, store)
         return found is None or any(name in self.of(found[0], k) for k in found[1])
 
-    def known(self, kind: UnitKind, sweep: Sweep, array: str, name: str) -> int | None:
+    def known(self, kind: UnitKind, sweep: Sweep, store: Store, name: str) -> int | None:
         """The number 1 or -1 that a field is in every state."""
-        if array.partition("#")[0] in ("c", "cl", "cs"):
-            number = kind.number_of(array, name)
+        if store.memory is CONSTANT:
+            number = kind.number_of(store, name)
             return int(number) if number in (1, -1) else None
-        found = self.reach.of(kind, sweep, array)
+        found = self.reach.of(kind, sweep, store)
         values = {self.of(found[0], k).get(name) for k in found[1]} if found else {None}
         return values.pop() if len(values) == 1 else None
 
-    def number(self, kind: UnitKind, sweep: Sweep, array: str, name: str) -> Any:
+    def number(self, kind: UnitKind, sweep: Sweep, store: Store, name: str) -> Any:
         """A value that is known: a constant of the whole kind, or a field that is 1 or -1."""
-        value = kind.number_of(array, name)
+        value = kind.number_of(store, name)
         if value is not None:
             return value
-        known = self.known(kind, sweep, array, name)
+        known = self.known(kind, sweep, store, name)
         return None if known is None else sympy.Integer(known)
 
     def settle(self, sweep: Sweep) -> None:
-        """Run a sweep's block-writing code on patterns until they do not grow."""
+        """Run a sweep's block-writing code on patterns until they do not grow.
+
+        Raises
+        ------
+        FieldError
+            Something is loaded that neither this sweep nor one before it stores.
+        """
         changed = True
         while changed:
             changed = False
-            zeros: list[tuple[str, int, str]] = []
+            asked: list[tuple[UnitKind, Scope]] = []
+            zeros: list[Place] = []
             for kind in sweep.kinds(self.system):
                 write = sweep.writer(kind)
                 assert write is not None
                 x = StructuralExpansion(
-                    partial(self.is_nonzero, kind, sweep), sweep.tangents, partial(self.known, kind, sweep), sweep.units
+                    sweep.title,
+                    partial(self.is_nonzero, kind, sweep),
+                    sweep.tangents,
+                    partial(self.known, kind, sweep),
+                    sweep.units,
                 )
                 write(x, kind)
-                for (array, name), value in x.stored.items():
-                    found = self.reach.of(kind, sweep, array)
+                asked.append((kind, x))
+                for (store, name), value in x.stored.items():
+                    found = self.reach.of(kind, sweep, store)
                     if found is None:
                         continue
                     for k in found[1]:
-                        fields = self.of(found[0], k)
+                        self._written.add((found[0], k, name))
+                        known = self.of(found[0], k)
                         if value == 0:
                             zeros.append((found[0], k, name))
-                        elif name not in fields:
-                            fields[name] = value
+                        elif name not in known:
+                            known[name] = value
                             self._known_from[found[0], k, name] = sweep.name
                             changed = True
-                        elif fields[name] is not None and fields[name] != value:
+                        elif known[name] is not None and known[name] != value:
                             changed = self._forget(sweep, found[0], k, name)
             if not changed:  # only now is a zero sure to stay one: then the field is not 1 for all
                 for memory, k, name in zeros:
                     if self.of(memory, k).get(name) is not None:
                         changed = self._forget(sweep, memory, k, name)
+        for kind, block in asked:
+            self.check_loads(sweep, kind, block)
 
-    def _forget(self, sweep: Sweep, memory: str, kind: int, name: str) -> bool:
+    def check_loads(self, sweep: Sweep, kind: UnitKind, x: Scope) -> None:
+        """What a block loads must be stored by some block, zeros too, unless others hand it on and there may be none.
+
+        Raises
+        ------
+        FieldError
+            With block, store and component.
+        """
+        for (store, name), asked in x.asked.items():
+            found = self.reach.of(kind, sweep, store)
+            if found is None or asked.handed_on:
+                continue
+            for k in found[1]:
+                if k != GROUND_KIND and (found[0], k, name) not in self._written:
+                    raise FieldError(f"{sweep.title}: {store}.{name} is loaded, and no block stores it")
+
+    def _forget(self, sweep: Sweep, memory: MemoryKey, kind: Any, name: str) -> bool:
         """A field is not the same number in every state."""
         self.of(memory, kind)[name] = None
         self.overruled |= self._known_from.get((memory, kind, name), sweep.name) != sweep.name
@@ -243,7 +289,7 @@ class Patterns:
 def expand(
     system: System,
     sweeps: Iterable[str],
-    read_outside: Iterable[tuple[str, int, str]] = (),
+    read_outside: Iterable[Place] = (),
     progress: Progress = silent,
 ) -> Program:
     """Write the blocks of the named sweeps for every kind, simplify them and lay out their memory.
@@ -253,7 +299,6 @@ def expand(
     wanted = set(sweeps)
     chosen = [s for s in SWEEPS if s.name in wanted and s.kinds(system)]
     patterns = Patterns(system)
-    _ground_pattern(patterns)
     program = Program(system, read_outside=set(read_outside))
     start = clock = time.perf_counter()
     seconds = program.sweep_seconds
@@ -276,6 +321,7 @@ def expand(
                 partial(patterns.number, kind, sweep), kind.alias_of, sweep.tangents, sweep.units,
             )  # fmt: skip
             write(x, kind)
+            patterns.check_loads(sweep, kind, x)
             program.blocks[sweep.name][kind.index] = x.finish()
         seconds[sweep.name], clock = seconds[sweep.name] + time.perf_counter() - clock, time.perf_counter()
     program.report.append(("expand", _total(program), time.perf_counter() - start))
@@ -300,30 +346,16 @@ def expand(
 
 def _check_pattern(patterns: Patterns, kind: UnitKind, sweep: Sweep, block: Block) -> None:
     """What is stored must be within the pattern: others load zero, or a known number, where the pattern says so."""
-    for array, name, value in block.stores:
-        if patterns.reach.of(kind, sweep, array) is None:
+    for store, name, value in block.stores:
+        if patterns.reach.of(kind, sweep, store) is None:
             continue
-        known = patterns.known(kind, sweep, array, name)
+        known = patterns.known(kind, sweep, store, name)
         if known is None and value == 0:
             continue
-        if not patterns.is_nonzero(kind, sweep, array, name) or (known is not None and value != known):
+        if not patterns.is_nonzero(kind, sweep, store, name) or (known is not None and value != known):
             raise AssertionError(
-                f"{sweep.name}, {kind.role} {kind.index}: {array}.{name} = {value} is not in its pattern"
+                f"{sweep.name}, {kind.role} {kind.index}: {store}.{name} = {value} is not in its pattern"
             )
-
-
-def _ground_pattern(patterns: Patterns) -> None:
-    """The ground: at rest, accelerating by -g."""
-    gravity = patterns.system.gravity
-    record = patterns.of(RECORD, GROUND_KIND)
-    record |= dict.fromkeys(("W.xx", "W.yy", "W.zz", "cW.xx", "cW.yy", "cW.zz"), 1)
-    if gravity is None:
-        return
-    for name, value in gravity.shape.fields.items():
-        if value != 0:
-            record |= {name: None, "t" + name: None}
-        if name in gravity.shape.varying:
-            patterns.of(f"{SLOT}:balance_out", GROUND_KIND)[name] = None
 
 
 def _total(program: Program) -> Operations:
@@ -337,19 +369,19 @@ def _total(program: Program) -> Operations:
 def _drop_unread(program: Program, patterns: Patterns, sweeps: list[Sweep]) -> None:
     """Remove what no result depends on, across blocks: stores to memory are needed if a needed statement loads them."""
     reach = patterns.reach
-    needed: set[Field] = set(program.read_outside)
-    blocks: list[tuple[Block, list[set[Field]], dict[Any, list[Field]]]] = []
+    needed: set[Place] = set(program.read_outside)
+    blocks: list[tuple[Block, list[set[Place]], dict[Any, list[Place]]]] = []
     for sweep in sweeps:
         for kind in sweep.kinds(program.system):
             block = program.blocks[sweep.name][kind.index]
-            loads: dict[Any, list[Field]] = {}
-            for symbol, (array, name) in block.loads.items():
-                found = reach.of(kind, sweep, array)
+            loads: dict[Any, list[Place]] = {}
+            for symbol, (store, name) in block.loads.items():
+                found = reach.of(kind, sweep, store)
                 if found is not None:
                     loads[symbol] = [(found[0], k, name) for k in found[1]]
-            targets: list[set[Field]] = []
-            for array, name, _ in block.stores:
-                found = reach.of(kind, sweep, array)
+            targets: list[set[Place]] = []
+            for store, name, _ in block.stores:
+                found = reach.of(kind, sweep, store)
                 targets.append(set() if found is None else {(found[0], k, name) for k in found[1]})
             blocks.append((block, targets, loads))
     before = -1
@@ -368,36 +400,31 @@ def _drop_unread(program: Program, patterns: Patterns, sweeps: list[Sweep]) -> N
     for sweep in sweeps:
         for kind in sweep.kinds(program.system):
             block = program.blocks[sweep.name][kind.index]
-            kept: list[tuple[str, str, Expr]] = []
-            for array, name, value in block.stores:
-                found = reach.of(kind, sweep, array)
+            kept: list[tuple[Store, str, Expr]] = []
+            for store, name, value in block.stores:
+                found = reach.of(kind, sweep, store)
                 if found is None or any((found[0], k, name) in needed for k in found[1]):
-                    kept.append((array, name, value))
+                    kept.append((store, name, value))
             block.stores = kept
             program.blocks[sweep.name][kind.index] = drop_dead(block)
-    program.ground_fields = {n for m, k, n in needed if m == RECORD and k == GROUND_KIND}
+    program.ground_fields = {n for m, k, n in needed if m[0] is RECORD and k == GROUND_KIND}
 
 
 def _lay_out(program: Program) -> None:
     """Order the fields of each memory by first use."""
-    reach = Reach(program.system)
-    found: dict[str, dict[str, None]] = {m: {} for m in (RECORD, LANE, EAR, REGION, REGION_LANE, COUPLING)}
+    found: dict[Memory, dict[str, None]] = {m: {} for m in LAID_OUT if m is not SLOT}
     for sweep in SWEEPS:
         slots: dict[str, None] = {}
         if sweep.name not in program.blocks:
             continue
         for kind in sweep.kinds(program.system):
             block = program.blocks[sweep.name][kind.index]
-            used = [(a, n) for a, n in block.loads.values()] + [(a, n) for a, n, _ in block.stores]
-            for array, name in used:
-                at = reach.of(kind, sweep, array)
-                if at is not None:
-                    found.get(at[0], slots)[name] = None
+            for store, name in [*block.loads.values(), *((a, n) for a, n, _ in block.stores)]:
+                if store.memory in LAID_OUT:
+                    found.get(store.memory, slots)[name] = None
         if slots:
             program.slots[sweep.name] = list(slots)
-    program.records, program.lanes = list(found[RECORD]), list(found[LANE])
-    program.ears, program.regions = list(found[EAR]), list(found[REGION])
-    program.region_lanes, program.couplings = list(found[REGION_LANE]), list(found[COUPLING])
+    program.fields = {memory: list(names) for memory, names in found.items()}
     program.transient = _transient(program)
 
 
@@ -407,26 +434,21 @@ def _transient(program: Program) -> dict[str, list[str]]:
     They need no place of their own in every link: memory for one path through the tree will do, and stays in the cache.
     """
     flows: dict[str, dict[str, set[str]]] = {}
-    crossing: set[str] = {n for m, _, n in program.read_outside if m == RECORD}
-    others = {a for a, m in (PARENTS | ROOTS | BASES | PARTNERS | GROUNDS | ENDS).items() if m == RECORD}
+    crossing: set[str] = {n for m, _, n in program.read_outside if m[0] is RECORD}
     for sweep, blocks in program.blocks.items():
         stored: set[str] = set()
         from_me: set[str] = set()
         from_others: set[str] = set()
         handed_in: set[str] = set()
         for b in blocks.values():
-            for a, n, _ in b.stores:
-                stem = a.partition("#")[0].removesuffix("_sum")
-                if stem == "me" or stem in others:
-                    stored.add(n)
-                if stem in others:
-                    handed_in.add(n)
-            for a, n in b.loads.values():
-                stem = a.partition("#")[0]
-                if stem == "me":
-                    from_me.add(n)
-                elif stem in others:
-                    from_others.add(n)
+            for store, name, _ in b.stores:
+                if store.memory is RECORD:
+                    stored.add(name)
+                    if store.owner is not LINK:
+                        handed_in.add(name)
+            for store, name in b.loads.values():
+                if store.memory is RECORD:
+                    (from_me if store.owner is LINK else from_others).add(name)
         crossing |= (from_me | from_others) - stored - program.ground_fields
         crossing |= from_me - handed_in  # written by an earlier sweep
         for name in stored | from_me | from_others:
@@ -435,7 +457,7 @@ def _transient(program: Program) -> dict[str, list[str]]:
         if any("stored" not in f for f in sweeps.values()) and name not in program.ground_fields:
             crossing.add(name)
     result: dict[str, list[str]] = {}
-    for name in program.records:
+    for name in program.fields[RECORD]:
         if name not in crossing:
             for sweep in flows.get(name, {}):
                 result.setdefault(sweep, []).append(name)

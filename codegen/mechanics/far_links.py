@@ -10,12 +10,17 @@ from __future__ import annotations
 
 from typing import Any
 
-from .couplings import partner_array
+from ..program.store import Store
+from . import fields
+from .couplings import partner_store
 from .ears import rotate
-from .kinematics import acceleration_matrix, load_matrix, load_vector, store_matrix, store_vector
+from .fields import Motion
+from .kinematics import acceleration_matrix
 from .spatial import XYZ, Vec, add, cross, matmul, matvec, transpose
+from .stores import BASE, GROUND, LBASE, LGROUND, LREGION, REGION
 
 ZERO: Vec = [0, 0, 0]
+TWIST = (fields.closing_twist.angular, fields.closing_twist.linear)
 
 
 def _let3(x: Any, name: str, v: Vec, tag: str, lanes: bool = False) -> Vec:
@@ -26,67 +31,70 @@ def _minus(a: Vec, b: Vec) -> Vec:
     return [p - q for p, q in zip(a, b, strict=True)]
 
 
-def _array(kind: Any, m: int, prefix: str = "") -> str:
-    """The array of a far link; m is its place among the partners, -1 for the ground."""
-    return f"{prefix}ground" if m < 0 else partner_array(kind, m, prefix)
+def _store(kind: Any, m: int, lanes: bool = False) -> Store:
+    """The record (or slot) of a far link; m is its place among the partners, -1 for the ground."""
+    return (LGROUND if lanes else GROUND) if m < 0 else partner_store(kind, m, lanes)
 
 
 def far_poses(x: Any, kind: Any) -> None:
     """Outward block of a region, with the closures: attitude, origin and relative velocity of far links. Eqs. 18, 22."""
     for f, m in enumerate(kind.far):
-        array = _array(kind, m)
-        W_base = load_matrix(x, "base", "cW")
+        far = _store(kind, m)
+        W_base = x.load(BASE, fields.closing_attitude)
         back = transpose(W_base)
-        W = [_let3(x, "W", row, "Eq. 22") for row in matmul(back, load_matrix(x, array, "cW"))]
-        apart = _let3(x, "apart", _minus(load_vector(x, array, "co"), load_vector(x, "base", "co")), "Eq. 22")
+        W = [_let3(x, "W", row, "Eq. 22") for row in matmul(back, x.load(far, fields.closing_attitude))]
+        apart = _let3(
+            x, "apart", _minus(x.load(far, fields.closing_position), x.load(BASE, fields.closing_position)), "Eq. 22"
+        )
         o = _let3(x, "o", matvec(back, apart), "Eq. 22")
-        w_base, v_base = load_vector(x, "base", "cw"), load_vector(x, "base", "cv")
-        w, v = (_let3(x, "turned", rotate(W, load_vector(x, array, n)), "Eq. 18") for n in ("cw", "cv"))
-        store_matrix(x, "region", f"far{f}.W", W)
-        store_vector(x, "region", f"far{f}.o", o)
-        store_vector(x, "region", f"far{f}.w", _let3(x, "w", _minus(w, w_base), "Eq. 30"))
-        store_vector(x, "region", f"far{f}.v", _let3(x, "v", _minus(v, add(v_base, cross(w_base, o))), "Eq. 30"))
+        w_base, v_base = x.load(BASE, fields.closing_twist.angular), x.load(BASE, fields.closing_twist.linear)
+        w, v = (_let3(x, "turned", rotate(W, x.load(far, field)), "Eq. 18") for field in TWIST)
+        x.store(REGION, fields.far_attitude(f), W)
+        x.store(REGION, fields.far_position(f), o)
+        x.store(REGION, fields.far_velocity(f).angular, _let3(x, "w", _minus(w, w_base), "Eq. 30"))
+        x.store(
+            REGION, fields.far_velocity(f).linear, _let3(x, "v", _minus(v, add(v_base, cross(w_base, o))), "Eq. 30")
+        )
 
 
 def far_displacements(x: Any, kind: Any) -> None:
     """Outward block over directions: rotation vector, displacement and tangent of the relative velocity of far links."""
     for f, m in enumerate(kind.far):
-        W, o = load_matrix(x, "region", f"far{f}.W"), load_vector(x, "region", f"far{f}.o")
-        theta_base, d_base = load_vector(x, "lbase", "ct"), load_vector(x, "lbase", "cd")
-        w_base = load_vector(x, "base", "cw")
-        dw_base, dv_base = load_vector(x, "lbase", "cw"), load_vector(x, "lbase", "cv")
+        W, o = x.load(REGION, fields.far_attitude(f)), x.load(REGION, fields.far_position(f))
+        theta_base, d_base = x.load(LBASE, fields.closing_shift.angular), x.load(LBASE, fields.closing_shift.linear)
+        w_base = x.load(BASE, fields.closing_twist.angular)
+        dw_base, dv_base = x.load(LBASE, fields.closing_twist.angular), x.load(LBASE, fields.closing_twist.linear)
         theta, d, dw, dv = [list(ZERO) for _ in range(4)]
         if m >= 0:
-            array = partner_array(kind, m, "l")
-            turned = [rotate(W, load_vector(x, array, n)) for n in ("ct", "cd", "cw", "cv")]
+            far = partner_store(kind, m, lanes=True)
+            shift = fields.closing_shift
+            turned = [rotate(W, x.load(far, field)) for field in (shift.angular, shift.linear, *TWIST)]
             theta, d, dw, dv = (_let3(x, "turned", v, "d Eq. 22", True) for v in turned)
         theta = _let3(x, "th", _minus(theta, theta_base), "d Eq. 22", True)
         d = _let3(x, "d", _minus(d, add(d_base, cross(theta_base, o))), "d Eq. 22", True)
         if m >= 0:
             # W v turns with theta besides
-            w, v = (
-                _let3(x, "own", rotate(W, load_vector(x, partner_array(kind, m), n)), "Eq. 18") for n in ("cw", "cv")
-            )
+            w, v = (_let3(x, "own", rotate(W, x.load(partner_store(kind, m), f)), "Eq. 18") for f in TWIST)
             dw, dv = add(dw, cross(theta, w)), add(dv, cross(theta, v))
         carried = add(dv_base, cross(dw_base, o), cross(w_base, d))
-        store_vector(x, "lregion", f"far{f}.th", theta)
-        store_vector(x, "lregion", f"far{f}.d", d)
-        store_vector(x, "lregion", f"far{f}.w", _let3(x, "dw", _minus(dw, dw_base), "d Eq. 18", True))
-        store_vector(x, "lregion", f"far{f}.v", _let3(x, "dv", _minus(dv, carried), "d Eq. 18", True))
+        x.store(LREGION, fields.far_shift(f).angular, theta)
+        x.store(LREGION, fields.far_shift(f).linear, d)
+        x.store(LREGION, fields.far_velocity(f).angular, _let3(x, "dw", _minus(dw, dw_base), "d Eq. 18", True))
+        x.store(LREGION, fields.far_velocity(f).linear, _let3(x, "dv", _minus(dv, carried), "d Eq. 18", True))
 
 
-def far_motions(x: Any, kind: Any, prefix: str = "") -> None:
-    """Angular velocity and accelerations of far links against the ground. `prefix` ``t``: all of the accelerations."""
+def far_motions(x: Any, kind: Any, own: Motion = fields.remainder, found: Motion = fields.far_remainder) -> None:
+    """Angular velocity and accelerations of far links against the ground: from `own` of them to `found` of the region."""
     for f, m in enumerate(kind.far):
-        array, W = _array(kind, m), load_matrix(x, "region", f"far{f}.W")
+        far, W = _store(kind, m), x.load(REGION, fields.far_attitude(f))
         w, al = [list(ZERO) for _ in range(2)]
         if m >= 0:
-            w, al = (_let3(x, "turned", rotate(W, load_vector(x, array, n)), "Eq. 21") for n in ("w", f"{prefix}al"))
-        a = _let3(x, "turned", rotate(W, load_vector(x, array, f"{prefix}a")), "Eq. 21")
-        store_vector(x, "region", f"far{f}.aw", w)
-        store_vector(x, "region", f"far{f}.{prefix}al", al)
-        store_vector(x, "region", f"far{f}.{prefix}a", a)
-        store_matrix(x, "region", f"far{f}.{prefix}B", acceleration_matrix(x, w, al))
+            w, al = (_let3(x, "turned", rotate(W, x.load(far, field)), "Eq. 21") for field in (own.w, own.al))
+        a = _let3(x, "turned", rotate(W, x.load(far, own.a)), "Eq. 21")
+        motion = found(f)
+        for field, v in ((motion.w, w), (motion.al, al), (motion.a, a)):
+            x.store(REGION, field, v)
+        x.store(REGION, motion.B, acceleration_matrix(x, w, al))
 
 
 def far_own_motions(x: Any, kind: Any) -> None:
@@ -95,16 +103,21 @@ def far_own_motions(x: Any, kind: Any) -> None:
     Fields ``far0.ow``, ``far0.oal``, ``far0.oa``, ``far0.oB``; the ground has its acceleration only.
     """
     for f, m in enumerate(kind.far):
-        array, moved = _array(kind, m), _array(kind, m, "l")
-        store_vector(x, "region", f"far{f}.oa", load_vector(x, array, "ta"))
-        store_vector(x, "lregion", f"far{f}.oa", load_vector(x, moved, "a"))
-        if m < 0:
+        record, slot = _store(kind, m), _store(kind, m, lanes=True)
+        own, found = fields.total, fields.far_own(f)
+        x.store(REGION, found.a, x.load(record, own.a))
+        x.store(LREGION, found.a, x.load(slot, fields.remainder.a))
+        if m < 0:  # it does not turn
+            for store in (REGION, LREGION):
+                x.store(store, found.w, list(ZERO))
+                x.store(store, found.al, list(ZERO))
+                x.store(store, found.B, [list(ZERO) for _ in range(3)])
             continue
-        for name, own, tangent in (("ow", "w", "w"), ("oal", "tal", "al")):
-            store_vector(x, "region", f"far{f}.{name}", load_vector(x, array, own))
-            store_vector(x, "lregion", f"far{f}.{name}", load_vector(x, moved, tangent))
-        store_matrix(x, "region", f"far{f}.oB", load_matrix(x, array, "tB"))
-        store_matrix(x, "lregion", f"far{f}.oB", load_matrix(x, moved, "B"))
+        for field, whole, tangent in ((found.w, own.w, own.w), (found.al, own.al, fields.remainder.al)):
+            x.store(REGION, field, x.load(record, whole))
+            x.store(LREGION, field, x.load(slot, tangent))
+        x.store(REGION, found.B, x.load(record, own.B))
+        x.store(LREGION, found.B, x.load(slot, fields.remainder.B))
 
 
 __all__ = ["far_displacements", "far_motions", "far_own_motions", "far_poses"]

@@ -19,15 +19,20 @@ from ..model.model import Model
 from ..program.block import Block, Expansion
 from ..program.derivatives import Tangents
 from ..program.passes import simplify
+from ..program.store import Store
 from .constants import Statements, to_slots
 from .kinds import System
+from .stores import NUMBER, argument
 
 _NO_VALUES = (sympy.zoo, sympy.oo, -sympy.oo, sympy.nan, sympy.I)
 _LARGEST = sympy.Float(sys.float_info.max)
 Row = tuple[int, list[int], list[float]]
 """Target index, indices for the slots, numbers."""
 
-CATEGORIES = ("q", "u", "p", "inputs", "t")
+
+def seed_of(store: Store) -> Store:
+    """The seeds of an argument."""
+    return argument(f"d{store.name}", lanes=True)
 
 
 @dataclass(slots=True, eq=False)
@@ -37,7 +42,7 @@ class FormulaKind:
     Attributes
     ----------
     value, tangent : Block
-        The value, stored as ``(target, "0")``, and its tangent, stored as ``("d" + target, "0")``.
+        The value and its tangent: entry 0 of the results `target` and "d" + `target`.
     slots : list of (str, int)
         Category and number of every slot, in the order of `rows`.
     rows : list of (int, list of int, list of float)
@@ -144,20 +149,20 @@ def _make(index: int, target: str, tree: Any, places: list[tuple[str, int]]) -> 
 
         def leaf(node: Any) -> Expr:
             if node[0] == "slot":
-                return x.load("k", str(node[1]))
-            return x.load(node[1], str(node[2]))
+                return x.entry(NUMBER, node[1])
+            return x.entry(argument(node[1]), node[2])
 
         return x, x.let(target, Statements(x, leaf).write(tree))
 
     x, value = expansion(target, "a formula of the model")
-    x.store(target, "0", value)
+    x.set_entry(argument(target), 0, value)
     y, value = expansion(f"d{target}", "tangent of a formula of the model")
-    seeds = {s: y.load(f"d{a}", n) for s, (a, n) in list(y.block.loads.items()) if a in CATEGORIES}
+    seeds = {s: y.component(seed_of(store), n) for s, (store, n) in list(y.block.loads.items()) if store is not NUMBER}
     statements = list(y.block.statements)
     d = Tangents(y, seeds, {})
     for s in statements:
         d.statement(s)
-    y.store(f"d{target}", "0", sympy.sympify(d.value(value)))
+    y.set_entry(argument(f"d{target}", lanes=True), 0, sympy.sympify(d.value(value)))
     return FormulaKind(index, target, simplify(x.finish()), simplify(y.finish()), slots)
 
 

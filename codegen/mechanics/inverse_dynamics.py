@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from . import fields
+from .handing_on import accumulate_force
 from .joints import JointTransform, freedom_axes
 from .kinematics import (
     accelerate,
@@ -16,19 +18,18 @@ from .kinematics import (
     body_force,
     less_external,
     own_inertia,
-    store_matrix,
-    store_vector,
 )
-from .spatial import NINE, XYZ, Vec
+from .spatial import Vec
+from .stores import DFORCE, FORCE, LME, LUP, ME, MY_LANE, UDOT, UP
 from .tangents import differentiate, pattern, store_tangent, tangent
-from .triangularization import accumulate, force_to_parent, hand_on_force
+from .triangularization import force_to_parent, is_first
 
 
 def joint_acceleration(x: Any, kind: Any, al: Vec, a: Vec) -> tuple[Vec, Vec]:
     """Add the joint's own udot. Eq. 19."""
     A = list(al) + list(a)
     for j, i in enumerate(freedom_axes(kind.joint, kind.axis)):
-        A[i] = x.let(f"A{i}", A[i] + x.load("udot", str(j)), "Eq. 19")
+        A[i] = x.let(f"A{i}", A[i] + x.entry(UDOT, j), "Eq. 19")
     return A[:3], A[3:]
 
 
@@ -36,27 +37,25 @@ def newton_euler_outward(x: Any, kind: Any) -> None:
     """Total accelerations and the force each link's inertia needs. Eqs. 19, 24."""
     joint = JointTransform(x, kind)
     carried, w = angular_velocity(x, kind, joint)
-    al, a = joint_acceleration(x, kind, *accelerate(x, kind, joint, carried, "t"))
+    al, a = joint_acceleration(x, kind, *accelerate(x, kind, joint, carried, fields.total))
     B = acceleration_matrix(x, w, al)
     moment, force = needed = body_force(x, w, al, a, B, own_inertia(x))
-    x.recall({"wp": carried, "w": w})
-    store_vector(x, "me", "tal", al)
-    store_vector(x, "me", "ta", a)
-    store_matrix(x, "me", "tB", B)
+    x.recall(ME, fields.parents_velocity, carried)
+    x.recall(ME, fields.angular_velocity, w)
+    x.store(ME, fields.total.al, al)
+    x.store(ME, fields.total.a, a)
+    x.store(ME, fields.total.B, B)
     left = less_external(x, kind, needed)
-    store_vector(x, "me", "tn", left[0])
-    store_vector(x, "me", "tf", left[1])
+    x.store(ME, fields.total_needed, [*left[0], *left[1]])
     if x.tangents:
         d = differentiate(x, kind, joint)
-        for name, v in (("w", w), ("al", al), ("a", a)):
-            store_tangent(x, d, "lme", name, v)
-        for name in NINE:
-            entry = B[XYZ.index(name[0])][XYZ.index(name[1])]
-            x.store("lme", f"B.{name}", tangent(d, entry))
+        motion = fields.remainder
+        for field, v in ((motion.w, w), (motion.al, al), (motion.a, a)):
+            store_tangent(x, d, (LME,), field, v)
+        x.store(LME, motion.B, [[tangent(d, e) for e in row] for row in B])
         tangents = [[tangent(d, e) for e in v] for v in (moment, force)]
-        tangents = list(less_external(x, kind, (tangents[0], tangents[1]), "lane", True))
-        store_vector(x, "lane", "n", tangents[0])
-        store_vector(x, "lane", "f", tangents[1])
+        tangents = list(less_external(x, kind, (tangents[0], tangents[1]), lanes=True))
+        x.store(MY_LANE, fields.needed, [*tangents[0], *tangents[1]])
 
 
 def newton_euler_inward(x: Any, kind: Any) -> None:
@@ -65,16 +64,19 @@ def newton_euler_inward(x: Any, kind: Any) -> None:
     joint = JointTransform(x, kind)
     phi: Vec = []
     d_phi: Vec = []
-    for field in ("n", "f"):
-        for i in XYZ:
-            key = f"{field}.{i}"
-            phi.append(let(f"phi_{field}", x.load("me", f"t{key}") + x.load("me", f"tacc.{key}"), "Eq. 45"))
-            if x.tangents:
-                d_phi.append(let("dphi", x.load("lane", key) + x.load("lme", f"acc.{key}"), "d Eq. 45", lanes=True))
-    for j, a in enumerate(freedom_axes(kind.joint, kind.axis)):
-        x.store("force", str(j), phi[a])
+    for i in range(6):
+        own, handed = x.load(ME, fields.total_needed.scalars()[i]), x.load(ME, fields.transmitted.scalars()[i])
+        phi.append(let(f"phi_{'nf'[i // 3]}", own + handed, "Eq. 45"))
         if x.tangents:
-            x.store("dforce", str(j), d_phi[a])
+            d_own, d_handed = (
+                x.load(MY_LANE, fields.needed.scalars()[i]),
+                x.load(LME, fields.articulated_force.scalars()[i]),
+            )
+            d_phi.append(let("dphi", d_own + d_handed, "d Eq. 45", lanes=True))
+    for j, a in enumerate(freedom_axes(kind.joint, kind.axis)):
+        x.set_entry(FORCE, j, phi[a])
+        if x.tangents:
+            x.set_entry(DFORCE, j, d_phi[a])
     if kind.carried_on:
         transfer(x, kind, joint, phi, d_phi)
 
@@ -98,14 +100,12 @@ def transfer(x: Any, kind: Any, joint: JointTransform, phi: Vec, d_phi: Vec, bes
                 [x.let("beside", a + b, "d Eq. 45", lanes=True) for a, b in zip(v, w, strict=True)]
                 for v, w in ((tn, beside[:3]), (tf, beside[3:]))
             )
-        hand_on_force(x, kind, n, f, "tacc")
+        accumulate_force(x, UP, fields.transmitted, [*n, *f], is_first(x, kind), "Eq. 44")
         hand_on_lanes(x, kind, tn, tf)
     else:
-        hand_on_force(x, kind, n, f, "tacc")
+        accumulate_force(x, UP, fields.transmitted, [*n, *f], is_first(x, kind), "Eq. 44")
 
 
 def hand_on_lanes(x: Any, kind: Any, n: Vec, f: Vec) -> None:
     """Add a tangent, or the bias force of a solve, to what the parent collects."""
-    for k, i in enumerate(XYZ):
-        accumulate(x, kind, f"acc.n.{i}", n[k], array="lup", lanes=True)
-        accumulate(x, kind, f"acc.f.{i}", f[k], array="lup", lanes=True)
+    accumulate_force(x, LUP, fields.articulated_force, [*n, *f], is_first(x, kind), "Eq. 44", lanes=True)

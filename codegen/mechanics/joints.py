@@ -13,10 +13,12 @@ from __future__ import annotations
 
 from typing import Any
 
+from . import fields
 from .spatial import XYZ, Mat, Vec, dot, matmul, matvec, six, skew, symmetric, transpose
+from .stores import CONSTANTS, COORDINATES, ME, TRIG, TURNS
 
 FREEDOMS = {"revolute": 1, "prismatic": 1, "spherical": 3, "free": 6}
-COORDINATES = {"revolute": 1, "prismatic": 1, "spherical": 4, "free": 7}
+COORDINATE_COUNT = {"revolute": 1, "prismatic": 1, "spherical": 4, "free": 7}
 
 
 def freedom_axes(joint: str, axis: int) -> list[int]:
@@ -42,7 +44,7 @@ class JointTransform:
         self.axis: int = kind.axis
         self.fixed: Mat | None = None
         if not kind.aligned:
-            self.fixed = [[x.load("c", f"R.{a}{b}") for b in XYZ] for a in XYZ]
+            self.fixed = x.load(CONSTANTS, fields.joint_attitude)
         self._trig: tuple[Any, Any] | None = None
         self._squares: tuple[Any, Any, Any] | None = None
         self._matrix: Mat | None = None
@@ -53,7 +55,7 @@ class JointTransform:
     def trig(self) -> tuple[Any, Any]:
         """Cosine and sine of a revolute joint's coordinate."""
         if self._trig is None:
-            self._trig = self.x.load("trig", "cos"), self.x.load("trig", "sin")
+            self._trig = self.x.load(TRIG, fields.cosine), self.x.load(TRIG, fields.sine)
         return self._trig
 
     @property
@@ -68,7 +70,7 @@ class JointTransform:
     def matrix(self) -> Mat:
         """Rotation matrix of a quaternion joint, parent side from child components."""
         if self._matrix is None:
-            self._matrix = [[self.x.load("me", f"Q.{a}{b}") for b in XYZ] for a in XYZ]
+            self._matrix = self.x.load(ME, fields.quaternion_matrix)
         return self._matrix
 
     def _let(self, name: str, value: Any, tag: str) -> Any:
@@ -77,15 +79,15 @@ class JointTransform:
     def offset(self) -> Vec:
         """Origin of the link in its parent's frame."""
         x = self.x
-        r = [x.load("c", f"r.{i}") for i in XYZ]
+        r = x.load(CONSTANTS, fields.joint_place)
         if self.joint == "prismatic":
-            q = x.load("q", "0")
+            q = x.entry(COORDINATES, 0)
             if self.fixed is None:
                 r[self.axis] = x.let("r_q", r[self.axis] + q, "Eq. 22")
             else:
                 r = [x.let(f"r_{i}", r[k] + self.fixed[k][self.axis] * q, "Eq. 22") for k, i in enumerate(XYZ)]
         elif self.joint == "free":
-            q = [x.load("q", str(i)) for i in range(3)]
+            q = [x.entry(COORDINATES, i) for i in range(3)]
             moved = q if self.fixed is None else matvec(self.fixed, q)
             r = [x.let(f"r_{i}", r[k] + moved[k], "Eq. 22") for k, i in enumerate(XYZ)]
         return r
@@ -213,11 +215,11 @@ class JointTransform:
         result: dict[Any, dict[Any, Any]] = {}
         if self.joint == "revolute":
             c, s = self.trig
-            turn = x.load("turn", "0")
+            turn = x.entry(TURNS, 0)
             result = {c: {turn: -s}, s: {turn: c}}
         elif self.joint in ("spherical", "free"):
             R = self.matrix
-            turn = [x.load("turn", str(i)) for i in range(3)]
+            turn = [x.entry(TURNS, i) for i in range(3)]
             for i in range(3):
                 for j in range(3):
                     k, n = (j + 1) % 3, (j + 2) % 3

@@ -19,11 +19,13 @@ from ..loops.partition import Partition
 from ..model.model import CLOSURE_ROWS, GROUND, Face, Loop, Model, Spring
 from ..program.block import Expansion
 from ..program.functions import SYMBOLIC, number
+from ..program.store import Store
 from .constants import Constants, Shape, Slots, Statements, make_shape
 from .elimination import NOBODY, Partners
-from .joints import COORDINATES, FREEDOMS, freedom_axes
+from .joints import COORDINATE_COUNT, FREEDOMS, freedom_axes
 from .links import FLOAT, Link, LoopFaces, face_constants, keep, link_constants, links_of, loop_faces
 from .regions import Regions, find_regions
+from .stores import CONSTANT, CONSTANTS, LINK, SPRING_CONSTANTS
 from .structure import Region
 
 
@@ -122,13 +124,13 @@ class LinkKind(Folded):
 
     role = "link"
 
-    def number_of(self, array: str, name: str) -> Expr | None:
+    def number_of(self, store: Store, name: str) -> Expr | None:
         """`number`, for the constants among all fields."""
-        return self.number(name) if array == "c" else None
+        return self.number(name) if store is CONSTANTS else None
 
-    def alias_of(self, array: str, name: str) -> str:
+    def alias_of(self, store: Store, name: str) -> str:
         """The first constant of equal value."""
-        return self.shape.varying.get(name, name) if array == "c" else name
+        return self.shape.varying.get(name, name) if store is CONSTANTS else name
 
 
 @dataclass(slots=True, eq=False)
@@ -208,20 +210,19 @@ class EarKind:
 
     role = "ear"
 
-    def _owner(self, array: str) -> Folded | None:
-        stem, _, place = array.partition("#")
-        if stem == "c":
-            return self.links[int(place)]
-        return self.closures[int(place)] if stem == "cl" else None
+    def _owner(self, store: Store) -> Folded | None:
+        if store.memory is not CONSTANT or store.place is None:
+            return None
+        return self.links[store.place] if store.owner is LINK else self.closures[store.place]
 
-    def number_of(self, array: str, name: str) -> Expr | None:
+    def number_of(self, store: Store, name: str) -> Expr | None:
         """Constants that are the same number for the whole kind."""
-        owner = self._owner(array)
+        owner = self._owner(store)
         return owner.number(name) if owner else None
 
-    def alias_of(self, array: str, name: str) -> str:
+    def alias_of(self, store: Store, name: str) -> str:
         """The first constant of equal value."""
-        owner = self._owner(array)
+        owner = self._owner(store)
         return owner.shape.varying.get(name, name) if owner else name
 
 
@@ -250,11 +251,11 @@ class RegionKind:
 
     role = "region"
 
-    def number_of(self, array: str, name: str) -> Expr | None:
+    def number_of(self, store: Store, name: str) -> Expr | None:
         """A region has no constants."""
         return None
 
-    def alias_of(self, array: str, name: str) -> str:
+    def alias_of(self, store: Store, name: str) -> str:
         """Nor any of equal value."""
         return name
 
@@ -278,13 +279,13 @@ class SpringKind(Folded):
 
     role = "spring"
 
-    def number_of(self, array: str, name: str) -> Expr | None:
+    def number_of(self, store: Store, name: str) -> Expr | None:
         """Constants that are the same number for the whole kind."""
-        return self.number(name) if array == "cs" else None
+        return self.number(name) if store is SPRING_CONSTANTS else None
 
-    def alias_of(self, array: str, name: str) -> str:
+    def alias_of(self, store: Store, name: str) -> str:
         """The first constant of equal value."""
-        return self.shape.varying.get(name, name) if array == "cs" else name
+        return self.shape.varying.get(name, name) if store is SPRING_CONSTANTS else name
 
 
 UnitKind = LinkKind | EarKind | RegionKind | SpringKind
@@ -375,7 +376,7 @@ class System:
             if link.joint == "free":  # position first, moved by the last three speeds; then the quaternion
                 q += [link.q + c for c in range(7) if any((j < 3) == (c >= 3) for j in free)]
             elif free:
-                q += range(link.q, link.q + COORDINATES[link.joint])
+                q += range(link.q, link.q + COORDINATE_COUNT[link.joint])
         return sorted(q), sorted(u)
 
     @property

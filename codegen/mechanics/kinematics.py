@@ -6,26 +6,12 @@ from typing import Any
 
 from sympy import Rational
 
+from ..program.field import VectorField
+from . import fields
 from .joints import JointTransform
-from .spatial import XYZ, Mat, Vec, add, cross, matvec, symmetric
+from .spatial import XYZ, Mat, Vec, add, cross, matvec
+from .stores import CONSTANTS, COORDINATES, DQ, DQDOT, DU, ME, MY_LANE, QDOT, SPEEDS, UP
 from .tangents import differentiate, tangent
-
-
-def load_vector(x: Any, array: str, name: str) -> Vec:
-    return [x.load(array, f"{name}.{i}") for i in XYZ]
-
-
-def load_matrix(x: Any, array: str, name: str) -> Mat:
-    return [[x.load(array, f"{name}.{i}{j}") for j in XYZ] for i in XYZ]
-
-
-def load_symmetric(x: Any, array: str, name: str) -> Mat:
-    return symmetric([x.load(array, f"{name}.{ij}") for ij in ("xx", "yy", "zz", "xy", "xz", "yz")])
-
-
-def store_vector(x: Any, array: str, name: str, v: Vec) -> None:
-    for k, i in enumerate(XYZ):
-        x.store(array, f"{name}.{i}", v[k])
 
 
 def let_vector(x: Any, name: str, v: Vec, tag: str) -> Vec:
@@ -46,9 +32,11 @@ def acceleration_matrix(x: Any, w: Vec, al: Vec, name: str = "B") -> Mat:
     return B
 
 
-def angular_velocity(x: Any, kind: Any, joint: JointTransform, field: str = "w") -> tuple[Vec, Vec]:
+def angular_velocity(
+    x: Any, kind: Any, joint: JointTransform, field: VectorField = fields.angular_velocity
+) -> tuple[Vec, Vec]:
     """Angular velocity of the parent in the link's axes, and of the link. Eq. 18."""
-    carried = joint.to_child(load_vector(x, "up", field), "wp", "Eq. 18")
+    carried = joint.to_child(x.load(UP, field), "wp", "Eq. 18")
     return carried, turning(x, kind, carried)
 
 
@@ -56,9 +44,9 @@ def turning(x: Any, kind: Any, carried: Vec) -> Vec:
     """Angular velocity of a link from that of its parent, in the link's axes. Eq. 18."""
     w = list(carried)
     if kind.joint == "revolute":
-        w[kind.axis] = x.let(f"w_{XYZ[kind.axis]}", w[kind.axis] + x.load("u", "0"), "Eq. 18")
+        w[kind.axis] = x.let(f"w_{XYZ[kind.axis]}", w[kind.axis] + x.entry(SPEEDS, 0), "Eq. 18")
     elif kind.joint in ("spherical", "free"):
-        w = let_vector(x, "w", add(w, [x.load("u", str(i)) for i in range(3)]), "Eq. 18")
+        w = let_vector(x, "w", add(w, [x.entry(SPEEDS, i) for i in range(3)]), "Eq. 18")
     return w
 
 
@@ -67,16 +55,16 @@ def relative_bias(x: Any, kind: Any, carried: Vec) -> tuple[Vec, Vec]:
     zero = [0, 0, 0]
     if kind.joint == "revolute":
         e = list(zero)
-        e[kind.axis] = x.load("u", "0")
+        e[kind.axis] = x.entry(SPEEDS, 0)
         return cross(carried, e), zero
     if kind.joint == "prismatic":
         e = list(zero)
-        e[kind.axis] = x.let("u2", 2 * x.load("u", "0"), "Eq. 21")
+        e[kind.axis] = x.let("u2", 2 * x.entry(SPEEDS, 0), "Eq. 21")
         return zero, cross(carried, e)
-    turn = [x.load("u", str(i)) for i in range(3)]
+    turn = [x.entry(SPEEDS, i) for i in range(3)]
     if kind.joint == "spherical":
         return cross(carried, turn), zero
-    slide = [x.load("u", str(i)) for i in range(3, 6)]
+    slide = [x.entry(SPEEDS, i) for i in range(3, 6)]
     # d/dt (R v) = R (v' + w_rel x v), and Coriolis 2 w_pr x v
     sweep = let_vector(x, "sweep", [turn[i] + 2 * carried[i] for i in range(3)], "Eq. 21")
     return cross(carried, turn), cross(sweep, slide)
@@ -94,18 +82,14 @@ def body_force(x: Any, w: Vec, al: Vec, a: Vec, B: Mat, inertia: tuple[Any, Vec,
     return moment, force
 
 
-def less_external(
-    x: Any, kind: Any, needed: tuple[Vec, Vec], array: str = "me", lanes: bool = False
-) -> tuple[Vec, Vec]:
+def less_external(x: Any, kind: Any, needed: tuple[Vec, Vec], lanes: bool = False) -> tuple[Vec, Vec]:
     """What is left of the force that a link needs when springs have acted on it (R of Eq. 24)."""
     if not kind.pulled:
         return needed
+    store = MY_LANE if lanes else ME
     n, f = (
-        [
-            x.let("less", e - acting, "Eq. 24", lanes=lanes)
-            for e, acting in zip(v, load_vector(x, array, f"ext.{name}"), strict=True)
-        ]
-        for v, name in zip(needed, "nf", strict=True)
+        [x.let("less", e - acting, "Eq. 24", lanes=lanes) for e, acting in zip(v, x.load(store, field), strict=True)]
+        for v, field in zip(needed, (fields.external.angular, fields.external.linear), strict=True)
     )
     return n, f
 
@@ -127,16 +111,17 @@ def gyroscopic_moment(x: Any, w: Vec, J: Mat) -> Vec:
 
 def own_inertia(x: Any) -> tuple[Any, Vec, Mat]:
     """Mass, first moment and inertia of a link, in its own axes about its origin."""
-    return x.load("c", "m"), load_vector(x, "c", "h"), load_symmetric(x, "c", "J")
+    return x.load(CONSTANTS, fields.mass), x.load(CONSTANTS, fields.first_moment), x.load(CONSTANTS, fields.inertia)
 
 
-def accelerate(x: Any, kind: Any, joint: JointTransform, carried: Vec, prefix: str = "") -> tuple[Vec, Vec]:
+def accelerate(
+    x: Any, kind: Any, joint: JointTransform, carried: Vec, motion: fields.Motion = fields.remainder
+) -> tuple[Vec, Vec]:
     """Acceleration of the link's frame with udot = 0 of its own joint. Eqs. 19-21.
 
-    `prefix` names the fields of the parent that it starts from: the remainders, or the total accelerations.
+    `motion` is what of the parent it starts from: the remainders, or the total accelerations.
     """
-    al, a = (load_vector(x, "up", prefix + name) for name in ("al", "a"))
-    return accelerated(x, kind, joint, carried, (al, a, load_matrix(x, "up", prefix + "B")))
+    return accelerated(x, kind, joint, carried, (x.load(UP, motion.al), x.load(UP, motion.a), x.load(UP, motion.B)))
 
 
 def accelerated(
@@ -151,12 +136,6 @@ def accelerated(
     return al, a
 
 
-def store_matrix(x: Any, array: str, name: str, m: Mat) -> None:
-    for i in range(3):
-        for j in range(3):
-            x.store(array, f"{name}.{XYZ[i]}{XYZ[j]}", m[i][j])
-
-
 def kinematics(x: Any, kind: Any) -> None:
     """Outward block of the forward dynamics: motion with udot = 0 and the force it needs."""
     joint = JointTransform(x, kind)
@@ -164,19 +143,19 @@ def kinematics(x: Any, kind: Any) -> None:
     al, a = accelerate(x, kind, joint, carried)
     B = acceleration_matrix(x, w, al)
     moment, force = less_external(x, kind, body_force(x, w, al, a, B, own_inertia(x)))
-    store_vector(x, "me", "wp", carried)
-    store_vector(x, "me", "w", w)
-    store_vector(x, "me", "al", al)
-    store_vector(x, "me", "a", a)
-    store_matrix(x, "me", "B", B)
-    store_vector(x, "me", "n", moment)
-    store_vector(x, "me", "f", force)
+    x.store(ME, fields.parents_velocity, carried)
+    x.store(ME, fields.angular_velocity, w)
+    x.store(ME, fields.remainder.al, al)
+    x.store(ME, fields.remainder.a, a)
+    x.store(ME, fields.remainder.B, B)
+    x.store(ME, fields.needed.angular, moment)
+    x.store(ME, fields.needed.linear, force)
 
 
 def quaternion_matrix(x: Any, kind: Any) -> None:
     """Rotation matrix of e/|e|, child to parent components; written with 2/|e|^2, so any e will do."""
     n = COORDINATE_START[kind.joint]
-    w, i, j, k = (x.load("q", str(n + m)) for m in range(4))
+    w, i, j, k = (x.entry(COORDINATES, n + m) for m in range(4))
     tag = "Eq. 22"
     s = x.let("s", 2 / x.let("ee", w * w + i * i + j * j + k * k, tag), tag)
     si, sj, sk = (x.let(f"s{name}", s * v, tag) for name, v in (("i", i), ("j", j), ("k", k)))
@@ -184,9 +163,8 @@ def quaternion_matrix(x: Any, kind: Any) -> None:
     ii, jj, kk = x.let("ii", i * si, tag), x.let("jj", j * sj, tag), x.let("kk", k * sk, tag)
     ij, ik, jk = x.let("ij", i * sj, tag), x.let("ik", i * sk, tag), x.let("jk", j * sk, tag)
     Q = [[1 - (jj + kk), ij - wk, ik + wj], [ij + wk, 1 - (ii + kk), jk - wi], [ik - wj, jk + wi, 1 - (ii + jj)]]
-    for a in range(3):
-        for b in range(3):
-            x.store("me", f"Q.{XYZ[a]}{XYZ[b]}", x.let(f"Q_{XYZ[a]}{XYZ[b]}", Q[a][b], tag))
+    named = [[x.let(f"Q_{XYZ[a]}{XYZ[b]}", Q[a][b], tag) for b in range(3)] for a in range(3)]
+    x.store(ME, fields.quaternion_matrix, named)
 
 
 COORDINATE_START = {"spherical": 0, "free": 3}
@@ -196,8 +174,8 @@ COORDINATE_START = {"spherical": 0, "free": 3}
 def quaternion_turn(x: Any, kind: Any) -> None:
     """Rotation vector, in the link's axes, that belongs to a quaternion's tangent: ``2 e* de / |e|^2``, a radial one is zero."""
     n = COORDINATE_START[kind.joint]
-    w, i, j, k = (x.load("q", str(n + m)) for m in range(4))
-    dw, di, dj, dk = (x.load("dq", str(n + m)) for m in range(4))
+    w, i, j, k = (x.entry(COORDINATES, n + m) for m in range(4))
+    dw, di, dj, dk = (x.entry(DQ, n + m) for m in range(4))
     tag = "d Eq. 22"
     s = x.let("s", 2 / x.let("ee", w * w + i * i + j * j + k * k, tag), tag)
     w, i, j, k = (x.let("e", s * v, tag) for v in (w, i, j, k))
@@ -207,29 +185,29 @@ def quaternion_turn(x: Any, kind: Any) -> None:
         w * dk - k * dw - i * dj + j * di,
     )
     for m in range(3):
-        x.store("lane", f"turn.{m}", x.let("turn", turn[m], tag, lanes=True))
+        x.store(MY_LANE, fields.turn(m), x.let("turn", turn[m], tag, lanes=True))
 
 
 def coordinate_rates(x: Any, kind: Any) -> None:
     """Time derivatives of the coordinates. Eq. 1: of a quaternion ``e (0, omega) / 2``, of a position ``R v``."""
     if kind.joint in ("revolute", "prismatic"):
-        x.store("qdot", "0", x.load("u", "0"))
+        x.set_entry(QDOT, 0, x.entry(SPEEDS, 0))
         if x.tangents:
-            x.store("dqdot", "0", x.load("du", "0"))
+            x.set_entry(DQDOT, 0, x.entry(DU, 0))
         return
     joint = JointTransform(x, kind)
     n = COORDINATE_START[kind.joint]
     tag = "Eq. 1"
     half = 1 if x.structural else Rational(1, 2)
-    w, i, j, k = (x.let("e", half * x.load("q", str(n + m)), tag) for m in range(4))
-    wx, wy, wz = (x.load("u", str(m)) for m in range(3))
+    w, i, j, k = (x.let("e", half * x.entry(COORDINATES, n + m), tag) for m in range(4))
+    wx, wy, wz = (x.entry(SPEEDS, m) for m in range(3))
     rates = [-i * wx - j * wy - k * wz, w * wx + j * wz - k * wy, w * wy + k * wx - i * wz, w * wz + i * wy - j * wx]
     if kind.joint == "free":
-        rates = matvec(joint.matrix, [x.load("u", str(m)) for m in range(3, 6)]) + rates
+        rates = matvec(joint.matrix, [x.entry(SPEEDS, m) for m in range(3, 6)]) + rates
     rates = [x.let("rate", e, tag) for e in rates]
     for m, value in enumerate(rates):
-        x.store("qdot", str(m), value)
+        x.set_entry(QDOT, m, value)
     if x.tangents:
         d = differentiate(x, kind, joint)
         for m, value in enumerate(rates):
-            x.store("dqdot", str(m), tangent(d, value))
+            x.set_entry(DQDOT, m, tangent(d, value))

@@ -13,6 +13,9 @@ from typing import Any
 
 from ..model.model import CLOSURE_ROWS
 from ..program.block import ANY
+from ..program.field import PLACES, Field
+from ..program.store import Store
+from . import fields
 from .closures import own_sources, source_speed, source_twist, stored_factor
 from .couplings import (
     SIX,
@@ -20,27 +23,17 @@ from .couplings import (
     hand_force,
     hand_inertia,
     hand_on,
-    load_coupling,
     others,
     partner_acceleration,
     to_base,
 )
 from .ears import UNIT, ZERO, Condition, Ear, Twist, rotate
-from .elimination import BASE
+from .elimination import CARRIER
 from .far_links import far_motions
+from .handing_on import accumulate, accumulate_force, add_to_sum, clear
 from .joints import shift_inertia
-from .kinematics import (
-    acceleration_matrix,
-    body_force,
-    load_matrix,
-    load_symmetric,
-    load_vector,
-    store_matrix,
-    store_vector,
-)
+from .kinematics import acceleration_matrix, body_force
 from .spatial import (
-    NINE,
-    PAIRS,
     XYZ,
     Mat,
     Vec,
@@ -56,6 +49,7 @@ from .spatial import (
     symmetric,
     transpose,
 )
+from .stores import BASE, CONSTANTS, EAR, GROUND, LBASE, LME, LREGION, ME, OWN, PIVOT, REGION, ROOTS, SPEEDS, TAU, UDOT
 from .triangularization import SMALL_NUMBER, ZeroPivotError, articulated_parts
 
 Motion = tuple[Vec, Vec, Vec, Mat]
@@ -65,34 +59,38 @@ FaceMotion = Callable[[int, int], tuple[Vec, Vec, Vec]]
 """Angular velocity, angular and linear acceleration of a face by loop and side, in region axes."""
 
 
-def root_motions(x: Any, kind: Any, prefix: str = "") -> list[Motion]:
-    """Motions of the roots. `prefix` ``t``: with all of the accelerations, not only the remainders."""
+def root_motions(x: Any, kind: Any, total: bool = False) -> list[Motion]:
+    """Motions of the roots; `total`: with all of the accelerations, not only the remainders."""
+    of_base, of_far, of_link = (
+        (fields.total, fields.far_total, fields.ear_total)
+        if total
+        else (fields.remainder, fields.far_remainder, fields.ear_remainder)
+    )
     found: list[Motion] = []
     for t, role in enumerate(kind.roots):
         if role == "frame":
-            array, names = "base", ("w", f"{prefix}al", f"{prefix}a", f"{prefix}B")
+            store, motion = BASE, of_base
         elif role == "far":
-            at = f"far{kind.far[t]}"
-            array, names = "region", (f"{at}.aw", f"{at}.{prefix}al", f"{at}.{prefix}a", f"{at}.{prefix}B")
+            store, motion = REGION, of_far(kind.far[t])
         elif role == "ground":
-            W = transpose(load_matrix(x, "base", "cW"))
-            moved = rotate(W, load_vector(x, "ground", f"{prefix}a"))
+            W = transpose(x.load(BASE, fields.closing_attitude))
+            moved = rotate(W, x.load(GROUND, of_base.a))
             a = [0 if is_zero(e) else x.name("ga", e, "Eq. 22") for e in moved]
             found.append((list(ZERO), list(ZERO), a, [[0] * 3 for _ in range(3)]))
             continue
         else:
-            array, names = f"root#{t}", ("sw", f"{prefix}sal", f"{prefix}sa", f"{prefix}sB")
-        w, al, a = (load_vector(x, array, n) for n in names[:3])
-        found.append((w, al, a, load_matrix(x, array, names[3])))
+            store, motion = ROOTS[t], of_link
+        w, al, a = (x.load(store, field) for field in (motion.w, motion.al, motion.a))
+        found.append((w, al, a, x.load(store, motion.B)))
     return found
 
 
 def link_constants(x: Any, ear: Ear, k: int) -> tuple[Any, Vec, Mat]:
     """Mass, first moment and inertia about the origin of a link, in region axes."""
     member = ear.members[k]
-    m = member.view.load("c", "m")
-    h = ear.fixed_vector("h", k, load_vector(member.view, "c", "h"), "Eq. 23")
-    return m, h, rotated_inertia(x, member.W, load_symmetric(member.view, "c", "J"), "Eq. 23")
+    m = member.view.load(CONSTANTS, fields.mass)
+    h = ear.fixed_vector("h", k, member.view.load(CONSTANTS, fields.first_moment), "Eq. 23")
+    return m, h, rotated_inertia(x, member.W, member.view.load(CONSTANTS, fields.inertia), "Eq. 23")
 
 
 def rotated_inertia(x: Any, W: Mat, J: Mat, tag: str) -> Mat:
@@ -140,7 +138,7 @@ def joint_bias(x: Any, member: Any, w_before: Vec, speeds: list[Any]) -> tuple[V
 
 
 def speeds_of(member: Any) -> list[Any]:
-    return [member.view.load("u", str(f.index)) for f in member.freedoms]
+    return [member.view.entry(SPEEDS, f.index) for f in member.freedoms]
 
 
 def member_motion(x: Any, member: Any, before: Motion, extra: list[Any] | None = None) -> Motion:
@@ -287,34 +285,33 @@ def ear_kinematics(x: Any, kind: Any) -> None:
         still = [Twist(list(ZERO), list(ZERO)) for _ in kind.roots]
         added = ear.walk(still, ear.coefficients(rates), "e", "Eq. 38")
         for d, y in enumerate(rates):
-            x.store("ear", f"y{d}", y)
+            x.store(EAR, fields.dependent_remainder(d), y)
         for k, (w, al, a, _) in enumerate(motions):
             al = [x.let(f"al_{i}", al[n] + added[k].angular[n], "Eq. 31") for n, i in enumerate(XYZ)]
             a = [x.let(f"a_{i}", a[n] + added[k].linear[n], "Eq. 31") for n, i in enumerate(XYZ)]
             motions[k] = (w, al, a, acceleration_matrix(x, w, al))
     for k, (w, al, a, B) in enumerate(motions):
-        me = f"me#{k}"
+        me = ME[k]
         constants = link_constants(x, ear, k)
         moment, force = body_force(x, w, al, a, B, constants)
-        store_vector(x, me, "sh", constants[1])
-        for ij, value in zip(PAIRS, six(constants[2]), strict=True):
-            x.store(me, f"sJ.{ij}", value)
-        store_vector(x, me, "sw", w)
-        store_vector(x, me, "sal", al)
-        store_vector(x, me, "sa", a)
-        store_matrix(x, me, "sB", B)
+        x.store(me, fields.ear_first_moment, constants[1])
+        x.store(me, fields.ear_inertia, constants[2])
+        motion = fields.ear_remainder
+        for field, v in ((motion.w, w), (motion.al, al), (motion.a, a)):
+            x.store(me, field, v)
+        x.store(me, motion.B, B)
         moment, force = less_external_of(x, ear, k, (moment, force))
-        store_vector(x, me, "sn", moment)
-        store_vector(x, me, "sf", force)
+        x.store(me, fields.ear_needed, [*moment, *force])
         if kind.links[k].carries:
-            hand_outward(x, me, ear.members[k].W, w, al, a, "")
+            hand_outward(x, me, ear.members[k].W, w, al, a)
 
 
 def less_external_of(x: Any, ear: Ear, k: int, needed: tuple[Vec, Vec]) -> tuple[Vec, Vec]:
     """What is left of the force that a link needs when springs have acted on it, in region axes."""
     if not ear.kind.links[k].pulled:
         return needed
-    acting = [rotate(ear.members[k].W, load_vector(x, f"me#{k}", f"ext.{name}")) for name in "nf"]
+    external = fields.external
+    acting = [rotate(ear.members[k].W, x.load(ME[k], field)) for field in (external.angular, external.linear)]
     n, f = (
         [x.let("less", e - by, "Eq. 24") for e, by in zip(v, w, strict=True)]
         for v, w in zip(needed, acting, strict=True)
@@ -322,38 +319,35 @@ def less_external_of(x: Any, ear: Ear, k: int, needed: tuple[Vec, Vec]) -> tuple
     return n, f
 
 
-def hand_outward(x: Any, array: str, W: Mat, w: Vec, al: Vec, a: Vec, prefix: str) -> None:
+def hand_outward(x: Any, store: Store, W: Mat, w: Vec, al: Vec, a: Vec, total: bool = False) -> None:
     """Motion in the link's own axes, for the links that it carries."""
     back = transpose(W)
     w, al, a = ([x.let("own", e, "Eq. 22") for e in matvec(back, v)] for v in (w, al, a))
-    if not prefix:
-        store_vector(x, array, "w", w)
-    store_vector(x, array, f"{prefix}al", al)
-    store_vector(x, array, f"{prefix}a", a)
-    store_matrix(x, array, f"{prefix}B", acceleration_matrix(x, w, al))
+    motion = fields.total if total else fields.remainder
+    if not total:
+        x.store(store, motion.w, w)
+    x.store(store, motion.al, al)
+    x.store(store, motion.a, a)
+    x.store(store, motion.B, acceleration_matrix(x, w, al))
 
 
 def region_start(x: Any, kind: Any) -> None:
     """Outward block of a region: nothing is summed yet; how its far links move."""
-    for name in sum_fields(kind):
-        x.store("region", name, 0)
+    for field in sum_fields(kind):
+        clear(x, REGION, field)
     far_motions(x, kind)
 
 
-def base_fields() -> list[str]:
-    names = [f"I.J.{p}" for p in PAIRS] + [f"I.M.{p}" for p in PAIRS] + [f"I.H.{p}" for p in NINE]
-    return names + [f"{f}.{i}" for f in "nf" for i in XYZ]
-
-
-def sum_fields(kind: Any) -> list[str]:
+def sum_fields(kind: Any) -> list[Field[Any]]:
     """What the ears of a region sum up."""
-    names = [f"Q{c}.{d}" for c in range(kind.total) for d in range(c, kind.total)] + [
-        f"g{c}" for c in range(kind.total)
-    ]
+    sources = range(kind.total)
+    found: list[Field[Any]] = [fields.source_inertia(c, d) for c in sources for d in range(c, kind.total)]
+    found += [fields.source_force(c) for c in sources]
     if kind.carried and kind.rigid:
-        names += base_fields() + [f"K{c}.{f}.{i}" for c in range(kind.total) for f in "nf" for i in XYZ]
-    rows = system_size(kind)
-    return names + [f"P{m}.{c}.{k}" for m in range(len(kind.partners.links)) for c in range(rows) for k in range(6)]
+        carried = fields.region_inertia
+        found += [carried.J, carried.M, carried.H, fields.region_force, *(fields.source_to_base(c) for c in sources)]
+    partners, rows = range(len(kind.partners.links)), range(system_size(kind))
+    return found + [fields.source_to_partner(m, c, k) for m in partners for c in rows for k in SIX]
 
 
 def place_of_base(kind: Any) -> int:
@@ -385,10 +379,10 @@ def apply_inertia(x: Any, J: Mat, H: Mat, M: Mat, angular: Vec, linear: Vec, nam
 def member_inertia(x: Any, ear: Ear, k: int) -> tuple[Mat, Mat, Mat, Vec, Vec]:
     """Inertia of a link with all that it carries, and the force that its motion needs, in region axes about its origin."""
     member = ear.members[k]
-    m, J = member.view.load("c", "m"), load_symmetric(x, f"me#{k}", "sJ")
-    H = skew(load_vector(x, f"me#{k}", "sh"))
+    m, J = member.view.load(CONSTANTS, fields.mass), x.load(ME[k], fields.ear_inertia)
+    H = skew(x.load(ME[k], fields.ear_first_moment))
     M: Mat = [[m if i == j else 0 for j in range(3)] for i in range(3)]
-    n, f = load_vector(x, f"me#{k}", "sn"), load_vector(x, f"me#{k}", "sf")
+    n, f = x.load(ME[k], fields.ear_needed.angular), x.load(ME[k], fields.ear_needed.linear)
     if ear.kind.links[k].carries:
         J_c, H_c, M_c, n_c, f_c = articulated_parts(member.view)
         W = member.W
@@ -428,25 +422,26 @@ def ear_triangularize(x: Any, kind: Any) -> None:
     couplings_of_ear(x, ear, Q, K)
     for d, (k, freedom) in enumerate(ear.dependents()):
         if kind.links[k].forced[freedom.index]:
-            tau = x.load(f"tau#{k}", str(freedom.index))
+            tau = x.entry(TAU[k], freedom.index)
             for c in range(kind.total):
-                g[c] = g.get(c, 0) - x.load("ear", f"Y{d}.{c}") * tau
+                g[c] = g.get(c, 0) - x.load(EAR, fields.dependent_rate(d, c)) * tau
     for c, (k, j) in own.items():
         if kind.links[k].forced[j]:
-            g[c] = g.get(c, 0) - x.load(f"tau#{k}", str(j))
+            g[c] = g.get(c, 0) - x.entry(TAU[k], j)
     for (d, c), value in Q.items():
-        x.store("region_sum", f"Q{d}.{c}", x.let("Q", value, tag))
+        x.store(REGION.sum, fields.source_inertia(d, c), x.let("Q", value, tag))
     for c, value in g.items():
-        x.store("region_sum", f"g{c}", x.let("g", value, "Eq. 41"))
+        x.store(REGION.sum, fields.source_force(c), x.let("g", value, "Eq. 41"))
     for c, (n, f) in K.items():
-        for name, v in (("n", n), ("f", f)):
-            for i, axis in enumerate(XYZ):
-                x.store("region_sum", f"K{c}.{name}.{axis}", x.let("K", v[i], "Eq. 39"))
+        add_to_sum(x, REGION, fields.source_to_base(c), [*n, *f], "K", "Eq. 39")
 
 
 def motions_with_sources(x: Any, kind: Any, k: int) -> dict[int, Vec]:
     """How a link of an ear moves with each source, those that do not move it left out."""
-    found = {c: load_vector(x, f"me#{k}", f"Z{c}.w") + load_vector(x, f"me#{k}", f"Z{c}.v") for c in range(kind.total)}
+    found = {
+        c: x.load(ME[k], fields.per_source(c).angular) + x.load(ME[k], fields.per_source(c).linear)
+        for c in range(kind.total)
+    }
     return {c: z for c, z in found.items() if any(not is_zero(v) for v in z)}
 
 
@@ -456,7 +451,7 @@ def couplings_of_ear(x: Any, ear: Ear, Q: dict[tuple[int, int], Any], K: dict[in
     found: dict[tuple[int, int, int], Any] = {}
     for n, (j, other) in enumerate(kind.partners.between):
         C = [[0] * 6 for _ in SIX]
-        for k, column in enumerate(zip(*load_coupling(x, f"own#{n}"), strict=True)):
+        for k, column in enumerate(zip(*x.load(OWN[n], fields.coupling), strict=True)):
             turned = [e for part in (column[:3], column[3:]) for e in rotate(ear.members[j].W, list(part))]
             for i in SIX:
                 C[i][k] = x.let("C", turned[i], tag)
@@ -487,7 +482,7 @@ def couplings_of_ear(x: Any, ear: Ear, Q: dict[tuple[int, int], Any], K: dict[in
         if kind.carried and kind.rigid:
             _coupling_to_base(x, ear.position(j), ear.position(other), C)
     for (m, c, k), value in found.items():
-        x.store("region_sum", f"P{m}.{c}.{k}", x.let("P", value, tag))
+        x.store(REGION.sum, fields.source_to_partner(m, c, k), x.let("P", value, tag))
 
 
 def _transposed(C: Mat) -> Mat:
@@ -498,22 +493,20 @@ def _coupling_to_base(x: Any, o: Vec, o_other: Vec, C: Mat) -> None:
     """Add a coupling of two links that the base carries to what it carries."""
     half = _transposed([to_base(x, o, list(column), "Eq. 39") for column in zip(*C, strict=True)])
     whole = [to_base(x, o_other, row, "Eq. 39") for row in half]
-    for name, pairs, a, b in (("J", PAIRS, 0, 0), ("M", PAIRS, 3, 3), ("H", NINE, 0, 3)):
-        for p in pairs:
-            i, k = a + XYZ.index(p[0]), b + XYZ.index(p[1])
-            x.store("region_sum", f"I.{name}.{p}", x.let("I", whole[i][k] + whole[k][i], "Eq. 39"))
+    carried = fields.region_inertia
+    for field, a, b in ((carried.J, 0, 0), (carried.M, 3, 3), (carried.H, 0, 3)):
+        both = [[whole[a + i][b + k] + whole[b + k][a + i] for k in range(3)] for i in range(3)]
+        add_to_sum(x, REGION, field, both, "I", "Eq. 39")
 
 
 def _to_base(x: Any, o: Vec, J: Mat, H: Mat, M: Mat, n: Vec, f: Vec) -> None:
     """Add a link's inertia and force, about the base's origin, to what the base carries."""
     J, H, M = shift_inertia(x, o, J, H, M, "Eq. 39")
     n = add(n, cross(o, f))
-    for name, m, pairs in (("J", J, PAIRS), ("M", M, PAIRS), ("H", H, NINE)):
-        for p in pairs:
-            x.store("region_sum", f"I.{name}.{p}", x.let("I", m[XYZ.index(p[0])][XYZ.index(p[1])], "Eq. 39"))
-    for name, v in (("n", n), ("f", f)):
-        for i, axis in enumerate(XYZ):
-            x.store("region_sum", f"{name}.{axis}", x.let("p", v[i], "Eq. 41"))
+    carried = fields.region_inertia
+    for field, block in ((carried.J, J), (carried.M, M), (carried.H, H)):
+        add_to_sum(x, REGION, field, block, "I", "Eq. 39")
+    add_to_sum(x, REGION, fields.region_force, [*n, *f], "p", "Eq. 41")
 
 
 def region_system(x: Any, kind: Any) -> tuple[Mat, list[Any]]:
@@ -523,22 +516,23 @@ def region_system(x: Any, kind: Any) -> tuple[Mat, list[Any]]:
     Q: Mat = [[0] * size for _ in range(size)]
     g: list[Any] = [0] * size
     for c in range(kind.total):
-        g[c] = x.load("region", f"g{c}")
+        g[c] = x.load(REGION, fields.source_force(c))
         for d in range(c, kind.total):
-            Q[c][d] = Q[d][c] = x.load("region", f"Q{c}.{d}")
+            Q[c][d] = Q[d][c] = x.load(REGION, fields.source_inertia(c, d))
     if kind.carried and kind.rigid:
-        J, M = load_symmetric(x, "region", "I.J"), load_symmetric(x, "region", "I.M")
-        H = load_matrix(x, "region", "I.H")
+        J, M = x.load(REGION, fields.region_inertia.J), x.load(REGION, fields.region_inertia.M)
+        H = x.load(REGION, fields.region_inertia.H)
         for i in range(3):
             for j in range(3):
                 Q[at + i][at + j], Q[at + 3 + i][at + 3 + j] = J[i][j], M[i][j]
                 Q[at + i][at + 3 + j] = Q[at + 3 + j][at + i] = H[i][j]
-            g[at + i], g[at + 3 + i] = x.load("region", f"n.{XYZ[i]}"), x.load("region", f"f.{XYZ[i]}")
+            force = fields.region_force.scalars()
+            g[at + i], g[at + 3 + i] = x.load(REGION, force[i]), x.load(REGION, force[3 + i])
         for c in range(kind.total):
             for i in range(6):
-                Q[c][at + i] = Q[at + i][c] = x.load("region", f"K{c}.{'nf'[i // 3]}.{XYZ[i % 3]}")
+                Q[c][at + i] = Q[at + i][c] = x.load(REGION, fields.source_to_base(c).scalars()[i])
     for m, first in enumerate(where):
-        P = [[x.load("region", f"P{m}.{c}.{k}") for k in SIX] for c in range(system_size(kind))]
+        P = [[x.load(REGION, fields.source_to_partner(m, c, k)) for k in SIX] for c in range(system_size(kind))]
         for c, row in enumerate(P):
             for k, value in enumerate(row):
                 if m != kind.partners.base:
@@ -567,14 +561,14 @@ def region_triangularize(x: Any, kind: Any) -> None:
             D = ANY
         inverse = let("Dinv", 1 / D, "Eq. 47")
         # what is left is measured against what the source's own inertia was before others were eliminated
-        whole = x.load("region", f"Q{j}.{j}")
-        x.store("pivot", str(j), let("margin", D - (1 if x.structural else SMALL_NUMBER) * whole, "zero pivot"))
-        x.store("region", f"Dinv{j}", inverse)
-        x.store("region", f"rD{j}", let("rD", -g[j] * inverse, "Eq. 53"))
+        whole = x.load(REGION, fields.source_inertia(j, j))
+        x.set_entry(PIVOT, j, let("margin", D - (1 if x.structural else SMALL_NUMBER) * whole, "zero pivot"))
+        x.store(REGION, fields.source_inverse_pivot(j), inverse)
+        x.store(REGION, fields.source_right_side(j), let("rD", -g[j] * inverse, "Eq. 53"))
         remaining = [i for i in range(size) if i < j or i >= kind.sources]
         G = {i: let("G", Q[i][j] * inverse, "Eq. 46") for i in remaining}
         for i in remaining:
-            x.store("region", f"G{j}.{i}", G[i])
+            x.store(REGION, fields.gain(j, i), G[i])
         U = {i: Q[i][j] for i in remaining}
         for i in remaining:
             for k in remaining:
@@ -591,21 +585,19 @@ def region_triangularize(x: Any, kind: Any) -> None:
         hand_force(x, kind, m, g[first : first + 6])
 
     def remaining_block(m: int, n: int) -> Mat:
-        rows, columns = (at if end == BASE else where[end] for end in (m, n))
+        rows, columns = (at if end == CARRIER else where[end] for end in (m, n))
         return [row[columns : columns + 6] for row in Q[rows : rows + 6]]
 
     hand_on(x, kind, remaining_block)
     if not kind.carried:
         return
-    for i in range(3):
-        accumulate_base(x, kind, f"acc.n.{XYZ[i]}", g[at + i])
-        accumulate_base(x, kind, f"acc.f.{XYZ[i]}", g[at + 3 + i])
-    for p in PAIRS:
-        i, j = XYZ.index(p[0]), XYZ.index(p[1])
-        accumulate_base(x, kind, f"acc.J.{p}", Q[at + i][at + j])
-        accumulate_base(x, kind, f"acc.M.{p}", Q[at + 3 + i][at + 3 + j])
-    for p in NINE:
-        accumulate_base(x, kind, f"acc.H.{p}", Q[at + XYZ.index(p[0])][at + 3 + XYZ.index(p[1])])
+    accumulate_force(x, BASE, fields.articulated_force, g[at : at + 6], kind.first, "Eq. 44")
+    handed = fields.articulated
+    for J, M, (i, j) in zip(handed.J.scalars(), handed.M.scalars(), PLACES, strict=True):
+        accumulate(x, BASE, J, Q[at + i][at + j], kind.first, "Eq. 44")
+        accumulate(x, BASE, M, Q[at + 3 + i][at + 3 + j], kind.first, "Eq. 44")
+    H = [row[at + 3 : at + 6] for row in Q[at : at + 3]]
+    accumulate(x, BASE, handed.H, H, kind.first, "Eq. 44")
 
 
 def absolute_motions(x: Any, kind: Any, Q: Mat, g: list[Any]) -> None:
@@ -617,7 +609,7 @@ def absolute_motions(x: Any, kind: Any, Q: Mat, g: list[Any]) -> None:
     base, where = place_of_base(kind), places_of_partners(kind)
     for f, m in enumerate(kind.far):
         s = kind.sources + 6 * f
-        W, o = load_matrix(x, "region", f"far{f}.W"), load_vector(x, "region", f"far{f}.o")
+        W, o = x.load(REGION, fields.far_attitude(f)), x.load(REGION, fields.far_position(f))
 
         def add_to(target: list[Any], v: Vec, m: int = m, W: Mat = W, o: Vec = o) -> None:
             """Add what six components along s are along the base and the far link."""
@@ -642,31 +634,22 @@ def absolute_motions(x: Any, kind: Any, Q: Mat, g: list[Any]) -> None:
                     Q[c][r] = row[c]
 
 
-def accumulate_base(x: Any, kind: Any, field: str, value: Any, array: str = "base", lanes: bool = False) -> None:
-    """Add to a field of the link that carries the region; what comes first writes it."""
-    if not kind.first:
-        if is_zero(value):
-            return
-        value = x.let("acc", x.load(array, field) + value, "Eq. 44", lanes=lanes)
-    x.store(array, field, value)
-
-
-def base_acceleration(x: Any, kind: Any, array: str) -> list[Any]:
+def base_acceleration(x: Any, kind: Any, lanes: bool) -> list[Any]:
     """The base's acceleration, as far as it is explicit in udot; nothing for the ground."""
     if not kind.carried:
         return []
-    return [*load_vector(x, array, "bal"), *load_vector(x, array, "ba")]
+    return list(x.load(LBASE if lanes else BASE, fields.explicit_acceleration))
 
 
 def outer_accelerations(x: Any, kind: Any, lanes: bool) -> dict[int, Any]:
     """What is known of a region's unknowns before its own are: motions of far links, base and partners, by place."""
-    base = base_acceleration(x, kind, "lbase" if lanes else "base")
+    base = base_acceleration(x, kind, lanes)
     of_partners = [partner_acceleration(x, kind, m, lanes) for m in range(len(kind.partners.links))]
     found = {place_of_base(kind) + i: value for i, value in enumerate(base)}
     for m in others(kind):
         found |= {places_of_partners(kind)[m] + i: value for i, value in enumerate(of_partners[m])}
     for f, m in enumerate(kind.far):
-        W, o = load_matrix(x, "region", f"far{f}.W"), load_vector(x, "region", f"far{f}.o")
+        W, o = x.load(REGION, fields.far_attitude(f)), x.load(REGION, fields.far_position(f))
         angular, linear = [-v for v in base[:3]], [-v for v in add(base[3:], cross(base[:3], o))]
         if m >= 0:
             angular = add(rotate(W, of_partners[m][:3]), angular)
@@ -678,53 +661,56 @@ def outer_accelerations(x: Any, kind: Any, lanes: bool) -> dict[int, Any]:
 
 def region_back_substitute(x: Any, kind: Any) -> None:
     """Outward block of a region: the accelerations of its sources. Eq. 53."""
-    store_sources(x, kind, "region", [x.load("region", f"rD{j}") for j in range(kind.sources)], False)
+    store_sources(x, kind, [x.load(REGION, fields.source_right_side(j)) for j in range(kind.sources)], False)
 
 
-def store_sources(x: Any, kind: Any, array: str, right: list[Any], lanes: bool) -> None:
+def store_sources(x: Any, kind: Any, right: list[Any], lanes: bool) -> None:
     """Back substitution among the sources, and the relative accelerations of far links."""
+    store = LREGION if lanes else REGION
     outer = outer_accelerations(x, kind, lanes)
     found: list[Any] = []
     for j in range(kind.sources):
         value = right[j]
         for i, known in [*enumerate(found), *sorted(outer.items())]:
-            value = value - x.load("region", f"G{j}.{i}") * known
+            value = value - x.load(REGION, fields.gain(j, i)) * known
         found.append(x.let("a", value, "Eq. 53", lanes=lanes))
     for c, value in enumerate(found):
-        x.store(array, f"a{c}", value)
+        x.store(store, fields.source_acceleration(c), value)
     if kind.far:
         for c in range(kind.sources, kind.total):
-            x.store(array, f"a{c}", outer[c])
+            x.store(store, fields.source_acceleration(c), outer[c])
 
 
-def source_accelerations(x: Any, kind: Any, region: str, base: str) -> list[Any]:
+def source_accelerations(x: Any, kind: Any, lanes: bool) -> list[Any]:
     """Accelerations of all sources as an ear sees them."""
-    found = [x.load(region, f"a{c}") for c in range(kind.total if kind.rigid else kind.sources)]
+    store, own = LREGION if lanes else REGION, kind.total if kind.rigid else kind.sources
+    found = [x.load(store, fields.source_acceleration(c)) for c in range(own)]
     if kind.total > len(found):
-        found += [*load_vector(x, base, "bal"), *load_vector(x, base, "ba")]
+        found += x.load(LBASE if lanes else BASE, fields.explicit_acceleration)
     return found
 
 
 def ear_back_substitute(x: Any, kind: Any) -> None:
     """Outward block: accelerations of the ear's joints. Eqs. 53, 54."""
-    a = source_accelerations(x, kind, "region", "base")
+    a = source_accelerations(x, kind, False)
     own = own_sources(kind)
     for c, (k, j) in own.items():
-        x.store(f"udot#{k}", str(j), a[c])
+        x.set_entry(UDOT[k], j, a[c])
     dependents = [(k, j) for k in range(len(kind.links)) for j in kind.dependent[k]]
     for d, (k, j) in enumerate(dependents):
-        value = x.load("ear", f"y{d}")
+        value = x.load(EAR, fields.dependent_remainder(d))
         for c in range(kind.total):
-            value = value + x.load("ear", f"Y{d}.{c}") * a[c]
-        x.store(f"udot#{k}", str(j), x.let("udot", value, "Eq. 53"))
+            value = value + x.load(EAR, fields.dependent_rate(d, c)) * a[c]
+        x.set_entry(UDOT[k], j, x.let("udot", value, "Eq. 53"))
     if any(link.carries for link in kind.links):
-        carried_accelerations(x, kind, a, "me", "base", False)
+        carried_accelerations(x, kind, a, False)
 
 
-def carried_accelerations(x: Any, kind: Any, a: list[Any], array: str, base: str, lanes: bool) -> None:
+def carried_accelerations(x: Any, kind: Any, a: list[Any], lanes: bool) -> None:
     """The explicit part of the accelerations of links that carry others, in their own axes. Eq. 54."""
     ear = Ear(x, kind)
-    rigid = [*load_vector(x, base, "bal"), *load_vector(x, base, "ba")] if kind.carried and kind.rigid else None
+    store, base = (LME, LBASE) if lanes else (ME, BASE)
+    rigid = x.load(base, fields.explicit_acceleration) if kind.carried and kind.rigid else None
     for k, member in enumerate(ear.members):
         if not kind.links[k].carries:
             continue
@@ -733,13 +719,14 @@ def carried_accelerations(x: Any, kind: Any, a: list[Any], array: str, base: str
         if rigid is not None:
             angular, linear = rigid[:3], add(rigid[3:], cross(rigid[:3], ear.position(k)))
         for c in range(kind.total):
-            angular = add(angular, scale(a[c], load_vector(x, f"me#{k}", f"Z{c}.w")))
-            linear = add(linear, scale(a[c], load_vector(x, f"me#{k}", f"Z{c}.v")))
+            angular = add(angular, scale(a[c], x.load(ME[k], fields.per_source(c).angular)))
+            linear = add(linear, scale(a[c], x.load(ME[k], fields.per_source(c).linear)))
         angular = [x.let("A", e, "Eq. 54", lanes=lanes) for e in angular]
         linear = [x.let("A", e, "Eq. 54", lanes=lanes) for e in linear]
         back = transpose(member.W)
-        store_vector(x, f"{array}#{k}", "bal", [x.let("bal", e, "Eq. 54", lanes=lanes) for e in matvec(back, angular)])
-        store_vector(x, f"{array}#{k}", "ba", [x.let("ba", e, "Eq. 54", lanes=lanes) for e in matvec(back, linear)])
+        own = [x.let("bal", e, "Eq. 54", lanes=lanes) for e in matvec(back, angular)]
+        own += [x.let("ba", e, "Eq. 54", lanes=lanes) for e in matvec(back, linear)]
+        x.store(store[k], fields.explicit_acceleration, own)
 
 
 __all__ = ["UNIT", "apply_inertia", "base_acceleration", "region_start", "region_triangularize"]

@@ -15,7 +15,9 @@ import sympy
 from sympy import Float
 
 from ..program.block import ANY
+from . import fields
 from .spatial import Vec, cross
+from .stores import EAR, RANK
 
 SMALLEST = Float(1e-28)
 """Squared part of a column that must be left after projection: below it the closure matrix has lost rank."""
@@ -83,8 +85,8 @@ class Factor:
             result[column] = values[j]
         return result
 
-    def store(self, array: str, rows: list[int], count: int) -> Structure:
-        """Keep the factor in a record; returns its form, for `load_factor`.
+    def store(self, rows: list[int], count: int) -> Structure:
+        """Keep the factor in the ear's record; returns its form, for `load_factor`.
 
         `rows` are the numbers of E's rows among all `count` conditions. Fields are called after those and after columns. On zero
         patterns all fields are taken to be there: statements may show more zeros, and then another order of elimination.
@@ -92,19 +94,19 @@ class Factor:
         if self.x.structural:
             for j in range(len(self.order)):
                 for i in range(count):
-                    self.x.store(array, f"q{j}.{i}", ANY)
+                    self.x.store(EAR, fields.orthogonal_entry(j, i), ANY)
                 for i in range(len(self.order)):
-                    self.x.store(array, f"R{i}.{j}", ANY)
+                    self.x.store(EAR, fields.triangular_entry(i, j), ANY)
         structure: Structure = []
         for j, column in enumerate(self.order):
             unit = [i for i, v in enumerate(self.q[j]) if isinstance(v, int) and v == 1]
             support = [] if unit else [i for i, v in enumerate(self.q[j]) if v != 0]
             above = [i for i in range(j) if self.R.get((i, j), 0) != 0]
             for i in support:
-                self.x.store(array, f"q{column}.{rows[i]}", self.q[j][i])
+                self.x.store(EAR, fields.orthogonal_entry(column, rows[i]), self.q[j][i])
             for i in above:
-                self.x.store(array, f"R{self.order[i]}.{column}", self.R[i, j])
-            self.x.store(array, f"d{column}", self.inverse[j])
+                self.x.store(EAR, fields.triangular_entry(self.order[i], column), self.R[i, j])
+            self.x.store(EAR, fields.inverse_diagonal(column), self.inverse[j])
             structure.append((column, unit, support, above))
         return structure
 
@@ -113,17 +115,16 @@ Structure = list[tuple[int, list[int], list[int], list[int]]]
 """For each step of elimination: column, the row of its one entry, rows of its entries, earlier steps it was projected on."""
 
 
-def load_factor(x: Any, array: str, rows: list[int], structure: Structure) -> Factor:
+def load_factor(x: Any, rows: list[int], structure: Structure) -> Factor:
     """A factor that an earlier block has stored."""
     f = Factor(x)
     for j, (column, unit, support, above) in enumerate(structure):
         f.order.append(column)
-        f.q.append(
-            [1 if i in unit else x.load(array, f"q{column}.{row}") if i in support else 0 for i, row in enumerate(rows)]
-        )
+        entries = ((i, fields.orthogonal_entry(column, row)) for i, row in enumerate(rows))
+        f.q.append([1 if i in unit else x.load(EAR, entry) if i in support else 0 for i, entry in entries])
         for i in above:
-            f.R[i, j] = x.load(array, f"R{f.order[i]}.{column}")
-        f.inverse.append(x.load(array, f"d{column}"))
+            f.R[i, j] = x.load(EAR, fields.triangular_entry(f.order[i], column))
+        f.inverse.append(x.load(EAR, fields.inverse_diagonal(column)))
     return f
 
 
@@ -207,7 +208,7 @@ def factor(x: Any, columns: list[Vec], tag: str) -> Factor:
         f.inverse.append(let("rinv", 1 / r, tag))
         above = _sum(f.R[i, k] * f.R[i, k] for (i, k) in sorted(f.R) if k == j)
         margin = let("margin", square - (0 if x.structural else SMALLEST) * above, "rank")
-        x.store("rank", str(j), margin)
+        x.set_entry(RANK, j, margin)
     return f
 
 

@@ -17,11 +17,13 @@ from ..program.block import Block, Expansion
 from ..program.derivatives import Tangents
 from ..program.functions import SYMBOLIC
 from ..program.passes import simplify
+from . import fields
 from .constants import Statements
-from .formulas import FormulaKind, FormulaSlots, formula_kinds
+from .formulas import FormulaKind, FormulaSlots, formula_kinds, seed_of
 from .kinds import System
-from .links import BODY_FRAME, frame_matrix, place, rigid_inertia, unit
-from .spatial import XYZ, Vec, add, cross, dot, matvec, transpose
+from .links import BODY_FRAME, frame_matrix, identity, place, rigid_inertia, unit
+from .spatial import Vec, add, cross, dot, matvec, transpose
+from .stores import LME, ME, MY_LANE, NUMBER, argument
 
 
 @dataclass(slots=True, eq=False)
@@ -31,7 +33,7 @@ class RecordFormula:
     Attributes
     ----------
     value, tangent : Block
-        Arrays ``me`` (record), ``lane`` (its tangent), ``lme`` (the ground's slot), ``p``, ``dp``, ``k``.
+        From the record of the link, its lanes (its tangent), the ground's slot, parameters and numbers.
     rows : list of (int, int, list of int, list of float)
         Target index, link, parameter indices, numbers.
     """
@@ -89,7 +91,7 @@ def _make(
 
     def write(x: Expansion) -> Any:
         def leaf(node: Any) -> Any:
-            return x.load("k", str(node[1])) if node[0] == "slot" else x.load(node[1], str(node[2]))
+            return x.entry(NUMBER, node[1]) if node[0] == "slot" else x.entry(argument(node[1]), node[2])
 
         statements = Statements(x, leaf)
 
@@ -109,15 +111,15 @@ def _make(
             r = [x.let("r", e) for e in add(origin, matvec(R, r))]
         if frame.vector is not None:
             r = [x.let("r", e) for e in matvec(transpose(frame_matrix(frame, evaluate, functions["sqrt"], let)), r)]
-        W = [[x.load("me", f"W.{i}{j}") if link != GROUND else int(i == j) for j in XYZ] for i in XYZ]
+        W = x.load(ME, fields.attitude) if link != GROUND else identity()
         if o.measure == "position":
             moved = [x.let("x", e) for e in matvec(W, r)]
-            position: Vec = [x.load("me", f"pos.{i}") if link != GROUND else 0 for i in XYZ]
+            position: Vec = x.load(ME, fields.position) if link != GROUND else [0, 0, 0]
             return x.let("value", dot(axis, add(position, moved)))
         if link == GROUND:
             return sympy.S.Zero
-        v = [x.load("me", f"v.{i}") for i in XYZ]
-        w = [x.load("me", f"w.{i}") for i in XYZ]
+        v = x.load(ME, fields.velocity)
+        w = x.load(ME, fields.angular_velocity)
         moved = [x.let("v", e) for e in add(v, cross(w, r))]
         return x.let("value", dot(axis, [x.let("x", e) for e in matvec(W, moved)]))
 
@@ -128,19 +130,19 @@ def _make(
 def _both(write: Callable[[Expansion], Any], index: int, target: str, title: str) -> tuple[Block, Block]:
     """The block of a value and that of its tangent."""
     x = Expansion(f"{target}_{index}", title, lambda a, f: True)
-    x.store(target, "0", sympy.sympify(write(x)))
+    x.set_entry(argument(target), 0, write(x))
     y = Expansion(f"d{target}_{index}", f"tangent of {title}", lambda a, f: True)
     value = sympy.sympify(write(y))
     seeds: dict[Any, Any] = {}
     for s, (a, n) in list(y.block.loads.items()):
-        if a in ("q", "u", "p", "inputs", "t"):
-            seeds[s] = y.load(f"d{a}", n)
-        elif a == "me":
-            seeds[s] = y.load("lme" if n.startswith("sum.") else "lane", n)
+        if a is ME:
+            seeds[s] = y.component(LME if n.startswith("sum.") else MY_LANE, n)
+        elif a is not NUMBER:
+            seeds[s] = y.component(seed_of(a), n)
     d = Tangents(y, seeds, {})
     for s in list(y.block.statements):
         d.statement(s)
-    y.store(f"d{target}", "0", sympy.sympify(d.value(value)))
+    y.set_entry(argument(f"d{target}", lanes=True), 0, d.value(value))
     return simplify(x.finish()), simplify(y.finish())
 
 
@@ -157,7 +159,7 @@ def potential_formula(system: System) -> RecordFormula | None:
         fresh = FormulaSlots(model)
 
         def leaf(node: Any) -> Any:
-            return x.load("k", str(node[1])) if node[0] == "slot" else x.load(node[1], str(node[2]))
+            return x.entry(NUMBER, node[1]) if node[0] == "slot" else x.entry(argument(node[1]), node[2])
 
         statements = Statements(x, leaf)
 
@@ -165,7 +167,7 @@ def potential_formula(system: System) -> RecordFormula | None:
             return statements.write(fresh.convert(e.tree))
 
         g = [evaluate(e) for e in gravity]
-        h: Vec = [x.load("me", f"sum.h.{i}") for i in XYZ]
+        h: Vec = x.load(ME, fields.outboard_moment)
         if grounded:
             functions = {n: SYMBOLIC[n] for n in ("sqrt", "cos", "sin")}
             _, own, _ = rigid_inertia(grounded, evaluate, functions, lambda name, value: x.let(name, value))

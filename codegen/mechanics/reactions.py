@@ -9,22 +9,27 @@ from __future__ import annotations
 
 from typing import Any
 
+from ..program.field import SixField
+from ..program.store import Store
+from . import fields
 from .closures import stored_factor
-from .couplings import component, from_far, hand_force, others
+from .couplings import from_far, hand_force, others
 from .ears import Ear, rotate
 from .far_links import far_motions
+from .handing_on import accumulate, add_to_sum, clear
 from .inverse_dynamics import transfer
 from .joints import JointTransform
-from .kinematics import body_force, load_matrix, load_vector, store_matrix, store_vector
-from .loop_dynamics import accumulate_base, hand_outward, less_external_of, link_constants, member_motion, root_motions
+from .kinematics import body_force
+from .loop_dynamics import hand_outward, less_external_of, link_constants, member_motion, root_motions
 from .orthogonal import product
 from .region_balance import transmitted_fields
-from .spatial import XYZ, Mat, Vec, add, cross, dot, matvec, transpose
+from .spatial import Mat, Vec, add, cross, dot, matvec, transpose
+from .stores import BASE, GROUND, LOOP_REACTION, ME, REACTION, REGION, ROOTS, TAU, UDOT
 
 
 def along_freedom(x: Any, kind: Any, k: int, freedom: Any, force: tuple[Vec, Vec]) -> Any:
     """What a force misses along a dependent freedom: its component less the model's own joint force."""
-    tau = x.load(f"tau#{k}", str(freedom.index)) if kind.links[k].forced[freedom.index] else 0
+    tau = x.entry(TAU[k], freedom.index) if kind.links[k].forced[freedom.index] else 0
     return x.let("gamma", dot(freedom.e, force[0] if freedom.angular else force[1]) - tau, "Eq. 53")
 
 
@@ -41,28 +46,28 @@ def inward(x: Any, ear: Ear, own: list[tuple[Vec, Vec]]) -> list[tuple[Vec, Vec]
     return held
 
 
-def load_force(x: Any, array: str, prefix: str) -> tuple[Vec, Vec]:
+def load_force(x: Any, store: Store, field: SixField) -> tuple[Vec, Vec]:
     """Moment and force."""
-    return load_vector(x, array, f"{prefix}n"), load_vector(x, array, f"{prefix}f")
+    six = x.load(store, field)
+    return six[:3], six[3:]
 
 
-def store_reaction(x: Any, array: str, attitude: Mat, moment: Vec, force: Vec) -> None:
+def store_reaction(x: Any, store: Store, attitude: Mat, moment: Vec, force: Vec) -> None:
     """Moment, then force, in the ground frame."""
     for n, v in enumerate((moment, force)):
         for i, value in enumerate(matvec(attitude, v)):
-            x.store(array, str(3 * n + i), x.let("reaction", value, "Eq. 45"))
+            x.set_entry(store, 3 * n + i, x.let("reaction", value, "Eq. 45"))
 
 
 def transmitted(x: Any, kind: Any) -> None:
     """Inward block of a link: what its joint does to it, about its origin."""
     phi: Vec = []
-    for field in ("n", "f"):
-        for i in XYZ:
-            phi.append(x.let("phi", x.load("me", f"t{field}.{i}") + x.load("me", f"tacc.{field}.{i}"), "Eq. 45"))
-    store_reaction(x, "reaction", load_matrix(x, "me", "W"), phi[:3], phi[3:])
+    for own, handed in zip(fields.total_needed.scalars(), fields.transmitted.scalars(), strict=True):
+        phi.append(x.let("phi", x.load(ME, own) + x.load(ME, handed), "Eq. 45"))
+    store_reaction(x, REACTION, x.load(ME, fields.attitude), phi[:3], phi[3:])
     for m in others(kind):
         if kind.partners.first[m]:
-            hand_force(x, kind, m, [0] * 6, "tacc.")
+            hand_force(x, kind, m, [0] * 6, fields.transmitted)
     if kind.carried_on:
         transfer(x, kind, JointTransform(x, kind), phi, [])
 
@@ -70,41 +75,37 @@ def transmitted(x: Any, kind: Any) -> None:
 def ear_motion(x: Any, kind: Any) -> None:
     """Outward block of an ear: accelerations and the force that its links need."""
     ear = Ear(x, kind)
-    roots = root_motions(x, kind, "t")
+    roots = root_motions(x, kind, total=True)
     motions: list[Any] = []
     for k, member in enumerate(ear.members):
         before = motions[member.parent] if member.parent >= 0 else roots[-1 - member.parent]
-        udot = [x.load(f"udot#{k}", str(f.index)) for f in member.freedoms]
+        udot = [x.entry(UDOT[k], f.index) for f in member.freedoms]
         motions.append(member_motion(x, member, before, udot))
     for k, (w, al, a, B) in enumerate(motions):
-        me = f"me#{k}"
+        me, motion = ME[k], fields.ear_total
         moment, force = body_force(x, w, al, a, B, link_constants(x, ear, k))
         moment, force = less_external_of(x, ear, k, (moment, force))
-        store_vector(x, me, "sw", w)
-        store_vector(x, me, "tsal", al)
-        store_vector(x, me, "tsa", a)
-        store_matrix(x, me, "tsB", B)
-        store_vector(x, me, "tsn", moment)
-        store_vector(x, me, "tsf", force)
+        for field, v in ((motion.w, w), (motion.al, al), (motion.a, a)):
+            x.store(me, field, v)
+        x.store(me, motion.B, B)
+        x.store(me, fields.ear_total_needed, [*moment, *force])
         if kind.links[k].carries:
-            hand_outward(x, me, ear.members[k].W, w, al, a, "t")
+            hand_outward(x, me, ear.members[k].W, w, al, a, total=True)
 
 
 def region_motion(x: Any, kind: Any) -> None:
     """Nothing is summed yet; how far links move."""
-    for prefix in transmitted_fields(kind):
-        for i in range(6):
-            x.store("region", component(f"{prefix}t.", i), 0)
-    far_motions(x, kind, "t")
+    for whole, _ in transmitted_fields(kind):
+        clear(x, REGION, whole)
+    far_motions(x, kind, fields.total, fields.far_total)
 
 
 def ground_attitude(x: Any, kind: Any, place: int) -> Mat:
     """Ground components from those of a link of the ear, or (place negative) of a root."""
     if place >= 0:
-        return load_matrix(x, f"me#{place}", "W")
-    role = kind.roots[-1 - place]
-    array = {"frame": "base", "ground": "ground"}.get(role, f"root#{-1 - place}")
-    return load_matrix(x, array, "W")
+        return x.load(ME[place], fields.attitude)
+    store = {"frame": BASE, "ground": GROUND}.get(kind.roots[-1 - place], ROOTS[-1 - place])
+    return x.load(store, fields.attitude)
 
 
 def ear_transmitted(x: Any, kind: Any) -> None:
@@ -113,12 +114,12 @@ def ear_transmitted(x: Any, kind: Any) -> None:
     rows = [ear.rows()[i] for i in kind.kept]
     phi: list[tuple[Vec, Vec]] = []
     for k in range(len(ear.members)):
-        n, f = load_force(x, f"me#{k}", "ts")
+        n, f = load_force(x, ME[k], fields.ear_total_needed)
         if kind.followed[k]:
-            more = load_force(x, f"me#{k}", "sacc.")
+            more = load_force(x, ME[k], fields.ear_transmitted)
             n, f = add(n, more[0]), add(f, more[1])
         if kind.links[k].carries:
-            more = load_force(x, f"me#{k}", "tacc.")
+            more = load_force(x, ME[k], fields.transmitted)
             n, f = add(n, rotate(ear.members[k].W, more[0])), add(f, rotate(ear.members[k].W, more[1]))
         phi.append((n, f))
     held = inward(x, ear, phi)
@@ -135,7 +136,7 @@ def ear_transmitted(x: Any, kind: Any) -> None:
                     moment, force = (add(moment, part), force) if row.angular else (moment, add(force, part))
             end = closure.faces[1]
             turned = [matvec(transpose(ear.attitude(end)), [-e for e in v]) for v in (moment, force)]
-            store_reaction(x, f"loop_reaction#{c}", ground_attitude(x, kind, end), turned[0], turned[1])
+            store_reaction(x, LOOP_REACTION[c], ground_attitude(x, kind, end), turned[0], turned[1])
             for side, sign in ((0, -1), (1, 1)):
                 place = closure.faces[side]
                 lever = ear.arm(c, side)
@@ -149,25 +150,20 @@ def ear_transmitted(x: Any, kind: Any) -> None:
         held = inward(x, ear, phi)
     for k, member in enumerate(ear.members):
         own = [matvec(transpose(member.W), v) for v in held[k]]
-        store_reaction(x, f"reaction#{k}", load_matrix(x, f"me#{k}", "W"), own[0], own[1])
+        store_reaction(x, REACTION[k], x.load(ME[k], fields.attitude), own[0], own[1])
         if member.parent < 0:
             on_roots.append((-1 - member.parent, (add(held[k][0], cross(member.rho, held[k][1])), held[k][1])))
     for t, role in enumerate(kind.roots):
         parts = [p for root, p in on_roots if root == t]
         if not parts or role == "ground" or (role == "frame" and not kind.carried):
             continue
-        for name, v in (("n", add(*(p[0] for p in parts))), ("f", add(*(p[1] for p in parts)))):
-            for i, axis in enumerate(XYZ):
-                value = x.let("to_root", v[i], "Eq. 45")
-                if role == "frame":
-                    x.store("region_sum", f"t.{name}.{axis}", value)
-                elif role == "far":
-                    x.store("region_sum", f"far{kind.far[t]}.t.{name}.{axis}", value)
-                elif kind.first_at[t]:
-                    x.store(f"root#{t}", f"sacc.{name}.{axis}", value)
-                else:
-                    known = x.load(f"root#{t}", f"sacc.{name}.{axis}")
-                    x.store(f"root#{t}", f"sacc.{name}.{axis}", x.let("acc", known + value, "Eq. 45"))
+        on_root = [*add(*(p[0] for p in parts)), *add(*(p[1] for p in parts))]
+        if role == "link":
+            on_root = [x.let("to_root", value, "Eq. 45") for value in on_root]
+            accumulate(x, ROOTS[t], fields.ear_transmitted, on_root, kind.first_at[t], "Eq. 45")
+        else:
+            whole = fields.region_transmitted if role == "frame" else fields.far_transmitted(kind.far[t])
+            add_to_sum(x, REGION, whole, on_root, "to_root", "Eq. 45")
 
 
 def region_transmitted(x: Any, kind: Any) -> None:
@@ -175,10 +171,9 @@ def region_transmitted(x: Any, kind: Any) -> None:
     transmitted: dict[int, Vec] = {m: [0] * 6 for m in others(kind)}
     for f, m in enumerate(kind.far):
         if m >= 0:
-            W = load_matrix(x, "region", f"far{f}.W")
-            transmitted[m] = from_far(x, W, [x.load("region", component(f"far{f}.t.", i)) for i in range(6)], "Eq. 45")
+            W = x.load(REGION, fields.far_attitude(f))
+            transmitted[m] = from_far(x, W, x.load(REGION, fields.far_transmitted(f)), "Eq. 45")
     for m, values in transmitted.items():
-        hand_force(x, kind, m, values, "tacc.")
-    for i in range(6 if kind.carried else 0):
-        name = component("", i)
-        accumulate_base(x, kind, f"tacc.{name}", x.load("region", f"t.{name}"))
+        hand_force(x, kind, m, values, fields.transmitted)
+    if kind.carried:
+        accumulate(x, BASE, fields.transmitted, x.load(REGION, fields.region_transmitted), kind.first, "Eq. 44")

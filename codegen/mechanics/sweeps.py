@@ -8,7 +8,7 @@ before the former and ``complete`` before the latter.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from . import (
@@ -175,4 +175,25 @@ SWEEPS: tuple[Sweep, ...] = (
     Sweep("moment_tangents", "tangent of mass and first moment", energy.moments, INWARD, lanes=True, tangents=True),
 )  # fmt: skip
 
-SWEEP = {s.name: s for s in SWEEPS}
+
+def values_name(sweep: str) -> str:
+    """The sweep that gives the scalars which a sweep over directions hands on."""
+    return f"{sweep}_values"
+
+
+def transpose_name(sweep: str) -> str:
+    """The sweep that runs a sweep over directions backwards."""
+    return f"{sweep}_transposed"
+
+
+def backwards(sweep: Sweep) -> tuple[Sweep, Sweep]:
+    """What running a sweep over directions backwards takes: the scalars that it hands on, and its transpose."""
+    turned = INWARD if sweep.direction == OUTWARD else OUTWARD
+    return (
+        replace(sweep, name=values_name(sweep.name), title=f"values of {sweep.title}", lanes=False),
+        replace(sweep, name=transpose_name(sweep.name), title=f"transpose of {sweep.title}", direction=turned),
+    )
+
+
+SWEEP = {s.name: s for s in (*SWEEPS, *(b for s in SWEEPS if s.lanes for b in backwards(s)))}
+"""All sweeps by name, those that run others backwards too."""

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 from sympy import Expr, Symbol
 
 from ..program.derivatives import Tangents
+from ..program.field import VectorField
+from ..program.store import Store
+from . import fields
 from .joints import JointTransform
-from .spatial import XYZ, Vec
+from .spatial import Vec
+from .stores import CONSTANTS, DP, DQ, LUP, MY_LANE, PARAMETER, TANGENT_OF, TURNS, UP
 
 
 def tangent(d: Tangents | None, value: Any) -> Any:
@@ -21,15 +26,23 @@ def pattern(value: Any) -> Any:
     return 0 if isinstance(value, int) else value
 
 
-def store_tangent(x: Any, d: Tangents | None, array: str, name: str, v: Vec) -> None:
+def store_tangent(x: Any, d: Tangents | None, stores: Iterable[Store], field: VectorField, v: Vec) -> None:
     """Store the tangent of a vector."""
-    for k, i in enumerate(XYZ):
-        x.store(array, f"{name}.{i}", tangent(d, v[k]))
+    for store in stores:
+        x.store(store, field, [tangent(d, e) for e in v])
 
 
 UP_TANGENTS = {
-    "w": "w", "tal": "al", "ta": "a", "tB": "B", "v": "v", "T": "T", "pos": "pos", "W": "W", "cw": "cw", "cv": "cv",
-    "vw": "vw", "vv": "vv",
+    f.name: f.name
+    for f in (
+        fields.angular_velocity, fields.velocity, fields.position, fields.attitude, fields.closing_twist.angular,
+        fields.closing_twist.linear, fields.spring_twist.angular, fields.spring_twist.linear,
+    )
+} | {
+    whole.name: part.name
+    for whole, part in (
+        (fields.total.al, fields.remainder.al), (fields.total.a, fields.remainder.a), (fields.total.B, fields.remainder.B),
+    )
 }  # fmt: skip
 """Fields of the parent that have a tangent, and the name of it."""
 
@@ -37,27 +50,27 @@ UP_TANGENTS = {
 def seeds(x: Any, kind: Any) -> dict[Symbol, Expr]:
     """Tangents of everything that the block has loaded."""
     result: dict[Symbol, Expr] = {}
-    for symbol, (array, name) in list(x.block.loads.items()):
+    for symbol, (store, name) in list(x.block.loads.items()):
         stem, _, component = name.partition(".")
-        if array == "up" and stem in UP_TANGENTS:
-            result[symbol] = x.load("lup", f"{UP_TANGENTS[stem]}.{component}" if component else UP_TANGENTS[stem])
-        elif array == "u":
-            result[symbol] = x.load("du", name)
-        elif array == "q":
-            result[symbol] = x.load("dq", name)
-        elif array == "turn":
-            result[symbol] = x.load("dq", "0") if kind.joint == "revolute" else x.load("lane", f"turn.{name}")
+        if store is UP and stem in UP_TANGENTS:
+            result[symbol] = x.component(LUP, f"{UP_TANGENTS[stem]}.{component}")
+        elif store in TANGENT_OF:
+            result[symbol] = x.component(TANGENT_OF[store], name)
+        elif store is TURNS:
+            result[symbol] = x.entry(DQ, 0) if kind.joint == "revolute" else x.load(MY_LANE, fields.turn(name))
     for j in range(kind.parameters):
-        result[x.load("parameter", str(j))] = x.load("dp", str(j))
+        result[x.entry(PARAMETER, j)] = x.entry(DP, j)
     return {s: v for s, v in result.items() if v != 0}
 
 
 def constants_transparent(x: Any, kind: Any) -> dict[Symbol, dict[Symbol, Expr]]:
     """A link's constants as functions of the design parameters that they depend on."""
     result: dict[Symbol, dict[Symbol, Expr]] = {}
-    for symbol, (array, name) in list(x.block.loads.items()):
-        if array == "c" and "/" not in name:
-            result[symbol] = {x.load("parameter", str(j)): x.load("c", f"{name}/{j}") for j in range(kind.parameters)}
+    for symbol, (store, name) in list(x.block.loads.items()):
+        if store is CONSTANTS and "/" not in name:
+            result[symbol] = {
+                x.entry(PARAMETER, j): x.component(CONSTANTS, f"{name}/{j}") for j in range(kind.parameters)
+            }
     return {s: {r: v for r, v in inner.items() if v != 0} for s, inner in result.items()}
 
 

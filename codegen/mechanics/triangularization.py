@@ -12,11 +12,14 @@ from typing import Any
 from sympy import Float
 
 from ..program.block import ANY
-from .couplings import SIX, hand_force, hand_inertia, hand_on, load_coupling, others
-from .elimination import BASE
+from ..program.field import PLACES, ScalarField
+from . import fields
+from .couplings import SIX, hand_force, hand_inertia, hand_on, others
+from .elimination import CARRIER
+from .handing_on import accumulate, accumulate_force
 from .joints import JointTransform, freedom_axes, shift_inertia
-from .kinematics import load_symmetric, load_vector
-from .spatial import NINE, PAIRS, XYZ, Mat, Vec, add, cross, six
+from .spatial import XYZ, Mat, Vec, add, cross
+from .stores import CONSTANTS, ME, OWN, PIVOT, TAU, UP
 
 
 class ZeroPivotError(ValueError):
@@ -40,20 +43,21 @@ def to_blocks(I: Mat) -> tuple[Mat, Mat, Mat]:
     return J, H, M
 
 
-def own_inertia() -> list[tuple[int, int, str, int]]:
-    """Where the constants of a rigid body stand in its 6x6 inertia: row, column, name, sign (Eq. 23 about the joint)."""
-    places = [(i, j, f"J.{XYZ[min(i, j)]}{XYZ[max(i, j)]}", 1) for i in range(3) for j in range(i, 3)]
-    places += [(3 + i, 3 + i, "m", 1) for i in range(3)]
+def constants_of_inertia() -> list[tuple[int, int, ScalarField, int]]:
+    """Where the constants of a rigid body stand in its 6x6 inertia: row, column, field, sign (Eq. 23 about the joint)."""
+    J, h = dict(zip(PLACES, fields.inertia.scalars(), strict=True)), fields.first_moment.scalars()
+    places = [(i, j, J[i, j], 1) for i in range(3) for j in range(i, 3)]
+    places += [(3 + i, 3 + i, fields.mass, 1) for i in range(3)]
     for i, j, k, sign in ((0, 1, 2, -1), (0, 2, 1, 1), (1, 2, 0, -1)):
-        places += [(i, 3 + j, f"h.{XYZ[k]}", sign), (j, 3 + i, f"h.{XYZ[k]}", -sign)]
+        places += [(i, 3 + j, h[k], sign), (j, 3 + i, h[k], -sign)]
     return places
 
 
 def articulated_parts(x: Any) -> tuple[Mat, Mat, Mat, Vec, Vec]:
     """Inertia and force that a link's children have handed on."""
-    J, M = load_symmetric(x, "me", "acc.J"), load_symmetric(x, "me", "acc.M")
-    H = [[x.load("me", f"acc.H.{i}{j}") for j in XYZ] for i in XYZ]
-    return J, H, M, load_vector(x, "me", "acc.n"), load_vector(x, "me", "acc.f")
+    J, M, H = (x.load(ME, f) for f in (fields.articulated.J, fields.articulated.M, fields.articulated.H))
+    force = x.load(ME, fields.articulated_force)
+    return J, H, M, force[:3], force[3:]
 
 
 def articulated_inertia(x: Any) -> Mat:
@@ -65,24 +69,17 @@ def articulated_inertia(x: Any) -> Mat:
             I[i][j], I[3 + i][3 + j] = J[i][j], M[i][j]
         for j in range(3):
             I[i][3 + j] = H[i][j]
-    for i, j, name, sign in own_inertia():
-        I[i][j] = I[i][j] + sign * x.load("c", name)
+    for i, j, field, sign in constants_of_inertia():
+        I[i][j] = I[i][j] + sign * x.load(CONSTANTS, field)
     for i in range(6):
         for j in range(i, 6):
             I[i][j] = I[j][i] = x.let(f"I{i}{j}", I[i][j], "Eq. 44")
     return I
 
 
-def accumulate(
-    x: Any, kind: Any, field: str, value: Any, array: str = "up", name: str = "acc", lanes: bool = False
-) -> None:
-    """Add to a field of the parent; the child that comes first writes it."""
-    if kind.first_unit if x.units else kind.first:
-        x.store(array, field, value)
-    else:
-        if isinstance(value, int) and value == 0:
-            return
-        x.store(array, field, x.let(name, x.load(array, field) + value, "Eq. 44", lanes=lanes))
+def is_first(x: Any, kind: Any) -> bool:
+    """Whether a link is the first, on the way inward, to hand something to its parent."""
+    return bool(kind.first_unit if x.units else kind.first)
 
 
 def force_to_parent(x: Any, joint: JointTransform, r: Vec, n: Vec, f: Vec, tag: str) -> tuple[Vec, Vec]:
@@ -93,28 +90,23 @@ def force_to_parent(x: Any, joint: JointTransform, r: Vec, n: Vec, f: Vec, tag: 
     return [x.let(f"up_n_{i}", n[k], tag, lanes=joint.lanes) for k, i in enumerate(XYZ)], f
 
 
-def hand_on_force(x: Any, kind: Any, n: Vec, f: Vec, prefix: str = "acc", lanes: bool = False) -> None:
-    for k, i in enumerate(XYZ):
-        accumulate(x, kind, f"{prefix}.n.{i}", n[k], lanes=lanes)
-        accumulate(x, kind, f"{prefix}.f.{i}", f[k], lanes=lanes)
-
-
 def triangularize(x: Any, kind: Any) -> None:
     """Inward block of the forward dynamics."""
     let = x.let
     I = articulated_inertia(x)
-    p = add(load_vector(x, "me", "n"), load_vector(x, "me", "acc.n")) + add(
-        load_vector(x, "me", "f"), load_vector(x, "me", "acc.f")
+    needed, handed = fields.needed, fields.articulated_force
+    p = add(x.load(ME, needed.angular), x.load(ME, handed.angular)) + add(
+        x.load(ME, needed.linear), x.load(ME, handed.linear)
     )
     partners = range(len(kind.partners.links))
-    C = {m: load_coupling(x, f"own#{m}") for m in partners}
+    C = {m: x.load(OWN[m], fields.coupling) for m in partners}
     between = {(m, n): [[0] * 6 for _ in SIX] for m in partners for n in partners}
     force = {m: [0] * 6 for m in partners}
     axes = freedom_axes(kind.joint, kind.axis)
     scales = [let("scale", I[n][n] + I[n + 1][n + 1] + I[n + 2][n + 2], "zero pivot") for n in (0, 3)]
     for j in reversed(range(len(axes))):
         a = axes[j]
-        tau = x.load("tau", str(j)) if kind.forced[j] else 0
+        tau = x.entry(TAU, j) if kind.forced[j] else 0
         D = I[a][a]
         if D == 0:
             if not x.structural:
@@ -122,19 +114,17 @@ def triangularize(x: Any, kind: Any) -> None:
             D = ANY  # the children's patterns are not known yet
         inverse = let("Dinv", 1 / D, "Eq. 47")
         r = let("r", tau - p[a], "Eq. 53")
-        x.store(
-            "pivot", str(j), let("margin", D - (1 if x.structural else SMALL_NUMBER) * scales[a // 3], "zero pivot")
-        )
-        x.store("me", f"Dinv.{j}", inverse)
-        x.store("me", f"rD.{j}", let("rD", r * inverse, "Eq. 53"))
+        x.set_entry(PIVOT, j, let("margin", D - (1 if x.structural else SMALL_NUMBER) * scales[a // 3], "zero pivot"))
+        x.store(ME, fields.inverse_pivot(j), inverse)
+        x.store(ME, fields.right_side(j), let("rD", r * inverse, "Eq. 53"))
         G = [0 if i == a else let(f"G{i}", I[i][a] * inverse, "Eq. 46") for i in range(6)]
         for i in range(6):
-            x.store("me", f"G{j}.{i}", G[i])
+            x.store(ME, fields.gain(j, i), G[i])
         h = {m: C[m][a] for m in partners}
         G_of = {m: [let("Gp", e * inverse, "Eq. 46") for e in h[m]] for m in partners}
         for m in partners:
             for k in SIX:
-                x.store("me", f"G{j}.{6 + 6 * m + k}", G_of[m][k])
+                x.store(ME, fields.gain(j, 6 + 6 * m + k), G_of[m][k])
                 force[m][k] = let("gp", force[m][k] + G_of[m][k] * r, "Eq. 45")
             for n in partners:
                 between[m, n] = [
@@ -180,21 +170,18 @@ def triangularize(x: Any, kind: Any) -> None:
         moment, push = _sum(x, [moment, push], [force[parent][:3], force[parent][3:]])
 
     def remaining(m: int, n: int) -> Mat:
-        if n == BASE:
-            return [list(row) for row in zip(*remaining(BASE, m), strict=True)]
-        if m != BASE:
+        if n == CARRIER:
+            return [list(row) for row in zip(*remaining(CARRIER, m), strict=True)]
+        if m != CARRIER:
             return between[m, n]
         if parent < 0:
             return C[n]
         return _sum(x, C[n], between[parent, n])
 
-    hand_on_force(x, kind, moment, push)
-    for name, value in zip(PAIRS, six(J), strict=True):
-        accumulate(x, kind, f"acc.J.{name}", value)
-    for name, value in zip(PAIRS, six(M), strict=True):
-        accumulate(x, kind, f"acc.M.{name}", value)
-    for name in NINE:
-        accumulate(x, kind, f"acc.H.{name}", H[XYZ.index(name[0])][XYZ.index(name[1])])
+    first = is_first(x, kind)
+    accumulate_force(x, UP, fields.articulated_force, [*moment, *push], first, "Eq. 44")
+    for field, block in ((fields.articulated.J, J), (fields.articulated.M, M), (fields.articulated.H, H)):
+        accumulate(x, UP, field, block, first, "Eq. 44")
     hand_on(x, kind, remaining)
 
 

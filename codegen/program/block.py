@@ -1,7 +1,7 @@
 """Blocks: short straight-line programs of scalar statements, and the two ways to run the code that writes them.
 
-A block is a list of assignments ``symbol = small expression of earlier symbols``. It reads *fields* of named arrays
-(`Expansion.load`) and writes fields (`Expansion.store`); where a field lies in memory is decided later, by the layout.
+A block is a list of assignments ``symbol = small expression of earlier symbols``. It reads fields of stores
+(`Scope.load`) and writes fields (`Scope.store`); where a field lies in memory is decided later, by the layout.
 
 The functions in `codegen.mechanics` that write blocks are run twice: once with a `StructuralExpansion`, which only
 finds out which fields can differ from zero, and then with an `Expansion`, which writes the statements with sympy.
@@ -10,14 +10,23 @@ Supported: sums, products, integer powers, quotients and elementary functions. N
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
-from functools import cache
-from typing import Any
+from functools import cache, partial
+from typing import Any, TypeVar
 
 import sympy
 from sympy import Expr, Symbol
 from sympy.core.numbers import Number
+
+from .field import Field
+from .scalar import Value
+from .store import Store
+
+V = TypeVar("V")
+Component = tuple[Store, str]
+"""A component of a field, such as ``w.x``, and the store that it is in."""
 
 
 @cache
@@ -45,17 +54,17 @@ class Block:
     name : str
     title : str
         What the block computes and its equations, for the comment in the generated code.
-    loads : dict of Symbol to (str, str)
-        Symbols that are read, with array and field.
+    loads : dict of Symbol to (Store, str)
+        Symbols that are read, with store and component.
     statements : list of Statement
-    stores : list of (array, field, expression)
+    stores : list of (Store, component, expression)
     """
 
     name: str
     title: str
-    loads: dict[Symbol, tuple[str, str]] = field(default_factory=dict)
+    loads: dict[Symbol, Component] = field(default_factory=dict)
     statements: list[Statement] = field(default_factory=list)
-    stores: list[tuple[str, str, Expr]] = field(default_factory=list)
+    stores: list[tuple[Store, str, Expr]] = field(default_factory=list)
 
     def symbols_stored(self) -> set[Symbol]:
         found: set[Symbol] = set()
@@ -71,21 +80,92 @@ RESERVED = frozenset(
 """Names that generated code uses for other things."""
 
 
-class Expansion:
+class FieldError(Exception):
+    """A block reads or writes what is in no table of fields, or reads what nobody writes: an error of ordernm's own."""
+
+
+class Scope(ABC):
+    """What the code that writes a block gets: fields to read and write, and names for values.
+
+    Attributes
+    ----------
+    tangents : bool
+        The block is to be differentiated.
+    units : bool
+        Its sweep goes over units of several links.
+    structural : bool
+        Values are zero patterns; otherwise they are expressions.
+    title : str
+        Of the block.
+    asked : dict of (Store, str) to Field
+        Components that have been read, and the field that each is of.
+    """
+
+    structural: bool
+    tangents: bool
+    units: bool
+    title: str
+    asked: dict[Component, Field[Any]]
+
+    @abstractmethod
+    def component(self, store: Store, name: str) -> Value:
+        """The value of a component: a symbol, or a number where it is known."""
+
+    @abstractmethod
+    def set_component(self, store: Store, name: str, value: Value) -> None:
+        """Write a component. Zeros are written too; a pass removes what nobody reads."""
+
+    @abstractmethod
+    def let(self, name: str, value: Value, tag: str = "", lanes: bool = False) -> Value:
+        """Name an intermediate: returns its symbol, or the value itself where naming would cost a copy."""
+
+    @abstractmethod
+    def name(self, name: str, value: Value, tag: str = "") -> Value:
+        """A symbol for a value even where that costs a copy; copy propagation removes it again."""
+
+    @abstractmethod
+    def recall(self, store: Store, field: Field[V], value: V) -> None:
+        """A value that an earlier block has stored: it is loaded, not computed, but still differentiated."""
+
+    def load(self, store: Store, field: Field[V]) -> V:
+        """The value of a field."""
+        self._check(store, field)
+        self.asked |= {(store, name): field for name in field.components}
+        return field.read(partial(self.component, store))
+
+    def store(self, store: Store, field: Field[V], value: V) -> None:
+        """Write a field."""
+        self._check(store, field)
+        for name, part in field.parts(value):
+            self.set_component(store, name, part)
+
+    def _check(self, store: Store, field: Field[Any]) -> None:
+        if not field.family.listed:
+            raise FieldError(f"{self.title}: {store} has no field {field}: it is not in the table of fields")
+
+    def entry(self, store: Store, index: int) -> Value:
+        """An entry of an argument, a seed or the like: those of a link are counted from its first."""
+        return self.component(store, str(index))
+
+    def set_entry(self, store: Store, index: int, value: Value) -> None:
+        """Write an entry of a result."""
+        self.set_component(store, str(index), value)
+
+
+class Expansion(Scope):
     """Writes a block: folds zeros and ones, names intermediates, gives equal expressions one name.
 
     Parameters
     ----------
     name, title : str
-    nonzero : callable (array, field) -> bool
-        Whether a field can differ from zero; the others are loaded as the number 0.
-    number : callable (array, field) -> Number or None
-        Fields whose value is known at generation time.
-    alias : callable (array, field) -> str
-        Fields of equal value: the one to load.
+    nonzero : callable (store, component) -> bool
+        Whether a component can differ from zero; the others are loaded as the number 0.
+    number : callable (store, component) -> Number or None
+        Components whose value is known at generation time.
+    alias : callable (store, component) -> str
+        Components of equal value: the one to load.
     tangents, units : bool
-        Whether the block is to be differentiated, and whether its sweep goes over units of several links; read by the
-        code that writes it.
+        See `Scope`.
     """
 
     structural = False
@@ -94,80 +174,78 @@ class Expansion:
         self,
         name: str,
         title: str,
-        nonzero: Callable[[str, str], bool],
-        number: Callable[[str, str], Number | None] = lambda array, name: None,
-        alias: Callable[[str, str], str] = lambda array, name: name,
+        nonzero: Callable[[Store, str], bool],
+        number: Callable[[Store, str], Number | None] = lambda store, name: None,
+        alias: Callable[[Store, str], str] = lambda store, name: name,
         tangents: bool = False,
         units: bool = False,
     ):
         self.block = Block(name, title)
+        self.title = title
+        self.asked = {}
         self.tangents = tangents
         self.units = units
         self._nonzero = nonzero
         self._number = number
         self._alias = alias
-        self._recalled: dict[Symbol, tuple[str, str]] = {}
-        self._loaded: dict[tuple[str, str], Expr] = {}
+        self._recalled: dict[Symbol, Component] = {}
+        self._loaded: dict[Component, Expr] = {}
         self._named: dict[Expr, Expr] = {}
         self._used: dict[str, int] = {}
         self._taken: set[str] = set(RESERVED)
 
     # -- reading and writing ---------------------------------------------------------------------------------------
 
-    def load(self, array: str, name: str) -> Expr:
-        """The value of a field: a symbol, or a number where it is known."""
-        name = self._alias(array, name)
-        key = (array, name)
+    def component(self, store: Store, name: str) -> Expr:
+        name = self._alias(store, name)
+        key = (store, name)
         value = self._loaded.get(key)
         if value is None:
-            number = self._number(array, name)
+            number = self._number(store, name)
             if number is not None:
                 value = number
-            elif not self._nonzero(array, name):
+            elif not self._nonzero(store, name):
                 value = sympy.S.Zero
             else:
-                value = self._symbol(f"{array}_{name}")
+                value = self._symbol(f"{store.label}_{name}")
                 self.block.loads[value] = key
             self._loaded[key] = value
         return value
 
-    def store(self, array: str, name: str, value: Expr) -> None:
-        """Write a field. Zeros are written too; a pass removes what nobody reads."""
-        self.block.stores.append((array, name, sympy.sympify(value)))
+    def set_component(self, store: Store, name: str, value: Value) -> None:
+        self.block.stores.append((store, name, sympy.sympify(value)))
 
     # -- statements ------------------------------------------------------------------------------------------------
 
-    def let(self, name: str, value: Expr, tag: str = "", lanes: bool = False) -> Expr:
-        """Name an intermediate: returns its symbol, or the value itself where naming would cost a copy."""
-        value = sympy.sympify(value)
-        if value.is_Symbol or value.is_Number:
-            return value
-        known = self.find(value)
+    def let(self, name: str, value: Value, tag: str = "", lanes: bool = False) -> Expr:
+        e: Expr = sympy.sympify(value)
+        if e.is_Symbol or e.is_Number:
+            return e
+        known = self.find(e)
         if known is not None:
             return known
-        if value.is_Mul and len(value.args) == 2 and value.args[0] is sympy.S.NegativeOne and value.args[1].is_Symbol:
-            return value
+        if e.is_Mul and len(e.args) == 2 and e.args[0] is sympy.S.NegativeOne and e.args[1].is_Symbol:
+            return e
         symbol = self._symbol(name)
-        self.block.statements.append(Statement(symbol, value, tag, lanes))
-        self._named[value] = symbol
+        self.block.statements.append(Statement(symbol, e, tag, lanes))
+        self._named[e] = symbol
         return symbol
 
-    def name(self, name: str, value: Expr, tag: str = "") -> Symbol:
-        """A symbol for a value even where that costs a copy; copy propagation removes it again."""
+    def name(self, name: str, value: Value, tag: str = "") -> Symbol:
         symbol = self._symbol(name)
         self.block.statements.append(Statement(symbol, sympy.sympify(value), tag))
         return symbol
 
-    def recall(self, vectors: dict[str, list[Expr]], array: str = "me") -> None:
-        """Values that an earlier block has stored: they are loaded, not computed, but still differentiated."""
-        for name, vector in vectors.items():
-            self.recall_each({f"{name}.{component}": v for component, v in zip("xyz", vector, strict=True)}, array)
+    def recall(self, store: Store, field: Field[V], value: V) -> None:
+        self._check(store, field)
+        for name, part in field.parts(value):
+            self.asked[store, name] = field
+            if isinstance(part, Symbol) and part not in self.block.loads:
+                self._recalled[part] = (store, name)
 
-    def recall_each(self, fields: dict[str, Expr], array: str = "me") -> None:
-        """The same of single fields."""
-        for name, value in fields.items():
-            if value.is_Symbol and value not in self.block.loads:
-                self._recalled[value] = (array, name)
+    def reserve(self, names: Iterable[str]) -> None:
+        """Names that no symbol made from now on may have."""
+        self._taken.update(names)
 
     def finish(self) -> Block:
         """The block, recalled statements turned into loads."""
@@ -224,7 +302,7 @@ class Nonzero:
 ANY = Nonzero()
 
 
-class StructuralExpansion:
+class StructuralExpansion(Scope):
     """Runs block-writing code on zero patterns only; `stored` receives the fields that are written.
 
     The numbers 1 and -1 pass through as they are: the axis of a planar mechanism is one in every link.
@@ -234,44 +312,44 @@ class StructuralExpansion:
 
     def __init__(
         self,
-        nonzero: Callable[[str, str], bool],
+        title: str,
+        nonzero: Callable[[Store, str], bool],
         tangents: bool = False,
-        known: Callable[[str, str], int | None] = lambda array, name: None,
+        known: Callable[[Store, str], int | None] = lambda store, name: None,
         units: bool = False,
     ):
+        self.title = title
         self.units = units
         self._nonzero = nonzero
         self._known = known
         self.tangents = tangents
-        self.stored: dict[tuple[str, str], int | None] = {}
-        """The 0, 1 or -1 that a field is whatever the state, or None."""
+        self.stored: dict[Component, int | None] = {}
+        """The 0, 1 or -1 that a component is whatever the state, or None."""
+        self.asked = {}
 
-    def load(self, array: str, name: str) -> Any:
-        if not self._nonzero(array, name):
+    def component(self, store: Store, name: str) -> Value:
+        if not self._nonzero(store, name):
             return 0
-        known = self._known(array, name)
+        known = self._known(store, name)
         return ANY if known is None else known
 
-    def store(self, array: str, name: str, value: Any) -> None:
+    def set_component(self, store: Store, name: str, value: Value) -> None:
         value = self.let(name, value)
-        if array.partition("#")[0].endswith("_sum"):
+        if store.adds:
             # added to what others store there: what it is cannot be known from one of them
             value = ANY if value else 0
         number = value if isinstance(value, int) else None
-        key = array, name
+        key = store, name
         self.stored[key] = number if self.stored.get(key, number) == number else None
 
-    def let(self, name: str, value: Any, tag: str = "", lanes: bool = False) -> Any:
+    def let(self, name: str, value: Value, tag: str = "", lanes: bool = False) -> Value:
         if isinstance(value, Nonzero):
             return value
         # of numbers only 0, 1 and -1 are kept apart; quotients of those are floats
-        return int(value) if value in (0, 1, -1) else ANY
+        return int(value) if isinstance(value, (int, float)) and value in (0, 1, -1) else ANY
 
-    def name(self, name: str, value: Any, tag: str = "") -> Any:
+    def name(self, name: str, value: Value, tag: str = "") -> Value:
         return self.let(name, value)
 
-    def recall(self, vectors: dict[str, Any], array: str = "me") -> None:
-        pass
-
-    def recall_each(self, fields: dict[str, Any], array: str = "me") -> None:
-        pass
+    def recall(self, store: Store, field: Field[V], value: V) -> None:
+        self.load(store, field)

@@ -10,7 +10,7 @@ from coupled_mechanisms import BY_HAND, by_hand, platform, rails, tips_joined
 from random_mechanisms import random_mechanisms
 
 from codegen.loops.partition import partition
-from codegen.mechanics.elimination import BASE
+from codegen.mechanics.elimination import CARRIER
 from codegen.mechanics.kinds import System, analyse
 from codegen.model.model import GROUND, Model
 
@@ -65,7 +65,7 @@ def test_a_coupling_keeps_its_place_from_the_first_to_the_last_who_touches_it(na
                 assert handed_on.first == (c not in alive.values())
                 assert alive.get(slot, c) == c
                 alive[slot] = c
-                assert all(end == BASE or 0 <= end < len(partners.links) for end in handed_on.ends)
+                assert all(end == CARRIER or 0 <= end < len(partners.links) for end in handed_on.ends)
             for c in partners.own:
                 if alive.get(elimination.coupling_slot[c]) == c:
                     del alive[elimination.coupling_slot[c]]

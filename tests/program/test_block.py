@@ -11,12 +11,16 @@ from codegen.program.derivatives import Tangents, partials
 from codegen.program.functions import Absolute, AtLeast, Maximum, Minimum
 from codegen.program.operations import count, count_expression
 from codegen.program.passes import PASSES, simplify
+from codegen.program.store import Memory, Owner, Store
+
+MODEL, ARGUMENT = Owner("model"), Memory("argument")
+IN, OUT = Store("in", MODEL, ARGUMENT), Store("out", MODEL, ARGUMENT)
 
 
 def random_block(rng: np.random.Generator, statements: int = 30) -> Block:
     """A block of random sums of products, with copies, negatives, repeated values and dead statements."""
     x = Expansion("random", "random", lambda array, name: True)
-    values = [x.load("in", str(i)) for i in range(4)]
+    values = [x.component(IN, str(i)) for i in range(4)]
     for k in range(statements):
         a, b, c = (values[int(i)] for i in rng.integers(0, len(values), 3))
         form = int(rng.integers(0, 7))
@@ -25,7 +29,7 @@ def random_block(rng: np.random.Generator, statements: int = 30) -> Block:
         x.block.statements.append(Statement(symbol, sympy.sympify(e), "tag"))
         values.append(symbol)
     for i in range(3):
-        x.store("out", str(i), values[-1 - 2 * i] * int(rng.integers(-1, 2)))
+        x.set_component(OUT, str(i), values[-1 - 2 * i] * int(rng.integers(-1, 2)))
     return x.finish()
 
 
@@ -54,17 +58,17 @@ def test_passes_keep_the_numbers_and_never_add_operations(seed: int) -> None:
 
 def test_dead_statements_and_loads_go() -> None:
     x = Expansion("b", "", lambda a, n: True)
-    a, b = x.load("in", "a"), x.load("in", "b")
+    a, b = x.component(IN, "a"), x.component(IN, "b")
     x.let("dead", a * b)
-    x.store("out", "0", x.let("alive", a * a))
+    x.set_component(OUT, "0", x.let("alive", a * a))
     block = simplify(x.finish())
     assert [str(s.target) for s in block.statements] == ["alive"]
-    assert list(block.loads.values()) == [("in", "a")]
+    assert list(block.loads.values()) == [(IN, "a")]
 
 
 def test_equal_values_get_one_name_up_to_sign() -> None:
     x = Expansion("b", "", lambda a, n: True)
-    a, b = x.load("in", "a"), x.load("in", "b")
+    a, b = x.component(IN, "a"), x.component(IN, "b")
     first = x.let("p", a * b - b)
     assert x.let("q", a * b - b) is first
     assert x.let("r", b - a * b) == -first
@@ -75,23 +79,23 @@ def test_zeros_and_ones_fold() -> None:
     x = Expansion(
         "b", "", lambda array, name: name != "zero", lambda array, name: sympy.S.One if name == "one" else None
     )
-    assert x.load("in", "zero") == 0
-    a = x.load("in", "a")
-    assert x.let("p", x.load("in", "zero") * a + x.load("in", "one") * a) == a
+    assert x.component(IN, "zero") == 0
+    a = x.component(IN, "a")
+    assert x.let("p", x.component(IN, "zero") * a + x.component(IN, "one") * a) == a
     assert x.block.statements == []
 
 
 def test_names_are_unique_and_none_is_a_word_of_the_target() -> None:
     x = Expansion("b", "", lambda a, n: True)
-    a = x.load("in", "a")
+    a = x.component(IN, "a")
     names = [str(x.let(n, a**k + k)) for k, n in enumerate(["d_1", "d", "d", "d", "cos", "a"], start=2)]
     assert len(set(names)) == len(names)
     assert not {"cos", "a"} & set(names)
 
 
 def test_structural_values_follow_zeros() -> None:
-    x = StructuralExpansion(lambda array, name: name == "a")
-    a, zero = x.load("in", "a"), x.load("in", "b")
+    x = StructuralExpansion("", lambda store, name: name == "a")
+    a, zero = x.component(IN, "a"), x.component(IN, "b")
     assert a is ANY and zero == 0
     for value in (a * 0, 0 * a, zero * a, zero / a, -zero):
         assert isinstance(value, int) and value == 0
@@ -113,7 +117,7 @@ def test_tangent_is_the_derivative(seed: int) -> None:
     rng = np.random.default_rng(100 + seed)
     block = random_block(rng, 12)
     x = Expansion("t", "", lambda a, n: True)
-    symbols = {s: x.load("in", n) for s, (_, n) in block.loads.items()}
+    symbols = {s: x.component(IN, n) for s, (_, n) in block.loads.items()}
     seeds = {s: sympy.Float(v) for s, v in zip(symbols, rng.normal(size=len(symbols)), strict=True)}
     statements = list(block.statements)
     for s in statements:
@@ -122,7 +126,7 @@ def test_tangent_is_the_derivative(seed: int) -> None:
     for s in statements:
         d.statement(s)
     for _, _, e in block.stores:
-        x.store("out", "d", d.value(sympy.sympify(e)))
+        x.set_component(OUT, "d", d.value(sympy.sympify(e)))
     inputs = {n: float(v) for (_, n), v in zip(block.loads.values(), rng.uniform(0.5, 1.5, 9), strict=False)}
     inputs |= {str(i): inputs.get(str(i), 1.0) for i in range(4)}
     h = 1e-6
@@ -137,7 +141,7 @@ def test_tangent_is_the_derivative(seed: int) -> None:
 def test_transparent_operands_are_looked_through() -> None:
     """d(c x + s y) along the angle is c y - s x, which has a name already."""
     x = Expansion("r", "", lambda a, n: True)
-    c, s, q, a, b = (x.load("in", n) for n in ("c", "s", "q", "a", "b"))
+    c, s, q, a, b = (x.component(IN, n) for n in ("c", "s", "q", "a", "b"))
     first = x.let("first", c * a + s * b)
     second = x.let("second", c * b - s * a)
     d = Tangents(x, {q: sympy.Symbol("dq")}, {c: {q: -s}, s: {q: c}})

@@ -1,0 +1,330 @@
+"""Where a component of a store lies: decided here once, for every target.
+
+An address is the name of a region of memory (or of an argument), the row in it that belongs to the link, ear or loop that is
+meant, and the place in the row. The row is an expression in ``i``, the number of the link or unit that a function is called
+for; integers that are not a function of i stand in tables (`IndexTable`), which grow by what is asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+from ..mechanics.expansion import Program
+from ..mechanics.kinds import EarKind, Folded, LinkKind, RegionKind, SpringKind, UnitKind
+from ..mechanics.stores import (
+    BASE_LINK,
+    COEFFICIENTS,
+    COEFFICIENTS_LANE,
+    CONSTANT,
+    COUPLING_BLOCK,
+    EAR_RECORD,
+    ENERGY,
+    ENERGY_LANE,
+    GROUND_LINK,
+    LANE,
+    LINK,
+    LOOP,
+    OWN_COUPLING,
+    PARENT,
+    PARTNER,
+    PER_ANGLE,
+    PER_CONDITION,
+    PER_CONDITION_LANE,
+    PER_COORDINATE,
+    PER_COORDINATE_LANE,
+    PER_LOOP,
+    PER_PARAMETER_LANE,
+    PER_SPEED,
+    PER_SPEED_LANE,
+    RECORD,
+    REGION_LANE,
+    REGION_RECORD,
+    ROOT,
+    SECOND_END,
+    SLOT,
+    SPRING,
+    WRENCH,
+)
+from ..mechanics.sweeps import SWEEP
+from ..model.model import CLOSURE_ROWS, GROUND
+from ..program.store import Store
+from .memory import IndexTable, Layout
+
+REGIONS = {
+    RECORD: "records", SLOT: "slots", LANE: "lanes", EAR_RECORD: "ears", REGION_RECORD: "regions",
+    REGION_LANE: "region_lanes", COUPLING_BLOCK: "couplings",
+}  # fmt: skip
+"""Memory that is laid out, as the targets call it."""
+
+_COLUMN = {ROOT: "ROOT_", BASE_LINK: "BASE_", PARTNER: "PARTNER_", PARENT: "UP"}
+"""Beginnings of columns of the tables, by whose memory is meant."""
+
+
+@dataclass(frozen=True, slots=True)
+class Address:
+    """Where a component lies.
+
+    Attributes
+    ----------
+    variable : str
+        A name for the row.
+    region : str
+        Region of memory, ``numbers``, ``constants`` or an argument or result.
+    row : str
+        Expression in i: number of the row, or, of arguments, where it begins.
+    component : str
+        Name of the component; of arguments, ``numbers`` and results the text of an integer.
+    """
+
+    variable: str
+    region: str
+    row: str
+    component: str
+
+
+class Addresses:
+    """Addresses of a program, and the tables that they need.
+
+    Parameters
+    ----------
+    program : Program
+    layout : Layout
+    numbered : bool
+        Places in rows are numbers, and what only neighbours need shares memory; otherwise every row holds values by name.
+    """
+
+    def __init__(self, program: Program, layout: Layout, numbered: bool):
+        self.system = program.system
+        self.layout = layout
+        self.numbered = numbered
+        model = self.system.model
+        self.links = IndexTable("link", len(self.system.links))
+        several = not self.system.independent_links
+        self.units = IndexTable("unit", len(self.system.regions.order)) if several else self.links
+        self.springs = IndexTable("spring", len(model.springs))
+        self._parameter_places = {name: i for i, name in enumerate(model.parameter_names)}
+        self._rows: dict[tuple[object, ...], str] = {}
+
+    @property
+    def tables(self) -> list[IndexTable]:
+        """All tables, once each."""
+        return [self.links, *([] if self.units is self.links else [self.units]), self.springs]
+
+    # -- what a block's functions are called for ---------------------------------------------------------------------
+
+    def table(self, sweep: str) -> IndexTable:
+        """The table of what a sweep goes over."""
+        spec = SWEEP[sweep]
+        return self.springs if spec.spring else self.units if spec.units else self.links
+
+    def instances(self, kind: UnitKind, sweep: str) -> list[int]:
+        """The values that i takes in the functions of a kind."""
+        return kind.units if SWEEP[sweep].units else kind.members
+
+    def entry(self, kind: UnitKind, sweep: str, column: str, values: list[int]) -> str:
+        """Expression of integers that belong to the instances of a kind."""
+        return self.table(sweep).entry(column, self.instances(kind, sweep), values)
+
+    def links_meant(self, kind: UnitKind, sweep: str, store: Store) -> list[int]:
+        """For each instance of a kind, the link that a store is of; the ground has the number after the last."""
+        ground = len(self.system.links)
+        found = (self._link(kind, sweep, store, i) for i in self.instances(kind, sweep))
+        return [ground if link == GROUND else link for link in found]
+
+    def _link(self, kind: UnitKind, sweep: str, store: Store, i: int) -> int:
+        """The same of one instance; `GROUND` for the ground."""
+        system, regions, owner = self.system, self.system.regions, store.owner
+        if owner is GROUND_LINK:
+            return GROUND
+        if owner is PARTNER:
+            assert store.place is not None
+            return regions.elimination.partners[i].links[store.place]
+        if isinstance(kind, SpringKind):
+            return system.spring_ends[i].links[owner is SECOND_END]
+        if isinstance(kind, LinkKind):
+            link = regions.order[i].number if SWEEP[sweep].units else i
+            return system.links[link].parent if owner is PARENT else link
+        number = regions.order[i].number
+        if owner is BASE_LINK:
+            region = number if isinstance(kind, RegionKind) else regions.ears[number].region
+            return regions.regions[region].base
+        assert store.place is not None
+        ear = regions.ears[number]
+        return (ear.roots if owner is ROOT else ear.links)[store.place]
+
+    def loops_meant(self, kind: UnitKind, store: Store) -> list[int]:
+        """For each instance of a kind of ears, the loop that a store is of."""
+        regions = self.system.regions
+        assert store.place is not None
+        return [regions.ears[regions.order[i].number].closures[store.place].loop for i in kind.units]
+
+    # -- rows ------------------------------------------------------------------------------------------------------
+
+    def of_links(self, kind: UnitKind, sweep: str, store: Store, column: str, of: list[int] | None = None) -> str:
+        """Expression of an integer of the link that a store is of: its number, or what `of` lists by link."""
+        key = (kind.index, kind.role, SWEEP[sweep].units, store, column)
+        if key not in self._rows:
+            links = self.links_meant(kind, sweep, store)
+            place = "" if store.place is None else str(store.place)
+            self._rows[key] = self.entry(
+                kind, sweep, f"{_COLUMN.get(store.owner, '')}{column}{place}", links if of is None else [of[i] for i in links]
+            )  # fmt: skip
+        return self._rows[key]
+
+    def of_loops(self, kind: UnitKind, sweep: str, store: Store, column: str = "", of: list[int] | None = None) -> str:
+        """The same of loops."""
+        loops = self.loops_meant(kind, store)
+        return self.entry(kind, sweep, f"LOOP{store.place}{column}", loops if of is None else [of[n] for n in loops])
+
+    @cached_property
+    def slots(self) -> list[int]:
+        """Slots of links, the ground's last."""
+        return [*self.system.slot_of, 0]
+
+    @cached_property
+    def first_conditions(self) -> list[int]:
+        """Where the conditions of each loop begin among all."""
+        found, at = [], 0
+        for loop in self.system.model.loops:
+            found.append(at)
+            at += sum(CLOSURE_ROWS[loop.type])
+        return found
+
+    def _row(self, kind: UnitKind, sweep: str, store: Store, near: bool) -> str:
+        """Row of memory that is laid out."""
+        regions = self.system.regions
+        if store.memory is EAR_RECORD:
+            return self.entry(kind, sweep, "EAR", [regions.order[i].number for i in kind.units])
+        if store.memory in (REGION_RECORD, REGION_LANE):
+            units = [regions.order[i] for i in kind.units]
+            numbers = [u.number if u.role == "region" else regions.ears[u.number].region for u in units]
+            return self.entry(kind, sweep, "REGION", numbers)
+        if store.memory is COUPLING_BLOCK:
+            return self._coupling(kind, sweep, store)
+        if self.numbered and (near or store.memory is SLOT):
+            return self.of_links(kind, sweep, store, "SLOT", self.slots)
+        return self.of_links(kind, sweep, store, "NUMBER")
+
+    def _coupling(self, kind: UnitKind, sweep: str, store: Store) -> str:
+        """Place of a coupling: of those that end with the unit, or that it adds to."""
+        elimination, place = self.system.regions.elimination, store.place
+        assert place is not None
+        units = [elimination.partners[i] for i in kind.units]
+        own = store.owner is OWN_COUPLING
+        couplings = [p.own[place] if own else p.handed_on[place].coupling for p in units]
+        column = f"{'OWN' if own else 'PAIR'}{place}"
+        return self.entry(kind, sweep, column, [elimination.coupling_slot[c] for c in couplings])
+
+    # -- addresses -------------------------------------------------------------------------------------------------
+
+    def address(self, kind: UnitKind, sweep: str, store: Store, name: str) -> Address:
+        """Where a component of a store lies, in the functions of a kind."""
+        memory, system = store.memory, self.system
+        variable = store.label.replace("#", "_")
+        if memory in REGIONS:
+            near = self.numbered and memory is RECORD and name in self.layout.near.get(sweep, {})
+            row = self._row(kind, sweep, store, near)
+            return Address(f"near_{variable}" if near else variable, "near" if near else REGIONS[memory], row, name)
+        if memory is CONSTANT:
+            return self._constant(kind, sweep, store, name)
+        region, row = store.name, ""
+        if memory is PER_ANGLE:
+            row = self.of_links(kind, sweep, store, "TRIG", self.layout.trig_of)
+        elif memory in (PER_COORDINATE, PER_COORDINATE_LANE):
+            row = self.of_links(kind, sweep, store, "Q", [link.q for link in system.links])
+        elif memory in (PER_SPEED, PER_SPEED_LANE):
+            row = self.of_links(kind, sweep, store, "U", [link.u for link in system.links])
+        elif memory is WRENCH:
+            of_loop = store.owner is LOOP
+            row = f"6*{self.of_loops(kind, sweep, store) if of_loop else self.of_links(kind, sweep, store, 'NUMBER')}"
+        elif memory is PER_LOOP:
+            row = self.of_loops(kind, sweep, store)
+        elif memory in (PER_CONDITION, PER_CONDITION_LANE):
+            row = self.of_loops(kind, sweep, store, "_ROWS", self.first_conditions)
+        elif memory in (COEFFICIENTS, COEFFICIENTS_LANE):
+            row = self.entry(kind, sweep, "COEFFICIENTS", [3 * n for n in kind.members])
+        elif memory is PER_PARAMETER_LANE:
+            return Address("dp", "dp", "", self._parameter(kind, sweep, store, int(name)))
+        elif memory in (ENERGY, ENERGY_LANE):
+            name = str(int("potential" in store.name))
+            region = store.name.replace("potential", "energy")
+        else:
+            raise KeyError(store)
+        return Address(variable, region, row, name)
+
+    def _parameter(self, kind: UnitKind, sweep: str, store: Store, j: int) -> str:
+        """Number of the j-th design parameter that the constants of a link, a loop or a spring depend on."""
+        system = self.system
+        if store.owner is SPRING:
+            owners, column = [system.spring_constants[n] for n in kind.members], f"P{j}"
+        elif store.owner is LOOP:
+            owners = [system.closure_constants[n] for n in self.loops_meant(kind, store)]
+            column = f"LOOP{store.place}_P{j}"
+        else:
+            owners = [system.constants_of[i] for i in self.links_meant(kind, sweep, store)]
+            column = f"P{j}" if store.place is None else f"LINK{store.place}_P{j}"
+        return self.entry(kind, sweep, column, [self._parameter_places[c.parameters[j]] for c in owners])
+
+    def _constant(self, kind: UnitKind, sweep: str, store: Store, name: str) -> Address:
+        """A constant that differs within a kind: a number, or one that depends on design parameters."""
+        layout, system = self.layout, self.system
+        variable = store.label.replace("#", "_")
+        folded = self._folded(kind, store)
+        data = folded.data.get(name)
+        if store.owner is SPRING:
+            column = "NUMBERS" if data is not None else "CONSTANTS"
+            if data is not None:
+                values = [layout.spring_number_offsets[n] for n in kind.members]
+                return Address("k", "numbers", self.entry(kind, sweep, column, values), str(data))
+            values = [self._place_of_constants(system.spring_constants[n].index) for n in kind.members]
+            return Address(variable, "constants", self.entry(kind, sweep, column, values), name)
+        if store.owner is LOOP:
+            if data is not None:
+                row = self.of_loops(kind, sweep, store, "_NUMBERS", layout.closure_number_offsets)
+                return Address(f"k_{variable}", "numbers", row, str(data))
+            begins = [self._place_of_constants(c.index) for c in system.closure_constants]
+            return Address(variable, "constants", self.of_loops(kind, sweep, store, "_CONSTANTS", begins), name)
+        if data is not None:
+            row = self.of_links(kind, sweep, store, "NUMBERS", layout.number_offsets)
+            return Address(f"k_{variable}", "numbers", row, str(data))
+        begins = [self._place_of_constants(c.index) for c in system.constants_of]
+        return Address(variable, "constants", self.of_links(kind, sweep, store, "CONSTANTS", begins), name)
+
+    def _folded(self, kind: UnitKind, store: Store) -> Folded:
+        """Whose constants a store means."""
+        if isinstance(kind, EarKind):
+            assert store.place is not None
+            return kind.links[store.place] if store.owner is LINK else kind.closures[store.place]
+        assert isinstance(kind, Folded)
+        return kind
+
+    def shape_of(self, kind: UnitKind, store: Store) -> int:
+        """The shape of those constants."""
+        return self._folded(kind, store).shape.index
+
+    def _place_of_constants(self, index: int) -> int:
+        return self.layout.constant_offsets[index] if self.numbered else index
+
+    # -- who is to blame -------------------------------------------------------------------------------------------
+
+    def culprit(self, kind: UnitKind, sweep: str) -> Callable[[str], str]:
+        """Number of the link to name when the j-th pivot of a kind is zero; loops are counted after the links, then springs."""
+        regions = self.system.regions
+        links = len(self.system.links)
+
+        def number(name: str) -> str:
+            if isinstance(kind, RegionKind):
+                values = [regions.regions[regions.order[i].number].freedoms[int(name)][0] for i in kind.units]
+                return self.entry(kind, sweep, f"SOURCE{name}", values)
+            if isinstance(kind, SpringKind):
+                first = links + len(self.system.model.loops)
+                return self.entry(kind, sweep, "CULPRIT", [first + n for n in kind.members])
+            if isinstance(kind, EarKind):
+                ears = [regions.ears[regions.order[i].number] for i in kind.units]
+                return self.entry(kind, sweep, "LOOP", [links + ear.closures[0].loop for ear in ears])
+            numbers = [regions.order[i].number if SWEEP[sweep].units else i for i in self.instances(kind, sweep)]
+            return self.entry(kind, sweep, "LINK", numbers)
+
+        return number

@@ -1,0 +1,260 @@
+"""The fields of the mechanics: everything that blocks keep for each other, with shape, unit, frame and meaning.
+
+This is the one table of them; the glossary in the documentation is printed from it. Names are those of the generated code. In
+units, ``u`` stands for what a freedom is measured in (rad or m) and ``[..., ...]`` for angular and linear parts. Values per
+direction are kept under the same names, in slots and lanes, unless another name is given.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..program.field import (
+    AccelerationField,
+    BlockField,
+    EarShiftField,
+    Field,
+    MatrixField,
+    ScalarField,
+    ShiftField,
+    SixField,
+    SymmetricField,
+    TwistField,
+    VectorField,
+)
+
+OWN, PARENT, GROUND, REGION, LINK = "the link", "the parent", "the ground", "the region (its base)", "its own link"
+WRENCH, TWIST, INERTIA = "[N m, N]", "[rad/s, m/s]", "[kg m^2, kg m, kg]"
+ACCELERATION, DISPLACEMENT = "[rad/s^2, m/s^2]", "[rad, m]"
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Fields of the accelerations of a link: angular velocity, angular acceleration, that of the origin, and B."""
+
+    w: VectorField
+    al: VectorField
+    a: VectorField
+    B: MatrixField
+
+    def __call__(self, *numbers: int) -> Motion:
+        """The member of a family."""
+        return Motion(*(f(*numbers) if "{}" in f.name else f for f in (self.w, self.al, self.a, self.B)))  # type: ignore[arg-type]
+
+
+@dataclass(frozen=True)
+class Inertia:
+    """Fields of a generalised inertia: blocks of moments, of mass, and what couples them."""
+
+    J: SymmetricField
+    M: SymmetricField
+    H: MatrixField
+
+
+def _inertia(prefix: str, frame: str, meaning: str, handed_on: bool) -> Inertia:
+    J, M, H = (("kg m^2", "moments"), ("kg", "mass"), ("kg m", "what couples them"))
+    return Inertia(
+        SymmetricField(f"{prefix}J", J[0], frame, f"{meaning}: {J[1]}", handed_on=handed_on),
+        SymmetricField(f"{prefix}M", M[0], frame, f"{meaning}: {M[1]}", handed_on=handed_on),
+        MatrixField(f"{prefix}H", H[0], frame, f"{meaning}: {H[1]}", handed_on=handed_on),
+    )
+
+
+# -- constants of a link -----------------------------------------------------------------------------------------------
+
+mass = ScalarField("m", "kg", "", "mass of a link")
+first_moment = VectorField("h", "kg m", OWN, "mass times centre of mass, from the origin")
+inertia = SymmetricField("J", "kg m^2", OWN, "inertia about the origin")
+joint_place = VectorField("r", "m", PARENT, "origin of the joint in the parent")
+joint_attitude = MatrixField("R", "1", PARENT, "parent components from joint components, at q = 0")
+face_place = VectorField(
+    "{}.r", "m", LINK, "origin of a face of a loop joint (A: start, B: end), or of an end of a spring"
+)
+face_axes = MatrixField("{}.F", "1", LINK, "link components from those of a loop joint's face")
+cosine, sine = ScalarField("cos", "1", "", "cosine of an angle"), ScalarField("sin", "1", "", "sine of an angle")
+
+# -- motion of a link --------------------------------------------------------------------------------------------------
+
+quaternion_matrix = MatrixField(
+    "Q", "1", PARENT, "rotation matrix of a quaternion, joint components from link components"
+)
+turn = ScalarField("turn.{}", "rad", OWN, "component of the rotation vector of a quaternion's seed")
+attitude = MatrixField("W", "1", GROUND, "rotation matrix, ground from link components")
+position = VectorField("pos", "m", GROUND, "position of the origin")
+angular_velocity = VectorField("w", "rad/s", OWN, "angular velocity (omega)")
+parents_velocity = VectorField("wp", "rad/s", OWN, "angular velocity of the parent, in the link's axes")
+velocity = VectorField("v", "m/s", OWN, "velocity of the origin")
+spring_twist = TwistField("v", TWIST, OWN, "angular velocity and velocity of the origin, found before springs")
+remainder = Motion(
+    angular_velocity,
+    VectorField("al", "rad/s^2", OWN, "angular acceleration with udot = 0; along directions: tangent of all of it"),
+    VectorField("a", "m/s^2", OWN, "acceleration of the origin with udot = 0; along directions: tangent of all of it"),
+    MatrixField(
+        "B", "1/s^2", OWN, "alpha x + omega x omega x, of the same; along directions: tangent with all of udot"
+    ),
+)
+total = Motion(
+    angular_velocity,
+    VectorField("tal", "rad/s^2", OWN, "angular acceleration, all of it"),
+    VectorField("ta", "m/s^2", OWN, "acceleration of the origin, all of it"),
+    MatrixField("tB", "1/s^2", OWN, "alpha x + omega x omega x, with all of alpha"),
+)
+ear_own = Motion(VectorField("tw", "rad/s", OWN, "angular velocity of a link of an ear"), total.al, total.a, total.B)
+explicit_acceleration = AccelerationField(
+    "b", ACCELERATION, OWN, "the part of the accelerations that is explicit in udot: angular, of the origin"
+)
+
+# -- forces on a link --------------------------------------------------------------------------------------------------
+
+needed = SixField("", WRENCH, OWN, "moment about the origin and force that a link's motion with udot = 0 needs")
+total_needed = SixField("t", WRENCH, OWN, "moment about the origin and force that all of a link's motion needs")
+external = SixField("ext.", WRENCH, OWN, "moment about the origin and force of the springs on a link")
+articulated = _inertia("acc.", OWN, "articulated inertia that the children hand on", True)
+articulated_force = SixField("acc.", WRENCH, OWN, "articulated force that the children hand on", handed_on=True)
+transmitted = SixField(
+    "tacc.", WRENCH, OWN, "what joints outboard transmit with all accelerations known", handed_on=True
+)
+inverse_pivot = ScalarField("Dinv.{}", "1/(kg u^2)", "", "one over the inertia along a freedom (D of Eq. 47)")
+right_side = ScalarField("rD.{}", "u/s^2", "", "what drives a freedom, over the inertia along it (Eq. 53)")
+gain = ScalarField(
+    "G{}.{}",
+    "1",
+    OWN,
+    "inertia over that along the freedom (Eq. 46), by freedom and component; after six, those of partners",
+)
+
+# -- energies ----------------------------------------------------------------------------------------------------------
+
+outboard_mass = ScalarField("sum.m", "kg", "", "mass of everything outboard", handed_on=True)
+outboard_moment = VectorField("sum.h", "kg m", OWN, "first moment of everything outboard", handed_on=True)
+
+# -- links whose motion loops close on: against the link that carries all of the loop -----------------------------------
+
+closing_attitude = MatrixField("cW", "1", "the origin", "attitude against the origin")
+closing_position = VectorField("co", "m", "the origin", "position against the origin")
+closing_twist = TwistField("c", TWIST, OWN, "angular velocity and velocity against the origin")
+closing_shift = ShiftField(
+    "c", DISPLACEMENT, OWN, "rotation vector and displacement of a direction, against the origin"
+)
+step = ShiftField("n", DISPLACEMENT, OWN, "rotation vector and displacement of Newton's step, against the origin")
+
+# -- links of ears, in the axes of their region ------------------------------------------------------------------------
+
+ear_attitude = MatrixField("sW", "1", REGION, "region components from link components")
+ear_position = VectorField("o", "m", REGION, "position against the region's base")
+ear_inertia = SymmetricField("sJ", "kg m^2", REGION, "inertia about the origin")
+ear_first_moment = VectorField("sh", "kg m", REGION, "mass times centre of mass")
+per_source = TwistField(
+    "Z{}.", "per unit of the source", REGION, "how a link moves with a source (Gamma and Xi of Eq. 37)"
+)
+ear_remainder = Motion(
+    VectorField("sw", "rad/s", REGION, "angular velocity"),
+    VectorField("sal", "rad/s^2", REGION, "angular acceleration, the sources at rest"),
+    VectorField("sa", "m/s^2", REGION, "acceleration of the origin, the sources at rest"),
+    MatrixField("sB", "1/s^2", REGION, "alpha x + omega x omega x, the sources at rest"),
+)
+ear_total = Motion(
+    ear_remainder.w,
+    VectorField("tsal", "rad/s^2", REGION, "angular acceleration, all of it"),
+    VectorField("tsa", "m/s^2", REGION, "acceleration of the origin, all of it"),
+    MatrixField("tsB", "1/s^2", REGION, "alpha x + omega x omega x, with all of alpha"),
+)
+ear_needed = SixField("s", WRENCH, REGION, "moment and force that a link's motion needs, the sources at rest")
+ear_total_needed = SixField("ts", WRENCH, REGION, "moment and force that all of a link's motion needs")
+ear_transmitted = SixField(
+    "sacc.", WRENCH, REGION, "what later ears hand to a link that they start from", handed_on=True
+)
+root_transmitted = SixField("oacc.", WRENCH, OWN, "what later ears hand to a link that they start from", handed_on=True)
+measured_position = VectorField("ro", "m", REGION, "position where what is open is measured")
+measured_velocity = TwistField(
+    "r", TWIST, REGION, "velocity at the given speeds; along directions: tangent of the velocity"
+)
+ear_step = ShiftField("s", DISPLACEMENT, REGION, "rotation vector and displacement of Newton's step, against the base")
+shift = EarShiftField("", DISPLACEMENT, REGION, "rotation vector and displacement of a direction, against the base")
+lever_tangent = VectorField("dr", "m", REGION, "tangent of the way from the parent's origin to the link's")
+arm_tangent = VectorField("da{}{}", "m", REGION, "tangent of the way from the origin to a face, by loop and side")
+dependent_acceleration = ScalarField(
+    "x.{}", "u/s^2", "", "tangent of udot of a dependent freedom, the sources' udot held"
+)
+
+# -- ears --------------------------------------------------------------------------------------------------------------
+
+dependent_rate = ScalarField(
+    "Y{}.{}", "per unit of the source", "", "rate of a dependent freedom with a source (Eq. 37)"
+)
+dependent_remainder = ScalarField("y{}", "u/s^2", "", "udot of a dependent freedom, the sources at rest (Eq. 38)")
+orthogonal_entry = ScalarField("q{}.{}", "1", "", "entry of Q of the factored closure matrix, by column and condition")
+triangular_entry = ScalarField("R{}.{}", "1", "", "entry of R of the factored closure matrix, by columns")
+inverse_diagonal = ScalarField("d{}", "1", "", "one over the diagonal of R")
+
+# -- regions -----------------------------------------------------------------------------------------------------------
+
+source_speed = ScalarField("s{}", "u/s", "", "independent speed that is a source")
+source_inertia = ScalarField("Q{}.{}", "kg u^2", "", "inertia over two sources (Eq. 40)")
+source_force = ScalarField("g{}", "kg u^2/s^2", "", "force along a source (Eq. 41)")
+source_to_base = SixField("K{}.", "kg u [m, 1]", REGION, "inertia over a source and the base's six components (Eq. 39)")
+source_to_partner = ScalarField(
+    "P{}.{}.{}", "kg u [m, 1]", REGION, "inertia over a source and a partner's six components"
+)
+region_inertia = _inertia("I.", REGION, "inertia of a region that its base carries", False)
+region_force = SixField("", WRENCH, REGION, "force of a region that its base carries")
+source_inverse_pivot = ScalarField("Dinv{}", "1/(kg u^2)", "", "one over the inertia along a source (Eq. 47)")
+source_right_side = ScalarField("rD{}", "u/s^2", "", "what drives a source, over the inertia along it (Eq. 53)")
+source_gain = ScalarField("G{}.{}", "1", "", "inertia over that along the source (Eq. 46)")
+source_acceleration = ScalarField("a{}", "u/s^2", "", "acceleration of a source")
+source_tangent_force = ScalarField("r{}", "kg u^2/s^2", "", "right side of the balance along a source")
+region_transmitted = SixField("t.", WRENCH, "the base", "what ears hand to the base with all accelerations known")
+region_balance = SixField("b.", WRENCH, "the base", "the tangent of that")
+
+far_attitude = MatrixField("far{}.W", "1", REGION, "attitude of a far link against the base")
+far_position = VectorField("far{}.o", "m", REGION, "position of a far link against the base")
+far_velocity = TwistField("far{}.", TWIST, REGION, "velocity of a far link against the base")
+far_remainder = Motion(
+    VectorField("far{}.aw", "rad/s", REGION, "angular velocity of a far link"),
+    VectorField("far{}.al", "rad/s^2", REGION, "angular acceleration of a far link with udot = 0"),
+    VectorField("far{}.a", "m/s^2", REGION, "acceleration of a far link with udot = 0"),
+    MatrixField("far{}.B", "1/s^2", REGION, "alpha x + omega x omega x of a far link with udot = 0"),
+)
+far_total = Motion(
+    far_remainder.w,
+    VectorField("far{}.tal", "rad/s^2", REGION, "angular acceleration of a far link"),
+    VectorField("far{}.ta", "m/s^2", REGION, "acceleration of a far link"),
+    MatrixField("far{}.tB", "1/s^2", REGION, "alpha x + omega x omega x of a far link"),
+)
+far_own = Motion(
+    VectorField("far{}.ow", "rad/s", "the far link", "angular velocity of a far link"),
+    VectorField("far{}.oal", "rad/s^2", "the far link", "angular acceleration of a far link"),
+    VectorField("far{}.oa", "m/s^2", "the far link", "acceleration of a far link"),
+    MatrixField("far{}.oB", "1/s^2", "the far link", "alpha x + omega x omega x of a far link"),
+)
+far_shift = EarShiftField(
+    "far{}.", DISPLACEMENT, REGION, "rotation vector and displacement of a far link, against the base"
+)
+far_step = ShiftField(
+    "far{}.n", DISPLACEMENT, REGION, "rotation vector and displacement of a far link in Newton's step"
+)
+far_transmitted = SixField(
+    "far{}.t.", WRENCH, "the far link", "what ears hand to a far link with all accelerations known"
+)
+far_balance = SixField("far{}.b.", WRENCH, "the far link", "the tangent of that")
+
+# -- couplings ---------------------------------------------------------------------------------------------------------
+
+coupling = BlockField("", INERTIA, "the two links", "inertia that couples two links, rows first")
+
+
+def _listed() -> dict[str, Field[object]]:
+    """All fields, by the names that the code has for them."""
+    found: dict[str, Field[object]] = {}
+    for name, value in list(globals().items()):
+        if isinstance(value, Field):
+            found[name] = value
+        elif isinstance(value, (Motion, Inertia)):
+            found |= {f"{name}.{part}": field for part, field in vars(value).items()}
+    return found
+
+
+FIELDS = _listed()
+"""Every field by its name in the code."""
+for _field in FIELDS.values():
+    _field.listed = True

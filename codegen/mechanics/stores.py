@@ -1,0 +1,142 @@
+"""The stores of the mechanics: whose memory a block may read and write, and of which sort it is.
+
+Every link has a *record*, kept for one call; a *slot*, with values per direction that only its neighbours need while a sweep
+passes; and *lanes*, with values per direction that are kept between sweeps. Ears, regions and couplings have memory of their
+own. What a block calls its own link's record is `ME`, its parent's `UP`, and so on: see `Owner`.
+"""
+
+from __future__ import annotations
+
+from ..program.store import Life, Memory, Owner, Store
+
+# -- sorts of memory ---------------------------------------------------------------------------------------------------
+
+RECORD = Memory("record")
+SLOT = Memory("slot", lanes=True, life=Life.SWEEP)
+LANE = Memory("lane", lanes=True)
+EAR_RECORD, REGION_RECORD, COUPLING_BLOCK = Memory("ear"), Memory("region"), Memory("coupling")
+REGION_LANE = Memory("region lane", lanes=True)
+
+LAID_OUT = (RECORD, SLOT, LANE, EAR_RECORD, REGION_RECORD, REGION_LANE, COUPLING_BLOCK)
+"""Memory whose fields the layout gives places to. Of everything else the place is known beforehand."""
+
+KEPT = {RECORD: Memory("kept record"), REGION_RECORD: Memory("kept region")}
+"""Scalars that sweeps over directions hand on themselves, kept for their transposes."""
+
+CONSTANT = Memory("constants", life=Life.OUTSIDE)
+PER_COORDINATE, PER_COORDINATE_LANE = (
+    Memory("coordinates", life=Life.OUTSIDE),
+    Memory("coordinates", True, Life.OUTSIDE),
+)
+PER_SPEED, PER_SPEED_LANE = Memory("speeds", life=Life.OUTSIDE), Memory("speeds", True, Life.OUTSIDE)
+PER_ANGLE = Memory("sines and cosines")
+TURN = Memory("rotations", True)
+PER_PARAMETER, PER_PARAMETER_LANE = Memory("parameters", life=Life.OUTSIDE), Memory("parameters", True, Life.OUTSIDE)
+ENERGY, ENERGY_LANE = Memory("energies", life=Life.OUTSIDE), Memory("energies", True, Life.OUTSIDE)
+COEFFICIENTS, COEFFICIENTS_LANE = Memory("coefficients"), Memory("coefficients", True)
+PER_CONDITION, PER_CONDITION_LANE = Memory("conditions", life=Life.OUTSIDE), Memory("conditions", True, Life.OUTSIDE)
+PER_LOOP = Memory("loops", life=Life.OUTSIDE)
+WRENCH = Memory("wrenches", life=Life.OUTSIDE)
+MARGIN = Memory("margins")
+ARGUMENT, ARGUMENT_LANE = Memory("arguments", life=Life.OUTSIDE), Memory("arguments", True, Life.OUTSIDE)
+NUMBERS = Memory("numbers", life=Life.OUTSIDE)
+
+# -- owners ------------------------------------------------------------------------------------------------------------
+
+LINK = Owner("link")
+"""The link that a block is of; in blocks of ears, of springs and the like one of several: those have a place."""
+PARENT = Owner("parent")
+ROOT = Owner("root", several=True)
+"""A link that an ear starts from; see `structure.EarLinks`."""
+BASE_LINK = Owner("base")
+"""The link whose axes a region uses."""
+PARTNER = Owner("partner", several=True)
+"""A link that the unit is coupled to; see `elimination.Partners`."""
+GROUND_LINK = Owner("ground")
+FIRST_END, SECOND_END = Owner("first end"), Owner("second end")
+"""Links that the ends of a spring are on."""
+EAR_ITSELF, REGION_ITSELF = Owner("ear"), Owner("region")
+OWN_COUPLING = Owner("coupling that ends with the unit", several=True)
+HANDED_COUPLING = Owner("coupling that the unit adds to", several=True)
+LOOP = Owner("loop", several=True)
+SPRING = Owner("spring")
+MODEL = Owner("model")
+
+# -- memory of links ---------------------------------------------------------------------------------------------------
+
+ME, LME, MY_LANE = Store("me", LINK, RECORD), Store("lme", LINK, SLOT), Store("lane", LINK, LANE)
+UP, LUP = Store("up", PARENT, RECORD), Store("lup", PARENT, SLOT)
+ROOTS, LROOTS, LANE_ROOTS = Store("root", ROOT, RECORD), Store("lroot", ROOT, SLOT), Store("laneroot", ROOT, LANE)
+BASE, LBASE, LANE_BASE = (
+    Store("base", BASE_LINK, RECORD),
+    Store("lbase", BASE_LINK, SLOT),
+    Store("lanebase", BASE_LINK, LANE),
+)
+PARTNERS, LPARTNERS = Store("partner", PARTNER, RECORD), Store("lpartner", PARTNER, SLOT)
+GROUND, LGROUND = Store("ground", GROUND_LINK, RECORD), Store("lground", GROUND_LINK, SLOT)
+ONE, LANE_ONE = Store("one", FIRST_END, RECORD), Store("laneone", FIRST_END, LANE)
+TWO, LANE_TWO = Store("two", SECOND_END, RECORD), Store("lanetwo", SECOND_END, LANE)
+
+# -- memory of ears, regions and couplings -----------------------------------------------------------------------------
+
+EAR = Store("ear", EAR_ITSELF, EAR_RECORD)
+REGION, LREGION = Store("region", REGION_ITSELF, REGION_RECORD), Store("lregion", REGION_ITSELF, REGION_LANE)
+OWN, PAIR = Store("own", OWN_COUPLING, COUPLING_BLOCK), Store("pair", HANDED_COUPLING, COUPLING_BLOCK)
+
+# -- constants, and the design parameters that they depend on ------------------------------------------------------------
+
+CONSTANTS, LOOP_CONSTANTS, SPRING_CONSTANTS = (
+    Store("c", LINK, CONSTANT),
+    Store("cl", LOOP, CONSTANT),
+    Store("cs", SPRING, CONSTANT),
+)
+PARAMETER, DP = Store("parameter", LINK, PER_PARAMETER), Store("dp", LINK, PER_PARAMETER_LANE)
+CL_PARAMETER, CL_DP = Store("clparameter", LOOP, PER_PARAMETER), Store("cldp", LOOP, PER_PARAMETER_LANE)
+CS_PARAMETER, CS_DP = Store("csparameter", SPRING, PER_PARAMETER), Store("csdp", SPRING, PER_PARAMETER_LANE)
+SHAPE = Store("pc", MODEL, CONSTANT)
+"""The constants that a shape's block computes."""
+NUMBER = Store("k", MODEL, NUMBERS)
+"""Numbers of a row of a table."""
+
+# -- arguments and results by link -------------------------------------------------------------------------------------
+
+COORDINATES, DQ = Store("q", LINK, PER_COORDINATE), Store("dq", LINK, PER_COORDINATE_LANE)
+QDOT, DQDOT = Store("qdot", LINK, PER_COORDINATE), Store("dqdot", LINK, PER_COORDINATE_LANE)
+STEP = Store("step", LINK, PER_COORDINATE)
+SPEEDS, DU = Store("u", LINK, PER_SPEED), Store("du", LINK, PER_SPEED_LANE)
+GIVEN_U = Store("given_u", LINK, PER_SPEED)
+UDOT, DUDOT = Store("udot", LINK, PER_SPEED), Store("dudot", LINK, PER_SPEED_LANE)
+TAU, DTAU = Store("tau", LINK, PER_SPEED), Store("dtau", LINK, PER_SPEED_LANE)
+FORCE, DFORCE = Store("force", LINK, PER_SPEED), Store("dforce", LINK, PER_SPEED_LANE)
+RIGHT_SIDE = Store("b", LINK, PER_SPEED_LANE)
+TRIG = Store("trig", LINK, PER_ANGLE)
+TURNS = Store("turn", LINK, TURN)
+"""Rotation vector of a joint: no memory, but what sines, cosines and rotation matrices are differentiated by."""
+
+PIVOT, RANK = Store("pivot", LINK, MARGIN), Store("rank", LINK, MARGIN)
+"""What must be positive."""
+
+# -- arguments and results of other owners -------------------------------------------------------------------------------
+
+POSITION, DPOSITION = Store("position", LOOP, PER_CONDITION), Store("dposition", LOOP, PER_CONDITION_LANE)
+VELOCITY = Store("velocity", LOOP, PER_CONDITION)
+CONDITION = Store("condition", LOOP, PER_LOOP)
+REACTION, LOOP_REACTION = Store("reaction", LINK, WRENCH), Store("loop_reaction", LOOP, WRENCH)
+KINETIC, DKINETIC = Store("energy", MODEL, ENERGY), Store("denergy", MODEL, ENERGY_LANE)
+POTENTIAL, DPOTENTIAL = Store("potential", MODEL, ENERGY), Store("dpotential", MODEL, ENERGY_LANE)
+COEFFICIENT, DCOEFFICIENT = Store("coefficient", SPRING, COEFFICIENTS), Store("dcoefficient", SPRING, COEFFICIENTS_LANE)
+
+TANGENT_OF = {SPEEDS: DU, COORDINATES: DQ, COEFFICIENT: DCOEFFICIENT}
+"""Where the seeds of arguments are."""
+
+
+def argument(name: str, lanes: bool = False) -> Store:
+    """An argument or a result of the whole model, such as ``p`` or ``outputs``, by name; the same object each time."""
+    key = name, lanes
+    found = _ARGUMENTS.get(key)
+    if found is None:
+        found = _ARGUMENTS[key] = Store(name, MODEL, ARGUMENT_LANE if lanes else ARGUMENT)
+    return found
+
+
+_ARGUMENTS: dict[tuple[str, bool], Store] = {}

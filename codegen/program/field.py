@@ -1,0 +1,265 @@
+"""Fields: what a block finds in a store, with shape, unit, frame and meaning.
+
+A field of one of several numbered things is a family: ``Z_w(3)`` is the field of the third. Blocks keep *components*, the
+strings that a layout gives places to: ``w.x``, ``Z3.w.x``. The tables of fields are in `codegen.mechanics.fields`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Generic, Self, TypeVar
+
+from .scalar import Matrix, Value, Vector
+
+XYZ = "xyz"
+PAIRS = ("xx", "yy", "zz", "xy", "xz", "yz")
+NINE = tuple(a + b for a in XYZ for b in XYZ)
+PLACES = tuple((XYZ.index(pair[0]), XYZ.index(pair[1])) for pair in PAIRS)
+"""Row and column of each of `PAIRS`."""
+
+V = TypeVar("V")
+Read = Callable[[str], Value]
+"""Gives the value of a component."""
+
+
+class Field(Generic[V]):
+    """A field, or (with ``{}`` in its name) a family of fields.
+
+    Attributes
+    ----------
+    name : str
+        Beginning of its components.
+    unit, frame, meaning : str
+        For the glossary. The frame is that in whose axes components are, empty for what has none.
+    handed_on : bool
+        Others add to it: where there are none it is zero, and nobody has stored it.
+    tangent : Field or None
+        Under which name the tangent is kept, in stores of values per direction; None for the same.
+    """
+
+    shape = ""
+
+    def __init__(
+        self, name: str, unit: str, frame: str, meaning: str, *, handed_on: bool = False, tangent: Self | None = None
+    ):
+        self.name = name
+        self.unit = unit
+        self.frame = frame
+        self.meaning = meaning
+        self.handed_on = handed_on
+        self.tangent = tangent
+        self.family: Field[V] = self
+        self.suffix = ""
+        self.listed = False
+        self._scalars: tuple[ScalarField, ...] | None = None
+        self._members: dict[object, Self] = {}
+
+    def __call__(self, *numbers: int | str) -> Self:
+        """The member of a family; the same object each time."""
+        found = self._members.get(numbers)
+        if found is None:
+            found = self._member(self.name.format(*numbers))
+            self._members[numbers] = found
+        return found
+
+    def derivative(self, parameter: int) -> Self:
+        """Of a constant with respect to one of the design parameters that it depends on."""
+        found = self._members.get(f"/{parameter}")
+        if found is None:
+            found = self._member(self.name)
+            found.suffix = f"/{parameter}"
+            self._members[f"/{parameter}"] = found
+        return found
+
+    def _member(self, name: str) -> Self:
+        member = type(self)(name, self.unit, self.frame, self.meaning, handed_on=self.handed_on)
+        member.family = self.family
+        return member
+
+    @property
+    def shown(self) -> tuple[str, ...]:
+        """Names for people."""
+        return (self.name,)
+
+    @property
+    def components(self) -> tuple[str, ...]:
+        """Names of the components."""
+        raise NotImplementedError
+
+    def read(self, read: Read) -> V:
+        """The value, from the values of its components."""
+        raise NotImplementedError
+
+    def parts(self, value: V) -> Iterator[tuple[str, Value]]:
+        """The components with their values."""
+        raise NotImplementedError
+
+    def scalars(self) -> tuple[ScalarField, ...]:
+        """The components as fields of their own; the same objects each time."""
+        if self._scalars is None:
+            made = []
+            for name in self.components:
+                part = ScalarField(name, self.unit, self.frame, self.meaning, handed_on=self.handed_on)
+                part.family = self.family  # type: ignore[assignment]
+                made.append(part)
+            self._scalars = tuple(made)
+        return self._scalars
+
+    def __repr__(self) -> str:
+        return self.name
+
+
+class ScalarField(Field[Value]):
+    """One number."""
+
+    shape = "scalar"
+
+    @property
+    def components(self) -> tuple[str, ...]:
+        return (self.name + self.suffix,)
+
+    def read(self, read: Read) -> Value:
+        return read(self.components[0])
+
+    def parts(self, value: Value) -> Iterator[tuple[str, Value]]:
+        yield self.components[0], value
+
+
+class VectorField(Field[Vector]):
+    """Three components."""
+
+    shape = "vector"
+
+    @property
+    def components(self) -> tuple[str, ...]:
+        return tuple(f"{self.name}.{i}{self.suffix}" for i in XYZ)
+
+    def read(self, read: Read) -> Vector:
+        return [read(c) for c in self.components]
+
+    def parts(self, value: Vector) -> Iterator[tuple[str, Value]]:
+        yield from zip(self.components, value, strict=True)
+
+
+class MatrixField(Field[Matrix]):
+    """Three rows of three."""
+
+    shape = "3x3 matrix"
+
+    @property
+    def components(self) -> tuple[str, ...]:
+        return tuple(f"{self.name}.{ij}{self.suffix}" for ij in NINE)
+
+    def read(self, read: Read) -> Matrix:
+        values = [read(c) for c in self.components]
+        return [values[:3], values[3:6], values[6:]]
+
+    def parts(self, value: Matrix) -> Iterator[tuple[str, Value]]:
+        yield from zip(self.components, (v for row in value for v in row), strict=True)
+
+
+class SymmetricField(Field[Matrix]):
+    """A symmetric matrix: six components, xx, yy, zz, xy, xz, yz."""
+
+    shape = "symmetric 3x3 matrix"
+
+    @property
+    def components(self) -> tuple[str, ...]:
+        return tuple(f"{self.name}.{ij}{self.suffix}" for ij in PAIRS)
+
+    def read(self, read: Read) -> Matrix:
+        xx, yy, zz, xy, xz, yz = (read(c) for c in self.components)
+        return [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
+
+    def parts(self, value: Matrix) -> Iterator[tuple[str, Value]]:
+        for component, (i, j) in zip(self.components, PLACES, strict=True):
+            yield component, value[i][j]
+
+
+class SixField(Field[Vector]):
+    """A moment and a force. The names of its two vectors, `halves`, follow its own: ``acc.`` has ``acc.n.x`` ... ``acc.f.z``."""
+
+    shape = "six components"
+    halves = ("n", "f")
+
+    @property
+    def shown(self) -> tuple[str, ...]:
+        return tuple(f"{self.name}{half}" for half in self.halves)
+
+    @property
+    def angular(self) -> VectorField:
+        """The first three: moment, angular velocity or angular acceleration."""
+        return self._half(0)
+
+    @property
+    def linear(self) -> VectorField:
+        """The last three: force, velocity or acceleration of the origin."""
+        return self._half(1)
+
+    def _half(self, i: int) -> VectorField:
+        if self._halves is None:
+            a, b = (
+                VectorField(f"{self.name}{half}", self.unit, self.frame, self.meaning, handed_on=self.handed_on)
+                for half in self.halves
+            )
+            a.family = b.family = self.family
+            self._halves = a, b
+        return self._halves[i]
+
+    _halves: tuple[VectorField, VectorField] | None = None
+
+    @property
+    def components(self) -> tuple[str, ...]:
+        return tuple(f"{self.name}{half}.{i}" for half in self.halves for i in XYZ)
+
+    def read(self, read: Read) -> Vector:
+        return [read(c) for c in self.components]
+
+    def parts(self, value: Vector) -> Iterator[tuple[str, Value]]:
+        yield from zip(self.components, value, strict=True)
+
+
+class AccelerationField(SixField):
+    """Angular acceleration, then that of the origin."""
+
+    halves = ("al", "a")
+
+
+class TwistField(SixField):
+    """Angular velocity, then velocity of the origin."""
+
+    halves = ("w", "v")
+
+
+class ShiftField(SixField):
+    """Rotation vector, then displacement of the origin."""
+
+    halves = ("t", "d")
+
+
+class EarShiftField(SixField):
+    """The same of links of ears, whose fields have names of their own."""
+
+    halves = ("th", "d")
+
+
+class BlockField(Field[Matrix]):
+    """Six rows of six."""
+
+    shape = "6x6 matrix"
+
+    @property
+    def shown(self) -> tuple[str, ...]:
+        return (f"{self.name}{{}}{{}}",)
+
+    @property
+    def components(self) -> tuple[str, ...]:
+        return tuple(f"{self.name}{i}{k}" for i in range(6) for k in range(6))
+
+    def read(self, read: Read) -> Matrix:
+        return [[read(f"{self.name}{i}{k}") for k in range(6)] for i in range(6)]
+
+    def parts(self, value: Matrix) -> Iterator[tuple[str, Value]]:
+        for i, row in enumerate(value):
+            for k, v in enumerate(row):
+                yield f"{self.name}{i}{k}", v

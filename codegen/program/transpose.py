@@ -1,0 +1,168 @@
+"""The transpose of a block: the same linear map from what it reads per direction to what it writes, run backwards.
+
+A block over directions is a part in scalars and a part that is linear in the values per direction: each of its statements of that
+part is ``t = sum_i c_i s_i`` with scalar ``c_i``. Backwards, from the last to the first, ``c_i t_bar`` is added to every
+``s_i_bar``. A field that the block stores gives its adjoint, a field that it loads gets something added to its adjoint; the
+adjoint of a field is kept where the field is. So ``lambda^T J`` costs about as much as ``J v``, whatever the number of
+parameters, and no tape is kept: the scalars are computed anew from what they were computed from.
+
+Memory is followed one step backwards, too: a store that replaces what was there ends the life of an adjoint, which is cleared
+unless the next to use it assigns (`Adjoints`). A location that is loaded, added to and stored again keeps its adjoint.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import sympy
+from sympy import Expr, Symbol
+
+from .block import Block, Component, Expansion
+from .store import Store
+
+
+@dataclass(frozen=True)
+class Adjoints:
+    """How the adjoints of what a block reads and writes are kept.
+
+    Attributes
+    ----------
+    assigned : callable (store, component) -> bool
+        The block is the first, on the way backwards, to give the adjoint of something that it loads: it is assigned, not added.
+    cleared : callable (store, component) -> bool
+        The adjoint of something that the block stores must be zero afterwards.
+    others : tuple of (Store, str)
+        Adjoints that the block has to set to zero because others expect it to assign them, although it does not load them.
+    """
+
+    assigned: Callable[[Store, str], bool]
+    cleared: Callable[[Store, str], bool]
+    others: tuple[Component, ...] = ()
+
+
+def coefficients(e: Expr, lanes: set[Symbol]) -> dict[Symbol, Expr]:
+    """The scalar factors of an expression that is linear in some symbols.
+
+    Raises
+    ------
+    ValueError
+        It is not linear in them.
+    """
+    if e in lanes:
+        return {e: sympy.S.One}
+    if e.is_Add:
+        total: dict[Symbol, Expr] = {}
+        for term in e.args:
+            for s, c in coefficients(term, lanes).items():
+                total[s] = total[s] + c if s in total else c
+        return total
+    if not (e.free_symbols & lanes):
+        if e == 0:
+            return {}
+        raise ValueError(f"{e} is added to values per direction")
+    if e.is_Mul:
+        inner = [f for f in e.args if f.free_symbols & lanes]
+        if len(inner) == 1:
+            rest = sympy.Mul(*(f for f in e.args if f is not inner[0]))
+            return {s: rest * c for s, c in coefficients(inner[0], lanes).items()}
+    raise ValueError(f"{e} is not linear in values per direction")
+
+
+@dataclass(frozen=True)
+class Kept:
+    """Scalars that blocks over directions store themselves: they are computed before, and kept.
+
+    Attributes
+    ----------
+    holds : callable (store, component) -> bool
+        Whether a component is one of them.
+    place : callable (store) -> Store
+        Where they are kept.
+    final : callable (store) -> bool
+        What a block stores there is not added to by others: it need not be computed again.
+    """
+
+    holds: Callable[[Store, str], bool]
+    place: Callable[[Store], Store]
+    final: Callable[[Store], bool]
+
+    def at(self, store: Store, name: str) -> Component:
+        """Where a scalar is."""
+        return (self.place(store) if self.holds(store, name) else store), name
+
+
+def values(block: Block, name: str, title: str, kept: Kept) -> Block:
+    """The part of a block over directions that computes scalars to be kept."""
+    found = Block(name, title)
+    found.loads = {s: kept.at(a, n) for s, (a, n) in block.loads.items() if not a.lanes}
+    found.statements = [s for s in block.statements if not s.lanes]
+    found.stores = [(kept.place(a), n, e) for a, n, e in block.stores if not a.lanes and kept.holds(a, n)]
+    return found
+
+
+def transposed(block: Block, name: str, title: str, adjoints: Adjoints, kept: Kept) -> Block:
+    """The block that gives the adjoints of what `block` loads from those of what it stores.
+
+    Parameters
+    ----------
+    block : Block
+    name, title : str
+        Of the result.
+    adjoints : Adjoints
+    adjoints : Adjoints
+    kept : Kept
+    """
+    x = Expansion(name, title, lambda store, n: True)
+    x.block.loads = {s: kept.at(a, n) for s, (a, n) in block.loads.items() if not a.lanes}
+    x.reserve(s.name for s in (*block.loads, *(t.target for t in block.statements)))
+    # a scalar that the block has stored is there: it need not be computed again
+    there = {
+        e: (kept.place(a), n)
+        for a, n, e in block.stores
+        if not a.lanes and kept.holds(a, n) and kept.final(a) and isinstance(e, Symbol) and e not in block.loads
+    }
+    x.block.loads |= there
+    x.block.statements = [s for s in block.statements if not s.lanes and s.target not in there]
+    lanes = {s for s, (a, _) in block.loads.items() if a.lanes} | {s.target for s in block.statements if s.lanes}
+    bars: dict[Symbol, list[Expr]] = {}
+    incoming: dict[Component, Expr] = {}
+
+    def give(e: Expr, bar: Expr) -> None:
+        for s, c in coefficients(e, lanes).items():
+            factor = c if c.is_Number or c.is_Symbol or (-c).is_Symbol else x.let("c", c, "primitive")
+            bars.setdefault(s, []).append(factor * bar)
+
+    for store, n, e in reversed(block.stores):
+        if store.lanes:
+            bar = incoming[store, n] = x.component(store.plain, n)
+            give(e, bar)
+    for statement in reversed(block.statements):
+        if statement.lanes and statement.target in bars:
+            bar = x.let(
+                f"{statement.target.name}_bar",
+                sympy.Add(*bars[statement.target]),
+                f"T {statement.tag}".strip(),
+                lanes=True,
+            )
+            give(statement.expression, bar)
+    stores: list[tuple[Store, str, Expr]] = []
+    done: set[Component] = set()
+    for symbol, (store, n) in block.loads.items():
+        if not store.lanes:
+            continue
+        bar = x.let(f"{symbol.name}_bar", sympy.Add(*bars.get(symbol, [])), "T", lanes=True)
+        done.add((store, n))
+        if (store, n) in incoming:  # stored again: what was there is added to
+            if bar != incoming[store, n]:
+                stores.append((store, n, bar))
+        elif adjoints.assigned(store, n):
+            stores.append((store, n, bar))
+        elif bar != 0:
+            stores.append((store.sum, n, bar))
+    for store, n, _ in block.stores:
+        if store.lanes and not store.adds and (store, n) not in done and adjoints.cleared(store, n):
+            stores.append((store, n, sympy.S.Zero))
+    stores += [(store, n, sympy.S.Zero) for store, n in adjoints.others if (store, n) not in done]
+    x.block.stores = stores
+    return x.finish()

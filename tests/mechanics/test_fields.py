@@ -1,0 +1,154 @@
+"""The table of fields and what blocks store and load: a field that is misspelt or forgotten stops generation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from coupled_mechanisms import by_hand
+from random_mechanisms import random_mechanisms
+
+import codegen
+from codegen.loops.partition import partition
+from codegen.mechanics import procedures
+from codegen.mechanics.expansion import Patterns
+from codegen.mechanics.fields import FIELDS
+from codegen.mechanics.glossary import glossary
+from codegen.mechanics.kinds import System, analyse
+from codegen.mechanics.stores import LAID_OUT
+from codegen.mechanics.sweeps import SWEEPS, Sweep
+from codegen.program.block import FieldError, Scope
+from codegen.program.field import Field
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+MODELS = (
+    "four_bar", "satellite", "arm", "closed_chain", "stewart", "planar_3rrr", "sprung_tips", "platform_on_ground",
+    "chain_on_slide", "tips_slide", "random",
+)  # fmt: skip
+"""Between them they have every kind of link, ear, region and spring."""
+
+Site = tuple[str, str, str, str]
+"""Sweep, role of the unit, store and field."""
+
+
+def system(name: str) -> System:
+    file = EXAMPLES / f"{name}.yaml"
+    if name == "random":
+        model = next(m.model for seed, m in random_mechanisms(1, first=3))
+    else:
+        model = codegen.load_model(file) if file.exists() else by_hand(name).model
+    return analyse(model, False, partition(model) if model.loops else None)
+
+
+def sweeps(of: System) -> list[Sweep]:
+    """All sweeps that the functions of a model run."""
+    run = procedures.sweeps(procedures.procedures(of, reactions=True))
+    return [s for s in SWEEPS if s.name in run and s.kinds(of)]
+
+
+class Watched:
+    """Runs the writers on zero patterns; what they store can be looked at, changed or dropped."""
+
+    def __init__(self, patch: pytest.MonkeyPatch):
+        self.writer: tuple[str, str] = ("", "")
+        self.stored: dict[Site, Field[Any]] = {}
+        self.loaded: set[str] = set()
+        self.misspelt: Site | None = None
+        self.dropped: Site | None = None
+        store, load, write = Scope.store, Scope.load, Sweep.writer
+
+        def watched_store(x: Scope, to: Any, field: Any, value: Any) -> None:
+            if to.memory in LAID_OUT:
+                site = (*self.writer, repr(to).partition("#")[0], field.family.name)
+                self.stored[site] = field.family
+                if site == self.dropped:
+                    return
+                if site == self.misspelt:
+                    field = type(field)(f"{field.name}_", field.unit, field.frame, field.meaning)
+            store(x, to, field, value)
+
+        def watched_load(x: Scope, of: Any, field: Any) -> Any:
+            self.loaded.add(field.family.name)
+            return load(x, of, field)
+
+        def watched_writer(sweep: Sweep, kind: Any) -> Any:
+            found = write(sweep, kind)
+
+            def run(x: Any, k: Any) -> None:
+                self.writer = sweep.name, k.role
+                assert found is not None
+                found(x, k)
+
+            return None if found is None else run
+
+        patch.setattr(Scope, "store", watched_store)
+        patch.setattr(Scope, "load", watched_load)
+        patch.setattr(Sweep, "writer", watched_writer)
+
+    def run(self, of: System) -> Patterns:
+        patterns = Patterns(of)
+        for sweep in sweeps(of):
+            patterns.settle(sweep)
+        return patterns
+
+    def sites(self, of: System) -> Iterator[Site]:
+        self.stored.clear()
+        self.run(of)
+        yield from list(self.stored)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_a_misspelt_field_stops_generation_wherever_it_is_stored(name, monkeypatch):
+    watched = Watched(monkeypatch)
+    patterns = watched.run(system(name))
+    for site in list(watched.stored):
+        watched.misspelt = site
+        sweep = next(s for s in SWEEPS if s.name == site[0])
+        with pytest.raises(FieldError) as error:
+            patterns.settle(sweep)
+        assert f"{sweep.title}: " in str(error.value)
+        assert "is not in the table of fields" in str(error.value)
+        watched.misspelt = None
+
+
+@pytest.mark.parametrize("name", ("four_bar", "satellite", "closed_chain", "platform_on_ground"))
+def test_a_forgotten_store_stops_generation(name, monkeypatch):
+    """Where one writer alone stores what is loaded, and nobody can do without: others that write it too are not told apart."""
+    watched, model = Watched(monkeypatch), system(name)
+    sites = list(watched.sites(model))
+    looked_at = 0
+    for site in sites:
+        field = watched.stored[site]
+        alone = sum(s[3] == site[3] for s in sites) == 1
+        if alone and not field.handed_on and field.name in watched.loaded:
+            looked_at += 1
+            watched.dropped = site
+            with pytest.raises(FieldError, match="is loaded, and no block stores it"):
+                watched.run(model)
+            watched.dropped = None
+    assert looked_at
+
+
+def test_every_field_of_the_table_is_stored_and_loaded(monkeypatch):
+    watched = Watched(monkeypatch)
+    stored: set[str] = set()
+    for name in MODELS:
+        stored |= {site[3] for site in watched.sites(system(name))}
+    names = {f.name: name for name, f in FIELDS.items()}
+    constants = {"m", "h", "J", "r", "R", "{}.r", "{}.F", "cos", "sin"}
+    along = {"lever_tangent", "arm_tangent"}  # tangents ask for them, which zero patterns do not have
+    assert {names[n] for n in stored - watched.loaded} - along == set()
+    assert {names[n] for n in names.keys() - stored - constants} == set()
+
+
+def test_fields_say_what_they_are():
+    for name, field in FIELDS.items():
+        assert field.meaning and field.unit, name
+        assert field.shape, name
+
+
+def test_the_glossary_is_as_the_table_of_fields_has_it():
+    page = EXAMPLES.parent / "docs" / "glossary.md"
+    assert page.read_text(encoding="utf-8") == glossary(), "python -m codegen.mechanics.glossary > docs/glossary.md"

@@ -1,0 +1,110 @@
+"""The transpose of a block is the transpose of the linear map that the block is."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import sympy
+from sympy import Symbol
+
+from codegen.program.block import Block, Component, Expansion
+from codegen.program.passes import simplify
+from codegen.program.store import Life, Memory, Owner, Store
+from codegen.program.transpose import Adjoints, Kept, coefficients, transposed, values
+
+MODEL = Owner("model")
+SCALARS, SLOTS = Memory("scalars"), Memory("slots", lanes=True, life=Life.SWEEP)
+S, KEPT = Store("s", MODEL, SCALARS), Store("kept_s", MODEL, Memory("kept"))
+A, B = Store("a", MODEL, SLOTS), Store("b", MODEL, SLOTS)
+
+NOTHING_KEPT = Kept(lambda store, name: False, lambda store: store, lambda store: True)
+ADDED = Adjoints(lambda store, name: False, lambda store, name: True)
+ASSIGNED = Adjoints(lambda store, name: True, lambda store, name: False)
+
+State = dict[Component, float]
+
+
+def run(block: Block, state: State) -> State:
+    """The memory after a block; what it does not load does not matter to it."""
+    found: dict[Symbol, float] = {s: state.get(at, 0.0) for s, at in block.loads.items()}
+    for t in block.statements:
+        found[t.target] = float(t.expression.subs(found))
+    after = dict(state)
+    for store, name, e in block.stores:
+        value = float(sympy.sympify(e).subs(found))
+        at = store.plain, name
+        after[at] = after.get(at, 0.0) + value if store.adds else value
+    return after
+
+
+def random_block(rng: np.random.Generator, adds: bool) -> Block:
+    """Scalars, lanes linear in lanes, and locations that are loaded, stored, or both."""
+    x = Expansion("random", "random", lambda store, name: True)
+    scalars = [x.component(S, str(i)) for i in range(4)]
+    lanes = [x.component(A, str(i)) for i in range(4)] + [x.component(B, "0")]
+    for k in range(12):
+        a, b = rng.choice(len(scalars), 2)
+        scalars.append(x.let("c", scalars[a] * scalars[b] + int(rng.integers(-2, 3))))
+        i, j = rng.choice(len(lanes), 2)
+        c, d = scalars[rng.integers(len(scalars))], scalars[rng.integers(len(scalars))]
+        value = c * lanes[i] - d * lanes[j] if k % 3 else c * (lanes[i] + d * lanes[j])
+        lanes.append(x.let("t", value, lanes=True))
+    for i in range(3):
+        x.set_component(B.sum if adds and i else B, str(i), lanes[-1 - i])
+    x.set_component(A, "1", lanes[-5] + lanes[1])
+    x.set_component(A, "9", sympy.S.Zero)
+    return x.finish()
+
+
+@pytest.mark.parametrize("simplified", [False, True])
+@pytest.mark.parametrize("adds", [False, True])
+@pytest.mark.parametrize("seed", range(4))
+def test_transposed_is_transposed(seed, adds, simplified):
+    rng = np.random.default_rng(seed)
+    block = random_block(rng, adds)
+    if simplified:
+        block = simplify(block)
+    back = simplify(transposed(block, "back", "back", ADDED, NOTHING_KEPT))
+    scalars = {(S, str(i)): float(rng.uniform(0.5, 1.5)) for i in range(4)}
+    places = [(A, str(i)) for i in range(10)] + [(B, str(i)) for i in range(4)]
+
+    def matrix(of: Block) -> np.ndarray:
+        found = np.zeros((len(places), len(places)))
+        for j, at in enumerate(places):
+            after = run(of, {**scalars, **dict.fromkeys(places, 0.0), at: 1.0})
+            found[:, j] = [after[p] for p in places]
+        return found
+
+    J = matrix(block)
+    assert np.count_nonzero(J - np.diag(np.diag(J))) > 5
+    np.testing.assert_allclose(matrix(back), J.T, rtol=1e-12, atol=1e-12 * abs(J).max())
+
+
+def test_what_is_assigned_needs_no_zero_before():
+    block = random_block(np.random.default_rng(1), False)
+    back = transposed(block, "back", "back", ASSIGNED, NOTHING_KEPT)
+    assert not any(store.adds for store, _, _ in back.stores)
+
+
+def test_scalars_that_a_block_stores_are_kept_and_not_computed_again():
+    x = Expansion("b", "", lambda store, name: True)
+    a, v = x.component(S, "up"), x.component(A, "v")
+    mine = x.let("mine", sympy.sin(a) * a)
+    x.set_component(S, "me", mine)
+    x.set_component(B, "w", x.let("w", mine * v, lanes=True))
+    kept = Kept(lambda store, name: store is S, lambda store: KEPT, lambda store: True)
+    before = values(x.finish(), "before", "", kept)
+    assert [(store, name) for store, name, _ in before.stores] == [(KEPT, "me")]
+    assert list(before.loads.values()) == [(KEPT, "up")]
+    back = simplify(transposed(x.finish(), "back", "", ADDED, kept))
+    assert (KEPT, "me") in back.loads.values()
+    assert (KEPT, "up") not in back.loads.values()
+    assert not any(t.expression.has(sympy.sin) for t in back.statements)
+
+
+def test_what_is_not_linear_is_refused():
+    a, b, c = sympy.symbols("a b c")
+    assert coefficients(c * (a - 2 * b) + a, {a, b}) == {a: c + 1, b: -2 * c}
+    for wrong in (a * b, sympy.sin(a), a + c, a**2, a / b):
+        with pytest.raises(ValueError):
+            coefficients(wrong, {a, b})
