@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import itertools
+import re
+from pathlib import Path
 
 from codegen.emit.c_functions import CFunctions, memory, room
 from codegen.program.procedure import Array, Check, Own, Perform, Procedure, Routine, Run, Zero
@@ -53,3 +55,13 @@ def test_a_procedure_in_c() -> None:
         "DIRECTIONS(along)(&d);",
         "return 0;",
     ]
+
+
+def test_templates_take_no_decisions() -> None:
+    templates = sorted((Path(__file__).parents[2] / "templates").rglob("*.jinja"))
+    assert templates
+    for path in templates:
+        asked = re.findall(
+            r"\{%-? *(?:if|elif|else)\b.*?%\}|\{\{[^}]*\bif\b[^}]*\}\}", path.read_text(encoding="utf-8")
+        )
+        assert not asked, (path.name, asked)
