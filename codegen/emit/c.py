@@ -301,14 +301,17 @@ class CWriter(Writer):
         found = context["interfaces"]
         places: dict[str, int] = {}
         at = 0
-        for name, lanes, count in self.regions():
+        memory = c_functions.memory(found)
+        of_sweeps = self.regions()
+        own = (
+            [("own", False, memory.size)] if memory.size else []
+        )  # behind the lanes it would cost some functions a tenth
+        regions = [*(r for r in of_sweeps if not r[1]), *own, *(r for r in of_sweeps if r[1])]
+        for name, lanes, count in regions:
             places[name] = at
             at += -(-count * (8 if lanes else 1) // 8) * 8
-        kept = {name: lanes for name, lanes, _ in self.regions()}
-        memory = c_functions.memory(found)
-        if memory.size:
-            places["own"], kept["own"] = at, False
-        self.workspace = at + memory.size + 8
+        kept = {name: lanes for name, lanes, _ in regions}
+        self.workspace = at + 8
         fields, lane_fields = memory.declarations(kept)
         in_workspace = {name: at for name, at in places.items() if not kept[name]}
         lines = CFunctions(model.name, memory, self.prepared, lambda p: self.laid_out(p, in_workspace))

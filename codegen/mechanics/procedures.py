@@ -344,7 +344,7 @@ class _Writer:
         force, tau, dforce, dtau, dudot = self.of("force", "tau", "dforce", "dtau", "dudot")
         right, held = dudot.called("b"), dforce.called("held")
         less: tuple[Step, ...] = ()
-        less_along: tuple[Step, ...] = (Combine(dforce, (dforce, held)),)
+        less_along: tuple[Step, ...] = (Combine(dforce, (held, dforce)),)
         if self.forces:
             less = (Zero(tau), JOINT_FORCES, Combine(force, (force,), (tau,)))
             less_along = (
@@ -353,7 +353,7 @@ class _Writer:
                 JOINT_FORCES,
                 JOINT_FORCES.tangents(),
                 Combine(force, (force,), (tau,)),
-                Combine(dforce, (dforce, held), (dtau,)),
+                Combine(dforce, (held, dforce), (dtau,)),
             )
         begin: tuple[Step, ...] = (self.start, *self.applied, *run("kinematics"))
         return self.pair(
@@ -367,14 +367,14 @@ class _Writer:
             (*begin, *run("newton_euler_out", "newton_euler_in"), *less),
             (
                 *begin,
-                Bind(right, dudot),
-                *run("mass_out", "mass_in"),
-                Own(held),
-                Copy(held, dforce),
                 self.ground_tangent,
                 *run("turns"),
                 *self.applied_tangents,
                 *run("balance_out", "force_tangents"),
+                Own(held),
+                Copy(held, dforce),
+                Bind(right, dudot),
+                *run("mass_out", "mass_in"),
                 *less_along,
             ),
         )
