@@ -96,7 +96,7 @@ def _wrong(error: Any) -> None:
 def run_generate(options: argparse.Namespace, status: StatusLine) -> int:
     """``generate``."""
     from .generation import generate
-    from .runtime.solver import CompileError, SingularJointError, TargetsDifferError
+    from .runtime import CompileError, SingularJointError, TargetsDifferError
 
     try:
         report = generate(

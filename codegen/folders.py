@@ -49,28 +49,38 @@ def refuse_foreign(folder: Path) -> None:
             *here.parents,
         ):  # the folder is replaced as a whole: the shell would stand in nothing
             raise FolderError(f"{folder} is, or holds, the working directory; give a folder of its own with -o")
-        found = {p.name for p in folder.iterdir()}
+        manifest: Any = None
+        with contextlib.suppress(OSError, ValueError, RecursionError):
+            manifest = json.loads((folder / "model.json").read_text(encoding="utf-8"))
+        listed = manifest.get("files", ()) if isinstance(manifest, dict) else ()
+        listed = {str(n) for n in listed} if isinstance(listed, list) else set()
+        found = list(_names(folder, {n.partition("/")[0] for n in listed if "/" in n}))
     except (OSError, RuntimeError) as error:  # a link that leads to itself
         raise FolderError(f"cannot write {folder}: {getattr(error, 'strerror', None) or error}") from None
     if not found:
         return
-    manifest: Any = None
-    with contextlib.suppress(OSError, ValueError, RecursionError):
-        manifest = json.loads((folder / "model.json").read_text(encoding="utf-8"))
     if not isinstance(manifest, dict) or manifest.get("generator") != "ordernm":
         raise FolderError(
             f"{folder} holds something that generate did not write; choose another folder with -o, or empty this one"
         )
-    listed = manifest.get("files", ())
     own = re.compile(
-        rf"{re.escape(str(manifest.get('name')))}({SECOND})?(-[0-9a-f-]+\.so|\.log)|ordernm_call-[0-9a-f-]+\.so|__pycache__|\.build-.*"
+        rf"{re.escape(str(manifest.get('name')))}({SECOND})?(-[0-9a-f-]+\.so|\.log)|ordernm_call-[0-9a-f-]+\.so|(.*/)?__pycache__|\.build-.*"
     )
-    foreign = sorted(n for n in found - set(listed if isinstance(listed, list) else ()) if not own.fullmatch(n))
+    foreign = sorted(n for n in found if n not in listed and not own.fullmatch(n))
     if foreign:
         raise FolderError(
             f"{folder} holds beside generated files {', '.join(foreign[:5])}{', ...' if len(foreign) > 5 else ''}, which "
             f"writing anew would lose; move that away, or choose another folder with -o"
         )
+
+
+def _names(folder: Path, own: set[str]) -> Iterator[str]:
+    """What is in a folder; of its folders that a package has, such as that of the run time, what is in these."""
+    for path in folder.iterdir():
+        if path.name in own and path.is_dir():
+            yield from (f"{path.name}/{inside.name}" for inside in path.iterdir())
+        else:
+            yield path.name
 
 
 def _refuse_unwritable(folder: Path) -> None:
@@ -100,6 +110,7 @@ def write_folder(folder: Path, files: dict[str, str]) -> bool:
     try:
         with _workshop(folder) as temporary:
             for name, content in new.items():
+                (temporary / name).parent.mkdir(exist_ok=True)
                 (temporary / name).write_bytes(content)
             _keep_libraries(folder, temporary)
             _take_place(temporary, folder)

@@ -128,14 +128,15 @@ def generate(
         warnings=model.warnings, seconds=seconds, loops=source.choice, written=written,
     )  # fmt: skip
     if compile and target != "numpy":
-        from .runtime.solver import NoCompilerError, compile_library
+        from .runtime import NoCompilerError
+        from .runtime.standalone.build import Build
 
         with _timed(seconds, "compile"):
             try:
                 names = [model.name, *([f"{model.name}{SECOND}"] if "second" in source.manifest else [])]
                 for step, name in enumerate(names, 1):
                     progress("compiling", step, len(names))
-                    compile_library(path, name)
+                    Build(path, name).library()
                 report.compiled = True
             except NoCompilerError as error:
                 report.remarks.append(f"{error}; the NumPy target (--target numpy) serves until then, more slowly")
@@ -175,14 +176,16 @@ def package_files(source: Any, target: str, origin: dict[str, str] | None) -> di
     """The files of a package beside the solver's source; `origin` is the model file, if there is one."""
     from .emit.repetition import json_text
     from .emit.templates import render
-    from .runtime.solver import file_digest, seal
+    from .runtime.sections import carried_files, sections_of
+    from .runtime.standalone.manifest import file_digest, seal
 
     digest = hashlib.sha256()
     for name, text in sorted(source.files.items()):
         digest.update(f"{name}\0{text}\0".encode())
     model = source.system.model
     header = f"{model.name}_model.h"
-    own = ["README.md", "__init__.py", "_runtime.py", "model.json", header]
+    runtime = carried_files(source.manifest)
+    own = ["README.md", "__init__.py", "model.json", header, *runtime]
     manifest = {
         "generator": "ordernm",
         "version": __version__,
@@ -193,15 +196,15 @@ def package_files(source: Any, target: str, origin: dict[str, str] | None) -> di
         "layout": source.layout,
         **source.manifest,
     }
-    context = {"name": model.name, "NAME": model.name.upper(), "version": __version__} | package_context(
-        model, manifest
-    )
-    runtime = (Path(__file__).parent / "runtime" / "solver.py").read_text(encoding="utf-8")
+    context = {
+        "name": model.name, "NAME": model.name.upper(), "version": __version__,
+        "sections": sections_of(source.manifest), **package_context(model, manifest),
+    }  # fmt: skip
     made = {
         "__init__.py": render("package/init.py.jinja", context),
         "README.md": render("package/README.md.jinja", context),
         header: render("package/model.h.jinja", context),
-        "_runtime.py": runtime,
+        **runtime,
     }
     manifest["digests"] = {
         n: file_digest(t.encode()) for n, t in sorted((source.files | made).items()) if n != "README.md"

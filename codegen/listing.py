@@ -134,7 +134,8 @@ class _Listing:
         alike: dict[Any, list[int]] = {}
         for k, b in enumerate(model.bodies):
             alike.setdefault(
-                (b.joint.type, b.joint.axes, b.joint.at, b.joint.rotation, b.mass, b.com, b.inertia), []
+                (b.joint.type, b.joint.axes, b.joint.at, b.joint.rotation, b.joint.factors, b.mass, b.com, b.inertia),
+                [],
             ).append(k)
         entries = []
         for group in alike.values():
@@ -217,7 +218,7 @@ def list_package(folder: Path) -> list[str]:
         The folder holds no package.
     """
     from .folders import FolderError
-    from .runtime.solver import read_manifest
+    from .runtime.standalone.manifest import read_manifest
 
     try:
         manifest = read_manifest(folder)
@@ -236,7 +237,8 @@ def _code(folder: Path, manifest: Mapping[str, Any]) -> str:
     """What computes when the package is loaded on this machine."""
     if manifest.get("target") == "numpy":
         return "NumPy computes"
-    from .runtime.solver import Build, CompileError
+    from .runtime import CompileError
+    from .runtime.standalone.build import Build
 
     try:
         build = Build(folder, manifest["name"], manifest.get("sources", ()))

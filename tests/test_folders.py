@@ -19,13 +19,15 @@ ROOT = Path(codegen.__file__).parents[1]
 
 def package(version: int) -> dict[str, str]:
     """Files that `refuse_foreign` takes for a package."""
-    files = {f"part_{k}.c": f"/* {version} */\n" for k in range(3)}
+    files = {f"{name}.c": f"/* {version} */\n" for name in ("part_0", "part_1", "_runtime/part_2")}
     manifest = {"generator": "ordernm", "name": "part", "files": [*files, "model.json"], "version": version}
     return files | {"model.json": json.dumps(manifest)}
 
 
 def held(folder: Path) -> dict[str, str] | None:
-    return {p.name: p.read_text() for p in folder.iterdir()} if folder.is_dir() else None
+    if not folder.is_dir():
+        return None
+    return {p.relative_to(folder).as_posix(): p.read_text() for p in folder.rglob("*") if p.is_file()}
 
 
 def beside(folder: Path) -> list[str]:

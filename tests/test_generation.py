@@ -15,7 +15,7 @@ from codegen import generation
 from codegen.generation import FolderError, check_solver, generate
 from codegen.model import ModelError, parse_model
 from codegen.runtime import CompileError
-from codegen.runtime.solver import file_digest, seal
+from codegen.runtime.standalone.manifest import file_digest, seal
 
 TEXT = """
 model: rod
@@ -36,8 +36,20 @@ forces:
 outputs:
   energy: kinetic_energy
 """
-FILES = ["README.md", "__init__.py", "_runtime.py", "model.json", "rod.c", "rod.h", "rod_calls.c", "rod_directions.h",
-         "rod_model.h", "rod_numpy.py"]  # fmt: skip
+FILES = ["README.md", "__init__.py", "model.json", "rod.c", "rod.h", "rod_calls.c", "rod_directions.h", "rod_model.h",
+         "rod_numpy.py"]  # fmt: skip
+"""Beside the run time."""
+LOOP = """
+model: rod
+bodies:
+  a: {parent: ground, joint: {type: revolute, axis: y}, mass: 1, com: [0.5, 0, 0]}
+  b: {parent: a, joint: {type: revolute, axis: y, at: [1, 0, 0]}, mass: 1, com: [0.5, 0, 0]}
+  c: {parent: ground, joint: {type: revolute, axis: y, at: [2, 0, 0]}, mass: 1, com: [0, 0, 0.5]}
+loops:
+  pin: {joint: {type: revolute, axis: y}, from: {body: b, at: [1, 0, 0]}, to: {body: c, at: [0, 0, 1]}}
+initial:
+  q: {a: -0.8, b: 0.6, c: 0.1}
+"""
 
 
 @pytest.fixture(scope="module")
@@ -91,9 +103,80 @@ def test_same_bytes_under_other_hash_seeds_and_folders(written, tmp_path, seed):
     assert contents(place) == contents(written)
 
 
+def carried(folder: Path) -> set[str]:
+    """Modules of the run time in a package."""
+    return {p.stem for p in (folder / "_runtime").iterdir()}
+
+
 def test_the_run_time_is_copied_as_it_is(written):
-    own = Path(codegen.__file__).parent / "runtime" / "solver.py"
-    assert (written / "_runtime.py").read_bytes() == own.read_bytes()
+    own = Path(codegen.__file__).parent / "runtime" / "standalone"
+    for name in carried(written):
+        assert (written / "_runtime" / f"{name}.py").read_bytes() == (own / f"{name}.py").read_bytes()
+    listed = json.loads((written / "model.json").read_text())["files"]
+    assert {n for n in listed if n.startswith("_runtime/")} == {f"_runtime/{n}.py" for n in carried(written)}
+
+
+OF_LOOPS = {"loops", "assembly", "newton"}
+OPTIONAL = OF_LOOPS | {"reactions", "redundancy", "tree_forces"}
+
+
+def test_a_package_carries_the_run_time_that_it_uses_only(written, tmp_path):
+    """And without rests of what stood there before."""
+    everything = {p.stem for p in (Path(codegen.__file__).parent / "runtime" / "standalone").glob("*.py")}
+    assert everything - carried(written) == OF_LOOPS | {"reactions", "redundancy"}
+    folder = tmp_path / "rod"
+    loop = parse_model(LOOP)
+    # a parameter that moves a pin along its axis opens a redundant condition
+    opening = parse_model(
+        LOOP.replace("[1, 0, 0]}, to", "[1, off, 0]}, to").replace("bodies:", "parameters: {off: 0}\nbodies:")
+    )
+    for model, options, expected in (
+        (loop, {}, OF_LOOPS), (opening, {"reactions": True}, {*OF_LOOPS, "reactions", "redundancy"}), (loop, {}, OF_LOOPS),
+        (parse_model(TEXT), {}, {"tree_forces"}), (parse_model(TEXT), {"reactions": True}, {"reactions", "tree_forces"}),
+    ):  # fmt: skip
+        generate(model, folder, compile=False, **options)
+        assert carried(folder) & OPTIONAL == expected and carried(folder) <= everything
+
+
+def test_every_file_of_the_run_time_is_imported_by_what_carries_it(written):
+    script = "import sys, rod; print(*(m.rpartition('.')[2] for m in sys.modules if m.startswith('rod._runtime.')))"
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=written.parent, capture_output=True, text=True, check=True
+    )
+    assert {*done.stdout.split(), "__init__"} == carried(written)
+
+
+WITHOUT = """
+import json, sys
+from rod import Solver
+solver = Solver("numpy")
+told = {}
+for name in sys.argv[1:]:
+    try:
+        getattr(solver, name)
+    except AttributeError as error:
+        told[name] = str(error)
+print(json.dumps(told))
+"""
+
+
+def test_members_of_sections_that_a_package_lacks_say_why(written, tmp_path):
+    """A solver of the package says what one of `codegen.load` does."""
+    loop = generate(parse_model(LOOP), tmp_path / "rod", "numpy").folder
+    of_trees = ("mass_matrix", "solve_mass_sensitivities", "inverse_dynamics", "bias_force")
+    for folder, names in ((written, ("reactions",)), (loop, ("reactions", *of_trees))):
+        done = subprocess.run(
+            [sys.executable, "-c", WITHOUT, *names], cwd=folder.parent, capture_output=True, text=True, check=True
+        )
+        told = json.loads(done.stdout)
+        assert set(told) == set(names)
+        ours = codegen.load(folder, "numpy")
+        q, u = ours.initial
+        for name in names:
+            given = {"solve_mass_sensitivities": (q, u), "mass_matrix": (q,), "inverse_dynamics": (q, u, u)}
+            with pytest.raises(AttributeError) as caught:
+                getattr(ours, name)(*given.get(name, (q, u)))
+            assert str(caught.value).replace("inverse_dynamics", name) == told[name].replace("inverse_dynamics", name)
 
 
 @pytest.mark.parametrize("target", ["c", "numpy", "both"])
@@ -154,10 +237,13 @@ def test_a_foreign_folder_is_refused_and_left_alone(model, tmp_path, case):
 
 def test_a_file_in_an_own_folder_is_not_lost(model, tmp_path):
     folder = generate(model, tmp_path / "rod", compile=False).folder
-    (folder / "results.csv").write_text("days of work")
-    with pytest.raises(FolderError, match=r"results\.csv.*-o"):
-        generate(parse_model(TEXT.replace("2700", "2800")), folder, compile=False)
-    assert (folder / "results.csv").read_text() == "days of work"
+    for mine in (folder / "results.csv", folder / "_runtime" / "results.csv", folder / "notes" / "results.csv"):
+        mine.parent.mkdir(exist_ok=True)
+        mine.write_text("days of work")
+        with pytest.raises(FolderError, match=r"generated files (_runtime/results\.csv|results\.csv|notes),.*-o"):
+            generate(parse_model(TEXT.replace("2700", "2800")), folder, compile=False)
+        assert mine.read_text() == "days of work"
+        mine.unlink()
 
 
 def test_a_file_in_the_place_of_the_folder(model, tmp_path):
@@ -190,13 +276,15 @@ def test_empty_folders_parents_and_links(model, tmp_path):
 
 def test_own_output_is_overwritten(model, tmp_path):
     folder = generate(model, tmp_path / "rod", compile=False).folder
-    (folder / "__pycache__").mkdir()
-    (folder / "__pycache__" / "x.pyc").write_bytes(b"")
+    for place in (folder, folder / "_runtime"):
+        (place / "__pycache__").mkdir()
+        (place / "__pycache__" / "x.pyc").write_bytes(b"")
     before = (folder / "rod.c").read_bytes()
     changed = parse_model(TEXT.replace("2700", "2800"))
     assert generate(changed, folder, compile=False).written
     assert (folder / "rod.c").read_bytes() != before
-    assert neighbours(folder) == ["rod"] and set(contents(folder)) == set(FILES)
+    listed = json.loads((folder / "model.json").read_text())["files"]
+    assert neighbours(folder) == ["rod"] and sorted(contents(folder)) == listed and set(FILES) < set(listed)
 
 
 def test_another_model_leaves_nothing_of_the_first(model, tmp_path):

@@ -26,8 +26,8 @@ FLOORS = {
 """What each floor may import beside itself. Floors that are not listed (generation, cli, report, ...) are the top:
 they may import everything, and no listed floor may import them."""
 
-STANDALONE = PACKAGE / "runtime" / "solver.py"
-"""Copied into every generated package, which needs NumPy and cffi only."""
+STANDALONE = PACKAGE / "runtime" / "standalone"
+"""Copied into generated packages, file by file, which need NumPy and cffi only."""
 
 FORBIDDEN_CALLS = {"eval", "exec", "__import__", "os.chdir", "os.system"}
 MACHINE_PATH = re.compile(
@@ -60,10 +60,12 @@ def faults(source: str, path: Path) -> list[str]:
     floor, found = _floor(path), []
     for line, name in imports(source, path):
         parts = name.split(".")
-        if path == STANDALONE:
-            if parts[0] not in sys.stdlib_module_names | {"numpy", "cffi"}:
+        if path.parent == STANDALONE:
+            own = parts[:3] == ["codegen", "runtime", "standalone"] and len(parts) > 3
+            if not own and parts[0] not in sys.stdlib_module_names | {"numpy", "cffi"}:
                 found.append(
-                    f"{_name(path)}:{line}: {name}; the standalone solver has the standard library, numpy and cffi only"
+                    f"{_name(path)}:{line}: {name}; beside itself the standalone run time has the standard library, numpy and "
+                    f"cffi only"
                 )
         elif parts[0] == "codegen" and floor in FLOORS:
             target = parts[1] if len(parts) > 1 else "the top"
@@ -71,6 +73,37 @@ def faults(source: str, path: Path) -> list[str]:
                 allowed = ", ".join(sorted(FLOORS[floor])) or "nothing"
                 found.append(f"{_name(path)}:{line}: {floor} imports {name}; beside itself it may import {allowed}")
     return found
+
+
+Graph = dict[str, set[str]]
+
+
+def graph(sources: dict[Path, str]) -> Graph:
+    """Which modules each one imports at any depth, for type checkers too; packages are not meant where modules in them are."""
+    names = {p: ".".join(p.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__") for p in sources}
+    modules, found = set(names.values()), {}
+    for path, source in sources.items():
+        found[names[path]] = set()
+        for _, name in imports(source, path):
+            known = next((n for n in (name, name.rpartition(".")[0]) if n in modules), None)
+            if known not in (None, names[path]):
+                found[names[path]].add(known)
+    return found
+
+
+def reached(modules: Graph, start: str) -> set[str]:
+    """What a module imports, with all that is imported in turn."""
+    found, left = set(), {start}
+    while left:
+        left = set().union(*(modules[m] for m in left)) - found
+        found |= left
+    return found
+
+
+def circles(modules: Graph) -> list[str]:
+    """Imports on circles, as ``a -> b``."""
+    beyond = {m: reached(modules, m) for m in modules}
+    return sorted(f"{a} -> {b}" for a, several in modules.items() for b in several if a in beyond[b])
 
 
 def forbidden_calls(source: str) -> list[tuple[int, str]]:
@@ -90,7 +123,30 @@ def test_a_module_makes_no_forbidden_calls(path):
 
 def test_there_are_modules_on_every_floor():
     assert {_floor(p) for p in MODULES} >= FLOORS.keys()
-    assert STANDALONE in MODULES
+    assert len([p for p in MODULES if p.parent == STANDALONE]) > 20
+
+
+def test_no_module_imports_itself_in_a_circle():
+    modules = graph({p: p.read_text(encoding="utf-8") for p in MODULES})
+    assert sum(map(len, modules.values())) > len(modules)
+    assert not circles(modules)
+
+
+def test_circles_are_seen_in_functions_and_across_floors():
+    def of(**sources):
+        files = {"one": "loops/one.py", "two": "loops/two.py", "top": "loops/__init__.py", "far": "emit/far.py"}
+        return circles(graph({PACKAGE / files[name]: source for name, source in sources.items()}))
+
+    there, back = "codegen.loops.one -> codegen.loops.two", "codegen.loops.two -> codegen.loops.one"
+    for source in ("from . import one", "def f():\n    from .one import g", "import codegen.loops.one as one",
+                   "if TYPE_CHECKING:\n    from .one import G"):  # fmt: skip
+        assert of(one="from .two import f", two=source, top="") == [there, back]
+    assert of(one="from ..emit.far import f", far="from ..loops import f", top="from .one import f", two="") == [
+        "codegen.emit.far -> codegen.loops",
+        "codegen.loops -> codegen.loops.one",
+        "codegen.loops.one -> codegen.emit.far",
+    ]
+    assert of(one="from .two import f", two="import sys", top="from .one import f", far="from ..loops import f") == []
 
 
 def test_nothing_is_called_utils():
@@ -123,8 +179,10 @@ def test_tracked_files_name_no_path_of_a_machine():
         ("model/x.py", "import codegen"),
         ("emit/x.py", "from ..cli import main"),
         ("emit/c/x.py", "from ...runtime import load"),
-        ("runtime/solver.py", "import scipy.linalg"),
-        ("runtime/solver.py", "from .compiler import build"),
+        ("runtime/standalone/x.py", "import scipy.linalg"),
+        ("runtime/standalone/x.py", "from ..sections import STANDALONE"),
+        ("runtime/standalone/x.py", "def f():\n    from .. import load"),
+        ("runtime/standalone/x.py", "from ...version import __version__"),
     ],
 )
 def test_the_check_sees_imports_that_climb(file, source):
@@ -141,7 +199,10 @@ def test_the_check_sees_imports_that_climb(file, source):
         ("mechanics/x.py", "from ..model.model import GROUND\nfrom ..program import block"),
         ("emit/c/x.py", "from ...mechanics import kinds\nfrom ..printer import Printer"),
         ("cli.py", "from . import generation, reference"),
-        ("runtime/solver.py", "import json\nimport numpy as np\nfrom cffi import FFI"),
+        (
+            "runtime/standalone/x.py",
+            "import json\nimport numpy as np\nfrom cffi import FFI\nfrom .errors import PackageError",
+        ),
     ],
 )
 def test_the_check_lets_imports_of_lower_floors_pass(file, source):

@@ -23,6 +23,7 @@ from ..mechanics.stores import (
     ENERGY,
     ENERGY_LANE,
     GROUND_LINK,
+    KEPT,
     LANE,
     LINK,
     LOOP,
@@ -54,7 +55,7 @@ from .memory import IndexTable, Layout
 
 REGIONS = {
     RECORD: "records", SLOT: "slots", LANE: "lanes", EAR_RECORD: "ears", REGION_RECORD: "regions",
-    REGION_LANE: "region_lanes", COUPLING_BLOCK: "couplings",
+    REGION_LANE: "region_lanes", COUPLING_BLOCK: "couplings", KEPT[RECORD]: "kept", KEPT[REGION_RECORD]: "kept_regions",
 }  # fmt: skip
 """Memory that is laid out, as the targets call it."""
 
@@ -197,7 +198,7 @@ class Addresses:
         regions = self.system.regions
         if store.memory is EAR_RECORD:
             return self.entry(kind, sweep, "EAR", [regions.order[i].number for i in kind.units])
-        if store.memory in (REGION_RECORD, REGION_LANE):
+        if store.memory in (REGION_RECORD, REGION_LANE, KEPT[REGION_RECORD]):
             units = [regions.order[i] for i in kind.units]
             numbers = [u.number if u.role == "region" else regions.ears[u.number].region for u in units]
             return self.entry(kind, sweep, "REGION", numbers)

@@ -7,11 +7,12 @@ of the header.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import Any
 
 from ..mechanics import procedures
 from ..mechanics.kinds import UnitKind
-from ..mechanics.stores import LME, MARGIN, MY_LANE
+from ..mechanics.stores import KEPT, LME, MARGIN, MY_LANE
 from ..model.model import Model
 from ..program.block import Block
 from ..program.passes import by_results
@@ -26,7 +27,8 @@ from .writer import Located, Place, Writer
 
 SIZES = {
     "records": "RECORD", "near": "NEAR_SIZE", "slots": "SLOT_SIZE", "lanes": "LANE_SIZE", "ears": "EAR_SIZE",
-    "regions": "REGION_SIZE", "region_lanes": "REGION_LANE_SIZE", "couplings": "COUPLING_SIZE",
+    "regions": "REGION_SIZE", "region_lanes": "REGION_LANE_SIZE", "couplings": "COUPLING_SIZE", "kept": "KEPT_SIZE",
+    "kept_regions": "KEPT_REGION_SIZE",
 }  # fmt: skip
 """How long a row of each region of memory is."""
 
@@ -170,7 +172,7 @@ class CWriter(Writer):
             places = {
                 "records": layout.record, "near": layout.near.get(sweep, {}), "slots": layout.slots.get(sweep, {}),
                 "lanes": layout.lane, "ears": layout.ear, "regions": layout.region, "region_lanes": layout.region_lane,
-                "couplings": layout.coupling,
+                "couplings": layout.coupling, "kept": layout.kept, "kept_regions": layout.kept_region,
             }  # fmt: skip
             return at.variable, f"a->{at.region} + {SIZES[at.region]}*{at.row}", places[at.region][name]
         if at.region == "numbers":
@@ -186,13 +188,25 @@ class CWriter(Writer):
 
     # -- the ground ------------------------------------------------------------------------------------------------
 
+    @cached_property
+    def keeping(self) -> set[str]:
+        """Sweeps that keep scalars for those that run backwards."""
+        return {
+            s
+            for s, of in self.blocks.items()
+            if any(a.memory in KEPT.values() for b in of.values() for a, _, _ in b.stores)
+        }
+
     def ground(self, sweep: str | None = None) -> list[str]:
         """Lines that set what is read of the ground: at rest, accelerating by -g. For a sweep, or for all of them."""
         lines = []
         near = self.layout.near.get(sweep, {}) if sweep else {}
+        kept = self.layout.kept if sweep in self.keeping else {}
         for name in sorted(self.program.ground_fields):
             if sweep and name in near:
                 place = f"a->near[{near[name]}]"
+            elif name in kept:
+                place = f"a->kept[KEPT_SIZE*LINKS + {kept[name]}]"
             elif not sweep and name in self.layout.record:
                 place = f"a->records[RECORD*LINKS + {self.layout.record[name]}]"
             else:
@@ -236,6 +250,15 @@ class CWriter(Writer):
             zero.append(f"{place} = NOTHING;")
         return lines, zero
 
+    def ground_transposed(self) -> list[str]:
+        """Lines that add to adjoints of parameters what those of the ground's tangent give."""
+        slots = self.layout.slots.get("balance_out", {})
+        return [
+            f"EACH_VECTOR a->dp[{p}].at[h] += {self._gravity(factor)}*a->slots[{slots[name]}].at[h];"
+            for name, terms in self.ground_tangents()
+            for factor, p in terms
+        ]
+
     # -- the files -------------------------------------------------------------------------------------------------
 
     def prepared(self, what: str) -> list[str]:
@@ -260,6 +283,14 @@ class CWriter(Writer):
                 return self.ground_tangent()[0]
             case procedures.GROUND_TANGENT_AT_REST:
                 return self.ground_tangent()[1]
+            case procedures.GROUND_TANGENT_TRANSPOSED:
+                return self.ground_transposed()
+            case procedures.ADJOINTS:
+                return [
+                    f"for (long i = 0; i < {n}L; ++i) a->{name}[i] = NOTHING;"
+                    for name, lanes, n in self.regions()
+                    if lanes
+                ]
         return []
 
     def regions(self) -> list[tuple[str, bool, int]]:
@@ -272,6 +303,8 @@ class CWriter(Writer):
             ("ears", False, len(layout.ear) * len(regions.ears)),
             ("couplings", False, len(layout.coupling) * regions.elimination.slots),
             ("regions", False, len(layout.region) * len(regions.regions)),
+            ("kept", False, len(layout.kept) * (links + 1)),
+            ("kept_regions", False, len(layout.kept_region) * len(regions.regions)),
             ("gravity", False, 3 if self.system.gravity is not None else 0),
             ("constants", False, layout.constants_size),
             ("trig", False, 2 * layout.angles_padded),
@@ -303,9 +336,8 @@ class CWriter(Writer):
         at = 0
         memory = c_functions.memory(found)
         of_sweeps = self.regions()
-        own = (
-            [("own", False, memory.size)] if memory.size else []
-        )  # behind the lanes it would cost some functions a tenth
+        own = [("own", False, memory.size)] if memory.size else []
+        # the call's own arrays before the lanes: behind them they would cost some functions a tenth
         regions = [*(r for r in of_sweeps if not r[1]), *own, *(r for r in of_sweeps if r[1])]
         for name, lanes, count in regions:
             places[name] = at
@@ -325,7 +357,8 @@ class CWriter(Writer):
                 ("NEAR_SIZE", max(1, layout.near_size)), ("SLOT_SIZE", max(1, layout.slot_size)),
                 ("LANE_SIZE", max(1, len(layout.lane))),
                 *((n, len(f)) for n, f in (("EAR_SIZE", layout.ear), ("COUPLING_SIZE", layout.coupling),
-                                           ("REGION_SIZE", layout.region), ("REGION_LANE_SIZE", layout.region_lane)) if f),
+                                           ("REGION_SIZE", layout.region), ("REGION_LANE_SIZE", layout.region_lane),
+                                           ("KEPT_SIZE", layout.kept), ("KEPT_REGION_SIZE", layout.kept_region)) if f),
                 ("ANGLES", max(1, layout.angles_padded)),
             ],
             "workspace": self.workspace,

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from ..program.procedure import (
+    AddEntry,
     Array,
     Bind,
     Check,
@@ -29,6 +30,7 @@ from ..program.procedure import (
     Step,
     Tolerate,
     Zero,
+    ZeroEntries,
     over_directions,
     stops,
     walk,
@@ -142,6 +144,10 @@ def memory(procedures: tuple[Procedure, ...]) -> Memory:
                 case Bind():
                     written = [step.array]
                 case Zero():
+                    written = [step.array]
+                case AddEntry():
+                    written = [step.to]
+                case ZeroEntries():
                     written = [step.array]
                 case Combine():
                     written = [step.to]
@@ -320,7 +326,7 @@ class _Lines:
             case Run():
                 return [self.call(step.sweep, step.lanes)]
             case Formulas():
-                return [self.call(f"{step.name}_tangents" if step.lanes else step.name, step.lanes)]
+                return [self.call(step.called, step.lanes)]
             case Prepare():
                 return self.functions.prepared(step.what)
             case Perform():
@@ -342,6 +348,11 @@ class _Lines:
                 return [self.each(step.to.size, f"{self.array(step.to)}[i] = {self.array(step.of)}[i];")]
             case CopyEntry():
                 return [f"{self.array(step.to)}[{step.index}] = {self.array(step.of)}[{step.entry}];"]
+            case AddEntry():
+                to, of = f"{self.array(step.to)}[{step.index}]", f"{self.array(step.of)}[{step.entry}]"
+                return [f"EACH_VECTOR {to}.at[h] += {of}.at[h];" if step.to.lanes else f"{to} += {of};"]
+            case ZeroEntries():
+                return self.zero_entries(step)
             case Combine():
                 return [self.combine(step)]
             case Single():
@@ -378,6 +389,13 @@ class _Lines:
         return self.each(
             step.to.size, f"{'EACH_VECTOR ' if step.to.lanes else ''}{self.array(step.to)}[i]{h} = {terms};"
         )
+
+    def zero_entries(self, step: ZeroEntries) -> list[str]:
+        a, n = step.array, len(step.entries)
+        if not n:
+            return []
+        table = f"static const int zero_{a.name}[{n}] = {{{', '.join(map(str, step.entries))}}};"
+        return [table, self.each(n, f"{self.array(a)}[zero_{a.name}[i]] = {_nothing(a)};")]
 
     def single(self, step: Single) -> list[str]:
         lines = ["open_1(&one, &c, work);"]

@@ -9,8 +9,8 @@ from ..version import __version__
 from .templates import render
 
 ARGUMENTS = ("q", "u", "p", "inputs", "udot", "b")
-SEEDS = ("dq", "du", "dp", "dinputs", "dudot", "db", "dt")
-"""Arguments and seeds, `t` apart, in the order of their pointers; `codegen.runtime.solver` has the same."""
+SEEDS = ("dq", "du", "dp", "dinputs", "dudot", "db", "dt", "dqdot", "denergy", "doutputs", "dfull_q", "dfull_u")
+"""Arguments and seeds, `t` apart, in the order of their pointers; `codegen.runtime.standalone.functions` has the same."""
 
 INTERNAL = ("closure", "conditions", "newton_step")
 """What these return may be infinite and is looked at elsewhere."""

@@ -11,7 +11,7 @@ from ..mechanics.formulas import FormulaKind
 from ..mechanics.kinds import System
 from ..mechanics.outputs import RecordFormula
 from ..mechanics.procedures import WIDTHS
-from ..mechanics.sweeps import SWEEPS
+from ..mechanics.sweeps import SWEEP
 from ..program.operations import Operations, count
 from ..program.procedure import Array, Formulas, Procedure, Single, counted, walk
 
@@ -29,7 +29,7 @@ def operations(
     result: dict[str, Any] = {}
     steps = [s for p in procedures for s in walk(p.steps)]
     single = {s.sweep for step in steps if isinstance(step, Single) for s in step.steps}
-    for sweep in SWEEPS:
+    for sweep in SWEEP.values():
         blocks = program.blocks.get(sweep.name)
         if not blocks:
             continue

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ..mechanics.expansion import Program
 from ..mechanics.kinds import EarKind, System
-from ..mechanics.stores import COUPLING_BLOCK, EAR_RECORD, LANE, ME, RECORD, REGION_LANE, REGION_RECORD, UP
+from ..mechanics.stores import COUPLING_BLOCK, EAR_RECORD, KEPT, LANE, ME, RECORD, REGION_LANE, REGION_RECORD, UP
 
 
 class Layout:
@@ -16,6 +16,8 @@ class Layout:
         Index of a field in a link's record, and in what is kept per link and direction.
     ear, region, region_lane, coupling : dict of str to int
         The same of ears, regions and couplings.
+    kept, kept_region : dict of str to int
+        The same of scalars that are kept of links and regions, for sweeps that run backwards.
     slots : dict of str to dict of str to int
         The same for the slots, by sweep: slots are used anew by every sweep.
     near : dict of str to dict of str to int
@@ -48,6 +50,9 @@ class Layout:
         self.region = {name: i for i, name in enumerate(program.fields[REGION_RECORD])}
         self.coupling = {name: i for i, name in enumerate(program.fields[COUPLING_BLOCK])}
         self.region_lane = {name: i for i, name in enumerate(program.fields[REGION_LANE])}
+        self.kept, self.kept_region = (
+            {name: i for i, name in enumerate(program.fields.get(KEPT[m], ()))} for m in (RECORD, REGION_RECORD)
+        )
         self.slots = {sweep: {name: i for i, name in enumerate(fields)} for sweep, fields in program.slots.items()}
         self.slot_size = max((len(f) for f in program.slots.values()), default=0)
         self._constants(system)

@@ -13,7 +13,7 @@ from ..mechanics.expansion import Program
 from ..mechanics.formulas import FormulaKind
 from ..mechanics.kinds import UnitKind
 from ..mechanics.outputs import RecordFormula
-from ..mechanics.stores import COUPLING_BLOCK, EAR_RECORD, MARGIN, RECORD, REGION_RECORD
+from ..mechanics.stores import COUPLING_BLOCK, EAR_RECORD, KEPT, MARGIN, RECORD, REGION_RECORD
 from ..program.block import Block
 from ..program.procedure import Procedure, routines
 from ..program.store import Store
@@ -26,7 +26,7 @@ from .repetition import Repeated, repeated
 from .templates import render
 from .writer import Located, Place, Writer
 
-SCALARS = (RECORD, EAR_RECORD, REGION_RECORD, COUPLING_BLOCK)
+SCALARS = (RECORD, EAR_RECORD, REGION_RECORD, COUPLING_BLOCK, *KEPT.values())
 """Memory whose numbers are NumPy's: Python's 1.0/0.0 would raise, NumPy's is found by the pivot check."""
 
 
@@ -145,7 +145,7 @@ class NumpyWriter(Writer):
         for name, value in self.ground_values():
             text = "ZERO" if value == 0 else self._gravity(value)
             lines.append(f'a.records[GROUND]["{name}"] = {text}')
-        return lines
+        return [*lines, "a.kept[GROUND] = a.records[GROUND]"] if self.layout.kept else lines
 
     def prepared(self, what: str) -> list[str]:
         angles = self.layout.angles
@@ -163,7 +163,24 @@ class NumpyWriter(Writer):
                 return [f'a.slots[GROUND]["{name}"] = {self._along(terms)}' for name, terms in self.ground_tangents()]
             case procedures.GROUND_TANGENT_AT_REST:
                 return [f'a.slots[GROUND]["{name}"] = 0.0' for name, _ in self.ground_tangents()]
+            case procedures.GROUND_TANGENT_TRANSPOSED:
+                return [
+                    f'a.dp[{p}] = a.dp[{p}] + {self._gravity(factor)}*a.slots[GROUND]["{name}"]'
+                    for name, terms in self.ground_tangents()
+                    for factor, p in terms
+                ]
+            case procedures.ADJOINTS:
+                return self.adjoints()
         return []
+
+    def adjoints(self) -> list[str]:
+        """Lines that empty the memory of the directions: what is not there is zero."""
+        lines = [f"a.{name} = [Adjoints() for _ in a.{name}]" for name in ("slots", "lanes")]
+        if self.system.regions.regions:
+            lines.append("a.region_lanes = [Adjoints() for _ in a.region_lanes]")
+        model = self.model
+        lines += ["a.dtau = [0.0] * NU"] if model.forces else []
+        return lines + ([f"a.dcoefficient = [0.0] * {3 * len(model.springs)}"] if model.springs else [])
 
     def _along(self, terms: list[tuple[float | str, int]]) -> str:
         return " + ".join(f"{self._gravity(factor)}*a.dp[{p}]" for factor, p in terms) or "0.0"
@@ -180,6 +197,8 @@ class NumpyWriter(Writer):
             "records": "GROUND + 1", "slots": "GROUND + 1", "lanes": "GROUND + 1", "constants": len(system.constants),
             "ears": len(regions.ears), "couplings": regions.elimination.slots, "regions": len(regions.regions),
             "region_lanes": len(regions.regions),
+            "kept": "GROUND + 1" if self.layout.kept else 0,
+            "kept_regions": len(regions.regions) if self.layout.kept_region else 0,
         }  # fmt: skip
         lines = [f"self.{name} = [{{}} for _ in range({n})]" for name, n in kept.items() if n]
         arrays = {a.name: numpy_functions.count(a) for a in numpy_functions.made(self.procedures)}

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from ..program.procedure import (
+    AddEntry,
     Array,
     Bind,
     Check,
@@ -28,6 +29,7 @@ from ..program.procedure import (
     Step,
     Tolerate,
     Zero,
+    ZeroEntries,
     over_directions,
 )
 from .function import Function
@@ -121,7 +123,7 @@ class _Lines:
                     ['with np.errstate(all="ignore"):', f"    {line}"] if self.functions.pivots(step.sweep) else [line]
                 )
             case Formulas():
-                return [f"{step.name}_tangents(a)" if step.lanes else f"{step.name}(a)"]
+                return [f"{step.called}(a)"]
             case Prepare():
                 return self.functions.prepared(step.what)
             case Perform():
@@ -142,6 +144,11 @@ class _Lines:
                 return [f"a.{step.to.name} = list(a.{step.of.name})"]
             case CopyEntry():
                 return [f"a.{step.to.name}[{step.index}] = a.{step.of.name}[{step.entry}]"]
+            case AddEntry():
+                to = f"a.{step.to.name}[{step.index}]"
+                return [f"{to} = {to} + a.{step.of.name}[{step.entry}]"]
+            case ZeroEntries():
+                return self.zero_entries(step)
             case Combine():
                 names = [a.name for a in (*step.plus, *step.minus)]
                 terms = " + ".join(a.name for a in step.plus) + "".join(f" - {a.name}" for a in step.minus)
@@ -160,6 +167,12 @@ class _Lines:
         """A list of zeros."""
         self.zero.add(a.name)
         return [f"a.{a.name} = [0.0] * {count(a)}"]
+
+    @staticmethod
+    def zero_entries(step: ZeroEntries) -> list[str]:
+        if not step.entries:
+            return []
+        return [f"for i in {list(step.entries)}:", f"    a.{step.array.name}[i] = 0.0"]
 
     def bind(self, step: Bind) -> list[str]:
         p, to = self.procedure, step.to
@@ -212,6 +225,7 @@ class _Lines:
             if r.name in self.matrices:
                 parts.append(name if len(r.shape) > 1 else f"{name}[..., 0]")
             else:
-                parts.append(f"result({name}, {'a.k + a.batch' if r.lanes else 'a.batch'})")
+                shape = "a.k + a.batch" if r.lanes else "a.batch"
+                parts.append(f"result({name}, {shape}){'' if r.shape else '[..., 0]'}")
         line = f"return {', '.join(parts)}" if len(parts) > 1 else f"return ({parts[0]},)"
         return [line] if len(line) <= WIDEST else ["return (", *(f"    {part}," for part in parts), ")"]

@@ -15,8 +15,9 @@ from ..mechanics.formulas import coefficient_formulas, force_formulas, initial_f
 from ..mechanics.kinds import RegionKind, System, analyse
 from ..mechanics.orthogonal import RankLossError
 from ..mechanics.outputs import output_formulas, potential_formula
-from ..mechanics.procedures import arrays, procedures, sweeps
+from ..mechanics.procedures import arrays, procedures, sweeps, swept_backwards
 from ..mechanics.stores import LAID_OUT, SLOT
+from ..mechanics.transposition import transpose_sweeps
 from ..mechanics.triangularization import ZeroPivotError
 from ..model.collector import collector_paused
 from ..model.errors import ModelError
@@ -125,6 +126,8 @@ def write_solver(
         message = f"nothing outboard of the joint of {body!r} has inertia about it in any state; give it mass or fix the joint"
         raise ModelError([model.problem(f"bodies.{body}.joint", message)]) from None
     formulas = [*force_formulas(system), *coefficient_formulas(system), *values, *initial_formulas(model)]
+    tangents = [*(f.tangent for f in formulas), *(r.tangent for r in records)]
+    transpose_sweeps(program, swept_backwards(asked), tangents)
     lap("expand and simplify")
     progress("printing C", 0, 0)
     writer = CWriter(program, formulas, records, asked)

@@ -222,7 +222,9 @@ class Writer(ABC):
         `place` gets a function that makes the expression of an integer column.
         """
         single = len(integers) == 1
-        table = f"rows_of_{name.removeprefix('d') if lanes else name}"
+        of = f"d{name.removesuffix('_transposed')}" if name.endswith("_transposed") else name
+        bare = name.removeprefix("d") if lanes else name
+        table = f"rows_of_{bare.removesuffix('_transposed')}"
         used = [False]
 
         def column(j: int) -> str:
@@ -234,14 +236,14 @@ class Writer(ABC):
 
         def located(store: Store, component: str) -> Located:
             if store is NUMBER:
-                return self.number_of_row(f"numbers_of_{name}", "0" if single else "i", int(component))
+                return self.number_of_row(f"numbers_of_{of}", "0" if single else "i", int(component))
             return place(column, store, component)
 
         f = Function(block.title, self.signature(name, lanes, not single), self.lines(block, located))
         if used[0]:
             self.add_table(table, integers)
         if any(store is NUMBER for store, _ in block.loads.values()):
-            self.add_table(f"numbers_of_{name}", numbers)
+            self.add_table(f"numbers_of_{of}", numbers)
         if single:
             return f, [self.call(name, lanes, None)]
         return f, self.repeat_rows(name, lanes, len(integers))
@@ -270,7 +272,9 @@ class Writer(ABC):
 
     def formula_functions(self, target: str) -> dict[str, Any]:
         """Functions of the formulas of a target, for values and for tangents."""
-        result: dict[str, Any] = {"functions": [], "lane_functions": [], "calls": [], "lane_calls": []}
+        result: dict[str, Any] = {
+            f"{kind}{part}": [] for kind in ("", "lane_", "back_") for part in ("functions", "calls")
+        }
 
         def place_formula(column: Column, store: Store, name: str) -> Located:
             if store.name in (target, f"d{target}"):
@@ -287,8 +291,8 @@ class Writer(ABC):
         def place_record(column: Column, store: Store, name: str) -> Located:
             if store.name in (target, f"d{target}"):
                 return self.element(store.name, column(0))
-            if store in (ME, MY_LANE, LME):
-                return self.field_of_record(store, column(1), name)
+            if store.plain in (ME, MY_LANE, LME):
+                return self.field_of_record(store.plain, column(1), name)
             return self.element(store.name, column(2 + int(name)))
 
         for record in self.records:
@@ -305,6 +309,9 @@ class Writer(ABC):
         f, call = self.rows_function(f"d{name}", kind.tangent, place, integers, numbers, lanes=True)
         result["lane_functions"].append(f)
         result["lane_calls"] += call
+        f, call = self.rows_function(f"{name}_transposed", kind.transposed, place, integers, numbers, lanes=True)
+        result["back_functions"].append(f)
+        result["back_calls"] += call
 
     # -- the ground ------------------------------------------------------------------------------------------------
 
@@ -377,11 +384,13 @@ class Writer(ABC):
         found: dict[Formulas, list[Function]] = {}
         steps = {s for p in self.asked for s in walk(p.steps) if isinstance(s, Formulas)}
         by_target = {t: self.formula_functions(t) for t in FORMULA_ORDER}
-        for step in sorted(steps, key=lambda s: (FORMULA_ORDER.index(s.targets[0]), s.lanes)):
-            functions, calls = ("lane_functions", "lane_calls") if step.lanes else ("functions", "calls")
+        for step in sorted(steps, key=lambda s: (FORMULA_ORDER.index(s.targets[0]), s.lanes, s.backwards)):
+            prefix = "back_" if step.backwards else "lane_" if step.lanes else ""
+            functions, calls = f"{prefix}functions", f"{prefix}calls"
             lines = [line for t in step.targets for line in by_target[t][calls]]
             if lines:
-                title = f"{'tangents of ' if step.lanes else ''}{step.name.replace('_', ' ')}"
+                of = "transpose of tangents of " if step.backwards else "tangents of " if step.lanes else ""
+                title = f"{of}{step.name.replace('_', ' ')}"
                 group = Function(title, self.signature(_name(step), step.lanes, False), lines)
                 found[step] = [*(f for t in step.targets for f in by_target[t][functions]), group]
         return found
@@ -434,7 +443,7 @@ def _name(step: Run | Formulas) -> str:
     """Name of the function that a step calls."""
     if isinstance(step, Run):
         return step.sweep
-    return f"{step.name}_tangents" if step.lanes else step.name
+    return step.called
 
 
 def stretches(kinds: list[int], longest: int = 8) -> list[tuple[int, tuple[int, ...], int]]:

@@ -3,8 +3,9 @@
 from .assembling import assemble, initial_configuration
 from .closure import closure, closure_matrix
 from .description import describe
+from .ears import Ear, Partition
 from .errors import AssemblyError, PartitionError
-from .partition import Ear, Partition, partition
+from .partition import partition
 from .velocities import complete_speeds
 
 __all__ = [

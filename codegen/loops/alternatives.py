@@ -5,8 +5,10 @@ from __future__ import annotations
 import dataclasses
 
 from ..model.model import Model
+from .ears import Partition
 from .errors import AssemblyError, PartitionError
-from .partition import Partition, partition
+from .partition import partition
+from .speed_groups import speed_groups
 
 
 def second_partition(model: Model, first: Partition) -> Partition | None:
@@ -52,8 +54,8 @@ def worst(chosen: Partition) -> float:
 
 def _coordinate_of_speeds(model: Model) -> dict[int, str]:
     """Names of the coordinates that are the integrals of speeds."""
-    found: dict[int, str] = {}
-    for body, (q, u) in zip(model.bodies, model.coordinate_slices, strict=True):
-        if body.joint.type not in ("spherical", "free"):
-            found |= dict(zip(range(u.start, u.stop), model.coordinate_names[q.start : q.stop], strict=True))
-    return found
+    return {
+        group.speeds.start: model.coordinate_names[group.coordinates.start]
+        for group in speed_groups(model)
+        if len(group.speeds) == 1
+    }

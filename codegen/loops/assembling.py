@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,13 +11,13 @@ from ..model.expressions import Expression
 from ..model.model import Model
 from .closure import Cuts, body_frames
 from .dependents import choose_dependents, ranks, whole_joints
+from .ears import Partition
 from .errors import AssemblyError
-from .geometry import Array, Geometry, advance, evaluator, padded, parameter_values
+from .geometry import Geometry, advance, evaluator, padded, parameter_values
 from .paths import PoseGroups
 from .rings import ROUNDING, Outcome, Ring, close, is_settled
-
-if TYPE_CHECKING:
-    from .partition import Partition
+from .vectors import Array
+from .wording import listed
 
 NEARLY = 10.0
 """Tolerances of the model that a loop may stay open by where conditions follow from others: angles add up, and act on levers."""
@@ -54,11 +53,10 @@ def initial_configuration(model: Model) -> tuple[Array, Array]:
         return np.array([evaluate([given[x]])[0] if x in given else 0.0 for x in names])
 
     q, u = values(model.coordinate_names, model.initial_q), values(model.speed_names, model.initial_u)
-    for body, (place, _) in zip(model.bodies, model.coordinate_slices, strict=True):
-        if body.joint.type in ("spherical", "free"):
-            e = q[place.stop - 4 : place.stop]
-            size = np.linalg.norm(e)
-            e[:] = e / size if size > 1e-6 else (1.0, 0.0, 0.0, 0.0)
+    for _, place in model.quaternions:
+        e = q[place]
+        size = np.linalg.norm(e)
+        e[:] = e / size if size > 1e-6 else (1.0, 0.0, 0.0, 0.0)
     return q, u
 
 
@@ -353,9 +351,3 @@ def open_loop(ring: Ring, outcome: Outcome, movable: Array) -> AssemblyError:
         loop.name,
         outcome.residual,
     )
-
-
-def listed(names: Sequence[str], limit: int = 6) -> str:
-    """Names in a row, long lists cut."""
-    more = f" and {len(names) - limit} more" if len(names) > limit else ""
-    return ", ".join(names[:limit]) + more

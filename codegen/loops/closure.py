@@ -27,7 +27,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..model.model import Model
-from .geometry import Array, Geometry, cross, padded, turn
+from .geometry import Geometry, padded
+from .vectors import Array, cross, turn
 
 Frames = tuple[Array, Array]
 """Rotations (body into base components) ``(S, n, 3, 3)`` and origins ``(S, n, 3)``, m."""
@@ -190,7 +191,7 @@ class Cuts:
         self.face_R, self.face_at = g.face_R[:, i], g.face_at[:, i]
         self.linear = g.linear[i] / g.lengths[i, None, None]
         self.angular, self.axis, self.end_axis = g.angular[i], g.axis[i], g.end_axis[i]
-        self.whole, self.universal = np.flatnonzero(g.turned_whole[i]), np.flatnonzero(g.is_universal[i])
+        self.whole, self.perpendicular = np.flatnonzero(g.is_whole_turn[i]), np.flatnonzero(g.is_perpendicular[i])
         self.row_index = np.array([6 * j + r for j, k in enumerate(self.loops) for r in rows[k]], dtype=int)
 
     def kept(self, six: Array) -> Array:
@@ -216,11 +217,11 @@ class Cuts:
         residual[..., 3:] = turn(self.angular, self._rotations(R))
         self.point = x_e
         self.n, self.m = self.linear @ back, self.angular @ back
-        if len(self.universal):
-            a = self.axis[self.universal]
-            b = turn(R[:, self.universal], self.end_axis[self.universal])
-            residual[:, self.universal, 3] = np.sum(a * b, axis=-1)
-            self.m[:, self.universal, 0] = turn(C_s[:, self.universal], cross(b, a))
+        if len(self.perpendicular):
+            a = self.axis[self.perpendicular]
+            b = turn(R[:, self.perpendicular], self.end_axis[self.perpendicular])
+            residual[:, self.perpendicular, 3] = np.sum(a * b, axis=-1)
+            self.m[:, self.perpendicular, 0] = turn(C_s[:, self.perpendicular], cross(b, a))
         return residual
 
     def _rotations(self, R: Array) -> Array:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from ..model.model import Model
-from .assembling import listed
-from .partition import Ear, Partition
+from .ears import Ear, Partition
+from .wording import listed
 
 LINES = 12
 """More ears than this are not listed one by one: equal ones share a line."""

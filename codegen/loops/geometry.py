@@ -7,60 +7,19 @@ first axis. The ground is a body too, the last one: index `Geometry.ground`.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..model.expressions import Expression
-from ..model.model import CLOSURE_ROWS, GROUND, Model, Vector, coordinate_axis, least_along
-from .speed_groups import QUATERNION, speed_groups
-
-if TYPE_CHECKING:
-    from .partition import Ear
-
-Array = np.ndarray
-
-U = np.eye(3)
+from ..model.model import GROUND, Kind, Model, Vector, coordinate_axis, least_along
+from ..model.motions import Ball, Displacement
+from .chains import Chain, speeds_of, step
+from .ears import Ear
+from .speed_groups import speed_groups
+from .vectors import Array, U, axis_rotation, cross, skew, turn, turned_quaternion, unit
 
 LEAST_TOLERANCE = 1e-12
 """Well above rounding: less than this cannot be told from nothing."""
-
-
-def cross(a: Array, b: Array) -> Array:
-    """a x b over the last axis; the others broadcast."""
-    ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
-    bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
-    x = ay * bz - az * by
-    result = np.empty((*x.shape, 3))
-    result[..., 0] = x
-    result[..., 1] = az * bx - ax * bz
-    result[..., 2] = ax * by - ay * bx
-    return result
-
-
-def turn(R: Array, v: Array) -> Array:
-    """R v over the last axes: ``(..., 3, 3)`` and ``(..., 3)``."""
-    return (R @ v[..., None])[..., 0]
-
-
-def skew(a: Array) -> Array:
-    """The matrix of a x, ``(..., 3, 3)``."""
-    K = np.zeros((*a.shape, 3))
-    K[..., 2, 1], K[..., 0, 2], K[..., 1, 0] = a[..., 0], a[..., 1], a[..., 2]
-    return K - np.swapaxes(K, -1, -2)
-
-
-def axis_rotation(K: Array, KK: Array, angle: Array) -> Array:
-    """Rotation about unit axes by angles ``(...)``: U + sin K + (1 - cos) K K, K the matrices of the axes."""
-    angle = angle[..., None, None]
-    return U + np.sin(angle) * K + (1 - np.cos(angle)) * KK
-
-
-def quaternion_rotation(e: Array) -> Array:
-    """Rotation of e/abs(e), e = (w, v) over the last axis, ``(..., 3, 3)``."""
-    K = skew(e[..., 1:])
-    two = 2 / np.sum(e * e, axis=-1)
-    return U + two[..., None, None] * (e[..., 0, None, None] * K + K @ K)
 
 
 def parameter_values(model: Model, p: Sequence[float] | Array | None) -> dict[str, float]:
@@ -85,10 +44,6 @@ def evaluator(values: dict[str, float]) -> Callable[[Iterable[Expression]], list
         return result
 
     return evaluate
-
-
-def unit(a: Array) -> Array:
-    return a / np.linalg.norm(a, axis=-1, keepdims=True)
 
 
 def axis_frame(axis: Vector, a: Array, defaults: dict[str, float]) -> tuple[int, Array]:
@@ -139,9 +94,14 @@ class Geometry:
         By speed, the coordinates that it moves: a single one; of quaternion joints the position, or the quaternion.
     turning : (nu,) array
         Whether a speed is an angular one.
+    kinds : list of type of JointType
+        By body.
+    chains : dict of type of JointType to Chain
+        The motion of all joints of a type; `row (n,)` tells where a body's stands in it.
     screw_w, screw_v : (nu, 3) array
-        Angular velocity and velocity of the body's origin, relative to the parent in child components, of a unit
-        speed. Of a universal joint's first freedom: the axis in the joint frame, which the second angle turns.
+        Angular velocity and velocity of the body's origin, relative to the parent in child components, of a unit speed; of
+        motions that later ones of a joint change as they were without these. `still_w`, `still_v`: without such motions.
+    all_joints : Joints
     starts, ends : list of int
         The bodies of the loops' faces.
     face_R, face_at : (2, L, 3, 3), (2, L, 3) array
@@ -173,7 +133,6 @@ class Geometry:
         self._extent = max(float(np.linalg.norm(x, axis=1).max(initial=0.0)) for x in points)
         self.own_lengths = np.array([self._length(i) for i in range(len(model.loops))])
         self.lengths = self.own_lengths.copy()
-        self.all_joints = Joints(self, range(n))
 
     # --- joints -------------------------------------------------------------------------------------------------------
 
@@ -187,6 +146,15 @@ class Geometry:
             R = R @ axis_rotation(K, K @ K, np.array(self._evaluate([angle])[0]))
         return R
 
+    def turned_behind(self, body: int, q: Array) -> Array | None:
+        """Child components into those behind the first motion of a body's joint, ``(S, 3, 3)``; None where that does not turn."""
+        known = self._behind.get(body)
+        if known is None:
+            chain = self.chains[self.kinds[body]].behind_first()
+            known = self._behind[body] = chain.of(self.row[[body]])
+        R = known.transforms(q)[0]
+        return None if R is None else R[:, 0]
+
     def _joints(self) -> None:
         bodies, n = self.model.bodies, self.ground
         zero = (Expression.number(0),) * 3
@@ -195,43 +163,48 @@ class Geometry:
         for k, b in enumerate(bodies):
             if b.joint.rotation:
                 self.R0[k] = self._rotation(b.joint.rotation)
-        axes = [self._vectors([b.joint.axes[i] if len(b.joint.axes) > i else zero for b in bodies]) for i in (0, 1)]
-        first, second = (a / np.where((s := np.linalg.norm(a, axis=1)) > 0, s, 1.0)[:, None] for a in axes)
-        self.types = [b.joint.type for b in bodies]
-        self.whole = [t in QUATERNION for t in self.types] + [False]
+        self.kinds = [b.joint.kind for b in bodies]
+        self.whole = [bool(kind.quaternions) for kind in self.kinds] + [False]
         self.slices = self.model.coordinate_slices
+        start, first = (np.array([x[i].start for x in self.slices], dtype=int) for i in (0, 1))
         self.speeds = [range(u.start, u.stop) for _, u in self.slices] + [range(0)]
+        most = max(len(b.joint.axes) for b in bodies)
+        axes = np.zeros((n, most, 3))
+        for i in range(most):
+            axes[:, i] = self._vectors(b.joint.axes[i] if len(b.joint.axes) > i else zero for b in bodies)
+        length = np.linalg.norm(axes, axis=-1, keepdims=True)
+        unit_axes = axes / np.where(length > 0, length, 1.0)
+        given = [self._evaluate(b.joint.factors) for b in bodies]
+        factors = np.zeros((n, max(map(len, given))))
+        for k, row in enumerate(given):
+            factors[k, : len(row)] = row
 
-        # Where each body finds its angles, its displacement and its quaternion in q; nq (a zero) if it has none.
-        nowhere = self.nq
-        self.angle1, self.angle2, self.slide = (np.full(n, nowhere) for _ in range(3))
-        self.speed_body = np.zeros(self.nu, dtype=int)
-        self.coordinate = np.full(self.nu, nowhere)
-        self.moved = [group.coordinates for group in speed_groups(self.model) for _ in group.speeds]
-        self.screw_w, self.screw_v = np.zeros((self.nu, 3)), np.zeros((self.nu, 3))
-        for k, (q, u) in enumerate(self.slices):
-            self.speed_body[u] = k
-            match self.types[k]:
-                case "revolute":
-                    self.angle1[k], self.screw_w[u] = q.start, first[k]
-                    self.coordinate[u] = q.start
-                case "prismatic":
-                    self.slide[k], self.screw_v[u] = q.start, first[k]
-                    self.coordinate[u] = q.start
-                case "universal":
-                    self.angle1[k], self.angle2[k] = q.start, q.start + 1
-                    self.screw_w[u] = first[k], second[k]
-                    self.coordinate[u] = range(q.start, q.stop)
-                case "spherical":
-                    self.screw_w[u] = np.eye(3)
-                case "free":
-                    self.screw_w[u.start : u.start + 3] = np.eye(3)
-                    self.screw_v[u.start + 3 : u.stop] = np.eye(3)
+        self.speed_body = np.array(
+            [k for k, (_, u) in enumerate(self.slices) for _ in range(u.start, u.stop)], dtype=int
+        )
+        self.coordinate = np.full(self.nu, self.nq)
+        self.moved = []
+        for group in speed_groups(self.model):
+            self.moved += [group.coordinates] * len(group.speeds)
+            if len(group.speeds) == 1:
+                self.coordinate[group.speeds.start] = group.coordinates.start
+        alike: dict[Kind, list[int]] = {}
+        for k, kind in enumerate(self.kinds):
+            if kind.motion:
+                alike.setdefault(kind, []).append(k)
+        self.chains: dict[Kind, Chain] = {}
+        self.row = np.zeros(n, dtype=int)
+        self.screw_w, self.screw_v, self.still_w, self.still_v = (np.zeros((self.nu, 3)) for _ in range(4))
+        for kind, ks in alike.items():
+            self.row[ks] = np.arange(len(ks))
+            steps = [step(m, start[ks], unit_axes[ks], factors[ks]) for m in kind.motion]
+            chain = self.chains[kind] = Chain(kind.motion, steps)
+            speeds = first[ks][:, None] + np.arange(len(kind.speeds))
+            self.screw_w[speeds], self.screw_v[speeds] = chain.unit_screws(range(len(steps)))
+            self.still_w[speeds], self.still_v[speeds] = chain.unit_screws(set(range(len(steps))) - set(chain.seen))
         self.turning = np.any(self.screw_w != 0, axis=1)
-        sliding = self.slide != nowhere
-        self.slide_axis = np.where(sliding[:, None], first, 0.0)
-        self.K1 = np.where((self.angle1 != nowhere)[:, None, None], skew(first), 0.0)
-        self.K2 = np.where((self.angle2 != nowhere)[:, None, None], skew(second), 0.0)
+        self._behind: dict[int, Chain] = {}
+        self.all_joints = Joints(self, range(n))
 
     # --- loop joints --------------------------------------------------------------------------------------------------
 
@@ -246,7 +219,7 @@ class Geometry:
         self.axis, self.end_axis = np.zeros((len(loops), 3)), np.zeros((len(loops), 3))
         self.rows = []
         for i, loop in enumerate(loops):
-            linear, angular = CLOSURE_ROWS[loop.type]
+            linear, angular = loop.closure
             self.rows.append([*range(linear), *range(3, 3 + angular)])
             k, frame = 2, np.eye(3)
             if loop.axes:
@@ -265,9 +238,8 @@ class Geometry:
             elif angular == 2:
                 self.angular[i, :2] = across
         self.kept = [list(rows) for rows in self.rows]
-        types = [x.type for x in loops]
-        self.turned_whole = np.array([t in ("fixed", "prismatic") for t in types], dtype=bool)
-        self.is_universal = np.array([t == "universal" for t in types], dtype=bool)
+        by_angles = np.array([x.closure.angular for x in loops], dtype=int)
+        self.is_whole_turn, self.is_perpendicular = by_angles == 3, by_angles == 1
 
     def _length(self, loop: int, window: int = 8) -> float:
         """The mean distance between neighbouring joints near the cut, rounded to a power of two, m.
@@ -333,20 +305,28 @@ class Joints:
         g, self.bodies = geometry, list(bodies)
         b = np.array(self.bodies, dtype=int)
         self.R0, self.at = g.R0[b], g.at[b]
-        self.angle1, self.angle2, self.slide = g.angle1[b], g.angle2[b], g.slide[b]
-        self.K1 = g.K1[b]
-        self.KK1 = self.K1 @ self.K1
-        self.slide_axis = g.slide_axis[b]
-        self.sliding = bool(np.any(self.slide != g.nq))
-        self.universal = np.flatnonzero(self.angle2 != g.nq)
-        self.K2 = g.K2[b[self.universal]]
-        self.KK2 = self.K2 @ self.K2
-        self.quaternions = [(i, g.slices[k][0]) for i, k in enumerate(self.bodies) if g.whole[k]]
         self.speeds = np.array([s for k in self.bodies for s in g.speeds[k]], dtype=int)
         self.place = np.array([i for i, k in enumerate(self.bodies) for _ in g.speeds[k]], dtype=int)
-        self.screw_w, self.screw_v = g.screw_w[self.speeds], g.screw_v[self.speeds]
-        start = {int(s): i for i, s in enumerate(self.speeds)}
-        self.first_axes = np.array([start[g.speeds[self.bodies[i]].start] for i in self.universal], dtype=int)
+        self.still_w, self.still_v = g.still_w[self.speeds], g.still_v[self.speeds]
+        alike: dict[Kind, list[int]] = {}
+        for i, k in enumerate(self.bodies):
+            alike.setdefault(g.kinds[k], []).append(i)
+        self.chains: list[tuple[Array, Chain]] = []
+        self.changing: list[tuple[Chain, list[Array]]] = []
+        unturned: list[int] = []
+        for kind, members in alike.items():
+            if not kind.motion or not g.chains[kind].turns:
+                unturned += members
+            if not kind.motion:
+                continue
+            places = np.array(members)
+            chain = g.chains[kind].of(g.row[b[places]])
+            self.chains.append((places, chain))
+            if chain.seen:
+                first = np.searchsorted(self.place, places)  # of their speeds
+                columns = first[:, None] + np.arange(len(kind.speeds))
+                self.changing.append((chain, [columns[:, chain.steps[i].speeds] for i in chain.seen]))
+        self.unturned = np.array(unturned, dtype=int)
 
     def transforms(self, q: Array) -> tuple[Array, Array]:
         """Child components into parent components and the child's origin in the parent.
@@ -360,36 +340,41 @@ class Joints:
         -------
         (S, m, 3, 3), (S, m, 3) or (m, 3) array
         """
-        R = axis_rotation(self.K1, self.KK1, q[:, self.angle1])
-        if len(self.universal):
-            R[:, self.universal] = R[:, self.universal] @ axis_rotation(
-                self.K2, self.KK2, q[:, self.angle2[self.universal]]
-            )
-        d = self.at
-        moved = None
-        if self.sliding:
-            moved = q[:, self.slide, None] * self.slide_axis
-        for i, place in self.quaternions:
-            R[:, i] = quaternion_rotation(q[:, place.stop - 4 : place.stop])
-            if place.stop - place.start == 7:
-                if moved is None:
-                    moved = np.zeros((*R.shape[:2], 3))
-                moved[:, i] = q[:, place.start : place.start + 3]
-        if moved is not None:
-            d = d + turn(self.R0, moved)
-        return self.R0 @ R, d
+        shape = (len(q), len(self.bodies), 3, 3)
+        R = moved = None
+        for places, chain in self.chains:
+            turned, shifted = chain.transforms(q)
+            if len(places) == len(self.bodies):
+                R, moved = turned, shifted
+                break
+            if turned is not None:
+                if R is None:
+                    R = np.empty(shape)
+                    R[:, self.unturned] = U
+                R[:, places] = turned
+            if shifted is not None:
+                moved = np.zeros(shape[:3]) if moved is None else moved
+                moved[:, places] = shifted
+        R = np.broadcast_to(self.R0, shape) if R is None else self.R0 @ R
+        return R, self.at if moved is None else self.at + turn(self.R0, moved)
 
     def screws(self, q: Array) -> tuple[Array, Array]:
         """Unit screws of the speeds about their bodies' origins, child components, each ``(f, 3)`` or ``(S, f, 3)``.
 
-        The first axis of a universal joint is seen through the second angle.
+        What a joint does first is seen through what it does after that.
         """
-        if not len(self.universal):
-            return self.screw_w, self.screw_v
-        w = np.broadcast_to(self.screw_w, (len(q), *self.screw_w.shape)).copy()
-        second = axis_rotation(self.K2, self.KK2, -q[:, self.angle2[self.universal]])
-        w[:, self.first_axes] = turn(second, w[:, self.first_axes])
-        return w, self.screw_v
+        if not self.changing:
+            return self.still_w, self.still_v
+        w, v = self.still_w, self.still_v
+        for chain, columns in self.changing:
+            for of_step, (w_own, v_own) in zip(columns, chain.screws(q), strict=True):
+                if w_own is not None:
+                    w = np.repeat(w[None], len(q), axis=0) if w.ndim == 2 else w
+                    w[:, of_step] += w_own
+                if v_own is not None:
+                    v = np.repeat(v[None], len(q), axis=0) if v.ndim == 2 else v
+                    v[:, of_step] += v_own
+        return w, v
 
 
 def padded(q: Sequence[float] | Array) -> Array:
@@ -420,22 +405,19 @@ def advance(geometry: Geometry, q: Array, speeds: Sequence[int] | Array, step: A
     for i in np.flatnonzero(~scalar):
         columns.setdefault(int(g.speed_body[speeds[i]]), []).append(int(i))
     for k, of_body in columns.items():
-        place, which = g.slices[k][0], speeds[of_body] - g.speeds[k].start
-        moved = np.zeros((len(q), 6))
+        place, motion = g.slices[k][0], g.kinds[k].motion
+        which = speeds[of_body] - g.speeds[k].start
+        moved = np.zeros((len(q), len(g.speeds[k])))
         moved[:, which] = step[:, of_body]
-        e = q[:, place.stop - 4 : place.stop]
-        if np.any(which >= 3):
-            q[:, place.start : place.start + 3] += turn(quaternion_rotation(e), moved[:, 3:])
-        if np.any(which < 3):
-            q[:, place.stop - 4 : place.stop] = _turned_quaternion(e, moved[:, :3])
+        for m in motion:  # a displacement comes before the ball that turns its velocities
+            own = speeds_of(m)
+            if not np.any((which >= own.start) & (which < own.stop)):
+                continue
+            if isinstance(m, Displacement):
+                behind = g.turned_behind(k, q)
+                along = moved[:, own] if behind is None else turn(behind, moved[:, own])
+                q[:, place.start + m.coordinate : place.start + m.coordinate + 3] += along
+            elif isinstance(m, Ball):
+                e = q[:, place.start + m.coordinate : place.start + m.coordinate + 4]
+                e[:] = turned_quaternion(e, moved[:, own])
     return q
-
-
-def _turned_quaternion(e: Array, rotation: Array) -> Array:
-    """e times the quaternion of a rotation vector, both over the last axis, of unit length."""
-    half = np.linalg.norm(rotation, axis=-1, keepdims=True) / 2
-    v = rotation / 2 * np.sinc(half / np.pi)
-    w = np.cos(half)
-    e0, ev = e[..., :1], e[..., 1:]
-    product = np.concatenate([e0 * w - np.sum(ev * v, axis=-1, keepdims=True), e0 * v + w * ev + cross(ev, v)], axis=-1)
-    return unit(product)

@@ -11,10 +11,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .assembling import listed
-from .geometry import Array, Geometry
+from .geometry import Geometry
 from .ordering import Draft
+from .vectors import Array
 from .velocities import Motion
+from .wording import listed
 
 SMALL = 1e-2
 """Singular values below this part of the largest stop motions by little."""

@@ -13,12 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .assembling import listed
 from .dependents import choose_dependents, condition, divide, ranks, whole_joints
 from .errors import PartitionError
-from .geometry import Array, Geometry
+from .geometry import Geometry
 from .tangles import untangled
+from .vectors import Array
 from .velocities import Motion, VelocityClosure
+from .wording import listed
 
 MOTIONS = 12
 """Random motions carried along: more than a loop has conditions."""

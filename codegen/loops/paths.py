@@ -13,7 +13,8 @@ from collections.abc import Iterable
 import numpy as np
 
 from .closure import Frames, shifted
-from .geometry import Array, Geometry, Joints, turn
+from .geometry import Geometry, Joints
+from .vectors import Array, turn
 
 
 class Groups:

@@ -23,8 +23,9 @@ from ..model.expressions import Expression
 from ..model.model import Model, Vector, closure_row_names
 from .closure import Cuts
 from .dependents import ranks
-from .geometry import Array, Geometry, turn
+from .geometry import Geometry
 from .ordering import Draft
+from .vectors import Array, turn
 from .velocities import Motion, VelocityClosure
 
 ROUNDING = 2e-14
@@ -228,6 +229,7 @@ def _names(model: Model) -> set[str]:
 
     for b in model.bodies:
         place(b.joint.at, b.joint.rotation, b.joint.axes)
+        found.update(name for e in b.joint.factors for name in e.names)
     for x in model.loops:
         place(x.start.at, x.start.rotation, x.axes)
         place(x.end.at, x.end.rotation, ())

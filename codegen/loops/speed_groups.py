@@ -1,6 +1,6 @@
 """Which coordinates go with which speeds.
 
-A scalar coordinate goes with its rate. A quaternion goes with the three angular speeds of its joint, a free body's position
+A scalar coordinate goes with its rate. A quaternion goes with the three angular speeds of its joint, a position
 with the three linear ones: no single one of these coordinates is the integral of a single speed, so a group of coordinates
 counts as independent as long as one of the group's speeds is. Displacements of a group are small rotations and displacements
 in child axes, one along each speed.
@@ -12,9 +12,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 
 from ..model.model import Model
-
-QUATERNION = ("spherical", "free")
-"""Joints with a quaternion: their speeds are dependent all together or not at all, unless nothing else closes a loop."""
+from ..model.motions import Ball, Displacement, Slide, Turn
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,18 +37,19 @@ class SpeedGroup:
 
 def speed_groups(model: Model) -> list[SpeedGroup]:
     """All speeds of a model in groups, in the order of the speeds."""
-    groups = []
+    groups: dict[tuple[int, int], SpeedGroup] = {}  # of two motions by one coordinate one
     for k, (body, (q, u)) in enumerate(zip(model.bodies, model.coordinate_slices, strict=True)):
-        if body.joint.type in QUATERNION:
-            groups.append(SpeedGroup(k, slice(q.stop - 4, q.stop), range(u.start, u.start + 3)))
-            if body.joint.type == "free":
-                groups.append(SpeedGroup(k, slice(q.start, q.start + 3), range(u.start + 3, u.stop)))
-        else:
-            groups += [
-                SpeedGroup(k, slice(i, i + 1), range(s, s + 1))
-                for i, s in zip(range(q.start, q.stop), range(u.start, u.stop), strict=True)
-            ]
-    return groups
+        for m in body.joint.kind.motion:
+            match m:
+                case Turn() | Slide():
+                    i, n, s, f = m.index, 1, m.index, 1
+                case Ball():
+                    i, n, s, f = m.coordinate, 4, m.speed, 3
+                case Displacement():
+                    i, n, s, f = m.coordinate, 3, m.speed, 3
+            i, s = q.start + i, u.start + s
+            groups[k, s] = SpeedGroup(k, slice(i, i + n), range(s, s + f))
+    return [groups[key] for key in sorted(groups)]
 
 
 def coordinates_of(model: Model, dependent: Collection[int]) -> tuple[list[int], list[int]]:

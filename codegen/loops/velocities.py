@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..model.model import Model
 from .closure import Cuts, body_frames, ground_screws, shifted
 from .dependents import ranks
-from .geometry import Array, Geometry, padded
+from .ears import Partition
+from .geometry import Geometry, padded
 from .paths import TwistGroups
-
-if TYPE_CHECKING:
-    from .partition import Partition
+from .vectors import Array
 
 PLANAR = 1e-9
 """How far, relatively, planar motions may be out of their plane."""

@@ -7,11 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .assembling import listed
-from .comparison import ACCEPTED, WORTH_IT, Comparison, Judge, is_compared
-from .geometry import Array, Geometry
+from .comparison import ACCEPTED, WORTH_IT, Comparison
+from .geometry import Geometry
+from .judging import Judge, is_compared
 from .ordering import Draft
+from .vectors import Array
 from .wandering import Surroundings, rigid_parts
+from .wording import listed
 
 POOR_GROWTH = 1e5
 """How much faster than independent speeds dependent ones of many loops may be before the user is told."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import sympy
@@ -20,6 +21,7 @@ from ..program.block import Block, Expansion
 from ..program.derivatives import Tangents
 from ..program.passes import simplify
 from ..program.store import Store
+from ..program.transpose import PLAIN, transposed
 from .constants import Statements, to_slots
 from .kinds import System
 from .stores import NUMBER, argument
@@ -35,14 +37,14 @@ def seed_of(store: Store) -> Store:
     return argument(f"d{store.name}", lanes=True)
 
 
-@dataclass(slots=True, eq=False)
+@dataclass(eq=False)
 class FormulaKind:
     """Formulas of one form.
 
     Attributes
     ----------
-    value, tangent : Block
-        The value and its tangent: entry 0 of the results `target` and "d" + `target`.
+    value, tangent, transposed : Block
+        The value and its tangent: entry 0 of the results `target` and "d" + `target`; the transpose of the tangent.
     slots : list of (str, int)
         Category and number of every slot, in the order of `rows`.
     rows : list of (int, list of int, list of float)
@@ -55,6 +57,15 @@ class FormulaKind:
     tangent: Block
     slots: list[tuple[str, int]]
     rows: list[Row] = field(default_factory=list)
+
+    @cached_property
+    def transposed(self) -> Block:
+        return transpose_of_tangent(self.tangent)
+
+
+def transpose_of_tangent(tangent: Block) -> Block:
+    """From the adjoint of a result to what it adds to those of everything that the result is a function of."""
+    return simplify(transposed(tangent, f"{tangent.name}_transposed", f"transpose of {tangent.title}", PLAIN))
 
 
 class FormulaSlots:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import sympy
@@ -19,14 +20,14 @@ from ..program.functions import SYMBOLIC
 from ..program.passes import simplify
 from . import fields
 from .constants import Statements
-from .formulas import FormulaKind, FormulaSlots, formula_kinds, seed_of
+from .formulas import FormulaKind, FormulaSlots, formula_kinds, seed_of, transpose_of_tangent
 from .kinds import System
 from .links import BODY_FRAME, frame_matrix, identity, place, rigid_inertia, unit
 from .spatial import Vec, add, cross, dot, matvec, transpose
 from .stores import LME, ME, MY_LANE, NUMBER, argument
 
 
-@dataclass(slots=True, eq=False)
+@dataclass(eq=False)
 class RecordFormula:
     """Formulas of one form over the record of a link.
 
@@ -44,6 +45,10 @@ class RecordFormula:
     tangent: Block
     slots: list[tuple[str, int]]
     rows: list[tuple[int, int, list[int], list[float]]] = field(default_factory=list)
+
+    @cached_property
+    def transposed(self) -> Block:
+        return transpose_of_tangent(self.tangent)
 
 
 def output_formulas(system: System) -> tuple[list[FormulaKind], list[RecordFormula]]:

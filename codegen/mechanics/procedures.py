@@ -7,6 +7,7 @@ model does not use does not exist: no ``inputs`` without inputs, no ``t`` withou
 from __future__ import annotations
 
 from ..program.procedure import (
+    AddEntry,
     Array,
     Bind,
     Check,
@@ -27,10 +28,20 @@ from ..program.procedure import (
     Take,
     Tolerate,
     Zero,
+    ZeroEntries,
+    flat,
+    over_directions,
     walk,
 )
 from .kinds import System
 from .quantities import POSE, Quantity, elements, measured, missing, run
+from .sweeps import SWEEPS, transpose_name, values_name
+
+TRANSPOSED = {
+    "accelerations": "sensitivities", "coordinate_rates": "coordinate_rate_sensitivities", "energies": "energy_sensitivities",
+    "outputs": "output_sensitivities", "completion": "completion_sensitivities",
+}  # fmt: skip
+"""Functions that have a transpose, with those that give their derivatives."""
 
 WIDTHS = (8, 2, 1)
 """How many directions one call of the sensitivities takes."""
@@ -41,8 +52,9 @@ OTHER_WIDTHS = (8, 1)
 CONSTANTS, ANGLES = "constants", "angles"
 GROUND, GROUND_AT_REST = "ground", "ground at rest"
 GROUND_TANGENT, GROUND_TANGENT_AT_REST = "tangent of the ground", "tangent of the ground at rest"
+GROUND_TANGENT_TRANSPOSED, ADJOINTS = "transpose of the ground's tangent", "adjoints"
 """What is prepared outside of the sweeps: constants from parameters; sines and cosines; what links read of the ground, which
-accelerates by -g or, for the mass matrix, not at all."""
+accelerates by -g or, for the mass matrix, not at all; memory of directions, which is zero before sweeps run backwards."""
 
 JOINT_FORCES = Formulas("joint_forces", ("tau",))
 OUTPUTS = Formulas("output_formulas", ("outputs",))
@@ -150,6 +162,7 @@ class _Writer:
             ),
         )
         self.along: tuple[Step, ...] = (Perform(close),) if self.loops else ()
+        self.turns = () if self.loops else run("turns")  # what closes loops begins with them
         applied: list[Step] = [e.coefficients for e in self.elements]
         applied += missing((q for e in self.elements for q in e.needs), ())
         applied += [s for e in self.elements for s in e.forces]
@@ -192,7 +205,7 @@ class _Writer:
                 (
                     *(f.tangents() for f in self.forces),
                     self.ground_tangent,
-                    *run("turns"),
+                    *self.turns,
                     *self.applied_tangents,
                     *run("balance_out", "balance_in", "balance_back"),
                 ),
@@ -245,7 +258,69 @@ class _Writer:
             found += self.initial()
         if self.system.model.outputs:
             found += self.outputs()
-        return tuple(found)
+        return (*found, *self.backwards(found))
+
+    # -- functions run backwards -----------------------------------------------------------------------------------
+
+    def backwards(self, found: list[Procedure]) -> list[Procedure]:
+        """The transposes of functions over directions, for those in `TRANSPOSED`."""
+        by_name = {p.name: p for p in found}
+        pairs = ((by_name.get(values), by_name.get(along)) for values, along in TRANSPOSED.items())
+        return [self.transposed(values, along) for values, along in pairs if values and along]
+
+    def transposed(self, values: Procedure, along: Procedure) -> Procedure:
+        """From weights of the derivatives of a function's results to the gradients of what they weigh.
+
+        The weights have the names of the derivatives, the gradients those of the seeds: adjoints are kept where the directions of
+        the function over directions are.
+        """
+        steps = [s for s in flat(along.steps) if over_directions(s)]
+        swept = [s.sweep for s in steps if isinstance(s, Run)]
+        assert len(set(swept)) == len(swept), "a sweep that runs twice does not leave adjoints as it should"
+        scalars = tuple(Run(values_name(s)) for s in swept)
+        weights = tuple(r for r in along.results if r.lanes)
+        own = [s.array for s in steps if isinstance(s, Own)]
+        back: list[Step] = [Prepare(ADJOINTS, True), *map(Zero, along.seeds)]
+        back += [step for a in own if a not in along.seeds for step in (Own(a), Zero(a))]
+        for step in reversed(steps):
+            match step:
+                case Run():
+                    back.append(Run(transpose_name(step.sweep), True))
+                case Formulas():
+                    back.append(step.transpose())
+                case Prepare():
+                    back.append(Prepare(GROUND_TANGENT_TRANSPOSED, True))
+                case Copy():
+                    back.append(Combine(step.of, (step.of, step.to)))
+                case CopyEntry():
+                    back.append(AddEntry(step.of, step.entry, step.to, step.index))
+                case _:  # memory, which is zero at the beginning here
+                    pass
+        dependent: dict[str, tuple[int, ...]] = {}
+        if self.loops:
+            independent = dict(zip(("q", "u"), self.system.independent, strict=True))
+            dependent = {
+                n: tuple(sorted(set(range(self.array[n].size)) - set(free))) for n, free in independent.items()
+            }
+        for seed in along.seeds:
+            if dependent.get(seed.name[1:]):
+                back.append(ZeroEntries(seed, dependent[seed.name[1:]]))
+        name = along.name.removesuffix("_sensitivities")
+        return Procedure(
+            f"{along.name}_transposed",
+            f"{values.doc.rstrip('.')}, and gradients of their weighted sums (the transpose of {along.name}).",
+            along.arguments,
+            (*(r for r in along.results if not r.lanes), *along.seeds),
+            (
+                *values.steps,
+                Perform(Routine(f"{name}_scalars", "Scalars that sweeps over directions hand on.", scalars)),
+                Perform(
+                    Routine(f"{name}_backwards", f"The steps of {along.name} over directions, backwards.", tuple(back))
+                ),
+            ),
+            weights,
+            OTHER_WIDTHS,
+        )
 
     def dynamics(self) -> list[Procedure]:
         equations = "Eqs. 18-24, 30-56" if self.loops else "Eqs. 18-24, 42-56"
@@ -286,7 +361,7 @@ class _Writer:
             ["q", "u", *(self.p if self.loops else [])],
             ["qdot"],
             (*begin, *run("rates")),
-            (*begin, *self.along, *run("turns", "rate_tangents")),
+            (*begin, *self.along, *self.turns, *run("rate_tangents")),
         )
 
     def mass(self) -> list[Procedure]:
@@ -393,7 +468,7 @@ class _Writer:
             ["q", "u", *self.p, *more],
             ["energy"],
             (Zero(energy), *self.begin, *values),
-            (Zero(energy), *self.begin, Zero(denergy), *self.along, *run("turns"), *tangents, *check),
+            (Zero(energy), *self.begin, Zero(denergy), *self.along, *self.turns, *tangents, *check),
         )
 
     def outputs(self) -> list[Procedure]:
@@ -422,7 +497,7 @@ class _Writer:
                 *self.begin,
                 *zero_along,
                 *self.along,
-                *run("turns"),
+                *self.turns,
                 *tangents,
                 OUTPUTS,
                 OUTPUTS.tangents(),
@@ -529,3 +604,9 @@ ENERGIES = ("kinetic_energy", "potential_energy")
 def sweeps(found: tuple[Procedure, ...]) -> set[str]:
     """Sweeps that procedures run."""
     return {s.sweep for p in found for s in walk(p.steps) if isinstance(s, Run)}
+
+
+def swept_backwards(found: tuple[Procedure, ...]) -> list[str]:
+    """Sweeps whose transposes procedures run."""
+    run = sweeps(found)
+    return [s.name for s in SWEEPS if s.lanes and transpose_name(s.name) in run]

@@ -14,7 +14,7 @@ from ..program.passes import drop_dead, simplify
 from ..program.store import Life, Memory, Store
 from ..program.transpose import Adjoints, Kept, transposed, values
 from .expansion import Program
-from .stores import KEPT, LAID_OUT, LINK, RECORD, REGION_RECORD
+from .stores import KEPT, LAID_OUT, LINK
 from .sweeps import SWEEP, transpose_name, values_name
 
 Name = tuple[Memory, str]
@@ -48,12 +48,13 @@ def transpose_sweeps(program: Program, sweeps: Iterable[str], formulas: Iterable
     read: dict[str, set[Name]] = {s: _names(program.blocks[s].values(), False) for s in chosen}
     written: dict[str, set[Name]] = {s: _names(program.blocks[s].values(), True) for s in chosen}
     wanted = set[Name]().union(*read.values(), _names(formulas, False))
+    before = set[Name]()
     for sweep in chosen:
-        mine = written[sweep]
+        before = before | written[sweep]  # what this sweep or one before it stores
         several = set[Name]().union(*(w for s, w in written.items() if s != sweep))
 
-        def holds(store: Store, name: str, mine: set[Name] = mine) -> bool:
-            return store.memory in (RECORD, REGION_RECORD) and (store.memory, name) in mine
+        def holds(store: Store, name: str, before: set[Name] = before) -> bool:
+            return store.memory in KEPT and (store.memory, name) in before
 
         def cleared(store: Store, name: str, several: set[Name] = several) -> bool:
             if store.memory not in LAID_OUT:
@@ -73,10 +74,9 @@ def transpose_sweeps(program: Program, sweeps: Iterable[str], formulas: Iterable
             backwards[kind] = simplify(made)
             forwards[kind] = values(block, f"{values_name(sweep)}_{kind}", f"values of {title}", keeping)
         program.blocks[transpose_name(sweep)] = backwards
-        _keep_needed(forwards, backwards)
-        if any(b.stores for b in forwards.values()):
-            program.blocks[values_name(sweep)] = forwards
+        program.blocks[values_name(sweep)] = forwards
         program.slots[transpose_name(sweep)] = program.slots.get(sweep, [])
+    _keep_needed(program, chosen)
     for memory in KEPT.values():
         names: dict[str, None] = {}
         for sweep in chosen:
@@ -85,19 +85,27 @@ def transpose_sweeps(program: Program, sweeps: Iterable[str], formulas: Iterable
         program.fields[memory] = list(names)
 
 
-def _keep_needed(forwards: dict[int, Block], backwards: dict[int, Block]) -> None:
-    """Drop the scalars that nobody reads."""
-    needed = {at for b in backwards.values() for at in _kept_names(b)}
+def _keep_needed(program: Program, chosen: list[str]) -> None:
+    """Drop the scalars that nobody reads, and the sweeps that have none left."""
+    needed = {at for s in chosen for b in program.blocks[transpose_name(s)].values() for at in _kept_names(b)}
+
+    def useful(block: Block) -> Block:
+        stores = [(a, n, e) for a, n, e in block.stores if (a.memory, n) in needed]
+        return drop_dead(Block(block.name, block.title, block.loads, block.statements, stores))
+
     before = -1
     while before != len(needed):
         before = len(needed)
-        for block in forwards.values():
-            stores = [(a, n, e) for a, n, e in block.stores if (a.memory, n) in needed]
-            found = drop_dead(Block(block.name, block.title, block.loads, block.statements, stores))
-            needed |= set(_kept_names(found))
-    for kind, block in forwards.items():
-        stores = [(a, n, e) for a, n, e in block.stores if (a.memory, n) in needed]
-        forwards[kind] = drop_dead(Block(block.name, block.title, block.loads, block.statements, stores))
+        for s in chosen:
+            for block in program.blocks[values_name(s)].values():
+                needed |= set(_kept_names(useful(block)))
+    for s in chosen:
+        blocks = program.blocks[values_name(s)]
+        program.blocks[values_name(s)] = {kind: useful(block) for kind, block in blocks.items()}
+    for s in chosen:
+        for name in (values_name(s), transpose_name(s)):
+            if not any(b.stores for b in program.blocks[name].values()):
+                del program.blocks[name]
 
 
 def _kept_names(block: Block) -> Iterable[Name]:

@@ -7,12 +7,14 @@ so that the others are still read.
 
 from __future__ import annotations
 
+from .entries import seen
 from .errors import ModelError, Problem, nearest
+from .forces import JointForce, Spring
 from .model import GROUND, Model
 from .positions import Document
 from .reading import Reader, TooManyProblems, some
 from .repetition import CannotGoOn
-from .schema import LATER_SECTIONS, SECTIONS, seen
+from .schema import LATER_SECTIONS, SECTIONS
 from .sections.bodies import check_freedoms, read_bodies
 from .sections.forces import read_forces
 from .sections.independent import read_independent
@@ -75,7 +77,7 @@ def _model(reader: Reader) -> Model | None:
     if reader.errors == before:  # a loop that could not be read may hold what seems to move no mass
         faces = [face for loop in loops for face in (loop.start, loop.end)]
         check_freedoms(reader, bodies, {face.body for face in faces if face.body != GROUND})
-    forces, springs = read_forces(reader, bodies, points)
+    elements = read_forces(reader, bodies, points)
     outputs = read_outputs(reader, bodies, points)
     initial = read_initial(reader, bodies)
     independent = read_independent(reader, bodies)
@@ -95,8 +97,9 @@ def _model(reader: Reader) -> Model | None:
         inputs=tuple(reader.inputs),
         bodies=tuple(bodies.bodies),
         loops=tuple(loops),
-        forces=tuple(forces),
-        springs=tuple(springs),
+        forces=tuple(e for e in elements if isinstance(e, JointForce)),
+        springs=tuple(e for e in elements if isinstance(e, Spring)),
+        others=tuple(e for e in elements if not isinstance(e, JointForce | Spring)),
         outputs=tuple(outputs),
         initial_q=initial["q"],
         initial_u=initial["u"],

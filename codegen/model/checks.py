@@ -8,7 +8,8 @@ import numpy as np
 
 from .expressions import Expression
 from .mobility import Value, placement, singular_joint
-from .model import GROUND, Body, joint_coordinates
+from .model import GROUND, Body
+from .motions import Ball, Displacement, Slide, Turn
 
 Finding = tuple[int, tuple[str, ...], str, str]
 """Body, path to the key, message, severity."""
@@ -43,7 +44,7 @@ def rigid_parts(bodies: Sequence[Body]) -> list[int]:
     result = [GROUND - 1] * len(bodies)
     for k in range(len(bodies)):
         walk = []
-        while k != GROUND and result[k] < GROUND and bodies[k].joint.type == "fixed":
+        while k != GROUND and result[k] < GROUND and bodies[k].joint.is_fixed:
             walk.append(k)
             k = bodies[k].parent
         part = k if k == GROUND or result[k] < GROUND else result[k]
@@ -65,7 +66,7 @@ def fixed_path(a: int, b: int, bodies: Sequence[Body]) -> list[int]:
     paths = []
     for k in (a, b):
         path = [k]
-        while k != GROUND and bodies[k].joint.type == "fixed":
+        while k != GROUND and bodies[k].joint.is_fixed:
             k = bodies[k].parent
             path.append(k)
         paths.append(path)
@@ -126,7 +127,7 @@ def check_inertia(
     for i in _where(impossible):
         low = moments[i, 0] * scale[i]
         message = f"the inertia of {bodies[i].name!r} has the negative principal moment {low:.6g}"
-        if not is_whole and bodies[i].joint.type == "fixed":
+        if not is_whole and bodies[i].joint.is_fixed:
             continue
         fixed = _merged_is_possible(i, bodies, mass, inertia, value, dirt) if is_whole else ""
         if fixed:
@@ -158,13 +159,13 @@ def _merged_is_possible(
 ) -> str:
     """Why a body's impossible inertia does no harm: what it is fixed to counts; empty if it does."""
     root = k
-    while root != GROUND and bodies[root].joint.type == "fixed":
+    while root != GROUND and bodies[root].joint.is_fixed:
         root = bodies[root].parent
     if root == GROUND:
         return "the body is fixed to the ground, so it does no harm"
     children: dict[int, list[int]] = {}
     for i, b in enumerate(bodies):
-        if b.joint.type == "fixed":
+        if b.joint.is_fixed:
             children.setdefault(b.parent, []).append(i)
     members = [(root, np.eye(3), np.zeros(3))]
     for i, turn, origin in members:  # grows on the way
@@ -208,7 +209,7 @@ def check_freedoms(bodies: Sequence[Body], value: Value, held: Collection[int] =
     """
     if not bodies:
         return
-    if all(b.joint.type == "fixed" for b in bodies):
+    if all(b.joint.is_fixed for b in bodies):
         yield 0, ("joint",), "all joints are fixed, so nothing can move; give at least one of them a freedom", "error"
         return
     mass, inertia, scale, dirt = _mass_and_inertia(bodies, value)
@@ -234,7 +235,7 @@ def check_freedoms(bodies: Sequence[Body], value: Value, held: Collection[int] =
         parent = bodies[k].parent
         inside[k] = parent != GROUND and inside[parent]
         type_ = bodies[k].joint.type
-        if light[k] and not inside[k] and joint_coordinates("", type_)[1]:
+        if light[k] and not inside[k] and not bodies[k].joint.is_fixed:
             inside[k] = True
             beyond = " and everything beyond it" if children[k] else ""
             message = (
@@ -260,23 +261,30 @@ def check_freedoms(bodies: Sequence[Body], value: Value, held: Collection[int] =
 
 
 def _idle_freedom(body: Body, mass: float, inertia: np.ndarray, value: Value) -> str:
-    """Why the mass matrix is singular because of the last body of a branch, or nothing."""
-    type_ = body.joint.type
-    if type_ in ("prismatic", "free") and mass == 0:
+    """Why the mass matrix is singular because of the last body of a branch, or nothing.
+
+    Joints that slide and turn by different coordinates are left to `singular_joint`.
+    """
+    type_, motion = body.joint.type, body.joint.kind.motion
+    turning = {m.index for m in motion if isinstance(m, Turn)}
+    slides = {m.index for m in motion if isinstance(m, Slide)} - turning
+    last = motion[-1] if motion else None
+    anywhere = any(isinstance(m, Displacement) for m in motion)
+    if mass == 0 and (slides or anywhere):
         return f"the {type_} joint of {body.name!r} shifts a body with inertia but no mass; give it mass"
-    if type_ not in ("revolute", "spherical", "universal", "free"):
+    if slides or not isinstance(last, Turn | Ball):
         return ""
     with np.errstate(over="ignore", invalid="ignore"):
         c = np.array([value(e) for e in body.com])
-        about = inertia if type_ == "free" else inertia + mass * _parallel(c)
+        about = inertia if anywhere else inertia + mass * _parallel(c)
         top = float(np.abs(about).max())
     if not np.isfinite(top):
         return ""
     if top == 0:
         return f"the {type_} joint of {body.name!r} turns a point mass in its centre; give the body inertia"
     about = about / top
-    if type_ in ("revolute", "universal"):
-        axis = np.array([value(e) for e in body.joint.axes[-1]])
+    if isinstance(last, Turn):
+        axis = np.array([value(e) for e in body.joint.axes[last.axis]])
         axis = axis / (np.abs(axis).max() or 1.0)
         if abs(axis @ about @ axis) <= SINGULAR_TOLERANCE * (axis @ axis):
             return f"body {body.name!r} has no inertia about the axis of its {type_} joint; give it some"

@@ -72,3 +72,13 @@ def nearest(name: str, known: Iterable[str]) -> str:
 def within_a_line(text: str) -> str:
     """A message without its middle where it is longer than anybody reads."""
     return text if len(text) <= _LINE else f"{text[: _LINE * 2 // 3]} ... {text[-_LINE // 3 :]}"
+
+
+def count_of_values(count: int) -> str:
+    """``1 value``, ``2 values``."""
+    return f"{count} value" + "s" * (count != 1)
+
+
+def with_article(what: str) -> str:
+    """``an input``, ``a body``."""
+    return f"an {what}" if what[0] in "aeiou" else f"a {what}"

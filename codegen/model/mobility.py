@@ -8,6 +8,7 @@ import numpy as np
 
 from .expressions import Expression
 from .model import GROUND, Body, Joint
+from .motions import Ball, Slide, Turn
 
 Value = Callable[[Expression], float]
 """Value of an expression at the default parameters."""
@@ -66,7 +67,7 @@ def singular_joint(
 
 def _resists(body: Body, mass: float, inertia: np.ndarray, value: Value) -> bool:
     """Whether the body's own inertia is enough for every freedom of its joint."""
-    if body.joint.type == "fixed":
+    if body.joint.is_fixed:
         return True
     with np.errstate(all="ignore"):
         s = _freedoms(body.joint, np.random.default_rng(2), value)[2]
@@ -125,22 +126,36 @@ def _freedoms(joint: Joint, rng: np.random.Generator, value: Value) -> tuple[np.
     """At a random position of the joint: rotation and shift of the body in the joint frame, and its motions (6, f)."""
     axes = [np.array([value(e) for e in axis]) for axis in joint.axes]
     axes = [axis / (np.abs(axis).max() or 1.0) for axis in axes]
-    angles, away = rng.uniform(0.3, 2.8, 3), rng.normal(size=3)
-    none = np.zeros(3)
-    if joint.type == "revolute":
-        return rotation(axes[0], angles[0]), none, np.append(axes[0], none)[:, None]
-    if joint.type == "prismatic":
-        return np.eye(3), axes[0] * away[0], np.append(none, axes[0])[:, None]
-    if joint.type == "universal":
-        second = rotation(axes[1], angles[1])
-        s = np.column_stack([np.append(second.T @ axes[0], none), np.append(axes[1], none)])
-        return rotation(axes[0], angles[0]) @ second, none, s
-    turn = rotation(away, angles[0])
-    if joint.type == "spherical":
-        return turn, none, np.eye(6)[:, :3]
-    if joint.type == "free":
-        return turn, away, np.eye(6)
-    return np.eye(3), none, np.zeros((6, 0))
+    kind = joint.kind
+    turn, away, columns = np.eye(3), np.zeros(3), np.zeros((6, len(kind.speeds)))
+    w, v = columns[:3], columns[3:]
+    angles, ways = rng.uniform(0.3, 2.8, len(kind.speeds)), rng.normal(size=len(kind.speeds))
+    at_end: dict[int, np.ndarray] = {}  # velocities in components of the end
+    for n, m in enumerate(kind.motion):
+        if isinstance(m, Turn | Ball):
+            own, place = (axes[m.axis], m.index) if isinstance(m, Turn) else (rng.normal(size=3), m.speed)
+            back = rotation(own, angles[place]).T
+            if n:
+                w[:], v[:] = back @ w, back @ v
+            if isinstance(m, Turn):
+                w[:, place] += own
+            else:
+                w[:, place : place + 3] += np.eye(3)
+            turn = turn @ back.T
+        elif isinstance(m, Slide):
+            along, by = axes[m.axis], ways[m.index]
+            if m.factor is not None:
+                along, by = along * value(joint.factors[m.factor]), angles[m.index]
+            if n:
+                v += np.cross(w, along * by, axisa=0, axisc=0)
+            v[:, m.index] += along
+            away = away + turn @ along * by
+        else:
+            away = rng.normal(size=3)
+            at_end |= {m.speed + i: unit for i, unit in enumerate(np.eye(3))}
+    for place, unit in at_end.items():
+        v[:, place] = unit
+    return turn, away, columns
 
 
 def _spatial(mass: float, com: np.ndarray, inertia: np.ndarray) -> np.ndarray:

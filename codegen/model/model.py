@@ -11,13 +11,38 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 
+from .axes import Vector, coordinate_axis, least_along
 from .errors import Problem
 from .expressions import Expression
+from .forces import ForceElement, JointForce, Spring
+from .joints import JOINTS, Closure, JointType
+from .outputs import Output
+from .places import GROUND, Face, Point
 
-GROUND = -1
-"""Index of the ground in `Body.parent` and `Point.body`."""
+__all__ = [
+    "CLOSURE_ROWS",
+    "GROUND",
+    "LOOP_TOLERANCE",
+    "Body",
+    "Face",
+    "Joint",
+    "JointForce",
+    "Kind",
+    "Loop",
+    "Model",
+    "Output",
+    "Parameter",
+    "Point",
+    "Spring",
+    "Vector",
+    "closure_row_names",
+    "coordinate_axis",
+    "joint_coordinates",
+    "least_along",
+]
 
-Vector = tuple[Expression, Expression, Expression]
+Kind = type[JointType]
+"""Of a joint: the facts that all engines work from."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,21 +63,33 @@ class Joint:
     Attributes
     ----------
     type : str
-        One of ``fixed revolute prismatic universal spherical free``.
+        A name of `joints.JOINTS`.
     axes : tuple of Vector
-        Joint axes, not normalised: one for revolute and prismatic, two for universal (first fixed in the
-        parent side, second in the child), none for the others. At q = 0 both joint frames coincide.
+        Those that its motion counts, not normalised. At coordinates of zero the child's frame and the joint's coincide.
     at : Vector
         Origin of the joint frame in the parent's body frame, m.
     rotation : tuple of (Vector, Expression)
         Fixed rotation of the joint frame in the parent's body frame: rotations by an angle (rad) about an axis
         (not normalised), in sequence about the moving axes. Empty: the axes are parallel at q = 0.
+    factors : tuple of Expression
+        Of its motion, such as the pitch of a screw.
     """
 
     type: str
     axes: tuple[Vector, ...]
     at: Vector
     rotation: tuple[tuple[Vector, Expression], ...] = ()
+    factors: tuple[Expression, ...] = ()
+
+    @property
+    def kind(self) -> Kind:
+        """The facts of its type."""
+        return JOINTS[self.type]
+
+    @property
+    def is_fixed(self) -> bool:
+        """Whether it has no freedom."""
+        return not JOINTS[self.type].motion
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,60 +119,18 @@ class Body:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class JointForce:
-    """Generalised forces on the freedoms of a joint; positive raises u. Expressions of p, inputs, t, q.x, u.x."""
-
-    name: str
-    body: int
-    values: tuple[Expression, ...]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Point:
-    """A point fixed in a body (or the ground), in body axes, m."""
-
-    name: str
-    body: int
-    at: Vector
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Face:
-    """One side of a loop joint: a frame fixed in a body (or the ground).
-
-    Attributes
-    ----------
-    body : int
-        Index into `Model.bodies`, or `GROUND`.
-    at : Vector
-        Origin in the body frame, m.
-    rotation : tuple of (Vector, Expression)
-        As in `Joint`.
-    """
-
-    body: int
-    at: Vector
-    rotation: tuple[tuple[Vector, Expression], ...] = ()
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class Loop:
     """A joint that closes a loop. It constrains; it has no coordinates of its own.
 
     Attributes
     ----------
     type : str
-        One of ``fixed revolute prismatic universal spherical cylindrical planar inline`` (``point`` is read as spherical).
+        A name of `joints.JOINTS`, of a type with a closure.
     axes : tuple of Vector
-        Not normalised. One for revolute, prismatic, cylindrical, planar (its normal) and inline, the same components in
-        both faces; two for universal: the first fixed in `start`, the second in `end`, perpendicular where the loop is
-        closed. None for fixed and spherical.
+        Those of the file, not normalised. A single one has the same components in both faces; of two the first is fixed in
+        `start`, the second in `end`.
     start, end : Face
-        ``from`` and ``to`` of the file. Fixed: the faces coincide. Revolute: origins coincide, the axes are parallel.
-        Prismatic: the faces are parallel, the origins differ along the axis only. Universal: origins coincide, the axes
-        are perpendicular. Spherical: origins coincide. Cylindrical: the axes lie on one line. Planar: the normals are
-        parallel, the origin of `end` lies in the plane through that of `start`. Inline: the origin of `end` lies on the
-        axis through that of `start`.
+        ``from`` and ``to`` of the file; what a joint holds of them stands with its type.
     """
 
     name: str
@@ -144,27 +139,13 @@ class Loop:
     start: Face
     end: Face
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Spring:
-    """A spring and damper between two points.
-
-    Each point is pulled towards the other by ``stiffness (d - free_length) + damping d'``, d the distance, N. Expressions of
-    p, inputs and t.
-    """
-
-    name: str
-    start: Point
-    end: Point
-    stiffness: Expression
-    damping: Expression
-    free_length: Expression
+    @property
+    def closure(self) -> Closure:
+        """The conditions that its type sets."""
+        return CLOSURE_ROWS[self.type]
 
 
-CLOSURE_ROWS = {
-    "fixed": (3, 3), "revolute": (3, 2), "prismatic": (2, 3), "universal": (3, 1), "spherical": (3, 0),
-    "cylindrical": (2, 2), "planar": (1, 2), "inline": (2, 0),
-}  # fmt: skip
+CLOSURE_ROWS = {kind.name: kind.closure for kind in JOINTS.values() if kind.closure}
 """How many linear and angular conditions a loop joint sets."""
 
 LOOP_TOLERANCE = 1e-4
@@ -180,48 +161,8 @@ def closure_row_names(loop: Loop) -> tuple[str, ...]:
     and a, with t1 along e x a, t2 = a x t1, e the base vector that a is least along. Where a joint leaves out the direction
     of its axis, the other two follow in cyclic order: y, z for x; z, x for y; x, y for z; t1, t2.
     """
-    linear, angular = CLOSURE_ROWS[loop.type]
+    linear, angular = loop.closure
     return tuple(f"{loop.name}.{c}{i + 1}" for c, n in (("l", linear), ("a", angular)) for i in range(n))
-
-
-def coordinate_axis(axis: Vector) -> tuple[int, int] | None:
-    """Index and sign of the base vector that an axis is along, if it is given as one."""
-    if not all(a.is_number for a in axis):
-        return None
-    values = [float(a.value) for a in axis]
-    along = [i for i in range(3) if values[i] != 0]
-    return (along[0], 1 if values[along[0]] > 0 else -1) if len(along) == 1 else None
-
-
-def least_along(axis: Vector, defaults: dict[str, float]) -> int:
-    """Index of the base vector that an axis is least along at the default parameters."""
-    sizes = [abs(float(a.evaluate(defaults))) for a in axis]
-    return sizes.index(min(sizes))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Output:
-    """A named scalar of interest.
-
-    ``measure`` is ``position`` or ``velocity`` (of `point` in the ground frame along `axis`, normalised),
-    ``kinetic_energy``, ``potential_energy`` or ``value`` (`expression` of p, inputs, t, q.x, u.x).
-    """
-
-    name: str
-    measure: str
-    point: Point | None = None
-    axis: Vector | None = None
-    expression: Expression | None = None
-
-
-_COORDINATES = {
-    "fixed": ((), ()),
-    "revolute": (None, None),
-    "prismatic": (None, None),
-    "universal": (("1", "2"), ("1", "2")),
-    "spherical": (("qw", "qx", "qy", "qz"), ("wx", "wy", "wz")),
-    "free": (("px", "py", "pz", "qw", "qx", "qy", "qz"), ("wx", "wy", "wz", "vx", "vy", "vz")),
-}
 
 
 def joint_coordinates(name: str, type: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -231,10 +172,10 @@ def joint_coordinates(name: str, type: str) -> tuple[tuple[str, ...], tuple[str,
     into parent components; angular velocity and velocity of the body origin are relative to the parent in child
     components.
     """
-    q, u = _COORDINATES[type]
-    if q is None or u is None:
+    kind = JOINTS[type]
+    if kind.coordinates == ("",):
         return (name,), (name,)
-    return tuple(f"{name}.{s}" for s in q), tuple(f"{name}.{s}" for s in u)
+    return tuple([f"{name}.{s}" for s in kind.coordinates]), tuple([f"{name}.{s}" for s in kind.speeds])
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,6 +192,8 @@ class Model:
         Initial values by coordinate and speed name (missing: 0, unit quaternion); guesses where loops decide.
     independent : tuple of str
         Coordinates that the model asks to be independent: a hint, may be fewer than the freedoms.
+    forces, springs, others : tuple of ForceElement
+        Forces on joints, springs, and force elements of all other types, each in the order of the file.
     loop_tolerance : float
         Conditions of loops that follow from others but for this part of them are taken to follow.
     warnings : tuple of str
@@ -275,6 +218,7 @@ class Model:
     warnings: tuple[str, ...] = ()
     loop_tolerance: float = LOOP_TOLERANCE
     file: str = "builder"
+    others: tuple[ForceElement, ...] = ()
     places: dict[str, dict[str, tuple[int | None, int | None]]] = field(default_factory=dict, repr=False)
 
     def problem(self, path: str, message: str) -> Problem:
@@ -301,6 +245,11 @@ class Model:
     def closure_names(self) -> tuple[str, ...]:
         """The conditions of all loops, in the order of residuals."""
         return tuple(name for loop in self.loops for name in closure_row_names(loop))
+
+    @property
+    def elements(self) -> tuple[ForceElement, ...]:
+        """All that exerts forces, type by type."""
+        return (*self.forces, *self.springs, *self.others)
 
     @cached_property
     def defaults(self) -> dict[str, float]:
@@ -336,6 +285,15 @@ class Model:
         return tuple(result)
 
     @cached_property
+    def quaternions(self) -> tuple[tuple[int, slice], ...]:
+        """The bodies whose joints have a quaternion, and where that stands in q."""
+        return tuple(
+            (k, slice(q.start + place.start, q.start + place.stop))
+            for k, (b, (q, _)) in enumerate(zip(self.bodies, self.coordinate_slices, strict=True))
+            for place in b.joint.kind.quaternions
+        )
+
+    @cached_property
     def outward(self) -> tuple[int, ...]:
         """Body indices, every parent before its children, each subtree contiguous (depth first)."""
         children: dict[int, list[int]] = {}
@@ -360,6 +318,7 @@ class Model:
             for axis, angle in b.joint.rotation:
                 yield from axis
                 yield angle
+            yield from b.joint.factors
             yield b.mass
             yield from b.com
             yield from b.inertia
@@ -371,14 +330,7 @@ class Model:
                 for axis, angle in face.rotation:
                     yield from axis
                     yield angle
-        for f in self.forces:
-            yield from f.values
-        for s in self.springs:
-            yield from (*s.start.at, *s.end.at, s.stiffness, s.damping, s.free_length)
-        for o in self.outputs:
-            if o.point:
-                yield from o.point.at
-            if o.axis:
-                yield from o.axis
-            if o.expression:
-                yield o.expression
+        for element in self.elements:
+            yield from element.expressions()
+        for output in self.outputs:
+            yield from output.expressions()

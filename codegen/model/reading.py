@@ -12,12 +12,13 @@ from typing import Any, Final
 from pydantic import TypeAdapter, ValidationError
 from pydantic_core import PydanticCustomError
 
-from .errors import Problem, nearest, within_a_line
+from .axes import Vector
+from .entries import RESERVED, ZERO, Entry, Expr, parse_name, seen
+from .errors import Problem, nearest, with_article, within_a_line
+from .explaining import explain, repaired, validate
 from .expressions import Binder, Expression, ExpressionError, Number, Numbers, Scope
-from .model import Vector
 from .positions import Document, Path_, show_path
 from .repetition import Instance, Repetition, labels, name_of
-from .schema import RESERVED, ZERO, Entry, Expr, explain, parse_name, repaired, seen, validate
 
 MAX_PROBLEMS: Final = 200
 MAX_ERRORS: Final = 10_000
@@ -365,16 +366,6 @@ class Reader:
                 f"only its direction counts: give it a length between 1e-100 and 1e100"
             )
             self.report(at, sub, message)
-
-
-def with_article(what: str) -> str:
-    """``an input``, ``a body``."""
-    return f"an {what}" if what[0] in "aeiou" else f"a {what}"
-
-
-def count_of_values(count: int) -> str:
-    """``1 value``, ``2 values``."""
-    return f"{count} value" + "s" * (count != 1)
 
 
 def some(names: Iterable[str]) -> str:

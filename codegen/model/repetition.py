@@ -11,10 +11,10 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
+from .entries import RESERVED
 from .errors import Problem
 from .expressions import ExpressionError, Number, Numbers, Scope, bind, index_text, label_key, parse
 from .positions import Document, Path_, shortened, show_path
-from .schema import RESERVED
 
 MAX_REPETITIONS: Final = 400_000
 """Entries that the repeat blocks of a model may stand for; so many are read within seconds."""

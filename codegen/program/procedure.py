@@ -52,14 +52,23 @@ class Run:
 
 @dataclass(frozen=True, slots=True)
 class Formulas:
-    """Evaluate the model's own formulas of some targets, or their tangents."""
+    """Evaluate the model's own formulas of some targets, or their tangents, or the transpose of these."""
 
     name: str
     targets: tuple[str, ...]
     lanes: bool = False
+    backwards: bool = False
 
     def tangents(self) -> Formulas:
         return replace(self, lanes=True)
+
+    def transpose(self) -> Formulas:
+        return replace(self, lanes=True, backwards=True)
+
+    @property
+    def called(self) -> str:
+        """Name of the function."""
+        return f"{self.name}{'_transposed' if self.backwards else '_tangents' if self.lanes else ''}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,6 +125,24 @@ class CopyEntry:
     index: int
     of: Array
     entry: int
+
+
+@dataclass(frozen=True, slots=True)
+class AddEntry:
+    """Add one entry to another."""
+
+    to: Array
+    index: int
+    of: Array
+    entry: int
+
+
+@dataclass(frozen=True, slots=True)
+class ZeroEntries:
+    """Set some entries to zero."""
+
+    array: Array
+    entries: tuple[int, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -215,6 +242,8 @@ Step = (
     | Zero
     | Copy
     | CopyEntry
+    | AddEntry
+    | ZeroEntries
     | Combine
     | Check
     | Tolerate
@@ -269,9 +298,9 @@ def over_directions(step: Step) -> bool:
     match step:
         case Run() | Formulas() | Prepare() | Check():
             return step.lanes
-        case Own() | Bind() | Hold() | Zero():
+        case Own() | Bind() | Hold() | Zero() | ZeroEntries():
             return step.array.lanes
-        case Copy() | CopyEntry() | Combine():
+        case Copy() | CopyEntry() | AddEntry() | Combine():
             return step.to.lanes
         case Perform():
             return step.routine.lanes
@@ -333,6 +362,15 @@ def pruned(procedure: Procedure, lives: Callable[[Run | Formulas | Prepare], boo
     return replace(procedure, steps=kept(procedure.steps))
 
 
+def flat(steps: tuple[Step, ...]) -> tuple[Step, ...]:
+    """Steps with those of routines over directions in the place of routines."""
+    found: list[Step] = []
+    for step in steps:
+        over = isinstance(step, Perform) and over_directions(step)
+        found += flat(step.routine.steps) if isinstance(step, Perform) and over else (step,)
+    return tuple(found)
+
+
 def counted(procedure: Procedure, outside: str) -> list[str]:
     """What a procedure runs, in the order in which it begins: sweeps, formulas by name, and `outside` for what it prepares.
 
@@ -364,7 +402,7 @@ def _names(steps: tuple[Step, ...], outside: str) -> list[str]:
                 times = shared[step.name, step.lanes] = shared.get((step.name, step.lanes), 0) + 1
                 if times > found.count(step.name):
                     found.append(step.name)
-            case Prepare() if outside not in found:
+            case Prepare(lanes=False) if outside not in found:  # nothing is computed for directions
                 found.append(outside)
             case Single():
                 found += [f"{s.sweep}_1" for s in step.steps]

@@ -41,6 +41,10 @@ class Adjoints:
     others: tuple[Component, ...] = ()
 
 
+PLAIN = Adjoints(lambda store, name: False, lambda store, name: False)
+"""Adjoints of arguments: everything is added, nothing is used anew."""
+
+
 def coefficients(e: Expr, lanes: set[Symbol]) -> dict[Symbol, Expr]:
     """The scalar factors of an expression that is linear in some symbols.
 
@@ -101,7 +105,11 @@ def values(block: Block, name: str, title: str, kept: Kept) -> Block:
     return found
 
 
-def transposed(block: Block, name: str, title: str, adjoints: Adjoints, kept: Kept) -> Block:
+NOTHING_KEPT = Kept(lambda store, name: False, lambda store: store, lambda store: False)
+"""For blocks that store no scalars."""
+
+
+def transposed(block: Block, name: str, title: str, adjoints: Adjoints, kept: Kept = NOTHING_KEPT) -> Block:
     """The block that gives the adjoints of what `block` loads from those of what it stores.
 
     Parameters

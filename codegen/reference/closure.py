@@ -32,19 +32,16 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from ..model.model import CLOSURE_ROWS, GROUND, Loop, Model
+from ..model.model import GROUND, Loop, Model
 from .arithmetic import Array, LeftInverse, SingularMatrixError
 from .ears import Group
 from .pairs import Pair, Pairs
 from .primitives import condition_frame, placed_rotation
-
-if TYPE_CHECKING:
-    from .recursive import Terms
-
+from .terms import Terms
 
 HALF_TURN = 1e-12
 """A squared cosine below this has no direction back any more."""
@@ -114,14 +111,14 @@ class Cut:
 
         Angular rows: along them, 2 sin(t/2) of the turn by t that is left. Of universal joints the cosine of their axes.
         """
-        linear = self.rows[: CLOSURE_ROWS[loop.type][0], 3:] @ self.offset
+        linear = self.rows[: loop.closure.linear, 3:] @ self.offset
         if not self.turning:
             return linear
         R_s, R_e = placed_rotation(loop.start, pairs), self.C @ placed_rotation(loop.end, pairs)
-        if loop.type in ("fixed", "prismatic"):
+        if loop.closure.angular == 3:
             return pairs.block([[linear], [self.frame.mT @ R_s @ twice_half_sine(pairs, R_s.mT @ R_e)]])
         axes = [pairs.unit(pairs.vector(axis)) for axis in loop.axes]
-        if loop.type == "universal":
+        if loop.closure.angular == 1:
             return pairs.block([[linear], [(R_e @ axes[1]).mT @ R_s @ axes[0]]])
         a_s, a_e = R_s @ axes[0], R_e @ axes[0]
         double = a_s + a_e  # twice the cosine of t/2 long
@@ -175,13 +172,13 @@ def cut(
     frame, end_frame = placed_rotation(loop.start, pairs) @ frame, C @ placed_rotation(loop.end, pairs) @ end_frame
     s, e = ([axes[:, j : j + 1] for j in range(3)] for axes in (frame, end_frame))
     j, k = (i + 1) % 3, (i + 2) % 3
-    linear: list[Pair] = {1: [s[i]], 2: [s[j], s[k]], 3: s}[CLOSURE_ROWS[loop.type][0]]
+    linear: list[Pair] = {0: [], 1: [s[i]], 2: [s[j], s[k]], 3: s}[loop.closure.linear]
     turning: list[Turning] = []
-    if loop.type == "universal":
+    if loop.closure.angular == 1:
         turning = [[(1, e[end_i], s[i])]]
-    elif CLOSURE_ROWS[loop.type][1] == 2:
+    elif loop.closure.angular == 2:
         turning = [[(-1, e[i], s[k])], [(1, e[i], s[j])]]
-    elif CLOSURE_ROWS[loop.type][1] == 3:
+    elif loop.closure.angular == 3:
         half = pairs.arithmetic.number(1) / 2
         turning = [[(half, e[n - 2], s[n - 1]), (-half, e[n - 1], s[n - 2])] for n in range(3)]
     scale, none = pairs.number(1) / pairs.number(length), pairs.constant(np.zeros((1, 3), int))

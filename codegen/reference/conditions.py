@@ -135,26 +135,23 @@ def directions(
     j, k = (i + 1) % 3, (i + 2) % 3
     across = [start[j], start[k]]
     half = pairs.arithmetic.number(1) / 2
-    parallel: list[Turning] = [[(-1, end[i], start[k])], [(1, end[i], start[j])]]
-    whole: list[Turning] = [
-        [(half, end[n - 2], start[n - 1]), (-half, end[n - 1], start[n - 2])] for n in range(3)
-    ]  # fmt: skip
-    if loop.type == "universal":
+    joint = loop.closure
+    linear = {3: start, 2: across, 1: [start[i]], 0: []}[joint.linear]
+    angular: list[Turning] = []
+    if joint.angular == 3:
+        angular = [[(half, end[n - 2], start[n - 1]), (-half, end[n - 1], start[n - 2])] for n in range(3)]
+    elif joint.angular == 2:
+        angular = [[(-1, end[i], start[k])], [(1, end[i], start[j])]]
+    elif joint.angular == 1:
         second = pairs.unit(pairs.vector(loop.axes[1])).mT @ R_e.mT
-        return start, [[(1, second, start[i])]]
-    known: dict[str, tuple[list[Pair], list[Turning]]] = {
-        "fixed": (start, whole), "spherical": (start, []), "prismatic": (across, whole), "revolute": (start, parallel),
-        "cylindrical": (across, parallel), "planar": ([start[i]], parallel), "inline": (across, []),
-    }  # fmt: skip
-    if loop.type not in known:
-        raise ValueError(f"loop {loop.name}: joint type {loop.type!r} is not known to the reference engines")
-    return known[loop.type]
+        angular = [[(1, second, start[i])]]
+    return linear, angular
 
 
 def residuals_of_turn(pairs: Pairs, loop: Loop, R_s: Pair, R_e: Pair, sines: list[Pair]) -> list[Pair]:
     """The angular residuals, (1, 1) each, from the sines c . d: with 2 sin(t/2) instead of sin(t)."""
     one, two = pairs.number(1), pairs.number(2)
-    if loop.type in ("fixed", "prismatic"):
+    if loop.closure.angular == 3:
         B = R_s.mT @ R_e
         squared = one + B[0, 0] + B[1, 1] + B[2, 2]  # 4 cos(t/2)^2
         if squared.value > HALF_TURN:
@@ -165,7 +162,7 @@ def residuals_of_turn(pairs: Pairs, loop: Loop, R_s: Pair, R_e: Pair, sines: lis
         root = pairs.call("sqrt", (one + B[i, i]) * two)
         twice = [((B[j, i] + B[i, j] + (two if i == j else pairs.number(0))) / root) for j in range(3)]
         return [pairs.matrix([[twice[i]]]) for i in range(3)]
-    if loop.type == "universal" or not sines:
+    if loop.closure.angular < 2:
         return sines
     a = pairs.unit(pairs.vector(loop.axes[0]))
     squared = (one + pairs.dot(R_s @ a, R_e @ a)) / two  # cos(t/2)^2

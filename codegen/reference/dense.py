@@ -28,11 +28,12 @@ from typing import Any
 
 import numpy as np
 
-from ..model.model import Body, Spring
+from ..model.model import Body
+from ..model.motions import Ball, Displacement, Slide, Turn
 from .arithmetic import Array, LeftInverse, SingularMatrixError
 from .conditions import Conditions, conditions
 from .engine import Engine, State
-from .ground_frame import Frame, Freedoms, cross, motion, quaternion_product, rotation_of
+from .ground_frame import Frame, Freedoms, attitudes, cross, motion, quaternion_product
 from .pairs import Pair, Pairs
 
 LEFT_OVER = 1e-6
@@ -235,21 +236,16 @@ class DenseEngine(Engine):
             part = J_v @ force.mT + J_w @ moment.mT
             K.value[index] += part.value
             K.tangent[:, index] += part.tangent
-        for joint_force in self.model.forces:
-            rows = self.model.coordinate_slices[joint_force.body][1]
-            tau = pairs.vector(joint_force.values)
-            K.value[rows] += tau.value
-            K.tangent[:, rows] += tau.tangent
-        for spring in self.model.springs:
-            force, _ = spring_law(spring, frames, pairs)
-            for point, pull in ((spring.start, force), (spring.end, -force)):
-                frame = frames[point.body]
-                index = np.array(frame.freedoms, dtype=int)
-                x, _ = frame.point(pairs.vector(point.at))
-                part = freedoms.partial_velocities(index, x) @ pull.mT
-                K.value[index] += part.value
-                K.tangent[:, index] += part.tangent
-        return K
+        for point, end, wrench in self._wrenches(pairs, (frames, freedoms)):
+            index = np.array(frames[point.body].freedoms, dtype=int)
+            for load, J in (
+                (wrench.force, freedoms.partial_velocities(index, end.x.mT)), (wrench.torque, freedoms.w[index]),
+            ):  # fmt: skip
+                if load is not None:
+                    part = J @ load
+                    K.value[index] += part.value
+                    K.tangent[:, index] += part.tangent
+        return K + self._forces_on_speeds(pairs)
 
     def _energies(self, state: State, motion: tuple[list[Frame], Freedoms]) -> tuple[Pair, Pair]:
         pairs, g = state.pairs, self._gravity(state.pairs)
@@ -258,29 +254,33 @@ class DenseEngine(Engine):
         for body, frame in zip(self.model.bodies, motion[0], strict=False):
             m, _, x, _ = self._mass(body, frame, pairs)
             potential = potential - (g @ x.mT) * m
-        for spring in self.model.springs:
-            potential = potential + spring_law(spring, motion[0], pairs)[1]
-        return kinetic, potential
+        return kinetic, potential + pairs.matrix([[self._potential(pairs, motion)]])
 
     def _point(self, motion: tuple[list[Frame], Freedoms], body: int, at: Pair) -> tuple[Pair, Pair]:
         x, v = motion[0][body].point(at)
         return x.mT, v.mT
 
+    def _attitude(self, motion: tuple[list[Frame], Freedoms], body: int) -> tuple[Pair, Pair]:
+        frame = motion[0][body]
+        return frame.R, frame.omega.mT
+
     def _coordinate_rates(self, state: State) -> Pair:
         """qdot, (nq, 1): quaternions by their own product, edot = e (0, omega)/2."""
-        pairs, rates = state.pairs, []
-        half = pairs.number(1) / pairs.number(2)
+        pairs, rates = state.pairs, state.pairs.constant(np.zeros((self.model.nq, 1), int))
+        half, U = pairs.number(1) / pairs.number(2), pairs.constant(np.eye(3, dtype=int))
         for body, (q_rows, u_rows) in zip(self.model.bodies, self.model.coordinate_slices, strict=True):
             q, u = state.q[q_rows], state.u[u_rows]
-            if body.joint.type in ("spherical", "free"):
-                e = [q[i, 0] for i in range(q.value.shape[0] - 4, q.value.shape[0])]
-                omega = [pairs.number(0), *(u[i, 0] for i in range(3))]
-                if body.joint.type == "free":
-                    rates.append(rotation_of(pairs, e) @ u[3:])
-                rates.append(pairs.column(quaternion_product(e, omega)) * half)
-            else:
-                rates.append(u)
-        return pairs.block([[x] for x in rates]) if rates else state.q
+            for m in body.joint.kind.motion:
+                match m:
+                    case Turn(_, i) | Slide(_, i):
+                        part = u[i : i + 1]
+                    case Ball(i, j):
+                        omega = [pairs.number(0), *(u[j + n, 0] for n in range(3))]
+                        part = pairs.column(quaternion_product([q[i + n, 0] for n in range(4)], omega)) * half
+                    case Displacement(i, j):
+                        part = attitudes(pairs, body.joint, q, U)[-1] @ u[j : j + 3]
+                pairs.put(rates, q_rows.start + i, part)
+        return rates
 
     def _motion(self, state: State) -> tuple[list[Frame], Freedoms]:
         return motion(self.model, state)
@@ -294,26 +294,3 @@ class DenseEngine(Engine):
         I = frame.R @ pairs.matrix([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ frame.R.mT
         arm = pairs.vector(body.com).mT @ frame.R.mT
         return pairs.expression(body.mass), I, frame.o + arm, frame.v + cross(frame.omega, arm)
-
-
-def spring_law(spring: Spring, frames: list[Frame], pairs: Pairs) -> tuple[Pair, Pair]:
-    """The force of a spring on its start point, (1, 3) in the ground frame, and its potential energy, (1, 1).
-
-    Raises
-    ------
-    ValueError
-        The points coincide, so that the force has no direction. A spring without damping and free length is k r there.
-    """
-    (x_s, v_s), (x_e, v_e) = (frames[x.body].point(pairs.vector(x.at)) for x in (spring.start, spring.end))
-    k, c, d_0 = (pairs.expression(x) for x in (spring.stiffness, spring.damping, spring.free_length))
-    r, half = x_e - x_s, pairs.number(1) / pairs.number(2)
-    squared = (r @ r.mT)[0, 0]
-    if squared.value == 0:
-        if any(x.names or x.value != 0 for x in (spring.damping, spring.free_length)):
-            raise ValueError(f"spring {spring.name}: its two points coincide, so its force has no direction")
-        return r * k, (r @ r.mT) * (k * half)
-    d = pairs.call("sqrt", squared)
-    rate = ((v_e - v_s) @ r.mT)[0, 0] / d
-    stretch = d - d_0
-    tension = k * stretch + c * rate
-    return r * (tension / d), pairs.matrix([[k * stretch * stretch * half]])

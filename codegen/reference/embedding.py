@@ -28,7 +28,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -37,9 +36,7 @@ from .arithmetic import Array, SingularMatrixError
 from .closure import EarClosure, selection
 from .ears import Group
 from .pairs import Pair, Pairs
-
-if TYPE_CHECKING:
-    from .recursive import Terms
+from .terms import Terms
 
 
 class Places:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import warnings
 from abc import ABC, abstractmethod
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -17,8 +18,12 @@ import numpy as np
 from ..loops.partition import Partition
 from ..loops.partition import partition as choose_partition
 from ..loops.speed_groups import SpeedGroup, coordinates_of
+from ..model.forces import ForceElement
 from ..model.model import Model, closure_row_names
+from ..model.places import Point
 from .arithmetic import Arithmetic, Array
+from .forces import LAWS, End, Wrench
+from .outputs import VALUES
 from .pairs import Pair, Pairs
 
 INCONSISTENT = 1e-6
@@ -429,21 +434,44 @@ class Engine(ABC):
     def _point(self, motion: Any, body: int, at: Pair) -> tuple[Pair, Pair]:
         """Position and velocity in the ground frame, (3, 1), of the point ``at`` in body axes of ``body``."""
 
+    @abstractmethod
+    def _attitude(self, motion: Any, body: int) -> tuple[Pair, Pair]:
+        """Body components into ground components, (3, 3), and angular velocity in the ground frame, (3, 1), of a body."""
+
+    def _ends(self, pairs: Pairs, motion: Any, element: ForceElement) -> list[End]:
+        """Where a force element acts."""
+        return [
+            End(*self._point(motion, point.body, pairs.vector(point.at)), *self._attitude(motion, point.body))
+            for point in element.ends
+        ]
+
+    def _wrenches(self, pairs: Pairs, motion: Any) -> Iterator[tuple[Point, End, Wrench]]:
+        """What all force elements do to bodies, and where."""
+        for element in self.model.elements:
+            ends = self._ends(pairs, motion, element)
+            yield from zip(element.ends, ends, LAWS[type(element)].wrenches(element, pairs, ends), strict=True)
+
+    def _forces_on_speeds(self, pairs: Pairs) -> Pair:
+        """The generalised forces on joints' speeds that force elements exert directly, (nu, 1)."""
+        tau = pairs.constant(np.zeros((self.model.nu, 1), int))
+        for element in self.model.elements:
+            for body, values in LAWS[type(element)].on_speeds(element, pairs).items():
+                rows = self.model.coordinate_slices[body][1]
+                pairs.put(tau, rows.start, tau[rows] + values)
+        return tau
+
+    def _potential(self, pairs: Pairs, motion: Any) -> Pair:
+        """The potential energy of all force elements, a number, J."""
+        total = pairs.number(0)
+        for element in self.model.elements:
+            energy = LAWS[type(element)].energy(element, pairs, self._ends(pairs, motion, element))
+            total = total if energy is None else total + energy
+        return total
+
     def _outputs(self, state: State) -> Pair:
         """The outputs, (noutputs, 1)."""
-        pairs, motion, values = state.pairs, self._motion(state), []
-        for output in self.model.outputs:
-            if output.measure in ("kinetic_energy", "potential_energy"):
-                values.append(self._energies(state, motion)[output.measure == "potential_energy"][0, 0])
-            elif output.expression is not None:
-                values.append(pairs.expression(output.expression))
-            elif output.point is not None and output.axis is not None:
-                position, velocity = self._point(motion, output.point.body, pairs.vector(output.point.at))
-                axis = pairs.unit(pairs.vector(output.axis))
-                values.append(pairs.dot(axis, position if output.measure == "position" else velocity))
-            else:
-                raise ValueError(f"output {output.name}: measure {output.measure!r} is not known or incomplete")
-        return pairs.column(values)
+        seen = _Seen(self, state, self._motion(state))
+        return state.pairs.column([VALUES[output.measure](output, seen) for output in self.model.outputs])
 
     # --- arguments ------------------------------------------------------------------------------------------------
 
@@ -491,11 +519,11 @@ class Engine(ABC):
         environment = {"t": time[0, 0]}
         environment |= {name: p[i, 0] for i, name in enumerate(model.parameter_names)}
         environment |= {name: inputs[i, 0] for i, name in enumerate(model.inputs)}
-        for body, (rows, _) in zip(model.bodies, model.coordinate_slices, strict=True):
-            if body.joint.type in ("spherical", "free"):
-                e = q.value[rows.stop - 4 : rows.stop, 0]
-                if not e @ e >= SMALLEST_QUATERNION**2:
-                    raise ValueError(f"q: the quaternion of {body.name} is {e}; its length must be at least 1e-6")
+        for body, place in model.quaternions:
+            e = q.value[place, 0]
+            if not e @ e >= SMALLEST_QUATERNION**2:
+                name = model.bodies[body].name
+                raise ValueError(f"q: the quaternion of {name} is {e}; its length must be at least 1e-6")
         return State(Pairs(self.arithmetic, k, environment), q, u).moved(model, q, u)
 
     def _pair(self, name: str, value: Any, n: int, seed: Any, k: int) -> Pair:
@@ -535,6 +563,26 @@ class Engine(ABC):
 
     def _udot(self, state: State, udot: Any, dudot: Any) -> Pair:
         return self._pair("udot", udot, self.model.nu, dudot, state.pairs.k)
+
+
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    """What outputs see of a model: `outputs.Seen`."""
+
+    engine: Engine
+    state: State
+    motion: Any
+
+    @property
+    def pairs(self) -> Pairs:
+        return self.state.pairs
+
+    def point(self, point: Point) -> tuple[Pair, Pair]:
+        return self.engine._point(self.motion, point.body, self.pairs.vector(point.at))
+
+    def energies(self) -> tuple[Pair, Pair]:
+        kinetic, potential = self.engine._energies(self.state, self.motion)
+        return kinetic[0, 0], potential[0, 0]
 
 
 def _flat(column: Pair) -> tuple[Array, Array]:

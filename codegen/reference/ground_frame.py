@@ -21,7 +21,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..model.expressions import Expression
-from ..model.model import Model, Vector
+from ..model.model import Joint, Model, Vector
+from ..model.motions import Ball, Displacement, Slide, Turn
 from .arithmetic import Array
 from .engine import State
 from .pairs import Pair, Pairs
@@ -95,48 +96,61 @@ def motion(model: Model, state: State) -> tuple[list[Frame], Freedoms]:
         arm = pairs.vector(joint.at).mT @ parent.R.mT
         A = parent.R @ placement(pairs, joint.rotation)  # joint frame components into ground components
         o, v = parent.o + arm, parent.v + cross(parent.omega, arm)
-        axes = [pairs.unit(pairs.vector(axis)).mT for axis in joint.axes]
+        body_axes = [pairs.unit(pairs.vector(axis)).mT for axis in joint.axes]
 
-        # R, o and the freedoms' axes. `w` and `l` with the angular velocity of the body each is fixed in.
-        R, w, l, omega, carriers = A, [], [], parent.omega, []
-        if joint.type == "revolute":
-            R = A @ turn(pairs, joint.axes[0], q[0, 0])
-            w, l = [axes[0] @ A.mT], [zero]
-            omega = parent.omega + w[0] * u[0, 0]
-            carriers = [parent.omega]
-        elif joint.type == "prismatic":
-            w, l = [zero], [axes[0] @ A.mT]
-            o = o + l[0] * q[0, 0]
-            v = v + cross(parent.omega, l[0] * q[0, 0]) + l[0] * u[0, 0]
-            carriers = [parent.omega]
-        elif joint.type == "universal":
-            middle = A @ turn(pairs, joint.axes[0], q[0, 0])
-            R = middle @ turn(pairs, joint.axes[1], q[1, 0])
-            w, l = [axes[0] @ A.mT, axes[1] @ R.mT], [zero, zero]
-            omega = parent.omega + w[0] * u[0, 0] + w[1] * u[1, 0]
-            carriers = [parent.omega, omega]
-        elif joint.type in ("spherical", "free"):
-            n = q.value.shape[0]
-            R = A @ rotation_of(pairs, [q[i, 0] for i in range(n - 4, n)])
-            columns = [R[:, i : i + 1].mT for i in range(3)]
-            w, l = list(columns), [zero] * 3
-            omega = parent.omega + u[:3].mT @ R.mT
-            if joint.type == "free":
-                w, l = [*w, zero, zero, zero], [*l, *columns]
-                displacement = q[:3].mT @ A.mT
-                o = o + displacement
-                v = v + cross(parent.omega, displacement) + u[3:].mT @ R.mT
-            carriers = [omega] * len(w)
-        elif joint.type != "fixed":
-            raise ValueError(
-                f"body {model.bodies[k].name}: joint type {joint.type!r} is not known to the reference engines"
-            )
-        for i, w_i, l_i, carrier in zip(speeds, w, l, carriers, strict=True):
-            rows[i] = [w_i, l_i, o, cross(carrier, w_i), cross(carrier, l_i), v]
+        Rs = attitudes(pairs, joint, q, A)
+        R = Rs[-1]
+
+        # o and the freedoms' axes, with the angular velocity of what each of them is fixed in.
+        w, l, w_rate, l_rate, points = ([zero] * len(speeds) for _ in range(5))
+        point_rates = [zero] * len(speeds)
+        omega = parent.omega
+        for m, before, behind in zip(joint.kind.motion, Rs, Rs[1:], strict=False):
+            match m:
+                case Turn(axis, i):
+                    w[i] = body_axes[axis] @ before.mT
+                    w_rate[i], points[i], point_rates[i] = cross(omega, w[i]), o, v
+                    omega = omega + w[i] * u[i, 0]
+                case Slide(axis, i, factor):
+                    l[i] = body_axes[axis] @ before.mT
+                    if factor is not None:
+                        l[i] = l[i] * pairs.expression(joint.factors[factor])
+                    l_rate[i] = cross(omega, l[i])
+                    o = o + l[i] * q[i, 0]
+                    v = v + cross(omega, l[i] * q[i, 0]) + l[i] * u[i, 0]
+                case Ball(_, i):
+                    omega = omega + u[i : i + 3].mT @ behind.mT
+                    for n in range(3):
+                        w[i + n] = behind[:, n : n + 1].mT
+                        w_rate[i + n], points[i + n], point_rates[i + n] = cross(omega, w[i + n]), o, v
+                case Displacement(i, j):
+                    way = q[i : i + 3].mT @ before.mT
+                    o = o + way
+                    v = v + cross(omega, way) + u[j : j + 3].mT @ R.mT
+                    l[j : j + 3] = [R[:, n : n + 1].mT for n in range(3)]
+        for m in joint.kind.motion:
+            if isinstance(m, Displacement):  # along axes of the body
+                l_rate[m.speed : m.speed + 3] = [cross(omega, l[m.speed + n]) for n in range(3)]
+        for i, *row in zip(speeds, w, l, points, w_rate, l_rate, point_rates, strict=True):
+            rows[i] = row
         frames[k] = Frame(R, o, v, omega, [*parent.freedoms, *speeds])
     if not rows:
         return frames, Freedoms(*(pairs.constant(np.zeros((0, 3), int)) for _ in range(6)))
     return frames, Freedoms(*(pairs.block([[row[i]] for row in rows]) for i in range(6)))
+
+
+def attitudes(pairs: Pairs, joint: Joint, q: Pair, A: Pair) -> list[Pair]:
+    """Components where each motion of a joint begins into those that A (3, 3) turns the joint frame's into; last, the child's."""
+    Rs = [A]
+    for m in joint.kind.motion:
+        match m:
+            case Turn(axis, i):
+                Rs.append(Rs[-1] @ turn(pairs, joint.axes[axis], q[i, 0]))
+            case Ball(i, _):
+                Rs.append(Rs[-1] @ rotation_of(pairs, [q[i + n, 0] for n in range(4)]))
+            case _:
+                Rs.append(Rs[-1])
+    return Rs
 
 
 def placement(pairs: Pairs, rotation: Sequence[tuple[Vector, Expression]]) -> Pair:

@@ -123,6 +123,12 @@ class Pairs:
         """A matrix of matrices."""
         return Pair(np.block([[x.value for x in r] for r in rows]), np.block([[x.tangent for x in r] for r in rows]))
 
+    @staticmethod
+    def put(column: Pair, start: int, part: Pair) -> None:
+        """Set rows of a column (r, 1), in place, beginning with one."""
+        rows = slice(start, start + len(part.value))
+        column.value[rows], column.tangent[:, rows] = part.value, part.tangent
+
     def skew(self, v: Pair) -> Pair:
         """The cross product matrix of a column, (3, 3)."""
         return Pair(skew(v.value), skew(v.tangent))

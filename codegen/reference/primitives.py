@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..model.model import Body, Face, Joint, Vector, coordinate_axis, least_along
+from ..model.motions import Ball, Displacement, Slide, Turn
 from .arithmetic import Array
 from .pairs import Pair, Pairs, skew
 
@@ -86,28 +87,44 @@ def condition_frame(pairs: Pairs, axis: Vector, defaults: dict[str, float]) -> t
 
 
 def joint_terms(body: Body, pairs: Pairs, q: Pair, u: Pair) -> JointTerms:
-    """The joint's own kinematics at q (c, 1) and u (f, 1); see `JointTerms`."""
+    """The joint's own kinematics at q (c, 1) and u (f, 1), from its chain of motions; see `JointTerms`.
+
+    A motion turns by R, at the angular velocity omega in components behind it, and goes the way d. What comes before it, with
+    the twist (w, v), has the twist (R^T w, R^T (v + w x d)) at the origin behind it, whose derivative at constant w, v is
+
+        (-omega x R^T w,  -omega x R^T (v + w x d) + R^T (w x ddot))
+    """
     U, zero = pairs.constant(np.eye(3, dtype=int)), pairs.constant(np.zeros((3, 1), int))
-    still = pairs.constant(np.zeros((6, 1), int))
+    none, eye = pairs.constant(np.zeros((3, 3), int)), np.eye(u.value.shape[0], dtype=int)
     axes = [pairs.unit(pairs.vector(axis)) for axis in body.joint.axes]
-    if body.joint.type == "fixed":
-        return JointTerms(U, zero, pairs.constant(np.zeros((6, 0), int)), still)
-    if body.joint.type == "revolute":
-        (a,) = axes  # the same components on both sides of the joint
-        return JointTerms(axis_rotation(pairs, a, q[0, 0]), zero, pairs.block([[a], [zero]]), still)
-    if body.joint.type == "prismatic":
-        (a,) = axes
-        return JointTerms(U, a * q[0, 0], pairs.block([[zero], [a]]), still)
-    if body.joint.type == "universal":
-        a, b = axes
-        R1, R2 = axis_rotation(pairs, a, q[0, 0]), axis_rotation(pairs, b, q[1, 0])
-        first = R2.mT @ a  # the first axis seen from the child, which turns about b: its rate is -b x first u_2
-        rate = (-(pairs.skew(b) @ first)) * u[1, 0]
-        P = pairs.block([[first, b], [zero, zero]])
-        return JointTerms(R1 @ R2, zero, P, pairs.block([[rate * u[0, 0]], [zero]]))
-    if body.joint.type == "spherical":
-        P = pairs.constant(np.eye(6, 3, dtype=int))
-        return JointTerms(quaternion_rotation(pairs, q), zero, P, still)
-    if body.joint.type == "free":
-        return JointTerms(quaternion_rotation(pairs, q[3:]), q[:3], pairs.constant(np.eye(6, dtype=int)), still)
-    raise ValueError(f"body {body.name}: joint type {body.joint.type!r} is not known to the reference engines")
+    R, d = U, zero
+    P = P_end = pairs.constant(np.zeros((6, len(eye)), int))
+    Pdot_u = pairs.constant(np.zeros((6, 1), int))
+    moving = False
+    for m in body.joint.kind.motion:
+        turned, way, place = U, zero, slice(0)
+        match m:
+            case Turn(axis, i):
+                turned, place = axis_rotation(pairs, axes[axis], q[i, 0]), slice(i, i + 1)
+                own = pairs.block([[axes[axis]], [zero]])
+            case Slide(axis, i, factor):
+                along = axes[axis] if factor is None else axes[axis] * pairs.expression(body.joint.factors[factor])
+                way, place = along * q[i, 0], slice(i, i + 1)
+                own = pairs.block([[zero], [along]])
+            case Ball(i, j):
+                turned, place = quaternion_rotation(pairs, q[i : i + 4]), slice(j, j + 3)
+                own = pairs.constant(np.eye(6, 3, dtype=int))
+            case Displacement(i, j):  # nothing comes before it, and its velocities are in components of the end
+                d, P_end = q[i : i + 3], pairs.constant(np.eye(6, 3, -3, dtype=int) @ eye[j : j + 3])
+                continue
+        V_own = own @ u[place]
+        if moving:
+            back = turned.mT
+            shift = pairs.block([[back, none], [-(back @ pairs.skew(way)), back]])
+            V = shift @ P @ u
+            omega, rate = pairs.skew(V_own[:3]), V_own[3:]
+            added = [[-(omega @ V[:3])], [-(omega @ V[3:]) + pairs.skew(V[:3]) @ rate]]
+            P, Pdot_u = shift @ P, shift @ Pdot_u + pairs.block(added)
+        P = P + own @ pairs.constant(eye[place])
+        R, d, moving = R @ turned, d + R @ way, True
+    return JointTerms(R, d, P + P_end, Pdot_u)

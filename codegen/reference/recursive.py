@@ -9,25 +9,7 @@ The sweeps of a tree stand in this file. Closed loops have files of their own, w
 `ears` (which bodies are resolved together), `closure` (Eqs. 30 to 38: dependent speeds, and the completion of
 dependent seeds) and `embedding` (Eqs. 39 to 60 with loops).
 
-Notation, as in the paper (body k, its parent Pr[k]; components in body k's own axes unless said otherwise):
-
-======== ======= ==============================================================================================
-C        (3, 3)  direction cosines: turns components in k into components in Pr[k]
-gamma    (3, 1)  from the mass centre of Pr[k] to that of k, m
-S        (6, 6)  shift: force systems at k's mass centre, in k, to Pr[k]'s mass centre, in Pr[k]
-P        (6, f)  partial velocities P_k^k of the mass centre for the joint's f speeds
-V        (6, 1)  angular velocity, rad/s, above velocity of the mass centre, m/s, relative to the ground
-A_t      (6, 1)  acceleration remainder: all of the acceleration that is not explicit in udot
-A_bar    (6, 1)  the part that is explicit in udot
-I        (6, 6)  generalised inertia about the mass centre
-R        (6, 1)  applied moments about, and forces at, the mass centre (the paper's bold F^k)
-F        (6, 1)  generalised force
-tau      (f, 1)  joint force, working on the joint's speeds
-I_hat    (6, 6)  articulated inertia
-F_hat    (6, 1)  articulated force
-M        (f, f)  the block M_k of the triangularized mass matrix
-T        (6, 6)  triangularization matrix
-======== ======= ==============================================================================================
+The notation is that of `terms`.
 
 The slips of the printed paper, each mended here where it is met:
 
@@ -54,60 +36,28 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..loops.partition import Partition
-from ..model.model import GROUND, Model, Spring
+from ..model.model import GROUND, Model
+from ..model.motions import Ball, Displacement, Slide, Turn
 from .arithmetic import Array, SingularMatrixError
 from .closure import Cut, EarClosure, closed_motion, cut, displacement, with_best_dependents
 from .ears import groups
 from .embedding import embed
 from .engine import Engine, State
+from .forces import Wrench
 from .pairs import Pair, Pairs, skew
 from .primitives import (
     generalised_inertia,
     joint_terms,
     placed_rotation,
     quaternion_rate_matrix,
-    quaternion_rotation,
     shift,
 )
-
-
-@dataclass(slots=True)
-class Terms:
-    """The quantities of one body, named as in the module's table, each with its total derivatives.
-
-    ``N_C (3, 3)`` turns components in k into components in the ground, ``x (3, 1)`` is the mass centre in the ground
-    frame, m, ``com (3, 1)`` the mass centre in the body frame.
-    """
-
-    S: Array
-    dS: Array
-    P: Array
-    dP: Array
-    V: Array
-    dV: Array
-    A_t: Array
-    dA_t: Array
-    I: Array
-    dI: Array
-    F: Array
-    dF: Array
-    tau: Array
-    dtau: Array
-    N_C: Array
-    dN_C: Array
-    x: Array
-    dx: Array
-    com: Array
-    dcom: Array
-
-    def pair(self, name: str) -> Pair:
-        """One of the quantities together with its derivatives."""
-        return Pair(getattr(self, name), getattr(self, f"d{name}"))
+from .terms import Terms
 
 
 @dataclass(slots=True)
 class Articulated:
-    """The articulated quantities of one body, named as in the module's table, each with its total derivatives.
+    """The articulated quantities of one body, named as in the table of `terms`, each with its total derivatives.
 
     ``I_locked (6, 6)`` is what I_hat would be with the children's joints locked: the measure of what is left in M_k
     where nearly all has cancelled.
@@ -211,7 +161,7 @@ class RecursiveEngine(Engine):
         bodies = [self._ground(pairs)] * (len(model.bodies) + 1)
         gravity = self._gravity(pairs)
         g, dg = gravity.value, gravity.tangent
-        joint_forces = self._joint_forces(pairs)
+        on_speeds = self._forces_on_speeds(pairs)
         for k in model.outward:
             body = model.bodies[k]
             q_rows, u_rows = model.coordinate_slices[k]
@@ -266,37 +216,24 @@ class RecursiveEngine(Engine):
 
             x = pr.x + N_C @ gamma
             dx = pr.dx + dN_C @ gamma + N_C @ dgamma
-            tau = joint_forces[k]
+            tau = on_speeds[u_rows]
             bodies[k] = Terms(S, dS, P, dP, V, dV, A_t, dA_t, I, dI, F, dF, tau.value, tau.tangent,
                               N_C, dN_C, x, dx, r.value, r.tangent)  # fmt: skip
-        self._springs(pairs, bodies)
+        for point, _, wrench in self._wrenches(pairs, bodies):
+            if point.body != GROUND:
+                self._apply(pairs, bodies[point.body], pairs.vector(point.at), wrench)
         return bodies
 
-    def _springs(self, pairs: Pairs, bodies: list[Terms]) -> None:
-        """Add the springs' pulls to the generalised forces of the bodies they act on."""
-        for spring in self.model.springs:
-            pull, _ = self._spring(pairs, bodies, spring)
-            for point, force in ((spring.start, pull), (spring.end, -pull)):
-                if point.body != GROUND:
-                    b = bodies[point.body]
-                    force = b.pair("N_C").mT @ force
-                    arm = pairs.vector(point.at) - b.pair("com")
-                    F = b.pair("F") + pairs.block([[pairs.skew(arm) @ force], [force]])
-                    b.F, b.dF = F.value, F.tangent
-
-    def _spring(self, pairs: Pairs, bodies: list[Terms], spring: Spring) -> tuple[Pair, Pair]:
-        """The pull on a spring's start point, (3, 1) in the ground frame, and its energy, a number."""
-        k, c, free = (pairs.expression(e) for e in (spring.stiffness, spring.damping, spring.free_length))
-        (x_s, v_s), (x_e, v_e) = (self._point(bodies, p.body, pairs.vector(p.at)) for p in (spring.start, spring.end))
-        r, two = x_e - x_s, pairs.number(2)
-        if pairs.dot(r, r).value == 0:
-            if all(e.is_number and e.value == 0 for e in (spring.damping, spring.free_length)):
-                return r * k, pairs.dot(r, r) * k / two
-            raise ValueError(f"spring {spring.name}: its two points coincide, so its force has no direction")
-        d = pairs.call("sqrt", pairs.dot(r, r))
-        along = r * (pairs.number(1) / d)
-        tension = k * (d - free) + c * pairs.dot(along, v_e - v_s)
-        return along * tension, k * (d - free) * (d - free) / two
+    @staticmethod
+    def _apply(pairs: Pairs, b: Terms, at: Pair, wrench: Wrench) -> None:
+        """Add what acts at the point ``at`` (3, 1) of a body to its generalised force."""
+        inward, F = b.pair("N_C").mT, b.pair("F")
+        if wrench.force is not None:
+            force = inward @ wrench.force
+            F = F + pairs.block([[pairs.skew(at - b.pair("com")) @ force], [force]])
+        if wrench.torque is not None:
+            F = F + pairs.block([[inward @ wrench.torque], [pairs.constant(np.zeros((3, 1), int))]])
+        b.F, b.dF = F.value, F.tangent
 
     # --- loops: completion of dependent speeds and seeds ------------------------------------------------------------
 
@@ -401,9 +338,8 @@ class RecursiveEngine(Engine):
             m, dm = b.I[5:, 5:], b.dI[:, 5:, 5:]
             W = W - m * (g.mT @ b.x)
             dW = dW - dm * (g.mT @ b.x) - m * (dg.mT @ b.x + g.mT @ b.dx)
-        for spring in self.model.springs:
-            _, energy = self._spring(state.pairs, motion, spring)
-            W, dW = W + energy.value, dW + energy.tangent[:, None, None]
+        energy = self._potential(state.pairs, motion)
+        W, dW = W + energy.value, dW + energy.tangent[:, None, None]
         return Pair(T, dT), Pair(W, dW)
 
     def _point(self, motion: list[Terms], body: int, at: Pair) -> tuple[Pair, Pair]:
@@ -415,19 +351,25 @@ class RecursiveEngine(Engine):
         dv = b.dV[:, 3:] + skew(b.dV[:, :3]) @ r + skew(b.V[:3]) @ dr
         return Pair(position, dposition), Pair(b.N_C @ v, b.dN_C @ v + b.N_C @ dv)
 
+    def _attitude(self, motion: list[Terms], body: int) -> tuple[Pair, Pair]:
+        b = motion[body]
+        return b.pair("N_C"), b.pair("N_C") @ b.pair("V")[:3]
+
     def _coordinate_rates(self, state: State) -> Pair:
         """qdot = C(q) u, Eq. 1 with D = 0, (nq, 1)."""
-        pairs, rates = state.pairs, []
+        pairs, rates = state.pairs, state.pairs.constant(np.zeros((self.model.nq, 1), int))
         for body, (q_rows, u_rows) in zip(self.model.bodies, self.model.coordinate_slices, strict=True):
             q, u = state.q[q_rows], state.u[u_rows]
-            if body.joint.type == "spherical":
-                rates.append(quaternion_rate_matrix(pairs, q) @ u)
-            elif body.joint.type == "free":
-                rates.append(quaternion_rotation(pairs, q[3:]) @ u[3:])
-                rates.append(quaternion_rate_matrix(pairs, q[3:]) @ u[:3])
-            else:
-                rates.append(u)  # Eq. 11
-        return pairs.block([[x] for x in rates]) if rates else state.q
+            for m in body.joint.kind.motion:
+                match m:
+                    case Turn(_, i) | Slide(_, i):
+                        part = u[i : i + 1]  # Eq. 11
+                    case Ball(i, j):
+                        part = quaternion_rate_matrix(pairs, q[i : i + 4]) @ u[j : j + 3]
+                    case Displacement(i, j):
+                        part = joint_terms(body, pairs, q, u).R @ u[j : j + 3]
+                pairs.put(rates, q_rows.start + i, part)
+        return rates
 
     # --- parts of the kinematic sweep -----------------------------------------------------------------------------
 
@@ -443,13 +385,6 @@ class RecursiveEngine(Engine):
     def _gravity(self, pairs: Pairs) -> Pair:
         """The acceleration of gravity in the ground frame, (3, 1), m/s^2."""
         return pairs.vector(self.model.gravity) if self.model.gravity else pairs.constant(np.zeros((3, 1), int))
-
-    def _joint_forces(self, pairs: Pairs) -> list[Pair]:
-        """The model's forces on the joints' speeds, (f, 1) a body."""
-        tau = [pairs.constant(np.zeros((u.stop - u.start, 1), int)) for _, u in self.model.coordinate_slices]
-        for force in self.model.forces:
-            tau[force.body] = tau[force.body] + pairs.vector(force.values)
-        return tau
 
     def _inverse(self, k: int, M: Array, M_locked: Array) -> Array:
         """The inverse of M_k, (f, f); a body without inertia about its joint is named."""

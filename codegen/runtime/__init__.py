@@ -9,22 +9,20 @@ import sys
 from pathlib import Path
 from types import ModuleType
 
-from . import solver as _own
-from .solver import (
+from .sections import CARRIED, STANDALONE
+from .solver import Solver
+from .standalone.errors import (
     AssemblyError,
     CompileError,
-    Jacobians,
     NoCompilerError,
     PackageError,
     SingularJointError,
     SingularLoopError,
     SingularSpringError,
-    Solver,
     TargetsDifferError,
-    check_files,
-    is_sealed,
-    read_manifest,
 )
+from .standalone.jacobians import Jacobians
+from .standalone.manifest import SEAL, check_files, read_manifest
 
 __all__ = [
     "AssemblyError",
@@ -65,21 +63,40 @@ def load(folder: str | os.PathLike[str], target: str | None = None) -> Solver:
     CompileError
     """
     path = Path(folder).absolute()
-    brought = path / "_runtime.py"
-    ours = not brought.is_file() or brought.read_bytes() == Path(_own.__file__).read_bytes()
-    if ours or is_sealed(path):  # what is not may be of a version that knew no seals
+    brought = _brought(path)
+    ours = all(_is_own(file) for file in brought)
+    if ours or _is_sealed(path):  # what is not may be of a version that knew no seals
         check_files(path, read_manifest(path), (".py",))
     if ours:
         return Solver(path, target)
-    found: Solver = _package(path).Solver(target)
+    found: Solver = _package(path, brought).Solver(target)
     return found
 
 
-def _package(path: Path) -> ModuleType:
+def _is_sealed(path: Path) -> bool:
+    """Whether there is a ``model.json`` with a seal, right or wrong."""
+    try:
+        return SEAL in (path / "model.json").read_text(encoding="utf-8")
+    except (OSError, ValueError):
+        return False
+
+
+def _brought(path: Path) -> list[Path]:
+    """The files of the run time that a package brings along: a single file in those of earlier versions."""
+    one = path / f"{CARRIED}.py"
+    return [one] if one.is_file() else sorted((path / CARRIED).glob("*.py"))
+
+
+def _is_own(file: Path) -> bool:
+    own = STANDALONE / file.name
+    return own.is_file() and own.read_bytes() == file.read_bytes()
+
+
+def _package(path: Path, brought: list[Path]) -> ModuleType:
     """A generated package as a module; one that was written anew is another module."""
     key = hashlib.sha256(str(path).encode())
-    for file in ("__init__.py", "_runtime.py"):
-        key.update((path / file).read_bytes())
+    for file in (path / "__init__.py", *brought):
+        key.update(file.read_bytes())
     name = f"ordernm_generated_{key.hexdigest()[:16]}"
     if name not in sys.modules:
         spec = importlib.util.spec_from_file_location(
@@ -91,6 +108,7 @@ def _package(path: Path) -> ModuleType:
         try:
             spec.loader.exec_module(module)
         except BaseException:
-            del sys.modules[name]
+            for begun in [m for m in sys.modules if m == name or m.startswith(f"{name}.")]:
+                del sys.modules[begun]
             raise
     return sys.modules[name]

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from codegen.runtime import CompileError, NoCompilerError, SingularJointError, TargetsDifferError, load
-from codegen.runtime import solver as runtime
+from codegen.runtime.standalone import build
 
 EXPECTED = -9.81 / 0.5 * np.sin(0.3)
 
@@ -64,7 +64,7 @@ def test_another_source_compiler_or_flag_is_another_library(pendulum, monkeypatc
 
 def test_the_processor_is_part_of_the_key(pendulum, monkeypatch):
     load(pendulum)
-    monkeypatch.setattr(runtime, "_processor", lambda: "another processor")
+    monkeypatch.setattr(build, "processor", lambda: "another processor")
     load(pendulum)
     assert len(libraries(pendulum)) == 2
 
@@ -81,7 +81,7 @@ DAMAGES = {
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_a_damaged_library_is_built_anew(pendulum, damage):
     # opening a library that was cut short would kill the process (SIGBUS)
-    library = runtime.compile_library(pendulum, "pendulum")
+    library = build.Build(pendulum, "pendulum").library()
     library.write_bytes(DAMAGES[damage](library.read_bytes()))
     assert accelerate(load(pendulum)) == pytest.approx(EXPECTED, rel=1e-15)
     (library,) = libraries(pendulum)
@@ -90,9 +90,9 @@ def test_a_damaged_library_is_built_anew(pendulum, damage):
 
 def test_a_library_that_does_not_open_is_built_anew(pendulum, monkeypatch):
     # whole, but made for another machine
-    library = runtime.compile_library(pendulum, "pendulum")
+    library = build.Build(pendulum, "pendulum").library()
     digest = library.stem.rpartition("-")[2]
-    monkeypatch.setattr(runtime, "_digest", lambda file: digest)
+    monkeypatch.setattr(build, "digest", lambda file: digest)
     library.write_bytes(b"for another machine")
     assert accelerate(load(pendulum)) == pytest.approx(EXPECTED, rel=1e-15)
     assert library.stat().st_size > 1000
@@ -102,7 +102,7 @@ def test_a_user_without_a_home_is_served(pendulum, monkeypatch):
     def homeless():
         raise RuntimeError("Could not determine home directory.")
 
-    monkeypatch.setattr(runtime, "user_cache", homeless)
+    monkeypatch.setattr(build, "user_cache", homeless)
     assert accelerate(load(pendulum)) == pytest.approx(EXPECTED, rel=1e-15)
 
 
@@ -198,7 +198,7 @@ def test_a_library_goes_to_the_users_cache_if_the_package_is_read_only(pendulum,
             raise PermissionError(13, "Permission denied", str(dir))
         return real(*arguments, dir=dir, **options)
 
-    monkeypatch.setattr(runtime.tempfile, "TemporaryDirectory", refuse)
+    monkeypatch.setattr(build.tempfile, "TemporaryDirectory", refuse)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.setattr(sys, "platform", "linux")
     assert accelerate(load(pendulum)) == pytest.approx(EXPECTED, rel=1e-15)
@@ -214,7 +214,7 @@ def test_a_library_goes_to_the_users_cache_if_the_package_is_read_only(pendulum,
 
 def test_where_a_folder_is_in_the_librarys_place_the_cache_serves(pendulum, monkeypatch, tmp_path):
     # what makes a place unfit may show only when the library is moved there: a full disk, a folder of that name
-    library = runtime.compile_library(pendulum, "pendulum")
+    library = build.Build(pendulum, "pendulum").library()
     library.unlink()
     library.mkdir()
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
@@ -222,7 +222,7 @@ def test_where_a_folder_is_in_the_librarys_place_the_cache_serves(pendulum, monk
     assert accelerate(load(pendulum)) == pytest.approx(EXPECTED, rel=1e-15)
     assert len(libraries(tmp_path / "cache" / "ordernm" / "pendulum")) == 1
     assert not list(pendulum.glob(".build*"))
-    monkeypatch.setattr(runtime, "user_cache", lambda: pendulum / "model.json")
+    monkeypatch.setattr(build, "user_cache", lambda: pendulum / "model.json")
     with pytest.raises(CompileError, match=r"no folder to write the library of pendulum to: .*Is a directory"):
         load(pendulum)
 
@@ -321,7 +321,7 @@ def test_an_unknown_target_is_refused(pendulum):
 def test_find_compiler_says_what_it_looked_for(monkeypatch):
     monkeypatch.setenv("CC", "no-such-compiler -m64")
     with pytest.raises(NoCompilerError, match="CC=no-such-compiler -m64 is no program"):
-        runtime.find_compiler()
+        build.find_compiler()
 
 
 def test_loading_what_is_compiled_takes_no_time(pendulum):

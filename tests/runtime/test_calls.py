@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import codegen
-from codegen.runtime import CompileError
-from codegen.runtime import solver as runtime
+from codegen.runtime import CompileError, Jacobians
+from codegen.runtime.standalone import build, caller, short_calls
+from codegen.runtime.standalone.jacobians import JACOBIANS
 
 SEEDS = ("dq", "du", "dp", "dinputs")
 
@@ -32,7 +33,7 @@ def draw(solver, k=None):
 def the_long_way(solver):
     """The same solver without a short way."""
     other = codegen.load(solver.folder)
-    other._desk = runtime.NO_DESK
+    other._desk = short_calls.NO_DESK
     return other
 
 
@@ -41,8 +42,8 @@ def same(a, b):
         assert len(a) == len(b)
         for x, y in zip(a, b, strict=True):
             same(x, y)
-    elif isinstance(a, runtime.Jacobians):
-        same(*(tuple(getattr(J, n) for n in runtime.JACOBIANS) for J in (a, b)))
+    elif isinstance(a, Jacobians):
+        same(*(tuple(getattr(J, n) for n in JACOBIANS) for J in (a, b)))
     else:
         assert np.shape(a) == np.shape(b)
         np.testing.assert_array_equal(a, b)
@@ -101,7 +102,7 @@ def test_the_short_way_takes_plain_arrays_of_one_state_only(satellite):
 
 def test_a_solver_serves_where_arrays_are_laid_out_otherwise(packages, monkeypatch):
     plain = codegen.load(packages / "satellite")
-    monkeypatch.setattr(runtime, "_head_of_objects", lambda: 0)
+    monkeypatch.setattr(short_calls, "_head_of_objects", lambda: 0)
     other = codegen.load(packages / "satellite")
     state, seeds = draw(plain)
     assert other._desk.accelerations(*state) is None
@@ -113,7 +114,7 @@ def test_a_solver_serves_where_arrays_are_laid_out_otherwise(packages, monkeypat
 
 
 def test_python_without_headers_is_served(pendulum, monkeypatch, tmp_path):
-    monkeypatch.setattr(runtime.sysconfig, "get_path", lambda name: str(tmp_path))
+    monkeypatch.setattr(caller.sysconfig, "get_path", lambda name: str(tmp_path))
     solver = codegen.load(pendulum)
     assert solver._target.mode == "abi"
     assert solver.accelerations(np.array([0.3]), np.zeros(1)) == pytest.approx(-9.81 / 0.5 * np.sin(0.3))
@@ -126,7 +127,7 @@ def test_headers_that_do_not_compile_are_done_without(pendulum, monkeypatch, tmp
     (tmp_path / "include").mkdir()
     for header in ("pyconfig.h", "Python.h"):
         (tmp_path / "include" / header).write_text("#error out of order\n")
-    monkeypatch.setattr(runtime.sysconfig, "get_path", lambda name: str(tmp_path / "include"))
+    monkeypatch.setattr(caller.sysconfig, "get_path", lambda name: str(tmp_path / "include"))
     for _ in range(2):
         assert codegen.load(pendulum)._target.mode == "abi"
     assert sorted(f.name for f in pendulum.iterdir() if "call" in f.name) == ["pendulum_calls.c"]
@@ -137,7 +138,7 @@ def test_headers_that_do_not_compile_are_done_without(pendulum, monkeypatch, tmp
 
 def test_the_caller_is_compiled_once_for_each_python(packages, pendulum, monkeypatch, tmp_path):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.setattr(runtime.sys, "platform", "linux")
+    monkeypatch.setattr(build.sys, "platform", "linux")
 
     def callers():
         return sorted((tmp_path / "cache" / "ordernm" / "ordernm_call").glob("*.so"))
@@ -148,7 +149,7 @@ def test_the_caller_is_compiled_once_for_each_python(packages, pendulum, monkeyp
     codegen.load(packages / "satellite")
     assert callers() == [first] and first.stat().st_mtime_ns == before
     real = sysconfig.get_config_var
-    monkeypatch.setattr(runtime.sysconfig, "get_config_var", lambda n: "another" if n == "SOABI" else real(n))
+    monkeypatch.setattr(caller.sysconfig, "get_config_var", lambda n: "another" if n == "SOABI" else real(n))
     codegen.load(pendulum)
     assert len(callers()) == 2
 
@@ -187,7 +188,7 @@ def test_results_go_where_they_are_wanted(either, batch):
         assert found[0] is out[0] and found[1] is out[1]
         same(out, expected)
     expected = either.jacobians(*state)
-    out = runtime.Jacobians(*(np.full_like(getattr(expected, n), np.nan) for n in runtime.JACOBIANS))
+    out = Jacobians(*(np.full_like(getattr(expected, n), np.nan) for n in JACOBIANS))
     assert either.jacobians(*state, out=out) is out
     same(out, expected)
     M = np.full_like(either.mass_matrix(state[0], p), np.nan)

@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import shutil
 import signal
 import stat
 import subprocess
@@ -15,7 +16,7 @@ import pytest
 
 import codegen
 from codegen.runtime import CompileError, PackageError
-from codegen.runtime import solver as runtime
+from codegen.runtime.standalone.arguments import MOST_AXES
 
 TEXT = """\
 model: odd
@@ -40,9 +41,7 @@ def copied(odd, tmp_path):
     """A copy to damage."""
     folder = tmp_path / "odd"
     folder.mkdir()
-    for file in odd.iterdir():
-        if file.is_file():
-            (folder / file.name).write_bytes(file.read_bytes())
+    shutil.copytree(odd, folder, ignore=shutil.ignore_patterns("__pycache__"), dirs_exist_ok=True)
     return folder
 
 
@@ -78,8 +77,10 @@ def test_a_damaged_manifest_is_told(copied, damage, target):
 
 
 @pytest.mark.parametrize(
-    "name", ["odd.c", "odd_calls.c", "odd.h", "odd_directions.h", "odd_numpy.py", "_runtime.py", "__init__.py"]
-)
+    "name",
+    ["odd.c", "odd_calls.c", "odd.h", "odd_directions.h", "odd_numpy.py", "__init__.py", "_runtime/package.py",
+     "_runtime/arguments.py"],
+)  # fmt: skip
 def test_a_damaged_file_is_named(copied, name):
     file = copied / name
     whole = file.read_bytes()
@@ -93,6 +94,23 @@ def test_a_damaged_file_is_named(copied, name):
         codegen.load(copied, target)
     file.write_bytes(whole)
     assert codegen.load(copied, target).name == "odd"
+
+
+@pytest.mark.parametrize("name", ["dynamics", "errors", "arrays", "compiler"])
+def test_a_package_without_a_file_of_its_run_time_tells_by_itself(copied, name):
+    (copied / "_runtime" / f"{name}.py").unlink()
+    done = subprocess.run([sys.executable, "-c", "import odd"], cwd=copied.parent, capture_output=True, text=True)
+    last = done.stderr.splitlines()[-1]
+    assert re.fullmatch(
+        rf"ImportError: .*odd is damaged: its _runtime/{name}\.py is missing since it was generated; generate it again: "
+        r"generate MODEL\.yaml -o FOLDER", last
+    ), done.stderr  # fmt: skip
+
+
+def test_a_package_without_numpy_says_so(copied):
+    program = "import sys; sys.modules['numpy'] = None; import odd"
+    done = subprocess.run([sys.executable, "-c", program], cwd=copied.parent, capture_output=True, text=True)
+    assert "import of numpy halted" in done.stderr.splitlines()[-1]
 
 
 def test_a_damaged_package_tells_by_itself_too(copied):
@@ -283,7 +301,7 @@ def test_what_numpy_does_about_overflow_does_not_matter(packages, target, state)
     # checks of arguments and the NumPy target square numbers: numbers that are allowed, and results that are told
     solver = codegen.load(packages / "satellite", target)
     q, u = solver.initial
-    e = solver._quaternions[0]
+    e = next(i for i, name in enumerate(solver.coordinate_names) if name.endswith(".qw"))
 
     def calls(size):
         large = q.copy()
@@ -325,10 +343,10 @@ def test_more_batch_axes_than_numpy_can_take_are_told(solver, axes):
 
 
 def test_as_many_batch_axes_as_allowed_work(solver):
-    q, u = np.full((1,) * runtime.MOST_AXES + (2,), -0.5), np.full(2, 0.5)
+    q, u = np.full((1,) * MOST_AXES + (2,), -0.5), np.full(2, 0.5)
     q[..., 1] = 0.5
-    assert solver.jacobians(q, u).q.shape == (*(1,) * runtime.MOST_AXES, 2, 2)
-    assert solver.sensitivities(q, u, dq=q)[1].shape == (*(1,) * (runtime.MOST_AXES + 1), 2)
+    assert solver.jacobians(q, u).q.shape == (*(1,) * MOST_AXES, 2, 2)
+    assert solver.sensitivities(q, u, dq=q)[1].shape == (*(1,) * (MOST_AXES + 1), 2)
 
 
 def test_results_larger_than_memory_are_told_with_their_size(odd):

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import codegen
-from codegen.runtime import PackageError
-from codegen.runtime.solver import Solver, file_digest, seal
+from codegen.runtime import PackageError, Solver
+from codegen.runtime.standalone.manifest import file_digest, seal
 
 MODEL = """\
 model: pendulum
@@ -60,9 +60,9 @@ def test_a_package_of_another_version_runs_itself(tmp_path, sealed):
     folder = tmp_path / "pendulum"
     codegen.generate(codegen.model.parse_model(MODEL), folder)
     assert type(codegen.load(folder)) is Solver
-    brought = folder / "_runtime.py"
+    brought = folder / "_runtime" / "package.py"
     brought.write_text(brought.read_text() + "\nVERSION_OF_THE_TEST = 1\n")
-    with pytest.raises(PackageError, match=r"_runtime\.py was changed"):
+    with pytest.raises(PackageError, match=r"_runtime/package\.py was changed"):
         codegen.load(folder)
     manifest = json.loads((folder / "model.json").read_text())
     del manifest["seal"]
@@ -72,12 +72,48 @@ def test_a_package_of_another_version_runs_itself(tmp_path, sealed):
             codegen.load(folder)  # by its own run time, which knows seals
         assert not isinstance(told.value, PackageError)
         return
-    manifest["digests"]["_runtime.py"] = file_digest(brought.read_bytes())
+    manifest["digests"]["_runtime/package.py"] = file_digest(brought.read_bytes())
     (folder / "model.json").write_text(seal(json.dumps(manifest)))
     solver = codegen.load(folder)
     assert not isinstance(solver, Solver)
     assert type(solver) is type(codegen.load(folder))
     assert solver.mass_matrix([0.0])[0, 0] == pytest.approx(1.5)
+
+
+ONE_FILE = """\
+class Solver:
+    def __init__(self, folder, target=None):
+        self.folder, self.target = folder, target or "c"
+"""
+
+
+@pytest.mark.parametrize("sealed", [True, False])
+def test_a_package_whose_run_time_is_one_file_runs_itself(tmp_path, sealed):
+    """Packages of earlier versions have ``_runtime.py``."""
+    folder = tmp_path / "pendulum"
+    files = {
+        "__init__.py": "from pathlib import Path\nfrom . import _runtime\n\n\nclass Solver(_runtime.Solver):\n"
+        "    def __init__(self, target=None):\n        super().__init__(Path(__file__).parent, target)\n",
+        "_runtime.py": ONE_FILE,
+    }
+    manifest = {"generator": "ordernm", "name": "pendulum", "files": [*files, "model.json"]}
+    manifest["digests"] = {name: file_digest(text.encode()) for name, text in files.items()}
+    folder.mkdir()
+    for name, text in files.items():
+        (folder / name).write_text(text)
+    (folder / "model.json").write_text(seal(json.dumps(manifest)) if sealed else json.dumps(manifest))
+    solver = codegen.load(folder, "numpy")
+    assert (solver.folder, solver.target) == (folder, "numpy") and not isinstance(solver, Solver)
+    (folder / "_runtime.py").write_text(ONE_FILE.replace('"c"', '"numpy"'))
+    if sealed:
+        with pytest.raises(PackageError, match=r"its _runtime\.py was changed"):
+            codegen.load(folder)
+    else:
+        assert codegen.load(folder).target == "numpy"
+    # regenerating takes it for its own, and leaves nothing of it
+    codegen.generate(codegen.model.parse_model(MODEL), folder)
+    assert not (folder / "_runtime.py").exists() and (folder / "_runtime" / "package.py").exists()
+    assert type(codegen.load(folder)) is Solver
 
 
 def test_a_package_may_be_moved(tmp_path):

@@ -5,7 +5,10 @@ import pytest
 
 import codegen
 from codegen.reference import RecursiveEngine
-from codegen.runtime.solver import split
+from codegen.runtime import Solver
+from codegen.runtime.sections import SECTIONS
+from codegen.runtime.standalone.functions import split
+from codegen.runtime.standalone.package import Absent, Package
 
 
 def state(solver, rng, *batch):
@@ -178,3 +181,15 @@ def test_forces_and_accelerations_belong_together(satellite):
     close(satellite.solve_mass(q, -bias, p), udot, rtol=1e-9)
     force = satellite.inverse_dynamics(q, u, udot, p, inputs, t)
     assert np.max(np.abs(force)) <= 1e-9 * np.max(np.abs(bias))
+
+
+# ---- sections --------------------------------------------------------------------------------------------------------
+
+
+def test_the_solver_has_all_sections_and_every_member_that_a_package_may_lack_is_known():
+    sections = {c.__name__: c for c in Solver.__mro__ if issubclass(c, Package) and c not in (Package, Solver)}
+    assert sections.keys() == SECTIONS.keys()
+    optional = [vars(c) for name, c in sections.items() if SECTIONS[name] is not None]
+    members = {name for section in optional for name in section if not name.startswith("_")}
+    assert members == {name for name, x in vars(Package).items() if isinstance(x, Absent)}
+    assert not [name for name in dir(Solver) if isinstance(getattr(Solver, name), Absent)]

@@ -255,9 +255,44 @@ def test_every_member_of_a_state_takes_and_checks_the_same_arguments(four_bar, n
 # ---- partitions ------------------------------------------------------------------------------------------------------
 
 
-def test_conditions_leave_the_partition_alone(tmp_path):
-    codegen.generate(EXAMPLE, tmp_path / "four_bar", partitions=2)
-    solver = codegen.load(tmp_path / "four_bar")
+@pytest.fixture(scope="module")
+def two_partitions(tmp_path_factory):
+    return codegen.generate(EXAMPLE, tmp_path_factory.mktemp("packages") / "four_bar", partitions=2).folder
+
+
+@pytest.mark.parametrize("target", ["c", "numpy"])
+def test_other_threads_compute_with_their_partition_while_conditions_are_asked_for(two_partitions, target):
+    solver = codegen.load(two_partitions, target)
+    q, u = solver.initial
+    u = u + [0.3, -0.2, 0.5]  # dependent speeds are ignored: other independent ones are another motion
+    expected = solver.accelerations(q, u)
+    solver.use_partition(1)
+    assert np.abs(solver.accelerations(q, u) - expected).max() > 1e-2
+    solver.use_partition(0)
+    batch = np.broadcast_to(q, (40, q.size))
+    conditions, stop = [], threading.Event()
+
+    def ask():
+        while not stop.is_set():
+            conditions.append(solver.condition(batch))
+
+    threads = [threading.Thread(target=ask) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    try:
+        found = [solver.accelerations(x, u) for _ in range(300) for x in (q, q.tolist())]
+        assembled = [solver.assemble(q + [0.0, 0.1, 0.1], u)[0][0] for _ in range(20)]
+    finally:
+        stop.set()
+        for thread in threads:
+            thread.join()
+    assert len(conditions) > 2 and all(np.array_equal(x, conditions[0]) for x in conditions)
+    np.testing.assert_array_equal(found, [expected] * len(found))
+    assert assembled == [q[0]] * len(assembled)  # the first partition's independent coordinate is kept
+
+
+def test_conditions_leave_the_partition_alone(two_partitions):
+    solver = codegen.load(two_partitions)
     assert len(solver.partitions) == 2
     q, u = solver.initial
     seen = set()

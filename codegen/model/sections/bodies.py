@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection
 from dataclasses import dataclass, field
 from typing import Any, Final
 
 from .. import checks
+from ..entries import ZERO
 from ..errors import nearest
 from ..expressions import Expression, ExpressionError
 from ..model import GROUND, Body, Joint, Vector, joint_coordinates
 from ..positions import Path_
 from ..reading import Reader, TooManyProblems, some
 from ..repetition import CannotGoOn, Instance
-from ..schema import ZERO, BodyEntry, JointEntry
+from ..schema import BodyEntry, BodyJoint
 from ..shapes import Inertia, mass_properties
 from .digits import check_axis
 from .placement import Bound, bound_entry, expressions_of, rotation, vector
@@ -235,23 +235,16 @@ def _check_size(reader: Reader, size: Expression, at: Instance, sub: Path_) -> N
         reader.report(at, sub, f"{seen} is negative; a size is at least 0")
 
 
-def _joint(reader: Reader, spec: JointEntry, at: Instance, bound: Bound, sound: bool) -> Joint:
-    axes: list[Vector] = []
-    if hasattr(spec, "axis"):
-        axes = [vector(bound, "joint", "axis")]
-    elif hasattr(spec, "axes"):
-        axes = [vector(bound, "joint", "axes", i) for i in range(2)]
-    for i, axis in enumerate(axes):
-        sub = ("joint", "axis") if hasattr(spec, "axis") else ("joint", "axes", i)
-        if sound:
-            reader.direction(axis, at, sub)
-            check_axis(reader, axis, at, sub)
-    if len(axes) == 2 and sound:
-        a, b = ([reader.numeric(e) for e in axis] for axis in axes)
-        lengths = math.hypot(*a), math.hypot(*b)
-        cosine = sum(x / lengths[0] * (y / lengths[1]) for x, y in zip(a, b, strict=True)) if all(lengths) else 0.0
-        if abs(cosine) > 1e-9:
-            message = f"the two axes have cosine {cosine:.3g}; those of a universal joint are perpendicular (to 1e-9)"
-            reader.report(at, ("joint", "axes"), message)
+def _joint(reader: Reader, spec: BodyJoint, at: Instance, bound: Bound, sound: bool) -> Joint:
+    axes = tuple(vector(bound, "joint", *key) for key in spec.axis_keys)
+    if sound:
+        for axis, key in zip(axes, spec.axis_keys, strict=True):
+            reader.direction(axis, at, ("joint", *key))
+            check_axis(reader, axis, at, ("joint", *key))
+        wrong = spec.wrong_axes([[reader.numeric(e) for e in axis] for axis in axes])
+        if wrong is not None:
+            reader.report(at, ("joint", wrong[0]), wrong[1])
+        axes = spec.axes_of_motion(axes, reader.defaults)
     turns = rotation(reader, spec, at, ("joint",), bound)
-    return Joint(spec.type, tuple(axes), vector(bound, "joint", "at"), turns)  # type: ignore[attr-defined]
+    factors = tuple(bound["joint", key] for key in spec.factor_keys)
+    return Joint(spec.name, axes, vector(bound, "joint", "at"), turns, factors)

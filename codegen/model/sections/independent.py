@@ -4,27 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import partial
-from typing import Any, Final
+from typing import Any
 
 from pydantic_core import PydanticCustomError
 
+from ..entries import parse_name
 from ..errors import nearest
 from ..expressions import ExpressionError
+from ..joints import JointType
 from ..model import joint_coordinates
 from ..positions import Path_
 from ..reading import Reader, some
 from ..repetition import Instance, name_of
-from ..schema import parse_name
 from .bodies import BodySection
-
-_WHOLE: Final = ("spherical", "free")
-"""Joints that are independent as a whole: their speeds are no rates of single coordinates."""
 
 
 def read_independent(reader: Reader, bodies: BodySection) -> tuple[str, ...]:
     """Names of coordinates, those of a joint for its own name."""
     joints = {
-        name: (spec.joint.type, joint_coordinates(name, spec.joint.type)[0])
+        name: (type(spec.joint), joint_coordinates(name, spec.joint.type)[0])
         for spec, name in zip(bodies.specs, bodies.names, strict=True)
         if spec is not None
     }
@@ -34,17 +32,17 @@ def read_independent(reader: Reader, bodies: BodySection) -> tuple[str, ...]:
         if name is None or name.partition(".")[0] in reader.broken:
             continue
         joint = name if name in joints else name.rpartition(".")[0]
-        type_, coordinates = joints.get(joint, ("", ()))
+        kind, coordinates = joints.get(joint, (JointType, ()))
         if name == joint:
             if not coordinates:
-                reader.report(at, sub, f"joint {name!r} is {type_} and has no coordinates; leave it out")
+                reader.report(at, sub, f"joint {name!r} is {kind.name} and has no coordinates; leave it out")
                 continue
         elif name not in coordinates:
             reader.report(at, sub, partial(_unknown, reader, name, joints))
             continue
-        elif type_ in _WHOLE:
+        elif kind.quaternions:
             message = (
-                f"{name} is one component of the {type_} joint {joint!r}, whose quaternion and speeds belong together; "
+                f"{name} is one component of the {kind.name} joint {joint!r}, whose quaternion and speeds belong together; "
                 f"write {joint}, for all of the joint"
             )
             reader.report(at, sub, message)
@@ -58,8 +56,8 @@ def read_independent(reader: Reader, bodies: BodySection) -> tuple[str, ...]:
     return tuple(result)
 
 
-def _unknown(reader: Reader, name: str, joints: Mapping[str, tuple[str, tuple[str, ...]]]) -> str:
-    groups = [(j, *(() if t in _WHOLE else group)) for j, (t, group) in joints.items() if group]
+def _unknown(reader: Reader, name: str, joints: Mapping[str, tuple[type[JointType], tuple[str, ...]]]) -> str:
+    groups = [(j, *(() if kind.quaternions else group)) for j, (kind, group) in joints.items() if group]
     known = list(dict.fromkeys(n for group in groups for n in group))
     hint = reader.loop_hint(name) or nearest(name, known)
     return f"unknown coordinate or joint {name!r}; allowed are {some(known)}{hint}"

@@ -7,13 +7,13 @@ from typing import Any
 
 from pydantic_core import PydanticCustomError
 
-from ..errors import nearest
+from ..entries import parse_name, seen
+from ..errors import count_of_values, nearest
 from ..expressions import Expression, ExpressionError, combine
 from ..model import joint_coordinates
 from ..positions import Path_
-from ..reading import Reader, count_of_values, some
+from ..reading import Reader, some
 from ..repetition import Instance, name_of
-from ..schema import parse_name, seen
 from .bodies import BodySection
 
 

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Final
-
 from ..model import Loop, Point, Vector
 from ..reading import Reader
 from ..repetition import Instance
-from ..schema import LoopEntry, LoopJointEntry
+from ..schema import LoopEntry, LoopJoint
 from .bodies import BodySection
 from .digits import check_axis
 from .placement import bound_expressions, vector
 from .points import face_at, held_together
-
-_SAME: Final = {"point": "spherical"}
-"""Names for the same joint."""
 
 
 def read_loops(reader: Reader, bodies: BodySection, points: dict[str, Point]) -> list[Loop]:
@@ -31,13 +26,13 @@ def read_loops(reader: Reader, bodies: BodySection, points: dict[str, Point]) ->
         if name is None or start is None or end is None or not reader.is_whole(spec):
             continue
         if not held_together(reader, f"loop {name!r}", start.body, end.body, at, bodies, "closes nothing"):
-            result.append(Loop(name, _SAME.get(spec.joint.type, spec.joint.type), axes, start, end))
+            result.append(Loop(name, spec.joint.name, axes, start, end))
     return result
 
 
-def _axes(reader: Reader, spec: LoopJointEntry, at: Instance) -> tuple[Vector, ...]:
+def _axes(reader: Reader, spec: LoopJoint, at: Instance) -> tuple[Vector, ...]:
     bound = bound_expressions(reader, spec, at, ("joint",))
-    places = list(dict.fromkeys(sub[:-1] for sub in bound))  # axis, normal, or axes[0] and axes[1]
+    places = [("joint", *key) for key in spec.axis_keys]
     axes = tuple(vector(bound, *sub) for sub in places)
     for axis, sub in zip(axes, places, strict=True):
         reader.direction(axis, at, sub)

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
+from ..entries import ZERO, Entry, PlacedEntry
 from ..expressions import Expression
 from ..model import Vector
 from ..positions import Path_
 from ..reading import Reader
 from ..repetition import Instance
-from ..schema import ZERO, Entry, PlacedEntry
 from .digits import check_angle, check_axis
 
 Bound = Mapping[Path_, Expression]

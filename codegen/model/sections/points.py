@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 from .. import checks
+from ..entries import ZERO, FaceEntry, PointEntry
 from ..errors import nearest
 from ..model import GROUND, Face, Point
 from ..positions import Path_
 from ..reading import Reader, some
 from ..repetition import Instance
-from ..schema import ZERO, FaceEntry, PointEntry
 from .bodies import BodySection, body_index
 from .placement import bound_expressions, rotation, vector
 
@@ -77,7 +77,7 @@ def face_at(
 def held_together(
     reader: Reader, what: str, start: int, end: int, at: Instance, bodies: BodySection, useless: str
 ) -> bool:
-    """Report a loop or spring between two bodies that cannot move against each other."""
+    """Report a loop or force element between two bodies that cannot move against each other."""
     if start == end:
         body = "the ground" if start == GROUND else repr(bodies.names[start])
         message = (

@@ -9,11 +9,13 @@ from typing import Final
 
 from pydantic_core import PydanticCustomError
 
+from ..entries import RESERVED, ZERO, parse_name, seen
+from ..errors import with_article
 from ..expressions import ExpressionError
 from ..model import Parameter, Vector
-from ..reading import Reader, with_article
+from ..reading import Reader
 from ..repetition import Instance, name_of
-from ..schema import RESERVED, ZERO, ParameterEntry, parse_name, seen
+from ..schema import ParameterEntry
 
 _MODULES: Final = frozenset({"cffi", "codegen", "generated", "numpy", "stdint"})
 _C_KEYWORDS: Final = frozenset(

@@ -1,0 +1,220 @@
+"""The choice of dependents of loops that share joints, weighed as a whole: by its condition, and by how far it can move.
+
+Ears are chosen one after the other, each at its best. Together they can be poor all the same: what one ear leaves
+independent another may hardly be able to follow, and what is good at the initial configuration may be poor at the next.
+So the columns of all dependents are judged together, at configurations spread over the range of the mechanism, by how much
+their condition is worse than that of the columns which a pivoted Gram-Schmidt takes at each of them; and by how often
+random independents can be closed. A choice that loses more than a digit, or that seldom closes where another one does, is
+replaced, preferably by one whose ears still close one after the other.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from itertools import combinations
+
+import numpy as np
+
+from .comparison import ACCEPTED, Comparison
+from .dependents import RANK_TOLERANCE, columns_at_all, conditions, pivoted_columns
+from .errors import PartitionError
+from .geometry import Geometry
+from .ordering import Draft, Sweep, arrange
+from .vectors import Array
+from .wandering import Surroundings
+
+FEW = 30
+"""All choices for a single loop are tried if there are no more."""
+
+MOST_LOOPS = 8
+MOST_SPEEDS = 60
+"""Components of more are not compared: the whole matrix is dense."""
+
+QUANTILE = 0.75
+"""Configurations at which the choice is poor are not held against it if they are fewer than a quarter."""
+
+EVERY = 30
+"""In models with more loops only components with an ear of poor condition are compared."""
+
+DOUBTFUL = 100.0
+"""Such a condition."""
+
+SINGULAR = 100 * RANK_TOLERANCE
+"""Configurations with singular values below this part of the largest say nothing about a choice."""
+
+EXACT = 1e-9
+"""Configurations closed as well as this may serve for a choice."""
+
+SERVING = 4
+"""How many of them do, beside the initial one."""
+
+BRANCHES = 3
+"""How many of the speeds that follow worst are tried as independent ones, each in turn."""
+
+ROUNDS = 2
+"""How often that is repeated."""
+
+
+class Judge:
+    """Judges choices for one component.
+
+    Parameters
+    ----------
+    near : Surroundings
+    loops : sequence of int
+        In the order of first trial.
+    held : set of int
+        Speeds that must stay independent.
+    rank : int
+        How many speeds are dependent.
+    seed : int
+    """
+
+    def __init__(self, near: Surroundings, loops: Sequence[int], held: set[int], rank: int, seed: int) -> None:
+        self.near, self.geometry, self.loops, self.held, self.rank, self.seed = (
+            near, near.geometry, list(loops), held, rank, seed,
+        )  # fmt: skip
+        self.q, self.E, self.speeds = near.q, near.E, [int(s) for s in near.speeds]
+        self.column = {s: c for c, s in enumerate(self.speeds)}
+        self._known: dict[tuple[tuple[int, ...], int], Comparison] = {}
+        sizes = np.linalg.svd(self.E, compute_uv=False)
+        self.regular = sizes[:, rank - 1] > SINGULAR * sizes[:, 0]
+        self.free = [c for c, s in enumerate(self.speeds) if s not in held]
+        at_each = pivoted_columns(self.E[..., self.free], rank)
+        self.pivoted = conditions(np.take_along_axis(self.E[..., self.free], at_each[:, None, :], axis=2))
+        good = np.flatnonzero(self.regular[1:] & (near.residual[1:] < EXACT)) + 1
+        good = good[self.pivoted[good] <= 3 * np.median(self.pivoted[good])] if len(good) else good
+        self.serving = np.concatenate([[0], good[:: max(1, -(-len(good) // SERVING))]])
+
+    def compare(self, drafts: Sequence[Draft]) -> Comparison:
+        """How good a choice is."""
+        chosen = tuple(sorted(self.column[s] for d in drafts for s in d.dependent))
+        return self._judged(chosen, sum(len(d.dependent) for d in drafts if len(d.loops) > 1))
+
+    def _judged(self, chosen: tuple[int, ...], clustered: int) -> Comparison:
+        """How good a choice of columns is."""
+        known = self._known.get((chosen, clustered))
+        if known is not None:
+            return known
+        found = conditions(self.E[..., chosen])
+        ratio = found / self.pivoted
+        others = np.flatnonzero(self.regular[1:]) + 1
+        losses = [float(ratio[0])] if self.regular[0] else []
+        worst, worst_pivoted = float("nan"), float("nan")
+        if len(others):
+            losses.append(_exceeded(ratio[others]))
+            worst, worst_pivoted = _exceeded(found[others]), _exceeded(self.pivoted[others])
+        loss = max(losses, default=float("nan"))
+        reach = self.near.reach(chosen) if len(self.speeds) <= 2 * self.rank else float("nan")
+        result = self._known[chosen, clustered] = Comparison(
+            tuple(sorted(self.loops)),
+            float(found[0]),
+            float(self.pivoted[0]),
+            worst,
+            worst_pivoted,
+            loss,
+            reach,
+            clustered,
+        )
+        return result
+
+    def better(self, drafts: list[Draft]) -> tuple[list[Draft], Comparison]:
+        """A choice that is clearly better, or the same."""
+        given = best = self.compare(drafts)
+        if not given.is_poor:
+            return drafts, given
+        chosen = drafts
+        for other in self._better_conditioned(drafts) if given.loss > ACCEPTED else self._further_reaching(given):
+            found = self.compare(other)
+            if found.is_better(best):
+                chosen, best = other, found
+            if not best.is_poor and not best.clustered:
+                break
+        return (chosen, best) if best.is_clearly_better(given) else (drafts, given)
+
+    def own_choice(self) -> tuple[list[Draft], Comparison] | None:
+        """The choice of `better` from the beginning; None where the loops cannot be ordered."""
+        drafts = self._arranged(self.held, False)
+        return self.better(drafts) if drafts is not None else None
+
+    def _further_reaching(self, given: Comparison) -> Iterator[list[Draft]]:
+        """Choices that may close more often: for a single loop the best of all, else those of other configurations.
+
+        Quaternion joints are not divided for that, and nothing becomes a cluster.
+        """
+        g = self.geometry
+        scalar = not any(g.whole[k] for k in g.speed_body[self.speeds])
+        if len(self.loops) == 1 and scalar and math.comb(len(self.free), self.rank) <= FEW:
+            all_choices = (tuple(x) for x in combinations(self.free, self.rank))
+            acceptable = [x for x in all_choices if self._judged(x, 0).loss <= ACCEPTED]
+            if not acceptable:
+                return
+            best = max(acceptable, key=lambda x: self._judged(x, 0).worth)
+            dependent = {self.speeds[c] for c in best}
+            other = self._arranged({s for s in self.speeds if s not in dependent}, False)
+        else:
+            other = self._arranged(self.held, False)
+        if other is not None and self.compare(other).clustered <= given.clustered:
+            yield other
+
+    def _better_conditioned(self, drafts: list[Draft]) -> Iterator[list[Draft]]:
+        """Choices that may be better conditioned, those whose ears close one after the other first."""
+        best = drafts
+        for dividing in (False, True):
+            other = self._arranged(self.held, dividing)
+            if other is not None:
+                yield other
+                if self.compare(other).is_better(self.compare(best)):
+                    best = other
+        held = self.held
+        for _ in range(ROUNDS):
+            further = []
+            for speed in self._worst_followers(best):
+                other = self._arranged(held | {speed}, True)
+                if other is not None and all(len(d.loops) == 1 for d in other):
+                    further.append((self.compare(other).loss, speed, other))
+                    yield other
+            if not further:
+                break
+            _, speed, best = min(further, key=lambda x: x[:2])
+            held = held | {speed}
+        columns = columns_at_all(self.E[self.serving][..., self.free], self.rank)
+        dependent = {self.speeds[self.free[c]] for c in columns}
+        other = self._arranged({s for s in self.speeds if s not in dependent}, True)
+        if other is not None:
+            yield other
+
+    def _worst_followers(self, drafts: Sequence[Draft]) -> list[int]:
+        """Dependent speeds that others move most, per unit of all independent ones."""
+        chosen = [self.column[s] for d in drafts for s in d.dependent]
+        rest = [c for c in range(len(self.speeds)) if c not in chosen]
+        E = self.E[self.regular] if np.any(self.regular) else self.E
+        Y = np.linalg.pinv(E[..., chosen], rcond=1e-12) @ E[..., rest]
+        size = np.quantile(np.linalg.norm(Y, axis=2), QUANTILE, axis=0)
+        return [self.speeds[chosen[i]] for i in np.argsort(-size, kind="stable")[:BRANCHES]]
+
+    def _arranged(self, held: set[int], dividing: bool) -> list[Draft] | None:
+        """Ears for these independents, chosen at several configurations; None where there is no order of full rank."""
+        sweep = Sweep(self.geometry, self.q[self.serving], held, np.random.default_rng(self.seed))
+        sweep.dividing = sweep.dividing_for_condition = dividing
+        try:
+            drafts = arrange(sweep, self.loops)
+        except PartitionError:
+            return None
+        return drafts if sum(len(d.dependent) for d in drafts) == self.rank else None
+
+
+def _exceeded(values: Array) -> float:
+    """What a quarter of some values exceed."""
+    return float(np.quantile(values, QUANTILE, method="higher"))
+
+
+def is_compared(geometry: Geometry, loops: Sequence[int], drafts: Sequence[Draft]) -> bool:
+    """Whether the choice for a component is compared with pivoting."""
+    if len(loops) > MOST_LOOPS or not any(d.dependent for d in drafts):
+        return False
+    if len(geometry.starts) > EVERY and max(d.condition for d in drafts) < DOUBTFUL:
+        return False
+    bodies = {k for i in loops for side in geometry.cycle(i) for k in side}
+    return sum(len(geometry.speeds[k]) for k in bodies) <= MOST_SPEEDS

@@ -1,0 +1,42 @@
+"""Directions given as expressions: which base vector they are, and others made of them."""
+
+from __future__ import annotations
+
+from .expressions import Expression, Tree, combine
+
+Vector = tuple[Expression, Expression, Expression]
+
+
+def coordinate_axis(axis: Vector) -> tuple[int, int] | None:
+    """Index and sign of the base vector that an axis is along, if it is given as one."""
+    if not all(a.is_number for a in axis):
+        return None
+    values = [float(a.value) for a in axis]
+    along = [i for i in range(3) if values[i] != 0]
+    return (along[0], 1 if values[along[0]] > 0 else -1) if len(along) == 1 else None
+
+
+def least_along(axis: Vector, defaults: dict[str, float]) -> int:
+    """Index of the base vector that an axis is least along at the default parameters."""
+    sizes = [abs(float(a.evaluate(defaults))) for a in axis]
+    return sizes.index(min(sizes))
+
+
+def signed_base(i: int, sign: int = 1) -> Vector:
+    """A base vector, or its opposite."""
+    x, y, z = (Expression.number(sign if k == i else 0) for k in range(3))
+    return x, y, z
+
+
+def cross(a: Vector, b: Vector) -> Vector:
+    """a x b."""
+
+    def entry(i: int) -> Expression:
+        j, k = (i + 1) % 3, (i + 2) % 3
+        return Expression(combine("-", _product(a[j], b[k]), _product(a[k], b[j])))
+
+    return entry(0), entry(1), entry(2)
+
+
+def _product(a: Expression, b: Expression) -> Tree:
+    return combine("*", a.tree, b.tree)

@@ -1,0 +1,178 @@
+"""What entries of a model file are made of: expressions, names, axes, points and frames, as Pydantic reads them.
+
+Nothing is known here of names and values: numbers arrive as parsed expressions, references as parsed names.
+"""
+
+from __future__ import annotations
+
+import numbers
+from collections.abc import Callable
+from typing import Annotated, Any, ClassVar, Final
+
+from pydantic import BaseModel, ConfigDict, PlainValidator, WrapValidator, model_validator
+from pydantic_core import PydanticCustomError
+
+from .expressions import FUNCTIONS, Expression, ExpressionError, parse
+
+ZERO: Final = Expression.number(0)
+ONE: Final = Expression.number(1)
+
+RESERVED: Final = frozenset({"t", "q", "u", "pi", "ground", *FUNCTIONS})
+
+
+def complaint(message: str, column: int | None = None) -> PydanticCustomError:
+    """What is wrong with a value, in the words of the format, to be raised."""
+    return PydanticCustomError("model", "{message}", {"message": message, "column": column or 0})
+
+
+def seen(value: Any) -> str:
+    """A value as messages show it."""
+    if value is None:
+        return "nothing"
+    if isinstance(value, dict):
+        return "a mapping"
+    if isinstance(value, (list, tuple)):
+        return f"a list of {len(value)}"
+    if isinstance(value, int) and abs(value) >= 10**60:  # Python does not print those of some thousand digits
+        return f"a number of about 10**{int(value.bit_length() * 0.30103)}"
+    text = str(value) if isinstance(value, Expression) else repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _expression(value: Any) -> Expression:
+    if type(value) is str:
+        try:
+            return parse(value)
+        except ExpressionError as error:
+            raise complaint(f"{seen(value)}: {error.message}", error.column) from None
+    if isinstance(value, Expression):
+        return value
+    if isinstance(value, numbers.Real) and not isinstance(value, bool):
+        try:
+            return Expression.number(int(value) if isinstance(value, numbers.Integral) else float(value))
+        except (OverflowError, ValueError):
+            raise complaint(f"{seen(value)}; a finite number or an expression is needed") from None
+    raise complaint(f"{seen(value)}; a number or an expression is needed")
+
+
+def _reference(value: Any) -> Expression:
+    tree = parse_name(value)
+    return Expression(tree)
+
+
+def parse_name(value: Any, prefix: str = "") -> tuple[Any, ...]:
+    """Tree of a name or an indexed name such as ``link(k-1)``, with `prefix` (``q.`` or ``u.``) put before it.
+
+    Raises
+    ------
+    PydanticCustomError
+        A ValueError that says what was seen and what a name is.
+    """
+    if not isinstance(value, str):
+        raise complaint(f"{seen(value)}; a name is needed")
+    if not prefix and value in RESERVED:
+        return ("name", value)  # "pi" is a number to the parser; who refers to a name decides whether it exists
+    try:
+        tree = parse(prefix + value).tree
+    except ExpressionError:
+        tree = ("none",)
+    if tree[0] not in ("name", "indexed") or ("." in tree[1] and not prefix):
+        raise complaint(
+            f"{seen(value)} is no name; a name has letters, digits and _ and begins with no digit, "
+            f"and may have repeat indices: link(k)"
+        )
+    return tree
+
+
+_LETTERS: Final = {
+    sign + letter: tuple(Expression.number((-1 if sign else 1) if k == i else 0) for k in range(3))
+    for i, letter in enumerate("xyz")
+    for sign in ("", "-")
+}
+
+
+def _axis(value: Any, handler: Callable[[Any], Any]) -> Any:
+    if isinstance(value, str):
+        if value not in _LETTERS:
+            raise complaint(f"{seen(value)} is no axis; x, y, z, -x, -y, -z or a vector [x, y, z] is allowed")
+        return _LETTERS[value]
+    return handler(value)
+
+
+def list_or_one(value: Any, handler: Callable[[Any], Any]) -> Any:
+    return handler(value if isinstance(value, (list, tuple)) else (value,))
+
+
+def written(value: Any, handler: Callable[[Any], Any]) -> Any:
+    """For keys that may be left out: when written they need a value."""
+    if value is None:
+        raise complaint("nothing after the colon; a value is needed, or leave the key out")
+    return handler(value)
+
+
+Expr = Annotated[Expression, PlainValidator(_expression)]
+OptionalExpr = Annotated[Expression | None, PlainValidator(_expression)]
+Reference = Annotated[Expression, PlainValidator(_reference)]
+Vector = tuple[Expr, Expr, Expr]
+Axis = Annotated[Vector, WrapValidator(_axis)]
+OptionalVector = Annotated[Vector | None, WrapValidator(written)]
+Origin: Final = (ZERO, ZERO, ZERO)
+
+
+class Entry(BaseModel):
+    """A mapping of the file with fixed keys.
+
+    Attributes
+    ----------
+    placeholders : dict of str to Any
+        What stands in the place of an obligatory value that is missing or wrong.
+    misspelt : dict of str to str
+        Keys of its own, by others that are taken for them.
+    """
+
+    placeholders: ClassVar[dict[str, Any]] = {}
+    misspelt: ClassVar[dict[str, str]] = {}
+
+    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True, defer_build=True)
+
+
+class RotationEntry(Entry):
+    axis: Axis
+    angle: Expr
+
+
+class PlacedEntry(Entry):
+    """A frame and where it stands in a body."""
+
+    at: Vector = Origin
+    rotate: Annotated[tuple[RotationEntry, ...] | None, WrapValidator(written)] = None
+    rpy: OptionalVector = None
+
+    @model_validator(mode="after")
+    def _one_rotation(self) -> PlacedEntry:
+        if self.rotate is not None and self.rpy is not None:
+            raise complaint("rotate and rpy are both given; one of them is allowed")
+        return self
+
+
+class PointEntry(Entry):
+    placeholders: ClassVar[dict[str, Any]] = {"body": "ground"}
+
+    body: Reference
+    at: Vector = Origin
+
+
+def _point(value: Any, handler: Callable[[Any], Any]) -> Any:
+    return _reference(value) if isinstance(value, str) else handler(value)
+
+
+PointOrName = Annotated[PointEntry, WrapValidator(_point)]
+
+
+class FaceEntry(PlacedEntry):
+    """One side of a joint that closes a loop."""
+
+    body: Reference
+
+
+FaceOrName = Annotated[FaceEntry, WrapValidator(_point)]

@@ -1,0 +1,51 @@
+"""What force elements and outputs need to read themselves; `sections.meaning` provides it."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple, Protocol
+
+from .axes import Vector
+from .entries import Entry
+from .expressions import Expression
+from .places import Point
+
+
+class NamedJoint(NamedTuple):
+    """A joint that an entry names: its name, body, type, and the names of its speeds."""
+
+    name: str
+    body: int
+    type: str
+    speeds: tuple[str, ...]
+
+
+class EntryReader(Protocol):
+    """Reads the expressions and references of one entry, and reports what is wrong with them.
+
+    A path leads from the entry to a value; a key is one of length one.
+    """
+
+    @property
+    def name(self) -> str:
+        """The entry's own name; empty if that is wrong."""
+
+    def is_whole(self, entry: Entry) -> bool:
+        """Whether nothing in it, its name included, was wrong as written."""
+
+    def bound(self, expression: Expression, *path: str | int, scope: str) -> Expression:
+        """With constants as numbers and names checked: ``parameters``, ``inputs`` or ``motion`` may stand in it."""
+
+    def direction(self, axis: Vector, key: str) -> Vector:
+        """An axis of parameters, which has to have a length."""
+
+    def point(self, point: Any, key: str, name: str) -> Point | None:
+        """What a mapping or a name means, or None after a problem; a point without a name gets this one."""
+
+    def joint(self, reference: Expression, key: str, entry: Entry) -> NamedJoint | None:
+        """The joint that is named, or None after a problem with it or with the entry."""
+
+    def held_together(self, what: str, start: Point, end: Point, useless: str) -> bool:
+        """Whether two bodies cannot move against each other, which is reported."""
+
+    def report(self, path: tuple[str | int, ...], message: str) -> None:
+        """Something wrong."""

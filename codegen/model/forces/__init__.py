@@ -1,0 +1,19 @@
+"""The types of force elements, a file each: a new one is an entry, the element that it makes, and a place in this list.
+
+What it does stands in `reference.forces` and in the generator.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from .force_element import ForceElement, ForceEntry
+from .joint_force import JointForce, JointForceEntry
+from .spring import Spring, SpringEntry
+
+__all__ = ["FORCES", "LATER", "ForceElement", "ForceEntry", "JointForce", "Spring"]
+
+FORCES: Final[tuple[type[ForceEntry], ...]] = (JointForceEntry, SpringEntry)
+
+LATER: Final = ("body", "force", "torque", "moment", "wrench", "point")
+"""Those that come in a later version, for the message to those who ask: whatever one calls a force on a body."""

@@ -1,0 +1,58 @@
+"""A spring and damper between two points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal
+
+from pydantic import Field
+
+from ..entries import ZERO, Expr, PointOrName
+from ..entry_reader import EntryReader
+from ..expressions import Expression
+from ..places import Point
+from .force_element import ForceElement, ForceEntry
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Spring(ForceElement):
+    """A spring and damper between two points.
+
+    Each point is pulled towards the other by ``stiffness (d - free_length) + damping d'``, d the distance, N. Expressions of
+    p, inputs and t.
+    """
+
+    start: Point
+    end: Point
+    stiffness: Expression
+    damping: Expression
+    free_length: Expression
+
+    @property
+    def ends(self) -> tuple[Point, ...]:
+        return self.start, self.end
+
+    @property
+    def coefficients(self) -> tuple[Expression, ...]:
+        return self.stiffness, self.damping, self.free_length
+
+
+class SpringEntry(ForceEntry):
+    placeholders: ClassVar[dict[str, Any]] = {"from": "ground", "to": "ground", "stiffness": "0"}
+
+    type: Literal["spring"]
+    start: PointOrName = Field(alias="from")
+    end: PointOrName = Field(alias="to")
+    stiffness: Expr
+    damping: Expr = ZERO
+    free_length: Expr = ZERO
+
+    def read(self, x: EntryReader) -> Spring | None:
+        start, end = (x.point(point, key, f"{x.name}.{key}") for point, key in ((self.start, "from"), (self.end, "to")))
+        keys = ("stiffness", "damping", "free_length")
+        stiffness, damping, free_length = (x.bound(getattr(self, key), key, scope="inputs") for key in keys)
+        if start is None or end is None or not x.is_whole(self):
+            return None
+        if x.held_together(f"spring {x.name!r}", start, end, "moves nothing"):
+            return None
+        return Spring(x.name, start, end, stiffness, damping, free_length)

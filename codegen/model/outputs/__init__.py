@@ -1,0 +1,17 @@
+"""The types of outputs: a new one is a class that is listed here, and its value in `reference.outputs` and the generator."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from .energies import KineticEnergy, PotentialEnergy
+from .output import Measure, Output
+from .points import Position, Velocity
+from .value import Value
+
+__all__ = ["MEASURES", "Measure", "Output"]
+
+MEASURES: Final[dict[str, type[Measure]]] = {
+    kind.name: kind for kind in (Position, Velocity, Value, KineticEnergy, PotentialEnergy)
+}
+"""By name, in the order in which messages list them."""

@@ -1,0 +1,17 @@
+"""Energies of the whole model, J."""
+
+from __future__ import annotations
+
+from .output import Measure
+
+
+class KineticEnergy(Measure):
+    """Of all bodies."""
+
+    name = "kinetic_energy"
+
+
+class PotentialEnergy(Measure):
+    """Of gravity, zero at the ground's origin, and of springs."""
+
+    name = "potential_energy"

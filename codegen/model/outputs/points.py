@@ -1,0 +1,35 @@
+"""Position and velocity of a point along an axis."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, ClassVar
+
+from pydantic import WrapValidator
+
+from ..entries import Axis, PointOrName, written
+from ..entry_reader import EntryReader
+from .output import Measure, Output
+
+OptionalPoint = Annotated[PointOrName | None, WrapValidator(written)]
+OptionalAxis = Annotated[Axis | None, WrapValidator(written)]
+
+
+class Position(Measure):
+    """Of a point in the ground frame, along an axis, m."""
+
+    name = "position"
+    keys: ClassVar[dict[str, Any]] = {"position": OptionalPoint, "axis": OptionalAxis}
+    hints: ClassVar[dict[str, str]] = {"axis": "x, y, z or a vector in the ground frame"}
+
+    @classmethod
+    def read(cls, entry: Any, x: EntryReader) -> Output | None:
+        axis = x.direction(entry.axis, "axis")
+        point = x.point(getattr(entry, cls.name), cls.name, x.name)
+        return None if point is None else Output(x.name, cls.name, point, axis)
+
+
+class Velocity(Position):
+    """Its derivative in time, m/s."""
+
+    name = "velocity"
+    keys: ClassVar[dict[str, Any]] = {"velocity": OptionalPoint, "axis": OptionalAxis}

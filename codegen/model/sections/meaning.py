@@ -1,0 +1,68 @@
+"""What the expressions and references of an entry mean: the `EntryReader` of force elements and outputs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from ..axes import Vector
+from ..entries import Entry
+from ..entry_reader import NamedJoint
+from ..errors import nearest
+from ..expressions import Expression
+from ..model import joint_coordinates
+from ..places import Point
+from ..reading import Reader, some
+from ..repetition import Instance
+from .bodies import BodySection
+from .points import held_together, point_at
+
+
+@dataclass(frozen=True, slots=True)
+class Meaning:
+    """One entry with what it may refer to; the methods are those of `EntryReader`."""
+
+    reader: Reader
+    at: Instance
+    name: str
+    bodies: BodySection
+    points: dict[str, Point]
+
+    def is_whole(self, entry: Entry) -> bool:
+        return bool(self.name) and self.reader.is_whole(entry)
+
+    def bound(self, expression: Expression, *path: str | int, scope: str) -> Expression:
+        return self.reader.bound(expression, self.at, path, scope)
+
+    def direction(self, axis: Vector, key: str) -> Vector:
+        x, y, z = (self.reader.bound(e, self.at, (key, i), "parameters") for i, e in enumerate(axis))
+        self.reader.direction((x, y, z), self.at, (key,))
+        return x, y, z
+
+    def point(self, point: Any, key: str, name: str) -> Point | None:
+        return point_at(self.reader, point, name, self.at, (key,), self.bodies, self.points)
+
+    def joint(self, reference: Expression, key: str, entry: Entry) -> NamedJoint | None:
+        reader, bodies = self.reader, self.bodies
+        joint = reader.reference(reference, self.at, (key,))
+        if joint is None:
+            return None
+        if joint not in bodies.index:
+
+            def message() -> str:
+                hint = reader.loop_hint(joint) or nearest(joint, bodies.index)
+                return f"unknown joint {joint!r}; a joint has the name of its body: {some(bodies.index)}{hint}"
+
+            reader.report(self.at, (key,), message)
+            return None
+        index = bodies.index[joint]
+        body = bodies.specs[index]
+        if body is None or not (reader.is_whole(entry) and reader.is_whole(body)):
+            return None
+        return NamedJoint(joint, index, body.joint.name, joint_coordinates(joint, body.joint.name)[1])
+
+    def held_together(self, what: str, start: Point, end: Point, useless: str) -> bool:
+        return held_together(self.reader, what, start.body, end.body, self.at, self.bodies, useless)
+
+    def report(self, path: tuple[str | int, ...], message: str) -> None:
+        self.reader.report(self.at, path, message)

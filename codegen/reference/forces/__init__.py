@@ -1,0 +1,15 @@
+"""What force elements do, a file for each type; the engines go over the elements of a model and know none of them."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from ...model.forces import ForceElement, JointForce, Spring
+from .joint_force import JointForceLaw
+from .law import End, Law, Wrench
+from .spring import SpringLaw
+
+__all__ = ["LAWS", "End", "Law", "Wrench"]
+
+LAWS: Final[dict[type[ForceElement], Law[Any]]] = {JointForce: JointForceLaw(), Spring: SpringLaw()}
+"""By the class of the element."""

@@ -1,0 +1,62 @@
+"""Arrays: their names in signatures, whether their numbers are finite, and what of them belongs to one state of a batch."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+Shape = tuple[int, ...]
+Numbers = ArrayLike | Mapping[str, ArrayLike] | None
+"""What a caller may give: an array, or some of its entries by name; None for what is left out."""
+Times = ArrayLike
+"""The same for the time, of which there is one."""
+
+FEW = 32
+"""So many numbers are looked at one by one in less time than NumPy takes to begin."""
+
+
+def is_finite(x: Array) -> bool:
+    """Whether all numbers of a row are finite, without arithmetic that could overflow."""
+    return all(map(math.isfinite, x.tolist())) if len(x) <= FEW else bool(np.isfinite(x).all())
+
+
+def all_finite(x: Array) -> bool:
+    """The same for any number of axes."""
+    flat = x.reshape(-1)
+    with np.errstate(all="ignore"):
+        return math.isfinite(flat.dot(flat)) or bool(np.isfinite(x).all())  # the first takes half the time
+
+
+def once(x: Array) -> Array:
+    """An array without the repetitions that broadcasting has made."""
+    if 0 not in x.strides:
+        return x
+    return x[tuple(slice(None) if step else slice(0, 1) for step in x.strides)]
+
+
+def of_state(x: Array, batch: Shape, at: tuple[int, ...], rows: int) -> Array:
+    """What belongs to a state of a batch, after so many axes in front."""
+    missing = len(batch) + rows + 1 - x.ndim
+    x = x.reshape(*x.shape[:rows], *(1,) * missing, *x.shape[rows:])
+    whole = np.broadcast_to(x, (*x.shape[:rows], *batch, x.shape[-1]))
+    return whole[(slice(None),) * rows + at]
+
+
+def lengths(e: Array) -> Array:
+    """Lengths of quaternions (..., 4), as (..., 1); their squares may be beyond floating-point numbers."""
+    largest = np.abs(e).max(axis=-1, keepdims=True)
+    with np.errstate(all="ignore"):
+        return largest * np.linalg.norm(e / largest, axis=-1, keepdims=True)
+
+
+def normalise(q: Array, quaternions: tuple[int, ...]) -> None:
+    """Give the quaternions that begin at these entries of q (..., nq) length one."""
+    for i in quaternions:
+        e = q[..., i : i + 4]
+        e /= np.abs(e).max(axis=-1, keepdims=True)
+        e /= lengths(e)

@@ -1,0 +1,140 @@
+"""The library of a package: compiled once, kept beside the package or in the user's cache, known by what it was made of."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import shlex
+import sys
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+from .compiler import COMMAND, STANDARD, compiler_version, find_compiler, optimization, processor, run_all
+from .errors import CompileError, NoCompilerError
+
+
+def user_cache() -> Path:
+    """Where libraries go whose package cannot be written to."""
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Caches" / "ordernm"
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "ordernm"
+
+
+class Build:
+    """How the C of a package becomes a library.
+
+    The library's name holds three keys, of the source; of flags and processor; of the compiler, and a digest of the
+    library itself: opening one that a full disk or a broken copy cut short would kill the process. It appears under that
+    name only when it is complete, so several processes may build at once.
+
+    Parameters
+    ----------
+    folder : Path
+        The package.
+    name : str
+        The model's name.
+    sources : list of str
+        C files; left out: ``<name>.c``, ``<name>_calls.c``.
+    """
+
+    def __init__(self, folder: Path, name: str, sources: Sequence[str] = ()):
+        self.folder = folder
+        self.name = name
+        self.sources = [folder / s for s in sources or [f"{name}.c", f"{name}_calls.c"]]
+        self.flags = optimization()
+        try:
+            self.compiler = find_compiler()
+        except NoCompilerError as error:
+            self.compiler, self.complaint = [], error
+        self.places = [folder]
+        with contextlib.suppress(RuntimeError):  # a user without a home
+            self.places.append(user_cache() / name)
+
+    def key(self) -> str:
+        """Beginning of the library's name; ``*`` for the compiler if there is none."""
+        source = hashlib.sha256()
+        for file in (*self.sources, *sorted(self.folder.glob(f"{self.name}*.h"))):
+            if file.name != f"{self.name}_model.h":  # defaults, which the library does not hold
+                source.update(file.read_bytes())
+        machine = short_key(*STANDARD, *self.flags, processor())
+        compiler = short_key(*self.compiler, compiler_version(tuple(self.compiler))) if self.compiler else "*"
+        return f"{self.name}-{source.hexdigest()[:16]}-{machine}-{compiler}"
+
+    def library(self, rebuild: bool = False) -> Path:
+        """The library; compiled unless it exists.
+
+        Raises
+        ------
+        NoCompilerError, CompileError
+        """
+        key = self.key()
+        for place in () if rebuild else self.places:
+            for found in sorted(place.glob(f"{key}-*.so")):
+                with contextlib.suppress(OSError):
+                    if found.stem.endswith(f"-{digest(found)}"):
+                        return found
+                    found.unlink()
+        if not self.compiler:
+            raise self.complaint
+        refusals = []
+        for place in self.places:
+            try:
+                place.mkdir(parents=True, exist_ok=True)
+                with tempfile.TemporaryDirectory(prefix=".build-", dir=place, ignore_cleanup_errors=True) as temporary:
+                    made = Path(temporary) / "library.so"
+                    self._compile(made, place / f"{self.name}.log")
+                    library = place / f"{key}-{digest(made)}.so"
+                    os.replace(made, library)
+                return library
+            except OSError as error:  # read-only, not ours, full, or a folder is where the library shall be
+                refusals.append(str(error))
+        raise CompileError(f"no folder to write the library of {self.name} to: {'; '.join(refusals)}")
+
+    def _compile(self, output: Path, log_file: Path) -> None:
+        refused, log = self._run(self.flags, output)
+        complaints = [line for line in log.splitlines() if not line.startswith(COMMAND)]
+        if refused and "-march=native" in self.flags and any("march" in line for line in complaints):
+            refused, log = self._run([f for f in self.flags if f != "-march=native"], output)
+        if not refused and output.exists():
+            with contextlib.suppress(OSError):
+                log_file.unlink()
+            return
+        log = log or f"{shlex.join(self.compiler)} reported no error, but wrote no library\n"
+        if not self._compiles(output):
+            log = f"{shlex.join(self.compiler)} compiles no C: it fails on a file of one line too; set CC to a C compiler\n{log}"
+        log_file.write_text(log, encoding="utf-8")
+        sources = ", ".join(map(str, self.sources))
+        first = "\n".join(log.splitlines()[:12])
+        raise CompileError(f"the C compiler failed on {sources}; the whole log is in {log_file}:\n{first}")
+
+    def _compiles(self, output: Path) -> bool:
+        """Whether the compiler compiles anything."""
+        source, made = output.with_name("one_line.c"), output.with_name("one_line.o")
+        source.write_text("int one_line(void) { return 0; }\n", encoding="utf-8")
+        refused, _ = run_all([[*self.compiler, "-c", "-o", str(made), str(source)]])
+        return not refused and made.exists()
+
+    def _run(self, flags: list[str], output: Path) -> tuple[bool, str]:
+        """Compile the sources, several at once, and link them; whether that was refused, and the log."""
+        common = [*self.compiler, *STANDARD, *flags]
+        if len(self.sources) == 1:
+            return run_all([[*common, "-o", str(output), str(self.sources[0]), "-lm"]])
+        objects = [output.with_name(f"{s.stem}.o") for s in self.sources]
+        parts = [
+            [*(f for f in common if f != "-shared"), "-c", "-o", str(o), str(s)]
+            for s, o in zip(self.sources, objects, strict=True)
+        ]
+        refused, log = run_all(parts)
+        if refused:
+            return refused, log
+        return run_all([[*common, "-o", str(output), *map(str, objects), "-lm"]])
+
+
+def digest(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()[:8]
+
+
+def short_key(*parts: str) -> str:
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:8]

@@ -1,0 +1,105 @@
+"""Forward dynamics: accelerations, their derivatives along seeds, their Jacobians, and rates of the coordinates."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+
+from .arrays import Array, Numbers, Times, all_finite
+from .infinite import tell_infinite
+from .jacobians import JACOBIANS, Jacobians
+from .package import Package, seeds, state
+from .results import empty, overlap, places, put
+
+
+class Dynamics(Package):
+    """Forward dynamics."""
+
+    def accelerations(
+        self,
+        q: Numbers,
+        u: Numbers,
+        p: Numbers = None,
+        inputs: Numbers = None,
+        t: Times = 0.0,
+        *,
+        out: Array | None = None,
+    ) -> Array:
+        """The derivatives of the speeds, udot (..., nu), by Eqs. 18-24 and 42-56."""
+        found: Array | None = self._desk.accelerations(q, u, p, inputs, t, out)
+        return self._values("accelerations", state(q, u, p, inputs, t), out)[0] if found is None else found
+
+    def sensitivities(
+        self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, dq: Numbers = None,
+        du: Numbers = None, dp: Numbers = None, dinputs: Numbers = None, dt: Times | None = None,
+        out: tuple[Array, Array] | None = None,
+    ) -> tuple[Array, Array]:  # fmt: skip
+        """udot (..., nu) and its total derivative (k, ..., nu) along the seeds (Eqs. 9, 10), exact to rounding."""
+        found: tuple[Array, Array] | None = self._desk.sensitivities(q, u, p, inputs, t, (dq, du, dp, dinputs, dt), out)
+        return found or self._along("sensitivities", state(q, u, p, inputs, t), seeds(dq, du, dp, dinputs, dt), out)
+
+    def jacobians(
+        self,
+        q: Numbers,
+        u: Numbers,
+        p: Numbers = None,
+        inputs: Numbers = None,
+        t: Times = 0.0,
+        *,
+        out: Jacobians | None = None,
+    ) -> Jacobians:
+        """Every partial derivative of udot."""
+        quick: Jacobians | None = self._desk.jacobians(q, u, p, inputs, t, out)
+        if quick is not None:
+            return quick
+        opened, given = self._opened, state(q, u, p, inputs, t)
+        f = self._find(opened, "jacobians")
+        arrays, batch = self._arguments.take(given, self._left_out)
+        if opened.manifest.get("opening"):
+            self._look_at_directions(opened, f, given, {"dp": np.eye(self.np)})
+        shapes = {f"J_{n}": batch + self._shapes[f"J_{n}"] for n in JACOBIANS}
+        if out is not None and not isinstance(out, Jacobians):
+            raise ValueError(f"out is {type(out).__name__}, expected Jacobians, such as those of an earlier call")
+        J = Jacobians(*map(empty, shapes.values())) if out is None else out
+        taken = places([getattr(J, n) for n in JACOBIANS], [f"J.{n}" for n in JACOBIANS], list(shapes.values()))
+        named = dict(zip(shapes, taken, strict=True))
+        # udot, which is computed beside them, has no place
+        wanted = [named[r] if r in named else empty(s) for r, s in zip(f.results, f.whole_shapes(batch), strict=True)]
+        if out is not None and overlap(taken, arrays):
+            put(opened.target.values(f, arrays, batch), wanted)
+        else:
+            opened.target.values(f, arrays, batch, wanted)
+        if not all(map(all_finite, wanted)):
+            sizes = opened.functions["sensitivities"].seeds
+            every, ends = np.eye(sum(sizes.values())), itertools.accumulate(sizes.values())
+            units = {s: every[:, end - n : end] for (s, n), end in zip(sizes.items(), ends, strict=True)}
+            tell_infinite(opened, f, wanted, arrays, batch, units, len(every))
+        for name, place in named.items():
+            if name not in f.results:
+                place[...] = 0.0
+        return J
+
+    def coordinate_rates(
+        self,
+        q: Numbers,
+        u: Numbers,
+        p: Numbers = None,
+        inputs: Numbers = None,
+        t: Times = 0.0,
+        *,
+        out: Array | None = None,
+    ) -> Array:
+        """The derivatives of the coordinates, qdot (..., nq), by Eq. 1."""
+        found: Array | None = self._desk.coordinate_rates(q, u, p, inputs, t, out)
+        return self._values("coordinate_rates", state(q, u, p, inputs, t), out)[0] if found is None else found
+
+    def coordinate_rate_sensitivities(
+        self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, dq: Numbers = None,
+        du: Numbers = None, dp: Numbers = None, dinputs: Numbers = None, dt: Times | None = None,
+        out: tuple[Array, Array] | None = None,
+    ) -> tuple[Array, Array]:  # fmt: skip
+        """qdot (..., nq) and its total derivative (k, ..., nq) along the seeds."""
+        name, along = "coordinate_rate_sensitivities", (dq, du, dp, dinputs, dt)
+        found: tuple[Array, Array] | None = self._desk.coordinate_rate_sensitivities(q, u, p, inputs, t, along, out)
+        return found or self._along(name, state(q, u, p, inputs, t), seeds(*along), out)

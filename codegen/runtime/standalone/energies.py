@@ -1,0 +1,30 @@
+"""Kinetic and potential energy."""
+
+from __future__ import annotations
+
+from .arrays import Array, Numbers, Times
+from .package import Package, seeds, state
+
+
+class Energies(Package):
+    """Kinetic and potential energy."""
+
+    def energies(
+        self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0
+    ) -> tuple[Array, Array]:
+        """Kinetic and potential energy, (...) each, J; gravity's is zero at the ground's origin."""
+        energy: Array | None = self._desk.energies(q, u, p, inputs, t)
+        if energy is None:
+            (energy,) = self._values("energies", state(q, u, p, inputs, t))
+        return energy[..., 0], energy[..., 1]
+
+    def energy_sensitivities(
+        self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, dq: Numbers = None,
+        du: Numbers = None, dp: Numbers = None, dinputs: Numbers = None, dt: Times | None = None,
+    ) -> tuple[tuple[Array, Array], tuple[Array, Array]]:  # fmt: skip
+        """Kinetic and potential energy, and their total derivatives: (T, V), (dT, dV), dT and dV (k, ...)."""
+        found = self._desk.energy_sensitivities(q, u, p, inputs, t, (dq, du, dp, dinputs, dt))
+        energy, denergy = found or self._along(
+            "energy_sensitivities", state(q, u, p, inputs, t), seeds(dq, du, dp, dinputs, dt)
+        )
+        return (energy[..., 0], energy[..., 1]), (denergy[..., 0], denergy[..., 1])

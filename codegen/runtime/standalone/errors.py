@@ -1,0 +1,96 @@
+"""What can go wrong, as classes: compiling, damaged packages, singular joints and loops, loops that do not close."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+class CompileError(RuntimeError):
+    """The C compiler refused the generated source; the message says where source and log are kept."""
+
+
+class PackageError(ValueError):
+    """A folder holds no package, or one that is not as generate wrote it: cut short, edited, with a file gone."""
+
+
+class FlagsError(CompileError, ValueError):
+    """A variable of the environment, such as ``ORDERNM_CFLAGS``, cannot be used."""
+
+
+class NoCompilerError(RuntimeError):
+    """There is nothing to compile C with, or nothing to call it through."""
+
+
+class SingularJointError(np.linalg.LinAlgError):
+    """Nothing outboard of a joint has inertia about it, so its acceleration is not determined.
+
+    Attributes
+    ----------
+    link : str
+        The link whose joint it is.
+    """
+
+    def __init__(self, link: str, where: str = "") -> None:
+        super().__init__(
+            f"nothing outboard of joint {link} has inertia about it{where}, so its acceleration is not determined; "
+            f"give its body, or one that it carries, mass or inertia"
+        )
+        self.link = link
+
+
+class SingularLoopError(SingularJointError):
+    """A loop has lost rank: its dependent speeds are not determined by the independent ones.
+
+    Attributes
+    ----------
+    link : str
+        The loop.
+    """
+
+    def __init__(self, loop: str, where: str = "") -> None:
+        np.linalg.LinAlgError.__init__(
+            self,
+            f"loop {loop} has lost rank{where}: its dependent joints move nothing of their own there (a dead point, a flattened "
+            f"linkage), so their speeds are not determined; step off this configuration, or choose other independent coordinates",
+        )
+        self.link = loop
+
+
+class SingularSpringError(SingularJointError):
+    """The ends of a spring coincide, so its force has no direction.
+
+    Attributes
+    ----------
+    link : str
+        The spring.
+    """
+
+    def __init__(self, spring: str, where: str = "") -> None:
+        np.linalg.LinAlgError.__init__(
+            self,
+            f"the ends of spring {spring} coincide{where}, so its force has no direction; step off this configuration",
+        )
+        self.link = spring
+
+
+class AssemblyError(ValueError):
+    """A loop cannot be closed.
+
+    Attributes
+    ----------
+    loop : str
+    residual : float
+        What is left of its largest condition, in parts of the loop's characteristic length, or radians.
+    """
+
+    def __init__(self, loop: str, residual: float, where: str = "") -> None:
+        super().__init__(
+            f"loop {loop} cannot be closed{where}: {residual:.3g} is left of its conditions (in parts of its characteristic "
+            f"length, or radians) with the independent coordinates kept; check lengths, or begin nearer to a closed state"
+        )
+        self.loop = loop
+        self.residual = residual
+
+
+class TargetsDifferError(ArithmeticError):
+    """The compiled C and the NumPy module of one package compute different numbers."""

@@ -1,0 +1,105 @@
+"""The generated functions of a package, as its manifest describes them: arguments, seeds, results and their shapes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from .arrays import Shape
+
+ARGUMENTS = ("q", "u", "p", "inputs", "udot", "b")
+SEEDS = ("dq", "du", "dp", "dinputs", "dudot", "db", "dt", "dqdot", "denergy", "doutputs", "dfull_q", "dfull_u")
+"""Arguments and seeds in the order of their pointers in ``NAME_calls.c``; `t` is passed as a number."""
+
+STATE = ("q", "u", "p", "inputs", "t")
+"""What the members of a solver that take a state take, in order."""
+
+ALONG = ("dq", "du", "dp", "dinputs", "dt")
+"""Their seeds, in order."""
+
+WITHOUT_ENTRIES: Mapping[str, Mapping[str, Any]] = {
+    "outputs": {"results": ("outputs",)},
+    "output_sensitivities": {"seeds": ALONG, "results": ("outputs", "doutputs")},
+    "closure": {"results": ("position", "velocity")},
+    "closure_sensitivities": {"seeds": ALONG, "results": ("position", "dposition")},
+}
+"""Functions that are not generated where their results have no entries, in models without outputs or without loops."""
+
+
+@dataclass(frozen=True, slots=True)
+class Function:
+    """A generated function.
+
+    Attributes
+    ----------
+    arguments, results : tuple of str
+        In the order of the generated code.
+    seeds : dict of str to int
+        With the number of entries, in that order as well.
+    shapes : tuple of tuple of int
+        Of the results, after batch axes.
+    derived : tuple of bool
+        Whether a result is a derivative along the seeds.
+    widths : tuple of int
+        Numbers of directions that the C takes at once; empty for a function without directions.
+    """
+
+    name: str
+    arguments: tuple[str, ...]
+    seeds: dict[str, int]
+    results: tuple[str, ...]
+    shapes: tuple[Shape, ...]
+    derived: tuple[bool, ...]
+    widths: tuple[int, ...]
+
+    def whole_shapes(self, batch: Shape, k: int = 0) -> list[Shape]:
+        """Shapes of the results of a call with k directions: (*batch, ...), of derivatives (k, *batch, ...)."""
+        return [((k,) if d else ()) + batch + s for s, d in zip(self.shapes, self.derived, strict=True)]
+
+    def has_entries(self) -> bool:
+        """Whether there is anything to compute."""
+        return any(map(math.prod, self.shapes))
+
+
+def shapes_of(manifest: Mapping[str, Any]) -> dict[str, Shape]:
+    """Shapes of everything that functions take and return, after batch axes."""
+    nq, nu, n_p, ninputs, noutputs, nclosure = (
+        len(manifest[f"{n}_names"]) for n in ("coordinate", "speed", "parameter", "input", "output", "closure")
+    )
+    nloops = len(manifest.get("loops", ()))
+    return {
+        "q": (nq,), "u": (nu,), "p": (n_p,), "inputs": (ninputs,), "t": (), "udot": (nu,), "b": (nu,),
+        "qdot": (nq,), "x": (nu,), "force": (nu,), "energy": (2,), "outputs": (noutputs,), "M": (nu, nu),
+        "J_q": (nu, nq), "J_u": (nu, nu), "J_p": (nu, n_p), "J_inputs": (nu, ninputs), "J_t": (nu,),
+        "position": (nclosure,), "velocity": (nclosure,), "step": (nq,), "condition": (nloops,),
+        "full_q": (nq,), "full_u": (nu,), "reaction": (6 * len(manifest["links"]),), "loop_reaction": (6 * nloops,),
+    }  # fmt: skip
+
+
+def functions_of(manifest: Mapping[str, Any], shapes: Mapping[str, Shape]) -> dict[str, Function]:
+    """The functions that were generated, by name."""
+    return {name: function(name, entry, shapes) for name, entry in manifest["functions"].items()}
+
+
+def function(name: str, entry: Mapping[str, Any], shapes: Mapping[str, Shape]) -> Function:
+    """A function from its entry in the manifest."""
+    seeds = {s: math.prod(shapes[s[1:]]) for s in entry.get("seeds", ())}
+    results = tuple(entry["results"])
+    derived = tuple(bool(seeds) and r.startswith("d") for r in results)
+    of_results = tuple(shapes[r[1:] if d else r] for r, d in zip(results, derived, strict=True))
+    arguments, widths = tuple(entry.get("arguments", ())), tuple(entry.get("widths", ()))
+    return Function(name, arguments, seeds, results, of_results, derived, widths)
+
+
+def split(k: int, widths: Iterable[int]) -> list[int]:
+    """Widths that cover k directions with the least work; the last may be wider than what remains.
+
+    Every call does the forward dynamics again, and eight directions in lanes cost little more than one: one call that
+    is too wide beats two that fit.
+    """
+    allowed = sorted(widths)
+    parts = [allowed[-1]] * (k // allowed[-1])
+    rest = k % allowed[-1]
+    return [*parts, next(w for w in allowed if w >= rest)] if rest else parts

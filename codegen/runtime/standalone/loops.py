@@ -1,0 +1,47 @@
+"""Consistent states of models with loops: loops closed in position, dependent speeds and seeds from velocity closure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from .arrays import Array, Numbers, Shape
+from .assembly import ROUNDING, Assembly
+from .states import States
+from .targets import Opened
+
+
+class Loops(States):
+    """Consistent states of models that have loops, or none."""
+
+    def _use(self, opened: Opened) -> None:
+        super()._use(opened)
+        self._assembly = Assembly(opened)
+
+    def _assembled(self, arrays: Mapping[str, Any], batch: Shape) -> Array:
+        q_new = super()._assembled(arrays, batch)
+        if not self.closure_names:
+            return q_new
+        assembly = self._assembly
+        gaps = np.abs(assembly.newton.gaps(q_new, arrays["p"])).max(axis=-1)
+        p = np.broadcast_to(arrays["p"], (*batch, self.np))
+        for found in zip(*np.nonzero(np.atleast_1d(~(gaps <= ROUNDING))), strict=True):
+            at = tuple(int(i) for i in found[: len(batch)])
+            q_new[at] = assembly.close(q_new[at].copy(), p[at].copy(), at)
+        return q_new
+
+    def _completed(self, q_new: Array, arrays: Mapping[str, Any], batch: Shape) -> Array:
+        if not self.closure_names:
+            return super()._completed(q_new, arrays, batch)
+        return self._values("completion", {**arrays, "q": q_new})[0]
+
+    def _completed_along(
+        self, q_new: Array, arrays: Mapping[str, Any], batch: Shape, dq_new: Array, du_new: Array, dp: Numbers
+    ) -> tuple[Array, Array, Array, Array]:
+        if not self.closure_names:
+            return super()._completed_along(q_new, arrays, batch, dq_new, du_new, dp)
+        given = {"q": q_new, "u": super()._completed(q_new, arrays, batch), "p": arrays["p"]}
+        along = {"dq": dq_new, "du": du_new, "dp": dp}
+        return q_new, *self._along("completion_sensitivities", given, along)

@@ -1,0 +1,63 @@
+"""The NumPy module of a package, called like its C."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .arrays import Array, Shape
+from .errors import SingularJointError, SingularLoopError, SingularSpringError
+from .functions import Function
+from .results import put
+from .short_calls import NO_DESK
+
+
+class NumpyTarget:
+    """The NumPy module of a package."""
+
+    name = "numpy"
+
+    def __init__(self, folder: Path, manifest: Mapping[str, Any]):
+        self.desk: Any = NO_DESK
+        module = f"{manifest['name']}_numpy"
+        spec = importlib.util.spec_from_file_location(module, folder / f"{module}.py")
+        assert spec is not None and spec.loader is not None
+        self.module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(self.module)
+
+    def values(self, f: Function, arrays: Mapping[str, Any], batch: Shape, out: Sequence[Array] = ()) -> list[Array]:
+        """See `CTarget.values`."""
+        return self._call(f, [arrays[a] for a in f.arguments], f.whole_shapes(batch), out)
+
+    def along(
+        self,
+        f: Function,
+        arrays: Mapping[str, Any],
+        seeds: Mapping[str, Array],
+        k: int,
+        batch: Shape,
+        out: Sequence[Array] = (),
+    ) -> list[Array]:
+        """See `CTarget.along`."""
+        given = [seeds[s] if s in seeds else np.zeros((k, *(1,) * len(batch), n)) for s, n in f.seeds.items()]
+        given = [x[..., 0] if s == "dt" else x for s, x in zip(f.seeds, given, strict=True)]
+        return self._call(f, [*(arrays[a] for a in f.arguments), *given], f.whole_shapes(batch, k), out)
+
+    def _call(self, f: Function, arguments: list[Any], shapes: list[Shape], out: Sequence[Array]) -> list[Array]:
+        try:
+            with np.errstate(all="ignore"):  # what is not finite is told by the solver, for both targets alike
+                results = getattr(self.module, f.name)(*arguments)
+        except self.module.SingularJointError as error:
+            kinds = {k.__name__: k for k in (SingularLoopError, SingularSpringError)}
+            raise kinds.get(type(error).__name__, SingularJointError)(error.link) from None
+        return put([_full(r, shape) for r, shape in zip(results, shapes, strict=True)], out)
+
+
+def _full(x: Any, shape: Shape) -> Array:
+    """An array of its own of that shape; arguments without batch axes give results without them."""
+    x = np.asarray(x, dtype=np.float64)
+    return x if x.shape == shape else np.broadcast_to(x, shape).copy()

@@ -1,0 +1,34 @@
+"""The model's outputs; arrays without entries where it has none."""
+
+from __future__ import annotations
+
+from .arrays import Array, Numbers, Times
+from .package import Package, seeds, state
+
+
+class Outputs(Package):
+    """The model's outputs."""
+
+    def outputs(
+        self,
+        q: Numbers,
+        u: Numbers,
+        p: Numbers = None,
+        inputs: Numbers = None,
+        t: Times = 0.0,
+        *,
+        out: Array | None = None,
+    ) -> Array:
+        """The model's outputs (..., noutputs), in the order of `output_names`."""
+        found: Array | None = self._desk.outputs(q, u, p, inputs, t, out)
+        return self._values("outputs", state(q, u, p, inputs, t), out)[0] if found is None else found
+
+    def output_sensitivities(
+        self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, dq: Numbers = None,
+        du: Numbers = None, dp: Numbers = None, dinputs: Numbers = None, dt: Times | None = None,
+        out: tuple[Array, Array] | None = None,
+    ) -> tuple[Array, Array]:  # fmt: skip
+        """The model's outputs (..., noutputs) and their total derivative (k, ..., noutputs) along the seeds."""
+        name, along = "output_sensitivities", (dq, du, dp, dinputs, dt)
+        found: tuple[Array, Array] | None = self._desk.output_sensitivities(q, u, p, inputs, t, along, out)
+        return found or self._along(name, state(q, u, p, inputs, t), seeds(*along), out)

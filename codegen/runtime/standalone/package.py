@@ -1,0 +1,264 @@
+"""A package that is open: what it says of its model, and calls of its functions with whatever a user gives.
+
+`Solver` is put together from sections, classes derived from `Package` with one file each; a package carries those that it uses.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .arguments import Arguments
+from .arrays import Array, Shape
+from .directions import take_directions
+from .functions import ALONG, STATE, WITHOUT_ENTRIES, Function, function, shapes_of
+from .infinite import tell_infinite
+from .manifest import read_manifest
+from .results import empty, overlap, places, put
+from .short_calls import SHORT
+from .targets import Opened, Target, open_partition
+
+
+class Package:
+    """A generated solver. May be used by several threads at once.
+
+    Parameters
+    ----------
+    folder : path
+        The generated package.
+    target : {"c", "numpy", "both"}, optional
+        Which code computes; left out: what the package was generated for. With "both" the two are compared first, then
+        the C computes. Without a C compiler the NumPy module serves, and a warning says so.
+
+    Raises
+    ------
+    CompileError
+    TargetsDifferError
+
+    Notes
+    -----
+    Arguments of the methods, all in SI units and radians: coordinates ``q (..., nq)``, speeds ``u (..., nu)``, design
+    parameters ``p (..., np)`` (left out: `parameters`), ``inputs (..., ninputs)`` (left out: zeros), time ``t (...)``.
+    Leading axes are batch axes and broadcast by NumPy's rules. Seeds carry their k directions first:
+    ``dq (k, ..., nq)``, ``du``, ``dp``, ``dinputs`` alike, ``dt (k, ...)``; one without k counts as k = 1; missing ones
+    are zero. ``p``, ``inputs`` and seeds may be mappings from some names to numbers. Results are (..., n), derivatives
+    (k, ..., n).
+
+    Every method raises ValueError for a wrong shape, a number that is not finite, an unknown name and a quaternion
+    shorter than 1e-6. Methods that solve for accelerations raise `SingularJointError`.
+    """
+
+    def __init__(self, folder: str | os.PathLike[str], target: str | None = None):
+        self.folder = Path(folder).absolute()
+        self._manifest = manifest = read_manifest(self.folder)
+        self.name: str = manifest["name"]
+        self.coordinate_names: tuple[str, ...] = tuple(manifest["coordinate_names"])
+        self.speed_names: tuple[str, ...] = tuple(manifest["speed_names"])
+        self.parameter_names: tuple[str, ...] = tuple(manifest["parameter_names"])
+        self.input_names: tuple[str, ...] = tuple(manifest["input_names"])
+        self.output_names: tuple[str, ...] = tuple(manifest["output_names"])
+        self.closure_names: tuple[str, ...] = tuple(manifest["closure_names"])
+        self.prescribed_names: tuple[str, ...] = tuple(manifest["prescribed_names"])
+        self.nq, self.nu, self.np = len(self.coordinate_names), len(self.speed_names), len(self.parameter_names)
+        self.ninputs, self.noutputs = len(self.input_names), len(self.output_names)
+        self._shapes = shapes_of(manifest)
+        self._arguments = Arguments(manifest, self._shapes)
+        self._initial = np.array(manifest["initial"]["q"], float), np.array(manifest["initial"]["u"], float)
+        self._wanted: str = manifest.get("target", "c") if target is None else target
+        self._made: dict[int, Opened] = {}
+        self._making = threading.Lock()
+        self._use(self._open(0))
+
+    def _open(self, partition: int) -> Opened:
+        """A partition, opened when first asked for."""
+        with self._making:
+            if partition not in self._made:
+                opened = open_partition(self.folder, self._manifest, partition, self._wanted, self._shapes)
+                self._made[partition] = opened
+            return self._made[partition]
+
+    def _use(self, opened: Opened) -> None:
+        """Compute with a partition from now on."""
+        self._opened, self._desk = opened, self._desk_of(opened)
+
+    def _desk_of(self, opened: Opened) -> Any:
+        """The short ways of a partition."""
+        return opened.target.desk
+
+    def __getstate__(self) -> tuple[str, str, int]:
+        # a pool of processes sends solvers by pickle: the package is opened anew where they arrive
+        return str(self.folder), self.target, self._opened.number
+
+    def __setstate__(self, state: tuple[str, str, int]) -> None:
+        folder, target, partition = state
+        Package.__init__(self, folder, target)
+        if partition:
+            self._use(self._open(partition))
+
+    def __repr__(self) -> str:
+        return (
+            f"<Solver {self.name}: nq={self.nq}, nu={self.nu}, np={self.np}, ninputs={self.ninputs}, "
+            f"noutputs={self.noutputs}, target={self.target}>"
+        )
+
+    # -- what the model is ---------------------------------------------------------------------------------------------
+
+    @property
+    def target(self) -> str:
+        """What computes: ``c`` or ``numpy``."""
+        return self._target.name
+
+    @property
+    def parameters(self) -> Array:
+        """Default design parameters, (np,)."""
+        return self._arguments.defaults["p"].copy()
+
+    @property
+    def independent_names(self) -> tuple[str, ...]:
+        """Names of the coordinates that the others follow from; all of them in a model without loops."""
+        return tuple(self._opened.manifest.get("independent_names", self.coordinate_names))
+
+    @property
+    def independent_speed_names(self) -> tuple[str, ...]:
+        """Names of the speeds that the others follow from."""
+        return tuple(self._opened.manifest.get("independent_speed_names", self.speed_names))
+
+    @property
+    def operations(self) -> dict[str, Any]:
+        """Additions, multiplications, divisions and functions, by function and sweep.
+
+        ``operations["sensitivities"]["balance_in"]["per_direction"]["additions"]`` is what one more direction costs there,
+        ``"per_call"`` what all directions share. ``"start"`` computes constants, sines and cosines. A sweep that a function
+        runs twice counts twice; each column of a matrix is a direction; ``"solve_in_1"`` is a sweep over directions that
+        runs for values.
+        """
+        by_sweep = self._manifest["operations"]
+        run = {name: f.get("sweeps", ()) for name, f in self._manifest["functions"].items()}
+        return {name: {s: _times(by_sweep[s], sweeps.count(s)) for s in sweeps} for name, sweeps in run.items()}
+
+    @property
+    def _target(self) -> Target:
+        return self._opened.target
+
+    @property
+    def _functions(self) -> Mapping[str, Function]:
+        return self._opened.functions
+
+    # -- calls ---------------------------------------------------------------------------------------------------------
+
+    def _values(self, name: str, given: Mapping[str, Any], out: Any = None) -> list[Array]:
+        """Results of a function without directions, in `out` if there is one."""
+        opened = self._opened
+        f = self._find(opened, name)
+        arrays, batch = self._arguments.take(given, self._left_out)
+        taken = [] if out is None else places([out], f.results, f.whole_shapes(batch))
+        if name in SHORT and not batch and not taken:
+            # what came as lists, by name or of another type is plain now
+            found = getattr(self._desk, name)(*(arrays[n] for n in STATE))
+            if found is not None:
+                return [found]
+        return self._compute(opened, f, arrays, batch, {}, 0, taken)
+
+    def _along(self, name: str, given: Mapping[str, Any], seeds: Mapping[str, Any], out: Any = None) -> Any:
+        """Results of a function over directions."""
+        opened = self._opened
+        f = self._find(opened, name)
+        self._look_at_directions(opened, f, given, seeds)
+        arrays, batch = self._arguments.take(given, self._left_out)
+        directions, k, batch = take_directions(self._arguments, seeds, arrays, batch)
+        taken = [] if out is None else places(out, f.results, f.whole_shapes(batch, k))
+        if name in SHORT and not batch and not taken:
+            dt = directions["dt"][..., 0] if "dt" in directions else None
+            along = (*(directions.get(s) for s in ALONG[:-1]), dt)
+            found = getattr(self._desk, name)(*(arrays[n] for n in STATE), along)
+            if found is not None:
+                return found
+        return tuple(self._compute(opened, f, arrays, batch, directions, k, taken))
+
+    def _compute(
+        self,
+        opened: Opened,
+        f: Function,
+        arrays: Mapping[str, Any],
+        batch: Shape,
+        seeds: Mapping[str, Array],
+        k: int,
+        taken: list[Array],
+    ) -> list[Array]:
+        """Results for arguments that have been checked, told where they are not finite."""
+        if not f.has_entries():
+            return taken or [empty(shape) for shape in f.whole_shapes(batch, k)]
+        # results that would be written over what is read are moved in the end
+        place: list[Array] = [] if overlap(taken, {**arrays, **seeds}) else taken
+        if seeds:
+            results = opened.target.along(f, arrays, seeds, k, batch, place)
+        else:
+            results = opened.target.values(f, arrays, batch, place)
+        results = results if place else put(results, taken)
+        tell_infinite(opened, f, results, arrays, batch, seeds, k)
+        return results
+
+    def _find(self, opened: Opened, name: str) -> Function:
+        f = opened.functions.get(name)
+        if f is None and name in WITHOUT_ENTRIES:
+            f = function(name, WITHOUT_ENTRIES[name], self._shapes)
+            f = None if f.has_entries() else f
+        if f is None:
+            raise AttributeError(self._why_not(name))
+        return f
+
+    def _why_not(self, name: str) -> str:
+        """Why there is no function of that name."""
+        if name == "reactions":
+            return f"{self.name} was generated without reactions: generate it with --reactions"
+        if self.closure_names:
+            return f"{self.name} has closed loops: {name!r} is defined for trees only"
+        return f"{self.name} was generated without the function {name!r}; it has {', '.join(self._functions)}"
+
+    def _left_out(self, name: str, given: Mapping[str, Any]) -> Array | float:
+        """What a mapping leaves out of an argument: default parameters, else zeros."""
+        return self._arguments.defaults.get(name, 0.0)
+
+    def _look_at_directions(
+        self, opened: Opened, f: Function, given: Mapping[str, Any], seeds: Mapping[str, Any]
+    ) -> None:
+        """Warn of directions that have no derivative; `Redundancy` does, where there may be any."""
+
+
+class Absent:
+    """Stands for a member of a section that a package does not carry: asking for it says why."""
+
+    def __init__(self, name: str):
+        self.name = name
+
+    def __get__(self, package: Package | None, kind: type | None = None) -> Callable[..., Any]:
+        if package is None:
+            raise AttributeError(f"this package has no {self.name!r}")
+        raise AttributeError(package._why_not(self.name))
+
+
+for _name in (
+    "energies", "energy_sensitivities", "mass_matrix", "mass_matrix_sensitivities", "solve_mass", "solve_mass_sensitivities",
+    "inverse_dynamics", "inverse_dynamics_sensitivities", "bias_force", "bias_force_sensitivities", "reactions",
+):  # fmt: skip
+    setattr(Package, _name, Absent(_name))  # methods of sections stand before
+
+
+def state(q: Any, u: Any, p: Any, inputs: Any, t: Any) -> dict[str, Any]:
+    """Arguments of a state by name."""
+    return {"q": q, "u": u, "p": p, "inputs": inputs, "t": t}
+
+
+def seeds(dq: Any, du: Any, dp: Any, dinputs: Any, dt: Any) -> dict[str, Any]:
+    """Its seeds by name."""
+    return {"dq": dq, "du": du, "dp": dp, "dinputs": dinputs, "dt": dt}
+
+
+def _times(counts: Mapping[str, Mapping[str, int]], n: int) -> dict[str, dict[str, int]]:
+    """Operations of what runs n times."""
+    return {part: {k: n * v for k, v in of.items()} for part, of in counts.items()}

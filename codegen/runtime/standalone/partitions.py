@@ -1,0 +1,63 @@
+"""Which coordinates are independent: the choices that a package holds, and how good they are in a state."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from .arrays import Array, Numbers
+from .errors import SingularLoopError
+from .package import Package
+from .targets import partitions_of
+
+
+class Partitions(Package):
+    """Choices of independent coordinates."""
+
+    @property
+    def partitions(self) -> tuple[tuple[str, ...], ...]:
+        """Names of the independent coordinates of each partition that the package holds; one, or two."""
+        return tuple(tuple(m.get("independent_names", self.coordinate_names)) for m in partitions_of(self._manifest))
+
+    @property
+    def partition(self) -> int:
+        """The partition in use."""
+        return self._opened.number
+
+    def use_partition(self, partition: int) -> None:
+        """Take other independent coordinates from now on; states keep their meaning, since q and u hold all coordinates and
+        speeds.
+
+        Not while other threads use this solver.
+        """
+        count = len(self.partitions)
+        if isinstance(partition, bool) or not isinstance(partition, (int, np.integer)):
+            raise ValueError(f"partition is {partition!r}, expected a whole number below {count}")
+        if not 0 <= partition < count:
+            raise ValueError(f"partition {partition}: there are {count}, counted from 0")
+        self._use(self._open(int(partition)))
+
+    def condition(self, q: Numbers, p: Numbers = None) -> Array:
+        """Worst condition number of the closure matrices, for each partition, (..., len(partitions)).
+
+        One is best; infinite where a loop has lost rank. The figure is the product of the Frobenius norms of the matrix and its
+        inverse, divided by its size; linear conditions are divided by the characteristic length. Other threads may use the
+        solver meanwhile: the partition in use stays.
+        """
+        arrays, batch = self._arguments.take({"q": q, "p": p}, self._left_out)
+        found = np.ones((*batch, len(self.partitions)))
+        if not self.closure_names:
+            return found
+        q_all = np.broadcast_to(arrays["q"], (*batch, self.nq))
+        p_all = np.broadcast_to(arrays["p"], (*batch, self.np))
+        for k in range(found.shape[-1]):
+            opened = self._open(k)
+            for at in np.ndindex(batch):
+                given = {"q": q_all[at].copy(), "p": p_all[at].copy()}
+                try:
+                    (values,) = opened.target.values(opened.functions["conditions"], given, ())
+                    found[(*at, k)] = values.max(initial=1.0)
+                except SingularLoopError:
+                    found[(*at, k)] = math.inf
+        return found

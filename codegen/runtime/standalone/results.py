@@ -1,0 +1,58 @@
+"""Where results go: new arrays, or the caller's own of ``out=``."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from .arrays import Array, Shape
+
+
+def empty(shape: Shape) -> Array:
+    """Room for results.
+
+    Raises
+    ------
+    MemoryError
+        Says how much was asked for.
+    """
+    try:
+        return np.empty(shape)
+    except (MemoryError, ValueError):
+        size = math.prod(shape) * 8 / 2**30
+        raise MemoryError(
+            f"results of shape {shape} take {size:,.0f} GiB, more than there is; call with fewer states or directions at a time"
+        ) from None
+
+
+def places(out: Any, names: Sequence[str], shapes: Sequence[Shape]) -> list[Array]:
+    """The arrays of ``out=``, checked."""
+    if not isinstance(out, (tuple, list)) or len(out) != len(names):
+        raise ValueError(f"out is {type(out).__name__}, expected a tuple of {len(names)} arrays: {', '.join(names)}")
+    for name, x, shape in zip(names, out, shapes, strict=True):
+        wanted = f"expected a writeable C-contiguous array of float64 of shape {shape}"
+        if not isinstance(x, np.ndarray) or isinstance(x, np.ma.MaskedArray):  # whose mask would stay as it is
+            raise ValueError(f"out ({name}) is {type(x).__name__}, {wanted}")
+        if x.dtype != np.float64 or x.shape != shape:
+            raise ValueError(f"out ({name}) holds {x.dtype} and has shape {x.shape}, {wanted}")
+        if not x.flags.carray:
+            raise ValueError(f"out ({name}) is read-only, not contiguous or not aligned, {wanted}")
+    return list(out)
+
+
+def overlap(taken: Sequence[Array], arrays: Mapping[str, Any]) -> bool:
+    """Whether results would be written over arguments, or over one another, while they are read."""
+    among = itertools.combinations(taken, 2)
+    given = itertools.product(taken, (a for a in arrays.values() if isinstance(a, np.ndarray)))
+    return any(np.may_share_memory(a, b) for a, b in itertools.chain(among, given))
+
+
+def put(results: list[Array], out: Sequence[Array]) -> list[Array]:
+    """Results in the arrays of the caller's, if there are any."""
+    for place, result in zip(out, results, strict=False):
+        place[...] = result
+    return list(out) or results

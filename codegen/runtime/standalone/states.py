@@ -1,0 +1,146 @@
+"""Consistent states: what a guess becomes, the model's initial state, and their derivatives; `Loops` adds what closes loops."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from .arrays import Array, Numbers, Shape, Times, lengths, normalise
+from .directions import take_directions
+from .errors import AssemblyError, SingularLoopError
+from .package import Package, seeds, state
+
+
+class States(Package):
+    """Consistent states."""
+
+    @property
+    def initial(self) -> tuple[Array, Array]:
+        """The model's initial state (q, u) at the default parameters, assembled."""
+        return self.initial_state()
+
+    def initial_state(self, p: Numbers = None) -> tuple[Array, Array]:
+        """The model's initial state (q, u) at some parameters, assembled: initial values may be expressions of them."""
+        return self.assemble(p=p)
+
+    def initial_sensitivities(self, p: Numbers = None, *, dp: Numbers) -> tuple[Array, Array, Array, Array]:
+        """The state of `initial_state` and its derivatives: q, u, dq (k, ..., nq), du (k, ..., nu).
+
+        Where initial values depend on parameters, theirs are part of it, and loops stay closed.
+        """
+        q, u = self._initial_values(p)
+        dq = du = None
+        if "initial_sensitivities" in self._functions:
+            _, _, dq, du = self._along("initial_sensitivities", {"p": p}, {"dp": dp})
+        return self.assemble_sensitivities(q, u, p, dq=dq, du=du, dp=dp)
+
+    def assemble(
+        self, q: Numbers = None, u: Numbers = None, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0
+    ) -> tuple[Array, Array]:
+        """A consistent state (q, u): loops closed, quaternions of unit length.
+
+        Parameters
+        ----------
+        q, u : (..., nq) and (..., nu), optional
+            The guess; its independent entries are kept, dependent ones are changed. What is left out is the model's initial
+            state.
+
+        Raises
+        ------
+        AssemblyError
+            Names the loop and what is left of its conditions.
+        """
+        if q is None or u is None:
+            first = self._initial_values(p)
+            q, u = first[0] if q is None else q, first[1] if u is None else u
+        arrays, batch = self._arguments.take(state(q, u, p, inputs, t), self._left_out)
+        q_new = self._assembled(arrays, batch)
+        return q_new, self._completed(q_new, arrays, batch)
+
+    def assemble_sensitivities(
+        self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, dq: Numbers = None,
+        du: Numbers = None, dp: Numbers = None, dinputs: Numbers = None, dt: Times | None = None,
+    ) -> tuple[Array, Array, Array, Array]:  # fmt: skip
+        """A consistent state and its derivatives along the seeds: q, u, dq (k, ..., nq), du (k, ..., nu).
+
+        Only the independent entries of the seeds are read; the dependent ones follow from closure.
+        """
+        arrays, batch = self._arguments.take(state(q, u, p, inputs, t), self._left_out)
+        along, k, batch = take_directions(self._arguments, seeds(dq, du, dp, dinputs, dt), arrays, batch)
+        before = {i: lengths(arrays["q"][..., i : i + 4]) for i in self._arguments.quaternions}
+        q_new = self._assembled(arrays, batch)
+        dq_new = np.broadcast_to(along.get("dq", 0.0), (k, *batch, self.nq)).copy()
+        du_new = np.broadcast_to(along.get("du", 0.0), (k, *batch, self.nu)).copy()
+        for i, length in before.items():
+            e, de = q_new[..., i : i + 4], dq_new[..., i : i + 4]
+            de /= length
+            de -= e * np.sum(e * de, axis=-1, keepdims=True)
+        return self._completed_along(q_new, arrays, batch, dq_new, du_new, dp)
+
+    def closure(
+        self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0
+    ) -> tuple[Array, Array]:
+        """Scaled residuals of the loops in position and velocity, (..., len(closure_names)) each.
+
+        Linear conditions are divided by the loop's characteristic length; the velocities are those of u as it is given.
+        """
+        position, velocity = self._values("closure", state(q, u, p, inputs, t))
+        return position, velocity
+
+    def closure_sensitivities(
+        self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, dq: Numbers = None,
+        du: Numbers = None, dp: Numbers = None, dinputs: Numbers = None, dt: Times | None = None,
+    ) -> tuple[Array, Array]:  # fmt: skip
+        """Scaled position residuals (..., len(closure_names)), and by how much completed seeds open them, (k, ..., the same).
+
+        The latter is zero to rounding unless conditions are redundant and a direction does not keep them, such as a
+        parameter that bends a planar loop out of its plane: then no derivative exists along it.
+        """
+        return self._along("closure_sensitivities", state(q, u, p, inputs, t), seeds(dq, du, dp, dinputs, dt))
+
+    # -- how -----------------------------------------------------------------------------------------------------------
+
+    def _initial_values(self, p: Numbers) -> tuple[Array, Array]:
+        """The initial values at some parameters, as a guess for assembly.
+
+        Where the model's values do not close its loops, the package has assembled ones at the default parameters; they move
+        with the parameters as the model's do.
+        """
+        if p is None or "initial" not in self._functions:
+            return self._initial
+        found = self._values("initial", {"p": p})
+        default = self._values("initial", {"p": None})
+        q, u = (
+            np.where(known == d, x, known + (x - d)) for x, d, known in zip(found, default, self._initial, strict=True)
+        )
+        return q, u
+
+    def _left_out(self, name: str, given: Mapping[str, Any]) -> Array | float:
+        """What a mapping leaves out: the initial state at the given parameters, default parameters, else zeros."""
+        if name not in ("q", "u"):
+            return super()._left_out(name, given)
+        p = given.get("p")
+        if p is not None and self.closure_names:
+            # what the mapping says may close where the initial independent coordinates do not
+            with contextlib.suppress(SingularLoopError, AssemblyError):
+                return self.initial_state(p)[name == "u"]
+        return self._initial_values(p)[name == "u"]
+
+    def _assembled(self, arrays: Mapping[str, Any], batch: Shape) -> Array:
+        """Assembled coordinates, (*batch, nq)."""
+        q_new = np.broadcast_to(arrays["q"], (*batch, self.nq)).copy()
+        normalise(q_new, self._arguments.quaternions)
+        return q_new
+
+    def _completed(self, q_new: Array, arrays: Mapping[str, Any], batch: Shape) -> Array:
+        """Speeds that belong to assembled coordinates, (*batch, nu)."""
+        return np.broadcast_to(arrays["u"], (*batch, self.nu)).copy()
+
+    def _completed_along(
+        self, q_new: Array, arrays: Mapping[str, Any], batch: Shape, dq_new: Array, du_new: Array, dp: Numbers
+    ) -> tuple[Array, Array, Array, Array]:
+        """Assembled coordinates, the speeds that belong to them, and derivatives of both, (k, *batch, nq) and (k, *batch, nu)."""
+        return q_new, self._completed(q_new, arrays, batch), dq_new, du_new

@@ -1,0 +1,81 @@
+"""What trees only have: the mass matrix and its solutions, and the joint forces that a motion needs.
+
+In loops joint forces are not unique.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .arrays import Array, Numbers, Times
+from .package import Package, seeds, state
+
+
+class TreeForces(Package):
+    """Mass matrix and inverse dynamics."""
+
+    def mass_matrix(self, q: Numbers, p: Numbers = None, *, out: Array | None = None) -> Array:
+        """The mass matrix M of Eq. 4, (..., nu, nu)."""
+        return self._values("mass_matrix", {"q": q, "p": p}, out)[0]
+
+    def mass_matrix_sensitivities(
+        self,
+        q: Numbers,
+        p: Numbers = None,
+        *,
+        dq: Numbers = None,
+        dp: Numbers = None,
+        out: tuple[Array, Array] | None = None,
+    ) -> tuple[Array, Array]:
+        """M (..., nu, nu) and its total derivative (k, ..., nu, nu) along the seeds."""
+        return self._along("mass_matrix_sensitivities", {"q": q, "p": p}, {"dq": dq, "dp": dp}, out)
+
+    def solve_mass(self, q: Numbers, b: Numbers, p: Numbers = None, *, out: Array | None = None) -> Array:
+        """The solution x (..., nu) of M x = b for generalised forces b (..., nu), in O(n)."""
+        return self._values("solve_mass", {"q": q, "b": b, "p": p}, out)[0]
+
+    def solve_mass_sensitivities(
+        self, q: Numbers, b: Numbers, p: Numbers = None, *, dq: Numbers = None, db: Numbers = None, dp: Numbers = None,
+        out: tuple[Array, Array] | None = None,
+    ) -> tuple[Array, Array]:  # fmt: skip
+        """x (..., nu) of M x = b and its total derivative (k, ..., nu) along the seeds; ``db (k, ..., nu)``."""
+        along = {"dq": dq, "db": db, "dp": dp}
+        return self._along("solve_mass_sensitivities", {"q": q, "b": b, "p": p}, along, out)
+
+    def inverse_dynamics(
+        self, q: Numbers, u: Numbers, udot: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
+        out: Array | None = None,
+    ) -> Array:  # fmt: skip
+        """The joint forces (..., nu) that udot (..., nu) needs beside the model's own: M udot - K."""
+        return self._values("inverse_dynamics", {"udot": udot} | state(q, u, p, inputs, t), out)[0]
+
+    def inverse_dynamics_sensitivities(
+        self, q: Numbers, u: Numbers, udot: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
+        dq: Numbers = None, du: Numbers = None, dudot: Numbers = None, dp: Numbers = None, dinputs: Numbers = None,
+        dt: Times | None = None, out: tuple[Array, Array] | None = None,
+    ) -> tuple[Array, Array]:  # fmt: skip
+        """The joint forces of `inverse_dynamics` and their total derivative (k, ..., nu); ``dudot (k, ..., nu)``."""
+        given, along = {"udot": udot} | state(q, u, p, inputs, t), seeds(dq, du, dp, dinputs, dt) | {"dudot": dudot}
+        return self._along("inverse_dynamics_sensitivities", given, along, out)
+
+    def bias_force(
+        self,
+        q: Numbers,
+        u: Numbers,
+        p: Numbers = None,
+        inputs: Numbers = None,
+        t: Times = 0.0,
+        *,
+        out: Array | None = None,
+    ) -> Array:
+        """The joint forces (..., nu) that hold udot at zero, -K of Eq. 4: M udot + bias_force = 0."""
+        return self.inverse_dynamics(q, u, np.zeros(self.nu), p, inputs, t, out=out)
+
+    def bias_force_sensitivities(
+        self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, dq: Numbers = None,
+        du: Numbers = None, dp: Numbers = None, dinputs: Numbers = None, dt: Times | None = None,
+        out: tuple[Array, Array] | None = None,
+    ) -> tuple[Array, Array]:  # fmt: skip
+        """The forces of `bias_force` and their total derivative (k, ..., nu) along the seeds."""
+        given, along = {"udot": np.zeros(self.nu)} | state(q, u, p, inputs, t), seeds(dq, du, dp, dinputs, dt)
+        return self._along("inverse_dynamics_sensitivities", given, along, out)
