@@ -10,7 +10,6 @@ import json
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 SHORT = 24
 """Lists of at most so many items are left as they are: a person may want to read them."""
@@ -19,6 +18,9 @@ LONGEST = 16
 """Items that are repeated together, at most."""
 
 Item = str | int | float
+
+Form = str | type[int] | tuple[str, str]
+"""An item without its integers: a name with ``{}`` in their place, an integer, another number."""
 
 _INTEGER = re.compile(r"(?<!\d)(?:0|[1-9]\d*)(?!\d)")
 
@@ -43,9 +45,9 @@ class Repeated:
     start: tuple[int, ...]
     step: tuple[int, ...]
 
-    def as_json(self) -> dict[str, Any]:
+    def as_json(self) -> dict[str, object]:
         items = [list(i) if isinstance(i, tuple) else i for i in self.items]
-        found: dict[str, Any] = {"repeat": self.count, "of": items}
+        found: dict[str, object] = {"repeat": self.count, "of": items}
         return found | ({"from": list(self.start), "step": list(self.step)} if self.start else {})
 
 
@@ -77,7 +79,7 @@ def repeated(values: Sequence[Item]) -> list[Item | Repeated]:
     return result
 
 
-def _form(value: Item) -> tuple[Any, tuple[int, ...]]:
+def _form(value: Item) -> tuple[Form, tuple[int, ...]]:
     """An item without its integers, and these."""
     if isinstance(value, str):
         return "{}".join(_INTEGER.split(value)), tuple(map(int, _INTEGER.findall(value)))
@@ -86,7 +88,7 @@ def _form(value: Item) -> tuple[Any, tuple[int, ...]]:
     return ("number", repr(value)), ()
 
 
-def _count(forms: Sequence[tuple[Any, tuple[int, ...]]], start: int, period: int) -> int:
+def _count(forms: Sequence[tuple[Form, tuple[int, ...]]], start: int, period: int) -> int:
     """How many times a period goes on."""
     steps = []
     for k in range(start, start + period):
@@ -104,17 +106,15 @@ def _count(forms: Sequence[tuple[Any, tuple[int, ...]]], start: int, period: int
     return (j + period - start) // period
 
 
-def _repeated(forms: Sequence[tuple[Any, tuple[int, ...]]], i: int, period: int, count: int) -> Repeated:
+def _repeated(forms: Sequence[tuple[Form, tuple[int, ...]]], i: int, period: int, count: int) -> Repeated:
     items: list[Item | tuple[int]] = []
     start: list[int] = []
     step: list[int] = []
     for k in range(i, i + period):
         form, integers = forms[k]
         steps = [b - a for a, b in zip(integers, forms[k + period][1], strict=True)]
-        if form is int:
-            items.append((len(start),))
-            start.append(integers[0])
-            step.append(steps[0])
+        if isinstance(form, tuple):
+            items.append(float(form[1]))
         elif isinstance(form, str):
             places = []
             for value, change in zip(integers, steps, strict=True):
@@ -124,11 +124,13 @@ def _repeated(forms: Sequence[tuple[Any, tuple[int, ...]]], i: int, period: int,
                     step.append(change)
             items.append(form.format(*places))
         else:
-            items.append(float(form[1]))
+            items.append((len(start),))
+            start.append(integers[0])
+            step.append(steps[0])
     return Repeated(count, tuple(items), tuple(start), tuple(step))
 
 
-def condensed(value: Any) -> Any:
+def condensed(value: object) -> object:
     """JSON data with long lists of names and numbers in few words."""
     if isinstance(value, dict):
         return {key: condensed(v) for key, v in value.items()}
@@ -139,12 +141,12 @@ def condensed(value: Any) -> Any:
     return value
 
 
-def json_text(data: Any) -> str:
+def json_text(data: object) -> str:
     """JSON of condensed data, with a line for each entry of dictionaries inside dictionaries, and lists in one line."""
     return _json(condensed(data), 0) + "\n"
 
 
-def _json(value: Any, depth: int) -> str:
+def _json(value: object, depth: int) -> str:
     if depth > 2 or not isinstance(value, dict) or not value:
         return json.dumps(value)
     lines = (f"{' ' * (depth + 1)}{json.dumps(key)}: {_json(entry, depth + 1)}" for key, entry in value.items())

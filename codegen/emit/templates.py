@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import jinja2
 
@@ -22,6 +22,6 @@ def environment() -> jinja2.Environment:
     )
 
 
-def render(template: str, context: dict[str, Any]) -> str:
+def render(template: str, context: Mapping[str, object]) -> str:
     """The text of a template."""
     return environment().get_template(template).render(context)

@@ -6,41 +6,37 @@ characteristic length. A rotation is measured by 2 sin(t/2), which grows up to h
 
 from __future__ import annotations
 
-from typing import Any
-
-import sympy
-from sympy import Float
-
 from ..model.model import CLOSURE_ROWS
-from ..program.block import ANY
+from ..program.block import Scope
+from ..program.scalar import Value, Vector
 from ..program.store import Store
 from . import fields
 from .closures import stored_factor
-from .completion import dependent_displacements, let3
+from .completion import dependent_displacements
 from .couplings import partner_store
 from .ears import ZERO, Ear, Twist, rotate
 from .joints import JointTransform
-from .spatial import Vec, add, cross, dot, transpose
+from .kinds import EarKind, LinkKind, RegionKind
+from .spatial import add, cross, dot, minus, transpose
 from .stores import BASE, CONDITION, GIVEN_U, ME, POSITION, REGION, ROOTS, STEP, UP, VELOCITY
 
-TINY = Float(1e-30)
+TINY = 1e-30
 """Keeps the measure of a rotation finite at half a turn."""
 
 
-def _over_root(x: Any, value: Any, name: str) -> Any:
+def _over_root(x: Scope, value: Value, name: str) -> Value:
     """``1 / sqrt(value)``."""
-    if x.structural:
-        return ANY
-    return x.let(name, 1 / x.let("root", sympy.sqrt(x.let("under", value + TINY, "Eq. 32")), "Eq. 32"), "Eq. 32")
+    under = x.let("under", value + x.number(TINY), "Eq. 32")
+    return x.let(name, 1 / x.let("root", x.sqrt(under), "Eq. 32"), "Eq. 32")
 
 
-def face_differences(x: Any, ear: Ear) -> list[Twist]:
+def face_differences(x: Scope, ear: Ear) -> list[Twist]:
     """Rotation vector, near closure, and displacement from the start face to the end face of every loop."""
     found = []
     for c, closure in enumerate(ear.kind.closures):
         a, b = (ear.position_of_face(c, side) for side in (0, 1))
-        linear = [x.let("gap", b[i] - a[i], "Eq. 32") for i in range(3)]
-        angular: Vec = [0, 0, 0]
+        linear = [x.let("gap", e, "Eq. 32") for e in minus(b, a)]
+        angular: Vector = [0, 0, 0]
         if closure.type == "universal":
             first, second = ear.universal_axes(c)
             off = x.let("off", dot(first, second), "Eq. 32")
@@ -52,14 +48,13 @@ def face_differences(x: Any, ear: Ear) -> list[Twist]:
             angular = [root * sum(t[i] for t in turned) for i in range(3)]
         elif CLOSURE_ROWS[closure.type][1]:
             p, q = ear.face_axes(c, 0)[closure.axis], ear.face_axes(c, 1)[closure.end_axis]
-            half = 1 if x.structural else sympy.Rational(1, 2)
-            root = _over_root(x, half + half * dot(p, q), "share")
+            root = _over_root(x, x.half + x.half * dot(p, q), "share")
             angular = [root * e for e in cross(p, q)]
         found.append(Twist([x.let("turned", e, "Eq. 32") for e in angular], linear))
     return found
 
 
-def residuals(x: Any, kind: Any) -> None:
+def residuals(x: Scope, kind: EarKind) -> None:
     """Outward block of an ear: by how much its loops are open, and by how much the given speeds open them."""
     ear = Ear(x, kind, positions=fields.measured_position)
     gaps = face_differences(x, ear)
@@ -86,17 +81,17 @@ def residuals(x: Any, kind: Any) -> None:
         x.store(ME[k], fields.measured_position, ear.position(k))
 
 
-def newton_step(x: Any, kind: Any) -> None:
+def newton_step(x: Scope, kind: EarKind) -> None:
     """Outward block of an ear: the displacements of its dependent joints that close its loops to first order."""
     ear = Ear(x, kind, positions=fields.measured_position)
     gaps = face_differences(x, ear)
     roots = [_root_step(x, ear, t, role) for t, role in enumerate(kind.roots)]
-    rows = [ear.rows()[i] for i in kind.kept]
+    rows = ear.kept_rows()
     moved = ear.root_difference(roots)
     total = [
         Twist(add(gap.angular, by.angular), add(gap.linear, by.linear)) for gap, by in zip(gaps, moved, strict=True)
     ]
-    rates: list[Any] = []
+    rates: Vector = []
     if rows:
         b = ear.conditions(rows, total, "b", "Eq. 32")
         for i, row in enumerate(rows):
@@ -119,7 +114,7 @@ def newton_step(x: Any, kind: Any) -> None:
             _store_step(x, ME[k], rotate(back, add(twist.angular, theta)), rotate(back, d))
 
 
-def _root_step(x: Any, ear: Ear, t: int, role: str) -> Twist:
+def _root_step(x: Scope, ear: Ear, t: int, role: str) -> Twist:
     """Rotation vector and displacement of a root against the base, in region axes."""
     if role == "link":
         return Twist.load(x, ROOTS[t], fields.ear_step)
@@ -127,16 +122,16 @@ def _root_step(x: Any, ear: Ear, t: int, role: str) -> Twist:
         return Twist.load(x, REGION, fields.far_step(ear.kind.far[t]))
     if role == "ground":
         theta, d = ([-e for e in x.load(BASE, f)] for f in (fields.step.angular, fields.step.linear))
-        return Twist(theta, let3(x, "s", add(d, cross(theta, ear.position(-1 - t))), "Eq. 35", False))
+        return Twist(theta, x.let_vector("s", add(d, cross(theta, ear.position(-1 - t))), "Eq. 35"))
     return Twist(list(ZERO), list(ZERO))
 
 
-def _store_step(x: Any, store: Store, theta: Vec, d: Vec) -> None:
+def _store_step(x: Scope, store: Store, theta: Vector, d: Vector) -> None:
     for field, v in ((fields.step.angular, theta), (fields.step.linear, d)):
-        x.store(store, field, let3(x, field.name, v, "Eq. 35", False))
+        x.store(store, field, x.let_vector(field.name, v, "Eq. 35"))
 
 
-def link_step(x: Any, kind: Any) -> None:
+def link_step(x: Scope, kind: LinkKind) -> None:
     """Outward block of a link that ears start from: its rotation vector and displacement against the origin, in its axes."""
     if kind.closed_on == "origin":
         _store_step(x, ME, ZERO, ZERO)
@@ -147,7 +142,7 @@ def link_step(x: Any, kind: Any) -> None:
     _store_step(x, ME, joint.to_child(theta, "nt", "Eq. 35"), joint.to_child(d, "nd", "Eq. 35"))
 
 
-def far_steps(x: Any, kind: Any) -> None:
+def far_steps(x: Scope, kind: RegionKind) -> None:
     """Outward block of a region: displacements of far links against its base, in its axes."""
     for f, m in enumerate(kind.far):
         W, o = x.load(REGION, fields.far_attitude(f)), x.load(REGION, fields.far_position(f))
@@ -159,30 +154,30 @@ def far_steps(x: Any, kind: Any) -> None:
         carried = add(d_base, cross(base, o))
         step = fields.far_step(f)
         for name, field, v, by in (("nt", step.angular, theta, base), ("nd", step.linear, d, carried)):
-            x.store(REGION, field, let3(x, name, [a - b for a, b in zip(v, by, strict=True)], "Eq. 35", False))
+            x.store(REGION, field, x.let_vector(name, minus(v, by), "Eq. 35"))
 
 
-def conditions(x: Any, kind: Any) -> None:
+def conditions(x: Scope, kind: EarKind) -> None:
     """Block of an ear: the condition number of its closure matrix, in Frobenius norms over the least there can be."""
     f = stored_factor(x, kind)
     n = len(f.order)
-    value: Any = 1
+    value: Value = 1
     if n > 1:
-        R: dict[tuple[int, int], Any] = {}
+        R: dict[tuple[int, int], Value] = {}
         for j in range(n):
             R[j, j] = x.let("r", 1 / f.inverse[j], "Eq. 35")
             R |= {(i, j): f.R[i, j] for i in range(j) if (i, j) in f.R}
         inverse = _inverse(x, R, f.inverse)
         size, share = (x.let("size", sum(v * v for v in m.values()), "Eq. 35") for m in (R, inverse))
-        value = ANY if x.structural else x.let("condition", sympy.sqrt(size * share) / n, "Eq. 35")
+        value = x.let("condition", x.sqrt(size * share) / n, "Eq. 35")
     for c in range(len(kind.closures)):
         x.set_entry(CONDITION[c], 0, value if n else 0)
 
 
-def _inverse(x: Any, R: dict[tuple[int, int], Any], diagonal: list[Any]) -> dict[tuple[int, int], Any]:
+def _inverse(x: Scope, R: dict[tuple[int, int], Value], diagonal: Vector) -> dict[tuple[int, int], Value]:
     """Of an upper triangular matrix."""
     n = len(diagonal)
-    found: dict[tuple[int, int], Any] = {}
+    found: dict[tuple[int, int], Value] = {}
     for j in range(n):
         found[j, j] = diagonal[j]
         for i in reversed(range(j)):

@@ -5,17 +5,19 @@ Only the part of the accelerations that is explicit in udot is carried (the bar 
 
 from __future__ import annotations
 
-from typing import Any
-
+from ..program.block import Scope
+from ..program.scalar import Vector
 from ..program.store import Store
 from . import fields
-from .couplings import SIX, partner_acceleration
-from .joints import JointTransform, freedom_axes
-from .spatial import Vec, add, cross
+from .couplings import partner_acceleration
+from .freedoms import freedom_axes
+from .joints import JointTransform
+from .kinds import LinkKind
+from .spatial import SIX, add, cross
 from .stores import ME, UDOT, UP
 
 
-def carry(joint: JointTransform, A: Vec, tag: str) -> Vec:
+def carry(joint: JointTransform, A: Vector, tag: str) -> Vector:
     """``S^T A`` of the parent, in the link's frame: six components."""
     al, a = A[:3], A[3:]
     r = joint.offset()
@@ -23,7 +25,7 @@ def carry(joint: JointTransform, A: Vec, tag: str) -> Vec:
     return joint.to_child(al, "bal", tag) + joint.to_child(moved, "ba", tag)
 
 
-def back_substitute(x: Any, kind: Any) -> None:
+def back_substitute(x: Scope, kind: LinkKind) -> None:
     """Outward block of the forward dynamics."""
     joint = JointTransform(x, kind)
     A = carry(joint, x.load(UP, fields.explicit_acceleration), "Eq. 54")
@@ -31,7 +33,7 @@ def back_substitute(x: Any, kind: Any) -> None:
     x.store(ME, fields.explicit_acceleration, A)
 
 
-def substitute(x: Any, kind: Any, A: Vec, store: Store, result: Store, lanes: bool) -> None:
+def substitute(x: Scope, kind: LinkKind, A: Vector, store: Store, result: Store, lanes: bool) -> None:
     """Solve for the joint's own freedoms, the one eliminated last first. Eq. 53. Changes A."""
     partners = range(len(kind.partners.links)) if x.units else range(0)
     of_partners = [partner_acceleration(x, kind, m, lanes) for m in partners]

@@ -7,22 +7,24 @@ recursion of the solve with the factors that the triangularization left. Outward
 
 from __future__ import annotations
 
-from typing import Any
-
+from ..program.block import Scope
+from ..program.scalar import Vector
 from . import fields
 from .back_substitution import carry, substitute
-from .couplings import SIX, hand_force, others
+from .couplings import hand_force, others
+from .freedoms import freedom_axes
 from .inverse_dynamics import hand_on_lanes, transfer
-from .joints import JointTransform, freedom_axes
-from .spatial import Vec
+from .joints import JointTransform
+from .kinds import LinkKind
+from .spatial import SIX
 from .stores import CONSTANTS, DFORCE, DTAU, DUDOT, LME, LUP, ME, MY_LANE, RIGHT_SIDE, TAU
 from .triangularization import constants_of_inertia, force_to_parent
 
 
-def eliminate(x: Any, kind: Any, P: Vec, forces: list[Any]) -> tuple[Vec, dict[int, Vec]]:
+def eliminate(x: Scope, kind: LinkKind, P: Vector, forces: Vector) -> tuple[Vector, dict[int, Vector]]:
     """The bias-force recursion at one joint: ``r = dtau - P^T p``, ``p += U D^-1 r``; and what partners get. Eqs. 45, 53."""
     axes = freedom_axes(kind.joint, kind.axis)
-    of_partners: dict[int, Vec] = {m: [0] * 6 for m in range(len(kind.partners.links))} if x.units else {}
+    of_partners: dict[int, Vector] = {m: [0] * 6 for m in range(len(kind.partners.links))} if x.units else {}
     for j in reversed(range(len(axes))):
         a = axes[j]
         r = x.let("r", forces[j] - P[a], "d Eq. 53", lanes=True)
@@ -40,11 +42,11 @@ def eliminate(x: Any, kind: Any, P: Vec, forces: list[Any]) -> tuple[Vec, dict[i
     return P, of_partners
 
 
-def balance_inward(x: Any, kind: Any) -> None:
+def balance_inward(x: Scope, kind: LinkKind) -> None:
     """Transmitted force, its tangent and the bias force of the solve, handed to the parent."""
     axes = freedom_axes(kind.joint, kind.axis)
-    P: Vec = []
-    phi: Vec = []
+    P: Vector = []
+    phi: Vector = []
     for i in SIX:
         own, handed = fields.needed.scalars()[i], fields.articulated_force.scalars()[i]
         P.append(x.let("P", x.load(MY_LANE, own) + x.load(LME, handed), "d Eq. 45", lanes=True))
@@ -61,7 +63,7 @@ def balance_inward(x: Any, kind: Any) -> None:
         transfer(x, kind, JointTransform(x, kind), phi, P, of_partners.get(kind.partners.base))
 
 
-def solve_inward(x: Any, kind: Any) -> None:
+def solve_inward(x: Scope, kind: LinkKind) -> None:
     """The same recursion for a given right side: ``M x = b``, several b at once."""
     axes = freedom_axes(kind.joint, kind.axis)
     P = x.load(LME, fields.articulated_force)
@@ -72,7 +74,7 @@ def solve_inward(x: Any, kind: Any) -> None:
         hand_on_lanes(x, kind, n, f)
 
 
-def balance_outward(x: Any, kind: Any) -> None:
+def balance_outward(x: Scope, kind: LinkKind) -> None:
     """Back substitution over directions. Eqs. 53-55."""
     joint = JointTransform(x, kind, lanes=True)
     A = carry(joint, x.load(LUP, fields.explicit_acceleration), "d Eq. 54")
@@ -80,14 +82,14 @@ def balance_outward(x: Any, kind: Any) -> None:
     x.store(LME, fields.explicit_acceleration, A)
 
 
-def mass_outward(x: Any, kind: Any) -> None:
+def mass_outward(x: Scope, kind: LinkKind) -> None:
     """``M x`` over directions, outward: accelerations from x alone and the force they need."""
     joint = JointTransform(x, kind, lanes=True)
     A = carry(joint, x.load(LUP, fields.explicit_acceleration), "Eq. 19")
     for j, a in enumerate(freedom_axes(kind.joint, kind.axis)):
         A[a] = x.let("A", A[a] + x.entry(RIGHT_SIDE, j), "Eq. 19", lanes=True)
     x.store(LME, fields.explicit_acceleration, A)
-    force: Vec = [0] * 6
+    force: Vector = [0] * 6
     for i, j, field, sign in constants_of_inertia():
         value = sign * x.load(CONSTANTS, field)
         force[i] = force[i] + value * A[j]
@@ -96,7 +98,7 @@ def mass_outward(x: Any, kind: Any) -> None:
     x.store(MY_LANE, fields.needed, [x.let("f", e, "Eq. 23", lanes=True) for e in force])
 
 
-def mass_inward(x: Any, kind: Any) -> None:
+def mass_inward(x: Scope, kind: LinkKind) -> None:
     """``M x`` over directions, inward: the sum of those forces along the freedoms."""
     P = [
         x.let("P", x.load(MY_LANE, own) + x.load(LME, handed), "Eq. 45", lanes=True)

@@ -7,30 +7,31 @@ Gamma and Xi, applied to the sources at once. Accelerations obey the same maps, 
 
 from __future__ import annotations
 
-from typing import Any
-
+from ..program.block import Scope
+from ..program.scalar import Value, Vector
 from ..program.store import Store
 from . import fields
 from .ears import ZERO, Ear, Twist, turned
 from .energy import origin_velocity
 from .joints import JointTransform
+from .kinds import EarKind, LinkKind
 from .kinematics import angular_velocity
 from .links import identity
-from .orthogonal import Factor, factor, load_factor
-from .spatial import Vec, add, cross, is_zero, matmul, matvec, scale, transpose
+from .orthogonal import Factor, FactorForm, factor, load_factor
+from .spatial import add, cross, is_zero, matmul, matvec, scale, transpose
 from .stores import BASE, EAR, ME, REGION, ROOTS, SPEEDS, UP
 
 
-def own_sources(kind: Any) -> dict[int, tuple[int, int]]:
+def own_sources(kind: EarKind) -> dict[int, tuple[int, int]]:
     """Sources that are freedoms of the ear's own links: number to link and freedom."""
     return {c: (k, j) for k, columns in enumerate(kind.columns) for j, c in columns.items()}
 
 
-def source_twist(x: Any, kind: Any, root: int, c: int) -> Twist:
+def source_twist(x: Scope, kind: EarKind, root: int, c: int) -> Twist:
     """How a root of the ear moves with a source."""
     role = kind.roots[root]
     if role == "frame" and not kind.rigid and c >= kind.sources:
-        unit = [int(i == c - kind.sources) for i in range(6)]
+        unit: Vector = [int(i == c - kind.sources) for i in range(6)]
         return Twist(unit[:3], unit[3:])
     if role == "far" and 0 <= c - kind.sources - 6 * kind.far[root] < 6:
         unit = [int(i == c - kind.sources - 6 * kind.far[root]) for i in range(6)]
@@ -42,25 +43,24 @@ def source_twist(x: Any, kind: Any, root: int, c: int) -> Twist:
     return Twist(ZERO, ZERO)
 
 
-def own_coefficients(ear: Ear, kind: Any, c: int, dependent: list[Any]) -> list[list[Any]]:
+def own_coefficients(ear: Ear, kind: EarKind, c: int, dependent: Vector) -> list[Vector]:
     """Rates of all freedoms of the ear for a unit of a source."""
     own = own_sources(kind).get(c)
     return ear.coefficients(dependent, lambda k, j: int(own == (k, j)))
 
 
-def closures(x: Any, kind: Any) -> None:
-    """Outward block of an ear: see the module."""
+def closures(x: Scope, kind: EarKind) -> FactorForm:
+    """Outward block of an ear: see the module. Gives the form of the factor, for the blocks that load it."""
     ear = Ear(x, kind, fresh=True)
     tag = "Eq. 34"
     rows = ear.rows()
     dependents = ear.dependents()
     columns = [ear.conditions(rows, ear.column(k, f), "E", tag) for k, f in dependents]
     kept = [i for i in range(len(rows)) if any(not is_zero(c[i]) for c in columns)]
-    kind.kept = kept
     f = factor(x, [[c[i] for i in kept] for c in columns], "Eq. 35")
-    kind.structure = f.store(kept, len(rows))
+    form = f.store(kept, len(rows))
     kept_rows = [rows[i] for i in kept]
-    rates: list[Any] = [0] * len(dependents)
+    rates: Vector = [0] * len(dependents)
     for c in range(kind.total):
         roots = [source_twist(x, kind, t, c) for t in range(len(kind.roots))]
         at_cuts = ear.root_difference(roots)
@@ -96,9 +96,10 @@ def closures(x: Any, kind: Any) -> None:
     if kind.positions:
         for k in range(len(ear.members)):
             x.store(ME[k], fields.ear_position, ear.position(k))
+    return form
 
 
-def member_motions(x: Any, ear: Ear, rates: list[Any]) -> None:
+def member_motions(x: Scope, ear: Ear, rates: Vector) -> None:
     """Attitude, position and velocity, as `link_motion` gives them, of links of an ear that other loops close on. Eqs. 18, 22."""
     kind = ear.kind
     W_base, o_base = x.load(BASE, fields.closing_attitude), x.load(BASE, fields.closing_position)
@@ -115,7 +116,7 @@ def member_motions(x: Any, ear: Ear, rates: list[Any]) -> None:
         x.store(ME[k], fields.closing_twist.linear, [x.let("cv", e, "Eq. 18") for e in matvec(back, twist.linear)])
 
 
-def member_velocities(x: Any, ear: Ear, rates: list[Any]) -> list[Twist]:
+def member_velocities(x: Scope, ear: Ear, rates: Vector) -> list[Twist]:
     """Velocities of an ear's links against the origin, in region axes."""
     kind = ear.kind
     roots = [Twist(list(ZERO), list(ZERO)) for _ in kind.roots]
@@ -142,7 +143,7 @@ def member_velocities(x: Any, ear: Ear, rates: list[Any]) -> list[Twist]:
     return carried
 
 
-def source_speed(x: Any, kind: Any, c: int, own: tuple[int, int] | None) -> Any:
+def source_speed(x: Scope, kind: EarKind, c: int, own: tuple[int, int] | None) -> Value:
     """The speed that a source stands for."""
     if own is not None:
         return x.entry(SPEEDS[own[0]], own[1])
@@ -155,19 +156,19 @@ def source_speed(x: Any, kind: Any, c: int, own: tuple[int, int] | None) -> Any:
     return x.load(BASE, field.scalars()[i % 3])
 
 
-def stored_factor(x: Any, kind: Any) -> Factor:
+def stored_factor(x: Scope, kind: EarKind) -> Factor:
     """The factored closure matrix of the ear."""
-    return load_factor(x, kind.kept, kind.structure)
+    return load_factor(x, kind.form)
 
 
-def at_rest(x: Any, store: Store) -> None:
+def at_rest(x: Scope, store: Store) -> None:
     """The motion of the origin."""
     x.store(store, fields.closing_attitude, identity())
     for field in (fields.closing_position, fields.closing_twist.angular, fields.closing_twist.linear):
         x.store(store, field, ZERO)
 
 
-def link_motion(x: Any, kind: Any) -> None:
+def link_motion(x: Scope, kind: LinkKind) -> None:
     """Outward block of a link that ears start from: attitude, position and velocity against the origin. Eqs. 18, 22."""
     if kind.closed_on == "origin":
         at_rest(x, ME)
@@ -183,6 +184,3 @@ def link_motion(x: Any, kind: Any) -> None:
     x.store(ME, fields.closing_position, [x.let("co", e, "Eq. 22") for e in o])
     x.store(ME, fields.closing_twist.angular, w)
     x.store(ME, fields.closing_twist.linear, v)
-
-
-__all__ = ["Vec", "closures", "link_motion", "own_coefficients", "own_sources", "source_twist", "stored_factor"]

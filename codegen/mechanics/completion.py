@@ -6,20 +6,22 @@ same factored closure matrix. Links that ears start from hand on how a direction
 
 from __future__ import annotations
 
-from typing import Any
+from sympy import Symbol
 
-from sympy import Rational
-
+from ..program.block import Scope
+from ..program.scalar import Matrix, Value, Vector
 from ..program.store import Store
 from . import fields
 from .closures import stored_factor
-from .ear_tangents import EarTangents, tangents_of
+from .ear_tangents import ear_tangents, tangents_of
 from .ears import ZERO, Ear, Twist, rotate
 from .energy import origin_velocity
+from .handing_on import clear
 from .joints import JointTransform
+from .kinds import EarKind, LinkKind
 from .kinematics import angular_velocity
 from .loop_dynamics import root_velocities, speeds_of
-from .spatial import XYZ, Mat, Vec, add, cross, dot, is_zero, matvec, scale, transpose
+from .spatial import add, cross, dot, is_zero, matvec, minus, scale, transpose
 from .stores import (
     BASE,
     CL_DP,
@@ -42,16 +44,10 @@ from .stores import (
 )
 from .tangents import differentiate, store_tangent
 
-
-def let3(x: Any, name: str, v: Vec, tag: str, lanes: bool = True) -> Vec:
-    """Names for the components of a vector."""
-    return [x.let(f"{name}_{i}", v[k], tag, lanes=lanes) for k, i in enumerate(XYZ)]
-
-
 # -- links that ears start from ----------------------------------------------------------------------------------------
 
 
-def link_displacement(x: Any, kind: Any) -> None:
+def link_displacement(x: Scope, kind: LinkKind) -> None:
     """Outward block over directions of a link that ears start from: rotation vector, displacement, tangents of its velocity.
 
     All are components in the link's axes, against the origin.
@@ -70,7 +66,10 @@ def link_displacement(x: Any, kind: Any) -> None:
     local, about = parameter_displacement(x, kind, joint)
     theta_here = moving.to_child(add(theta, about), "ct", tag)
     d_here = moving.to_child(add(d, cross(theta, r), local), "cd", tag)
-    shift = [*let3(x, "ct", add(theta_here, turn), tag), *let3(x, "cd", add(d_here, slide), tag)]
+    shift = [
+        *x.let_vector("ct", add(theta_here, turn), tag, lanes=True),
+        *x.let_vector("cd", add(d_here, slide), tag, lanes=True),
+    ]
     for store in (LME, MY_LANE):
         x.store(store, fields.closing_shift, shift)
     twist = fields.closing_twist
@@ -82,17 +81,17 @@ def link_displacement(x: Any, kind: Any) -> None:
         store_tangent(x, tangents, (store,), twist.linear, v)
 
 
-def undisplaced(x: Any, *stores: Store) -> None:
+def undisplaced(x: Scope, *stores: Store) -> None:
     """The origin's."""
     for store in stores:
         for field in (fields.closing_shift, fields.closing_twist):
-            x.store(store, field, [0] * 6)
+            clear(x, store, field)
 
 
-def joint_displacement(x: Any, kind: Any, joint: JointTransform) -> tuple[Vec, Vec]:
+def joint_displacement(x: Scope, kind: LinkKind, joint: JointTransform) -> tuple[Vector, Vector]:
     """Rotation vector and displacement that a joint's own dq causes, in the link's axes."""
-    turn: Vec = [0, 0, 0]
-    slide: Vec = [0, 0, 0]
+    turn: Vector = [0, 0, 0]
+    slide: Vector = [0, 0, 0]
     if kind.joint == "revolute":
         turn[kind.axis] = x.entry(DQ, 0)
     elif kind.joint == "prismatic":
@@ -101,14 +100,14 @@ def joint_displacement(x: Any, kind: Any, joint: JointTransform) -> tuple[Vec, V
         turn = [x.load(MY_LANE, fields.turn(i)) for i in range(3)]
         if kind.joint == "free":
             moved = matvec(transpose(joint.matrix), [x.entry(DQ, i) for i in range(3)])
-            slide = let3(x, "slide", moved, "d Eq. 22")
+            slide = x.let_vector("slide", moved, "d Eq. 22", lanes=True)
     return turn, slide
 
 
-def parameter_displacement(x: Any, kind: Any, joint: JointTransform) -> tuple[Vec, Vec]:
+def parameter_displacement(x: Scope, kind: LinkKind, joint: JointTransform) -> tuple[Vector, Vector]:
     """Displacement and rotation vector of the joint in its parent that the design parameters cause, in the parent's axes."""
-    local: Vec = [0, 0, 0]
-    about: Vec = [0, 0, 0]
+    local: Vector = [0, 0, 0]
+    about: Vector = [0, 0, 0]
     for j in range(kind.parameters):
         dp = x.entry(DP, j)
         dr = x.load(CONSTANTS, fields.joint_place.derivative(j))
@@ -118,16 +117,16 @@ def parameter_displacement(x: Any, kind: Any, joint: JointTransform) -> tuple[Ve
             if not all(is_zero(e) for row in dR for e in row):
                 about = [
                     about[i] + v * dp
-                    for i, v in enumerate(let3(x, "about", rotation_vector(dR, joint.fixed), "d Eq. 22", False))
+                    for i, v in enumerate(x.let_vector("about", rotation_vector(dR, joint.fixed), "d Eq. 22"))
                 ]
             if joint.joint in ("prismatic", "free"):
                 q = [x.entry(COORDINATES, i) for i in range(3)] if joint.joint == "free" else None
                 moved = matvec(dR, q) if q else [row[joint.axis] * x.entry(COORDINATES, 0) for row in dR]
-                local = [local[i] + v * dp for i, v in enumerate(let3(x, "moved", moved, "d Eq. 22", False))]
+                local = [local[i] + v * dp for i, v in enumerate(x.let_vector("moved", moved, "d Eq. 22"))]
     return local, about
 
 
-def rotation_vector(dR: Mat, R: Mat) -> Vec:
+def rotation_vector(dR: Matrix, R: Matrix) -> Vector:
     """Of ``dR R^T``."""
     found = []
     for i in range(3):
@@ -139,10 +138,10 @@ def rotation_vector(dR: Mat, R: Mat) -> Vec:
 # -- ears --------------------------------------------------------------------------------------------------------------
 
 
-def root_angles(x: Any, kind: Any, slot: bool) -> tuple[dict[int, Vec], dict[int, Vec]]:
+def root_angles(x: Scope, kind: EarKind, slot: bool) -> tuple[dict[int, Vector], dict[int, Vector]]:
     """Rotation vectors and displacements of the roots; the latter only in the sweep that finds them (`slot`)."""
-    angles: dict[int, Vec] = {}
-    moved: dict[int, Vec] = {}
+    angles: dict[int, Vector] = {}
+    moved: dict[int, Vector] = {}
     for t, role in enumerate(kind.roots):
         place = -1 - t
         if role == "far":
@@ -162,30 +161,33 @@ def root_angles(x: Any, kind: Any, slot: bool) -> tuple[dict[int, Vec], dict[int
     return angles, moved
 
 
-def complete(x: Any, kind: Any) -> None:
+def complete(x: Scope, kind: EarKind) -> None:
     """Outward block over directions: dq and du of the dependent joints, by differentiated position and velocity closure."""
     ear = Ear(x, kind)
     angles, moved = root_angles(x, kind, True)
     for t, role in enumerate(kind.roots):
         if role == "ground":
             turned = cross(angles[-1 - t], ear.position(-1 - t))
-            moved[-1 - t] = let3(x, "d", add(moved[-1 - t], turned), "d Eq. 22")
+            moved[-1 - t] = x.let_vector("d", add(moved[-1 - t], turned), "d Eq. 22", lanes=True)
     dq = complete_positions(x, ear, angles, moved)
     complete_velocities(x, ear, angles, moved, dq)
 
 
-def still(kind: Any) -> list[Twist]:
+def still(kind: EarKind) -> list[Twist]:
     """Roots that do not move."""
     return [Twist(list(ZERO), list(ZERO)) for _ in kind.roots]
 
 
-def complete_positions(x: Any, ear: Ear, angles: dict[int, Vec], moved: dict[int, Vec]) -> dict[tuple[int, int], Any]:
+def complete_positions(
+    x: Scope, ear: Ear, angles: dict[int, Vector], moved: dict[int, Vector]
+) -> dict[tuple[int, int], Value]:
     """Displacements of the ear's links, put into `angles` and `moved`, and dq of its dependent joints, by link and coordinate."""
     kind, tag = ear.kind, "d Eq. 22"
     for k, member in enumerate(ear.members):
         view = member.view
         W = ear.attitude(member.parent)
-        turn, slide = [0, 0, 0], [0, 0, 0]
+        turn: Vector = [0, 0, 0]
+        slide: Vector = [0, 0, 0]
         for freedom in member.freedoms:
             if freedom.index in kind.dependent[k]:
                 continue
@@ -196,16 +198,23 @@ def complete_positions(x: Any, ear: Ear, angles: dict[int, Vec], moved: dict[int
                 slide = add(slide, scale(value, freedom.e))
         local, about = parameter_displacement(view, kind.links[k], member.joint)
         theta, d = angles[member.parent], moved[member.parent]
-        angles[k] = let3(x, "th", add(theta, rotate(W, let3(x, "about", about, tag)), turn), tag)
-        moved[k] = let3(x, "d", add(d, cross(theta, member.rho), rotate(W, let3(x, "dr", local, tag)), slide), tag)
-    dq: dict[tuple[int, int], Any] = {}
-    rows = [ear.rows()[i] for i in kind.kept]
+        angles[k] = x.let_vector(
+            "th", add(theta, rotate(W, x.let_vector("about", about, tag, lanes=True)), turn), tag, lanes=True
+        )
+        moved[k] = x.let_vector(
+            "d",
+            add(d, cross(theta, member.rho), rotate(W, x.let_vector("dr", local, tag, lanes=True)), slide),
+            tag,
+            lanes=True,
+        )
+    dq: dict[tuple[int, int], Value] = {}
+    rows = ear.kept_rows()
     if rows:
         b = ear.conditions(rows, cut_displacements(x, ear, angles, moved), "b", "d Eq. 30", lanes=True)
         rates = stored_factor(x, kind).solve([-v for v in b], "dx", "d Eq. 30", lanes=True)
         for k, added in enumerate(ear.walk(still(kind), ear.coefficients(rates), "dd", tag, lanes=True)):
-            angles[k] = let3(x, "th", add(angles[k], added.angular), tag)
-            moved[k] = let3(x, "d", add(moved[k], added.linear), tag)
+            angles[k] = x.let_vector("th", add(angles[k], added.angular), tag, lanes=True)
+            moved[k] = x.let_vector("d", add(moved[k], added.linear), tag, lanes=True)
         dq = dependent_displacements(x, ear, rates)
         for (place, i), value in dq.items():
             x.set_entry(DQ[place], i, value)
@@ -216,17 +225,17 @@ def complete_positions(x: Any, ear: Ear, angles: dict[int, Vec], moved: dict[int
 
 
 def complete_velocities(
-    x: Any, ear: Ear, angles: dict[int, Vec], moved: dict[int, Vec], dq: dict[tuple[int, int], Any]
+    x: Scope, ear: Ear, angles: dict[int, Vector], moved: dict[int, Vector], dq: dict[tuple[int, int], Value]
 ) -> None:
     """du of the ear's dependent joints, and tangents of its links' velocities."""
     kind = ear.kind
     roots = root_velocities(x, kind)
     velocities = ear.walk(roots, [speeds_of(m) for m in ear.members], "r", "Eq. 30")
-    rows = [ear.rows()[i] for i in kind.kept]
+    rows = ear.kept_rows()
     conditions = ear.conditions(rows, ear.face_difference(velocities, roots), "cv", "Eq. 30")
     slides = any(c.slides for c in kind.closures)
-    seeds: dict[Any, Any] = {}
-    held: Vec = []
+    seeds: dict[Symbol, Value] = {}
+    held: Vector = []
     for t, role in enumerate(kind.roots):
         store, field = (LROOTS[t], fields.measured_velocity) if role == "link" else (LBASE, fields.closing_twist)
         if role == "far":
@@ -238,7 +247,7 @@ def complete_velocities(
             seeds.update(tangents_of(ear.position(-1 - t), moved[-1 - t]))
             held += ear.position(-1 - t)
     held += [ear.members[k].view.entry(SPEEDS, freedom.index) for k, freedom in ear.dependents()]
-    tangents = EarTangents(ear, angles, seeds, dq)
+    tangents = ear_tangents(ear, angles, seeds, dq)
     tangents.hold(held)
     tangents.run()
     if rows:
@@ -264,7 +273,9 @@ def complete_velocities(
             member_displacement(x, ear, k, (angles[k], moved[k]), velocity, Twist(angular, linear))
 
 
-def member_displacement(x: Any, ear: Ear, k: int, displaced: tuple[Vec, Vec], velocity: Twist, tangent: Twist) -> None:
+def member_displacement(
+    x: Scope, ear: Ear, k: int, displaced: tuple[Vector, Vector], velocity: Twist, tangent: Twist
+) -> None:
     """The same as `link_displacement` gives, of a link of an ear that other loops close on, from what is relative to the base."""
     kind, tag = ear.kind, "d Eq. 22"
     theta, d = displaced
@@ -276,12 +287,12 @@ def member_displacement(x: Any, ear: Ear, k: int, displaced: tuple[Vec, Vec], ve
         theta_whole, d_whole = add(theta, theta_base), add(d, d_base, cross(theta_base, o))
         if kind.rigid:
             w_base, dw_base = x.load(BASE, fields.closing_twist.angular), x.load(LBASE, fields.closing_twist.angular)
-            w = let3(x, "w", add(w, w_base), "Eq. 18", False)
-            v = let3(x, "v", add(v, x.load(BASE, fields.closing_twist.linear), cross(w_base, o)), "Eq. 18", False)
+            w = x.let_vector("w", add(w, w_base), "Eq. 18")
+            v = x.let_vector("v", add(v, x.load(BASE, fields.closing_twist.linear), cross(w_base, o)), "Eq. 18")
             dw = add(dw, dw_base)
             dv = add(dv, x.load(LBASE, fields.closing_twist.linear), cross(dw_base, o), cross(w_base, d))
-    dw = [a - b for a, b in zip(dw, cross(theta, w), strict=True)]
-    dv = [a - b for a, b in zip(dv, cross(theta, v), strict=True)]
+    dw = minus(dw, cross(theta, w))
+    dv = minus(dv, cross(theta, v))
     back = transpose(W)
     shift, twist = fields.closing_shift, fields.closing_twist
     for field, value in (
@@ -290,12 +301,12 @@ def member_displacement(x: Any, ear: Ear, k: int, displaced: tuple[Vec, Vec], ve
         (twist.angular, dw),
         (twist.linear, dv),
     ):
-        own = let3(x, field.name, matvec(back, let3(x, field.name, value, tag)), tag)
+        own = x.let_vector(field.name, matvec(back, x.let_vector(field.name, value, tag, lanes=True)), tag, lanes=True)
         for store in (LME[k], MY_LANE[k]):
             x.store(store, field, own)
 
 
-def freedom_displacement(view: Any, kind: Any, joint: JointTransform, j: int) -> Any:
+def freedom_displacement(view: Scope, kind: LinkKind, joint: JointTransform, j: int) -> Value:
     """Displacement along one freedom of a joint that its dq causes."""
     if kind.joint in ("revolute", "prismatic"):
         return view.entry(DQ, 0)
@@ -305,10 +316,10 @@ def freedom_displacement(view: Any, kind: Any, joint: JointTransform, j: int) ->
     return view.let("slide", dot(column, [view.entry(DQ, i) for i in range(3)]), "d Eq. 22", lanes=True)
 
 
-def dependent_displacements(x: Any, ear: Ear, rates: list[Any], lanes: bool = True) -> dict[tuple[int, int], Any]:
+def dependent_displacements(x: Scope, ear: Ear, rates: Vector, lanes: bool = True) -> dict[tuple[int, int], Value]:
     """dq of dependent joints from displacements along their freedoms; a quaternion's is ``e (0, theta) / 2``."""
-    result: dict[tuple[int, int], Any] = {}
-    values: dict[int, dict[int, Any]] = {}
+    result: dict[tuple[int, int], Value] = {}
+    values: dict[int, dict[int, Value]] = {}
     for (k, freedom), value in zip(ear.dependents(), rates, strict=True):
         values.setdefault(k, {})[freedom.index] = value
     for k, found in values.items():
@@ -323,8 +334,7 @@ def dependent_displacements(x: Any, ear: Ear, rates: list[Any], lanes: bool = Tr
             turn = [
                 found[j] if j in found else member.view.load(MY_LANE, fields.turn(j)) if lanes else 0 for j in range(3)
             ]
-            half = 1 if x.structural else Rational(1, 2)
-            a, b, c = (x.let("half", half * v, "d Eq. 22", lanes=lanes) for v in turn)
+            a, b, c = (x.let("half", x.half * v, "d Eq. 22", lanes=lanes) for v in turn)
             w, i, j, k_ = (member.view.entry(COORDINATES, n + m) for m in range(4))
             changed = [
                 -(i * a + j * b + k_ * c), w * a + j * c - k_ * b, w * b + k_ * a - i * c, w * c + i * b - j * a,
@@ -344,7 +354,7 @@ def dependent_displacements(x: Any, ear: Ear, rates: list[Any], lanes: bool = Tr
     return result
 
 
-def cut_displacements(x: Any, ear: Ear, angles: dict[int, Vec], moved: dict[int, Vec]) -> list[Twist]:
+def cut_displacements(x: Scope, ear: Ear, angles: dict[int, Vector], moved: dict[int, Vector]) -> list[Twist]:
     """Displacements of the end faces against the start faces."""
     found = []
     for c, closure in enumerate(ear.kind.closures):
@@ -354,24 +364,28 @@ def cut_displacements(x: Any, ear: Ear, angles: dict[int, Vec], moved: dict[int,
             W = ear.attitude(place)
             theta, d = angles[place], moved[place]
             local, about = face_displacement(x, ear, c, side)
-            at = add(d, cross(theta, ear.arm(c, side)), rotate(W, let3(x, "dr", local, "d Eq. 30")))
-            theta = add(theta, rotate(W, let3(x, "about", about, "d Eq. 30")))
+            at = add(d, cross(theta, ear.arm(c, side)), rotate(W, x.let_vector("dr", local, "d Eq. 30", lanes=True)))
+            theta = add(theta, rotate(W, x.let_vector("about", about, "d Eq. 30", lanes=True)))
             slip = ear.slip(c) if side == 0 else None
             if slip is not None:
                 at = add(at, cross(theta, slip))
-            sides.append(Twist(let3(x, "cut", theta, "d Eq. 30"), let3(x, "cut", at, "d Eq. 30")))
+            sides.append(
+                Twist(
+                    x.let_vector("cut", theta, "d Eq. 30", lanes=True), x.let_vector("cut", at, "d Eq. 30", lanes=True)
+                )
+            )
         found.append(ear.difference(c, (sides[0], sides[1])))
     return found
 
 
-def seed_residuals(x: Any, kind: Any) -> None:
+def seed_residuals(x: Scope, kind: EarKind) -> None:
     """Outward block over directions: by how much complete seeds open the loops, in all conditions of their joints.
 
     Only redundant conditions can be left open: by a parameter, say, that bends a planar loop out of its plane.
     """
     ear = Ear(x, kind)
     angles, _ = root_angles(x, kind, False)
-    moved: dict[int, Vec] = {}
+    moved: dict[int, Vector] = {}
     for t, role in enumerate(kind.roots):
         place = -1 - t
         if role == "far":
@@ -381,7 +395,7 @@ def seed_residuals(x: Any, kind: Any) -> None:
         elif role == "ground":
             turned = cross(angles[place], ear.position(place))
             d = x.load(LANE_BASE, fields.closing_shift.linear)
-            moved[place] = let3(x, "d", [b - a for a, b in zip(d, turned, strict=True)], "d Eq. 22")
+            moved[place] = x.let_vector("d", minus(turned, d), "d Eq. 22", lanes=True)
         else:
             moved[place] = list(ZERO)
     for k in range(len(ear.members)):
@@ -393,11 +407,11 @@ def seed_residuals(x: Any, kind: Any) -> None:
             x.set_entry(DPOSITION[c], i, x.let("open", value, "d Eq. 32", lanes=True))
 
 
-def face_displacement(x: Any, ear: Ear, c: int, side: int) -> tuple[Vec, Vec]:
+def face_displacement(x: Scope, ear: Ear, c: int, side: int) -> tuple[Vector, Vector]:
     """Displacement and rotation vector of a face in its link that the design parameters cause."""
     name = "AB"[side]
-    local: Vec = [0, 0, 0]
-    about: Vec = [0, 0, 0]
+    local: Vector = [0, 0, 0]
+    about: Vector = [0, 0, 0]
     closure = ear.kind.closures[c]
     for j in range(closure.parameters):
         dp = x.entry(CL_DP[c], j)
@@ -408,7 +422,5 @@ def face_displacement(x: Any, ear: Ear, c: int, side: int) -> tuple[Vec, Vec]:
         _, F = ear.face(c, side)
         dF = x.load(LOOP_CONSTANTS[c], fields.face_axes(name).derivative(j))
         if not all(is_zero(e) for row in dF for e in row):
-            about = [
-                about[i] + v * dp for i, v in enumerate(let3(x, "about", rotation_vector(dF, F), "d Eq. 30", False))
-            ]
+            about = [about[i] + v * dp for i, v in enumerate(x.let_vector("about", rotation_vector(dF, F), "d Eq. 30"))]
     return local, about

@@ -8,19 +8,22 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import sympy
-from sympy import Expr
+from sympy import Expr, Symbol
 
-from ..model.expressions import FLOAT_FUNCTIONS, Expression
+from ..model.expressions import FLOAT_FUNCTIONS, Expression, Tree
 from ..program.block import Block, Expansion
 from ..program.derivatives import Tangents
 from ..program.functions import SYMBOLIC, Power, computed, number
 from ..program.passes import simplify
+from ..program.scalar import Value
 from .stores import NUMBER, PARAMETER, SHAPE
 
 _LARGE = 100
+
+Leaf = Callable[[Tree], Expr]
+"""The symbol of a name or of a numbered slot."""
 
 
 class Slots:
@@ -29,23 +32,23 @@ class Slots:
     def __init__(self) -> None:
         self.parameters: list[str] = []
         self.numbers: list[float] = []
-        self.trees: list[Any] = []
-        self._made: dict[Expression, Any] = {}
+        self.trees: list[Tree] = []
+        self._made: dict[Expression, Tree] = {}
 
-    def tree(self, expression: Expression) -> Any:
+    def tree(self, expression: Expression) -> Tree:
         made = self._made.get(expression)
         if made is None:
             made = self._made[expression] = to_slots(expression.tree, self.numbers, self._slot)
         self.trees.append(made)
         return made
 
-    def _slot(self, name: str) -> Any:
+    def _slot(self, name: str) -> Tree:
         if name not in self.parameters:
             self.parameters.append(name)
         return ("parameter", self.parameters.index(name))
 
 
-def to_slots(tree: Any, numbers: list[float], slot: Callable[[str], Any]) -> Any:
+def to_slots(tree: Tree, numbers: list[float], slot: Callable[[str], Tree]) -> Tree:
     """A tree with numbered slots in the place of numbers, which are appended to `numbers`, and of names.
 
     Numbers that structure depends on (0, 1, -1, 2 and exponents) stay.
@@ -68,11 +71,11 @@ def to_slots(tree: Any, numbers: list[float], slot: Callable[[str], Any]) -> Any
 class Statements:
     """Writes an expression tree as statements of an expansion: names where the tree would grow a large expression."""
 
-    def __init__(self, x: Expansion, leaf: Callable[[Any], Expr]):
+    def __init__(self, x: Expansion, leaf: Leaf):
         self.x = x
         self.leaf = leaf
 
-    def write(self, tree: Any) -> Expr:
+    def write(self, tree: Tree) -> Expr:
         kind = tree[0]
         if kind == "number":
             return number(tree[1])
@@ -81,7 +84,8 @@ class Statements:
         if kind == "call":
             arguments = [self.named(a) for a in tree[2:]]
             if all(a.is_Number for a in arguments) and not all(-_LARGE < float(a) < _LARGE for a in arguments):
-                return computed(FLOAT_FUNCTIONS[tree[1]], *arguments)  # sympy would compute exp(1e300)
+                # sympy would compute exp(1e300)
+                return computed(lambda: FLOAT_FUNCTIONS[tree[1]](*map(float, arguments)))
             function = SYMBOLIC[tree[1]]
             if tree[1] in ("min", "max"):
                 value = arguments[0]
@@ -105,7 +109,7 @@ class Statements:
             a = self.let(a)  # a power of a product stays one: its factors' powers overflow where it does not
         return self.let(Power(a, b))
 
-    def named(self, tree: Any) -> Expr:
+    def named(self, tree: Tree) -> Expr:
         value = self.write(tree)
         return self.let(value) if value.is_Add else value
 
@@ -140,7 +144,7 @@ class Shape:
     fixed: dict[str, Expr]
 
 
-def make_shape(index: int, slots: Slots, write: Callable[[Expansion, Callable[[Any], Expr]], dict[str, Expr]]) -> Shape:
+def make_shape(index: int, slots: Slots, write: Callable[[Expansion, Leaf], dict[str, Value]]) -> Shape:
     """Expand the constants of a form of links.
 
     Parameters
@@ -154,13 +158,13 @@ def make_shape(index: int, slots: Slots, write: Callable[[Expansion, Callable[[A
         f"constants_{index}", "constants of a link and their derivative primitives (Eq. 29)", lambda a, f: True
     )
 
-    def leaf(tree: Any) -> Expr:
+    def leaf(tree: Tree) -> Expr:
         return x.entry(NUMBER if tree[0] == "slot" else PARAMETER, tree[1])
 
     fields = {name: sympy.sympify(value) for name, value in write(x, leaf).items()}
     parameters = [x.entry(PARAMETER, j) for j in range(len(slots.parameters))]
     # which symbols depend on a parameter
-    depends: set[Any] = set(parameters)
+    depends: set[Symbol] = set(parameters)
     statements = list(x.block.statements)
     for s in statements:
         if s.expression.free_symbols & depends:

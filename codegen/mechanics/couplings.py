@@ -6,21 +6,24 @@ the axes of its own link about its own origin. Partners are links that a unit is
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
 
+from ..program.block import Scope
 from ..program.field import PLACES, SixField
+from ..program.scalar import Matrix, Vector
 from ..program.store import Store
 from . import fields
 from .ears import rotate
 from .elimination import CARRIER
 from .handing_on import accumulate
-from .spatial import Mat, Vec, add, cross, transpose
+from .kinds import LinkKind, RegionKind
+from .spatial import add, cross, transpose
 from .stores import BASE, LBASE, LPARTNERS, LUP, PAIR, PARTNERS, UP
 
-SIX = range(6)
+Coupled = LinkKind | RegionKind
 
 
-def partner_store(kind: Any, m: int, lanes: bool = False) -> Store:
+def partner_store(kind: Coupled, m: int, lanes: bool = False) -> Store:
     """The record (or slot) of a partner; of the one that the unit hangs on, as everything else there calls it."""
     if m in (kind.partners.base, CARRIER):
         record, slot = (UP, LUP) if kind.role == "link" else (BASE, LBASE)
@@ -28,18 +31,18 @@ def partner_store(kind: Any, m: int, lanes: bool = False) -> Store:
     return (LPARTNERS if lanes else PARTNERS)[m]
 
 
-def others(kind: Any) -> list[int]:
+def others(kind: Coupled) -> list[int]:
     """Partners without the link that the unit hangs on."""
     return [m for m in range(len(kind.partners.links)) if m != kind.partners.base]
 
 
-def hand_on(x: Any, kind: Any, block: Any) -> None:
+def hand_on(x: Scope, kind: Coupled, block: Callable[[int, int], Matrix]) -> None:
     """Add to the couplings of the links that remain; `block` gives the 6x6 block of two of them, rows first."""
     for n, pair in enumerate(kind.partners.handed_on):
         accumulate(x, PAIR[n], fields.coupling, block(*pair.ends), pair.first, "Eq. 44")
 
 
-def hand_inertia(x: Any, kind: Any, m: int, Q: Mat) -> None:
+def hand_inertia(x: Scope, kind: Coupled, m: int, Q: Matrix) -> None:
     """Add a symmetric 6x6 inertia to what a partner carries."""
     store, first = partner_store(kind, m), kind.partners.first[m]
     handed = fields.articulated
@@ -50,13 +53,13 @@ def hand_inertia(x: Any, kind: Any, m: int, Q: Mat) -> None:
 
 
 def hand_force(
-    x: Any, kind: Any, m: int, values: Vec, field: SixField = fields.articulated_force, lanes: bool = False
+    x: Scope, kind: Coupled, m: int, values: Vector, field: SixField = fields.articulated_force, lanes: bool = False
 ) -> None:
     """Add moment and force to what a partner carries."""
     accumulate(x, partner_store(kind, m, lanes), field, values, kind.partners.first[m], "Eq. 45", lanes)
 
 
-def partner_acceleration(x: Any, kind: Any, m: int, lanes: bool) -> Vec:
+def partner_acceleration(x: Scope, kind: Coupled, m: int, lanes: bool) -> Vector:
     """The explicit part of a partner's acceleration, in its own axes."""
     return list(x.load(partner_store(kind, m, lanes), fields.explicit_acceleration))
 
@@ -64,13 +67,13 @@ def partner_acceleration(x: Any, kind: Any, m: int, lanes: bool) -> Vec:
 # -- motion of a far link against the base ----------------------------------------------------------------------------
 
 
-def from_far(x: Any, W: Mat, v: Vec, tag: str, lanes: bool = False) -> Vec:
+def from_far(x: Scope, W: Matrix, v: Vector, tag: str, lanes: bool = False) -> Vector:
     """Six components in the base's axes turned into the far link's."""
     back = transpose(W)
     return [x.let("far", e, tag, lanes=lanes) for part in (v[:3], v[3:]) for e in rotate(back, part)]
 
 
-def to_base(x: Any, o: Vec, v: Vec, tag: str, lanes: bool = False) -> Vec:
+def to_base(x: Scope, o: Vector, v: Vector, tag: str, lanes: bool = False) -> Vector:
     """Moment and force at a point o, about the base's origin."""
     moved = add(v[:3], cross(o, v[3:]))
     return [x.let("at_base", e, tag, lanes=lanes) for e in moved] + list(v[3:])

@@ -11,16 +11,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
+from sympy import Symbol
+
+from ..program.block import Scope
+from ..program.scalar import Matrix, Value, Vector
 from . import fields
 from .closures import own_sources, stored_factor
-from .completion import let3, root_angles
-from .ear_tangents import EarTangents, tangents_of
-from .ears import UNIT, Condition, Ear, Twist
+from .completion import root_angles
+from .ear_tangents import EarTangents, ear_tangents, tangents_of
+from .ears import UNIT, Condition, Ear, Member, Twist
+from .freedoms import freedom_axes
 from .handing_on import accumulate
 from .inverse_dynamics import joint_acceleration
-from .joints import JointTransform, freedom_axes
+from .joints import JointTransform
+from .kinds import EarKind, LinkKind
 from .kinematics import (
     accelerated,
     acceleration_matrix,
@@ -31,7 +36,7 @@ from .kinematics import (
 )
 from .loop_dynamics import carried_accelerations, closing_accelerations, root_velocities, source_accelerations
 from .orthogonal import product
-from .spatial import Mat, Vec, add, cross, matvec, transpose
+from .spatial import SIX, add, cross, matvec, minus, transpose
 from .stores import (
     BASE,
     DTAU,
@@ -54,17 +59,15 @@ from .stores import (
 from .tangents import pattern
 from .triangularization import force_to_parent
 
-SIX = range(6)
-
 
 @dataclass(slots=True)
 class Motion:
     """Motion of a link in its own axes: angular velocity, accelerations of the origin and ``B``. Eqs. 18-21."""
 
-    w: Vec
-    al: Vec
-    a: Vec
-    B: Mat
+    w: Vector
+    al: Vector
+    a: Vector
+    B: Matrix
 
 
 @dataclass(slots=True)
@@ -72,14 +75,14 @@ class Handed:
     """A moment and force on a root, about its origin and in its own axes, and its tangent: six components each."""
 
     root: int
-    force: Vec
-    tangent: Vec
+    force: Vector
+    tangent: Vector
 
 
 # -- outward -----------------------------------------------------------------------------------------------------------
 
 
-def root_motion(x: Any, kind: Any, t: int) -> tuple[Motion, dict[Any, Any]]:
+def root_motion(x: Scope, kind: EarKind, t: int) -> tuple[Motion, dict[Symbol, Value]]:
     """Motion of a root with all of the accelerations, and the tangents of it."""
     role = kind.roots[t]
     if role == "ground":
@@ -93,7 +96,7 @@ def root_motion(x: Any, kind: Any, t: int) -> tuple[Motion, dict[Any, Any]]:
         store, lanes, own = ROOTS[t], LROOTS[t], fields.ear_own
     w, al, a = (x.load(store, field) for field in (own.w, own.al, own.a))
     B = x.load(store, own.B)
-    seeds: dict[Any, Any] = {}
+    seeds: dict[Symbol, Value] = {}
     for vector, field in ((w, moved.w), (al, moved.al), (a, moved.a)):
         seeds.update(tangents_of(vector, x.load(lanes, field)))
     for row, changed in zip(B, x.load(lanes, moved.B), strict=True):
@@ -101,7 +104,7 @@ def root_motion(x: Any, kind: Any, t: int) -> tuple[Motion, dict[Any, Any]]:
     return Motion(w, al, a, B), seeds
 
 
-def member_motion(x: Any, kind: Any, member: Any, before: Motion) -> Motion:
+def member_motion(x: Scope, kind: LinkKind, member: Member, before: Motion) -> Motion:
     """Motion of a link from that of its parent, with the joint's udot. Eqs. 18-21."""
     view, joint = member.view, member.joint
     carried = joint.to_child(before.w, "wp", "Eq. 18")
@@ -112,24 +115,24 @@ def member_motion(x: Any, kind: Any, member: Any, before: Motion) -> Motion:
 
 
 def face_motion(
-    x: Any, ear: Ear, motions: list[Motion], roots: list[Motion], c: int, side: int
-) -> tuple[Vec, Vec, Vec]:
+    x: Scope, ear: Ear, motions: list[Motion], roots: list[Motion], c: int, side: int
+) -> tuple[Vector, Vector, Vector]:
     """Angular velocity, angular acceleration and acceleration of a loop's face, in the region's axes."""
     place = ear.kind.closures[c].faces[side]
     m = motions[place] if place >= 0 else roots[-1 - place]
     r, _ = ear.face(c, side)
-    a = let3(x, "fa", add(m.a, matvec(m.B, r)), "Eq. 31", False)
+    a = x.let_vector("fa", add(m.a, matvec(m.B, r)), "Eq. 31")
     w, al, a = (ear.fixed_vector("face", place, v, "Eq. 31") for v in (m.w, m.al, a))
     return w, al, a
 
 
-def dependent_accelerations(x: Any, ear: Ear, rates: list[Any]) -> list[tuple[Vec, Vec]]:
+def dependent_accelerations(x: Scope, ear: Ear, rates: Vector) -> list[tuple[Vector, Vector]]:
     """Angular and linear accelerations of the links that the dependent joints cause, in the links' axes. Eq. 31."""
     tag = "d Eq. 31"
-    found: list[tuple[Vec, Vec]] = []
+    found: list[tuple[Vector, Vector]] = []
     along = {(k, freedom.index): value for (k, freedom), value in zip(ear.dependents(), rates, strict=True)}
     for k, (member, kind) in enumerate(zip(ear.members, ear.kind.links, strict=True)):
-        A: Vec = [0] * 6
+        A: Vector = [0] * 6
         if member.parent >= 0:
             al, a = found[member.parent]
             joint = JointTransform(member.view, kind, lanes=True)
@@ -141,15 +144,15 @@ def dependent_accelerations(x: Any, ear: Ear, rates: list[Any]) -> list[tuple[Ve
     return found
 
 
-def ear_balance_out(x: Any, kind: Any) -> None:
+def ear_balance_out(x: Scope, kind: EarKind) -> None:
     """Outward block over directions: tangents of the motion, the sources' udot held, and of the force it needs. Eqs. 25-29."""
     ear = Ear(x, kind)
-    rows = [ear.rows()[i] for i in kind.kept]
+    rows = ear.kept_rows()
     angles, _ = root_angles(x, kind, False)
     for k in range(len(ear.members)):
         angles[k] = x.load(MY_LANE[k], fields.shift.angular)
     roots: list[Motion] = []
-    seeds: dict[Any, Any] = {}
+    seeds: dict[Symbol, Value] = {}
     for t in range(len(kind.roots)):
         motion, tangents = root_motion(x, kind, t)
         roots.append(motion)
@@ -158,7 +161,7 @@ def ear_balance_out(x: Any, kind: Any) -> None:
     slip_roots = root_velocities(x, kind) if slides else []
     seeds.update(root_positions(x, ear))
     seeds.update(slip_tangents(x, kind, slip_roots))
-    d = EarTangents(ear, angles, seeds)
+    d = ear_tangents(ear, angles, seeds)
     d.turn_joints()
     hold_roots(d, ear, slip_roots)
     motions: list[Motion] = []
@@ -171,7 +174,7 @@ def ear_balance_out(x: Any, kind: Any) -> None:
         conditions = closing_accelerations(x, ear, rows, faces, "ca", slip_roots)
         d.run()
         rates = stored_factor(x, kind).solve([-d.of(v) for v in conditions], "dx", "d Eq. 31", lanes=True)
-        pairs: list[tuple[Vec, Vec]] = []
+        pairs: list[tuple[Vector, Vector]] = []
         for m, (al, a) in zip(motions, dependent_accelerations(x, ear, rates), strict=True):
             pairs += [(m.al, al), (m.a, a)]
         d.correct(pairs)
@@ -194,12 +197,12 @@ def ear_balance_out(x: Any, kind: Any) -> None:
         x.store(MY_LANE[k], fields.needed, [*d_moment, *d_force])
 
 
-def root_positions(x: Any, ear: Ear) -> dict[Any, Any]:
+def root_positions(x: Scope, ear: Ear) -> dict[Symbol, Value]:
     """Tangents of the roots' positions, where sliding joints ask for them and seeds are complete."""
     kind = ear.kind
     if not any(c.slides for c in kind.closures):
         return {}
-    found: dict[Any, Any] = {}
+    found: dict[Symbol, Value] = {}
     for t, role in enumerate(kind.roots):
         if role == "far":
             found.update(tangents_of(ear.position(-1 - t), x.load(LREGION, fields.far_shift(kind.far[t]).linear)))
@@ -209,13 +212,13 @@ def root_positions(x: Any, ear: Ear) -> dict[Any, Any]:
             o = ear.position(-1 - t)
             turned = cross(x.load(LANE_BASE, fields.closing_shift.angular), o)
             moved = [-(a + b) for a, b in zip(x.load(LANE_BASE, fields.closing_shift.linear), turned, strict=True)]
-            found.update(tangents_of(o, let3(x, "do", moved, "d Eq. 22")))
+            found.update(tangents_of(o, x.let_vector("do", moved, "d Eq. 22", lanes=True)))
     return found
 
 
-def slip_tangents(x: Any, kind: Any, velocities: list[Twist]) -> dict[Any, Any]:
+def slip_tangents(x: Scope, kind: EarKind, velocities: list[Twist]) -> dict[Symbol, Value]:
     """Tangents of the roots' velocities, for joints that slide."""
-    found: dict[Any, Any] = {}
+    found: dict[Symbol, Value] = {}
     for t, twist in enumerate(velocities):
         role = kind.roots[t]
         if role == "ground" or (role == "frame" and kind.rigid):
@@ -243,23 +246,23 @@ def hold_roots(d: EarTangents, ear: Ear, velocities: list[Twist]) -> None:
 # -- inward ------------------------------------------------------------------------------------------------------------
 
 
-def ear_balance_in(x: Any, kind: Any) -> None:
+def ear_balance_in(x: Scope, kind: EarKind) -> None:
     """Inward block over directions: forces transmitted by the joints, with the wrenches that close the loops, and their tangents;
     what they miss along the joints, projected on the sources. Eqs. 9, 45, 50."""
     ear = Ear(x, kind)
-    rows = [ear.rows()[i] for i in kind.kept]
+    rows = ear.kept_rows()
     count = len(ear.members)
     angles, _ = root_angles(x, kind, False)
     for k in range(count):
         angles[k] = x.load(MY_LANE[k], fields.shift.angular)
     for c in range(len(kind.closures)):
         ear.slip(c)
-    d = EarTangents(ear, angles, root_positions(x, ear))
+    d = ear_tangents(ear, angles, root_positions(x, ear))
     d.turn_joints()
     hold_roots(d, ear, [])
     d.run()
-    phi: list[Vec] = []
-    d_phi: list[Vec] = []
+    phi: list[Vector] = []
+    d_phi: list[Vector] = []
     for k in range(count):
         parts = [(fields.total_needed, MY_LANE[k], fields.needed)]
         if kind.followed[k]:
@@ -280,7 +283,7 @@ def ear_balance_in(x: Any, kind: Any) -> None:
             handed += apply_wrench(x, ear, c, rows, wrench, phi, d_phi, d)
     handed += transmit(x, ear, phi, d_phi, d)
 
-    def missing(k: int, j: int) -> Any:
+    def missing(k: int, j: int) -> Value:
         dtau = x.entry(DTAU[k], j) if kind.links[k].forced[j] else 0
         return x.let("dgamma", d_phi[k][place_of(ear, k, j)] - dtau, "d Eq. 53", lanes=True)
 
@@ -294,7 +297,7 @@ def ear_balance_in(x: Any, kind: Any) -> None:
     hand_to_roots(x, kind, handed)
 
 
-def dependents(kind: Any) -> list[tuple[int, int]]:
+def dependents(kind: EarKind) -> list[tuple[int, int]]:
     """Link and freedom of the dependent freedoms."""
     return [(k, j) for k in range(len(kind.links)) for j in kind.dependent[k]]
 
@@ -305,18 +308,18 @@ def place_of(ear: Ear, k: int, j: int) -> int:
     return freedom_axes(link.joint, link.axis)[j]
 
 
-def tau(x: Any, kind: Any, k: int, j: int) -> Any:
+def tau(x: Scope, kind: EarKind, k: int, j: int) -> Value:
     """The model's own force along a freedom."""
     return x.entry(TAU[k], j) if kind.links[k].forced[j] else 0
 
 
-def to_parent(x: Any, member: Any, force: Vec, tag: str) -> Vec:
+def to_parent(x: Scope, member: Member, force: Vector, tag: str) -> Vector:
     """Moment and force about the parent's origin, in its axes."""
     n, f = force_to_parent(x, member.joint, member.r, force[:3], force[3:], tag)
     return [*n, *f]
 
 
-def transmitted(x: Any, ear: Ear, own: list[Vec]) -> list[Vec]:
+def transmitted(x: Scope, ear: Ear, own: list[Vector]) -> list[Vector]:
     """Forces transmitted by the joints of the ear's links, about the links' origins."""
     held = list(own)
     for k in reversed(range(len(own))):
@@ -327,7 +330,7 @@ def transmitted(x: Any, ear: Ear, own: list[Vec]) -> list[Vec]:
     return held
 
 
-def transmit(x: Any, ear: Ear, phi: list[Vec], d_phi: list[Vec], d: EarTangents) -> list[Handed]:
+def transmit(x: Scope, ear: Ear, phi: list[Vector], d_phi: list[Vector], d: EarTangents) -> list[Handed]:
     """The same with the loops' wrenches, and its tangent, left in `phi` and `d_phi`; what the roots get."""
     kind = ear.kind
     handed: list[Handed] = []
@@ -356,21 +359,28 @@ def transmit(x: Any, ear: Ear, phi: list[Vec], d_phi: list[Vec], d: EarTangents)
 
 
 def apply_wrench(
-    x: Any, ear: Ear, c: int, rows: list[Condition], wrench: Vec, phi: list[Vec], d_phi: list[Vec], d: EarTangents
+    x: Scope,
+    ear: Ear,
+    c: int,
+    rows: list[Condition],
+    wrench: Vector,
+    phi: list[Vector],
+    d_phi: list[Vector],
+    d: EarTangents,
 ) -> list[Handed]:
     """Let a loop's wrench act on its two faces; it keeps to the directions that the joint holds, which turn with the links.
 
     What it does to links of the ear is added to `phi` and `d_phi`; what it does to roots is returned.
     """
-    sums: dict[bool, tuple[Vec, Vec]] = {True: ([0] * 3, [0] * 3), False: ([0] * 3, [0] * 3)}
+    sums: dict[bool, tuple[Vector, Vector]] = {True: ([0] * 3, [0] * 3), False: ([0] * 3, [0] * 3)}
     for row, value in zip(rows, wrench, strict=True):
         if row.loop == c:
             n, dn = sums[row.angular]
             sums[row.angular] = (
                 add(n, [product(e, value) for e in row.n]), add(dn, [t * value for t in d.vector(row.n)]),
             )  # fmt: skip
-    moment, force = (let3(x, "W", sums[angular][0], "Eq. 9", False) for angular in (True, False))
-    d_moment, d_force = (let3(x, "dW", sums[angular][1], "d Eq. 9") for angular in (True, False))
+    moment, force = (x.let_vector("W", sums[angular][0], "Eq. 9") for angular in (True, False))
+    d_moment, d_force = (x.let_vector("dW", sums[angular][1], "d Eq. 9", lanes=True) for angular in (True, False))
     handed: list[Handed] = []
     for side, sign in ((0, -1), (1, 1)):
         place = ear.kind.closures[c].faces[side]
@@ -379,7 +389,7 @@ def apply_wrench(
         slip = ear.slip(c) if side == 0 else None
         n, dn = moment, d_moment
         if slip is not None:
-            d_slip = let3(x, "dslip", d.vector(slip), "d Eq. 30")
+            d_slip = x.let_vector("dslip", d.vector(slip), "d Eq. 30", lanes=True)
             n = add(moment, cross(slip, force))
             dn = add(d_moment, cross(d_slip, force), cross(slip, d_force))
         r, _ = ear.face(c, side)
@@ -396,17 +406,19 @@ def apply_wrench(
     return handed
 
 
-def turned_back(x: Any, ear: Ear, place: int, theta: Vec | None, v: Vec, dv: Vec) -> tuple[Vec, Vec]:
+def turned_back(x: Scope, ear: Ear, place: int, theta: Vector | None, v: Vector, dv: Vector) -> tuple[Vector, Vector]:
     """Components in a link's axes of a vector given in the region's, and their tangents ``W^T (dv - theta x v)``."""
     W = ear.attitude(place)
     if W is UNIT or theta is None:
         return v, dv
     back = transpose(W)
-    relative = let3(x, "rel", [a - b for a, b in zip(dv, cross(theta, v), strict=True)], "d Eq. 22")
-    return let3(x, "own", matvec(back, v), "Eq. 22", False), let3(x, "own", matvec(back, relative), "d Eq. 22")
+    relative = x.let_vector("rel", minus(dv, cross(theta, v)), "d Eq. 22", lanes=True)
+    return x.let_vector("own", matvec(back, v), "Eq. 22"), x.let_vector(
+        "own", matvec(back, relative), "d Eq. 22", lanes=True
+    )
 
 
-def hand_to_roots(x: Any, kind: Any, handed: list[Handed]) -> None:
+def hand_to_roots(x: Scope, kind: EarKind, handed: list[Handed]) -> None:
     """Sum up what the roots get, in their axes."""
     for t, role in enumerate(kind.roots):
         parts = [h for h in handed if h.root == t]
@@ -430,7 +442,7 @@ def hand_to_roots(x: Any, kind: Any, handed: list[Handed]) -> None:
 # -- outward again -----------------------------------------------------------------------------------------------------
 
 
-def ear_balance_back(x: Any, kind: Any) -> None:
+def ear_balance_back(x: Scope, kind: EarKind) -> None:
     """Outward block over directions: tangents of the accelerations of the ear's joints. Eq. 55."""
     a = source_accelerations(x, kind, True)
     for c, (k, j) in own_sources(kind).items():

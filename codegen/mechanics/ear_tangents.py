@@ -6,16 +6,18 @@ link, plus what the design parameters change in its components: three numbers, n
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
 
 from sympy import Expr, Symbol, sympify
 
-from ..program.block import ANY
+from ..program.block import ANY, Expansion
 from ..program.derivatives import Tangents
+from ..program.field import XYZ
+from ..program.scalar import Value, Vector
 from ..program.store import Store
 from . import fields
 from .ears import UNIT, Ear
-from .spatial import XYZ, Vec, add, cross, is_zero, matvec
+from .spatial import add, cross, is_zero, matvec
 from .stores import (
     CL_DP,
     CL_PARAMETER,
@@ -30,29 +32,34 @@ from .stores import (
     SPEEDS,
     TURNS,
 )
-from .tangents import pattern
+from .tangents import pattern, tangent
 
 
-def tangents_of(values: Vec, tangents: Vec) -> dict[Symbol, Any]:
+def tangents_of(values: Vector, tangents: Vector) -> dict[Symbol, Value]:
     """Tangents by symbol of values that are symbols, symbols with a minus sign, or numbers; nothing on zero patterns."""
-    found: dict[Symbol, Any] = {}
-    for value, tangent in zip(values, tangents, strict=True):
+    found: dict[Symbol, Value] = {}
+    for value, moved in zip(values, tangents, strict=True):
         if isinstance(value, Symbol):
-            found[value] = tangent
+            found[value] = moved
         elif isinstance(value, Expr) and isinstance(-value, Symbol):
-            found[-value] = -tangent
+            found[-value] = -moved
         else:
             assert value is ANY or sympify(value).is_number, f"{value} has no name"
     return found
 
 
-class EarTangents:
+def ear_tangents(
+    ear: Ear,
+    angles: dict[int, Vector],
+    roots: dict[Symbol, Value],
+    dq: dict[tuple[int, int], Value] | None = None,
+) -> EarTangents:
     """Tangents of the statements of an ear's block.
 
     Parameters
     ----------
     ear : Ear
-    angles : dict of int to Vec
+    angles : dict of int to Vector
         Rotation vectors (lanes) of links, and of roots by negative places.
     roots : dict of Symbol to value
         Tangents of what the block loads of its roots, from `tangents_of`.
@@ -60,24 +67,66 @@ class EarTangents:
         Displacements that the block has found itself, by link and coordinate. None where seeds are complete: then tangents of
         levers have been kept.
     """
+    if isinstance(ear.x, Expansion):
+        return WrittenTangents(ear, ear.x, angles, roots, dq)
+    return EarTangents(angles)
+
+
+class EarTangents:
+    """What is asked for tangents of an ear's statements, and what comes of it on zero patterns."""
+
+    def __init__(self, angles: dict[int, Vector]):
+        self.angles = angles
+
+    def run(self) -> None:
+        """Differentiate the scalar statements written since the last call."""
+
+    def of(self, value: Value, name: str = "d") -> Value:
+        """Tangent of a value."""
+        return pattern(value)
+
+    def vector(self, v: Sequence[Value], name: str = "d") -> Vector:
+        """Of the components of a vector."""
+        return [self.of(e, f"{name}_{i}") for e, i in zip(v, XYZ, strict=True)]
+
+    def correct(self, found: list[tuple[Vector, Vector]]) -> None:
+        """Add what has been found since to the tangents of named values, and find those of what depends on them anew.
+
+        A value that several links share is corrected once.
+        """
+
+    def give(self, v: Vector, tangents: Vector) -> None:
+        """Tangents of named values."""
+
+    def turn_joints(self) -> None:
+        """Let vectors pass from link to link: what turns them are sines, cosines and matrices of the joints."""
+
+    def hold(self, v: Vector) -> None:
+        """Values whose tangents are given, or taken as zero until more is known: they are not differentiated."""
+
+
+class WrittenTangents(EarTangents):
+    """Tangents as statements; see `ear_tangents`."""
 
     def __init__(
-        self, ear: Ear, angles: dict[int, Vec], roots: dict[Any, Any], dq: dict[tuple[int, int], Any] | None = None
+        self,
+        ear: Ear,
+        x: Expansion,
+        angles: dict[int, Vector],
+        roots: dict[Symbol, Value],
+        dq: dict[tuple[int, int], Value] | None,
     ):
+        super().__init__(angles)
         self.ear = ear
         self.stored = dq is None
         self.dq = dq or {}
-        self.x = ear.x
-        self.structural = ear.x.structural
-        self.angles = angles
+        self.x = x
         self.done = 0
         self.scanned = 0
         self.fixed = 0
         self.known: set[Symbol] = set()
         self.turned: set[Symbol] = set()
-        if self.structural:
-            return
-        self.d = Tangents(self.x, {}, {})
+        self.d = Tangents(x, {}, {})
         self.d.of.update({s: v for s, v in roots.items() if not is_zero(v)})
         for place in [*range(len(ear.members)), *(-1 - t for t in range(len(ear.kind.roots)))]:
             self._attitude(place)
@@ -102,7 +151,7 @@ class EarTangents:
                 self._transparent(symbol, store, place, name)
         self.scanned = len(loads)
 
-    def _seed(self, symbol: Symbol, value: Any) -> None:
+    def _seed(self, symbol: Symbol, value: Value) -> None:
         if not is_zero(value) and symbol not in self.known:
             self.d.of[symbol] = value
 
@@ -142,13 +191,13 @@ class EarTangents:
                 continue
             W = self.ear.attitude(v.place)
             theta = self.angles.get(v.place)
-            turned: Vec = [0, 0, 0] if theta is None else cross(theta, v.found)
+            turned: Vector = [0, 0, 0] if theta is None else cross(theta, v.found)
             changed = [self._of_local(e) for e in v.local]
             self._set(v.found, add(turned, changed if W is UNIT else matvec(W, changed)))
             # where W is known to be the unit matrix, it turns names into themselves
             self.turned.difference_update(e for e in v.local if isinstance(e, Symbol))
 
-    def _set(self, found: Vec, moved: Vec) -> None:
+    def _set(self, found: Vector, moved: Vector) -> None:
         for i, symbol in enumerate(found):
             if not isinstance(symbol, Symbol) or symbol in self.x.block.loads or symbol in self.known:
                 continue
@@ -158,7 +207,7 @@ class EarTangents:
             if not is_zero(value):
                 self.d.of[symbol] = value
 
-    def _of_local(self, value: Any) -> Any:
+    def _of_local(self, value: Value) -> Value:
         """Tangent of a component in a link's own axes: of a constant, or of a statement on constants and coordinates."""
         if isinstance(value, Symbol) and value not in self.d.of:
             for statement in self.x.block.statements:
@@ -166,12 +215,9 @@ class EarTangents:
                     self.d.statement(statement)
                     self.known.add(value)
                     break
-        return self.d.value(value)
+        return tangent(self.d, value)
 
     def run(self) -> None:
-        """Differentiate the scalar statements written since the last call."""
-        if self.structural:
-            return
         self._scan()
         self.fixed_vectors()
         statements = self.x.block.statements
@@ -181,24 +227,12 @@ class EarTangents:
             if not statement.lanes and statement.tag != "primitive" and statement.target not in self.known:
                 self.d.statement(statement)
 
-    def of(self, value: Any, name: str = "d") -> Any:
-        """Tangent of a value."""
-        if not self.structural:
-            self._scan()
-        if self.structural:
-            return pattern(value)
-        return self.d.value(value, name)
+    def of(self, value: Value, name: str = "d") -> Value:
+        self._scan()
+        found: Value = self.d.value(value, name)
+        return found
 
-    def vector(self, v: Vec, name: str = "d") -> Vec:
-        return [self.of(e, f"{name}_{i}") for e, i in zip(v, XYZ, strict=True)]
-
-    def correct(self, found: list[tuple[Vec, Vec]]) -> None:
-        """Add what has been found since to the tangents of named values, and find those of what depends on them anew.
-
-        A value that several links share is corrected once.
-        """
-        if self.structural:
-            return
+    def correct(self, found: list[tuple[Vector, Vector]]) -> None:
         listed: set[Symbol] = set()
         changed: set[Symbol] = set()
         for v, more in found:
@@ -218,20 +252,13 @@ class EarTangents:
                 self.d.statement(statement)
                 changed.add(statement.target)
 
-    def give(self, v: Vec, tangents: Vec) -> None:
-        """Tangents of named values."""
+    def give(self, v: Vector, tangents: Vector) -> None:
         self.d.of.update({s: t for s, t in tangents_of(v, tangents).items() if not is_zero(t)})
         self.hold(v)
 
     def turn_joints(self) -> None:
-        """Let vectors pass from link to link: what turns them are sines, cosines and matrices of the joints."""
-        if not self.structural:
-            for member in self.ear.members:
-                self.d.transparent.update(member.joint.transparent())
+        for member in self.ear.members:
+            self.d.transparent.update(member.joint.transparent())
 
-    def hold(self, v: Vec) -> None:
-        """Values whose tangents are given, or taken as zero until more is known: they are not differentiated."""
+    def hold(self, v: Vector) -> None:
         self.known.update(tangents_of(v, v))
-
-
-__all__ = ["EarTangents", "tangents_of"]

@@ -7,31 +7,33 @@ page), and a velocity, an acceleration or a displacement goes from link to link 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
-from sympy import Rational
+from sympy.core.numbers import Number
 
 from ..model.model import CLOSURE_ROWS
-from ..program.block import Scope, V
-from ..program.field import Field, SixField, VectorField
-from ..program.scalar import Value
+from ..program.block import Scope, V, V_co
+from ..program.field import Field, Readable, SixField, VectorField
+from ..program.scalar import Matrix, Value, Vector
 from ..program.store import Store
 from . import fields
-from .joints import JointTransform, freedom_axes
+from .freedoms import freedom_axes
+from .joints import JointTransform
+from .kinds import EarKind, LinkKind
 from .orthogonal import product
-from .spatial import XYZ, Mat, Vec, add, cross, dot, matmul, matvec, scale, transpose
+from .spatial import add, cross, matmul, matvec, minus, scale, transpose
 from .stores import BASE, LOOP_CONSTANTS, ME, MY_LANE, REGION, ROOTS
 
-ZERO: Vec = [0, 0, 0]
-UNIT: Mat = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
+ZERO: Vector = [0, 0, 0]
+UNIT: Matrix = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
 
 
 class MemberView(Scope):
     """The expansion of an ear as one of its links sees it: constants, coordinates and records are the link's own."""
 
-    def __init__(self, x: Any, place: int):
+    def __init__(self, x: Scope, place: int):
         self.x = x
         self.place = place
         self.structural = x.structural
@@ -40,7 +42,7 @@ class MemberView(Scope):
         self.title = x.title
         self.asked = x.asked
 
-    def load(self, store: Store, field: Field[V]) -> V:
+    def load(self, store: Store, field: Readable[V_co]) -> V_co:
         return self.x.load(store[self.place], field)
 
     def component(self, store: Store, name: str) -> Value:
@@ -52,10 +54,16 @@ class MemberView(Scope):
     def recall(self, store: Store, field: Field[V], value: V) -> None:
         self.x.recall(store[self.place], field, value)
 
-    def let(self, name: str, value: Any, tag: str = "", lanes: bool = False) -> Any:
+    def let(self, name: str, value: Value, tag: str = "", lanes: bool = False) -> Value:
         return self.x.let(name, value, tag, lanes=lanes)
 
-    def name(self, name: str, value: Any, tag: str = "") -> Any:
+    def number(self, value: float | Number) -> Value:
+        return self.x.number(value)
+
+    def sqrt(self, value: Value) -> Value:
+        return self.x.sqrt(value)
+
+    def name(self, name: str, value: Value, tag: str = "") -> Value:
         return self.x.name(name, value, tag)
 
 
@@ -64,7 +72,7 @@ class Freedom:
     """One freedom of a joint: turning about or sliding along e."""
 
     angular: bool
-    e: Vec
+    e: Vector
     index: int
     """Among the joint's freedoms."""
 
@@ -73,8 +81,8 @@ class Freedom:
 class Twist:
     """Angular and linear part of a motion, the latter of a link's origin."""
 
-    angular: Vec
-    linear: Vec
+    angular: Vector
+    linear: Vector
 
     @staticmethod
     def load(x: Scope, store: Store, field: SixField) -> Twist:
@@ -82,7 +90,7 @@ class Twist:
         six = x.load(store, field)
         return Twist(six[:3], six[3:])
 
-    def at(self, lever: Vec) -> Vec:
+    def at(self, lever: Vector) -> Vector:
         """Linear part at a point of the link."""
         return add(self.linear, cross(self.angular, lever))
 
@@ -93,21 +101,21 @@ class Member:
 
     Attributes
     ----------
-    W : Mat
+    W : Matrix
         Region components from link components.
-    rho : Vec
+    rho : Vector
         From the parent's origin to the link's.
-    r : Vec
+    r : Vector
         The same in the parent link's components.
     freedoms : list of Freedom
     """
 
     view: MemberView
-    kind: Any
+    kind: LinkKind
     joint: JointTransform
-    W: Mat
-    rho: Vec
-    r: Vec
+    W: Matrix
+    rho: Vector
+    r: Vector
     freedoms: list[Freedom]
     parent: int
 
@@ -118,15 +126,15 @@ class FixedVector:
 
     Attributes
     ----------
-    found, local : Vec
+    found, local : Vector
         In region and in link components.
     kept : (Store, VectorField) or None
         Where its tangent is kept once the seeds are complete.
     """
 
     place: int
-    found: Vec
-    local: Vec
+    found: Vector
+    local: Vector
     kept: tuple[Store, VectorField] | None
 
 
@@ -139,20 +147,20 @@ class Condition:
     loop : int
         Among the ear's.
     angular : bool
-    n : Vec
+    n : Vector
         What it sees of a motion at the cut, in region axes: the component along n, scaled.
-    turning : list of (weight, Vec, Vec)
+    turning : list of (weight, Vector, Vector)
         Where the loop may be open in others: an angular condition is that a sum of weight c . d is zero, c fixed in the end, d
         in the start, and n the sum of weight c x d.
-    axis : Vec or None
+    axis : Vector or None
         A direction of the start face in the place of n where what is open is told.
     """
 
     loop: int
     angular: bool
-    n: Vec
-    turning: list[tuple[Any, Vec, Vec]] = field(default_factory=list)
-    axis: Vec | None = None
+    n: Vector
+    turning: list[tuple[Value, Vector, Vector]] = field(default_factory=list)
+    axis: Vector | None = None
 
 
 class Ear:
@@ -168,7 +176,7 @@ class Ear:
         Of the roots.
     """
 
-    def __init__(self, x: Any, kind: Any, fresh: bool = False, positions: VectorField = fields.ear_position):
+    def __init__(self, x: Scope, kind: EarKind, fresh: bool = False, positions: VectorField = fields.ear_position):
         self.x = x
         self.kind = kind
         self.positions = positions
@@ -179,7 +187,7 @@ class Ear:
 
     # -- geometry --------------------------------------------------------------------------------------------------
 
-    def attitude(self, place: int) -> Mat:
+    def attitude(self, place: int) -> Matrix:
         """Region components from link components, of a link or (negative) a root."""
         if place >= 0:
             return self.members[place].W
@@ -193,7 +201,7 @@ class Ear:
             return self.x.load(REGION, fields.far_attitude(self.kind.far[t]))
         return self.x.load(ROOTS[t], fields.ear_attitude)
 
-    def _member(self, k: int, kind: Any, fresh: bool) -> Member:
+    def _member(self, k: int, kind: LinkKind, fresh: bool) -> Member:
         view = MemberView(self.x, k)
         joint = JointTransform(view, kind)
         parent = self.kind.parents[k]
@@ -211,29 +219,26 @@ class Ear:
         ]
         return Member(view, kind, joint, W, rho, r, freedoms, parent)
 
-    def _named(self, name: str, v: Vec, tag: str, lanes: bool = False) -> Vec:
-        return [self.x.let(f"{name}_{i}", v[k], tag, lanes=lanes) for k, i in enumerate(XYZ)]
-
     def fixed_vector(
         self,
         name: str,
         place: int,
-        v: Vec,
+        v: Vector,
         tag: str = "Eq. 22",
         kept: tuple[Store, VectorField] | None = None,
-    ) -> Vec:
+    ) -> Vector:
         """Region components of a vector given in a link's; remembered for differentiation."""
-        found = self._named(name, rotate(self.attitude(place), v), tag)
+        found = self.x.let_vector(name, rotate(self.attitude(place), v), tag)
         self.fixed.append(FixedVector(place, found, v, kept))
         return found
 
-    def face(self, c: int, side: int) -> tuple[Vec, Mat]:
+    def face(self, c: int, side: int) -> tuple[Vector, Matrix]:
         """Origin and axes of a loop joint's face in the components of its link: the joint's axis is a coordinate axis."""
         name = "AB"[side]
         r = self.x.load(LOOP_CONSTANTS[c], fields.face_place(name))
         return r, self.x.load(LOOP_CONSTANTS[c], fields.face_axes(name))
 
-    def arm(self, c: int, side: int) -> Vec:
+    def arm(self, c: int, side: int) -> Vector:
         """From the origin of a face's link to the face."""
         r, _ = self.face(c, side)
         place = self.kind.closures[c].faces[side]
@@ -241,43 +246,43 @@ class Ear:
         return self.fixed_vector("arm", place, r, kept=kept)
 
     @cached_property
-    def levers(self) -> list[tuple[dict[int, Vec], dict[int, Vec]]]:
+    def levers(self) -> list[tuple[dict[int, Vector], dict[int, Vector]]]:
         """For each loop, from the origins of the links on both sides to the cut."""
         return [self._levers(c) for c in range(len(self.kind.closures))]
 
-    def _levers(self, c: int) -> tuple[dict[int, Vec], dict[int, Vec]]:
+    def _levers(self, c: int) -> tuple[dict[int, Vector], dict[int, Vector]]:
         """From the origins of the links on both sides of a loop to the cut. The root's has the key -1."""
-        result: tuple[dict[int, Vec], dict[int, Vec]] = ({}, {})
+        result: tuple[dict[int, Vector], dict[int, Vector]] = ({}, {})
         slip = self.slip(c)
         for side in (0, 1):
             closure = self.kind.closures[c]
             path = closure.paths[side]
             lever = self.arm(c, side)
             if side == 0 and slip is not None:
-                lever = self._named("lever", add(lever, slip), "Eq. 32")
+                lever = self.x.let_vector("lever", add(lever, slip), "Eq. 32")
             for k in reversed(path):
                 result[side][k] = lever
-                lever = self._named("lever", add(lever, self.members[k].rho), "Eq. 32")
+                lever = self.x.let_vector("lever", add(lever, self.members[k].rho), "Eq. 32")
             result[side][-1] = lever
         return result
 
-    def slip(self, c: int) -> Vec | None:
+    def slip(self, c: int) -> Vector | None:
         """From the origin of the start face to that of the end face; None where they coincide."""
         if not self.kind.closures[c].slides:
             return None
         a, b = (self.position_of_face(c, side) for side in (0, 1))
-        return self._named("slip", [b[i] - a[i] for i in range(3)], "Eq. 32")
+        return self.x.let_vector("slip", minus(b, a), "Eq. 32")
 
-    def position_of_face(self, c: int, side: int) -> Vec:
+    def position_of_face(self, c: int, side: int) -> Vector:
         """In region axes, from the region's base."""
         place = self.kind.closures[c].faces[side]
-        return self._named("face", add(self.position(place), self.arm(c, side)), "Eq. 22")
+        return self.x.let_vector("face", add(self.position(place), self.arm(c, side)), "Eq. 22")
 
-    def position(self, place: int) -> Vec:
+    def position(self, place: int) -> Vector:
         """Of a link's origin, or a root's, in region axes, from the region's base."""
         if place >= 0:
             m = self.members[place]
-            return self._named("o", add(self.position(m.parent), m.rho), "Eq. 22")
+            return self.x.let_vector("o", add(self.position(m.parent), m.rho), "Eq. 22")
         t = -1 - place
         role = self.kind.roots[t]
         if role == "frame":
@@ -285,7 +290,7 @@ class Ear:
         if role == "ground":
             o = self.x.load(BASE, fields.closing_position)
             W = self.attitude(place)
-            return self._named("o", [-e for e in rotate(W, o)], "Eq. 22")
+            return self.x.let_vector("o", [-e for e in rotate(W, o)], "Eq. 22")
         if role == "far":
             return self.x.load(REGION, fields.far_position(self.kind.far[t]))
         return self.x.load(ROOTS[t], self.positions)
@@ -293,7 +298,7 @@ class Ear:
     # -- steps from link to link -----------------------------------------------------------------------------------
 
     def step(
-        self, before: Twist, member: Member, coefficients: list[Any], name: str, tag: str, lanes: bool = False
+        self, before: Twist, member: Member, coefficients: Vector, name: str, tag: str, lanes: bool = False
     ) -> Twist:
         """The motion of a link from its parent's, the joint's freedoms moving with the given coefficients."""
         angular, linear = before.angular, before.at(member.rho)
@@ -305,10 +310,13 @@ class Ear:
                 angular = add(angular, moved)
             else:
                 linear = add(linear, moved)
-        return Twist(self._named(f"{name}w", angular, tag, lanes), self._named(f"{name}v", linear, tag, lanes))
+        return Twist(
+            self.x.let_vector(f"{name}w", angular, tag, lanes=lanes),
+            self.x.let_vector(f"{name}v", linear, tag, lanes=lanes),
+        )
 
     def walk(
-        self, roots: list[Twist], coefficients: list[list[Any]], name: str, tag: str, lanes: bool = False
+        self, roots: list[Twist], coefficients: list[Vector], name: str, tag: str, lanes: bool = False
     ) -> list[Twist]:
         """Motions of all links of the ear, from those of its roots and the rates of its freedoms."""
         found: list[Twist] = []
@@ -319,13 +327,13 @@ class Ear:
 
     # -- closing conditions ----------------------------------------------------------------------------------------
 
-    def face_axes(self, c: int, side: int) -> list[Vec]:
+    def face_axes(self, c: int, side: int) -> list[Vector]:
         """The three axes of a face in region components."""
         _, F = self.face(c, side)
         place = self.kind.closures[c].faces[side]
         return [self.fixed_vector("n", place, [F[i][j] for i in range(3)], "Eq. 33") for j in range(3)]
 
-    def universal_axes(self, c: int) -> tuple[Vec, Vec]:
+    def universal_axes(self, c: int) -> tuple[Vector, Vector]:
         """The two axes of a universal loop joint: the first fixed in the start, the second in the end."""
         closure = self.kind.closures[c]
         return self.face_axes(c, 0)[closure.axis], self.face_axes(c, 1)[closure.end_axis]
@@ -334,17 +342,17 @@ class Ear:
         """The conditions of all loops that count. Linear ones are divided by the characteristic length."""
         found: list[Condition] = []
         for c, closure in enumerate(self.kind.closures):
-            s = 1 if self.x.structural else self.kind.scale
+            s = self.x.number(self.kind.scale)
             if closure.gaps:
                 every = self._open_conditions(c, s)
                 found += [row for i, row in enumerate(every) if i not in closure.dropped]
                 continue
             type_ = closure.type
-            linear: list[Vec] = [list(e) for e in UNIT]
-            angular: list[Vec] = [list(e) for e in UNIT] if type_ in ("fixed", "prismatic") else []
+            linear: list[Vector] = [list(e) for e in UNIT]
+            angular: list[Vector] = [list(e) for e in UNIT] if type_ in ("fixed", "prismatic") else []
             if type_ == "universal":
                 a, b = self.universal_axes(c)
-                angular = [self._named("n", cross(a, b), "Eq. 33")]
+                angular = [self.x.let_vector("n", cross(a, b), "Eq. 33")]
             elif type_ not in ("fixed", "spherical"):
                 columns = self.face_axes(c, 0)
                 axis = closure.axis
@@ -359,10 +367,16 @@ class Ear:
             found += [Condition(c, True, n) for n in angular]
         return found
 
+    def kept_rows(self) -> list[Condition]:
+        """Those of `rows` that can matter, as the block of the closures has found."""
+        kept = self.kind.form.rows
+        rows = self.rows() if kept else []
+        return [rows[i] for i in kept]
+
     def joint_conditions(self, c: int) -> list[Condition]:
         """All conditions of a loop joint: linear ones, scaled, then angular ones."""
         closure = self.kind.closures[c]
-        share = 1 if self.x.structural else self.kind.per_length
+        share = self.x.number(self.kind.per_length)
         if closure.gaps:
             return self._open_conditions(c, share)
         linear, columns = self._linear_directions(c)
@@ -370,10 +384,10 @@ class Ear:
         angular = {"fixed": columns, "prismatic": columns, "spherical": [], "inline": []}.get(closure.type, across)
         if closure.type == "universal":
             first, second = self.universal_axes(c)
-            angular = [self._named("n", cross(first, second), "Eq. 33")]
+            angular = [self.x.let_vector("n", cross(first, second), "Eq. 33")]
         return [Condition(c, False, scale(share, n)) for n in linear] + [Condition(c, True, n) for n in angular]
 
-    def _linear_directions(self, c: int) -> tuple[list[Vec], list[Vec]]:
+    def _linear_directions(self, c: int) -> tuple[list[Vector], list[Vector]]:
         """Directions of a loop joint's linear conditions, and the axes of its start face."""
         closure = self.kind.closures[c]
         columns = self.face_axes(c, 0)
@@ -382,7 +396,7 @@ class Ear:
         linear = {"prismatic": across, "cylindrical": across, "inline": across, "planar": [columns[axis]]}
         return linear.get(closure.type, columns), columns
 
-    def _open_conditions(self, c: int, share: Any) -> list[Condition]:
+    def _open_conditions(self, c: int, share: Value) -> list[Condition]:
         """All conditions of a loop joint whose faces may be apart: they hold, and so do their rates, where others do not."""
         closure = self.kind.closures[c]
         linear, s = self._linear_directions(c)
@@ -392,24 +406,26 @@ class Ear:
             return found
         e = self.face_axes(c, 1)
         i, j, k = closure.axis, (closure.axis + 1) % 3, (closure.axis + 2) % 3
-        half = 1 if self.x.structural else Rational(1, 2)
+        half = self.x.half
         if closure.type == "universal":
-            turning: list[tuple[list[tuple[Any, Vec, Vec]], Vec | None]] = [([(-1, e[closure.end_axis], s[i])], None)]
+            turning: list[tuple[list[tuple[Value, Vector, Vector]], Vector | None]] = [
+                ([(-1, e[closure.end_axis], s[i])], None)
+            ]
         elif count == 2:
             turning = [([(-1, e[i], s[k])], s[j]), ([(1, e[i], s[j])], s[k])]
         else:
             turning = [([(half, e[n - 2], s[n - 1]), (-half, e[n - 1], s[n - 2])], s[n]) for n in range(3)]
         for terms, axis in turning:
-            total: Vec = [0, 0, 0]
+            total: Vector = [0, 0, 0]
             for weight, a, b in terms:
                 total = add(total, scale(weight, cross(a, b)))
-            found.append(Condition(c, True, self._named("n", total, "Eq. 33"), terms, axis))
+            found.append(Condition(c, True, self.x.let_vector("n", total, "Eq. 33"), terms, axis))
         return found
 
     def difference(self, c: int, twists: tuple[Twist | None, Twist | None]) -> Twist:
         """Motion at the cut: the end's minus the start's, both given there."""
-        angular: Vec = [0, 0, 0]
-        linear: Vec = [0, 0, 0]
+        angular: Vector = [0, 0, 0]
+        linear: Vector = [0, 0, 0]
         for side, sign in ((1, 1), (0, -1)):
             t = twists[side]
             if t is not None:
@@ -428,7 +444,7 @@ class Ear:
                 lever = self.arm(c, side)
                 slip = self.slip(c) if side == 0 else None
                 if slip is not None:
-                    lever = self._named("lever", add(lever, slip), "Eq. 32")
+                    lever = self.x.let_vector("lever", add(lever, slip), "Eq. 32")
                 sides.append(Twist(t.angular, t.at(lever)))
             found.append(self.difference(c, (sides[0], sides[1])))
         return found
@@ -442,15 +458,17 @@ class Ear:
                 if member in closure.paths[side]:
                     e = freedom.e if sign > 0 else [-v for v in freedom.e]
                     if freedom.angular:
-                        total = Twist(e, self._named("d", cross(e, self.levers[c][side][member]), "Eq. 34"))
+                        total = Twist(e, self.x.let_vector("d", cross(e, self.levers[c][side][member]), "Eq. 34"))
                     else:
                         total = Twist([0, 0, 0], e)
             found.append(total)
         return found
 
-    def conditions(self, rows: list[Condition], at_cuts: list[Twist], name: str, tag: str, lanes: bool = False) -> Vec:
+    def conditions(
+        self, rows: list[Condition], at_cuts: list[Twist], name: str, tag: str, lanes: bool = False
+    ) -> Vector:
         """Components of motions at the cuts along the conditions."""
-        result: Vec = []
+        result: Vector = []
         for row in rows:
             v = at_cuts[row.loop].angular if row.angular else at_cuts[row.loop].linear
             result.append(self.x.let(name, _along(row.n, v), tag, lanes=lanes))
@@ -472,7 +490,7 @@ class Ear:
         """The dependent freedoms, in the order of the closure matrix's columns."""
         return [(k, m.freedoms[j]) for k, m in enumerate(self.members) for j in self.kind.dependent[k]]
 
-    def coefficients(self, dependent: list[Any], independent: Any = None) -> list[list[Any]]:
+    def coefficients(self, dependent: Vector, independent: Callable[[int, int], Value] | None = None) -> list[Vector]:
         """For each link, values of its freedoms: the dependent ones as listed, the others by a function of link and freedom."""
         found = [
             [0 if independent is None else independent(k, f.index) for f in m.freedoms]
@@ -483,19 +501,19 @@ class Ear:
         return found
 
 
-def rotate(W: Mat, v: Vec) -> Vec:
+def rotate(W: Matrix, v: Vector) -> Vector:
     """``W v``; the unit matrix costs nothing."""
     return list(v) if W is UNIT else matvec(W, v)
 
 
-def _along(n: Vec, v: Vec) -> Any:
-    total: Any = 0
+def _along(n: Vector, v: Vector) -> Value:
+    total: Value = 0
     for a, b in zip(n, v, strict=True):
         total = total + product(a, b)
     return total
 
 
-def turned(x: Any, joint: JointTransform, W: Mat) -> Mat:
+def turned(x: Scope, joint: JointTransform, W: Matrix) -> Matrix:
     """Attitude of a link from its parent's."""
     tag = "Eq. 22"
     if joint.fixed is not None:
@@ -512,6 +530,3 @@ def turned(x: Any, joint: JointTransform, W: Mat) -> Mat:
                 x.let("W", c * row[j] - s * row[i], tag),
             )
     return W
-
-
-__all__ = ["Condition", "Ear", "Freedom", "Member", "MemberView", "Twist", "dot", "rotate", "turned"]

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Any
+from sympy import Symbol
 
-from sympy import Rational
-
+from ..program.block import Expansion, Scope
 from ..program.field import VectorField
+from ..program.scalar import Value, Vector
 from . import fields
 from .handing_on import accumulate
 from .joints import JointTransform
+from .kinds import LinkKind
 from .kinematics import angular_velocity
-from .spatial import XYZ, Vec, add, cross, dot, matmul, matvec, scale
+from .spatial import add, cross, dot, matmul, matvec, scale
 from .stores import CONSTANTS, DKINETIC, KINETIC, LME, LUP, ME, MY_LANE, SPEEDS, UP
 from .tangents import differentiate, store_tangent, tangent
 from .triangularization import is_first
 
 
-def kinetic(x: Any, kind: Any) -> None:
+def kinetic(x: Scope, kind: LinkKind) -> None:
     """Velocity of the link's origin and the link's kinetic energy, half of velocity times momentum."""
     joint = JointTransform(x, kind)
     _, w = angular_velocity(x, kind, joint)
@@ -28,8 +29,7 @@ def kinetic(x: Any, kind: Any) -> None:
     angular = [x.let("L", e, "Eq. 23") for e in add(matvec(J, w), cross(h, v))]
     linear = [x.let("P", e, "Eq. 23") for e in add(scale(m, v), cross(w, h))]
     twice = x.let("T2", dot(w, angular) + dot(v, linear), "kinetic energy")
-    half = 1 if x.structural else Rational(1, 2)
-    T = x.let("T", half * twice, "kinetic energy")
+    T = x.let("T", x.half * twice, "kinetic energy")
     x.store(ME, fields.angular_velocity, w)
     x.store(ME, fields.velocity, v)
     x.set_entry(KINETIC.sum, 0, T)
@@ -42,12 +42,12 @@ def kinetic(x: Any, kind: Any) -> None:
 
 
 def origin_velocity(
-    x: Any,
-    kind: Any,
+    x: Scope,
+    kind: LinkKind,
     joint: JointTransform,
     w: VectorField = fields.angular_velocity,
     velocity: VectorField = fields.velocity,
-) -> Vec:
+) -> Vector:
     """Velocity of the link's origin in its own axes. Eq. 18."""
     moved = add(x.load(UP, velocity), cross(x.load(UP, w), joint.offset()))
     v = joint.to_child(moved, "v", "Eq. 18")
@@ -59,7 +59,7 @@ def origin_velocity(
     return v
 
 
-def moments(x: Any, kind: Any) -> None:
+def moments(x: Scope, kind: LinkKind) -> None:
     """Mass and first moment of the link and all outboard of it, about the parent's origin."""
     joint = JointTransform(x, kind)
     m = x.let("m", x.load(CONSTANTS, fields.mass) + x.load(ME, fields.outboard_mass), "potential energy")
@@ -76,9 +76,9 @@ def moments(x: Any, kind: Any) -> None:
             accumulate(x, LUP, field, tangent(d, e), first, "Eq. 44", lanes=True)
 
 
-def _sums(x: Any) -> dict[Any, Any]:
+def _sums(x: Scope) -> dict[Symbol, Value]:
     """Tangents of what the children handed on."""
-    if x.structural:
+    if not isinstance(x, Expansion):
         return {}
     found = {
         symbol: x.component(LME, name)
@@ -88,12 +88,12 @@ def _sums(x: Any) -> dict[Any, Any]:
     return {s: v for s, v in found.items() if v != 0}
 
 
-def pose(x: Any, kind: Any) -> None:
+def pose(x: Scope, kind: LinkKind) -> None:
     """Position of the link's origin and its rotation matrix (ground from link components)."""
     joint = JointTransform(x, kind)
     W = x.load(UP, fields.attitude)
     position = add(x.load(UP, fields.position), matvec(W, joint.offset()))
-    position = [x.let(f"pos_{i}", position[k], "Eq. 22") for k, i in enumerate(XYZ)]
+    position = x.let_vector("pos", position, "Eq. 22")
     if joint.fixed is not None:
         W = [[x.let("W", e, "Eq. 22") for e in row] for row in matmul(W, joint.fixed)]
     if kind.joint in ("spherical", "free"):

@@ -11,10 +11,10 @@ import time
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
 
 import sympy
-from sympy import Expr
+from sympy import Expr, Symbol
+from sympy.core.numbers import Number
 
 from ..model.model import GROUND
 from ..program.block import Block, Expansion, FieldError, Scope, StructuralExpansion
@@ -23,7 +23,7 @@ from ..program.passes import PASSES, drop_dead
 from ..program.progress import Progress, silent
 from ..program.store import Life, Memory, Store
 from . import fields
-from .kinds import System, UnitKind
+from .kinds import EarKind, System, UnitKind
 from .stores import (
     BASE_LINK,
     CONSTANT,
@@ -47,7 +47,10 @@ GROUND_KIND = -1
 MemoryKey = tuple[Memory, str]
 """A sort of memory, and the sweep whose slots are meant; without sweep for what outlives one."""
 
-Place = tuple[MemoryKey, Any, str]
+KindKey = int | tuple[int, int]
+"""Index of a kind; of a coupling, that of the unit that it ends with and its number there."""
+
+Place = tuple[MemoryKey, KindKey, str]
 """A component in a memory of a kind."""
 
 
@@ -91,13 +94,13 @@ class Reach:
     def __init__(self, system: System):
         self.system = system
         regions = system.regions
-        self._parents: dict[int, set[int]] = {k.index: set() for k in system.kinds}
-        self._roots: dict[tuple[int, int | None], set[int]] = {}
-        self._bases: dict[int, set[int]] = {}
-        self._regions: dict[int, set[int]] = {}
-        self._partners: dict[tuple[int, int | None], set[int]] = {}
-        self._handed_on: dict[tuple[int, int | None], set[Any]] = {}
-        self._ends: dict[tuple[int, bool], set[int]] = {}
+        self._parents: dict[int, set[KindKey]] = {k.index: set() for k in system.kinds}
+        self._roots: dict[tuple[int, int | None], set[KindKey]] = {}
+        self._bases: dict[int, set[KindKey]] = {}
+        self._regions: dict[int, set[KindKey]] = {}
+        self._partners: dict[tuple[int, int | None], set[KindKey]] = {}
+        self._handed_on: dict[tuple[int, int | None], set[KindKey]] = {}
+        self._ends: dict[tuple[int, bool], set[KindKey]] = {}
         for spring_kind in system.spring_kinds:
             for n in spring_kind.members:
                 for side, i in enumerate(system.spring_ends[n].links):
@@ -130,18 +133,18 @@ class Reach:
     def _link(self, i: int) -> int:
         return GROUND_KIND if i == GROUND else self.system.kind_of[i].index
 
-    def of(self, kind: Any, sweep: Sweep, store: Store) -> tuple[MemoryKey, set[Any]] | None:
+    def of(self, kind: UnitKind, sweep: Sweep, store: Store) -> tuple[MemoryKey, set[KindKey]] | None:
         """Memory and kinds; None for what the layout does not place."""
         if store.memory not in LAID_OUT:
             return None
         key = store.memory, sweep.name if store.memory.life is Life.SWEEP else ""
         return key, self._kinds(kind, store)
 
-    def _kinds(self, kind: Any, store: Store) -> set[Any]:
+    def _kinds(self, kind: UnitKind, store: Store) -> set[KindKey]:
         """Kinds of what a store is of, in the blocks of a kind."""
         owner, place = store.owner, store.place
         if owner is LINK:
-            return {kind.index if place is None else kind.links[place].index}
+            return {kind.links[place].index if isinstance(kind, EarKind) and place is not None else kind.index}
         if owner is PARENT:
             return self._parents[kind.index]
         if owner is ROOT:
@@ -151,6 +154,7 @@ class Reach:
         if owner is PARTNER:
             return self._partners[kind.index, place]
         if owner is OWN_COUPLING:
+            assert place is not None
             return {(kind.index, place)}
         if owner is HANDED_COUPLING:
             return self._handed_on[kind.index, place]
@@ -167,7 +171,7 @@ class Patterns:
     def __init__(self, system: System):
         self.system = system
         self.reach = Reach(system)
-        self.nonzero: dict[tuple[MemoryKey, Any], dict[str, int | None]] = {}
+        self.nonzero: dict[tuple[MemoryKey, KindKey], dict[str, int | None]] = {}
         self.overruled = False
         """Whether a sweep has stored something else where an earlier one had stored 1 or -1."""
         self._known_from: dict[Place, str] = {}
@@ -188,7 +192,7 @@ class Patterns:
             if name in gravity.shape.varying:
                 self.of((SLOT, "balance_out"), GROUND_KIND)[name] = None
 
-    def of(self, memory: MemoryKey, kind: Any) -> dict[str, int | None]:
+    def of(self, memory: MemoryKey, kind: KindKey) -> dict[str, int | None]:
         """Fields that can differ from zero, and the number that they are, if any."""
         return self.nonzero.setdefault((memory, kind), {})
 
@@ -208,7 +212,7 @@ class Patterns:
         values = {self.of(found[0], k).get(name) for k in found[1]} if found else {None}
         return values.pop() if len(values) == 1 else None
 
-    def number(self, kind: UnitKind, sweep: Sweep, store: Store, name: str) -> Any:
+    def number(self, kind: UnitKind, sweep: Sweep, store: Store, name: str) -> Number | None:
         """A value that is known: a constant of the whole kind, or a field that is 1 or -1."""
         value = kind.number_of(store, name)
         if value is not None:
@@ -230,8 +234,6 @@ class Patterns:
             asked: list[tuple[UnitKind, Scope]] = []
             zeros: list[Place] = []
             for kind in sweep.kinds(self.system):
-                write = sweep.writer(kind)
-                assert write is not None
                 x = StructuralExpansion(
                     sweep.title,
                     partial(self.is_nonzero, kind, sweep),
@@ -239,7 +241,7 @@ class Patterns:
                     partial(self.known, kind, sweep),
                     sweep.units,
                 )
-                write(x, kind)
+                _write(sweep, x, kind)
                 asked.append((kind, x))
                 for (store, name), value in x.stored.items():
                     found = self.reach.of(kind, sweep, store)
@@ -279,11 +281,19 @@ class Patterns:
                 if k != GROUND_KIND and (found[0], k, name) not in self._written:
                     raise FieldError(f"{sweep.title}: {store}.{name} is loaded, and no block stores it")
 
-    def _forget(self, sweep: Sweep, memory: MemoryKey, kind: Any, name: str) -> bool:
+    def _forget(self, sweep: Sweep, memory: MemoryKey, kind: KindKey, name: str) -> bool:
         """A field is not the same number in every state."""
         self.of(memory, kind)[name] = None
         self.overruled |= self._known_from.get((memory, kind, name), sweep.name) != sweep.name
         return True
+
+
+def _write(sweep: Sweep, x: Scope, kind: UnitKind) -> None:
+    """Write the block of a kind; the form of a closure matrix that is factored is kept for the sweeps that follow."""
+    form = sweep.write_block(x, kind)
+    if form is not None:
+        assert isinstance(kind, EarKind)
+        kind.form = form
 
 
 def expand(
@@ -314,13 +324,11 @@ def expand(
     for step, sweep in enumerate(chosen, 1):
         progress("expanding", step, len(chosen))
         for kind in sweep.kinds(system):
-            write = sweep.writer(kind)
-            assert write is not None
             x = Expansion(
                 f"{sweep.name}_{kind.index}", sweep.title, partial(patterns.is_nonzero, kind, sweep),
                 partial(patterns.number, kind, sweep), kind.alias_of, sweep.tangents, sweep.units,
             )  # fmt: skip
-            write(x, kind)
+            _write(sweep, x, kind)
             patterns.check_loads(sweep, kind, x)
             program.blocks[sweep.name][kind.index] = x.finish()
         seconds[sweep.name], clock = seconds[sweep.name] + time.perf_counter() - clock, time.perf_counter()
@@ -370,11 +378,11 @@ def _drop_unread(program: Program, patterns: Patterns, sweeps: list[Sweep]) -> N
     """Remove what no result depends on, across blocks: stores to memory are needed if a needed statement loads them."""
     reach = patterns.reach
     needed: set[Place] = set(program.read_outside)
-    blocks: list[tuple[Block, list[set[Place]], dict[Any, list[Place]]]] = []
+    blocks: list[tuple[Block, list[set[Place]], dict[Symbol, list[Place]]]] = []
     for sweep in sweeps:
         for kind in sweep.kinds(program.system):
             block = program.blocks[sweep.name][kind.index]
-            loads: dict[Any, list[Place]] = {}
+            loads: dict[Symbol, list[Place]] = {}
             for symbol, (store, name) in block.loads.items():
                 found = reach.of(kind, sweep, store)
                 if found is not None:
@@ -388,7 +396,7 @@ def _drop_unread(program: Program, patterns: Patterns, sweeps: list[Sweep]) -> N
     while before != len(needed):
         before = len(needed)
         for block, targets, loads in blocks:
-            symbols: set[Any] = set()
+            symbols: set[Symbol] = set()
             for (_, _, value), target in zip(block.stores, targets, strict=True):
                 if not target or target & needed:
                     symbols |= value.free_symbols

@@ -8,56 +8,47 @@ relative to that are sources of the region (`structure.Region.far`). The ground 
 
 from __future__ import annotations
 
-from typing import Any
-
+from ..program.block import Scope
 from ..program.store import Store
 from . import fields
 from .couplings import partner_store
-from .ears import rotate
+from .ears import ZERO, rotate
 from .fields import Motion
+from .kinds import RegionKind
 from .kinematics import acceleration_matrix
-from .spatial import XYZ, Vec, add, cross, matmul, matvec, transpose
+from .spatial import add, cross, matmul, matvec, minus, transpose
 from .stores import BASE, GROUND, LBASE, LGROUND, LREGION, REGION
 
-ZERO: Vec = [0, 0, 0]
 TWIST = (fields.closing_twist.angular, fields.closing_twist.linear)
 
 
-def _let3(x: Any, name: str, v: Vec, tag: str, lanes: bool = False) -> Vec:
-    return [x.let(f"{name}_{i}", v[k], tag, lanes=lanes) for k, i in enumerate(XYZ)]
-
-
-def _minus(a: Vec, b: Vec) -> Vec:
-    return [p - q for p, q in zip(a, b, strict=True)]
-
-
-def _store(kind: Any, m: int, lanes: bool = False) -> Store:
+def _store(kind: RegionKind, m: int, lanes: bool = False) -> Store:
     """The record (or slot) of a far link; m is its place among the partners, -1 for the ground."""
     return (LGROUND if lanes else GROUND) if m < 0 else partner_store(kind, m, lanes)
 
 
-def far_poses(x: Any, kind: Any) -> None:
+def far_poses(x: Scope, kind: RegionKind) -> None:
     """Outward block of a region, with the closures: attitude, origin and relative velocity of far links. Eqs. 18, 22."""
     for f, m in enumerate(kind.far):
         far = _store(kind, m)
         W_base = x.load(BASE, fields.closing_attitude)
         back = transpose(W_base)
-        W = [_let3(x, "W", row, "Eq. 22") for row in matmul(back, x.load(far, fields.closing_attitude))]
-        apart = _let3(
-            x, "apart", _minus(x.load(far, fields.closing_position), x.load(BASE, fields.closing_position)), "Eq. 22"
+        W = [x.let_vector("W", row, "Eq. 22") for row in matmul(back, x.load(far, fields.closing_attitude))]
+        apart = x.let_vector(
+            "apart", minus(x.load(far, fields.closing_position), x.load(BASE, fields.closing_position)), "Eq. 22"
         )
-        o = _let3(x, "o", matvec(back, apart), "Eq. 22")
+        o = x.let_vector("o", matvec(back, apart), "Eq. 22")
         w_base, v_base = x.load(BASE, fields.closing_twist.angular), x.load(BASE, fields.closing_twist.linear)
-        w, v = (_let3(x, "turned", rotate(W, x.load(far, field)), "Eq. 18") for field in TWIST)
+        w, v = (x.let_vector("turned", rotate(W, x.load(far, field)), "Eq. 18") for field in TWIST)
         x.store(REGION, fields.far_attitude(f), W)
         x.store(REGION, fields.far_position(f), o)
-        x.store(REGION, fields.far_velocity(f).angular, _let3(x, "w", _minus(w, w_base), "Eq. 30"))
+        x.store(REGION, fields.far_velocity(f).angular, x.let_vector("w", minus(w, w_base), "Eq. 30"))
         x.store(
-            REGION, fields.far_velocity(f).linear, _let3(x, "v", _minus(v, add(v_base, cross(w_base, o))), "Eq. 30")
+            REGION, fields.far_velocity(f).linear, x.let_vector("v", minus(v, add(v_base, cross(w_base, o))), "Eq. 30")
         )
 
 
-def far_displacements(x: Any, kind: Any) -> None:
+def far_displacements(x: Scope, kind: RegionKind) -> None:
     """Outward block over directions: rotation vector, displacement and tangent of the relative velocity of far links."""
     for f, m in enumerate(kind.far):
         W, o = x.load(REGION, fields.far_attitude(f)), x.load(REGION, fields.far_position(f))
@@ -69,35 +60,37 @@ def far_displacements(x: Any, kind: Any) -> None:
             far = partner_store(kind, m, lanes=True)
             shift = fields.closing_shift
             turned = [rotate(W, x.load(far, field)) for field in (shift.angular, shift.linear, *TWIST)]
-            theta, d, dw, dv = (_let3(x, "turned", v, "d Eq. 22", True) for v in turned)
-        theta = _let3(x, "th", _minus(theta, theta_base), "d Eq. 22", True)
-        d = _let3(x, "d", _minus(d, add(d_base, cross(theta_base, o))), "d Eq. 22", True)
+            theta, d, dw, dv = (x.let_vector("turned", v, "d Eq. 22", lanes=True) for v in turned)
+        theta = x.let_vector("th", minus(theta, theta_base), "d Eq. 22", lanes=True)
+        d = x.let_vector("d", minus(d, add(d_base, cross(theta_base, o))), "d Eq. 22", lanes=True)
         if m >= 0:
             # W v turns with theta besides
-            w, v = (_let3(x, "own", rotate(W, x.load(partner_store(kind, m), f)), "Eq. 18") for f in TWIST)
+            w, v = (x.let_vector("own", rotate(W, x.load(partner_store(kind, m), f)), "Eq. 18") for f in TWIST)
             dw, dv = add(dw, cross(theta, w)), add(dv, cross(theta, v))
         carried = add(dv_base, cross(dw_base, o), cross(w_base, d))
         x.store(LREGION, fields.far_shift(f).angular, theta)
         x.store(LREGION, fields.far_shift(f).linear, d)
-        x.store(LREGION, fields.far_velocity(f).angular, _let3(x, "dw", _minus(dw, dw_base), "d Eq. 18", True))
-        x.store(LREGION, fields.far_velocity(f).linear, _let3(x, "dv", _minus(dv, carried), "d Eq. 18", True))
+        x.store(LREGION, fields.far_velocity(f).angular, x.let_vector("dw", minus(dw, dw_base), "d Eq. 18", lanes=True))
+        x.store(LREGION, fields.far_velocity(f).linear, x.let_vector("dv", minus(dv, carried), "d Eq. 18", lanes=True))
 
 
-def far_motions(x: Any, kind: Any, own: Motion = fields.remainder, found: Motion = fields.far_remainder) -> None:
+def far_motions(
+    x: Scope, kind: RegionKind, own: Motion = fields.remainder, found: Motion = fields.far_remainder
+) -> None:
     """Angular velocity and accelerations of far links against the ground: from `own` of them to `found` of the region."""
     for f, m in enumerate(kind.far):
         far, W = _store(kind, m), x.load(REGION, fields.far_attitude(f))
         w, al = [list(ZERO) for _ in range(2)]
         if m >= 0:
-            w, al = (_let3(x, "turned", rotate(W, x.load(far, field)), "Eq. 21") for field in (own.w, own.al))
-        a = _let3(x, "turned", rotate(W, x.load(far, own.a)), "Eq. 21")
+            w, al = (x.let_vector("turned", rotate(W, x.load(far, field)), "Eq. 21") for field in (own.w, own.al))
+        a = x.let_vector("turned", rotate(W, x.load(far, own.a)), "Eq. 21")
         motion = found(f)
         for field, v in ((motion.w, w), (motion.al, al), (motion.a, a)):
             x.store(REGION, field, v)
         x.store(REGION, motion.B, acceleration_matrix(x, w, al))
 
 
-def far_own_motions(x: Any, kind: Any) -> None:
+def far_own_motions(x: Scope, kind: RegionKind) -> None:
     """Motion of far links against the ground in their own axes, with all of the accelerations, and its tangents.
 
     Fields ``far0.ow``, ``far0.oal``, ``far0.oa``, ``far0.oB``; the ground has its acceleration only.
@@ -118,6 +111,3 @@ def far_own_motions(x: Any, kind: Any) -> None:
             x.store(LREGION, field, x.load(slot, tangent))
         x.store(REGION, found.B, x.load(record, own.B))
         x.store(LREGION, found.B, x.load(slot, fields.remainder.B))
-
-
-__all__ = ["far_displacements", "far_motions", "far_own_motions", "far_poses"]

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 from ..program.field import (
     AccelerationField,
+    AnyField,
     BlockField,
     EarShiftField,
     Field,
@@ -39,7 +40,7 @@ class Motion:
 
     def __call__(self, *numbers: int) -> Motion:
         """The member of a family."""
-        return Motion(*(f(*numbers) if "{}" in f.name else f for f in (self.w, self.al, self.a, self.B)))  # type: ignore[arg-type]
+        return Motion(self.w(*numbers), self.al(*numbers), self.a(*numbers), self.B(*numbers))
 
 
 @dataclass(frozen=True)
@@ -243,9 +244,9 @@ far_balance = SixField("far{}.b.", WRENCH, "the far link", "the tangent of that"
 coupling = BlockField("", INERTIA, "the two links", "inertia that couples two links, rows first")
 
 
-def _listed() -> dict[str, Field[object]]:
+def _listed() -> dict[str, AnyField]:
     """All fields, by the names that the code has for them."""
-    found: dict[str, Field[object]] = {}
+    found: dict[str, AnyField] = {}
     for name, value in list(globals().items()):
         if isinstance(value, Field):
             found[name] = value

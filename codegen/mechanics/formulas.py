@@ -9,13 +9,12 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import sympy
 from sympy import Expr
 
 from ..model.errors import ModelError
-from ..model.expressions import Expression
+from ..model.expressions import Expression, Tree
 from ..model.model import Model
 from ..program.block import Block, Expansion
 from ..program.derivatives import Tangents
@@ -85,16 +84,16 @@ class FormulaSlots:
             for i, name in enumerate(names):
                 self._places[name] = (category, i)
 
-    def convert(self, tree: Any) -> Any:
+    def convert(self, tree: Tree) -> Tree:
         """The tree with its numbers and names as slots."""
         return to_slots(tree, self.numbers, self._slot)
 
-    def _slot(self, name: str) -> Any:
+    def _slot(self, name: str) -> Tree:
         place = self._places[name]
         return ("name", place[0], self.slots.setdefault(place, len(self.slots)))
 
 
-def formula_kinds(model: Model, target: str, formulas: Sequence[tuple[int, Any]]) -> list[FormulaKind]:
+def formula_kinds(model: Model, target: str, formulas: Sequence[tuple[int, Tree]]) -> list[FormulaKind]:
     """Blocks for formulas, one per form.
 
     Parameters
@@ -102,7 +101,7 @@ def formula_kinds(model: Model, target: str, formulas: Sequence[tuple[int, Any]]
     formulas : sequence of (index, tree)
         Target index and expression tree.
     """
-    forms: dict[Any, tuple[Any, list[tuple[str, int]], list[Row]]] = {}
+    forms: dict[Tree, tuple[Tree, list[tuple[str, int]], list[Row]]] = {}
     template = FormulaSlots(model)
     for index, tree in formulas:
         template.slots, template.numbers = {}, []
@@ -125,7 +124,7 @@ def formula_kinds(model: Model, target: str, formulas: Sequence[tuple[int, Any]]
     return kinds
 
 
-def _with_numbers(tree: Any, literal: dict[int, float]) -> Any:
+def _with_numbers(tree: Tree, literal: dict[int, float]) -> Tree:
     """A tree with numbers in the place of some of its numbered slots."""
     if tree[0] == "slot":
         return ("number", literal[tree[1]]) if tree[1] in literal else tree
@@ -152,13 +151,13 @@ def _has_values(block: Block) -> bool:
     return not any(e.has(*_NO_VALUES) or any(abs(n) > _LARGEST for n in e.atoms(sympy.Number)) for e in expressions)
 
 
-def _make(index: int, target: str, tree: Any, places: list[tuple[str, int]]) -> FormulaKind:
+def _make(index: int, target: str, tree: Tree, places: list[tuple[str, int]]) -> FormulaKind:
     slots = [(category, i) for i, (category, _) in enumerate(places)]
 
     def expansion(name: str, title: str) -> tuple[Expansion, Expr]:
         x = Expansion(f"{name}_{index}", title, lambda a, f: True)
 
-        def leaf(node: Any) -> Expr:
+        def leaf(node: Tree) -> Expr:
             if node[0] == "slot":
                 return x.entry(NUMBER, node[1])
             return x.entry(argument(node[1]), node[2])
@@ -179,7 +178,7 @@ def _make(index: int, target: str, tree: Any, places: list[tuple[str, int]]) -> 
 
 def force_formulas(system: System) -> list[FormulaKind]:
     """Joint forces, summed per freedom; the target index is that of the speed."""
-    trees: dict[int, Any] = {}
+    trees: dict[int, Tree] = {}
     for body, forces in system.force_of.items():
         start = system.model.coordinate_slices[body][1].start
         for f in forces:

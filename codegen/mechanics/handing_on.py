@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TypeVar
 
 from ..program.block import Scope
-from ..program.field import Field
-from ..program.scalar import Value
+from ..program.field import AnyField, Field
+from ..program.scalar import Vector
 from ..program.store import Store
 from .spatial import is_zero
 
@@ -25,7 +25,7 @@ def accumulate(
 
 
 def accumulate_force(
-    x: Scope, store: Store, field: Field[list[Value]], value: list[Value], first: bool, tag: str, lanes: bool = False
+    x: Scope, store: Store, field: Field[Vector], value: Vector, first: bool, tag: str, lanes: bool = False
 ) -> None:
     """The same of a moment and a force, their components taken by turns."""
     parts = field.scalars()
@@ -39,7 +39,7 @@ def add_to_sum(x: Scope, store: Store, field: Field[V], value: V, name: str, tag
         x.store(store.sum, part, x.let(name, v, tag, lanes=lanes))
 
 
-def clear(x: Scope, store: Store, field: Field[V]) -> None:
+def clear(x: Scope, store: Store, field: AnyField) -> None:
     """Nothing is summed up yet."""
     for part in field.scalars():
         x.store(store, part, 0)

@@ -6,11 +6,13 @@ side is minus the tangent of the inverse dynamics at the acceleration just found
 
 from __future__ import annotations
 
-from typing import Any
-
+from ..program.block import Scope
+from ..program.scalar import Vector
 from . import fields
+from .freedoms import freedom_axes
 from .handing_on import accumulate_force
-from .joints import JointTransform, freedom_axes
+from .joints import JointTransform
+from .kinds import LinkKind
 from .kinematics import (
     accelerate,
     acceleration_matrix,
@@ -19,13 +21,12 @@ from .kinematics import (
     less_external,
     own_inertia,
 )
-from .spatial import Vec
 from .stores import DFORCE, FORCE, LME, LUP, ME, MY_LANE, UDOT, UP
 from .tangents import differentiate, pattern, store_tangent, tangent
 from .triangularization import force_to_parent, is_first
 
 
-def joint_acceleration(x: Any, kind: Any, al: Vec, a: Vec) -> tuple[Vec, Vec]:
+def joint_acceleration(x: Scope, kind: LinkKind, al: Vector, a: Vector) -> tuple[Vector, Vector]:
     """Add the joint's own udot. Eq. 19."""
     A = list(al) + list(a)
     for j, i in enumerate(freedom_axes(kind.joint, kind.axis)):
@@ -33,7 +34,7 @@ def joint_acceleration(x: Any, kind: Any, al: Vec, a: Vec) -> tuple[Vec, Vec]:
     return A[:3], A[3:]
 
 
-def newton_euler_outward(x: Any, kind: Any) -> None:
+def newton_euler_outward(x: Scope, kind: LinkKind) -> None:
     """Total accelerations and the force each link's inertia needs. Eqs. 19, 24."""
     joint = JointTransform(x, kind)
     carried, w = angular_velocity(x, kind, joint)
@@ -58,12 +59,12 @@ def newton_euler_outward(x: Any, kind: Any) -> None:
         x.store(MY_LANE, fields.needed, [*tangents[0], *tangents[1]])
 
 
-def newton_euler_inward(x: Any, kind: Any) -> None:
+def newton_euler_inward(x: Scope, kind: LinkKind) -> None:
     """Forces transmitted by the joints; their components along the freedoms are the joint forces."""
     let = x.let
     joint = JointTransform(x, kind)
-    phi: Vec = []
-    d_phi: Vec = []
+    phi: Vector = []
+    d_phi: Vector = []
     for i in range(6):
         own, handed = x.load(ME, fields.total_needed.scalars()[i]), x.load(ME, fields.transmitted.scalars()[i])
         phi.append(let(f"phi_{'nf'[i // 3]}", own + handed, "Eq. 45"))
@@ -81,7 +82,9 @@ def newton_euler_inward(x: Any, kind: Any) -> None:
         transfer(x, kind, joint, phi, d_phi)
 
 
-def transfer(x: Any, kind: Any, joint: JointTransform, phi: Vec, d_phi: Vec, beside: Vec | None = None) -> None:
+def transfer(
+    x: Scope, kind: LinkKind, joint: JointTransform, phi: Vector, d_phi: Vector, beside: Vector | None = None
+) -> None:
     """Hand the transmitted force on to the parent, and its tangent, with what the parent gets `beside` as a partner."""
     r = joint.offset()
     named = [x.name(f"phi{i}", value, "Eq. 45") for i, value in enumerate(phi)]
@@ -106,6 +109,6 @@ def transfer(x: Any, kind: Any, joint: JointTransform, phi: Vec, d_phi: Vec, bes
         accumulate_force(x, UP, fields.transmitted, [*n, *f], is_first(x, kind), "Eq. 44")
 
 
-def hand_on_lanes(x: Any, kind: Any, n: Vec, f: Vec) -> None:
+def hand_on_lanes(x: Scope, kind: LinkKind, n: Vector, f: Vector) -> None:
     """Add a tangent, or the bias force of a solve, to what the parent collects."""
     accumulate_force(x, LUP, fields.articulated_force, [*n, *f], is_first(x, kind), "Eq. 44", lanes=True)

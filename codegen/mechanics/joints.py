@@ -11,19 +11,13 @@ The sine and cosine of q and the entries of a quaternion's matrix are transparen
 
 from __future__ import annotations
 
-from typing import Any
-
+from ..program.block import Scope
+from ..program.field import XYZ
+from ..program.scalar import Matrix, Value, Vector
 from . import fields
-from .spatial import XYZ, Mat, Vec, dot, matmul, matvec, six, skew, symmetric, transpose
+from .kinds import LinkKind
+from .spatial import add, dot, matmul, matvec, six, skew, symmetric, transpose
 from .stores import CONSTANTS, COORDINATES, ME, TRIG, TURNS
-
-FREEDOMS = {"revolute": 1, "prismatic": 1, "spherical": 3, "free": 6}
-COORDINATE_COUNT = {"revolute": 1, "prismatic": 1, "spherical": 4, "free": 7}
-
-
-def freedom_axes(joint: str, axis: int) -> list[int]:
-    """Which unit column of the six each freedom moves along: 0-2 angular, 3-5 linear."""
-    return {"revolute": [axis], "prismatic": [3 + axis], "spherical": [0, 1, 2], "free": [0, 1, 2, 3, 4, 5]}[joint]
 
 
 class JointTransform:
@@ -37,29 +31,29 @@ class JointTransform:
         Whether the vectors that are passed are one per direction.
     """
 
-    def __init__(self, x: Any, kind: Any, lanes: bool = False):
+    def __init__(self, x: Scope, kind: LinkKind, lanes: bool = False):
         self.x = x
         self.lanes = lanes
         self.joint: str = kind.joint
         self.axis: int = kind.axis
-        self.fixed: Mat | None = None
+        self.fixed: Matrix | None = None
         if not kind.aligned:
             self.fixed = x.load(CONSTANTS, fields.joint_attitude)
-        self._trig: tuple[Any, Any] | None = None
-        self._squares: tuple[Any, Any, Any] | None = None
-        self._matrix: Mat | None = None
+        self._trig: tuple[Value, Value] | None = None
+        self._squares: tuple[Value, Value, Value] | None = None
+        self._matrix: Matrix | None = None
 
     # -- what the coordinates give ---------------------------------------------------------------------------------
 
     @property
-    def trig(self) -> tuple[Any, Any]:
+    def trig(self) -> tuple[Value, Value]:
         """Cosine and sine of a revolute joint's coordinate."""
         if self._trig is None:
             self._trig = self.x.load(TRIG, fields.cosine), self.x.load(TRIG, fields.sine)
         return self._trig
 
     @property
-    def squares(self) -> tuple[Any, Any, Any]:
+    def squares(self) -> tuple[Value, Value, Value]:
         if self._squares is None:
             c, s = self.trig
             let = self.x.let
@@ -67,16 +61,16 @@ class JointTransform:
         return self._squares
 
     @property
-    def matrix(self) -> Mat:
+    def matrix(self) -> Matrix:
         """Rotation matrix of a quaternion joint, parent side from child components."""
         if self._matrix is None:
             self._matrix = self.x.load(ME, fields.quaternion_matrix)
         return self._matrix
 
-    def _let(self, name: str, value: Any, tag: str) -> Any:
+    def _let(self, name: str, value: Value, tag: str) -> Value:
         return self.x.let(name, value, tag, lanes=self.lanes)
 
-    def offset(self) -> Vec:
+    def offset(self) -> Vector:
         """Origin of the link in its parent's frame."""
         x = self.x
         r = x.load(CONSTANTS, fields.joint_place)
@@ -85,16 +79,16 @@ class JointTransform:
             if self.fixed is None:
                 r[self.axis] = x.let("r_q", r[self.axis] + q, "Eq. 22")
             else:
-                r = [x.let(f"r_{i}", r[k] + self.fixed[k][self.axis] * q, "Eq. 22") for k, i in enumerate(XYZ)]
+                r = x.let_vector("r", [r[k] + self.fixed[k][self.axis] * q for k in range(3)], "Eq. 22")
         elif self.joint == "free":
-            q = [x.entry(COORDINATES, i) for i in range(3)]
-            moved = q if self.fixed is None else matvec(self.fixed, q)
-            r = [x.let(f"r_{i}", r[k] + moved[k], "Eq. 22") for k, i in enumerate(XYZ)]
+            position = [x.entry(COORDINATES, i) for i in range(3)]
+            moved = position if self.fixed is None else matvec(self.fixed, position)
+            r = x.let_vector("r", add(r, moved), "Eq. 22")
         return r
 
     # -- vectors ---------------------------------------------------------------------------------------------------
 
-    def to_child(self, v: Vec, name: str, tag: str) -> Vec:
+    def to_child(self, v: Vector, name: str, tag: str) -> Vector:
         """Components in the link's frame of a vector given in its parent's."""
         v = [self._let(f"{name}_p{i}", v[k], tag) for k, i in enumerate(XYZ)]
         if self.fixed is not None:
@@ -113,7 +107,7 @@ class JointTransform:
             v = [self._let(f"{name}_{i}", v[k], tag) for k, i in enumerate(XYZ)]
         return v
 
-    def to_parent(self, v: Vec, name: str, tag: str) -> Vec:
+    def to_parent(self, v: Vector, name: str, tag: str) -> Vector:
         """Components in the parent's frame of a vector given in the link's."""
         v = [self._let(f"{name}_c{i}", v[k], tag) for k, i in enumerate(XYZ)]
         if self.joint == "revolute":
@@ -134,7 +128,7 @@ class JointTransform:
 
     # -- inertias --------------------------------------------------------------------------------------------------
 
-    def inertia_to_parent(self, J: Mat, H: Mat, M: Mat, tag: str) -> tuple[Mat, Mat, Mat]:
+    def inertia_to_parent(self, J: Matrix, H: Matrix, M: Matrix, tag: str) -> tuple[Matrix, Matrix, Matrix]:
         """The blocks of a generalised inertia in the parent's axes, about the same point."""
         if self.joint == "revolute":
             J = self._turn_symmetric(J, "J", tag)
@@ -146,11 +140,11 @@ class JointTransform:
             J, H, M = self._rotate_all(self.fixed, J, H, M, tag)
         return J, H, M
 
-    def _rotate_all(self, R: Mat, J: Mat, H: Mat, M: Mat, tag: str) -> tuple[Mat, Mat, Mat]:
-        def named(m: Mat, name: str) -> Mat:
+    def _rotate_all(self, R: Matrix, J: Matrix, H: Matrix, M: Matrix, tag: str) -> tuple[Matrix, Matrix, Matrix]:
+        def named(m: Matrix, name: str) -> Matrix:
             return [[self.x.let(f"{name}{i}{j}", m[i][j], tag) for j in range(3)] for i in range(3)]
 
-        def turned(m: Mat, name: str, is_symmetric: bool) -> Mat:
+        def turned(m: Matrix, name: str, is_symmetric: bool) -> Matrix:
             half = named(matmul(R, named(m, name + "_in")), name + "_h")
             if is_symmetric:
                 entries = [dot(half[i], R[j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
@@ -159,7 +153,7 @@ class JointTransform:
 
         return turned(J, "J", True), turned(H, "H", False), turned(M, "M", True)
 
-    def _turn_symmetric(self, m: Mat, name: str, tag: str) -> Mat:
+    def _turn_symmetric(self, m: Matrix, name: str, tag: str) -> Matrix:
         """``R m R^T`` of a plane rotation.
 
         Written with the squares of sine and cosine: the shorter ``m_bb - s (s d + c e)`` loses a small diagonal entry next
@@ -171,7 +165,7 @@ class JointTransform:
         cc, ss, cs = self.squares
         bb, cc_, bc = (let(f"{name}_e", e, tag) for e in (m[b][b], m[c][c], m[b][c]))
         ab, ac = (let(f"{name}_e", e, tag) for e in (m[a][b], m[a][c]))
-        out: Mat = [[0] * 3 for _ in range(3)]
+        out: Matrix = [[0] * 3 for _ in range(3)]
         twice = let(f"{name}_w", 2 * cs * bc, tag)
         out[b][b] = let(f"{name}_{b}{b}", cc * bb + ss * cc_ - twice, tag)
         out[c][c] = let(f"{name}_{c}{c}", ss * bb + cc * cc_ + twice, tag)
@@ -182,18 +176,18 @@ class JointTransform:
         return out
 
     @property
-    def difference(self) -> Any:
+    def difference(self) -> Value:
         cc, ss, _ = self.squares
         return self.x.let("c2", cc - ss, "Eq. 22")
 
-    def _turn(self, m: Mat, name: str, tag: str) -> Mat:
+    def _turn(self, m: Matrix, name: str, tag: str) -> Matrix:
         """``R m R^T`` of a plane rotation, m not symmetric."""
         let = self.x.let
         a, b, c = self.axis, (self.axis + 1) % 3, (self.axis + 2) % 3
         cos, sin = self.trig
         cc, ss, cs = self.squares
         m = [[let(f"{name}_e", e, tag) for e in row] for row in m]
-        out: Mat = [[0] * 3 for _ in range(3)]
+        out: Matrix = [[0] * 3 for _ in range(3)]
         both = let(f"{name}_w", cs * let(f"{name}_s", m[b][c] + m[c][b], tag), tag)
         skewed = let(f"{name}_d", cs * let(f"{name}_d", m[b][b] - m[c][c], tag), tag)
         out[b][b] = let(f"{name}_{b}{b}", cc * m[b][b] + ss * m[c][c] - both, tag)
@@ -209,14 +203,14 @@ class JointTransform:
 
     # -- differentiation -------------------------------------------------------------------------------------------
 
-    def transparent(self) -> dict[Any, dict[Any, Any]]:
+    def transparent(self) -> dict[Value, dict[Value, Value]]:
         """Derivatives of sine, cosine and matrix entries with respect to the rotation of the link."""
         x = self.x
-        result: dict[Any, dict[Any, Any]] = {}
+        result: dict[Value, dict[Value, Value]] = {}
         if self.joint == "revolute":
             c, s = self.trig
-            turn = x.entry(TURNS, 0)
-            result = {c: {turn: -s}, s: {turn: c}}
+            angle = x.entry(TURNS, 0)
+            result = {c: {angle: -s}, s: {angle: c}}
         elif self.joint in ("spherical", "free"):
             R = self.matrix
             turn = [x.entry(TURNS, i) for i in range(3)]
@@ -228,7 +222,7 @@ class JointTransform:
         return result
 
 
-def shift_inertia(x: Any, r: Vec, J: Mat, H: Mat, M: Mat, tag: str) -> tuple[Mat, Mat, Mat]:
+def shift_inertia(x: Scope, r: Vector, J: Matrix, H: Matrix, M: Matrix, tag: str) -> tuple[Matrix, Matrix, Matrix]:
     """The blocks of a generalised inertia about a point at -r: Eq. 44's ``S I S^T``."""
     let = x.let
     rM = matmul_named(x, skew(r), M, "rM", tag)
@@ -240,9 +234,9 @@ def shift_inertia(x: Any, r: Vec, J: Mat, H: Mat, M: Mat, tag: str) -> tuple[Mat
     return symmetric(six(J_out)), H_out, M
 
 
-def matmul_named(x: Any, a: Mat, b: Mat, name: str, tag: str) -> Mat:
+def matmul_named(x: Scope, a: Matrix, b: Matrix, name: str, tag: str) -> Matrix:
     """A product whose single terms are named, so that a symmetric factor's are computed once."""
-    out: Mat = []
+    out: Matrix = []
     for row in a:
         line = []
         for j in range(3):

@@ -10,20 +10,23 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
 
 import sympy
 from sympy import Expr
+from sympy.core.numbers import Number
 
 from ..loops.partition import Partition
-from ..model.model import CLOSURE_ROWS, GROUND, Face, Loop, Model, Spring
+from ..model.expressions import Expression
+from ..model.model import CLOSURE_ROWS, GROUND, Face, JointForce, Loop, Model, Spring
 from ..program.block import Expansion
 from ..program.functions import SYMBOLIC, number
+from ..program.scalar import Value
 from ..program.store import Store
-from .constants import Constants, Shape, Slots, Statements, make_shape
+from .constants import Constants, Leaf, Shape, Slots, Statements, make_shape
 from .elimination import NOBODY, Partners
-from .joints import COORDINATE_COUNT, FREEDOMS, freedom_axes
-from .links import FLOAT, Link, LoopFaces, face_constants, keep, link_constants, links_of, loop_faces
+from .freedoms import COORDINATE_COUNT, FREEDOMS, freedom_axes
+from .links import FLOAT, Carrier, Link, LoopFaces, face_constants, keep, link_constants, links_of, loop_faces
+from .orthogonal import NO_FORM, FactorForm
 from .regions import Regions, find_regions
 from .stores import CONSTANT, CONSTANTS, LINK, SPRING_CONSTANTS
 from .structure import Region
@@ -181,8 +184,8 @@ class EarKind:
         See `LinkKind`.
     members : list of int
         Ears.
-    kept, structure
-        Conditions that can matter and the form of the factored closure matrix; found when the closure is expanded.
+    form : FactorForm
+        Of the factored closure matrix; the expansion of the closures gives it.
     """
 
     index: int
@@ -199,14 +202,13 @@ class EarKind:
     total: int
     carried: bool
     rigid: bool
-    scale: Any
-    per_length: Any
+    scale: Number
+    per_length: Number
     positions: bool
     partners: Partners = NOBODY
     members: list[int] = field(default_factory=list)
     units: list[int] = field(default_factory=list)
-    kept: list[int] = field(default_factory=list)
-    structure: Any = None
+    form: FactorForm = NO_FORM
 
     role = "ear"
 
@@ -334,7 +336,7 @@ class System:
 
     model: Model
     links: list[Link]
-    carriers: list[Any]
+    carriers: list[Carrier]
     kinds: list[LinkKind]
     kind_of: list[LinkKind]
     constants_of: list[Constants]
@@ -351,7 +353,7 @@ class System:
     slot_of: list[int]
     slots: int
     gravity: Constants | None
-    force_of: dict[int, list[Any]]
+    force_of: dict[int, list[JointForce]]
     partition: Partition | None
 
     @property
@@ -389,16 +391,17 @@ def analyse(model: Model, unrolled: bool, partition: Partition | None = None) ->
     """Find links, constants and kinds. No symbolic work but one expansion per form of constants."""
     defaults = model.defaults
 
-    def evaluate(e: Any) -> Any:
-        return e.evaluate(defaults)
+    def evaluate(e: Expression) -> float:
+        value: float = e.evaluate(defaults)
+        return value
 
     links, carriers = links_of(model, evaluate)
     regions = find_regions(model, links, carriers, partition)
     if regions.ears:
         links, carriers = in_order_of_units(links, carriers, regions)
         regions = find_regions(model, links, carriers, partition)
-    shapes: dict[Any, Shape] = {}
-    by_key: dict[Any, Constants] = {}
+    shapes: dict[object, Shape] = {}
+    by_key: dict[object, Constants] = {}
     constants: list[Constants] = []
     constants_of: list[Constants] = []
     for link in links:
@@ -431,14 +434,14 @@ def analyse(model: Model, unrolled: bool, partition: Partition | None = None) ->
         of_faces.append(found)
     closure_constants, spring_constants = of_faces[: len(faces)], of_faces[len(faces) :]
     pulled = {i for f in ends for i in f.links}
-    force_of: dict[int, list[Any]] = {}
+    force_of: dict[int, list[JointForce]] = {}
     for force in model.forces:
         force_of.setdefault(force.body, []).append(force)
     forced_speeds = set()
     for body, forces in force_of.items():
         start = model.coordinate_slices[body][1].start
-        for f in forces:
-            for j, value in enumerate(f.values):
+        for force in forces:
+            for j, value in enumerate(force.values):
                 if value.tree != ("number", 0):
                     forced_speeds.add(start + j)
     has_child = {link.parent for link in links}
@@ -446,7 +449,7 @@ def analyse(model: Model, unrolled: bool, partition: Partition | None = None) ->
     for i, link in enumerate(links):
         last_child[link.parent] = i
     order = _Order(links, regions, [loop.type for loop in model.loops])
-    kinds: dict[Any, LinkKind] = {}
+    kinds: dict[object, LinkKind] = {}
     kind_of: list[LinkKind] = []
     for i, link in enumerate(links):
         c = constants_of[i]
@@ -459,7 +462,7 @@ def analyse(model: Model, unrolled: bool, partition: Partition | None = None) ->
             last_child[link.parent] == i,
             order.first_contributor.get(link.parent) == order.unit_of_link[i],
         )
-        signature: Any = (
+        signature: object = (
             link.joint, link.frame.index, aligned, first, first_unit, link.parent != GROUND, i in has_child, forced,
             c.shape.index, _pattern(c), order.place_in_ear(i), order.role_of(i), i in pulled,
             order.partners_of_link(i).structure(),
@@ -485,7 +488,7 @@ def analyse(model: Model, unrolled: bool, partition: Partition | None = None) ->
     if model.gravity is not None:
         g = model.gravity
 
-        def write_gravity(x: Expansion, leaf: Any, slots: Slots) -> dict[str, Any]:
+        def write_gravity(x: Expansion, leaf: Leaf, slots: Slots) -> dict[str, Value]:
             statements = Statements(x, leaf)
             return {f"a.{i}": x.let("a", -statements.write(slots.tree(g[k]))) for k, i in enumerate("xyz")}
 
@@ -510,7 +513,7 @@ def _as_loop(spring: Spring) -> Loop:
 def _spring_kinds(
     index: int, kind_of: list[LinkKind], ends: list[LoopFaces], constants: list[Constants]
 ) -> list[SpringKind]:
-    found: dict[Any, SpringKind] = {}
+    found: dict[object, SpringKind] = {}
     owned: dict[int, list[Constants]] = {}
     for n, (f, c) in enumerate(zip(ends, constants, strict=True)):
         on = tuple(GROUND if i == GROUND else kind_of[i].index for i in f.links)
@@ -529,9 +532,7 @@ def _pattern(c: Constants) -> tuple[str, ...]:
     return tuple(sorted(n for n, v in c.values.items() if v != 0))
 
 
-def in_order_of_units(
-    links: list[Link], carriers: list[Any], regions: Regions
-) -> tuple[list[Link], list[tuple[int, Any]]]:
+def in_order_of_units(links: list[Link], carriers: list[Carrier], regions: Regions) -> tuple[list[Link], list[Carrier]]:
     """Links renumbered so that the links of an ear stand together, in the order in which units are worked on."""
     new = {old: n for n, old in enumerate(i for unit in regions.order if unit.role != "region" for i in unit.links)}
     new[GROUND] = GROUND
@@ -555,7 +556,7 @@ class _Order:
         self.first_contributor: dict[int, int] = {}
         self.first_follower: dict[int, int] = {}
         self._carriers: set[int] = set()
-        self._structures: dict[int, tuple[Any, ...]] = {}
+        self._structures: dict[int, tuple[object, ...]] = {}
         self.partners = regions.elimination.partners
         for n, unit in enumerate(regions.order):
             coupled = [] if unit.role == "ear" else self.partners[n].links
@@ -620,7 +621,7 @@ class _Order:
     def carries(self, link: int) -> bool:
         return link in self._carriers
 
-    def place_in_ear(self, link: int) -> Any:
+    def place_in_ear(self, link: int) -> tuple[object, ...] | None:
         """What makes links of ears differ: place, ear's structure."""
         e = self.regions.ear_of[link]
         if e is None:
@@ -628,14 +629,14 @@ class _Order:
         ear = self.regions.ears[e]
         return (ear.links.index(link), *self.ear_structure(e))
 
-    def ear_structure(self, e: int) -> tuple[Any, ...]:
+    def ear_structure(self, e: int) -> tuple[object, ...]:
         """Equal for ears of the same structure."""
         found = self._structures.get(e)
         if found is None:
             found = self._structures[e] = self._structure(e)
         return found
 
-    def _structure(self, e: int) -> tuple[Any, ...]:
+    def _structure(self, e: int) -> tuple[object, ...]:
         ear = self.regions.ears[e]
         region = self.regions.regions[ear.region]
         n = self.unit_of_link[ear.links[0]] if ear.links else -1
@@ -708,7 +709,7 @@ def _unit_kinds(
     unrolled: bool,
 ) -> tuple[list[UnitKind], list[UnitKind]]:
     """Kinds of units: plain links, ears, regions."""
-    found: dict[Any, UnitKind] = {}
+    found: dict[object, UnitKind] = {}
     unit_kind_of: list[UnitKind] = []
     constants: dict[int, list[list[Constants]]] = {}
     for n, unit in enumerate(regions.order):
@@ -721,7 +722,7 @@ def _unit_kinds(
             first = order.first_contributor.get(region.base) == n
             r, partners = len(region.freedoms), order.partners[n]
             far = tuple(-1 if i == GROUND else partners.links.index(i) for i in region.far)
-            key: Any = (
+            key: object = (
                 "region", r, region.carried, region.rigid, first, far, partners.structure(), unit.number if unrolled else 0,
             )  # fmt: skip
             kind = found.setdefault(
@@ -762,13 +763,13 @@ def _ear_kind(
     kind_of: list[LinkKind],
     faces: list[LoopFaces],
     closure_constants: list[Constants],
-    found: dict[Any, UnitKind],
+    found: dict[object, UnitKind],
     unrolled: bool,
 ) -> EarKind:
     ear = regions.ears[e]
     region = regions.regions[ear.region]
     loops = [faces[c.loop] for c in ear.closures]
-    key: Any = (
+    key: object = (
         "ear", order.ear_structure(e), tuple(kind_of[i].index for i in ear.links),
         tuple(
             (f.loop.type, f.frames[0].index, f.frames[1].index, closure_constants[c.loop].shape.index,
@@ -809,11 +810,11 @@ def _ear_kind(
 
 
 def make_constants(
-    shapes: dict[Any, Shape],
-    structure: Any,
-    visit: Callable[[Slots], Any],
-    write: Callable[[Expansion, Any, Slots], dict[str, Any]],
-    values: Callable[[], dict[str, Any]],
+    shapes: dict[object, Shape],
+    structure: object,
+    visit: Callable[[Slots], object],
+    write: Callable[[Expansion, Leaf, Slots], dict[str, Value]],
+    values: Callable[[], dict[str, Value]],
     index: int,
 ) -> Constants:
     """The constants of one set of expressions; expands their shape if it is new."""
@@ -823,15 +824,18 @@ def make_constants(
     shape = shapes.get(key)
     if shape is None:
         shape = shapes[key] = make_shape(len(shapes), slots, lambda x, leaf: write(x, leaf, slots))
-    numeric = {name: float(v) for name, v in values().items() if name not in shape.varying and shape.fields[name] != 0}
+    numeric: dict[str, float] = {}
+    for name, v in values().items():
+        if name not in shape.varying and shape.fields[name] != 0:
+            assert isinstance(v, (int, float))
+            numeric[name] = float(v)
     return Constants(shape, tuple(slots.parameters), tuple(slots.numbers), numeric, index)
 
 
-def _write(link: Link, x: Expansion, leaf: Any, slots: Slots) -> dict[str, Any]:
+def _write(link: Link, x: Expansion, leaf: Leaf, slots: Slots) -> dict[str, Value]:
     """Write the constants of a link as statements."""
     statements = Statements(x, leaf)
-    functions = {n: SYMBOLIC[n] for n in ("sqrt", "cos", "sin")}
-    return link_constants(link, lambda e: statements.write(slots.tree(e)), functions, x.let)
+    return link_constants(link, lambda e: statements.write(slots.tree(e)), SYMBOLIC, x.let)
 
 
 def _visit(link: Link, slots: Slots) -> None:
@@ -857,8 +861,7 @@ def _visit_faces(faces: LoopFaces, slots: Slots) -> None:
         slots.tree(e)
 
 
-def _write_faces(faces: LoopFaces, x: Expansion, leaf: Any, slots: Slots) -> dict[str, Any]:
+def _write_faces(faces: LoopFaces, x: Expansion, leaf: Leaf, slots: Slots) -> dict[str, Value]:
     """Write the constants of a loop's faces as statements."""
     statements = Statements(x, leaf)
-    functions = {n: SYMBOLIC[n] for n in ("sqrt", "cos", "sin")}
-    return face_constants(faces, lambda e: statements.write(slots.tree(e)), functions, x.let)
+    return face_constants(faces, lambda e: statements.write(slots.tree(e)), SYMBOLIC, x.let)

@@ -2,27 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from sympy import Rational
-
-from ..program.field import VectorField
+from ..program.block import Scope
+from ..program.field import XYZ, VectorField
+from ..program.scalar import Matrix, Value, Vector
 from . import fields
+from .freedoms import COORDINATE_START
 from .joints import JointTransform
-from .spatial import XYZ, Mat, Vec, add, cross, matvec
+from .kinds import LinkKind
+from .spatial import add, cross, matvec
 from .stores import CONSTANTS, COORDINATES, DQ, DQDOT, DU, ME, MY_LANE, QDOT, SPEEDS, UP
 from .tangents import differentiate, tangent
 
 
-def let_vector(x: Any, name: str, v: Vec, tag: str) -> Vec:
-    return [x.let(f"{name}_{i}", v[k], tag) for k, i in enumerate(XYZ)]
-
-
-def acceleration_matrix(x: Any, w: Vec, al: Vec, name: str = "B") -> Mat:
+def acceleration_matrix(x: Scope, w: Vector, al: Vector, name: str = "B") -> Matrix:
     """``B = alpha x + omega x omega x``: acceleration of a point r of the link is ``a + B r`` (part of Eq. 21)."""
     tag = "Eq. 21"
     sq = [x.let(f"{name}_w{i}{i}", w[k] * w[k], tag) for k, i in enumerate(XYZ)]
-    B: Mat = [[0] * 3 for _ in range(3)]
+    B: Matrix = [[0] * 3 for _ in range(3)]
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
         B[i][i] = x.let(f"{name}_{XYZ[i]}{XYZ[i]}", -(sq[j] + sq[k]), tag)
@@ -33,26 +29,26 @@ def acceleration_matrix(x: Any, w: Vec, al: Vec, name: str = "B") -> Mat:
 
 
 def angular_velocity(
-    x: Any, kind: Any, joint: JointTransform, field: VectorField = fields.angular_velocity
-) -> tuple[Vec, Vec]:
+    x: Scope, kind: LinkKind, joint: JointTransform, field: VectorField = fields.angular_velocity
+) -> tuple[Vector, Vector]:
     """Angular velocity of the parent in the link's axes, and of the link. Eq. 18."""
     carried = joint.to_child(x.load(UP, field), "wp", "Eq. 18")
     return carried, turning(x, kind, carried)
 
 
-def turning(x: Any, kind: Any, carried: Vec) -> Vec:
+def turning(x: Scope, kind: LinkKind, carried: Vector) -> Vector:
     """Angular velocity of a link from that of its parent, in the link's axes. Eq. 18."""
     w = list(carried)
     if kind.joint == "revolute":
         w[kind.axis] = x.let(f"w_{XYZ[kind.axis]}", w[kind.axis] + x.entry(SPEEDS, 0), "Eq. 18")
     elif kind.joint in ("spherical", "free"):
-        w = let_vector(x, "w", add(w, [x.entry(SPEEDS, i) for i in range(3)]), "Eq. 18")
+        w = x.let_vector("w", add(w, [x.entry(SPEEDS, i) for i in range(3)]), "Eq. 18")
     return w
 
 
-def relative_bias(x: Any, kind: Any, carried: Vec) -> tuple[Vec, Vec]:
+def relative_bias(x: Scope, kind: LinkKind, carried: Vector) -> tuple[Vector, Vector]:
     """Angular and linear acceleration remainder that the joint itself contributes. Eqs. 20, 21."""
-    zero = [0, 0, 0]
+    zero: Vector = [0, 0, 0]
     if kind.joint == "revolute":
         e = list(zero)
         e[kind.axis] = x.entry(SPEEDS, 0)
@@ -66,23 +62,27 @@ def relative_bias(x: Any, kind: Any, carried: Vec) -> tuple[Vec, Vec]:
         return cross(carried, turn), zero
     slide = [x.entry(SPEEDS, i) for i in range(3, 6)]
     # d/dt (R v) = R (v' + w_rel x v), and Coriolis 2 w_pr x v
-    sweep = let_vector(x, "sweep", [turn[i] + 2 * carried[i] for i in range(3)], "Eq. 21")
+    sweep = x.let_vector("sweep", [turn[i] + 2 * carried[i] for i in range(3)], "Eq. 21")
     return cross(carried, turn), cross(sweep, slide)
 
 
-def body_force(x: Any, w: Vec, al: Vec, a: Vec, B: Mat, inertia: tuple[Any, Vec, Mat]) -> tuple[Vec, Vec]:
+def body_force(
+    x: Scope, w: Vector, al: Vector, a: Vector, B: Matrix, inertia: tuple[Value, Vector, Matrix]
+) -> tuple[Vector, Vector]:
     """Moment and force that a link's own inertia needs: minus Eq. 24, about the frame's origin.
 
     `inertia` is mass, first moment and inertia about that origin, in the axes of the others.
     """
     m, h, J = inertia
-    force = [x.let(f"f_{i}", m * a[k] + matvec(B, h)[k], "Eq. 24") for k, i in enumerate(XYZ)]
+    force = x.let_vector("f", [m * a[k] + matvec(B, h)[k] for k in range(3)], "Eq. 24")
     moment = add(matvec(J, al), cross(h, a), gyroscopic_moment(x, w, J))
-    moment = [x.let(f"n_{i}", moment[k], "Eq. 24") for k, i in enumerate(XYZ)]
+    moment = x.let_vector("n", moment, "Eq. 24")
     return moment, force
 
 
-def less_external(x: Any, kind: Any, needed: tuple[Vec, Vec], lanes: bool = False) -> tuple[Vec, Vec]:
+def less_external(
+    x: Scope, kind: LinkKind, needed: tuple[Vector, Vector], lanes: bool = False
+) -> tuple[Vector, Vector]:
     """What is left of the force that a link needs when springs have acted on it (R of Eq. 24)."""
     if not kind.pulled:
         return needed
@@ -94,10 +94,10 @@ def less_external(x: Any, kind: Any, needed: tuple[Vec, Vec], lanes: bool = Fals
     return n, f
 
 
-def gyroscopic_moment(x: Any, w: Vec, J: Mat) -> Vec:
+def gyroscopic_moment(x: Scope, w: Vector, J: Matrix) -> Vector:
     """``omega x J omega`` with the products of omega named, so that they are shared with `acceleration_matrix`."""
     sq = [x.let(f"B_w{i}{i}", w[k] * w[k], "Eq. 24") for k, i in enumerate(XYZ)]
-    out: Vec = []
+    out: Vector = []
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
         jk = x.let(f"B_w{XYZ[j]}{XYZ[k]}", w[j] * w[k], "Eq. 24")
@@ -109,14 +109,14 @@ def gyroscopic_moment(x: Any, w: Vec, J: Mat) -> Vec:
     return out
 
 
-def own_inertia(x: Any) -> tuple[Any, Vec, Mat]:
+def own_inertia(x: Scope) -> tuple[Value, Vector, Matrix]:
     """Mass, first moment and inertia of a link, in its own axes about its origin."""
     return x.load(CONSTANTS, fields.mass), x.load(CONSTANTS, fields.first_moment), x.load(CONSTANTS, fields.inertia)
 
 
 def accelerate(
-    x: Any, kind: Any, joint: JointTransform, carried: Vec, motion: fields.Motion = fields.remainder
-) -> tuple[Vec, Vec]:
+    x: Scope, kind: LinkKind, joint: JointTransform, carried: Vector, motion: fields.Motion = fields.remainder
+) -> tuple[Vector, Vector]:
     """Acceleration of the link's frame with udot = 0 of its own joint. Eqs. 19-21.
 
     `motion` is what of the parent it starts from: the remainders, or the total accelerations.
@@ -125,18 +125,18 @@ def accelerate(
 
 
 def accelerated(
-    x: Any, kind: Any, joint: JointTransform, carried: Vec, before: tuple[Vec, Vec, Mat]
-) -> tuple[Vec, Vec]:
+    x: Scope, kind: LinkKind, joint: JointTransform, carried: Vector, before: tuple[Vector, Vector, Matrix]
+) -> tuple[Vector, Vector]:
     """The same from the parent's angular acceleration, acceleration and B, in the parent's axes."""
     al_bias, a_bias = relative_bias(x, kind, carried)
     al = joint.to_child(before[0], "alp", "Eq. 21")
     a = joint.to_child(add(before[1], matvec(before[2], joint.offset())), "ap", "Eq. 21")
-    al = [x.let(f"al_{i}", al[k] + al_bias[k], "Eq. 21") for k, i in enumerate(XYZ)]
-    a = [x.let(f"a_{i}", a[k] + a_bias[k], "Eq. 21") for k, i in enumerate(XYZ)]
+    al = x.let_vector("al", add(al, al_bias), "Eq. 21")
+    a = x.let_vector("a", add(a, a_bias), "Eq. 21")
     return al, a
 
 
-def kinematics(x: Any, kind: Any) -> None:
+def kinematics(x: Scope, kind: LinkKind) -> None:
     """Outward block of the forward dynamics: motion with udot = 0 and the force it needs."""
     joint = JointTransform(x, kind)
     carried, w = angular_velocity(x, kind, joint)
@@ -152,7 +152,7 @@ def kinematics(x: Any, kind: Any) -> None:
     x.store(ME, fields.needed.linear, force)
 
 
-def quaternion_matrix(x: Any, kind: Any) -> None:
+def quaternion_matrix(x: Scope, kind: LinkKind) -> None:
     """Rotation matrix of e/|e|, child to parent components; written with 2/|e|^2, so any e will do."""
     n = COORDINATE_START[kind.joint]
     w, i, j, k = (x.entry(COORDINATES, n + m) for m in range(4))
@@ -167,11 +167,7 @@ def quaternion_matrix(x: Any, kind: Any) -> None:
     x.store(ME, fields.quaternion_matrix, named)
 
 
-COORDINATE_START = {"spherical": 0, "free": 3}
-"""Where the quaternion begins among a joint's coordinates."""
-
-
-def quaternion_turn(x: Any, kind: Any) -> None:
+def quaternion_turn(x: Scope, kind: LinkKind) -> None:
     """Rotation vector, in the link's axes, that belongs to a quaternion's tangent: ``2 e* de / |e|^2``, a radial one is zero."""
     n = COORDINATE_START[kind.joint]
     w, i, j, k = (x.entry(COORDINATES, n + m) for m in range(4))
@@ -188,7 +184,7 @@ def quaternion_turn(x: Any, kind: Any) -> None:
         x.store(MY_LANE, fields.turn(m), x.let("turn", turn[m], tag, lanes=True))
 
 
-def coordinate_rates(x: Any, kind: Any) -> None:
+def coordinate_rates(x: Scope, kind: LinkKind) -> None:
     """Time derivatives of the coordinates. Eq. 1: of a quaternion ``e (0, omega) / 2``, of a position ``R v``."""
     if kind.joint in ("revolute", "prismatic"):
         x.set_entry(QDOT, 0, x.entry(SPEEDS, 0))
@@ -198,7 +194,7 @@ def coordinate_rates(x: Any, kind: Any) -> None:
     joint = JointTransform(x, kind)
     n = COORDINATE_START[kind.joint]
     tag = "Eq. 1"
-    half = 1 if x.structural else Rational(1, 2)
+    half = x.half
     w, i, j, k = (x.let("e", half * x.entry(COORDINATES, n + m), tag) for m in range(4))
     wx, wy, wz = (x.entry(SPEEDS, m) for m in range(3))
     rates = [-i * wx - j * wy - k * wz, w * wx + j * wz - k * wy, w * wy + k * wx - i * wz, w * wz + i * wy - j * wx]

@@ -8,17 +8,27 @@ of a chain are looked at once.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 from ..model.expressions import Expression
-from ..model.model import GROUND, Body, Loop, Model, Vector, coordinate_axis
-from .spatial import XYZ, Mat, Vec, add, cross, dot, matmul, matvec, scale, transpose
+from ..model.model import GROUND, Body, Loop, Model, coordinate_axis
+from ..model.model import Vector as ExpressionVector
+from ..program.field import XYZ
+from ..program.scalar import Matrix, Value, Vector
+from .spatial import add, cross, dot, matmul, matvec, scale, transpose
 
-Evaluate = Callable[[Expression], Any]
-Placement = tuple[Vector, tuple[tuple[Vector, Expression], ...]]
+Evaluate = Callable[[Expression], Value]
+NumberOf = Callable[[Expression], float]
+"""Value of an expression at the default parameters."""
+Function = Callable[[Value], Value]
+Functions = Mapping[str, Function]
+"""Square root, cosine and sine, of numbers or of symbols."""
+Let = Callable[[str, Value], Value]
+Placement = tuple[ExpressionVector, tuple[tuple[ExpressionVector, Expression], ...]]
 """Where a frame lies in another: origin, and rotations about the moving axes."""
+Carrier = tuple[int, tuple[Placement, ...]]
+"""A link, and the way from its body's frame to another."""
 
 
 @dataclass(slots=True, eq=False)
@@ -30,15 +40,15 @@ class Frame:
     """
 
     index: int
-    vector: Vector | None = None
+    vector: ExpressionVector | None = None
     flipped: bool = False
     start: int = 0
 
-    def form(self) -> tuple[Any, ...]:
+    def form(self) -> tuple[object, ...]:
         """Equal for frames whose matrices are the same but for numbers."""
         return () if self.vector is None else (self.flipped, self.flipped and self.index, self.start)
 
-    def key(self) -> tuple[Any, ...]:
+    def key(self) -> tuple[object, ...]:
         return (self.index, self.flipped, self.start, None if self.vector is None else tuple(map(id, self.vector)))
 
 
@@ -71,10 +81,10 @@ class Link:
     frame: Frame
     members: list[tuple[Body, tuple[Placement, ...]]] = field(default_factory=list)
 
-    def key(self) -> tuple[Any, ...]:
+    def key(self) -> tuple[object, ...]:
         """Equal for links that are made of the same expressions."""
 
-        def of_steps(steps: tuple[Placement, ...]) -> tuple[Any, ...]:
+        def of_steps(steps: tuple[Placement, ...]) -> tuple[object, ...]:
             return tuple(
                 (*map(id, at), *((*map(id, axis), id(angle)) for axis, angle in rotation)) for at, rotation in steps
             )
@@ -87,20 +97,20 @@ class Link:
 
 BODY_FRAME = Frame(2)
 ZERO = Expression.number(0)
-ORIGIN: Vector = (ZERO, ZERO, ZERO)
+ORIGIN: ExpressionVector = (ZERO, ZERO, ZERO)
 
 
-def axis_frame(axis: Vector, evaluate: Evaluate) -> Frame:
+def axis_frame(axis: ExpressionVector, evaluate: NumberOf) -> Frame:
     """The frame for a joint axis: the body's own axes where the axis is one of them."""
     along = coordinate_axis(axis)
     if along is not None:
         i, sign = along
         return Frame(i, axis, flipped=True) if sign < 0 else Frame(i)
-    defaults = [abs(float(evaluate(a))) for a in axis]
+    defaults = [abs(evaluate(a)) for a in axis]
     return Frame(2, axis, start=defaults.index(min(defaults)))
 
 
-def links_of(model: Model, evaluate: Evaluate) -> tuple[list[Link], list[tuple[int, tuple[Placement, ...]]]]:
+def links_of(model: Model, evaluate: NumberOf) -> tuple[list[Link], list[Carrier]]:
     """The links of a model, outward, and for each body the link that carries it with the way to its frame.
 
     Parameters
@@ -110,7 +120,7 @@ def links_of(model: Model, evaluate: Evaluate) -> tuple[list[Link], list[tuple[i
         Values of expressions at the default parameters; only used to choose among equivalent frames.
     """
     links: list[Link] = []
-    carriers: list[tuple[int, tuple[Placement, ...]]] = [(GROUND, ())] * len(model.bodies)
+    carriers: list[Carrier] = [(GROUND, ())] * len(model.bodies)
     for k in model.outward:
         body = model.bodies[k]
         parent, steps = carriers[body.parent] if body.parent != GROUND else (GROUND, ())
@@ -143,17 +153,17 @@ def links_of(model: Model, evaluate: Evaluate) -> tuple[list[Link], list[tuple[i
 # -- constants: the same lines for floats and symbols -------------------------------------------------------------
 
 
-def identity() -> Mat:
+def identity() -> Matrix:
     return [[int(i == j) for j in range(3)] for i in range(3)]
 
 
-def unit(v: Vec, sqrt: Callable[[Any], Any], let: Callable[..., Any]) -> Vec:
+def unit(v: Vector, sqrt: Function, let: Let) -> Vector:
     length = let("length", sqrt(dot(v, v)))
     inverse = let("inverse", 1 / length)
     return [let("e", x * inverse) for x in v]
 
 
-def frame_matrix(frame: Frame, evaluate: Evaluate, sqrt: Callable[[Any], Any], let: Callable[..., Any]) -> Mat:
+def frame_matrix(frame: Frame, evaluate: Evaluate, sqrt: Function, let: Let) -> Matrix:
     """Body components from link components."""
     if frame.vector is None:
         return identity()
@@ -168,13 +178,13 @@ def frame_matrix(frame: Frame, evaluate: Evaluate, sqrt: Callable[[Any], Any], l
     return transpose([x, y, z])
 
 
-def rotation_matrix(axis: Vec, cos: Any, sin: Any, sqrt: Callable[[Any], Any], let: Callable[..., Any]) -> Mat:
+def rotation_matrix(axis: Vector, cos: Value, sin: Value, sqrt: Function, let: Let) -> Matrix:
     """Rotation about an axis (not normalised) by an angle."""
     nonzero = [i for i in range(3) if not (axis[i] == 0)]
-    if len(nonzero) == 1 and isinstance(axis[nonzero[0]], (int, float)):
-        i = nonzero[0]
-        e: Vec = [0, 0, 0]
-        e[i] = 1 if axis[i] > 0 else -1
+    along = axis[nonzero[0]] if len(nonzero) == 1 else None
+    if isinstance(along, (int, float)):
+        e: Vector = [0, 0, 0]
+        e[nonzero[0]] = 1 if along > 0 else -1
     else:
         e = unit(axis, sqrt, let)
     versine = let("versine", 1 - cos)
@@ -185,11 +195,9 @@ def rotation_matrix(axis: Vec, cos: Any, sin: Any, sqrt: Callable[[Any], Any], l
     return R
 
 
-def place(
-    steps: Sequence[Placement], evaluate: Evaluate, functions: dict[str, Any], let: Callable[..., Any]
-) -> tuple[Vec, Mat]:
+def place(steps: Sequence[Placement], evaluate: Evaluate, functions: Functions, let: Let) -> tuple[Vector, Matrix]:
     """Origin and rotation matrix of the frame at the end of the steps, in the frame at their start."""
-    origin: Vec = [0, 0, 0]
+    origin: Vector = [0, 0, 0]
     R = identity()
     turned = False
     for at, rotation in steps:
@@ -204,9 +212,7 @@ def place(
     return origin, R
 
 
-def link_constants(
-    link: Link, evaluate: Evaluate, functions: dict[str, Any], let: Callable[..., Any]
-) -> dict[str, Any]:
+def link_constants(link: Link, evaluate: Evaluate, functions: Functions, let: Let) -> dict[str, Value]:
     """Mass, first moment, inertia about the link's origin and the place of its joint, in link components.
 
     Returns
@@ -227,7 +233,7 @@ def link_constants(
     if link.frame.vector is not None:
         half = [[let("Jh", e) for e in row] for row in matmul(transpose(Q), J)]
         J = matmul(half, Q)
-    out: dict[str, Any] = {"m": m}
+    out: dict[str, Value] = {"m": m}
     for k, i in enumerate(XYZ):
         out[f"h.{i}"] = h[k]
         out[f"r.{i}"] = let(f"r_{i}", r[k])
@@ -271,7 +277,7 @@ class LoopFaces:
                     found += [*axis, angle]
         return found
 
-    def structure(self) -> tuple[Any, ...]:
+    def structure(self) -> tuple[object, ...]:
         """Equal for loops whose constants are the same but for numbers and parameters."""
         return (
             "faces", self.loop.type, *(f.form() for f in (*self.link_frames, *self.frames)),
@@ -279,9 +285,7 @@ class LoopFaces:
         )  # fmt: skip
 
 
-def loop_faces(
-    loop: Loop, links: Sequence[Link], carriers: Sequence[tuple[int, tuple[Placement, ...]]], evaluate: Evaluate
-) -> LoopFaces:
+def loop_faces(loop: Loop, links: Sequence[Link], carriers: Sequence[Carrier], evaluate: NumberOf) -> LoopFaces:
     """Where the faces of a loop joint are."""
     on: list[int] = []
     steps: list[tuple[Placement, ...]] = []
@@ -294,9 +298,7 @@ def loop_faces(
     return LoopFaces(loop, (on[0], on[1]), (steps[0], steps[1]), (frames[0], frames[1]), (axes[0], axes[-1]))
 
 
-def face_constants(
-    faces: LoopFaces, evaluate: Evaluate, functions: dict[str, Any], let: Callable[..., Any]
-) -> dict[str, Any]:
+def face_constants(faces: LoopFaces, evaluate: Evaluate, functions: Functions, let: Let) -> dict[str, Value]:
     """Origins and axes of a loop joint's faces, in link components.
 
     Returns
@@ -305,7 +307,7 @@ def face_constants(
         ``A`` the start, ``B`` the end: ``A.r.i`` origin, m; ``A.F.ij`` link components from those of the face, one of whose
         axes is the joint's.
     """
-    out: dict[str, Any] = {}
+    out: dict[str, Value] = {}
     for side, name in enumerate("AB"):
         Q = frame_matrix(faces.link_frames[side], evaluate, functions["sqrt"], let)
         r, R = place(faces.steps[side], evaluate, functions, let)
@@ -322,18 +324,18 @@ def face_constants(
 def rigid_inertia(
     members: Sequence[tuple[Body, tuple[Placement, ...]]],
     evaluate: Evaluate,
-    functions: dict[str, Any],
-    let: Callable[..., Any],
-) -> tuple[Any, Vec, Mat]:
+    functions: Functions,
+    let: Let,
+) -> tuple[Value, Vector, Matrix]:
     """Mass, first moment and inertia about the origin of bodies that move together, in the carrying body's axes."""
-    mass: Any = 0
-    moment: Vec = [0, 0, 0]
-    inertia: Mat = [[0] * 3 for _ in range(3)]
+    mass: Value = 0
+    moment: Vector = [0, 0, 0]
+    inertia: Matrix = [[0] * 3 for _ in range(3)]
     for body, steps in members:
         m = let("m", evaluate(body.mass))
         c = [evaluate(e) for e in body.com]
         xx, yy, zz, xy, xz, yz = (evaluate(e) for e in body.inertia)
-        I: Mat = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
+        I: Matrix = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
         if steps:
             origin, R = place(steps, evaluate, functions, let)
             c = [let("c", e) for e in add(origin, matvec(R, c))]
@@ -349,10 +351,18 @@ def rigid_inertia(
     return mass, moment, inertia
 
 
-FLOAT: dict[str, Any] = {"sqrt": math.sqrt, "cos": math.cos, "sin": math.sin}
+def _of_floats(function: Callable[[float], float]) -> Function:
+    def of(value: Value) -> float:
+        assert isinstance(value, (int, float))
+        return function(value)
+
+    return of
+
+
+FLOAT: Functions = {"sqrt": _of_floats(math.sqrt), "cos": _of_floats(math.cos), "sin": _of_floats(math.sin)}
 """Functions for `link_constants` on floats."""
 
 
-def keep(name: str, value: Any) -> Any:
+def keep(name: str, value: Value) -> Value:
     """The `let` of numbers."""
     return value

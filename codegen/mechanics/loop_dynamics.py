@@ -9,16 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 from ..model.model import CLOSURE_ROWS
-from ..program.block import ANY
-from ..program.field import PLACES, Field
+from ..program.block import Scope
+from ..program.field import PLACES, AnyField
+from ..program.scalar import Matrix, Value, Vector
 from ..program.store import Store
 from . import fields
 from .closures import own_sources, source_speed, source_twist, stored_factor
 from .couplings import (
-    SIX,
     from_far,
     hand_force,
     hand_inertia,
@@ -27,16 +26,15 @@ from .couplings import (
     partner_acceleration,
     to_base,
 )
-from .ears import UNIT, ZERO, Condition, Ear, Twist, rotate
+from .ears import ZERO, Condition, Ear, Member, Twist, rotate
 from .elimination import CARRIER
 from .far_links import far_motions
 from .handing_on import accumulate, accumulate_force, add_to_sum, clear
 from .joints import shift_inertia
+from .kinds import EarKind, RegionKind
 from .kinematics import acceleration_matrix, body_force
 from .spatial import (
-    XYZ,
-    Mat,
-    Vec,
+    SIX,
     add,
     cross,
     dot,
@@ -50,16 +48,16 @@ from .spatial import (
     transpose,
 )
 from .stores import BASE, CONSTANTS, EAR, GROUND, LBASE, LME, LREGION, ME, OWN, PIVOT, REGION, ROOTS, SPEEDS, TAU, UDOT
-from .triangularization import SMALL_NUMBER, ZeroPivotError, articulated_parts
+from .triangularization import SMALL, articulated_parts, pivot
 
-Motion = tuple[Vec, Vec, Vec, Mat]
+Motion = tuple[Vector, Vector, Vector, Matrix]
 """Angular velocity, angular and linear acceleration, and B = alpha x + omega x omega x of a link, in region axes."""
 
-FaceMotion = Callable[[int, int], tuple[Vec, Vec, Vec]]
+FaceMotion = Callable[[int, int], tuple[Vector, Vector, Vector]]
 """Angular velocity, angular and linear acceleration of a face by loop and side, in region axes."""
 
 
-def root_motions(x: Any, kind: Any, total: bool = False) -> list[Motion]:
+def root_motions(x: Scope, kind: EarKind, total: bool = False) -> list[Motion]:
     """Motions of the roots; `total`: with all of the accelerations, not only the remainders."""
     of_base, of_far, of_link = (
         (fields.total, fields.far_total, fields.ear_total)
@@ -85,7 +83,7 @@ def root_motions(x: Any, kind: Any, total: bool = False) -> list[Motion]:
     return found
 
 
-def link_constants(x: Any, ear: Ear, k: int) -> tuple[Any, Vec, Mat]:
+def link_constants(x: Scope, ear: Ear, k: int) -> tuple[Value, Vector, Matrix]:
     """Mass, first moment and inertia about the origin of a link, in region axes."""
     member = ear.members[k]
     m = member.view.load(CONSTANTS, fields.mass)
@@ -93,7 +91,7 @@ def link_constants(x: Any, ear: Ear, k: int) -> tuple[Any, Vec, Mat]:
     return m, h, rotated_inertia(x, member.W, member.view.load(CONSTANTS, fields.inertia), "Eq. 23")
 
 
-def rotated_inertia(x: Any, W: Mat, J: Mat, tag: str) -> Mat:
+def rotated_inertia(x: Scope, W: Matrix, J: Matrix, tag: str) -> Matrix:
     """``W J W^T``."""
     axis = None if x.structural else _axis_of_symmetry(J)
     if axis is not None:
@@ -110,7 +108,7 @@ def rotated_inertia(x: Any, W: Mat, J: Mat, tag: str) -> Mat:
     return symmetric([x.let("J", e, tag) for e in entries])
 
 
-def _axis_of_symmetry(J: Mat) -> int | None:
+def _axis_of_symmetry(J: Matrix) -> int | None:
     """The axis of a diagonal inertia whose other two moments are the same constant."""
     if not all(is_zero(J[i][j]) for i, j in ((0, 1), (0, 2), (1, 2))):
         return None
@@ -121,10 +119,10 @@ def _axis_of_symmetry(J: Mat) -> int | None:
     return None
 
 
-def joint_bias(x: Any, member: Any, w_before: Vec, speeds: list[Any]) -> tuple[Vec, Vec]:
+def joint_bias(x: Scope, member: Member, w_before: Vector, speeds: Vector) -> tuple[Vector, Vector]:
     """Angular and linear acceleration that a joint adds with udot = 0. Eq. 21."""
-    turning: Vec = [0, 0, 0]
-    sliding: Vec = [0, 0, 0]
+    turning: Vector = [0, 0, 0]
+    sliding: Vector = [0, 0, 0]
     for f, u in zip(member.freedoms, speeds, strict=True):
         if f.angular:
             turning = add(turning, scale(u, f.e))
@@ -137,11 +135,11 @@ def joint_bias(x: Any, member: Any, w_before: Vec, speeds: list[Any]) -> tuple[V
     return cross(w_before, turning), cross(twice, sliding)
 
 
-def speeds_of(member: Any) -> list[Any]:
+def speeds_of(member: Member) -> Vector:
     return [member.view.entry(SPEEDS, f.index) for f in member.freedoms]
 
 
-def member_motion(x: Any, member: Any, before: Motion, extra: list[Any] | None = None) -> Motion:
+def member_motion(x: Scope, member: Member, before: Motion, extra: Vector | None = None) -> Motion:
     """Motion of a link from its parent's; `extra` are the joint's udot, none if left out."""
     w0, al0, a0, B0 = before
     speeds = speeds_of(member)
@@ -149,7 +147,7 @@ def member_motion(x: Any, member: Any, before: Motion, extra: list[Any] | None =
     for f, u in zip(member.freedoms, speeds, strict=True):
         if f.angular:
             w = add(w, scale(u, f.e))
-    w = [x.let(f"w_{i}", w[n], "Eq. 18") for n, i in enumerate(XYZ)]
+    w = x.let_vector("w", w, "Eq. 18")
     al_bias, a_bias = joint_bias(x, member, w0, speeds)
     al = add(al0, al_bias)
     a = add(a0, matvec(B0, member.rho), a_bias)
@@ -160,17 +158,17 @@ def member_motion(x: Any, member: Any, before: Motion, extra: list[Any] | None =
             al = add(al, scale(value, f.e))
         else:
             a = add(a, scale(value, f.e))
-    al = [x.let(f"al_{i}", al[n], "Eq. 21") for n, i in enumerate(XYZ)]
-    a = [x.let(f"a_{i}", a[n], "Eq. 21") for n, i in enumerate(XYZ)]
+    al = x.let_vector("al", al, "Eq. 21")
+    a = x.let_vector("a", a, "Eq. 21")
     return w, al, a, acceleration_matrix(x, w, al)
 
 
-def root_velocities(x: Any, kind: Any) -> list[Twist]:
+def root_velocities(x: Scope, kind: EarKind) -> list[Twist]:
     """Velocities of the roots, relative to a base that carries the region rigidly. Eq. 30."""
     found = []
     for t in range(len(kind.roots)):
-        angular: Vec = [0, 0, 0]
-        linear: Vec = [0, 0, 0]
+        angular: Vector = [0, 0, 0]
+        linear: Vector = [0, 0, 0]
         for c in range(kind.total):
             twist = source_twist(x, kind, t, c)
             if all(is_zero(v) for v in (*twist.angular, *twist.linear)):
@@ -183,30 +181,32 @@ def root_velocities(x: Any, kind: Any) -> list[Twist]:
     return found
 
 
-def face_motion(ear: Ear, motions: list[Motion], roots: list[Motion], c: int, side: int) -> tuple[Vec, Vec, Vec]:
+def face_motion(
+    ear: Ear, motions: list[Motion], roots: list[Motion], c: int, side: int
+) -> tuple[Vector, Vector, Vector]:
     """Angular velocity, angular acceleration and acceleration of a loop's face."""
     place = ear.kind.closures[c].faces[side]
     w, al, a, B = motions[place] if place >= 0 else roots[-1 - place]
     return w, al, add(a, matvec(B, ear.arm(c, side)))
 
 
-def slip_velocities(x: Any, ear: Ear, roots: list[Twist]) -> list[Twist]:
+def slip_velocities(x: Scope, ear: Ear, roots: list[Twist]) -> list[Twist]:
     """Relative velocities at the cuts, for joints that slide."""
     velocities = ear.walk(roots, [speeds_of(m) for m in ear.members], "s", "Eq. 30")
     return ear.face_difference(velocities, roots)
 
 
 def closing_accelerations(
-    x: Any,
+    x: Scope,
     ear: Ear,
     rows: list[Condition],
     face: FaceMotion,
     name: str,
     root_speeds: list[Twist] | None = None,
-) -> Vec:
+) -> Vector:
     """What the conditions see of the faces' accelerations, with what their turning adds. Eq. 31."""
     at_cuts, relative = cut_accelerations(x, ear, face, root_speeds)
-    result: Vec = []
+    result: Vector = []
     for row, value in zip(rows, ear.conditions(rows, at_cuts, name, "Eq. 31"), strict=True):
         w = relative[row.loop]
         for weight, c, d in row.turning:  # c turns with the end: ((w x c) x d) . w
@@ -217,14 +217,14 @@ def closing_accelerations(
 
 
 def cut_accelerations(
-    x: Any, ear: Ear, face: FaceMotion, root_speeds: list[Twist] | None = None
-) -> tuple[list[Twist], list[Vec]]:
+    x: Scope, ear: Ear, face: FaceMotion, root_speeds: list[Twist] | None = None
+) -> tuple[list[Twist], list[Vector]]:
     """What the faces' accelerations differ by at every cut, and their angular velocities. Eq. 31.
 
     The joint's own remainder is taken off, for conditions that turn with the start face.
     """
     found = []
-    turning: list[Vec] = []
+    turning: list[Vector] = []
     slips = []
     if any(c.slides for c in ear.kind.closures):
         slips = slip_velocities(x, ear, root_speeds or root_velocities(x, ear.kind))
@@ -257,7 +257,7 @@ def cut_accelerations(
     return found, turning
 
 
-def universal_bias(x: Any, ear: Ear, c: int, angular: Vec, w_a: Vec, w_b: Vec, relative: Vec) -> Vec:
+def universal_bias(x: Scope, ear: Ear, c: int, angular: Vector, w_a: Vector, w_b: Vector, relative: Vector) -> Vector:
     """For a universal joint with axes a and b: ``d/dt (n . w_rel)``, n = a x b, as an angular vector along n.
 
     `angular` comes with ``- w_a x w_rel`` in it, which is right for directions fixed in the start face; n turns with both.
@@ -270,10 +270,10 @@ def universal_bias(x: Any, ear: Ear, c: int, angular: Vec, w_a: Vec, w_b: Vec, r
     return [angular[i] + rate * n[i] for i in range(3)]
 
 
-def ear_kinematics(x: Any, kind: Any) -> None:
+def ear_kinematics(x: Scope, kind: EarKind) -> None:
     """Outward block: motion with the sources at rest, dependent joints accelerating as closure asks, and the force it needs."""
     ear = Ear(x, kind)
-    rows = [ear.rows()[i] for i in kind.kept]
+    rows = ear.kept_rows()
     roots = root_motions(x, kind)
     motions: list[Motion] = []
     for member in ear.members:
@@ -287,8 +287,8 @@ def ear_kinematics(x: Any, kind: Any) -> None:
         for d, y in enumerate(rates):
             x.store(EAR, fields.dependent_remainder(d), y)
         for k, (w, al, a, _) in enumerate(motions):
-            al = [x.let(f"al_{i}", al[n] + added[k].angular[n], "Eq. 31") for n, i in enumerate(XYZ)]
-            a = [x.let(f"a_{i}", a[n] + added[k].linear[n], "Eq. 31") for n, i in enumerate(XYZ)]
+            al = x.let_vector("al", add(al, added[k].angular), "Eq. 31")
+            a = x.let_vector("a", add(a, added[k].linear), "Eq. 31")
             motions[k] = (w, al, a, acceleration_matrix(x, w, al))
     for k, (w, al, a, B) in enumerate(motions):
         me = ME[k]
@@ -306,7 +306,7 @@ def ear_kinematics(x: Any, kind: Any) -> None:
             hand_outward(x, me, ear.members[k].W, w, al, a)
 
 
-def less_external_of(x: Any, ear: Ear, k: int, needed: tuple[Vec, Vec]) -> tuple[Vec, Vec]:
+def less_external_of(x: Scope, ear: Ear, k: int, needed: tuple[Vector, Vector]) -> tuple[Vector, Vector]:
     """What is left of the force that a link needs when springs have acted on it, in region axes."""
     if not ear.kind.links[k].pulled:
         return needed
@@ -319,7 +319,7 @@ def less_external_of(x: Any, ear: Ear, k: int, needed: tuple[Vec, Vec]) -> tuple
     return n, f
 
 
-def hand_outward(x: Any, store: Store, W: Mat, w: Vec, al: Vec, a: Vec, total: bool = False) -> None:
+def hand_outward(x: Scope, store: Store, W: Matrix, w: Vector, al: Vector, a: Vector, total: bool = False) -> None:
     """Motion in the link's own axes, for the links that it carries."""
     back = transpose(W)
     w, al, a = ([x.let("own", e, "Eq. 22") for e in matvec(back, v)] for v in (w, al, a))
@@ -331,17 +331,17 @@ def hand_outward(x: Any, store: Store, W: Mat, w: Vec, al: Vec, a: Vec, total: b
     x.store(store, motion.B, acceleration_matrix(x, w, al))
 
 
-def region_start(x: Any, kind: Any) -> None:
+def region_start(x: Scope, kind: RegionKind) -> None:
     """Outward block of a region: nothing is summed yet; how its far links move."""
     for field in sum_fields(kind):
         clear(x, REGION, field)
     far_motions(x, kind)
 
 
-def sum_fields(kind: Any) -> list[Field[Any]]:
+def sum_fields(kind: RegionKind) -> list[AnyField]:
     """What the ears of a region sum up."""
     sources = range(kind.total)
-    found: list[Field[Any]] = [fields.source_inertia(c, d) for c in sources for d in range(c, kind.total)]
+    found: list[AnyField] = [fields.source_inertia(c, d) for c in sources for d in range(c, kind.total)]
     found += [fields.source_force(c) for c in sources]
     if kind.carried and kind.rigid:
         carried = fields.region_inertia
@@ -350,17 +350,17 @@ def sum_fields(kind: Any) -> list[Field[Any]]:
     return found + [fields.source_to_partner(m, c, k) for m in partners for c in rows for k in SIX]
 
 
-def place_of_base(kind: Any) -> int:
+def place_of_base(kind: RegionKind) -> int:
     """Where the base's six components begin among the unknowns of a region."""
     return int(kind.total if kind.rigid else kind.sources)
 
 
-def system_size(kind: Any) -> int:
+def system_size(kind: RegionKind) -> int:
     """Unknowns of a region: its sources, and the six components of a base that carries it rigidly."""
     return int(kind.total + (6 if kind.carried and kind.rigid else 0))
 
 
-def places_of_partners(kind: Any) -> list[int]:
+def places_of_partners(kind: RegionKind) -> list[int]:
     """Where the six components of each partner begin among the unknowns: after the region's own; the base has its place."""
     found, at = [], system_size(kind)
     for m in range(len(kind.partners.links)):
@@ -369,19 +369,21 @@ def places_of_partners(kind: Any) -> list[int]:
     return found
 
 
-def apply_inertia(x: Any, J: Mat, H: Mat, M: Mat, angular: Vec, linear: Vec, name: str, tag: str) -> tuple[Vec, Vec]:
+def apply_inertia(
+    x: Scope, J: Matrix, H: Matrix, M: Matrix, angular: Vector, linear: Vector, name: str, tag: str
+) -> tuple[Vector, Vector]:
     """Moment and force of a generalised inertia at an acceleration."""
     n = add(matvec(J, angular), matvec(H, linear))
     f = add(matvec(transpose(H), angular), matvec(M, linear))
     return [x.let(f"{name}n", e, tag) for e in n], [x.let(f"{name}f", e, tag) for e in f]
 
 
-def member_inertia(x: Any, ear: Ear, k: int) -> tuple[Mat, Mat, Mat, Vec, Vec]:
+def member_inertia(x: Scope, ear: Ear, k: int) -> tuple[Matrix, Matrix, Matrix, Vector, Vector]:
     """Inertia of a link with all that it carries, and the force that its motion needs, in region axes about its origin."""
     member = ear.members[k]
     m, J = member.view.load(CONSTANTS, fields.mass), x.load(ME[k], fields.ear_inertia)
     H = skew(x.load(ME[k], fields.ear_first_moment))
-    M: Mat = [[m if i == j else 0 for j in range(3)] for i in range(3)]
+    M: Matrix = [[m if i == j else 0 for j in range(3)] for i in range(3)]
     n, f = x.load(ME[k], fields.ear_needed.angular), x.load(ME[k], fields.ear_needed.linear)
     if ear.kind.links[k].carries:
         J_c, H_c, M_c, n_c, f_c = articulated_parts(member.view)
@@ -396,14 +398,14 @@ def member_inertia(x: Any, ear: Ear, k: int) -> tuple[Mat, Mat, Mat, Vec, Vec]:
     return J, H, M, n, f
 
 
-def ear_triangularize(x: Any, kind: Any) -> None:
+def ear_triangularize(x: Scope, kind: EarKind) -> None:
     """Inward block: what the ear's links add to the inertia and force of their region. Eqs. 39-41."""
     ear = Ear(x, kind)
     tag = "Eq. 40"
     own = own_sources(kind)
-    Q: dict[tuple[int, int], Any] = {}
-    g: dict[int, Any] = {}
-    K: dict[int, tuple[Vec, Vec]] = {}
+    Q: dict[tuple[int, int], Value] = {}
+    g: dict[int, Value] = {}
+    K: dict[int, tuple[Vector, Vector]] = {}
     for k in range(len(ear.members)):
         J, H, M, n, f = member_inertia(x, ear, k)
         Z = {c: (z[:3], z[3:]) for c, z in motions_with_sources(x, kind, k).items()}
@@ -416,7 +418,7 @@ def ear_triangularize(x: Any, kind: Any) -> None:
             if kind.carried and kind.rigid:
                 o = ear.position(k)
                 shifted = add(N[0], cross(o, N[1])), N[1]
-                K[c] = tuple(add(a, b) for a, b in zip(K[c], shifted, strict=True)) if c in K else shifted  # type: ignore[assignment]
+                K[c] = (add(K[c][0], shifted[0]), add(K[c][1], shifted[1])) if c in K else shifted
         if kind.carried and kind.rigid:
             _to_base(x, ear.position(k), J, H, M, n, f)
     couplings_of_ear(x, ear, Q, K)
@@ -436,7 +438,7 @@ def ear_triangularize(x: Any, kind: Any) -> None:
         add_to_sum(x, REGION, fields.source_to_base(c), [*n, *f], "K", "Eq. 39")
 
 
-def motions_with_sources(x: Any, kind: Any, k: int) -> dict[int, Vec]:
+def motions_with_sources(x: Scope, kind: EarKind, k: int) -> dict[int, Vector]:
     """How a link of an ear moves with each source, those that do not move it left out."""
     found = {
         c: x.load(ME[k], fields.per_source(c).angular) + x.load(ME[k], fields.per_source(c).linear)
@@ -445,12 +447,12 @@ def motions_with_sources(x: Any, kind: Any, k: int) -> dict[int, Vec]:
     return {c: z for c, z in found.items() if any(not is_zero(v) for v in z)}
 
 
-def couplings_of_ear(x: Any, ear: Ear, Q: dict[tuple[int, int], Any], K: dict[int, tuple[Vec, Vec]]) -> None:
+def couplings_of_ear(x: Scope, ear: Ear, Q: dict[tuple[int, int], Value], K: dict[int, tuple[Vector, Vector]]) -> None:
     """What the couplings of an ear's links are in the sources of its region: inertia, or couplings of the region. Eq. 40."""
     kind, tag = ear.kind, "Eq. 40"
-    found: dict[tuple[int, int, int], Any] = {}
+    found: dict[tuple[int, int, int], Value] = {}
     for n, (j, other) in enumerate(kind.partners.between):
-        C = [[0] * 6 for _ in SIX]
+        C: Matrix = [[0] * 6 for _ in SIX]
         for k, column in enumerate(zip(*x.load(OWN[n], fields.coupling), strict=True)):
             turned = [e for part in (column[:3], column[3:]) for e in rotate(ear.members[j].W, list(part))]
             for i in SIX:
@@ -469,7 +471,7 @@ def couplings_of_ear(x: Any, ear: Ear, Q: dict[tuple[int, int], Any], K: dict[in
         for row in C:
             row[:] = [x.let("C", e, tag) for part in (row[:3], row[3:]) for e in rotate(ear.members[other].W, part)]
         Z_other = motions_with_sources(x, kind, other)
-        for one, Z_one, Z_two, block in ((j, Z, Z_other, C), (other, Z_other, Z, _transposed(C))):
+        for one, Z_one, Z_two, block in ((j, Z, Z_other, C), (other, Z_other, Z, transpose(C))):
             for c, z in Z_two.items():
                 N = [x.let("N", sum(block[i][k] * z[k] for k in SIX), tag) for i in SIX]
                 for d, y in Z_one.items():
@@ -485,13 +487,9 @@ def couplings_of_ear(x: Any, ear: Ear, Q: dict[tuple[int, int], Any], K: dict[in
         x.store(REGION.sum, fields.source_to_partner(m, c, k), x.let("P", value, tag))
 
 
-def _transposed(C: Mat) -> Mat:
-    return [list(column) for column in zip(*C, strict=True)]
-
-
-def _coupling_to_base(x: Any, o: Vec, o_other: Vec, C: Mat) -> None:
+def _coupling_to_base(x: Scope, o: Vector, o_other: Vector, C: Matrix) -> None:
     """Add a coupling of two links that the base carries to what it carries."""
-    half = _transposed([to_base(x, o, list(column), "Eq. 39") for column in zip(*C, strict=True)])
+    half = transpose([to_base(x, o, list(column), "Eq. 39") for column in zip(*C, strict=True)])
     whole = [to_base(x, o_other, row, "Eq. 39") for row in half]
     carried = fields.region_inertia
     for field, a, b in ((carried.J, 0, 0), (carried.M, 3, 3), (carried.H, 0, 3)):
@@ -499,7 +497,7 @@ def _coupling_to_base(x: Any, o: Vec, o_other: Vec, C: Mat) -> None:
         add_to_sum(x, REGION, field, both, "I", "Eq. 39")
 
 
-def _to_base(x: Any, o: Vec, J: Mat, H: Mat, M: Mat, n: Vec, f: Vec) -> None:
+def _to_base(x: Scope, o: Vector, J: Matrix, H: Matrix, M: Matrix, n: Vector, f: Vector) -> None:
     """Add a link's inertia and force, about the base's origin, to what the base carries."""
     J, H, M = shift_inertia(x, o, J, H, M, "Eq. 39")
     n = add(n, cross(o, f))
@@ -509,12 +507,12 @@ def _to_base(x: Any, o: Vec, J: Mat, H: Mat, M: Mat, n: Vec, f: Vec) -> None:
     add_to_sum(x, REGION, fields.region_force, [*n, *f], "p", "Eq. 41")
 
 
-def region_system(x: Any, kind: Any) -> tuple[Mat, list[Any]]:
+def region_system(x: Scope, kind: RegionKind) -> tuple[Matrix, Vector]:
     """Inertia and force of a region over its sources, a base that is a link, and partners."""
     at, where = place_of_base(kind), places_of_partners(kind)
     size = system_size(kind) + 6 * len(others(kind))
-    Q: Mat = [[0] * size for _ in range(size)]
-    g: list[Any] = [0] * size
+    Q: Matrix = [[0] * size for _ in range(size)]
+    g: Vector = [0] * size
     for c in range(kind.total):
         g[c] = x.load(REGION, fields.source_force(c))
         for d in range(c, kind.total):
@@ -545,7 +543,7 @@ def region_system(x: Any, kind: Any) -> tuple[Mat, list[Any]]:
     return Q, g
 
 
-def region_triangularize(x: Any, kind: Any) -> None:
+def region_triangularize(x: Scope, kind: RegionKind) -> None:
     """Inward block of a region: its sources are eliminated, the last one first; what is left goes to the link that carries it.
 
     Eqs. 44-47.
@@ -554,15 +552,11 @@ def region_triangularize(x: Any, kind: Any) -> None:
     Q, g = region_system(x, kind)
     size = len(Q)
     for j in reversed(range(kind.sources)):
-        D = Q[j][j]
-        if is_zero(D):
-            if not x.structural:
-                raise ZeroPivotError(kind)
-            D = ANY
+        D = pivot(x, kind, Q[j][j])
         inverse = let("Dinv", 1 / D, "Eq. 47")
         # what is left is measured against what the source's own inertia was before others were eliminated
         whole = x.load(REGION, fields.source_inertia(j, j))
-        x.set_entry(PIVOT, j, let("margin", D - (1 if x.structural else SMALL_NUMBER) * whole, "zero pivot"))
+        x.set_entry(PIVOT, j, let("margin", D - x.number(SMALL) * whole, "zero pivot"))
         x.store(REGION, fields.source_inverse_pivot(j), inverse)
         x.store(REGION, fields.source_right_side(j), let("rD", -g[j] * inverse, "Eq. 53"))
         remaining = [i for i in range(size) if i < j or i >= kind.sources]
@@ -584,7 +578,7 @@ def region_triangularize(x: Any, kind: Any) -> None:
         hand_inertia(x, kind, m, [row[first : first + 6] for row in Q[first : first + 6]])
         hand_force(x, kind, m, g[first : first + 6])
 
-    def remaining_block(m: int, n: int) -> Mat:
+    def remaining_block(m: int, n: int) -> Matrix:
         rows, columns = (at if end == CARRIER else where[end] for end in (m, n))
         return [row[columns : columns + 6] for row in Q[rows : rows + 6]]
 
@@ -600,7 +594,7 @@ def region_triangularize(x: Any, kind: Any) -> None:
     accumulate(x, BASE, handed.H, H, kind.first, "Eq. 44")
 
 
-def absolute_motions(x: Any, kind: Any, Q: Mat, g: list[Any]) -> None:
+def absolute_motions(x: Scope, kind: RegionKind, Q: Matrix, g: Vector) -> None:
     """From relative motions of far links to their accelerations and the base's: ``s = A_far - X A_base``, a congruence. Eq. 39.
 
     Changes Q and g; the far links' columns are in their own axes then.
@@ -611,7 +605,7 @@ def absolute_motions(x: Any, kind: Any, Q: Mat, g: list[Any]) -> None:
         s = kind.sources + 6 * f
         W, o = x.load(REGION, fields.far_attitude(f)), x.load(REGION, fields.far_position(f))
 
-        def add_to(target: list[Any], v: Vec, m: int = m, W: Mat = W, o: Vec = o) -> None:
+        def add_to(target: Vector, v: Vector, m: int = m, W: Matrix = W, o: Vector = o) -> None:
             """Add what six components along s are along the base and the far link."""
             for i, value in enumerate(to_base(x, o, v, tag)):
                 target[base + i] = x.let("Q", target[base + i] - value, tag)
@@ -634,14 +628,14 @@ def absolute_motions(x: Any, kind: Any, Q: Mat, g: list[Any]) -> None:
                     Q[c][r] = row[c]
 
 
-def base_acceleration(x: Any, kind: Any, lanes: bool) -> list[Any]:
+def base_acceleration(x: Scope, kind: RegionKind, lanes: bool) -> Vector:
     """The base's acceleration, as far as it is explicit in udot; nothing for the ground."""
     if not kind.carried:
         return []
     return list(x.load(LBASE if lanes else BASE, fields.explicit_acceleration))
 
 
-def outer_accelerations(x: Any, kind: Any, lanes: bool) -> dict[int, Any]:
+def outer_accelerations(x: Scope, kind: RegionKind, lanes: bool) -> dict[int, Value]:
     """What is known of a region's unknowns before its own are: motions of far links, base and partners, by place."""
     base = base_acceleration(x, kind, lanes)
     of_partners = [partner_acceleration(x, kind, m, lanes) for m in range(len(kind.partners.links))]
@@ -659,16 +653,16 @@ def outer_accelerations(x: Any, kind: Any, lanes: bool) -> dict[int, Any]:
     return found
 
 
-def region_back_substitute(x: Any, kind: Any) -> None:
+def region_back_substitute(x: Scope, kind: RegionKind) -> None:
     """Outward block of a region: the accelerations of its sources. Eq. 53."""
     store_sources(x, kind, [x.load(REGION, fields.source_right_side(j)) for j in range(kind.sources)], False)
 
 
-def store_sources(x: Any, kind: Any, right: list[Any], lanes: bool) -> None:
+def store_sources(x: Scope, kind: RegionKind, right: Vector, lanes: bool) -> None:
     """Back substitution among the sources, and the relative accelerations of far links."""
     store = LREGION if lanes else REGION
     outer = outer_accelerations(x, kind, lanes)
-    found: list[Any] = []
+    found: Vector = []
     for j in range(kind.sources):
         value = right[j]
         for i, known in [*enumerate(found), *sorted(outer.items())]:
@@ -681,7 +675,7 @@ def store_sources(x: Any, kind: Any, right: list[Any], lanes: bool) -> None:
             x.store(store, fields.source_acceleration(c), outer[c])
 
 
-def source_accelerations(x: Any, kind: Any, lanes: bool) -> list[Any]:
+def source_accelerations(x: Scope, kind: EarKind, lanes: bool) -> Vector:
     """Accelerations of all sources as an ear sees them."""
     store, own = LREGION if lanes else REGION, kind.total if kind.rigid else kind.sources
     found = [x.load(store, fields.source_acceleration(c)) for c in range(own)]
@@ -690,7 +684,7 @@ def source_accelerations(x: Any, kind: Any, lanes: bool) -> list[Any]:
     return found
 
 
-def ear_back_substitute(x: Any, kind: Any) -> None:
+def ear_back_substitute(x: Scope, kind: EarKind) -> None:
     """Outward block: accelerations of the ear's joints. Eqs. 53, 54."""
     a = source_accelerations(x, kind, False)
     own = own_sources(kind)
@@ -706,7 +700,7 @@ def ear_back_substitute(x: Any, kind: Any) -> None:
         carried_accelerations(x, kind, a, False)
 
 
-def carried_accelerations(x: Any, kind: Any, a: list[Any], lanes: bool) -> None:
+def carried_accelerations(x: Scope, kind: EarKind, a: Vector, lanes: bool) -> None:
     """The explicit part of the accelerations of links that carry others, in their own axes. Eq. 54."""
     ear = Ear(x, kind)
     store, base = (LME, LBASE) if lanes else (ME, BASE)
@@ -714,8 +708,8 @@ def carried_accelerations(x: Any, kind: Any, a: list[Any], lanes: bool) -> None:
     for k, member in enumerate(ear.members):
         if not kind.links[k].carries:
             continue
-        angular: Vec = [0, 0, 0]
-        linear: Vec = [0, 0, 0]
+        angular: Vector = [0, 0, 0]
+        linear: Vector = [0, 0, 0]
         if rigid is not None:
             angular, linear = rigid[:3], add(rigid[3:], cross(rigid[:3], ear.position(k)))
         for c in range(kind.total):
@@ -727,6 +721,3 @@ def carried_accelerations(x: Any, kind: Any, a: list[Any], lanes: bool) -> None:
         own = [x.let("bal", e, "Eq. 54", lanes=lanes) for e in matvec(back, angular)]
         own += [x.let("ba", e, "Eq. 54", lanes=lanes) for e in matvec(back, linear)]
         x.store(store[k], fields.explicit_acceleration, own)
-
-
-__all__ = ["UNIT", "apply_inertia", "base_acceleration", "region_start", "region_triangularize"]

@@ -8,23 +8,61 @@ least-squares sense: on consistent motion the redundant conditions agree.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Any
 
-import sympy
-from sympy import Float
-
-from ..program.block import ANY
+from ..program.block import ANY, Scope
+from ..program.scalar import Value, Vector
 from . import fields
-from .spatial import Vec, cross
+from .spatial import cross
 from .stores import EAR, RANK
 
-SMALLEST = Float(1e-28)
+SMALLEST = 1e-28
 """Squared part of a column that must be left after projection: below it the closure matrix has lost rank."""
 
 
 class RankLossError(ValueError):
     """The closure matrix of an ear has fewer independent columns than dependent speeds in every configuration."""
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """A step of the elimination of a closure matrix.
+
+    Attributes
+    ----------
+    column : int
+    unit : list of int
+        The row of the one entry of a column of Q that is a coordinate direction.
+    support : list of int
+        Rows of its entries otherwise.
+    above : list of int
+        Earlier steps that it was projected on.
+    """
+
+    column: int
+    unit: list[int]
+    support: list[int]
+    above: list[int]
+
+
+@dataclass(frozen=True, slots=True)
+class FactorForm:
+    """What of a factored closure matrix is there: found by the block that factors it, for those that load it.
+
+    Attributes
+    ----------
+    rows : list of int
+        Conditions that can matter, among all.
+    steps : list of Step
+    """
+
+    rows: list[int]
+    steps: list[Step]
+
+
+NO_FORM = FactorForm([], [])
+"""Of what has not been factored yet."""
 
 
 @dataclass(slots=True)
@@ -35,7 +73,7 @@ class Factor:
     ----------
     order : list of int
         Columns in the order of elimination.
-    q : list of Vec
+    q : list of Vector
         Orthonormal columns, in that order.
     R : dict of (int, int) to value
         Above the diagonal, by place in the order.
@@ -43,20 +81,20 @@ class Factor:
         Of the diagonal.
     """
 
-    x: Any
+    x: Scope
     order: list[int] = field(default_factory=list)
-    q: list[Vec] = field(default_factory=list)
-    R: dict[tuple[int, int], Any] = field(default_factory=dict)
-    inverse: list[Any] = field(default_factory=list)
+    q: list[Vector] = field(default_factory=list)
+    R: dict[tuple[int, int], Value] = field(default_factory=dict)
+    inverse: Vector = field(default_factory=list)
 
-    def solve(self, b: Vec, name: str, tag: str, lanes: bool = False) -> list[Any]:
+    def solve(self, b: Vector, name: str, tag: str, lanes: bool = False) -> Vector:
         """``x`` of ``E x = b``, in the order of E's columns."""
         let = self.x.let
         n = len(self.order)
         y = [
             let(f"{name}_y", _sum(product(q, v) for q, v in zip(qj, b, strict=True)), tag, lanes=lanes) for qj in self.q
         ]
-        found: list[Any] = [0] * n
+        found: Vector = [0] * n
         for j in reversed(range(n)):
             rest = y[j]
             for i in range(j + 1, n):
@@ -64,10 +102,10 @@ class Factor:
             found[j] = let(name, product(rest, self.inverse[j]), tag, lanes=lanes)
         return self._sorted(found)
 
-    def solve_transposed(self, g: list[Any], name: str, tag: str, lanes: bool = False) -> Vec:
+    def solve_transposed(self, g: Vector, name: str, tag: str, lanes: bool = False) -> Vector:
         """The shortest ``w`` of ``E^T w = g``."""
         let = self.x.let
-        z: list[Any] = []
+        z: Vector = []
         for j, column in enumerate(self.order):
             rest = g[column]
             for i in range(j):
@@ -79,14 +117,14 @@ class Factor:
             for i in range(rows)
         ]
 
-    def _sorted(self, values: list[Any]) -> list[Any]:
-        result: list[Any] = [0] * len(values)
+    def _sorted(self, values: Vector) -> Vector:
+        result: Vector = [0] * len(values)
         for j, column in enumerate(self.order):
             result[column] = values[j]
         return result
 
-    def store(self, rows: list[int], count: int) -> Structure:
-        """Keep the factor in the ear's record; returns its form, for `load_factor`.
+    def store(self, rows: list[int], count: int) -> FactorForm:
+        """Keep the factor in the ear's record; gives its form, for `load_factor`.
 
         `rows` are the numbers of E's rows among all `count` conditions. Fields are called after those and after columns. On zero
         patterns all fields are taken to be there: statements may show more zeros, and then another order of elimination.
@@ -97,7 +135,7 @@ class Factor:
                     self.x.store(EAR, fields.orthogonal_entry(j, i), ANY)
                 for i in range(len(self.order)):
                     self.x.store(EAR, fields.triangular_entry(i, j), ANY)
-        structure: Structure = []
+        steps: list[Step] = []
         for j, column in enumerate(self.order):
             unit = [i for i, v in enumerate(self.q[j]) if isinstance(v, int) and v == 1]
             support = [] if unit else [i for i, v in enumerate(self.q[j]) if v != 0]
@@ -107,40 +145,36 @@ class Factor:
             for i in above:
                 self.x.store(EAR, fields.triangular_entry(self.order[i], column), self.R[i, j])
             self.x.store(EAR, fields.inverse_diagonal(column), self.inverse[j])
-            structure.append((column, unit, support, above))
-        return structure
+            steps.append(Step(column, unit, support, above))
+        return FactorForm(rows, steps)
 
 
-Structure = list[tuple[int, list[int], list[int], list[int]]]
-"""For each step of elimination: column, the row of its one entry, rows of its entries, earlier steps it was projected on."""
-
-
-def load_factor(x: Any, rows: list[int], structure: Structure) -> Factor:
+def load_factor(x: Scope, form: FactorForm) -> Factor:
     """A factor that an earlier block has stored."""
     f = Factor(x)
-    for j, (column, unit, support, above) in enumerate(structure):
-        f.order.append(column)
-        entries = ((i, fields.orthogonal_entry(column, row)) for i, row in enumerate(rows))
-        f.q.append([1 if i in unit else x.load(EAR, entry) if i in support else 0 for i, entry in entries])
-        for i in above:
-            f.R[i, j] = x.load(EAR, fields.triangular_entry(f.order[i], column))
-        f.inverse.append(x.load(EAR, fields.inverse_diagonal(column)))
+    for j, step in enumerate(form.steps):
+        f.order.append(step.column)
+        entries = ((i, fields.orthogonal_entry(step.column, row)) for i, row in enumerate(form.rows))
+        f.q.append([1 if i in step.unit else x.load(EAR, entry) if i in step.support else 0 for i, entry in entries])
+        for i in step.above:
+            f.R[i, j] = x.load(EAR, fields.triangular_entry(f.order[i], step.column))
+        f.inverse.append(x.load(EAR, fields.inverse_diagonal(step.column)))
     return f
 
 
-def product(a: Any, b: Any) -> Any:
+def product(a: Value, b: Value) -> Value:
     """Of values any of which may be the int 0 or 1."""
     return b if isinstance(a, int) and a == 1 else a * b
 
 
-def _sum(terms: Any) -> Any:
-    total: Any = 0
+def _sum(terms: Iterable[Value]) -> Value:
+    total: Value = 0
     for t in terms:
         total = total + t
     return total
 
 
-def _complement(x: Any, q: list[Vec], tag: str) -> Vec:
+def _complement(x: Scope, q: list[Vector], tag: str) -> Vector:
     """The unit vector normal to one, two or three orthonormal ones in as many dimensions and one more."""
     let = x.let
     if len(q) == 1:
@@ -157,7 +191,7 @@ def _complement(x: Any, q: list[Vec], tag: str) -> Vec:
     ]
 
 
-def factor(x: Any, columns: list[Vec], tag: str) -> Factor:
+def factor(x: Scope, columns: list[Vector], tag: str) -> Factor:
     """Factor a matrix given by its columns, the ones with fewest entries first."""
     let = x.let
     f = Factor(x)
@@ -200,16 +234,13 @@ def factor(x: Any, columns: list[Vec], tag: str) -> Factor:
                 f.q.append([1 if k in left else 0 for k in range(rows)])
             else:
                 square = let("rr", _sum(v[k] * v[k] for k in range(rows)), tag)
-                r = ANY if x.structural else let("r", sympy.sqrt(square), tag)
+                r = let("r", x.sqrt(square), tag)
                 inverse = let("rinv", 1 / r, tag)
                 f.q.append([let("q", product(e, inverse), tag) for e in v])
         if x.structural:
             r = ANY
         f.inverse.append(let("rinv", 1 / r, tag))
         above = _sum(f.R[i, k] * f.R[i, k] for (i, k) in sorted(f.R) if k == j)
-        margin = let("margin", square - (0 if x.structural else SMALLEST) * above, "rank")
+        margin = let("margin", square - x.number(SMALLEST) * above, "rank")
         x.set_entry(RANK, j, margin)
     return f
-
-
-__all__ = ["Factor", "RankLossError", "factor", "load_factor", "product"]

@@ -9,21 +9,23 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import sympy
+from sympy import Expr, Symbol
 
+from ..model.expressions import Expression, Tree
 from ..model.model import GROUND, Output
 from ..program.block import Block, Expansion
 from ..program.derivatives import Tangents
 from ..program.functions import SYMBOLIC
 from ..program.passes import simplify
+from ..program.scalar import Vector
 from . import fields
 from .constants import Statements
 from .formulas import FormulaKind, FormulaSlots, formula_kinds, seed_of, transpose_of_tangent
 from .kinds import System
-from .links import BODY_FRAME, frame_matrix, identity, place, rigid_inertia, unit
-from .spatial import Vec, add, cross, dot, matvec, transpose
+from .links import BODY_FRAME, Frame, Placement, frame_matrix, identity, place, rigid_inertia, unit
+from .spatial import add, cross, dot, matvec, transpose
 from .stores import LME, ME, MY_LANE, NUMBER, argument
 
 
@@ -55,7 +57,7 @@ def output_formulas(system: System) -> tuple[list[FormulaKind], list[RecordFormu
     """Outputs as value formulas and record formulas; those that are energies are copied by the procedures."""
     model = system.model
     values = [(i, o.expression.tree) for i, o in enumerate(model.outputs) if o.measure == "value" and o.expression]
-    kinds: dict[Any, RecordFormula] = {}
+    kinds: dict[object, RecordFormula] = {}
     for i, o in enumerate(model.outputs):
         if o.measure not in ("position", "velocity"):
             continue
@@ -63,7 +65,7 @@ def output_formulas(system: System) -> tuple[list[FormulaKind], list[RecordFormu
         link, steps = (GROUND, ()) if o.point.body == GROUND else system.carriers[o.point.body]
         frame = BODY_FRAME if link == GROUND else system.links[link].frame
         slots = FormulaSlots(model)
-        canonical: dict[Any, Any] = {}
+        canonical: dict[Expression, Tree] = {}
         for e in _expressions(o, steps, frame):
             if e not in canonical:
                 canonical[e] = slots.convert(e.tree)
@@ -77,7 +79,7 @@ def output_formulas(system: System) -> tuple[list[FormulaKind], list[RecordFormu
     return formula_kinds(model, "outputs", values), list(kinds.values())
 
 
-def _expressions(o: Output, steps: Any, frame: Any) -> list[Any]:
+def _expressions(o: Output, steps: tuple[Placement, ...], frame: Frame) -> list[Expression]:
     """The expressions of a point and an axis, in a fixed order."""
     assert o.point is not None and o.axis is not None
     found = [*o.point.at, *o.axis, *(frame.vector or ())]
@@ -89,37 +91,39 @@ def _expressions(o: Output, steps: Any, frame: Any) -> list[Any]:
 
 
 def _make(
-    index: int, o: Output, link: int, steps: Any, frame: Any, slots: FormulaSlots, canonical: dict[Any, Any]
+    index: int,
+    o: Output,
+    link: int,
+    steps: tuple[Placement, ...],
+    frame: Frame,
+    slots: FormulaSlots,
+    canonical: dict[Expression, Tree],
 ) -> RecordFormula:
     assert o.point is not None and o.axis is not None
     point, direction = o.point, o.axis
 
-    def write(x: Expansion) -> Any:
-        def leaf(node: Any) -> Any:
+    def write(x: Expansion) -> Expr:
+        def leaf(node: Tree) -> Expr:
             return x.entry(NUMBER, node[1]) if node[0] == "slot" else x.entry(argument(node[1]), node[2])
 
         statements = Statements(x, leaf)
 
-        def evaluate(e: Any) -> Any:
+        def evaluate(e: Expression) -> Expr:
             return statements.write(canonical[e])
 
-        def let(name: str, value: Any) -> Any:
-            return x.let(name, value)
-
-        functions = {n: SYMBOLIC[n] for n in ("sqrt", "cos", "sin")}
         r = [evaluate(e) for e in point.at]
         axis = [evaluate(e) for e in direction]
         if any(a.free_symbols for a in map(sympy.sympify, axis)) or sum(abs(a) for a in axis) != 1:
-            axis = unit(axis, functions["sqrt"], let)
+            axis = unit(axis, SYMBOLIC["sqrt"], x.let)
         if steps:
-            origin, R = place(steps, evaluate, functions, let)
+            origin, R = place(steps, evaluate, SYMBOLIC, x.let)
             r = [x.let("r", e) for e in add(origin, matvec(R, r))]
         if frame.vector is not None:
-            r = [x.let("r", e) for e in matvec(transpose(frame_matrix(frame, evaluate, functions["sqrt"], let)), r)]
+            r = [x.let("r", e) for e in matvec(transpose(frame_matrix(frame, evaluate, SYMBOLIC["sqrt"], x.let)), r)]
         W = x.load(ME, fields.attitude) if link != GROUND else identity()
         if o.measure == "position":
             moved = [x.let("x", e) for e in matvec(W, r)]
-            position: Vec = x.load(ME, fields.position) if link != GROUND else [0, 0, 0]
+            position: Vector = x.load(ME, fields.position) if link != GROUND else [0, 0, 0]
             return x.let("value", dot(axis, add(position, moved)))
         if link == GROUND:
             return sympy.S.Zero
@@ -132,13 +136,13 @@ def _make(
     return RecordFormula(index, "outputs", value, tangent, [(c, j) for j, (c, _) in enumerate(slots.slots)])
 
 
-def _both(write: Callable[[Expansion], Any], index: int, target: str, title: str) -> tuple[Block, Block]:
+def _both(write: Callable[[Expansion], Expr], index: int, target: str, title: str) -> tuple[Block, Block]:
     """The block of a value and that of its tangent."""
     x = Expansion(f"{target}_{index}", title, lambda a, f: True)
     x.set_entry(argument(target), 0, write(x))
     y = Expansion(f"d{target}_{index}", f"tangent of {title}", lambda a, f: True)
     value = sympy.sympify(write(y))
-    seeds: dict[Any, Any] = {}
+    seeds: dict[Symbol, Expr] = {}
     for s, (a, n) in list(y.block.loads.items()):
         if a is ME:
             seeds[s] = y.component(LME if n.startswith("sum.") else MY_LANE, n)
@@ -160,22 +164,21 @@ def potential_formula(system: System) -> RecordFormula | None:
     slots = FormulaSlots(model)
     grounded = [(model.bodies[k], steps) for k, (link, steps) in enumerate(system.carriers) if link == GROUND and steps]
 
-    def write(x: Expansion) -> Any:
+    def write(x: Expansion) -> Expr:
         fresh = FormulaSlots(model)
 
-        def leaf(node: Any) -> Any:
+        def leaf(node: Tree) -> Expr:
             return x.entry(NUMBER, node[1]) if node[0] == "slot" else x.entry(argument(node[1]), node[2])
 
         statements = Statements(x, leaf)
 
-        def evaluate(e: Any) -> Any:
+        def evaluate(e: Expression) -> Expr:
             return statements.write(fresh.convert(e.tree))
 
         g = [evaluate(e) for e in gravity]
-        h: Vec = x.load(ME, fields.outboard_moment)
+        h: Vector = x.load(ME, fields.outboard_moment)
         if grounded:
-            functions = {n: SYMBOLIC[n] for n in ("sqrt", "cos", "sin")}
-            _, own, _ = rigid_inertia(grounded, evaluate, functions, lambda name, value: x.let(name, value))
+            _, own, _ = rigid_inertia(grounded, evaluate, SYMBOLIC, x.let)
             h = [x.let("h", e) for e in add(h, own)]
         slots.slots, slots.numbers = fresh.slots, fresh.numbers
         return x.let("value", -dot(g, h))

@@ -7,33 +7,34 @@ redundant.
 
 from __future__ import annotations
 
-from typing import Any
-
+from ..program.block import Scope
 from ..program.field import SixField
+from ..program.scalar import Matrix, Value, Vector
 from ..program.store import Store
 from . import fields
 from .closures import stored_factor
 from .couplings import from_far, hand_force, others
-from .ears import Ear, rotate
+from .ears import Ear, Freedom, rotate
 from .far_links import far_motions
 from .handing_on import accumulate, add_to_sum, clear
 from .inverse_dynamics import transfer
 from .joints import JointTransform
+from .kinds import EarKind, LinkKind, RegionKind
 from .kinematics import body_force
-from .loop_dynamics import hand_outward, less_external_of, link_constants, member_motion, root_motions
+from .loop_dynamics import Motion, hand_outward, less_external_of, link_constants, member_motion, root_motions
 from .orthogonal import product
 from .region_balance import transmitted_fields
-from .spatial import Mat, Vec, add, cross, dot, matvec, transpose
+from .spatial import add, cross, dot, matvec, transpose
 from .stores import BASE, GROUND, LOOP_REACTION, ME, REACTION, REGION, ROOTS, TAU, UDOT
 
 
-def along_freedom(x: Any, kind: Any, k: int, freedom: Any, force: tuple[Vec, Vec]) -> Any:
+def along_freedom(x: Scope, kind: EarKind, k: int, freedom: Freedom, force: tuple[Vector, Vector]) -> Value:
     """What a force misses along a dependent freedom: its component less the model's own joint force."""
     tau = x.entry(TAU[k], freedom.index) if kind.links[k].forced[freedom.index] else 0
     return x.let("gamma", dot(freedom.e, force[0] if freedom.angular else force[1]) - tau, "Eq. 53")
 
 
-def inward(x: Any, ear: Ear, own: list[tuple[Vec, Vec]]) -> list[tuple[Vec, Vec]]:
+def inward(x: Scope, ear: Ear, own: list[tuple[Vector, Vector]]) -> list[tuple[Vector, Vector]]:
     """Forces transmitted by the joints of the ear's links, about the links' origins."""
     held = list(own)
     for k in reversed(range(len(own))):
@@ -46,22 +47,22 @@ def inward(x: Any, ear: Ear, own: list[tuple[Vec, Vec]]) -> list[tuple[Vec, Vec]
     return held
 
 
-def load_force(x: Any, store: Store, field: SixField) -> tuple[Vec, Vec]:
+def load_force(x: Scope, store: Store, field: SixField) -> tuple[Vector, Vector]:
     """Moment and force."""
     six = x.load(store, field)
     return six[:3], six[3:]
 
 
-def store_reaction(x: Any, store: Store, attitude: Mat, moment: Vec, force: Vec) -> None:
+def store_reaction(x: Scope, store: Store, attitude: Matrix, moment: Vector, force: Vector) -> None:
     """Moment, then force, in the ground frame."""
     for n, v in enumerate((moment, force)):
         for i, value in enumerate(matvec(attitude, v)):
             x.set_entry(store, 3 * n + i, x.let("reaction", value, "Eq. 45"))
 
 
-def transmitted(x: Any, kind: Any) -> None:
+def transmitted(x: Scope, kind: LinkKind) -> None:
     """Inward block of a link: what its joint does to it, about its origin."""
-    phi: Vec = []
+    phi: Vector = []
     for own, handed in zip(fields.total_needed.scalars(), fields.transmitted.scalars(), strict=True):
         phi.append(x.let("phi", x.load(ME, own) + x.load(ME, handed), "Eq. 45"))
     store_reaction(x, REACTION, x.load(ME, fields.attitude), phi[:3], phi[3:])
@@ -72,11 +73,11 @@ def transmitted(x: Any, kind: Any) -> None:
         transfer(x, kind, JointTransform(x, kind), phi, [])
 
 
-def ear_motion(x: Any, kind: Any) -> None:
+def ear_motion(x: Scope, kind: EarKind) -> None:
     """Outward block of an ear: accelerations and the force that its links need."""
     ear = Ear(x, kind)
     roots = root_motions(x, kind, total=True)
-    motions: list[Any] = []
+    motions: list[Motion] = []
     for k, member in enumerate(ear.members):
         before = motions[member.parent] if member.parent >= 0 else roots[-1 - member.parent]
         udot = [x.entry(UDOT[k], f.index) for f in member.freedoms]
@@ -93,14 +94,14 @@ def ear_motion(x: Any, kind: Any) -> None:
             hand_outward(x, me, ear.members[k].W, w, al, a, total=True)
 
 
-def region_motion(x: Any, kind: Any) -> None:
+def region_motion(x: Scope, kind: RegionKind) -> None:
     """Nothing is summed yet; how far links move."""
     for whole, _ in transmitted_fields(kind):
         clear(x, REGION, whole)
     far_motions(x, kind, fields.total, fields.far_total)
 
 
-def ground_attitude(x: Any, kind: Any, place: int) -> Mat:
+def ground_attitude(x: Scope, kind: EarKind, place: int) -> Matrix:
     """Ground components from those of a link of the ear, or (place negative) of a root."""
     if place >= 0:
         return x.load(ME[place], fields.attitude)
@@ -108,11 +109,11 @@ def ground_attitude(x: Any, kind: Any, place: int) -> Mat:
     return x.load(store, fields.attitude)
 
 
-def ear_transmitted(x: Any, kind: Any) -> None:
+def ear_transmitted(x: Scope, kind: EarKind) -> None:
     """Inward block of an ear: what its joints and loops do."""
     ear = Ear(x, kind)
-    rows = [ear.rows()[i] for i in kind.kept]
-    phi: list[tuple[Vec, Vec]] = []
+    rows = ear.kept_rows()
+    phi: list[tuple[Vector, Vector]] = []
     for k in range(len(ear.members)):
         n, f = load_force(x, ME[k], fields.ear_total_needed)
         if kind.followed[k]:
@@ -123,13 +124,13 @@ def ear_transmitted(x: Any, kind: Any) -> None:
             n, f = add(n, rotate(ear.members[k].W, more[0])), add(f, rotate(ear.members[k].W, more[1]))
         phi.append((n, f))
     held = inward(x, ear, phi)
-    on_roots: list[tuple[int, tuple[Vec, Vec]]] = []
+    on_roots: list[tuple[int, tuple[Vector, Vector]]] = []
     if rows:
         gamma = [along_freedom(x, kind, k, freedom, held[k]) for k, freedom in ear.dependents()]
         multipliers = stored_factor(x, kind).solve_transposed([-v for v in gamma], "W", "Eq. 9")
         for c, closure in enumerate(kind.closures):
-            moment: Vec = [0, 0, 0]
-            force: Vec = [0, 0, 0]
+            moment: Vector = [0, 0, 0]
+            force: Vector = [0, 0, 0]
             for row, value in zip(rows, multipliers, strict=True):
                 if row.loop == c:
                     part = [product(e, value) for e in row.n]
@@ -166,9 +167,9 @@ def ear_transmitted(x: Any, kind: Any) -> None:
             add_to_sum(x, REGION, whole, on_root, "to_root", "Eq. 45")
 
 
-def region_transmitted(x: Any, kind: Any) -> None:
+def region_transmitted(x: Scope, kind: RegionKind) -> None:
     """Inward block of a region: the links that it hangs on feel all of it."""
-    transmitted: dict[int, Vec] = {m: [0] * 6 for m in others(kind)}
+    transmitted: dict[int, Vector] = {m: [0] * 6 for m in others(kind)}
     for f, m in enumerate(kind.far):
         if m >= 0:
             W = x.load(REGION, fields.far_attitude(f))

@@ -5,19 +5,20 @@ Section 4.6 of the theory page.
 
 from __future__ import annotations
 
-from typing import Any
-
+from ..program.block import Scope
 from ..program.field import SixField
+from ..program.scalar import Vector
 from . import fields
-from .couplings import SIX, from_far, hand_force, others, to_base
+from .couplings import from_far, hand_force, others, to_base
 from .far_links import far_own_motions
 from .handing_on import accumulate
+from .kinds import RegionKind
 from .loop_dynamics import place_of_base, places_of_partners, store_sources, system_size
-from .spatial import Vec
+from .spatial import SIX
 from .stores import BASE, LBASE, LREGION, REGION
 
 
-def region_balance_start(x: Any, kind: Any) -> None:
+def region_balance_start(x: Scope, kind: RegionKind) -> None:
     """Outward block over directions: nothing is summed yet; how far links move, in their own axes."""
     for c in range(kind.total):
         x.store(LREGION, fields.source_tangent_force(c), 0)
@@ -28,19 +29,19 @@ def region_balance_start(x: Any, kind: Any) -> None:
     far_own_motions(x, kind)
 
 
-def transmitted_fields(kind: Any) -> list[tuple[SixField, SixField]]:
+def transmitted_fields(kind: RegionKind) -> list[tuple[SixField, SixField]]:
     """Where a region sums up forces on the links that it hangs on, and their tangents."""
     of_base = [(fields.region_transmitted, fields.region_balance)] if kind.carried else []
     return of_base + [(fields.far_transmitted(f), fields.far_balance(f)) for f, m in enumerate(kind.far) if m >= 0]
 
 
-def region_balance_in(x: Any, kind: Any) -> None:
+def region_balance_in(x: Scope, kind: RegionKind) -> None:
     """Inward block over directions: the sources' right sides are eliminated; what is left goes to the links that carry them.
 
     Eqs. 45, 53.
     """
     at, where = place_of_base(kind), places_of_partners(kind)
-    g: list[Any] = [x.load(LREGION, fields.source_tangent_force(c)) for c in range(kind.total)]
+    g: Vector = [x.load(LREGION, fields.source_tangent_force(c)) for c in range(kind.total)]
     g += [0] * (system_size(kind) + 6 * len(others(kind)) - len(g))
     for i in range(6 if kind.carried else 0):
         g[at + i] = g[at + i] + x.load(LREGION, fields.region_balance.scalars()[i])
@@ -53,7 +54,7 @@ def region_balance_in(x: Any, kind: Any) -> None:
         for i in range(len(g)):
             if i < j or i >= kind.sources:
                 g[i] = x.let("g", g[i] - x.load(REGION, fields.gain(j, i)) * g[j], "d Eq. 45", lanes=True)
-    transmitted: dict[int, Vec] = {m: [0] * 6 for m in others(kind)}
+    transmitted: dict[int, Vector] = {m: [0] * 6 for m in others(kind)}
     for f, m in enumerate(kind.far):
         s = kind.sources + 6 * f
         W, o = x.load(REGION, fields.far_attitude(f)), x.load(REGION, fields.far_position(f))
@@ -74,6 +75,6 @@ def region_balance_in(x: Any, kind: Any) -> None:
         accumulate(x, BASE, part, value, kind.first, "Eq. 44")
 
 
-def region_balance_back(x: Any, kind: Any) -> None:
+def region_balance_back(x: Scope, kind: RegionKind) -> None:
     """Outward block over directions: tangents of the sources' accelerations."""
     store_sources(x, kind, [x.load(LREGION, fields.source_right_side(j)) for j in range(kind.sources)], True)

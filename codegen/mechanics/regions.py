@@ -16,7 +16,7 @@ from ..loops.partition import Partition
 from ..loops.tangles import ear_members, joined, tangles
 from ..model.model import GROUND, Model
 from .elimination import Elimination, find_elimination
-from .joints import FREEDOMS
+from .freedoms import FREEDOMS
 from .links import Link
 from .structure import Closure, EarLinks, Region, Unit
 

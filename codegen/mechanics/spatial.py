@@ -2,62 +2,67 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
 
-XYZ = "xyz"
-PAIRS = ("xx", "yy", "zz", "xy", "xz", "yz")
-NINE = tuple(a + b for a in XYZ for b in XYZ)
+from ..program.scalar import Matrix, Value, Vector
 
-Vec = list[Any]
-Mat = list[list[Any]]
+Components = Sequence[Value]
+Rows = Sequence[Sequence[Value]]
+
+SIX = range(6)
+"""Components of a moment and a force, or of what else has an angular and a linear part."""
 
 
-def is_zero(v: Any) -> bool:
+def is_zero(v: object) -> bool:
     """Whether a scalar is known to be zero."""
     return (isinstance(v, int) and v == 0) or getattr(v, "is_zero", False) is True
 
 
-def cross(a: Vec, b: Vec) -> Vec:
+def cross(a: Components, b: Components) -> Vector:
     return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 
 
-def add(*vectors: Vec) -> Vec:
+def add(*vectors: Components) -> Vector:
     return [sum(components[1:], components[0]) for components in zip(*vectors, strict=True)]
 
 
-def dot(a: Vec, b: Vec) -> Any:
+def minus(a: Components, b: Components) -> Vector:
+    return [p - q for p, q in zip(a, b, strict=True)]
+
+
+def dot(a: Components, b: Components) -> Value:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-def scale(s: Any, a: Vec) -> Vec:
+def scale(s: Value, a: Components) -> Vector:
     return [s * x for x in a]
 
 
-def matvec(m: Mat, v: Vec) -> Vec:
+def matvec(m: Rows, v: Components) -> Vector:
     return [dot(row, v) for row in m]
 
 
-def transpose(m: Mat) -> Mat:
+def transpose(m: Rows) -> Matrix:
     return [list(row) for row in zip(*m, strict=True)]
 
 
-def matmul(a: Mat, b: Mat) -> Mat:
+def matmul(a: Rows, b: Rows) -> Matrix:
     columns = transpose(b)
     return [[dot(row, c) for c in columns] for row in a]
 
 
-def symmetric(six: Vec) -> Mat:
+def symmetric(six: Components) -> Matrix:
     """Symmetric matrix of its entries xx, yy, zz, xy, xz, yz."""
     xx, yy, zz, xy, xz, yz = six
     return [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
 
 
-def six(m: Mat) -> Vec:
+def six(m: Rows) -> Vector:
     """Entries xx, yy, zz, xy, xz, yz of a symmetric matrix."""
     return [m[0][0], m[1][1], m[2][2], m[0][1], m[0][2], m[1][2]]
 
 
-def skew(v: Vec) -> Mat:
+def skew(v: Components) -> Matrix:
     """The matrix of ``v x``."""
     x, y, z = v
     return [[0, -z, y], [z, 0, -x], [-y, x, 0]]

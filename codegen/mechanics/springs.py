@@ -6,18 +6,18 @@ the kinematic sweep takes off the force that the link's motion needs.
 
 from __future__ import annotations
 
-from typing import Any
+from sympy import Symbol
 
-import sympy
-
-from ..program.block import ANY
+from ..program.block import Expansion, Scope
 from ..program.derivatives import Tangents
+from ..program.scalar import Value, Vector
 from ..program.store import Store
-from . import fields
+from . import fields, handing_on
 from .energy import origin_velocity
 from .joints import JointTransform
+from .kinds import LinkKind, SpringKind
 from .kinematics import angular_velocity
-from .spatial import Vec, add, cross, dot, matvec, transpose
+from .spatial import add, cross, dot, matvec, transpose
 from .stores import (
     COEFFICIENT,
     CS_DP,
@@ -43,7 +43,7 @@ SHORTEST = 1e-100
 """Of a spring, m, that has a direction: squares of what is divided by its length stay finite."""
 
 
-def velocities(x: Any, kind: Any) -> None:
+def velocities(x: Scope, kind: LinkKind) -> None:
     """Outward block of a link: angular velocity and velocity of the origin, in its own axes. Eq. 18."""
     joint = JointTransform(x, kind)
     _, w = angular_velocity(x, kind, joint, fields.spring_twist.angular)
@@ -57,27 +57,23 @@ def velocities(x: Any, kind: Any) -> None:
             store_tangent(x, d, (store,), fields.spring_twist.linear, v)
 
 
-def clear(x: Any, kind: Any) -> None:
+def clear(x: Scope, kind: LinkKind) -> None:
     """No force acts yet."""
-    x.store(ME, fields.external, [0] * 6)
+    handing_on.clear(x, ME, fields.external)
 
 
-def clear_tangents(x: Any, kind: Any) -> None:
+def clear_tangents(x: Scope, kind: LinkKind) -> None:
     """Nor do any tangents."""
-    x.store(MY_LANE, fields.external, [0] * 6)
+    handing_on.clear(x, MY_LANE, fields.external)
 
 
-def _length(x: Any, square: Any) -> Any:
-    return ANY if x.structural else x.let("length", sympy.sqrt(square), "spring")
-
-
-def stretch(x: Any, kind: Any, directed: bool = True) -> tuple[Vec, Any, list[Vec]]:
+def stretch(x: Scope, kind: SpringKind, directed: bool = True) -> tuple[Vector, Value, list[Vector]]:
     """From the first point to the second in the ground frame, the distance, and the points in the components of their links.
 
     `directed`: without length the spring has no direction, nor its length a derivative, which is an error.
     """
-    points: list[Vec] = []
-    arms: list[Vec] = []
+    points: list[Vector] = []
+    arms: list[Vector] = []
     for side, end in enumerate(ENDS):
         r = x.load(SPRING_CONSTANTS, fields.face_place("AB"[side]))
         arms.append(r)
@@ -86,18 +82,18 @@ def stretch(x: Any, kind: Any, directed: bool = True) -> tuple[Vec, Any, list[Ve
     line = [x.let("line", points[1][i] - points[0][i], "spring") for i in range(3)]
     square = x.let("square", dot(line, line), "spring")
     if directed:
-        x.set_entry(PIVOT, 0, square if x.structural else square - SHORTEST**2)
-    return line, _length(x, square), arms
+        x.set_entry(PIVOT, 0, square - x.number(SHORTEST**2))
+    return line, x.let("length", x.sqrt(square), "spring"), arms
 
 
-def point_velocity(x: Any, end: Store, r: Vec) -> Vec:
+def point_velocity(x: Scope, end: Store, r: Vector) -> Vector:
     """Velocity of a point of a link in the ground frame."""
     own = add(x.load(end, fields.spring_twist.linear), cross(x.load(end, fields.spring_twist.angular), r))
     own = [x.let("own", e, "spring") for e in own]
     return [x.let("speed", e, "spring") for e in matvec(x.load(end, fields.attitude), own)]
 
 
-def springs(x: Any, kind: Any) -> None:
+def springs(x: Scope, kind: SpringKind) -> None:
     """The forces of a spring on the two links."""
     line, length, arms = stretch(x, kind)
     velocities_ = [point_velocity(x, end, r) for end, r in zip(ENDS, arms, strict=True)]
@@ -107,7 +103,7 @@ def springs(x: Any, kind: Any) -> None:
     stiffness, damping, free = (x.entry(COEFFICIENT, j) for j in range(3))
     pull = x.let("pull", stiffness * (length - free) + damping * rate, "spring")
     force = [x.let("force", pull * e, "spring") for e in along]
-    acting: list[Vec | None] = []
+    acting: list[Vector | None] = []
     for side, end in enumerate(ENDS):
         if kind.grounded[side]:
             acting.append(None)
@@ -125,24 +121,23 @@ def springs(x: Any, kind: Any) -> None:
                 x.store(end.sum, fields.external, [tangent(d, e) for e in found])
 
 
-def spring_energy(x: Any, kind: Any) -> None:
+def spring_energy(x: Scope, kind: SpringKind) -> None:
     """Half of stiffness times the square of what the spring is longer than free."""
     _, length, _ = stretch(x, kind, directed=x.tangents)
     more = x.let("more", length - x.entry(COEFFICIENT, 2), "spring")
-    half = 1 if x.structural else sympy.Rational(1, 2)
-    energy = x.let("V", half * x.entry(COEFFICIENT, 0) * more * more, "spring")
+    energy = x.let("V", x.half * x.entry(COEFFICIENT, 0) * more * more, "spring")
     x.set_entry(POTENTIAL.sum, 0, energy)
     if x.tangents:
         d = _tangents(x, kind)
         x.set_entry(DPOTENTIAL.sum, 0, tangent(d, energy))
 
 
-def _tangents(x: Any, kind: Any) -> Tangents | None:
+def _tangents(x: Scope, kind: SpringKind) -> Tangents | None:
     """Tangents of all statements so far."""
-    if x.structural:
+    if not isinstance(x, Expansion):
         return None
-    seeds: dict[Any, Any] = {}
-    transparent: dict[Any, dict[Any, Any]] = {}
+    seeds: dict[Symbol, Value] = {}
+    transparent: dict[Symbol, dict[Symbol, Value]] = {}
     for symbol, (store, name) in list(x.block.loads.items()):
         if store in ENDS:
             seeds[symbol] = x.component(LANE_ENDS[ENDS.index(store)], name)
@@ -162,6 +157,3 @@ def _tangents(x: Any, kind: Any) -> Tangents | None:
     for statement in list(x.block.statements):
         d.statement(statement)
     return d
-
-
-__all__ = ["clear", "clear_tangents", "spring_energy", "springs", "velocities"]

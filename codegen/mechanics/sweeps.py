@@ -7,10 +7,10 @@ before the former and ``complete`` before the latter.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
+from ..program.block import Scope
 from . import (
     assembly,
     back_substitution,
@@ -28,12 +28,11 @@ from . import (
     springs,
     triangularization,
 )
+from .freedoms import COORDINATE_START
+from .kinds import EarKind, LinkKind, RegionKind, SpringKind, System, UnitKind
+from .orthogonal import FactorForm
 
 OUTWARD, INWARD = "outward", "inward"
-
-
-Write = Callable[[Any, Any], None]
-"""Writes the block of one kind into an expansion."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +42,7 @@ class Sweep:
     Attributes
     ----------
     name, title : str
-    write : callable (expansion, kind)
+    write : callable (scope, kind)
         Writes the block of one kind of links.
     direction : str
         ``outward`` or ``inward``.
@@ -52,11 +51,11 @@ class Sweep:
     tangents : bool
         The block is differentiated.
     applies : callable (kind) -> bool
-    ear, region : callable (expansion, kind), optional
+    ear, region : callable (scope, kind), optional
         The same for ears and regions.
     units : bool
         Goes over units; the others go over links, in ears or not.
-    spring : callable (expansion, kind), optional
+    spring : callable (scope, kind), optional
         Goes over springs.
     closing : bool
         Only of use where there are loops; over plain links only where one closes on their motion.
@@ -64,53 +63,65 @@ class Sweep:
 
     name: str
     title: str
-    write: Write
+    write: Callable[[Scope, LinkKind], None]
     direction: str
     lanes: bool = False
     tangents: bool = False
-    applies: Callable[[Any], bool] = lambda kind: True
-    ear: Write | None = None
-    region: Write | None = None
+    applies: Callable[[LinkKind], bool] = lambda kind: True
+    ear: Callable[[Scope, EarKind], FactorForm | None] | None = None
+    region: Callable[[Scope, RegionKind], None] | None = None
     units: bool = False
     closing: bool = False
-    spring: Write | None = None
+    spring: Callable[[Scope, SpringKind], None] | None = None
 
-    def writer(self, kind: Any) -> Write | None:
-        """What writes the block of a kind."""
-        if kind.role == "link":
-            return self.write if self.applies(kind) else None
-        if kind.role == "spring":
-            return self.spring
-        return self.ear if kind.role == "ear" else self.region
+    def has_block(self, kind: UnitKind) -> bool:
+        """Whether there is anything to do for a kind."""
+        if isinstance(kind, LinkKind):
+            return self.applies(kind)
+        if isinstance(kind, EarKind):
+            return self.ear is not None
+        return (self.region if isinstance(kind, RegionKind) else self.spring) is not None
 
-    def kinds(self, system: Any) -> list[Any]:
+    def write_block(self, x: Scope, kind: UnitKind) -> FactorForm | None:
+        """Write the block of a kind. The one that factors the closure matrix of ears gives the form of the factor."""
+        if isinstance(kind, LinkKind):
+            self.write(x, kind)
+        elif isinstance(kind, EarKind) and self.ear is not None:
+            return self.ear(x, kind)
+        elif isinstance(kind, RegionKind) and self.region is not None:
+            self.region(x, kind)
+        elif isinstance(kind, SpringKind) and self.spring is not None:
+            self.spring(x, kind)
+        return None
+
+    def kinds(self, system: System) -> Sequence[UnitKind]:
         """The kinds that have a block."""
         if self.spring is not None:
-            return list(system.spring_kinds)
-        kinds = system.unit_kinds if self.units else system.kinds
-        found = [k for k in kinds if self.writer(k) is not None]
+            return system.spring_kinds
+        kinds: Sequence[UnitKind] = system.unit_kinds if self.units else system.kinds
+        found = [k for k in kinds if self.has_block(k)]
         if self.closing and not system.has_link_motion:
-            found = [k for k in found if k.role != "link"]
+            found = [k for k in found if not isinstance(k, LinkKind)]
         return found
 
 
-def _quaternion(kind: Any) -> bool:
-    return kind.joint in ("spherical", "free")
+def _quaternion(kind: LinkKind) -> bool:
+    return kind.joint in COORDINATE_START
 
 
-def _nothing(x: Any, kind: Any) -> None:
+def _nothing(x: Scope, kind: LinkKind) -> None:
     pass
 
 
-def _pulled(kind: Any) -> bool:
-    return bool(kind.pulled)
+def _pulled(kind: LinkKind) -> bool:
+    return kind.pulled
 
 
-def _closed_on(kind: Any) -> bool:
+def _closed_on(kind: LinkKind) -> bool:
     return bool(kind.closed_on)
 
 
-def _never(kind: Any) -> bool:
+def _never(kind: LinkKind) -> bool:
     return False
 
 

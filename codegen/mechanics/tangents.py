@@ -3,30 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
 
 from sympy import Expr, Symbol
 
+from ..program.block import Expansion, Scope
 from ..program.derivatives import Tangents
 from ..program.field import VectorField
+from ..program.scalar import Value, Vector
 from ..program.store import Store
 from . import fields
 from .joints import JointTransform
-from .spatial import Vec
+from .kinds import LinkKind
 from .stores import CONSTANTS, DP, DQ, LUP, MY_LANE, PARAMETER, TANGENT_OF, TURNS, UP
 
 
-def tangent(d: Tangents | None, value: Any) -> Any:
+def tangent(d: Tangents | None, value: Value) -> Value:
     """Tangent of a value. On zero patterns (no `d`) it may differ from zero where the value does, unless that is a number."""
     return d.value(value) if d else pattern(value)
 
 
-def pattern(value: Any) -> Any:
+def pattern(value: Value) -> Value:
     """Where the tangent of a structural value can differ from zero."""
     return 0 if isinstance(value, int) else value
 
 
-def store_tangent(x: Any, d: Tangents | None, stores: Iterable[Store], field: VectorField, v: Vec) -> None:
+def store_tangent(x: Scope, d: Tangents | None, stores: Iterable[Store], field: VectorField, v: Vector) -> None:
     """Store the tangent of a vector."""
     for store in stores:
         x.store(store, field, [tangent(d, e) for e in v])
@@ -47,7 +48,7 @@ UP_TANGENTS = {
 """Fields of the parent that have a tangent, and the name of it."""
 
 
-def seeds(x: Any, kind: Any) -> dict[Symbol, Expr]:
+def seeds(x: Expansion, kind: LinkKind) -> dict[Symbol, Expr]:
     """Tangents of everything that the block has loaded."""
     result: dict[Symbol, Expr] = {}
     for symbol, (store, name) in list(x.block.loads.items()):
@@ -63,7 +64,7 @@ def seeds(x: Any, kind: Any) -> dict[Symbol, Expr]:
     return {s: v for s, v in result.items() if v != 0}
 
 
-def constants_transparent(x: Any, kind: Any) -> dict[Symbol, dict[Symbol, Expr]]:
+def constants_transparent(x: Expansion, kind: LinkKind) -> dict[Symbol, dict[Symbol, Expr]]:
     """A link's constants as functions of the design parameters that they depend on."""
     result: dict[Symbol, dict[Symbol, Expr]] = {}
     for symbol, (store, name) in list(x.block.loads.items()):
@@ -75,10 +76,10 @@ def constants_transparent(x: Any, kind: Any) -> dict[Symbol, dict[Symbol, Expr]]
 
 
 def differentiate(
-    x: Any, kind: Any, joint: JointTransform | None, extra: dict[Symbol, Expr] | None = None
+    x: Scope, kind: LinkKind, joint: JointTransform | None, extra: dict[Symbol, Expr] | None = None
 ) -> Tangents | None:
     """Append the tangents of all statements so far. None on zero patterns."""
-    if x.structural:
+    if not isinstance(x, Expansion):
         return None
     statements = list(x.block.statements)
     transparent = joint.transparent() if joint else {}

@@ -7,35 +7,48 @@ eliminated one unit column after the other, which is the LDL^T factorisation of 
 
 from __future__ import annotations
 
-from typing import Any
-
-from sympy import Float
-
-from ..program.block import ANY
+from ..program.block import ANY, Scope
 from ..program.field import PLACES, ScalarField
+from ..program.scalar import Matrix, Value, Vector
 from . import fields
-from .couplings import SIX, hand_force, hand_inertia, hand_on, others
+from .couplings import hand_force, hand_inertia, hand_on, others
 from .elimination import CARRIER
+from .freedoms import freedom_axes
 from .handing_on import accumulate, accumulate_force
-from .joints import JointTransform, freedom_axes, shift_inertia
-from .spatial import XYZ, Mat, Vec, add, cross
+from .joints import JointTransform, shift_inertia
+from .kinds import LinkKind, RegionKind
+from .spatial import SIX, add, cross, is_zero, transpose
 from .stores import CONSTANTS, ME, OWN, PIVOT, TAU, UP
 
 
 class ZeroPivotError(ValueError):
     """Nothing outboard of a joint can have inertia about it."""
 
-    def __init__(self, kind: Any):
+    def __init__(self, kind: LinkKind | RegionKind):
         super().__init__("nothing outboard of the joint has inertia about it")
         self.kind = kind
 
 
 SMALL = 2e-15
 """A pivot below this fraction of the articulated inertia: nothing outboard has inertia about the joint."""
-SMALL_NUMBER = Float(SMALL)
 
 
-def to_blocks(I: Mat) -> tuple[Mat, Mat, Mat]:
+def pivot(x: Scope, kind: LinkKind | RegionKind, D: Value) -> Value:
+    """The inertia along a freedom or a source, by which is divided.
+
+    Raises
+    ------
+    ZeroPivotError
+        It is zero in every state.
+    """
+    if not is_zero(D):
+        return D
+    if not x.structural:
+        raise ZeroPivotError(kind)
+    return ANY  # the children's patterns are not known yet
+
+
+def to_blocks(I: Matrix) -> tuple[Matrix, Matrix, Matrix]:
     """Angular, coupling and linear blocks of a 6x6 matrix."""
     J = [[I[i][j] for j in range(3)] for i in range(3)]
     H = [[I[i][j] for j in range(3, 6)] for i in range(3)]
@@ -53,16 +66,16 @@ def constants_of_inertia() -> list[tuple[int, int, ScalarField, int]]:
     return places
 
 
-def articulated_parts(x: Any) -> tuple[Mat, Mat, Mat, Vec, Vec]:
+def articulated_parts(x: Scope) -> tuple[Matrix, Matrix, Matrix, Vector, Vector]:
     """Inertia and force that a link's children have handed on."""
     J, M, H = (x.load(ME, f) for f in (fields.articulated.J, fields.articulated.M, fields.articulated.H))
     force = x.load(ME, fields.articulated_force)
     return J, H, M, force[:3], force[3:]
 
 
-def articulated_inertia(x: Any) -> Mat:
+def articulated_inertia(x: Scope) -> Matrix:
     """The body's inertia plus what its children handed on. Eq. 44."""
-    I: Mat = [[0] * 6 for _ in range(6)]
+    I: Matrix = [[0] * 6 for _ in range(6)]
     J, H, M, _, _ = articulated_parts(x)
     for i in range(3):
         for j in range(i, 3):
@@ -77,20 +90,22 @@ def articulated_inertia(x: Any) -> Mat:
     return I
 
 
-def is_first(x: Any, kind: Any) -> bool:
+def is_first(x: Scope, kind: LinkKind) -> bool:
     """Whether a link is the first, on the way inward, to hand something to its parent."""
     return bool(kind.first_unit if x.units else kind.first)
 
 
-def force_to_parent(x: Any, joint: JointTransform, r: Vec, n: Vec, f: Vec, tag: str) -> tuple[Vec, Vec]:
+def force_to_parent(
+    x: Scope, joint: JointTransform, r: Vector, n: Vector, f: Vector, tag: str
+) -> tuple[Vector, Vector]:
     """A moment and force about the link's origin, in the parent's axes about its origin: ``S F``."""
     n = joint.to_parent(n, "pn", tag)
     f = joint.to_parent(f, "pf", tag)
     n = add(n, cross(r, f))
-    return [x.let(f"up_n_{i}", n[k], tag, lanes=joint.lanes) for k, i in enumerate(XYZ)], f
+    return x.let_vector("up_n", n, tag, lanes=joint.lanes), f
 
 
-def triangularize(x: Any, kind: Any) -> None:
+def triangularize(x: Scope, kind: LinkKind) -> None:
     """Inward block of the forward dynamics."""
     let = x.let
     I = articulated_inertia(x)
@@ -100,21 +115,17 @@ def triangularize(x: Any, kind: Any) -> None:
     )
     partners = range(len(kind.partners.links))
     C = {m: x.load(OWN[m], fields.coupling) for m in partners}
-    between = {(m, n): [[0] * 6 for _ in SIX] for m in partners for n in partners}
-    force = {m: [0] * 6 for m in partners}
+    between: dict[tuple[int, int], Matrix] = {(m, n): [[0] * 6 for _ in SIX] for m in partners for n in partners}
+    force: dict[int, Vector] = {m: [0] * 6 for m in partners}
     axes = freedom_axes(kind.joint, kind.axis)
     scales = [let("scale", I[n][n] + I[n + 1][n + 1] + I[n + 2][n + 2], "zero pivot") for n in (0, 3)]
     for j in reversed(range(len(axes))):
         a = axes[j]
         tau = x.entry(TAU, j) if kind.forced[j] else 0
-        D = I[a][a]
-        if D == 0:
-            if not x.structural:
-                raise ZeroPivotError(kind)
-            D = ANY  # the children's patterns are not known yet
+        D = pivot(x, kind, I[a][a])
         inverse = let("Dinv", 1 / D, "Eq. 47")
         r = let("r", tau - p[a], "Eq. 53")
-        x.set_entry(PIVOT, j, let("margin", D - (1 if x.structural else SMALL_NUMBER) * scales[a // 3], "zero pivot"))
+        x.set_entry(PIVOT, j, let("margin", D - x.number(SMALL) * scales[a // 3], "zero pivot"))
         x.store(ME, fields.inverse_pivot(j), inverse)
         x.store(ME, fields.right_side(j), let("rD", r * inverse, "Eq. 53"))
         G = [0 if i == a else let(f"G{i}", I[i][a] * inverse, "Eq. 46") for i in range(6)]
@@ -153,12 +164,12 @@ def triangularize(x: Any, kind: Any) -> None:
     r_offset = joint.offset()
     for m in partners:
         # columns are forces on the link that an acceleration of the partner asks for
-        columns: Mat = []
+        columns: Matrix = []
         for k in SIX:
             column = [row[k] for row in C[m]]
             moment, push = force_to_parent(x, joint, r_offset, column[:3], column[3:], "Eq. 44")
             columns.append([*moment, *push])
-        C[m] = [list(row) for row in zip(*columns, strict=True)]
+        C[m] = transpose(columns)
     moment, push = force_to_parent(x, joint, r_offset, p[:3], p[3:], "Eq. 45")
     J, H, M = joint.inertia_to_parent(*to_blocks(I), "Eq. 44")
     J, H, M = shift_inertia(x, r_offset, J, H, M, "Eq. 44")
@@ -169,9 +180,9 @@ def triangularize(x: Any, kind: Any) -> None:
         J, H, M = (_sum(x, block, by) for block, by in zip((J, H, M), more, strict=True))
         moment, push = _sum(x, [moment, push], [force[parent][:3], force[parent][3:]])
 
-    def remaining(m: int, n: int) -> Mat:
+    def remaining(m: int, n: int) -> Matrix:
         if n == CARRIER:
-            return [list(row) for row in zip(*remaining(CARRIER, m), strict=True)]
+            return transpose(remaining(CARRIER, m))
         if m != CARRIER:
             return between[m, n]
         if parent < 0:
@@ -185,13 +196,13 @@ def triangularize(x: Any, kind: Any) -> None:
     hand_on(x, kind, remaining)
 
 
-def _sum(x: Any, a: Mat, b: Mat) -> Mat:
+def _sum(x: Scope, a: Matrix, b: Matrix) -> Matrix:
     return [[x.let("Ip", p + q, "Eq. 44") for p, q in zip(*rows, strict=True)] for rows in zip(a, b, strict=True)]
 
 
-def _symmetrized(x: Any, C: Mat, Q: Mat) -> Mat:
+def _symmetrized(x: Scope, C: Matrix, Q: Matrix) -> Matrix:
     """``Q + C + C^T``."""
-    found: Mat = [[0] * 6 for _ in SIX]
+    found: Matrix = [[0] * 6 for _ in SIX]
     for i in SIX:
         for k in range(i, 6):
             found[i][k] = found[k][i] = x.let("Ip", Q[i][k] + C[i][k] + C[k][i], "Eq. 44")

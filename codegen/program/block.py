@@ -11,20 +11,22 @@ Supported: sums, products, integer powers, quotients and elementary functions. N
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cache, partial
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import sympy
 from sympy import Expr, Symbol
 from sympy.core.numbers import Number
 
-from .field import Field
-from .scalar import Value
+from .field import XYZ, AnyField, Field, Readable
+from .functions import number
+from .scalar import Value, Vector
 from .store import Store
 
 V = TypeVar("V")
+V_co = TypeVar("V_co", covariant=True)
 Component = tuple[Store, str]
 """A component of a field, such as ``w.x``, and the store that it is in."""
 
@@ -105,7 +107,7 @@ class Scope(ABC):
     tangents: bool
     units: bool
     title: str
-    asked: dict[Component, Field[Any]]
+    asked: dict[Component, AnyField]
 
     @abstractmethod
     def component(self, store: Store, name: str) -> Value:
@@ -124,10 +126,27 @@ class Scope(ABC):
         """A symbol for a value even where that costs a copy; copy propagation removes it again."""
 
     @abstractmethod
+    def number(self, value: float | Number) -> Value:
+        """A number other than zero, as generated code writes it; on zero patterns 1 stands for any."""
+
+    @abstractmethod
+    def sqrt(self, value: Value) -> Value:
+        """The square root, without a name."""
+
+    @property
+    def half(self) -> Value:
+        """One half."""
+        return self.number(sympy.S.Half)
+
+    def let_vector(self, name: str, v: Sequence[Value], tag: str = "", lanes: bool = False) -> Vector:
+        """Names for the three components of a vector."""
+        return [self.let(f"{name}_{i}", value, tag, lanes) for i, value in zip(XYZ, v, strict=True)]
+
+    @abstractmethod
     def recall(self, store: Store, field: Field[V], value: V) -> None:
         """A value that an earlier block has stored: it is loaded, not computed, but still differentiated."""
 
-    def load(self, store: Store, field: Field[V]) -> V:
+    def load(self, store: Store, field: Readable[V_co]) -> V_co:
         """The value of a field."""
         self._check(store, field)
         self.asked |= {(store, name): field for name in field.components}
@@ -139,7 +158,7 @@ class Scope(ABC):
         for name, part in field.parts(value):
             self.set_component(store, name, part)
 
-    def _check(self, store: Store, field: Field[Any]) -> None:
+    def _check(self, store: Store, field: AnyField) -> None:
         if not field.family.listed:
             raise FieldError(f"{self.title}: {store} has no field {field}: it is not in the table of fields")
 
@@ -235,6 +254,12 @@ class Expansion(Scope):
         symbol = self._symbol(name)
         self.block.statements.append(Statement(symbol, sympy.sympify(value), tag))
         return symbol
+
+    def number(self, value: float | Number) -> Expr:
+        return value if isinstance(value, Number) else number(value)
+
+    def sqrt(self, value: Value) -> Expr:
+        return sympy.sqrt(value)
 
     def recall(self, store: Store, field: Field[V], value: V) -> None:
         self._check(store, field)
@@ -350,6 +375,12 @@ class StructuralExpansion(Scope):
 
     def name(self, name: str, value: Value, tag: str = "") -> Value:
         return self.let(name, value)
+
+    def number(self, value: float | Number) -> Value:
+        return 1
+
+    def sqrt(self, value: Value) -> Value:
+        return ANY
 
     def recall(self, store: Store, field: Field[V], value: V) -> None:
         self.load(store, field)

@@ -18,12 +18,13 @@ PLACES = tuple((XYZ.index(pair[0]), XYZ.index(pair[1])) for pair in PAIRS)
 """Row and column of each of `PAIRS`."""
 
 V = TypeVar("V")
+V_co = TypeVar("V_co", covariant=True)
 Read = Callable[[str], Value]
 """Gives the value of a component."""
 
 
-class Field(Generic[V]):
-    """A field, or (with ``{}`` in its name) a family of fields.
+class Readable(Generic[V_co]):
+    """A field, or (with ``{}`` in its name) a family of fields, as far as it is read.
 
     Attributes
     ----------
@@ -33,7 +34,7 @@ class Field(Generic[V]):
         For the glossary. The frame is that in whose axes components are, empty for what has none.
     handed_on : bool
         Others add to it: where there are none it is zero, and nobody has stored it.
-    tangent : Field or None
+    tangent : field or None
         Under which name the tangent is kept, in stores of values per direction; None for the same.
     """
 
@@ -48,7 +49,7 @@ class Field(Generic[V]):
         self.meaning = meaning
         self.handed_on = handed_on
         self.tangent = tangent
-        self.family: Field[V] = self
+        self.family: AnyField = self
         self.suffix = ""
         self.listed = False
         self._scalars: tuple[ScalarField, ...] | None = None
@@ -86,12 +87,8 @@ class Field(Generic[V]):
         """Names of the components."""
         raise NotImplementedError
 
-    def read(self, read: Read) -> V:
+    def read(self, read: Read) -> V_co:
         """The value, from the values of its components."""
-        raise NotImplementedError
-
-    def parts(self, value: V) -> Iterator[tuple[str, Value]]:
-        """The components with their values."""
         raise NotImplementedError
 
     def scalars(self) -> tuple[ScalarField, ...]:
@@ -100,13 +97,25 @@ class Field(Generic[V]):
             made = []
             for name in self.components:
                 part = ScalarField(name, self.unit, self.frame, self.meaning, handed_on=self.handed_on)
-                part.family = self.family  # type: ignore[assignment]
+                part.family = self.family
                 made.append(part)
             self._scalars = tuple(made)
         return self._scalars
 
     def __repr__(self) -> str:
         return self.name
+
+
+AnyField = Readable[object]
+"""A field of any shape."""
+
+
+class Field(Readable[V], Generic[V]):
+    """A field that can be written too."""
+
+    def parts(self, value: V) -> Iterator[tuple[str, Value]]:
+        """The components with their values."""
+        raise NotImplementedError
 
 
 class ScalarField(Field[Value]):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
 
 import sympy
 from sympy import Expr, Function, S
@@ -71,7 +70,7 @@ class Power(Function):
         if exponent.is_Integer and abs(exponent) <= MULTIPLIED:
             return base**exponent
         if base.is_Number and exponent.is_Number:
-            return computed(math.pow, base, exponent)
+            return computed(lambda: math.pow(base, exponent))
         return None
 
     def fdiff(self, argindex: int = 1) -> Expr:
@@ -83,16 +82,16 @@ MULTIPLIED = 16
 """Powers up to this one are written as products."""
 
 
-def computed(function: Callable[..., float], *arguments: Expr) -> Expr:
-    """Value of a function of floats at numbers; nan where it has none or is no float."""
+def computed(compute: Callable[[], float]) -> Expr:
+    """What is computed with floats; nan where it has no value or is no float."""
     try:
-        value = function(*map(float, arguments))
+        value = compute()
         return number(value) if math.isfinite(value) else S.NaN
     except (ArithmeticError, ValueError):
         return S.NaN
 
 
-SYMBOLIC: dict[str, Any] = {
+SYMBOLIC = {
     "sin": sympy.sin, "cos": sympy.cos, "tan": sympy.tan, "asin": sympy.asin, "acos": sympy.acos,
     "atan": sympy.atan, "atan2": sympy.atan2, "sinh": sympy.sinh, "cosh": sympy.cosh, "tanh": sympy.tanh,
     "sqrt": sympy.sqrt, "exp": sympy.exp, "log": sympy.log, "abs": Absolute, "sign": Sign,

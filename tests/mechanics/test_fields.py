@@ -57,7 +57,7 @@ class Watched:
         self.loaded: set[str] = set()
         self.misspelt: Site | None = None
         self.dropped: Site | None = None
-        store, load, write = Scope.store, Scope.load, Sweep.writer
+        store, load, write = Scope.store, Scope.load, Sweep.write_block
 
         def watched_store(x: Scope, to: Any, field: Any, value: Any) -> None:
             if to.memory in LAID_OUT:
@@ -73,19 +73,13 @@ class Watched:
             self.loaded.add(field.family.name)
             return load(x, of, field)
 
-        def watched_writer(sweep: Sweep, kind: Any) -> Any:
-            found = write(sweep, kind)
-
-            def run(x: Any, k: Any) -> None:
-                self.writer = sweep.name, k.role
-                assert found is not None
-                found(x, k)
-
-            return None if found is None else run
+        def watched_block(sweep: Sweep, x: Any, kind: Any) -> Any:
+            self.writer = sweep.name, kind.role
+            return write(sweep, x, kind)
 
         patch.setattr(Scope, "store", watched_store)
         patch.setattr(Scope, "load", watched_load)
-        patch.setattr(Sweep, "writer", watched_writer)
+        patch.setattr(Sweep, "write_block", watched_block)
 
     def run(self, of: System) -> Patterns:
         patterns = Patterns(of)

@@ -166,3 +166,22 @@ def test_derivatives_of_functions_with_corners() -> None:
 def test_operation_counts(text: str, expected: tuple[int, int, int]) -> None:
     o = count_expression(sympy.sympify(text))
     assert (o.additions, o.multiplications, o.divisions) == expected
+
+
+def test_what_is_zero_on_patterns_is_zero_in_statements() -> None:
+    """`half`, `number`, `sqrt` and `let_vector` of a scope: a pattern may say too much, never too little."""
+    x = Expansion("block", "block", lambda store, name: name != "0")
+    pattern = StructuralExpansion("block", lambda store, name: name != "0")
+    for scope in (x, pattern):
+        nothing, something = scope.component(IN, "0"), scope.component(IN, "1")
+        v = scope.let_vector("v", [scope.half * nothing, scope.number(2e-15) * something, scope.sqrt(something)], "tag")
+        for i, value in enumerate(v):
+            scope.set_entry(OUT, i, value)
+    written = [value for _, _, value in x.finish().stores]
+    assert (
+        [value == 0 for value in written]
+        == [pattern.stored[OUT, str(i)] == 0 for i in range(3)]
+        == [True, False, False]
+    )
+    assert [s.target.name for s in x.block.statements] == ["v_y", "v_z"]
+    assert run(x.finish(), {"1": 4.0}) == [0.0, 8e-15, 2.0]
