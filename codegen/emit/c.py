@@ -336,9 +336,8 @@ class CWriter(Writer):
         at = 0
         memory = c_functions.memory(found)
         of_sweeps = self.regions()
-        own = (
-            [("own", False, memory.size)] if memory.size else []
-        )  # behind the lanes it would cost some functions a tenth
+        own = [("own", False, memory.size)] if memory.size else []
+        # the call's own arrays before the lanes: behind them they would cost some functions a tenth
         regions = [*(r for r in of_sweeps if not r[1]), *own, *(r for r in of_sweeps if r[1])]
         for name, lanes, count in regions:
             places[name] = at

@@ -12,7 +12,7 @@ import pytest
 
 from codegen.emit.solver import Source, write_solver
 from codegen.mechanics.procedures import arrays
-from codegen.mechanics.sweeps import SWEEP, SWEEPS
+from codegen.mechanics.sweeps import SWEEP
 from codegen.model import load_model, parse_model
 from codegen.model.model import Model
 
@@ -75,7 +75,7 @@ def called(functions: dict[str, str], start: str) -> set[str]:
 
 def sweeps_in_c(functions: dict[str, str], start: str) -> set[str]:
     reached = called(functions, start)
-    found = {"start", *(s.name for s in SWEEPS)} & reached
+    found = {"start", *SWEEP} & reached
     for name in reached:
         formula = re.fullmatch(r"d?(tau|coefficient|outputs|energy|initial_q|initial_u)(_of_link)?_\d+", name)
         if formula:
@@ -114,8 +114,8 @@ def calls_in_numpy(source: Source) -> dict[str, Counter[str]]:
 
         return call
 
-    formulas = {f"{name}{along}" for name in FORMULAS.values() for along in ("", "_tangents")}
-    for name in {"start", *(s.name for s in SWEEPS), *formulas} & module.keys():
+    formulas = {f"{name}{along}" for name in FORMULAS.values() for along in ("", "_tangents", "_transposed")}
+    for name in {"start", *SWEEP, *formulas} & module.keys():
         module[name] = counting(name, module[name])
     rng = np.random.default_rng(7)
     state = {"q": np.array(manifest["initial"]["q"]), "p": np.array(manifest["parameters"]), "t": np.array(0.3)}
@@ -144,9 +144,9 @@ def test_functions_run_the_sweeps_as_often_as_the_manifest_says(name: str, model
         expected: Counter[str] = Counter()
         for sweep, times in told.items():
             if sweep in FORMULAS.values():  # their tangents have no name of their own
-                values, tangents = run[sweep], run[f"{sweep}_tangents"]
-                assert times == max(values, tangents / matrices), (name, function, sweep)
-                expected += Counter({sweep: values, f"{sweep}_tangents": tangents})
+                values, tangents, backwards = (run[f"{sweep}{way}"] for way in ("", "_tangents", "_transposed"))
+                assert times == max(values, tangents / matrices, backwards), (name, function, sweep)
+                expected += Counter({sweep: values, f"{sweep}_tangents": tangents, f"{sweep}_transposed": backwards})
             else:
                 expected[sweep] = times * (matrices if sweep in SWEEP and SWEEP[sweep].lanes else 1)
         assert expected == run, (name, function)

@@ -11,8 +11,8 @@ from coupled_mechanisms import by_hand
 from random_mechanisms import random_mechanisms
 
 import codegen
-from codegen.emit.solver import OF_TREES
 from codegen.loops.partition import partition
+from codegen.mechanics import procedures
 from codegen.mechanics.expansion import Patterns
 from codegen.mechanics.fields import FIELDS
 from codegen.mechanics.glossary import glossary
@@ -43,9 +43,9 @@ def system(name: str) -> System:
 
 
 def sweeps(of: System) -> list[Sweep]:
-    """All sweeps that a model may have."""
-    left_out = OF_TREES if of.model.loops else set()
-    return [s for s in SWEEPS if s.name not in left_out and s.kinds(of)]
+    """All sweeps that the functions of a model run."""
+    run = procedures.sweeps(procedures.procedures(of, reactions=True))
+    return [s for s in SWEEPS if s.name in run and s.kinds(of)]
 
 
 class Watched:
