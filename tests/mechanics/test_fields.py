@@ -11,7 +11,6 @@ from coupled_mechanisms import by_hand
 from random_mechanisms import random_mechanisms
 
 import codegen
-from codegen.emit.solver import OF_TREES
 from codegen.loops.partition import partition
 from codegen.mechanics.expansion import Patterns
 from codegen.mechanics.fields import FIELDS
@@ -28,6 +27,9 @@ MODELS = (
     "chain_on_slide", "tips_slide", "random",
 )  # fmt: skip
 """Between them they have every kind of link, ear, region and spring."""
+
+OF_TREES = {"newton_euler_out", "newton_euler_in", "force_tangents", "solve_in", "mass_out", "mass_in"}
+"""Sweeps that models with loops do not have."""
 
 Site = tuple[str, str, str, str]
 """Sweep, role of the unit, store and field."""
