@@ -10,8 +10,13 @@ from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any
 
+from sympy import Symbol
+
 from ..mechanics import procedures
+from ..mechanics.expansion import Program
+from ..mechanics.formulas import FormulaKind
 from ..mechanics.kinds import UnitKind
+from ..mechanics.outputs import RecordFormula
 from ..mechanics.stores import KEPT, LME, MARGIN, MY_LANE
 from ..model.model import Model
 from ..program.block import Block
@@ -23,7 +28,7 @@ from .c_functions import CFunctions
 from .function import Function, in_lines
 from .printer import C_FUNCTIONS, Printer
 from .templates import render
-from .writer import Located, Place, Writer
+from .writer import Located, Place, RowPlace, Writer
 
 SIZES = {
     "records": "RECORD", "near": "NEAR_SIZE", "slots": "SLOT_SIZE", "lanes": "LANE_SIZE", "ears": "EAR_SIZE",
@@ -33,7 +38,7 @@ SIZES = {
 """How long a row of each region of memory is."""
 
 
-def stored_once(block: Block) -> set[Any]:
+def stored_once(block: Block) -> set[Symbol]:
     """Symbols that what is stored for all directions together is made of."""
     if not any(store.lanes for store, _, _ in block.stores):
         return {*block.loads, *(s.target for s in block.statements)}
@@ -47,8 +52,14 @@ def stored_once(block: Block) -> set[Any]:
 class CWriter(Writer):
     """C source of a program; a place is (name of a pointer, its expression, index)."""
 
-    def __init__(self, *program: Any):
-        super().__init__(*program)
+    def __init__(
+        self,
+        program: Program,
+        formulas: list[FormulaKind],
+        records: list[RecordFormula],
+        asked: tuple[Procedure, ...],
+    ):
+        super().__init__(program, formulas, records, asked)
         self.printer = Printer(C_FUNCTIONS)
         self.tables: list[tuple[str, list[str]]] = []
 
@@ -138,8 +149,16 @@ class CWriter(Writer):
             f.lines = ["(void)a;"]
         return f
 
-    def rows_function(self, *arguments: Any, **options: Any) -> tuple[Function, list[str]]:
-        f, calls = super().rows_function(*arguments, **options)
+    def rows_function(
+        self,
+        name: str,
+        block: Block,
+        place: RowPlace,
+        integers: list[list[int]],
+        numbers: list[list[float]],
+        lanes: bool = False,
+    ) -> tuple[Function, list[str]]:
+        f, calls = super().rows_function(name, block, place, integers, numbers, lanes)
         if "int i" in f.signature and not any("[i]" in line for line in f.lines):
             f.lines.insert(0, "(void)i;")
         return f, calls

@@ -14,7 +14,7 @@ from ..mechanics.expansion import Program, expand
 from ..mechanics.formulas import coefficient_formulas, force_formulas, initial_formulas
 from ..mechanics.kinds import RegionKind, System, analyse
 from ..mechanics.orthogonal import RankLossError
-from ..mechanics.outputs import output_formulas, potential_formula
+from ..mechanics.outputs import RecordFormula, output_formulas, potential_formula
 from ..mechanics.procedures import arrays, procedures, sweeps, swept_backwards
 from ..mechanics.stores import LAID_OUT, SLOT
 from ..mechanics.transposition import transpose_sweeps
@@ -153,7 +153,7 @@ def write_solver(
     )
 
 
-def _read_by_formulas(system: System, records: list[Any]) -> set[MemoryPlace]:
+def _read_by_formulas(system: System, records: list[RecordFormula]) -> set[MemoryPlace]:
     """Components of records and lanes that outputs and the potential energy read."""
     read: set[MemoryPlace] = set()
     for r in records:

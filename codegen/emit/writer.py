@@ -35,6 +35,8 @@ Located = tuple[str, str, int | str]
 Place = Callable[[Store, str], Located]
 Column = Callable[[int], str]
 """The expression of an integer column of the current row of a table."""
+RowPlace = Callable[[Column, Store, str], Located]
+"""Where a component lies, for the current row of a table."""
 
 
 class Writer(ABC):
@@ -190,13 +192,13 @@ class Writer(ABC):
             f.lines += self.dispatch(len(kinds), inward, entry, cases)
         return f
 
-    def sequence(self, sweep: str) -> list[Any]:
+    def sequence(self, sweep: str) -> list[UnitKind]:
         """Kinds of what a sweep goes over, one after the other."""
         spec, system = SWEEP[sweep], self.system
         if spec.spring:
-            of = {n: k for k in system.spring_kinds for n in k.members}
+            of: dict[int, UnitKind] = {n: k for k in system.spring_kinds for n in k.members}
             return [of[n] for n in range(len(of))]
-        return list(system.unit_kind_of if spec.units else system.kind_of)
+        return [*(system.unit_kind_of if spec.units else system.kind_of)]
 
     def sweep_functions(self, sweep: str) -> list[Function]:
         functions = [
@@ -212,7 +214,7 @@ class Writer(ABC):
         self,
         name: str,
         block: Block,
-        place: Callable[[Column, Store, str], Located],
+        place: RowPlace,
         integers: list[list[int]],
         numbers: list[list[float]],
         lanes: bool = False,
@@ -302,7 +304,15 @@ class Writer(ABC):
                 self._add_pair(result, f"{target}_of_link_{record.index}", record, place_record, integers, numbers)
         return result
 
-    def _add_pair(self, result: dict[str, Any], name: str, kind: Any, place: Any, integers: Any, numbers: Any) -> None:
+    def _add_pair(
+        self,
+        result: dict[str, Any],
+        name: str,
+        kind: FormulaKind | RecordFormula,
+        place: RowPlace,
+        integers: list[list[int]],
+        numbers: list[list[float]],
+    ) -> None:
         f, call = self.rows_function(name, kind.value, place, integers, numbers)
         result["functions"].append(f)
         result["calls"] += call

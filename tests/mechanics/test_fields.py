@@ -29,6 +29,9 @@ MODELS = (
 )  # fmt: skip
 """Between them they have every kind of link, ear, region and spring."""
 
+OF_TREES = {"newton_euler_out", "newton_euler_in", "force_tangents", "solve_in", "mass_out", "mass_in"}
+"""Sweeps that models with loops do not have."""
+
 Site = tuple[str, str, str, str]
 """Sweep, role of the unit, store and field."""
 
