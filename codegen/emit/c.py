@@ -341,7 +341,7 @@ class CWriter(Writer):
         """Lines that give a call the memory of the workspace: all of it, or what a few sweeps need."""
         if any(isinstance(s, (Prepare, Perform, Own)) for s in procedure.steps):
             return ["lay_out(&c, work);"]
-        sweeps = [s.sweep for s in procedure.steps if isinstance(s, Run) and not s.lanes]
+        sweeps = [s.sweep for s in procedure.steps if isinstance(s, Run)]
         text = "\n".join(line for s in sweeps for f in self.swept[s] for line in f.lines)
         lines = [f"c.{name} = aligned(work) + {at};" for name, at in places.items() if f"a->{name} " in text]
         return lines if lines or procedure.seeds else ["(void)work;"]
