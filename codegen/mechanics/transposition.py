@@ -14,7 +14,7 @@ from ..program.passes import drop_dead, simplify
 from ..program.store import Life, Memory, Store
 from ..program.transpose import Adjoints, Kept, transposed, values
 from .expansion import Program
-from .stores import KEPT, LAID_OUT, LINK
+from .stores import DQ, DU, KEPT, LAID_OUT, LINK
 from .sweeps import SWEEP, transpose_name, values_name
 
 Name = tuple[Memory, str]
@@ -57,6 +57,11 @@ def transpose_sweeps(program: Program, sweeps: Iterable[str], formulas: Iterable
             return store.memory in KEPT and (store.memory, name) in before
 
         def cleared(store: Store, name: str, several: set[Name] = several) -> bool:
+            if store.name in (
+                DQ.name,
+                DU.name,
+            ):  # seeds that completion replaces: what is left belongs to the given ones
+                return True
             if store.memory not in LAID_OUT:
                 return False
             return store.memory.life is Life.SWEEP or (store.memory, name) in several

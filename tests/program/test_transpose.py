@@ -52,6 +52,7 @@ def random_block(rng: np.random.Generator, adds: bool) -> Block:
     for i in range(3):
         x.set_component(B.sum if adds and i else B, str(i), lanes[-1 - i])
     x.set_component(A, "1", lanes[-5] + lanes[1])
+    x.set_component(A, "9", lanes[-2])  # stored again
     x.set_component(A, "9", sympy.S.Zero)
     return x.finish()
 
