@@ -11,11 +11,12 @@ static call kept;
 int tree_forward(const double *q, const double *u, const double *p, double *udot, double *work)
 {
     kept = (call){0};
+    lay_out(&kept, work);
     kept.q = q;
-    kept.u = u;
+    kept.u = (double *)u; /* which nothing writes into */
     kept.p = p;
     kept.udot = udot;
-    start(&kept, work);
+    start(&kept);
     return forward(&kept);
 }
 
@@ -24,7 +25,7 @@ void tree_solve_8(const double *b, double *x, double *work)
 {
     call_8 d;
     open_8(&d, &kept, work);
-    d.b = (const lanes_8 *)b;
+    d.b = (lanes_8 *)b;
     d.dudot = (lanes_8 *)x;
     solve_in_8(&d);
     balance_back_8(&d);
@@ -34,7 +35,7 @@ void tree_solve_1(const double *b, double *x, double *work)
 {
     call_1 d;
     open_1(&d, &kept, work);
-    d.b = (const lanes_1 *)b;
+    d.b = (lanes_1 *)b;
     d.dudot = (lanes_1 *)x;
     solve_in_1(&d);
     balance_back_1(&d);
@@ -46,9 +47,9 @@ void tree_force_tangent(double *udot, const double *dq, const double *du, const 
 {
     call_1 d;
     open_1(&d, &kept, work);
-    d.dq = (const lanes_1 *)dq;
-    d.du = (const lanes_1 *)du;
-    d.dp = (const lanes_1 *)dp;
+    d.dq = (lanes_1 *)dq;
+    d.du = (lanes_1 *)du;
+    d.dp = (lanes_1 *)dp;
     d.udot = udot;
     d.force = force;
     d.dforce = (lanes_1 *)dforce;

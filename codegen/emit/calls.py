@@ -40,7 +40,7 @@ def write_calls(manifest: Mapping[str, Any], sizes: Mapping[str, int]) -> str:
             "version": __version__,
             "slots": [n.upper() for n in (*ARGUMENTS, *SEEDS)],
             "first_seed": len(ARGUMENTS),
-            "sizes": [*(sizes[n] for n in ARGUMENTS), *(sizes[s[1:]] for s in SEEDS)],
+            "sizes": [*(sizes[n] for n in ARGUMENTS), *(sizes.get(s[1:], 0) for s in SEEDS)],
             "checked": [*(len(manifest[n]) for n in counted), manifest["workspace"]],
             "quaternions": manifest["quaternions"],
             "matrices": matrices,

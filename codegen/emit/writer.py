@@ -319,9 +319,10 @@ class Writer(ABC):
         f, call = self.rows_function(f"d{name}", kind.tangent, place, integers, numbers, lanes=True)
         result["lane_functions"].append(f)
         result["lane_calls"] += call
-        f, call = self.rows_function(f"{name}_transposed", kind.transposed, place, integers, numbers, lanes=True)
-        result["back_functions"].append(f)
-        result["back_calls"] += call
+        if kind.transposed.stores:  # a formula of numbers hands nothing back
+            f, call = self.rows_function(f"{name}_transposed", kind.transposed, place, integers, numbers, lanes=True)
+            result["back_functions"].append(f)
+            result["back_calls"] += call
 
     # -- the ground ------------------------------------------------------------------------------------------------
 

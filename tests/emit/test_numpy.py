@@ -59,7 +59,8 @@ def given(source: Source, rng: np.random.Generator, k: int) -> dict[str, Any]:
     return {
         **random_state(rng, model)._asdict(), **random_seeds(rng, model, k),
         "udot": rng.normal(size=nu), "dudot": rng.normal(size=(k, nu)),
-        "b": rng.normal(size=nu), "db": rng.normal(size=(k, nu)),
+        "b": rng.normal(size=nu), "db": rng.normal(size=(k, nu)), "dqdot": rng.normal(size=(k, model.nq)),
+        "denergy": rng.normal(size=(k, 2)), "doutputs": rng.normal(size=(k, len(model.outputs))),
     }  # fmt: skip
 
 
@@ -147,7 +148,18 @@ def test_batches_are_single_states(seed: int) -> None:
     model = random_tree(rng, 5)
     source, made = generated(model)
     batch, k = (2, 3), 2
-    axes = {"q": (2, 1), "u": (3,), "p": (), "inputs": (2, 3), "t": (3,), "udot": (2, 1), "b": ()}
+    axes = {
+        "q": (2, 1),
+        "u": (3,),
+        "p": (),
+        "inputs": (2, 3),
+        "t": (3,),
+        "udot": (2, 1),
+        "b": (),
+        "qdot": (3,),
+        "energy": (),
+        "outputs": (2, 1),
+    }
     base = given(source, rng, k)
     split = {
         n: ((k,), axes[n[1:]], np.shape(v)[1:]) if n.startswith("d") else ((), axes[n], np.shape(v))

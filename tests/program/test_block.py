@@ -125,8 +125,8 @@ def test_tangent_is_the_derivative(seed: int) -> None:
     d = Tangents(x, seeds, {})
     for s in statements:
         d.statement(s)
-    for _, _, e in block.stores:
-        x.set_component(OUT, "d", d.value(sympy.sympify(e)))
+    for i, (_, _, e) in enumerate(block.stores):
+        x.set_component(OUT, f"d{i}", d.value(sympy.sympify(e)))
     inputs = {n: float(v) for (_, n), v in zip(block.loads.values(), rng.uniform(0.5, 1.5, 9), strict=False)}
     inputs |= {str(i): inputs.get(str(i), 1.0) for i in range(4)}
     h = 1e-6

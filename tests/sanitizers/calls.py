@@ -173,7 +173,8 @@ class Part:
             "udot": rng.normal(size=(STATES, len(u))),
             "b": rng.normal(size=(STATES, len(u))),
         }
-        return given | {f"d{n}": rng.normal(size=(*x.shape, DIRECTIONS)) for n, x in given.items()}
+        weighed = {n: np.empty((STATES, self.sizes[n])) for n in ("qdot", "energy", "outputs", "full_q", "full_u")}
+        return given | {f"d{n}": rng.normal(size=(*x.shape, DIRECTIONS)) for n, x in (given | weighed).items()}
 
     # -- calls -----------------------------------------------------------------------------------------------------
 

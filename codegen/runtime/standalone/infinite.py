@@ -99,8 +99,8 @@ def _first_infinite(package: Mapping[str, Any], module: Any, a: Any, moved: bool
     module.forward(a)
     for i in bad(a.udot):
         return f": the acceleration of joint {speeds[i].partition('.')[0]} is too large for floating-point numbers"
-    if along and hasattr(module, "joint_force_tangents"):
-        module.joint_force_tangents(a)
+    if along and hasattr(module, "joint_forces_tangents"):
+        module.joint_forces_tangents(a)
         for i in bad(getattr(a, "dtau", ())):
             return force(i, "the derivative of the force")
     if along and hasattr(module, "applied_force_tangents"):
