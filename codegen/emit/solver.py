@@ -15,7 +15,7 @@ from ..mechanics.formulas import coefficient_formulas, force_formulas, initial_f
 from ..mechanics.kinds import RegionKind, System, analyse
 from ..mechanics.orthogonal import RankLossError
 from ..mechanics.outputs import RecordFormula, output_formulas, potential_formula
-from ..mechanics.procedures import arrays, procedures, sweeps, swept_backwards
+from ..mechanics.procedures import arrays, checked_backwards, procedures, sweeps, swept_backwards
 from ..mechanics.stores import LAID_OUT, SLOT
 from ..mechanics.transposition import transpose_sweeps
 from ..mechanics.triangularization import ZeroPivotError
@@ -127,7 +127,7 @@ def write_solver(
         raise ModelError([model.problem(f"bodies.{body}.joint", message)]) from None
     formulas = [*force_formulas(system), *coefficient_formulas(system), *values, *initial_formulas(model)]
     tangents = [*(f.tangent for f in formulas), *(r.tangent for r in records)]
-    transpose_sweeps(program, swept_backwards(asked), tangents)
+    transpose_sweeps(program, swept_backwards(asked), tangents, checked_backwards(asked))
     lap("expand and simplify")
     progress("printing C", 0, 0)
     writer = CWriter(program, formulas, records, asked)

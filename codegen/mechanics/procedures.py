@@ -314,6 +314,7 @@ class _Writer:
             (
                 *values.steps,
                 Perform(Routine(f"{name}_scalars", "Scalars that sweeps over directions hand on.", scalars)),
+                *([Check()] if any(isinstance(s, Check) for s in steps) else []),
                 Perform(
                     Routine(f"{name}_backwards", f"The steps of {along.name} over directions, backwards.", tuple(back))
                 ),
@@ -604,6 +605,12 @@ ENERGIES = ("kinetic_energy", "potential_energy")
 def sweeps(found: tuple[Procedure, ...]) -> set[str]:
     """Sweeps that procedures run."""
     return {s.sweep for p in found for s in walk(p.steps) if isinstance(s, Run)}
+
+
+def checked_backwards(found: tuple[Procedure, ...]) -> set[str]:
+    """Sweeps over directions that meet pivots which values do not meet."""
+    checking = [p for p in found if any(isinstance(s, Check) and s.lanes for s in p.steps)]
+    return {s.sweep for p in checking for s in walk(p.steps) if isinstance(s, Run) and s.lanes}
 
 
 def swept_backwards(found: tuple[Procedure, ...]) -> list[str]:

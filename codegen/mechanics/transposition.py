@@ -7,14 +7,14 @@ hand from link to link, in the same order, and keeps them; the other is its tran
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 
 from ..program.block import Block, Component
 from ..program.passes import drop_dead, simplify
 from ..program.store import Life, Memory, Store
 from ..program.transpose import Adjoints, Kept, transposed, values
 from .expansion import Program
-from .stores import DQ, DU, KEPT, LAID_OUT, LINK
+from .stores import DQ, DU, KEPT, LAID_OUT, LINK, MARGIN
 from .sweeps import SWEEP, transpose_name, values_name
 
 Name = tuple[Memory, str]
@@ -31,6 +31,14 @@ def kept(store: Store) -> Store:
     return found
 
 
+def _is_margin(store: Store) -> bool:
+    return store.memory is MARGIN
+
+
+def _is_none(store: Store) -> bool:
+    return False
+
+
 def _names(blocks: Iterable[Block], stored: bool) -> set[Name]:
     """What blocks store, or load."""
     if stored:
@@ -38,10 +46,12 @@ def _names(blocks: Iterable[Block], stored: bool) -> set[Name]:
     return {(a.memory, n) for b in blocks for a, n in b.loads.values()}
 
 
-def transpose_sweeps(program: Program, sweeps: Iterable[str], formulas: Iterable[Block] = ()) -> None:
+def transpose_sweeps(
+    program: Program, sweeps: Iterable[str], formulas: Iterable[Block] = (), checked: Collection[str] = ()
+) -> None:
     """Add the transposes of sweeps over directions to a program, and the sweeps that give them their scalars.
 
-    `formulas` are tangents of formulas that run with the sweeps.
+    `formulas` are tangents of formulas that run with the sweeps; of those in `checked` nobody else looks at the pivots.
     """
     chosen = [s for s in sweeps if s in program.blocks]
     formulas = list(formulas)
@@ -77,7 +87,10 @@ def transpose_sweeps(program: Program, sweeps: Iterable[str], formulas: Iterable
             ])  # fmt: skip
             made = transposed(useful, f"{transpose_name(sweep)}_{kind}", f"transpose of {title}", adjoints, keeping)
             backwards[kind] = simplify(made)
-            forwards[kind] = values(block, f"{values_name(sweep)}_{kind}", f"values of {title}", keeping)
+            forwards[kind] = values(
+                block, f"{values_name(sweep)}_{kind}", f"values of {title}", keeping,
+                _is_margin if sweep in checked else _is_none,
+            )  # fmt: skip
         program.blocks[transpose_name(sweep)] = backwards
         program.blocks[values_name(sweep)] = forwards
         program.slots[transpose_name(sweep)] = program.slots.get(sweep, [])
@@ -95,7 +108,7 @@ def _keep_needed(program: Program, chosen: list[str]) -> None:
     needed = {at for s in chosen for b in program.blocks[transpose_name(s)].values() for at in _kept_names(b)}
 
     def useful(block: Block) -> Block:
-        stores = [(a, n, e) for a, n, e in block.stores if (a.memory, n) in needed]
+        stores = [(a, n, e) for a, n, e in block.stores if (a.memory, n) in needed or a.memory is MARGIN]
         return drop_dead(Block(block.name, block.title, block.loads, block.statements, stores))
 
     before = -1

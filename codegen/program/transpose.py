@@ -96,12 +96,16 @@ class Kept:
         return (self.place(store) if self.holds(store, name) else store), name
 
 
-def values(block: Block, name: str, title: str, kept: Kept) -> Block:
-    """The part of a block over directions that computes scalars to be kept."""
+def values(
+    block: Block, name: str, title: str, kept: Kept, also: Callable[[Store], bool] = lambda store: False
+) -> Block:
+    """The part of a block over directions that computes scalars to be kept, and what it stores where `also` says so."""
     found = Block(name, title)
     found.loads = {s: kept.at(a, n) for s, (a, n) in block.loads.items() if not a.lanes}
     found.statements = [s for s in block.statements if not s.lanes]
-    found.stores = [(kept.place(a), n, e) for a, n, e in block.stores if not a.lanes and kept.holds(a, n)]
+    found.stores = [
+        (kept.at(a, n)[0], n, e) for a, n, e in block.stores if not a.lanes and (kept.holds(a, n) or also(a))
+    ]
     return found
 
 
