@@ -102,7 +102,8 @@ def test_a_terminal_is_told_what_takes_so_long(seen):
     # and the line goes away
     shown = "\n".join(screen(text))
     assert not re.search(r"\(\d+ s\)", shown)
-    assert shown.startswith("double_pendulum ") and "checked against the generic engine" in " ".join(shown.split())
+    # a folder whose name is long stands in a line of its own
+    assert shown.split()[0] == "double_pendulum" and "checked against the generic engine" in " ".join(shown.split())
     assert text.count("\x1b[?25l") == text.count("\x1b[?25h") == 1  # the cursor is back
     assert "\x1b[1m" in text  # the name in bold
 
@@ -187,7 +188,11 @@ def test_warnings_and_remarks_are_coloured(report, monkeypatch):
     for name in ("NO_COLOR", "CI"):
         monkeypatch.delenv(name, raising=False)
     more = dataclasses.replace(
-        report, warnings=("x.yaml:1:1: warning: unused",), remarks=["no compiler"], loops=["warning: flat"]
+        report,
+        folder=Path("out"),
+        warnings=("x.yaml:1:1: warning: unused",),
+        remarks=["no compiler"],
+        loops=["warning: flat"],
     )
     monkeypatch.setattr(sys, "stdout", screen := Screen())
     print_report(more)
