@@ -9,7 +9,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import hypothesis
 import pytest
 
-# What a shell starts in the background ignores Ctrl-C, under nohup the end of the terminal too, and so would all that tests start.
+# What a shell starts in the background ignores Ctrl-C, and under nohup the end of the terminal too; so would all that tests
+# start.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
