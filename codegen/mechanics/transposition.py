@@ -67,10 +67,8 @@ def transpose_sweeps(
             return store.memory in KEPT and (store.memory, name) in before
 
         def cleared(store: Store, name: str, several: set[Name] = several) -> bool:
-            if store.name in (
-                DQ.name,
-                DU.name,
-            ):  # seeds that completion replaces: what is left belongs to the given ones
+            # completion replaces seeds: what is left of their adjoints belongs to the given ones
+            if store.name in (DQ.name, DU.name):
                 return True
             if store.memory not in LAID_OUT:
                 return False

@@ -6,6 +6,7 @@ strings that a layout gives places to: ``w.x``, ``Z3.w.x``. The tables of fields
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from typing import Generic, Self, TypeVar
 
@@ -23,7 +24,7 @@ Read = Callable[[str], Value]
 """Gives the value of a component."""
 
 
-class Readable(Generic[V_co]):
+class Readable(ABC, Generic[V_co]):
     """A field, or (with ``{}`` in its name) a family of fields, as far as it is read.
 
     Attributes
@@ -34,21 +35,16 @@ class Readable(Generic[V_co]):
         For the glossary. The frame is that in whose axes components are, empty for what has none.
     handed_on : bool
         Others add to it: where there are none it is zero, and nobody has stored it.
-    tangent : field or None
-        Under which name the tangent is kept, in stores of values per direction; None for the same.
     """
 
     shape = ""
 
-    def __init__(
-        self, name: str, unit: str, frame: str, meaning: str, *, handed_on: bool = False, tangent: Self | None = None
-    ):
+    def __init__(self, name: str, unit: str, frame: str, meaning: str, *, handed_on: bool = False):
         self.name = name
         self.unit = unit
         self.frame = frame
         self.meaning = meaning
         self.handed_on = handed_on
-        self.tangent = tangent
         self.family: AnyField = self
         self.suffix = ""
         self.listed = False
@@ -83,13 +79,13 @@ class Readable(Generic[V_co]):
         return (self.name,)
 
     @property
+    @abstractmethod
     def components(self) -> tuple[str, ...]:
         """Names of the components."""
-        raise NotImplementedError
 
+    @abstractmethod
     def read(self, read: Read) -> V_co:
         """The value, from the values of its components."""
-        raise NotImplementedError
 
     def scalars(self) -> tuple[ScalarField, ...]:
         """The components as fields of their own; the same objects each time."""
@@ -113,9 +109,9 @@ AnyField = Readable[object]
 class Field(Readable[V], Generic[V]):
     """A field that can be written too."""
 
+    @abstractmethod
     def parts(self, value: V) -> Iterator[tuple[str, Value]]:
         """The components with their values."""
-        raise NotImplementedError
 
 
 class ScalarField(Field[Value]):

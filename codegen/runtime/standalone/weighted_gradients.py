@@ -10,7 +10,8 @@ import numpy as np
 from .arrays import Array, Numbers, Times, lengths
 from .directions import take_directions
 from .functions import STATE
-from .package import Package, state
+from .package import state
+from .states import States
 
 WEIGHTS = {"dudot": "weights", "doutputs": "weights", "denergy": "weights", "dqdot": "weights", "dfull_q": "weights_q",
            "dfull_u": "weights_u"}  # fmt: skip
@@ -36,7 +37,7 @@ class Gradients(NamedTuple):
     t: Array
 
 
-class WeightedGradients(Package):
+class WeightedGradients(States):
     """Gradients, by the transposes of the sensitivities: the cost does not depend on the number of parameters."""
 
     def gradients(
@@ -89,7 +90,7 @@ class WeightedGradients(Package):
         weights = {"dfull_q": weights_q, "dfull_u": weights_u}
         along, k, batch = take_directions(self._arguments, weights, arrays, batch, WEIGHTS)
         before = {i: lengths(arrays["q"][..., i : i + 4]) for i in self._arguments.quaternions}
-        q_new: Array = self._assembled(arrays, batch)  # type: ignore[attr-defined]
+        q_new: Array = self._assembled(arrays, batch)
         if "completion_sensitivities_transposed" in self._functions:
             given = {**arrays, "q": q_new}
             found = self._gradients("completion_sensitivities_transposed", given, along)
