@@ -26,6 +26,17 @@ FLOORS = {
 """What each floor may import beside itself. Floors that are not listed (generation, cli, report, ...) are the top:
 they may import everything, and no listed floor may import them."""
 
+ROOMS = {
+    "structure": set(),
+    "joints": {"structure"},
+    "tree": {"joints", "structure"},
+    "ears": {"joints", "structure", "tree"},
+    "elements": {"joints", "structure", "tree"},
+    "outputs": {"joints", "structure", "tree"},
+}
+"""The rooms of the mechanics, and what each may import beside itself. The sweeps over all of them, what is made of the
+sweeps, and the words that all share (fields, stores, vectors) stand beside the rooms."""
+
 STANDALONE = PACKAGE / "runtime" / "standalone"
 """Copied into generated packages, file by file, which need NumPy and cffi only."""
 
@@ -41,6 +52,11 @@ def _name(path: Path) -> str:
 
 def _floor(path: Path) -> str:
     return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+
+
+def _room(path: Path) -> str:
+    parts = path.relative_to(PACKAGE).parts
+    return parts[1] if parts[0] == "mechanics" and len(parts) > 2 else ""
 
 
 def imports(source: str, path: Path) -> Iterator[tuple[int, str]]:
@@ -72,6 +88,10 @@ def faults(source: str, path: Path) -> list[str]:
             if target != floor and target not in FLOORS[floor]:
                 allowed = ", ".join(sorted(FLOORS[floor])) or "nothing"
                 found.append(f"{_name(path)}:{line}: {floor} imports {name}; beside itself it may import {allowed}")
+            room, other = _room(path), parts[2] if parts[1:2] == ["mechanics"] and len(parts) > 2 else ""
+            if room and other in ROOMS and other not in ROOMS[room] | {room}:
+                allowed = ", ".join(sorted(ROOMS[room])) or "nothing"
+                found.append(f"{_name(path)}:{line}: {room} imports {name}; of the other rooms it may import {allowed}")
     return found
 
 
@@ -123,6 +143,7 @@ def test_a_module_makes_no_forbidden_calls(path):
 
 def test_there_are_modules_on_every_floor():
     assert {_floor(p) for p in MODULES} >= FLOORS.keys()
+    assert {_room(p) for p in MODULES} == {*ROOMS, ""}
     assert len([p for p in MODULES if p.parent == STANDALONE]) > 20
 
 
@@ -175,6 +196,9 @@ def test_tracked_files_name_no_path_of_a_machine():
         ("program/x.py", "from .. import mechanics"),
         ("program/x.py", "def f():\n    import codegen.model.model"),
         ("mechanics/x.py", "from ..emit.c import CWriter"),
+        ("mechanics/structure/x.py", "from ..ears.orthogonal import Factor"),
+        ("mechanics/tree/x.py", "from .. import spatial, ears"),
+        ("mechanics/ears/x.py", "from ..outputs import energy"),
         ("reference/x.py", "from codegen.program.block import Block"),
         ("model/x.py", "import codegen"),
         ("emit/x.py", "from ..cli import main"),
@@ -197,6 +221,7 @@ def test_the_check_sees_imports_that_climb(file, source):
             "import sympy\nfrom . import passes\nfrom .block import Block\nfrom ..version import __version__",
         ),
         ("mechanics/x.py", "from ..model.model import GROUND\nfrom ..program import block"),
+        ("mechanics/ears/x.py", "from ..tree.kinematics import pose\nfrom .. import fields\nfrom .geometry import Ear"),
         ("emit/c/x.py", "from ...mechanics import kinds\nfrom ..printer import Printer"),
         ("cli.py", "from . import generation, reference"),
         (

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from ..mechanics.expansion import Program
-from ..mechanics.kinds import EarKind, Folded, LinkKind, RegionKind, SpringKind, UnitKind
 from ..mechanics.stores import (
     BASE_LINK,
     COEFFICIENTS,
@@ -48,6 +47,7 @@ from ..mechanics.stores import (
     SPRING,
     WRENCH,
 )
+from ..mechanics.structure.kinds import EarKind, Folded, LinkKind, RegionKind, SpringKind, UnitKind
 from ..mechanics.sweeps import SWEEP
 from ..model.model import CLOSURE_ROWS, GROUND
 from ..program.store import Store

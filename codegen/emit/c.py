@@ -15,9 +15,9 @@ from sympy import Symbol
 from ..mechanics import procedures
 from ..mechanics.expansion import Program
 from ..mechanics.formulas import FormulaKind
-from ..mechanics.kinds import UnitKind
-from ..mechanics.outputs import RecordFormula
+from ..mechanics.outputs.outputs import RecordFormula
 from ..mechanics.stores import KEPT, LME, MARGIN, MY_LANE
+from ..mechanics.structure.kinds import UnitKind
 from ..model.model import Model
 from ..program.block import Block
 from ..program.passes import by_results

@@ -8,9 +8,9 @@ from typing import Any
 
 from ..mechanics.expansion import Program
 from ..mechanics.formulas import FormulaKind
-from ..mechanics.kinds import System
-from ..mechanics.outputs import RecordFormula
+from ..mechanics.outputs.outputs import RecordFormula
 from ..mechanics.procedures import WIDTHS
+from ..mechanics.structure.kinds import System
 from ..mechanics.sweeps import SWEEP
 from ..program.operations import Operations, count
 from ..program.procedure import Array, Formulas, Procedure, Single, counted, walk

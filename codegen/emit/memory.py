@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from ..mechanics.expansion import Program
-from ..mechanics.kinds import EarKind, System
 from ..mechanics.stores import COUPLING_BLOCK, EAR_RECORD, KEPT, LANE, ME, RECORD, REGION_LANE, REGION_RECORD, UP
+from ..mechanics.structure.kinds import EarKind, System
 
 
 class Layout:

@@ -11,9 +11,9 @@ from typing import Any
 from ..mechanics import procedures
 from ..mechanics.expansion import Program
 from ..mechanics.formulas import FormulaKind
-from ..mechanics.kinds import UnitKind
-from ..mechanics.outputs import RecordFormula
+from ..mechanics.outputs.outputs import RecordFormula
 from ..mechanics.stores import COUPLING_BLOCK, EAR_RECORD, KEPT, MARGIN, RECORD, REGION_RECORD
+from ..mechanics.structure.kinds import UnitKind
 from ..program.block import Block
 from ..program.procedure import Procedure, routines
 from ..program.store import Store

@@ -12,9 +12,9 @@ from typing import Any
 
 from ..mechanics.expansion import Program
 from ..mechanics.formulas import FormulaKind
-from ..mechanics.kinds import EarKind, RegionKind, SpringKind, UnitKind
-from ..mechanics.outputs import RecordFormula
+from ..mechanics.outputs.outputs import RecordFormula
 from ..mechanics.stores import LME, ME, MY_LANE, NUMBER, SHAPE
+from ..mechanics.structure.kinds import EarKind, RegionKind, SpringKind, UnitKind
 from ..mechanics.sweeps import INWARD, SWEEP
 from ..model.model import GROUND
 from ..program.block import Block

@@ -13,12 +13,12 @@ from ..program.field import PLACES, SixField
 from ..program.scalar import Matrix, Vector
 from ..program.store import Store
 from . import fields
-from .ears import rotate
-from .elimination import CARRIER
+from .ears.geometry import rotate
 from .handing_on import accumulate
-from .kinds import LinkKind, RegionKind
 from .spatial import add, cross, transpose
 from .stores import BASE, LBASE, LPARTNERS, LUP, PAIR, PARTNERS, UP
+from .structure.elimination_order import CARRIER
+from .structure.kinds import LinkKind, RegionKind
 
 Coupled = LinkKind | RegionKind
 

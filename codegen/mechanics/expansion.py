@@ -23,7 +23,6 @@ from ..program.passes import PASSES, drop_dead
 from ..program.progress import Progress, silent
 from ..program.store import Life, Memory, Store
 from . import fields
-from .kinds import EarKind, System, UnitKind
 from .stores import (
     BASE_LINK,
     CONSTANT,
@@ -41,6 +40,7 @@ from .stores import (
     SECOND_END,
     SLOT,
 )
+from .structure.kinds import EarKind, System, UnitKind
 from .sweeps import SWEEPS, Sweep
 
 GROUND_KIND = -1

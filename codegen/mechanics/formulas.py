@@ -21,9 +21,9 @@ from ..program.derivatives import Tangents
 from ..program.passes import simplify
 from ..program.store import Store
 from ..program.transpose import PLAIN, transposed
-from .constants import Statements, to_slots
-from .kinds import System
 from .stores import NUMBER, argument
+from .structure.constants import Statements, to_slots
+from .structure.kinds import System
 
 _NO_VALUES = (sympy.zoo, sympy.oo, -sympy.oo, sympy.nan, sympy.I)
 _LARGEST = sympy.Float(sys.float_info.max)

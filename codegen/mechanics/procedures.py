@@ -33,8 +33,8 @@ from ..program.procedure import (
     over_directions,
     walk,
 )
-from .kinds import System
 from .quantities import POSE, Quantity, elements, measured, missing, run
+from .structure.kinds import System
 from .sweeps import SWEEPS, transpose_name, values_name
 
 TRANSPOSED = {

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from ..program.procedure import Formulas, Run, Step, walk
-from .kinds import System
+from .structure.kinds import System
 from .sweeps import SWEEP
 
 

@@ -11,26 +11,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from ..program.block import Scope
-from . import (
-    assembly,
-    back_substitution,
-    balance,
-    closures,
-    completion,
-    ear_balance,
-    energy,
-    far_links,
-    inverse_dynamics,
-    kinematics,
-    loop_dynamics,
-    reactions,
-    region_balance,
-    springs,
-    triangularization,
-)
-from .freedoms import COORDINATE_START
-from .kinds import EarKind, LinkKind, RegionKind, SpringKind, System, UnitKind
-from .orthogonal import FactorForm
+from .ears import assembly, closures, completion, far_links, reactions, region_balance
+from .ears import balance as ear_balance
+from .ears import dynamics as ear_dynamics
+from .elements import springs
+from .outputs import energy
+from .structure.factor_form import FactorForm
+from .structure.freedoms import COORDINATE_START
+from .structure.kinds import EarKind, LinkKind, RegionKind, SpringKind, System, UnitKind
+from .tree import back_substitution, balance, inverse_dynamics, kinematics, triangularization
 
 OUTWARD, INWARD = "outward", "inward"
 
@@ -141,8 +130,8 @@ SWEEPS: tuple[Sweep, ...] = (
           region=far_links.far_displacements, units=True, closing=True),
     Sweep("seed_residuals", "by how much complete seeds open the loops", _nothing, OUTWARD, lanes=True, applies=_never,
           ear=completion.seed_residuals, units=True),
-    Sweep("pose", "positions and attitudes in the ground frame", energy.pose, OUTWARD),
-    Sweep("pose_tangents", "tangent of positions and attitudes", energy.pose, OUTWARD, lanes=True, tangents=True),
+    Sweep("pose", "positions and attitudes in the ground frame", kinematics.pose, OUTWARD),
+    Sweep("pose_tangents", "tangent of positions and attitudes", kinematics.pose, OUTWARD, lanes=True, tangents=True),
     Sweep("velocities", "velocities of links (Eq. 18)", springs.velocities, OUTWARD),
     Sweep("velocity_tangents", "tangent of velocities", springs.velocities, OUTWARD, lanes=True, tangents=True),
     Sweep("clear", "no spring acts yet", springs.clear, OUTWARD, applies=_pulled),
@@ -153,11 +142,11 @@ SWEEPS: tuple[Sweep, ...] = (
     Sweep("spring_energy_tangents", "tangent of the energy of springs", _nothing, OUTWARD, lanes=True, tangents=True,
           spring=springs.spring_energy),
     Sweep("kinematics", "kinematic sweep (Eqs. 18-24, 31)", kinematics.kinematics, OUTWARD, units=True,
-          ear=loop_dynamics.ear_kinematics, region=loop_dynamics.region_start),
+          ear=ear_dynamics.ear_kinematics, region=ear_dynamics.region_start),
     Sweep("triangularize", "triangularization (Eqs. 39-47)", triangularization.triangularize, INWARD, units=True,
-          ear=loop_dynamics.ear_triangularize, region=loop_dynamics.region_triangularize),
+          ear=ear_dynamics.ear_triangularize, region=ear_dynamics.region_triangularize),
     Sweep("back_substitute", "back substitution (Eqs. 53-56)", back_substitution.back_substitute, OUTWARD, units=True,
-          ear=loop_dynamics.ear_back_substitute, region=loop_dynamics.region_back_substitute),
+          ear=ear_dynamics.ear_back_substitute, region=ear_dynamics.region_back_substitute),
     Sweep("newton_euler_out", "inverse dynamics, outward (Eqs. 19, 24)", inverse_dynamics.newton_euler_outward, OUTWARD),
     Sweep("newton_euler_in", "inverse dynamics, inward (Eq. 45)", inverse_dynamics.newton_euler_inward, INWARD),
     Sweep("motion", "accelerations and the forces they need (Eqs. 19, 24)", inverse_dynamics.newton_euler_outward, OUTWARD,

@@ -10,8 +10,8 @@ from coupled_mechanisms import BY_HAND, by_hand, platform, rails, tips_joined
 from random_mechanisms import random_mechanisms
 
 from codegen.loops.partition import partition
-from codegen.mechanics.elimination import CARRIER
-from codegen.mechanics.kinds import System, analyse
+from codegen.mechanics.structure.elimination_order import CARRIER
+from codegen.mechanics.structure.kinds import System, analyse
 from codegen.model.model import GROUND, Model
 
 

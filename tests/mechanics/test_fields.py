@@ -16,8 +16,8 @@ from codegen.mechanics import procedures
 from codegen.mechanics.expansion import Patterns
 from codegen.mechanics.fields import FIELDS
 from codegen.mechanics.glossary import glossary
-from codegen.mechanics.kinds import System, analyse
 from codegen.mechanics.stores import LAID_OUT
+from codegen.mechanics.structure.kinds import System, analyse
 from codegen.mechanics.sweeps import SWEEPS, Sweep
 from codegen.program.block import FieldError, Scope
 from codegen.program.field import Field

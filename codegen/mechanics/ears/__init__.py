@@ -1,0 +1,1 @@
+"""Loops: the links that close them, in the axes of their region."""

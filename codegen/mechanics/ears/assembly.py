@@ -1,0 +1,186 @@
+"""How far loops are open, and the step that closes them: residuals of position and velocity, Newton's step for the dependents.
+
+Conditions are fixed in the start face of a loop joint and taken at the origin of its end face; linear ones are divided by the
+characteristic length. A rotation is measured by 2 sin(t/2), which grows up to half a turn, where a sine would vanish again.
+"""
+
+from __future__ import annotations
+
+from ...model.model import CLOSURE_ROWS
+from ...program.block import Scope
+from ...program.scalar import Value, Vector
+from ...program.store import Store
+from .. import fields
+from ..couplings import partner_store
+from ..joints.transform import JointTransform
+from ..spatial import add, cross, dot, minus, transpose
+from ..stores import BASE, CONDITION, GIVEN_U, ME, POSITION, REGION, ROOTS, STEP, UP, VELOCITY
+from ..structure.kinds import EarKind, LinkKind, RegionKind
+from .closures import stored_factor
+from .completion import dependent_displacements
+from .geometry import ZERO, Ear, Twist, rotate
+
+TINY = 1e-30
+"""Keeps the measure of a rotation finite at half a turn."""
+
+
+def _over_root(x: Scope, value: Value, name: str) -> Value:
+    """``1 / sqrt(value)``."""
+    under = x.let("under", value + x.number(TINY), "Eq. 32")
+    return x.let(name, 1 / x.let("root", x.sqrt(under), "Eq. 32"), "Eq. 32")
+
+
+def face_differences(x: Scope, ear: Ear) -> list[Twist]:
+    """Rotation vector, near closure, and displacement from the start face to the end face of every loop."""
+    found = []
+    for c, closure in enumerate(ear.kind.closures):
+        a, b = (ear.position_of_face(c, side) for side in (0, 1))
+        linear = [x.let("gap", e, "Eq. 32") for e in minus(b, a)]
+        angular: Vector = [0, 0, 0]
+        if closure.type == "universal":
+            first, second = ear.universal_axes(c)
+            off = x.let("off", dot(first, second), "Eq. 32")
+            angular = [-off * e for e in cross(first, second)]
+        elif closure.type in ("fixed", "prismatic"):
+            start, end = ear.face_axes(c, 0), ear.face_axes(c, 1)
+            turned = [cross(p, q) for p, q in zip(start, end, strict=True)]
+            root = _over_root(x, 1 + sum(dot(p, q) for p, q in zip(start, end, strict=True)), "share")
+            angular = [root * sum(t[i] for t in turned) for i in range(3)]
+        elif CLOSURE_ROWS[closure.type][1]:
+            p, q = ear.face_axes(c, 0)[closure.axis], ear.face_axes(c, 1)[closure.end_axis]
+            root = _over_root(x, x.half + x.half * dot(p, q), "share")
+            angular = [root * e for e in cross(p, q)]
+        found.append(Twist([x.let("turned", e, "Eq. 32") for e in angular], linear))
+    return found
+
+
+def residuals(x: Scope, kind: EarKind) -> None:
+    """Outward block of an ear: by how much its loops are open, and by how much the given speeds open them."""
+    ear = Ear(x, kind, positions=fields.measured_position)
+    gaps = face_differences(x, ear)
+    roots: list[Twist] = []
+    for t, role in enumerate(kind.roots):
+        if role == "link":
+            roots.append(Twist.load(x, ROOTS[t], fields.measured_velocity))
+        elif role == "frame" and not kind.rigid:
+            roots.append(Twist.load(x, BASE, fields.closing_twist))
+        elif role == "far":
+            roots.append(Twist.load(x, REGION, fields.far_velocity(kind.far[t])))
+        else:
+            roots.append(Twist(list(ZERO), list(ZERO)))
+    speeds = [[m.view.entry(GIVEN_U, f.index) for f in m.freedoms] for m in ear.members]
+    velocities = ear.walk(roots, speeds, "g", "Eq. 30")
+    rates = ear.face_difference(velocities, roots)
+    for c in range(len(kind.closures)):
+        for i, row in enumerate(ear.joint_conditions(c)):
+            gap, rate = (t[c].angular if row.angular else t[c].linear for t in (gaps, rates))
+            x.set_entry(POSITION[c], i, x.let("gap", dot(row.axis or row.n, gap), "Eq. 32"))
+            x.set_entry(VELOCITY[c], i, x.let("rate", dot(row.n, rate), "Eq. 30"))
+    for k, velocity in enumerate(velocities):
+        x.store(ME[k], fields.measured_velocity, [*velocity.angular, *velocity.linear])
+        x.store(ME[k], fields.measured_position, ear.position(k))
+
+
+def newton_step(x: Scope, kind: EarKind) -> None:
+    """Outward block of an ear: the displacements of its dependent joints that close its loops to first order."""
+    ear = Ear(x, kind, positions=fields.measured_position)
+    gaps = face_differences(x, ear)
+    roots = [_root_step(x, ear, t, role) for t, role in enumerate(kind.roots)]
+    rows = ear.kept_rows()
+    moved = ear.root_difference(roots)
+    total = [
+        Twist(add(gap.angular, by.angular), add(gap.linear, by.linear)) for gap, by in zip(gaps, moved, strict=True)
+    ]
+    rates: Vector = []
+    if rows:
+        b = ear.conditions(rows, total, "b", "Eq. 32")
+        for i, row in enumerate(rows):
+            if row.turning:  # what is open in this condition alone
+                sine = sum(weight * dot(one, other) for weight, one, other in row.turning)
+                b[i] = x.let("b", sine + dot(row.n, moved[row.loop].angular), "Eq. 32")
+        rates = stored_factor(x, kind).solve([-v for v in b], "dx", "Eq. 35")
+        for (place, i), value in dependent_displacements(x, ear, rates, lanes=False).items():
+            x.set_entry(STEP[place], i, value)
+    for k, twist in enumerate(ear.walk(roots, ear.coefficients(rates), "s", "Eq. 35")):
+        x.store(ME[k], fields.ear_step, [*twist.angular, *twist.linear])
+        x.store(ME[k], fields.measured_position, ear.position(k))
+        closed_on = kind.links[k].closed_on
+        if closed_on == "origin":
+            _store_step(x, ME[k], ZERO, ZERO)
+        if closed_on == "moving":
+            theta, d = x.load(BASE, fields.step.angular), x.load(BASE, fields.step.linear)
+            back = transpose(ear.attitude(k))
+            d = add(twist.linear, d, cross(theta, ear.position(k)))
+            _store_step(x, ME[k], rotate(back, add(twist.angular, theta)), rotate(back, d))
+
+
+def _root_step(x: Scope, ear: Ear, t: int, role: str) -> Twist:
+    """Rotation vector and displacement of a root against the base, in region axes."""
+    if role == "link":
+        return Twist.load(x, ROOTS[t], fields.ear_step)
+    if role == "far":
+        return Twist.load(x, REGION, fields.far_step(ear.kind.far[t]))
+    if role == "ground":
+        theta, d = ([-e for e in x.load(BASE, f)] for f in (fields.step.angular, fields.step.linear))
+        return Twist(theta, x.let_vector("s", add(d, cross(theta, ear.position(-1 - t))), "Eq. 35"))
+    return Twist(list(ZERO), list(ZERO))
+
+
+def _store_step(x: Scope, store: Store, theta: Vector, d: Vector) -> None:
+    for field, v in ((fields.step.angular, theta), (fields.step.linear, d)):
+        x.store(store, field, x.let_vector(field.name, v, "Eq. 35"))
+
+
+def link_step(x: Scope, kind: LinkKind) -> None:
+    """Outward block of a link that ears start from: its rotation vector and displacement against the origin, in its axes."""
+    if kind.closed_on == "origin":
+        _store_step(x, ME, ZERO, ZERO)
+        return
+    joint = JointTransform(x, kind)
+    theta, d = x.load(UP, fields.step.angular), x.load(UP, fields.step.linear)
+    d = add(d, cross(theta, joint.offset()))
+    _store_step(x, ME, joint.to_child(theta, "nt", "Eq. 35"), joint.to_child(d, "nd", "Eq. 35"))
+
+
+def far_steps(x: Scope, kind: RegionKind) -> None:
+    """Outward block of a region: displacements of far links against its base, in its axes."""
+    for f, m in enumerate(kind.far):
+        W, o = x.load(REGION, fields.far_attitude(f)), x.load(REGION, fields.far_position(f))
+        base, d_base = x.load(BASE, fields.step.angular), x.load(BASE, fields.step.linear)
+        theta, d = list(ZERO), list(ZERO)
+        if m >= 0:
+            far = partner_store(kind, m)
+            theta, d = (rotate(W, x.load(far, field)) for field in (fields.step.angular, fields.step.linear))
+        carried = add(d_base, cross(base, o))
+        step = fields.far_step(f)
+        for name, field, v, by in (("nt", step.angular, theta, base), ("nd", step.linear, d, carried)):
+            x.store(REGION, field, x.let_vector(name, minus(v, by), "Eq. 35"))
+
+
+def conditions(x: Scope, kind: EarKind) -> None:
+    """Block of an ear: the condition number of its closure matrix, in Frobenius norms over the least there can be."""
+    f = stored_factor(x, kind)
+    n = len(f.order)
+    value: Value = 1
+    if n > 1:
+        R: dict[tuple[int, int], Value] = {}
+        for j in range(n):
+            R[j, j] = x.let("r", 1 / f.inverse[j], "Eq. 35")
+            R |= {(i, j): f.R[i, j] for i in range(j) if (i, j) in f.R}
+        inverse = _inverse(x, R, f.inverse)
+        size, share = (x.let("size", sum(v * v for v in m.values()), "Eq. 35") for m in (R, inverse))
+        value = x.let("condition", x.sqrt(size * share) / n, "Eq. 35")
+    for c in range(len(kind.closures)):
+        x.set_entry(CONDITION[c], 0, value if n else 0)
+
+
+def _inverse(x: Scope, R: dict[tuple[int, int], Value], diagonal: Vector) -> dict[tuple[int, int], Value]:
+    """Of an upper triangular matrix."""
+    n = len(diagonal)
+    found: dict[tuple[int, int], Value] = {}
+    for j in range(n):
+        found[j, j] = diagonal[j]
+        for i in reversed(range(j)):
+            rest = sum(R[i, k] * found[k, j] for k in range(i + 1, j + 1) if (i, k) in R and (k, j) in found)
+            found[i, j] = x.let("inv", -rest * diagonal[i], "Eq. 35")
+    return found

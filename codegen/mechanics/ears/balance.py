@@ -1,0 +1,456 @@
+"""The balance through an ear: tangents of its inverse dynamics at fixed udot. Section 4.6 of the theory page.
+
+Motions and forces are components in the links' own axes, as those of plain links are: there a link's inertia is constant, and
+nothing but its joint turns. Only what meets at a cut is turned into the region's axes, and the loops' wrenches back.
+Outward, the acceleration closure is differentiated; inward, the loops carry the wrench that closes them, and what is left
+along the dependent joints is projected on the sources by the same map ``Y``: no multiplier is ever solved for along a
+direction.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+
+from sympy import Symbol
+
+from ...program.block import Scope
+from ...program.scalar import Matrix, Value, Vector
+from .. import fields
+from ..handing_on import accumulate
+from ..joints.transform import JointTransform
+from ..spatial import SIX, add, cross, matvec, minus, transpose
+from ..stores import (
+    BASE,
+    DTAU,
+    DUDOT,
+    EAR,
+    GROUND,
+    LANE_BASE,
+    LANE_ROOTS,
+    LBASE,
+    LGROUND,
+    LME,
+    LREGION,
+    LROOTS,
+    ME,
+    MY_LANE,
+    REGION,
+    ROOTS,
+    TAU,
+)
+from ..structure.freedoms import freedom_axes
+from ..structure.kinds import EarKind, LinkKind
+from ..tree.inverse_dynamics import joint_acceleration
+from ..tree.kinematics import (
+    accelerated,
+    acceleration_matrix,
+    body_force,
+    less_external,
+    own_inertia,
+    turning,
+)
+from ..tree.tangents import pattern
+from ..tree.triangularization import force_to_parent
+from .closures import own_sources, stored_factor
+from .completion import root_angles
+from .dynamics import carried_accelerations, closing_accelerations, root_velocities, source_accelerations
+from .geometry import UNIT, Condition, Ear, Member, Twist
+from .orthogonal import product
+from .tangents import EarTangents, ear_tangents, tangents_of
+
+
+@dataclass(slots=True)
+class Motion:
+    """Motion of a link in its own axes: angular velocity, accelerations of the origin and ``B``. Eqs. 18-21."""
+
+    w: Vector
+    al: Vector
+    a: Vector
+    B: Matrix
+
+
+@dataclass(slots=True)
+class Handed:
+    """A moment and force on a root, about its origin and in its own axes, and its tangent: six components each."""
+
+    root: int
+    force: Vector
+    tangent: Vector
+
+
+# -- outward -----------------------------------------------------------------------------------------------------------
+
+
+def root_motion(x: Scope, kind: EarKind, t: int) -> tuple[Motion, dict[Symbol, Value]]:
+    """Motion of a root with all of the accelerations, and the tangents of it."""
+    role = kind.roots[t]
+    if role == "ground":
+        a = x.load(GROUND, fields.total.a)
+        return Motion([0] * 3, [0] * 3, a, [[0] * 3] * 3), tangents_of(a, x.load(LGROUND, fields.remainder.a))
+    store, lanes, own, moved = BASE, LBASE, fields.total, fields.remainder
+    if role == "far":
+        store, lanes = REGION, LREGION
+        own = moved = fields.far_own(kind.far[t])
+    elif role == "link":
+        store, lanes, own = ROOTS[t], LROOTS[t], fields.ear_own
+    w, al, a = (x.load(store, field) for field in (own.w, own.al, own.a))
+    B = x.load(store, own.B)
+    seeds: dict[Symbol, Value] = {}
+    for vector, field in ((w, moved.w), (al, moved.al), (a, moved.a)):
+        seeds.update(tangents_of(vector, x.load(lanes, field)))
+    for row, changed in zip(B, x.load(lanes, moved.B), strict=True):
+        seeds.update(tangents_of(row, changed))
+    return Motion(w, al, a, B), seeds
+
+
+def member_motion(x: Scope, kind: LinkKind, member: Member, before: Motion) -> Motion:
+    """Motion of a link from that of its parent, with the joint's udot. Eqs. 18-21."""
+    view, joint = member.view, member.joint
+    carried = joint.to_child(before.w, "wp", "Eq. 18")
+    w = turning(view, kind, carried)
+    al, a = accelerated(view, kind, joint, carried, (before.al, before.a, before.B))
+    al, a = joint_acceleration(view, kind, al, a)
+    return Motion(w, al, a, acceleration_matrix(x, w, al))
+
+
+def face_motion(
+    x: Scope, ear: Ear, motions: list[Motion], roots: list[Motion], c: int, side: int
+) -> tuple[Vector, Vector, Vector]:
+    """Angular velocity, angular acceleration and acceleration of a loop's face, in the region's axes."""
+    place = ear.kind.closures[c].faces[side]
+    m = motions[place] if place >= 0 else roots[-1 - place]
+    r, _ = ear.face(c, side)
+    a = x.let_vector("fa", add(m.a, matvec(m.B, r)), "Eq. 31")
+    w, al, a = (ear.fixed_vector("face", place, v, "Eq. 31") for v in (m.w, m.al, a))
+    return w, al, a
+
+
+def dependent_accelerations(x: Scope, ear: Ear, rates: Vector) -> list[tuple[Vector, Vector]]:
+    """Angular and linear accelerations of the links that the dependent joints cause, in the links' axes. Eq. 31."""
+    tag = "d Eq. 31"
+    found: list[tuple[Vector, Vector]] = []
+    along = {(k, freedom.index): value for (k, freedom), value in zip(ear.dependents(), rates, strict=True)}
+    for k, (member, kind) in enumerate(zip(ear.members, ear.kind.links, strict=True)):
+        A: Vector = [0] * 6
+        if member.parent >= 0:
+            al, a = found[member.parent]
+            joint = JointTransform(member.view, kind, lanes=True)
+            A = joint.to_child(al, "da", tag) + joint.to_child(add(a, cross(al, member.r)), "da", tag)
+        for j, i in enumerate(freedom_axes(kind.joint, kind.axis)):
+            A[i] = A[i] + along.get((k, j), 0)
+        A = [x.let("da", e, tag, lanes=True) for e in A]
+        found.append((A[:3], A[3:]))
+    return found
+
+
+def ear_balance_out(x: Scope, kind: EarKind) -> None:
+    """Outward block over directions: tangents of the motion, the sources' udot held, and of the force it needs. Eqs. 25-29."""
+    ear = Ear(x, kind)
+    rows = ear.kept_rows()
+    angles, _ = root_angles(x, kind, False)
+    for k in range(len(ear.members)):
+        angles[k] = x.load(MY_LANE[k], fields.shift.angular)
+    roots: list[Motion] = []
+    seeds: dict[Symbol, Value] = {}
+    for t in range(len(kind.roots)):
+        motion, tangents = root_motion(x, kind, t)
+        roots.append(motion)
+        seeds.update(tangents)
+    slides = any(c.slides for c in kind.closures)
+    slip_roots = root_velocities(x, kind) if slides else []
+    seeds.update(root_positions(x, ear))
+    seeds.update(slip_tangents(x, kind, slip_roots))
+    d = ear_tangents(ear, angles, seeds)
+    d.turn_joints()
+    hold_roots(d, ear, slip_roots)
+    motions: list[Motion] = []
+    for k, member in enumerate(ear.members):
+        before = motions[member.parent] if member.parent >= 0 else roots[-1 - member.parent]
+        motions.append(member_motion(x, kind.links[k], member, before))
+    d.run()
+    if rows:
+        faces = partial(face_motion, x, ear, motions, roots)
+        conditions = closing_accelerations(x, ear, rows, faces, "ca", slip_roots)
+        d.run()
+        rates = stored_factor(x, kind).solve([-d.of(v) for v in conditions], "dx", "d Eq. 31", lanes=True)
+        pairs: list[tuple[Vector, Vector]] = []
+        for m, (al, a) in zip(motions, dependent_accelerations(x, ear, rates), strict=True):
+            pairs += [(m.al, al), (m.a, a)]
+        d.correct(pairs)
+        for n, (k, freedom) in enumerate(ear.dependents()):
+            x.store(MY_LANE[k], fields.dependent_acceleration(freedom.index), rates[n])
+    for k, m in enumerate(motions):
+        view, link = ear.members[k].view, kind.links[k]
+        needed = body_force(x, m.w, m.al, m.a, m.B, own_inertia(view))
+        d.run()
+        moment, force = less_external(view, link, needed)
+        d_moment, d_force = less_external(view, link, (d.vector(needed[0]), d.vector(needed[1])), lanes=True)
+        own, moved = fields.ear_own, fields.remainder
+        for field, v in ((own.w, m.w), (own.al, m.al), (own.a, m.a)):
+            x.store(ME[k], field, v)
+        x.store(ME[k], fields.total_needed, [*moment, *force])
+        x.store(ME[k], own.B, m.B)
+        for field, v in ((moved.w, m.w), (moved.al, m.al), (moved.a, m.a)):
+            x.store(LME[k], field, d.vector(v))
+        x.store(LME[k], moved.B, [d.vector(row) for row in m.B])
+        x.store(MY_LANE[k], fields.needed, [*d_moment, *d_force])
+
+
+def root_positions(x: Scope, ear: Ear) -> dict[Symbol, Value]:
+    """Tangents of the roots' positions, where sliding joints ask for them and seeds are complete."""
+    kind = ear.kind
+    if not any(c.slides for c in kind.closures):
+        return {}
+    found: dict[Symbol, Value] = {}
+    for t, role in enumerate(kind.roots):
+        if role == "far":
+            found.update(tangents_of(ear.position(-1 - t), x.load(LREGION, fields.far_shift(kind.far[t]).linear)))
+        elif role == "link":
+            found.update(tangents_of(ear.position(-1 - t), x.load(LANE_ROOTS[t], fields.shift.linear)))
+        elif role == "ground":
+            o = ear.position(-1 - t)
+            turned = cross(x.load(LANE_BASE, fields.closing_shift.angular), o)
+            moved = [-(a + b) for a, b in zip(x.load(LANE_BASE, fields.closing_shift.linear), turned, strict=True)]
+            found.update(tangents_of(o, x.let_vector("do", moved, "d Eq. 22", lanes=True)))
+    return found
+
+
+def slip_tangents(x: Scope, kind: EarKind, velocities: list[Twist]) -> dict[Symbol, Value]:
+    """Tangents of the roots' velocities, for joints that slide."""
+    found: dict[Symbol, Value] = {}
+    for t, twist in enumerate(velocities):
+        role = kind.roots[t]
+        if role == "ground" or (role == "frame" and kind.rigid):
+            continue
+        store, field = LANE_ROOTS[t], fields.measured_velocity
+        if role == "frame":
+            store, field = LANE_BASE, fields.closing_twist
+        elif role == "far":
+            store, field = LREGION, fields.far_velocity(kind.far[t])
+        found.update(tangents_of([*twist.angular, *twist.linear], x.load(store, field)))
+    return found
+
+
+def hold_roots(d: EarTangents, ear: Ear, velocities: list[Twist]) -> None:
+    """The roots' velocities and positions are given, where sliding joints ask for them."""
+    if not any(c.slides for c in ear.kind.closures):
+        return
+    for t, role in enumerate(ear.kind.roots):
+        if velocities:
+            d.hold([*velocities[t].angular, *velocities[t].linear])
+        if role != "frame":
+            d.hold(ear.position(-1 - t))
+
+
+# -- inward ------------------------------------------------------------------------------------------------------------
+
+
+def ear_balance_in(x: Scope, kind: EarKind) -> None:
+    """Inward block over directions: forces transmitted by the joints, with the wrenches that close the loops, and their tangents;
+    what they miss along the joints, projected on the sources. Eqs. 9, 45, 50."""
+    ear = Ear(x, kind)
+    rows = ear.kept_rows()
+    count = len(ear.members)
+    angles, _ = root_angles(x, kind, False)
+    for k in range(count):
+        angles[k] = x.load(MY_LANE[k], fields.shift.angular)
+    for c in range(len(kind.closures)):
+        ear.slip(c)
+    d = ear_tangents(ear, angles, root_positions(x, ear))
+    d.turn_joints()
+    hold_roots(d, ear, [])
+    d.run()
+    phi: list[Vector] = []
+    d_phi: list[Vector] = []
+    for k in range(count):
+        parts = [(fields.total_needed, MY_LANE[k], fields.needed)]
+        if kind.followed[k]:
+            parts.append((fields.root_transmitted, LME[k], fields.root_transmitted))
+        if kind.links[k].carries:
+            parts.append((fields.transmitted, LME[k], fields.articulated_force))
+        phi.append([sum(x.load(ME[k], field.scalars()[i]) for field, _, _ in parts) for i in SIX])
+        d_phi.append([sum(x.load(store, field.scalars()[i]) for _, store, field in parts) for i in SIX])
+    handed: list[Handed] = []
+    if rows:
+        # what the joints would transmit without the loops' wrenches
+        held = transmitted(x, ear, phi)
+        gamma = [
+            x.let("gamma", held[k][place_of(ear, k, j)] - tau(x, kind, k, j), "Eq. 53") for k, j in dependents(kind)
+        ]
+        wrench = stored_factor(x, kind).solve_transposed([-v for v in gamma], "W", "Eq. 9")
+        for c in range(len(kind.closures)):
+            handed += apply_wrench(x, ear, c, rows, wrench, phi, d_phi, d)
+    handed += transmit(x, ear, phi, d_phi, d)
+
+    def missing(k: int, j: int) -> Value:
+        dtau = x.entry(DTAU[k], j) if kind.links[k].forced[j] else 0
+        return x.let("dgamma", d_phi[k][place_of(ear, k, j)] - dtau, "d Eq. 53", lanes=True)
+
+    r = {c: missing(k, j) for c, (k, j) in own_sources(kind).items()}
+    for n, (k, j) in enumerate(dependents(kind)):
+        value = missing(k, j)
+        for c in range(kind.total):
+            r[c] = r.get(c, 0) + x.load(EAR, fields.dependent_rate(n, c)) * value
+    for c, value in r.items():
+        x.store(LREGION.sum, fields.source_tangent_force(c), x.let("r", value, "d Eq. 53", lanes=True))
+    hand_to_roots(x, kind, handed)
+
+
+def dependents(kind: EarKind) -> list[tuple[int, int]]:
+    """Link and freedom of the dependent freedoms."""
+    return [(k, j) for k in range(len(kind.links)) for j in kind.dependent[k]]
+
+
+def place_of(ear: Ear, k: int, j: int) -> int:
+    """Which of a link's six components a freedom is."""
+    link = ear.kind.links[k]
+    return freedom_axes(link.joint, link.axis)[j]
+
+
+def tau(x: Scope, kind: EarKind, k: int, j: int) -> Value:
+    """The model's own force along a freedom."""
+    return x.entry(TAU[k], j) if kind.links[k].forced[j] else 0
+
+
+def to_parent(x: Scope, member: Member, force: Vector, tag: str) -> Vector:
+    """Moment and force about the parent's origin, in its axes."""
+    n, f = force_to_parent(x, member.joint, member.r, force[:3], force[3:], tag)
+    return [*n, *f]
+
+
+def transmitted(x: Scope, ear: Ear, own: list[Vector]) -> list[Vector]:
+    """Forces transmitted by the joints of the ear's links, about the links' origins."""
+    held = list(own)
+    for k in reversed(range(len(own))):
+        held[k] = [x.let("phi", v, "Eq. 45") for v in held[k]]
+        parent = ear.members[k].parent
+        if parent >= 0:
+            held[parent] = add(held[parent], to_parent(x, ear.members[k], held[k], "Eq. 45"))
+    return held
+
+
+def transmit(x: Scope, ear: Ear, phi: list[Vector], d_phi: list[Vector], d: EarTangents) -> list[Handed]:
+    """The same with the loops' wrenches, and its tangent, left in `phi` and `d_phi`; what the roots get."""
+    kind = ear.kind
+    handed: list[Handed] = []
+    for k in reversed(range(len(phi))):
+        member = ear.members[k]
+        for j in kind.dependent[k]:
+            # in equilibrium a dependent joint transmits its own force along its freedom
+            phi[k][place_of(ear, k, j)] = tau(x, kind, k, j)
+        phi[k] = [x.name("phi", v, "Eq. 45") for v in phi[k]]
+        d_phi[k] = [x.let("dphi", v, "d Eq. 45", lanes=True) for v in d_phi[k]]
+        if member.parent < 0 and kind.roots[-1 - member.parent] == "ground":
+            continue
+        on_parent = to_parent(x, member, phi[k], "Eq. 45")
+        if x.structural:
+            moved = add([pattern(v) for v in on_parent], to_parent(x, member, d_phi[k], ""))
+        else:
+            d.give(phi[k], d_phi[k])
+            d.run()
+            moved = [d.of(v) for v in on_parent]
+        if member.parent >= 0:
+            phi[member.parent] = add(phi[member.parent], on_parent)
+            d_phi[member.parent] = add(d_phi[member.parent], moved)
+        else:
+            handed.append(Handed(-1 - member.parent, on_parent, moved))
+    return handed
+
+
+def apply_wrench(
+    x: Scope,
+    ear: Ear,
+    c: int,
+    rows: list[Condition],
+    wrench: Vector,
+    phi: list[Vector],
+    d_phi: list[Vector],
+    d: EarTangents,
+) -> list[Handed]:
+    """Let a loop's wrench act on its two faces; it keeps to the directions that the joint holds, which turn with the links.
+
+    What it does to links of the ear is added to `phi` and `d_phi`; what it does to roots is returned.
+    """
+    sums: dict[bool, tuple[Vector, Vector]] = {True: ([0] * 3, [0] * 3), False: ([0] * 3, [0] * 3)}
+    for row, value in zip(rows, wrench, strict=True):
+        if row.loop == c:
+            n, dn = sums[row.angular]
+            sums[row.angular] = (
+                add(n, [product(e, value) for e in row.n]), add(dn, [t * value for t in d.vector(row.n)]),
+            )  # fmt: skip
+    moment, force = (x.let_vector("W", sums[angular][0], "Eq. 9") for angular in (True, False))
+    d_moment, d_force = (x.let_vector("dW", sums[angular][1], "d Eq. 9", lanes=True) for angular in (True, False))
+    handed: list[Handed] = []
+    for side, sign in ((0, -1), (1, 1)):
+        place = ear.kind.closures[c].faces[side]
+        if place < 0 and ear.kind.roots[-1 - place] == "ground":
+            continue
+        slip = ear.slip(c) if side == 0 else None
+        n, dn = moment, d_moment
+        if slip is not None:
+            d_slip = x.let_vector("dslip", d.vector(slip), "d Eq. 30", lanes=True)
+            n = add(moment, cross(slip, force))
+            dn = add(d_moment, cross(d_slip, force), cross(slip, d_force))
+        r, _ = ear.face(c, side)
+        f, df = turned_back(x, ear, place, d.angles.get(place), force, d_force)
+        n, dn = turned_back(x, ear, place, d.angles.get(place), n, dn)
+        n = add(n, cross(r, f))
+        dn = add(dn, cross(r, df), cross(d.vector(r), f))
+        acting, moved = [sign * e for e in (*n, *f)], [sign * e for e in (*dn, *df)]
+        if place < 0:
+            handed.append(Handed(-1 - place, acting, moved))
+        else:
+            phi[place] = add(phi[place], acting)
+            d_phi[place] = add(d_phi[place], moved)
+    return handed
+
+
+def turned_back(x: Scope, ear: Ear, place: int, theta: Vector | None, v: Vector, dv: Vector) -> tuple[Vector, Vector]:
+    """Components in a link's axes of a vector given in the region's, and their tangents ``W^T (dv - theta x v)``."""
+    W = ear.attitude(place)
+    if W is UNIT or theta is None:
+        return v, dv
+    back = transpose(W)
+    relative = x.let_vector("rel", minus(dv, cross(theta, v)), "d Eq. 22", lanes=True)
+    return x.let_vector("own", matvec(back, v), "Eq. 22"), x.let_vector(
+        "own", matvec(back, relative), "d Eq. 22", lanes=True
+    )
+
+
+def hand_to_roots(x: Scope, kind: EarKind, handed: list[Handed]) -> None:
+    """Sum up what the roots get, in their axes."""
+    for t, role in enumerate(kind.roots):
+        parts = [h for h in handed if h.root == t]
+        if not parts or role == "ground" or (role == "frame" and not kind.carried):
+            continue
+        total = [x.let("to_root", v, "Eq. 45") for v in add(*(h.force for h in parts))]
+        change = [x.let("to_root", v, "d Eq. 45", lanes=True) for v in add(*(h.tangent for h in parts))]
+        whole, balance = fields.region_transmitted, fields.region_balance
+        if role == "far":
+            whole, balance = fields.far_transmitted(kind.far[t]), fields.far_balance(kind.far[t])
+        for i in SIX:
+            if role == "link":
+                part, first = fields.root_transmitted.scalars()[i], kind.first_at[t]
+                accumulate(x, ROOTS[t], part, total[i], first, "Eq. 45")
+                accumulate(x, LROOTS[t], part, change[i], first, "Eq. 45", lanes=True)
+                continue
+            x.store(REGION.sum, whole.scalars()[i], total[i])
+            x.store(LREGION.sum, balance.scalars()[i], change[i])
+
+
+# -- outward again -----------------------------------------------------------------------------------------------------
+
+
+def ear_balance_back(x: Scope, kind: EarKind) -> None:
+    """Outward block over directions: tangents of the accelerations of the ear's joints. Eq. 55."""
+    a = source_accelerations(x, kind, True)
+    for c, (k, j) in own_sources(kind).items():
+        x.set_entry(DUDOT[k], j, a[c])
+    for n, (k, j) in enumerate(dependents(kind)):
+        value = x.load(MY_LANE[k], fields.dependent_acceleration(j))
+        for c in range(kind.total):
+            value = value + x.load(EAR, fields.dependent_rate(n, c)) * a[c]
+        x.set_entry(DUDOT[k], j, x.let("dudot", value, "d Eq. 53", lanes=True))
+    if any(link.carries for link in kind.links):
+        carried_accelerations(x, kind, a, True)

@@ -1,0 +1,186 @@
+"""Closure of an ear, outward: attitudes, closure matrix, how everything moves with the sources, dependent speeds. Eqs. 30-38.
+
+With ``E x + (difference of the roots) = 0`` the dependent speeds are ``x = Y s``, s the sources of the region (independent
+speeds, the six components of a link's motion, those of far links against it), and every link moves with ``Z s``: the paper's
+Gamma and Xi, applied to the sources at once. Accelerations obey the same maps, plus a remainder.
+"""
+
+from __future__ import annotations
+
+from ...program.block import Scope
+from ...program.scalar import Value, Vector
+from ...program.store import Store
+from .. import fields
+from ..joints.transform import JointTransform
+from ..spatial import add, cross, is_zero, matmul, matvec, scale, transpose
+from ..stores import BASE, EAR, ME, REGION, ROOTS, SPEEDS, UP
+from ..structure.factor_form import FactorForm
+from ..structure.kinds import EarKind, LinkKind
+from ..structure.links import identity
+from ..tree.kinematics import angular_velocity, origin_velocity
+from .geometry import ZERO, Ear, Twist, turned
+from .orthogonal import Factor, factor, load_factor
+
+
+def own_sources(kind: EarKind) -> dict[int, tuple[int, int]]:
+    """Sources that are freedoms of the ear's own links: number to link and freedom."""
+    return {c: (k, j) for k, columns in enumerate(kind.columns) for j, c in columns.items()}
+
+
+def source_twist(x: Scope, kind: EarKind, root: int, c: int) -> Twist:
+    """How a root of the ear moves with a source."""
+    role = kind.roots[root]
+    if role == "frame" and not kind.rigid and c >= kind.sources:
+        unit: Vector = [int(i == c - kind.sources) for i in range(6)]
+        return Twist(unit[:3], unit[3:])
+    if role == "far" and 0 <= c - kind.sources - 6 * kind.far[root] < 6:
+        unit = [int(i == c - kind.sources - 6 * kind.far[root]) for i in range(6)]
+        return Twist(unit[:3], unit[3:])
+    if role == "link":
+        return Twist(
+            x.load(ROOTS[root], fields.per_source(c).angular), x.load(ROOTS[root], fields.per_source(c).linear)
+        )
+    return Twist(ZERO, ZERO)
+
+
+def own_coefficients(ear: Ear, kind: EarKind, c: int, dependent: Vector) -> list[Vector]:
+    """Rates of all freedoms of the ear for a unit of a source."""
+    own = own_sources(kind).get(c)
+    return ear.coefficients(dependent, lambda k, j: int(own == (k, j)))
+
+
+def closures(x: Scope, kind: EarKind) -> FactorForm:
+    """Outward block of an ear: see the module. Gives the form of the factor, for the blocks that load it."""
+    ear = Ear(x, kind, fresh=True)
+    tag = "Eq. 34"
+    rows = ear.rows()
+    dependents = ear.dependents()
+    columns = [ear.conditions(rows, ear.column(k, f), "E", tag) for k, f in dependents]
+    kept = [i for i in range(len(rows)) if any(not is_zero(c[i]) for c in columns)]
+    f = factor(x, [[c[i] for i in kept] for c in columns], "Eq. 35")
+    form = f.store(kept, len(rows))
+    kept_rows = [rows[i] for i in kept]
+    rates: Vector = [0] * len(dependents)
+    for c in range(kind.total):
+        roots = [source_twist(x, kind, t, c) for t in range(len(kind.roots))]
+        at_cuts = ear.root_difference(roots)
+        own = own_sources(kind).get(c)
+        if own is not None:
+            k, j = own
+            for n, moved in enumerate(ear.column(k, ear.members[k].freedoms[j])):
+                at_cuts[n] = Twist(add(at_cuts[n].angular, moved.angular), add(at_cuts[n].linear, moved.linear))
+        b = ear.conditions(kept_rows, at_cuts, "b", "Eq. 36")
+        if own is None and all(is_zero(v) for t in roots for v in (*t.angular, *t.linear)):
+            # zeros are written too: the links' kinds may be those of other ears, which the source moves
+            for d in range(len(dependents)):
+                x.store(EAR, fields.dependent_rate(d, c), 0)
+            for k in range(len(ear.members)):
+                x.store(ME[k], fields.per_source(c).angular, ZERO)
+                x.store(ME[k], fields.per_source(c).linear, ZERO)
+            continue
+        Y = f.solve([-v for v in b], "Y", "Eq. 37")
+        speed = source_speed(x, kind, c, own)
+        for d, y in enumerate(Y):
+            x.store(EAR, fields.dependent_rate(d, c), y)
+            rates[d] = rates[d] + y * speed
+        for k, twist in enumerate(ear.walk(roots, own_coefficients(ear, kind, c, Y), "Z", "Eq. 37")):
+            x.store(ME[k], fields.per_source(c).angular, twist.angular)
+            x.store(ME[k], fields.per_source(c).linear, twist.linear)
+        if own is not None:
+            x.store(REGION, fields.source_speed(c), speed)
+    rates = [x.let("u", rate, "Eq. 30") for rate in rates]
+    for (k, freedom), rate in zip(dependents, rates, strict=True):
+        x.set_entry(SPEEDS[k], freedom.index, rate)
+    if any(link.closed_on for link in kind.links):
+        member_motions(x, ear, rates)
+    if kind.positions:
+        for k in range(len(ear.members)):
+            x.store(ME[k], fields.ear_position, ear.position(k))
+    return form
+
+
+def member_motions(x: Scope, ear: Ear, rates: Vector) -> None:
+    """Attitude, position and velocity, as `link_motion` gives them, of links of an ear that other loops close on. Eqs. 18, 22."""
+    kind = ear.kind
+    W_base, o_base = x.load(BASE, fields.closing_attitude), x.load(BASE, fields.closing_position)
+    for k, twist in enumerate(member_velocities(x, ear, rates)):
+        if kind.links[k].closed_on == "origin":
+            at_rest(x, ME[k])
+        if kind.links[k].closed_on != "moving":
+            continue
+        W, o = ear.members[k].W, ear.position(k)
+        x.store(ME[k], fields.closing_attitude, [[x.let("cW", e, "Eq. 22") for e in row] for row in matmul(W_base, W)])
+        x.store(ME[k], fields.closing_position, [x.let("co", e, "Eq. 22") for e in add(o_base, matvec(W_base, o))])
+        back = transpose(W)
+        x.store(ME[k], fields.closing_twist.angular, [x.let("cw", e, "Eq. 18") for e in matvec(back, twist.angular)])
+        x.store(ME[k], fields.closing_twist.linear, [x.let("cv", e, "Eq. 18") for e in matvec(back, twist.linear)])
+
+
+def member_velocities(x: Scope, ear: Ear, rates: Vector) -> list[Twist]:
+    """Velocities of an ear's links against the origin, in region axes."""
+    kind = ear.kind
+    roots = [Twist(list(ZERO), list(ZERO)) for _ in kind.roots]
+    for t, role in enumerate(kind.roots):
+        for c in range(kind.total):
+            if role == "frame" and kind.rigid:
+                break
+            twist = source_twist(x, kind, t, c)
+            speed = source_speed(x, kind, c, own_sources(kind).get(c))
+            roots[t] = Twist(
+                add(roots[t].angular, scale(speed, twist.angular)), add(roots[t].linear, scale(speed, twist.linear))
+            )
+    speeds = ear.coefficients(rates, lambda k, j: ear.members[k].view.entry(SPEEDS, j))
+    found = ear.walk(roots, speeds, "m", "Eq. 18")
+    if not (kind.carried and kind.rigid):
+        return found
+    w, v = x.load(BASE, fields.closing_twist.angular), x.load(BASE, fields.closing_twist.linear)
+    carried = []
+    for k, twist in enumerate(found):
+        linear = add(twist.linear, v, cross(w, ear.position(k)))
+        carried.append(
+            Twist([x.let("mw", e, "Eq. 18") for e in add(twist.angular, w)], [x.let("mv", e, "Eq. 18") for e in linear])
+        )
+    return carried
+
+
+def source_speed(x: Scope, kind: EarKind, c: int, own: tuple[int, int] | None) -> Value:
+    """The speed that a source stands for."""
+    if own is not None:
+        return x.entry(SPEEDS[own[0]], own[1])
+    if c < kind.sources:
+        return x.load(REGION, fields.source_speed(c))
+    far, i = divmod(c - kind.sources, 6)
+    if kind.rigid:
+        return x.load(REGION, fields.far_velocity(far).scalars()[i])
+    field = fields.closing_twist.angular if i < 3 else fields.closing_twist.linear
+    return x.load(BASE, field.scalars()[i % 3])
+
+
+def stored_factor(x: Scope, kind: EarKind) -> Factor:
+    """The factored closure matrix of the ear."""
+    return load_factor(x, kind.form)
+
+
+def at_rest(x: Scope, store: Store) -> None:
+    """The motion of the origin."""
+    x.store(store, fields.closing_attitude, identity())
+    for field in (fields.closing_position, fields.closing_twist.angular, fields.closing_twist.linear):
+        x.store(store, field, ZERO)
+
+
+def link_motion(x: Scope, kind: LinkKind) -> None:
+    """Outward block of a link that ears start from: attitude, position and velocity against the origin. Eqs. 18, 22."""
+    if kind.closed_on == "origin":
+        at_rest(x, ME)
+    if kind.closed_on != "moving":
+        return
+    joint = JointTransform(x, kind)
+    W = x.load(UP, fields.closing_attitude)
+    o = add(x.load(UP, fields.closing_position), matvec(W, joint.offset()))
+    W = turned(x, joint, W)
+    _, w = angular_velocity(x, kind, joint, fields.closing_twist.angular)
+    v = origin_velocity(x, kind, joint, fields.closing_twist.angular, fields.closing_twist.linear)
+    x.store(ME, fields.closing_attitude, W)
+    x.store(ME, fields.closing_position, [x.let("co", e, "Eq. 22") for e in o])
+    x.store(ME, fields.closing_twist.angular, w)
+    x.store(ME, fields.closing_twist.linear, v)

@@ -1,0 +1,425 @@
+"""Completion of seeds: dq and du of the dependent joints, by differentiated closure. Section 4.6 of the theory page.
+
+Position and velocity closure are differentiated one after the other; each gives what the dependent joints must do by the
+same factored closure matrix. Links that ears start from hand on how a direction displaces and turns them.
+"""
+
+from __future__ import annotations
+
+from sympy import Symbol
+
+from ...program.block import Scope
+from ...program.scalar import Matrix, Value, Vector
+from ...program.store import Store
+from .. import fields
+from ..handing_on import clear
+from ..joints.transform import JointTransform
+from ..spatial import add, cross, dot, is_zero, matvec, minus, scale, transpose
+from ..stores import (
+    BASE,
+    CL_DP,
+    CONSTANTS,
+    COORDINATES,
+    DP,
+    DPOSITION,
+    DQ,
+    DU,
+    LANE_BASE,
+    LANE_ROOTS,
+    LBASE,
+    LME,
+    LOOP_CONSTANTS,
+    LREGION,
+    LROOTS,
+    LUP,
+    MY_LANE,
+    SPEEDS,
+)
+from ..structure.kinds import EarKind, LinkKind
+from ..tree.kinematics import angular_velocity, origin_velocity
+from ..tree.tangents import differentiate, store_tangent
+from .closures import stored_factor
+from .dynamics import root_velocities, speeds_of
+from .geometry import ZERO, Ear, Twist, rotate
+from .tangents import ear_tangents, tangents_of
+
+# -- links that ears start from ----------------------------------------------------------------------------------------
+
+
+def link_displacement(x: Scope, kind: LinkKind) -> None:
+    """Outward block over directions of a link that ears start from: rotation vector, displacement, tangents of its velocity.
+
+    All are components in the link's axes, against the origin.
+    """
+    if kind.closed_on == "origin":
+        undisplaced(x, LME, MY_LANE)
+    if kind.closed_on != "moving":
+        return
+    joint = JointTransform(x, kind)
+    theta = x.load(LUP, fields.closing_shift.angular)
+    d = x.load(LUP, fields.closing_shift.linear)
+    moving = JointTransform(x, kind, lanes=True)
+    r = joint.offset()
+    tag = "d Eq. 22"
+    turn, slide = joint_displacement(x, kind, joint)
+    local, about = parameter_displacement(x, kind, joint)
+    theta_here = moving.to_child(add(theta, about), "ct", tag)
+    d_here = moving.to_child(add(d, cross(theta, r), local), "cd", tag)
+    shift = [
+        *x.let_vector("ct", add(theta_here, turn), tag, lanes=True),
+        *x.let_vector("cd", add(d_here, slide), tag, lanes=True),
+    ]
+    for store in (LME, MY_LANE):
+        x.store(store, fields.closing_shift, shift)
+    twist = fields.closing_twist
+    _, w = angular_velocity(x, kind, joint, twist.angular)
+    v = origin_velocity(x, kind, joint, twist.angular, twist.linear)
+    tangents = differentiate(x, kind, joint)
+    for store in (LME, MY_LANE):
+        store_tangent(x, tangents, (store,), twist.angular, w)
+        store_tangent(x, tangents, (store,), twist.linear, v)
+
+
+def undisplaced(x: Scope, *stores: Store) -> None:
+    """The origin's."""
+    for store in stores:
+        for field in (fields.closing_shift, fields.closing_twist):
+            clear(x, store, field)
+
+
+def joint_displacement(x: Scope, kind: LinkKind, joint: JointTransform) -> tuple[Vector, Vector]:
+    """Rotation vector and displacement that a joint's own dq causes, in the link's axes."""
+    turn: Vector = [0, 0, 0]
+    slide: Vector = [0, 0, 0]
+    if kind.joint == "revolute":
+        turn[kind.axis] = x.entry(DQ, 0)
+    elif kind.joint == "prismatic":
+        slide[kind.axis] = x.entry(DQ, 0)
+    else:
+        turn = [x.load(MY_LANE, fields.turn(i)) for i in range(3)]
+        if kind.joint == "free":
+            moved = matvec(transpose(joint.matrix), [x.entry(DQ, i) for i in range(3)])
+            slide = x.let_vector("slide", moved, "d Eq. 22", lanes=True)
+    return turn, slide
+
+
+def parameter_displacement(x: Scope, kind: LinkKind, joint: JointTransform) -> tuple[Vector, Vector]:
+    """Displacement and rotation vector of the joint in its parent that the design parameters cause, in the parent's axes."""
+    local: Vector = [0, 0, 0]
+    about: Vector = [0, 0, 0]
+    for j in range(kind.parameters):
+        dp = x.entry(DP, j)
+        dr = x.load(CONSTANTS, fields.joint_place.derivative(j))
+        local = [local[i] + dr[i] * dp for i in range(3)]
+        if joint.fixed is not None:
+            dR = x.load(CONSTANTS, fields.joint_attitude.derivative(j))
+            if not all(is_zero(e) for row in dR for e in row):
+                about = [
+                    about[i] + v * dp
+                    for i, v in enumerate(x.let_vector("about", rotation_vector(dR, joint.fixed), "d Eq. 22"))
+                ]
+            if joint.joint in ("prismatic", "free"):
+                q = [x.entry(COORDINATES, i) for i in range(3)] if joint.joint == "free" else None
+                moved = matvec(dR, q) if q else [row[joint.axis] * x.entry(COORDINATES, 0) for row in dR]
+                local = [local[i] + v * dp for i, v in enumerate(x.let_vector("moved", moved, "d Eq. 22"))]
+    return local, about
+
+
+def rotation_vector(dR: Matrix, R: Matrix) -> Vector:
+    """Of ``dR R^T``."""
+    found = []
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        found.append(dot(dR[k], R[j]))
+    return found
+
+
+# -- ears --------------------------------------------------------------------------------------------------------------
+
+
+def root_angles(x: Scope, kind: EarKind, slot: bool) -> tuple[dict[int, Vector], dict[int, Vector]]:
+    """Rotation vectors and displacements of the roots; the latter only in the sweep that finds them (`slot`)."""
+    angles: dict[int, Vector] = {}
+    moved: dict[int, Vector] = {}
+    for t, role in enumerate(kind.roots):
+        place = -1 - t
+        if role == "far":
+            angles[place] = x.load(LREGION, fields.far_shift(kind.far[t]).angular)
+            moved[place] = x.load(LREGION, fields.far_shift(kind.far[t]).linear)
+        elif role == "link":
+            angles[place] = x.load((LROOTS if slot else LANE_ROOTS)[t], fields.shift.angular)
+            if slot:
+                moved[place] = x.load(LROOTS[t], fields.shift.linear)
+        elif role == "ground":
+            # seen from the base, whose axes turn, it is the ground that turns
+            angles[place] = [-v for v in x.load(LBASE if slot else LANE_BASE, fields.closing_shift.angular)]
+            if slot:
+                moved[place] = [-v for v in x.load(LBASE, fields.closing_shift.linear)]
+        else:
+            angles[place], moved[place] = list(ZERO), list(ZERO)
+    return angles, moved
+
+
+def complete(x: Scope, kind: EarKind) -> None:
+    """Outward block over directions: dq and du of the dependent joints, by differentiated position and velocity closure."""
+    ear = Ear(x, kind)
+    angles, moved = root_angles(x, kind, True)
+    for t, role in enumerate(kind.roots):
+        if role == "ground":
+            turned = cross(angles[-1 - t], ear.position(-1 - t))
+            moved[-1 - t] = x.let_vector("d", add(moved[-1 - t], turned), "d Eq. 22", lanes=True)
+    dq = complete_positions(x, ear, angles, moved)
+    complete_velocities(x, ear, angles, moved, dq)
+
+
+def still(kind: EarKind) -> list[Twist]:
+    """Roots that do not move."""
+    return [Twist(list(ZERO), list(ZERO)) for _ in kind.roots]
+
+
+def complete_positions(
+    x: Scope, ear: Ear, angles: dict[int, Vector], moved: dict[int, Vector]
+) -> dict[tuple[int, int], Value]:
+    """Displacements of the ear's links, put into `angles` and `moved`, and dq of its dependent joints, by link and coordinate."""
+    kind, tag = ear.kind, "d Eq. 22"
+    for k, member in enumerate(ear.members):
+        view = member.view
+        W = ear.attitude(member.parent)
+        turn: Vector = [0, 0, 0]
+        slide: Vector = [0, 0, 0]
+        for freedom in member.freedoms:
+            if freedom.index in kind.dependent[k]:
+                continue
+            value = freedom_displacement(view, kind.links[k], member.joint, freedom.index)
+            if freedom.angular:
+                turn = add(turn, scale(value, freedom.e))
+            else:
+                slide = add(slide, scale(value, freedom.e))
+        local, about = parameter_displacement(view, kind.links[k], member.joint)
+        theta, d = angles[member.parent], moved[member.parent]
+        angles[k] = x.let_vector(
+            "th", add(theta, rotate(W, x.let_vector("about", about, tag, lanes=True)), turn), tag, lanes=True
+        )
+        moved[k] = x.let_vector(
+            "d",
+            add(d, cross(theta, member.rho), rotate(W, x.let_vector("dr", local, tag, lanes=True)), slide),
+            tag,
+            lanes=True,
+        )
+    dq: dict[tuple[int, int], Value] = {}
+    rows = ear.kept_rows()
+    if rows:
+        b = ear.conditions(rows, cut_displacements(x, ear, angles, moved), "b", "d Eq. 30", lanes=True)
+        rates = stored_factor(x, kind).solve([-v for v in b], "dx", "d Eq. 30", lanes=True)
+        for k, added in enumerate(ear.walk(still(kind), ear.coefficients(rates), "dd", tag, lanes=True)):
+            angles[k] = x.let_vector("th", add(angles[k], added.angular), tag, lanes=True)
+            moved[k] = x.let_vector("d", add(moved[k], added.linear), tag, lanes=True)
+        dq = dependent_displacements(x, ear, rates)
+        for (place, i), value in dq.items():
+            x.set_entry(DQ[place], i, value)
+    for k in range(len(ear.members)):
+        for store in (LME[k], MY_LANE[k]):
+            x.store(store, fields.shift, [*angles[k], *moved[k]])
+    return dq
+
+
+def complete_velocities(
+    x: Scope, ear: Ear, angles: dict[int, Vector], moved: dict[int, Vector], dq: dict[tuple[int, int], Value]
+) -> None:
+    """du of the ear's dependent joints, and tangents of its links' velocities."""
+    kind = ear.kind
+    roots = root_velocities(x, kind)
+    velocities = ear.walk(roots, [speeds_of(m) for m in ear.members], "r", "Eq. 30")
+    rows = ear.kept_rows()
+    conditions = ear.conditions(rows, ear.face_difference(velocities, roots), "cv", "Eq. 30")
+    slides = any(c.slides for c in kind.closures)
+    seeds: dict[Symbol, Value] = {}
+    held: Vector = []
+    for t, role in enumerate(kind.roots):
+        store, field = (LROOTS[t], fields.measured_velocity) if role == "link" else (LBASE, fields.closing_twist)
+        if role == "far":
+            store, field = LREGION, fields.far_velocity(kind.far[t])
+        if role in ("link", "far") or (role == "frame" and not kind.rigid):
+            seeds.update(tangents_of([*roots[t].angular, *roots[t].linear], x.load(store, field)))
+        held += [*roots[t].angular, *roots[t].linear]
+        if slides and role != "frame":
+            seeds.update(tangents_of(ear.position(-1 - t), moved[-1 - t]))
+            held += ear.position(-1 - t)
+    held += [ear.members[k].view.entry(SPEEDS, freedom.index) for k, freedom in ear.dependents()]
+    tangents = ear_tangents(ear, angles, seeds, dq)
+    tangents.hold(held)
+    tangents.run()
+    if rows:
+        b = [-tangents.of(v) for v in conditions]
+        rates = stored_factor(x, kind).solve(b, "du", "d Eq. 30", lanes=True)
+        added = ear.walk(still(kind), ear.coefficients(rates), "dr", "d Eq. 30", lanes=True)
+        pairs = [
+            ((v.angular, more.angular), (v.linear, more.linear)) for v, more in zip(velocities, added, strict=True)
+        ]
+        tangents.correct([pair for both in pairs for pair in both])
+        for (k, freedom), value in zip(ear.dependents(), rates, strict=True):
+            x.set_entry(DU[k], freedom.index, value)
+    for v in ear.fixed:
+        if v.kept is not None:
+            x.store(*v.kept, tangents.vector(v.found))
+    for k, velocity in enumerate(velocities):
+        angular, linear = tangents.vector(velocity.angular), tangents.vector(velocity.linear)
+        for store in (LME[k], MY_LANE[k]):
+            x.store(store, fields.measured_velocity, [*angular, *linear])
+        if kind.links[k].closed_on == "origin":
+            undisplaced(x, LME[k], MY_LANE[k])
+        if kind.links[k].closed_on == "moving":
+            member_displacement(x, ear, k, (angles[k], moved[k]), velocity, Twist(angular, linear))
+
+
+def member_displacement(
+    x: Scope, ear: Ear, k: int, displaced: tuple[Vector, Vector], velocity: Twist, tangent: Twist
+) -> None:
+    """The same as `link_displacement` gives, of a link of an ear that other loops close on, from what is relative to the base."""
+    kind, tag = ear.kind, "d Eq. 22"
+    theta, d = displaced
+    W, o = ear.members[k].W, ear.position(k)
+    w, v, dw, dv = velocity.angular, velocity.linear, tangent.angular, tangent.linear
+    theta_whole, d_whole = list(theta), list(d)
+    if kind.carried:
+        theta_base, d_base = x.load(LBASE, fields.closing_shift.angular), x.load(LBASE, fields.closing_shift.linear)
+        theta_whole, d_whole = add(theta, theta_base), add(d, d_base, cross(theta_base, o))
+        if kind.rigid:
+            w_base, dw_base = x.load(BASE, fields.closing_twist.angular), x.load(LBASE, fields.closing_twist.angular)
+            w = x.let_vector("w", add(w, w_base), "Eq. 18")
+            v = x.let_vector("v", add(v, x.load(BASE, fields.closing_twist.linear), cross(w_base, o)), "Eq. 18")
+            dw = add(dw, dw_base)
+            dv = add(dv, x.load(LBASE, fields.closing_twist.linear), cross(dw_base, o), cross(w_base, d))
+    dw = minus(dw, cross(theta, w))
+    dv = minus(dv, cross(theta, v))
+    back = transpose(W)
+    shift, twist = fields.closing_shift, fields.closing_twist
+    for field, value in (
+        (shift.angular, theta_whole),
+        (shift.linear, d_whole),
+        (twist.angular, dw),
+        (twist.linear, dv),
+    ):
+        own = x.let_vector(field.name, matvec(back, x.let_vector(field.name, value, tag, lanes=True)), tag, lanes=True)
+        for store in (LME[k], MY_LANE[k]):
+            x.store(store, field, own)
+
+
+def freedom_displacement(view: Scope, kind: LinkKind, joint: JointTransform, j: int) -> Value:
+    """Displacement along one freedom of a joint that its dq causes."""
+    if kind.joint in ("revolute", "prismatic"):
+        return view.entry(DQ, 0)
+    if j < 3:
+        return view.load(MY_LANE, fields.turn(j))
+    column = [row[j - 3] for row in joint.matrix]
+    return view.let("slide", dot(column, [view.entry(DQ, i) for i in range(3)]), "d Eq. 22", lanes=True)
+
+
+def dependent_displacements(x: Scope, ear: Ear, rates: Vector, lanes: bool = True) -> dict[tuple[int, int], Value]:
+    """dq of dependent joints from displacements along their freedoms; a quaternion's is ``e (0, theta) / 2``."""
+    result: dict[tuple[int, int], Value] = {}
+    values: dict[int, dict[int, Value]] = {}
+    for (k, freedom), value in zip(ear.dependents(), rates, strict=True):
+        values.setdefault(k, {})[freedom.index] = value
+    for k, found in values.items():
+        member, kind = ear.members[k], ear.kind.links[k]
+        if kind.joint in ("revolute", "prismatic"):
+            result[k, 0] = found[0]
+            continue
+        # what is dependent in part keeps what was given along its other freedoms; a rotation or displacement without any
+        # dependent freedom is as given, a quaternion's length too
+        if any(j < 3 for j in found):
+            n = 3 if kind.joint == "free" else 0
+            turn = [
+                found[j] if j in found else member.view.load(MY_LANE, fields.turn(j)) if lanes else 0 for j in range(3)
+            ]
+            a, b, c = (x.let("half", x.half * v, "d Eq. 22", lanes=lanes) for v in turn)
+            w, i, j, k_ = (member.view.entry(COORDINATES, n + m) for m in range(4))
+            changed = [
+                -(i * a + j * b + k_ * c), w * a + j * c - k_ * b, w * b + k_ * a - i * c, w * c + i * b - j * a,
+            ]  # fmt: skip
+            for m, value in enumerate(changed):
+                result[k, n + m] = x.let("dq", value, "d Eq. 22", lanes=lanes)
+            if lanes:
+                for m in range(3):
+                    member.view.store(MY_LANE, fields.turn(m), turn[m])
+        if any(j >= 3 for j in found):
+            slide = [
+                found[j] if j in found else freedom_displacement(member.view, kind, member.joint, j) if lanes else 0
+                for j in range(3, 6)
+            ]
+            for m, value in enumerate(matvec(member.joint.matrix, slide)):
+                result[k, m] = x.let("dq", value, "d Eq. 22", lanes=lanes)
+    return result
+
+
+def cut_displacements(x: Scope, ear: Ear, angles: dict[int, Vector], moved: dict[int, Vector]) -> list[Twist]:
+    """Displacements of the end faces against the start faces."""
+    found = []
+    for c, closure in enumerate(ear.kind.closures):
+        sides = []
+        for side in (0, 1):
+            place = closure.faces[side]
+            W = ear.attitude(place)
+            theta, d = angles[place], moved[place]
+            local, about = face_displacement(x, ear, c, side)
+            at = add(d, cross(theta, ear.arm(c, side)), rotate(W, x.let_vector("dr", local, "d Eq. 30", lanes=True)))
+            theta = add(theta, rotate(W, x.let_vector("about", about, "d Eq. 30", lanes=True)))
+            slip = ear.slip(c) if side == 0 else None
+            if slip is not None:
+                at = add(at, cross(theta, slip))
+            sides.append(
+                Twist(
+                    x.let_vector("cut", theta, "d Eq. 30", lanes=True), x.let_vector("cut", at, "d Eq. 30", lanes=True)
+                )
+            )
+        found.append(ear.difference(c, (sides[0], sides[1])))
+    return found
+
+
+def seed_residuals(x: Scope, kind: EarKind) -> None:
+    """Outward block over directions: by how much complete seeds open the loops, in all conditions of their joints.
+
+    Only redundant conditions can be left open: by a parameter, say, that bends a planar loop out of its plane.
+    """
+    ear = Ear(x, kind)
+    angles, _ = root_angles(x, kind, False)
+    moved: dict[int, Vector] = {}
+    for t, role in enumerate(kind.roots):
+        place = -1 - t
+        if role == "far":
+            moved[place] = x.load(LREGION, fields.far_shift(kind.far[t]).linear)
+        elif role == "link":
+            moved[place] = x.load(LANE_ROOTS[t], fields.shift.linear)
+        elif role == "ground":
+            turned = cross(angles[place], ear.position(place))
+            d = x.load(LANE_BASE, fields.closing_shift.linear)
+            moved[place] = x.let_vector("d", minus(turned, d), "d Eq. 22", lanes=True)
+        else:
+            moved[place] = list(ZERO)
+    for k in range(len(ear.members)):
+        angles[k], moved[k] = x.load(MY_LANE[k], fields.shift.angular), x.load(MY_LANE[k], fields.shift.linear)
+    gaps = cut_displacements(x, ear, angles, moved)
+    for c in range(len(kind.closures)):
+        for i, row in enumerate(ear.joint_conditions(c)):
+            value = dot(row.n, gaps[c].angular if row.angular else gaps[c].linear)
+            x.set_entry(DPOSITION[c], i, x.let("open", value, "d Eq. 32", lanes=True))
+
+
+def face_displacement(x: Scope, ear: Ear, c: int, side: int) -> tuple[Vector, Vector]:
+    """Displacement and rotation vector of a face in its link that the design parameters cause."""
+    name = "AB"[side]
+    local: Vector = [0, 0, 0]
+    about: Vector = [0, 0, 0]
+    closure = ear.kind.closures[c]
+    for j in range(closure.parameters):
+        dp = x.entry(CL_DP[c], j)
+        dr = x.load(LOOP_CONSTANTS[c], fields.face_place(name).derivative(j))
+        local = [local[i] + dr[i] * dp for i in range(3)]
+        if closure.type == "spherical" and not closure.gaps:
+            continue
+        _, F = ear.face(c, side)
+        dF = x.load(LOOP_CONSTANTS[c], fields.face_axes(name).derivative(j))
+        if not all(is_zero(e) for row in dF for e in row):
+            about = [about[i] + v * dp for i, v in enumerate(x.let_vector("about", rotation_vector(dF, F), "d Eq. 30"))]
+    return local, about

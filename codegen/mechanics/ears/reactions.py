@@ -1,0 +1,180 @@
+"""Reactions: the wrenches that joints and loops transmit, by the force sweep, in the ground frame.
+
+With all accelerations known the force that every link's motion needs is summed inward. Loops carry the wrench that leaves
+the dependent joints with nothing but their own joint force: ``E^T W = gamma``, the shortest W where conditions are
+redundant.
+"""
+
+from __future__ import annotations
+
+from ...program.block import Scope
+from ...program.field import SixField
+from ...program.scalar import Matrix, Value, Vector
+from ...program.store import Store
+from .. import fields
+from ..couplings import from_far, hand_force, others
+from ..handing_on import accumulate, add_to_sum, clear
+from ..joints.transform import JointTransform
+from ..spatial import add, cross, dot, matvec, transpose
+from ..stores import BASE, GROUND, LOOP_REACTION, ME, REACTION, REGION, ROOTS, TAU, UDOT
+from ..structure.kinds import EarKind, LinkKind, RegionKind
+from ..tree.inverse_dynamics import transfer
+from ..tree.kinematics import body_force
+from .closures import stored_factor
+from .dynamics import Motion, hand_outward, less_external_of, link_constants, member_motion, root_motions
+from .far_links import far_motions
+from .geometry import Ear, Freedom, rotate
+from .orthogonal import product
+from .region_balance import transmitted_fields
+
+
+def along_freedom(x: Scope, kind: EarKind, k: int, freedom: Freedom, force: tuple[Vector, Vector]) -> Value:
+    """What a force misses along a dependent freedom: its component less the model's own joint force."""
+    tau = x.entry(TAU[k], freedom.index) if kind.links[k].forced[freedom.index] else 0
+    return x.let("gamma", dot(freedom.e, force[0] if freedom.angular else force[1]) - tau, "Eq. 53")
+
+
+def inward(x: Scope, ear: Ear, own: list[tuple[Vector, Vector]]) -> list[tuple[Vector, Vector]]:
+    """Forces transmitted by the joints of the ear's links, about the links' origins."""
+    held = list(own)
+    for k in reversed(range(len(own))):
+        n = [x.let("phin", e, "Eq. 45") for e in held[k][0]]
+        force = [x.let("phif", e, "Eq. 45") for e in held[k][1]]
+        held[k] = n, force
+        parent = ear.members[k].parent
+        if parent >= 0:
+            held[parent] = add(held[parent][0], n, cross(ear.members[k].rho, force)), add(held[parent][1], force)
+    return held
+
+
+def load_force(x: Scope, store: Store, field: SixField) -> tuple[Vector, Vector]:
+    """Moment and force."""
+    six = x.load(store, field)
+    return six[:3], six[3:]
+
+
+def store_reaction(x: Scope, store: Store, attitude: Matrix, moment: Vector, force: Vector) -> None:
+    """Moment, then force, in the ground frame."""
+    for n, v in enumerate((moment, force)):
+        for i, value in enumerate(matvec(attitude, v)):
+            x.set_entry(store, 3 * n + i, x.let("reaction", value, "Eq. 45"))
+
+
+def transmitted(x: Scope, kind: LinkKind) -> None:
+    """Inward block of a link: what its joint does to it, about its origin."""
+    phi: Vector = []
+    for own, handed in zip(fields.total_needed.scalars(), fields.transmitted.scalars(), strict=True):
+        phi.append(x.let("phi", x.load(ME, own) + x.load(ME, handed), "Eq. 45"))
+    store_reaction(x, REACTION, x.load(ME, fields.attitude), phi[:3], phi[3:])
+    for m in others(kind):
+        if kind.partners.first[m]:
+            hand_force(x, kind, m, [0] * 6, fields.transmitted)
+    if kind.carried_on:
+        transfer(x, kind, JointTransform(x, kind), phi, [])
+
+
+def ear_motion(x: Scope, kind: EarKind) -> None:
+    """Outward block of an ear: accelerations and the force that its links need."""
+    ear = Ear(x, kind)
+    roots = root_motions(x, kind, total=True)
+    motions: list[Motion] = []
+    for k, member in enumerate(ear.members):
+        before = motions[member.parent] if member.parent >= 0 else roots[-1 - member.parent]
+        udot = [x.entry(UDOT[k], f.index) for f in member.freedoms]
+        motions.append(member_motion(x, member, before, udot))
+    for k, (w, al, a, B) in enumerate(motions):
+        me, motion = ME[k], fields.ear_total
+        moment, force = body_force(x, w, al, a, B, link_constants(x, ear, k))
+        moment, force = less_external_of(x, ear, k, (moment, force))
+        for field, v in ((motion.w, w), (motion.al, al), (motion.a, a)):
+            x.store(me, field, v)
+        x.store(me, motion.B, B)
+        x.store(me, fields.ear_total_needed, [*moment, *force])
+        if kind.links[k].carries:
+            hand_outward(x, me, ear.members[k].W, w, al, a, total=True)
+
+
+def region_motion(x: Scope, kind: RegionKind) -> None:
+    """Nothing is summed yet; how far links move."""
+    for whole, _ in transmitted_fields(kind):
+        clear(x, REGION, whole)
+    far_motions(x, kind, fields.total, fields.far_total)
+
+
+def ground_attitude(x: Scope, kind: EarKind, place: int) -> Matrix:
+    """Ground components from those of a link of the ear, or (place negative) of a root."""
+    if place >= 0:
+        return x.load(ME[place], fields.attitude)
+    store = {"frame": BASE, "ground": GROUND}.get(kind.roots[-1 - place], ROOTS[-1 - place])
+    return x.load(store, fields.attitude)
+
+
+def ear_transmitted(x: Scope, kind: EarKind) -> None:
+    """Inward block of an ear: what its joints and loops do."""
+    ear = Ear(x, kind)
+    rows = ear.kept_rows()
+    phi: list[tuple[Vector, Vector]] = []
+    for k in range(len(ear.members)):
+        n, f = load_force(x, ME[k], fields.ear_total_needed)
+        if kind.followed[k]:
+            more = load_force(x, ME[k], fields.ear_transmitted)
+            n, f = add(n, more[0]), add(f, more[1])
+        if kind.links[k].carries:
+            more = load_force(x, ME[k], fields.transmitted)
+            n, f = add(n, rotate(ear.members[k].W, more[0])), add(f, rotate(ear.members[k].W, more[1]))
+        phi.append((n, f))
+    held = inward(x, ear, phi)
+    on_roots: list[tuple[int, tuple[Vector, Vector]]] = []
+    if rows:
+        gamma = [along_freedom(x, kind, k, freedom, held[k]) for k, freedom in ear.dependents()]
+        multipliers = stored_factor(x, kind).solve_transposed([-v for v in gamma], "W", "Eq. 9")
+        for c, closure in enumerate(kind.closures):
+            moment: Vector = [0, 0, 0]
+            force: Vector = [0, 0, 0]
+            for row, value in zip(rows, multipliers, strict=True):
+                if row.loop == c:
+                    part = [product(e, value) for e in row.n]
+                    moment, force = (add(moment, part), force) if row.angular else (moment, add(force, part))
+            end = closure.faces[1]
+            turned = [matvec(transpose(ear.attitude(end)), [-e for e in v]) for v in (moment, force)]
+            store_reaction(x, LOOP_REACTION[c], ground_attitude(x, kind, end), turned[0], turned[1])
+            for side, sign in ((0, -1), (1, 1)):
+                place = closure.faces[side]
+                lever = ear.arm(c, side)
+                slip = ear.slip(c) if side == 0 else None
+                lever = lever if slip is None else add(lever, slip)
+                acting = [sign * e for e in add(moment, cross(lever, force))], [sign * e for e in force]
+                if place < 0:
+                    on_roots.append((-1 - place, acting))
+                else:
+                    phi[place] = add(phi[place][0], acting[0]), add(phi[place][1], acting[1])
+        held = inward(x, ear, phi)
+    for k, member in enumerate(ear.members):
+        own = [matvec(transpose(member.W), v) for v in held[k]]
+        store_reaction(x, REACTION[k], x.load(ME[k], fields.attitude), own[0], own[1])
+        if member.parent < 0:
+            on_roots.append((-1 - member.parent, (add(held[k][0], cross(member.rho, held[k][1])), held[k][1])))
+    for t, role in enumerate(kind.roots):
+        parts = [p for root, p in on_roots if root == t]
+        if not parts or role == "ground" or (role == "frame" and not kind.carried):
+            continue
+        on_root = [*add(*(p[0] for p in parts)), *add(*(p[1] for p in parts))]
+        if role == "link":
+            on_root = [x.let("to_root", value, "Eq. 45") for value in on_root]
+            accumulate(x, ROOTS[t], fields.ear_transmitted, on_root, kind.first_at[t], "Eq. 45")
+        else:
+            whole = fields.region_transmitted if role == "frame" else fields.far_transmitted(kind.far[t])
+            add_to_sum(x, REGION, whole, on_root, "to_root", "Eq. 45")
+
+
+def region_transmitted(x: Scope, kind: RegionKind) -> None:
+    """Inward block of a region: the links that it hangs on feel all of it."""
+    transmitted: dict[int, Vector] = {m: [0] * 6 for m in others(kind)}
+    for f, m in enumerate(kind.far):
+        if m >= 0:
+            W = x.load(REGION, fields.far_attitude(f))
+            transmitted[m] = from_far(x, W, x.load(REGION, fields.far_transmitted(f)), "Eq. 45")
+    for m, values in transmitted.items():
+        hand_force(x, kind, m, values, fields.transmitted)
+    if kind.carried:
+        accumulate(x, BASE, fields.transmitted, x.load(REGION, fields.region_transmitted), kind.first, "Eq. 44")

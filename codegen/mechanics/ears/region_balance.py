@@ -1,0 +1,80 @@
+"""The balance through regions: the sources' right sides are eliminated, and what is left goes to the links that carry them.
+
+Section 4.6 of the theory page.
+"""
+
+from __future__ import annotations
+
+from ...program.block import Scope
+from ...program.field import SixField
+from ...program.scalar import Vector
+from .. import fields
+from ..couplings import from_far, hand_force, others, to_base
+from ..handing_on import accumulate
+from ..spatial import SIX
+from ..stores import BASE, LBASE, LREGION, REGION
+from ..structure.kinds import RegionKind
+from .dynamics import place_of_base, places_of_partners, store_sources, system_size
+from .far_links import far_own_motions
+
+
+def region_balance_start(x: Scope, kind: RegionKind) -> None:
+    """Outward block over directions: nothing is summed yet; how far links move, in their own axes."""
+    for c in range(kind.total):
+        x.store(LREGION, fields.source_tangent_force(c), 0)
+    for whole, balance in transmitted_fields(kind):
+        for i in SIX:
+            x.store(REGION, whole.scalars()[i], 0)
+            x.store(LREGION, balance.scalars()[i], 0)
+    far_own_motions(x, kind)
+
+
+def transmitted_fields(kind: RegionKind) -> list[tuple[SixField, SixField]]:
+    """Where a region sums up forces on the links that it hangs on, and their tangents."""
+    of_base = [(fields.region_transmitted, fields.region_balance)] if kind.carried else []
+    return of_base + [(fields.far_transmitted(f), fields.far_balance(f)) for f, m in enumerate(kind.far) if m >= 0]
+
+
+def region_balance_in(x: Scope, kind: RegionKind) -> None:
+    """Inward block over directions: the sources' right sides are eliminated; what is left goes to the links that carry them.
+
+    Eqs. 45, 53.
+    """
+    at, where = place_of_base(kind), places_of_partners(kind)
+    g: Vector = [x.load(LREGION, fields.source_tangent_force(c)) for c in range(kind.total)]
+    g += [0] * (system_size(kind) + 6 * len(others(kind)) - len(g))
+    for i in range(6 if kind.carried else 0):
+        g[at + i] = g[at + i] + x.load(LREGION, fields.region_balance.scalars()[i])
+    for j in reversed(range(kind.sources)):
+        x.store(
+            LREGION,
+            fields.source_right_side(j),
+            x.let("rD", -g[j] * x.load(REGION, fields.source_inverse_pivot(j)), "d Eq. 53", lanes=True),
+        )
+        for i in range(len(g)):
+            if i < j or i >= kind.sources:
+                g[i] = x.let("g", g[i] - x.load(REGION, fields.gain(j, i)) * g[j], "d Eq. 45", lanes=True)
+    transmitted: dict[int, Vector] = {m: [0] * 6 for m in others(kind)}
+    for f, m in enumerate(kind.far):
+        s = kind.sources + 6 * f
+        W, o = x.load(REGION, fields.far_attitude(f)), x.load(REGION, fields.far_position(f))
+        for i, value in enumerate(to_base(x, o, g[s : s + 6], "d Eq. 45", True)):
+            g[at + i] = x.let("g", g[at + i] - value, "d Eq. 45", lanes=True)
+        if m < 0:
+            continue
+        # what ears have handed to it is in its own axes
+        transmitted[m], b = x.load(REGION, fields.far_transmitted(f)), x.load(LREGION, fields.far_balance(f))
+        for i, value in enumerate(from_far(x, W, g[s : s + 6], "d Eq. 45", True)):
+            g[where[m] + i] = x.let("g", g[where[m] + i] + value + b[i], "d Eq. 45", lanes=True)
+    for m in others(kind):
+        hand_force(x, kind, m, g[where[m] : where[m] + 6], lanes=True)
+        hand_force(x, kind, m, transmitted[m], fields.transmitted)
+    for i in range(6 if kind.carried else 0):
+        part, value = fields.transmitted.scalars()[i], x.load(REGION, fields.region_transmitted.scalars()[i])
+        accumulate(x, LBASE, fields.articulated_force.scalars()[i], g[at + i], kind.first, "Eq. 44", lanes=True)
+        accumulate(x, BASE, part, value, kind.first, "Eq. 44")
+
+
+def region_balance_back(x: Scope, kind: RegionKind) -> None:
+    """Outward block over directions: tangents of the sources' accelerations."""
+    store_sources(x, kind, [x.load(LREGION, fields.source_right_side(j)) for j in range(kind.sources)], True)

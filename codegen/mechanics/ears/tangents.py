@@ -1,0 +1,264 @@
+"""Tangents of an ear's statements: what is fixed in a link turns with it, everything else by derivative primitives.
+
+A direction turns a link by a rotation vector theta (in region axes), so ``dv = theta x v`` for every vector v fixed in the
+link, plus what the design parameters change in its components: three numbers, not nine for each rotation matrix.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from sympy import Expr, Symbol, sympify
+
+from ...program.block import ANY, Expansion
+from ...program.derivatives import Tangents
+from ...program.field import XYZ
+from ...program.scalar import Value, Vector
+from ...program.store import Store
+from .. import fields
+from ..spatial import add, cross, is_zero, matvec
+from ..stores import (
+    CL_DP,
+    CL_PARAMETER,
+    CONSTANT,
+    COORDINATES,
+    DP,
+    DQ,
+    DU,
+    LINK,
+    MY_LANE,
+    PARAMETER,
+    SPEEDS,
+    TURNS,
+)
+from ..tree.tangents import pattern, tangent
+from .geometry import UNIT, Ear
+
+
+def tangents_of(values: Vector, tangents: Vector) -> dict[Symbol, Value]:
+    """Tangents by symbol of values that are symbols, symbols with a minus sign, or numbers; nothing on zero patterns."""
+    found: dict[Symbol, Value] = {}
+    for value, moved in zip(values, tangents, strict=True):
+        if isinstance(value, Symbol):
+            found[value] = moved
+        elif isinstance(value, Expr) and isinstance(-value, Symbol):
+            found[-value] = -moved
+        else:
+            assert value is ANY or sympify(value).is_number, f"{value} has no name"
+    return found
+
+
+def ear_tangents(
+    ear: Ear,
+    angles: dict[int, Vector],
+    roots: dict[Symbol, Value],
+    dq: dict[tuple[int, int], Value] | None = None,
+) -> EarTangents:
+    """Tangents of the statements of an ear's block.
+
+    Parameters
+    ----------
+    ear : Ear
+    angles : dict of int to Vector
+        Rotation vectors (lanes) of links, and of roots by negative places.
+    roots : dict of Symbol to value
+        Tangents of what the block loads of its roots, from `tangents_of`.
+    dq : dict of (int, int) to value
+        Displacements that the block has found itself, by link and coordinate. None where seeds are complete: then tangents of
+        levers have been kept.
+    """
+    if isinstance(ear.x, Expansion):
+        return WrittenTangents(ear, ear.x, angles, roots, dq)
+    return EarTangents(angles)
+
+
+class EarTangents:
+    """What is asked for tangents of an ear's statements, and what comes of it on zero patterns."""
+
+    def __init__(self, angles: dict[int, Vector]):
+        self.angles = angles
+
+    def run(self) -> None:
+        """Differentiate the scalar statements written since the last call."""
+
+    def of(self, value: Value, name: str = "d") -> Value:
+        """Tangent of a value."""
+        return pattern(value)
+
+    def vector(self, v: Sequence[Value], name: str = "d") -> Vector:
+        """Of the components of a vector."""
+        return [self.of(e, f"{name}_{i}") for e, i in zip(v, XYZ, strict=True)]
+
+    def correct(self, found: list[tuple[Vector, Vector]]) -> None:
+        """Add what has been found since to the tangents of named values, and find those of what depends on them anew.
+
+        A value that several links share is corrected once.
+        """
+
+    def give(self, v: Vector, tangents: Vector) -> None:
+        """Tangents of named values."""
+
+    def turn_joints(self) -> None:
+        """Let vectors pass from link to link: what turns them are sines, cosines and matrices of the joints."""
+
+    def hold(self, v: Vector) -> None:
+        """Values whose tangents are given, or taken as zero until more is known: they are not differentiated."""
+
+
+class WrittenTangents(EarTangents):
+    """Tangents as statements; see `ear_tangents`."""
+
+    def __init__(
+        self,
+        ear: Ear,
+        x: Expansion,
+        angles: dict[int, Vector],
+        roots: dict[Symbol, Value],
+        dq: dict[tuple[int, int], Value] | None,
+    ):
+        super().__init__(angles)
+        self.ear = ear
+        self.stored = dq is None
+        self.dq = dq or {}
+        self.x = x
+        self.done = 0
+        self.scanned = 0
+        self.fixed = 0
+        self.known: set[Symbol] = set()
+        self.turned: set[Symbol] = set()
+        self.d = Tangents(x, {}, {})
+        self.d.of.update({s: v for s, v in roots.items() if not is_zero(v)})
+        for place in [*range(len(ear.members)), *(-1 - t for t in range(len(ear.kind.roots)))]:
+            self._attitude(place)
+
+    def _scan(self) -> None:
+        """Seeds of what has been loaded since the last call."""
+        loads = list(self.x.block.loads.items())
+        for symbol, (store, name) in loads[self.scanned :]:
+            place = store.place
+            if place is None:
+                continue
+            if store is SPEEDS[place]:
+                self._seed(symbol, self.x.component(DU[place], name))
+            elif store is COORDINATES[place]:
+                found = self.dq.get((place, int(name)))
+                self._seed(symbol, self.x.component(DQ[place], name) if found is None else found)
+            elif store is TURNS[place]:
+                revolute = self.ear.kind.links[place].joint == "revolute"
+                seed = self.x.component(DQ[place], name) if revolute else self.x.load(MY_LANE[place], fields.turn(name))
+                self._seed(symbol, seed)
+            elif store.memory is CONSTANT and "/" not in name:
+                self._transparent(symbol, store, place, name)
+        self.scanned = len(loads)
+
+    def _seed(self, symbol: Symbol, value: Value) -> None:
+        if not is_zero(value) and symbol not in self.known:
+            self.d.of[symbol] = value
+
+    def _transparent(self, symbol: Symbol, store: Store, place: int, name: str) -> None:
+        of_link = store.owner is LINK
+        kinds = self.ear.kind.links if of_link else self.ear.kind.closures
+        parameters, seeds = (PARAMETER, DP) if of_link else (CL_PARAMETER, CL_DP)
+        inner: dict[Symbol, Expr] = {}
+        for j in range(kinds[place].parameters):
+            value = self.x.component(store, f"{name}/{j}")
+            if not is_zero(value):
+                root = self.x.entry(parameters[place], j)
+                inner[root] = value
+                self._seed(root, self.x.entry(seeds[place], j))
+        if inner:
+            self.d.transparent[symbol] = inner
+
+    def _attitude(self, place: int) -> None:
+        W = self.ear.attitude(place)
+        theta = self.angles.get(place)
+        if W is UNIT or theta is None:
+            return
+        for j in range(3):
+            turned = cross(theta, [W[i][j] for i in range(3)])
+            for i in range(3):
+                if isinstance(W[i][j], Symbol) and not is_zero(turned[i]):
+                    self.d.of[W[i][j]] = self.x.let("dW", turned[i], "d Eq. 22", lanes=True)
+
+    def fixed_vectors(self) -> None:
+        """Tangents of the vectors fixed in links that have been written since the last call."""
+        while self.fixed < len(self.ear.fixed):
+            self._scan()
+            v = self.ear.fixed[self.fixed]
+            self.fixed += 1
+            if v.kept is not None and self.stored:
+                self._set(v.found, self.x.load(*v.kept))
+                continue
+            W = self.ear.attitude(v.place)
+            theta = self.angles.get(v.place)
+            turned: Vector = [0, 0, 0] if theta is None else cross(theta, v.found)
+            changed = [self._of_local(e) for e in v.local]
+            self._set(v.found, add(turned, changed if W is UNIT else matvec(W, changed)))
+            # where W is known to be the unit matrix, it turns names into themselves
+            self.turned.difference_update(e for e in v.local if isinstance(e, Symbol))
+
+    def _set(self, found: Vector, moved: Vector) -> None:
+        for i, symbol in enumerate(found):
+            if not isinstance(symbol, Symbol) or symbol in self.x.block.loads or symbol in self.known:
+                continue
+            self.known.add(symbol)
+            self.turned.add(symbol)
+            value = self.x.let("d_fixed", moved[i], "d Eq. 22", lanes=True)
+            if not is_zero(value):
+                self.d.of[symbol] = value
+
+    def _of_local(self, value: Value) -> Value:
+        """Tangent of a component in a link's own axes: of a constant, or of a statement on constants and coordinates."""
+        if isinstance(value, Symbol) and value not in self.d.of:
+            for statement in self.x.block.statements:
+                if statement.target == value:
+                    self.d.statement(statement)
+                    self.known.add(value)
+                    break
+        return tangent(self.d, value)
+
+    def run(self) -> None:
+        self._scan()
+        self.fixed_vectors()
+        statements = self.x.block.statements
+        while self.done < len(statements):
+            statement = statements[self.done]
+            self.done += 1
+            if not statement.lanes and statement.tag != "primitive" and statement.target not in self.known:
+                self.d.statement(statement)
+
+    def of(self, value: Value, name: str = "d") -> Value:
+        self._scan()
+        found: Value = self.d.value(value, name)
+        return found
+
+    def correct(self, found: list[tuple[Vector, Vector]]) -> None:
+        listed: set[Symbol] = set()
+        changed: set[Symbol] = set()
+        for v, more in found:
+            for symbol, value in tangents_of(v, more).items():
+                if symbol not in listed:
+                    listed.add(symbol)
+                    if not is_zero(value):
+                        before = self.d.of.get(symbol, 0)
+                        self.d.of[symbol] = self.x.let("d", before + value, "d Eq. 31", lanes=True)
+                        changed.add(symbol)
+        # what is turned into the region's axes has served
+        right = listed | self.turned
+        for statement in self.x.block.statements[: self.done]:
+            if statement.lanes or statement.tag == "primitive" or statement.target in right:
+                continue
+            if not changed.isdisjoint(statement.expression.free_symbols):
+                self.d.statement(statement)
+                changed.add(statement.target)
+
+    def give(self, v: Vector, tangents: Vector) -> None:
+        self.d.of.update({s: t for s, t in tangents_of(v, tangents).items() if not is_zero(t)})
+        self.hold(v)
+
+    def turn_joints(self) -> None:
+        for member in self.ear.members:
+            self.d.transparent.update(member.joint.transparent())
+
+    def hold(self, v: Vector) -> None:
+        self.known.update(tangents_of(v, v))

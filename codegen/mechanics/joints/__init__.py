@@ -1,0 +1,1 @@
+"""How vectors and inertias pass a joint."""

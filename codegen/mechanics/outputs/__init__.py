@@ -1,0 +1,1 @@
+"""What is measured: energies, points, formulas."""

@@ -1,0 +1,69 @@
+"""Kinetic and potential energy."""
+
+from __future__ import annotations
+
+from sympy import Symbol
+
+from ...program.block import Expansion, Scope
+from ...program.scalar import Value
+from .. import fields
+from ..handing_on import accumulate
+from ..joints.transform import JointTransform
+from ..spatial import add, cross, dot, matvec, scale
+from ..stores import CONSTANTS, DKINETIC, KINETIC, LME, LUP, ME, MY_LANE, UP
+from ..structure.kinds import LinkKind
+from ..tree.kinematics import angular_velocity, origin_velocity
+from ..tree.tangents import differentiate, store_tangent, tangent
+from ..tree.triangularization import is_first
+
+
+def kinetic(x: Scope, kind: LinkKind) -> None:
+    """Velocity of the link's origin and the link's kinetic energy, half of velocity times momentum."""
+    joint = JointTransform(x, kind)
+    _, w = angular_velocity(x, kind, joint)
+    v = origin_velocity(x, kind, joint)
+    m = x.load(CONSTANTS, fields.mass)
+    h = x.load(CONSTANTS, fields.first_moment)
+    J = x.load(CONSTANTS, fields.inertia)
+    angular = [x.let("L", e, "Eq. 23") for e in add(matvec(J, w), cross(h, v))]
+    linear = [x.let("P", e, "Eq. 23") for e in add(scale(m, v), cross(w, h))]
+    twice = x.let("T2", dot(w, angular) + dot(v, linear), "kinetic energy")
+    T = x.let("T", x.half * twice, "kinetic energy")
+    x.store(ME, fields.angular_velocity, w)
+    x.store(ME, fields.velocity, v)
+    x.set_entry(KINETIC.sum, 0, T)
+    if x.tangents:
+        d = differentiate(x, kind, joint)
+        for store in (LME, MY_LANE):
+            store_tangent(x, d, (store,), fields.angular_velocity, w)
+            store_tangent(x, d, (store,), fields.velocity, v)
+        x.set_entry(DKINETIC.sum, 0, tangent(d, T))
+
+
+def moments(x: Scope, kind: LinkKind) -> None:
+    """Mass and first moment of the link and all outboard of it, about the parent's origin."""
+    joint = JointTransform(x, kind)
+    m = x.let("m", x.load(CONSTANTS, fields.mass) + x.load(ME, fields.outboard_mass), "potential energy")
+    h = add(x.load(CONSTANTS, fields.first_moment), x.load(ME, fields.outboard_moment))
+    h = joint.to_parent(h, "h", "potential energy")
+    h = [x.let("h", e, "potential energy") for e in add(h, scale(m, joint.offset()))]
+    d = differentiate(x, kind, joint, _sums(x)) if x.tangents else None
+    first = is_first(x, kind)
+    accumulate(x, UP, fields.outboard_mass, m, first, "Eq. 44")
+    accumulate(x, UP, fields.outboard_moment, h, first, "Eq. 44")
+    if x.tangents:
+        accumulate(x, LUP, fields.outboard_mass, tangent(d, m), first, "Eq. 44", lanes=True)
+        for field, e in zip(fields.outboard_moment.scalars(), h, strict=True):
+            accumulate(x, LUP, field, tangent(d, e), first, "Eq. 44", lanes=True)
+
+
+def _sums(x: Scope) -> dict[Symbol, Value]:
+    """Tangents of what the children handed on."""
+    if not isinstance(x, Expansion):
+        return {}
+    found = {
+        symbol: x.component(LME, name)
+        for symbol, (store, name) in list(x.block.loads.items())
+        if store is ME and name.startswith("sum.")
+    }
+    return {s: v for s, v in found.items() if v != 0}

@@ -1,0 +1,225 @@
+"""Constants of links: which are zero, which are numbers, which depend on design parameters, and by what statements.
+
+Links whose constants come from expressions of the same form share one *shape*: a block that computes the constants that
+depend on parameters, together with their derivative primitives, from the link's parameters and numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import sympy
+from sympy import Expr, Symbol
+
+from ...model.expressions import FLOAT_FUNCTIONS, Expression, Tree
+from ...program.block import Block, Expansion
+from ...program.derivatives import Tangents
+from ...program.functions import SYMBOLIC, Power, computed, number
+from ...program.passes import simplify
+from ...program.scalar import Value
+from ..stores import NUMBER, PARAMETER, SHAPE
+
+_LARGE = 100
+
+Leaf = Callable[[Tree], Expr]
+"""The symbol of a name or of a numbered slot."""
+
+
+class Slots:
+    """Turns expressions of one form into the same tree: parameters and numbers become numbered slots."""
+
+    def __init__(self) -> None:
+        self.parameters: list[str] = []
+        self.numbers: list[float] = []
+        self.trees: list[Tree] = []
+        self._made: dict[Expression, Tree] = {}
+
+    def tree(self, expression: Expression) -> Tree:
+        made = self._made.get(expression)
+        if made is None:
+            made = self._made[expression] = to_slots(expression.tree, self.numbers, self._slot)
+        self.trees.append(made)
+        return made
+
+    def _slot(self, name: str) -> Tree:
+        if name not in self.parameters:
+            self.parameters.append(name)
+        return ("parameter", self.parameters.index(name))
+
+
+def to_slots(tree: Tree, numbers: list[float], slot: Callable[[str], Tree]) -> Tree:
+    """A tree with numbered slots in the place of numbers, which are appended to `numbers`, and of names.
+
+    Numbers that structure depends on (0, 1, -1, 2 and exponents) stay.
+    """
+    kind = tree[0]
+    if kind == "number":
+        if tree[1] in (0, 1, -1, 2):
+            return tree
+        numbers.append(float(tree[1]))
+        return ("slot", len(numbers) - 1)
+    if kind == "name":
+        return slot(tree[1])
+    if kind == "call":
+        return (kind, tree[1], *(to_slots(a, numbers, slot) for a in tree[2:]))
+    if kind == "**" and tree[2][0] == "number":
+        return (kind, to_slots(tree[1], numbers, slot), tree[2])
+    return (kind, *(to_slots(a, numbers, slot) for a in tree[1:]))
+
+
+class Statements:
+    """Writes an expression tree as statements of an expansion: names where the tree would grow a large expression."""
+
+    def __init__(self, x: Expansion, leaf: Leaf):
+        self.x = x
+        self.leaf = leaf
+
+    def write(self, tree: Tree) -> Expr:
+        kind = tree[0]
+        if kind == "number":
+            return number(tree[1])
+        if kind in ("name", "slot", "parameter"):
+            return self.leaf(tree)
+        if kind == "call":
+            arguments = [self.named(a) for a in tree[2:]]
+            if all(a.is_Number for a in arguments) and not all(-_LARGE < float(a) < _LARGE for a in arguments):
+                # sympy would compute exp(1e300)
+                return computed(lambda: FLOAT_FUNCTIONS[tree[1]](*map(float, arguments)))
+            function = SYMBOLIC[tree[1]]
+            if tree[1] in ("min", "max"):
+                value = arguments[0]
+                for a in arguments[1:]:
+                    value = self.let(function(value, a))
+                return value
+            return self.let(function(*arguments))
+        if kind == "neg":
+            return -self.named(tree[1])
+        if kind in ("+", "-"):
+            a, b = self.write(tree[1]), self.write(tree[2])
+            if len(a.args) + len(b.args) > 8:
+                a = self.let(a)
+            return a + b if kind == "+" else a - b
+        a, b = self.named(tree[1]), self.named(tree[2])
+        if kind == "*":
+            return a * b
+        if kind == "/":
+            return a / b
+        if not (b.is_Integer and abs(b) <= 2):
+            a = self.let(a)  # a power of a product stays one: its factors' powers overflow where it does not
+        return self.let(Power(a, b))
+
+    def named(self, tree: Tree) -> Expr:
+        value = self.write(tree)
+        return self.let(value) if value.is_Add else value
+
+    def let(self, value: Expr) -> Expr:
+        return self.x.let("e", value)
+
+
+@dataclass(slots=True, eq=False)
+class Shape:
+    """What links with constants of one form have in common.
+
+    Attributes
+    ----------
+    index : int
+    parameters : int
+        How many design parameters.
+    block : Block
+        Computes the constants that depend on parameters, and their derivatives: components ``r.x`` and ``r.x/0`` of `SHAPE`.
+    fields : dict of str to Expr
+        Every constant; 0 where it is structurally zero.
+    varying : dict of str to str
+        Fields that depend on parameters, and the first field of equal value.
+    fixed : dict of str to Expr
+        Fields and primitives that are known numbers.
+    """
+
+    index: int
+    parameters: int
+    block: Block
+    fields: dict[str, Expr]
+    varying: dict[str, str]
+    fixed: dict[str, Expr]
+
+
+def make_shape(index: int, slots: Slots, write: Callable[[Expansion, Leaf], dict[str, Value]]) -> Shape:
+    """Expand the constants of a form of links.
+
+    Parameters
+    ----------
+    slots : Slots
+        Filled while the form was recognised.
+    write : callable (expansion, leaf) -> dict
+        Writes the statements and returns the constants.
+    """
+    x = Expansion(
+        f"constants_{index}", "constants of a link and their derivative primitives (Eq. 29)", lambda a, f: True
+    )
+
+    def leaf(tree: Tree) -> Expr:
+        return x.entry(NUMBER if tree[0] == "slot" else PARAMETER, tree[1])
+
+    fields = {name: sympy.sympify(value) for name, value in write(x, leaf).items()}
+    parameters = [x.entry(PARAMETER, j) for j in range(len(slots.parameters))]
+    # which symbols depend on a parameter
+    depends: set[Symbol] = set(parameters)
+    statements = list(x.block.statements)
+    for s in statements:
+        if s.expression.free_symbols & depends:
+            depends.add(s.target)
+    varying: dict[str, str] = {}
+    fixed: dict[str, Expr] = {}
+    first: dict[Expr, str] = {}
+    for name, value in fields.items():
+        if value.free_symbols & depends:
+            varying[name] = first.setdefault(value, name)
+            if varying[name] == name:
+                x.set_component(SHAPE, name, value)
+    for j, p in enumerate(parameters):
+        d = Tangents(x, {p: sympy.S.One}, {}, lanes=False)
+        for s in statements:
+            d.statement(s)
+        for name, same in list(varying.items()):
+            if same != name or "/" in name:
+                continue
+            value = x.let("d", d.expression(fields[name]))
+            key = f"{name}/{j}"
+            if value.is_Number:
+                fixed[key] = value
+            else:
+                varying[key] = first.setdefault(value, key)
+                if varying[key] == key:
+                    x.set_component(SHAPE, key, value)
+    for name in [n for n in varying if "/" not in n]:
+        same = varying[name]
+        for j in range(len(parameters)):
+            if same != name:
+                if f"{same}/{j}" in fixed:
+                    fixed[f"{name}/{j}"] = fixed[f"{same}/{j}"]
+                else:
+                    varying[f"{name}/{j}"] = varying[f"{same}/{j}"]
+    return Shape(index, len(parameters), simplify(x.finish()), fields, varying, fixed)
+
+
+@dataclass(slots=True, eq=False)
+class Constants:
+    """The constants of links that are made of the same expressions.
+
+    Attributes
+    ----------
+    shape : Shape
+    parameters : tuple of str
+    numbers : tuple of float
+        For the shape's slots.
+    values : dict of str to float
+        Constants that do not depend on parameters and are not structurally zero.
+    index : int
+    """
+
+    shape: Shape
+    parameters: tuple[str, ...]
+    numbers: tuple[float, ...]
+    values: dict[str, float]
+    index: int

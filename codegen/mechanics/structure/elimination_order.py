@@ -1,0 +1,294 @@
+"""The order in which links and regions are eliminated, and the couplings that arise on the way. Section 4 of the theory page.
+
+An ear that starts from two links that both move couples their accelerations: the equations of motion then have a 6x6 block
+for the two of them (the paper's two-argument inertia). When one of the two is eliminated its block passes to its parent, until
+the other is reached. Inward, what has the fewest couplings goes first, so that the set of each stays small.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from itertools import combinations
+
+from ...model.model import GROUND
+from .graph import EarLinks, Region, Unit
+from .links import Link
+
+CARRIER = -1
+"""The link that a unit hangs on, among its partners."""
+
+
+@dataclass(frozen=True, slots=True)
+class HandedOn:
+    """A block that a unit adds to when it is eliminated, of two of the links that remain.
+
+    Attributes
+    ----------
+    coupling : int
+    ends : tuple of two int
+        Places among the partners, rows first; `CARRIER` for the link that the unit hangs on.
+    first : bool
+        The unit is the first to add to it.
+    """
+
+    coupling: int
+    ends: tuple[int, int]
+    first: bool
+
+
+@dataclass(slots=True, eq=False)
+class Partners:
+    """Whom a unit is coupled to when it is eliminated.
+
+    Attributes
+    ----------
+    links : list of int
+        Outside the unit, to be eliminated later.
+    base : int
+        Place among them of the link that the unit hangs on; -1 where that is not one of them.
+    first : list of bool
+        For each, whether the unit is the first to hand it inertia; found with the kinds.
+    own : list of int
+        Couplings that end with this unit: of a link with each of its partners; of an ear as `between` says.
+    between : list of (int, int)
+        Of ears: place of the link of the rows, and of the columns: among the ear's links, or minus one minus the place among
+        the partners.
+    handed_on : list of HandedOn
+    """
+
+    links: list[int]
+    base: int
+    first: list[bool] = field(default_factory=list)
+    own: list[int] = field(default_factory=list)
+    between: list[tuple[int, int]] = field(default_factory=list)
+    handed_on: list[HandedOn] = field(default_factory=list)
+
+    def structure(self) -> tuple[object, ...]:
+        """Equal for units with the same blocks."""
+        return (
+            len(self.links), self.base, tuple(self.first), tuple(self.between), tuple((h.ends, h.first) for h in self.handed_on),
+        )  # fmt: skip
+
+
+NOBODY = Partners([], -1)
+
+
+@dataclass(slots=True)
+class Elimination:
+    """Units outward, and couplings.
+
+    Attributes
+    ----------
+    order : list of Unit
+    partners : list of Partners
+        Of each unit.
+    coupling_slot : list of int
+        Of each coupling, where its block is kept: few slots, reused.
+    slots : int
+    """
+
+    order: list[Unit]
+    partners: list[Partners]
+    coupling_slot: list[int]
+    slots: int
+
+
+def find_elimination(
+    links: Sequence[Link], regions: Sequence[Region], ears: Sequence[EarLinks], ear_of: Sequence[int | None]
+) -> Elimination:
+    """Order of units and couplings of a model."""
+    order, eliminated = _Graph(links, regions, ears, ear_of).eliminate()
+    if not any(partners for partners, _ in eliminated):
+        return Elimination(order, [NOBODY] * len(order), [], 0)
+    return _couplings(order, eliminated, regions, ears)
+
+
+class _Graph:
+    """Units, what each of them hangs on, and which links are coupled so far."""
+
+    def __init__(
+        self,
+        links: Sequence[Link],
+        regions: Sequence[Region],
+        ears: Sequence[EarLinks],
+        ear_of: Sequence[int | None],
+    ):
+        self.links, self.regions, self.ears = links, regions, ears
+        self.units = [Unit("link", i, (i,)) for i in range(len(links)) if ear_of[i] is None]
+        self.units += [Unit("region", r, ()) for r in range(len(regions))]
+        self.units += [Unit("ear", e, tuple(ear.links)) for e, ear in enumerate(ears)]
+        self.unit_of_link: dict[int, int] = {}
+        self.unit_of_region: dict[int, int] = {}
+        for n, unit in enumerate(self.units):
+            if unit.role == "region":
+                self.unit_of_region[unit.number] = n
+            self.unit_of_link.update(dict.fromkeys(unit.links, n))
+        self.coupled: dict[int, set[int]] = {}
+        self.inside = [{i for e in region.ears for i in ears[e].links} for region in regions]
+        self.region_of_link = {i: r for r, inside in enumerate(self.inside) for i in inside}
+        self.touched: list[set[int]] = [set() for _ in regions]
+
+    def hangs_on(self, unit: Unit) -> set[int]:
+        """Units that come before one on the way outward."""
+        none: set[int] = set()
+        if unit.role == "link":
+            found, before = {self.links[unit.number].parent}, none
+        elif unit.role == "region":
+            region = self.regions[unit.number]
+            found, before = {region.base, *region.far}, none
+        else:
+            ear = self.ears[unit.number]
+            found, before = {*ear.roots}, {self.unit_of_region[ear.region]}
+        return before | {self.unit_of_link[i] for i in found if i != GROUND}
+
+    def priority(self, unit: Unit) -> tuple[int, int, int]:
+        """On the way inward the last in the order of links comes first; a region's links decide for it."""
+        if unit.role == "region":
+            first = min((i for e in self.regions[unit.number].ears for i in self.ears[e].links), default=0)
+            return -first, 0, -unit.number
+        return -min(unit.links, default=0), -1, -unit.number
+
+    def partners(self, unit: Unit) -> set[int]:
+        """Links outside that a link, or the region of an ear, is coupled to."""
+        if unit.role == "link":
+            return self.coupled.get(unit.number, set())
+        r = self.ears[unit.number].region if unit.role == "ear" else unit.number
+        found = set(self.regions[r].far) - {GROUND}
+        for i in self.touched[r]:
+            found |= self.coupled.get(i, set())
+        return found - self.inside[r]
+
+    def couple(self, i: int, j: int) -> None:
+        for a, b in ((i, j), (j, i)):
+            self.coupled.setdefault(a, set()).add(b)
+            if a in self.region_of_link:
+                self.touched[self.region_of_link[a]].add(a)
+
+    def eliminate(self) -> tuple[list[Unit], list[tuple[set[int], int]]]:
+        """Units outward; for each, its partners and the link that it hangs on."""
+        units = self.units
+        needs = [self.hangs_on(unit) for unit in units]
+        waiting = [0] * len(units)
+        for before in needs:
+            for n in before:
+                waiting[n] += 1
+        heap: list[tuple[int, tuple[int, int, int], int]] = []
+        done = [False] * len(units)
+
+        def offer(n: int) -> None:
+            if not waiting[n] and not done[n]:
+                # a region goes as soon as its last ear has gone: nothing can be coupled to its links any more
+                degree = -1 if units[n].role == "region" else len(self.partners(units[n]))
+                heapq.heappush(heap, (degree, self.priority(units[n]), n))
+
+        for n in range(len(units)):
+            offer(n)
+        order: list[Unit] = []
+        found: list[tuple[set[int], int]] = []
+        while heap:
+            degree, _, n = heapq.heappop(heap)
+            if done[n] or (degree >= 0 and degree != len(self.partners(units[n]))):
+                continue
+            done[n] = True
+            partners, base = self._take_out(units[n])
+            order.append(units[n])
+            found.append((partners, base))
+            for m in needs[n]:
+                waiting[m] -= 1
+            for m in needs[n] | {self.unit_of_link[i] for i in partners}:
+                offer(m)
+        assert len(order) == len(units)
+        return order[::-1], found[::-1]
+
+    def _take_out(self, unit: Unit) -> tuple[set[int], int]:
+        """Eliminate a unit: what it is coupled to is coupled among itself, and to what the unit hangs on."""
+        if unit.role == "ear":
+            return set(), GROUND
+        partners = set(self.partners(unit))
+        if unit.role == "link":
+            gone, base = [unit.number], self.links[unit.number].parent
+        else:
+            gone, base = sorted(self.inside[unit.number]), self.regions[unit.number].base
+        if partners:
+            for i in gone:
+                for j in self.coupled.pop(i, set()):
+                    self.coupled.get(j, set()).discard(i)
+            for i, j in combinations(_remaining(partners, base), 2):
+                self.couple(i, j)
+        return partners, base
+
+
+def _remaining(partners: Iterable[int], base: int) -> list[int]:
+    return sorted({*partners, base} - {GROUND})
+
+
+def _couplings(
+    order: list[Unit], eliminated: list[tuple[set[int], int]], regions: Sequence[Region], ears: Sequence[EarLinks]
+) -> Elimination:
+    """Couplings as blocks: who has its rows, who adds to it, where it is kept."""
+    place: dict[int, tuple[int, int]] = {}
+    of_region: dict[int, Partners] = {}
+    for n, unit in enumerate(order):
+        place.update({i: (n, k) for k, i in enumerate(unit.links)})
+    ends: list[tuple[int, int]] = []
+    number: dict[frozenset[int], int] = {}
+    at_link: dict[int, list[int]] = {}
+    result: list[Partners] = [NOBODY] * len(order)
+    for n, unit in enumerate(order):
+        if unit.role == "region":
+            partners, base = eliminated[n]
+            of_region[unit.number] = _partners(partners, base, place)
+    slot_of: list[int] = []
+    free: list[int] = []
+    slots = 0
+    for n in reversed(range(len(order))):
+        unit = order[n]
+        if unit.role == "ear":
+            region = of_region[ears[unit.number].region]
+            if not region.links and not any(at_link.get(i) for i in unit.links):
+                continue
+            assert len(regions[ears[unit.number].region].ears) == 1, "a region with couplings has one ear"
+            mine = result[n] = Partners(region.links, region.base)
+            inside = {i: k for k, i in enumerate(unit.links)}
+            for c in sorted({c for i in unit.links for c in at_link.pop(i, ())}):
+                rows, columns = ends[c]
+                other = inside[columns] if columns in inside else -1 - region.links.index(columns)
+                mine.own.append(c)
+                mine.between.append((inside[rows], other))
+        else:
+            partners, base = eliminated[n]
+            if not partners:
+                continue
+            mine = result[n] = of_region[unit.number] if unit.role == "region" else _partners(partners, base, place)
+            if unit.role == "link":
+                at_link.pop(unit.number, None)
+                mine.own = [number[frozenset((unit.number, i))] for i in mine.links]
+            where = {i: CARRIER if i == base else k for k, i in enumerate([*mine.links, base])}
+            for pair in combinations(_remaining(partners, base), 2):
+                key = frozenset(pair)
+                rows, columns = sorted(pair, key=place.__getitem__, reverse=True)
+                first = key not in number
+                if first:
+                    number[key] = len(ends)
+                    ends.append((rows, columns))
+                    for i in pair:
+                        at_link.setdefault(i, []).append(number[key])
+                    if free:
+                        slot_of.append(free.pop())
+                    else:
+                        slot_of.append(slots)
+                        slots += 1
+                mine.handed_on.append(HandedOn(number[key], (where[rows], where[columns]), first))
+        free += [slot_of[c] for c in mine.own]
+        for c in mine.own:
+            for i in ends[c]:
+                if c in at_link.get(i, ()):
+                    at_link[i].remove(c)
+    return Elimination(order, result, slot_of, slots)
+
+
+def _partners(partners: set[int], base: int, place: dict[int, tuple[int, int]]) -> Partners:
+    links = sorted(partners, key=place.__getitem__, reverse=True)
+    return Partners(links, links.index(base) if base in partners else -1)

@@ -1,0 +1,368 @@
+"""From the bodies of a model to links, and the constants of a link as functions of the design parameters.
+
+A universal joint becomes two revolute links, the first without mass; a body on a fixed joint becomes part of the link
+that carries it. What a link is made of is recognised by the identity of its expressions, so that the repeated bodies
+of a chain are looked at once.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from ...model.expressions import Expression
+from ...model.model import GROUND, Body, Loop, Model, coordinate_axis
+from ...model.model import Vector as ExpressionVector
+from ...program.field import XYZ
+from ...program.scalar import Matrix, Value, Vector
+from ..spatial import add, cross, dot, matmul, matvec, scale, transpose
+
+Evaluate = Callable[[Expression], Value]
+NumberOf = Callable[[Expression], float]
+"""Value of an expression at the default parameters."""
+Function = Callable[[Value], Value]
+Functions = Mapping[str, Function]
+"""Square root, cosine and sine, of numbers or of symbols."""
+Let = Callable[[str, Value], Value]
+Placement = tuple[ExpressionVector, tuple[tuple[ExpressionVector, Expression], ...]]
+"""Where a frame lies in another: origin, and rotations about the moving axes."""
+Carrier = tuple[int, tuple[Placement, ...]]
+"""A link, and the way from its body's frame to another."""
+
+
+@dataclass(slots=True, eq=False)
+class Frame:
+    """A link's frame relative to its body's: the axis it turns or slides along becomes a coordinate axis.
+
+    `index` is that coordinate axis; `vector` the axis in the body frame, None where the link's axes are the body's.
+    `start` is, for an axis that is not numeric, the body axis from which the frame's first axis is made.
+    """
+
+    index: int
+    vector: ExpressionVector | None = None
+    flipped: bool = False
+    start: int = 0
+
+    def form(self) -> tuple[object, ...]:
+        """Equal for frames whose matrices are the same but for numbers."""
+        return () if self.vector is None else (self.flipped, self.flipped and self.index, self.start)
+
+    def key(self) -> tuple[object, ...]:
+        return (self.index, self.flipped, self.start, None if self.vector is None else tuple(map(id, self.vector)))
+
+
+@dataclass(slots=True, eq=False)
+class Link:
+    """A rigid part and its joint of one kind.
+
+    Attributes
+    ----------
+    name : str
+        The body's, or that of a freedom of its universal joint.
+    parent : int
+        Index of a link, or `GROUND`.
+    q, u : int
+        Where its coordinates and speeds begin in the model's arrays.
+    steps : tuple of Placement
+        From the parent's body frame through fixed bodies to the joint frame.
+    parent_frame, frame : Frame
+    members : list of (Body, tuple of Placement)
+        Bodies that move with the link, with the way from its body frame to theirs.
+    """
+
+    name: str
+    parent: int
+    joint: str
+    q: int
+    u: int
+    steps: tuple[Placement, ...]
+    parent_frame: Frame
+    frame: Frame
+    members: list[tuple[Body, tuple[Placement, ...]]] = field(default_factory=list)
+
+    def key(self) -> tuple[object, ...]:
+        """Equal for links that are made of the same expressions."""
+
+        def of_steps(steps: tuple[Placement, ...]) -> tuple[object, ...]:
+            return tuple(
+                (*map(id, at), *((*map(id, axis), id(angle)) for axis, angle in rotation)) for at, rotation in steps
+            )
+
+        members = tuple(
+            (id(b.mass), *map(id, b.com), *map(id, b.inertia), of_steps(steps)) for b, steps in self.members
+        )
+        return self.joint, self.parent_frame.key(), self.frame.key(), of_steps(self.steps), members
+
+
+BODY_FRAME = Frame(2)
+ZERO = Expression.number(0)
+ORIGIN: ExpressionVector = (ZERO, ZERO, ZERO)
+
+
+def axis_frame(axis: ExpressionVector, evaluate: NumberOf) -> Frame:
+    """The frame for a joint axis: the body's own axes where the axis is one of them."""
+    along = coordinate_axis(axis)
+    if along is not None:
+        i, sign = along
+        return Frame(i, axis, flipped=True) if sign < 0 else Frame(i)
+    defaults = [abs(evaluate(a)) for a in axis]
+    return Frame(2, axis, start=defaults.index(min(defaults)))
+
+
+def links_of(model: Model, evaluate: NumberOf) -> tuple[list[Link], list[Carrier]]:
+    """The links of a model, outward, and for each body the link that carries it with the way to its frame.
+
+    Parameters
+    ----------
+    model : Model
+    evaluate : callable
+        Values of expressions at the default parameters; only used to choose among equivalent frames.
+    """
+    links: list[Link] = []
+    carriers: list[Carrier] = [(GROUND, ())] * len(model.bodies)
+    for k in model.outward:
+        body = model.bodies[k]
+        parent, steps = carriers[body.parent] if body.parent != GROUND else (GROUND, ())
+        parent_frame = links[parent].frame if parent != GROUND else BODY_FRAME
+        joint = body.joint
+        steps = (*steps, (joint.at, joint.rotation))
+        q, u = (s.start for s in model.coordinate_slices[k])
+        if joint.type == "fixed":
+            carriers[k] = parent, steps
+            if parent != GROUND:
+                links[parent].members.append((body, steps))
+            continue
+        if joint.type == "universal":
+            first = axis_frame(joint.axes[0], evaluate)
+            links.append(Link(f"{body.name}.1", parent, "revolute", q, u, steps, parent_frame, first))
+            parent, parent_frame = len(links) - 1, first
+            steps = ((ORIGIN, ()),)
+            links.append(
+                Link(f"{body.name}.2", parent, "revolute", q + 1, u + 1, steps, parent_frame,
+                     axis_frame(joint.axes[1], evaluate))
+            )  # fmt: skip
+        else:
+            frame = axis_frame(joint.axes[0], evaluate) if joint.axes else BODY_FRAME
+            links.append(Link(body.name, parent, joint.type, q, u, steps, parent_frame, frame))
+        links[-1].members.append((body, ()))
+        carriers[k] = len(links) - 1, ()
+    return links, carriers
+
+
+# -- constants: the same lines for floats and symbols -------------------------------------------------------------
+
+
+def identity() -> Matrix:
+    return [[int(i == j) for j in range(3)] for i in range(3)]
+
+
+def unit(v: Vector, sqrt: Function, let: Let) -> Vector:
+    length = let("length", sqrt(dot(v, v)))
+    inverse = let("inverse", 1 / length)
+    return [let("e", x * inverse) for x in v]
+
+
+def frame_matrix(frame: Frame, evaluate: Evaluate, sqrt: Function, let: Let) -> Matrix:
+    """Body components from link components."""
+    if frame.vector is None:
+        return identity()
+    if frame.flipped:
+        turned = identity()
+        for i in (frame.index, (frame.index + 2) % 3):
+            turned[i][i] = -1
+        return turned
+    z = unit([evaluate(a) for a in frame.vector], sqrt, let)
+    x = unit(cross([int(i == frame.start) for i in range(3)], z), sqrt, let)
+    y = [let("e", e) for e in cross(z, x)]
+    return transpose([x, y, z])
+
+
+def rotation_matrix(axis: Vector, cos: Value, sin: Value, sqrt: Function, let: Let) -> Matrix:
+    """Rotation about an axis (not normalised) by an angle."""
+    nonzero = [i for i in range(3) if not (axis[i] == 0)]
+    along = axis[nonzero[0]] if len(nonzero) == 1 else None
+    if isinstance(along, (int, float)):
+        e: Vector = [0, 0, 0]
+        e[nonzero[0]] = 1 if along > 0 else -1
+    else:
+        e = unit(axis, sqrt, let)
+    versine = let("versine", 1 - cos)
+    R = [[let("R", e[i] * e[j] * versine + (cos if i == j else 0)) for j in range(3)] for i in range(3)]
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        R[j][i] = let("R", R[j][i] + e[k] * sin)
+        R[i][j] = let("R", R[i][j] - e[k] * sin)
+    return R
+
+
+def place(steps: Sequence[Placement], evaluate: Evaluate, functions: Functions, let: Let) -> tuple[Vector, Matrix]:
+    """Origin and rotation matrix of the frame at the end of the steps, in the frame at their start."""
+    origin: Vector = [0, 0, 0]
+    R = identity()
+    turned = False
+    for at, rotation in steps:
+        v = [evaluate(a) for a in at]
+        origin = [let("r", x) for x in add(origin, matvec(R, v) if turned else v)]
+        for axis, angle in rotation:
+            value = evaluate(angle)
+            cos, sin = let("cosine", functions["cos"](value)), let("sine", functions["sin"](value))
+            one = rotation_matrix([evaluate(a) for a in axis], cos, sin, functions["sqrt"], let)
+            R = [[let("R", e) for e in row] for row in matmul(R, one)] if turned else one
+            turned = True
+    return origin, R
+
+
+def link_constants(link: Link, evaluate: Evaluate, functions: Functions, let: Let) -> dict[str, Value]:
+    """Mass, first moment, inertia about the link's origin and the place of its joint, in link components.
+
+    Returns
+    -------
+    dict
+        ``m``; ``h.i`` = mass times centre of mass; ``J.ij`` about the origin; ``r.i`` joint's place in the parent's link
+        frame; ``R.ij`` parent's link components from this link's at q = 0. SI units.
+    """
+    sqrt = functions["sqrt"]
+    Q_parent = frame_matrix(link.parent_frame, evaluate, sqrt, let)
+    Q = frame_matrix(link.frame, evaluate, sqrt, let)
+    r, R = place(link.steps, evaluate, functions, let)
+    r = matvec(transpose(Q_parent), r)
+    half = [[let("Rh", e) for e in row] for row in matmul(transpose(Q_parent), R)]
+    R = [[let("R", e) for e in row] for row in matmul(half, Q)]
+    m, h, J = rigid_inertia(link.members, evaluate, functions, let)
+    h = [let("h", e) for e in matvec(transpose(Q), h)]
+    if link.frame.vector is not None:
+        half = [[let("Jh", e) for e in row] for row in matmul(transpose(Q), J)]
+        J = matmul(half, Q)
+    out: dict[str, Value] = {"m": m}
+    for k, i in enumerate(XYZ):
+        out[f"h.{i}"] = h[k]
+        out[f"r.{i}"] = let(f"r_{i}", r[k])
+        for n, j in enumerate(XYZ):
+            if n >= k:
+                out[f"J.{i}{j}"] = let(f"J_{i}{j}", J[k][n])
+            out[f"R.{i}{j}"] = R[k][n]
+    return out
+
+
+@dataclass(slots=True, eq=False)
+class LoopFaces:
+    """A loop joint between links.
+
+    Attributes
+    ----------
+    loop : Loop
+    links : tuple of two int
+        That carry the faces; `GROUND`.
+    steps : tuple of two tuples of Placement
+        From the body frames of those links to the faces.
+    link_frames, frames : tuples of two Frame
+        Of the links, and of the joint's axes in the faces.
+    """
+
+    loop: Loop
+    links: tuple[int, int]
+    steps: tuple[tuple[Placement, ...], tuple[Placement, ...]]
+    link_frames: tuple[Frame, Frame]
+    frames: tuple[Frame, Frame]
+
+    def expressions(self) -> list[Expression]:
+        """All expressions, in a fixed order."""
+        found: list[Expression] = []
+        for side in (0, 1):
+            for frame in (self.link_frames[side], self.frames[side]):
+                found += frame.vector or ()
+            for at, rotation in self.steps[side]:
+                found += at
+                for axis, angle in rotation:
+                    found += [*axis, angle]
+        return found
+
+    def structure(self) -> tuple[object, ...]:
+        """Equal for loops whose constants are the same but for numbers and parameters."""
+        return (
+            "faces", self.loop.type, *(f.form() for f in (*self.link_frames, *self.frames)),
+            *(tuple(len(r) for _, r in steps) for steps in self.steps),
+        )  # fmt: skip
+
+
+def loop_faces(loop: Loop, links: Sequence[Link], carriers: Sequence[Carrier], evaluate: NumberOf) -> LoopFaces:
+    """Where the faces of a loop joint are."""
+    on: list[int] = []
+    steps: list[tuple[Placement, ...]] = []
+    for face in (loop.start, loop.end):
+        link, way = carriers[face.body] if face.body != GROUND else (GROUND, ())
+        on.append(link)
+        steps.append((*way, (face.at, face.rotation)))
+    axes = [axis_frame(a, evaluate) for a in loop.axes] or [BODY_FRAME]
+    frames = [BODY_FRAME if i == GROUND else links[i].frame for i in on]
+    return LoopFaces(loop, (on[0], on[1]), (steps[0], steps[1]), (frames[0], frames[1]), (axes[0], axes[-1]))
+
+
+def face_constants(faces: LoopFaces, evaluate: Evaluate, functions: Functions, let: Let) -> dict[str, Value]:
+    """Origins and axes of a loop joint's faces, in link components.
+
+    Returns
+    -------
+    dict
+        ``A`` the start, ``B`` the end: ``A.r.i`` origin, m; ``A.F.ij`` link components from those of the face, one of whose
+        axes is the joint's.
+    """
+    out: dict[str, Value] = {}
+    for side, name in enumerate("AB"):
+        Q = frame_matrix(faces.link_frames[side], evaluate, functions["sqrt"], let)
+        r, R = place(faces.steps[side], evaluate, functions, let)
+        r = matvec(transpose(Q), r)
+        half = [[let("F", e) for e in row] for row in matmul(transpose(Q), R)]
+        F = matmul(half, frame_matrix(faces.frames[side], evaluate, functions["sqrt"], let))
+        for k, i in enumerate(XYZ):
+            out[f"{name}.r.{i}"] = let("r", r[k])
+            for n, j in enumerate(XYZ):
+                out[f"{name}.F.{i}{j}"] = let("F", F[k][n])
+    return out
+
+
+def rigid_inertia(
+    members: Sequence[tuple[Body, tuple[Placement, ...]]],
+    evaluate: Evaluate,
+    functions: Functions,
+    let: Let,
+) -> tuple[Value, Vector, Matrix]:
+    """Mass, first moment and inertia about the origin of bodies that move together, in the carrying body's axes."""
+    mass: Value = 0
+    moment: Vector = [0, 0, 0]
+    inertia: Matrix = [[0] * 3 for _ in range(3)]
+    for body, steps in members:
+        m = let("m", evaluate(body.mass))
+        c = [evaluate(e) for e in body.com]
+        xx, yy, zz, xy, xz, yz = (evaluate(e) for e in body.inertia)
+        I: Matrix = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
+        if steps:
+            origin, R = place(steps, evaluate, functions, let)
+            c = [let("c", e) for e in add(origin, matvec(R, c))]
+            half = [[let("Ih", e) for e in row] for row in matmul(R, I)]
+            I = [[let("I", e) for e in row] for row in matmul(half, transpose(R))]
+        h = [let("h", e) for e in scale(m, c)]
+        for i in range(3):
+            for j in range(i, 3):
+                steiner = sum(h[k] * c[k] for k in range(3) if k != i) if i == j else -h[i] * c[j]
+                inertia[i][j] = inertia[j][i] = let("J", inertia[i][j] + I[i][j] + steiner)
+        mass = let("m", mass + m)
+        moment = [let("h", e) for e in add(moment, h)]
+    return mass, moment, inertia
+
+
+def _of_floats(function: Callable[[float], float]) -> Function:
+    def of(value: Value) -> float:
+        assert isinstance(value, (int, float))
+        return function(value)
+
+    return of
+
+
+FLOAT: Functions = {"sqrt": _of_floats(math.sqrt), "cos": _of_floats(math.cos), "sin": _of_floats(math.sin)}
+"""Functions for `link_constants` on floats."""
+
+
+def keep(name: str, value: Value) -> Value:
+    """The `let` of numbers."""
+    return value

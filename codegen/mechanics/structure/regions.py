@@ -1,0 +1,267 @@
+"""Which links are resolved together: ears, the regions they belong to, and the order of everything.
+
+Section 4 of the theory page. An **ear** is a set of links on cycles, resolved together: the new links of a loop, of the
+several loops of a cluster, or, without any loop, one link whose joint is independent. A **region** is a set of ears whose
+links all move as functions of the same few **sources** (``A_k = Z_k w``): independent speeds, and perhaps the motion of links
+that are resolved elsewhere. A ladder of any length is one region with one source. Where a loop closes a long chain, its ear
+is a region of its own; of the links it starts from one is the base, the others are far links that move against it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from ...loops.partition import Partition
+from ...loops.tangles import ear_members, joined, tangles
+from ...model.model import GROUND, Model
+from .elimination_order import Elimination, find_elimination
+from .freedoms import FREEDOMS
+from .graph import Closure, EarLinks, Region, Unit
+from .links import Link
+
+MOST_SOURCES = 5
+"""Loops whose links share at most so many independent speeds form one region; with six or more a link's own acceleration is
+the shorter description."""
+
+
+@dataclass(slots=True)
+class Regions:
+    """The loops of a model as links.
+
+    Attributes
+    ----------
+    ear_of : list of int or None
+        For each link.
+    elimination : Elimination
+        The order of everything, and couplings.
+    """
+
+    regions: list[Region]
+    ears: list[EarLinks]
+    ear_of: list[int | None]
+    elimination: Elimination
+
+    @property
+    def order(self) -> list[Unit]:
+        """Units outward."""
+        return self.elimination.order
+
+
+def link_of_speeds(links: Sequence[Link]) -> dict[int, tuple[int, int]]:
+    """Link and freedom of every speed."""
+    return {link.u + j: (i, j) for i, link in enumerate(links) for j in range(FREEDOMS[link.joint])}
+
+
+def find_regions(
+    model: Model, links: Sequence[Link], carriers: Sequence[tuple[int, object]], partition: Partition | None
+) -> Regions:
+    """Ears, regions and the order of everything."""
+    if partition is None or not partition.ears:
+        ear_of: list[int | None] = [None] * len(links)
+        return Regions([], [], ear_of, find_elimination(links, [], [], ear_of))
+    place = link_of_speeds(links)
+    dependent = {place[u] for ear in partition.ears for u in ear.dependent}
+    faces = [
+        tuple(GROUND if f.body == GROUND else carriers[f.body][0] for f in (loop.start, loop.end))
+        for loop in model.loops
+    ]
+    regions: list[Region] = []
+    ears: list[EarLinks] = []
+    gaps = {i for ear in partition.ears if ear.gaps for i in ear.loops}
+    dropped = partition.dropped_rows(model)
+    ear_of = [None] * len(links)
+    for group, base in _components(links, faces, partition):
+        bundles = _bundles(links, faces, group, dependent)
+        on_cycles = sorted({i for b in bundles for i in b.links})
+        free = [(i, j) for i in on_cycles for j in range(FREEDOMS[links[i].joint]) if (i, j) not in dependent]
+        made = _Maker(links, regions, ears, ear_of, faces, dependent, gaps, dropped)
+        if len(free) > MOST_SOURCES:
+            made.by_single_ears(bundles)
+            continue
+        regions.append(Region(base, True, freedoms=free))
+        number = {f: c for c, f in enumerate(free)}
+        moved = {i for b in bundles for i in b.members}
+        for b in bundles:
+            # links inboard of all dependent ones have their own, loopless ears: then equal loops are of one kind
+            for i in b.links:
+                if i not in moved:
+                    made.add([i], (), number, 1.0)
+            made.add(b.members, b.loops, number, b.length)
+    return Regions(regions, ears, ear_of, find_elimination(links, regions, ears, ear_of))
+
+
+def _components(
+    links: Sequence[Link], faces: Sequence[tuple[int, ...]], partition: Partition
+) -> list[tuple[list[Bundle], int]]:
+    """Ears that share links on their cycles, directly or through others, in their order, and the link that carries them all.
+
+    Cycles are followed from both faces inward only to links that an earlier ear has: from there its component's base is next.
+    """
+    group = list(range(len(partition.ears)))
+    base: list[int] = [GROUND] * len(group)
+    owner: dict[int, int] = {}
+
+    def find(e: int) -> int:
+        while group[e] != e:
+            group[e] = group[group[e]]
+            e = group[e]
+        return e
+
+    bundles: list[Bundle] = []
+    for e, ear in enumerate(partition.ears):
+        new: list[int] = []
+        lowest: list[int] = []
+        reached: list[int] = []
+        for loop in ear.loops:
+            a, b = faces[loop]
+            # links are numbered outward, so the larger number is never an ancestor of the smaller one
+            while a != b:
+                a, b = max(a, b), min(a, b)
+                if a not in owner:
+                    owner[a] = e
+                    new.append(a)
+                    a = links[a].parent
+                    continue
+                known = find(owner[a])
+                if known == e:  # this ear has been here: on to where that ended
+                    a = reached[0] if owner[a] != e and len(reached) == 1 else links[a].parent
+                    continue
+                group[known] = e
+                reached.append(base[known])
+                lowest.append(base[known])
+                if b in owner and find(owner[b]) == e:
+                    break
+                a = base[known]
+            else:
+                lowest.append(a)
+        base[e] = min(lowest)
+        bundles.append(Bundle(ear.loops, sorted(new), ear.length))
+    found: dict[int, list[Bundle]] = {}
+    for e, bundle in enumerate(bundles):
+        found.setdefault(find(e), []).append(bundle)
+    return [(bundles_here, base[root]) for root, bundles_here in found.items()]
+
+
+@dataclass(slots=True)
+class Bundle:
+    """Loops that are closed together, the links on their cycles that no earlier bundle has, and the links that they move."""
+
+    loops: tuple[int, ...]
+    links: list[int]
+    length: float
+    members: list[int] = field(default_factory=list)
+
+
+def _bundles(
+    links: Sequence[Link], faces: Sequence[tuple[int, ...]], bundles: list[Bundle], dependent: set[tuple[int, int]]
+) -> list[Bundle]:
+    """The ears of a component with the links that they move; those that start from each other's are joined."""
+    while True:
+        owner = {i: n for n, b in enumerate(bundles) for i in b.links}
+        ends = [[f for loop in b.loops for f in faces[loop]] for b in bundles]
+
+        def is_moved(i: int) -> bool:
+            return any((i, j) in dependent for j in range(FREEDOMS[links[i].joint]))
+
+        members = ear_members({i: links[i].parent for i in owner}, owner, sorted(owner), ends, is_moved)
+        for b, moved in zip(bundles, members.moved, strict=True):
+            b.members = sorted(moved)
+        tangled = tangles(members.before)
+        if not tangled:
+            return bundles
+        bundles = joined(bundles, tangled, _as_one)
+
+
+def _as_one(bundles: list[Bundle]) -> Bundle:
+    return Bundle(
+        tuple(loop for b in bundles for loop in b.loops), sorted(i for b in bundles for i in b.links),
+        max(b.length for b in bundles),
+    )  # fmt: skip
+
+
+class _Maker:
+    """Makes ears and regions, one component after the other."""
+
+    def __init__(
+        self,
+        links: Sequence[Link],
+        regions: list[Region],
+        ears: list[EarLinks],
+        ear_of: list[int | None],
+        faces: Sequence[tuple[int, ...]],
+        dependent: set[tuple[int, int]],
+        gaps: set[int],
+        dropped: Sequence[set[int]],
+    ):
+        self.links = links
+        self.gaps = gaps
+        self.dropped = dropped
+        self.regions = regions
+        self.ears = ears
+        self.ear_of = ear_of
+        self.faces = faces
+        self.dependent = dependent
+
+    def by_single_ears(self, bundles: list[Bundle]) -> None:
+        """Every ear of a component as a region of its own, with the motion of the links that it starts from as sources."""
+        for b in bundles:
+            members = b.members
+            outside = {self.links[i].parent for i in members} | {f for loop in b.loops for f in self.faces[loop]}
+            moving = list(outside - set(members) - {GROUND})
+            inside = [
+                (i, j) for i in members for j in range(FREEDOMS[self.links[i].joint]) if (i, j) not in self.dependent
+            ]
+            # what hangs on the base has the shortest description
+            hanging = [self.links[i].parent for i in members]
+            moving.sort(key=lambda i: (-hanging.count(i), i))
+            base = moving[0] if moving else GROUND
+            far = moving[1:] + ([GROUND] if moving[1:] and GROUND in outside else [])
+            # a loop that hangs on one link alone closes whatever that link does
+            rigid = not moving or bool(far) or GROUND not in outside
+            self.regions.append(Region(base, rigid, freedoms=inside, far=far))
+            self.add(members, b.loops, {f: c for c, f in enumerate(inside)}, b.length)
+
+    def add(self, members: list[int], loops: Sequence[int], number: dict[tuple[int, int], int], length: float) -> None:
+        """An ear of the last region."""
+        links = self.links
+        ear = EarLinks(len(self.regions) - 1, members, length=length)
+        place = {i: k for k, i in enumerate(members)}
+
+        def where(i: int) -> int:
+            if i in place:
+                return place[i]
+            if i not in ear.roots:
+                ear.roots.append(i)
+            return -1 - ear.roots.index(i)
+
+        for i in members:
+            ear.parents.append(where(links[i].parent))
+            freedoms = range(FREEDOMS[links[i].joint])
+            ear.dependent.append([j for j in freedoms if (i, j) in self.dependent])
+            ear.columns.append({j: number[i, j] for j in freedoms if (i, j) not in self.dependent})
+            self.ear_of[i] = len(self.ears)
+        for loop in loops:
+            sides: list[tuple[int, ...]] = []
+            roots: list[int] = []
+            for face in self.faces[loop]:
+                path = []
+                i = face
+                while i in place:
+                    path.append(place[i])
+                    i = links[i].parent
+                sides.append(tuple(reversed(path)))
+                roots.append(-1 - where(i))
+            common = {*sides[0]} & {*sides[1]}
+            a, b = (tuple(k for k in side if k not in common) for side in sides)
+            if common or roots[0] == roots[1]:
+                roots = [-1, -1]
+            ends = tuple(where(face) for face in self.faces[loop])
+            ear.closures.append(
+                Closure(
+                    loop, (a, b), (roots[0], roots[1]), (ends[0], ends[1]), loop in self.gaps,
+                    tuple(sorted(self.dropped[loop])),
+                )
+            )  # fmt: skip
+        self.regions[-1].ears.append(len(self.ears))
+        self.ears.append(ear)

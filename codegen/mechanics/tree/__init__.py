@@ -1,0 +1,1 @@
+"""The sweeps of the paper over a tree, on scalars and along directions."""

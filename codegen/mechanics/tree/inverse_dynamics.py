@@ -1,0 +1,114 @@
+"""Inverse dynamics with given udot, and its tangent: the right side of the balance.
+
+Forward dynamics is ``M udot = K``; so ``M dudot = d(K - M udot)`` at fixed udot (Eq. 9 without constraints), and the right
+side is minus the tangent of the inverse dynamics at the acceleration just found. It has vectors only.
+"""
+
+from __future__ import annotations
+
+from ...program.block import Scope
+from ...program.scalar import Vector
+from .. import fields
+from ..handing_on import accumulate_force
+from ..joints.transform import JointTransform
+from ..stores import DFORCE, FORCE, LME, LUP, ME, MY_LANE, UDOT, UP
+from ..structure.freedoms import freedom_axes
+from ..structure.kinds import LinkKind
+from .kinematics import (
+    accelerate,
+    acceleration_matrix,
+    angular_velocity,
+    body_force,
+    less_external,
+    own_inertia,
+)
+from .tangents import differentiate, pattern, store_tangent, tangent
+from .triangularization import force_to_parent, is_first
+
+
+def joint_acceleration(x: Scope, kind: LinkKind, al: Vector, a: Vector) -> tuple[Vector, Vector]:
+    """Add the joint's own udot. Eq. 19."""
+    A = list(al) + list(a)
+    for j, i in enumerate(freedom_axes(kind.joint, kind.axis)):
+        A[i] = x.let(f"A{i}", A[i] + x.entry(UDOT, j), "Eq. 19")
+    return A[:3], A[3:]
+
+
+def newton_euler_outward(x: Scope, kind: LinkKind) -> None:
+    """Total accelerations and the force each link's inertia needs. Eqs. 19, 24."""
+    joint = JointTransform(x, kind)
+    carried, w = angular_velocity(x, kind, joint)
+    al, a = joint_acceleration(x, kind, *accelerate(x, kind, joint, carried, fields.total))
+    B = acceleration_matrix(x, w, al)
+    moment, force = needed = body_force(x, w, al, a, B, own_inertia(x))
+    x.recall(ME, fields.parents_velocity, carried)
+    x.recall(ME, fields.angular_velocity, w)
+    x.store(ME, fields.total.al, al)
+    x.store(ME, fields.total.a, a)
+    x.store(ME, fields.total.B, B)
+    left = less_external(x, kind, needed)
+    x.store(ME, fields.total_needed, [*left[0], *left[1]])
+    if x.tangents:
+        d = differentiate(x, kind, joint)
+        motion = fields.remainder
+        for field, v in ((motion.w, w), (motion.al, al), (motion.a, a)):
+            store_tangent(x, d, (LME,), field, v)
+        x.store(LME, motion.B, [[tangent(d, e) for e in row] for row in B])
+        tangents = [[tangent(d, e) for e in v] for v in (moment, force)]
+        tangents = list(less_external(x, kind, (tangents[0], tangents[1]), lanes=True))
+        x.store(MY_LANE, fields.needed, [*tangents[0], *tangents[1]])
+
+
+def newton_euler_inward(x: Scope, kind: LinkKind) -> None:
+    """Forces transmitted by the joints; their components along the freedoms are the joint forces."""
+    let = x.let
+    joint = JointTransform(x, kind)
+    phi: Vector = []
+    d_phi: Vector = []
+    for i in range(6):
+        own, handed = x.load(ME, fields.total_needed.scalars()[i]), x.load(ME, fields.transmitted.scalars()[i])
+        phi.append(let(f"phi_{'nf'[i // 3]}", own + handed, "Eq. 45"))
+        if x.tangents:
+            d_own, d_handed = (
+                x.load(MY_LANE, fields.needed.scalars()[i]),
+                x.load(LME, fields.articulated_force.scalars()[i]),
+            )
+            d_phi.append(let("dphi", d_own + d_handed, "d Eq. 45", lanes=True))
+    for j, a in enumerate(freedom_axes(kind.joint, kind.axis)):
+        x.set_entry(FORCE, j, phi[a])
+        if x.tangents:
+            x.set_entry(DFORCE, j, d_phi[a])
+    if kind.carried_on:
+        transfer(x, kind, joint, phi, d_phi)
+
+
+def transfer(
+    x: Scope, kind: LinkKind, joint: JointTransform, phi: Vector, d_phi: Vector, beside: Vector | None = None
+) -> None:
+    """Hand the transmitted force on to the parent, and its tangent, with what the parent gets `beside` as a partner."""
+    r = joint.offset()
+    named = [x.name(f"phi{i}", value, "Eq. 45") for i, value in enumerate(phi)]
+    n, f = force_to_parent(x, joint, r, named[:3], named[3:], "Eq. 45")
+    if x.tangents:
+        if x.structural:
+            moved = force_to_parent(x, joint, r, d_phi[:3], d_phi[3:], "")
+            tn, tf = ([pattern(a) + b for a, b in zip(v, w, strict=True)] for v, w in zip((n, f), moved, strict=True))
+        else:
+            extra = {s: v for s, v in zip(named, d_phi, strict=True) if v != 0}
+            d = differentiate(x, kind, joint, extra)
+            assert d is not None
+            tn, tf = [d.value(v) for v in n], [d.value(v) for v in f]
+        if beside is not None:
+            tn, tf = (
+                [x.let("beside", a + b, "d Eq. 45", lanes=True) for a, b in zip(v, w, strict=True)]
+                for v, w in ((tn, beside[:3]), (tf, beside[3:]))
+            )
+        accumulate_force(x, UP, fields.transmitted, [*n, *f], is_first(x, kind), "Eq. 44")
+        hand_on_lanes(x, kind, tn, tf)
+    else:
+        accumulate_force(x, UP, fields.transmitted, [*n, *f], is_first(x, kind), "Eq. 44")
+
+
+def hand_on_lanes(x: Scope, kind: LinkKind, n: Vector, f: Vector) -> None:
+    """Add a tangent, or the bias force of a solve, to what the parent collects."""
+    accumulate_force(x, LUP, fields.articulated_force, [*n, *f], is_first(x, kind), "Eq. 44", lanes=True)

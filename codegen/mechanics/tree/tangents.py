@@ -1,0 +1,90 @@
+"""Tangents of blocks: which symbols have one, which are functions of others, and the statements that follow."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from sympy import Expr, Symbol
+
+from ...program.block import Expansion, Scope
+from ...program.derivatives import Tangents
+from ...program.field import VectorField
+from ...program.scalar import Value, Vector
+from ...program.store import Store
+from .. import fields
+from ..joints.transform import JointTransform
+from ..stores import CONSTANTS, DP, DQ, LUP, MY_LANE, PARAMETER, TANGENT_OF, TURNS, UP
+from ..structure.kinds import LinkKind
+
+
+def tangent(d: Tangents | None, value: Value) -> Value:
+    """Tangent of a value. On zero patterns (no `d`) it may differ from zero where the value does, unless that is a number."""
+    return d.value(value) if d else pattern(value)
+
+
+def pattern(value: Value) -> Value:
+    """Where the tangent of a structural value can differ from zero."""
+    return 0 if isinstance(value, int) else value
+
+
+def store_tangent(x: Scope, d: Tangents | None, stores: Iterable[Store], field: VectorField, v: Vector) -> None:
+    """Store the tangent of a vector."""
+    for store in stores:
+        x.store(store, field, [tangent(d, e) for e in v])
+
+
+UP_TANGENTS = {
+    f.name: f.name
+    for f in (
+        fields.angular_velocity, fields.velocity, fields.position, fields.attitude, fields.closing_twist.angular,
+        fields.closing_twist.linear, fields.spring_twist.angular, fields.spring_twist.linear,
+    )
+} | {
+    whole.name: part.name
+    for whole, part in (
+        (fields.total.al, fields.remainder.al), (fields.total.a, fields.remainder.a), (fields.total.B, fields.remainder.B),
+    )
+}  # fmt: skip
+"""Fields of the parent that have a tangent, and the name of it."""
+
+
+def seeds(x: Expansion, kind: LinkKind) -> dict[Symbol, Expr]:
+    """Tangents of everything that the block has loaded."""
+    result: dict[Symbol, Expr] = {}
+    for symbol, (store, name) in list(x.block.loads.items()):
+        stem, _, component = name.partition(".")
+        if store is UP and stem in UP_TANGENTS:
+            result[symbol] = x.component(LUP, f"{UP_TANGENTS[stem]}.{component}")
+        elif store in TANGENT_OF:
+            result[symbol] = x.component(TANGENT_OF[store], name)
+        elif store is TURNS:
+            result[symbol] = x.entry(DQ, 0) if kind.joint == "revolute" else x.load(MY_LANE, fields.turn(name))
+    for j in range(kind.parameters):
+        result[x.entry(PARAMETER, j)] = x.entry(DP, j)
+    return {s: v for s, v in result.items() if v != 0}
+
+
+def constants_transparent(x: Expansion, kind: LinkKind) -> dict[Symbol, dict[Symbol, Expr]]:
+    """A link's constants as functions of the design parameters that they depend on."""
+    result: dict[Symbol, dict[Symbol, Expr]] = {}
+    for symbol, (store, name) in list(x.block.loads.items()):
+        if store is CONSTANTS and "/" not in name:
+            result[symbol] = {
+                x.entry(PARAMETER, j): x.component(CONSTANTS, f"{name}/{j}") for j in range(kind.parameters)
+            }
+    return {s: {r: v for r, v in inner.items() if v != 0} for s, inner in result.items()}
+
+
+def differentiate(
+    x: Scope, kind: LinkKind, joint: JointTransform | None, extra: dict[Symbol, Expr] | None = None
+) -> Tangents | None:
+    """Append the tangents of all statements so far. None on zero patterns."""
+    if not isinstance(x, Expansion):
+        return None
+    statements = list(x.block.statements)
+    transparent = joint.transparent() if joint else {}
+    transparent |= constants_transparent(x, kind)
+    d = Tangents(x, seeds(x, kind) | (extra or {}), transparent)
+    for statement in statements:
+        d.statement(statement)
+    return d
