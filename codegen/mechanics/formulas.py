@@ -119,7 +119,7 @@ def formula_kinds(model: Model, target: str, formulas: Sequence[tuple[int, Tree]
                 f"{Expression(tree)} has no value or no derivative (a division by zero? an overflow?) for any state; "
                 f"change the expression"
             )
-            raise ModelError([model.problem(_place(model, target, rows[0][0]), message)])
+            raise ModelError([model.problem(place_of_formula(model, target, rows[0][0]), message)])
         kinds.append(kind)
     return kinds
 
@@ -131,10 +131,11 @@ def _with_numbers(tree: Tree, literal: dict[int, float]) -> Tree:
     return tuple(_with_numbers(part, literal) if isinstance(part, tuple) else part for part in tree)
 
 
-def _place(model: Model, target: str, index: int) -> str:
+def place_of_formula(model: Model, target: str, index: int) -> str:
     """Path in the model file of the formula with a target index."""
     if target == "outputs":
-        return f"outputs.{model.outputs[index].name}.value"
+        output = model.outputs[index]
+        return f"outputs.{output.name}.value" if output.measure == "value" else f"outputs.{output.name}"
     if target == "coefficient":
         key = ("stiffness", "damping", "free_length")[index % 3]
         return f"forces.{model.springs[index // 3].name}.{key}"

@@ -35,12 +35,17 @@ class Readable(ABC, Generic[V_co]):
         For the glossary. The frame is that in whose axes components are, empty for what has none.
     handed_on : bool
         Others add to it: where there are none it is zero, and nobody has stored it.
+    called : str
+        What generated code calls it, without the components' endings; left out: its name.
     """
 
     shape = ""
 
-    def __init__(self, name: str, unit: str, frame: str, meaning: str, *, handed_on: bool = False):
+    def __init__(
+        self, name: str, unit: str, frame: str, meaning: str, *, handed_on: bool = False, called: str | None = None
+    ):
         self.name = name
+        self.called = name.strip(".") if called is None else called
         self.unit = unit
         self.frame = frame
         self.meaning = meaning
@@ -82,6 +87,12 @@ class Readable(ABC, Generic[V_co]):
     @abstractmethod
     def components(self) -> tuple[str, ...]:
         """Names of the components."""
+
+    @property
+    def identifiers(self) -> tuple[str, ...]:
+        """What generated code calls the components, in their order; families have ``{}`` for numbers."""
+        rest = (c.removeprefix(self.name) for c in self.components)
+        return tuple(f"{self.called}{end}".replace(".", "_") for end in rest)
 
     @abstractmethod
     def read(self, read: Read) -> V_co:
@@ -186,6 +197,7 @@ class SixField(Field[Vector]):
 
     shape = "six components"
     halves = ("n", "f")
+    called_halves = ("moment", "force")
 
     @property
     def shown(self) -> tuple[str, ...]:
@@ -217,6 +229,11 @@ class SixField(Field[Vector]):
     def components(self) -> tuple[str, ...]:
         return tuple(f"{self.name}{half}.{i}" for half in self.halves for i in XYZ)
 
+    @property
+    def identifiers(self) -> tuple[str, ...]:
+        prefix = f"{self.called}_" if self.called else ""
+        return tuple(f"{prefix}{half}_{i}" for half in self.called_halves for i in XYZ)
+
     def read(self, read: Read) -> Vector:
         return [read(c) for c in self.components]
 
@@ -228,24 +245,28 @@ class AccelerationField(SixField):
     """Angular acceleration, then that of the origin."""
 
     halves = ("al", "a")
+    called_halves = ("alpha", "acceleration")
 
 
 class TwistField(SixField):
     """Angular velocity, then velocity of the origin."""
 
     halves = ("w", "v")
+    called_halves = ("omega", "velocity")
 
 
 class ShiftField(SixField):
     """Rotation vector, then displacement of the origin."""
 
     halves = ("t", "d")
+    called_halves = ("rotation", "displacement")
 
 
 class EarShiftField(SixField):
     """The same of links of ears, whose fields have names of their own."""
 
     halves = ("th", "d")
+    called_halves = ("rotation", "displacement")
 
 
 class BlockField(Field[Matrix]):
