@@ -19,7 +19,7 @@ from ..mechanics.expansion import Program
 from ..mechanics.fields import field_of, identifier
 from ..mechanics.formulas import FormulaKind
 from ..mechanics.outputs.outputs import RecordFormula
-from ..mechanics.stores import KEPT, LME, MARGIN, MY_LANE
+from ..mechanics.stores import KEPT, LANE, MARGIN, SLOT
 from ..mechanics.structure.kinds import UnitKind
 from ..model.model import Model
 from ..program.block import Block
@@ -210,9 +210,10 @@ class CWriter(Writer):
         return Located(variable, start, f"->{identifier(name)}", type_)
 
     def field_of_record(self, store: Store, link: str, name: str) -> Located:
-        if store is LME:
-            return self.in_row(store.name, "slots", "0", "moment_tangents", name)
-        return self.in_row(store.name, "lanes" if store is MY_LANE else "records", link, "", name)
+        variable = store.label.replace("#", "_")
+        if store.memory is SLOT:
+            return self.in_row(variable, "slots", "0", "moment_tangents", name)
+        return self.in_row(variable, "lanes" if store.memory is LANE else "records", link, "", name)
 
     def constant(self, shape: int, constants: str, name: str) -> Located:
         return self.in_constants("c", constants, self.layout.forms[shape], name)

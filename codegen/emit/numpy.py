@@ -121,7 +121,7 @@ class NumpyWriter(Writer):
         return Located("", f"a.{array}", f"[{index}]", names=self.names_of(array, index))
 
     def field_of_record(self, store: Store, link: str, name: str) -> Located:
-        return Located(store.name, f"a.{REGIONS[store.memory]}[{link}]", _key(name))
+        return Located(store.label.replace("#", "_"), f"a.{REGIONS[store.memory]}[{link}]", _key(name))
 
     def constant(self, shape: int, constants: str, name: str) -> Located:
         return Located("c", f"a.constants[{constants}]", _key(name))

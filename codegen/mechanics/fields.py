@@ -4,8 +4,8 @@ This is the one table of them; the glossary in the documentation is printed from
 units, ``u`` stands for what a freedom is measured in (rad or m) and ``[..., ...]`` for angular and linear parts. Values per
 direction are kept under the same names, in slots and lanes, unless another name is given.
 
-A field has two names: a short one, of which components and local variables are made (``w.y``, ``up_w_y``), and what memory in
-generated code calls it (`called`: ``me->omega_y``).
+A field has a short name, of which components and local variables are made (``w.y``, ``up_w_y``), and one that memory has in
+generated code (``me->omega_y``): that of this table, or what `CALLED` says.
 """
 
 from __future__ import annotations
@@ -33,6 +33,9 @@ OWN, PARENT, GROUND, REGION, LINK = "the link", "the parent", "the ground", "the
 WRENCH, TWIST, INERTIA = "[N m, N]", "[rad/s, m/s]", "[kg m^2, kg m, kg]"
 ACCELERATION, DISPLACEMENT = "[rad/s^2, m/s^2]", "[rad, m]"
 
+NO_EAR_STARTS = "no other ear starts from the link"
+"""When nobody reads how a link of an ear moves."""
+
 
 @dataclass(frozen=True)
 class Motion:
@@ -57,331 +60,225 @@ class Inertia:
     H: MatrixField
 
 
-def _inertia(prefix: str, called: str, frame: str, meaning: str, handed_on: bool) -> Inertia:
+def _inertia(prefix: str, frame: str, meaning: str, handed_on: bool) -> Inertia:
     J, M, H = (("kg m^2", "moments"), ("kg", "mass"), ("kg m", "what couples them"))
     return Inertia(
-        SymmetricField(f"{prefix}J", J[0], frame, f"{meaning}: {J[1]}", handed_on=handed_on, called=f"{called}_J"),
-        SymmetricField(f"{prefix}M", M[0], frame, f"{meaning}: {M[1]}", handed_on=handed_on, called=f"{called}_M"),
-        MatrixField(f"{prefix}H", H[0], frame, f"{meaning}: {H[1]}", handed_on=handed_on, called=f"{called}_H"),
+        SymmetricField(f"{prefix}J", J[0], frame, f"{meaning}: {J[1]}", handed_on=handed_on),
+        SymmetricField(f"{prefix}M", M[0], frame, f"{meaning}: {M[1]}", handed_on=handed_on),
+        MatrixField(f"{prefix}H", H[0], frame, f"{meaning}: {H[1]}", handed_on=handed_on),
     )
 
 
 # -- constants of a link -----------------------------------------------------------------------------------------------
 
-mass = ScalarField("m", "kg", "", "mass of a link", called="mass")
-first_moment = VectorField("h", "kg m", OWN, "mass times centre of mass, from the origin", called="first_moment")
-inertia = SymmetricField("J", "kg m^2", OWN, "inertia about the origin", called="inertia")
-joint_place = VectorField("r", "m", PARENT, "origin of the joint in the parent", called="joint_place")
-joint_attitude = MatrixField(
-    "R", "1", PARENT, "parent components from joint components, at q = 0", called="joint_attitude"
-)
+mass = ScalarField("m", "kg", "", "mass of a link")
+first_moment = VectorField("h", "kg m", OWN, "mass times centre of mass, from the origin")
+inertia = SymmetricField("J", "kg m^2", OWN, "inertia about the origin")
+joint_place = VectorField("r", "m", PARENT, "origin of the joint in the parent")
+joint_attitude = MatrixField("R", "1", PARENT, "parent components from joint components, at q = 0")
 face_place = VectorField(
-    "{}.r",
-    "m",
-    LINK,
-    "origin of a face of a loop joint (A: start, B: end), or of an end of a spring",
-    called="{}_place",
+    "{}.r", "m", LINK, "origin of a face of a loop joint (A: start, B: end), or of an end of a spring"
 )
-face_axes = MatrixField("{}.F", "1", LINK, "link components from those of a loop joint's face", called="{}_axes")
+face_axes = MatrixField("{}.F", "1", LINK, "link components from those of a loop joint's face")
 cosine, sine = ScalarField("cos", "1", "", "cosine of an angle"), ScalarField("sin", "1", "", "sine of an angle")
 
 # -- motion of a link --------------------------------------------------------------------------------------------------
 
 quaternion_matrix = MatrixField(
-    "Q",
-    "1",
-    PARENT,
-    "rotation matrix of a quaternion, joint components from link components",
-    called="quaternion_matrix",
+    "Q", "1", PARENT, "rotation matrix of a quaternion, joint components from link components"
 )
-turn = ScalarField("turn.{}", "rad", OWN, "component of the rotation vector of a quaternion's seed", called="turn_{}")
-attitude = MatrixField("W", "1", GROUND, "rotation matrix, ground from link components", called="attitude")
-position = VectorField("pos", "m", GROUND, "position of the origin", called="position")
-angular_velocity = VectorField("w", "rad/s", OWN, "angular velocity (omega)", called="omega")
-parents_velocity = VectorField(
-    "wp", "rad/s", OWN, "angular velocity of the parent, in the link's axes", called="parent_omega"
-)
-velocity = VectorField("v", "m/s", OWN, "velocity of the origin", called="velocity")
-spring_twist = TwistField(
-    "v", TWIST, OWN, "angular velocity and velocity of the origin, found before springs", called="spring"
-)
+turn = ScalarField("turn.{}", "rad", OWN, "component of the rotation vector of a quaternion's seed")
+attitude = MatrixField("W", "1", GROUND, "rotation matrix, ground from link components")
+position = VectorField("pos", "m", GROUND, "position of the origin")
+angular_velocity = VectorField("w", "rad/s", OWN, "angular velocity (omega)")
+parents_velocity = VectorField("wp", "rad/s", OWN, "angular velocity of the parent, in the link's axes")
+velocity = VectorField("v", "m/s", OWN, "velocity of the origin")
+spring_twist = TwistField("v", TWIST, OWN, "angular velocity and velocity of the origin, found before springs")
 remainder = Motion(
     angular_velocity,
-    VectorField(
-        "al",
-        "rad/s^2",
-        OWN,
-        "angular acceleration with udot = 0; along directions: tangent of all of it",
-        called="alpha",
-    ),
-    VectorField(
-        "a",
-        "m/s^2",
-        OWN,
-        "acceleration of the origin with udot = 0; along directions: tangent of all of it",
-        called="acceleration",
-    ),
+    VectorField("al", "rad/s^2", OWN, "angular acceleration with udot = 0; along directions: tangent of all of it"),
+    VectorField("a", "m/s^2", OWN, "acceleration of the origin with udot = 0; along directions: tangent of all of it"),
     MatrixField(
-        "B",
-        "1/s^2",
-        OWN,
-        "alpha x + omega x omega x, of the same; along directions: tangent with all of udot",
-        called="B",
+        "B", "1/s^2", OWN, "alpha x + omega x omega x, of the same; along directions: tangent with all of udot"
     ),
 )
 total = Motion(
     angular_velocity,
-    VectorField("tal", "rad/s^2", OWN, "angular acceleration, all of it", called="total_alpha"),
-    VectorField("ta", "m/s^2", OWN, "acceleration of the origin, all of it", called="total_acceleration"),
-    MatrixField("tB", "1/s^2", OWN, "alpha x + omega x omega x, with all of alpha", called="total_B"),
+    VectorField("tal", "rad/s^2", OWN, "angular acceleration, all of it"),
+    VectorField("ta", "m/s^2", OWN, "acceleration of the origin, all of it"),
+    MatrixField("tB", "1/s^2", OWN, "alpha x + omega x omega x, with all of alpha"),
 )
 ear_own = Motion(
-    VectorField("tw", "rad/s", OWN, "angular velocity of a link of an ear", called="own_omega"),
+    VectorField("tw", "rad/s", OWN, "angular velocity of a link of an ear", unread=NO_EAR_STARTS),
     total.al,
     total.a,
     total.B,
 )
 explicit_acceleration = AccelerationField(
-    "b",
-    ACCELERATION,
-    OWN,
-    "the part of the accelerations that is explicit in udot: angular, of the origin",
-    called="explicit",
+    "b", ACCELERATION, OWN, "the part of the accelerations that is explicit in udot: angular, of the origin"
 )
 
 # -- forces on a link --------------------------------------------------------------------------------------------------
 
-needed = SixField(
-    "", WRENCH, OWN, "moment about the origin and force that a link's motion with udot = 0 needs", called=""
-)
-total_needed = SixField(
-    "t", WRENCH, OWN, "moment about the origin and force that all of a link's motion needs", called="total"
-)
-external = SixField(
-    "ext.", WRENCH, OWN, "moment about the origin and force of the springs on a link", called="external"
-)
-articulated = _inertia("acc.", "articulated", OWN, "articulated inertia that the children hand on", True)
-articulated_force = SixField(
-    "acc.", WRENCH, OWN, "articulated force that the children hand on", handed_on=True, called="articulated"
-)
+needed = SixField("", WRENCH, OWN, "moment about the origin and force that a link's motion with udot = 0 needs")
+total_needed = SixField("t", WRENCH, OWN, "moment about the origin and force that all of a link's motion needs")
+external = SixField("ext.", WRENCH, OWN, "moment about the origin and force of the springs on a link")
+articulated = _inertia("acc.", OWN, "articulated inertia that the children hand on", True)
+articulated_force = SixField("acc.", WRENCH, OWN, "articulated force that the children hand on", handed_on=True)
 transmitted = SixField(
-    "tacc.",
-    WRENCH,
-    OWN,
-    "what joints outboard transmit with all accelerations known",
-    handed_on=True,
-    called="transmitted",
+    "tacc.", WRENCH, OWN, "what joints outboard transmit with all accelerations known", handed_on=True
 )
-inverse_pivot = ScalarField(
-    "Dinv.{}", "1/(kg u^2)", "", "one over the inertia along a freedom (D of Eq. 47)", called="inverse_pivot_{}"
-)
-right_side = ScalarField(
-    "rD.{}", "u/s^2", "", "what drives a freedom, over the inertia along it (Eq. 53)", called="right_side_{}"
-)
+inverse_pivot = ScalarField("Dinv.{}", "1/(kg u^2)", "", "one over the inertia along a freedom (D of Eq. 47)")
+right_side = ScalarField("rD.{}", "u/s^2", "", "what drives a freedom, over the inertia along it (Eq. 53)")
 gain = ScalarField(
     "G{}.{}",
     "1",
     OWN,
     "inertia over that along the freedom (Eq. 46), by freedom and component; after six, those of partners",
-    called="gain_{}_{}",
 )
 
 # -- energies ----------------------------------------------------------------------------------------------------------
 
-outboard_mass = ScalarField("sum.m", "kg", "", "mass of everything outboard", handed_on=True, called="outboard_mass")
-outboard_moment = VectorField(
-    "sum.h", "kg m", OWN, "first moment of everything outboard", handed_on=True, called="outboard_moment"
-)
+outboard_mass = ScalarField("sum.m", "kg", "", "mass of everything outboard", handed_on=True)
+outboard_moment = VectorField("sum.h", "kg m", OWN, "first moment of everything outboard", handed_on=True)
 
 # -- links whose motion loops close on: against the link that carries all of the loop -----------------------------------
 
-closing_attitude = MatrixField("cW", "1", "the origin", "attitude against the origin", called="closing_attitude")
-closing_position = VectorField("co", "m", "the origin", "position against the origin", called="closing_position")
-closing_twist = TwistField("c", TWIST, OWN, "angular velocity and velocity against the origin", called="closing")
+closing_attitude = MatrixField("cW", "1", "the origin", "attitude against the origin")
+closing_position = VectorField("co", "m", "the origin", "position against the origin")
+closing_twist = TwistField("c", TWIST, OWN, "angular velocity and velocity against the origin")
 closing_shift = ShiftField(
-    "c", DISPLACEMENT, OWN, "rotation vector and displacement of a direction, against the origin", called="closing"
+    "c", DISPLACEMENT, OWN, "rotation vector and displacement of a direction, against the origin"
 )
-step = ShiftField(
-    "n", DISPLACEMENT, OWN, "rotation vector and displacement of Newton's step, against the origin", called="step"
-)
+step = ShiftField("n", DISPLACEMENT, OWN, "rotation vector and displacement of Newton's step, against the origin")
 
 # -- links of ears, in the axes of their region ------------------------------------------------------------------------
 
-ear_attitude = MatrixField("sW", "1", REGION, "region components from link components", called="ear_attitude")
-ear_position = VectorField("o", "m", REGION, "position against the region's base", called="ear_position")
-ear_inertia = SymmetricField("sJ", "kg m^2", REGION, "inertia about the origin", called="ear_inertia")
-ear_first_moment = VectorField("sh", "kg m", REGION, "mass times centre of mass", called="ear_first_moment")
+ear_attitude = MatrixField("sW", "1", REGION, "region components from link components")
+ear_position = VectorField("o", "m", REGION, "position against the region's base", unread=NO_EAR_STARTS)
+ear_inertia = SymmetricField("sJ", "kg m^2", REGION, "inertia about the origin")
+ear_first_moment = VectorField("sh", "kg m", REGION, "mass times centre of mass")
 per_source = TwistField(
-    "Z{}.",
-    "per unit of the source",
-    REGION,
-    "how a link moves with a source (Gamma and Xi of Eq. 37)",
-    called="per_source_{}",
+    "Z{}.", "per unit of the source", REGION, "how a link moves with a source (Gamma and Xi of Eq. 37)"
 )
 ear_remainder = Motion(
-    VectorField("sw", "rad/s", REGION, "angular velocity", called="ear_omega"),
-    VectorField("sal", "rad/s^2", REGION, "angular acceleration, the sources at rest", called="ear_alpha"),
-    VectorField("sa", "m/s^2", REGION, "acceleration of the origin, the sources at rest", called="ear_acceleration"),
-    MatrixField("sB", "1/s^2", REGION, "alpha x + omega x omega x, the sources at rest", called="ear_B"),
+    VectorField("sw", "rad/s", REGION, "angular velocity", unread=NO_EAR_STARTS),
+    VectorField("sal", "rad/s^2", REGION, "angular acceleration, the sources at rest", unread=NO_EAR_STARTS),
+    VectorField("sa", "m/s^2", REGION, "acceleration of the origin, the sources at rest", unread=NO_EAR_STARTS),
+    MatrixField("sB", "1/s^2", REGION, "alpha x + omega x omega x, the sources at rest", unread=NO_EAR_STARTS),
 )
 ear_total = Motion(
     ear_remainder.w,
-    VectorField("tsal", "rad/s^2", REGION, "angular acceleration, all of it", called="ear_total_alpha"),
-    VectorField("tsa", "m/s^2", REGION, "acceleration of the origin, all of it", called="ear_total_acceleration"),
-    MatrixField("tsB", "1/s^2", REGION, "alpha x + omega x omega x, with all of alpha", called="ear_total_B"),
+    VectorField("tsal", "rad/s^2", REGION, "angular acceleration, all of it", unread=NO_EAR_STARTS),
+    VectorField("tsa", "m/s^2", REGION, "acceleration of the origin, all of it", unread=NO_EAR_STARTS),
+    MatrixField("tsB", "1/s^2", REGION, "alpha x + omega x omega x, with all of alpha", unread=NO_EAR_STARTS),
 )
-ear_needed = SixField(
-    "s", WRENCH, REGION, "moment and force that a link's motion needs, the sources at rest", called="ear"
-)
-ear_total_needed = SixField(
-    "ts", WRENCH, REGION, "moment and force that all of a link's motion needs", called="ear_total"
-)
+ear_needed = SixField("s", WRENCH, REGION, "moment and force that a link's motion needs, the sources at rest")
+ear_total_needed = SixField("ts", WRENCH, REGION, "moment and force that all of a link's motion needs")
 ear_transmitted = SixField(
-    "sacc.",
-    WRENCH,
-    REGION,
-    "what later ears hand to a link that they start from",
-    handed_on=True,
-    called="ear_transmitted",
+    "sacc.", WRENCH, REGION, "what later ears hand to a link that they start from", handed_on=True
 )
-root_transmitted = SixField(
-    "oacc.",
-    WRENCH,
-    OWN,
-    "what later ears hand to a link that they start from",
-    handed_on=True,
-    called="root_transmitted",
-)
-measured_position = VectorField(
-    "ro", "m", REGION, "position where what is open is measured", called="measured_position"
-)
+root_transmitted = SixField("oacc.", WRENCH, OWN, "what later ears hand to a link that they start from", handed_on=True)
+measured_position = VectorField("ro", "m", REGION, "position where what is open is measured", unread=NO_EAR_STARTS)
 measured_velocity = TwistField(
-    "r", TWIST, REGION, "velocity at the given speeds; along directions: tangent of the velocity", called="measured"
+    "r",
+    TWIST,
+    REGION,
+    "velocity at the given speeds; along directions: tangent of the velocity",
+    unread=NO_EAR_STARTS,
 )
 ear_step = ShiftField(
-    "s", DISPLACEMENT, REGION, "rotation vector and displacement of Newton's step, against the base", called="ear_step"
+    "s",
+    DISPLACEMENT,
+    REGION,
+    "rotation vector and displacement of Newton's step, against the base",
+    unread=NO_EAR_STARTS,
 )
-shift = EarShiftField(
-    "", DISPLACEMENT, REGION, "rotation vector and displacement of a direction, against the base", called=""
-)
-lever_tangent = VectorField(
-    "dr", "m", REGION, "tangent of the way from the parent's origin to the link's", called="lever_tangent"
-)
+shift = EarShiftField("", DISPLACEMENT, REGION, "rotation vector and displacement of a direction, against the base")
+lever_tangent = VectorField("dr", "m", REGION, "tangent of the way from the parent's origin to the link's")
 arm_tangent = VectorField(
-    "da{}{}", "m", REGION, "tangent of the way from the origin to a face, by loop and side", called="arm_tangent_{}{}"
+    "da{}{}",
+    "m",
+    REGION,
+    "tangent of the way from the origin to a face, by loop and side",
+    unread="later blocks follow faces in the axes of their own links",
 )
 dependent_acceleration = ScalarField(
-    "x.{}",
-    "u/s^2",
-    "",
-    "tangent of udot of a dependent freedom, the sources' udot held",
-    called="dependent_acceleration_{}",
+    "x.{}", "u/s^2", "", "tangent of udot of a dependent freedom, the sources' udot held"
 )
 
 # -- ears --------------------------------------------------------------------------------------------------------------
 
 dependent_rate = ScalarField(
-    "Y{}.{}",
-    "per unit of the source",
-    "",
-    "rate of a dependent freedom with a source (Eq. 37)",
-    called="dependent_rate_{}_{}",
+    "Y{}.{}", "per unit of the source", "", "rate of a dependent freedom with a source (Eq. 37)"
 )
-dependent_remainder = ScalarField(
-    "y{}", "u/s^2", "", "udot of a dependent freedom, the sources at rest (Eq. 38)", called="dependent_remainder_{}"
-)
+dependent_remainder = ScalarField("y{}", "u/s^2", "", "udot of a dependent freedom, the sources at rest (Eq. 38)")
 orthogonal_entry = ScalarField(
-    "q{}.{}", "1", "", "entry of Q of the factored closure matrix, by column and condition", called="orthogonal_{}_{}"
+    "q{}.{}",
+    "1",
+    "",
+    "entry of Q of the factored closure matrix, by column and condition",
+    unread="the ear has one dependent freedom, and its dependents have no remainder",
 )
-triangular_entry = ScalarField(
-    "R{}.{}", "1", "", "entry of R of the factored closure matrix, by columns", called="triangular_{}_{}"
-)
-inverse_diagonal = ScalarField("d{}", "1", "", "one over the diagonal of R", called="inverse_diagonal_{}")
+triangular_entry = ScalarField("R{}.{}", "1", "", "entry of R of the factored closure matrix, by columns")
+inverse_diagonal = ScalarField("d{}", "1", "", "one over the diagonal of R")
 
 # -- regions -----------------------------------------------------------------------------------------------------------
 
-source_speed = ScalarField("s{}", "u/s", "", "independent speed that is a source", called="source_speed_{}")
-source_inertia = ScalarField("Q{}.{}", "kg u^2", "", "inertia over two sources (Eq. 40)", called="source_inertia_{}_{}")
-source_force = ScalarField("g{}", "kg u^2/s^2", "", "force along a source (Eq. 41)", called="source_force_{}")
-source_to_base = SixField(
-    "K{}.",
-    "kg u [m, 1]",
-    REGION,
-    "inertia over a source and the base's six components (Eq. 39)",
-    called="source_to_base_{}",
+source_speed = ScalarField(
+    "s{}", "u/s", "", "independent speed that is a source", unread="no motion of a root is made of it"
 )
+source_inertia = ScalarField("Q{}.{}", "kg u^2", "", "inertia over two sources (Eq. 40)")
+source_force = ScalarField("g{}", "kg u^2/s^2", "", "force along a source (Eq. 41)")
+source_to_base = SixField("K{}.", "kg u [m, 1]", REGION, "inertia over a source and the base's six components (Eq. 39)")
 source_to_partner = ScalarField(
-    "P{}.{}.{}",
-    "kg u [m, 1]",
-    REGION,
-    "inertia over a source and a partner's six components",
-    called="source_to_partner_{}_{}_{}",
+    "P{}.{}.{}", "kg u [m, 1]", REGION, "inertia over a source and a partner's six components"
 )
-region_inertia = _inertia("I.", "region", REGION, "inertia of a region that its base carries", False)
-region_force = SixField("", WRENCH, REGION, "force of a region that its base carries", called="")
-source_inverse_pivot = ScalarField(
-    "Dinv{}", "1/(kg u^2)", "", "one over the inertia along a source (Eq. 47)", called="source_inverse_pivot_{}"
-)
-source_right_side = ScalarField(
-    "rD{}", "u/s^2", "", "what drives a source, over the inertia along it (Eq. 53)", called="source_right_side_{}"
-)
-source_gain = ScalarField("G{}.{}", "1", "", "inertia over that along the source (Eq. 46)", called="gain_{}_{}")
-source_acceleration = ScalarField("a{}", "u/s^2", "", "acceleration of a source", called="source_acceleration_{}")
-source_tangent_force = ScalarField(
-    "r{}", "kg u^2/s^2", "", "right side of the balance along a source", called="source_tangent_force_{}"
-)
-region_transmitted = SixField(
-    "t.", WRENCH, "the base", "what ears hand to the base with all accelerations known", called="region_transmitted"
-)
-region_balance = SixField("b.", WRENCH, "the base", "the tangent of that", called="region_balance")
+region_inertia = _inertia("I.", REGION, "inertia of a region that its base carries", False)
+region_force = SixField("", WRENCH, REGION, "force of a region that its base carries")
+source_inverse_pivot = ScalarField("Dinv{}", "1/(kg u^2)", "", "one over the inertia along a source (Eq. 47)")
+source_right_side = ScalarField("rD{}", "u/s^2", "", "what drives a source, over the inertia along it (Eq. 53)")
+source_gain = ScalarField("G{}.{}", "1", "", "inertia over that along the source (Eq. 46)")
+source_acceleration = ScalarField("a{}", "u/s^2", "", "acceleration of a source")
+source_tangent_force = ScalarField("r{}", "kg u^2/s^2", "", "right side of the balance along a source")
+region_transmitted = SixField("t.", WRENCH, "the base", "what ears hand to the base with all accelerations known")
+region_balance = SixField("b.", WRENCH, "the base", "the tangent of that")
 
-far_attitude = MatrixField("far{}.W", "1", REGION, "attitude of a far link against the base", called="far_{}_attitude")
-far_position = VectorField("far{}.o", "m", REGION, "position of a far link against the base", called="far_{}_position")
-far_velocity = TwistField("far{}.", TWIST, REGION, "velocity of a far link against the base", called="far_{}")
+far_attitude = MatrixField("far{}.W", "1", REGION, "attitude of a far link against the base")
+far_position = VectorField("far{}.o", "m", REGION, "position of a far link against the base")
+far_velocity = TwistField("far{}.", TWIST, REGION, "velocity of a far link against the base")
 far_remainder = Motion(
-    VectorField("far{}.aw", "rad/s", REGION, "angular velocity of a far link", called="far_{}_remainder_omega"),
-    VectorField(
-        "far{}.al", "rad/s^2", REGION, "angular acceleration of a far link with udot = 0", called="far_{}_alpha"
-    ),
-    VectorField("far{}.a", "m/s^2", REGION, "acceleration of a far link with udot = 0", called="far_{}_acceleration"),
-    MatrixField("far{}.B", "1/s^2", REGION, "alpha x + omega x omega x of a far link with udot = 0", called="far_{}_B"),
+    VectorField("far{}.aw", "rad/s", REGION, "angular velocity of a far link"),
+    VectorField("far{}.al", "rad/s^2", REGION, "angular acceleration of a far link with udot = 0"),
+    VectorField("far{}.a", "m/s^2", REGION, "acceleration of a far link with udot = 0"),
+    MatrixField("far{}.B", "1/s^2", REGION, "alpha x + omega x omega x of a far link with udot = 0"),
 )
 far_total = Motion(
     far_remainder.w,
-    VectorField("far{}.tal", "rad/s^2", REGION, "angular acceleration of a far link", called="far_{}_total_alpha"),
-    VectorField("far{}.ta", "m/s^2", REGION, "acceleration of a far link", called="far_{}_total_acceleration"),
-    MatrixField("far{}.tB", "1/s^2", REGION, "alpha x + omega x omega x of a far link", called="far_{}_total_B"),
+    VectorField("far{}.tal", "rad/s^2", REGION, "angular acceleration of a far link"),
+    VectorField("far{}.ta", "m/s^2", REGION, "acceleration of a far link"),
+    MatrixField("far{}.tB", "1/s^2", REGION, "alpha x + omega x omega x of a far link"),
 )
 far_own = Motion(
-    VectorField("far{}.ow", "rad/s", "the far link", "angular velocity of a far link", called="far_{}_own_omega"),
-    VectorField(
-        "far{}.oal", "rad/s^2", "the far link", "angular acceleration of a far link", called="far_{}_own_alpha"
-    ),
-    VectorField("far{}.oa", "m/s^2", "the far link", "acceleration of a far link", called="far_{}_own_acceleration"),
-    MatrixField("far{}.oB", "1/s^2", "the far link", "alpha x + omega x omega x of a far link", called="far_{}_own_B"),
+    VectorField("far{}.ow", "rad/s", "the far link", "angular velocity of a far link"),
+    VectorField("far{}.oal", "rad/s^2", "the far link", "angular acceleration of a far link"),
+    VectorField("far{}.oa", "m/s^2", "the far link", "acceleration of a far link"),
+    MatrixField("far{}.oB", "1/s^2", "the far link", "alpha x + omega x omega x of a far link"),
 )
 far_shift = EarShiftField(
-    "far{}.", DISPLACEMENT, REGION, "rotation vector and displacement of a far link, against the base", called="far_{}"
+    "far{}.", DISPLACEMENT, REGION, "rotation vector and displacement of a far link, against the base"
 )
 far_step = ShiftField(
-    "far{}.n",
-    DISPLACEMENT,
-    REGION,
-    "rotation vector and displacement of a far link in Newton's step",
-    called="far_{}_step",
+    "far{}.n", DISPLACEMENT, REGION, "rotation vector and displacement of a far link in Newton's step"
 )
 far_transmitted = SixField(
-    "far{}.t.",
-    WRENCH,
-    "the far link",
-    "what ears hand to a far link with all accelerations known",
-    called="far_{}_transmitted",
+    "far{}.t.", WRENCH, "the far link", "what ears hand to a far link with all accelerations known"
 )
-far_balance = SixField("far{}.b.", WRENCH, "the far link", "the tangent of that", called="far_{}_balance")
+far_balance = SixField("far{}.b.", WRENCH, "the far link", "the tangent of that")
 
 # -- couplings ---------------------------------------------------------------------------------------------------------
 
-coupling = BlockField("", INERTIA, "the two links", "inertia that couples two links, rows first", called="inertia_")
+coupling = BlockField("", INERTIA, "the two links", "inertia that couples two links, rows first")
 
 
 def _listed() -> dict[str, AnyField]:
@@ -399,6 +296,26 @@ FIELDS = _listed()
 """Every field by its name in the code."""
 for _field in FIELDS.values():
     _field.listed = True
+
+CALLED = {
+    "face_place": "{}_place", "face_axes": "{}_axes", "angular_velocity": "omega", "parents_velocity": "parent_omega",
+    "spring_twist": "spring", "remainder.al": "alpha", "remainder.a": "acceleration", "remainder.B": "B",
+    "total.al": "total_alpha", "total.a": "total_acceleration", "ear_own.w": "own_omega",
+    "explicit_acceleration": "explicit", "needed": "", "total_needed": "total", "articulated_force": "articulated",
+    "closing_twist": "closing", "closing_shift": "closing", "ear_remainder.w": "ear_omega", "ear_remainder.al": "ear_alpha",
+    "ear_remainder.a": "ear_acceleration", "ear_remainder.B": "ear_B", "ear_total.al": "ear_total_alpha",
+    "ear_total.a": "ear_total_acceleration", "ear_needed": "ear", "ear_total_needed": "ear_total",
+    "measured_velocity": "measured", "shift": "", "source_gain": "gain_{}_{}", "region_force": "",
+    "far_attitude": "far_{}_attitude", "far_position": "far_{}_position", "far_velocity": "far_{}",
+    "far_remainder.w": "far_{}_remainder_omega", "far_remainder.al": "far_{}_alpha", "far_remainder.a": "far_{}_acceleration",
+    "far_remainder.B": "far_{}_B", "far_total.al": "far_{}_total_alpha", "far_total.a": "far_{}_total_acceleration",
+    "far_total.B": "far_{}_total_B", "far_own.w": "far_{}_own_omega", "far_own.al": "far_{}_own_alpha",
+    "far_own.a": "far_{}_own_acceleration", "far_own.B": "far_{}_own_B", "far_shift": "far_{}", "far_step": "far_{}_step",
+    "far_transmitted": "far_{}_transmitted", "far_balance": "far_{}_balance", "coupling": "inertia_",
+}  # fmt: skip
+"""What memory in generated code is called where the name in this table does not read well there; ``{}`` are numbers."""
+for _name, _field in reversed(FIELDS.items()):  # the first name of a field is its own
+    _field.called = CALLED.get(_name, f"{_name.replace('.', '_')}{'_{}' * _field.name.count('{}')}")
 
 
 def _identified() -> tuple[dict[str, tuple[str, AnyField]], list[tuple[re.Pattern[str], str, AnyField]]]:

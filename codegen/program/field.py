@@ -35,24 +35,25 @@ class Readable(ABC, Generic[V_co]):
         For the glossary. The frame is that in whose axes components are, empty for what has none.
     handed_on : bool
         Others add to it: where there are none it is zero, and nobody has stored it.
-    called : str
-        What generated code calls it, without the components' endings; left out: its name.
+    unread : str
+        When nobody may read what is stored. Without it, storing what nobody reads is an error (`mechanics.expansion`).
     """
 
     shape = ""
+    called: str
+    """What memory in generated code calls it, without the components' endings; of those in a table."""
 
-    def __init__(
-        self, name: str, unit: str, frame: str, meaning: str, *, handed_on: bool = False, called: str | None = None
-    ):
+    def __init__(self, name: str, unit: str, frame: str, meaning: str, *, handed_on: bool = False, unread: str = ""):
         self.name = name
-        self.called = name.strip(".") if called is None else called
         self.unit = unit
         self.frame = frame
         self.meaning = meaning
         self.handed_on = handed_on
+        self.unread = unread
         self.family: AnyField = self
         self.suffix = ""
         self.listed = False
+        self.called = ""
         self._scalars: tuple[ScalarField, ...] | None = None
         self._members: dict[object, Self] = {}
 
@@ -90,7 +91,7 @@ class Readable(ABC, Generic[V_co]):
 
     @property
     def identifiers(self) -> tuple[str, ...]:
-        """What generated code calls the components, in their order; families have ``{}`` for numbers."""
+        """What generated code calls the components, in their order; of families with ``{}`` for numbers."""
         rest = (c.removeprefix(self.name) for c in self.components)
         return tuple(f"{self.called}{end}".replace(".", "_") for end in rest)
 
