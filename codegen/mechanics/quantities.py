@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from ..program.procedure import Formulas, Run, Step, walk
@@ -37,32 +37,6 @@ class Quantity:
     pivots: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Element:
-    """What a sort of force element asks for and adds.
-
-    Attributes
-    ----------
-    name : str
-    present : callable (System) -> bool
-    forces, tangents : tuple of Step
-        From coefficients and motion of links to forces on links, and the tangents of these.
-    needs, energy_needs : tuple of Quantity
-        What the forces and the potential energy are functions of.
-    energy : Quantity
-        Its potential energy.
-    """
-
-    name: str
-    present: Callable[[System], bool]
-    coefficients: Formulas
-    forces: tuple[Run, ...]
-    tangents: tuple[Run, ...]
-    needs: tuple[Quantity, ...]
-    energy: Quantity
-    energy_needs: tuple[Quantity, ...]
-
-
 POSE = Quantity("pose", run("pose"), run("pose_tangents"))
 """Positions and attitudes in the ground frame."""
 VELOCITY = Quantity("velocity", run("velocities"), run("velocity_tangents"))
@@ -77,25 +51,17 @@ GRAVITY = Quantity(
     energy=True,
 )
 """Potential energy of gravity."""
-_OF_SPRINGS = Formulas("spring_coefficients", ("coefficient",))
-SPRINGS = Element(
-    "spring",
-    lambda system: bool(system.model.springs),
-    _OF_SPRINGS,
-    run("clear", "springs"),
-    run("clear_tangents", "spring_tangents"),
-    (POSE, VELOCITY),
-    Quantity(
-        "springs",
-        (_OF_SPRINGS, *run("spring_energy")),
-        (_OF_SPRINGS, _OF_SPRINGS.tangents(), *run("spring_energy_tangents")),
-        energy=True,
-        pivots=True,
-    ),
-    (POSE,),
+COEFFICIENTS = Formulas("element_coefficients", ("coefficient",))
+DRIVES = Formulas("drives", ("drive",))
+"""Coefficients of force elements, of those with an energy and of the others."""
+ELEMENTS = Quantity(
+    "elements",
+    (COEFFICIENTS, *run("element_energy")),
+    (COEFFICIENTS, COEFFICIENTS.tangents(), *run("element_energy_tangents")),
+    energy=True,
+    pivots=True,
 )
-ELEMENTS = (SPRINGS,)
-"""All sorts of force elements."""
+"""Potential energy of force elements, where positions and attitudes are known."""
 
 MEASURES: dict[str, tuple[Quantity, ...]] = {
     "value": (),
@@ -106,19 +72,14 @@ MEASURES: dict[str, tuple[Quantity, ...]] = {
 """What each measure of an output is a function of; for the potential energy see `measured`."""
 
 
-def elements(system: System) -> list[Element]:
-    """The sorts of force elements that a model has."""
-    return [e for e in ELEMENTS if e.present(system)]
-
-
 def measured(system: System, measures: Iterable[str]) -> list[Quantity]:
     """The quantities that measures are functions of, in the order in which they are computed."""
     wanted: set[str] = set()
-    potential = [*([GRAVITY] if system.model.gravity is not None else []), *(e.energy for e in elements(system))]
+    stored = any(e.element.has_energy for e in system.elements)
+    potential = [*([GRAVITY] if system.model.gravity is not None else []), *([ELEMENTS] if stored else [])]
     for measure in measures:
         if measure == "potential_energy":
-            of_elements = [q for e in elements(system) for q in e.energy_needs]
-            wanted |= {q.name for q in (*potential, *of_elements)}
+            wanted |= {q.name for q in (*potential, *([POSE] if stored else []))}
         else:
             wanted |= {q.name for q in MEASURES[measure]}
     return [q for q in (POSE, KINETIC, *potential) if q.name in wanted]
