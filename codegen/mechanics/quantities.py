@@ -63,26 +63,33 @@ ELEMENTS = Quantity(
 )
 """Potential energy of force elements, where positions and attitudes are known."""
 
-MEASURES: dict[str, tuple[Quantity, ...]] = {
-    "value": (),
-    "position": (POSE,),
-    "velocity": (POSE, KINETIC),
-    "kinetic_energy": (KINETIC,),
-}
-"""What each measure of an output is a function of; for the potential energy see `measured`."""
+QUANTITIES = {q.name: q for q in (POSE, KINETIC)}
+"""What outputs may read, by name, in the order in which it is computed."""
+
+ENERGIES = ("kinetic_energy", "potential_energy")
+"""In the order of the array ``energy``."""
 
 
-def measured(system: System, measures: Iterable[str]) -> list[Quantity]:
-    """The quantities that measures are functions of, in the order in which they are computed."""
-    wanted: set[str] = set()
+def measured(system: System, read: Iterable[str], energies: Iterable[int]) -> list[Quantity]:
+    """The quantities that are read by name, and those that energies are functions of, in the order in which they are computed.
+
+    Parameters
+    ----------
+    read : iterable of str
+        Names of `QUANTITIES`.
+    energies : iterable of int
+        Places in `ENERGIES`.
+    """
+    wanted = set(read)
     stored = any(e.element.has_energy for e in system.elements)
     potential = [*([GRAVITY] if system.model.gravity is not None else []), *([ELEMENTS] if stored else [])]
-    for measure in measures:
-        if measure == "potential_energy":
-            wanted |= {q.name for q in (*potential, *([POSE] if stored else []))}
+    for energy in energies:
+        if ENERGIES[energy] == "kinetic_energy":
+            wanted.add(KINETIC.name)
         else:
-            wanted |= {q.name for q in MEASURES[measure]}
-    return [q for q in (POSE, KINETIC, *potential) if q.name in wanted]
+            wanted |= {q.name for q in (*potential, *([POSE] if stored else []))}
+    assert wanted <= {*QUANTITIES, *(q.name for q in potential)}, wanted
+    return [q for q in (*QUANTITIES.values(), *potential) if q.name in wanted]
 
 
 def missing(quantities: Iterable[Quantity], taken: tuple[Step, ...]) -> tuple[Step, ...]:
