@@ -20,6 +20,8 @@ from ..mechanics.stores import (
     CONSTANT,
     COUPLING_BLOCK,
     EAR_RECORD,
+    ELEMENT,
+    ELEMENT_END,
     ENERGY,
     ENERGY_LANE,
     GROUND_LINK,
@@ -43,12 +45,12 @@ from ..mechanics.stores import (
     REGION_LANE,
     REGION_RECORD,
     ROOT,
-    SECOND_END,
     SLOT,
-    SPRING,
     WRENCH,
 )
-from ..mechanics.structure.kinds import EarKind, Folded, LinkKind, RegionKind, SpringKind, UnitKind
+from ..mechanics.structure.element_kinds import ElementKind
+from ..mechanics.structure.folded import Folded
+from ..mechanics.structure.kinds import EarKind, LinkKind, RegionKind, UnitKind
 from ..mechanics.sweeps import SWEEP
 from ..model.model import CLOSURE_ROWS, GROUND
 from ..program.store import Owner, Store
@@ -60,7 +62,7 @@ REGIONS = {
 }  # fmt: skip
 """Memory that is laid out, as the targets call it."""
 
-_COLUMN = {ROOT: "ROOT_", BASE_LINK: "BASE_", PARTNER: "PARTNER_", PARENT: "UP"}
+_COLUMN = {ELEMENT_END: "END_", ROOT: "ROOT_", BASE_LINK: "BASE_", PARTNER: "PARTNER_", PARENT: "UP"}
 """Beginnings of columns of the tables, by whose memory is meant."""
 
 
@@ -133,21 +135,21 @@ class Addresses:
         self.links = IndexTable("link", len(self.system.links))
         several = not self.system.independent_links
         self.units = IndexTable("unit", len(self.system.regions.order)) if several else self.links
-        self.springs = IndexTable("spring", len(model.springs))
+        self.elements = IndexTable("element", len(self.system.elements))
         self._parameter_places = {name: i for i, name in enumerate(model.parameter_names)}
         self._rows: dict[tuple[object, ...], Row] = {}
 
     @property
     def tables(self) -> list[IndexTable]:
         """All tables, once each."""
-        return [self.links, *([] if self.units is self.links else [self.units]), self.springs]
+        return [self.links, *([] if self.units is self.links else [self.units]), self.elements]
 
     # -- what a block's functions are called for ---------------------------------------------------------------------
 
     def table(self, sweep: str) -> IndexTable:
         """The table of what a sweep goes over."""
         spec = SWEEP[sweep]
-        return self.springs if spec.spring else self.units if spec.units else self.links
+        return self.elements if spec.element else self.units if spec.units else self.links
 
     def instances(self, kind: UnitKind, sweep: str) -> list[int]:
         """The values that i takes in the functions of a kind."""
@@ -173,8 +175,9 @@ class Addresses:
         if owner is PARTNER:
             assert store.place is not None
             return regions.elimination.partners[i].links[store.place]
-        if isinstance(kind, SpringKind):
-            return system.spring_ends[i].links[owner is SECOND_END]
+        if isinstance(kind, ElementKind):
+            assert store.place is not None
+            return system.elements[i].links[store.place]
         if isinstance(kind, LinkKind):
             link = regions.order[i].number if SWEEP[sweep].units else i
             return system.links[link].parent if owner is PARENT else link
@@ -291,7 +294,7 @@ class Addresses:
         elif memory in (PER_CONDITION, PER_CONDITION_LANE):
             row = self.of_loops(kind, store, "_ROWS", self.first_conditions)
         elif memory in (COEFFICIENTS, COEFFICIENTS_LANE):
-            row = Row("COEFFICIENTS", tuple(3 * n for n in kind.members))
+            row = Row("COEFFICIENTS", tuple(system.elements[n].first for n in kind.members))
         elif memory is PER_PARAMETER_LANE:
             return Address("dp", "dp", None, self._parameter(kind, sweep, store, int(name)))
         elif memory in (ENERGY, ENERGY_LANE):
@@ -302,10 +305,10 @@ class Addresses:
         return Address(variable, region, row, name)
 
     def _parameter(self, kind: UnitKind, sweep: str, store: Store, j: int) -> Row:
-        """Number of the j-th design parameter that the constants of a link, a loop or a spring depend on."""
+        """Number of the j-th design parameter that the constants of a link, a loop or a force element depend on."""
         system = self.system
-        if store.owner is SPRING:
-            owners, column = [system.spring_constants[n] for n in kind.members], f"P{j}"
+        if store.owner is ELEMENT:
+            owners, column = [system.elements[n].constants for n in kind.members], f"P{j}"
         elif store.owner is LOOP:
             owners = [system.closure_constants[n] for n in self.loops_meant(kind, store)]
             column = f"LOOP{store.place}_P{j}"
@@ -319,10 +322,9 @@ class Addresses:
         variable = store.label.replace("#", "_")
         folded = self._folded(kind, store)
         data = folded.data.get(name)
-
-        owner = store.owner if store.owner in (SPRING, LOOP) else LINK
+        owner = store.owner if store.owner in (ELEMENT, LOOP) else LINK
         column, begins = ("CONSTANTS", self.constants_begin) if data is None else ("NUMBERS", self.numbers_begin)
-        if owner is SPRING:
+        if owner is ELEMENT:
             row = Row(column, tuple(begins[owner][n] for n in kind.members))
         elif owner is LOOP:
             row = self.of_loops(kind, store, f"_{column}", begins[owner])
@@ -330,21 +332,25 @@ class Addresses:
             row = self.of_links(kind, sweep, store, column, begins[owner])
         if data is None:
             return Address(variable, "constants", row, name, self.layout.forms[folded.shape.index])
-        return Address("k" if owner is SPRING else f"k_{variable}", "numbers", row, str(data))
+        return Address("k" if owner is ELEMENT else f"k_{variable}", "numbers", row, str(data))
 
     @cached_property
     def constants_begin(self) -> dict[Owner, list[int]]:
-        """Where the constants of every link, loop and spring begin."""
+        """Where the constants of every link, loop and force element begin."""
         system = self.system
-        owners = {LINK: system.constants_of, LOOP: system.closure_constants, SPRING: system.spring_constants}
+        owners = {
+            LINK: system.constants_of,
+            LOOP: system.closure_constants,
+            ELEMENT: [e.constants for e in system.elements],
+        }
         return {owner: [self._place_of_constants(c.index) for c in found] for owner, found in owners.items()}
 
     @cached_property
     def numbers_begin(self) -> dict[Owner, list[int]]:
         """Where their numbers begin."""
         layout = self.layout
-        numbers = (layout.number_offsets, layout.closure_number_offsets, layout.spring_number_offsets)
-        return dict(zip((LINK, LOOP, SPRING), numbers, strict=True))
+        numbers = (layout.number_offsets, layout.closure_number_offsets, layout.element_number_offsets)
+        return dict(zip((LINK, LOOP, ELEMENT), numbers, strict=True))
 
     def _folded(self, kind: UnitKind, store: Store) -> Folded:
         """Whose constants a store means."""
@@ -360,7 +366,7 @@ class Addresses:
     # -- who is to blame -------------------------------------------------------------------------------------------
 
     def culprit(self, kinds: Sequence[UnitKind], sweep: str) -> Callable[[str], str]:
-        """Number of the link to name when the j-th pivot is zero; loops are counted after the links, then springs."""
+        """Number of the link to name when the j-th pivot is zero; loops count after the links, then force elements."""
         return lambda name: self.expression(kinds, sweep, [self._culprit(kind, sweep, name) for kind in kinds])
 
     def _culprit(self, kind: UnitKind, sweep: str, name: str) -> Row:
@@ -368,7 +374,7 @@ class Addresses:
         if isinstance(kind, RegionKind):
             sources = (regions.regions[regions.order[i].number].freedoms[int(name)][0] for i in kind.units)
             return Row(f"SOURCE{name}", tuple(sources))
-        if isinstance(kind, SpringKind):
+        if isinstance(kind, ElementKind):
             first = links + len(self.system.model.loops)
             return Row("CULPRIT", tuple(first + n for n in kind.members))
         if isinstance(kind, EarKind):

@@ -15,12 +15,13 @@ from typing import Any
 
 from ..mechanics.expansion import Program
 from ..mechanics.fields import identifier
-from ..mechanics.formulas import FormulaKind, place_of_formula
+from ..mechanics.formulas import FormulaKind
 from ..mechanics.outputs.outputs import RecordFormula
 from ..mechanics.procedures import SHAPES
-from ..mechanics.stores import CONSTANT, CS_PARAMETER, KEPT, LAID_OUT, MARGIN, NUMBER, PARAMETER, SHAPE
+from ..mechanics.stores import CE_PARAMETER, CONSTANT, KEPT, LAID_OUT, MARGIN, NUMBER, PARAMETER, SHAPE
 from ..mechanics.structure.constants import Constants
-from ..mechanics.structure.kinds import EarKind, RegionKind, SpringKind, UnitKind
+from ..mechanics.structure.element_kinds import ElementKind
+from ..mechanics.structure.kinds import EarKind, RegionKind, UnitKind
 from ..mechanics.sweeps import INWARD, SWEEP
 from ..model.model import GROUND
 from ..program.block import RESERVED, Block
@@ -37,7 +38,7 @@ MAX_STRETCHES = 24
 
 KEYWORDS = frozenset(keyword.kwlist) | frozenset(
     "auto break case char const continue default do double else enum extern float for goto if inline int long register restrict "
-    "return short signed sizeof static struct switch typedef union unsigned void volatile while unit spring call".split()
+    "return short signed sizeof static struct switch typedef union unsigned void volatile while unit element call".split()
 )
 """Names that variables cannot have in Python or C, or that tables have."""
 
@@ -244,8 +245,8 @@ class Writer(ABC):
         system, kind, count = self.system, kinds[0], sum(len(kind.members) for kind in kinds)
         if isinstance(kind, RegionKind):
             what, first = "regions", f"region of {kind.sources} sources"
-        elif isinstance(kind, SpringKind):
-            what, first = "springs", self.model.springs[kind.members[0]].name
+        elif isinstance(kind, ElementKind):
+            what, first = f"{kind.first.type}s", kind.first.name
         elif isinstance(kind, EarKind):
             ear = system.regions.ears[kind.members[0]]
             loops = [self.model.loops[c.loop].name for c in ear.closures]
@@ -292,8 +293,8 @@ class Writer(ABC):
     def sequence(self, sweep: str) -> list[UnitKind]:
         """Kinds of what a sweep goes over, one after the other."""
         spec, system = SWEEP[sweep], self.system
-        if spec.spring:
-            of: dict[int, UnitKind] = {n: k for k in system.spring_kinds for n in k.members}
+        if spec.element:
+            of: dict[int, UnitKind] = {n: k for k in system.element_kinds for n in k.members}
             return [of[n] for n in range(len(of))]
         return [*(system.unit_kind_of if spec.units else system.kind_of)]
 
@@ -414,11 +415,10 @@ class Writer(ABC):
         integers: list[list[int]],
         numbers: list[list[float]],
     ) -> None:
-        model = self.model
-        places = [place_of_formula(model, kind.target, row[0]) for row in kind.rows]
-        about = f"{places[0]} of the model{f' and {len(places) - 1} like it' if len(places) > 1 else ''}"
-        if kind.target == "energy":
-            about = kind.value.title
+        about = kind.value.title
+        if kind.places:
+            more = len(kind.places) - 1
+            about = f"{kind.places[0]} of the model{f' and {more} like it' if more else ''}"
         f, call = self.rows_function(name, kind.value, place, integers, numbers, about)
         result["functions"].append(f)
         result["calls"] += call
@@ -436,7 +436,7 @@ class Writer(ABC):
         system, model = self.system, self.model
         found = [link.name for link, c in zip(system.links, system.constants_of, strict=True) if c in constants]
         found += [loop.name for loop, c in zip(model.loops, system.closure_constants, strict=True) if c in constants]
-        found += [s.name for s, c in zip(model.springs, system.spring_constants, strict=True) if c in constants]
+        found += [e.element.name for e in system.elements if e.constants in constants]
         return ", ".join(found[:3]) + (f", ... ({len(found)})" if len(found) > 3 else "") if found else "gravity"
 
     # -- the ground ------------------------------------------------------------------------------------------------
@@ -561,7 +561,7 @@ class Writer(ABC):
         }  # fmt: skip
 
 
-FORMULA_ORDER = ("tau", "outputs", "energy", "coefficient", "initial_q", "initial_u")
+FORMULA_ORDER = ("tau", "outputs", "energy", "coefficient", "drive", "initial_q", "initial_u")
 """The order in which the tables of formulas stand."""
 
 
@@ -588,7 +588,7 @@ def notes(block: Block) -> list[str]:
     return [*found, f"operations: {'; '.join(w for w in words if w)}"]
 
 
-CALLED = {SHAPE: "c", NUMBER: "numbers", PARAMETER: "p", CS_PARAMETER: "p"}
+CALLED = {SHAPE: "c", NUMBER: "numbers", PARAMETER: "p", CE_PARAMETER: "p"}
 """What stores are called in lists of what is read and written, where their names say less."""
 
 _COMPONENT = re.compile(r"(_[xyz]{1,2})?(_d\d+)?$")
