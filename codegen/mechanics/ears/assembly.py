@@ -13,12 +13,13 @@ from ...program.store import Store
 from .. import fields
 from ..couplings import partner_store
 from ..joints.transform import JointTransform
-from ..spatial import add, cross, dot, minus, transpose
-from ..stores import BASE, CONDITION, GIVEN_U, ME, POSITION, REGION, ROOTS, STEP, UP, VELOCITY
+from ..spatial import ZERO, add, cross, dot, minus, rotate, transpose
+from ..stores import BASE, CONDITION, GIVEN_U, ME, POSITION, REGION, STEP, UP, VELOCITY
 from ..structure.kinds import EarKind, LinkKind, RegionKind
 from .closures import stored_factor
 from .completion import dependent_displacements
-from .geometry import ZERO, Ear, Twist, rotate
+from .geometry import Ear
+from .motions import Twist
 
 TINY = 1e-30
 """Keeps the measure of a rotation finite at half a turn."""
@@ -58,16 +59,7 @@ def residuals(x: Scope, kind: EarKind) -> None:
     """Outward block of an ear: by how much its loops are open, and by how much the given speeds open them."""
     ear = Ear(x, kind, positions=fields.measured_position)
     gaps = face_differences(x, ear)
-    roots: list[Twist] = []
-    for t, role in enumerate(kind.roots):
-        if role == "link":
-            roots.append(Twist.load(x, ROOTS[t], fields.measured_velocity))
-        elif role == "frame" and not kind.rigid:
-            roots.append(Twist.load(x, BASE, fields.closing_twist))
-        elif role == "far":
-            roots.append(Twist.load(x, REGION, fields.far_velocity(kind.far[t])))
-        else:
-            roots.append(Twist(list(ZERO), list(ZERO)))
+    roots = [root.measured_velocity() for root in ear.roots]
     speeds = [[m.view.entry(GIVEN_U, f.index) for f in m.freedoms] for m in ear.members]
     velocities = ear.walk(roots, speeds, "g", "Eq. 30")
     rates = ear.face_difference(velocities, roots)
@@ -85,12 +77,10 @@ def newton_step(x: Scope, kind: EarKind) -> None:
     """Outward block of an ear: the displacements of its dependent joints that close its loops to first order."""
     ear = Ear(x, kind, positions=fields.measured_position)
     gaps = face_differences(x, ear)
-    roots = [_root_step(x, ear, t, role) for t, role in enumerate(kind.roots)]
+    roots = [root.step() for root in ear.roots]
     rows = ear.kept_rows()
     moved = ear.root_difference(roots)
-    total = [
-        Twist(add(gap.angular, by.angular), add(gap.linear, by.linear)) for gap, by in zip(gaps, moved, strict=True)
-    ]
+    total = [gap.plus(by) for gap, by in zip(gaps, moved, strict=True)]
     rates: Vector = []
     if rows:
         b = ear.conditions(rows, total, "b", "Eq. 32")
@@ -112,18 +102,6 @@ def newton_step(x: Scope, kind: EarKind) -> None:
             back = transpose(ear.attitude(k))
             d = add(twist.linear, d, cross(theta, ear.position(k)))
             _store_step(x, ME[k], rotate(back, add(twist.angular, theta)), rotate(back, d))
-
-
-def _root_step(x: Scope, ear: Ear, t: int, role: str) -> Twist:
-    """Rotation vector and displacement of a root against the base, in region axes."""
-    if role == "link":
-        return Twist.load(x, ROOTS[t], fields.ear_step)
-    if role == "far":
-        return Twist.load(x, REGION, fields.far_step(ear.kind.far[t]))
-    if role == "ground":
-        theta, d = ([-e for e in x.load(BASE, f)] for f in (fields.step.angular, fields.step.linear))
-        return Twist(theta, x.let_vector("s", add(d, cross(theta, ear.position(-1 - t))), "Eq. 35"))
-    return Twist(list(ZERO), list(ZERO))
 
 
 def _store_step(x: Scope, store: Store, theta: Vector, d: Vector) -> None:

@@ -14,7 +14,7 @@ from ...program.store import Store
 from .. import fields
 from ..handing_on import clear
 from ..joints.transform import JointTransform
-from ..spatial import add, cross, dot, is_zero, matvec, minus, scale, transpose
+from ..spatial import add, cross, dot, is_zero, matvec, minus, rotate, scale, transpose
 from ..stores import (
     BASE,
     CL_DP,
@@ -24,13 +24,9 @@ from ..stores import (
     DPOSITION,
     DQ,
     DU,
-    LANE_BASE,
-    LANE_ROOTS,
     LBASE,
     LME,
     LOOP_CONSTANTS,
-    LREGION,
-    LROOTS,
     LUP,
     MY_LANE,
     SPEEDS,
@@ -39,8 +35,9 @@ from ..structure.kinds import EarKind, LinkKind
 from ..tree.kinematics import angular_velocity, origin_velocity
 from ..tree.tangents import differentiate, store_tangent
 from .closures import stored_factor
-from .dynamics import root_velocities, speeds_of
-from .geometry import ZERO, Ear, Twist, rotate
+from .dynamics import named_root_velocities, speeds_of
+from .geometry import Ear
+from .motions import Twist
 from .tangents import ear_tangents, tangents_of
 
 # -- links that ears start from ----------------------------------------------------------------------------------------
@@ -137,44 +134,15 @@ def rotation_vector(dR: Matrix, R: Matrix) -> Vector:
 # -- ears --------------------------------------------------------------------------------------------------------------
 
 
-def root_angles(x: Scope, kind: EarKind, slot: bool) -> tuple[dict[int, Vector], dict[int, Vector]]:
-    """Rotation vectors and displacements of the roots; the latter only in the sweep that finds them (`slot`)."""
-    angles: dict[int, Vector] = {}
-    moved: dict[int, Vector] = {}
-    for t, role in enumerate(kind.roots):
-        place = -1 - t
-        if role == "far":
-            angles[place] = x.load(LREGION, fields.far_shift(kind.far[t]).angular)
-            moved[place] = x.load(LREGION, fields.far_shift(kind.far[t]).linear)
-        elif role == "link":
-            angles[place] = x.load((LROOTS if slot else LANE_ROOTS)[t], fields.shift.angular)
-            if slot:
-                moved[place] = x.load(LROOTS[t], fields.shift.linear)
-        elif role == "ground":
-            # seen from the base, whose axes turn, it is the ground that turns
-            angles[place] = [-v for v in x.load(LBASE if slot else LANE_BASE, fields.closing_shift.angular)]
-            if slot:
-                moved[place] = [-v for v in x.load(LBASE, fields.closing_shift.linear)]
-        else:
-            angles[place], moved[place] = list(ZERO), list(ZERO)
-    return angles, moved
-
-
 def complete(x: Scope, kind: EarKind) -> None:
     """Outward block over directions: dq and du of the dependent joints, by differentiated position and velocity closure."""
     ear = Ear(x, kind)
-    angles, moved = root_angles(x, kind, True)
-    for t, role in enumerate(kind.roots):
-        if role == "ground":
-            turned = cross(angles[-1 - t], ear.position(-1 - t))
-            moved[-1 - t] = x.let_vector("d", add(moved[-1 - t], turned), "d Eq. 22", lanes=True)
+    angles: dict[int, Vector] = {}
+    moved: dict[int, Vector] = {}
+    for t, root in enumerate(ear.roots):
+        angles[-1 - t], moved[-1 - t] = root.rotation(False), root.displacement(False)
     dq = complete_positions(x, ear, angles, moved)
     complete_velocities(x, ear, angles, moved, dq)
-
-
-def still(kind: EarKind) -> list[Twist]:
-    """Roots that do not move."""
-    return [Twist(list(ZERO), list(ZERO)) for _ in kind.roots]
 
 
 def complete_positions(
@@ -211,7 +179,7 @@ def complete_positions(
     if rows:
         b = ear.conditions(rows, cut_displacements(x, ear, angles, moved), "b", "d Eq. 30", lanes=True)
         rates = stored_factor(x, kind).solve([-v for v in b], "dx", "d Eq. 30", lanes=True)
-        for k, added in enumerate(ear.walk(still(kind), ear.coefficients(rates), "dd", tag, lanes=True)):
+        for k, added in enumerate(ear.walk(ear.still(), ear.coefficients(rates), "dd", tag, lanes=True)):
             angles[k] = x.let_vector("th", add(angles[k], added.angular), tag, lanes=True)
             moved[k] = x.let_vector("d", add(moved[k], added.linear), tag, lanes=True)
         dq = dependent_displacements(x, ear, rates)
@@ -228,23 +196,18 @@ def complete_velocities(
 ) -> None:
     """du of the ear's dependent joints, and tangents of its links' velocities."""
     kind = ear.kind
-    roots = root_velocities(x, kind)
+    roots = named_root_velocities(ear)
     velocities = ear.walk(roots, [speeds_of(m) for m in ear.members], "r", "Eq. 30")
     rows = ear.kept_rows()
     conditions = ear.conditions(rows, ear.face_difference(velocities, roots), "cv", "Eq. 30")
-    slides = any(c.slides for c in kind.closures)
     seeds: dict[Symbol, Value] = {}
     held: Vector = []
-    for t, role in enumerate(kind.roots):
-        store, field = (LROOTS[t], fields.measured_velocity) if role == "link" else (LBASE, fields.closing_twist)
-        if role == "far":
-            store, field = LREGION, fields.far_velocity(kind.far[t])
-        if role in ("link", "far") or (role == "frame" and not kind.rigid):
-            seeds.update(tangents_of([*roots[t].angular, *roots[t].linear], x.load(store, field)))
-        held += [*roots[t].angular, *roots[t].linear]
-        if slides and role != "frame":
-            seeds.update(tangents_of(ear.position(-1 - t), moved[-1 - t]))
-            held += ear.position(-1 - t)
+    for t, root in enumerate(ear.roots):
+        seeds.update(tangents_of(roots[t].six, root.velocity_tangent(False)))
+        held += roots[t].six
+        if ear.slides:
+            seeds.update(tangents_of(root.position(), moved[-1 - t]))
+            held += root.position()
     held += [ear.members[k].view.entry(SPEEDS, freedom.index) for k, freedom in ear.dependents()]
     tangents = ear_tangents(ear, angles, seeds, dq)
     tangents.hold(held)
@@ -252,7 +215,7 @@ def complete_velocities(
     if rows:
         b = [-tangents.of(v) for v in conditions]
         rates = stored_factor(x, kind).solve(b, "du", "d Eq. 30", lanes=True)
-        added = ear.walk(still(kind), ear.coefficients(rates), "dr", "d Eq. 30", lanes=True)
+        added = ear.walk(ear.still(), ear.coefficients(rates), "dr", "d Eq. 30", lanes=True)
         pairs = [
             ((v.angular, more.angular), (v.linear, more.linear)) for v, more in zip(velocities, added, strict=True)
         ]
@@ -383,20 +346,8 @@ def seed_residuals(x: Scope, kind: EarKind) -> None:
     Only redundant conditions can be left open: by a parameter, say, that bends a planar loop out of its plane.
     """
     ear = Ear(x, kind)
-    angles, _ = root_angles(x, kind, False)
-    moved: dict[int, Vector] = {}
-    for t, role in enumerate(kind.roots):
-        place = -1 - t
-        if role == "far":
-            moved[place] = x.load(LREGION, fields.far_shift(kind.far[t]).linear)
-        elif role == "link":
-            moved[place] = x.load(LANE_ROOTS[t], fields.shift.linear)
-        elif role == "ground":
-            turned = cross(angles[place], ear.position(place))
-            d = x.load(LANE_BASE, fields.closing_shift.linear)
-            moved[place] = x.let_vector("d", minus(turned, d), "d Eq. 22", lanes=True)
-        else:
-            moved[place] = list(ZERO)
+    angles = {-1 - t: root.rotation(True) for t, root in enumerate(ear.roots)}
+    moved = {-1 - t: root.displacement(True) for t, root in enumerate(ear.roots)}
     for k in range(len(ear.members)):
         angles[k], moved[k] = x.load(MY_LANE[k], fields.shift.angular), x.load(MY_LANE[k], fields.shift.linear)
     gaps = cut_displacements(x, ear, angles, moved)

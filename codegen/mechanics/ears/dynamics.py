@@ -7,7 +7,6 @@ the region like one joint of as many freedoms.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 
 from ...model.model import CLOSURE_ROWS
@@ -29,58 +28,29 @@ from ..handing_on import accumulate, accumulate_force, add_to_sum, clear
 from ..joints.transform import shift_inertia
 from ..spatial import (
     SIX,
+    ZERO,
     add,
     cross,
     dot,
     is_zero,
     matmul,
     matvec,
+    rotate,
     scale,
     six,
     skew,
     symmetric,
     transpose,
 )
-from ..stores import BASE, CONSTANTS, EAR, GROUND, LBASE, LME, LREGION, ME, OWN, PIVOT, REGION, ROOTS, SPEEDS, TAU, UDOT
+from ..stores import BASE, CONSTANTS, EAR, LBASE, LME, LREGION, ME, OWN, PIVOT, REGION, SPEEDS, TAU, UDOT
 from ..structure.elimination_order import CARRIER
 from ..structure.kinds import EarKind, RegionKind
 from ..tree.kinematics import acceleration_matrix, body_force
 from ..tree.triangularization import SMALL, articulated_parts, pivot
-from .closures import own_sources, source_speed, source_twist, stored_factor
+from .closures import own_sources, root_velocities, stored_factor
 from .far_links import far_motions
-from .geometry import ZERO, Condition, Ear, Member, Twist, rotate
-
-Motion = tuple[Vector, Vector, Vector, Matrix]
-"""Angular velocity, angular and linear acceleration, and B = alpha x + omega x omega x of a link, in region axes."""
-
-FaceMotion = Callable[[int, int], tuple[Vector, Vector, Vector]]
-"""Angular velocity, angular and linear acceleration of a face by loop and side, in region axes."""
-
-
-def root_motions(x: Scope, kind: EarKind, total: bool = False) -> list[Motion]:
-    """Motions of the roots; `total`: with all of the accelerations, not only the remainders."""
-    of_base, of_far, of_link = (
-        (fields.total, fields.far_total, fields.ear_total)
-        if total
-        else (fields.remainder, fields.far_remainder, fields.ear_remainder)
-    )
-    found: list[Motion] = []
-    for t, role in enumerate(kind.roots):
-        if role == "frame":
-            store, motion = BASE, of_base
-        elif role == "far":
-            store, motion = REGION, of_far(kind.far[t])
-        elif role == "ground":
-            W = transpose(x.load(BASE, fields.closing_attitude))
-            moved = rotate(W, x.load(GROUND, of_base.a))
-            a = [0 if is_zero(e) else x.name("ga", e, "Eq. 22") for e in moved]
-            found.append((list(ZERO), list(ZERO), a, [[0] * 3 for _ in range(3)]))
-            continue
-        else:
-            store, motion = ROOTS[t], of_link
-        w, al, a = (x.load(store, field) for field in (motion.w, motion.al, motion.a))
-        found.append((w, al, a, x.load(store, motion.B)))
-    return found
+from .geometry import Condition, Ear, Member
+from .motions import FaceMotion, Motion, Twist
 
 
 def link_constants(x: Scope, ear: Ear, k: int) -> tuple[Value, Vector, Matrix]:
@@ -141,16 +111,15 @@ def speeds_of(member: Member) -> Vector:
 
 def member_motion(x: Scope, member: Member, before: Motion, extra: Vector | None = None) -> Motion:
     """Motion of a link from its parent's; `extra` are the joint's udot, none if left out."""
-    w0, al0, a0, B0 = before
     speeds = speeds_of(member)
-    w = list(w0)
+    w = list(before.w)
     for f, u in zip(member.freedoms, speeds, strict=True):
         if f.angular:
             w = add(w, scale(u, f.e))
     w = x.let_vector("w", w, "Eq. 18")
-    al_bias, a_bias = joint_bias(x, member, w0, speeds)
-    al = add(al0, al_bias)
-    a = add(a0, matvec(B0, member.rho), a_bias)
+    al_bias, a_bias = joint_bias(x, member, before.w, speeds)
+    al = add(before.al, al_bias)
+    a = add(before.at(member.rho), a_bias)
     for f, value in zip(member.freedoms, extra or [0] * len(member.freedoms), strict=True):
         if is_zero(value):
             continue
@@ -160,23 +129,14 @@ def member_motion(x: Scope, member: Member, before: Motion, extra: Vector | None
             a = add(a, scale(value, f.e))
     al = x.let_vector("al", al, "Eq. 21")
     a = x.let_vector("a", a, "Eq. 21")
-    return w, al, a, acceleration_matrix(x, w, al)
+    return Motion(w, al, a, acceleration_matrix(x, w, al))
 
 
-def root_velocities(x: Scope, kind: EarKind) -> list[Twist]:
-    """Velocities of the roots, relative to a base that carries the region rigidly. Eq. 30."""
+def named_root_velocities(ear: Ear) -> list[Twist]:
+    """Velocities of the roots as symbols of their own, even for copies: their tangents are known."""
     found = []
-    for t in range(len(kind.roots)):
-        angular: Vector = [0, 0, 0]
-        linear: Vector = [0, 0, 0]
-        for c in range(kind.total):
-            twist = source_twist(x, kind, t, c)
-            if all(is_zero(v) for v in (*twist.angular, *twist.linear)):
-                continue
-            speed = source_speed(x, kind, c, own_sources(kind).get(c))
-            angular, linear = add(angular, scale(speed, twist.angular)), add(linear, scale(speed, twist.linear))
-        # symbols of their own, even for copies: their tangents are known
-        named = [[0 if is_zero(e) else x.name("V", e, "Eq. 30") for e in v] for v in (angular, linear)]
+    for twist in root_velocities(ear):
+        named = [[0 if is_zero(e) else ear.x.name("V", e, "Eq. 30") for e in v] for v in (twist.angular, twist.linear)]
         found.append(Twist(*named))
     return found
 
@@ -186,8 +146,8 @@ def face_motion(
 ) -> tuple[Vector, Vector, Vector]:
     """Angular velocity, angular acceleration and acceleration of a loop's face."""
     place = ear.kind.closures[c].faces[side]
-    w, al, a, B = motions[place] if place >= 0 else roots[-1 - place]
-    return w, al, add(a, matvec(B, ear.arm(c, side)))
+    m = motions[place] if place >= 0 else roots[-1 - place]
+    return m.w, m.al, m.at(ear.arm(c, side))
 
 
 def slip_velocities(x: Scope, ear: Ear, roots: list[Twist]) -> list[Twist]:
@@ -226,11 +186,11 @@ def cut_accelerations(
     found = []
     turning: list[Vector] = []
     slips = []
-    if any(c.slides for c in ear.kind.closures):
-        slips = slip_velocities(x, ear, root_speeds or root_velocities(x, ear.kind))
+    if ear.slides:
+        slips = slip_velocities(x, ear, root_speeds or named_root_velocities(ear))
     for c, closure in enumerate(ear.kind.closures):
         if closure.roots == (-1, -1) and not any(closure.paths):
-            found.append(Twist(list(ZERO), list(ZERO)))
+            found.append(Twist.zero())
             turning.append(list(ZERO))
             continue
         sides = []
@@ -274,7 +234,7 @@ def ear_kinematics(x: Scope, kind: EarKind) -> None:
     """Outward block: motion with the sources at rest, dependent joints accelerating as closure asks, and the force it needs."""
     ear = Ear(x, kind)
     rows = ear.kept_rows()
-    roots = root_motions(x, kind)
+    roots = [root.motion(False) for root in ear.roots]
     motions: list[Motion] = []
     for member in ear.members:
         before = motions[member.parent] if member.parent >= 0 else roots[-1 - member.parent]
@@ -282,28 +242,24 @@ def ear_kinematics(x: Scope, kind: EarKind) -> None:
     if rows:
         b = closing_accelerations(x, ear, rows, partial(face_motion, ear, motions, roots), "b")
         rates = stored_factor(x, kind).solve([-v for v in b], "y", "Eq. 38")
-        still = [Twist(list(ZERO), list(ZERO)) for _ in kind.roots]
-        added = ear.walk(still, ear.coefficients(rates), "e", "Eq. 38")
+        added = ear.walk(ear.still(), ear.coefficients(rates), "e", "Eq. 38")
         for d, y in enumerate(rates):
             x.store(EAR, fields.dependent_remainder(d), y)
-        for k, (w, al, a, _) in enumerate(motions):
-            al = x.let_vector("al", add(al, added[k].angular), "Eq. 31")
-            a = x.let_vector("a", add(a, added[k].linear), "Eq. 31")
-            motions[k] = (w, al, a, acceleration_matrix(x, w, al))
-    for k, (w, al, a, B) in enumerate(motions):
+        for k, m in enumerate(motions):
+            al = x.let_vector("al", add(m.al, added[k].angular), "Eq. 31")
+            a = x.let_vector("a", add(m.a, added[k].linear), "Eq. 31")
+            motions[k] = Motion(m.w, al, a, acceleration_matrix(x, m.w, al))
+    for k, m in enumerate(motions):
         me = ME[k]
         constants = link_constants(x, ear, k)
-        moment, force = body_force(x, w, al, a, B, constants)
+        moment, force = body_force(x, m.w, m.al, m.a, m.B, constants)
         x.store(me, fields.ear_first_moment, constants[1])
         x.store(me, fields.ear_inertia, constants[2])
-        motion = fields.ear_remainder
-        for field, v in ((motion.w, w), (motion.al, al), (motion.a, a)):
-            x.store(me, field, v)
-        x.store(me, motion.B, B)
+        m.store(x, me, fields.ear_remainder)
         moment, force = less_external_of(x, ear, k, (moment, force))
         x.store(me, fields.ear_needed, [*moment, *force])
         if kind.links[k].carries:
-            hand_outward(x, me, ear.members[k].W, w, al, a)
+            hand_outward(x, me, ear.members[k].W, m)
 
 
 def less_external_of(x: Scope, ear: Ear, k: int, needed: tuple[Vector, Vector]) -> tuple[Vector, Vector]:
@@ -319,10 +275,10 @@ def less_external_of(x: Scope, ear: Ear, k: int, needed: tuple[Vector, Vector]) 
     return n, f
 
 
-def hand_outward(x: Scope, store: Store, W: Matrix, w: Vector, al: Vector, a: Vector, total: bool = False) -> None:
+def hand_outward(x: Scope, store: Store, W: Matrix, m: Motion, total: bool = False) -> None:
     """Motion in the link's own axes, for the links that it carries."""
     back = transpose(W)
-    w, al, a = ([x.let("own", e, "Eq. 22") for e in matvec(back, v)] for v in (w, al, a))
+    w, al, a = ([x.let("own", e, "Eq. 22") for e in matvec(back, v)] for v in (m.w, m.al, m.a))
     motion = fields.total if total else fields.remainder
     if not total:
         x.store(store, motion.w, w)

@@ -15,19 +15,18 @@ from sympy.core.numbers import Number
 
 from ...model.model import CLOSURE_ROWS
 from ...program.block import Scope, V, V_co
-from ...program.field import Field, Readable, SixField, VectorField
+from ...program.field import Field, Readable, VectorField
 from ...program.scalar import Matrix, Value, Vector
 from ...program.store import Store
 from .. import fields
 from ..joints.transform import JointTransform
-from ..spatial import add, cross, matmul, matvec, minus, scale, transpose
-from ..stores import BASE, LOOP_CONSTANTS, ME, MY_LANE, REGION, ROOTS
+from ..spatial import UNIT, add, cross, matmul, minus, rotate, scale
+from ..stores import LOOP_CONSTANTS, ME, MY_LANE
 from ..structure.freedoms import freedom_axes
 from ..structure.kinds import EarKind, LinkKind
+from .motions import Twist
 from .orthogonal import product
-
-ZERO: Vector = [0, 0, 0]
-UNIT: Matrix = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
+from .roots import roots_of
 
 
 class MemberView(Scope):
@@ -75,24 +74,6 @@ class Freedom:
     e: Vector
     index: int
     """Among the joint's freedoms."""
-
-
-@dataclass(slots=True)
-class Twist:
-    """Angular and linear part of a motion, the latter of a link's origin."""
-
-    angular: Vector
-    linear: Vector
-
-    @staticmethod
-    def load(x: Scope, store: Store, field: SixField) -> Twist:
-        """From a field of six components."""
-        six = x.load(store, field)
-        return Twist(six[:3], six[3:])
-
-    def at(self, lever: Vector) -> Vector:
-        """Linear part at a point of the link."""
-        return add(self.linear, cross(self.angular, lever))
 
 
 @dataclass(slots=True)
@@ -179,7 +160,7 @@ class Ear:
     def __init__(self, x: Scope, kind: EarKind, fresh: bool = False, positions: VectorField = fields.ear_position):
         self.x = x
         self.kind = kind
-        self.positions = positions
+        self.roots = roots_of(x, kind, positions)
         self.members: list[Member] = []
         self.fixed: list[FixedVector] = []
         for k, link_kind in enumerate(kind.links):
@@ -191,15 +172,7 @@ class Ear:
         """Region components from link components, of a link or (negative) a root."""
         if place >= 0:
             return self.members[place].W
-        t = -1 - place
-        role = self.kind.roots[t]
-        if role == "frame":
-            return UNIT
-        if role == "ground":
-            return transpose(self.x.load(BASE, fields.closing_attitude))
-        if role == "far":
-            return self.x.load(REGION, fields.far_attitude(self.kind.far[t]))
-        return self.x.load(ROOTS[t], fields.ear_attitude)
+        return self.roots[-1 - place].attitude()
 
     def _member(self, k: int, kind: LinkKind, fresh: bool) -> Member:
         view = MemberView(self.x, k)
@@ -245,6 +218,11 @@ class Ear:
         kept = (MY_LANE[place], fields.arm_tangent(c, "AB"[side])) if place >= 0 else None
         return self.fixed_vector("arm", place, r, kept=kept)
 
+    @property
+    def slides(self) -> bool:
+        """The way between the faces of some loop matters."""
+        return any(c.slides for c in self.kind.closures)
+
     @cached_property
     def levers(self) -> list[tuple[dict[int, Vector], dict[int, Vector]]]:
         """For each loop, from the origins of the links on both sides to the cut."""
@@ -283,17 +261,7 @@ class Ear:
         if place >= 0:
             m = self.members[place]
             return self.x.let_vector("o", add(self.position(m.parent), m.rho), "Eq. 22")
-        t = -1 - place
-        role = self.kind.roots[t]
-        if role == "frame":
-            return ZERO
-        if role == "ground":
-            o = self.x.load(BASE, fields.closing_position)
-            W = self.attitude(place)
-            return self.x.let_vector("o", [-e for e in rotate(W, o)], "Eq. 22")
-        if role == "far":
-            return self.x.load(REGION, fields.far_position(self.kind.far[t]))
-        return self.x.load(ROOTS[t], self.positions)
+        return self.roots[-1 - place].position()
 
     # -- steps from link to link -----------------------------------------------------------------------------------
 
@@ -324,6 +292,10 @@ class Ear:
             before = found[member.parent] if member.parent >= 0 else roots[-1 - member.parent]
             found.append(self.step(before, member, values, name, tag, lanes))
         return found
+
+    def still(self) -> list[Twist]:
+        """Twists of the roots where these do not move."""
+        return [Twist.zero() for _ in self.roots]
 
     # -- closing conditions ----------------------------------------------------------------------------------------
 
@@ -499,11 +471,6 @@ class Ear:
         for (k, f), value in zip(self.dependents(), dependent, strict=True):
             found[k][f.index] = value
         return found
-
-
-def rotate(W: Matrix, v: Vector) -> Vector:
-    """``W v``; the unit matrix costs nothing."""
-    return list(v) if W is UNIT else matvec(W, v)
 
 
 def _along(n: Vector, v: Vector) -> Value:

@@ -16,7 +16,7 @@ from ...program.field import XYZ
 from ...program.scalar import Value, Vector
 from ...program.store import Store
 from .. import fields
-from ..spatial import add, cross, is_zero, matvec
+from ..spatial import UNIT, add, cross, is_zero, matvec
 from ..stores import (
     CL_DP,
     CL_PARAMETER,
@@ -32,7 +32,7 @@ from ..stores import (
     TURNS,
 )
 from ..tree.tangents import pattern, tangent
-from .geometry import UNIT, Ear
+from .geometry import Ear
 
 
 def tangents_of(values: Vector, tangents: Vector) -> dict[Symbol, Value]:

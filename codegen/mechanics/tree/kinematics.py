@@ -115,7 +115,7 @@ def own_inertia(x: Scope) -> tuple[Value, Vector, Matrix]:
 
 
 def accelerate(
-    x: Scope, kind: LinkKind, joint: JointTransform, carried: Vector, motion: fields.Motion = fields.remainder
+    x: Scope, kind: LinkKind, joint: JointTransform, carried: Vector, motion: fields.MotionFields = fields.remainder
 ) -> tuple[Vector, Vector]:
     """Acceleration of the link's frame with udot = 0 of its own joint. Eqs. 19-21.
 
