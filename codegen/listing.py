@@ -10,6 +10,7 @@ from typing import Any
 
 from .model.expressions import Expression
 from .model.model import GROUND, Body, Face, Model, Output, Point, Vector
+from .model.outputs import MEASURES
 from .summary import counted
 
 FEW, FIRST = 40, 10
@@ -111,11 +112,7 @@ class _Listing:
         return [f"{name} = {self.long(value)}" for name, value in values.items()]
 
     def output(self, o: Output) -> str:
-        if o.expression is not None:
-            return self.long(o.expression)
-        if o.point is not None and o.axis is not None:
-            return f"{o.measure} of {self.point(o.point)} along {self.axis(o.axis)}"
-        return o.measure.replace("_", " ")
+        return MEASURES[o.measure].words(o, self)
 
     def bodies(self) -> list[str]:
         """The tree; of a large model one line for all bodies that are alike."""

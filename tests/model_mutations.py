@@ -504,7 +504,7 @@ def nonsense(model: Model) -> str:
                 return f"the initial value of {name} is not finite"
     references = [r for s in model.springs for r in (s.start.body, s.end.body)]
     references += [face.body for loop in model.loops for face in (loop.start, loop.end)]
-    references += [o.point.body for o in model.outputs if o.point]
+    references += [body for o in model.outputs for body in o.on]
     if not all(GROUND <= r < n for r in references):
         return "a reference to no body"
     return ""

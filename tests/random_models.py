@@ -282,8 +282,8 @@ class _Maker:
     def _outputs(self, bodies: list[Body], coordinates: list[str], speeds: list[str]) -> tuple[Output, ...]:
         tip = Point("tip", len(bodies) - 1, vector(self._length(0.3), self._length(-0.2), self._length(0.7)))
         outputs = [
-            Output("height", "position", tip, vector(0, 0, 1)),
-            Output("speed", "velocity", tip, self._axis(True)),
+            Output("height", "position", (tip,), vector(0, 0, 1)),
+            Output("speed", "velocity", (tip,), self._axis(True)),
             Output("kinetic", "kinetic_energy"),
             Output("potential", "potential_energy"),
         ]

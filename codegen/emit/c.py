@@ -16,7 +16,7 @@ from ..mechanics import procedures
 from ..mechanics.expansion import Program
 from ..mechanics.formulas import FormulaKind
 from ..mechanics.outputs.outputs import RecordFormula
-from ..mechanics.stores import KEPT, LME, MARGIN, MY_LANE
+from ..mechanics.stores import KEPT, LANE, MARGIN, SLOT
 from ..mechanics.structure.kinds import UnitKind
 from ..model.model import Model
 from ..program.block import Block
@@ -170,11 +170,12 @@ class CWriter(Writer):
 
     def field_of_record(self, store: Store, link: str, name: str) -> Located:
         layout = self.layout
-        if store is LME:
-            return store.name, "a->slots", layout.slots["moment_tangents"][name]
-        if store is MY_LANE:
-            return store.name, f"a->lanes + LANE_SIZE*{link}", layout.lane[name]
-        return store.name, f"a->records + RECORD*{link}", layout.record[name]
+        variable = store.label.replace("#", "_")
+        if store.memory is SLOT:
+            return variable, "a->slots", layout.slots["moment_tangents"][name]
+        if store.memory is LANE:
+            return variable, f"a->lanes + LANE_SIZE*{link}", layout.lane[name]
+        return variable, f"a->records + RECORD*{link}", layout.record[name]
 
     def constant(self, shape: int, constants: str, name: str) -> Located:
         return "c", f"a->constants + {constants}", self.layout.constant_fields[shape][name]

@@ -119,7 +119,7 @@ class NumpyWriter(Writer):
         return "", f"a.{array}", f"[{index}]"
 
     def field_of_record(self, store: Store, link: str, name: str) -> Located:
-        return store.name, f"a.{REGIONS[store.memory]}[{link}]", f'["{name}"]'
+        return store.label.replace("#", "_"), f"a.{REGIONS[store.memory]}[{link}]", f'["{name}"]'
 
     def constant(self, shape: int, constants: str, name: str) -> Located:
         return "c", f"a.constants[{constants}]", f'["{name}"]'

@@ -157,11 +157,12 @@ def _read_by_formulas(system: System, records: list[RecordFormula]) -> set[Memor
     """Components of records and lanes that outputs and the potential energy read."""
     read: set[MemoryPlace] = set()
     for r in records:
-        for _, link, _, _ in r.rows:
-            kind = -1 if link == GROUND else system.kind_of[link].index
+        for _, links, _, _ in r.rows:
+            kinds = [-1 if link == GROUND else system.kind_of[link].index for link in links]
             for block in (r.value, r.tangent):
                 for store, name in block.loads.values():
                     if store.memory in LAID_OUT:
                         sweep = "moment_tangents" if store.memory is SLOT else ""
+                        kind = kinds[store.place or 0]
                         read.add(((store.memory, sweep), kind, name))
     return read

@@ -13,7 +13,7 @@ from typing import Any
 from ..mechanics.expansion import Program
 from ..mechanics.formulas import FormulaKind
 from ..mechanics.outputs.outputs import RecordFormula
-from ..mechanics.stores import LME, ME, MY_LANE, NUMBER, SHAPE
+from ..mechanics.stores import LAID_OUT, NUMBER, SHAPE
 from ..mechanics.structure.kinds import EarKind, RegionKind, SpringKind, UnitKind
 from ..mechanics.sweeps import INWARD, SWEEP
 from ..model.model import GROUND
@@ -289,17 +289,20 @@ class Writer(ABC):
                 numbers = [n for _, _, n in kind.rows]
                 self._add_pair(result, f"{target}_{kind.index}", kind, place_formula, integers, numbers)
         ground = len(self.system.links)
-
-        def place_record(column: Column, store: Store, name: str) -> Located:
-            if store.name in (target, f"d{target}"):
-                return self.element(store.name, column(0))
-            if store.plain in (ME, MY_LANE, LME):
-                return self.field_of_record(store.plain, column(1), name)
-            return self.element(store.name, column(2 + int(name)))
-
         for record in self.records:
             if record.target == target:
-                integers = [[i, ground if link == GROUND else link, *slots] for i, link, slots, _ in record.rows]
+                slots = 1 + len(record.rows[0][1])
+
+                def place_record(column: Column, store: Store, name: str, slots: int = slots) -> Located:
+                    if store.name in (target, f"d{target}"):
+                        return self.element(store.name, column(0))
+                    if store.memory in LAID_OUT:
+                        return self.field_of_record(store.plain, column(1 + (store.place or 0)), name)
+                    return self.element(store.name, column(slots + int(name)))
+
+                integers = [
+                    [i, *(ground if link == GROUND else link for link in links), *of] for i, links, of, _ in record.rows
+                ]
                 numbers = [n for *_, n in record.rows]
                 self._add_pair(result, f"{target}_of_link_{record.index}", record, place_record, integers, numbers)
         return result

@@ -33,7 +33,8 @@ from ..program.procedure import (
     over_directions,
     walk,
 )
-from .quantities import POSE, Quantity, elements, measured, missing, run
+from .outputs import MEASURES, EnergyMeasure, RecordMeasure
+from .quantities import ENERGIES, POSE, Quantity, elements, measured, missing, run
 from .structure.kinds import System
 from .sweeps import SWEEPS, transpose_name, values_name
 
@@ -458,7 +459,7 @@ class _Writer:
     def energies(self) -> list[Procedure]:
         model = self.system.model
         energy, denergy = self.of("energy", "denergy")
-        quantities = measured(self.system, ("kinetic_energy", "potential_energy"))
+        quantities = measured(self.system, (), range(len(ENERGIES)))
         values, tangents = self.measuring(quantities)
         read = set().union(*(e.names for s in model.springs for e in (s.stiffness, s.damping, s.free_length)))
         more = [*(["inputs"] if read & set(model.inputs) else []), *(["t"] if "t" in read else [])]
@@ -475,17 +476,19 @@ class _Writer:
     def outputs(self) -> list[Procedure]:
         model = self.system.model
         outputs, doutputs, energy, denergy = self.of("outputs", "doutputs", "energy", "denergy")
-        quantities = measured(self.system, (o.measure for o in model.outputs))
+        measures = [MEASURES[o.measure] for o in model.outputs]
+        read = {name for m in measures if isinstance(m, RecordMeasure) for name in m.reads}
+        quantities = measured(self.system, read, {m.entry for m in measures if isinstance(m, EnergyMeasure)})
         values, tangents = self.measuring(quantities)
         sums = any(q.energy for q in quantities)
         zero: tuple[Step, ...] = (Own(energy), Zero(energy)) if sums else ()
         zero_along: tuple[Step, ...] = (Own(denergy), Zero(denergy)) if sums else ()
         copies: list[Step] = []
         copies_along: list[Step] = []
-        for i, o in enumerate(model.outputs):
-            if o.measure in ENERGIES:
-                copies.append(CopyEntry(outputs, i, energy, ENERGIES.index(o.measure)))
-                copies_along.append(CopyEntry(doutputs, i, denergy, ENERGIES.index(o.measure)))
+        for i, measure in enumerate(measures):
+            if isinstance(measure, EnergyMeasure):
+                copies.append(CopyEntry(outputs, i, energy, measure.entry))
+                copies_along.append(CopyEntry(doutputs, i, denergy, measure.entry))
         check = (Check(True),) if any(q.pivots for q in quantities) else ()
         return self.pair(
             ("outputs", "output_sensitivities"),
@@ -596,10 +599,6 @@ class _Writer:
             (*bound, INITIAL),
             (*bound, *along, INITIAL, INITIAL.tangents()),
         )
-
-
-ENERGIES = ("kinetic_energy", "potential_energy")
-"""Measures of outputs that are energies, in the order of the array ``energy``."""
 
 
 def sweeps(found: tuple[Procedure, ...]) -> set[str]:

@@ -97,13 +97,11 @@ SPRINGS = Element(
 ELEMENTS = (SPRINGS,)
 """All sorts of force elements."""
 
-MEASURES: dict[str, tuple[Quantity, ...]] = {
-    "value": (),
-    "position": (POSE,),
-    "velocity": (POSE, KINETIC),
-    "kinetic_energy": (KINETIC,),
-}
-"""What each measure of an output is a function of; for the potential energy see `measured`."""
+QUANTITIES = {q.name: q for q in (POSE, KINETIC)}
+"""What outputs may read, by name, in the order in which it is computed."""
+
+ENERGIES = ("kinetic_energy", "potential_energy")
+"""In the order of the array ``energy``."""
 
 
 def elements(system: System) -> list[Element]:
@@ -111,17 +109,25 @@ def elements(system: System) -> list[Element]:
     return [e for e in ELEMENTS if e.present(system)]
 
 
-def measured(system: System, measures: Iterable[str]) -> list[Quantity]:
-    """The quantities that measures are functions of, in the order in which they are computed."""
-    wanted: set[str] = set()
+def measured(system: System, read: Iterable[str], energies: Iterable[int]) -> list[Quantity]:
+    """The quantities that are read by name, and those that energies are functions of, in the order in which they are computed.
+
+    Parameters
+    ----------
+    read : iterable of str
+        Names of `QUANTITIES`.
+    energies : iterable of int
+        Places in `ENERGIES`.
+    """
+    wanted = set(read)
     potential = [*([GRAVITY] if system.model.gravity is not None else []), *(e.energy for e in elements(system))]
-    for measure in measures:
-        if measure == "potential_energy":
-            of_elements = [q for e in elements(system) for q in e.energy_needs]
-            wanted |= {q.name for q in (*potential, *of_elements)}
+    for energy in energies:
+        if ENERGIES[energy] == "kinetic_energy":
+            wanted.add(KINETIC.name)
         else:
-            wanted |= {q.name for q in MEASURES[measure]}
-    return [q for q in (POSE, KINETIC, *potential) if q.name in wanted]
+            wanted |= {q.name for q in (*potential, *(q for e in elements(system) for q in e.energy_needs))}
+    assert wanted <= {*QUANTITIES, *(q.name for q in potential)}, wanted
+    return [q for q in (*QUANTITIES.values(), *potential) if q.name in wanted]
 
 
 def missing(quantities: Iterable[Quantity], taken: tuple[Step, ...]) -> tuple[Step, ...]:

@@ -26,14 +26,14 @@ class Seen(Protocol):
 
 def position(output: Output, seen: Seen) -> Pair:
     """n . x"""
-    assert output.point is not None
-    return _along(output, seen, seen.point(output.point)[0])
+    (point,) = output.points
+    return _along(output, seen, seen.point(point)[0])
 
 
 def velocity(output: Output, seen: Seen) -> Pair:
     """n . v"""
-    assert output.point is not None
-    return _along(output, seen, seen.point(output.point)[1])
+    (point,) = output.points
+    return _along(output, seen, seen.point(point)[1])
 
 
 def value(output: Output, seen: Seen) -> Pair:

@@ -54,10 +54,7 @@ def flat(model):
         [(b.name, b.parent, b.joint.type, b.joint.axes, b.joint.at, b.joint.rotation) for b in model.bodies],
         [(b.mass, b.com, b.inertia) for b in model.bodies],
         [(f.name, f.body, f.values) for f in model.forces],
-        [
-            (o.name, o.measure, o.axis, o.expression, o.point and (o.point.name, o.point.body, o.point.at))
-            for o in model.outputs
-        ],
+        [(o.name, o.measure, o.axis, o.expression, [(p.name, p.body, p.at) for p in o.points]) for o in model.outputs],
     )
 
 
@@ -140,8 +137,8 @@ outputs:
     assert str(model.forces[0].values[0]) == "tau_1 - c_1*u.knee_1_right"
     assert str(model.forces[1].values[0]) == "-q.hip_1_left.1"
     assert {k: e.value for k, e in model.initial_u.items()} == {"hip_1_left.2": 0.1, "hip_2_left.2": 0.2}
-    assert model.outputs[1].point is not None
-    assert model.outputs[1].point.body == 6
+    assert model.outputs[1].points[0] is not None
+    assert model.outputs[1].points[0].body == 6
     assert not [w for w in model.warnings if "triangle" not in w]
 
 
@@ -245,7 +242,7 @@ initial: {q: {hand.qw: 0.6, hand.qx: 0.8, arm: pi/2}, u: {hand: [1, 2, 3]}}
         "value",
         "position",
     ]
-    assert [o.point.body for o in model.outputs if o.point] == [0, 0, 1, GROUND]
+    assert [p.body for o in model.outputs for p in o.points] == [0, 0, 1, GROUND]
     assert model.initial_q["arm"].value == pytest.approx(np.pi / 2)
     assert [model.initial_u[f"hand.w{c}"].value for c in "xyz"] == [1, 2, 3]
     assert not model.warnings

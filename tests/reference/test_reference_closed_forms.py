@@ -27,7 +27,7 @@ def pendulum(n):
         )
         for k in range(n)
     ]
-    tip = Output("x", "position", Point("tip", n - 1, vector(0, 0, f"-L{n}")), vector(1, 0, 0))
+    tip = Output("x", "position", (Point("tip", n - 1, vector(0, 0, f"-L{n}")),), vector(1, 0, 0))
     return Model("pendulum", vector(0, 0, -G), PARAMETERS, (), tuple(bodies), outputs=(tip,))
 
 

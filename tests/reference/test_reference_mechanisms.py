@@ -34,7 +34,7 @@ def model(name, bodies, loop, dependent):
     drive = JointForce("drive", 0, (expression(f"motor - 0.1*u.{bodies[2].name}"),))
     ends = (Point("", 0, vector(0, 0, "a")), Point("", -1, vector(0.3, 0, 1.2)))
     spring = Spring("spring", *ends, *map(expression, ("k", "damping", "l0")))
-    tip = Output("x", "position", Point("tip", 2, vector(0, 0, 0)), vector(1, 0, 0))
+    tip = Output("x", "position", (Point("tip", 2, vector(0, 0, 0)),), vector(1, 0, 0))
     parameters = tuple(Parameter(n, v) for n, v in zip(NAMES, DEFAULTS, strict=True))
     free = tuple({0, 1, 2} - set(dependent))
     return Model(

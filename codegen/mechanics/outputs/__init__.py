@@ -1,1 +1,19 @@
-"""What is measured: energies, points, formulas."""
+"""What is measured: energies, points, formulas. A new measure is a file with its statements, and a line here."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from .measure import EnergyMeasure, FormulaMeasure, Measure, RecordMeasure
+from .points import POSITION, VELOCITY
+
+__all__ = ["MEASURES", "EnergyMeasure", "FormulaMeasure", "Measure", "RecordMeasure"]
+
+MEASURES: Final[dict[str, Measure]] = {
+    "position": POSITION,
+    "velocity": VELOCITY,
+    "value": FormulaMeasure(),
+    "kinetic_energy": EnergyMeasure(0),
+    "potential_energy": EnergyMeasure(1),
+}
+"""By the names of `codegen.model.outputs.MEASURES`."""

@@ -1,7 +1,6 @@
-"""Outputs and potential energy: formulas over what the sweeps leave in the records of links.
+"""Outputs and potential energy: formulas over what the sweeps leave in the records of links, and over what they sum up.
 
-A point of a link is at ``pos + W r`` and moves at ``W (v + omega x r)`` in the ground frame. Outputs of the same form share a
-block, like formulas; the link is data.
+Outputs of the same form share a block, like formulas; the links are data. What is computed stands in a file for each measure.
 """
 
 from __future__ import annotations
@@ -22,23 +21,26 @@ from ...program.passes import simplify
 from ...program.scalar import Vector
 from .. import fields
 from ..formulas import FormulaKind, FormulaSlots, formula_kinds, seed_of, transpose_of_tangent
-from ..spatial import add, cross, dot, matvec, transpose
-from ..stores import LME, ME, MY_LANE, NUMBER, argument
+from ..spatial import add, dot
+from ..stores import LME, ME, MY_LANE, NUMBER, RECORD, TANGENT_OF, argument
 from ..structure.constants import Statements
 from ..structure.kinds import System
-from ..structure.links import BODY_FRAME, Frame, Placement, frame_matrix, identity, place, rigid_inertia, unit
+from ..structure.links import rigid_inertia
+from . import MEASURES
+from .measure import FormulaMeasure, RecordMeasure
+from .records import Records, expressions_of, links_of, structure_of
 
 
 @dataclass(eq=False)
 class RecordFormula:
-    """Formulas of one form over the record of a link.
+    """Formulas of one form over the records of some links.
 
     Attributes
     ----------
     value, tangent : Block
-        From the record of the link, its lanes (its tangent), the ground's slot, parameters and numbers.
-    rows : list of (int, int, list of int, list of float)
-        Target index, link, parameter indices, numbers.
+        From the records of the links, their lanes (the tangents), the ground's slot, parameters and numbers.
+    rows : list of (int, tuple of int, list of int, list of float)
+        Target index, links, parameter indices, numbers.
     """
 
     index: int
@@ -46,7 +48,7 @@ class RecordFormula:
     value: Block
     tangent: Block
     slots: list[tuple[str, int]]
-    rows: list[tuple[int, int, list[int], list[float]]] = field(default_factory=list)
+    rows: list[tuple[int, tuple[int, ...], list[int], list[float]]] = field(default_factory=list)
 
     @cached_property
     def transposed(self) -> Block:
@@ -56,98 +58,58 @@ class RecordFormula:
 def output_formulas(system: System) -> tuple[list[FormulaKind], list[RecordFormula]]:
     """Outputs as value formulas and record formulas; those that are energies are copied by the procedures."""
     model = system.model
-    values = [(i, o.expression.tree) for i, o in enumerate(model.outputs) if o.measure == "value" and o.expression]
+    values: list[tuple[int, Tree]] = []
     kinds: dict[object, RecordFormula] = {}
     for i, o in enumerate(model.outputs):
-        if o.measure not in ("position", "velocity"):
-            continue
-        assert o.point is not None and o.axis is not None
-        link, steps = (GROUND, ()) if o.point.body == GROUND else system.carriers[o.point.body]
-        frame = BODY_FRAME if link == GROUND else system.links[link].frame
-        slots = FormulaSlots(model)
-        canonical: dict[Expression, Tree] = {}
-        for e in _expressions(o, steps, frame):
-            if e not in canonical:
-                canonical[e] = slots.convert(e.tree)
-        form = tuple(str(canonical[e]) for e in _expressions(o, steps, frame))
-        pattern = () if link == GROUND else system.kind_of[link].index
-        key = (o.measure, pattern, form, tuple(len(r) for _, r in steps), frame.index, frame.flipped, frame.start)
-        kind = kinds.get(key)
-        if kind is None:
-            kind = kinds[key] = _make(len(kinds), o, link, steps, frame, slots, canonical)
-        kind.rows.append((i, link, [j for _, j in slots.slots], list(slots.numbers)))
+        measure = MEASURES[o.measure]
+        if isinstance(measure, FormulaMeasure):
+            assert o.expression is not None
+            values.append((i, o.expression.tree))
+        elif isinstance(measure, RecordMeasure):
+            _add_record(system, kinds, i, o, measure)
     return formula_kinds(model, "outputs", values), list(kinds.values())
 
 
-def _expressions(o: Output, steps: tuple[Placement, ...], frame: Frame) -> list[Expression]:
-    """The expressions of a point and an axis, in a fixed order."""
-    assert o.point is not None and o.axis is not None
-    found = [*o.point.at, *o.axis, *(frame.vector or ())]
-    for at, rotation in steps:
-        found += at
-        for axis, angle in rotation:
-            found += [*axis, angle]
-    return found
+def _add_record(system: System, kinds: dict[object, RecordFormula], i: int, o: Output, measure: RecordMeasure) -> None:
+    """Add a row to the formula of its form, which is made if it is the first."""
+    links = links_of(system, o)
+    slots = FormulaSlots(system.model)
+    expressions = [*o.expressions(), *expressions_of(system, o.on), *measure.more(o, system)]
+    canonical: dict[Expression, Tree] = {}
+    for e in expressions:
+        if e not in canonical:
+            canonical[e] = slots.convert(e.tree)
+    form = tuple(str(canonical[e]) for e in expressions)
+    key = (o.measure, o.choice, form, structure_of(system, o.on, links), [o.on.index(p.body) for p in o.points])
+    kind = kinds.get(repr(key))
+    if kind is None:
+
+        def write(x: Expansion, tangents: bool) -> Expr:
+            records = Records(x, system, links, canonical, tangents)
+            for e in o.expressions():
+                records.evaluate(e)
+            return x.let("value", measure.write(records, o))
+
+        value, tangent = _both(write, len(kinds), "outputs", "an output of the model")
+        kind = kinds[repr(key)] = RecordFormula(
+            len(kinds), "outputs", value, tangent, [(c, j) for j, (c, _) in enumerate(slots.slots)]
+        )
+    kind.rows.append((i, links, [j for _, j in slots.slots], list(slots.numbers)))
 
 
-def _make(
-    index: int,
-    o: Output,
-    link: int,
-    steps: tuple[Placement, ...],
-    frame: Frame,
-    slots: FormulaSlots,
-    canonical: dict[Expression, Tree],
-) -> RecordFormula:
-    assert o.point is not None and o.axis is not None
-    point, direction = o.point, o.axis
-
-    def write(x: Expansion) -> Expr:
-        def leaf(node: Tree) -> Expr:
-            return x.entry(NUMBER, node[1]) if node[0] == "slot" else x.entry(argument(node[1]), node[2])
-
-        statements = Statements(x, leaf)
-
-        def evaluate(e: Expression) -> Expr:
-            return statements.write(canonical[e])
-
-        r = [evaluate(e) for e in point.at]
-        axis = [evaluate(e) for e in direction]
-        if any(a.free_symbols for a in map(sympy.sympify, axis)) or sum(abs(a) for a in axis) != 1:
-            axis = unit(axis, SYMBOLIC["sqrt"], x.let)
-        if steps:
-            origin, R = place(steps, evaluate, SYMBOLIC, x.let)
-            r = [x.let("r", e) for e in add(origin, matvec(R, r))]
-        if frame.vector is not None:
-            r = [x.let("r", e) for e in matvec(transpose(frame_matrix(frame, evaluate, SYMBOLIC["sqrt"], x.let)), r)]
-        W = x.load(ME, fields.attitude) if link != GROUND else identity()
-        if o.measure == "position":
-            moved = [x.let("x", e) for e in matvec(W, r)]
-            position: Vector = x.load(ME, fields.position) if link != GROUND else [0, 0, 0]
-            return x.let("value", dot(axis, add(position, moved)))
-        if link == GROUND:
-            return sympy.S.Zero
-        v = x.load(ME, fields.velocity)
-        w = x.load(ME, fields.angular_velocity)
-        moved = [x.let("v", e) for e in add(v, cross(w, r))]
-        return x.let("value", dot(axis, [x.let("x", e) for e in matvec(W, moved)]))
-
-    value, tangent = _both(write, index, "outputs", "an output of the model")
-    return RecordFormula(index, "outputs", value, tangent, [(c, j) for j, (c, _) in enumerate(slots.slots)])
-
-
-def _both(write: Callable[[Expansion], Expr], index: int, target: str, title: str) -> tuple[Block, Block]:
+def _both(write: Callable[[Expansion, bool], Expr], index: int, target: str, title: str) -> tuple[Block, Block]:
     """The block of a value and that of its tangent."""
     x = Expansion(f"{target}_{index}", title, lambda a, f: True)
-    x.set_entry(argument(target), 0, write(x))
+    x.set_entry(argument(target), 0, write(x, False))
     y = Expansion(f"d{target}_{index}", f"tangent of {title}", lambda a, f: True)
-    value = sympy.sympify(write(y))
+    value = sympy.sympify(write(y, True))
     seeds: dict[Symbol, Expr] = {}
     for s, (a, n) in list(y.block.loads.items()):
-        if a is ME:
-            seeds[s] = y.component(LME if n.startswith("sum.") else MY_LANE, n)
+        if a.memory is RECORD:
+            lanes = LME if n.startswith("sum.") else MY_LANE
+            seeds[s] = y.component(lanes if a.place is None else lanes[a.place], n)
         elif a is not NUMBER:
-            seeds[s] = y.component(seed_of(a), n)
+            seeds[s] = y.component(TANGENT_OF.get(a) or seed_of(a), n)
     d = Tangents(y, seeds, {})
     for s in list(y.block.statements):
         d.statement(s)
@@ -164,7 +126,7 @@ def potential_formula(system: System) -> RecordFormula | None:
     slots = FormulaSlots(model)
     grounded = [(model.bodies[k], steps) for k, (link, steps) in enumerate(system.carriers) if link == GROUND and steps]
 
-    def write(x: Expansion) -> Expr:
+    def write(x: Expansion, tangents: bool) -> Expr:
         fresh = FormulaSlots(model)
 
         def leaf(node: Tree) -> Expr:
@@ -185,5 +147,5 @@ def potential_formula(system: System) -> RecordFormula | None:
 
     value, tangent = _both(write, 0, "energy", "potential energy of gravity")
     formula = RecordFormula(0, "energy", value, tangent, [(c, j) for j, (c, _) in enumerate(slots.slots)])
-    formula.rows.append((1, GROUND, [j for _, j in slots.slots], list(slots.numbers)))
+    formula.rows.append((1, (GROUND,), [j for _, j in slots.slots], list(slots.numbers)))
     return formula

@@ -25,7 +25,7 @@ class Position(Measure):
     def read(cls, entry: Any, x: EntryReader) -> Output | None:
         axis = x.direction(entry.axis, "axis")
         point = x.point(getattr(entry, cls.name), cls.name, x.name)
-        return None if point is None else Output(x.name, cls.name, point, axis)
+        return None if point is None else Output(x.name, cls.name, (point,), axis)
 
 
 class Velocity(Position):

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 from ..entries import OptionalExpr
 from ..entry_reader import EntryReader
-from .output import Measure, Output
+from .output import Measure, Output, Speaker
 
 
 class Value(Measure):
@@ -18,3 +18,8 @@ class Value(Measure):
     @classmethod
     def read(cls, entry: Any, x: EntryReader) -> Output:
         return Output(x.name, cls.name, expression=x.bound(entry.value, "value", scope="motion"))
+
+    @classmethod
+    def words(cls, output: Output, say: Speaker) -> str:
+        assert output.expression is not None
+        return say.long(output.expression)

@@ -1,0 +1,196 @@
+"""What the statements of an output are written with: motions of points and bodies, from the records of their links.
+
+A point of a link is at ``pos + W r`` and moves at ``W (v + omega x r)`` in the ground frame. Of an output on one link the record
+is that of `ME`; of one on several they are `ME[0]`, `ME[1]` and so on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import sympy
+from sympy import Expr
+
+from ...model.axes import Vector as ExpressionVector
+from ...model.expressions import Expression, Tree
+from ...model.model import GROUND
+from ...model.outputs import Output
+from ...model.places import Point
+from ...program.block import Expansion
+from ...program.functions import SYMBOLIC
+from ...program.scalar import Matrix, Value, Vector
+from ...program.store import Store
+from .. import fields
+from ..spatial import add, cross, matmul, matvec, transpose
+from ..stores import ME, NUMBER, argument
+from ..structure.constants import Statements
+from ..structure.kinds import System
+from ..structure.links import BODY_FRAME, Frame, Placement, frame_matrix, identity, place, unit
+
+
+class Records:
+    """The links that an output is on, as its block sees them.
+
+    Parameters
+    ----------
+    x : Expansion
+    system : System
+    links : tuple of int
+        The links whose records the block reads.
+    canonical : mapping of Expression to Tree
+        The expressions that may be evaluated, with numbers and names as slots.
+    tangents : bool
+        The block is to be differentiated.
+    """
+
+    def __init__(
+        self,
+        x: Expansion,
+        system: System,
+        links: tuple[int, ...],
+        canonical: Mapping[Expression, Tree],
+        tangents: bool,
+    ):
+        self.x = x
+        self.system = system
+        self.links = links
+        self.canonical = canonical
+        self.tangents = tangents
+
+        def leaf(node: Tree) -> Expr:
+            return x.entry(NUMBER, node[1]) if node[0] == "slot" else x.entry(argument(node[1]), node[2])
+
+        self._statements = Statements(x, leaf)
+
+    # -- expressions -------------------------------------------------------------------------------------------------
+
+    def evaluate(self, e: Expression) -> Expr:
+        """An expression of parameters, inputs and the like."""
+        return self._statements.write(self.canonical[e])
+
+    def vector(self, v: ExpressionVector) -> Vector:
+        return [self.evaluate(e) for e in v]
+
+    def direction(self, axis: ExpressionVector | None) -> Vector:
+        """A unit vector."""
+        assert axis is not None
+        v = self.vector(axis)
+        if any(a.free_symbols for a in map(sympy.sympify, v)) or sum(abs(sympy.sympify(a)) for a in v) != 1:
+            v = unit(v, SYMBOLIC["sqrt"], self.x.let)
+        return v
+
+    # -- links -------------------------------------------------------------------------------------------------------
+
+    def _record(self, link: int) -> Store:
+        return ME if len(self.links) == 1 else ME[self.links.index(link)]
+
+    def carried(self, body: int) -> tuple[int, tuple[Placement, ...], Frame]:
+        """The link that carries a body, the way from its body's frame, and how that lies in the link."""
+        return carrier(self.system, body)
+
+    def in_link(self, body: int, r: Vector) -> Vector:
+        """A place in a body from the origin of its link, in the link's axes."""
+        _, steps, frame = self.carried(body)
+        if steps:
+            origin, R = place(steps, self.evaluate, SYMBOLIC, self.x.let)
+            r = [self.x.let("r", e) for e in add(origin, matvec(R, r))]
+        if frame.vector is not None:
+            Q = frame_matrix(frame, self.evaluate, SYMBOLIC["sqrt"], self.x.let)
+            r = [self.x.let("r", e) for e in matvec(transpose(Q), r)]
+        return r
+
+    def body_axes(self, body: int) -> Matrix:
+        """Link components from body components."""
+        _, steps, frame = self.carried(body)
+        R = identity()
+        if steps:
+            R = place(steps, self.evaluate, SYMBOLIC, self.x.let)[1]
+        if frame.vector is not None:
+            Q = frame_matrix(frame, self.evaluate, SYMBOLIC["sqrt"], self.x.let)
+            R = [[self.x.let("R", e) for e in row] for row in matmul(transpose(Q), R)]
+        return R
+
+    def to_ground(self, body: int, v: Vector) -> Vector:
+        """Ground components from those of a body's link."""
+        W = self.link_attitude(body)
+        return v if W is None else [self.x.let("x", e) for e in matvec(W, v)]
+
+    def link_attitude(self, body: int) -> Matrix | None:
+        """Ground components from those of a body's link; None of the ground, which has the same."""
+        link, _, _ = self.carried(body)
+        return None if link == GROUND else self.x.load(self._record(link), fields.attitude)
+
+    # -- motions -----------------------------------------------------------------------------------------------------
+
+    def position(self, point: Point) -> Vector:
+        """Of a point in the ground frame, m."""
+        link, _, _ = self.carried(point.body)
+        moved = self.to_ground(point.body, self.in_link(point.body, self.vector(point.at)))
+        origin: Vector = self.x.load(self._record(link), fields.position) if link != GROUND else [0, 0, 0]
+        return add(origin, moved)
+
+    def velocity(self, point: Point) -> Vector:
+        """Of a point against the ground, in its axes, m/s."""
+        link, _, _ = self.carried(point.body)
+        if link == GROUND:
+            return [0, 0, 0]
+        r = self.in_link(point.body, self.vector(point.at))
+        me = self._record(link)
+        self.link_attitude(point.body)  # in the order of the record
+        v, w = self.x.load(me, fields.velocity), self.x.load(me, fields.angular_velocity)
+        return self.to_ground(point.body, [self.x.let("v", e) for e in add(v, cross(w, r))])
+
+    def attitude(self, body: int) -> Matrix:
+        """Ground components from body components."""
+        link, _, _ = self.carried(body)
+        R = self.body_axes(body)
+        if link == GROUND:
+            return R
+        W = self.x.load(self._record(link), fields.attitude)
+        return [[self.x.let("W", e) for e in row] for row in matmul(W, R)]
+
+    def angular_velocity(self, body: int) -> Vector:
+        """Of a body against the ground, in the axes of its link, rad/s."""
+        link, _, _ = self.carried(body)
+        return [0, 0, 0] if link == GROUND else self.x.load(self._record(link), fields.angular_velocity)
+
+
+def carrier(system: System, body: int) -> tuple[int, tuple[Placement, ...], Frame]:
+    """The link that carries a body, the way from its body's frame, and how that lies in the link."""
+    link, steps = (GROUND, ()) if body == GROUND else system.carriers[body]
+    return link, steps, BODY_FRAME if link == GROUND else system.links[link].frame
+
+
+def links_of(system: System, output: Output) -> tuple[int, ...]:
+    """The links that an output is on, each once; the ground alone where there are none."""
+    found = dict.fromkeys(carrier(system, body)[0] for body in output.on)
+    return tuple(link for link in found if link != GROUND) or (GROUND,)
+
+
+def expressions_of(system: System, bodies: tuple[int, ...]) -> list[Expression]:
+    """What places of bodies in their links are made of, in a fixed order."""
+    found: list[Expression] = []
+    for body in bodies:
+        _, steps, frame = carrier(system, body)
+        found += frame.vector or ()
+        for at, rotation in steps:
+            found += at
+            for axis, angle in rotation:
+                found += [*axis, angle]
+    return found
+
+
+def structure_of(system: System, bodies: tuple[int, ...], links: tuple[int, ...]) -> tuple[object, ...]:
+    """Equal for bodies that lie in links of equal kinds in the same way, but for numbers."""
+
+    def of(body: int) -> tuple[object, ...]:
+        link, steps, frame = carrier(system, body)
+        at = () if link == GROUND else (links.index(link), system.kind_of[link].index)
+        return (*at, "steps", *(len(r) for _, r in steps), frame.index, frame.flipped, frame.start)
+
+    return tuple(map(of, bodies))
+
+
+def value_of(value: Value) -> Expr:
+    """A value as an expression."""
+    return sympy.sympify(value)
