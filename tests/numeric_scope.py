@@ -19,7 +19,7 @@ class Numbers(Scope):
 
     def __init__(self) -> None:
         self.memory: dict[tuple[str, str], Any] = {}
-        self.asked = {}
+        self.asked, self.told = {}, {}
 
     def component(self, store: Any, name: str) -> Any:
         return self.memory.get((store.label, name), 0)
