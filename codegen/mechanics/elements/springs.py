@@ -13,7 +13,6 @@ from ...program.derivatives import Tangents
 from ...program.scalar import Value, Vector
 from ...program.store import Store
 from .. import fields, handing_on
-from ..joints.transform import JointTransform
 from ..spatial import add, cross, dot, matvec, transpose
 from ..stores import (
     COEFFICIENT,
@@ -44,9 +43,9 @@ SHORTEST = 1e-100
 
 def velocities(x: Scope, kind: LinkKind) -> None:
     """Outward block of a link: angular velocity and velocity of the origin, in its own axes. Eq. 18."""
-    joint = JointTransform(x, kind)
-    _, w = angular_velocity(x, kind, joint, fields.spring_twist.angular)
-    v = origin_velocity(x, kind, joint, fields.spring_twist.angular, fields.spring_twist.linear)
+    joint = kind.joint(x, kind)
+    _, w = angular_velocity(x, joint, fields.spring_twist.angular)
+    v = origin_velocity(x, joint, fields.spring_twist.angular, fields.spring_twist.linear)
     x.store(ME, fields.spring_twist.angular, w)
     x.store(ME, fields.spring_twist.linear, v)
     if x.tangents:
