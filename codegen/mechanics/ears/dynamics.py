@@ -24,7 +24,9 @@ from ..couplings import (
     partner_acceleration,
     to_base,
 )
+from ..elimination import OF_SOURCES, SymmetricSystem, substitute
 from ..handing_on import accumulate, accumulate_force, add_to_sum, clear
+from ..joints import Column
 from ..joints.inertia import shift_inertia
 from ..spatial import (
     SIX,
@@ -42,11 +44,11 @@ from ..spatial import (
     symmetric,
     transpose,
 )
-from ..stores import BASE, CONSTANTS, EAR, LBASE, LME, LREGION, ME, OWN, PIVOT, REGION, SPEEDS, TAU, UDOT
+from ..stores import BASE, CONSTANTS, EAR, LBASE, LME, LREGION, ME, OWN, REGION, SPEEDS, TAU, UDOT
 from ..structure.elimination_order import CARRIER
 from ..structure.kinds import EarKind, RegionKind
 from ..tree.kinematics import acceleration_matrix, body_force
-from ..tree.triangularization import SMALL, articulated_parts, pivot
+from ..tree.triangularization import articulated_parts
 from .closures import own_sources, root_velocities, stored_factor
 from .far_links import far_motions
 from .geometry import Condition, Ear, Member, joint_motion
@@ -449,7 +451,7 @@ def _to_base(x: Scope, o: Vector, J: Matrix, H: Matrix, M: Matrix, n: Vector, f:
     add_to_sum(x, REGION, fields.region_force, [*n, *f], "p", "Eq. 41")
 
 
-def region_system(x: Scope, kind: RegionKind) -> tuple[Matrix, Vector]:
+def region_system(x: Scope, kind: RegionKind) -> SymmetricSystem:
     """Inertia and force of a region over its sources, a base that is a link, and partners."""
     at, where = place_of_base(kind), places_of_partners(kind)
     size = system_size(kind) + 6 * len(others(kind))
@@ -482,7 +484,7 @@ def region_system(x: Scope, kind: RegionKind) -> tuple[Matrix, Vector]:
                 elif c - at <= k:  # it stands on both sides of the base's own block
                     both = value + P[at + k][c - at]
                     Q[c][at + k] = Q[at + k][c] = x.let("Q", Q[c][at + k] + both, "Eq. 40")
-    return Q, g
+    return SymmetricSystem(x, kind, Q, g, OF_SOURCES, [""] * size)
 
 
 def region_triangularize(x: Scope, kind: RegionKind) -> None:
@@ -490,39 +492,22 @@ def region_triangularize(x: Scope, kind: RegionKind) -> None:
 
     Eqs. 44-47.
     """
-    let = x.let
-    Q, g = region_system(x, kind)
-    size = len(Q)
+    system = region_system(x, kind)
     for j in reversed(range(kind.sources)):
-        D = pivot(x, kind, Q[j][j])
-        inverse = let("Dinv", 1 / D, "Eq. 47")
         # what is left is measured against what the source's own inertia was before others were eliminated
-        whole = x.load(REGION, fields.source_inertia(j, j))
-        x.set_entry(PIVOT, j, let("margin", D - x.number(SMALL) * whole, "zero pivot"))
-        x.store(REGION, fields.source_inverse_pivot(j), inverse)
-        x.store(REGION, fields.source_right_side(j), let("rD", -g[j] * inverse, "Eq. 53"))
-        remaining = [i for i in range(size) if i < j or i >= kind.sources]
-        G = {i: let("G", Q[i][j] * inverse, "Eq. 46") for i in remaining}
-        for i in remaining:
-            x.store(REGION, fields.gain(j, i), G[i])
-        U = {i: Q[i][j] for i in remaining}
-        for i in remaining:
-            for k in remaining:
-                if k >= i:
-                    Q[i][k] = Q[k][i] = let("Q", Q[i][k] - G[i] * U[k], "Eq. 44")
-            g[i] = let("g", g[i] - G[i] * g[j], "Eq. 45")
+        system.eliminate(j, Column(j), 0, x.load(REGION, fields.source_inertia(j, j)))
+    Q, g = system.Q, system.p
     at = place_of_base(kind)
     if kind.far:
         absolute_motions(x, kind, Q, g)
     where = places_of_partners(kind)
     for m in others(kind):
-        first = where[m]
-        hand_inertia(x, kind, m, [row[first : first + 6] for row in Q[first : first + 6]])
-        hand_force(x, kind, m, g[first : first + 6])
+        hand_inertia(x, kind, m, system.block(where[m], where[m]))
+        hand_force(x, kind, m, g[where[m] : where[m] + 6])
 
     def remaining_block(m: int, n: int) -> Matrix:
         rows, columns = (at if end == CARRIER else where[end] for end in (m, n))
-        return [row[columns : columns + 6] for row in Q[rows : rows + 6]]
+        return system.block(rows, columns)
 
     hand_on(x, kind, remaining_block)
     if not kind.carried:
@@ -597,24 +582,17 @@ def outer_accelerations(x: Scope, kind: RegionKind, lanes: bool) -> dict[int, Va
 
 def region_back_substitute(x: Scope, kind: RegionKind) -> None:
     """Outward block of a region: the accelerations of its sources. Eq. 53."""
-    store_sources(x, kind, [x.load(REGION, fields.source_right_side(j)) for j in range(kind.sources)], False)
+    find_sources(x, kind, REGION, False)
 
 
-def store_sources(x: Scope, kind: RegionKind, right: Vector, lanes: bool) -> None:
-    """Back substitution among the sources, and the relative accelerations of far links."""
-    store = LREGION if lanes else REGION
+def find_sources(x: Scope, kind: RegionKind, store: Store, lanes: bool) -> None:
+    """Back substitution among the sources, and the relative accelerations of far links; all are kept."""
     outer = outer_accelerations(x, kind, lanes)
-    found: Vector = []
+    a: Vector = [outer.get(i, 0) for i in range(system_size(kind) + 6 * len(others(kind)))]
     for j in range(kind.sources):
-        value = right[j]
-        for i, known in [*enumerate(found), *sorted(outer.items())]:
-            value = value - x.load(REGION, fields.gain(j, i)) * known
-        found.append(x.let("a", value, "Eq. 53", lanes=lanes))
-    for c, value in enumerate(found):
-        x.store(store, fields.source_acceleration(c), value)
-    if kind.far:
-        for c in range(kind.sources, kind.total):
-            x.store(store, fields.source_acceleration(c), outer[c])
+        substitute(x, OF_SOURCES, store, j, Column(j), a, "a", lanes)
+    for c in range(kind.total if kind.far else kind.sources):
+        x.store(store, fields.source_acceleration(c), a[c])
 
 
 def source_accelerations(x: Scope, kind: EarKind, lanes: bool) -> Vector:
