@@ -16,9 +16,9 @@ from .standalone.errors import (
     CompileError,
     NoCompilerError,
     PackageError,
+    SingularForceError,
     SingularJointError,
     SingularLoopError,
-    SingularSpringError,
     TargetsDifferError,
 )
 from .standalone.jacobians import Jacobians
@@ -30,9 +30,9 @@ __all__ = [
     "Jacobians",
     "NoCompilerError",
     "PackageError",
+    "SingularForceError",
     "SingularJointError",
     "SingularLoopError",
-    "SingularSpringError",
     "Solver",
     "TargetsDifferError",
     "load",

@@ -251,7 +251,7 @@ def ear_kinematics(x: Scope, kind: EarKind) -> None:
 
 
 def less_external_of(x: Scope, ear: Ear, k: int, needed: tuple[Vector, Vector]) -> tuple[Vector, Vector]:
-    """What is left of the force that a link needs when springs have acted on it, in region axes."""
+    """What is left of the force that a link needs when force elements have acted on it, in region axes."""
     if not ear.kind.links[k].pulled:
         return needed
     external = fields.external

@@ -62,6 +62,9 @@ class MemberView(Scope):
     def sqrt(self, value: Value) -> Value:
         return self.x.sqrt(value)
 
+    def call(self, function: str, *arguments: Value) -> Value:
+        return self.x.call(function, *arguments)
+
     def name(self, name: str, value: Value, tag: str = "") -> Value:
         return self.x.name(name, value, tag)
 

@@ -50,7 +50,7 @@ def body_force(
 def less_external(
     x: Scope, kind: LinkKind, needed: tuple[Vector, Vector], lanes: bool = False
 ) -> tuple[Vector, Vector]:
-    """What is left of the force that a link needs when springs have acted on it (R of Eq. 24)."""
+    """What is left of the force that a link needs when force elements have acted on it (R of Eq. 24)."""
     if not kind.pulled:
         return needed
     store = MY_LANE if lanes else ME

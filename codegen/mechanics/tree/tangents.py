@@ -37,7 +37,7 @@ UP_TANGENTS = {
     f.name: f.name
     for f in (
         fields.angular_velocity, fields.velocity, fields.position, fields.attitude, fields.closing_twist.angular,
-        fields.closing_twist.linear, fields.spring_twist.angular, fields.spring_twist.linear,
+        fields.closing_twist.linear, fields.applied_twist.angular, fields.applied_twist.linear,
     )
 } | {
     whole.name: part.name
