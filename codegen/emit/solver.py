@@ -17,7 +17,8 @@ from ..mechanics.formulas import coefficient_formulas, force_formulas, initial_f
 from ..mechanics.outputs.outputs import RecordFormula, output_formulas, potential_formula
 from ..mechanics.procedures import arrays, checked_backwards, procedures, sweeps, swept_backwards
 from ..mechanics.stores import LAID_OUT, SLOT
-from ..mechanics.structure.kinds import RegionKind, System, analyse
+from ..mechanics.structure.kinds import RegionKind
+from ..mechanics.structure.system import System, analyse
 from ..mechanics.transposition import transpose_sweeps
 from ..model.collector import collector_paused
 from ..model.errors import ModelError

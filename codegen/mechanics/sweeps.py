@@ -18,7 +18,8 @@ from .elements import loads
 from .outputs import energy
 from .structure.element_kinds import ElementKind
 from .structure.factor_form import FactorForm
-from .structure.kinds import EarKind, LinkKind, RegionKind, System, UnitKind
+from .structure.kinds import EarKind, LinkKind, RegionKind, UnitKind
+from .structure.system import System
 from .tree import back_substitution, balance, inverse_dynamics, kinematics, triangularization
 
 OUTWARD, INWARD = "outward", "inward"

@@ -17,7 +17,7 @@ from codegen.mechanics.expansion import Patterns, expand
 from codegen.mechanics.fields import FIELDS
 from codegen.mechanics.glossary import glossary
 from codegen.mechanics.stores import CONSTANTS, LAID_OUT, ME
-from codegen.mechanics.structure.kinds import System, analyse
+from codegen.mechanics.structure.system import System, analyse
 from codegen.mechanics.sweeps import SWEEPS, Sweep
 from codegen.program.block import FieldError, Scope
 from codegen.program.field import Field, ScalarField

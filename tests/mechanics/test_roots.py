@@ -27,7 +27,8 @@ from codegen.mechanics.stores import (
     REGION,
     ROOTS,
 )
-from codegen.mechanics.structure.kinds import EarKind, analyse
+from codegen.mechanics.structure.kinds import EarKind
+from codegen.mechanics.structure.system import analyse
 
 RNG = np.random.default_rng(5)
 SOURCES, FAR = 2, 1

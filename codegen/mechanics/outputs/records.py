@@ -24,8 +24,8 @@ from .. import fields
 from ..spatial import add, cross, matmul, matvec, transpose
 from ..stores import ME, NUMBER, argument
 from ..structure.constants import Statements
-from ..structure.kinds import System
 from ..structure.links import BODY_FRAME, Frame, Placement, frame_matrix, identity, place, unit
+from ..structure.system import System
 
 
 class Records:
