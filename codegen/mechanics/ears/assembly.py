@@ -17,7 +17,8 @@ from ..stores import BASE, CONDITION, GIVEN_U, ME, POSITION, REGION, STEP, UP, V
 from ..structure.kinds import EarKind, LinkKind, RegionKind
 from .closures import stored_factor
 from .completion import dependent_displacements
-from .geometry import Ear
+from .conditions import joint_conditions, kept_conditions, seen_by
+from .geometry import EarGeometry
 from .motions import Twist
 
 TINY = 1e-30
@@ -30,7 +31,7 @@ def _over_root(x: Scope, value: Value, name: str) -> Value:
     return x.let(name, 1 / x.let("root", x.sqrt(under), "Eq. 32"), "Eq. 32")
 
 
-def face_differences(x: Scope, ear: Ear) -> list[Twist]:
+def face_differences(x: Scope, ear: EarGeometry) -> list[Twist]:
     """Rotation vector, near closure, and displacement from the start face to the end face of every loop."""
     found = []
     for c, closure in enumerate(ear.kind.closures):
@@ -56,14 +57,14 @@ def face_differences(x: Scope, ear: Ear) -> list[Twist]:
 
 def residuals(x: Scope, kind: EarKind) -> None:
     """Outward block of an ear: by how much its loops are open, and by how much the given speeds open them."""
-    ear = Ear(x, kind, positions=fields.measured_position)
+    ear = EarGeometry(x, kind, positions=fields.measured_position)
     gaps = face_differences(x, ear)
     roots = [root.measured_velocity() for root in ear.roots]
     speeds = [[m.view.entry(GIVEN_U, f.index) for f in m.freedoms] for m in ear.members]
     velocities = ear.walk(roots, speeds, "g", "Eq. 30")
     rates = ear.face_difference(velocities, roots)
     for c in range(len(kind.closures)):
-        for i, row in enumerate(ear.joint_conditions(c)):
+        for i, row in enumerate(joint_conditions(ear, c)):
             gap, rate = (t[c].angular if row.angular else t[c].linear for t in (gaps, rates))
             x.set_entry(POSITION[c], i, x.let("gap", dot(row.axis or row.n, gap), "Eq. 32"))
             x.set_entry(VELOCITY[c], i, x.let("rate", dot(row.n, rate), "Eq. 30"))
@@ -74,15 +75,15 @@ def residuals(x: Scope, kind: EarKind) -> None:
 
 def newton_step(x: Scope, kind: EarKind) -> None:
     """Outward block of an ear: the displacements of its dependent joints that close its loops to first order."""
-    ear = Ear(x, kind, positions=fields.measured_position)
+    ear = EarGeometry(x, kind, positions=fields.measured_position)
     gaps = face_differences(x, ear)
     roots = [root.step() for root in ear.roots]
-    rows = ear.kept_rows()
+    rows = kept_conditions(ear)
     moved = ear.root_difference(roots)
     total = [gap.plus(by) for gap, by in zip(gaps, moved, strict=True)]
     rates: Vector = []
     if rows:
-        b = ear.conditions(rows, total, "b", "Eq. 32")
+        b = seen_by(ear, rows, total, "b", "Eq. 32")
         for i, row in enumerate(rows):
             if row.turning:  # what is open in this condition alone
                 sine = sum(weight * dot(one, other) for weight, one, other in row.turning)

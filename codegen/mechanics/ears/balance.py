@@ -41,9 +41,12 @@ from ..tree.kinematics import (
 )
 from ..tree.tangents import pattern
 from ..tree.triangularization import force_to_parent
-from .closures import own_sources, stored_factor
-from .dynamics import carried_accelerations, closing_accelerations, named_root_velocities, source_accelerations
-from .geometry import Condition, Ear, Member
+from .back_substitution import carried_accelerations, source_accelerations
+from .closing_accelerations import closing_accelerations
+from .closures import named_root_velocities, own_sources, stored_factor
+from .conditions import Condition, kept_conditions
+from .geometry import EarGeometry
+from .members import Member
 from .motions import Motion, Twist
 from .orthogonal import product
 from .tangents import EarTangents, ear_tangents, tangents_of
@@ -71,8 +74,8 @@ def motion_tangents(motion: Motion, tangent: Motion) -> dict[Symbol, Value]:
     return seeds
 
 
-def member_motion(x: Scope, kind: LinkKind, member: Member, before: Motion) -> Motion:
-    """Motion of a link from that of its parent, with the joint's udot. Eqs. 18-21."""
+def own_motion(x: Scope, kind: LinkKind, member: Member, before: Motion) -> Motion:
+    """Motion of a link in its own axes from that of its parent, with the joint's udot. Eqs. 18-21."""
     view, joint = member.view, member.joint
     carried = joint.to_child(before.w, "wp", "Eq. 18")
     w = joint.turning(carried)
@@ -81,8 +84,8 @@ def member_motion(x: Scope, kind: LinkKind, member: Member, before: Motion) -> M
     return Motion(w, al, a, acceleration_matrix(x, w, al))
 
 
-def face_motion(
-    x: Scope, ear: Ear, motions: list[Motion], roots: list[Motion], c: int, side: int
+def turned_face_motion(
+    x: Scope, ear: EarGeometry, motions: list[Motion], roots: list[Motion], c: int, side: int
 ) -> tuple[Vector, Vector, Vector]:
     """Angular velocity, angular acceleration and acceleration of a loop's face, in the region's axes."""
     place = ear.kind.closures[c].faces[side]
@@ -93,7 +96,7 @@ def face_motion(
     return w, al, a
 
 
-def dependent_accelerations(x: Scope, ear: Ear, rates: Vector) -> list[tuple[Vector, Vector]]:
+def dependent_accelerations(x: Scope, ear: EarGeometry, rates: Vector) -> list[tuple[Vector, Vector]]:
     """Angular and linear accelerations of the links that the dependent joints cause, in the links' axes. Eq. 31."""
     tag = "d Eq. 31"
     found: list[tuple[Vector, Vector]] = []
@@ -114,8 +117,8 @@ def dependent_accelerations(x: Scope, ear: Ear, rates: Vector) -> list[tuple[Vec
 
 def ear_balance_out(x: Scope, kind: EarKind) -> None:
     """Outward block over directions: tangents of the motion, the sources' udot held, and of the force it needs. Eqs. 25-29."""
-    ear = Ear(x, kind)
-    rows = ear.kept_rows()
+    ear = EarGeometry(x, kind)
+    rows = kept_conditions(ear)
     angles = {-1 - t: root.rotation(True) for t, root in enumerate(ear.roots)}
     for k in range(len(ear.members)):
         angles[k] = x.load(MY_LANE[k], fields.shift.angular)
@@ -134,10 +137,10 @@ def ear_balance_out(x: Scope, kind: EarKind) -> None:
     motions: list[Motion] = []
     for k, member in enumerate(ear.members):
         before = motions[member.parent] if member.parent >= 0 else roots[-1 - member.parent]
-        motions.append(member_motion(x, kind.links[k], member, before))
+        motions.append(own_motion(x, kind.links[k], member, before))
     d.run()
     if rows:
-        faces = partial(face_motion, x, ear, motions, roots)
+        faces = partial(turned_face_motion, x, ear, motions, roots)
         conditions = closing_accelerations(x, ear, rows, faces, "ca", slip_roots)
         d.run()
         rates = stored_factor(x, kind).solve([-d.of(v) for v in conditions], "dx", "d Eq. 31", lanes=True)
@@ -164,7 +167,7 @@ def ear_balance_out(x: Scope, kind: EarKind) -> None:
         x.store(MY_LANE[k], fields.needed, [*d_moment, *d_force])
 
 
-def root_positions(ear: Ear) -> dict[Symbol, Value]:
+def root_positions(ear: EarGeometry) -> dict[Symbol, Value]:
     """Tangents of the roots' positions, where sliding joints ask for them and seeds are complete."""
     found: dict[Symbol, Value] = {}
     for root in ear.roots if ear.slides else ():
@@ -172,7 +175,7 @@ def root_positions(ear: Ear) -> dict[Symbol, Value]:
     return found
 
 
-def slip_tangents(ear: Ear, velocities: list[Twist]) -> dict[Symbol, Value]:
+def slip_tangents(ear: EarGeometry, velocities: list[Twist]) -> dict[Symbol, Value]:
     """Tangents of the roots' velocities, for joints that slide."""
     found: dict[Symbol, Value] = {}
     for root, twist in zip(ear.roots, velocities, strict=False):
@@ -180,7 +183,7 @@ def slip_tangents(ear: Ear, velocities: list[Twist]) -> dict[Symbol, Value]:
     return found
 
 
-def hold_roots(d: EarTangents, ear: Ear, velocities: list[Twist]) -> None:
+def hold_roots(d: EarTangents, ear: EarGeometry, velocities: list[Twist]) -> None:
     """The roots' velocities and positions are given, where sliding joints ask for them."""
     for t, root in enumerate(ear.roots if ear.slides else ()):
         if velocities:
@@ -194,8 +197,8 @@ def hold_roots(d: EarTangents, ear: Ear, velocities: list[Twist]) -> None:
 def ear_balance_in(x: Scope, kind: EarKind) -> None:
     """Inward block over directions: forces transmitted by the joints, with the wrenches that close the loops, and their tangents;
     what they miss along the joints, projected on the sources. Eqs. 9, 45, 50."""
-    ear = Ear(x, kind)
-    rows = ear.kept_rows()
+    ear = EarGeometry(x, kind)
+    rows = kept_conditions(ear)
     count = len(ear.members)
     angles = {-1 - t: root.rotation(True) for t, root in enumerate(ear.roots)}
     for k in range(count):
@@ -250,7 +253,7 @@ def dependents(kind: EarKind) -> list[tuple[int, int]]:
     return [(k, j) for k in range(len(kind.links)) for j in kind.dependent[k]]
 
 
-def column_of(ear: Ear, k: int, j: int) -> Column:
+def column_of(ear: EarGeometry, k: int, j: int) -> Column:
     """Partial velocity of a freedom, in its link's axes."""
     return ear.members[k].joint.columns[j]
 
@@ -266,7 +269,7 @@ def to_parent(x: Scope, member: Member, force: Vector, tag: str) -> Vector:
     return [*n, *f]
 
 
-def transmitted(x: Scope, ear: Ear, own: list[Vector]) -> list[Vector]:
+def transmitted(x: Scope, ear: EarGeometry, own: list[Vector]) -> list[Vector]:
     """Forces transmitted by the joints of the ear's links, about the links' origins."""
     held = list(own)
     for k in reversed(range(len(own))):
@@ -277,7 +280,7 @@ def transmitted(x: Scope, ear: Ear, own: list[Vector]) -> list[Vector]:
     return held
 
 
-def transmit(x: Scope, ear: Ear, phi: list[Vector], d_phi: list[Vector], d: EarTangents) -> list[Handed]:
+def transmit(x: Scope, ear: EarGeometry, phi: list[Vector], d_phi: list[Vector], d: EarTangents) -> list[Handed]:
     """The same with the loops' wrenches, and its tangent, left in `phi` and `d_phi`; what the roots get."""
     kind = ear.kind
     handed: list[Handed] = []
@@ -308,7 +311,7 @@ def transmit(x: Scope, ear: Ear, phi: list[Vector], d_phi: list[Vector], d: EarT
 
 def apply_wrench(
     x: Scope,
-    ear: Ear,
+    ear: EarGeometry,
     c: int,
     rows: list[Condition],
     wrench: Vector,
@@ -354,7 +357,9 @@ def apply_wrench(
     return handed
 
 
-def turned_back(x: Scope, ear: Ear, place: int, theta: Vector | None, v: Vector, dv: Vector) -> tuple[Vector, Vector]:
+def turned_back(
+    x: Scope, ear: EarGeometry, place: int, theta: Vector | None, v: Vector, dv: Vector
+) -> tuple[Vector, Vector]:
     """Components in a link's axes of a vector given in the region's, and their tangents ``W^T (dv - theta x v)``."""
     W = ear.attitude(place)
     if W is UNIT or theta is None:
@@ -366,7 +371,7 @@ def turned_back(x: Scope, ear: Ear, place: int, theta: Vector | None, v: Vector,
     )
 
 
-def hand_to_roots(x: Scope, ear: Ear, handed: list[Handed]) -> None:
+def hand_to_roots(x: Scope, ear: EarGeometry, handed: list[Handed]) -> None:
     """Sum up what the roots get, in their axes."""
     for t, root in enumerate(ear.roots):
         parts = [h for h in handed if h.root == t]

@@ -17,7 +17,8 @@ from ..structure.factor_form import FactorForm
 from ..structure.kinds import EarKind, LinkKind
 from ..structure.links import identity
 from ..tree.kinematics import angular_velocity, origin_velocity
-from .geometry import Ear
+from .conditions import counted_conditions, seen_by
+from .geometry import EarGeometry
 from .motions import Twist
 from .orthogonal import Factor, factor, load_factor
 
@@ -27,7 +28,7 @@ def own_sources(kind: EarKind) -> dict[int, tuple[int, int]]:
     return {c: (k, j) for k, columns in enumerate(kind.columns) for j, c in columns.items()}
 
 
-def own_coefficients(ear: Ear, kind: EarKind, c: int, dependent: Vector) -> list[Vector]:
+def own_coefficients(ear: EarGeometry, kind: EarKind, c: int, dependent: Vector) -> list[Vector]:
     """Rates of all freedoms of the ear for a unit of a source."""
     own = own_sources(kind).get(c)
     return ear.coefficients(dependent, lambda k, j: int(own == (k, j)))
@@ -35,11 +36,11 @@ def own_coefficients(ear: Ear, kind: EarKind, c: int, dependent: Vector) -> list
 
 def closures(x: Scope, kind: EarKind) -> FactorForm:
     """Outward block of an ear: see the module. Gives the form of the factor, for the blocks that load it."""
-    ear = Ear(x, kind, fresh=True)
+    ear = EarGeometry(x, kind, fresh=True)
     tag = "Eq. 34"
-    rows = ear.rows()
+    rows = counted_conditions(ear)
     dependents = ear.dependents()
-    columns = [ear.conditions(rows, ear.column(k, f), "E", tag) for k, f in dependents]
+    columns = [seen_by(ear, rows, ear.column(k, f), "E", tag) for k, f in dependents]
     kept = [i for i in range(len(rows)) if any(not is_zero(c[i]) for c in columns)]
     f = factor(x, [[c[i] for i in kept] for c in columns], "Eq. 35")
     form = f.store(kept, len(rows))
@@ -53,7 +54,7 @@ def closures(x: Scope, kind: EarKind) -> FactorForm:
             k, j = own
             for n, moved in enumerate(ear.column(k, ear.members[k].freedoms[j])):
                 at_cuts[n] = at_cuts[n].plus(moved)
-        b = ear.conditions(kept_rows, at_cuts, "b", "Eq. 36")
+        b = seen_by(ear, kept_rows, at_cuts, "b", "Eq. 36")
         if own is None and all(root.vanishes for root in roots):
             # zeros are written too: the links' kinds may be those of other ears, which the source moves
             for d in range(len(dependents)):
@@ -83,7 +84,7 @@ def closures(x: Scope, kind: EarKind) -> FactorForm:
     return form
 
 
-def member_motions(x: Scope, ear: Ear, rates: Vector) -> None:
+def member_motions(x: Scope, ear: EarGeometry, rates: Vector) -> None:
     """Attitude, position and velocity, as `link_motion` gives them, of links of an ear that other loops close on. Eqs. 18, 22."""
     kind = ear.kind
     W_base, o_base = x.load(BASE, fields.closing_attitude), x.load(BASE, fields.closing_position)
@@ -100,7 +101,7 @@ def member_motions(x: Scope, ear: Ear, rates: Vector) -> None:
         x.store(ME[k], fields.closing_twist.linear, [x.let("cv", e, "Eq. 18") for e in matvec(back, twist.linear)])
 
 
-def member_velocities(x: Scope, ear: Ear, rates: Vector) -> list[Twist]:
+def member_velocities(x: Scope, ear: EarGeometry, rates: Vector) -> list[Twist]:
     """Velocities of an ear's links against the origin, in region axes."""
     kind = ear.kind
     roots = root_velocities(ear)
@@ -118,7 +119,7 @@ def member_velocities(x: Scope, ear: Ear, rates: Vector) -> list[Twist]:
     return carried
 
 
-def root_velocities(ear: Ear) -> list[Twist]:
+def root_velocities(ear: EarGeometry) -> list[Twist]:
     """Velocities of the roots, relative to a base that carries the region rigidly. Eq. 30."""
     found = []
     for root in ear.roots:
@@ -128,6 +129,15 @@ def root_velocities(ear: Ear) -> list[Twist]:
             if not twist.vanishes:
                 total = total.plus(twist.times(source_speed(ear.x, ear.kind, c, own_sources(ear.kind).get(c))))
         found.append(total)
+    return found
+
+
+def named_root_velocities(ear: EarGeometry) -> list[Twist]:
+    """Velocities of the roots as symbols of their own, even for copies: their tangents are known."""
+    found = []
+    for twist in root_velocities(ear):
+        named = [[0 if is_zero(e) else ear.x.name("V", e, "Eq. 30") for e in v] for v in (twist.angular, twist.linear)]
+        found.append(Twist(*named))
     return found
 
 

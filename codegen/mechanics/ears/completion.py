@@ -33,9 +33,10 @@ from ..stores import (
 from ..structure.kinds import EarKind, LinkKind
 from ..tree.kinematics import angular_velocity, origin_velocity
 from ..tree.tangents import differentiate, store_tangent
-from .closures import stored_factor
-from .dynamics import named_root_velocities, speeds_of
-from .geometry import Ear, joint_motion
+from .closures import named_root_velocities, stored_factor
+from .conditions import joint_conditions, kept_conditions, seen_by
+from .geometry import EarGeometry
+from .members import joint_motion
 from .motions import Twist
 from .tangents import ear_tangents, tangents_of
 
@@ -123,7 +124,7 @@ def rotation_vector(dR: Matrix, R: Matrix) -> Vector:
 
 def complete(x: Scope, kind: EarKind) -> None:
     """Outward block over directions: dq and du of the dependent joints, by differentiated position and velocity closure."""
-    ear = Ear(x, kind)
+    ear = EarGeometry(x, kind)
     angles: dict[int, Vector] = {}
     moved: dict[int, Vector] = {}
     for t, root in enumerate(ear.roots):
@@ -133,7 +134,7 @@ def complete(x: Scope, kind: EarKind) -> None:
 
 
 def complete_positions(
-    x: Scope, ear: Ear, angles: dict[int, Vector], moved: dict[int, Vector]
+    x: Scope, ear: EarGeometry, angles: dict[int, Vector], moved: dict[int, Vector]
 ) -> dict[tuple[int, int], Value]:
     """Displacements of the ear's links, put into `angles` and `moved`, and dq of its dependent joints, by link and coordinate."""
     kind, tag = ear.kind, "d Eq. 22"
@@ -154,9 +155,9 @@ def complete_positions(
             lanes=True,
         )
     dq: dict[tuple[int, int], Value] = {}
-    rows = ear.kept_rows()
+    rows = kept_conditions(ear)
     if rows:
-        b = ear.conditions(rows, cut_displacements(x, ear, angles, moved), "b", "d Eq. 30", lanes=True)
+        b = seen_by(ear, rows, cut_displacements(x, ear, angles, moved), "b", "d Eq. 30", lanes=True)
         rates = stored_factor(x, kind).solve([-v for v in b], "dx", "d Eq. 30", lanes=True)
         for k, added in enumerate(ear.walk(ear.still(), ear.coefficients(rates), "dd", tag, lanes=True)):
             angles[k] = x.let_vector("th", add(angles[k], added.angular), tag, lanes=True)
@@ -171,14 +172,14 @@ def complete_positions(
 
 
 def complete_velocities(
-    x: Scope, ear: Ear, angles: dict[int, Vector], moved: dict[int, Vector], dq: dict[tuple[int, int], Value]
+    x: Scope, ear: EarGeometry, angles: dict[int, Vector], moved: dict[int, Vector], dq: dict[tuple[int, int], Value]
 ) -> None:
     """du of the ear's dependent joints, and tangents of its links' velocities."""
     kind = ear.kind
     roots = named_root_velocities(ear)
-    velocities = ear.walk(roots, [speeds_of(m) for m in ear.members], "r", "Eq. 30")
-    rows = ear.kept_rows()
-    conditions = ear.conditions(rows, ear.face_difference(velocities, roots), "cv", "Eq. 30")
+    velocities = ear.walk(roots, [m.speeds for m in ear.members], "r", "Eq. 30")
+    rows = kept_conditions(ear)
+    conditions = seen_by(ear, rows, ear.face_difference(velocities, roots), "cv", "Eq. 30")
     seeds: dict[Symbol, Value] = {}
     held: Vector = []
     for t, root in enumerate(ear.roots):
@@ -215,7 +216,7 @@ def complete_velocities(
 
 
 def member_displacement(
-    x: Scope, ear: Ear, k: int, displaced: tuple[Vector, Vector], velocity: Twist, tangent: Twist
+    x: Scope, ear: EarGeometry, k: int, displaced: tuple[Vector, Vector], velocity: Twist, tangent: Twist
 ) -> None:
     """The same as `link_displacement` gives, of a link of an ear that other loops close on, from what is relative to the base."""
     kind, tag = ear.kind, "d Eq. 22"
@@ -247,7 +248,9 @@ def member_displacement(
             x.store(store, field, own)
 
 
-def dependent_displacements(x: Scope, ear: Ear, rates: Vector, lanes: bool = True) -> dict[tuple[int, int], Value]:
+def dependent_displacements(
+    x: Scope, ear: EarGeometry, rates: Vector, lanes: bool = True
+) -> dict[tuple[int, int], Value]:
     """dq of dependent joints from displacements along their freedoms; a quaternion's is ``e (0, theta) / 2``."""
     result: dict[tuple[int, int], Value] = {}
     values: dict[int, dict[int, Value]] = {}
@@ -259,7 +262,7 @@ def dependent_displacements(x: Scope, ear: Ear, rates: Vector, lanes: bool = Tru
     return result
 
 
-def cut_displacements(x: Scope, ear: Ear, angles: dict[int, Vector], moved: dict[int, Vector]) -> list[Twist]:
+def cut_displacements(x: Scope, ear: EarGeometry, angles: dict[int, Vector], moved: dict[int, Vector]) -> list[Twist]:
     """Displacements of the end faces against the start faces."""
     found = []
     for c, closure in enumerate(ear.kind.closures):
@@ -288,19 +291,19 @@ def seed_residuals(x: Scope, kind: EarKind) -> None:
 
     Only redundant conditions can be left open: by a parameter, say, that bends a planar loop out of its plane.
     """
-    ear = Ear(x, kind)
+    ear = EarGeometry(x, kind)
     angles = {-1 - t: root.rotation(True) for t, root in enumerate(ear.roots)}
     moved = {-1 - t: root.displacement(True) for t, root in enumerate(ear.roots)}
     for k in range(len(ear.members)):
         angles[k], moved[k] = x.load(MY_LANE[k], fields.shift.angular), x.load(MY_LANE[k], fields.shift.linear)
     gaps = cut_displacements(x, ear, angles, moved)
     for c in range(len(kind.closures)):
-        for i, row in enumerate(ear.joint_conditions(c)):
+        for i, row in enumerate(joint_conditions(ear, c)):
             value = dot(row.n, gaps[c].angular if row.angular else gaps[c].linear)
             x.set_entry(DPOSITION[c], i, x.let("open", value, "d Eq. 32", lanes=True))
 
 
-def face_displacement(x: Scope, ear: Ear, c: int, side: int) -> tuple[Vector, Vector]:
+def face_displacement(x: Scope, ear: EarGeometry, c: int, side: int) -> tuple[Vector, Vector]:
     """Displacement and rotation vector of a face in its link that the design parameters cause."""
     name = "AB"[side]
     local: Vector = [0, 0, 0]

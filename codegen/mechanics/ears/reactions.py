@@ -20,9 +20,11 @@ from ..structure.kinds import EarKind, LinkKind, RegionKind
 from ..tree.inverse_dynamics import transfer
 from ..tree.kinematics import body_force
 from .closures import stored_factor
-from .dynamics import hand_outward, less_external_of, link_constants, member_motion
+from .conditions import kept_conditions
 from .far_links import far_motions
-from .geometry import Ear, Freedom
+from .geometry import EarGeometry
+from .kinematics import hand_outward, less_external_of, link_constants, member_motion
+from .members import Freedom
 from .motions import Motion
 from .orthogonal import product
 from .region_balance import transmitted_fields
@@ -34,7 +36,7 @@ def along_freedom(x: Scope, kind: EarKind, k: int, freedom: Freedom, force: tupl
     return x.let("gamma", freedom.along(*force) - tau, "Eq. 53")
 
 
-def inward(x: Scope, ear: Ear, own: list[tuple[Vector, Vector]]) -> list[tuple[Vector, Vector]]:
+def inward(x: Scope, ear: EarGeometry, own: list[tuple[Vector, Vector]]) -> list[tuple[Vector, Vector]]:
     """Forces transmitted by the joints of the ear's links, about the links' origins."""
     held = list(own)
     for k in reversed(range(len(own))):
@@ -75,7 +77,7 @@ def transmitted(x: Scope, kind: LinkKind) -> None:
 
 def ear_motion(x: Scope, kind: EarKind) -> None:
     """Outward block of an ear: accelerations and the force that its links need."""
-    ear = Ear(x, kind)
+    ear = EarGeometry(x, kind)
     roots = [root.motion(True) for root in ear.roots]
     motions: list[Motion] = []
     for k, member in enumerate(ear.members):
@@ -99,15 +101,15 @@ def region_motion(x: Scope, kind: RegionKind) -> None:
     far_motions(x, kind, fields.total, fields.far_total)
 
 
-def ground_attitude(ear: Ear, place: int) -> Matrix:
+def ground_attitude(ear: EarGeometry, place: int) -> Matrix:
     """Ground components from those of a link of the ear, or (place negative) of a root."""
     return ear.x.load(ME[place] if place >= 0 else ear.roots[-1 - place].record, fields.attitude)
 
 
 def ear_transmitted(x: Scope, kind: EarKind) -> None:
     """Inward block of an ear: what its joints and loops do."""
-    ear = Ear(x, kind)
-    rows = ear.kept_rows()
+    ear = EarGeometry(x, kind)
+    rows = kept_conditions(ear)
     phi: list[tuple[Vector, Vector]] = []
     for k in range(len(ear.members)):
         n, f = load_force(x, ME[k], fields.ear_total_needed)

@@ -16,8 +16,9 @@ from ..joints import Column
 from ..spatial import SIX
 from ..stores import BASE, LBASE, LREGION, REGION
 from ..structure.kinds import RegionKind
-from .dynamics import find_sources, place_of_base, places_of_partners, system_size
+from .back_substitution import find_sources
 from .far_links import far_own_motions
+from .region_system import place_of_base, places_of_partners, system_size
 
 
 def region_balance_start(x: Scope, kind: RegionKind) -> None:

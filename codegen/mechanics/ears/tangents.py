@@ -30,7 +30,7 @@ from ..stores import (
     TURNS,
 )
 from ..tree.tangents import pattern, tangent
-from .geometry import Ear
+from .geometry import EarGeometry
 
 
 def tangents_of(values: Vector, tangents: Vector) -> dict[Symbol, Value]:
@@ -47,7 +47,7 @@ def tangents_of(values: Vector, tangents: Vector) -> dict[Symbol, Value]:
 
 
 def ear_tangents(
-    ear: Ear,
+    ear: EarGeometry,
     angles: dict[int, Vector],
     roots: dict[Symbol, Value],
     dq: dict[tuple[int, int], Value] | None = None,
@@ -56,7 +56,7 @@ def ear_tangents(
 
     Parameters
     ----------
-    ear : Ear
+    ear : EarGeometry
     angles : dict of int to Vector
         Rotation vectors (lanes) of links, and of roots by negative places.
     roots : dict of Symbol to value
@@ -108,7 +108,7 @@ class WrittenTangents(EarTangents):
 
     def __init__(
         self,
-        ear: Ear,
+        ear: EarGeometry,
         x: Expansion,
         angles: dict[int, Vector],
         roots: dict[Symbol, Value],
