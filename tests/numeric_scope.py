@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
+from codegen.model.expressions import FLOAT_FUNCTIONS
 from codegen.program.block import Scope
 
 
@@ -39,6 +40,9 @@ class Numbers(Scope):
 
     def sqrt(self, value: Any) -> Any:
         return math.sqrt(value)
+
+    def call(self, function: str, *arguments: Any) -> Any:
+        return FLOAT_FUNCTIONS[function](*arguments)
 
     def recall(self, store: Any, field: Any, value: Any) -> None:
         self.store(store, field, value)
