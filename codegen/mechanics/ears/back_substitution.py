@@ -9,25 +9,15 @@ from ...program.block import Scope
 from ...program.scalar import Value, Vector
 from ...program.store import Store
 from .. import fields
-from ..couplings import (
-    others,
-    partner_acceleration,
-)
+from ..couplings import others, partner_acceleration
 from ..elimination import OF_SOURCES, substitute
 from ..joints import Column
-from ..spatial import (
-    add,
-    cross,
-    matvec,
-    rotate,
-    scale,
-    transpose,
-)
+from ..spatial import add, cross, matvec, rotate, scale, transpose
 from ..stores import BASE, EAR, LBASE, LME, LREGION, ME, REGION, UDOT
 from ..structure.kinds import EarKind, RegionKind
 from .closures import own_sources
 from .geometry import EarGeometry
-from .region_system import place_of_base, places_of_partners, system_size
+from .region_system import place_of_base, places_of_partners, unknowns
 
 
 def base_acceleration(x: Scope, kind: RegionKind, lanes: bool) -> Vector:
@@ -63,7 +53,7 @@ def region_back_substitute(x: Scope, kind: RegionKind) -> None:
 def find_sources(x: Scope, kind: RegionKind, store: Store, lanes: bool) -> None:
     """Back substitution among the sources, and the relative accelerations of far links; all are kept."""
     outer = outer_accelerations(x, kind, lanes)
-    a: Vector = [outer.get(i, 0) for i in range(system_size(kind) + 6 * len(others(kind)))]
+    a: Vector = [outer.get(i, 0) for i in range(unknowns(kind))]
     for j in range(kind.sources):
         substitute(x, OF_SOURCES, store, j, Column(j), a, "a", lanes)
     for c in range(kind.total if kind.far else kind.sources):

@@ -19,26 +19,10 @@ from ...program.scalar import Value, Vector
 from .. import fields
 from ..joints import Column
 from ..spatial import SIX, UNIT, add, cross, matvec, minus, transpose
-from ..stores import (
-    DTAU,
-    DUDOT,
-    EAR,
-    GROUND,
-    LME,
-    LREGION,
-    ME,
-    MY_LANE,
-    TAU,
-)
+from ..stores import DTAU, DUDOT, EAR, GROUND, LME, LREGION, ME, MY_LANE, TAU
 from ..structure.kinds import EarKind, LinkKind
 from ..tree.inverse_dynamics import joint_acceleration
-from ..tree.kinematics import (
-    accelerated,
-    acceleration_matrix,
-    body_force,
-    less_external,
-    own_inertia,
-)
+from ..tree.kinematics import accelerated, acceleration_matrix, body_force, less_external, own_inertia
 from ..tree.tangents import pattern
 from ..tree.triangularization import force_to_parent
 from .back_substitution import carried_accelerations, source_accelerations

@@ -5,13 +5,7 @@ from __future__ import annotations
 from ...model.model import CLOSURE_ROWS
 from ...program.block import Scope
 from ...program.scalar import Vector
-from ..spatial import (
-    ZERO,
-    add,
-    cross,
-    dot,
-    matvec,
-)
+from ..spatial import ZERO, add, cross, dot, matvec
 from ..tree.kinematics import acceleration_matrix
 from .closures import named_root_velocities
 from .conditions import Condition, seen_by

@@ -15,21 +15,7 @@ from .. import fields
 from ..handing_on import clear
 from ..joints import LinkJoint
 from ..spatial import ZERO, add, cross, dot, is_zero, matvec, minus, rotate, transpose
-from ..stores import (
-    BASE,
-    CL_DP,
-    CONSTANTS,
-    DP,
-    DPOSITION,
-    DQ,
-    DU,
-    LBASE,
-    LME,
-    LOOP_CONSTANTS,
-    LUP,
-    MY_LANE,
-    SPEEDS,
-)
+from ..stores import BASE, CL_DP, CONSTANTS, DP, DPOSITION, DQ, DU, LBASE, LME, LOOP_CONSTANTS, LUP, MY_LANE, SPEEDS
 from ..structure.kinds import EarKind, LinkKind
 from ..tree.kinematics import angular_velocity, origin_velocity
 from ..tree.tangents import differentiate, store_tangent

@@ -11,18 +11,7 @@ from ...program.block import Scope
 from ...program.scalar import Matrix, Value, Vector
 from ...program.store import Store
 from .. import fields
-from ..spatial import (
-    ZERO,
-    add,
-    cross,
-    dot,
-    is_zero,
-    matmul,
-    matvec,
-    rotate,
-    symmetric,
-    transpose,
-)
+from ..spatial import ZERO, add, cross, dot, is_zero, matmul, matvec, rotate, symmetric, transpose
 from ..stores import CONSTANTS, EAR, ME
 from ..structure.kinds import EarKind
 from ..tree.kinematics import acceleration_matrix, body_force

@@ -18,7 +18,7 @@ from ..stores import BASE, LBASE, LREGION, REGION
 from ..structure.kinds import RegionKind
 from .back_substitution import find_sources
 from .far_links import far_own_motions
-from .region_system import place_of_base, places_of_partners, system_size
+from .region_system import place_of_base, places_of_partners, unknowns
 
 
 def region_balance_start(x: Scope, kind: RegionKind) -> None:
@@ -45,7 +45,7 @@ def region_balance_in(x: Scope, kind: RegionKind) -> None:
     """
     at, where = place_of_base(kind), places_of_partners(kind)
     g: Vector = [x.load(LREGION, fields.source_tangent_force(c)) for c in range(kind.total)]
-    g += [0] * (system_size(kind) + 6 * len(others(kind)) - len(g))
+    g += [0] * (unknowns(kind) - len(g))
     for i in range(6 if kind.carried else 0):
         g[at + i] = g[at + i] + x.load(LREGION, fields.region_balance.scalars()[i])
     for j in reversed(range(kind.sources)):

@@ -6,20 +6,11 @@ from ...program.block import Scope
 from ...program.field import PLACES, AnyField
 from ...program.scalar import Matrix, Vector
 from .. import fields
-from ..couplings import (
-    from_far,
-    hand_force,
-    hand_inertia,
-    hand_on,
-    others,
-    to_base,
-)
+from ..couplings import from_far, hand_force, hand_inertia, hand_on, others, to_base
 from ..elimination import OF_SOURCES, SymmetricSystem
 from ..handing_on import accumulate, accumulate_force, clear
 from ..joints import Column
-from ..spatial import (
-    SIX,
-)
+from ..spatial import SIX
 from ..stores import BASE, REGION
 from ..structure.elimination_order import CARRIER
 from ..structure.kinds import RegionKind
@@ -34,6 +25,11 @@ def place_of_base(kind: RegionKind) -> int:
 def system_size(kind: RegionKind) -> int:
     """Unknowns of a region: its sources, and the six components of a base that carries it rigidly."""
     return int(kind.total + (6 if kind.carried and kind.rigid else 0))
+
+
+def unknowns(kind: RegionKind) -> int:
+    """All of them: the region's own, and six of each partner."""
+    return system_size(kind) + 6 * len(others(kind))
 
 
 def places_of_partners(kind: RegionKind) -> list[int]:
@@ -67,7 +63,7 @@ def region_start(x: Scope, kind: RegionKind) -> None:
 def region_system(x: Scope, kind: RegionKind) -> SymmetricSystem:
     """Inertia and force of a region over its sources, a base that is a link, and partners."""
     at, where = place_of_base(kind), places_of_partners(kind)
-    size = system_size(kind) + 6 * len(others(kind))
+    size = unknowns(kind)
     Q: Matrix = [[0] * size for _ in range(size)]
     g: Vector = [0] * size
     for c in range(kind.total):

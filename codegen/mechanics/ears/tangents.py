@@ -16,19 +16,7 @@ from ...program.field import XYZ
 from ...program.scalar import Value, Vector
 from ...program.store import Store
 from ..spatial import UNIT, add, cross, is_zero, matvec
-from ..stores import (
-    CL_DP,
-    CL_PARAMETER,
-    CONSTANT,
-    COORDINATES,
-    DP,
-    DQ,
-    DU,
-    LINK,
-    PARAMETER,
-    SPEEDS,
-    TURNS,
-)
+from ..stores import CL_DP, CL_PARAMETER, CONSTANT, COORDINATES, DP, DQ, DU, LINK, PARAMETER, SPEEDS, TURNS
 from ..tree.tangents import pattern, tangent
 from .geometry import EarGeometry
 

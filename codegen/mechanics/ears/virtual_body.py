@@ -10,26 +10,10 @@ from __future__ import annotations
 from ...program.block import Scope
 from ...program.scalar import Matrix, Value, Vector
 from .. import fields
-from ..couplings import (
-    to_base,
-)
+from ..couplings import to_base
 from ..handing_on import add_to_sum
 from ..joints.inertia import shift_inertia
-from ..spatial import (
-    SIX,
-    ZERO,
-    add,
-    cross,
-    dot,
-    is_zero,
-    matmul,
-    matvec,
-    rotate,
-    six,
-    skew,
-    symmetric,
-    transpose,
-)
+from ..spatial import SIX, ZERO, add, cross, dot, is_zero, matmul, matvec, rotate, six, skew, symmetric, transpose
 from ..stores import CONSTANTS, EAR, ME, OWN, REGION, TAU
 from ..structure.kinds import EarKind
 from ..tree.triangularization import articulated_parts
