@@ -407,7 +407,7 @@ def analyse(model: Model, unrolled: bool, partition: Partition | None = None) ->
         if found is None:
             structure = (
                 link.parent_frame.form(), link.frame.form(), tuple(len(r) for _, r in link.steps),
-                tuple(tuple(len(r) for _, r in steps) for _, steps in link.members),
+                tuple(tuple(len(r) for _, r in steps) for _, steps in link.members), len(link.factors), link.aligned,
             )  # fmt: skip
             found = make_constants(
                 shapes, structure, partial(_visit, link), partial(_write, link),
@@ -460,7 +460,7 @@ def analyse(model: Model, unrolled: bool, partition: Partition | None = None) ->
             order.first_contributor.get(link.parent) == order.unit_of_link[i],
         )
         signature: object = (
-            link.joint, link.frame.index, aligned, first, first_unit, link.parent != GROUND, i in has_child, forced,
+            link.joint, link.axis, aligned, first, first_unit, link.parent != GROUND, i in has_child, forced,
             c.shape.index, _pattern(c), order.place_in_ear(i), order.role_of(i), i in pulled,
             order.partners_of_link(i).structure(),
         )  # fmt: skip
@@ -469,7 +469,7 @@ def analyse(model: Model, unrolled: bool, partition: Partition | None = None) ->
         kind = kinds.get(signature)
         if kind is None:
             kind = kinds[signature] = LinkKind(
-                c.shape, len(kinds), link.joint, link.frame.index, aligned, first, first_unit, link.parent != GROUND,
+                c.shape, len(kinds), link.joint, link.axis, aligned, first, first_unit, link.parent != GROUND,
                 *order.role_of(i), i in pulled, forced, order.partners_of_link(i),
             )  # fmt: skip
         kind.members.append(i)
@@ -851,6 +851,8 @@ def _visit(link: Link, slots: Slots) -> None:
     for body, _ in link.members:
         for e in (body.mass, *body.com, *body.inertia):
             slots.tree(e)
+    for e in link.factors:
+        slots.tree(e)
 
 
 def _visit_faces(faces: LoopFaces, slots: Slots) -> None:

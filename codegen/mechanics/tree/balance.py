@@ -41,7 +41,7 @@ def eliminate(
             break
         G = [x.load(ME, fields.gain(j, i)) for i in range(6)]
         P = [P[i] if i == s.lead else x.let(f"P{i}", P[i] + G[i] * r, "d Eq. 45", lanes=True) for i in range(6)]
-        P[s.lead] = s.completed(P, forces[j])
+        P[s.lead] = x.let(f"P{s.lead}", s.completed(P, forces[j]), "d Eq. 45", lanes=True)
     return P, of_partners
 
 

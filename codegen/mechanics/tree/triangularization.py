@@ -151,12 +151,12 @@ def triangularize(x: Scope, kind: LinkKind) -> None:
                 if a not in (i, k):
                     I[i][k] = I[k][i] = let(f"A{i}{k}", I[i][k] - G[i] * U[k], "Eq. 44")
         for k in (*(k for k in SIX if k != a), a):
-            I[a][k] = I[k][a] = s.completed(I[k])
+            I[a][k] = I[k][a] = let(f"A{a}{k}", s.completed(I[k]), "Eq. 44")
         p = [tau if i == a else let(f"p{i}", p[i] + G[i] * r, "Eq. 45") for i in range(6)]
-        p[a] = s.completed(p, tau)
+        p[a] = let(f"p{a}", s.completed(p, tau), "Eq. 45")
         for m in partners:
             C[m] = [[let("C", C[m][i][k] - G[i] * h[m][k], "Eq. 44") for k in SIX] for i in SIX]
-            C[m][a] = [s.completed(list(column)) for column in zip(*C[m], strict=True)]
+            C[m][a] = [let("C", s.completed(list(column)), "Eq. 44") for column in zip(*C[m], strict=True)]
     for m in others(kind):
         hand_inertia(x, kind, m, between[m, m])
         hand_force(x, kind, m, force[m])
