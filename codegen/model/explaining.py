@@ -185,7 +185,7 @@ def _unknown_type(value: Any, classes: list[type[Entry]]) -> str:
         what = ": forces and torques on bodies come later" if kind == "force" else ""
         return f"{kind} type {name!r} is not supported yet by this version{what}; available: {_tags(classes)}"
     if kind == "loop joint" and isinstance(name, str) and name in JOINTS and not JOINTS[name].closure:
-        return f"a {name} joint sets no condition, so it closes no loop; one of {_tags(classes)} is allowed"
+        return f"a {name} joint {JOINTS[name].closes_none}; one of {_tags(classes)} is allowed"
     hint = nearest(name, [_tag(c) for c in classes]) if isinstance(name, str) else ""
     return f"unknown {kind} type {seen(name)}; one of {_tags(classes)} is allowed{hint}"
 
