@@ -55,11 +55,18 @@ class End:
     e : Element
     number : int
         Among the ends of the element.
+
+    Attributes
+    ----------
+    is_face : bool
+        It has axes of its own.
+    is_grounded : bool
     """
 
     def __init__(self, e: Element, number: int):
         self._e = e
         self._name = end_name(number)
+        self.is_face = e.kind.oriented[number]
         self.link: Store = ENDS[e.kind.ends[number]]
         self.is_grounded = e.kind.grounded[e.kind.ends[number]]
         self._arm: Vector | None = None

@@ -11,9 +11,16 @@ from .force_element import ForceElement, ForceEntry
 from .joint_force import JointForce, JointForceEntry
 from .spring import Spring, SpringEntry
 
-__all__ = ["FORCES", "LATER", "ForceElement", "ForceEntry", "JointForce", "Spring"]
+__all__ = ["FORCES", "OTHER_WORDS", "ForceElement", "ForceEntry", "JointForce", "Spring"]
 
 FORCES: Final[tuple[type[ForceEntry], ...]] = (JointForceEntry, SpringEntry)
 
-LATER: Final = ("body", "force", "torque", "moment", "wrench", "point")
-"""Those that come in a later version, for the message to those who ask: whatever one calls a force on a body."""
+OTHER_WORDS: Final = {
+    "body": "force",
+    "point": "force",
+    "wrench": "force",
+    "moment": "torque",
+    "damper": "spring",
+    "motor": "joint",
+}
+"""What some call them elsewhere, and what they are called here."""
