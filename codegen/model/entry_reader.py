@@ -54,7 +54,7 @@ class EntryReader(Protocol):
     def joint(self, reference: Expression, key: str, entry: Entry) -> NamedJoint | None:
         """The joint that is named, or None after a problem with it or with the entry."""
 
-    def held_together(self, what: str, start: Point, end: Point, useless: str) -> bool:
+    def held_together(self, what: str, start: Point | Face, end: Point | Face, useless: str) -> bool:
         """Whether two bodies cannot move against each other, which is reported."""
 
     def report(self, path: tuple[str | int, ...], message: str) -> None:

@@ -72,7 +72,7 @@ class Meaning:
             return None
         return NamedJoint(joint, index, body.joint.name, joint_coordinates(joint, body.joint.name)[1])
 
-    def held_together(self, what: str, start: Point, end: Point, useless: str) -> bool:
+    def held_together(self, what: str, start: Point | Face, end: Point | Face, useless: str) -> bool:
         return held_together(self.reader, what, start.body, end.body, self.at, self.bodies, useless)
 
     def report(self, path: tuple[str | int, ...], message: str) -> None:
