@@ -4,11 +4,16 @@ from __future__ import annotations
 
 from typing import Final
 
-from ...model.forces import ForceElement, Spring
+from ...model.forces import (
+    ForceElement,
+    Spring,
+)
 from .element import Law
 from .spring import SpringLaw
 
 __all__ = ["LAWS"]
 
-LAWS: Final[dict[type[ForceElement], Law]] = {Spring: SpringLaw()}
+LAWS: Final[dict[type[ForceElement], Law]] = {
+    Spring: SpringLaw(),
+}
 """Of every type that acts on bodies."""

@@ -11,9 +11,19 @@ from .force_element import ForceElement, ForceEntry
 from .joint_force import JointForce, JointForceEntry
 from .spring import Spring, SpringEntry
 
-__all__ = ["FORCES", "OTHER_WORDS", "ForceElement", "ForceEntry", "JointForce", "Spring"]
+__all__ = [
+    "FORCES",
+    "OTHER_WORDS",
+    "ForceElement",
+    "ForceEntry",
+    "JointForce",
+    "Spring",
+]
 
-FORCES: Final[tuple[type[ForceEntry], ...]] = (JointForceEntry, SpringEntry)
+FORCES: Final[tuple[type[ForceEntry], ...]] = (
+    JointForceEntry,
+    SpringEntry,
+)
 
 OTHER_WORDS: Final = {
     "body": "force",

@@ -4,12 +4,19 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from ...model.forces import ForceElement, JointForce, Spring
+from ...model.forces import (
+    ForceElement,
+    JointForce,
+    Spring,
+)
 from .joint_force import JointForceLaw
 from .law import End, Law, Wrench
 from .spring import SpringLaw
 
 __all__ = ["LAWS", "End", "Law", "Wrench"]
 
-LAWS: Final[dict[type[ForceElement], Law[Any]]] = {JointForce: JointForceLaw(), Spring: SpringLaw()}
+LAWS: Final[dict[type[ForceElement], Law[Any]]] = {
+    JointForce: JointForceLaw(),
+    Spring: SpringLaw(),
+}
 """By the class of the element."""
