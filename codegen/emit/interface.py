@@ -52,7 +52,7 @@ def operations(
     constants = Operations()
     for c in program.system.constants:
         constants = constants + count(c.shape.block, False)
-    angles = sum(link.joint == "revolute" for link in program.system.links)
+    angles = sum(link.joint.angle is not None for link in program.system.links)
     result[OUTSIDE] = _both(constants + Operations(functions=2 * angles), Operations())
     return result
 

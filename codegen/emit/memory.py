@@ -59,8 +59,8 @@ class Layout:
         self.trig_of, count = [], 0
         for link in system.links:
             self.trig_of.append(count)
-            count += link.joint == "revolute"
-        self.angles = [link.q for link in system.links if link.joint == "revolute"]
+            count += link.joint.angle is not None
+        self.angles = [link.q + link.joint.angle for link in system.links if link.joint.angle is not None]
         self.angles_padded = -(-len(self.angles) // 8) * 8
 
     def _constants(self, system: System) -> None:

@@ -18,7 +18,6 @@ from .elements import loads
 from .outputs import energy
 from .structure.element_kinds import ElementKind
 from .structure.factor_form import FactorForm
-from .structure.freedoms import COORDINATE_START
 from .structure.kinds import EarKind, LinkKind, RegionKind, System, UnitKind
 from .tree import back_substitution, balance, inverse_dynamics, kinematics, triangularization
 
@@ -99,7 +98,7 @@ class Sweep:
 
 
 def _quaternion(kind: LinkKind) -> bool:
-    return kind.joint in COORDINATE_START
+    return kind.joint.quaternion is not None
 
 
 def _nothing(x: Scope, kind: LinkKind) -> None:
@@ -119,8 +118,8 @@ def _never(kind: LinkKind) -> bool:
 
 
 SWEEPS: tuple[Sweep, ...] = (
-    Sweep("rotations", "rotation matrices of quaternions (Eq. 22)", kinematics.quaternion_matrix, OUTWARD, applies=_quaternion),
-    Sweep("turns", "rotation vectors of quaternion seeds", kinematics.quaternion_turn, OUTWARD, lanes=True, applies=_quaternion),
+    Sweep("rotations", "rotation matrices of quaternions (Eq. 22)", kinematics.rotations, OUTWARD, applies=_quaternion),
+    Sweep("turns", "rotation vectors of quaternion seeds", kinematics.turns, OUTWARD, lanes=True, applies=_quaternion),
     Sweep("closures", "closure of loops: dependent speeds (Eqs. 30, 32-38)", closures.link_motion, OUTWARD,
           ear=closures.closures, region=far_links.far_poses, units=True, closing=True),
     Sweep("residuals", "how far loops are open, in position and velocity", _nothing, OUTWARD, applies=_never,

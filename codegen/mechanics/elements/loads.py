@@ -13,7 +13,6 @@ from ...program.derivatives import Tangents
 from ...program.scalar import Value
 from .. import fields, handing_on
 from ..formulas import has_values
-from ..joints.transform import JointTransform
 from ..stores import (
     CE_DP,
     CE_PARAMETER,
@@ -37,9 +36,9 @@ from .element import Element
 
 def velocities(x: Scope, kind: LinkKind) -> None:
     """Outward block of a link: angular velocity and velocity of the origin, in its own axes. Eq. 18."""
-    joint = JointTransform(x, kind)
-    _, w = angular_velocity(x, kind, joint, fields.applied_twist.angular)
-    v = origin_velocity(x, kind, joint, fields.applied_twist.angular, fields.applied_twist.linear)
+    joint = kind.joint(x, kind)
+    _, w = angular_velocity(x, joint, fields.applied_twist.angular)
+    v = origin_velocity(x, joint, fields.applied_twist.angular, fields.applied_twist.linear)
     x.store(ME, fields.applied_twist.angular, w)
     x.store(ME, fields.applied_twist.linear, v)
     if x.tangents:

@@ -21,13 +21,13 @@ from ...program.block import Expansion
 from ...program.functions import SYMBOLIC, number
 from ...program.scalar import Value
 from ...program.store import Store
+from ..joints import LinkJoint
 from ..stores import CONSTANT, CONSTANTS, LINK
 from .constants import Constants, Leaf, Shape, Slots, Statements
 from .element_kinds import ElementKind, PlacedElement, find_element_kinds, placed_elements
 from .elimination_order import NOBODY, Partners
 from .factor_form import NO_FORM, FactorForm
 from .folded import Folded, make_constants, pattern
-from .freedoms import COORDINATE_COUNT, FREEDOMS, freedom_axes
 from .graph import Region
 from .links import FLOAT, Carrier, Link, LoopFaces, face_constants, keep, link_constants, links_of, loop_faces
 from .regions import Regions, find_regions
@@ -67,7 +67,7 @@ class LinkKind(Folded):
     """
 
     index: int
-    joint: str
+    joint: type[LinkJoint]
     axis: int
     aligned: bool
     first: bool
@@ -306,12 +306,9 @@ class System:
         q: list[int] = []
         u: list[int] = []
         for i, link in enumerate(self.links):
-            free = [j for j in range(FREEDOMS[link.joint]) if (i, j) not in dependent]
+            free = [j for j in range(link.joint.freedoms) if (i, j) not in dependent]
             u += [link.u + j for j in free]
-            if link.joint == "free":  # position first, moved by the last three speeds; then the quaternion
-                q += [link.q + c for c in range(7) if any((j < 3) == (c >= 3) for j in free)]
-            elif free:
-                q += range(link.q, link.q + COORDINATE_COUNT[link.joint])
+            q += [link.q + c for c in link.joint.moved_by(free)]
         return sorted(q), sorted(u)
 
     @property
@@ -385,7 +382,7 @@ def analyse(model: Model, unrolled: bool, partition: Partition | None = None) ->
     kind_of: list[LinkKind] = []
     for i, link in enumerate(links):
         c = constants_of[i]
-        forced = tuple(link.u + j in forced_speeds for j in range(len(freedom_axes(link.joint, 0))))
+        forced = tuple(link.u + j in forced_speeds for j in range(link.joint.freedoms))
         aligned = all(
             n not in c.shape.varying and c.values.get(n, 0.0) == float(n[2] == n[3])
             for n in (f"R.{a}{b}" for a in "xyz" for b in "xyz")
