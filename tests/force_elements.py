@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from comparison import compare, transposes, worst
 from random_models import random_seeds, random_state
 
 import codegen
 from codegen.model import Model, parse_model
 from codegen.model.errors import ModelError
-from codegen.model.model import GROUND
 from codegen.reference import DenseEngine, RecursiveEngine
 from codegen.reference.engine import Engine
 
@@ -136,6 +136,43 @@ def power(model: Model, state: tuple[Any, ...]) -> tuple[float, float, float]:
     return done, rate, float(max(np.abs(force).max(), np.abs(moment).max()))
 
 
+MUJOCOS = """
+<mujoco><compiler angle="radian"/><option gravity="0 0 -9.81"><flag constraint="disable"/></option><worldbody>
+<body><joint type="hinge" axis="0 1 0"/><inertial pos="0 0.1 -0.4" mass="1" diaginertia="0.1 0.15 0.12"/>
+<body pos="0.2 0 -1"><joint type="ball"/><inertial pos="0.1 0 -0.4" mass="1.3" diaginertia="0.1 0.12 0.11"/></body></body>
+</worldbody></mujoco>"""
+OURS = """
+model: m
+gravity: [0, 0, -9.81]
+bodies:
+  a: {parent: ground, joint: {type: revolute, axis: y}, mass: 1, com: [0, 0.1, -0.4], inertia: {xx: 0.1, yy: 0.15, zz: 0.12}}
+  b: {parent: a, joint: {type: spherical, at: [0.2, 0, -1]}, mass: 1.3, com: [0.1, 0, -0.4],
+    inertia: {xx: 0.1, yy: 0.12, zz: 0.11}}
+forces:
+ELEMENTS
+"""
+"""The same two links on a hinge and a ball."""
+
+
+def accelerations_and_mujocos(
+    elements: str, force: list[float], torque: list[float], at: list[float], in_body: bool
+) -> tuple[Any, Any]:
+    """With elements, and what MuJoCo finds for a force and a torque at a place of the second link."""
+    mujoco = pytest.importorskip("mujoco")
+    rng = np.random.default_rng(2)
+    q, u = rng.normal(size=5), rng.normal(size=4)
+    q[1:] /= np.linalg.norm(q[1:])
+    model = mujoco.MjModel.from_xml_string(MUJOCOS)
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:] = q, u
+    mujoco.mj_forward(model, data)
+    R = data.xmat[2].reshape(3, 3)
+    f, n = (R @ v if in_body else np.array(v, float) for v in (force, torque))
+    mujoco.mj_applyFT(model, data, f, n, data.xpos[2] + R @ at, 2, data.qfrc_applied)
+    mujoco.mj_forward(model, data)
+    return DenseEngine(with_elements(OURS, elements)).accelerations(q, u), data.qacc
+
+
 def problems(elements: str) -> list[str]:
     """What is wrong with elements on the tree."""
     try:
@@ -143,6 +180,3 @@ def problems(elements: str) -> list[str]:
     except ModelError as error:
         return [f"{p.path}: {p.message}" for p in error.problems if p.severity == "error"]
     return []
-
-
-__all__ = ["GROUND", "LOOP", "TREE", "loop_errors", "power", "problems", "tree_errors", "with_elements"]

@@ -5,15 +5,18 @@ from __future__ import annotations
 from typing import Final
 
 from ...model.forces import (
+    Force,
     ForceElement,
     Spring,
 )
 from .element import Law
+from .force import ForceLaw
 from .spring import SpringLaw
 
 __all__ = ["LAWS"]
 
 LAWS: Final[dict[type[ForceElement], Law]] = {
     Spring: SpringLaw(),
+    Force: ForceLaw(),
 }
 """Of every type that acts on bodies."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Final
 
+from .force import Force, ForceOnBodyEntry
 from .force_element import ForceElement, ForceEntry
 from .joint_force import JointForce, JointForceEntry
 from .spring import Spring, SpringEntry
@@ -14,6 +15,7 @@ from .spring import Spring, SpringEntry
 __all__ = [
     "FORCES",
     "OTHER_WORDS",
+    "Force",
     "ForceElement",
     "ForceEntry",
     "JointForce",
@@ -23,6 +25,7 @@ __all__ = [
 FORCES: Final[tuple[type[ForceEntry], ...]] = (
     JointForceEntry,
     SpringEntry,
+    ForceOnBodyEntry,
 )
 
 OTHER_WORDS: Final = {

@@ -5,10 +5,12 @@ from __future__ import annotations
 from typing import Any, Final
 
 from ...model.forces import (
+    Force,
     ForceElement,
     JointForce,
     Spring,
 )
+from .force import ForceLaw
 from .joint_force import JointForceLaw
 from .law import End, Law, Wrench
 from .spring import SpringLaw
@@ -18,5 +20,6 @@ __all__ = ["LAWS", "End", "Law", "Wrench"]
 LAWS: Final[dict[type[ForceElement], Law[Any]]] = {
     JointForce: JointForceLaw(),
     Spring: SpringLaw(),
+    Force: ForceLaw(),
 }
 """By the class of the element."""
