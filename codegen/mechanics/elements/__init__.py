@@ -8,15 +8,18 @@ from ...model.forces import (
     Force,
     ForceElement,
     Spring,
+    Torque,
 )
 from .element import Law
 from .force import ForceLaw
 from .spring import SpringLaw
+from .torque import TorqueLaw
 
 __all__ = ["LAWS"]
 
 LAWS: Final[dict[type[ForceElement], Law]] = {
     Spring: SpringLaw(),
     Force: ForceLaw(),
+    Torque: TorqueLaw(),
 }
 """Of every type that acts on bodies."""

@@ -11,6 +11,7 @@ from .force import Force, ForceOnBodyEntry
 from .force_element import ForceElement, ForceEntry
 from .joint_force import JointForce, JointForceEntry
 from .spring import Spring, SpringEntry
+from .torque import Torque, TorqueEntry
 
 __all__ = [
     "FORCES",
@@ -20,12 +21,14 @@ __all__ = [
     "ForceEntry",
     "JointForce",
     "Spring",
+    "Torque",
 ]
 
 FORCES: Final[tuple[type[ForceEntry], ...]] = (
     JointForceEntry,
     SpringEntry,
     ForceOnBodyEntry,
+    TorqueEntry,
 )
 
 OTHER_WORDS: Final = {

@@ -9,11 +9,13 @@ from ...model.forces import (
     ForceElement,
     JointForce,
     Spring,
+    Torque,
 )
 from .force import ForceLaw
 from .joint_force import JointForceLaw
 from .law import End, Law, Wrench
 from .spring import SpringLaw
+from .torque import TorqueLaw
 
 __all__ = ["LAWS", "End", "Law", "Wrench"]
 
@@ -21,5 +23,6 @@ LAWS: Final[dict[type[ForceElement], Law[Any]]] = {
     JointForce: JointForceLaw(),
     Spring: SpringLaw(),
     Force: ForceLaw(),
+    Torque: TorqueLaw(),
 }
 """By the class of the element."""
