@@ -9,11 +9,13 @@ from ...model.forces import (
     ForceElement,
     Spring,
     Torque,
+    Torsion,
 )
 from .element import Law
 from .force import ForceLaw
 from .spring import SpringLaw
 from .torque import TorqueLaw
+from .torsion import TorsionLaw
 
 __all__ = ["LAWS"]
 
@@ -21,5 +23,6 @@ LAWS: Final[dict[type[ForceElement], Law]] = {
     Spring: SpringLaw(),
     Force: ForceLaw(),
     Torque: TorqueLaw(),
+    Torsion: TorsionLaw(),
 }
 """Of every type that acts on bodies."""

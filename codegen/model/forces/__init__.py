@@ -12,6 +12,7 @@ from .force_element import ForceElement, ForceEntry
 from .joint_force import JointForce, JointForceEntry
 from .spring import Spring, SpringEntry
 from .torque import Torque, TorqueEntry
+from .torsion import Torsion, TorsionEntry
 
 __all__ = [
     "FORCES",
@@ -22,6 +23,7 @@ __all__ = [
     "JointForce",
     "Spring",
     "Torque",
+    "Torsion",
 ]
 
 FORCES: Final[tuple[type[ForceEntry], ...]] = (
@@ -29,6 +31,7 @@ FORCES: Final[tuple[type[ForceEntry], ...]] = (
     SpringEntry,
     ForceOnBodyEntry,
     TorqueEntry,
+    TorsionEntry,
 )
 
 OTHER_WORDS: Final = {

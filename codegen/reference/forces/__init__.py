@@ -10,12 +10,14 @@ from ...model.forces import (
     JointForce,
     Spring,
     Torque,
+    Torsion,
 )
 from .force import ForceLaw
 from .joint_force import JointForceLaw
 from .law import End, Law, Wrench
 from .spring import SpringLaw
 from .torque import TorqueLaw
+from .torsion import TorsionLaw
 
 __all__ = ["LAWS", "End", "Law", "Wrench"]
 
@@ -24,5 +26,6 @@ LAWS: Final[dict[type[ForceElement], Law[Any]]] = {
     Spring: SpringLaw(),
     Force: ForceLaw(),
     Torque: TorqueLaw(),
+    Torsion: TorsionLaw(),
 }
 """By the class of the element."""
