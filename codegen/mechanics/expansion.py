@@ -17,7 +17,8 @@ from sympy import Expr, Symbol
 from sympy.core.numbers import Number
 
 from ..model.model import GROUND
-from ..program.block import Block, Expansion, FieldError, Scope, StructuralExpansion
+from ..program.block import Block, Component, Expansion, FieldError, Scope, StructuralExpansion
+from ..program.field import AnyField
 from ..program.operations import Operations, count
 from ..program.passes import PASSES, drop_dead
 from ..program.progress import Progress, silent
@@ -288,6 +289,43 @@ class Patterns:
         return True
 
 
+class Traffic:
+    """What blocks write and read: of every family of fields that is written somebody should read something.
+
+    Parameters
+    ----------
+    outside : iterable of Place
+        What formulas read.
+    """
+
+    def __init__(self, outside: Iterable[Place]):
+        self._read = {name for _, _, name in outside}
+        self._families: set[AnyField] = set()
+        self._written: dict[AnyField, tuple[str, dict[Component, None]]] = {}
+
+    def note(self, sweep: Sweep, x: Expansion) -> None:
+        """Take note of what a block has written and read, tangents too."""
+        self._read.update(name for _, name in x.block.loads.values())
+        self._families.update(asked.family for asked in x.asked.values())
+        for store, name, value in x.block.stores:
+            told = x.told.get((store, name))
+            if told is not None and value != 0 and store.memory in LAID_OUT and not told.family.unread:
+                self._written.setdefault(told.family, (sweep.title, {}))[1][store, name] = None
+
+    def check(self) -> None:
+        """Somebody reads something of every family that is written.
+
+        Raises
+        ------
+        FieldError
+            With block, store and component.
+        """
+        for family, (title, written) in self._written.items():
+            if family not in self._families and not any(name in self._read for _, name in written):
+                store, name = next(iter(written))
+                raise FieldError(f"{title}: {store}.{name} is stored, and no block or formula reads {family}")
+
+
 def _write(sweep: Sweep, x: Scope, kind: UnitKind) -> None:
     """Write the block of a kind; the form of a closure matrix that is factored is kept for the sweeps that follow."""
     form = sweep.write_block(x, kind)
@@ -301,10 +339,17 @@ def expand(
     sweeps: Iterable[str],
     read_outside: Iterable[Place] = (),
     progress: Progress = silent,
+    whole: bool = True,
 ) -> Program:
     """Write the blocks of the named sweeps for every kind, simplify them and lay out their memory.
 
-    `read_outside` are fields (memory, kind, field) that formulas read; `progress` hears of every sweep.
+    `read_outside` are fields (memory, kind, field) that formulas read; `progress` hears of every sweep; `whole` says
+    that the sweeps are those of all functions, so that what none of them reads should not be stored.
+
+    Raises
+    ------
+    FieldError
+        A block loads what no block stores, or (of the whole) stores what no block loads.
     """
     wanted = set(sweeps)
     chosen = [s for s in SWEEPS if s.name in wanted and s.kinds(system)]
@@ -321,6 +366,7 @@ def expand(
         patterns.overruled = False
         for sweep in chosen:
             patterns.settle(sweep)
+    traffic = Traffic(program.read_outside)
     for step, sweep in enumerate(chosen, 1):
         progress("expanding", step, len(chosen))
         for kind in sweep.kinds(system):
@@ -330,8 +376,11 @@ def expand(
             )  # fmt: skip
             _write(sweep, x, kind)
             patterns.check_loads(sweep, kind, x)
+            traffic.note(sweep, x)
             program.blocks[sweep.name][kind.index] = x.finish()
         seconds[sweep.name], clock = seconds[sweep.name] + time.perf_counter() - clock, time.perf_counter()
+    if whole:
+        traffic.check()
     program.report.append(("expand", _total(program), time.perf_counter() - start))
     start = time.perf_counter()
     _drop_unread(program, patterns, chosen)

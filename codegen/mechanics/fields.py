@@ -28,6 +28,9 @@ OWN, PARENT, GROUND, REGION, LINK = "the link", "the parent", "the ground", "the
 WRENCH, TWIST, INERTIA = "[N m, N]", "[rad/s, m/s]", "[kg m^2, kg m, kg]"
 ACCELERATION, DISPLACEMENT = "[rad/s^2, m/s^2]", "[rad, m]"
 
+NO_EAR_STARTS = "no other ear starts from the link"
+"""When nobody reads how a link of an ear moves."""
+
 
 @dataclass(frozen=True)
 class Motion:
@@ -100,7 +103,12 @@ total = Motion(
     VectorField("ta", "m/s^2", OWN, "acceleration of the origin, all of it"),
     MatrixField("tB", "1/s^2", OWN, "alpha x + omega x omega x, with all of alpha"),
 )
-ear_own = Motion(VectorField("tw", "rad/s", OWN, "angular velocity of a link of an ear"), total.al, total.a, total.B)
+ear_own = Motion(
+    VectorField("tw", "rad/s", OWN, "angular velocity of a link of an ear", unread=NO_EAR_STARTS),
+    total.al,
+    total.a,
+    total.B,
+)
 explicit_acceleration = AccelerationField(
     "b", ACCELERATION, OWN, "the part of the accelerations that is explicit in udot: angular, of the origin"
 )
@@ -142,23 +150,23 @@ step = ShiftField("n", DISPLACEMENT, OWN, "rotation vector and displacement of N
 # -- links of ears, in the axes of their region ------------------------------------------------------------------------
 
 ear_attitude = MatrixField("sW", "1", REGION, "region components from link components")
-ear_position = VectorField("o", "m", REGION, "position against the region's base")
+ear_position = VectorField("o", "m", REGION, "position against the region's base", unread=NO_EAR_STARTS)
 ear_inertia = SymmetricField("sJ", "kg m^2", REGION, "inertia about the origin")
 ear_first_moment = VectorField("sh", "kg m", REGION, "mass times centre of mass")
 per_source = TwistField(
     "Z{}.", "per unit of the source", REGION, "how a link moves with a source (Gamma and Xi of Eq. 37)"
 )
 ear_remainder = Motion(
-    VectorField("sw", "rad/s", REGION, "angular velocity"),
-    VectorField("sal", "rad/s^2", REGION, "angular acceleration, the sources at rest"),
-    VectorField("sa", "m/s^2", REGION, "acceleration of the origin, the sources at rest"),
-    MatrixField("sB", "1/s^2", REGION, "alpha x + omega x omega x, the sources at rest"),
+    VectorField("sw", "rad/s", REGION, "angular velocity", unread=NO_EAR_STARTS),
+    VectorField("sal", "rad/s^2", REGION, "angular acceleration, the sources at rest", unread=NO_EAR_STARTS),
+    VectorField("sa", "m/s^2", REGION, "acceleration of the origin, the sources at rest", unread=NO_EAR_STARTS),
+    MatrixField("sB", "1/s^2", REGION, "alpha x + omega x omega x, the sources at rest", unread=NO_EAR_STARTS),
 )
 ear_total = Motion(
     ear_remainder.w,
-    VectorField("tsal", "rad/s^2", REGION, "angular acceleration, all of it"),
-    VectorField("tsa", "m/s^2", REGION, "acceleration of the origin, all of it"),
-    MatrixField("tsB", "1/s^2", REGION, "alpha x + omega x omega x, with all of alpha"),
+    VectorField("tsal", "rad/s^2", REGION, "angular acceleration, all of it", unread=NO_EAR_STARTS),
+    VectorField("tsa", "m/s^2", REGION, "acceleration of the origin, all of it", unread=NO_EAR_STARTS),
+    MatrixField("tsB", "1/s^2", REGION, "alpha x + omega x omega x, with all of alpha", unread=NO_EAR_STARTS),
 )
 ear_needed = SixField("s", WRENCH, REGION, "moment and force that a link's motion needs, the sources at rest")
 ear_total_needed = SixField("ts", WRENCH, REGION, "moment and force that all of a link's motion needs")
@@ -166,14 +174,30 @@ ear_transmitted = SixField(
     "sacc.", WRENCH, REGION, "what later ears hand to a link that they start from", handed_on=True
 )
 root_transmitted = SixField("oacc.", WRENCH, OWN, "what later ears hand to a link that they start from", handed_on=True)
-measured_position = VectorField("ro", "m", REGION, "position where what is open is measured")
+measured_position = VectorField("ro", "m", REGION, "position where what is open is measured", unread=NO_EAR_STARTS)
 measured_velocity = TwistField(
-    "r", TWIST, REGION, "velocity at the given speeds; along directions: tangent of the velocity"
+    "r",
+    TWIST,
+    REGION,
+    "velocity at the given speeds; along directions: tangent of the velocity",
+    unread=NO_EAR_STARTS,
 )
-ear_step = ShiftField("s", DISPLACEMENT, REGION, "rotation vector and displacement of Newton's step, against the base")
+ear_step = ShiftField(
+    "s",
+    DISPLACEMENT,
+    REGION,
+    "rotation vector and displacement of Newton's step, against the base",
+    unread=NO_EAR_STARTS,
+)
 shift = EarShiftField("", DISPLACEMENT, REGION, "rotation vector and displacement of a direction, against the base")
 lever_tangent = VectorField("dr", "m", REGION, "tangent of the way from the parent's origin to the link's")
-arm_tangent = VectorField("da{}{}", "m", REGION, "tangent of the way from the origin to a face, by loop and side")
+arm_tangent = VectorField(
+    "da{}{}",
+    "m",
+    REGION,
+    "tangent of the way from the origin to a face, by loop and side",
+    unread="later blocks follow faces in the axes of their own links",
+)
 dependent_acceleration = ScalarField(
     "x.{}", "u/s^2", "", "tangent of udot of a dependent freedom, the sources' udot held"
 )
@@ -184,13 +208,21 @@ dependent_rate = ScalarField(
     "Y{}.{}", "per unit of the source", "", "rate of a dependent freedom with a source (Eq. 37)"
 )
 dependent_remainder = ScalarField("y{}", "u/s^2", "", "udot of a dependent freedom, the sources at rest (Eq. 38)")
-orthogonal_entry = ScalarField("q{}.{}", "1", "", "entry of Q of the factored closure matrix, by column and condition")
+orthogonal_entry = ScalarField(
+    "q{}.{}",
+    "1",
+    "",
+    "entry of Q of the factored closure matrix, by column and condition",
+    unread="the ear has one dependent freedom, and its dependents have no remainder",
+)
 triangular_entry = ScalarField("R{}.{}", "1", "", "entry of R of the factored closure matrix, by columns")
 inverse_diagonal = ScalarField("d{}", "1", "", "one over the diagonal of R")
 
 # -- regions -----------------------------------------------------------------------------------------------------------
 
-source_speed = ScalarField("s{}", "u/s", "", "independent speed that is a source")
+source_speed = ScalarField(
+    "s{}", "u/s", "", "independent speed that is a source", unread="no motion of a root is made of it"
+)
 source_inertia = ScalarField("Q{}.{}", "kg u^2", "", "inertia over two sources (Eq. 40)")
 source_force = ScalarField("g{}", "kg u^2/s^2", "", "force along a source (Eq. 41)")
 source_to_base = SixField("K{}.", "kg u [m, 1]", REGION, "inertia over a source and the base's six components (Eq. 39)")

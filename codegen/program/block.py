@@ -83,7 +83,10 @@ RESERVED = frozenset(
 
 
 class FieldError(Exception):
-    """A block reads or writes what is in no table of fields, or reads what nobody writes: an error of ordernm's own."""
+    """A block reads or writes what is in no table of fields, reads what nobody writes, or writes what nobody reads.
+
+    An error of ordernm's own.
+    """
 
 
 class Scope(ABC):
@@ -101,6 +104,8 @@ class Scope(ABC):
         Of the block.
     asked : dict of (Store, str) to Field
         Components that have been read, and the field that each is of.
+    told : dict of (Store, str) to Field
+        The same of those that have been written.
     """
 
     structural: bool
@@ -108,6 +113,7 @@ class Scope(ABC):
     units: bool
     title: str
     asked: dict[Component, AnyField]
+    told: dict[Component, AnyField]
 
     @abstractmethod
     def component(self, store: Store, name: str) -> Value:
@@ -156,6 +162,7 @@ class Scope(ABC):
         """Write a field."""
         self._check(store, field)
         for name, part in field.parts(value):
+            self.told[store, name] = field
             self.set_component(store, name, part)
 
     def _check(self, store: Store, field: AnyField) -> None:
@@ -202,6 +209,7 @@ class Expansion(Scope):
         self.block = Block(name, title)
         self.title = title
         self.asked = {}
+        self.told = {}
         self.tangents = tangents
         self.units = units
         self._nonzero = nonzero
@@ -353,6 +361,7 @@ class StructuralExpansion(Scope):
         self.stored: dict[Component, int | None] = {}
         """The 0, 1 or -1 that a component is whatever the state, or None."""
         self.asked = {}
+        self.told = {}
 
     def component(self, store: Store, name: str) -> Value:
         if not self._nonzero(store, name):

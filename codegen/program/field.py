@@ -35,16 +35,19 @@ class Readable(ABC, Generic[V_co]):
         For the glossary. The frame is that in whose axes components are, empty for what has none.
     handed_on : bool
         Others add to it: where there are none it is zero, and nobody has stored it.
+    unread : str
+        When nobody may read what is stored. Without it, storing what nobody reads is an error (`mechanics.expansion`).
     """
 
     shape = ""
 
-    def __init__(self, name: str, unit: str, frame: str, meaning: str, *, handed_on: bool = False):
+    def __init__(self, name: str, unit: str, frame: str, meaning: str, *, handed_on: bool = False, unread: str = ""):
         self.name = name
         self.unit = unit
         self.frame = frame
         self.meaning = meaning
         self.handed_on = handed_on
+        self.unread = unread
         self.family: AnyField = self
         self.suffix = ""
         self.listed = False

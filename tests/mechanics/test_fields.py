@@ -1,4 +1,4 @@
-"""The table of fields and what blocks store and load: a field that is misspelt or forgotten stops generation."""
+"""The table of fields and what blocks store and load: a field that is misspelt, forgotten or never read stops generation."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from random_mechanisms import random_mechanisms
 
 import codegen
 from codegen.loops.partition import partition
-from codegen.mechanics import procedures
-from codegen.mechanics.expansion import Patterns
+from codegen.mechanics import fields, procedures
+from codegen.mechanics.expansion import Patterns, expand
 from codegen.mechanics.fields import FIELDS
 from codegen.mechanics.glossary import glossary
-from codegen.mechanics.stores import LAID_OUT
+from codegen.mechanics.stores import CONSTANTS, LAID_OUT, ME
 from codegen.mechanics.structure.kinds import System, analyse
 from codegen.mechanics.sweeps import SWEEPS, Sweep
 from codegen.program.block import FieldError, Scope
-from codegen.program.field import Field
+from codegen.program.field import Field, ScalarField
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 MODELS = (
@@ -126,6 +126,30 @@ def test_a_forgotten_store_stops_generation(name, monkeypatch):
                 watched.run(model)
             watched.dropped = None
     assert looked_at
+
+
+@pytest.mark.parametrize("unread", ("", "there is nothing to read it for"))
+@pytest.mark.parametrize("name", ("four_bar", "double_pendulum"))
+def test_what_nobody_reads_stops_generation_unless_the_table_says_when(name, unread, monkeypatch):
+    spare = ScalarField("spare", "m", "", "what nobody reads", unread=unread)
+    spare.listed = True
+    write, of = Sweep.write_block, system(name)
+
+    def more(sweep: Sweep, x: Any, kind: Any) -> Any:
+        found = write(sweep, x, kind)
+        if sweep.name == "kinematics" and kind.role != "region":
+            store = ME[0] if kind.role == "ear" else ME
+            x.store(store, spare, x.load(CONSTANTS[0] if kind.role == "ear" else CONSTANTS, fields.mass))
+        return found
+
+    monkeypatch.setattr(Sweep, "write_block", more)
+    asked = {s.name for s in sweeps(of)}
+    if unread:
+        expand(of, asked)
+    else:
+        with pytest.raises(FieldError, match=r"me.*\.spare is stored, and no block or formula reads spare"):
+            expand(of, asked)
+        expand(of, asked, whole=False)  # of some functions only
 
 
 def test_every_field_of_the_table_is_stored_and_loaded(monkeypatch):

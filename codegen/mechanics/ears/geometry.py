@@ -41,6 +41,7 @@ class MemberView(Scope):
         self.units = x.units
         self.title = x.title
         self.asked = x.asked
+        self.told = x.told
 
     def load(self, store: Store, field: Readable[V_co]) -> V_co:
         return self.x.load(store[self.place], field)
