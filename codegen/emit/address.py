@@ -45,6 +45,8 @@ from ..mechanics.stores import (
     SECOND_END,
     SLOT,
     SPRING,
+    SUM,
+    SUM_LANE,
     WRENCH,
 )
 from ..mechanics.structure.kinds import EarKind, Folded, LinkKind, RegionKind, SpringKind, UnitKind
@@ -251,6 +253,8 @@ class Addresses:
         elif memory in (ENERGY, ENERGY_LANE):
             name = str(int("potential" in store.name))
             region = store.name.replace("potential", "energy")
+        elif memory in (SUM, SUM_LANE):
+            pass
         else:
             raise KeyError(store)
         return Address(variable, region, row, name)

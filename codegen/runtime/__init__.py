@@ -18,6 +18,7 @@ from .standalone.errors import (
     PackageError,
     SingularJointError,
     SingularLoopError,
+    SingularOutputError,
     SingularSpringError,
     TargetsDifferError,
 )
@@ -32,6 +33,7 @@ __all__ = [
     "PackageError",
     "SingularJointError",
     "SingularLoopError",
+    "SingularOutputError",
     "SingularSpringError",
     "Solver",
     "TargetsDifferError",

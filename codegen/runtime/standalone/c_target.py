@@ -15,7 +15,14 @@ import numpy as np
 from .arrays import Array, Shape
 from .build import Build
 from .caller import TAKES, find_caller
-from .errors import CompileError, NoCompilerError, SingularJointError, SingularLoopError, SingularSpringError
+from .errors import (
+    CompileError,
+    NoCompilerError,
+    SingularJointError,
+    SingularLoopError,
+    SingularOutputError,
+    SingularSpringError,
+)
 from .functions import ARGUMENTS, SEEDS, Function, split
 from .results import empty
 from .short_calls import ARRAY_HEAD, Desk
@@ -50,6 +57,7 @@ class CTarget:
         self.links: list[str] = manifest["links"]
         self.loops: list[str] = manifest.get("loops", [])
         self.springs: list[str] = manifest.get("springs", [])
+        self.outputs: list[str] = manifest["output_names"]
         self.workspace: int = manifest["workspace"]
         self.functions = functions
         self.shapes = shapes
@@ -176,7 +184,9 @@ class CTarget:
 
     def singular(self, status: int, where: str = "") -> SingularJointError:
         """The error for what a compiled function has returned."""
-        links, loops = len(self.links), len(self.loops)
+        links, loops, springs = len(self.links), len(self.loops), len(self.springs)
+        if status > links + loops + springs:
+            return SingularOutputError(self.outputs[status - 1 - links - loops - springs], where)
         if status > links + loops:
             return SingularSpringError(self.springs[status - 1 - links - loops], where)
         if status > links:

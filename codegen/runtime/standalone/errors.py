@@ -73,6 +73,24 @@ class SingularSpringError(SingularJointError):
         self.link = spring
 
 
+class SingularOutputError(SingularJointError):
+    """An output, such as a distance, has a value but no derivative.
+
+    Attributes
+    ----------
+    link : str
+        The output.
+    """
+
+    def __init__(self, output: str, where: str = "") -> None:
+        np.linalg.LinAlgError.__init__(
+            self,
+            f"the points of output {output} coincide{where}, so it has no derivative there; step off this configuration, or take "
+            f"the relative position of the points",
+        )
+        self.link = output
+
+
 class AssemblyError(ValueError):
     """A loop cannot be closed.
 

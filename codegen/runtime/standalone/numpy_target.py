@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from .arrays import Array, Shape
-from .errors import SingularJointError, SingularLoopError, SingularSpringError
+from .errors import SingularJointError, SingularLoopError, SingularOutputError, SingularSpringError
 from .functions import Function
 from .results import put
 from .short_calls import NO_DESK
@@ -52,7 +52,7 @@ class NumpyTarget:
             with np.errstate(all="ignore"):  # what is not finite is told by the solver, for both targets alike
                 results = getattr(self.module, f.name)(*arguments)
         except self.module.SingularJointError as error:
-            kinds = {k.__name__: k for k in (SingularLoopError, SingularSpringError)}
+            kinds = {k.__name__: k for k in (SingularLoopError, SingularSpringError, SingularOutputError)}
             raise kinds.get(type(error).__name__, SingularJointError)(error.link) from None
         return put([_full(r, shape) for r, shape in zip(results, shapes, strict=True)], out)
 
