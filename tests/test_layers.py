@@ -27,8 +27,8 @@ FLOORS = {
 they may import everything, and no listed floor may import them."""
 
 ROOMS = {
-    "structure": set(),
-    "joints": {"structure"},
+    "joints": set(),
+    "structure": {"joints"},
     "tree": {"joints", "structure"},
     "ears": {"joints", "structure", "tree"},
     "elements": {"joints", "structure", "tree"},

@@ -19,6 +19,8 @@ from ..mechanics.stores import (
     CONSTANT,
     COUPLING_BLOCK,
     EAR_RECORD,
+    ELEMENT,
+    ELEMENT_END,
     ENERGY,
     ENERGY_LANE,
     GROUND_LINK,
@@ -42,14 +44,14 @@ from ..mechanics.stores import (
     REGION_LANE,
     REGION_RECORD,
     ROOT,
-    SECOND_END,
     SLOT,
-    SPRING,
     SUM,
     SUM_LANE,
     WRENCH,
 )
-from ..mechanics.structure.kinds import EarKind, Folded, LinkKind, RegionKind, SpringKind, UnitKind
+from ..mechanics.structure.element_kinds import ElementKind
+from ..mechanics.structure.folded import Folded
+from ..mechanics.structure.kinds import EarKind, LinkKind, RegionKind, UnitKind
 from ..mechanics.sweeps import SWEEP
 from ..model.model import CLOSURE_ROWS, GROUND
 from ..program.store import Store
@@ -61,7 +63,7 @@ REGIONS = {
 }  # fmt: skip
 """Memory that is laid out, as the targets call it."""
 
-_COLUMN = {ROOT: "ROOT_", BASE_LINK: "BASE_", PARTNER: "PARTNER_", PARENT: "UP"}
+_COLUMN = {ELEMENT_END: "END_", ROOT: "ROOT_", BASE_LINK: "BASE_", PARTNER: "PARTNER_", PARENT: "UP"}
 """Beginnings of columns of the tables, by whose memory is meant."""
 
 
@@ -106,21 +108,21 @@ class Addresses:
         self.links = IndexTable("link", len(self.system.links))
         several = not self.system.independent_links
         self.units = IndexTable("unit", len(self.system.regions.order)) if several else self.links
-        self.springs = IndexTable("spring", len(model.springs))
+        self.elements = IndexTable("element", len(self.system.elements))
         self._parameter_places = {name: i for i, name in enumerate(model.parameter_names)}
         self._rows: dict[tuple[object, ...], str] = {}
 
     @property
     def tables(self) -> list[IndexTable]:
         """All tables, once each."""
-        return [self.links, *([] if self.units is self.links else [self.units]), self.springs]
+        return [self.links, *([] if self.units is self.links else [self.units]), self.elements]
 
     # -- what a block's functions are called for ---------------------------------------------------------------------
 
     def table(self, sweep: str) -> IndexTable:
         """The table of what a sweep goes over."""
         spec = SWEEP[sweep]
-        return self.springs if spec.spring else self.units if spec.units else self.links
+        return self.elements if spec.element else self.units if spec.units else self.links
 
     def instances(self, kind: UnitKind, sweep: str) -> list[int]:
         """The values that i takes in the functions of a kind."""
@@ -144,8 +146,9 @@ class Addresses:
         if owner is PARTNER:
             assert store.place is not None
             return regions.elimination.partners[i].links[store.place]
-        if isinstance(kind, SpringKind):
-            return system.spring_ends[i].links[owner is SECOND_END]
+        if isinstance(kind, ElementKind):
+            assert store.place is not None
+            return system.elements[i].links[store.place]
         if isinstance(kind, LinkKind):
             link = regions.order[i].number if SWEEP[sweep].units else i
             return system.links[link].parent if owner is PARENT else link
@@ -247,7 +250,7 @@ class Addresses:
         elif memory in (PER_CONDITION, PER_CONDITION_LANE):
             row = self.of_loops(kind, sweep, store, "_ROWS", self.first_conditions)
         elif memory in (COEFFICIENTS, COEFFICIENTS_LANE):
-            row = self.entry(kind, sweep, "COEFFICIENTS", [3 * n for n in kind.members])
+            row = self.entry(kind, sweep, "COEFFICIENTS", [system.elements[n].first for n in kind.members])
         elif memory is PER_PARAMETER_LANE:
             return Address("dp", "dp", "", self._parameter(kind, sweep, store, int(name)))
         elif memory in (ENERGY, ENERGY_LANE):
@@ -260,10 +263,10 @@ class Addresses:
         return Address(variable, region, row, name)
 
     def _parameter(self, kind: UnitKind, sweep: str, store: Store, j: int) -> str:
-        """Number of the j-th design parameter that the constants of a link, a loop or a spring depend on."""
+        """Number of the j-th design parameter that the constants of a link, a loop or a force element depend on."""
         system = self.system
-        if store.owner is SPRING:
-            owners, column = [system.spring_constants[n] for n in kind.members], f"P{j}"
+        if store.owner is ELEMENT:
+            owners, column = [system.elements[n].constants for n in kind.members], f"P{j}"
         elif store.owner is LOOP:
             owners = [system.closure_constants[n] for n in self.loops_meant(kind, store)]
             column = f"LOOP{store.place}_P{j}"
@@ -278,12 +281,12 @@ class Addresses:
         variable = store.label.replace("#", "_")
         folded = self._folded(kind, store)
         data = folded.data.get(name)
-        if store.owner is SPRING:
+        if store.owner is ELEMENT:
             column = "NUMBERS" if data is not None else "CONSTANTS"
             if data is not None:
-                values = [layout.spring_number_offsets[n] for n in kind.members]
+                values = [layout.element_number_offsets[n] for n in kind.members]
                 return Address("k", "numbers", self.entry(kind, sweep, column, values), str(data))
-            values = [self._place_of_constants(system.spring_constants[n].index) for n in kind.members]
+            values = [self._place_of_constants(system.elements[n].constants.index) for n in kind.members]
             return Address(variable, "constants", self.entry(kind, sweep, column, values), name)
         if store.owner is LOOP:
             if data is not None:
@@ -315,7 +318,7 @@ class Addresses:
     # -- who is to blame -------------------------------------------------------------------------------------------
 
     def culprit(self, kind: UnitKind, sweep: str) -> Callable[[str], str]:
-        """Number of the link to name when the j-th pivot of a kind is zero; loops are counted after the links, then springs."""
+        """Number of the link to name when the j-th pivot of a kind is zero; loops count after the links, then force elements."""
         regions = self.system.regions
         links = len(self.system.links)
 
@@ -323,7 +326,7 @@ class Addresses:
             if isinstance(kind, RegionKind):
                 values = [regions.regions[regions.order[i].number].freedoms[int(name)][0] for i in kind.units]
                 return self.entry(kind, sweep, f"SOURCE{name}", values)
-            if isinstance(kind, SpringKind):
+            if isinstance(kind, ElementKind):
                 first = links + len(self.system.model.loops)
                 return self.entry(kind, sweep, "CULPRIT", [first + n for n in kind.members])
             if isinstance(kind, EarKind):

@@ -329,12 +329,12 @@ class CWriter(Writer):
             ("constants", False, layout.constants_size),
             ("trig", False, 2 * layout.angles_padded),
             ("tau", False, forced),
-            ("coefficient", False, 3 * len(model.springs)),
+            *((name, False, n) for name, n in self.system.coefficient_counts.items()),
             ("slots", True, layout.slot_size * self.system.slots),
             ("lanes", True, len(layout.lane) * links),
             ("region_lanes", True, len(layout.region_lane) * len(regions.regions)),
             ("dtau", True, forced),
-            ("dcoefficient", True, 3 * len(model.springs)),
+            *((f"d{name}", True, n) for name, n in self.system.coefficient_counts.items()),
         ]
         return [r for r in found if r[2]]
 
@@ -443,8 +443,8 @@ def legend(model: Model, links: int) -> list[str]:
     ]
     if model.loops:
         lines.append(f"Numbers above {links}, the number of links: a loop has lost rank.")
-    if model.springs:
-        lines.append(f"Numbers above {links + len(model.loops)}: the ends of a spring coincide.")
+    if any(e.singular for e in model.loads):
+        lines.append(f"Numbers above {links + len(model.loops)}: a force element has no direction.")
     return lines
 
 

@@ -35,7 +35,7 @@ def operations(
             continue
         once, each = Operations(), Operations()
         for kind in sweep.kinds(program.system):
-            calls = len(kind.members) if sweep.spring else len(kind.units if sweep.units else kind.members)
+            calls = len(kind.members) if sweep.element else len(kind.units if sweep.units else kind.members)
             once = once + count(blocks[kind.index], False) * calls
             each = each + count(blocks[kind.index], True) * calls
         result[sweep.name] = _both(once, each)
@@ -52,7 +52,7 @@ def operations(
     constants = Operations()
     for c in program.system.constants:
         constants = constants + count(c.shape.block, False)
-    angles = sum(link.joint == "revolute" for link in program.system.links)
+    angles = sum(link.joint.angle is not None for link in program.system.links)
     result[OUTSIDE] = _both(constants + Operations(functions=2 * angles), Operations())
     return result
 
@@ -105,7 +105,7 @@ def manifest(
         "quaternions": quaternions,
         "links": [link.name for link in system.links],
         "loops": [loop.name for loop in model.loops],
-        "springs": [spring.name for spring in model.springs],
+        **_elements(system),
         "joint_links": [_joint_link(system, k) for k in range(len(model.bodies))],
         "workspace": workspace,
         "widths": list(WIDTHS),
@@ -117,6 +117,22 @@ def manifest(
 
 def _names(arrays: tuple[Array, ...]) -> list[str]:
     return [a.name for a in arrays]
+
+
+def _elements(system: System) -> dict[str, Any]:
+    """Force elements on bodies, where there are any: names, types, how many coefficients of each are in which array, and what is
+    said where one has no direction."""
+    if not system.elements:
+        return {}
+    return {
+        "elements": [e.element.name for e in system.elements],
+        "element_types": [e.element.type for e in system.elements],
+        "element_coefficients": {
+            name: [len(e.parts) * (e.element.has_energy == has_energy) for e in system.elements]
+            for name, has_energy in (("coefficient", True), ("drive", False))
+        },
+        "singular_elements": {e.element.type: e.element.singular for e in system.elements if e.element.singular},
+    }
 
 
 def _redundancy(system: System) -> dict[str, Any]:

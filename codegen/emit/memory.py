@@ -26,8 +26,8 @@ class Layout:
         By shape: index of a constant among those of its links.
     constant_offsets : dict of int to int
         By constants: where they begin.
-    numbers, number_offsets, closure_number_offsets, spring_number_offsets
-        Constants that differ within a kind but depend on no parameter, and where each link's, loop's and spring's begin.
+    numbers, number_offsets, closure_number_offsets, element_number_offsets
+        Constants that differ within a kind but depend on no parameter, and where each link's, loop's and force element's begin.
     angles, trig_of
         Coordinates that are angles, and for each link the number of its angle.
     """
@@ -59,8 +59,8 @@ class Layout:
         self.trig_of, count = [], 0
         for link in system.links:
             self.trig_of.append(count)
-            count += link.joint == "revolute"
-        self.angles = [link.q for link in system.links if link.joint == "revolute"]
+            count += link.joint.angle is not None
+        self.angles = [link.q + link.joint.angle for link in system.links if link.joint.angle is not None]
         self.angles_padded = -(-len(self.angles) // 8) * 8
 
     def _constants(self, system: System) -> None:
@@ -93,11 +93,11 @@ class Layout:
                     values = system.closure_constants[closure.loop].values
                     row = tuple(values.get(name, 0.0) for name in of_kind.data)
                     self.closure_number_offsets[closure.loop] = offset(row)
-        self.spring_number_offsets = [0] * len(system.spring_constants)
-        for spring_kind in system.spring_kinds:
-            for n in spring_kind.members:
-                values = system.spring_constants[n].values
-                self.spring_number_offsets[n] = offset(tuple(values.get(name, 0.0) for name in spring_kind.data))
+        self.element_number_offsets = [0] * len(system.elements)
+        for element_kind in system.element_kinds:
+            for n in element_kind.members:
+                values = system.elements[n].constants.values
+                self.element_number_offsets[n] = offset(tuple(values.get(name, 0.0) for name in element_kind.data))
 
 
 class IndexTable:

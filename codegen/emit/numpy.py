@@ -181,7 +181,7 @@ class NumpyWriter(Writer):
             lines.append("a.region_lanes = [Adjoints() for _ in a.region_lanes]")
         model = self.model
         lines += ["a.dtau = [0.0] * NU"] if model.forces else []
-        return lines + ([f"a.dcoefficient = [0.0] * {3 * len(model.springs)}"] if model.springs else [])
+        return lines + [f"a.d{name} = [0.0] * {n}" for name, n in self.system.coefficient_counts.items()]
 
     def _along(self, terms: list[tuple[float | str, int]]) -> str:
         return " + ".join(f"{self._gravity(factor)}*a.dp[{p}]" for factor, p in terms) or "0.0"
@@ -212,7 +212,7 @@ class NumpyWriter(Writer):
         lines = [f"self.{name} = [{{}} for _ in range({n})]" for name, n in kept.items() if n]
         arrays = {a.name: numpy_functions.count(a) for a in numpy_functions.made(self.procedures)}
         arrays |= {n: "NU" for n in ("tau", "dtau") if model.forces}
-        arrays |= {n: str(3 * len(model.springs)) for n in ("coefficient", "dcoefficient") if model.springs}
+        arrays |= {d + name: str(n) for name, n in system.coefficient_counts.items() for d in ("", "d")}
         return [*lines, *(f"self.{name} = [0.0] * {n}" for name, n in arrays.items())]
 
     def flat_tables(self) -> list[tuple[str, list[str], str]]:
@@ -240,14 +240,14 @@ class NumpyWriter(Writer):
             names["LOOPS"] = [loop.name for loop in model.loops]
             singular.append(("SingularLoopError", "GROUND", "LOOPS[link - GROUND]"))
             errors.append("numpy/singular_loop.py.jinja")
-        if model.springs:
-            names["SPRINGS"] = [spring.name for spring in model.springs]
+        if any(e.singular for e in model.loads):
+            names["ELEMENTS"] = [f"{e.type} {e.name}" for e in model.loads]
             first = f"GROUND + {len(model.loops)}" if model.loops else "GROUND"
-            singular.append(("SingularSpringError", first, f"SPRINGS[link - ({first})]"))
-            errors.append("numpy/singular_spring.py.jinja")
+            singular.append(("SingularForceError", first, f"ELEMENTS[link - ({first})]"))
+            errors.append("numpy/singular_force.py.jinja")
         if self.singular_outputs:
             names["OUTPUTS"] = [output.name for output in model.outputs]
-            more = len(model.loops) + len(model.springs)
+            more = len(model.loops) + len(model.loads)
             first = f"GROUND + {more}" if more else "GROUND"
             singular.append(("SingularOutputError", first, f"OUTPUTS[link - ({first})]"))
             errors.append("numpy/singular_output.py.jinja")

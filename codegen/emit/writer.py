@@ -14,7 +14,8 @@ from ..mechanics.expansion import Program
 from ..mechanics.formulas import FormulaKind
 from ..mechanics.outputs.outputs import RecordFormula
 from ..mechanics.stores import LAID_OUT, NUMBER, SHAPE, SUM, SUM_LANE
-from ..mechanics.structure.kinds import EarKind, RegionKind, SpringKind, UnitKind
+from ..mechanics.structure.element_kinds import ElementKind
+from ..mechanics.structure.kinds import EarKind, RegionKind, UnitKind
 from ..mechanics.sweeps import INWARD, SWEEP
 from ..model.model import GROUND
 from ..program.block import Block
@@ -146,8 +147,8 @@ class Writer(ABC):
         system, count = self.system, len(kind.members)
         if isinstance(kind, RegionKind):
             what, first = "regions", f"region of {kind.sources} sources"
-        elif isinstance(kind, SpringKind):
-            what, first = "springs", self.model.springs[kind.members[0]].name
+        elif isinstance(kind, ElementKind):
+            what, first = f"{kind.first.type}s", kind.first.name
         elif isinstance(kind, EarKind):
             ear = system.regions.ears[kind.members[0]]
             loops = [self.model.loops[c.loop].name for c in ear.closures]
@@ -195,8 +196,8 @@ class Writer(ABC):
     def sequence(self, sweep: str) -> list[UnitKind]:
         """Kinds of what a sweep goes over, one after the other."""
         spec, system = SWEEP[sweep], self.system
-        if spec.spring:
-            of: dict[int, UnitKind] = {n: k for k in system.spring_kinds for n in k.members}
+        if spec.element:
+            of: dict[int, UnitKind] = {n: k for k in system.element_kinds for n in k.members}
             return [of[n] for n in range(len(of))]
         return [*(system.unit_kind_of if spec.units else system.kind_of)]
 
@@ -241,7 +242,7 @@ class Writer(ABC):
                 return self.number_of_row(f"numbers_of_{of}", "0" if single else "i", int(component))
             return place(column, store, component)
 
-        first = len(self.system.links) + len(self.model.loops) + len(self.model.springs)
+        first = len(self.system.links) + len(self.model.loops) + len(self.model.loads)
         lines = self.lines(block, located, lambda margin: f"{first} + {column(0)}")
         f = Function(block.title, self.signature(name, lanes, not single), lines)
         if used[0]:
@@ -453,7 +454,7 @@ class Writer(ABC):
         }  # fmt: skip
 
 
-FORMULA_ORDER = ("tau", "outputs", "energy", "coefficient", "initial_q", "initial_u")
+FORMULA_ORDER = ("tau", "outputs", "energy", "coefficient", "drive", "initial_q", "initial_u")
 """The order in which the tables of formulas stand."""
 
 

@@ -72,9 +72,11 @@ inertia = SymmetricField("J", "kg m^2", OWN, "inertia about the origin")
 joint_place = VectorField("r", "m", PARENT, "origin of the joint in the parent")
 joint_attitude = MatrixField("R", "1", PARENT, "parent components from joint components, at q = 0")
 face_place = VectorField(
-    "{}.r", "m", LINK, "origin of a face of a loop joint (A: start, B: end), or of an end of a spring"
+    "{}.r", "m", LINK, "origin of a face of a loop joint (A: start, B: end), or place of an end of a force element"
 )
-face_axes = MatrixField("{}.F", "1", LINK, "link components from those of a loop joint's face")
+face_axes = MatrixField(
+    "{}.F", "1", LINK, "link components from those of a face, of a loop joint or of a force element"
+)
 cosine, sine = ScalarField("cos", "1", "", "cosine of an angle"), ScalarField("sin", "1", "", "sine of an angle")
 
 # -- motion of a link --------------------------------------------------------------------------------------------------
@@ -88,7 +90,7 @@ position = VectorField("pos", "m", GROUND, "position of the origin")
 angular_velocity = VectorField("w", "rad/s", OWN, "angular velocity (omega)")
 parents_velocity = VectorField("wp", "rad/s", OWN, "angular velocity of the parent, in the link's axes")
 velocity = VectorField("v", "m/s", OWN, "velocity of the origin")
-spring_twist = TwistField("v", TWIST, OWN, "angular velocity and velocity of the origin, found before springs")
+applied_twist = TwistField("v", TWIST, OWN, "angular velocity and velocity of the origin, found before force elements")
 remainder = Motion(
     angular_velocity,
     VectorField("al", "rad/s^2", OWN, "angular acceleration with udot = 0; along directions: tangent of all of it"),
@@ -123,7 +125,7 @@ explicit_acceleration = AccelerationField(
 
 needed = SixField("", WRENCH, OWN, "moment about the origin and force that a link's motion with udot = 0 needs")
 total_needed = SixField("t", WRENCH, OWN, "moment about the origin and force that all of a link's motion needs")
-external = SixField("ext.", WRENCH, OWN, "moment about the origin and force of the springs on a link")
+external = SixField("ext.", WRENCH, OWN, "moment about the origin and force of the force elements on a link")
 articulated = _inertia("acc.", OWN, "articulated inertia that the children hand on", True)
 articulated_force = SixField("acc.", WRENCH, OWN, "articulated force that the children hand on", handed_on=True)
 transmitted = SixField(

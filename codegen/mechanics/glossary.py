@@ -9,7 +9,7 @@ from .fields import FIELDS
 
 WORDS = {
     "link": "A rigid part that moves: a body, what is fixed to it, and a joint of one kind. A universal joint makes two.",
-    "unit": "What one call of a block works on: a link, an ear, a region or a spring.",
+    "unit": "What one call of a block works on: a link, an ear, a region or a force element.",
     "kind": "Units of equal structure. They share every block and every generated function.",
     "block": "A short straight-line program for one kind and one sweep.",
     "sweep": "One pass over all units, outward (from the ground to the tips) or inward.",

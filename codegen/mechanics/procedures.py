@@ -34,7 +34,7 @@ from ..program.procedure import (
     walk,
 )
 from .outputs import MEASURES, EnergyMeasure, RecordMeasure
-from .quantities import ENERGIES, POSE, Quantity, elements, measured, missing, run
+from .quantities import COEFFICIENTS, DRIVES, ENERGIES, POSE, VELOCITY, Quantity, measured, missing, run
 from .structure.kinds import System
 from .sweeps import SWEEPS, transpose_name, values_name
 
@@ -107,7 +107,7 @@ class _Writer:
         self.state = ["q", "u", *self.rest]
         self.loops = bool(model.loops)
         self.forces: tuple[Formulas, ...] = (JOINT_FORCES,) if model.forces else ()
-        self.elements = elements(system)
+        self.elements = bool(system.elements)
         self.measures = [MEASURES[o.measure] for o in model.outputs]
         self.formula_pivots = any(isinstance(m, RecordMeasure) and m.pivots for m in self.measures)
         self._routines()
@@ -167,20 +167,19 @@ class _Writer:
         )
         self.along: tuple[Step, ...] = (Perform(close),) if self.loops else ()
         self.turns = () if self.loops else run("turns")  # what closes loops begins with them
-        applied: list[Step] = [e.coefficients for e in self.elements]
-        applied += missing((q for e in self.elements for q in e.needs), ())
-        applied += [s for e in self.elements for s in e.forces]
+        coefficients = [c for c in (COEFFICIENTS, DRIVES) if {*c.targets} & self.system.coefficient_counts.keys()]
+        known = (POSE, VELOCITY)
         self.applied: tuple[Step, ...] = ()
         self.applied_tangents: tuple[Step, ...] = ()
         if self.elements:
+            applied: tuple[Step, ...] = (*coefficients, *(s for x in known for s in x.values), *run("clear", "loads"))
             self.applied = (
-                Perform(Routine("applied_forces", "Forces of springs on links.", tuple(applied))),
+                Perform(Routine("applied_forces", "Forces of force elements on links.", applied)),
                 Check(),
             )
-            tangents: list[Step] = [e.coefficients.tangents() for e in self.elements]
-            needs = {q.name: q for e in self.elements for q in e.needs}
-            tangents += [s for q in needs.values() for s in q.tangents]
-            tangents += [s for e in self.elements for s in e.tangents]
+            tangents: list[Step] = [c.tangents() for c in coefficients]
+            tangents += [s for x in known for s in x.tangents]
+            tangents += run("clear_tangents", "load_tangents")
             self.applied_tangents = (
                 Perform(Routine("applied_force_tangents", "Their tangents along the seeds.", tuple(tangents))),
             )
@@ -472,7 +471,7 @@ class _Writer:
         energy, denergy = self.of("energy", "denergy")
         quantities = measured(self.system, (), range(len(ENERGIES)))
         values, tangents = self.measuring(quantities)
-        read = set().union(*(e.names for s in model.springs for e in (s.stiffness, s.damping, s.free_length)))
+        read = set[str]().union(*(e.names for x in model.loads if x.has_energy for e in x.coefficients))
         more = [*(["inputs"] if read & set(model.inputs) else []), *(["t"] if "t" in read else [])]
         check = (Check(True),) if any(q.pivots for q in quantities) else ()
         return self.pair(

@@ -16,10 +16,10 @@ from .standalone.errors import (
     CompileError,
     NoCompilerError,
     PackageError,
+    SingularForceError,
     SingularJointError,
     SingularLoopError,
     SingularOutputError,
-    SingularSpringError,
     TargetsDifferError,
 )
 from .standalone.jacobians import Jacobians
@@ -31,10 +31,10 @@ __all__ = [
     "Jacobians",
     "NoCompilerError",
     "PackageError",
+    "SingularForceError",
     "SingularJointError",
     "SingularLoopError",
     "SingularOutputError",
-    "SingularSpringError",
     "Solver",
     "TargetsDifferError",
     "load",

@@ -108,7 +108,7 @@ def model(rng: np.random.Generator) -> Model:
         "s", Point("", 0, vector(0.1, 0, 0)), Point("", 2, vector(0, 1, 0)), *map(expression, (7.0, 0.2, 0.3))
     )
     motor = JointForce("m", 1, tuple(map(expression, ("0.3*q.b2", "sin(t)"))))
-    return Model("m", None, (), (), bodies, forces=(motor,), springs=(between,), others=(thruster,))
+    return Model("m", None, (), (), bodies, forces=(motor,), loads=(between, thruster))
 
 
 def test_the_engines_agree_on_forces_and_torques():

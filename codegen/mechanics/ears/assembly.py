@@ -12,7 +12,6 @@ from ...program.scalar import Value, Vector
 from ...program.store import Store
 from .. import fields
 from ..couplings import partner_store
-from ..joints.transform import JointTransform
 from ..spatial import add, cross, dot, minus, transpose
 from ..stores import BASE, CONDITION, GIVEN_U, ME, POSITION, REGION, ROOTS, STEP, UP, VELOCITY
 from ..structure.kinds import EarKind, LinkKind, RegionKind
@@ -136,7 +135,7 @@ def link_step(x: Scope, kind: LinkKind) -> None:
     if kind.closed_on == "origin":
         _store_step(x, ME, ZERO, ZERO)
         return
-    joint = JointTransform(x, kind)
+    joint = kind.joint(x, kind)
     theta, d = x.load(UP, fields.step.angular), x.load(UP, fields.step.linear)
     d = add(d, cross(theta, joint.offset()))
     _store_step(x, ME, joint.to_child(theta, "nt", "Eq. 35"), joint.to_child(d, "nd", "Eq. 35"))

@@ -18,7 +18,7 @@ from ...program.block import Scope
 from ...program.scalar import Matrix, Value, Vector
 from .. import fields
 from ..handing_on import accumulate
-from ..joints.transform import JointTransform
+from ..joints import Column
 from ..spatial import SIX, add, cross, matvec, minus, transpose
 from ..stores import (
     BASE,
@@ -39,7 +39,6 @@ from ..stores import (
     ROOTS,
     TAU,
 )
-from ..structure.freedoms import freedom_axes
 from ..structure.kinds import EarKind, LinkKind
 from ..tree.inverse_dynamics import joint_acceleration
 from ..tree.kinematics import (
@@ -48,7 +47,6 @@ from ..tree.kinematics import (
     body_force,
     less_external,
     own_inertia,
-    turning,
 )
 from ..tree.tangents import pattern
 from ..tree.triangularization import force_to_parent
@@ -108,9 +106,9 @@ def member_motion(x: Scope, kind: LinkKind, member: Member, before: Motion) -> M
     """Motion of a link from that of its parent, with the joint's udot. Eqs. 18-21."""
     view, joint = member.view, member.joint
     carried = joint.to_child(before.w, "wp", "Eq. 18")
-    w = turning(view, kind, carried)
-    al, a = accelerated(view, kind, joint, carried, (before.al, before.a, before.B))
-    al, a = joint_acceleration(view, kind, al, a)
+    w = joint.turning(carried)
+    al, a = accelerated(view, joint, carried, (before.al, before.a, before.B))
+    al, a = joint_acceleration(view, joint, al, a)
     return Motion(w, al, a, acceleration_matrix(x, w, al))
 
 
@@ -135,10 +133,11 @@ def dependent_accelerations(x: Scope, ear: Ear, rates: Vector) -> list[tuple[Vec
         A: Vector = [0] * 6
         if member.parent >= 0:
             al, a = found[member.parent]
-            joint = JointTransform(member.view, kind, lanes=True)
+            joint = kind.joint(member.view, kind, lanes=True)
             A = joint.to_child(al, "da", tag) + joint.to_child(add(a, cross(al, member.r)), "da", tag)
-        for j, i in enumerate(freedom_axes(kind.joint, kind.axis)):
-            A[i] = A[i] + along.get((k, j), 0)
+        for j, s in enumerate(member.joint.columns):
+            for i, value in s.added(A, along.get((k, j), 0)).items():
+                A[i] = value
         A = [x.let("da", e, tag, lanes=True) for e in A]
         found.append((A[:3], A[3:]))
     return found
@@ -276,7 +275,8 @@ def ear_balance_in(x: Scope, kind: EarKind) -> None:
         # what the joints would transmit without the loops' wrenches
         held = transmitted(x, ear, phi)
         gamma = [
-            x.let("gamma", held[k][place_of(ear, k, j)] - tau(x, kind, k, j), "Eq. 53") for k, j in dependents(kind)
+            x.let("gamma", column_of(ear, k, j).along(held[k]) - tau(x, kind, k, j), "Eq. 53")
+            for k, j in dependents(kind)
         ]
         wrench = stored_factor(x, kind).solve_transposed([-v for v in gamma], "W", "Eq. 9")
         for c in range(len(kind.closures)):
@@ -285,7 +285,9 @@ def ear_balance_in(x: Scope, kind: EarKind) -> None:
 
     def missing(k: int, j: int) -> Value:
         dtau = x.entry(DTAU[k], j) if kind.links[k].forced[j] else 0
-        return x.let("dgamma", d_phi[k][place_of(ear, k, j)] - dtau, "d Eq. 53", lanes=True)
+        s = column_of(ear, k, j)
+        change = s.change(ear.members[k].view, phi[k])
+        return x.let("dgamma", s.along(d_phi[k]) + change - dtau, "d Eq. 53", lanes=True)
 
     r = {c: missing(k, j) for c, (k, j) in own_sources(kind).items()}
     for n, (k, j) in enumerate(dependents(kind)):
@@ -302,10 +304,9 @@ def dependents(kind: EarKind) -> list[tuple[int, int]]:
     return [(k, j) for k in range(len(kind.links)) for j in kind.dependent[k]]
 
 
-def place_of(ear: Ear, k: int, j: int) -> int:
-    """Which of a link's six components a freedom is."""
-    link = ear.kind.links[k]
-    return freedom_axes(link.joint, link.axis)[j]
+def column_of(ear: Ear, k: int, j: int) -> Column:
+    """Partial velocity of a freedom, in its link's axes."""
+    return ear.members[k].joint.columns[j]
 
 
 def tau(x: Scope, kind: EarKind, k: int, j: int) -> Value:
@@ -338,7 +339,8 @@ def transmit(x: Scope, ear: Ear, phi: list[Vector], d_phi: list[Vector], d: EarT
         member = ear.members[k]
         for j in kind.dependent[k]:
             # in equilibrium a dependent joint transmits its own force along its freedom
-            phi[k][place_of(ear, k, j)] = tau(x, kind, k, j)
+            s = column_of(ear, k, j)
+            phi[k][s.lead] = s.completed(phi[k], tau(x, kind, k, j))
         phi[k] = [x.name("phi", v, "Eq. 45") for v in phi[k]]
         d_phi[k] = [x.let("dphi", v, "d Eq. 45", lanes=True) for v in d_phi[k]]
         if member.parent < 0 and kind.roots[-1 - member.parent] == "ground":

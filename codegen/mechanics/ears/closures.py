@@ -11,14 +11,13 @@ from ...program.block import Scope
 from ...program.scalar import Value, Vector
 from ...program.store import Store
 from .. import fields
-from ..joints.transform import JointTransform
 from ..spatial import add, cross, is_zero, matmul, matvec, scale, transpose
 from ..stores import BASE, EAR, ME, REGION, ROOTS, SPEEDS, UP
 from ..structure.factor_form import FactorForm
 from ..structure.kinds import EarKind, LinkKind
 from ..structure.links import identity
 from ..tree.kinematics import angular_velocity, origin_velocity
-from .geometry import ZERO, Ear, Twist, turned
+from .geometry import ZERO, Ear, Twist
 from .orthogonal import Factor, factor, load_factor
 
 
@@ -174,12 +173,12 @@ def link_motion(x: Scope, kind: LinkKind) -> None:
         at_rest(x, ME)
     if kind.closed_on != "moving":
         return
-    joint = JointTransform(x, kind)
+    joint = kind.joint(x, kind)
     W = x.load(UP, fields.closing_attitude)
     o = add(x.load(UP, fields.closing_position), matvec(W, joint.offset()))
-    W = turned(x, joint, W)
-    _, w = angular_velocity(x, kind, joint, fields.closing_twist.angular)
-    v = origin_velocity(x, kind, joint, fields.closing_twist.angular, fields.closing_twist.linear)
+    W = joint.attitude(W)
+    _, w = angular_velocity(x, joint, fields.closing_twist.angular)
+    v = origin_velocity(x, joint, fields.closing_twist.angular, fields.closing_twist.linear)
     x.store(ME, fields.closing_attitude, W)
     x.store(ME, fields.closing_position, [x.let("co", e, "Eq. 22") for e in o])
     x.store(ME, fields.closing_twist.angular, w)

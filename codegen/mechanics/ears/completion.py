@@ -13,13 +13,12 @@ from ...program.scalar import Matrix, Value, Vector
 from ...program.store import Store
 from .. import fields
 from ..handing_on import clear
-from ..joints.transform import JointTransform
-from ..spatial import add, cross, dot, is_zero, matvec, minus, scale, transpose
+from ..joints import LinkJoint
+from ..spatial import add, cross, dot, is_zero, matvec, minus, transpose
 from ..stores import (
     BASE,
     CL_DP,
     CONSTANTS,
-    COORDINATES,
     DP,
     DPOSITION,
     DQ,
@@ -40,7 +39,7 @@ from ..tree.kinematics import angular_velocity, origin_velocity
 from ..tree.tangents import differentiate, store_tangent
 from .closures import stored_factor
 from .dynamics import root_velocities, speeds_of
-from .geometry import ZERO, Ear, Twist, rotate
+from .geometry import ZERO, Ear, Twist, joint_motion, rotate
 from .tangents import ear_tangents, tangents_of
 
 # -- links that ears start from ----------------------------------------------------------------------------------------
@@ -55,13 +54,13 @@ def link_displacement(x: Scope, kind: LinkKind) -> None:
         undisplaced(x, LME, MY_LANE)
     if kind.closed_on != "moving":
         return
-    joint = JointTransform(x, kind)
+    joint = kind.joint(x, kind)
     theta = x.load(LUP, fields.closing_shift.angular)
     d = x.load(LUP, fields.closing_shift.linear)
-    moving = JointTransform(x, kind, lanes=True)
+    moving = kind.joint(x, kind, lanes=True)
     r = joint.offset()
     tag = "d Eq. 22"
-    turn, slide = joint_displacement(x, kind, joint)
+    turn, slide = joint.displacement()
     local, about = parameter_displacement(x, kind, joint)
     theta_here = moving.to_child(add(theta, about), "ct", tag)
     d_here = moving.to_child(add(d, cross(theta, r), local), "cd", tag)
@@ -72,8 +71,8 @@ def link_displacement(x: Scope, kind: LinkKind) -> None:
     for store in (LME, MY_LANE):
         x.store(store, fields.closing_shift, shift)
     twist = fields.closing_twist
-    _, w = angular_velocity(x, kind, joint, twist.angular)
-    v = origin_velocity(x, kind, joint, twist.angular, twist.linear)
+    _, w = angular_velocity(x, joint, twist.angular)
+    v = origin_velocity(x, joint, twist.angular, twist.linear)
     tangents = differentiate(x, kind, joint)
     for store in (LME, MY_LANE):
         store_tangent(x, tangents, (store,), twist.angular, w)
@@ -87,26 +86,11 @@ def undisplaced(x: Scope, *stores: Store) -> None:
             clear(x, store, field)
 
 
-def joint_displacement(x: Scope, kind: LinkKind, joint: JointTransform) -> tuple[Vector, Vector]:
-    """Rotation vector and displacement that a joint's own dq causes, in the link's axes."""
-    turn: Vector = [0, 0, 0]
-    slide: Vector = [0, 0, 0]
-    if kind.joint == "revolute":
-        turn[kind.axis] = x.entry(DQ, 0)
-    elif kind.joint == "prismatic":
-        slide[kind.axis] = x.entry(DQ, 0)
-    else:
-        turn = [x.load(MY_LANE, fields.turn(i)) for i in range(3)]
-        if kind.joint == "free":
-            moved = matvec(transpose(joint.matrix), [x.entry(DQ, i) for i in range(3)])
-            slide = x.let_vector("slide", moved, "d Eq. 22", lanes=True)
-    return turn, slide
-
-
-def parameter_displacement(x: Scope, kind: LinkKind, joint: JointTransform) -> tuple[Vector, Vector]:
+def parameter_displacement(x: Scope, kind: LinkKind, joint: LinkJoint) -> tuple[Vector, Vector]:
     """Displacement and rotation vector of the joint in its parent that the design parameters cause, in the parent's axes."""
     local: Vector = [0, 0, 0]
     about: Vector = [0, 0, 0]
+    way = joint.way()
     for j in range(kind.parameters):
         dp = x.entry(DP, j)
         dr = x.load(CONSTANTS, fields.joint_place.derivative(j))
@@ -118,10 +102,13 @@ def parameter_displacement(x: Scope, kind: LinkKind, joint: JointTransform) -> t
                     about[i] + v * dp
                     for i, v in enumerate(x.let_vector("about", rotation_vector(dR, joint.fixed), "d Eq. 22"))
                 ]
-            if joint.joint in ("prismatic", "free"):
-                q = [x.entry(COORDINATES, i) for i in range(3)] if joint.joint == "free" else None
-                moved = matvec(dR, q) if q else [row[joint.axis] * x.entry(COORDINATES, 0) for row in dR]
+            if way is not None:
+                moved = matvec(dR, way)
                 local = [local[i] + v * dp for i, v in enumerate(x.let_vector("moved", moved, "d Eq. 22"))]
+        more = joint.way_by(j)
+        if more is not None:
+            more = more if joint.fixed is None else matvec(joint.fixed, more)
+            local = [local[i] + v * dp for i, v in enumerate(x.let_vector("moved", more, "d Eq. 22"))]
     return local, about
 
 
@@ -185,24 +172,16 @@ def complete_positions(
     for k, member in enumerate(ear.members):
         view = member.view
         W = ear.attitude(member.parent)
-        turn: Vector = [0, 0, 0]
-        slide: Vector = [0, 0, 0]
-        for freedom in member.freedoms:
-            if freedom.index in kind.dependent[k]:
-                continue
-            value = freedom_displacement(view, kind.links[k], member.joint, freedom.index)
-            if freedom.angular:
-                turn = add(turn, scale(value, freedom.e))
-            else:
-                slide = add(slide, scale(value, freedom.e))
+        own = [f for f in member.freedoms if f.index not in kind.dependent[k]]
+        turn, slide = joint_motion(own, [member.joint.along_freedom(f.index) for f in own])
         local, about = parameter_displacement(view, kind.links[k], member.joint)
         theta, d = angles[member.parent], moved[member.parent]
         angles[k] = x.let_vector(
-            "th", add(theta, rotate(W, x.let_vector("about", about, tag, lanes=True)), turn), tag, lanes=True
+            "th", add(theta, rotate(W, x.let_vector("about", about, tag, lanes=True)), turn or ZERO), tag, lanes=True
         )
         moved[k] = x.let_vector(
             "d",
-            add(d, cross(theta, member.rho), rotate(W, x.let_vector("dr", local, tag, lanes=True)), slide),
+            add(d, cross(theta, member.rho), rotate(W, x.let_vector("dr", local, tag, lanes=True)), slide or ZERO),
             tag,
             lanes=True,
         )
@@ -305,16 +284,6 @@ def member_displacement(
             x.store(store, field, own)
 
 
-def freedom_displacement(view: Scope, kind: LinkKind, joint: JointTransform, j: int) -> Value:
-    """Displacement along one freedom of a joint that its dq causes."""
-    if kind.joint in ("revolute", "prismatic"):
-        return view.entry(DQ, 0)
-    if j < 3:
-        return view.load(MY_LANE, fields.turn(j))
-    column = [row[j - 3] for row in joint.matrix]
-    return view.let("slide", dot(column, [view.entry(DQ, i) for i in range(3)]), "d Eq. 22", lanes=True)
-
-
 def dependent_displacements(x: Scope, ear: Ear, rates: Vector, lanes: bool = True) -> dict[tuple[int, int], Value]:
     """dq of dependent joints from displacements along their freedoms; a quaternion's is ``e (0, theta) / 2``."""
     result: dict[tuple[int, int], Value] = {}
@@ -322,34 +291,8 @@ def dependent_displacements(x: Scope, ear: Ear, rates: Vector, lanes: bool = Tru
     for (k, freedom), value in zip(ear.dependents(), rates, strict=True):
         values.setdefault(k, {})[freedom.index] = value
     for k, found in values.items():
-        member, kind = ear.members[k], ear.kind.links[k]
-        if kind.joint in ("revolute", "prismatic"):
-            result[k, 0] = found[0]
-            continue
-        # what is dependent in part keeps what was given along its other freedoms; a rotation or displacement without any
-        # dependent freedom is as given, a quaternion's length too
-        if any(j < 3 for j in found):
-            n = 3 if kind.joint == "free" else 0
-            turn = [
-                found[j] if j in found else member.view.load(MY_LANE, fields.turn(j)) if lanes else 0 for j in range(3)
-            ]
-            a, b, c = (x.let("half", x.half * v, "d Eq. 22", lanes=lanes) for v in turn)
-            w, i, j, k_ = (member.view.entry(COORDINATES, n + m) for m in range(4))
-            changed = [
-                -(i * a + j * b + k_ * c), w * a + j * c - k_ * b, w * b + k_ * a - i * c, w * c + i * b - j * a,
-            ]  # fmt: skip
-            for m, value in enumerate(changed):
-                result[k, n + m] = x.let("dq", value, "d Eq. 22", lanes=lanes)
-            if lanes:
-                for m in range(3):
-                    member.view.store(MY_LANE, fields.turn(m), turn[m])
-        if any(j >= 3 for j in found):
-            slide = [
-                found[j] if j in found else freedom_displacement(member.view, kind, member.joint, j) if lanes else 0
-                for j in range(3, 6)
-            ]
-            for m, value in enumerate(matvec(member.joint.matrix, slide)):
-                result[k, m] = x.let("dq", value, "d Eq. 22", lanes=lanes)
+        changes = ear.members[k].joint.coordinate_changes(found, lanes)
+        result |= {(k, i): value for i, value in changes.items()}
     return result
 
 

@@ -26,7 +26,7 @@ from ..couplings import (
     to_base,
 )
 from ..handing_on import accumulate, accumulate_force, add_to_sum, clear
-from ..joints.transform import shift_inertia
+from ..joints.inertia import shift_inertia
 from ..spatial import (
     SIX,
     add,
@@ -48,7 +48,7 @@ from ..tree.kinematics import acceleration_matrix, body_force
 from ..tree.triangularization import SMALL, articulated_parts, pivot
 from .closures import own_sources, source_speed, source_twist, stored_factor
 from .far_links import far_motions
-from .geometry import ZERO, Condition, Ear, Member, Twist, rotate
+from .geometry import ZERO, Condition, Ear, Member, Twist, joint_motion, rotate
 
 Motion = tuple[Vector, Vector, Vector, Matrix]
 """Angular velocity, angular and linear acceleration, and B = alpha x + omega x omega x of a link, in region axes."""
@@ -121,16 +121,9 @@ def _axis_of_symmetry(J: Matrix) -> int | None:
 
 def joint_bias(x: Scope, member: Member, w_before: Vector, speeds: Vector) -> tuple[Vector, Vector]:
     """Angular and linear acceleration that a joint adds with udot = 0. Eq. 21."""
-    turning: Vector = [0, 0, 0]
-    sliding: Vector = [0, 0, 0]
-    for f, u in zip(member.freedoms, speeds, strict=True):
-        if f.angular:
-            turning = add(turning, scale(u, f.e))
-        else:
-            sliding = add(sliding, scale(u, f.e))
-    turning = [x.let("rel", e, "Eq. 21") for e in turning]
-    sliding = [x.let("rel", e, "Eq. 21") for e in sliding]
-    twice = [2 * w_before[i] + turning[i] for i in range(3)] if any(not is_zero(v) for v in sliding) else list(ZERO)
+    turning, sliding = ([x.let("rel", e, "Eq. 21") for e in v or ZERO] for v in joint_motion(member.freedoms, speeds))
+    own = turning if member.joint.swings else ZERO
+    twice = [2 * w_before[i] + own[i] for i in range(3)] if any(not is_zero(v) for v in sliding) else list(ZERO)
     twice = [x.let("sweep", e, "Eq. 21") for e in twice]
     return cross(w_before, turning), cross(twice, sliding)
 
@@ -143,21 +136,14 @@ def member_motion(x: Scope, member: Member, before: Motion, extra: Vector | None
     """Motion of a link from its parent's; `extra` are the joint's udot, none if left out."""
     w0, al0, a0, B0 = before
     speeds = speeds_of(member)
-    w = list(w0)
-    for f, u in zip(member.freedoms, speeds, strict=True):
-        if f.angular:
-            w = add(w, scale(u, f.e))
-    w = x.let_vector("w", w, "Eq. 18")
+    turning, _ = joint_motion(member.freedoms, speeds)
+    w = x.let_vector("w", add(w0, turning or ZERO), "Eq. 18")
     al_bias, a_bias = joint_bias(x, member, w0, speeds)
     al = add(al0, al_bias)
     a = add(a0, matvec(B0, member.rho), a_bias)
-    for f, value in zip(member.freedoms, extra or [0] * len(member.freedoms), strict=True):
-        if is_zero(value):
-            continue
-        if f.angular:
-            al = add(al, scale(value, f.e))
-        else:
-            a = add(a, scale(value, f.e))
+    if extra is not None:
+        turning, sliding = joint_motion(member.freedoms, extra)
+        al, a = add(al, turning or ZERO), add(a, sliding or ZERO)
     al = x.let_vector("al", al, "Eq. 21")
     a = x.let_vector("a", a, "Eq. 21")
     return w, al, a, acceleration_matrix(x, w, al)
@@ -307,7 +293,7 @@ def ear_kinematics(x: Scope, kind: EarKind) -> None:
 
 
 def less_external_of(x: Scope, ear: Ear, k: int, needed: tuple[Vector, Vector]) -> tuple[Vector, Vector]:
-    """What is left of the force that a link needs when springs have acted on it, in region axes."""
+    """What is left of the force that a link needs when force elements have acted on it, in region axes."""
     if not ear.kind.links[k].pulled:
         return needed
     external = fields.external

@@ -7,7 +7,7 @@ page), and a velocity, an acceleration or a displacement goes from link to link 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -19,10 +19,9 @@ from ...program.field import Field, Readable, SixField, VectorField
 from ...program.scalar import Matrix, Value, Vector
 from ...program.store import Store
 from .. import fields
-from ..joints.transform import JointTransform
-from ..spatial import add, cross, matmul, matvec, minus, scale, transpose
+from ..joints import LinkJoint
+from ..spatial import add, cross, dot, is_zero, matvec, minus, scale, transpose
 from ..stores import BASE, LOOP_CONSTANTS, ME, MY_LANE, REGION, ROOTS
-from ..structure.freedoms import freedom_axes
 from ..structure.kinds import EarKind, LinkKind
 from .orthogonal import product
 
@@ -64,18 +63,52 @@ class MemberView(Scope):
     def sqrt(self, value: Value) -> Value:
         return self.x.sqrt(value)
 
+    def call(self, function: str, *arguments: Value) -> Value:
+        return self.x.call(function, *arguments)
+
     def name(self, name: str, value: Value, tag: str = "") -> Value:
         return self.x.name(name, value, tag)
 
 
 @dataclass(slots=True)
 class Freedom:
-    """One freedom of a joint: turning about or sliding along e."""
+    """How a link moves with one freedom of its joint, in region axes.
 
-    angular: bool
-    e: Vector
+    Attributes
+    ----------
+    angular, linear : Vector or None
+        None where it does not turn, or slide.
+    index : int
+        Among the joint's freedoms.
+    """
+
+    angular: Vector | None
+    linear: Vector | None
     index: int
-    """Among the joint's freedoms."""
+
+    def along(self, angular: Vector, linear: Vector) -> Value:
+        """What a moment and a force, or the like, are along it."""
+        total: Value = 0
+        for own, v in ((self.angular, angular), (self.linear, linear)):
+            if own is not None:
+                total = total + dot(own, v)
+        return total
+
+
+def joint_motion(freedoms: Sequence[Freedom], values: Sequence[Value]) -> tuple[Vector | None, Vector | None]:
+    """Angular and linear part of a joint's motion with given rates of its freedoms; None where there is none."""
+    angular: Vector | None = None
+    linear: Vector | None = None
+    for f, value in zip(freedoms, values, strict=True):
+        if is_zero(value):
+            continue
+        if f.angular is not None:
+            part = scale(value, f.angular)
+            angular = part if angular is None else add(angular, part)
+        if f.linear is not None:
+            part = scale(value, f.linear)
+            linear = part if linear is None else add(linear, part)
+    return angular, linear
 
 
 @dataclass(slots=True)
@@ -113,7 +146,7 @@ class Member:
 
     view: MemberView
     kind: LinkKind
-    joint: JointTransform
+    joint: LinkJoint
     W: Matrix
     rho: Vector
     r: Vector
@@ -204,21 +237,26 @@ class Ear:
 
     def _member(self, k: int, kind: LinkKind, fresh: bool) -> Member:
         view = MemberView(self.x, k)
-        joint = JointTransform(view, kind)
+        joint = kind.joint(view, kind)
         parent = self.kind.parents[k]
         W_parent = self.attitude(parent)
         r = joint.offset()
         rho = self.fixed_vector("rho", parent, r, kept=(MY_LANE[k], fields.lever_tangent))
         if fresh:
-            W = turned(view, joint, W_parent)
+            W = joint.attitude(W_parent)
             view.store(ME, fields.ear_attitude, W)
         else:
             W = view.load(ME, fields.ear_attitude)
         freedoms = [
-            Freedom(a < 3, [W[i][a % 3] for i in range(3)], j)
-            for j, a in enumerate(freedom_axes(kind.joint, kind.axis))
+            Freedom(self._in_region(W, s.angular), self._in_region(W, s.linear), j) for j, s in enumerate(joint.columns)
         ]
         return Member(view, kind, joint, W, rho, r, freedoms, parent)
+
+    def _in_region(self, W: Matrix, v: Vector) -> Vector | None:
+        """Region components of a part of a column; None if it is zero."""
+        if all(is_zero(e) for e in v):
+            return None
+        return [self.x.let("e", e, "Eq. 34") for e in matvec(W, v)]
 
     def fixed_vector(
         self,
@@ -303,14 +341,9 @@ class Ear:
     ) -> Twist:
         """The motion of a link from its parent's, the joint's freedoms moving with the given coefficients."""
         angular, linear = before.angular, before.at(member.rho)
-        for f, value in zip(member.freedoms, coefficients, strict=True):
-            if isinstance(value, int) and value == 0:
-                continue
-            moved = scale(value, f.e)
-            if f.angular:
-                angular = add(angular, moved)
-            else:
-                linear = add(linear, moved)
+        turning, sliding = joint_motion(member.freedoms, coefficients)
+        angular = angular if turning is None else add(angular, turning)
+        linear = linear if sliding is None else add(linear, sliding)
         return Twist(
             self.x.let_vector(f"{name}w", angular, tag, lanes=lanes),
             self.x.let_vector(f"{name}v", linear, tag, lanes=lanes),
@@ -457,11 +490,13 @@ class Ear:
             total = Twist([0, 0, 0], [0, 0, 0])
             for side, sign in ((0, -1), (1, 1)):
                 if member in closure.paths[side]:
-                    e = freedom.e if sign > 0 else [-v for v in freedom.e]
-                    if freedom.angular:
-                        total = Twist(e, self.x.let_vector("d", cross(e, self.levers[c][side][member]), "Eq. 34"))
-                    else:
-                        total = Twist([0, 0, 0], e)
+                    e, linear = (None if v is None else scale(sign, v) for v in (freedom.angular, freedom.linear))
+                    if e is not None:
+                        d = cross(e, self.levers[c][side][member])
+                        d = self.x.let_vector("d", d if linear is None else add(d, linear), "Eq. 34")
+                        total = Twist(e, d)
+                    elif linear is not None:
+                        total = Twist([0, 0, 0], linear)
             found.append(total)
         return found
 
@@ -512,22 +547,3 @@ def _along(n: Vector, v: Vector) -> Value:
     for a, b in zip(n, v, strict=True):
         total = total + product(a, b)
     return total
-
-
-def turned(x: Scope, joint: JointTransform, W: Matrix) -> Matrix:
-    """Attitude of a link from its parent's."""
-    tag = "Eq. 22"
-    if joint.fixed is not None:
-        W = [[x.let("W", e, tag) for e in row] for row in (joint.fixed if W is UNIT else matmul(W, joint.fixed))]
-    if joint.joint in ("spherical", "free"):
-        return [[x.let("W", e, tag) for e in row] for row in (joint.matrix if W is UNIT else matmul(W, joint.matrix))]
-    if joint.joint == "revolute":
-        c, s = joint.trig
-        i, j = (joint.axis + 1) % 3, (joint.axis + 2) % 3
-        W = [list(row) for row in W]
-        for row in W:
-            row[i], row[j] = (
-                x.let("W", c * row[i] + s * row[j], tag),
-                x.let("W", c * row[j] - s * row[i], tag),
-            )
-    return W

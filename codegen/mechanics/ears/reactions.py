@@ -14,8 +14,7 @@ from ...program.store import Store
 from .. import fields
 from ..couplings import from_far, hand_force, others
 from ..handing_on import accumulate, add_to_sum, clear
-from ..joints.transform import JointTransform
-from ..spatial import add, cross, dot, matvec, transpose
+from ..spatial import add, cross, matvec, transpose
 from ..stores import BASE, GROUND, LOOP_REACTION, ME, REACTION, REGION, ROOTS, TAU, UDOT
 from ..structure.kinds import EarKind, LinkKind, RegionKind
 from ..tree.inverse_dynamics import transfer
@@ -31,7 +30,7 @@ from .region_balance import transmitted_fields
 def along_freedom(x: Scope, kind: EarKind, k: int, freedom: Freedom, force: tuple[Vector, Vector]) -> Value:
     """What a force misses along a dependent freedom: its component less the model's own joint force."""
     tau = x.entry(TAU[k], freedom.index) if kind.links[k].forced[freedom.index] else 0
-    return x.let("gamma", dot(freedom.e, force[0] if freedom.angular else force[1]) - tau, "Eq. 53")
+    return x.let("gamma", freedom.along(*force) - tau, "Eq. 53")
 
 
 def inward(x: Scope, ear: Ear, own: list[tuple[Vector, Vector]]) -> list[tuple[Vector, Vector]]:
@@ -70,7 +69,7 @@ def transmitted(x: Scope, kind: LinkKind) -> None:
         if kind.partners.first[m]:
             hand_force(x, kind, m, [0] * 6, fields.transmitted)
     if kind.carried_on:
-        transfer(x, kind, JointTransform(x, kind), phi, [])
+        transfer(x, kind, kind.joint(x, kind), phi, [])
 
 
 def ear_motion(x: Scope, kind: EarKind) -> None:

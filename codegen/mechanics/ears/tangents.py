@@ -15,7 +15,6 @@ from ...program.derivatives import Tangents
 from ...program.field import XYZ
 from ...program.scalar import Value, Vector
 from ...program.store import Store
-from .. import fields
 from ..spatial import add, cross, is_zero, matvec
 from ..stores import (
     CL_DP,
@@ -26,7 +25,6 @@ from ..stores import (
     DQ,
     DU,
     LINK,
-    MY_LANE,
     PARAMETER,
     SPEEDS,
     TURNS,
@@ -144,9 +142,8 @@ class WrittenTangents(EarTangents):
                 found = self.dq.get((place, int(name)))
                 self._seed(symbol, self.x.component(DQ[place], name) if found is None else found)
             elif store is TURNS[place]:
-                revolute = self.ear.kind.links[place].joint == "revolute"
-                seed = self.x.component(DQ[place], name) if revolute else self.x.load(MY_LANE[place], fields.turn(name))
-                self._seed(symbol, seed)
+                member = self.ear.members[place]
+                self._seed(symbol, member.kind.joint.turn_seed(member.view, name))
             elif store.memory is CONSTANT and "/" not in name:
                 self._transparent(symbol, store, place, name)
         self.scanned = len(loads)

@@ -6,7 +6,6 @@ from sympy import Expr, Symbol
 
 from ...program.block import Expansion, Scope
 from .. import fields
-from ..joints.transform import JointTransform
 from ..stores import DUDOT, LME, ME, MY_LANE, UDOT
 from ..structure.kinds import LinkKind
 from ..tree.inverse_dynamics import joint_acceleration
@@ -16,10 +15,10 @@ from ..tree.tangents import differentiate, store_tangent, tangent
 
 def accelerations(x: Scope, kind: LinkKind) -> None:
     """Outward block of a link: how it accelerates, as `inverse_dynamics` has it, but that the ground is at rest. Eqs. 18-21."""
-    joint = JointTransform(x, kind)
+    joint = kind.joint(x, kind)
     motion = fields.moving
-    carried, w = angular_velocity(x, kind, joint)
-    al, a = joint_acceleration(x, kind, *accelerate(x, kind, joint, carried, motion))
+    carried, w = angular_velocity(x, joint)
+    al, a = joint_acceleration(x, joint, *accelerate(x, joint, carried, motion))
     B = acceleration_matrix(x, w, al)
     vectors = ((motion.w, w), (motion.al, al), (motion.a, a))
     for field, v in vectors:

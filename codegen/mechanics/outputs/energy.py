@@ -8,7 +8,6 @@ from ...program.block import Expansion, Scope
 from ...program.scalar import Value
 from .. import fields
 from ..handing_on import accumulate
-from ..joints.transform import JointTransform
 from ..spatial import add, cross, dot, matvec, scale
 from ..stores import CONSTANTS, DKINETIC, KINETIC, LME, LUP, ME, MY_LANE, UP
 from ..structure.kinds import LinkKind
@@ -19,9 +18,9 @@ from ..tree.triangularization import is_first
 
 def kinetic(x: Scope, kind: LinkKind) -> None:
     """Velocity of the link's origin and the link's kinetic energy, half of velocity times momentum."""
-    joint = JointTransform(x, kind)
-    _, w = angular_velocity(x, kind, joint)
-    v = origin_velocity(x, kind, joint)
+    joint = kind.joint(x, kind)
+    _, w = angular_velocity(x, joint)
+    v = origin_velocity(x, joint)
     m = x.load(CONSTANTS, fields.mass)
     h = x.load(CONSTANTS, fields.first_moment)
     J = x.load(CONSTANTS, fields.inertia)
@@ -42,7 +41,7 @@ def kinetic(x: Scope, kind: LinkKind) -> None:
 
 def moments(x: Scope, kind: LinkKind) -> None:
     """Mass and first moment of the link and all outboard of it, about the parent's origin."""
-    joint = JointTransform(x, kind)
+    joint = kind.joint(x, kind)
     m = x.let("m", x.load(CONSTANTS, fields.mass) + x.load(ME, fields.outboard_mass), "potential energy")
     h = add(x.load(CONSTANTS, fields.first_moment), x.load(ME, fields.outboard_moment))
     h = joint.to_parent(h, "h", "potential energy")

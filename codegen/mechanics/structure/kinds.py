@@ -7,7 +7,6 @@ are folded into its code, the others are data of the link.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -17,64 +16,21 @@ from sympy.core.numbers import Number
 
 from ...loops.partition import Partition
 from ...model.expressions import Expression
-from ...model.model import CLOSURE_ROWS, GROUND, Face, JointForce, Loop, Model, Spring
+from ...model.model import CLOSURE_ROWS, GROUND, JointForce, Model
 from ...program.block import Expansion
 from ...program.functions import SYMBOLIC, number
 from ...program.scalar import Value
 from ...program.store import Store
-from ..stores import CONSTANT, CONSTANTS, LINK, SPRING_CONSTANTS
-from .constants import Constants, Leaf, Shape, Slots, Statements, make_shape
+from ..joints import LinkJoint
+from ..stores import CONSTANT, CONSTANTS, LINK
+from .constants import Constants, Leaf, Shape, Slots, Statements
+from .element_kinds import ElementKind, PlacedElement, find_element_kinds, placed_elements
 from .elimination_order import NOBODY, Partners
 from .factor_form import NO_FORM, FactorForm
-from .freedoms import COORDINATE_COUNT, FREEDOMS, freedom_axes
+from .folded import Folded, make_constants, pattern
 from .graph import Region
 from .links import FLOAT, Carrier, Link, LoopFaces, face_constants, keep, link_constants, links_of, loop_faces
 from .regions import Regions, find_regions
-
-
-@dataclass(slots=True, eq=False)
-class Folded:
-    """Constants of one shape that several owners have, with the numbers that all of them share.
-
-    Attributes
-    ----------
-    shape : Shape
-    literal : dict of str to Expr
-        Constants that are the same number for all owners.
-    data : dict of str to int
-        Constants that differ among owners: places among an owner's numbers.
-    """
-
-    shape: Shape
-    literal: dict[str, Expr] = field(default_factory=dict, kw_only=True)
-    data: dict[str, int] = field(default_factory=dict, kw_only=True)
-
-    @property
-    def parameters(self) -> int:
-        """How many design parameters the constants depend on."""
-        return self.shape.parameters
-
-    def number(self, name: str) -> Expr | None:
-        """Value of a constant that is the same for all owners; None if it is data."""
-        if name in self.shape.varying:
-            return None
-        if name in self.shape.fixed:
-            return self.shape.fixed[name]
-        if "/" in name:
-            return sympy.S.Zero
-        return self.literal.get(name)
-
-    def fold(self, owned: list[Constants]) -> None:
-        """Find the numbers that are the same for all owners."""
-        distinct = list({id(c): c for c in owned}.values())
-        for name in self.shape.fields:
-            if name in self.shape.varying:
-                continue
-            values = {c.values.get(name, 0.0) for c in distinct}
-            if len(values) == 1:
-                self.literal[name] = number(values.pop())
-            else:
-                self.data[name] = len(self.data)
 
 
 @dataclass(slots=True, eq=False)
@@ -99,7 +55,7 @@ class LinkKind(Folded):
         Whether a loop that is closed elsewhere depends on its motion: against the ground, or against the link that carries
         all of the loop, which is then the origin.
     pulled : bool
-        Springs act on it.
+        Force elements act on it.
     forced : tuple of bool
         Which freedoms have a force of the model.
     partners : Partners
@@ -111,7 +67,7 @@ class LinkKind(Folded):
     """
 
     index: int
-    joint: str
+    joint: type[LinkJoint]
     axis: int
     aligned: bool
     first: bool
@@ -262,35 +218,7 @@ class RegionKind:
         return name
 
 
-@dataclass(slots=True, eq=False)
-class SpringKind(Folded):
-    """What the blocks of a kind of springs are written from.
-
-    Attributes
-    ----------
-    grounded : tuple of two bool
-        Which ends are on the ground.
-    members : list of int
-        Springs.
-    """
-
-    index: int
-    grounded: tuple[bool, bool]
-    members: list[int] = field(default_factory=list)
-    units: list[int] = field(default_factory=list)
-
-    role = "spring"
-
-    def number_of(self, store: Store, name: str) -> Expr | None:
-        """Constants that are the same number for the whole kind."""
-        return self.number(name) if store is SPRING_CONSTANTS else None
-
-    def alias_of(self, store: Store, name: str) -> str:
-        """The first constant of equal value."""
-        return self.shape.varying.get(name, name) if store is SPRING_CONSTANTS else name
-
-
-UnitKind = LinkKind | EarKind | RegionKind | SpringKind
+UnitKind = LinkKind | EarKind | RegionKind | ElementKind
 
 
 @dataclass(slots=True, eq=False)
@@ -317,11 +245,9 @@ class System:
         For each loop.
     closure_constants : list of Constants
         For each loop.
-    spring_kinds : list of SpringKind
-    spring_ends : list of LoopFaces
-        For each spring, where its ends are.
-    spring_constants : list of Constants
-        For each spring.
+    element_kinds : list of ElementKind
+    elements : list of PlacedElement
+        Force elements on bodies.
     slot_of : list of int
         Where the values that only neighbours need are kept: few slots, reused.
     slots : int
@@ -347,14 +273,21 @@ class System:
     unit_kind_of: list[UnitKind]
     faces: list[LoopFaces]
     closure_constants: list[Constants]
-    spring_kinds: list[SpringKind]
-    spring_ends: list[LoopFaces]
-    spring_constants: list[Constants]
+    element_kinds: list[ElementKind]
+    elements: list[PlacedElement]
     slot_of: list[int]
     slots: int
     gravity: Constants | None
     force_of: dict[int, list[JointForce]]
     partition: Partition | None
+
+    @property
+    def coefficient_counts(self) -> dict[str, int]:
+        """How many coefficients of force elements there are, by array: of those with an energy, and of the others."""
+        counts = {"coefficient": 0, "drive": 0}
+        for e in self.elements:
+            counts["coefficient" if e.element.has_energy else "drive"] += len(e.parts)
+        return {name: n for name, n in counts.items() if n}
 
     @property
     def independent_links(self) -> bool:
@@ -373,12 +306,9 @@ class System:
         q: list[int] = []
         u: list[int] = []
         for i, link in enumerate(self.links):
-            free = [j for j in range(FREEDOMS[link.joint]) if (i, j) not in dependent]
+            free = [j for j in range(link.joint.freedoms) if (i, j) not in dependent]
             u += [link.u + j for j in free]
-            if link.joint == "free":  # position first, moved by the last three speeds; then the quaternion
-                q += [link.q + c for c in range(7) if any((j < 3) == (c >= 3) for j in free)]
-            elif free:
-                q += range(link.q, link.q + COORDINATE_COUNT[link.joint])
+            q += [link.q + c for c in link.joint.moved_by(free)]
         return sorted(q), sorted(u)
 
     @property
@@ -420,9 +350,8 @@ def analyse(model: Model, unrolled: bool, partition: Partition | None = None) ->
             constants.append(found)
         constants_of.append(found)
     faces = [loop_faces(loop, links, carriers, evaluate) for loop in model.loops]
-    ends = [loop_faces(_as_loop(spring), links, carriers, evaluate) for spring in model.springs]
-    of_faces: list[Constants] = []
-    for f in [*faces, *ends]:
+    closure_constants: list[Constants] = []
+    for f in faces:
         key = (f.structure(), *map(id, f.expressions()))
         found = by_key.get(key)
         if found is None:
@@ -431,9 +360,9 @@ def analyse(model: Model, unrolled: bool, partition: Partition | None = None) ->
                 partial(face_constants, f, evaluate, FLOAT, keep), len(constants),
             )  # fmt: skip
             constants.append(found)
-        of_faces.append(found)
-    closure_constants, spring_constants = of_faces[: len(faces)], of_faces[len(faces) :]
-    pulled = {i for f in ends for i in f.links}
+        closure_constants.append(found)
+    elements = placed_elements(model, links, carriers, evaluate, shapes, constants)
+    pulled = {i for e in elements for i in e.acted_on}
     force_of: dict[int, list[JointForce]] = {}
     for force in model.forces:
         force_of.setdefault(force.body, []).append(force)
@@ -453,7 +382,7 @@ def analyse(model: Model, unrolled: bool, partition: Partition | None = None) ->
     kind_of: list[LinkKind] = []
     for i, link in enumerate(links):
         c = constants_of[i]
-        forced = tuple(link.u + j in forced_speeds for j in range(len(freedom_axes(link.joint, 0))))
+        forced = tuple(link.u + j in forced_speeds for j in range(link.joint.freedoms))
         aligned = all(
             n not in c.shape.varying and c.values.get(n, 0.0) == float(n[2] == n[3])
             for n in (f"R.{a}{b}" for a in "xyz" for b in "xyz")
@@ -464,7 +393,7 @@ def analyse(model: Model, unrolled: bool, partition: Partition | None = None) ->
         )
         signature: object = (
             link.joint, link.frame.index, aligned, first, first_unit, link.parent != GROUND, i in has_child, forced,
-            c.shape.index, _pattern(c), order.place_in_ear(i), order.role_of(i), i in pulled,
+            c.shape.index, pattern(c), order.place_in_ear(i), order.role_of(i), i in pulled,
             order.partners_of_link(i).structure(),
         )  # fmt: skip
         if unrolled:
@@ -482,7 +411,8 @@ def analyse(model: Model, unrolled: bool, partition: Partition | None = None) ->
     unit_kinds, unit_kind_of = _unit_kinds(
         regions, order, list(kinds.values()), kind_of, faces, closure_constants, unrolled
     )
-    spring_kinds = _spring_kinds(len(kinds) + len(unit_kinds), kind_of, ends, spring_constants)
+    kind_numbers = {GROUND: GROUND} | {i: kind.index for i, kind in enumerate(kind_of)}
+    element_kinds = find_element_kinds(len(kinds) + len(unit_kinds), kind_numbers, elements, model)
     slot_of, slots = order.slots()
     gravity = None
     if model.gravity is not None:
@@ -499,37 +429,9 @@ def analyse(model: Model, unrolled: bool, partition: Partition | None = None) ->
         constants.append(gravity)
     return System(
         model, links, carriers, list(kinds.values()), kind_of, constants_of, constants, list(shapes.values()),
-        regions, unit_kinds, unit_kind_of, faces, closure_constants, spring_kinds,
-        ends, spring_constants, slot_of, slots, gravity, force_of, partition,
+        regions, unit_kinds, unit_kind_of, faces, closure_constants, element_kinds,
+        elements, slot_of, slots, gravity, force_of, partition,
     )  # fmt: skip
-
-
-def _as_loop(spring: Spring) -> Loop:
-    """A spring's ends as the faces of a joint."""
-    ends = (Face(p.body, p.at) for p in (spring.start, spring.end))
-    return Loop(spring.name, "spherical", (), *ends)
-
-
-def _spring_kinds(
-    index: int, kind_of: list[LinkKind], ends: list[LoopFaces], constants: list[Constants]
-) -> list[SpringKind]:
-    found: dict[object, SpringKind] = {}
-    owned: dict[int, list[Constants]] = {}
-    for n, (f, c) in enumerate(zip(ends, constants, strict=True)):
-        on = tuple(GROUND if i == GROUND else kind_of[i].index for i in f.links)
-        key = (on, c.shape.index, _pattern(c))
-        kind = found.get(key)
-        if kind is None:
-            kind = found[key] = SpringKind(c.shape, index + len(found), (f.links[0] == GROUND, f.links[1] == GROUND))
-        kind.members.append(n)
-        owned.setdefault(kind.index, []).append(c)
-    for kind in found.values():
-        kind.fold(owned[kind.index])
-    return list(found.values())
-
-
-def _pattern(c: Constants) -> tuple[str, ...]:
-    return tuple(sorted(n for n, v in c.values.items() if v != 0))
 
 
 def in_order_of_units(links: list[Link], carriers: list[Carrier], regions: Regions) -> tuple[list[Link], list[Carrier]]:
@@ -773,7 +675,7 @@ def _ear_kind(
         "ear", order.ear_structure(e), tuple(kind_of[i].index for i in ear.links),
         tuple(
             (f.loop.type, f.frames[0].index, f.frames[1].index, closure_constants[c.loop].shape.index,
-             _pattern(closure_constants[c.loop]))
+             pattern(closure_constants[c.loop]))
             for f, c in zip(loops, ear.closures, strict=True)
         ),
         e if unrolled else 0,
@@ -807,29 +709,6 @@ def _ear_kind(
     assert isinstance(kind, EarKind)
     kind.members.append(e)
     return kind
-
-
-def make_constants(
-    shapes: dict[object, Shape],
-    structure: object,
-    visit: Callable[[Slots], object],
-    write: Callable[[Expansion, Leaf, Slots], dict[str, Value]],
-    values: Callable[[], dict[str, Value]],
-    index: int,
-) -> Constants:
-    """The constants of one set of expressions; expands their shape if it is new."""
-    slots = Slots()
-    visit(slots)
-    key = (structure, tuple(slots.trees))
-    shape = shapes.get(key)
-    if shape is None:
-        shape = shapes[key] = make_shape(len(shapes), slots, lambda x, leaf: write(x, leaf, slots))
-    numeric: dict[str, float] = {}
-    for name, v in values().items():
-        if name not in shape.varying and shape.fields[name] != 0:
-            assert isinstance(v, (int, float))
-            numeric[name] = float(v)
-    return Constants(shape, tuple(slots.parameters), tuple(slots.numbers), numeric, index)
 
 
 def _write(link: Link, x: Expansion, leaf: Leaf, slots: Slots) -> dict[str, Value]:

@@ -1,8 +1,8 @@
 """From the bodies of a model to links, and the constants of a link as functions of the design parameters.
 
-A universal joint becomes two revolute links, the first without mass; a body on a fixed joint becomes part of the link
-that carries it. What a link is made of is recognised by the identity of its expressions, so that the repeated bodies
-of a chain are looked at once.
+A body's joint becomes as many links as its motion takes, all but the last without mass: a universal joint two revolute ones. A
+body on a fixed joint becomes part of the link that carries it. What a link is made of is recognised by the identity of its
+expressions, so that the repeated bodies of a chain are looked at once.
 """
 
 from __future__ import annotations
@@ -10,12 +10,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from ...model.expressions import Expression
 from ...model.model import GROUND, Body, Loop, Model, coordinate_axis
 from ...model.model import Vector as ExpressionVector
+from ...model.motions import Ball, Displacement, Motion, Slide, Turn
 from ...program.field import XYZ
 from ...program.scalar import Matrix, Value, Vector
+from ..joints import LINK_JOINTS, LinkJoint
 from ..spatial import add, cross, dot, matmul, matvec, scale, transpose
 
 Evaluate = Callable[[Expression], Value]
@@ -73,7 +76,7 @@ class Link:
 
     name: str
     parent: int
-    joint: str
+    joint: type[LinkJoint]
     q: int
     u: int
     steps: tuple[Placement, ...]
@@ -110,6 +113,69 @@ def axis_frame(axis: ExpressionVector, evaluate: NumberOf) -> Frame:
     return Frame(2, axis, start=defaults.index(min(defaults)))
 
 
+class Part(NamedTuple):
+    """A link's share of the motion of a body's joint.
+
+    Attributes
+    ----------
+    joint : type of LinkJoint
+    q, u : int
+        Where its coordinates and speeds begin among those of the body's joint.
+    axis : int or None
+        Which of the joint's axes.
+    """
+
+    joint: type[LinkJoint]
+    q: int
+    u: int
+    axis: int | None
+
+
+def parts_of(chain: Sequence[Motion]) -> list[Part]:
+    """A chain of motions as joints of links, each of which takes as much of it as it can.
+
+    Raises
+    ------
+    TypeError
+        There is a motion that no joint of a link begins with.
+    """
+    found: list[Part] = []
+    while chain:
+        for joint in LINK_JOINTS:
+            part = _share(joint, chain[: len(joint.motion)])
+            if part is not None:
+                found.append(part)
+                chain = chain[len(joint.motion) :]
+                break
+        else:
+            raise TypeError(f"no joint of a link (mechanics/joints) moves by {chain[0]}")
+    return found
+
+
+def _share(joint: type[LinkJoint], chain: Sequence[Motion]) -> Part | None:
+    """The chain as the joint's own motion, but for the numbers of axes and coordinates; None if it is another."""
+    places: set[tuple[int, int]] = set()
+    axes: set[int] = set()
+    if len(chain) != len(joint.motion):
+        return None
+    for own, m in zip(joint.motion, chain, strict=True):
+        if isinstance(own, Ball | Displacement) and isinstance(m, type(own)):
+            places.add((m.coordinate - own.coordinate, m.speed - own.speed))
+        elif isinstance(own, Turn | Slide) and isinstance(m, type(own)) and _has_factor(own) == _has_factor(m):
+            places.add((m.index - own.index, m.index - own.index))
+            axes.add(m.axis - own.axis)
+        else:
+            return None
+    if len(places) != 1 or len(axes) > 1:
+        return None
+    (q, u), axis = places.pop(), axes.pop() if axes else None
+    return Part(joint, q, u, axis)
+
+
+def _has_factor(motion: Motion) -> bool:
+    return isinstance(motion, Slide) and motion.factor is not None
+
+
 def links_of(model: Model, evaluate: NumberOf) -> tuple[list[Link], list[Carrier]]:
     """The links of a model, outward, and for each body the link that carries it with the way to its frame.
 
@@ -128,23 +194,17 @@ def links_of(model: Model, evaluate: NumberOf) -> tuple[list[Link], list[Carrier
         joint = body.joint
         steps = (*steps, (joint.at, joint.rotation))
         q, u = (s.start for s in model.coordinate_slices[k])
-        if joint.type == "fixed":
+        parts = parts_of(joint.kind.motion)
+        if not parts:
             carriers[k] = parent, steps
             if parent != GROUND:
                 links[parent].members.append((body, steps))
             continue
-        if joint.type == "universal":
-            first = axis_frame(joint.axes[0], evaluate)
-            links.append(Link(f"{body.name}.1", parent, "revolute", q, u, steps, parent_frame, first))
-            parent, parent_frame = len(links) - 1, first
-            steps = ((ORIGIN, ()),)
-            links.append(
-                Link(f"{body.name}.2", parent, "revolute", q + 1, u + 1, steps, parent_frame,
-                     axis_frame(joint.axes[1], evaluate))
-            )  # fmt: skip
-        else:
-            frame = axis_frame(joint.axes[0], evaluate) if joint.axes else BODY_FRAME
-            links.append(Link(body.name, parent, joint.type, q, u, steps, parent_frame, frame))
+        for n, part in enumerate(parts, 1):
+            name = body.name if len(parts) == 1 else f"{body.name}.{n}"
+            frame = BODY_FRAME if part.axis is None else axis_frame(joint.axes[part.axis], evaluate)
+            links.append(Link(name, parent, part.joint, q + part.q, u + part.u, steps, parent_frame, frame))
+            parent, parent_frame, steps = len(links) - 1, frame, ((ORIGIN, ()),)
         links[-1].members.append((body, ()))
         carriers[k] = len(links) - 1, ()
     return links, carriers

@@ -16,7 +16,6 @@ from ...loops.partition import Partition
 from ...loops.tangles import ear_members, joined, tangles
 from ...model.model import GROUND, Model
 from .elimination_order import Elimination, find_elimination
-from .freedoms import FREEDOMS
 from .graph import Closure, EarLinks, Region, Unit
 from .links import Link
 
@@ -50,7 +49,7 @@ class Regions:
 
 def link_of_speeds(links: Sequence[Link]) -> dict[int, tuple[int, int]]:
     """Link and freedom of every speed."""
-    return {link.u + j: (i, j) for i, link in enumerate(links) for j in range(FREEDOMS[link.joint])}
+    return {link.u + j: (i, j) for i, link in enumerate(links) for j in range(link.joint.freedoms)}
 
 
 def find_regions(
@@ -74,7 +73,7 @@ def find_regions(
     for group, base in _components(links, faces, partition):
         bundles = _bundles(links, faces, group, dependent)
         on_cycles = sorted({i for b in bundles for i in b.links})
-        free = [(i, j) for i in on_cycles for j in range(FREEDOMS[links[i].joint]) if (i, j) not in dependent]
+        free = [(i, j) for i in on_cycles for j in range(links[i].joint.freedoms) if (i, j) not in dependent]
         made = _Maker(links, regions, ears, ear_of, faces, dependent, gaps, dropped)
         if len(free) > MOST_SOURCES:
             made.by_single_ears(bundles)
@@ -162,7 +161,7 @@ def _bundles(
         ends = [[f for loop in b.loops for f in faces[loop]] for b in bundles]
 
         def is_moved(i: int) -> bool:
-            return any((i, j) in dependent for j in range(FREEDOMS[links[i].joint]))
+            return any((i, j) in dependent for j in range(links[i].joint.freedoms))
 
         members = ear_members({i: links[i].parent for i in owner}, owner, sorted(owner), ends, is_moved)
         for b, moved in zip(bundles, members.moved, strict=True):
@@ -210,7 +209,7 @@ class _Maker:
             outside = {self.links[i].parent for i in members} | {f for loop in b.loops for f in self.faces[loop]}
             moving = list(outside - set(members) - {GROUND})
             inside = [
-                (i, j) for i in members for j in range(FREEDOMS[self.links[i].joint]) if (i, j) not in self.dependent
+                (i, j) for i in members for j in range(self.links[i].joint.freedoms) if (i, j) not in self.dependent
             ]
             # what hangs on the base has the shortest description
             hanging = [self.links[i].parent for i in members]
@@ -237,7 +236,7 @@ class _Maker:
 
         for i in members:
             ear.parents.append(where(links[i].parent))
-            freedoms = range(FREEDOMS[links[i].joint])
+            freedoms = range(links[i].joint.freedoms)
             ear.dependent.append([j for j in freedoms if (i, j) in self.dependent])
             ear.columns.append({j: number[i, j] for j in freedoms if (i, j) not in self.dependent})
             self.ear_of[i] = len(self.ears)

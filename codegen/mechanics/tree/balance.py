@@ -7,27 +7,29 @@ recursion of the solve with the factors that the triangularization left. Outward
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from ...program.block import Scope
 from ...program.scalar import Vector
 from .. import fields
 from ..couplings import hand_force, others
-from ..joints.transform import JointTransform
+from ..joints import Column
 from ..spatial import SIX
 from ..stores import CONSTANTS, DFORCE, DTAU, DUDOT, LME, LUP, ME, MY_LANE, RIGHT_SIDE, TAU
-from ..structure.freedoms import freedom_axes
 from ..structure.kinds import LinkKind
 from .back_substitution import carry, substitute
 from .inverse_dynamics import hand_on_lanes, transfer
 from .triangularization import constants_of_inertia, force_to_parent
 
 
-def eliminate(x: Scope, kind: LinkKind, P: Vector, forces: Vector) -> tuple[Vector, dict[int, Vector]]:
+def eliminate(
+    x: Scope, kind: LinkKind, columns: Sequence[Column], P: Vector, forces: Vector
+) -> tuple[Vector, dict[int, Vector]]:
     """The bias-force recursion at one joint: ``r = dtau - P^T p``, ``p += U D^-1 r``; and what partners get. Eqs. 45, 53."""
-    axes = freedom_axes(kind.joint, kind.axis)
     of_partners: dict[int, Vector] = {m: [0] * 6 for m in range(len(kind.partners.links))} if x.units else {}
-    for j in reversed(range(len(axes))):
-        a = axes[j]
-        r = x.let("r", forces[j] - P[a], "d Eq. 53", lanes=True)
+    for j in reversed(range(len(columns))):
+        s = columns[j]
+        r = x.let("r", forces[j] - s.along(P), "d Eq. 53", lanes=True)
         x.store(
             MY_LANE, fields.right_side(j), x.let("rD", r * x.load(ME, fields.inverse_pivot(j)), "d Eq. 53", lanes=True)
         )
@@ -38,45 +40,47 @@ def eliminate(x: Scope, kind: LinkKind, P: Vector, forces: Vector) -> tuple[Vect
         if j == 0 and not kind.carried_on:
             break
         G = [x.load(ME, fields.gain(j, i)) for i in range(6)]
-        P = [forces[j] if i == a else x.let(f"P{i}", P[i] + G[i] * r, "d Eq. 45", lanes=True) for i in range(6)]
+        P = [P[i] if i == s.lead else x.let(f"P{i}", P[i] + G[i] * r, "d Eq. 45", lanes=True) for i in range(6)]
+        P[s.lead] = s.completed(P, forces[j])
     return P, of_partners
 
 
 def balance_inward(x: Scope, kind: LinkKind) -> None:
     """Transmitted force, its tangent and the bias force of the solve, handed to the parent."""
-    axes = freedom_axes(kind.joint, kind.axis)
+    joint = kind.joint(x, kind)
+    columns = joint.columns
     P: Vector = []
     phi: Vector = []
     for i in SIX:
         own, handed = fields.needed.scalars()[i], fields.articulated_force.scalars()[i]
         P.append(x.let("P", x.load(MY_LANE, own) + x.load(LME, handed), "d Eq. 45", lanes=True))
         phi.append(x.load(ME, fields.total_needed.scalars()[i]) + x.load(ME, fields.transmitted.scalars()[i]))
-    P, of_partners = eliminate(x, kind, P, [x.entry(DTAU, j) if kind.forced[j] else 0 for j in range(len(axes))])
+    forces = [(x.entry(DTAU, j) if kind.forced[j] else 0) - s.change(x, phi) for j, s in enumerate(columns)]
+    P, of_partners = eliminate(x, kind, columns, P, forces)
     for m in others(kind):
         hand_force(x, kind, m, of_partners[m], lanes=True)
         if kind.partners.first[m]:
             hand_force(x, kind, m, [0] * 6, fields.transmitted)
     if kind.carried_on:
         # in equilibrium a joint transmits its own force along its freedoms
-        for j, a in enumerate(axes):
-            phi[a] = x.entry(TAU, j) if kind.forced[j] else 0
-        transfer(x, kind, JointTransform(x, kind), phi, P, of_partners.get(kind.partners.base))
+        for j, s in enumerate(columns):
+            phi[s.lead] = s.completed(phi, x.entry(TAU, j) if kind.forced[j] else 0)
+        transfer(x, kind, joint, phi, P, of_partners.get(kind.partners.base))
 
 
 def solve_inward(x: Scope, kind: LinkKind) -> None:
     """The same recursion for a given right side: ``M x = b``, several b at once."""
-    axes = freedom_axes(kind.joint, kind.axis)
+    joint = kind.joint(x, kind, lanes=True)
     P = x.load(LME, fields.articulated_force)
-    P, _ = eliminate(x, kind, P, [x.entry(RIGHT_SIDE, j) for j in range(len(axes))])
+    P, _ = eliminate(x, kind, joint.columns, P, [x.entry(RIGHT_SIDE, j) for j in range(joint.freedoms)])
     if kind.carried_on:
-        joint = JointTransform(x, kind, lanes=True)
         n, f = force_to_parent(x, joint, joint.offset(), P[:3], P[3:], "Eq. 45")
         hand_on_lanes(x, kind, n, f)
 
 
 def balance_outward(x: Scope, kind: LinkKind) -> None:
     """Back substitution over directions. Eqs. 53-55."""
-    joint = JointTransform(x, kind, lanes=True)
+    joint = kind.joint(x, kind, lanes=True)
     A = carry(joint, x.load(LUP, fields.explicit_acceleration), "d Eq. 54")
     substitute(x, kind, A, MY_LANE, DUDOT, lanes=True)
     x.store(LME, fields.explicit_acceleration, A)
@@ -84,10 +88,11 @@ def balance_outward(x: Scope, kind: LinkKind) -> None:
 
 def mass_outward(x: Scope, kind: LinkKind) -> None:
     """``M x`` over directions, outward: accelerations from x alone and the force they need."""
-    joint = JointTransform(x, kind, lanes=True)
+    joint = kind.joint(x, kind, lanes=True)
     A = carry(joint, x.load(LUP, fields.explicit_acceleration), "Eq. 19")
-    for j, a in enumerate(freedom_axes(kind.joint, kind.axis)):
-        A[a] = x.let("A", A[a] + x.entry(RIGHT_SIDE, j), "Eq. 19", lanes=True)
+    for j, s in enumerate(joint.columns):
+        for i, value in s.added(A, x.entry(RIGHT_SIDE, j)).items():
+            A[i] = x.let("A", value, "Eq. 19", lanes=True)
     x.store(LME, fields.explicit_acceleration, A)
     force: Vector = [0] * 6
     for i, j, field, sign in constants_of_inertia():
@@ -104,9 +109,9 @@ def mass_inward(x: Scope, kind: LinkKind) -> None:
         x.let("P", x.load(MY_LANE, own) + x.load(LME, handed), "Eq. 45", lanes=True)
         for own, handed in zip(fields.needed.scalars(), fields.articulated_force.scalars(), strict=True)
     ]
-    for j, a in enumerate(freedom_axes(kind.joint, kind.axis)):
-        x.set_entry(DFORCE, j, P[a])
+    joint = kind.joint(x, kind, lanes=True)
+    for j, s in enumerate(joint.columns):
+        x.set_entry(DFORCE, j, s.along(P))
     if kind.carried_on:
-        joint = JointTransform(x, kind, lanes=True)
         n, f = force_to_parent(x, joint, joint.offset(), P[:3], P[3:], "Eq. 45")
         hand_on_lanes(x, kind, n, f)

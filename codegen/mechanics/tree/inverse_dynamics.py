@@ -10,9 +10,8 @@ from ...program.block import Scope
 from ...program.scalar import Vector
 from .. import fields
 from ..handing_on import accumulate_force
-from ..joints.transform import JointTransform
+from ..joints import LinkJoint
 from ..stores import DFORCE, FORCE, LME, LUP, ME, MY_LANE, UDOT, UP
-from ..structure.freedoms import freedom_axes
 from ..structure.kinds import LinkKind
 from .kinematics import (
     accelerate,
@@ -26,19 +25,20 @@ from .tangents import differentiate, pattern, store_tangent, tangent
 from .triangularization import force_to_parent, is_first
 
 
-def joint_acceleration(x: Scope, kind: LinkKind, al: Vector, a: Vector) -> tuple[Vector, Vector]:
+def joint_acceleration(x: Scope, joint: LinkJoint, al: Vector, a: Vector) -> tuple[Vector, Vector]:
     """Add the joint's own udot. Eq. 19."""
     A = list(al) + list(a)
-    for j, i in enumerate(freedom_axes(kind.joint, kind.axis)):
-        A[i] = x.let(f"A{i}", A[i] + x.entry(UDOT, j), "Eq. 19")
+    for j, s in enumerate(joint.columns):
+        for i, value in s.added(A, joint.x.entry(UDOT, j)).items():
+            A[i] = x.let(f"A{i}", value, "Eq. 19")
     return A[:3], A[3:]
 
 
 def newton_euler_outward(x: Scope, kind: LinkKind) -> None:
     """Total accelerations and the force each link's inertia needs. Eqs. 19, 24."""
-    joint = JointTransform(x, kind)
-    carried, w = angular_velocity(x, kind, joint)
-    al, a = joint_acceleration(x, kind, *accelerate(x, kind, joint, carried, fields.total))
+    joint = kind.joint(x, kind)
+    carried, w = angular_velocity(x, joint)
+    al, a = joint_acceleration(x, joint, *accelerate(x, joint, carried, fields.total))
     B = acceleration_matrix(x, w, al)
     moment, force = needed = body_force(x, w, al, a, B, own_inertia(x))
     x.recall(ME, fields.parents_velocity, carried)
@@ -62,7 +62,7 @@ def newton_euler_outward(x: Scope, kind: LinkKind) -> None:
 def newton_euler_inward(x: Scope, kind: LinkKind) -> None:
     """Forces transmitted by the joints; their components along the freedoms are the joint forces."""
     let = x.let
-    joint = JointTransform(x, kind)
+    joint = kind.joint(x, kind)
     phi: Vector = []
     d_phi: Vector = []
     for i in range(6):
@@ -74,16 +74,16 @@ def newton_euler_inward(x: Scope, kind: LinkKind) -> None:
                 x.load(LME, fields.articulated_force.scalars()[i]),
             )
             d_phi.append(let("dphi", d_own + d_handed, "d Eq. 45", lanes=True))
-    for j, a in enumerate(freedom_axes(kind.joint, kind.axis)):
-        x.set_entry(FORCE, j, phi[a])
+    for j, s in enumerate(joint.columns):
+        x.set_entry(FORCE, j, s.along(phi))
         if x.tangents:
-            x.set_entry(DFORCE, j, d_phi[a])
+            x.set_entry(DFORCE, j, s.along(d_phi) + s.change(x, phi))
     if kind.carried_on:
         transfer(x, kind, joint, phi, d_phi)
 
 
 def transfer(
-    x: Scope, kind: LinkKind, joint: JointTransform, phi: Vector, d_phi: Vector, beside: Vector | None = None
+    x: Scope, kind: LinkKind, joint: LinkJoint, phi: Vector, d_phi: Vector, beside: Vector | None = None
 ) -> None:
     """Hand the transmitted force on to the parent, and its tangent, with what the parent gets `beside` as a partner."""
     r = joint.offset()

@@ -6,10 +6,9 @@ from ...program.block import Scope
 from ...program.field import XYZ, VectorField
 from ...program.scalar import Matrix, Value, Vector
 from .. import fields
-from ..joints.transform import JointTransform
-from ..spatial import add, cross, matmul, matvec
-from ..stores import CONSTANTS, COORDINATES, DQ, DQDOT, DU, LME, ME, MY_LANE, QDOT, SPEEDS, UP
-from ..structure.freedoms import COORDINATE_START
+from ..joints import LinkJoint
+from ..spatial import add, cross, matvec
+from ..stores import CONSTANTS, DQDOT, LME, ME, MY_LANE, QDOT, UP
 from ..structure.kinds import LinkKind
 from .tangents import differentiate, store_tangent, tangent
 
@@ -28,42 +27,10 @@ def acceleration_matrix(x: Scope, w: Vector, al: Vector, name: str = "B") -> Mat
     return B
 
 
-def angular_velocity(
-    x: Scope, kind: LinkKind, joint: JointTransform, field: VectorField = fields.angular_velocity
-) -> tuple[Vector, Vector]:
+def angular_velocity(x: Scope, joint: LinkJoint, field: VectorField = fields.angular_velocity) -> tuple[Vector, Vector]:
     """Angular velocity of the parent in the link's axes, and of the link. Eq. 18."""
     carried = joint.to_child(x.load(UP, field), "wp", "Eq. 18")
-    return carried, turning(x, kind, carried)
-
-
-def turning(x: Scope, kind: LinkKind, carried: Vector) -> Vector:
-    """Angular velocity of a link from that of its parent, in the link's axes. Eq. 18."""
-    w = list(carried)
-    if kind.joint == "revolute":
-        w[kind.axis] = x.let(f"w_{XYZ[kind.axis]}", w[kind.axis] + x.entry(SPEEDS, 0), "Eq. 18")
-    elif kind.joint in ("spherical", "free"):
-        w = x.let_vector("w", add(w, [x.entry(SPEEDS, i) for i in range(3)]), "Eq. 18")
-    return w
-
-
-def relative_bias(x: Scope, kind: LinkKind, carried: Vector) -> tuple[Vector, Vector]:
-    """Angular and linear acceleration remainder that the joint itself contributes. Eqs. 20, 21."""
-    zero: Vector = [0, 0, 0]
-    if kind.joint == "revolute":
-        e = list(zero)
-        e[kind.axis] = x.entry(SPEEDS, 0)
-        return cross(carried, e), zero
-    if kind.joint == "prismatic":
-        e = list(zero)
-        e[kind.axis] = x.let("u2", 2 * x.entry(SPEEDS, 0), "Eq. 21")
-        return zero, cross(carried, e)
-    turn = [x.entry(SPEEDS, i) for i in range(3)]
-    if kind.joint == "spherical":
-        return cross(carried, turn), zero
-    slide = [x.entry(SPEEDS, i) for i in range(3, 6)]
-    # d/dt (R v) = R (v' + w_rel x v), and Coriolis 2 w_pr x v
-    sweep = x.let_vector("sweep", [turn[i] + 2 * carried[i] for i in range(3)], "Eq. 21")
-    return cross(carried, turn), cross(sweep, slide)
+    return carried, joint.turning(carried)
 
 
 def body_force(
@@ -83,7 +50,7 @@ def body_force(
 def less_external(
     x: Scope, kind: LinkKind, needed: tuple[Vector, Vector], lanes: bool = False
 ) -> tuple[Vector, Vector]:
-    """What is left of the force that a link needs when springs have acted on it (R of Eq. 24)."""
+    """What is left of the force that a link needs when force elements have acted on it (R of Eq. 24)."""
     if not kind.pulled:
         return needed
     store = MY_LANE if lanes else ME
@@ -115,20 +82,20 @@ def own_inertia(x: Scope) -> tuple[Value, Vector, Matrix]:
 
 
 def accelerate(
-    x: Scope, kind: LinkKind, joint: JointTransform, carried: Vector, motion: fields.Motion = fields.remainder
+    x: Scope, joint: LinkJoint, carried: Vector, motion: fields.Motion = fields.remainder
 ) -> tuple[Vector, Vector]:
     """Acceleration of the link's frame with udot = 0 of its own joint. Eqs. 19-21.
 
     `motion` is what of the parent it starts from: the remainders, or the total accelerations.
     """
-    return accelerated(x, kind, joint, carried, (x.load(UP, motion.al), x.load(UP, motion.a), x.load(UP, motion.B)))
+    return accelerated(x, joint, carried, (x.load(UP, motion.al), x.load(UP, motion.a), x.load(UP, motion.B)))
 
 
 def accelerated(
-    x: Scope, kind: LinkKind, joint: JointTransform, carried: Vector, before: tuple[Vector, Vector, Matrix]
+    x: Scope, joint: LinkJoint, carried: Vector, before: tuple[Vector, Vector, Matrix]
 ) -> tuple[Vector, Vector]:
     """The same from the parent's angular acceleration, acceleration and B, in the parent's axes."""
-    al_bias, a_bias = relative_bias(x, kind, carried)
+    al_bias, a_bias = joint.bias(carried)
     al = joint.to_child(before[0], "alp", "Eq. 21")
     a = joint.to_child(add(before[1], matvec(before[2], joint.offset())), "ap", "Eq. 21")
     al = x.let_vector("al", add(al, al_bias), "Eq. 21")
@@ -138,9 +105,9 @@ def accelerated(
 
 def kinematics(x: Scope, kind: LinkKind) -> None:
     """Outward block of the forward dynamics: motion with udot = 0 and the force it needs."""
-    joint = JointTransform(x, kind)
-    carried, w = angular_velocity(x, kind, joint)
-    al, a = accelerate(x, kind, joint, carried)
+    joint = kind.joint(x, kind)
+    carried, w = angular_velocity(x, joint)
+    al, a = accelerate(x, joint, carried)
     B = acceleration_matrix(x, w, al)
     moment, force = less_external(x, kind, body_force(x, w, al, a, B, own_inertia(x)))
     x.store(ME, fields.parents_velocity, carried)
@@ -152,55 +119,20 @@ def kinematics(x: Scope, kind: LinkKind) -> None:
     x.store(ME, fields.needed.linear, force)
 
 
-def quaternion_matrix(x: Scope, kind: LinkKind) -> None:
-    """Rotation matrix of e/|e|, child to parent components; written with 2/|e|^2, so any e will do."""
-    n = COORDINATE_START[kind.joint]
-    w, i, j, k = (x.entry(COORDINATES, n + m) for m in range(4))
-    tag = "Eq. 22"
-    s = x.let("s", 2 / x.let("ee", w * w + i * i + j * j + k * k, tag), tag)
-    si, sj, sk = (x.let(f"s{name}", s * v, tag) for name, v in (("i", i), ("j", j), ("k", k)))
-    wi, wj, wk = (x.let(f"w{name}", w * v, tag) for name, v in (("i", si), ("j", sj), ("k", sk)))
-    ii, jj, kk = x.let("ii", i * si, tag), x.let("jj", j * sj, tag), x.let("kk", k * sk, tag)
-    ij, ik, jk = x.let("ij", i * sj, tag), x.let("ik", i * sk, tag), x.let("jk", j * sk, tag)
-    Q = [[1 - (jj + kk), ij - wk, ik + wj], [ij + wk, 1 - (ii + kk), jk - wi], [ik - wj, jk + wi, 1 - (ii + jj)]]
-    named = [[x.let(f"Q_{XYZ[a]}{XYZ[b]}", Q[a][b], tag) for b in range(3)] for a in range(3)]
-    x.store(ME, fields.quaternion_matrix, named)
+def rotations(x: Scope, kind: LinkKind) -> None:
+    """Rotation matrix of a quaternion."""
+    kind.joint(x, kind).write_rotation()
 
 
-def quaternion_turn(x: Scope, kind: LinkKind) -> None:
-    """Rotation vector, in the link's axes, that belongs to a quaternion's tangent: ``2 e* de / |e|^2``, a radial one is zero."""
-    n = COORDINATE_START[kind.joint]
-    w, i, j, k = (x.entry(COORDINATES, n + m) for m in range(4))
-    dw, di, dj, dk = (x.entry(DQ, n + m) for m in range(4))
-    tag = "d Eq. 22"
-    s = x.let("s", 2 / x.let("ee", w * w + i * i + j * j + k * k, tag), tag)
-    w, i, j, k = (x.let("e", s * v, tag) for v in (w, i, j, k))
-    turn = (
-        w * di - i * dw - j * dk + k * dj,
-        w * dj - j * dw - k * di + i * dk,
-        w * dk - k * dw - i * dj + j * di,
-    )
-    for m in range(3):
-        x.store(MY_LANE, fields.turn(m), x.let("turn", turn[m], tag, lanes=True))
+def turns(x: Scope, kind: LinkKind) -> None:
+    """Rotation vector of a quaternion's seed."""
+    kind.joint(x, kind).write_turn()
 
 
 def coordinate_rates(x: Scope, kind: LinkKind) -> None:
     """Time derivatives of the coordinates. Eq. 1: of a quaternion ``e (0, omega) / 2``, of a position ``R v``."""
-    if kind.joint in ("revolute", "prismatic"):
-        x.set_entry(QDOT, 0, x.entry(SPEEDS, 0))
-        if x.tangents:
-            x.set_entry(DQDOT, 0, x.entry(DU, 0))
-        return
-    joint = JointTransform(x, kind)
-    n = COORDINATE_START[kind.joint]
-    tag = "Eq. 1"
-    half = x.half
-    w, i, j, k = (x.let("e", half * x.entry(COORDINATES, n + m), tag) for m in range(4))
-    wx, wy, wz = (x.entry(SPEEDS, m) for m in range(3))
-    rates = [-i * wx - j * wy - k * wz, w * wx + j * wz - k * wy, w * wy + k * wx - i * wz, w * wz + i * wy - j * wx]
-    if kind.joint == "free":
-        rates = matvec(joint.matrix, [x.entry(SPEEDS, m) for m in range(3, 6)]) + rates
-    rates = [x.let("rate", e, tag) for e in rates]
+    joint = kind.joint(x, kind)
+    rates = [x.let("rate", e, "Eq. 1") for e in joint.rates()]
     for m, value in enumerate(rates):
         x.set_entry(QDOT, m, value)
     if x.tangents:
@@ -211,41 +143,22 @@ def coordinate_rates(x: Scope, kind: LinkKind) -> None:
 
 def origin_velocity(
     x: Scope,
-    kind: LinkKind,
-    joint: JointTransform,
+    joint: LinkJoint,
     w: VectorField = fields.angular_velocity,
     velocity: VectorField = fields.velocity,
 ) -> Vector:
     """Velocity of the link's origin in its own axes. Eq. 18."""
     moved = add(x.load(UP, velocity), cross(x.load(UP, w), joint.offset()))
-    v = joint.to_child(moved, "v", "Eq. 18")
-    if kind.joint == "prismatic":
-        v = list(v)
-        v[kind.axis] = x.let("v", v[kind.axis] + x.entry(SPEEDS, 0), "Eq. 18")
-    elif kind.joint == "free":
-        v = [x.let("v", v[k] + x.entry(SPEEDS, 3 + k), "Eq. 18") for k in range(3)]
-    return v
+    return joint.sliding(joint.to_child(moved, "v", "Eq. 18"))
 
 
 def pose(x: Scope, kind: LinkKind) -> None:
     """Position of the link's origin and its rotation matrix (ground from link components)."""
-    joint = JointTransform(x, kind)
+    joint = kind.joint(x, kind)
     W = x.load(UP, fields.attitude)
     position = add(x.load(UP, fields.position), matvec(W, joint.offset()))
     position = x.let_vector("pos", position, "Eq. 22")
-    if joint.fixed is not None:
-        W = [[x.let("W", e, "Eq. 22") for e in row] for row in matmul(W, joint.fixed)]
-    if kind.joint in ("spherical", "free"):
-        W = [[x.let("W", e, "Eq. 22") for e in row] for row in matmul(W, joint.matrix)]
-    elif kind.joint == "revolute":
-        c, s = joint.trig
-        i, j = (kind.axis + 1) % 3, (kind.axis + 2) % 3
-        W = [list(row) for row in W]
-        for row in W:
-            row[i], row[j] = (
-                x.let("W", c * row[i] + s * row[j], "Eq. 22"),
-                x.let("W", c * row[j] - s * row[i], "Eq. 22"),
-            )
+    W = joint.attitude(W)
     x.store(ME, fields.position, position)
     x.store(ME, fields.attitude, W)
     if x.tangents:

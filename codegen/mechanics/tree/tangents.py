@@ -12,8 +12,8 @@ from ...program.field import VectorField
 from ...program.scalar import Value, Vector
 from ...program.store import Store
 from .. import fields
-from ..joints.transform import JointTransform
-from ..stores import CONSTANTS, DP, DQ, LUP, MY_LANE, PARAMETER, TANGENT_OF, TURNS, UP
+from ..joints import LinkJoint
+from ..stores import CONSTANTS, DP, LUP, PARAMETER, TANGENT_OF, TURNS, UP
 from ..structure.kinds import LinkKind
 
 
@@ -37,7 +37,7 @@ UP_TANGENTS = {
     f.name: f.name
     for f in (
         fields.angular_velocity, fields.velocity, fields.position, fields.attitude, fields.closing_twist.angular,
-        fields.closing_twist.linear, fields.spring_twist.angular, fields.spring_twist.linear,
+        fields.closing_twist.linear, fields.applied_twist.angular, fields.applied_twist.linear,
     )
 } | {
     whole.name: part.name
@@ -59,7 +59,7 @@ def seeds(x: Expansion, kind: LinkKind) -> dict[Symbol, Expr]:
         elif store in TANGENT_OF:
             result[symbol] = x.component(TANGENT_OF[store], name)
         elif store is TURNS:
-            result[symbol] = x.entry(DQ, 0) if kind.joint == "revolute" else x.load(MY_LANE, fields.turn(name))
+            result[symbol] = kind.joint.turn_seed(x, name)
     for j in range(kind.parameters):
         result[x.entry(PARAMETER, j)] = x.entry(DP, j)
     return {s: v for s, v in result.items() if v != 0}
@@ -77,7 +77,7 @@ def constants_transparent(x: Expansion, kind: LinkKind) -> dict[Symbol, dict[Sym
 
 
 def differentiate(
-    x: Scope, kind: LinkKind, joint: JointTransform | None, extra: dict[Symbol, Expr] | None = None
+    x: Scope, kind: LinkKind, joint: LinkJoint | None, extra: dict[Symbol, Expr] | None = None
 ) -> Tangents | None:
     """Append the tangents of all statements so far. None on zero patterns."""
     if not isinstance(x, Expansion):

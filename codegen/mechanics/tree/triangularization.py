@@ -13,11 +13,11 @@ from ...program.scalar import Matrix, Value, Vector
 from .. import fields
 from ..couplings import hand_force, hand_inertia, hand_on, others
 from ..handing_on import accumulate, accumulate_force
-from ..joints.transform import JointTransform, shift_inertia
+from ..joints import LinkJoint
+from ..joints.inertia import shift_inertia
 from ..spatial import SIX, add, cross, is_zero, transpose
 from ..stores import CONSTANTS, ME, OWN, PIVOT, TAU, UP
 from ..structure.elimination_order import CARRIER
-from ..structure.freedoms import freedom_axes
 from ..structure.kinds import LinkKind, RegionKind
 
 
@@ -95,9 +95,7 @@ def is_first(x: Scope, kind: LinkKind) -> bool:
     return bool(kind.first_unit if x.units else kind.first)
 
 
-def force_to_parent(
-    x: Scope, joint: JointTransform, r: Vector, n: Vector, f: Vector, tag: str
-) -> tuple[Vector, Vector]:
+def force_to_parent(x: Scope, joint: LinkJoint, r: Vector, n: Vector, f: Vector, tag: str) -> tuple[Vector, Vector]:
     """A moment and force about the link's origin, in the parent's axes about its origin: ``S F``."""
     n = joint.to_parent(n, "pn", tag)
     f = joint.to_parent(f, "pf", tag)
@@ -117,21 +115,24 @@ def triangularize(x: Scope, kind: LinkKind) -> None:
     C = {m: x.load(OWN[m], fields.coupling) for m in partners}
     between: dict[tuple[int, int], Matrix] = {(m, n): [[0] * 6 for _ in SIX] for m in partners for n in partners}
     force: dict[int, Vector] = {m: [0] * 6 for m in partners}
-    axes = freedom_axes(kind.joint, kind.axis)
+    joint = kind.joint(x, kind)
+    columns = joint.columns
     scales = [let("scale", I[n][n] + I[n + 1][n + 1] + I[n + 2][n + 2], "zero pivot") for n in (0, 3)]
-    for j in reversed(range(len(axes))):
-        a = axes[j]
+    for j in reversed(range(len(columns))):
+        s = columns[j]
+        a = s.lead
+        U = [let("U", s.along(row), "Eq. 46") for row in I]
         tau = x.entry(TAU, j) if kind.forced[j] else 0
-        D = pivot(x, kind, I[a][a])
+        D = pivot(x, kind, let("D", s.along(U), "Eq. 46"))
         inverse = let("Dinv", 1 / D, "Eq. 47")
-        r = let("r", tau - p[a], "Eq. 53")
-        x.set_entry(PIVOT, j, let("margin", D - x.number(SMALL) * scales[a // 3], "zero pivot"))
+        r = let("r", tau - s.along(p), "Eq. 53")
+        x.set_entry(PIVOT, j, let("margin", D - x.number(SMALL) * s.squares_along(scales), "zero pivot"))
         x.store(ME, fields.inverse_pivot(j), inverse)
         x.store(ME, fields.right_side(j), let("rD", r * inverse, "Eq. 53"))
-        G = [0 if i == a else let(f"G{i}", I[i][a] * inverse, "Eq. 46") for i in range(6)]
+        G = [0 if i == a else let(f"G{i}", U[i] * inverse, "Eq. 46") for i in range(6)]
         for i in range(6):
             x.store(ME, fields.gain(j, i), G[i])
-        h = {m: C[m][a] for m in partners}
+        h = {m: [s.along(list(column)) for column in zip(*C[m], strict=True)] for m in partners}
         G_of = {m: [let("Gp", e * inverse, "Eq. 46") for e in h[m]] for m in partners}
         for m in partners:
             for k in SIX:
@@ -144,32 +145,33 @@ def triangularize(x: Scope, kind: LinkKind) -> None:
         last = j == 0 and not kind.carried_on
         if last:
             break
-        U = [I[i][a] for i in range(6)]
+        # what is left gives no force along s: the leading row follows from the others, and is zero if s has no others
         for i in range(6):
             for k in range(i, 6):
-                if a in (i, k):
-                    I[i][k] = I[k][i] = 0
-                else:
+                if a not in (i, k):
                     I[i][k] = I[k][i] = let(f"A{i}{k}", I[i][k] - G[i] * U[k], "Eq. 44")
+        for k in (*(k for k in SIX if k != a), a):
+            I[a][k] = I[k][a] = s.completed(I[k])
         p = [tau if i == a else let(f"p{i}", p[i] + G[i] * r, "Eq. 45") for i in range(6)]
+        p[a] = s.completed(p, tau)
         for m in partners:
-            C[m] = [[0] * 6 if i == a else [let("C", C[m][i][k] - G[i] * h[m][k], "Eq. 44") for k in SIX] for i in SIX]
+            C[m] = [[let("C", C[m][i][k] - G[i] * h[m][k], "Eq. 44") for k in SIX] for i in SIX]
+            C[m][a] = [s.completed(list(column)) for column in zip(*C[m], strict=True)]
     for m in others(kind):
         hand_inertia(x, kind, m, between[m, m])
         hand_force(x, kind, m, force[m])
     if not kind.carried_on:
         hand_on(x, kind, lambda m, n: between[m, n])
         return
-    joint = JointTransform(x, kind)
     r_offset = joint.offset()
     for m in partners:
         # columns are forces on the link that an acceleration of the partner asks for
-        columns: Matrix = []
+        turned: Matrix = []
         for k in SIX:
             column = [row[k] for row in C[m]]
             moment, push = force_to_parent(x, joint, r_offset, column[:3], column[3:], "Eq. 44")
-            columns.append([*moment, *push])
-        C[m] = transpose(columns)
+            turned.append([*moment, *push])
+        C[m] = transpose(turned)
     moment, push = force_to_parent(x, joint, r_offset, p[:3], p[3:], "Eq. 45")
     J, H, M = joint.inertia_to_parent(*to_blocks(I), "Eq. 44")
     J, H, M = shift_inertia(x, r_offset, J, H, M, "Eq. 44")

@@ -1,0 +1,84 @@
+"""Partial velocities of freedoms: columns of six, one component of which is one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from ...program.block import Scope
+from ...program.scalar import Value, Vector
+from ..spatial import SIX
+from ..stores import DP
+
+
+@dataclass(frozen=True)
+class Column:
+    """How a link moves with a freedom of its joint: angular and linear components in the link's axes, constant in time.
+
+    Attributes
+    ----------
+    lead : int
+        The component that is one: 0-2 angular, 3-5 linear. The freedom is eliminated by it.
+    others : dict of int to value
+        The other components, those that are zero left out.
+    by : tuple of dict of int to value
+        What each design parameter changes in them (derivative primitives).
+    """
+
+    lead: int
+    others: Mapping[int, Value] = field(default_factory=dict)
+    by: tuple[Mapping[int, Value], ...] = ()
+
+    def __getitem__(self, i: int) -> Value:
+        return 1 if i == self.lead else self.others.get(i, 0)
+
+    @property
+    def angular(self) -> Vector:
+        return [self[i] for i in SIX[:3]]
+
+    @property
+    def linear(self) -> Vector:
+        return [self[i] for i in SIX[3:]]
+
+    def along(self, v: Vector) -> Value:
+        """``s . v``."""
+        total = v[self.lead]
+        for i, s in self.others.items():
+            total = total + s * v[i]
+        return total
+
+    def squares_along(self, scales: Sequence[Value]) -> Value:
+        """``s . diag . s`` with one number for angular and one for linear components."""
+        total = scales[self.lead // 3]
+        for i, s in self.others.items():
+            total = total + s * s * scales[i // 3]
+        return total
+
+    def completed(self, v: Vector, along: Value = 0) -> Value:
+        """The leading component of v where ``s . v`` is given and the other components are known."""
+        for i, s in self.others.items():
+            along = along - s * v[i]
+        return along
+
+    def remaining(self, x: Scope, i: int, v: Vector, lanes: bool) -> Value:
+        """A component of v without its part along s, taken by the leading one: what the others add up to is ``v - s v_lead``."""
+        if i not in self.others:
+            return v[i]
+        return x.let("rest", v[i] - self.others[i] * v[self.lead], "Eq. 53", lanes=lanes)
+
+    def change(self, x: Scope, v: Vector) -> Value:
+        """``ds . v`` of a direction, by the design parameters that s depends on."""
+        total: Value = 0
+        for j, changes in enumerate(self.by):
+            part: Value = 0
+            for i, ds in changes.items():
+                part = part + ds * v[i]
+            total = total + x.let("ds", part, "primitive") * x.entry(DP, j)
+        return total
+
+    def added(self, v: Vector, value: Value) -> dict[int, Value]:
+        """The components of ``v + s value`` that differ from those of v."""
+        found: dict[int, Value] = {self.lead: v[self.lead] + value}
+        for i, s in self.others.items():
+            found[i] = v[i] + s * value
+        return found

@@ -1,0 +1,31 @@
+"""Sliding along an axis."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ...model.motions import Slide
+from ...program.scalar import Value
+from ..stores import COORDINATES, DQ, SPEEDS
+from .axial import Axial
+from .column import Column
+
+
+class Prismatic(Axial):
+    """A slider."""
+
+    motion = (Slide(axis=0, index=0),)
+    freedoms, coordinates, slides = 1, 1, True
+
+    @property
+    def columns(self) -> Sequence[Column]:
+        return (Column(3 + self.kind.axis),)
+
+    def shift(self) -> Value:
+        return self.x.entry(COORDINATES, 0)
+
+    def slide_speed(self) -> Value:
+        return self.x.entry(SPEEDS, 0)
+
+    def shift_tangent(self) -> Value:
+        return self.x.entry(DQ, 0)

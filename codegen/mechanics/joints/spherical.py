@@ -1,0 +1,24 @@
+"""Turning about a point."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ...model.motions import Ball
+from .column import Column
+from .quaternion import QuaternionJoint
+
+
+class Spherical(QuaternionJoint):
+    """A ball and socket."""
+
+    motion = (Ball(coordinate=0, speed=0),)
+    freedoms, coordinates, quaternion = 3, 4, 0
+
+    @classmethod
+    def moved_by(cls, freedoms: Sequence[int]) -> list[int]:
+        return list(range(4)) if freedoms else []
+
+    @property
+    def columns(self) -> Sequence[Column]:
+        return [Column(i) for i in range(3)]
