@@ -118,6 +118,12 @@ ear_own = MotionFields(
     total.a,
     total.B,
 )
+moving = Motion(
+    angular_velocity,
+    VectorField("gal", "rad/s^2", OWN, "angular acceleration against the ground, for outputs"),
+    VectorField("ga", "m/s^2", OWN, "acceleration of the origin against the ground, for outputs"),
+    MatrixField("gB", "1/s^2", OWN, "alpha x + omega x omega x against the ground, for outputs"),
+)
 explicit_acceleration = AccelerationField(
     "b", ACCELERATION, OWN, "the part of the accelerations that is explicit in udot: angular, of the origin"
 )
