@@ -18,7 +18,7 @@ from ..mechanics.fields import identifier
 from ..mechanics.formulas import FormulaKind
 from ..mechanics.outputs.outputs import RecordFormula
 from ..mechanics.procedures import CONSTANTS, SHAPES, WIDTHS
-from ..mechanics.stores import CE_PARAMETER, CONSTANT, KEPT, LAID_OUT, MARGIN, NUMBER, PARAMETER, SHAPE
+from ..mechanics.stores import CE_PARAMETER, CONSTANT, KEPT, LAID_OUT, MARGIN, NUMBER, PARAMETER, SHAPE, SUM, SUM_LANE
 from ..mechanics.structure.constants import Constants
 from ..mechanics.structure.element_kinds import ElementKind
 from ..mechanics.structure.kinds import EarKind, RegionKind, UnitKind
@@ -350,7 +350,8 @@ class Writer(ABC):
                 return self.number_of_row(f"numbers_of_{of}", "0" if single else "i", int(component))
             return place(column, store, component)
 
-        lines = self.lines(block, located)
+        first = len(self.system.links) + len(self.model.loops) + len(self.model.loads)
+        lines = self.lines(block, located, lambda margin: f"{first} + {column(0)}")
         f = Function(about, self.signature(name, lanes, not single), lines, notes(block))
         numbered = any(store is NUMBER for store, _ in block.loads.values())
         if used[0]:
@@ -410,6 +411,8 @@ class Writer(ABC):
                 def place_record(column: Column, store: Store, name: str, slots: int = slots) -> Located:
                     if store.name in (target, f"d{target}"):
                         return self.element(store.name, column(0), store.lanes)
+                    if store.memory in (SUM, SUM_LANE):
+                        return self.element(store.name, name, store.lanes)
                     if store.memory in LAID_OUT:
                         return self.field_of_record(store.plain, column(1 + (store.place or 0)), name)
                     return self.element(store.name, column(slots + int(name)), store.lanes)

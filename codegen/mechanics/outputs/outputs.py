@@ -24,8 +24,8 @@ from ..formulas import FormulaKind, FormulaSlots, formula_kinds, seed_of, transp
 from ..spatial import add, dot
 from ..stores import LME, ME, MY_LANE, NUMBER, RECORD, TANGENT_OF, argument
 from ..structure.constants import Statements
-from ..structure.kinds import System
 from ..structure.links import rigid_inertia
+from ..structure.system import System
 from . import MEASURES
 from .measure import FormulaMeasure, RecordMeasure
 from .records import Records, expressions_of, links_of, structure_of
@@ -83,7 +83,8 @@ def _add_record(system: System, kinds: dict[object, RecordFormula], i: int, o: O
         if e not in canonical:
             canonical[e] = slots.convert(e.tree)
     form = tuple(str(canonical[e]) for e in expressions)
-    key = (o.measure, o.choice, form, structure_of(system, o.on, links), [o.on.index(p.body) for p in o.points])
+    places = [o.on.index(body) for body in (*(p.body for p in o.points), *o.bodies)]
+    key = (o.measure, o.choice, form, structure_of(system, o.on, links), places)
     kind = kinds.get(repr(key))
     if kind is None:
 
