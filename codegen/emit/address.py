@@ -45,6 +45,8 @@ from ..mechanics.stores import (
     REGION_RECORD,
     ROOT,
     SLOT,
+    SUM,
+    SUM_LANE,
     WRENCH,
 )
 from ..mechanics.structure.element_kinds import ElementKind
@@ -254,6 +256,8 @@ class Addresses:
         elif memory in (ENERGY, ENERGY_LANE):
             name = str(int("potential" in store.name))
             region = store.name.replace("potential", "energy")
+        elif memory in (SUM, SUM_LANE):
+            pass
         else:
             raise KeyError(store)
         return Address(variable, region, row, name)

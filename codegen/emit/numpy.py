@@ -6,6 +6,7 @@ Memory is named instead of numbered: every link has a record, slots and lanes, a
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 from typing import Any
 
 from ..mechanics import procedures
@@ -186,8 +187,16 @@ class NumpyWriter(Writer):
         return " + ".join(f"{self._gravity(factor)}*a.dp[{p}]" for factor, p in terms) or "0.0"
 
     def pivots(self, sweep: str) -> bool:
-        """Whether a sweep checks pivots."""
-        return any(store.memory is MARGIN for b in self.blocks[sweep].values() for store, _, _ in b.stores)
+        """Whether a sweep, or a function that calls formulas, checks pivots."""
+        if sweep in self.blocks:
+            return any(store.memory is MARGIN for b in self.blocks[sweep].values() for store, _, _ in b.stores)
+        of = procedures.OUTPUTS.tangents()
+        return sweep in (of.called, of.transpose().called) and self.singular_outputs
+
+    @cached_property
+    def singular_outputs(self) -> bool:
+        """Whether there are outputs without a derivative in some states."""
+        return any(store.memory is MARGIN for r in self.records for store, _, _ in r.tangent.stores)
 
     def memory(self) -> list[str]:
         """Lines that give a call its memory."""
@@ -236,6 +245,12 @@ class NumpyWriter(Writer):
             first = f"GROUND + {len(model.loops)}" if model.loops else "GROUND"
             singular.append(("SingularForceError", first, f"ELEMENTS[link - ({first})]"))
             errors.append("numpy/singular_force.py.jinja")
+        if self.singular_outputs:
+            names["OUTPUTS"] = [output.name for output in model.outputs]
+            more = len(model.loops) + len(model.loads)
+            first = f"GROUND + {more}" if more else "GROUND"
+            singular.append(("SingularOutputError", first, f"OUTPUTS[link - ({first})]"))
+            errors.append("numpy/singular_output.py.jinja")
         return context | {
             "tables": self.flat_tables(),
             "names": [(n, listed(found)) for n, found in names.items()],

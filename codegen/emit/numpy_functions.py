@@ -118,12 +118,9 @@ class _Lines:
             self.zero.clear() if over_directions(step) else self.zero.intersection_update(self._of_lanes())
         match step:
             case Run():
-                line = f"{step.sweep}(a)"
-                return (
-                    ['with np.errstate(all="ignore"):', f"    {line}"] if self.functions.pivots(step.sweep) else [line]
-                )
+                return self.guarded(step.sweep)
             case Formulas():
-                return [f"{step.called}(a)"]
+                return self.guarded(step.called)
             case Prepare():
                 return self.functions.prepared(step.what)
             case Perform():
@@ -158,6 +155,11 @@ class _Lines:
                 return self.single(step)
             case Columns():
                 return self.columns(step)
+
+    def guarded(self, name: str) -> list[str]:
+        """A call; what is divided by a zero pivot is told afterwards."""
+        line = f"{name}(a)"
+        return ['with np.errstate(all="ignore"):', f"    {line}"] if self.functions.pivots(name) else [line]
 
     def _of_lanes(self) -> set[str]:
         """Derivatives: what values alone do not write."""

@@ -13,7 +13,7 @@ from typing import Any
 from ..mechanics.expansion import Program
 from ..mechanics.formulas import FormulaKind
 from ..mechanics.outputs.outputs import RecordFormula
-from ..mechanics.stores import LAID_OUT, NUMBER, SHAPE
+from ..mechanics.stores import LAID_OUT, NUMBER, SHAPE, SUM, SUM_LANE
 from ..mechanics.structure.element_kinds import ElementKind
 from ..mechanics.structure.kinds import EarKind, RegionKind, UnitKind
 from ..mechanics.sweeps import INWARD, SWEEP
@@ -242,7 +242,9 @@ class Writer(ABC):
                 return self.number_of_row(f"numbers_of_{of}", "0" if single else "i", int(component))
             return place(column, store, component)
 
-        f = Function(block.title, self.signature(name, lanes, not single), self.lines(block, located))
+        first = len(self.system.links) + len(self.model.loops) + len(self.model.loads)
+        lines = self.lines(block, located, lambda margin: f"{first} + {column(0)}")
+        f = Function(block.title, self.signature(name, lanes, not single), lines)
         if used[0]:
             self.add_table(table, integers)
         if any(store is NUMBER for store, _ in block.loads.values()):
@@ -297,6 +299,8 @@ class Writer(ABC):
                 def place_record(column: Column, store: Store, name: str, slots: int = slots) -> Located:
                     if store.name in (target, f"d{target}"):
                         return self.element(store.name, column(0))
+                    if store.memory in (SUM, SUM_LANE):
+                        return self.element(store.name, name)
                     if store.memory in LAID_OUT:
                         return self.field_of_record(store.plain, column(1 + (store.place or 0)), name)
                     return self.element(store.name, column(slots + int(name)))

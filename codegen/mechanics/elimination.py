@@ -137,8 +137,9 @@ class SymmetricSystem:
         if s.lead in left:
             # no force is left along s: the leading row follows from the others, and is zero if s has no others
             for k in (*others, s.lead):
-                Q[s.lead][k] = Q[k][s.lead] = s.completed(Q[k])
-            p[s.lead] = s.completed(p, tau)
+                name = f"{kept.entry}{self.labels[s.lead]}{self.labels[k]}"
+                Q[s.lead][k] = Q[k][s.lead] = let(name, s.completed(Q[k]), "Eq. 44")
+            p[s.lead] = let(f"{kept.force}{self.labels[s.lead]}", s.completed(p, tau), "Eq. 45")
 
     def _pivot(self, D: Value) -> Value:
         if not is_zero(D):
@@ -169,7 +170,7 @@ def eliminate_force(
         if i != s.lead:
             P[i] = x.let(f"{kept.moving}{labels[i]}", P[i] + G[i] * r, "d Eq. 45", lanes=True)
     if s.lead in left:
-        P[s.lead] = s.completed(P, tau)
+        P[s.lead] = x.let(f"{kept.moving}{labels[s.lead]}", s.completed(P, tau), "d Eq. 45", lanes=True)
 
 
 def substitute(

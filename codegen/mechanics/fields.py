@@ -28,6 +28,7 @@ OWN, PARENT, GROUND, REGION, LINK = "the link", "the parent", "the ground", "the
 WRENCH, TWIST, INERTIA = "[N m, N]", "[rad/s, m/s]", "[kg m^2, kg m, kg]"
 ACCELERATION, DISPLACEMENT = "[rad/s^2, m/s^2]", "[rad, m]"
 
+NO_FORCE_ASKS = "no force element asks for it"
 NO_EAR_STARTS = "no other ear starts from the link"
 """When nobody reads how a link of an ear moves."""
 
@@ -85,12 +86,18 @@ quaternion_matrix = MatrixField(
     "Q", "1", PARENT, "rotation matrix of a quaternion, joint components from link components"
 )
 turn = ScalarField("turn.{}", "rad", OWN, "component of the rotation vector of a quaternion's seed")
-attitude = MatrixField("W", "1", GROUND, "rotation matrix, ground from link components")
-position = VectorField("pos", "m", GROUND, "position of the origin")
+attitude = MatrixField("W", "1", GROUND, "rotation matrix, ground from link components", unread=NO_FORCE_ASKS)
+position = VectorField("pos", "m", GROUND, "position of the origin", unread=NO_FORCE_ASKS)
 angular_velocity = VectorField("w", "rad/s", OWN, "angular velocity (omega)")
 parents_velocity = VectorField("wp", "rad/s", OWN, "angular velocity of the parent, in the link's axes")
 velocity = VectorField("v", "m/s", OWN, "velocity of the origin")
-applied_twist = TwistField("v", TWIST, OWN, "angular velocity and velocity of the origin, found before force elements")
+applied_twist = TwistField(
+    "v",
+    TWIST,
+    OWN,
+    "angular velocity and velocity of the origin, found before force elements",
+    unread=NO_FORCE_ASKS,
+)
 remainder = MotionFields(
     angular_velocity,
     VectorField("al", "rad/s^2", OWN, "angular acceleration with udot = 0; along directions: tangent of all of it"),
@@ -110,6 +117,12 @@ ear_own = MotionFields(
     total.al,
     total.a,
     total.B,
+)
+moving = MotionFields(
+    angular_velocity,
+    VectorField("gal", "rad/s^2", OWN, "angular acceleration against the ground, for outputs"),
+    VectorField("ga", "m/s^2", OWN, "acceleration of the origin against the ground, for outputs"),
+    MatrixField("gB", "1/s^2", OWN, "alpha x + omega x omega x against the ground, for outputs"),
 )
 explicit_acceleration = AccelerationField(
     "b", ACCELERATION, OWN, "the part of the accelerations that is explicit in udot: angular, of the origin"

@@ -21,7 +21,7 @@ from ..program.derivatives import Tangents
 from ..program.passes import simplify
 from ..program.store import Store
 from ..program.transpose import PLAIN, transposed
-from .stores import NUMBER, argument
+from .stores import MARGIN, NUMBER, argument
 from .structure.constants import Statements, to_slots
 from .structure.system import System
 
@@ -63,8 +63,13 @@ class FormulaKind:
 
 
 def transpose_of_tangent(tangent: Block) -> Block:
-    """From the adjoint of a result to what it adds to those of everything that the result is a function of."""
-    return simplify(transposed(tangent, f"{tangent.name}_transposed", f"transpose of {tangent.title}", PLAIN))
+    """From the adjoint of a result to what it adds to those of everything that the result is a function of.
+
+    What the tangent asks to be positive, it asks too.
+    """
+    made = transposed(tangent, f"{tangent.name}_transposed", f"transpose of {tangent.title}", PLAIN)
+    made.stores += [s for s in tangent.stores if s[0].memory is MARGIN]
+    return simplify(made)
 
 
 class FormulaSlots:

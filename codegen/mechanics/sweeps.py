@@ -16,7 +16,7 @@ from .ears import back_substitution as ear_back_substitution
 from .ears import balance as ear_balance
 from .ears import kinematics as ear_kinematics
 from .elements import loads
-from .outputs import energy
+from .outputs import accelerations, energy, sums
 from .structure.element_kinds import ElementKind
 from .structure.factor_form import FactorForm
 from .structure.kinds import EarKind, LinkKind, RegionKind, UnitKind
@@ -177,6 +177,13 @@ SWEEPS: tuple[Sweep, ...] = (
           lanes=True, tangents=True),
     Sweep("kinetic", "velocities and kinetic energy (Eq. 18)", energy.kinetic, OUTWARD),
     Sweep("kinetic_tangents", "tangent of velocities and kinetic energy", energy.kinetic, OUTWARD, lanes=True, tangents=True),
+    Sweep("link_accelerations", "accelerations of links (Eqs. 18-21)", accelerations.accelerations, OUTWARD),
+    Sweep("link_acceleration_tangents", "tangent of accelerations of links", accelerations.accelerations, OUTWARD, lanes=True,
+          tangents=True),
+    Sweep("masses", "mass and first moment of the system", sums.masses, OUTWARD),
+    Sweep("mass_tangents", "tangent of mass and first moment of the system", sums.masses, OUTWARD, lanes=True, tangents=True),
+    Sweep("momenta", "linear and angular momentum of the system (Eq. 23)", sums.momenta, OUTWARD),
+    Sweep("momentum_tangents", "tangent of the momentum of the system", sums.momenta, OUTWARD, lanes=True, tangents=True),
     Sweep("moments", "mass and first moment of everything outboard", energy.moments, INWARD),
     Sweep("moment_tangents", "tangent of mass and first moment", energy.moments, INWARD, lanes=True, tangents=True),
 )  # fmt: skip

@@ -16,11 +16,13 @@ from codegen.mechanics import fields, procedures
 from codegen.mechanics.expansion import Patterns, expand
 from codegen.mechanics.fields import FIELDS
 from codegen.mechanics.glossary import glossary
+from codegen.mechanics.quantities import QUANTITIES
 from codegen.mechanics.stores import CONSTANTS, LAID_OUT, ME
 from codegen.mechanics.structure.system import System, analyse
 from codegen.mechanics.sweeps import SWEEPS, Sweep
 from codegen.program.block import FieldError, Scope
 from codegen.program.field import Field, ScalarField
+from codegen.program.procedure import Run
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 MODELS = (
@@ -46,8 +48,9 @@ def system(name: str) -> System:
 
 
 def sweeps(of: System) -> list[Sweep]:
-    """All sweeps that the functions of a model run."""
+    """All sweeps that the functions of a model run, and those that outputs of it could ask for."""
     run = procedures.sweeps(procedures.procedures(of, reactions=True))
+    run |= {step.sweep for q in QUANTITIES.values() for step in (*q.values, *q.tangents) if isinstance(step, Run)}
     return [s for s in SWEEPS if s.name in run and s.kinds(of)]
 
 

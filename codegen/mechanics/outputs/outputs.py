@@ -80,7 +80,8 @@ def _add_record(system: System, kinds: dict[object, RecordFormula], i: int, o: O
         if e not in canonical:
             canonical[e] = slots.convert(e.tree)
     form = tuple(str(canonical[e]) for e in expressions)
-    key = (o.measure, o.choice, form, structure_of(system, o.on, links), [o.on.index(p.body) for p in o.points])
+    places = [o.on.index(body) for body in (*(p.body for p in o.points), *o.bodies)]
+    key = (o.measure, o.choice, form, structure_of(system, o.on, links), places)
     kind = kinds.get(repr(key))
     if kind is None:
 

@@ -58,7 +58,7 @@ def find_link_kinds(
             order.first_contributor.get(link.parent) == order.unit_of_link[i],
         )
         signature: object = (
-            link.joint, link.frame.index, aligned, first, first_unit, link.parent != GROUND, i in has_child, forced,
+            link.joint, link.axis, aligned, first, first_unit, link.parent != GROUND, i in has_child, forced,
             c.shape.index, pattern(c), order.place_in_ear(i), order.role_of(i), i in pulled,
             order.partners_of_link(i).structure(),
         )  # fmt: skip
@@ -67,7 +67,7 @@ def find_link_kinds(
         kind = kinds.get(signature)
         if kind is None:
             kind = kinds[signature] = LinkKind(
-                c.shape, len(kinds), link.joint, link.frame.index, aligned, first, first_unit, link.parent != GROUND,
+                c.shape, len(kinds), link.joint, link.axis, aligned, first, first_unit, link.parent != GROUND,
                 *order.role_of(i), i in pulled, forced, order.partners_of_link(i),
             )  # fmt: skip
         kind.members.append(i)

@@ -37,7 +37,7 @@ class ModelConstants:
         if found is None:
             structure = (
                 link.parent_frame.form(), link.frame.form(), tuple(len(r) for _, r in link.steps),
-                tuple(tuple(len(r) for _, r in steps) for _, steps in link.members),
+                tuple(tuple(len(r) for _, r in steps) for _, steps in link.members), len(link.factors), link.aligned,
             )  # fmt: skip
             found = self._by_key[key] = make_constants(
                 self.shapes, structure, partial(_visit_link, link), partial(_write_link, link),
@@ -95,6 +95,8 @@ def _visit_link(link: Link, slots: Slots) -> None:
     for body, _ in link.members:
         for e in (body.mass, *body.com, *body.inertia):
             slots.tree(e)
+    for e in link.factors:
+        slots.tree(e)
 
 
 def _visit_faces(faces: LoopFaces, slots: Slots) -> None:
