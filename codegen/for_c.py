@@ -127,7 +127,11 @@ def _codes(manifest: Mapping[str, Any]) -> list[str]:
     for names, noun, meaning in (
         (manifest["links"], "link", "nothing outboard of this link's joint has inertia about it"),
         (manifest["loops"], "loop", "this loop has lost rank: its dependent speeds are not determined there"),
-        (manifest["springs"], "spring", "the ends of this spring coincide"),
+        (
+            manifest.get("elements", ()),
+            "force element",
+            "this one has no direction, since its ends coincide or the like",
+        ),
     ):
         if names:
             numbers = str(first) if len(names) == 1 else f"{first} to {first + len(names) - 1}"

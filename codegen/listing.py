@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from .model.expressions import Expression
+from .model.forces import ForceElement
 from .model.model import GROUND, Body, Face, Model, Output, Point, Vector
 from .model.outputs import MEASURES
 from .summary import counted
@@ -23,7 +24,7 @@ LONG = 32
 
 
 def list_model(model: Model, verbose: bool = False) -> list[str]:
-    """The sections of a model: parameters, bodies with their joints, loops, forces, springs, initial values, outputs.
+    """The sections of a model: parameters, bodies with their joints, loops, forces, initial values, outputs.
 
     Parameters
     ----------
@@ -74,14 +75,8 @@ class _Listing:
             "force",
             [f"{f.name}: on joint {names(f.body)}: {', '.join(self.long(v) for v in f.values)}" for f in model.forces],
         )
-        lines += self.section(
-            "spring",
-            [
-                f"{s.name}: from {self.point(s.start)} to {self.point(s.end)}; stiffness {self.long(s.stiffness)}, damping "
-                f"{self.long(s.damping)}, free length {self.long(s.free_length)}"
-                for s in model.springs
-            ],
-        )
+        for type_ in dict.fromkeys(e.type for e in model.loads):
+            lines += self.section(type_, [self.element(e) for e in model.loads if e.type == type_])
         lines += self.row("initial q", self.initial(model.initial_q))
         lines += self.row("initial u", self.initial(model.initial_u))
         lines += self.row("independent, as the model asks", model.independent)
@@ -142,6 +137,23 @@ class _Listing:
             on = ", ".join([*parents[:3], *["..."][: len(parents) > 3]])
             entries.append(f"{names}: {self.joint(first)} on {on}; {self.mass(first)}")
         return self.section("body", entries)
+
+    def element(self, e: ForceElement) -> str:
+        """A force element on bodies: where it acts, and its coefficients by their keys."""
+        ends = [self.face(x) if isinstance(x, Face) else self.point(x) for x in e.ends]
+        where = f"from {ends[0]} to {', '.join(ends[1:])}" if len(ends) > 1 else f"on {', '.join(ends)}"
+        about = f" about {self.axis(e.axis)}" if e.axis else ""
+        keyed: dict[str, list[str]] = {}
+        for key, value in zip(e.keys, e.coefficients, strict=True):
+            stem, listed, _ = key.partition("[")
+            keyed.setdefault(stem + listed, []).append(self.long(value))
+        told = [self._keyed(key, values) for key, values in keyed.items()]
+        return f"{e.name}: {where}{about}; {', '.join([*told, *e.remarks])}"
+
+    @staticmethod
+    def _keyed(key: str, values: list[str]) -> str:
+        text = f"[{', '.join(values)}]" if key.endswith("[") else values[0]
+        return f"{key.rstrip('[').replace('_', ' ')} {text}"
 
     # -- parts -----------------------------------------------------------------------------------------------------------
 

@@ -11,10 +11,10 @@ SHOWN = 20
 """A report shows so many warnings, and twice as many lines about loops; the others are counted."""
 
 FORWARD = (
-    "start", "rotations", "closures", "pose", "velocities", "springs", "kinematics", "triangularize", "back_substitute",
+    "start", "rotations", "closures", "pose", "velocities", "loads", "kinematics", "triangularize", "back_substitute",
 )  # fmt: skip
 """Sweeps of the accelerations."""
-DIRECTION = ("turns", "complete", "velocity_tangents", "spring_tangents", "balance_out", "balance_in", "balance_back")
+DIRECTION = ("turns", "complete", "velocity_tangents", "load_tangents", "balance_out", "balance_in", "balance_back")
 """Sweeps of their derivatives."""
 
 

@@ -502,7 +502,7 @@ def nonsense(model: Model) -> str:
                 return f"an initial value for {name}"
             if not math.isfinite(e.evaluate(defaults)):
                 return f"the initial value of {name} is not finite"
-    references = [r for s in model.springs for r in (s.start.body, s.end.body)]
+    references = [r for s in model.loads for r in (s.start.body, s.end.body)]
     references += [face.body for loop in model.loops for face in (loop.start, loop.end)]
     references += [body for o in model.outputs for body in o.on]
     if not all(GROUND <= r < n for r in references):

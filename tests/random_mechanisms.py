@@ -21,6 +21,7 @@ from random_models import _Maker, expression, random_state, vector
 
 from codegen.loops.partition import Ear, Partition
 from codegen.model.expressions import Expression
+from codegen.model.forces import Spring
 from codegen.model.model import (
     CLOSURE_ROWS,
     GROUND,
@@ -30,7 +31,6 @@ from codegen.model.model import (
     Model,
     Parameter,
     Point,
-    Spring,
     Vector,
     joint_coordinates,
 )
@@ -167,7 +167,7 @@ class _Scene:
         model = dataclasses.replace(
             model,
             name="random_mechanism",
-            springs=self._springs(model) if self.springs else (),
+            loads=self._springs(model) if self.springs else (),
             initial_q=dict(zip(model.coordinate_names, map(expression, q.tolist()), strict=True)),
             initial_u=dict(zip(model.speed_names, map(expression, u.tolist()), strict=True)),
         )

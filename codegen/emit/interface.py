@@ -10,7 +10,7 @@ from ..mechanics.expansion import Program
 from ..mechanics.formulas import FormulaKind
 from ..mechanics.outputs.outputs import RecordFormula
 from ..mechanics.procedures import WIDTHS
-from ..mechanics.structure.kinds import System
+from ..mechanics.structure.system import System
 from ..mechanics.sweeps import SWEEP
 from ..program.operations import Operations, count
 from ..program.procedure import Array, Formulas, Procedure, Single, counted, walk
@@ -35,7 +35,7 @@ def operations(
             continue
         once, each = Operations(), Operations()
         for kind in sweep.kinds(program.system):
-            calls = len(kind.members) if sweep.spring else len(kind.units if sweep.units else kind.members)
+            calls = len(kind.members) if sweep.element else len(kind.units if sweep.units else kind.members)
             once = once + count(blocks[kind.index], False) * calls
             each = each + count(blocks[kind.index], True) * calls
         result[sweep.name] = _both(once, each)
@@ -105,7 +105,7 @@ def manifest(
         "quaternions": quaternions,
         "links": [link.name for link in system.links],
         "loops": [loop.name for loop in model.loops],
-        "springs": [spring.name for spring in model.springs],
+        **_elements(system),
         "joint_links": [_joint_link(system, k) for k in range(len(model.bodies))],
         "workspace": workspace,
         "widths": list(WIDTHS),
@@ -117,6 +117,22 @@ def manifest(
 
 def _names(arrays: tuple[Array, ...]) -> list[str]:
     return [a.name for a in arrays]
+
+
+def _elements(system: System) -> dict[str, Any]:
+    """Force elements on bodies, where there are any: names, types, how many coefficients of each are in which array, and what is
+    said where one has no direction."""
+    if not system.elements:
+        return {}
+    return {
+        "elements": [e.element.name for e in system.elements],
+        "element_types": [e.element.type for e in system.elements],
+        "element_coefficients": {
+            name: [len(e.parts) * (e.element.has_energy == has_energy) for e in system.elements]
+            for name, has_energy in (("coefficient", True), ("drive", False))
+        },
+        "singular_elements": {e.element.type: e.element.singular for e in system.elements if e.element.singular},
+    }
 
 
 def _redundancy(system: System) -> dict[str, Any]:

@@ -28,7 +28,7 @@ from .stores import (
     BASE_LINK,
     CONSTANT,
     EAR_ITSELF,
-    FIRST_END,
+    ELEMENT_END,
     GROUND_LINK,
     HANDED_COUPLING,
     LAID_OUT,
@@ -38,10 +38,10 @@ from .stores import (
     PARTNER,
     RECORD,
     ROOT,
-    SECOND_END,
     SLOT,
 )
-from .structure.kinds import EarKind, System, UnitKind
+from .structure.kinds import EarKind, UnitKind
+from .structure.system import System
 from .sweeps import SWEEPS, Sweep
 
 GROUND_KIND = -1
@@ -101,11 +101,11 @@ class Reach:
         self._regions: dict[int, set[KindKey]] = {}
         self._partners: dict[tuple[int, int | None], set[KindKey]] = {}
         self._handed_on: dict[tuple[int, int | None], set[KindKey]] = {}
-        self._ends: dict[tuple[int, bool], set[KindKey]] = {}
-        for spring_kind in system.spring_kinds:
-            for n in spring_kind.members:
-                for side, i in enumerate(system.spring_ends[n].links):
-                    self._ends.setdefault((spring_kind.index, bool(side)), set()).add(self._link(i))
+        self._ends: dict[tuple[int, int | None], set[KindKey]] = {}
+        for element_kind in system.element_kinds:
+            for n in element_kind.members:
+                for place, i in enumerate(system.elements[n].links):
+                    self._ends.setdefault((element_kind.index, place), set()).add(self._link(i))
         for i, link in enumerate(system.links):
             self._parents[system.kind_of[i].index].add(self._link(link.parent))
         of_region = {
@@ -159,8 +159,8 @@ class Reach:
             return {(kind.index, place)}
         if owner is HANDED_COUPLING:
             return self._handed_on[kind.index, place]
-        if owner in (FIRST_END, SECOND_END):
-            return self._ends[kind.index, owner is SECOND_END]
+        if owner is ELEMENT_END:
+            return self._ends[kind.index, place]
         if owner is GROUND_LINK:
             return {GROUND_KIND}
         return {kind.index} if owner is EAR_ITSELF else self._regions[kind.index]

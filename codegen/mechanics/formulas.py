@@ -6,7 +6,7 @@ Formulas of the same form share one block; which coordinates and numbers each re
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -21,9 +21,9 @@ from ..program.derivatives import Tangents
 from ..program.passes import simplify
 from ..program.store import Store
 from ..program.transpose import PLAIN, transposed
-from .stores import NUMBER, argument
+from .stores import MARGIN, NUMBER, argument
 from .structure.constants import Statements, to_slots
-from .structure.kinds import System
+from .structure.system import System
 
 _NO_VALUES = (sympy.zoo, sympy.oo, -sympy.oo, sympy.nan, sympy.I)
 _LARGEST = sympy.Float(sys.float_info.max)
@@ -48,6 +48,8 @@ class FormulaKind:
         Category and number of every slot, in the order of `rows`.
     rows : list of (int, list of int, list of float)
         For each formula: target index, indices for the slots, numbers.
+    places : list of str
+        For each formula: its path in the model file.
     """
 
     index: int
@@ -56,6 +58,7 @@ class FormulaKind:
     tangent: Block
     slots: list[tuple[str, int]]
     rows: list[Row] = field(default_factory=list)
+    places: list[str] = field(default_factory=list)
 
     @cached_property
     def transposed(self) -> Block:
@@ -63,8 +66,13 @@ class FormulaKind:
 
 
 def transpose_of_tangent(tangent: Block) -> Block:
-    """From the adjoint of a result to what it adds to those of everything that the result is a function of."""
-    return simplify(transposed(tangent, f"{tangent.name}_transposed", f"transpose of {tangent.title}", PLAIN))
+    """From the adjoint of a result to what it adds to those of everything that the result is a function of.
+
+    What the tangent asks to be positive, it asks too.
+    """
+    made = transposed(tangent, f"{tangent.name}_transposed", f"transpose of {tangent.title}", PLAIN)
+    made.stores += [s for s in tangent.stores if s[0].memory is MARGIN]
+    return simplify(made)
 
 
 class FormulaSlots:
@@ -93,13 +101,17 @@ class FormulaSlots:
         return ("name", place[0], self.slots.setdefault(place, len(self.slots)))
 
 
-def formula_kinds(model: Model, target: str, formulas: Sequence[tuple[int, Tree]]) -> list[FormulaKind]:
+def formula_kinds(
+    model: Model, target: str, formulas: Sequence[tuple[int, Tree]], places: Mapping[int, str] | None = None
+) -> list[FormulaKind]:
     """Blocks for formulas, one per form.
 
     Parameters
     ----------
     formulas : sequence of (index, tree)
         Target index and expression tree.
+    places : mapping of int to str, optional
+        Paths in the model file by target index, for messages.
     """
     forms: dict[Tree, tuple[Tree, list[tuple[str, int]], list[Row]]] = {}
     template = FormulaSlots(model)
@@ -114,12 +126,13 @@ def formula_kinds(model: Model, target: str, formulas: Sequence[tuple[int, Tree]
         literal = {j: row for j, row in enumerate(rows[0][2]) if all(r[2][j] == row for r in rows)}
         kind = _make(len(kinds), target, _with_numbers(canonical, literal), slots)
         kind.rows.extend(rows)
-        if not (_has_values(kind.value) and _has_values(kind.tangent)):
+        kind.places += [places[i] if places else _place(model, target, i) for i, *_ in rows]
+        if not (has_values(kind.value) and has_values(kind.tangent)):
             message = (
                 f"{Expression(tree)} has no value or no derivative (a division by zero? an overflow?) for any state; "
                 f"change the expression"
             )
-            raise ModelError([model.problem(_place(model, target, rows[0][0]), message)])
+            raise ModelError([model.problem(kind.places[0], message)])
         kinds.append(kind)
     return kinds
 
@@ -135,9 +148,6 @@ def _place(model: Model, target: str, index: int) -> str:
     """Path in the model file of the formula with a target index."""
     if target == "outputs":
         return f"outputs.{model.outputs[index].name}.value"
-    if target == "coefficient":
-        key = ("stiffness", "damping", "free_length")[index % 3]
-        return f"forces.{model.springs[index // 3].name}.{key}"
     if target != "tau":
         names = model.coordinate_names if target == "initial_q" else model.speed_names
         return f"initial.{target[-1]}.{names[index]}"
@@ -145,7 +155,7 @@ def _place(model: Model, target: str, index: int) -> str:
     return next(f"forces.{f.name}.value" for f in model.forces if f.body in bodies)
 
 
-def _has_values(block: Block) -> bool:
+def has_values(block: Block) -> bool:
     """Whether all numbers that stand in a block are real and finite."""
     expressions = [*(s.expression for s in block.statements), *(e for *_, e in block.stores)]
     return not any(e.has(*_NO_VALUES) or any(abs(n) > _LARGEST for n in e.atoms(sympy.Number)) for e in expressions)
@@ -190,13 +200,17 @@ def force_formulas(system: System) -> list[FormulaKind]:
 
 
 def coefficient_formulas(system: System) -> list[FormulaKind]:
-    """Stiffness, damping and free length of springs; the target index is three times the spring's, plus 0, 1, 2."""
-    trees = [
-        (3 * n + j, e.tree)
-        for n, spring in enumerate(system.model.springs)
-        for j, e in enumerate((spring.stiffness, spring.damping, spring.free_length))
-    ]
-    return formula_kinds(system.model, "coefficient", trees)
+    """Coefficients of force elements, of each as many as `PlacedElement.parts`: of those with an energy, and of the others."""
+    found: list[FormulaKind] = []
+    for target, has_energy in (("coefficient", True), ("drive", False)):
+        of = [
+            (e.first + j, tree, f"forces.{e.element.name}.{key}")
+            for e in system.elements
+            if e.element.has_energy == has_energy
+            for j, (key, tree) in enumerate(e.parts)
+        ]
+        found += formula_kinds(system.model, target, [(i, tree) for i, tree, _ in of], {i: place for i, _, place in of})
+    return found
 
 
 def initial_formulas(model: Model) -> list[FormulaKind]:

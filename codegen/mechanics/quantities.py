@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from ..program.procedure import Formulas, Run, Step, walk
-from .structure.kinds import System
+from .structure.system import System
 from .sweeps import SWEEP
 
 
@@ -28,6 +28,10 @@ class Quantity:
         They add to the energies.
     pivots : bool
         The tangents may meet a zero pivot.
+    sums : tuple of str
+        Arrays that they add to, which begin with zeros.
+    dynamics : bool
+        They need udot, and its tangent.
     """
 
     name: str
@@ -35,32 +39,8 @@ class Quantity:
     tangents: tuple[Step, ...]
     energy: bool = False
     pivots: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class Element:
-    """What a sort of force element asks for and adds.
-
-    Attributes
-    ----------
-    name : str
-    present : callable (System) -> bool
-    forces, tangents : tuple of Step
-        From coefficients and motion of links to forces on links, and the tangents of these.
-    needs, energy_needs : tuple of Quantity
-        What the forces and the potential energy are functions of.
-    energy : Quantity
-        Its potential energy.
-    """
-
-    name: str
-    present: Callable[[System], bool]
-    coefficients: Formulas
-    forces: tuple[Run, ...]
-    tangents: tuple[Run, ...]
-    needs: tuple[Quantity, ...]
-    energy: Quantity
-    energy_needs: tuple[Quantity, ...]
+    sums: tuple[str, ...] = ()
+    dynamics: bool = False
 
 
 POSE = Quantity("pose", run("pose"), run("pose_tangents"))
@@ -69,6 +49,12 @@ VELOCITY = Quantity("velocity", run("velocities"), run("velocity_tangents"))
 """Velocities, for forces: before the forward dynamics."""
 KINETIC = Quantity("kinetic", run("kinetic"), run("kinetic_tangents"), energy=True)
 """Velocities and kinetic energy."""
+ACCELERATION = Quantity("acceleration", run("link_accelerations"), run("link_acceleration_tangents"), dynamics=True)
+"""Accelerations of links against the ground."""
+MASSES = Quantity("masses", run("masses"), run("mass_tangents"), sums=("masses",))
+"""Mass and first moment of the system, from the poses of links."""
+MOMENTA = Quantity("momenta", run("momenta"), run("momentum_tangents"), sums=("momenta",))
+"""Momentum of the system, from the poses and velocities of links."""
 _OF_GRAVITY = Formulas("potential_of_gravity", ("energy",))
 GRAVITY = Quantity(
     "gravity",
@@ -77,36 +63,23 @@ GRAVITY = Quantity(
     energy=True,
 )
 """Potential energy of gravity."""
-_OF_SPRINGS = Formulas("spring_coefficients", ("coefficient",))
-SPRINGS = Element(
-    "spring",
-    lambda system: bool(system.model.springs),
-    _OF_SPRINGS,
-    run("clear", "springs"),
-    run("clear_tangents", "spring_tangents"),
-    (POSE, VELOCITY),
-    Quantity(
-        "springs",
-        (_OF_SPRINGS, *run("spring_energy")),
-        (_OF_SPRINGS, _OF_SPRINGS.tangents(), *run("spring_energy_tangents")),
-        energy=True,
-        pivots=True,
-    ),
-    (POSE,),
+COEFFICIENTS = Formulas("element_coefficients", ("coefficient",))
+DRIVES = Formulas("drives", ("drive",))
+"""Coefficients of force elements, of those with an energy and of the others."""
+ELEMENTS = Quantity(
+    "elements",
+    (COEFFICIENTS, *run("element_energy")),
+    (COEFFICIENTS, COEFFICIENTS.tangents(), *run("element_energy_tangents")),
+    energy=True,
+    pivots=True,
 )
-ELEMENTS = (SPRINGS,)
-"""All sorts of force elements."""
+"""Potential energy of force elements, where positions and attitudes are known."""
 
-QUANTITIES = {q.name: q for q in (POSE, KINETIC)}
+QUANTITIES = {q.name: q for q in (POSE, KINETIC, ACCELERATION, MASSES, MOMENTA)}
 """What outputs may read, by name, in the order in which it is computed."""
 
 ENERGIES = ("kinetic_energy", "potential_energy")
 """In the order of the array ``energy``."""
-
-
-def elements(system: System) -> list[Element]:
-    """The sorts of force elements that a model has."""
-    return [e for e in ELEMENTS if e.present(system)]
 
 
 def measured(system: System, read: Iterable[str], energies: Iterable[int]) -> list[Quantity]:
@@ -120,12 +93,13 @@ def measured(system: System, read: Iterable[str], energies: Iterable[int]) -> li
         Places in `ENERGIES`.
     """
     wanted = set(read)
-    potential = [*([GRAVITY] if system.model.gravity is not None else []), *(e.energy for e in elements(system))]
+    stored = any(e.element.has_energy for e in system.elements)
+    potential = [*([GRAVITY] if system.model.gravity is not None else []), *([ELEMENTS] if stored else [])]
     for energy in energies:
         if ENERGIES[energy] == "kinetic_energy":
             wanted.add(KINETIC.name)
         else:
-            wanted |= {q.name for q in (*potential, *(q for e in elements(system) for q in e.energy_needs))}
+            wanted |= {q.name for q in (*potential, *([POSE] if stored else []))}
     assert wanted <= {*QUANTITIES, *(q.name for q in potential)}, wanted
     return [q for q in (*QUANTITIES.values(), *potential) if q.name in wanted]
 

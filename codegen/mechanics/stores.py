@@ -33,6 +33,7 @@ PER_ANGLE = Memory("sines and cosines")
 TURN = Memory("rotations", True)
 PER_PARAMETER, PER_PARAMETER_LANE = Memory("parameters", life=Life.OUTSIDE), Memory("parameters", True, Life.OUTSIDE)
 ENERGY, ENERGY_LANE = Memory("energies", life=Life.OUTSIDE), Memory("energies", True, Life.OUTSIDE)
+SUM, SUM_LANE = Memory("sums"), Memory("sums", True)
 COEFFICIENTS, COEFFICIENTS_LANE = Memory("coefficients"), Memory("coefficients", True)
 PER_CONDITION, PER_CONDITION_LANE = Memory("conditions", life=Life.OUTSIDE), Memory("conditions", True, Life.OUTSIDE)
 PER_LOOP = Memory("loops", life=Life.OUTSIDE)
@@ -44,7 +45,7 @@ NUMBERS = Memory("numbers", life=Life.OUTSIDE)
 # -- owners ------------------------------------------------------------------------------------------------------------
 
 LINK = Owner("link")
-"""The link that a block is of; in blocks of ears, of springs and the like one of several: those have a place."""
+"""The link that a block is of; in blocks of ears, of force elements and the like one of several: those have a place."""
 PARENT = Owner("parent")
 ROOT = Owner("root", several=True)
 """A link that an ear starts from; see `structure.EarLinks`."""
@@ -53,13 +54,13 @@ BASE_LINK = Owner("base")
 PARTNER = Owner("partner", several=True)
 """A link that the unit is coupled to; see `elimination.Partners`."""
 GROUND_LINK = Owner("ground")
-FIRST_END, SECOND_END = Owner("first end"), Owner("second end")
-"""Links that the ends of a spring are on."""
+ELEMENT_END = Owner("end", several=True)
+"""A link that a force element acts on or looks at; see `element_kinds.ElementKind`."""
 EAR_ITSELF, REGION_ITSELF = Owner("ear"), Owner("region")
 OWN_COUPLING = Owner("coupling that ends with the unit", several=True)
 HANDED_COUPLING = Owner("coupling that the unit adds to", several=True)
 LOOP = Owner("loop", several=True)
-SPRING = Owner("spring")
+ELEMENT = Owner("force element")
 MODEL = Owner("model")
 
 # -- memory of links ---------------------------------------------------------------------------------------------------
@@ -74,8 +75,7 @@ BASE, LBASE, LANE_BASE = (
 )
 PARTNERS, LPARTNERS = Store("partner", PARTNER, RECORD), Store("lpartner", PARTNER, SLOT)
 GROUND, LGROUND = Store("ground", GROUND_LINK, RECORD), Store("lground", GROUND_LINK, SLOT)
-ONE, LANE_ONE = Store("one", FIRST_END, RECORD), Store("laneone", FIRST_END, LANE)
-TWO, LANE_TWO = Store("two", SECOND_END, RECORD), Store("lanetwo", SECOND_END, LANE)
+ENDS, LANE_ENDS = Store("end", ELEMENT_END, RECORD), Store("laneend", ELEMENT_END, LANE)
 
 # -- memory of ears, regions and couplings -----------------------------------------------------------------------------
 
@@ -85,14 +85,14 @@ OWN, PAIR = Store("own", OWN_COUPLING, COUPLING_BLOCK), Store("pair", HANDED_COU
 
 # -- constants, and the design parameters that they depend on ------------------------------------------------------------
 
-CONSTANTS, LOOP_CONSTANTS, SPRING_CONSTANTS = (
+CONSTANTS, LOOP_CONSTANTS, ELEMENT_CONSTANTS = (
     Store("c", LINK, CONSTANT),
     Store("cl", LOOP, CONSTANT),
-    Store("cs", SPRING, CONSTANT),
+    Store("ce", ELEMENT, CONSTANT),
 )
 PARAMETER, DP = Store("parameter", LINK, PER_PARAMETER), Store("dp", LINK, PER_PARAMETER_LANE)
 CL_PARAMETER, CL_DP = Store("clparameter", LOOP, PER_PARAMETER), Store("cldp", LOOP, PER_PARAMETER_LANE)
-CS_PARAMETER, CS_DP = Store("csparameter", SPRING, PER_PARAMETER), Store("csdp", SPRING, PER_PARAMETER_LANE)
+CE_PARAMETER, CE_DP = Store("ceparameter", ELEMENT, PER_PARAMETER), Store("cedp", ELEMENT, PER_PARAMETER_LANE)
 SHAPE = Store("pc", MODEL, CONSTANT)
 """The constants that a shape's block computes."""
 NUMBER = Store("k", MODEL, NUMBERS)
@@ -124,10 +124,20 @@ CONDITION = Store("condition", LOOP, PER_LOOP)
 REACTION, LOOP_REACTION = Store("reaction", LINK, WRENCH), Store("loop_reaction", LOOP, WRENCH)
 KINETIC, DKINETIC = Store("energy", MODEL, ENERGY), Store("denergy", MODEL, ENERGY_LANE)
 POTENTIAL, DPOTENTIAL = Store("potential", MODEL, ENERGY), Store("dpotential", MODEL, ENERGY_LANE)
-COEFFICIENT, DCOEFFICIENT = Store("coefficient", SPRING, COEFFICIENTS), Store("dcoefficient", SPRING, COEFFICIENTS_LANE)
+MASSES, DMASSES = Store("masses", MODEL, SUM), Store("dmasses", MODEL, SUM_LANE)
+"""Mass and first moment of the system."""
+MOMENTA, DMOMENTA = Store("momenta", MODEL, SUM), Store("dmomenta", MODEL, SUM_LANE)
+"""Linear and angular momentum of the system."""
+COEFFICIENT, DCOEFFICIENT = (
+    Store("coefficient", ELEMENT, COEFFICIENTS),
+    Store("dcoefficient", ELEMENT, COEFFICIENTS_LANE),
+)
+"""Of force elements that have an energy: what is asked for that takes no time and no inputs that only others read."""
+DRIVE, DDRIVE = Store("drive", ELEMENT, COEFFICIENTS), Store("ddrive", ELEMENT, COEFFICIENTS_LANE)
+"""Coefficients of the others."""
 
-TANGENT_OF = {SPEEDS: DU, COORDINATES: DQ, COEFFICIENT: DCOEFFICIENT}
-"""Where the seeds of arguments are."""
+TANGENT_OF = {SPEEDS: DU, COORDINATES: DQ, COEFFICIENT: DCOEFFICIENT, DRIVE: DDRIVE, MASSES: DMASSES, MOMENTA: DMOMENTA}
+"""Where the seeds of arguments and the tangents of sums are."""
 
 
 def argument(name: str, lanes: bool = False) -> Store:

@@ -11,13 +11,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from ..program.block import Scope
-from .ears import assembly, closures, completion, far_links, reactions, region_balance
+from .ears import assembly, closures, completion, far_links, reactions, region_balance, region_system, virtual_body
+from .ears import back_substitution as ear_back_substitution
 from .ears import balance as ear_balance
-from .ears import dynamics as ear_dynamics
-from .elements import springs
-from .outputs import energy
+from .ears import kinematics as ear_kinematics
+from .elements import loads
+from .outputs import accelerations, energy, sums
+from .structure.element_kinds import ElementKind
 from .structure.factor_form import FactorForm
-from .structure.kinds import EarKind, LinkKind, RegionKind, SpringKind, System, UnitKind
+from .structure.kinds import EarKind, LinkKind, RegionKind, UnitKind
+from .structure.system import System
 from .tree import back_substitution, balance, inverse_dynamics, kinematics, triangularization
 
 OUTWARD, INWARD = "outward", "inward"
@@ -43,8 +46,8 @@ class Sweep:
         The same for ears and regions.
     units : bool
         Goes over units; the others go over links, in ears or not.
-    spring : callable (scope, kind), optional
-        Goes over springs.
+    element : callable (scope, kind), optional
+        Goes over force elements; of energies, over those that have one.
     closing : bool
         Only of use where there are loops; over plain links only where one closes on their motion.
     """
@@ -60,7 +63,8 @@ class Sweep:
     region: Callable[[Scope, RegionKind], None] | None = None
     units: bool = False
     closing: bool = False
-    spring: Callable[[Scope, SpringKind], None] | None = None
+    element: Callable[[Scope, ElementKind], None] | None = None
+    energy: bool = False
 
     def has_block(self, kind: UnitKind) -> bool:
         """Whether there is anything to do for a kind."""
@@ -68,7 +72,9 @@ class Sweep:
             return self.applies(kind)
         if isinstance(kind, EarKind):
             return self.ear is not None
-        return (self.region if isinstance(kind, RegionKind) else self.spring) is not None
+        if isinstance(kind, ElementKind):
+            return self.element is not None and (kind.first.has_energy or not self.energy)
+        return self.region is not None
 
     def write_block(self, x: Scope, kind: UnitKind) -> FactorForm | None:
         """Write the block of a kind. The one that factors the closure matrix of ears gives the form of the factor."""
@@ -78,15 +84,15 @@ class Sweep:
             return self.ear(x, kind)
         elif isinstance(kind, RegionKind) and self.region is not None:
             self.region(x, kind)
-        elif isinstance(kind, SpringKind) and self.spring is not None:
-            self.spring(x, kind)
+        elif isinstance(kind, ElementKind) and self.element is not None:
+            self.element(x, kind)
         return None
 
     def kinds(self, system: System) -> Sequence[UnitKind]:
         """The kinds that have a block."""
-        if self.spring is not None:
-            return system.spring_kinds
         kinds: Sequence[UnitKind] = system.unit_kinds if self.units else system.kinds
+        if self.element is not None:
+            kinds = system.element_kinds
         found = [k for k in kinds if self.has_block(k)]
         if self.closing and not system.has_link_motion:
             found = [k for k in found if not isinstance(k, LinkKind)]
@@ -131,21 +137,22 @@ SWEEPS: tuple[Sweep, ...] = (
           ear=completion.seed_residuals, units=True),
     Sweep("pose", "positions and attitudes in the ground frame", kinematics.pose, OUTWARD),
     Sweep("pose_tangents", "tangent of positions and attitudes", kinematics.pose, OUTWARD, lanes=True, tangents=True),
-    Sweep("velocities", "velocities of links (Eq. 18)", springs.velocities, OUTWARD),
-    Sweep("velocity_tangents", "tangent of velocities", springs.velocities, OUTWARD, lanes=True, tangents=True),
-    Sweep("clear", "no spring acts yet", springs.clear, OUTWARD, applies=_pulled),
-    Sweep("clear_tangents", "no tangents of springs yet", springs.clear_tangents, OUTWARD, lanes=True, applies=_pulled),
-    Sweep("springs", "forces of springs", _nothing, OUTWARD, spring=springs.springs),
-    Sweep("spring_tangents", "tangent of forces of springs", _nothing, OUTWARD, lanes=True, tangents=True,
-    spring=springs.springs), Sweep("spring_energy", "energy of springs", _nothing, OUTWARD, spring=springs.spring_energy),
-    Sweep("spring_energy_tangents", "tangent of the energy of springs", _nothing, OUTWARD, lanes=True, tangents=True,
-          spring=springs.spring_energy),
+    Sweep("velocities", "velocities of links (Eq. 18)", loads.velocities, OUTWARD),
+    Sweep("velocity_tangents", "tangent of velocities", loads.velocities, OUTWARD, lanes=True, tangents=True),
+    Sweep("clear", "no force element acts yet", loads.clear, OUTWARD, applies=_pulled),
+    Sweep("clear_tangents", "no tangents of force elements yet", loads.clear_tangents, OUTWARD, lanes=True, applies=_pulled),
+    Sweep("loads", "forces of force elements", _nothing, OUTWARD, element=loads.loads),
+    Sweep("load_tangents", "tangent of forces of force elements", _nothing, OUTWARD, lanes=True, tangents=True,
+          element=loads.loads),
+    Sweep("element_energy", "energy of force elements", _nothing, OUTWARD, element=loads.energy, energy=True),
+    Sweep("element_energy_tangents", "tangent of the energy of force elements", _nothing, OUTWARD, lanes=True, tangents=True,
+          element=loads.energy, energy=True),
     Sweep("kinematics", "kinematic sweep (Eqs. 18-24, 31)", kinematics.kinematics, OUTWARD, units=True,
-          ear=ear_dynamics.ear_kinematics, region=ear_dynamics.region_start),
+          ear=ear_kinematics.ear_kinematics, region=region_system.region_start),
     Sweep("triangularize", "triangularization (Eqs. 39-47)", triangularization.triangularize, INWARD, units=True,
-          ear=ear_dynamics.ear_triangularize, region=ear_dynamics.region_triangularize),
+          ear=virtual_body.ear_triangularize, region=region_system.region_triangularize),
     Sweep("back_substitute", "back substitution (Eqs. 53-56)", back_substitution.back_substitute, OUTWARD, units=True,
-          ear=ear_dynamics.ear_back_substitute, region=ear_dynamics.region_back_substitute),
+          ear=ear_back_substitution.ear_back_substitute, region=ear_back_substitution.region_back_substitute),
     Sweep("newton_euler_out", "inverse dynamics, outward (Eqs. 19, 24)", inverse_dynamics.newton_euler_outward, OUTWARD),
     Sweep("newton_euler_in", "inverse dynamics, inward (Eq. 45)", inverse_dynamics.newton_euler_inward, INWARD),
     Sweep("motion", "accelerations and the forces they need (Eqs. 19, 24)", inverse_dynamics.newton_euler_outward, OUTWARD,
@@ -170,6 +177,13 @@ SWEEPS: tuple[Sweep, ...] = (
           lanes=True, tangents=True),
     Sweep("kinetic", "velocities and kinetic energy (Eq. 18)", energy.kinetic, OUTWARD),
     Sweep("kinetic_tangents", "tangent of velocities and kinetic energy", energy.kinetic, OUTWARD, lanes=True, tangents=True),
+    Sweep("link_accelerations", "accelerations of links (Eqs. 18-21)", accelerations.accelerations, OUTWARD),
+    Sweep("link_acceleration_tangents", "tangent of accelerations of links", accelerations.accelerations, OUTWARD, lanes=True,
+          tangents=True),
+    Sweep("masses", "mass and first moment of the system", sums.masses, OUTWARD),
+    Sweep("mass_tangents", "tangent of mass and first moment of the system", sums.masses, OUTWARD, lanes=True, tangents=True),
+    Sweep("momenta", "linear and angular momentum of the system (Eq. 23)", sums.momenta, OUTWARD),
+    Sweep("momentum_tangents", "tangent of the momentum of the system", sums.momenta, OUTWARD, lanes=True, tangents=True),
     Sweep("moments", "mass and first moment of everything outboard", energy.moments, INWARD),
     Sweep("moment_tangents", "tangent of mass and first moment", energy.moments, INWARD, lanes=True, tangents=True),
 )  # fmt: skip

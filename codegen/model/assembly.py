@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from .entries import seen
 from .errors import ModelError, Problem, nearest
-from .forces import JointForce, Spring
+from .forces import JointForce
 from .model import GROUND, Model
 from .positions import Document
 from .reading import Reader, TooManyProblems, some
@@ -72,6 +72,7 @@ def _model(reader: Reader) -> Model | None:
     gravity = read_gravity(reader)
     bodies = read_bodies(reader)
     points = read_points(reader, bodies)
+    reader.points = [points, bodies.frames]
     before = reader.errors
     loops = read_loops(reader, bodies, points)
     if reader.errors == before:  # a loop that could not be read may hold what seems to move no mass
@@ -98,8 +99,7 @@ def _model(reader: Reader) -> Model | None:
         bodies=tuple(bodies.bodies),
         loops=tuple(loops),
         forces=tuple(e for e in elements if isinstance(e, JointForce)),
-        springs=tuple(e for e in elements if isinstance(e, Spring)),
-        others=tuple(e for e in elements if not isinstance(e, JointForce | Spring)),
+        loads=tuple(e for e in elements if not isinstance(e, JointForce)),
         outputs=tuple(outputs),
         initial_q=initial["q"],
         initial_u=initial["u"],

@@ -14,7 +14,7 @@ from functools import cached_property
 from .axes import Vector, coordinate_axis, least_along
 from .errors import Problem
 from .expressions import Expression
-from .forces import ForceElement, JointForce, Spring
+from .forces import ForceElement, JointForce
 from .joints import JOINTS, Closure, JointType
 from .outputs import Output
 from .places import GROUND, Face, Point
@@ -33,7 +33,6 @@ __all__ = [
     "Output",
     "Parameter",
     "Point",
-    "Spring",
     "Vector",
     "closure_row_names",
     "coordinate_axis",
@@ -192,8 +191,9 @@ class Model:
         Initial values by coordinate and speed name (missing: 0, unit quaternion); guesses where loops decide.
     independent : tuple of str
         Coordinates that the model asks to be independent: a hint, may be fewer than the freedoms.
-    forces, springs, others : tuple of ForceElement
-        Forces on joints, springs, and force elements of all other types, each in the order of the file.
+    forces : tuple of JointForce
+    loads : tuple of ForceElement
+        What acts on bodies; both in the order of the file.
     loop_tolerance : float
         Conditions of loops that follow from others but for this part of them are taken to follow.
     warnings : tuple of str
@@ -210,7 +210,7 @@ class Model:
     bodies: tuple[Body, ...]
     loops: tuple[Loop, ...] = ()
     forces: tuple[JointForce, ...] = ()
-    springs: tuple[Spring, ...] = ()
+    loads: tuple[ForceElement, ...] = ()
     outputs: tuple[Output, ...] = ()
     initial_q: dict[str, Expression] = field(default_factory=dict)
     initial_u: dict[str, Expression] = field(default_factory=dict)
@@ -218,7 +218,6 @@ class Model:
     warnings: tuple[str, ...] = ()
     loop_tolerance: float = LOOP_TOLERANCE
     file: str = "builder"
-    others: tuple[ForceElement, ...] = ()
     places: dict[str, dict[str, tuple[int | None, int | None]]] = field(default_factory=dict, repr=False)
 
     def problem(self, path: str, message: str) -> Problem:
@@ -248,8 +247,8 @@ class Model:
 
     @property
     def elements(self) -> tuple[ForceElement, ...]:
-        """All that exerts forces, type by type."""
-        return (*self.forces, *self.springs, *self.others)
+        """All that exerts forces: on joints, then on bodies."""
+        return (*self.forces, *self.loads)
 
     @cached_property
     def defaults(self) -> dict[str, float]:

@@ -21,7 +21,7 @@ from sympy import Expr, Symbol
 from sympy.core.numbers import Number
 
 from .field import XYZ, AnyField, Field, Readable
-from .functions import number
+from .functions import SYMBOLIC, number
 from .scalar import Value, Vector
 from .store import Store
 
@@ -138,6 +138,10 @@ class Scope(ABC):
     @abstractmethod
     def sqrt(self, value: Value) -> Value:
         """The square root, without a name."""
+
+    @abstractmethod
+    def call(self, function: str, *arguments: Value) -> Value:
+        """An elementary function, by its name in the expression grammar, without a name for its value."""
 
     @property
     def half(self) -> Value:
@@ -269,6 +273,10 @@ class Expansion(Scope):
     def sqrt(self, value: Value) -> Expr:
         return sympy.sqrt(value)
 
+    def call(self, function: str, *arguments: Value) -> Expr:
+        result: Expr = SYMBOLIC[function](*arguments)
+        return result
+
     def recall(self, store: Store, field: Field[V], value: V) -> None:
         self._check(store, field)
         for name, part in field.parts(value):
@@ -391,6 +399,9 @@ class StructuralExpansion(Scope):
         return 1
 
     def sqrt(self, value: Value) -> Value:
+        return ANY
+
+    def call(self, function: str, *arguments: Value) -> Value:
         return ANY
 
     def recall(self, store: Store, field: Field[V], value: V) -> None:

@@ -16,9 +16,10 @@ from .standalone.errors import (
     CompileError,
     NoCompilerError,
     PackageError,
+    SingularForceError,
     SingularJointError,
     SingularLoopError,
-    SingularSpringError,
+    SingularOutputError,
     TargetsDifferError,
 )
 from .standalone.jacobians import Jacobians
@@ -30,9 +31,10 @@ __all__ = [
     "Jacobians",
     "NoCompilerError",
     "PackageError",
+    "SingularForceError",
     "SingularJointError",
     "SingularLoopError",
-    "SingularSpringError",
+    "SingularOutputError",
     "Solver",
     "TargetsDifferError",
     "load",

@@ -16,9 +16,10 @@ import codegen
 from codegen.emit.solver import write_solver
 from codegen.model import load_model, parse_model
 from codegen.model.errors import ModelError
-from codegen.model.model import GROUND, Model, Point, Spring
+from codegen.model.forces import Spring
+from codegen.model.model import GROUND, Model, Point
 from codegen.reference import DenseEngine
-from codegen.runtime import AssemblyError, SingularLoopError, SingularSpringError
+from codegen.runtime import AssemblyError, SingularForceError, SingularLoopError
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -89,7 +90,7 @@ def test_springs_on_trees(tmp_path: Path, seed: int) -> None:
         points = [Point("", i, vector(*(f"{float(x)!r}*{name}" for x in rng.normal(size=3)))) for i in (a, b)]
         values = [f"{float(k)!r}*(1 + {name})" for k in rng.uniform(0.5, 2, 3)]
         springs.append(Spring(f"s{n}", *points, *map(expression, values)))
-    model = dataclasses.replace(model, springs=tuple(springs))
+    model = dataclasses.replace(model, loads=tuple(springs))
     codegen.generate(model, tmp_path / "tree", target="both")
     found = compare(model, codegen.load(tmp_path / "tree"), DenseEngine(model), rng)
     assert max(found.values()) < 1e-10, found
@@ -112,6 +113,26 @@ def test_a_lost_rank_is_an_error_that_names_the_loop(tmp_path: Path) -> None:
         assert solver.condition(flat) == np.inf
 
 
+def test_springs_of_one_kind_anywhere(tmp_path: Path) -> None:
+    """Neither of the links that springs of one kind join goes up in equal steps: both stand in the table, each for itself."""
+    bodies = "".join(
+        f"  b{k}: {{parent: {f'b{k - 1}' if k else 'ground'}, joint: {{type: spherical, at: [0, 0, 1]}}, mass: 1, "
+        "com: [0.1, 0, 0.5], inertia: {xx: 0.1, yy: 0.1, zz: 0.1}}\n"
+        for k in range(7)
+    )
+    springs = "".join(
+        f"  s{i}: {{type: spring, from: {{body: b{a}, at: [0.1, 0.2, 0.3]}}, to: {{body: b{b}, at: [0.4, 0.2, 0.3]}}, "
+        f"stiffness: {3 + i}, damping: 1, free_length: 0.2}}\n"
+        for i, (a, b) in enumerate(((2, 5), (1, 4), (3, 5), (1, 5), (4, 2)))
+    )
+    model = parse_model(f"model: m\nbodies:\n{bodies}forces:\n{springs}")
+    package = codegen.generate(model, tmp_path / "m", layout="kinds", compile=False).folder
+    rng = np.random.default_rng(1)
+    q, u = rng.normal(size=model.nq), rng.normal(size=model.nu)
+    udot = codegen.load(package, "numpy").accelerations(q, u)
+    np.testing.assert_allclose(udot, DenseEngine(model).accelerations(q, u), rtol=1e-10)
+
+
 def test_a_spring_without_length_is_an_error_that_names_it(tmp_path: Path) -> None:
     model = parse_model("""
 model: pulled
@@ -124,7 +145,7 @@ forces:
     for target in ("c", "numpy"):
         solver = codegen.load(tmp_path / "pulled", target=target)
         assert abs(solver.accelerations([0.5], [0.0])[0] - 5.0) < 1e-14
-        with pytest.raises(SingularSpringError, match="the ends of spring band coincide"):
+        with pytest.raises(SingularForceError, match="spring band: its ends coincide"):
             solver.accelerations([0.0], [0.0])
 
 

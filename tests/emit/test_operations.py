@@ -40,7 +40,8 @@ outputs:
 
 FORMULAS = {
     "tau": "joint_forces",
-    "coefficient": "spring_coefficients",
+    "coefficient": "element_coefficients",
+    "drive": "drives",
     "outputs": "output_formulas",
     "energy": "potential_of_gravity",
     "initial_q": "initial_values",

@@ -11,7 +11,7 @@ import pytest
 from codegen.loops.partition import partition
 from codegen.mechanics.procedures import OTHER_WIDTHS, WIDTHS, procedures, sweeps
 from codegen.mechanics.quantities import POSE
-from codegen.mechanics.structure.kinds import System, analyse
+from codegen.mechanics.structure.system import System, analyse
 from codegen.mechanics.sweeps import SWEEP
 from codegen.model import load_model, parse_model
 from codegen.model.model import Model
@@ -161,7 +161,7 @@ def test_what_is_not_asked_for_is_not_run() -> None:
     assert "reactions" not in functions("arm", False)
     assert not {"motion", "transmitted"} & sweeps(tuple(functions("arm", False).values()))
     assert "moments" in sweeps(tuple(functions("arm").values()))  # gravity's energy
-    assert not {"springs", "clear", "velocities"} & sweeps(tuple(functions("arm").values()))
+    assert not {"loads", "clear", "velocities"} & sweeps(tuple(functions("arm").values()))
 
 
 def test_springs_ask_for_poses_and_velocities_before_the_dynamics() -> None:
@@ -171,7 +171,7 @@ def test_springs_ask_for_poses_and_velocities_before_the_dynamics() -> None:
         "pose",
         "velocities",
         "clear",
-        "springs",
+        "loads",
         "kinematics",
         "triangularize",
         "back_substitute",

@@ -50,7 +50,7 @@ def test_a_four_bar():
     assert (vectors([axis]), str(angle)) == ([["0", "1", "0"]], "0.1*L")
     assert model.closure_names == ("foot.l1", "foot.l2", "foot.l3", "foot.a1", "foot.a2")
     assert [f.name for f in model.forces] == ["drive"]
-    spring, strut = model.springs
+    spring, strut = model.loads
     assert (spring.start.body, spring.end.body) == (0, GROUND)
     assert vectors([spring.start.at, spring.end.at]) == [["0", "0", "L"], ["0", "0", "2"]]
     assert [str(e) for e in (spring.stiffness, spring.damping, spring.free_length)] == [
@@ -88,7 +88,7 @@ def test_the_builder_says_the_same():
     np.testing.assert_allclose(*numbers, rtol=1e-15)
     for m in (built, read):
         assert [(f.name, f.type, f.start.body, f.end.body) for f in m.loops] == [("foot", "revolute", 2, GROUND)]
-        assert [(s.name, s.start.body, s.end.body) for s in m.springs] == [("return", 0, GROUND), ("strut", 2, GROUND)]
+        assert [(s.name, s.start.body, s.end.body) for s in m.loads] == [("return", 0, GROUND), ("strut", 2, GROUND)]
     assert built.independent == read.independent
     b.loop("other", {"type": "planar", "normal": [1, 0, L]}, "coupler", "ground")
     assert vectors(b.build().loops[1].axes) == [["1", "0", "L"]]
@@ -169,8 +169,8 @@ def test_repetition():
     for loop in model.loops[2:]:
         assert all(x is y for x, y in zip(loop.end.at, model.loops[1].end.at, strict=True))
         assert all(x is y for x, y in zip(loop.axes[1], model.loops[1].axes[1], strict=True))
-    assert [str(s.stiffness) for s in model.springs] == ["stiff*(2 + hold)", "stiff*(3 + hold)", "stiff*(4 + hold)"]
-    assert (model.springs[0].start.name, model.springs[0].end.name) == ("corner_2", "corner_1")
+    assert [str(s.stiffness) for s in model.loads] == ["stiff*(2 + hold)", "stiff*(3 + hold)", "stiff*(4 + hold)"]
+    assert (model.loads[0].start.name, model.loads[0].end.name) == ("corner_2", "corner_1")
     assert model.independent == ("base", "rung_2.1", "rung_2.2", "rung_3.1", "rung_4.1", "rail_3")
 
 

@@ -9,7 +9,8 @@ from random_mechanisms import assemble
 from random_models import expression, relative_error, vector
 
 from codegen.loops.partition import Ear, Partition
-from codegen.model.model import CLOSURE_ROWS, Body, Face, Joint, Loop, Model, Parameter, Point, Spring
+from codegen.model.forces import Spring
+from codegen.model.model import CLOSURE_ROWS, Body, Face, Joint, Loop, Model, Parameter, Point
 from codegen.reference import DenseEngine, RecursiveEngine
 from codegen.reference.arithmetic import Arithmetic, LeftInverse, SingularMatrixError
 
@@ -202,7 +203,7 @@ def slider(free_length, damping):
     spring = Spring("s", Point("", -1, vector(0, 0, 0)), Point("", 0, vector(0, 0, 0)),
                     expression("k*(1 + pull) + t"), expression(damping), expression(free_length))  # fmt: skip
     parameters = tuple(Parameter(n, v) for n, v in (("m", 2.0), ("k", 30.0), ("c", 0.7), ("l0", 0.4)))
-    return Model("slider", None, parameters, ("pull",), (body,), springs=(spring,))
+    return Model("slider", None, parameters, ("pull",), (body,), loads=(spring,))
 
 
 @pytest.mark.parametrize("engine", ENGINES)

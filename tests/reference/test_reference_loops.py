@@ -155,8 +155,8 @@ def test_constraints_hold_in_velocity_and_acceleration(engine):
 def test_power_balance(engine):
     """The energy, the springs' included, changes by the power of the joint forces; without them it is kept."""
     for seed, m in random_mechanisms(8, 400, forces=False):
-        undamped = tuple(dataclasses.replace(s, damping=expression(0)) for s in m.model.springs)
-        m = m._replace(model=dataclasses.replace(m.model, springs=undamped))
+        undamped = tuple(dataclasses.replace(s, damping=expression(0)) for s in m.model.loads)
+        m = m._replace(model=dataclasses.replace(m.model, loads=undamped))
         e = case(seed, m)[0][ENGINES.index(engine)]
         u, _, _ = e.complete(m.q, m.u, m.p)
         udot, qdot = e.accelerations(m.q, u, *m[3:]), e.coordinate_rates(m.q, u, m.p)
@@ -191,7 +191,7 @@ def test_the_generator_discards_little_and_reaches_everything():
     models = [x.model for x in drawn if not isinstance(x, Discarded)]
     assert {loop.type for model in models for loop in model.loops} == set(DRAWN)
     assert {len(model.loops) for model in models} == {1, 2, 3}
-    assert any(model.springs for model in models) and any(model.gravity is None for model in models)
+    assert any(model.loads for model in models) and any(model.gravity is None for model in models)
     for m in drawn[:20]:
         if not isinstance(m, Discarded):
             position, velocity = DenseEngine(

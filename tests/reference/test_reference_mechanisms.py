@@ -11,7 +11,8 @@ from mpmath import mpf
 from random_models import expression, vector
 
 from codegen.loops.partition import Ear, Partition
-from codegen.model.model import Body, Face, Joint, JointForce, Loop, Model, Output, Parameter, Point, Spring
+from codegen.model.forces import Spring
+from codegen.model.model import Body, Face, Joint, JointForce, Loop, Model, Output, Parameter, Point
 from codegen.reference import DenseEngine, RecursiveEngine
 
 ENGINES = [RecursiveEngine, DenseEngine]

@@ -274,12 +274,12 @@ class Part:
         return results
 
     def _number(self, error: Any) -> int:
-        """What the C returns for a singular joint, loop or spring."""
+        """What the C returns for a singular joint, loop or force element."""
         m = self.manifest
         names = {
             "SingularJointError": [("", n) for n in m["links"]],
             "SingularLoopError": [("loop", n) for n in m["loops"]],
-            "SingularSpringError": [("spring", n) for n in m["springs"]],
+            "SingularForceError": [("force element", n) for n in m.get("elements", ())],
         }
         begins = 1
         for kind, known in names.items():
@@ -317,7 +317,7 @@ class Part:
     def check(self, calls: list[Call], file: Path) -> None:
         """Compare the harness's output with what was expected."""
         out, at = np.fromfile(file), 0
-        highest = sum(len(self.manifest[n]) for n in ("links", "loops", "springs"))
+        highest = sum(len(self.manifest.get(n, ())) for n in ("links", "loops", "elements"))
         for c in calls:
             f, (status, failed) = c.prototype, out[at : at + 2]
             at += 2

@@ -50,7 +50,7 @@ def body_force(
 def less_external(
     x: Scope, kind: LinkKind, needed: tuple[Vector, Vector], lanes: bool = False
 ) -> tuple[Vector, Vector]:
-    """What is left of the force that a link needs when springs have acted on it (R of Eq. 24)."""
+    """What is left of the force that a link needs when force elements have acted on it (R of Eq. 24)."""
     if not kind.pulled:
         return needed
     store = MY_LANE if lanes else ME
@@ -82,7 +82,7 @@ def own_inertia(x: Scope) -> tuple[Value, Vector, Matrix]:
 
 
 def accelerate(
-    x: Scope, joint: LinkJoint, carried: Vector, motion: fields.Motion = fields.remainder
+    x: Scope, joint: LinkJoint, carried: Vector, motion: fields.MotionFields = fields.remainder
 ) -> tuple[Vector, Vector]:
     """Acceleration of the link's frame with udot = 0 of its own joint. Eqs. 19-21.
 

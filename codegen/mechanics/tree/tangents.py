@@ -37,12 +37,13 @@ UP_TANGENTS = {
     f.name: f.name
     for f in (
         fields.angular_velocity, fields.velocity, fields.position, fields.attitude, fields.closing_twist.angular,
-        fields.closing_twist.linear, fields.spring_twist.angular, fields.spring_twist.linear,
+        fields.closing_twist.linear, fields.applied_twist.angular, fields.applied_twist.linear,
     )
 } | {
     whole.name: part.name
     for whole, part in (
         (fields.total.al, fields.remainder.al), (fields.total.a, fields.remainder.a), (fields.total.B, fields.remainder.B),
+        (fields.moving.al, fields.moving.al), (fields.moving.a, fields.moving.a), (fields.moving.B, fields.moving.B),
     )
 }  # fmt: skip
 """Fields of the parent that have a tangent, and the name of it."""

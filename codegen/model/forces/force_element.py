@@ -4,23 +4,63 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Annotated, Any, ClassVar
 
-from ..entries import Entry
+from pydantic import PlainValidator
+
+from ..axes import Vector
+from ..entries import Entry, complaint, seen
 from ..entry_reader import EntryReader
 from ..expressions import Expression
-from ..places import Point
+from ..places import Face, Point
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ForceElement:
-    """Forces and torques that act on bodies, or on the speeds of a joint."""
+    """Forces and torques that act on bodies, or on the speeds of a joint.
+
+    Attributes
+    ----------
+    type : str
+        What a model file calls it, and people too.
+    keys : tuple of str
+        Where each of the coefficients stands in its entry.
+    has_energy : bool
+        It has a potential energy; its coefficients are then expressions of parameters, inputs and t alone.
+    singular : str
+        What is wrong where it has no direction, such as ``its ends coincide, so its force has no direction``; empty where it
+        always has one.
+    measured : tuple of Point
+        The points whose position and velocity its coefficients contain, as ``position.NAME.x`` and ``velocity.NAME.x``.
+    """
+
+    type: ClassVar[str]
+    keys: ClassVar[tuple[str, ...]] = ()
+    has_energy: ClassVar[bool] = False
+    singular: ClassVar[str] = ""
 
     name: str
+    measured: tuple[Point, ...] = field(default=(), kw_only=True)
 
     @property
-    def ends(self) -> tuple[Point, ...]:
-        """Where it acts on bodies, or on the ground."""
+    def ends(self) -> tuple[Point | Face, ...]:
+        """Where it acts on bodies, or on the ground; faces where the axes of the body matter."""
+        return ()
+
+    @property
+    def axis(self) -> Vector | None:
+        """A direction in the axes of its faces that its law singles out; it becomes one of their base vectors."""
+        return None
+
+    @property
+    def variant(self) -> tuple[object, ...]:
+        """What else its law depends on but for numbers; only elements of equal ones share generated code."""
+        return ()
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What else is to be told to people."""
         return ()
 
     @property
@@ -29,9 +69,23 @@ class ForceElement:
         return ()
 
     def expressions(self) -> Iterator[Expression]:
-        for point in self.ends:
-            yield from point.at
+        for place in (*self.ends, *self.measured):
+            yield from place.at
+            if isinstance(place, Face):
+                for axis, angle in place.rotation:
+                    yield from (*axis, angle)
+        yield from self.axis or ()
         yield from self.coefficients
+
+
+def _axes(value: Any) -> str:
+    if value not in ("ground", "body"):
+        raise complaint(f"{seen(value)}; ground or body is allowed: along whose axes the components are")
+    return str(value)
+
+
+AxesOf = Annotated[str, PlainValidator(_axes)]
+"""Whose axes components are along: ``ground`` or ``body``."""
 
 
 class ForceEntry(Entry):

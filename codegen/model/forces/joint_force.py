@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import WrapValidator
 
@@ -17,6 +17,8 @@ from .force_element import ForceElement, ForceEntry
 @dataclass(frozen=True, slots=True, eq=False)
 class JointForce(ForceElement):
     """Generalised forces on the freedoms of a joint; positive raises u. Expressions of p, inputs, t, q.x, u.x."""
+
+    type: ClassVar[str] = "joint"
 
     body: int
     values: tuple[Expression, ...]

@@ -22,6 +22,11 @@ class Spring(ForceElement):
     p, inputs and t.
     """
 
+    type: ClassVar[str] = "spring"
+    keys: ClassVar[tuple[str, ...]] = ("stiffness", "damping", "free_length")
+    has_energy: ClassVar[bool] = True
+    singular: ClassVar[str] = "its ends coincide, so its force has no direction"
+
     start: Point
     end: Point
     stiffness: Expression
@@ -49,8 +54,7 @@ class SpringEntry(ForceEntry):
 
     def read(self, x: EntryReader) -> Spring | None:
         start, end = (x.point(point, key, f"{x.name}.{key}") for point, key in ((self.start, "from"), (self.end, "to")))
-        keys = ("stiffness", "damping", "free_length")
-        stiffness, damping, free_length = (x.bound(getattr(self, key), key, scope="inputs") for key in keys)
+        stiffness, damping, free_length = (x.bound(getattr(self, key), key, scope="inputs") for key in Spring.keys)
         if start is None or end is None or not x.is_whole(self):
             return None
         if x.held_together(f"spring {x.name!r}", start, end, "moves nothing"):

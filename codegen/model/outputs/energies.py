@@ -12,6 +12,6 @@ class KineticEnergy(Measure):
 
 
 class PotentialEnergy(Measure):
-    """Of gravity, zero at the ground's origin, and of springs."""
+    """Of gravity, zero at the ground's origin, and of force elements."""
 
     name = "potential_energy"

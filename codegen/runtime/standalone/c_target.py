@@ -15,7 +15,15 @@ import numpy as np
 from .arrays import Array, Shape
 from .build import Build
 from .caller import TAKES, find_caller
-from .errors import CompileError, NoCompilerError, SingularJointError, SingularLoopError, SingularSpringError
+from .errors import (
+    CompileError,
+    NoCompilerError,
+    SingularForceError,
+    SingularJointError,
+    SingularLoopError,
+    SingularOutputError,
+    singular_forces,
+)
 from .functions import ARGUMENTS, SEEDS, Function, split
 from .results import empty
 from .short_calls import ARRAY_HEAD, Desk
@@ -49,7 +57,8 @@ class CTarget:
         self.model: str = manifest["name"]
         self.links: list[str] = manifest["links"]
         self.loops: list[str] = manifest.get("loops", [])
-        self.springs: list[str] = manifest.get("springs", [])
+        self.singular_forces = singular_forces(manifest)
+        self.outputs: list[str] = manifest["output_names"]
         self.workspace: int = manifest["workspace"]
         self.functions = functions
         self.shapes = shapes
@@ -176,9 +185,11 @@ class CTarget:
 
     def singular(self, status: int, where: str = "") -> SingularJointError:
         """The error for what a compiled function has returned."""
-        links, loops = len(self.links), len(self.loops)
+        links, loops, forces = len(self.links), len(self.loops), len(self.singular_forces)
+        if status > links + loops + forces:
+            return SingularOutputError(self.outputs[status - 1 - links - loops - forces], where)
         if status > links + loops:
-            return SingularSpringError(self.springs[status - 1 - links - loops], where)
+            return SingularForceError(*self.singular_forces[status - 1 - links - loops], where)
         if status > links:
             return SingularLoopError(self.loops[status - 1 - links], where)
         return SingularJointError(self.links[status - 1], where)

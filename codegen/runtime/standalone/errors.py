@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 
 
@@ -56,21 +59,43 @@ class SingularLoopError(SingularJointError):
         self.link = loop
 
 
-class SingularSpringError(SingularJointError):
-    """The ends of a spring coincide, so its force has no direction.
+class SingularForceError(SingularJointError):
+    """A force element has no direction, since its ends coincide or the like.
 
     Attributes
     ----------
     link : str
-        The spring.
+        The force element.
     """
 
-    def __init__(self, spring: str, where: str = "") -> None:
+    def __init__(self, element: str, reason: str, where: str = "") -> None:
+        np.linalg.LinAlgError.__init__(self, f"{reason}{where}; step off this configuration")
+        self.link = element
+
+
+def singular_forces(manifest: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """The force elements of a package, and what is said of each where it has no direction."""
+    said = manifest.get("singular_elements", {})
+    named = zip(manifest.get("elements", ()), manifest.get("element_types", ()), strict=True)
+    return [(name, f"{type_} {name}: {said.get(type_, 'it has no direction')}") for name, type_ in named]
+
+
+class SingularOutputError(SingularJointError):
+    """An output, such as a distance, has a value but no derivative.
+
+    Attributes
+    ----------
+    link : str
+        The output.
+    """
+
+    def __init__(self, output: str, where: str = "") -> None:
         np.linalg.LinAlgError.__init__(
             self,
-            f"the ends of spring {spring} coincide{where}, so its force has no direction; step off this configuration",
+            f"the points of output {output} coincide{where}, so it has no derivative there; step off this configuration, or take "
+            f"the relative position of the points",
         )
-        self.link = spring
+        self.link = output
 
 
 class AssemblyError(ValueError):

@@ -1,4 +1,4 @@
-"""Results that are not finite, told with what made them so: the force, spring, body or output."""
+"""Results that are not finite, told with what made them so: the force, force element, body or output."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def _inquire(opened: Opened, name: str, arrays: Mapping[str, Any], seeds: Mappin
 
 
 def _first_infinite(package: Mapping[str, Any], module: Any, a: Any, moved: bool, along: bool) -> str:
-    """The first force, spring or body whose numbers are not finite, in words."""
+    """The first force, force element or body whose numbers are not finite, in words."""
     links, speeds = package["links"], package["speed_names"]
 
     def bad(values: Any) -> list[int]:
@@ -79,8 +79,10 @@ def _first_infinite(package: Mapping[str, Any], module: Any, a: Any, moved: bool
         told = [line for line in lines if line.startswith("force ") and f"on joint {joint}:" in line]
         return f": {what} on joint {joint} is not ({'; '.join(told) or speeds[i]})"
 
-    def spring(i: int, what: str) -> str:
-        return f": {what} of spring {package['springs'][i // 3]} are not"
+    def element(array: str, i: int, what: str) -> str:
+        ends = np.cumsum(package["element_coefficients"][array])
+        k = int(np.searchsorted(ends, i, side="right"))
+        return f": {what} of {package['element_types'][k]} {package['elements'][k]} are not"
 
     if hasattr(module, "joint_forces"):
         module.joint_forces(a)
@@ -88,11 +90,12 @@ def _first_infinite(package: Mapping[str, Any], module: Any, a: Any, moved: bool
         return force(i, "the force")
     if hasattr(module, "applied_forces"):
         module.applied_forces(a)
-    for i in bad(getattr(a, "coefficient", ())):
-        return spring(i, "the coefficients")
+    for array in ("coefficient", "drive"):
+        for i in bad(getattr(a, array, ())):
+            return element(array, i, "the coefficients")
     records = a.records[: len(links)]
-    for i in bad([_sum_of_sizes(x for n, x in r.items() if n.startswith("ext.")) for r in records]):
-        return f": the force of springs on body {links[i].partition('.')[0]} is too large for floating-point numbers"
+    for i in bad([_sum_of_sizes(x for n, x in r.items() if n.startswith("external_")) for r in records]):
+        return f": the force of force elements on body {links[i].partition('.')[0]} is too large for floating-point numbers"
     module.kinematics(a)
     for i in bad([_sum_of_sizes(r.values()) for r in records]):
         return f": the motion of body {links[i].partition('.')[0]} is too large for floating-point numbers"
@@ -106,8 +109,9 @@ def _first_infinite(package: Mapping[str, Any], module: Any, a: Any, moved: bool
     if along and hasattr(module, "applied_force_tangents"):
         with contextlib.suppress(Exception):
             module.applied_force_tangents(a)
-        for i in bad(getattr(a, "dcoefficient", ())):
-            return spring(i, "the derivatives of the coefficients")
+        for array in ("coefficient", "drive"):
+            for i in bad(getattr(a, f"d{array}", ())):
+                return element(array, i, "the derivatives of the coefficients")
     return ""
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from .arrays import Array, Shape
-from .errors import SingularJointError, SingularLoopError, SingularSpringError
+from .errors import SingularForceError, SingularJointError, SingularLoopError, SingularOutputError, singular_forces
 from .functions import Function
 from .results import put
 from .short_calls import NO_DESK
@@ -23,6 +23,7 @@ class NumpyTarget:
 
     def __init__(self, folder: Path, manifest: Mapping[str, Any]):
         self.desk: Any = NO_DESK
+        self.singular_forces = dict(singular_forces(manifest))
         module = f"{manifest['name']}_numpy"
         spec = importlib.util.spec_from_file_location(module, folder / f"{module}.py")
         assert spec is not None and spec.loader is not None
@@ -52,8 +53,11 @@ class NumpyTarget:
             with np.errstate(all="ignore"):  # what is not finite is told by the solver, for both targets alike
                 results = getattr(self.module, f.name)(*arguments)
         except self.module.SingularJointError as error:
-            kinds = {k.__name__: k for k in (SingularLoopError, SingularSpringError)}
-            raise kinds.get(type(error).__name__, SingularJointError)(error.link) from None
+            name = type(error).__name__
+            if name == SingularForceError.__name__:
+                raise SingularForceError(error.link, self.singular_forces[error.link]) from None
+            kinds = {k.__name__: k for k in (SingularLoopError, SingularOutputError)}
+            raise kinds.get(name, SingularJointError)(error.link) from None
         return put([_full(r, shape) for r, shape in zip(results, shapes, strict=True)], out)
 
 

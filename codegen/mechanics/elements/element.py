@@ -1,0 +1,253 @@
+"""What a type of force elements does, as blocks write it: wrenches at its ends, and its potential energy.
+
+A law is written once, as values; tangents and transposes follow from its statements (see `loads`). Vectors are in the ground
+frame unless it says that they are in the axes of a link.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import sympy
+from sympy import Expr
+
+from ...model.expressions import Tree
+from ...program.block import Expansion, Scope
+from ...program.scalar import Matrix, Value, Vector
+from ...program.store import Store
+from .. import fields
+from ..spatial import add, cross, dot, is_zero, matmul, matvec, minus, transpose
+from ..stores import COEFFICIENT, DRIVE, ELEMENT_CONSTANTS, ENDS, PIVOT
+from ..structure.constants import Statements
+from ..structure.element_kinds import ElementKind, end_name
+
+SHORTEST = 1e-100
+"""Of a line, m, that has a direction: squares of what is divided by its length stay finite."""
+
+
+class Wrench(NamedTuple):
+    """What acts on a body at an end: a force through the end's place, N, and a torque, N m.
+
+    `in_link` says that they are in the axes of the link, not of the ground.
+    """
+
+    force: Vector | None = None
+    torque: Vector | None = None
+    in_link: bool = False
+
+
+class Law(ABC):
+    """A type of force elements."""
+
+    @abstractmethod
+    def wrenches(self, e: Element) -> Sequence[Wrench]:
+        """What acts on the bodies, end by end."""
+
+    def energy(self, e: Element) -> Value:
+        """Potential energy, J, of a type that has one."""
+        raise NotImplementedError(f"{type(self).__name__} has no energy")
+
+
+class End:
+    """An end of a force element, or a point that it looks at; what is asked for is computed once.
+
+    Parameters
+    ----------
+    e : Element
+    number : int
+        Among the ends of the element.
+
+    Attributes
+    ----------
+    is_face : bool
+        It has axes of its own.
+    is_grounded : bool
+    """
+
+    def __init__(self, e: Element, number: int):
+        self._e = e
+        self._name = end_name(number)
+        self.is_face = e.kind.oriented[number]
+        self.link: Store = ENDS[e.kind.ends[number]]
+        self.is_grounded = e.kind.grounded[e.kind.ends[number]]
+        self._arm: Vector | None = None
+        self._position: Vector | None = None
+        self._velocity: Vector | None = None
+        self._turning: Vector | None = None
+        self._axes: Matrix | None = None
+
+    @property
+    def arm(self) -> Vector:
+        """From the link's origin, in its axes, m."""
+        if self._arm is None:
+            self._arm = self._e.x.load(ELEMENT_CONSTANTS, fields.face_place(self._name))
+        return self._arm
+
+    @property
+    def attitude(self) -> Matrix:
+        """Of the link: ground components from its own."""
+        return self._e.x.load(self.link, fields.attitude)
+
+    @property
+    def position(self) -> Vector:
+        """m."""
+        if self._position is None:
+            e, arm = self._e, self.arm
+            moved = matvec(self.attitude, arm)
+            self._position = [e.let("point", v) for v in add(e.x.load(self.link, fields.position), moved)]
+        return self._position
+
+    @property
+    def velocity(self) -> Vector:
+        """m/s."""
+        if self._velocity is None:
+            e = self._e
+            v, w = (e.x.load(self.link, half) for half in (fields.applied_twist.linear, fields.applied_twist.angular))
+            own = [e.let("own", c) for c in add(v, cross(w, self.arm))]
+            self._velocity = [e.let("speed", c) for c in matvec(self.attitude, own)]
+        return self._velocity
+
+    @property
+    def angular_velocity(self) -> Vector:
+        """rad/s."""
+        if self._turning is None:
+            e = self._e
+            w = e.x.load(self.link, fields.applied_twist.angular)
+            self._turning = [e.let("omega", c) for c in matvec(self.attitude, w)]
+        return self._turning
+
+    @property
+    def axes(self) -> Matrix:
+        """Base vectors of a face, as columns. One of them, `Element.axis`, is the element's axis."""
+        if self._axes is None:
+            e = self._e
+            F = e.x.load(ELEMENT_CONSTANTS, fields.face_axes(self._name))
+            self._axes = [[e.let("face", c) for c in row] for row in matmul(self.attitude, F)]
+        return self._axes
+
+    def from_face(self, v: Vector) -> Vector:
+        """A vector given in the axes of a face, in those of the link."""
+        e = self._e
+        return [e.let("own", c) for c in matvec(e.x.load(ELEMENT_CONSTANTS, fields.face_axes(self._name)), v)]
+
+
+class Element:
+    """A kind of force elements in a block: what laws are written with.
+
+    Attributes
+    ----------
+    x : Scope
+    kind : ElementKind
+    ends : list of End
+        Where it acts, then the points that its coefficients look at.
+    axis : int
+        Which base vector of its faces is its axis.
+    """
+
+    def __init__(self, x: Scope, kind: ElementKind):
+        self.x = x
+        self.kind = kind
+        self.axis = kind.axis
+        self._tag = kind.first.type
+        self._known: dict[int, Value] = {}
+        self.ends = [End(self, i) for i in range(len(kind.ends))]
+
+    def let(self, name: str, value: Value) -> Value:
+        """A name for an intermediate."""
+        return self.x.let(name, value, self._tag)
+
+    def vector(self, name: str, v: Sequence[Value]) -> Vector:
+        """The same for each component."""
+        return [self.let(name, c) for c in v]
+
+    def coefficient(self, key: str) -> Value:
+        """The coefficient with that key in the model file."""
+        return self._coefficient(self.kind.first.keys.index(key))
+
+    def coefficients(self, key: str) -> Vector:
+        """Those of a list."""
+        return [self._coefficient(j) for j, name in enumerate(self.kind.first.keys) if name.startswith(f"{key}[")]
+
+    def _coefficient(self, j: int) -> Value:
+        if j not in self._known:
+            self._known[j] = self._evaluate(self.kind.forms[j])
+        return self._known[j]
+
+    def require(self, value: Value) -> None:
+        """Must be positive for the element to have a direction; see `ForceElement.singular`."""
+        self.x.set_entry(PIVOT, 0, value)
+
+    def line(self, directed: bool = True) -> tuple[Vector, Value]:
+        """From the first end to the second, and the distance.
+
+        `directed`: without length the line has no direction, nor its length a derivative, which is an error.
+        """
+        start, end = (end.position for end in self.ends[:2])
+        line = self.vector("line", minus(end, start))
+        square = self.let("square", dot(line, line))
+        if directed:
+            self.require(square - self.x.number(SHORTEST**2))
+        return line, self.let("length", self.x.sqrt(square))
+
+    # -- coefficients ----------------------------------------------------------------------------------------------
+
+    def _evaluate(self, form: Tree) -> Value:
+        if not isinstance(self.x, Expansion):
+            return self._pattern(form)
+        x = self.x
+
+        def leaf(tree: Tree) -> Expr:
+            return sympy.sympify(self._leaf(tree))
+
+        value: Value = x.let("value", Statements(x, leaf).write(form))
+        return value
+
+    def _leaf(self, tree: Tree) -> Value:
+        what = tree[1]
+        if what == "coefficient":
+            return self.x.entry(COEFFICIENT if self.kind.first.has_energy else DRIVE, tree[2])
+        end = self.ends[tree[2]]
+        return (end.position if what == "position" else end.velocity)[tree[3]]
+
+    def _pattern(self, tree: Tree) -> Value:
+        """Whether it can differ from zero, with every operand asked for as when it is written."""
+        kind = tree[0]
+        if kind == "number":
+            return int(tree[1]) if tree[1] in (0, 1, -1) else self.x.number(tree[1])
+        if kind == "name":
+            return self._leaf(tree)
+        values: list[Value] = [self._pattern(a) for a in tree[2 if kind == "call" else 1 :]]
+        match kind:
+            case "neg":
+                return -values[0]
+            case "+":
+                return values[0] + values[1]
+            case "-":
+                return values[0] - values[1]
+            case "*":
+                return values[0] * values[1]
+        return self.x.call("sqrt", 1)  # what a quotient, a power or a function is cannot be known from patterns
+
+    # -- what acts -------------------------------------------------------------------------------------------------
+
+    def on_links(self, wrenches: Sequence[Wrench]) -> list[tuple[Store, Vector]]:
+        """Moment about the origin and force on each link, in its axes; nothing of the ground."""
+        found = []
+        for end, wrench in zip(self.ends, wrenches, strict=False):
+            if end.is_grounded:
+                continue
+            force: Vector = [0, 0, 0]
+            moment: Vector = [0, 0, 0]
+            if wrench.force is not None:
+                force = self._own(end, wrench.force, wrench.in_link)
+                moment = self.vector("moment", cross(end.arm, force))
+            if wrench.torque is not None:
+                torque = self._own(end, wrench.torque, wrench.in_link)
+                moment = torque if all(map(is_zero, moment)) else self.vector("moment", add(moment, torque))
+            found.append((end.link, [*moment, *force]))
+        return found
+
+    def _own(self, end: End, v: Vector, in_link: bool) -> Vector:
+        return v if in_link else self.vector("acting", matvec(transpose(end.attitude), v))

@@ -1,0 +1,118 @@
+"""Sweeps over force elements: forces on the links that they act on, their energies, and the tangents of both.
+
+Points are followed in the ground frame; a link gets force and moment about its origin in its own axes, as fields ``ext`` that the
+kinematic sweep takes off the force that the link's motion needs. What a type does is its own file: a `Law`.
+"""
+
+from __future__ import annotations
+
+from sympy import Symbol
+
+from ...program.block import Expansion, Scope
+from ...program.derivatives import Tangents
+from ...program.scalar import Value
+from .. import fields, handing_on
+from ..formulas import has_values
+from ..stores import (
+    CE_DP,
+    CE_PARAMETER,
+    DPOTENTIAL,
+    ELEMENT_CONSTANTS,
+    ELEMENT_END,
+    LANE_ENDS,
+    LME,
+    ME,
+    MY_LANE,
+    POTENTIAL,
+    TANGENT_OF,
+)
+from ..structure.element_kinds import ElementKind
+from ..structure.kinds import LinkKind
+from ..tree.kinematics import angular_velocity, origin_velocity
+from ..tree.tangents import differentiate, store_tangent, tangent
+from . import LAWS
+from .element import Element
+
+
+def velocities(x: Scope, kind: LinkKind) -> None:
+    """Outward block of a link: angular velocity and velocity of the origin, in its own axes. Eq. 18."""
+    joint = kind.joint(x, kind)
+    _, w = angular_velocity(x, joint, fields.applied_twist.angular)
+    v = origin_velocity(x, joint, fields.applied_twist.angular, fields.applied_twist.linear)
+    x.store(ME, fields.applied_twist.angular, w)
+    x.store(ME, fields.applied_twist.linear, v)
+    if x.tangents:
+        d = differentiate(x, kind, joint)
+        for store in (LME, MY_LANE):
+            store_tangent(x, d, (store,), fields.applied_twist.angular, w)
+            store_tangent(x, d, (store,), fields.applied_twist.linear, v)
+
+
+def clear(x: Scope, kind: LinkKind) -> None:
+    """No force acts yet."""
+    handing_on.clear(x, ME, fields.external)
+
+
+def clear_tangents(x: Scope, kind: LinkKind) -> None:
+    """Nor do any tangents."""
+    handing_on.clear(x, MY_LANE, fields.external)
+
+
+def loads(x: Scope, kind: ElementKind) -> None:
+    """The forces of a force element on links."""
+    e = Element(x, kind)
+    acting = e.on_links(LAWS[type(kind.first)].wrenches(e))
+    if not x.tangents:
+        for link, wrench in acting:
+            x.store(link.sum, fields.external, wrench)
+    else:
+        d = _tangents(x, kind)
+        for link, wrench in acting:
+            assert link.place is not None
+            x.store(LANE_ENDS[link.place].sum, fields.external, [tangent(d, c) for c in wrench])
+    _check(x, kind, "its force")
+
+
+def energy(x: Scope, kind: ElementKind) -> None:
+    """The potential energy of a force element."""
+    e = Element(x, kind)
+    found = LAWS[type(kind.first)].energy(e)
+    x.set_entry(POTENTIAL.sum, 0, found)
+    if x.tangents:
+        d = _tangents(x, kind)
+        x.set_entry(DPOTENTIAL.sum, 0, tangent(d, found))
+    _check(x, kind, "its energy")
+
+
+def _check(x: Scope, kind: ElementKind, what: str) -> None:
+    """Numbers that no state makes finite are the model's mistake."""
+    if isinstance(x, Expansion) and not has_values(x.block):
+        raise kind.no_value(what)
+
+
+def _tangents(x: Scope, kind: ElementKind) -> Tangents | None:
+    """Tangents of all statements so far."""
+    if not isinstance(x, Expansion):
+        return None
+    seeds: dict[Symbol, Value] = {}
+    transparent: dict[Symbol, dict[Symbol, Value]] = {}
+    for symbol, (store, name) in list(x.block.loads.items()):
+        if store.owner is ELEMENT_END:
+            assert store.place is not None
+            seeds[symbol] = x.component(LANE_ENDS[store.place], name)
+        elif store in TANGENT_OF:
+            seeds[symbol] = x.component(TANGENT_OF[store], name)
+        elif store is ELEMENT_CONSTANTS and "/" not in name:
+            inner = {}
+            for j in range(kind.parameters):
+                value = x.component(ELEMENT_CONSTANTS, f"{name}/{j}")
+                if value != 0:
+                    root = x.entry(CE_PARAMETER, j)
+                    inner[root] = value
+                    seeds[root] = x.entry(CE_DP, j)
+            if inner:
+                transparent[symbol] = inner
+    d = Tangents(x, {s: v for s, v in seeds.items() if v != 0}, transparent)
+    for statement in list(x.block.statements):
+        d.statement(statement)
+    return d

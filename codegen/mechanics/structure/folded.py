@@ -1,0 +1,87 @@
+"""Constants that several owners have of one form: which numbers they share, and which are data."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import sympy
+from sympy import Expr
+
+from ...program.block import Expansion
+from ...program.functions import number
+from ...program.scalar import Value
+from .constants import Constants, Leaf, Shape, Slots, make_shape
+
+
+@dataclass(slots=True, eq=False)
+class Folded:
+    """Constants of one shape that several owners have, with the numbers that all of them share.
+
+    Attributes
+    ----------
+    shape : Shape
+    literal : dict of str to Expr
+        Constants that are the same number for all owners.
+    data : dict of str to int
+        Constants that differ among owners: places among an owner's numbers.
+    """
+
+    shape: Shape
+    literal: dict[str, Expr] = field(default_factory=dict, kw_only=True)
+    data: dict[str, int] = field(default_factory=dict, kw_only=True)
+
+    @property
+    def parameters(self) -> int:
+        """How many design parameters the constants depend on."""
+        return self.shape.parameters
+
+    def number(self, name: str) -> Expr | None:
+        """Value of a constant that is the same for all owners; None if it is data."""
+        if name in self.shape.varying:
+            return None
+        if name in self.shape.fixed:
+            return self.shape.fixed[name]
+        if "/" in name:
+            return sympy.S.Zero
+        return self.literal.get(name)
+
+    def fold(self, owned: list[Constants]) -> None:
+        """Find the numbers that are the same for all owners."""
+        distinct = list({id(c): c for c in owned}.values())
+        for name in self.shape.fields:
+            if name in self.shape.varying:
+                continue
+            values = {c.values.get(name, 0.0) for c in distinct}
+            if len(values) == 1:
+                self.literal[name] = number(values.pop())
+            else:
+                self.data[name] = len(self.data)
+
+
+def pattern(c: Constants) -> tuple[str, ...]:
+    """Names of the constants that are not zero."""
+    return tuple(sorted(n for n, v in c.values.items() if v != 0))
+
+
+def make_constants(
+    shapes: dict[object, Shape],
+    structure: object,
+    visit: Callable[[Slots], object],
+    write: Callable[[Expansion, Leaf, Slots], dict[str, Value]],
+    values: Callable[[], dict[str, Value]],
+    index: int,
+) -> Constants:
+    """The constants of one set of expressions; expands their shape if it is new."""
+    slots = Slots()
+    visit(slots)
+    key = (structure, tuple(slots.trees))
+    shape = shapes.get(key)
+    if shape is None:
+        shape = shapes[key] = make_shape(len(shapes), slots, lambda x, leaf: write(x, leaf, slots))
+    numeric: dict[str, float] = {}
+    for name, v in values().items():
+        if name not in shape.varying and shape.fields[name] != 0:
+            assert isinstance(v, (int, float))
+            numeric[name] = float(v)
+    return Constants(shape, tuple(slots.parameters), tuple(slots.numbers), numeric, index)
