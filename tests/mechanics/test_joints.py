@@ -55,6 +55,9 @@ class Formulas(Scope):
     def sqrt(self, value):
         return sympy.sqrt(value)
 
+    def call(self, function, *arguments):
+        raise NotImplementedError
+
     def recall(self, store, field, value):
         raise NotImplementedError
 
