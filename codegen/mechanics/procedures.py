@@ -35,7 +35,7 @@ from ..program.procedure import (
 )
 from .outputs import MEASURES, EnergyMeasure, RecordMeasure
 from .quantities import COEFFICIENTS, DRIVES, ENERGIES, POSE, VELOCITY, Quantity, measured, missing, run
-from .structure.kinds import System
+from .structure.system import System
 from .sweeps import SWEEPS, transpose_name, values_name
 
 TRANSPOSED = {
@@ -67,6 +67,7 @@ SHAPES: dict[str, tuple[str, ...]] = {
     "J_q": ("nu", "nq"), "J_u": ("nu", "nu"), "J_p": ("nu", "np"), "J_inputs": ("nu", "ninputs"), "J_t": ("nu",),
     "position": ("nclosure",), "velocity": ("nclosure",), "condition": ("nloops",), "reaction": ("6*nlinks",),
     "loop_reaction": ("6*nloops",), "step": ("nq",), "full_q": ("nq",), "full_u": ("nu",), "tau": ("nu",),
+    "masses": ("4",), "momenta": ("6",),
 }  # fmt: skip
 """Axes of arguments and results."""
 
@@ -75,7 +76,7 @@ def arrays(system: System) -> dict[str, Array]:
     """Arguments and results by name, and the joint forces."""
     model = system.model
     counts = {
-        "nq": model.nq, "nu": model.nu, "np": len(model.parameters), "ninputs": len(model.inputs), "2": 2,
+        "nq": model.nq, "nu": model.nu, "np": len(model.parameters), "ninputs": len(model.inputs), "2": 2, "4": 4, "6": 6,
         "noutputs": len(model.outputs), "nclosure": len(model.closure_names), "nloops": len(model.loops),
         "6*nlinks": 6 * len(system.links), "6*nloops": 6 * len(model.loops),
     }  # fmt: skip
@@ -107,6 +108,8 @@ class _Writer:
         self.loops = bool(model.loops)
         self.forces: tuple[Formulas, ...] = (JOINT_FORCES,) if model.forces else ()
         self.elements = bool(system.elements)
+        self.measures = [MEASURES[o.measure] for o in model.outputs]
+        self.formula_pivots = any(isinstance(m, RecordMeasure) and m.pivots for m in self.measures)
         self._routines()
 
     def of(self, *names: str) -> tuple[Array, ...]:
@@ -237,10 +240,17 @@ class _Writer:
             )
         )
 
-    def measuring(self, quantities: list[Quantity]) -> tuple[tuple[Step, ...], tuple[Step, ...]]:
-        """Steps for quantities, and for them with their tangents."""
-        values = tuple(s for q in quantities for s in q.values)
-        tangents = tuple(s for q in quantities for s in q.tangents)
+    def measuring(
+        self, quantities: list[Quantity], before: tuple[Step, ...] = (), along: tuple[Step, ...] = ()
+    ) -> tuple[tuple[Step, ...], tuple[Step, ...]]:
+        """Steps for quantities, and for them with their tangents, that were not taken before.
+
+        `before` are steps for values, `along` those over directions that follow them.
+        """
+        taken = set(walk(before))
+        values = tuple(s for q in quantities for s in q.values if s not in taken)
+        taken |= set(walk(along))
+        tangents = tuple(s for q in quantities for s in q.tangents if s not in taken)
         return values, tangents
 
     # -- functions -------------------------------------------------------------------------------------------------
@@ -318,6 +328,7 @@ class _Writer:
                 Perform(
                     Routine(f"{name}_backwards", f"The steps of {along.name} over directions, backwards.", tuple(back))
                 ),
+                *([Check(True)] if self.formula_pivots and OUTPUTS.tangents() in steps else []),
             ),
             weights,
             OTHER_WIDTHS,
@@ -473,34 +484,40 @@ class _Writer:
         )
 
     def outputs(self) -> list[Procedure]:
-        model = self.system.model
-        outputs, doutputs, energy, denergy = self.of("outputs", "doutputs", "energy", "denergy")
-        measures = [MEASURES[o.measure] for o in model.outputs]
-        read = {name for m in measures if isinstance(m, RecordMeasure) for name in m.reads}
-        quantities = measured(self.system, read, {m.entry for m in measures if isinstance(m, EnergyMeasure)})
-        values, tangents = self.measuring(quantities)
-        sums = any(q.energy for q in quantities)
-        zero: tuple[Step, ...] = (Own(energy), Zero(energy)) if sums else ()
-        zero_along: tuple[Step, ...] = (Own(denergy), Zero(denergy)) if sums else ()
+        outputs, doutputs, energy, denergy, udot = self.of("outputs", "doutputs", "energy", "denergy", "udot")
+        read: set[str] = set()
+        for o, m in zip(self.system.model.outputs, self.measures, strict=True):
+            if isinstance(m, RecordMeasure):
+                read |= {*m.reads, *m.also(o)}
+        quantities = measured(self.system, read, {m.entry for m in self.measures if isinstance(m, EnergyMeasure)})
+        sums = [energy] if any(q.energy for q in quantities) else []
+        sums += [self.one(name) for q in quantities for name in q.sums]
+        zero = tuple(step for a in sums for step in (Own(a), Zero(a)))
+        zero_along = tuple(step for a in sums for step in (Own(a.tangent()), Zero(a.tangent())))
+        before: tuple[Step, ...] = self.begin
+        along: tuple[Step, ...] = (*self.along, *self.turns)
+        if any(q.dynamics for q in quantities):
+            before = (*before, Own(udot), *self.forward)
+            along = (*self.along, Own(udot.tangent()), self.balance)
+        values, tangents = self.measuring(quantities, before, along)
         copies: list[Step] = []
         copies_along: list[Step] = []
-        for i, measure in enumerate(measures):
+        for i, measure in enumerate(self.measures):
             if isinstance(measure, EnergyMeasure):
                 copies.append(CopyEntry(outputs, i, energy, measure.entry))
                 copies_along.append(CopyEntry(doutputs, i, denergy, measure.entry))
-        check = (Check(True),) if any(q.pivots for q in quantities) else ()
+        check = (Check(True),) if self.formula_pivots or any(q.pivots for q in quantities) else ()
         return self.pair(
             ("outputs", "output_sensitivities"),
             ("The outputs of the model.", "Outputs and their total derivative along seeds."),
             self.state,
             ["outputs"],
-            (*zero, *self.begin, *values, OUTPUTS, *copies),
+            (*zero, *before, *values, OUTPUTS, *copies),
             (
                 *zero,
-                *self.begin,
+                *before,
                 *zero_along,
-                *self.along,
-                *self.turns,
+                *along,
                 *tangents,
                 OUTPUTS,
                 OUTPUTS.tangents(),

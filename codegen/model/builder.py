@@ -164,14 +164,10 @@ class ModelBuilder:
         self,
         name: str,
         measure: str | None = None,
-        *,
-        position: str | Mapping[str, Any] | None = None,
-        velocity: str | Mapping[str, Any] | None = None,
-        axis: str | Sequence[Scalar] | None = None,
-        value: Scalar | None = None,
+        **keys: Any,
     ) -> None:
-        """A named scalar: ``"kinetic_energy"``, ``"potential_energy"``, or one of position, velocity and value."""
-        given = _given(position=position, velocity=velocity, axis=axis, value=value)
+        """A named scalar: ``"kinetic_energy"``, ``"potential_energy"``, or keys as in a file: ``position=tip, axis="z"``."""
+        given = _given(**keys)
         self._put("outputs", name, {**given, **_given(measure=measure)} if given else measure)
 
     def initial(

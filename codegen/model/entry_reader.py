@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple, Protocol
 
 from .axes import Vector
@@ -39,7 +40,7 @@ class EntryReader(Protocol):
     def direction(self, axis: Vector, key: str) -> Vector:
         """An axis of parameters, which has to have a length."""
 
-    def point(self, point: Any, key: str, name: str) -> Point | None:
+    def point(self, point: Any, key: str | tuple[str | int, ...], name: str) -> Point | None:
         """What a mapping or a name means, or None after a problem; a point without a name gets this one."""
 
     def measured(self, *expressions: Expression) -> tuple[Point, ...]:
@@ -50,6 +51,12 @@ class EntryReader(Protocol):
 
     def face(self, face: Any, key: str) -> Face | None:
         """What a mapping or a name means as a place with axes, or None after a problem."""
+
+    def body(self, reference: Expression, *path: str | int) -> int | None:
+        """Index of the body that is named, `GROUND` for the ground, or None after a problem."""
+
+    def mass(self, bodies: Sequence[int]) -> float | None:
+        """What bodies weigh together at the default parameters, kg; None where something is wrong with them."""
 
     def joint(self, reference: Expression, key: str, entry: Entry) -> NamedJoint | None:
         """The joint that is named, or None after a problem with it or with the entry."""

@@ -184,7 +184,7 @@ def _unknown_type(value: Any, classes: list[type[Entry]]) -> str:
     if isinstance(name, str) and _comes_later(kind, name):
         return f"{kind} type {name!r} is not supported yet by this version; available: {_tags(classes)}"
     if kind == "loop joint" and isinstance(name, str) and name in JOINTS and not JOINTS[name].closure:
-        return f"a {name} joint sets no condition, so it closes no loop; one of {_tags(classes)} is allowed"
+        return f"a {name} joint {JOINTS[name].closes_none}; one of {_tags(classes)} is allowed"
     hint = nearest(name, [_tag(c) for c in classes]) if isinstance(name, str) else ""
     meant = OTHER_WORDS.get(name) if kind == "force" and isinstance(name, str) else None
     if meant in [_tag(c) for c in classes]:

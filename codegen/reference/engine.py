@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import warnings
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -23,7 +24,7 @@ from ..model.model import Model, closure_row_names
 from ..model.places import Face, Point
 from .arithmetic import Arithmetic, Array
 from .forces import LAWS, End, Wrench
-from .outputs import VALUES
+from .outputs import VALUES, Moving
 from .pairs import Pair, Pairs
 from .primitives import placed_rotation
 
@@ -447,6 +448,14 @@ class Engine(ABC):
     def _attitude(self, motion: Any, body: int) -> tuple[Pair, Pair]:
         """Body components into ground components, (3, 3), and angular velocity in the ground frame, (3, 1), of a body."""
 
+    @abstractmethod
+    def _accelerating(self, state: State, motion: Any, udot: Pair) -> Callable[[int, Pair], Pair]:
+        """Gives the acceleration, (3, 1) in the ground frame, of the point ``at`` (3, 1) in body axes of a body."""
+
+    @abstractmethod
+    def _moving(self, state: State, motion: Any) -> list[Moving]:
+        """Mass, motion and angular momentum of all bodies."""
+
     def _ends(self, pairs: Pairs, motion: Any, element: ForceElement) -> list[End]:
         """Where a force element acts."""
         found = []
@@ -588,13 +597,13 @@ class Engine(ABC):
         return self._pair("udot", udot, self.model.nu, dudot, state.pairs.k)
 
 
-@dataclass(frozen=True, slots=True)
 class _Seen:
-    """What outputs see of a model: `outputs.Seen`."""
+    """What outputs see of a model: `outputs.Seen`. Accelerations and sums are found when the first output asks."""
 
-    engine: Engine
-    state: State
-    motion: Any
+    def __init__(self, engine: Engine, state: State, motion: Any) -> None:
+        self.engine = engine
+        self.state = state
+        self.motion = motion
 
     @property
     def pairs(self) -> Pairs:
@@ -602,6 +611,23 @@ class _Seen:
 
     def point(self, point: Point) -> tuple[Pair, Pair]:
         return self.engine._point(self.motion, point.body, self.pairs.vector(point.at))
+
+    @cached_property
+    def _accelerations(self) -> Callable[[int, Pair], Pair]:
+        return self.engine._accelerating(self.state, self.motion, self.engine._accelerations(self.state))
+
+    def acceleration(self, point: Point) -> Pair:
+        return self._accelerations(point.body, self.pairs.vector(point.at))
+
+    def attitude(self, body: int) -> tuple[Pair, Pair]:
+        return self.engine._attitude(self.motion, body)
+
+    @cached_property
+    def _bodies(self) -> list[Moving]:
+        return self.engine._moving(self.state, self.motion)
+
+    def bodies(self) -> list[Moving]:
+        return self._bodies
 
     def energies(self) -> tuple[Pair, Pair]:
         kinetic, potential = self.engine._energies(self.state, self.motion)

@@ -12,6 +12,13 @@ from .value import Value
 __all__ = ["MEASURES", "Measure", "Output"]
 
 MEASURES: Final[dict[str, type[Measure]]] = {
-    kind.name: kind for kind in (Position, Velocity, Value, KineticEnergy, PotentialEnergy)
+    kind.name: kind
+    for kind in (
+        Position,
+        Velocity,
+        Value,
+        KineticEnergy,
+        PotentialEnergy,
+    )
 }
 """By name, in the order in which messages list them."""

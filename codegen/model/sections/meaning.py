@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,10 +12,10 @@ from ..entry_reader import NamedJoint
 from ..errors import nearest
 from ..expressions import Expression
 from ..model import joint_coordinates
-from ..places import Face, Point
+from ..places import GROUND, Face, Point
 from ..reading import Reader, is_measured, some
 from ..repetition import Instance
-from .bodies import BodySection
+from .bodies import BodySection, body_index
 from .points import face_at, held_together, point_at, point_named, unmoved
 
 
@@ -39,8 +40,17 @@ class Meaning:
         self.reader.direction((x, y, z), self.at, (key,))
         return x, y, z
 
-    def point(self, point: Any, key: str, name: str) -> Point | None:
-        return point_at(self.reader, point, name, self.at, (key,), self.bodies, self.points)
+    def point(self, point: Any, key: str | tuple[str | int, ...], name: str) -> Point | None:
+        path = (key,) if isinstance(key, str) else key
+        return point_at(self.reader, point, name, self.at, path, self.bodies, self.points)
+
+    def body(self, reference: Expression, *path: str | int) -> int | None:
+        return body_index(self.reader, reference, self.at, path, self.bodies.frames)
+
+    def mass(self, bodies: Sequence[int]) -> float | None:
+        if not self.bodies.is_sound:
+            return None
+        return sum(self.reader.numeric(self.bodies.bodies[k].mass) for k in bodies if k != GROUND)
 
     def measured(self, *expressions: Expression) -> tuple[Point, ...]:
         names = (n for e in expressions for n in sorted(e.names) if is_measured(n))

@@ -1,0 +1,26 @@
+"""The values of outputs, for both engines; their derivatives are those of pairs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+from ...model.outputs import Output
+from ..pairs import Pair
+from .points import position, velocity
+from .seen import Moving, Seen
+from .values import kinetic_energy, potential_energy, value
+
+__all__ = ["VALUES", "Moving", "Seen"]
+
+VALUES: Final[dict[str, Callable[[Output, Seen], Pair]]] = {
+    function.__name__: function
+    for function in (
+        position,
+        velocity,
+        value,
+        kinetic_energy,
+        potential_energy,
+    )
+}
+"""By the name of the measure."""
