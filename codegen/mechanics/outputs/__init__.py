@@ -6,12 +6,14 @@ from typing import Final
 
 from .measure import EnergyMeasure, FormulaMeasure, Measure, RecordMeasure
 from .points import POSITION, VELOCITY
+from .rotation import ROTATION
 
 __all__ = ["MEASURES", "EnergyMeasure", "FormulaMeasure", "Measure", "RecordMeasure"]
 
 MEASURES: Final[dict[str, Measure]] = {
     "position": POSITION,
     "velocity": VELOCITY,
+    "rotation": ROTATION,
     "value": FormulaMeasure(),
     "kinetic_energy": EnergyMeasure(0),
     "potential_energy": EnergyMeasure(1),

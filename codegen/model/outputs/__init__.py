@@ -7,6 +7,7 @@ from typing import Final
 from .energies import KineticEnergy, PotentialEnergy
 from .output import Measure, Output
 from .points import Position, Velocity
+from .rotation import Rotation
 from .value import Value
 
 __all__ = ["MEASURES", "Measure", "Output"]
@@ -16,6 +17,7 @@ MEASURES: Final[dict[str, type[Measure]]] = {
     for kind in (
         Position,
         Velocity,
+        Rotation,
         Value,
         KineticEnergy,
         PotentialEnergy,

@@ -8,6 +8,7 @@ from typing import Final
 from ...model.outputs import Output
 from ..pairs import Pair
 from .points import position, velocity
+from .rotation import rotation
 from .seen import Moving, Seen
 from .values import kinetic_energy, potential_energy, value
 
@@ -18,6 +19,7 @@ VALUES: Final[dict[str, Callable[[Output, Seen], Pair]]] = {
     for function in (
         position,
         velocity,
+        rotation,
         value,
         kinetic_energy,
         potential_energy,
