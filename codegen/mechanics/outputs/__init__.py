@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
+from .angular_velocity import ANGULAR_VELOCITY
 from .measure import EnergyMeasure, FormulaMeasure, Measure, RecordMeasure
 from .points import POSITION, VELOCITY
 from .rotation import ROTATION
@@ -14,6 +15,7 @@ MEASURES: Final[dict[str, Measure]] = {
     "position": POSITION,
     "velocity": VELOCITY,
     "rotation": ROTATION,
+    "angular_velocity": ANGULAR_VELOCITY,
     "value": FormulaMeasure(),
     "kinetic_energy": EnergyMeasure(0),
     "potential_energy": EnergyMeasure(1),

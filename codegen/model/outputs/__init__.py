@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
+from .angular_velocity import AngularVelocity
 from .energies import KineticEnergy, PotentialEnergy
 from .output import Measure, Output
 from .points import Position, Velocity
@@ -18,6 +19,7 @@ MEASURES: Final[dict[str, type[Measure]]] = {
         Position,
         Velocity,
         Rotation,
+        AngularVelocity,
         Value,
         KineticEnergy,
         PotentialEnergy,

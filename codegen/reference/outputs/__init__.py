@@ -7,6 +7,7 @@ from typing import Final
 
 from ...model.outputs import Output
 from ..pairs import Pair
+from .angular_velocity import angular_velocity
 from .points import position, velocity
 from .rotation import rotation
 from .seen import Moving, Seen
@@ -20,6 +21,7 @@ VALUES: Final[dict[str, Callable[[Output, Seen], Pair]]] = {
         position,
         velocity,
         rotation,
+        angular_velocity,
         value,
         kinetic_energy,
         potential_energy,
