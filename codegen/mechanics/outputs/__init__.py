@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
+from .acceleration import ACCELERATION
 from .angular_velocity import ANGULAR_VELOCITY
 from .measure import EnergyMeasure, FormulaMeasure, Measure, RecordMeasure
 from .points import POSITION, VELOCITY
@@ -16,6 +17,7 @@ MEASURES: Final[dict[str, Measure]] = {
     "velocity": VELOCITY,
     "rotation": ROTATION,
     "angular_velocity": ANGULAR_VELOCITY,
+    "acceleration": ACCELERATION,
     "value": FormulaMeasure(),
     "kinetic_energy": EnergyMeasure(0),
     "potential_energy": EnergyMeasure(1),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
+from .acceleration import Acceleration
 from .angular_velocity import AngularVelocity
 from .energies import KineticEnergy, PotentialEnergy
 from .output import Measure, Output
@@ -20,6 +21,7 @@ MEASURES: Final[dict[str, type[Measure]]] = {
         Velocity,
         Rotation,
         AngularVelocity,
+        Acceleration,
         Value,
         KineticEnergy,
         PotentialEnergy,

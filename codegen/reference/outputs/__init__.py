@@ -7,6 +7,7 @@ from typing import Final
 
 from ...model.outputs import Output
 from ..pairs import Pair
+from .acceleration import acceleration
 from .angular_velocity import angular_velocity
 from .points import position, velocity
 from .rotation import rotation
@@ -22,6 +23,7 @@ VALUES: Final[dict[str, Callable[[Output, Seen], Pair]]] = {
         velocity,
         rotation,
         angular_velocity,
+        acceleration,
         value,
         kinetic_energy,
         potential_energy,
