@@ -6,6 +6,7 @@ from typing import Final
 
 from .acceleration import ACCELERATION
 from .angular_velocity import ANGULAR_VELOCITY
+from .center_of_mass import CENTER_OF_MASS
 from .measure import EnergyMeasure, FormulaMeasure, Measure, RecordMeasure
 from .points import POSITION, VELOCITY
 from .rotation import ROTATION
@@ -18,6 +19,7 @@ MEASURES: Final[dict[str, Measure]] = {
     "rotation": ROTATION,
     "angular_velocity": ANGULAR_VELOCITY,
     "acceleration": ACCELERATION,
+    "center_of_mass": CENTER_OF_MASS,
     "value": FormulaMeasure(),
     "kinetic_energy": EnergyMeasure(0),
     "potential_energy": EnergyMeasure(1),

@@ -6,6 +6,7 @@ from typing import Final
 
 from .acceleration import Acceleration
 from .angular_velocity import AngularVelocity
+from .center_of_mass import CenterOfMass
 from .energies import KineticEnergy, PotentialEnergy
 from .output import Measure, Output
 from .points import Position, Velocity
@@ -22,6 +23,7 @@ MEASURES: Final[dict[str, type[Measure]]] = {
         Rotation,
         AngularVelocity,
         Acceleration,
+        CenterOfMass,
         Value,
         KineticEnergy,
         PotentialEnergy,

@@ -9,6 +9,7 @@ from ...model.outputs import Output
 from ..pairs import Pair
 from .acceleration import acceleration
 from .angular_velocity import angular_velocity
+from .center_of_mass import center_of_mass
 from .points import position, velocity
 from .rotation import rotation
 from .seen import Moving, Seen
@@ -24,6 +25,7 @@ VALUES: Final[dict[str, Callable[[Output, Seen], Pair]]] = {
         rotation,
         angular_velocity,
         acceleration,
+        center_of_mass,
         value,
         kinetic_energy,
         potential_energy,
