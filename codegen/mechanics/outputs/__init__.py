@@ -8,6 +8,7 @@ from .acceleration import ACCELERATION
 from .angular_velocity import ANGULAR_VELOCITY
 from .center_of_mass import CENTER_OF_MASS
 from .measure import EnergyMeasure, FormulaMeasure, Measure, RecordMeasure
+from .momentum import MOMENTUM
 from .points import POSITION, VELOCITY
 from .rotation import ROTATION
 
@@ -20,6 +21,7 @@ MEASURES: Final[dict[str, Measure]] = {
     "angular_velocity": ANGULAR_VELOCITY,
     "acceleration": ACCELERATION,
     "center_of_mass": CENTER_OF_MASS,
+    "momentum": MOMENTUM,
     "value": FormulaMeasure(),
     "kinetic_energy": EnergyMeasure(0),
     "potential_energy": EnergyMeasure(1),

@@ -8,6 +8,7 @@ from .acceleration import Acceleration
 from .angular_velocity import AngularVelocity
 from .center_of_mass import CenterOfMass
 from .energies import KineticEnergy, PotentialEnergy
+from .momentum import Momentum
 from .output import Measure, Output
 from .points import Position, Velocity
 from .rotation import Rotation
@@ -24,6 +25,7 @@ MEASURES: Final[dict[str, type[Measure]]] = {
         AngularVelocity,
         Acceleration,
         CenterOfMass,
+        Momentum,
         Value,
         KineticEnergy,
         PotentialEnergy,

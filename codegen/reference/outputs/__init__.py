@@ -10,6 +10,7 @@ from ..pairs import Pair
 from .acceleration import acceleration
 from .angular_velocity import angular_velocity
 from .center_of_mass import center_of_mass
+from .momentum import momentum
 from .points import position, velocity
 from .rotation import rotation
 from .seen import Moving, Seen
@@ -26,6 +27,7 @@ VALUES: Final[dict[str, Callable[[Output, Seen], Pair]]] = {
         angular_velocity,
         acceleration,
         center_of_mass,
+        momentum,
         value,
         kinetic_energy,
         potential_energy,
