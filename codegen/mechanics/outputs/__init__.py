@@ -7,6 +7,7 @@ from typing import Final
 from .acceleration import ACCELERATION
 from .angular_velocity import ANGULAR_VELOCITY
 from .center_of_mass import CENTER_OF_MASS
+from .distance import DISTANCE
 from .measure import EnergyMeasure, FormulaMeasure, Measure, RecordMeasure
 from .momentum import MOMENTUM
 from .points import POSITION, VELOCITY
@@ -22,6 +23,7 @@ MEASURES: Final[dict[str, Measure]] = {
     "acceleration": ACCELERATION,
     "center_of_mass": CENTER_OF_MASS,
     "momentum": MOMENTUM,
+    "distance": DISTANCE,
     "value": FormulaMeasure(),
     "kinetic_energy": EnergyMeasure(0),
     "potential_energy": EnergyMeasure(1),

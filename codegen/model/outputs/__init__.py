@@ -7,6 +7,7 @@ from typing import Final
 from .acceleration import Acceleration
 from .angular_velocity import AngularVelocity
 from .center_of_mass import CenterOfMass
+from .distance import Distance
 from .energies import KineticEnergy, PotentialEnergy
 from .momentum import Momentum
 from .output import Measure, Output
@@ -26,6 +27,7 @@ MEASURES: Final[dict[str, type[Measure]]] = {
         Acceleration,
         CenterOfMass,
         Momentum,
+        Distance,
         Value,
         KineticEnergy,
         PotentialEnergy,

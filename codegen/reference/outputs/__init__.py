@@ -10,6 +10,7 @@ from ..pairs import Pair
 from .acceleration import acceleration
 from .angular_velocity import angular_velocity
 from .center_of_mass import center_of_mass
+from .distance import distance
 from .momentum import momentum
 from .points import position, velocity
 from .rotation import rotation
@@ -28,6 +29,7 @@ VALUES: Final[dict[str, Callable[[Output, Seen], Pair]]] = {
         acceleration,
         center_of_mass,
         momentum,
+        distance,
         value,
         kinetic_energy,
         potential_energy,
