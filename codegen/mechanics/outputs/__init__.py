@@ -11,6 +11,7 @@ from .distance import DISTANCE
 from .measure import EnergyMeasure, FormulaMeasure, Measure, RecordMeasure
 from .momentum import MOMENTUM
 from .points import POSITION, VELOCITY
+from .relative_position import RELATIVE_POSITION, RELATIVE_VELOCITY
 from .rotation import ROTATION
 
 __all__ = ["MEASURES", "EnergyMeasure", "FormulaMeasure", "Measure", "RecordMeasure"]
@@ -24,6 +25,8 @@ MEASURES: Final[dict[str, Measure]] = {
     "center_of_mass": CENTER_OF_MASS,
     "momentum": MOMENTUM,
     "distance": DISTANCE,
+    "relative_position": RELATIVE_POSITION,
+    "relative_velocity": RELATIVE_VELOCITY,
     "value": FormulaMeasure(),
     "kinetic_energy": EnergyMeasure(0),
     "potential_energy": EnergyMeasure(1),

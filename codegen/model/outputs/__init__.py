@@ -12,6 +12,7 @@ from .energies import KineticEnergy, PotentialEnergy
 from .momentum import Momentum
 from .output import Measure, Output
 from .points import Position, Velocity
+from .relative_position import RelativePosition, RelativeVelocity
 from .rotation import Rotation
 from .value import Value
 
@@ -28,6 +29,8 @@ MEASURES: Final[dict[str, type[Measure]]] = {
         CenterOfMass,
         Momentum,
         Distance,
+        RelativePosition,
+        RelativeVelocity,
         Value,
         KineticEnergy,
         PotentialEnergy,

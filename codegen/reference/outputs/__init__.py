@@ -13,6 +13,7 @@ from .center_of_mass import center_of_mass
 from .distance import distance
 from .momentum import momentum
 from .points import position, velocity
+from .relative_position import relative_position, relative_velocity
 from .rotation import rotation
 from .seen import Moving, Seen
 from .values import kinetic_energy, potential_energy, value
@@ -30,6 +31,8 @@ VALUES: Final[dict[str, Callable[[Output, Seen], Pair]]] = {
         center_of_mass,
         momentum,
         distance,
+        relative_position,
+        relative_velocity,
         value,
         kinetic_energy,
         potential_energy,
