@@ -10,7 +10,7 @@ from ..mechanics.expansion import Program
 from ..mechanics.formulas import FormulaKind
 from ..mechanics.outputs.outputs import RecordFormula
 from ..mechanics.procedures import WIDTHS
-from ..mechanics.structure.kinds import System
+from ..mechanics.structure.system import System
 from ..mechanics.sweeps import SWEEP
 from ..program.operations import Operations, count
 from ..program.procedure import Array, Formulas, Procedure, Single, counted, walk

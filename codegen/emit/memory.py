@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from ..mechanics.expansion import Program
 from ..mechanics.stores import COUPLING_BLOCK, EAR_RECORD, KEPT, LANE, ME, RECORD, REGION_LANE, REGION_RECORD, UP
-from ..mechanics.structure.kinds import EarKind, System
+from ..mechanics.structure.kinds import EarKind
+from ..mechanics.structure.system import System
 
 
 class Layout:

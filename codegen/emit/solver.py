@@ -10,15 +10,16 @@ from ..loops.description import describe
 from ..loops.errors import AssemblyError, PartitionError
 from ..loops.partition import Partition, partition
 from ..mechanics.ears.orthogonal import RankLossError
+from ..mechanics.elimination import ZeroPivotError
 from ..mechanics.expansion import Place as MemoryPlace
 from ..mechanics.expansion import Program, expand
 from ..mechanics.formulas import coefficient_formulas, force_formulas, initial_formulas
 from ..mechanics.outputs.outputs import RecordFormula, output_formulas, potential_formula
 from ..mechanics.procedures import arrays, checked_backwards, procedures, sweeps, swept_backwards
 from ..mechanics.stores import LAID_OUT, SLOT
-from ..mechanics.structure.kinds import RegionKind, System, analyse
+from ..mechanics.structure.kinds import RegionKind
+from ..mechanics.structure.system import System, analyse
 from ..mechanics.transposition import transpose_sweeps
-from ..mechanics.tree.triangularization import ZeroPivotError
 from ..model.collector import collector_paused
 from ..model.errors import ModelError
 from ..model.model import GROUND, Model

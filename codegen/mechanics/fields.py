@@ -28,26 +28,27 @@ OWN, PARENT, GROUND, REGION, LINK = "the link", "the parent", "the ground", "the
 WRENCH, TWIST, INERTIA = "[N m, N]", "[rad/s, m/s]", "[kg m^2, kg m, kg]"
 ACCELERATION, DISPLACEMENT = "[rad/s^2, m/s^2]", "[rad, m]"
 
+NO_FORCE_ASKS = "no force element asks for it"
 NO_EAR_STARTS = "no other ear starts from the link"
 """When nobody reads how a link of an ear moves."""
 
 
 @dataclass(frozen=True)
-class Motion:
-    """Fields of the accelerations of a link: angular velocity, angular acceleration, that of the origin, and B."""
+class MotionFields:
+    """Fields of a link's motion: angular velocity, angular acceleration, that of the origin, and B."""
 
     w: VectorField
     al: VectorField
     a: VectorField
     B: MatrixField
 
-    def __call__(self, *numbers: int) -> Motion:
+    def __call__(self, *numbers: int) -> MotionFields:
         """The member of a family."""
-        return Motion(self.w(*numbers), self.al(*numbers), self.a(*numbers), self.B(*numbers))
+        return MotionFields(self.w(*numbers), self.al(*numbers), self.a(*numbers), self.B(*numbers))
 
 
 @dataclass(frozen=True)
-class Inertia:
+class InertiaFields:
     """Fields of a generalised inertia: blocks of moments, of mass, and what couples them."""
 
     J: SymmetricField
@@ -55,9 +56,9 @@ class Inertia:
     H: MatrixField
 
 
-def _inertia(prefix: str, frame: str, meaning: str, handed_on: bool) -> Inertia:
+def _inertia(prefix: str, frame: str, meaning: str, handed_on: bool) -> InertiaFields:
     J, M, H = (("kg m^2", "moments"), ("kg", "mass"), ("kg m", "what couples them"))
-    return Inertia(
+    return InertiaFields(
         SymmetricField(f"{prefix}J", J[0], frame, f"{meaning}: {J[1]}", handed_on=handed_on),
         SymmetricField(f"{prefix}M", M[0], frame, f"{meaning}: {M[1]}", handed_on=handed_on),
         MatrixField(f"{prefix}H", H[0], frame, f"{meaning}: {H[1]}", handed_on=handed_on),
@@ -85,13 +86,19 @@ quaternion_matrix = MatrixField(
     "Q", "1", PARENT, "rotation matrix of a quaternion, joint components from link components"
 )
 turn = ScalarField("turn.{}", "rad", OWN, "component of the rotation vector of a quaternion's seed")
-attitude = MatrixField("W", "1", GROUND, "rotation matrix, ground from link components")
-position = VectorField("pos", "m", GROUND, "position of the origin")
+attitude = MatrixField("W", "1", GROUND, "rotation matrix, ground from link components", unread=NO_FORCE_ASKS)
+position = VectorField("pos", "m", GROUND, "position of the origin", unread=NO_FORCE_ASKS)
 angular_velocity = VectorField("w", "rad/s", OWN, "angular velocity (omega)")
 parents_velocity = VectorField("wp", "rad/s", OWN, "angular velocity of the parent, in the link's axes")
 velocity = VectorField("v", "m/s", OWN, "velocity of the origin")
-applied_twist = TwistField("v", TWIST, OWN, "angular velocity and velocity of the origin, found before force elements")
-remainder = Motion(
+applied_twist = TwistField(
+    "v",
+    TWIST,
+    OWN,
+    "angular velocity and velocity of the origin, found before force elements",
+    unread=NO_FORCE_ASKS,
+)
+remainder = MotionFields(
     angular_velocity,
     VectorField("al", "rad/s^2", OWN, "angular acceleration with udot = 0; along directions: tangent of all of it"),
     VectorField("a", "m/s^2", OWN, "acceleration of the origin with udot = 0; along directions: tangent of all of it"),
@@ -99,19 +106,19 @@ remainder = Motion(
         "B", "1/s^2", OWN, "alpha x + omega x omega x, of the same; along directions: tangent with all of udot"
     ),
 )
-total = Motion(
+total = MotionFields(
     angular_velocity,
     VectorField("tal", "rad/s^2", OWN, "angular acceleration, all of it"),
     VectorField("ta", "m/s^2", OWN, "acceleration of the origin, all of it"),
     MatrixField("tB", "1/s^2", OWN, "alpha x + omega x omega x, with all of alpha"),
 )
-ear_own = Motion(
+ear_own = MotionFields(
     VectorField("tw", "rad/s", OWN, "angular velocity of a link of an ear", unread=NO_EAR_STARTS),
     total.al,
     total.a,
     total.B,
 )
-moving = Motion(
+moving = MotionFields(
     angular_velocity,
     VectorField("gal", "rad/s^2", OWN, "angular acceleration against the ground, for outputs"),
     VectorField("ga", "m/s^2", OWN, "acceleration of the origin against the ground, for outputs"),
@@ -164,13 +171,13 @@ ear_first_moment = VectorField("sh", "kg m", REGION, "mass times centre of mass"
 per_source = TwistField(
     "Z{}.", "per unit of the source", REGION, "how a link moves with a source (Gamma and Xi of Eq. 37)"
 )
-ear_remainder = Motion(
+ear_remainder = MotionFields(
     VectorField("sw", "rad/s", REGION, "angular velocity", unread=NO_EAR_STARTS),
     VectorField("sal", "rad/s^2", REGION, "angular acceleration, the sources at rest", unread=NO_EAR_STARTS),
     VectorField("sa", "m/s^2", REGION, "acceleration of the origin, the sources at rest", unread=NO_EAR_STARTS),
     MatrixField("sB", "1/s^2", REGION, "alpha x + omega x omega x, the sources at rest", unread=NO_EAR_STARTS),
 )
-ear_total = Motion(
+ear_total = MotionFields(
     ear_remainder.w,
     VectorField("tsal", "rad/s^2", REGION, "angular acceleration, all of it", unread=NO_EAR_STARTS),
     VectorField("tsa", "m/s^2", REGION, "acceleration of the origin, all of it", unread=NO_EAR_STARTS),
@@ -250,19 +257,19 @@ region_balance = SixField("b.", WRENCH, "the base", "the tangent of that")
 far_attitude = MatrixField("far{}.W", "1", REGION, "attitude of a far link against the base")
 far_position = VectorField("far{}.o", "m", REGION, "position of a far link against the base")
 far_velocity = TwistField("far{}.", TWIST, REGION, "velocity of a far link against the base")
-far_remainder = Motion(
+far_remainder = MotionFields(
     VectorField("far{}.aw", "rad/s", REGION, "angular velocity of a far link"),
     VectorField("far{}.al", "rad/s^2", REGION, "angular acceleration of a far link with udot = 0"),
     VectorField("far{}.a", "m/s^2", REGION, "acceleration of a far link with udot = 0"),
     MatrixField("far{}.B", "1/s^2", REGION, "alpha x + omega x omega x of a far link with udot = 0"),
 )
-far_total = Motion(
+far_total = MotionFields(
     far_remainder.w,
     VectorField("far{}.tal", "rad/s^2", REGION, "angular acceleration of a far link"),
     VectorField("far{}.ta", "m/s^2", REGION, "acceleration of a far link"),
     MatrixField("far{}.tB", "1/s^2", REGION, "alpha x + omega x omega x of a far link"),
 )
-far_own = Motion(
+far_own = MotionFields(
     VectorField("far{}.ow", "rad/s", "the far link", "angular velocity of a far link"),
     VectorField("far{}.oal", "rad/s^2", "the far link", "angular acceleration of a far link"),
     VectorField("far{}.oa", "m/s^2", "the far link", "acceleration of a far link"),
@@ -290,7 +297,7 @@ def _listed() -> dict[str, AnyField]:
     for name, value in list(globals().items()):
         if isinstance(value, Field):
             found[name] = value
-        elif isinstance(value, (Motion, Inertia)):
+        elif isinstance(value, (MotionFields, InertiaFields)):
             found |= {f"{name}.{part}": field for part, field in vars(value).items()}
     return found
 

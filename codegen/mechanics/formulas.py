@@ -23,7 +23,7 @@ from ..program.store import Store
 from ..program.transpose import PLAIN, transposed
 from .stores import MARGIN, NUMBER, argument
 from .structure.constants import Statements, to_slots
-from .structure.kinds import System
+from .structure.system import System
 
 _NO_VALUES = (sympy.zoo, sympy.oo, -sympy.oo, sympy.nan, sympy.I)
 _LARGEST = sympy.Float(sys.float_info.max)

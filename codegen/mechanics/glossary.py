@@ -19,10 +19,13 @@ WORDS = {
     "source": "What the links of a region move with: an independent speed, or one of the six components of the motion of a link "
     "that is resolved elsewhere.",
     "root": "A link that an ear starts from, or the ground.",
+    "member": "A link of an ear, as a block of the ear sees it.",
+    "condition": "One of the numbers that the joint of a loop holds at zero.",
     "base": "The link whose axes a region uses and that, where the loops close whatever it does, carries the region.",
     "far link": "A root outside the region other than the base. Its motion against the base is six sources.",
     "partner": "A link that a unit is coupled to when it is eliminated.",
     "coupling": "A 6x6 inertia that stands between two links.",
+    "pivot": "The inertia along a freedom or a source, by which is divided when it is eliminated.",
     "dependent": "A freedom (coordinate, speed) that the loops determine; the others are independent.",
     "record": "Memory of a link, an ear or a region for one call, one number a component.",
     "slot": "Memory per direction that only neighbours need, while one sweep passes; reused.",

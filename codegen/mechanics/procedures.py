@@ -35,7 +35,7 @@ from ..program.procedure import (
 )
 from .outputs import MEASURES, EnergyMeasure, RecordMeasure
 from .quantities import COEFFICIENTS, DRIVES, ENERGIES, POSE, VELOCITY, Quantity, measured, missing, run
-from .structure.kinds import System
+from .structure.system import System
 from .sweeps import SWEEPS, transpose_name, values_name
 
 TRANSPOSED = {

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from ..program.procedure import Formulas, Run, Step, walk
-from .structure.kinds import System
+from .structure.system import System
 from .sweeps import SWEEP
 
 

@@ -11,14 +11,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from ..program.block import Scope
-from .ears import assembly, closures, completion, far_links, reactions, region_balance
+from .ears import assembly, closures, completion, far_links, reactions, region_balance, region_system, virtual_body
+from .ears import back_substitution as ear_back_substitution
 from .ears import balance as ear_balance
-from .ears import dynamics as ear_dynamics
+from .ears import kinematics as ear_kinematics
 from .elements import loads
 from .outputs import accelerations, energy, sums
 from .structure.element_kinds import ElementKind
 from .structure.factor_form import FactorForm
-from .structure.kinds import EarKind, LinkKind, RegionKind, System, UnitKind
+from .structure.kinds import EarKind, LinkKind, RegionKind, UnitKind
+from .structure.system import System
 from .tree import back_substitution, balance, inverse_dynamics, kinematics, triangularization
 
 OUTWARD, INWARD = "outward", "inward"
@@ -146,11 +148,11 @@ SWEEPS: tuple[Sweep, ...] = (
     Sweep("element_energy_tangents", "tangent of the energy of force elements", _nothing, OUTWARD, lanes=True, tangents=True,
           element=loads.energy, energy=True),
     Sweep("kinematics", "kinematic sweep (Eqs. 18-24, 31)", kinematics.kinematics, OUTWARD, units=True,
-          ear=ear_dynamics.ear_kinematics, region=ear_dynamics.region_start),
+          ear=ear_kinematics.ear_kinematics, region=region_system.region_start),
     Sweep("triangularize", "triangularization (Eqs. 39-47)", triangularization.triangularize, INWARD, units=True,
-          ear=ear_dynamics.ear_triangularize, region=ear_dynamics.region_triangularize),
+          ear=virtual_body.ear_triangularize, region=region_system.region_triangularize),
     Sweep("back_substitute", "back substitution (Eqs. 53-56)", back_substitution.back_substitute, OUTWARD, units=True,
-          ear=ear_dynamics.ear_back_substitute, region=ear_dynamics.region_back_substitute),
+          ear=ear_back_substitution.ear_back_substitute, region=ear_back_substitution.region_back_substitute),
     Sweep("newton_euler_out", "inverse dynamics, outward (Eqs. 19, 24)", inverse_dynamics.newton_euler_outward, OUTWARD),
     Sweep("newton_euler_in", "inverse dynamics, inward (Eq. 45)", inverse_dynamics.newton_euler_inward, INWARD),
     Sweep("motion", "accelerations and the forces they need (Eqs. 19, 24)", inverse_dynamics.newton_euler_outward, OUTWARD,

@@ -142,6 +142,11 @@ class ModelBuilder:
         """A generalised force on the freedoms of a joint, positive where it raises u."""
         self._put("forces", name, {"type": "joint", "joint": joint, "value": _plain(value)})
 
+    def force(self, name: str, type: str, **keys: Any) -> None:
+        """A force element of any type, with the keys of a model file; ``start`` and ``end`` stand for ``from`` and ``to``."""
+        renamed = {"start": "from", "end": "to"}
+        self._put("forces", name, {"type": type, **{renamed.get(k, k): _plain(v) for k, v in keys.items()}})
+
     def spring(
         self,
         name: str,

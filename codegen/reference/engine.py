@@ -21,11 +21,12 @@ from ..loops.partition import partition as choose_partition
 from ..loops.speed_groups import SpeedGroup, coordinates_of
 from ..model.forces import ForceElement
 from ..model.model import Model, closure_row_names
-from ..model.places import Point
+from ..model.places import Face, Point
 from .arithmetic import Arithmetic, Array
 from .forces import LAWS, End, Wrench
 from .outputs import VALUES, Moving
 from .pairs import Pair, Pairs
+from .primitives import placed_rotation
 
 INCONSISTENT = 1e-6
 """A redundant condition that is off by more than this part of the speeds or seeds is reported."""
@@ -457,16 +458,30 @@ class Engine(ABC):
 
     def _ends(self, pairs: Pairs, motion: Any, element: ForceElement) -> list[End]:
         """Where a force element acts."""
-        return [
-            End(*self._point(motion, point.body, pairs.vector(point.at)), *self._attitude(motion, point.body))
-            for point in element.ends
-        ]
+        found = []
+        for place in element.ends:
+            R, omega = self._attitude(motion, place.body)
+            if isinstance(place, Face):
+                R = R @ placed_rotation(place, pairs)
+            found.append(End(*self._point(motion, place.body, pairs.vector(place.at)), R, omega))
+        return found
 
-    def _wrenches(self, pairs: Pairs, motion: Any) -> Iterator[tuple[Point, End, Wrench]]:
+    def _measured(self, pairs: Pairs, motion: Any, element: ForceElement) -> Pairs:
+        """Evaluates the expressions of a force element, which may name positions and velocities of points."""
+        if not element.measured:
+            return pairs
+        known = {}
+        for point in element.measured:
+            x, v = self._point(motion, point.body, pairs.vector(point.at))
+            for i, c in enumerate("xyz"):
+                known[f"position.{point.name}.{c}"], known[f"velocity.{point.name}.{c}"] = x[i, 0], v[i, 0]
+        return Pairs(self.arithmetic, pairs.k, {**pairs.environment, **known})
+
+    def _wrenches(self, pairs: Pairs, motion: Any) -> Iterator[tuple[Point | Face, End, Wrench]]:
         """What all force elements do to bodies, and where."""
         for element in self.model.elements:
-            ends = self._ends(pairs, motion, element)
-            yield from zip(element.ends, ends, LAWS[type(element)].wrenches(element, pairs, ends), strict=True)
+            ends, seen = self._ends(pairs, motion, element), self._measured(pairs, motion, element)
+            yield from zip(element.ends, ends, LAWS[type(element)].wrenches(element, seen, ends), strict=True)
 
     def _forces_on_speeds(self, pairs: Pairs) -> Pair:
         """The generalised forces on joints' speeds that force elements exert directly, (nu, 1)."""

@@ -18,7 +18,7 @@ from codegen.mechanics.fields import FIELDS
 from codegen.mechanics.glossary import glossary
 from codegen.mechanics.quantities import QUANTITIES
 from codegen.mechanics.stores import CONSTANTS, LAID_OUT, ME
-from codegen.mechanics.structure.kinds import System, analyse
+from codegen.mechanics.structure.system import System, analyse
 from codegen.mechanics.sweeps import SWEEPS, Sweep
 from codegen.program.block import FieldError, Scope
 from codegen.program.field import Field, ScalarField

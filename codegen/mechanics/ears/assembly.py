@@ -12,12 +12,14 @@ from ...program.scalar import Value, Vector
 from ...program.store import Store
 from .. import fields
 from ..couplings import partner_store
-from ..spatial import add, cross, dot, minus, transpose
-from ..stores import BASE, CONDITION, GIVEN_U, ME, POSITION, REGION, ROOTS, STEP, UP, VELOCITY
+from ..spatial import ZERO, add, cross, dot, minus, rotate, transpose
+from ..stores import BASE, CONDITION, GIVEN_U, ME, POSITION, REGION, STEP, UP, VELOCITY
 from ..structure.kinds import EarKind, LinkKind, RegionKind
 from .closures import stored_factor
 from .completion import dependent_displacements
-from .geometry import ZERO, Ear, Twist, rotate
+from .conditions import joint_conditions, kept_conditions, seen_by
+from .geometry import EarGeometry
+from .motions import Twist
 
 TINY = 1e-30
 """Keeps the measure of a rotation finite at half a turn."""
@@ -29,7 +31,7 @@ def _over_root(x: Scope, value: Value, name: str) -> Value:
     return x.let(name, 1 / x.let("root", x.sqrt(under), "Eq. 32"), "Eq. 32")
 
 
-def face_differences(x: Scope, ear: Ear) -> list[Twist]:
+def face_differences(x: Scope, ear: EarGeometry) -> list[Twist]:
     """Rotation vector, near closure, and displacement from the start face to the end face of every loop."""
     found = []
     for c, closure in enumerate(ear.kind.closures):
@@ -55,23 +57,14 @@ def face_differences(x: Scope, ear: Ear) -> list[Twist]:
 
 def residuals(x: Scope, kind: EarKind) -> None:
     """Outward block of an ear: by how much its loops are open, and by how much the given speeds open them."""
-    ear = Ear(x, kind, positions=fields.measured_position)
+    ear = EarGeometry(x, kind, positions=fields.measured_position)
     gaps = face_differences(x, ear)
-    roots: list[Twist] = []
-    for t, role in enumerate(kind.roots):
-        if role == "link":
-            roots.append(Twist.load(x, ROOTS[t], fields.measured_velocity))
-        elif role == "frame" and not kind.rigid:
-            roots.append(Twist.load(x, BASE, fields.closing_twist))
-        elif role == "far":
-            roots.append(Twist.load(x, REGION, fields.far_velocity(kind.far[t])))
-        else:
-            roots.append(Twist(list(ZERO), list(ZERO)))
+    roots = [root.measured_velocity() for root in ear.roots]
     speeds = [[m.view.entry(GIVEN_U, f.index) for f in m.freedoms] for m in ear.members]
     velocities = ear.walk(roots, speeds, "g", "Eq. 30")
     rates = ear.face_difference(velocities, roots)
     for c in range(len(kind.closures)):
-        for i, row in enumerate(ear.joint_conditions(c)):
+        for i, row in enumerate(joint_conditions(ear, c)):
             gap, rate = (t[c].angular if row.angular else t[c].linear for t in (gaps, rates))
             x.set_entry(POSITION[c], i, x.let("gap", dot(row.axis or row.n, gap), "Eq. 32"))
             x.set_entry(VELOCITY[c], i, x.let("rate", dot(row.n, rate), "Eq. 30"))
@@ -82,17 +75,15 @@ def residuals(x: Scope, kind: EarKind) -> None:
 
 def newton_step(x: Scope, kind: EarKind) -> None:
     """Outward block of an ear: the displacements of its dependent joints that close its loops to first order."""
-    ear = Ear(x, kind, positions=fields.measured_position)
+    ear = EarGeometry(x, kind, positions=fields.measured_position)
     gaps = face_differences(x, ear)
-    roots = [_root_step(x, ear, t, role) for t, role in enumerate(kind.roots)]
-    rows = ear.kept_rows()
+    roots = [root.step() for root in ear.roots]
+    rows = kept_conditions(ear)
     moved = ear.root_difference(roots)
-    total = [
-        Twist(add(gap.angular, by.angular), add(gap.linear, by.linear)) for gap, by in zip(gaps, moved, strict=True)
-    ]
+    total = [gap.plus(by) for gap, by in zip(gaps, moved, strict=True)]
     rates: Vector = []
     if rows:
-        b = ear.conditions(rows, total, "b", "Eq. 32")
+        b = seen_by(ear, rows, total, "b", "Eq. 32")
         for i, row in enumerate(rows):
             if row.turning:  # what is open in this condition alone
                 sine = sum(weight * dot(one, other) for weight, one, other in row.turning)
@@ -111,18 +102,6 @@ def newton_step(x: Scope, kind: EarKind) -> None:
             back = transpose(ear.attitude(k))
             d = add(twist.linear, d, cross(theta, ear.position(k)))
             _store_step(x, ME[k], rotate(back, add(twist.angular, theta)), rotate(back, d))
-
-
-def _root_step(x: Scope, ear: Ear, t: int, role: str) -> Twist:
-    """Rotation vector and displacement of a root against the base, in region axes."""
-    if role == "link":
-        return Twist.load(x, ROOTS[t], fields.ear_step)
-    if role == "far":
-        return Twist.load(x, REGION, fields.far_step(ear.kind.far[t]))
-    if role == "ground":
-        theta, d = ([-e for e in x.load(BASE, f)] for f in (fields.step.angular, fields.step.linear))
-        return Twist(theta, x.let_vector("s", add(d, cross(theta, ear.position(-1 - t))), "Eq. 35"))
-    return Twist(list(ZERO), list(ZERO))
 
 
 def _store_step(x: Scope, store: Store, theta: Vector, d: Vector) -> None:

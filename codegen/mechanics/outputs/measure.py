@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from ...model.expressions import Expression
 from ...model.outputs import Output
 from ...program.scalar import Value
-from ..structure.kinds import System
+from ..structure.system import System
 from .records import Records
 
 Write = Callable[[Records, Output], Value]

@@ -24,8 +24,8 @@ from ..formulas import FormulaKind, FormulaSlots, formula_kinds, seed_of, transp
 from ..spatial import add, dot
 from ..stores import LME, ME, MY_LANE, NUMBER, RECORD, TANGENT_OF, argument
 from ..structure.constants import Statements
-from ..structure.kinds import System
 from ..structure.links import rigid_inertia
+from ..structure.system import System
 from . import MEASURES
 from .measure import FormulaMeasure, RecordMeasure
 from .records import Records, expressions_of, links_of, structure_of

@@ -24,8 +24,8 @@ from .. import fields
 from ..spatial import add, cross, matmul, matvec, transpose
 from ..stores import MASSES, ME, MOMENTA, NUMBER, PIVOT, argument
 from ..structure.constants import Statements
-from ..structure.kinds import System
 from ..structure.links import BODY_FRAME, Frame, Placement, frame_matrix, identity, place, unit
+from ..structure.system import System
 
 SHORTEST = 1e-100
 """Of a distance, m, that has a derivative: squares of what is divided by it stay finite."""

@@ -13,14 +13,7 @@ from ..handing_on import accumulate_force
 from ..joints import LinkJoint
 from ..stores import DFORCE, FORCE, LME, LUP, ME, MY_LANE, UDOT, UP
 from ..structure.kinds import LinkKind
-from .kinematics import (
-    accelerate,
-    acceleration_matrix,
-    angular_velocity,
-    body_force,
-    less_external,
-    own_inertia,
-)
+from .kinematics import accelerate, acceleration_matrix, angular_velocity, body_force, less_external, own_inertia
 from .tangents import differentiate, pattern, store_tangent, tangent
 from .triangularization import force_to_parent, is_first
 

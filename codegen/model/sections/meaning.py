@@ -12,11 +12,11 @@ from ..entry_reader import NamedJoint
 from ..errors import nearest
 from ..expressions import Expression
 from ..model import joint_coordinates
-from ..places import GROUND, Point
-from ..reading import Reader, some
+from ..places import GROUND, Face, Point
+from ..reading import Reader, is_measured, some
 from ..repetition import Instance
 from .bodies import BodySection, body_index
-from .points import held_together, point_at
+from .points import face_at, held_together, point_at, point_named, unmoved
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +52,17 @@ class Meaning:
             return None
         return sum(self.reader.numeric(self.bodies.bodies[k].mass) for k in bodies if k != GROUND)
 
+    def measured(self, *expressions: Expression) -> tuple[Point, ...]:
+        names = (n for e in expressions for n in sorted(e.names) if is_measured(n))
+        found = (point_named(n.split(".")[1], self.bodies, self.points) for n in names)
+        return tuple({p.name: p for p in found if p is not None}.values())
+
+    def unmoved(self, what: str, place: Point | Face, key: str) -> bool:
+        return unmoved(self.reader, what, place.body, self.at, key, self.bodies)
+
+    def face(self, face: Any, key: str) -> Face | None:
+        return face_at(self.reader, face, self.at, (key,), self.bodies, self.points)
+
     def joint(self, reference: Expression, key: str, entry: Entry) -> NamedJoint | None:
         reader, bodies = self.reader, self.bodies
         joint = reader.reference(reference, self.at, (key,))
@@ -71,7 +82,7 @@ class Meaning:
             return None
         return NamedJoint(joint, index, body.joint.name, joint_coordinates(joint, body.joint.name)[1])
 
-    def held_together(self, what: str, start: Point, end: Point, useless: str) -> bool:
+    def held_together(self, what: str, start: Point | Face, end: Point | Face, useless: str) -> bool:
         return held_together(self.reader, what, start.body, end.body, self.at, self.bodies, useless)
 
     def report(self, path: tuple[str | int, ...], message: str) -> None:
