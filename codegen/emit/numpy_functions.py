@@ -89,7 +89,9 @@ class NumpyFunctions:
         lines += [line for s in p.steps for line in inner.of(s)]
         takes = [", ".join(map(described, arrays)) for arrays in (p.arguments, p.seeds) if arrays]
         returns = ", ".join(map(described, p.results))
-        return PublicFunction(p.doc, f"def {p.name}({names}):", [*lines, *inner.returned()], takes, returns)
+        return PublicFunction(
+            p.doc, f"def {p.name}({names}):", [*lines, *inner.returned()], takes=takes, returns=returns
+        )
 
 
 def described(a: Array) -> str:

@@ -3,10 +3,15 @@
 This is the one table of them; the glossary in the documentation is printed from it. Names are those of the generated code. In
 units, ``u`` stands for what a freedom is measured in (rad or m) and ``[..., ...]`` for angular and linear parts. Values per
 direction are kept under the same names, in slots and lanes, unless another name is given.
+
+A field has a short name, of which components and local variables are made (``w.y``, ``up_w_y``), and one that memory has in
+generated code (``me->omega_y``): that of this table, or what `CALLED` says.
 """
 
 from __future__ import annotations
 
+import functools
+import re
 from dataclasses import dataclass
 
 from ..program.field import (
@@ -306,3 +311,61 @@ FIELDS = _listed()
 """Every field by its name in the code."""
 for _field in FIELDS.values():
     _field.listed = True
+
+CALLED = {
+    "face_place": "{}_place", "face_axes": "{}_axes", "angular_velocity": "omega", "parents_velocity": "parent_omega",
+    "spring_twist": "spring", "remainder.al": "alpha", "remainder.a": "acceleration", "remainder.B": "B",
+    "total.al": "total_alpha", "total.a": "total_acceleration", "ear_own.w": "own_omega",
+    "explicit_acceleration": "explicit", "needed": "", "total_needed": "total", "articulated_force": "articulated",
+    "closing_twist": "closing", "closing_shift": "closing", "ear_remainder.w": "ear_omega", "ear_remainder.al": "ear_alpha",
+    "ear_remainder.a": "ear_acceleration", "ear_remainder.B": "ear_B", "ear_total.al": "ear_total_alpha",
+    "ear_total.a": "ear_total_acceleration", "ear_needed": "ear", "ear_total_needed": "ear_total",
+    "measured_velocity": "measured", "shift": "", "source_gain": "gain_{}_{}", "region_force": "",
+    "far_attitude": "far_{}_attitude", "far_position": "far_{}_position", "far_velocity": "far_{}",
+    "far_remainder.w": "far_{}_remainder_omega", "far_remainder.al": "far_{}_alpha", "far_remainder.a": "far_{}_acceleration",
+    "far_remainder.B": "far_{}_B", "far_total.al": "far_{}_total_alpha", "far_total.a": "far_{}_total_acceleration",
+    "far_total.B": "far_{}_total_B", "far_own.w": "far_{}_own_omega", "far_own.al": "far_{}_own_alpha",
+    "far_own.a": "far_{}_own_acceleration", "far_own.B": "far_{}_own_B", "far_shift": "far_{}", "far_step": "far_{}_step",
+    "far_transmitted": "far_{}_transmitted", "far_balance": "far_{}_balance", "coupling": "inertia_",
+}  # fmt: skip
+"""What memory in generated code is called where the name in this table does not read well there; ``{}`` are numbers."""
+for _name, _field in reversed(FIELDS.items()):  # the first name of a field is its own
+    _field.called = CALLED.get(_name, f"{_name.replace('.', '_')}{'_{}' * _field.name.count('{}')}")
+
+
+def _identified() -> tuple[dict[str, tuple[str, AnyField]], list[tuple[re.Pattern[str], str, AnyField]]]:
+    """What generated code calls components, with their fields: by component; of families by pattern, with numbers as groups."""
+    exact: dict[str, tuple[str, AnyField]] = {}
+    families: dict[str, tuple[str, AnyField]] = {}
+    for field in FIELDS.values():
+        for component, called in zip(field.components, field.identifiers, strict=True):
+            (families if "{}" in component else exact).setdefault(component, (called, field))
+    patterns = ((re.escape(c).replace(r"\{\}", r"(\d+|[AB])"), *found) for c, found in families.items())
+    return exact, [(re.compile(pattern), called, field) for pattern, called, field in patterns]
+
+
+_EXACT, _FAMILIES = _identified()
+
+
+@functools.cache
+def _found(component: str) -> tuple[str, AnyField | None]:
+    """What generated code calls a component that is no derivative, and its field, if a table has it."""
+    if component in _EXACT:
+        return _EXACT[component]
+    for pattern, called, field in _FAMILIES:
+        match = pattern.fullmatch(component)
+        if match:
+            return called.format(*match.groups()), field
+    return component.replace(".", "_"), None
+
+
+def identifier(component: str) -> str:
+    """What generated code calls a component in memory: ``w.y`` is ``omega_y``, ``Z3.w.x`` is ``per_source_3_omega_x``, and
+    ``h.x/1``, a constant's derivative with respect to one of its parameters, ``first_moment_x_d1``."""
+    plain, _, parameter = component.partition("/")
+    return f"{_found(plain)[0]}_d{parameter}" if parameter else _found(plain)[0]
+
+
+def field_of(component: str) -> AnyField | None:
+    """The field that a component is of, or a family of fields; none of what is in no table."""
+    return _found(component.partition("/")[0])[1]

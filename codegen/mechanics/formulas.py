@@ -48,6 +48,8 @@ class FormulaKind:
         Category and number of every slot, in the order of `rows`.
     rows : list of (int, list of int, list of float)
         For each formula: target index, indices for the slots, numbers.
+    places : list of str
+        For each formula: its path in the model file.
     """
 
     index: int
@@ -56,6 +58,7 @@ class FormulaKind:
     tangent: Block
     slots: list[tuple[str, int]]
     rows: list[Row] = field(default_factory=list)
+    places: list[str] = field(default_factory=list)
 
     @cached_property
     def transposed(self) -> Block:
@@ -123,14 +126,13 @@ def formula_kinds(
         literal = {j: row for j, row in enumerate(rows[0][2]) if all(r[2][j] == row for r in rows)}
         kind = _make(len(kinds), target, _with_numbers(canonical, literal), slots)
         kind.rows.extend(rows)
+        kind.places += [places[i] if places else _place(model, target, i) for i, *_ in rows]
         if not (has_values(kind.value) and has_values(kind.tangent)):
             message = (
                 f"{Expression(tree)} has no value or no derivative (a division by zero? an overflow?) for any state; "
                 f"change the expression"
             )
-            index = rows[0][0]
-            path = places[index] if places else _place(model, target, index)
-            raise ModelError([model.problem(path, message)])
+            raise ModelError([model.problem(kind.places[0], message)])
         kinds.append(kind)
     return kinds
 

@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+import re
+
 from .fields import FIELDS
 
 WORDS = {
@@ -40,6 +42,7 @@ WORDS = {
 
 def glossary() -> str:
     """The page, in Markdown."""
+    ending = re.compile(r"_[xyz]{1,2}$|(?<=_)\d\d$")
     lines = [
         "# Glossary",
         "",
@@ -53,16 +56,20 @@ def glossary() -> str:
         "",
         "## Fields",
         "",
-        "What blocks keep for each other: the name in generated code, with `{}` for numbers; the name in",
-        "`codegen/mechanics/fields.py`; shape, unit and the axes of components. In units, u is what a freedom is measured",
-        "in, rad or m, and brackets hold the units of angular and linear parts.",
+        "What blocks keep for each other: the name in the memory of generated code (`me->omega_y`), with `{}` for numbers;",
+        "the short name, of which local variables are made there (`up_w_y`); the name in `codegen/mechanics/fields.py`;",
+        "shape, unit and the axes of components. In units, u is what a freedom is measured in, rad or m, and brackets hold",
+        "the units of angular and linear parts.",
         "",
-        "| in generated code | in the generator | shape | unit | axes of | meaning |",
-        "| --- | --- | --- | --- | --- | --- |",
+        "| in generated code | short | in the generator | shape | unit | axes of | meaning |",
+        "| --- | --- | --- | --- | --- | --- | --- |",
     ]
     for name, field in FIELDS.items():
         shown = ", ".join(f"`{n}`" for n in field.shown)
-        lines.append(f"| {shown} | `{name}` | {field.shape} | {field.unit} | {field.frame or '-'} | {field.meaning} |")
+        called = ", ".join(f"`{n}`" for n in dict.fromkeys(ending.sub("", i) for i in field.identifiers))
+        lines.append(
+            f"| {called} | {shown} | `{name}` | {field.shape} | {field.unit} | {field.frame or '-'} | {field.meaning} |"
+        )
     return "\n".join([*lines, ""])
 
 

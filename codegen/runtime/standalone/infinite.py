@@ -94,7 +94,7 @@ def _first_infinite(package: Mapping[str, Any], module: Any, a: Any, moved: bool
         for i in bad(getattr(a, array, ())):
             return element(array, i, "the coefficients")
     records = a.records[: len(links)]
-    for i in bad([_sum_of_sizes(x for n, x in r.items() if n.startswith("ext.")) for r in records]):
+    for i in bad([_sum_of_sizes(x for n, x in r.items() if n.startswith("external_")) for r in records]):
         return f": the force of force elements on body {links[i].partition('.')[0]} is too large for floating-point numbers"
     module.kinematics(a)
     for i in bad([_sum_of_sizes(r.values()) for r in records]):
