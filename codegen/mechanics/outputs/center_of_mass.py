@@ -9,7 +9,7 @@ from ...model.outputs import Output
 from ...model.places import Point
 from ...program.scalar import Value, Vector
 from ..spatial import add, dot, scale
-from ..structure.kinds import System
+from ..structure.system import System
 from .measure import RecordMeasure
 from .records import Records, expressions_of, grounded
 

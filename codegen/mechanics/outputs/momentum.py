@@ -8,7 +8,7 @@ from ...model.expressions import Expression
 from ...model.outputs import Output
 from ...program.scalar import Value
 from ..spatial import cross, dot, minus
-from ..structure.kinds import System
+from ..structure.system import System
 from .center_of_mass import center_of_system, mass_properties
 from .measure import RecordMeasure
 from .records import Records
