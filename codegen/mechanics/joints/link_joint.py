@@ -61,7 +61,7 @@ class LinkJoint(ABC):
     Attributes
     ----------
     motion : tuple of Motion
-        The chain of elementary motions that it is: see `structure.links`.
+        The chain of elementary motions that it is: see `structure.links`. Axes are counted from that of the link.
     freedoms, coordinates : int
         How many.
     angle : int or None
