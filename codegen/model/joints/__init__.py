@@ -12,6 +12,7 @@ from .joint_type import Closure, JointType
 from .planar import Planar
 from .prismatic import Prismatic
 from .revolute import Revolute
+from .screw import Screw
 from .spherical import Spherical
 from .universal import Universal
 
@@ -19,11 +20,11 @@ __all__ = ["JOINTS", "LATER", "Closure", "JointType"]
 
 _TYPES: Final[tuple[type[JointType], ...]] = (
     *(Fixed, Revolute, Prismatic, Universal, Spherical, Free),
-    *(Cylindrical, Planar, Inline),
+    *(Screw, Cylindrical, Planar, Inline),
 )
 
 JOINTS: Final[dict[str, type[JointType]]] = {kind.name: kind for kind in _TYPES}
 """By name, in the order in which messages list them."""
 
-LATER: Final = ("screw",)
+LATER: Final[tuple[str, ...]] = ()
 """Joints that come in a later version, for the message to those who ask."""
