@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from body_joints import TREE, accelerations_and_mujocos, dependents, loop_errors, tree_errors, with_joint
 
+from codegen.listing import list_model
 from codegen.mechanics.structure.system import analyse
 
 JOINT = "planar, normal: [0.3, w, 1]"
@@ -34,6 +35,10 @@ def test_the_cases_have_dependent_and_independent_speeds() -> None:
     first, second = (dependents(JOINT, 3, **case) for case in IN_LOOPS)
     assert not first & {"b.1", "b.2", "b.3", "c.1"}
     assert second & {"b.1", "b.2", "b.3", "c.1", "c.2", "c.3"}
+
+
+def test_what_a_listing_says_of_it() -> None:
+    assert "planar -y at [" in "\n".join(list_model(with_joint(TREE, "planar, normal: -y", 3)))
 
 
 @pytest.mark.parametrize("normal", ["z", "-z", "[0.3, w, 1]"])

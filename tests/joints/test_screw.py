@@ -11,6 +11,7 @@ from comparison import worst
 from random_models import random_seeds, random_state
 
 import codegen
+from codegen.listing import list_model
 from codegen.model import parse_model
 from codegen.model.errors import ModelError
 from codegen.reference import DenseEngine, RecursiveEngine
@@ -99,6 +100,10 @@ def test_a_pitch_of_zero_costs_what_a_hinge_costs(tmp_path: Path) -> None:
         codegen.generate(with_joint(TREE, joint, 1), tmp_path / "m", target="numpy")
         counts.append(codegen.load(tmp_path / "m").operations)
     assert counts[0] == counts[1]
+
+
+def test_what_a_listing_says_of_it() -> None:
+    assert "screw z, pitch h on ground" in "\n".join(list_model(parse_model(NUT)))
 
 
 def test_it_closes_no_loop_and_says_what_to_do() -> None:

@@ -16,7 +16,7 @@ from .screw import Screw
 from .spherical import Spherical
 from .universal import Universal
 
-__all__ = ["JOINTS", "LATER", "Closure", "JointType"]
+__all__ = ["JOINTS", "Closure", "JointType"]
 
 _TYPES: Final[tuple[type[JointType], ...]] = (
     *(Fixed, Revolute, Prismatic, Universal, Spherical, Free),
@@ -25,6 +25,3 @@ _TYPES: Final[tuple[type[JointType], ...]] = (
 
 JOINTS: Final[dict[str, type[JointType]]] = {kind.name: kind for kind in _TYPES}
 """By name, in the order in which messages list them."""
-
-LATER: Final[tuple[str, ...]] = ()
-"""Joints that come in a later version, for the message to those who ask."""
