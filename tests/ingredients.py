@@ -17,7 +17,7 @@ from codegen.model import Model, parse_model
 Choices = Mapping[str, Sequence[str]]
 
 MAY_HAVE: Choices = {
-    "joint": ("revolute", "prismatic", "universal", "spherical", "free"),
+    "joint": ("revolute", "prismatic", "screw", "cylindrical", "planar", "universal", "spherical", "free"),
     "outputs": ("none", "position", "velocity", "value", "kinetic", "potential", "given"),
     "springs": ("none", "numbers", "parameters", "inputs", "time"),
     "forces": ("none", "state", "inputs", "time"),
@@ -36,7 +36,7 @@ LOOPS: Choices = {"loop": LOOP_JOINTS_MAY_BE, **MAY_HAVE, "partitions": ("1", "2
 
 ALIKE = {
     "loop": (LOOP_JOINTS_MAY_BE,),
-    "joint": (("revolute", "prismatic"), ("universal",), ("spherical", "free")),
+    "joint": (("revolute", "prismatic", "screw"), ("universal", "cylindrical", "planar"), ("spherical", "free")),
     "outputs": (("none",), ("position", "velocity"), ("value", "given"), ("kinetic", "potential")),
     "springs": (("none",), ("numbers", "parameters"), ("inputs", "time")),
     "forces": (("none",), ("state", "inputs", "time")),
@@ -48,6 +48,9 @@ ALIKE = {
 JOINTS = {
     "revolute": "{type: revolute, axis: [1, 0, 2]",
     "prismatic": "{type: prismatic, axis: -x",
+    "screw": "{type: screw, axis: [1, 0, 2], pitch: 0.1*l",
+    "cylindrical": "{type: cylindrical, axis: [1, 0, 2]",
+    "planar": "{type: planar, normal: y",
     "universal": "{type: universal, axes: [y, x]",
     "spherical": "{type: spherical",
     "free": "{type: free",
