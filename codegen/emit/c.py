@@ -25,7 +25,7 @@ from ..model.model import Model
 from ..program.block import Block
 from ..program.field import AnyField
 from ..program.passes import by_results
-from ..program.procedure import Own, Perform, Prepare, Procedure, Run
+from ..program.procedure import Columns, Own, Perform, Prepare, Procedure, Run
 from ..program.store import Store
 from . import c_functions
 from .c_functions import CFunctions
@@ -58,6 +58,9 @@ ENERGIES = ("KINETIC", "POTENTIAL")
 LANE_REGIONS = ("slots", "lanes", "region_lanes")
 """Regions with a value for every direction."""
 
+
+UNUSED_WORK = ["(void)work;"]
+"""Lines of a function that needs no memory."""
 
 MEMBERS, COMMENTED = 100, 120
 """How long lines of members of structs are, and those with a comment."""
@@ -237,6 +240,7 @@ class CWriter(Writer):
         if at.region == "constants":
             return self.in_constants(at.variable, at.row, at.form, name)
         if at.region == "numbers":
+            self.reads_numbers = True
             return Located(at.variable, f"numbers + {at.row}", f"[{at.component}]", "double")
         if at.region == "trig":
             return Located(at.variable, f"a->trig + {at.row}", "[COSINE]" if name == "cos" else "[SINE]", "double")
@@ -401,10 +405,10 @@ class CWriter(Writer):
             region: str, prefix: str, forms: dict[str, str], fields: dict[str, dict[str, int]], room: int
         ) -> None:
             """One for each sweep, and the union of these."""
-            chosen = [sweep for sweep, of in forms.items() if sweep == of and fields[sweep]]
+            users = {f: [s for s, of in forms.items() if of == f and s in self.blocks] for f in forms if fields[f]}
+            chosen = [sweep for sweep, found in users.items() if found]
             for sweep in chosen:
-                users = ", ".join(s for s, of in forms.items() if of == sweep and s in self.blocks)
-                add(f"In {users}.", f"{prefix}_{sweep}", members(fields[sweep], number), shared=True)
+                add(f"In {', '.join(users[sweep])}.", f"{prefix}_{sweep}", members(fields[sweep], number), shared=True)
             if chosen:
                 lines = [f"{_of_width(f'{prefix}_{s}', lanes)} {s};" for s in chosen]
                 lines += [f"double room[{room}];"] if room else []
@@ -430,11 +434,11 @@ class CWriter(Writer):
 
     def laid_out(self, procedure: Procedure, places: dict[str, int]) -> list[str]:
         """Lines that give a call the memory of the workspace: all of it, or what a few sweeps need."""
-        if any(isinstance(s, (Prepare, Perform, Own)) for s in procedure.steps):
+        if lays_out(procedure):
             return ["lay_out(&c, work);"]
         touched = set[str]().union(*(self.touched.get(s.sweep, ()) for s in procedure.steps if isinstance(s, Run)))
         lines = [f"c.{name} = {_cast(name)}(aligned(work) + {at});" for name, at in places.items() if name in touched]
-        return lines if lines or procedure.seeds else ["(void)work;"]
+        return lines if lines or procedure.seeds else UNUSED_WORK
 
     def context(self) -> dict[str, Any]:
         """What the templates are rendered with."""
@@ -458,6 +462,7 @@ class CWriter(Writer):
                                                   {n: t for n, t in types.items() if kept[n]})  # fmt: skip
         in_workspace = {name: at for name, at in places.items() if not kept[name]}
         lines = CFunctions(model.name, memory, self.prepared, lambda p: self.laid_out(p, in_workspace))
+        used = sorted({w for widths in self.sets_of_widths for w in widths})
         of_width = [(f, w) for f in found for w in (f.widths or (None,))]
         batches = [(c_functions.batch_signature(f, model.name, w), f, w) for f, w in of_width]
         return context | {
@@ -475,13 +480,21 @@ class CWriter(Writer):
                              for n, at in in_workspace.items()],
             "lane_places": [(n, f"({types[n]} *)(work + {at})") for n, at in places.items() if kept[n]],
             "tables": [*self.flat_tables(), *((head, [f"{{{row}}}," for row in rows]) for head, rows in self.tables)],
-            "sines": ["c/sincos.c.jinja"] if layout.angles else [],
+            "sines": ["c/sincos.c.jinja"] if layout.angles and self.prepares(procedures.ANGLES) else [],
             "routines": [lines.routine(r) for r in context["routines"]],
-            "lane_routines": [lines.routine(r) for r in context["lane_routines"]],
-            "other_lane_routines": [lines.routine(r) for r in context["other_lane_routines"]],
+            "lane_functions": [(*guard(widths, used), functions) for widths, functions in context["lane_functions"] if functions],
+            "lane_routines": [
+                (*guard(widths, used), functions)
+                for widths, of in context["lane_routines"]
+                if (functions := [*map(lines.routine, of), *(lines.function(f) for f in found if f.widths == widths)])
+            ],
+            "inclusions": inclusions(model.name, used),
+            "sweep_files": [
+                *(["c/aligned.c.jinja"] if used or any(_reads_work(lines.laid_out(p)) for p in found) else []),
+                *(["c/lay_out.c.jinja"] if any(map(lays_out, found)) else []),
+            ],
+            "matrix_files": ["c/component.c.jinja"] if any(map(fills_lanes, found)) else [],
             "header_functions": [lines.function(f) for f in found if not f.seeds],
-            "header_lane_functions": [lines.function(f) for f in found if 2 in f.widths],
-            "other_header_lane_functions": [lines.function(f) for f in found if f.seeds and 2 not in f.widths],
             "prototypes": [
                 (f.doc if not w else f"{f.doc} Directions: {w}.",
                  c_functions.signature(f, f"{model.name}_{c_functions.symbol(f, w)}")) for f, w in of_width
@@ -492,8 +505,8 @@ class CWriter(Writer):
     def flat_tables(self) -> list[tuple[str, list[str]]]:
         """Declarations and lines of tables without rows: numbers; coordinates that are angles if they are not the first."""
         numbers, angles = [repr(v) for v in self.layout.numbers], self.layout.angles
-        found = [(f"static const double numbers[{len(numbers)}]", in_lines(numbers, 6))] if numbers else []
-        if angles != list(range(len(angles))):
+        found = [(f"static const double numbers[{len(numbers)}]", in_lines(numbers, 6))] if self.reads_numbers else []
+        if self.prepares(procedures.ANGLES) and angles != list(range(len(angles))):
             found.append((f"static const int angle_of[{len(angles)}]", in_lines(list(map(str, angles)), 16)))
         return found
 
@@ -538,6 +551,37 @@ def legend(model: Model, links: int) -> list[str]:
     return lines
 
 
+def lays_out(procedure: Procedure) -> bool:
+    """Whether a function needs all of the workspace, not what a few sweeps keep."""
+    return any(isinstance(s, (Prepare, Perform, Own)) for s in procedure.steps)
+
+
+def _reads_work(lines: list[str]) -> bool:
+    """Whether lines that give a call its memory give it any."""
+    return bool(lines) and lines != UNUSED_WORK
+
+
+def fills_lanes(procedure: Procedure) -> bool:
+    """Whether a function computes several columns of a matrix at once."""
+    return any(isinstance(s, Columns) and s.unit.lanes for s in procedure.steps)
+
+
+def guard(widths: tuple[int, ...], used: list[int]) -> tuple[list[str], list[str]]:
+    """Lines around what only some widths need."""
+    if sorted(widths) == used:
+        return [], []
+    return [f"#if {' || '.join(f'WIDTH == {w}' for w in widths)}"], ["#endif"]
+
+
+def inclusions(name: str, used: list[int]) -> list[str]:
+    """Lines that include the functions over directions once for every width; the last one stays."""
+    lines = []
+    for w in used:
+        lines += ["#undef WIDTH"] if w != used[0] else []
+        lines += [f"#define WIDTH {w}", f'#include "{name}_directions.h"']
+    return lines
+
+
 def members(components: Iterable[str], number: str) -> list[str]:
     """Lines of a struct: the components of a field together, with its meaning."""
     found: list[tuple[AnyField | None, list[str]]] = []
@@ -575,11 +619,10 @@ def _function(name: str, lanes: bool) -> str:
 def write_c(context: dict[str, Any]) -> dict[str, str]:
     """The C files of a solver, by name."""
     name = context["name"]
-    return {
-        f"{name}.c": render("c/module.c.jinja", context),
-        f"{name}_directions.h": render("c/directions.h.jinja", context),
-        f"{name}.h": render("c/module.h.jinja", context),
-    }
+    files = {f"{name}.c": "c/module.c.jinja", f"{name}.h": "c/module.h.jinja"}
+    if context["inclusions"]:
+        files[f"{name}_directions.h"] = "c/directions.h.jinja"
+    return {file: render(template, context) for file, template in files.items()}
 
 
 __all__ = ["CWriter", "write_c"]

@@ -86,6 +86,8 @@ def manifest(
     for f in procedures:
         sweeps = [s for s in counted(f, OUTSIDE) if s in operations]
         functions[f.name] = {"arguments": _names(f.arguments), "results": _names(f.results), "sweeps": sweeps}
+        if f.member:
+            functions[f.name]["member"] = f.member
         if f.widths:
             functions[f.name] |= {"seeds": _names(f.seeds), "widths": list(f.widths)}
     return {

@@ -115,6 +115,7 @@ class NumpyWriter(Writer):
             return self.element(name, at.row)
         if not at.row:
             return self.element(at.region, at.component)
+        self.reads_numbers = self.reads_numbers or at.region == "numbers"
         index = _index(at.row, int(at.component))
         return Located("", "numbers", f"[{index}]") if at.region == "numbers" else self.element(at.region, index)
 
@@ -220,13 +221,13 @@ class NumpyWriter(Writer):
     def flat_tables(self) -> list[tuple[str, list[str], str]]:
         """Beginning, lines and end of the tables; numbers are arrays."""
         found = []
-        if self.layout.numbers:
+        if self.reads_numbers:
             found.append(("numbers = np.array([", in_lines(list(map(repr, self.layout.numbers)), 6), "])"))
         for name, rows in self.tables.items():
             ends = ("np.array((", "))") if name.startswith("numbers") else ("(", ")")
             found.append((f"{name} = {ends[0]}", [f"({row},)," for row in rows], ends[1]))
         angles = self.layout.angles
-        if angles != list(range(len(angles))):
+        if self.prepares(procedures.ANGLES) and angles != list(range(len(angles))):
             found.append(("angle_of = [", in_lines(list(map(str, angles)), 16), "]"))
         return found
 
@@ -259,6 +260,7 @@ class NumpyWriter(Writer):
             "memory": self.memory(),
             "singular": singular[::-1],  # the last ones have the largest numbers
             "errors": errors,
+            "functions": [*context["functions"], *(f for _, functions in context["lane_functions"] for f in functions)],
             "routines": [lines.routine(r) for r in routines(self.procedures)],
             "public": [lines.function(f) for f in self.procedures],
         }

@@ -8,7 +8,7 @@ from __future__ import annotations
 import keyword
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any
@@ -17,7 +17,7 @@ from ..mechanics.expansion import Program
 from ..mechanics.fields import identifier
 from ..mechanics.formulas import FormulaKind
 from ..mechanics.outputs.outputs import RecordFormula
-from ..mechanics.procedures import SHAPES
+from ..mechanics.procedures import CONSTANTS, SHAPES, WIDTHS
 from ..mechanics.stores import CE_PARAMETER, CONSTANT, KEPT, LAID_OUT, MARGIN, NUMBER, PARAMETER, SHAPE, SUM, SUM_LANE
 from ..mechanics.structure.constants import Constants
 from ..mechanics.structure.element_kinds import ElementKind
@@ -26,7 +26,20 @@ from ..mechanics.sweeps import INWARD, SWEEP
 from ..model.model import GROUND
 from ..program.block import RESERVED, Block
 from ..program.operations import count
-from ..program.procedure import Formulas, Prepare, Procedure, Run, pruned, routines, walk
+from ..program.procedure import (
+    Columns,
+    Formulas,
+    Perform,
+    Prepare,
+    Procedure,
+    Run,
+    Single,
+    Step,
+    over_directions,
+    pruned,
+    routines,
+    walk,
+)
 from ..program.store import Store
 from ..version import __version__
 from .address import Addresses
@@ -115,6 +128,8 @@ class Writer(ABC):
             "nq": self.model.coordinate_names, "nu": self.model.speed_names, "np": self.model.parameter_names,
             "ninputs": self.model.inputs,
         }  # fmt: skip
+        self.reads_numbers = False
+        """Whether any function reads the table of numbers that differ within a kind."""
         self._shared: dict[str, list[tuple[UnitKind, ...]]] = {}
 
     # -- the language ----------------------------------------------------------------------------------------------
@@ -372,8 +387,8 @@ class Writer(ABC):
             calls += call
         return functions, calls
 
-    def formula_functions(self, target: str) -> dict[str, Any]:
-        """Functions of the formulas of a target, for values and for tangents."""
+    def formula_functions(self, target: str, parts: Collection[str]) -> dict[str, Any]:
+        """Functions of the formulas of a target: for values, tangents and their transposes, as far as they are called."""
         result: dict[str, Any] = {
             f"{kind}{part}": [] for kind in ("", "lane_", "back_") for part in ("functions", "calls")
         }
@@ -387,7 +402,7 @@ class Writer(ABC):
             if kind.target == target:
                 integers = [[i, *slots] for i, slots, _ in kind.rows]
                 numbers = [n for _, _, n in kind.rows]
-                self._add_pair(result, f"{target}_{kind.index}", kind, place_formula, integers, numbers)
+                self._add_formula(result, parts, f"{target}_{kind.index}", kind, place_formula, integers, numbers)
         ground = len(self.system.links)
         for record in self.records:
             if record.target == target:
@@ -406,12 +421,14 @@ class Writer(ABC):
                     [i, *(ground if link == GROUND else link for link in links), *of] for i, links, of, _ in record.rows
                 ]
                 numbers = [n for *_, n in record.rows]
-                self._add_pair(result, f"{target}_of_link_{record.index}", record, place_record, integers, numbers)
+                name = f"{target}_of_link_{record.index}"
+                self._add_formula(result, parts, name, record, place_record, integers, numbers)
         return result
 
-    def _add_pair(
+    def _add_formula(
         self,
         result: dict[str, Any],
+        parts: Collection[str],
         name: str,
         kind: FormulaKind | RecordFormula,
         place: RowPlace,
@@ -420,19 +437,16 @@ class Writer(ABC):
     ) -> None:
         about = kind.value.title
         if kind.places:
-            more = len(kind.places) - 1
-            about = f"{kind.places[0]} of the model{f' and {more} like it' if more else ''}"
-        f, call = self.rows_function(name, kind.value, place, integers, numbers, about)
-        result["functions"].append(f)
-        result["calls"] += call
-        f, call = self.rows_function(f"d{name}", kind.tangent, place, integers, numbers, f"tangent of {about}", True)
-        result["lane_functions"].append(f)
-        result["lane_calls"] += call
-        if kind.transposed.stores:  # a formula of numbers hands nothing back
-            about = f"transpose of the tangent of {about}"
-            f, call = self.rows_function(f"{name}_transposed", kind.transposed, place, integers, numbers, about, True)
-            result["back_functions"].append(f)
-            result["back_calls"] += call
+            more = len(kind.places) - 3
+            about = f"{', '.join(kind.places[:3])}{f' and {more} more' if more > 0 else ''} of the model"
+        made = [("", name, kind.value, about), ("lane_", f"d{name}", kind.tangent, f"tangent of {about}")]
+        if "back_" in parts and kind.transposed.stores:  # a formula of numbers hands nothing back
+            made.append(("back_", f"{name}_transposed", kind.transposed, f"transpose of the tangent of {about}"))
+        for part, called, block, what in made:
+            if part in parts:
+                f, call = self.rows_function(called, block, place, integers, numbers, what, bool(part))
+                result[f"{part}functions"].append(f)
+                result[f"{part}calls"] += call
 
     def owners(self, constants: Sequence[Constants]) -> str:
         """Whose constants some are, in words."""
@@ -490,21 +504,34 @@ class Writer(ABC):
     @cached_property
     def swept(self) -> dict[str, list[Function]]:
         """The functions of every sweep."""
-        order = sorted(self.blocks, key=lambda s: 2 if s in self.wide else int(SWEEP[s].lanes))
+        sets = self.sets_of_widths
+        order = sorted(self.blocks, key=lambda s: 1 + sets.index(self.widths[s]) if SWEEP[s].lanes else 0)
         return {s: self.sweep_functions(s) for s in order}
 
     @cached_property
-    def wide(self) -> set[str]:
-        """Sweeps and formulas over directions that are not compiled for two of them, since nothing is called for two."""
-        steps = [(p, s) for p in self.asked for s in walk(p.steps) if isinstance(s, (Run, Formulas)) and s.lanes]
-        narrow = {_name(s) for p, s in steps if 2 in p.widths}
-        return {_name(s) for _, s in steps} - narrow
+    def widths(self) -> dict[str, tuple[int, ...]]:
+        """For how many directions at once sweeps, formulas and routines over directions are called, widest first."""
+        found: dict[str, set[int]] = {}
+        for p in self.asked:
+            for name, width in called_for(p):
+                found.setdefault(name, set()).add(width)
+        return {name: tuple(sorted(widths, reverse=True)) for name, widths in found.items()}
+
+    @cached_property
+    def sets_of_widths(self) -> list[tuple[int, ...]]:
+        """All of these, the largest sets first."""
+        sets = {*self.widths.values(), *(p.widths for p in self.asked if p.widths)}
+        return sorted(sets, key=lambda widths: (-len(widths), widths))
 
     @cached_property
     def constants(self) -> tuple[list[Function], list[str]]:
         """Functions that compute constants, and their calls."""
         _ = self.swept  # tables are in the order of the sweeps
-        return self.constants_functions()
+        return self.constants_functions() if self.prepares(CONSTANTS) else ([], [])
+
+    def prepares(self, what: str) -> bool:
+        """Whether any function prepares something."""
+        return any(isinstance(s, Prepare) and s.what == what for p in self.asked for s in walk(p.steps))
 
     @cached_property
     def groups(self) -> dict[Formulas, list[Function]]:
@@ -512,10 +539,11 @@ class Writer(ABC):
         _ = self.constants
         found: dict[Formulas, list[Function]] = {}
         steps = {s for p in self.asked for s in walk(p.steps) if isinstance(s, Formulas)}
-        by_target = {t: self.formula_functions(t) for t in FORMULA_ORDER}
+        targets = {t for step in steps for t in step.targets}
+        parts = {t: {_part(step) for step in steps if t in step.targets} for t in targets}
+        by_target = {t: self.formula_functions(t, parts[t]) for t in FORMULA_ORDER if t in targets}
         for step in sorted(steps, key=lambda s: (FORMULA_ORDER.index(s.targets[0]), s.lanes, s.backwards)):
-            prefix = "back_" if step.backwards else "lane_" if step.lanes else ""
-            functions, calls = f"{prefix}functions", f"{prefix}calls"
+            functions, calls = f"{_part(step)}functions", f"{_part(step)}calls"
             lines = [line for t in step.targets for line in by_target[t][calls]]
             if lines:
                 of = "transpose of tangents of " if step.backwards else "tangents of " if step.lanes else ""
@@ -544,7 +572,6 @@ class Writer(ABC):
         model = self.model
         parts = self.swept | {_name(step): functions for step, functions in self.groups.items()}
         lanes = {_name(s) for s in self.groups if s.lanes} | {s for s in self.swept if SWEEP[s].lanes}
-        narrow = routines(tuple(p for p in self.procedures if 2 in p.widths))
         return {
             "name": model.name,
             "version": __version__,
@@ -555,11 +582,15 @@ class Writer(ABC):
                 for t in self.addresses.tables if t.columns
             ],
             "functions": [*self.constants[0], *(f for n in parts if n not in lanes for f in parts[n])],
-            "lane_functions": [f for n in parts if n in lanes - self.wide for f in parts[n]],
-            "other_lane_functions": [f for n in parts if n in lanes & self.wide for f in parts[n]],
+            "lane_functions": [
+                (widths, [f for n in parts if n in lanes and self.widths.get(n) == widths for f in parts[n]])
+                for widths in self.sets_of_widths
+            ],
             "routines": [r for r in routines(self.procedures) if not r.lanes],
-            "lane_routines": [r for r in narrow if r.lanes],
-            "other_lane_routines": [r for r in routines(self.procedures) if r.lanes and r not in narrow],
+            "lane_routines": [
+                (widths, [r for r in routines(self.procedures) if r.lanes and self.widths[r.name] == widths])
+                for widths in self.sets_of_widths
+            ],
             "interfaces": self.procedures,
         }  # fmt: skip
 
@@ -568,11 +599,39 @@ FORMULA_ORDER = ("tau", "outputs", "energy", "coefficient", "drive", "initial_q"
 """The order in which the tables of formulas stand."""
 
 
+def _part(step: Formulas) -> str:
+    """Which of the functions of a formula a step calls: for values, tangents, or their transpose."""
+    return "back_" if step.backwards else "lane_" if step.lanes else ""
+
+
 def _name(step: Run | Formulas) -> str:
     """Name of the function that a step calls."""
     if isinstance(step, Run):
         return step.sweep
     return step.called
+
+
+def called_for(procedure: Procedure) -> set[tuple[str, int]]:
+    """What a procedure runs over directions, by name, and for how many at once."""
+    found: set[tuple[str, int]] = set()
+
+    def add(steps: tuple[Step, ...], widths: Sequence[int]) -> None:
+        for step in steps:
+            match step:
+                case Run() | Formulas():
+                    found.update((_name(step), w) for w in widths if over_directions(step))
+                case Single():
+                    found.update((s.sweep, 1) for s in step.steps)
+                case Perform():
+                    found.update((step.routine.name, w) for w in widths if over_directions(step))
+                    add(step.routine.steps, widths)
+                case Columns():
+                    add(step.steps, widths or (max(WIDTHS),))
+                case _:
+                    pass
+
+    add(procedure.steps, procedure.widths)
+    return found
 
 
 def notes(block: Block) -> list[str]:

@@ -6,6 +6,10 @@ model does not use does not exist: no ``inputs`` without inputs, no ``t`` withou
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Collection
+from dataclasses import replace
+
 from ..program.procedure import (
     AddEntry,
     Array,
@@ -43,6 +47,12 @@ TRANSPOSED = {
     "outputs": "output_sensitivities", "completion": "completion_sensitivities",
 }  # fmt: skip
 """Functions that have a transpose, with those that give their derivatives."""
+
+GRADIENTS = {
+    "accelerations": "gradients", "coordinate_rates": "coordinate_rate_gradients", "energies": "energy_gradients",
+    "outputs": "output_gradients", "completion": "assemble_gradients",
+}  # fmt: skip
+"""What a solver calls these transposes, by the functions of values."""
 
 WIDTHS = (8, 2, 1)
 """How many directions one call of the sensitivities takes."""
@@ -89,9 +99,69 @@ def arrays(system: System) -> dict[str, Array]:
     return found
 
 
-def procedures(system: System, reactions: bool = False) -> tuple[Procedure, ...]:
-    """The functions that a solver has, in the order of its header; reactions where they are asked for."""
-    return _Writer(system).all(reactions)
+GROUPS: dict[str, tuple[str, ...]] = {
+    "dynamics": ("accelerations", "sensitivities", "jacobians"),
+    "rates": ("coordinate_rates", "coordinate_rate_sensitivities"),
+    "mass": ("mass_matrix", "mass_matrix_sensitivities", "solve_mass", "solve_mass_sensitivities"),
+    "forces": ("inverse_dynamics", "inverse_dynamics_sensitivities"),
+    "states": ("assemble_sensitivities", "closure_sensitivities", "initial_sensitivities"),
+}
+"""Words for several functions that may be chosen together."""
+
+ALSO = {
+    "bias_force": "inverse_dynamics", "bias_force_sensitivities": "inverse_dynamics_sensitivities", "assemble": "completion",
+    "initial_state": "initial",
+}  # fmt: skip
+"""Members of a solver, with the functions that they call beside those that they are called like."""
+
+
+class UnknownFunctionError(ValueError):
+    """A function was chosen that a solver of the model cannot have."""
+
+
+def procedures(
+    system: System, reactions: bool = False, functions: Collection[str] | None = None
+) -> tuple[Procedure, ...]:
+    """The functions that a solver has, in the order of its header.
+
+    Parameters
+    ----------
+    reactions : bool
+        Reactions are among them.
+    functions : collection of str, optional
+        Those that are wanted, by their names, by those of members of a solver, or by `GROUPS`; left out: all, without reactions.
+
+    Raises
+    ------
+    UnknownFunctionError
+    """
+    found = _Writer(system).all(reactions or "reactions" in (functions or ()))
+    return found if functions is None else chosen(found, [*functions, *(["reactions"] if reactions else [])])
+
+
+def chosen(found: tuple[Procedure, ...], functions: Collection[str]) -> tuple[Procedure, ...]:
+    """The procedures that functions name, and those that every solver has."""
+    wanted: set[str] = set()
+    for word in functions:
+        names = {ALSO.get(n, n) for n in GROUPS.get(word, (word,))}
+        of_word = {p.name for p in found if p.name in names or p.called in names}
+        if not of_word and word not in GROUPS and word not in ALSO:
+            known = [p.called for p in found]
+            near = difflib.get_close_matches(word, [*known, *GROUPS], 1)
+            raise UnknownFunctionError(
+                f"functions: the model has no function {word!r}{f'; did you mean {near[0]}?' if near else ''}; it may have "
+                f"{', '.join(known)}, or together {', '.join(GROUPS)}"
+            )
+        wanted |= of_word
+    if not wanted and not any(p.basic for p in found):
+        raise UnknownFunctionError(f"functions: of {', '.join(functions) or 'none'} the model has nothing to generate")
+    return tuple(p for p in found if p.basic or p.name in wanted)
+
+
+def left_out(system: System, kept: tuple[Procedure, ...]) -> list[str]:
+    """What users call the functions that a solver could have but for the choice, reactions apart."""
+    names = {p.name for p in kept}
+    return [p.called for p in _Writer(system).all(False) if p.name not in names]
 
 
 class _Writer:
@@ -332,6 +402,7 @@ class _Writer:
             ),
             weights,
             OTHER_WIDTHS,
+            GRADIENTS[values.name],
         )
 
     def dynamics(self) -> list[Procedure]:
@@ -551,6 +622,7 @@ class _Writer:
                 state,
                 (position, velocity),
                 (Tolerate(), self.start, *run("residuals")),
+                basic=True,
             ),
             Procedure(
                 "conditions",
@@ -558,6 +630,7 @@ class _Writer:
                 places,
                 self.of("condition"),
                 (Own(given), Zero(given), *self.begin, *run("condition_numbers")),
+                basic=True,
             ),
             Procedure(
                 "newton_step",
@@ -565,6 +638,7 @@ class _Writer:
                 places,
                 (step,),
                 (Zero(step), Own(given), Zero(given), *self.begin, *run("correct")),
+                basic=True,
             ),
             Procedure(
                 "completion",
@@ -572,6 +646,7 @@ class _Writer:
                 state,
                 (full_u,),
                 (*self.begin, Copy(full_u, u)),
+                basic=True,
             ),
             Procedure(
                 "completion_sensitivities",
@@ -581,6 +656,7 @@ class _Writer:
                 (*self.begin, *self.along, Copy(full_u, u), Copy(dfull_q, dq), Copy(dfull_u, du)),
                 seeds,
                 OTHER_WIDTHS,
+                "assemble_sensitivities",
             ),
             Procedure(
                 "closure_sensitivities",
@@ -597,6 +673,7 @@ class _Writer:
                 ),
                 seeds,
                 OTHER_WIDTHS,
+                basic=bool(self.system.partition and self.system.partition.opening),
             ),
         ]
 
@@ -604,7 +681,7 @@ class _Writer:
         results = self.of("q", "u")
         bound: tuple[Step, ...] = tuple(Bind(r.called(f"initial_{r.name}"), r) for r in results)
         along: tuple[Step, ...] = tuple(Bind(r.tangent(f"dinitial_{r.name}"), r.tangent()) for r in results)
-        return self.pair(
+        values, tangents = self.pair(
             ("initial", "initial_sensitivities"),
             (
                 "Initial values, as the model file gives them: loops not closed yet.",
@@ -615,6 +692,7 @@ class _Writer:
             (*bound, INITIAL),
             (*bound, *along, INITIAL, INITIAL.tangents()),
         )
+        return [replace(values, basic=True), tangents]
 
 
 def sweeps(found: tuple[Procedure, ...]) -> set[str]:

@@ -193,10 +193,12 @@ class WrittenTangents(EarTangents):
                 self.d.of[symbol] = value
 
     def _of_local(self, value: Value) -> Value:
-        """Tangent of a component in a link's own axes: of a constant, or of a statement on constants and coordinates."""
-        if isinstance(value, Symbol) and value not in self.d.of:
+        """Tangent of a component in a link's own axes: of a constant, or of statements on constants and coordinates."""
+        if isinstance(value, Symbol) and value not in self.d.of and value not in self.x.block.loads:
             for statement in self.x.block.statements:
                 if statement.target == value:
+                    for operand in sorted(statement.expression.free_symbols, key=str):
+                        self._of_local(operand)
                     self.d.statement(statement)
                     self.known.add(value)
                     break

@@ -153,7 +153,7 @@ def parts_of(chain: Sequence[Motion]) -> list[Part]:
     Raises
     ------
     TypeError
-        There is a motion that no joint of a link begins with.
+        There is a motion that no joint of a link begins with, or two links would share a coordinate.
     """
     found: list[Part] = []
     while chain:
@@ -165,6 +165,9 @@ def parts_of(chain: Sequence[Motion]) -> list[Part]:
                 break
         else:
             raise TypeError(f"no joint of a link (mechanics/joints) moves by {chain[0]}")
+    speeds = [part.u + j for part in found for j in range(part.joint.freedoms)]
+    if len(set(speeds)) < len(speeds):
+        raise TypeError("motions that share a coordinate are those of no joint of a link (mechanics/joints)")
     return found
 
 

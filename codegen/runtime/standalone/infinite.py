@@ -55,6 +55,8 @@ def tell_infinite(
 def _inquire(opened: Opened, name: str, arrays: Mapping[str, Any], seeds: Mapping[str, Array], k: int) -> str:
     """What makes the results of one state infinite: the NumPy module does the forward dynamics again, sweep by sweep."""
     module = NumpyTarget(opened.folder, opened.manifest).module
+    if not {"accelerations", "sensitivities"} <= opened.functions.keys():
+        return ""  # of what is not there nothing can be done again
     given = {n: arrays[n] for n in opened.functions["accelerations"].arguments}
     for s, n in opened.functions["sensitivities"].seeds.items() if seeds else ():
         given[s] = seeds[s] if s in seeds else np.zeros((k, n))
