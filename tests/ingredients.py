@@ -18,7 +18,18 @@ Choices = Mapping[str, Sequence[str]]
 
 MAY_HAVE: Choices = {
     "joint": ("revolute", "prismatic", "screw", "cylindrical", "planar", "universal", "spherical", "free"),
-    "outputs": ("none", "position", "velocity", "value", "kinetic", "potential", "given"),
+    "outputs": (
+        "none",
+        "position",
+        "velocity",
+        "distance",
+        "value",
+        "given",
+        "acceleration",
+        "kinetic",
+        "potential",
+        "momentum",
+    ),
     "springs": ("none", "numbers", "parameters", "inputs", "time"),
     "forces": ("none", "state", "inputs", "time", "on bodies"),
     "gravity": ("none", "numbers", "parameters"),
@@ -37,7 +48,12 @@ LOOPS: Choices = {"loop": LOOP_JOINTS_MAY_BE, **MAY_HAVE, "partitions": ("1", "2
 ALIKE = {
     "loop": (LOOP_JOINTS_MAY_BE,),
     "joint": (("revolute", "prismatic", "screw"), ("universal", "cylindrical", "planar"), ("spherical", "free")),
-    "outputs": (("none",), ("position", "velocity"), ("value", "given"), ("kinetic", "potential")),
+    "outputs": (
+        ("none",),
+        ("position", "velocity", "distance"),
+        ("value", "given", "acceleration"),
+        ("kinetic", "potential", "momentum"),
+    ),
     "springs": (("none",), ("numbers", "parameters"), ("inputs", "time")),
     "forces": (("none",), ("state", "inputs", "time"), ("on bodies",)),
     "gravity": (("none",), ("numbers", "parameters")),
@@ -68,9 +84,12 @@ LOOP_JOINTS = {
 MEASURES = {
     "position": "{position: {body: tool, at: [0.1, 0, l]}, axis: [1, 0, 1]}",
     "velocity": "{velocity: {body: tool, at: [0, l, 0]}, axis: z}",
+    "acceleration": "{acceleration: {body: tool, at: [0.1, 0, l]}, axis: [0, m, 1]}",
+    "distance": "{distance: [{body: tool, at: [l, 0, 0.1]}, ground]}",
     "value": "{value: q.link_1*u.link_1 - l}",
     "kinetic": "kinetic_energy",
     "potential": "potential_energy",
+    "momentum": "{momentum: angular, axis: y, about: center_of_mass}",
     "given": "{value: motor*sin(t)*u.link_1}",
 }
 SPRINGS = {
