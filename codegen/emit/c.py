@@ -305,11 +305,11 @@ class CWriter(Writer):
                 return self.ground_tangent()[1]
             case procedures.GROUND_TANGENT_TRANSPOSED:
                 return self.ground_transposed()
-            case procedures.ADJOINTS:
+            case procedures.ADJOINTS | procedures.PASSING_ADJOINTS:
                 return [
                     f"for (long i = 0; i < {n}L; ++i) a->{name}[i] = NOTHING;"
                     for name, lanes, n in self.regions()
-                    if lanes
+                    if lanes and (name != "lanes" or what == procedures.ADJOINTS)
                 ]
         return []
 

@@ -14,7 +14,7 @@ from ..mechanics.expansion import Place as MemoryPlace
 from ..mechanics.expansion import Program, expand
 from ..mechanics.formulas import coefficient_formulas, force_formulas, initial_formulas
 from ..mechanics.outputs.outputs import RecordFormula, output_formulas, potential_formula
-from ..mechanics.procedures import arrays, checked_backwards, procedures, sweeps, swept_backwards
+from ..mechanics.procedures import arrays, checked_backwards, procedures, sweeps, swept_backwards, swept_together
 from ..mechanics.stores import LAID_OUT, SLOT
 from ..mechanics.structure.kinds import RegionKind, System, analyse
 from ..mechanics.transposition import transpose_sweeps
@@ -127,7 +127,7 @@ def write_solver(
         raise ModelError([model.problem(f"bodies.{body}.joint", message)]) from None
     formulas = [*force_formulas(system), *coefficient_formulas(system), *values, *initial_formulas(model)]
     tangents = [*(f.tangent for f in formulas), *(r.tangent for r in records)]
-    transpose_sweeps(program, swept_backwards(asked), tangents, checked_backwards(asked))
+    transpose_sweeps(program, swept_backwards(asked), tangents, checked_backwards(asked), *swept_together(asked))
     lap("expand and simplify")
     progress("printing C", 0, 0)
     writer = CWriter(program, formulas, records, asked)

@@ -32,7 +32,7 @@ Component = tuple[Store, str]
 
 
 @cache
-def _symbol_named(name: str) -> Symbol:
+def symbol_named(name: str) -> Symbol:
     """sympy's own cache of symbols is too small for a program, and making one anew is slow."""
     return Symbol(name)
 
@@ -312,7 +312,7 @@ class Expansion(Scope):
             self._used[name] = self._used.get(name, 0) + 1
             unique = f"{name}_{self._used[name]}"
         self._taken.add(unique)
-        return _symbol_named(unique)
+        return symbol_named(unique)
 
 
 class Nonzero:
