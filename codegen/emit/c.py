@@ -19,7 +19,7 @@ from ..mechanics.outputs.outputs import RecordFormula
 from ..mechanics.stores import KEPT, LANE, MARGIN, SLOT
 from ..mechanics.structure.kinds import UnitKind
 from ..model.model import Model
-from ..program.block import Block
+from ..program.block import Block, symbols_of
 from ..program.passes import by_results
 from ..program.procedure import Own, Perform, Prepare, Procedure, Run
 from ..program.store import Store
@@ -42,10 +42,10 @@ def stored_once(block: Block) -> set[Symbol]:
     """Symbols that what is stored for all directions together is made of."""
     if not any(store.lanes for store, _, _ in block.stores):
         return {*block.loads, *(s.target for s in block.statements)}
-    wanted = {s for store, _, value in block.stores if not store.lanes for s in value.free_symbols}
+    wanted = {s for store, _, value in block.stores if not store.lanes for s in symbols_of(value)}
     for s in reversed(block.statements):
         if s.target in wanted:
-            wanted |= s.expression.free_symbols
+            wanted |= symbols_of(s.expression)
     return wanted
 
 

@@ -1,8 +1,8 @@
 """The transpose of the balance in two sweeps: one outward, one inward, where its parts would be six.
 
-The transpose of the balance's inward sweep goes outward: it hands on virtual motions. With its own values, the accelerations, it is
-one sweep; but what of it needs transmitted forces waits (`codegen.program.transpose.deferred`), since these are only known
-on the way inward. That, the forces themselves, the transposes of the outward sweep and of the completion of seeds are one block
+The transpose of the balance's inward sweep goes outward: it hands on virtual motions. With the accelerations it is one sweep;
+what of it needs transmitted forces waits (`codegen.program.transpose.deferred`), since these are only known on the way inward.
+That, the forces themselves, the transposes of the outward sweep and of the completion of seeds are one block
 (`codegen.program.fusion`): gradients of coordinates are stored once, and few values pass through memory.
 
 Memory need not be cleared: who is the first to give something stores it, the others add.
@@ -15,7 +15,6 @@ from functools import partial
 
 import sympy
 
-from ..model.model import GROUND
 from ..program.block import Block, Component
 from ..program.fusion import fused
 from ..program.store import Store
@@ -140,7 +139,9 @@ class _Unit:
 
         found = fused(name, title, parts, fresh)
         if handed is not None:
-            found.stores = [(a, n, e) for a, n, e in found.stores if not (a.memory is SLOT and e == 0 and n in handed.assigned)]
+            found.stores = [
+                (a, n, e) for a, n, e in found.stores if not (a.memory is SLOT and e == 0 and n in handed.assigned)
+            ]
         self.stored |= {(a.plain, n) for a, n, _ in found.stores if a.lanes}
         return found
 
@@ -163,7 +164,7 @@ class _Unit:
 
 
 def links_meant(system: System, kind: UnitKind, owner: object, place: int | None) -> list[int]:
-    """For each unit of a kind, the link whose memory is meant; `GROUND` for the ground."""
+    """For each unit of a kind, the link whose memory is meant; the ground is `model.GROUND`."""
     regions = system.regions
     found: list[int] = []
     for i in kind.units:

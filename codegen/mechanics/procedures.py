@@ -6,6 +6,8 @@ model does not use does not exist: no ``inputs`` without inputs, no ``t`` withou
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 from ..program.procedure import (
     AddEntry,
     Array,
@@ -339,7 +341,7 @@ class _Writer:
         The completion of seeds is among them where nothing but gravity comes between it and the balance.
         """
         runs = [s.sweep if isinstance(s, Run) else "" for s in steps if s != Prepare(GROUND_TANGENT, True)]
-        closed = ("complete", "balance_out") in zip(runs, runs[1:], strict=False)
+        closed = ("complete", "balance_out") in pairwise(runs)
         found = {
             values_name("balance_out"): "",
             values_name("balance_in"): "",

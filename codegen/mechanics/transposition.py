@@ -63,8 +63,8 @@ def transpose_sweeps(
 ) -> None:
     """Add the transposes of sweeps over directions to a program, and the sweeps that give them their scalars.
 
-    `formulas` are tangents of formulas that run with the sweeps; of those in `checked` nobody else looks at the pivots. `together`
-    has the sweeps of `gradient` that are run, `alone` if no other transposes are run after them.
+    `formulas` are tangents of formulas that run with the sweeps; of those in `checked` nobody else looks at the pivots.
+    `together` has the sweeps of `gradient` that are run, `alone` if no other transposes are run after them.
     """
     chosen = [s for s in sweeps if s in program.blocks]
     formulas = list(formulas)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 import sympy
 from sympy import Expr, Symbol
 
-from .block import Block, Component, Statement, symbol_named
+from .block import Block, Component, Statement, symbol_named, symbols_of
 from .store import Store
 
 
@@ -60,9 +60,11 @@ class _Fusion:
             new[symbol] = self.value((store.plain, name), symbol)
         for s in block.statements:
             target = self.fresh(s.target.name)
-            changed = {a: new[a] for a in s.expression.free_symbols if new.get(a, a) is not a}
+            changed = {a: new[a] for a in symbols_of(s.expression) if new.get(a, a) is not a}
             e = s.expression.xreplace(changed) if changed else s.expression
-            self.block.statements.append(s if e is s.expression and target is s.target else Statement(target, e, s.tag, s.lanes))
+            self.block.statements.append(
+                s if e is s.expression and target is s.target else Statement(target, e, s.tag, s.lanes)
+            )
             new[s.target] = target
         for store, name, e in block.stores:
             self.store(store, name, sympy.sympify(e).xreplace(new))

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import sympy
 from sympy import Expr, Symbol
 
-from .block import Block, Component, Expansion
+from .block import Block, Component, Expansion, symbols_of
 from .passes import drop_dead
 from .store import Store
 
@@ -62,12 +62,12 @@ def coefficients(e: Expr, lanes: set[Symbol]) -> dict[Symbol, Expr]:
             for s, c in coefficients(term, lanes).items():
                 total[s] = total[s] + c if s in total else c
         return total
-    if not (e.free_symbols & lanes):
+    if not (symbols_of(e) & lanes):
         if e == 0:
             return {}
         raise ValueError(f"{e} is added to values per direction")
     if e.is_Mul:
-        inner = [f for f in e.args if f.free_symbols & lanes]
+        inner = [f for f in e.args if symbols_of(f) & lanes]
         if len(inner) == 1:
             rest = sympy.Mul(*(f for f in e.args if f is not inner[0]))
             return {s: rest * c for s, c in coefficients(inner[0], lanes).items()}
@@ -181,7 +181,10 @@ def transposed(block: Block, name: str, title: str, adjoints: Adjoints, kept: Ke
 
 
 def deferred(
-    block: Block, late: Callable[[Store, str], bool], saved: Callable[[int], Component], steady: Callable[[Store, str], bool]
+    block: Block,
+    late: Callable[[Store, str], bool],
+    saved: Callable[[int], Component],
+    steady: Callable[[Store, str], bool],
 ) -> tuple[Block, Block]:
     """A block in two: what can be done at once, and what waits for scalars that are not there yet.
 
@@ -199,10 +202,12 @@ def deferred(
     """
     waiting = {s for s, at in block.loads.items() if late(*at)}
     for s in block.statements:
-        if s.expression.free_symbols & waiting:
+        if symbols_of(s.expression) & waiting:
             waiting.add(s.target)
-    stores = [(s, bool(s[2].free_symbols & waiting)) for s in block.stores]
-    first = drop_dead(Block(block.name, block.title, block.loads, block.statements, [s for s, waits in stores if not waits]))
+    stores = [(s, bool(symbols_of(s[2]) & waiting)) for s in block.stores]
+    first = drop_dead(
+        Block(block.name, block.title, block.loads, block.statements, [s for s, waits in stores if not waits])
+    )
     second = Block(block.name, block.title, block.loads, block.statements, [s for s, waits in stores if waits])
     lanes = {s for s, (a, _) in block.loads.items() if a.lanes}
     there = {s.target for s in first.statements if s.lanes} | (first.loads.keys() & lanes)
@@ -211,7 +216,7 @@ def deferred(
     for s in reversed(block.statements):
         if s.target in needed and s.target not in there:
             statements.append(s)
-            needed |= s.expression.free_symbols
+            needed |= symbols_of(s.expression)
     second.statements = statements[::-1]
     places = {e: (a.plain, n) for a, n, e in first.stores if e.is_Symbol and steady(a.plain, n)}
     loads: dict[Symbol, Component] = {}
