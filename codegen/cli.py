@@ -62,6 +62,12 @@ def _generate_arguments(parser: argparse.ArgumentParser) -> None:
         help="hold a second choice of independent coordinates, to change to at dead points",
     )
     parser.add_argument("--reactions", action="store_true", help="the solver also gives what joints and loops transmit")
+    parser.add_argument(
+        "--functions",
+        metavar="NAME,...",
+        help="the functions that the solver has, if not all: accelerations, sensitivities, gradients, outputs, ...; "
+        "dynamics, rates, mass, forces and states stand for several",
+    )
     parser.add_argument("--no-check", action="store_true", help="do not compare with the generic engine")
     parser.add_argument("--no-compile", action="store_true", help="write the sources only")
     parser.add_argument("-v", "--verbose", action="store_true", help="print passes and operations of every sweep")
@@ -96,16 +102,20 @@ def _wrong(error: Any) -> None:
 def run_generate(options: argparse.Namespace, status: StatusLine) -> int:
     """``generate``."""
     from .generation import generate
+    from .mechanics.procedures import UnknownFunctionError
     from .runtime import CompileError, SingularJointError, TargetsDifferError
 
     try:
         report = generate(
             options.model, options.output, options.target, options.layout, partitions=options.partitions,
             reactions=options.reactions,
+            functions=options.functions,
             compile=not options.no_compile,
             check=not options.no_check and not options.no_compile,
             progress=status,
         )  # fmt: skip
+    except UnknownFunctionError as error:
+        raise Failure(USAGE, f"generate: {error}") from None
     except SingularJointError as error:
         raise Failure(MODEL_WRONG, str(error)) from None
     except CompileError as error:

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from .model.model import Model
+from .runtime.standalone.functions import STATE, shapes_of
+
+CLOSING = ("closure", "completion")
+"""Functions that make states consistent: a first program shows another one."""
 
 NAMES = 1000
 """Of a model with more names of a sort none becomes an index: nobody writes them by hand."""
@@ -21,6 +26,7 @@ def package_context(model: Model, manifest: Mapping[str, Any]) -> dict[str, Any]
         "rows": _rows(model),
         "indices": _indices(model),
         "tables": _tables(model, manifest),
+        "usage": _usage(manifest),
         "program": _program(model, manifest),
         "codes": _codes(manifest),
     }
@@ -140,19 +146,42 @@ def _codes(manifest: Mapping[str, Any]) -> list[str]:
     return rows
 
 
+def _usage(manifest: Mapping[str, Any]) -> list[str]:
+    """Calls from Python, of the functions that are there."""
+    calls = {
+        "accelerations": "udot = solver.accelerations(q, u)",
+        "sensitivities": "udot, dudot = solver.sensitivities(q, u, dq=np.eye(solver.nq))    # one direction per row",
+        "jacobians": "J = solver.jacobians(q, u)                           # J.q, J.u, J.p, J.inputs, J.t",
+    }
+    return [call for name, call in calls.items() if name in manifest["functions"]]
+
+
+def _shown(manifest: Mapping[str, Any]) -> str:
+    """The function that a first program calls: the accelerations, or another one of a state."""
+    functions = manifest["functions"]
+    of_state = [n for n, f in functions.items() if not f.get("seeds") and {"q", "u"} <= set(f["arguments"]) <= {*STATE}]
+    return "accelerations" if "accelerations" in functions else ([n for n in of_state if n not in CLOSING] or [""])[0]
+
+
 def _program(model: Model, manifest: Mapping[str, Any]) -> list[str]:
     """A whole C program: a closed state where there are loops, its accelerations, and one derivative of them."""
     name, NAME = model.name, model.name.upper()
-    functions = manifest["functions"]
-    given = list(functions["accelerations"]["arguments"])
-    seeds = list(functions["sensitivities"]["seeds"])
+    functions, shown = manifest["functions"], _shown(manifest)
+    if not shown:
+        return [f"/* {name}.h lists the functions. */"]
+    given = list(functions[shown]["arguments"])
+    along = "sensitivities" if shown == "accelerations" and "sensitivities" in functions else ""
+    seeds = list(functions[along]["seeds"]) if along else []
+    result = functions[shown]["results"][0]
+    size = math.prod(shapes_of(manifest)[result])
     sizes = {"q": "NQ", "u": "NU", "p": "NP", "inputs": "NINPUTS"}
     state = [f"q[{NAME}_NQ]", f"u[{NAME}_NU]", *([f"full_u[{NAME}_NU]"] if model.loops else [])]
     state += [f"inputs[{NAME}_NINPUTS]"] if "inputs" in given else []
+    count = f"{NAME}_NU" if result == "udot" else str(size)
     arrays = [
         state,
         [f"{s}[{NAME}_{sizes[s[1:]]}]" if s != "dt" else "dt[1]" for s in seeds],
-        [f"udot[{NAME}_NU]", f"dudot[{NAME}_NU]"],
+        [f"{result}[{count}]", *([f"d{result}[{count}]"] if along else [])],
     ]
     lines = [
         "#include <stdio.h>",
@@ -162,7 +191,7 @@ def _program(model: Model, manifest: Mapping[str, Any]) -> list[str]:
         f'#include "{name}_model.h"',
         "",
         f"static double work[{NAME}_WORKSPACE];",
-        *(f"static double {', '.join(line)};" for line in arrays),
+        *(f"static double {', '.join(line)};" for line in arrays if line),
         "",
     ]
     if model.loops:
@@ -170,11 +199,12 @@ def _program(model: Model, manifest: Mapping[str, Any]) -> list[str]:
     call = ", ".join("0.0" if a == "t" else a for a in given)
     independent = manifest["independent_names"][0]
     turned = f"q[{_index(model, 'Q', model.coordinate_names, independent)}]"
-    lines += ["int main(void)", "{", *([f"    const double *p = {NAME}_PARAMETERS;"] if "p" in given else [])]
+    p_is_read = "p" in given or (model.loops and model.parameters)
+    lines += ["int main(void)", "{", *([f"    const double *p = {NAME}_PARAMETERS;"] if p_is_read else [])]
     if model.nq <= NUMBERS:
         lines += [f"    memcpy(q, {NAME}_INITIAL_Q, sizeof q);", f"    memcpy(u, {NAME}_INITIAL_U, sizeof u);"]
     if model.loops:
-        p = ", p" if "p" in given else ""
+        p = ", p" if model.parameters else ""
         lines += [
             f"    {turned} += 0.001;    /* the dependent coordinates follow */",
             f"    if (!(assemble(q{p}) < 1e-9) || {name}_completion(q, u{p}, full_u, work)) {{    /* and so do the speeds */",
@@ -183,21 +213,24 @@ def _program(model: Model, manifest: Mapping[str, Any]) -> list[str]:
             "    }",
             "    memcpy(u, full_u, sizeof u);",
         ]
-    if "p" in given:
-        seed = f"dp[{_index(model, 'P', model.parameter_names, model.parameter_names[0])}]"
-    else:
-        seed = "d" + turned
-    lines += [
-        f"    int code = {name}_accelerations({call}, udot, work);",
-        f"    {seed} = 1.0;    /* the direction of the derivative */",
-        f"    if (!code) code = {name}_sensitivities_1({call}, {', '.join(seeds)}, udot, dudot, work);",
+    lines.append(f"    int code = {name}_{shown}({call}, {result}, work);")
+    if along:
+        if "p" in given:
+            seed = f"dp[{_index(model, 'P', model.parameter_names, model.parameter_names[0])}]"
+        else:
+            seed = "d" + turned
+        lines += [
+            f"    {seed} = 1.0;    /* the direction of the derivative */",
+            f"    if (!code) code = {name}_{along}_1({call}, {', '.join(seeds)}, {result}, d{result}, work);",
+        ]
+    return [
+        *lines,
         '    if (code) fprintf(stderr, "singular: %d\\n", code);',
-        f"    for (int i = 0; i < {NAME}_NU && !code; ++i)",
-        '        printf("%.17g %.17g\\n", udot[i], dudot[i]);',
+        f"    for (int i = 0; i < {count} && !code; ++i)",
+        f'        printf("{"%.17g %.17g" if along else "%.17g"}\\n", {result}[i]{f", d{result}[i]" if along else ""});',
         "    return code;",
         "}",
     ]
-    return lines
 
 
 def _assembly(model: Model, manifest: Mapping[str, Any]) -> list[str]:

@@ -9,7 +9,7 @@ import math
 import os
 import time
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +39,7 @@ def generate(
     *,
     partitions: int = 1,
     reactions: bool = False,
+    functions: Sequence[str] | str | None = None,
     compile: bool = True,
     check: bool = False,
     progress: Progress | None = None,
@@ -59,6 +60,10 @@ def generate(
         `Solver.use_partition`.
     reactions : bool
         The solver has `Solver.reactions`: what joints and loops transmit.
+    functions : sequence of str, or str with commas, optional
+        The functions that the solver has: names of its members, such as ``("accelerations", "gradients")``, or ``"dynamics"``,
+        ``"rates"``, ``"mass"``, ``"forces"``, ``"states"`` for several together. Left out: all. What makes states consistent
+        is always there.
     compile, check : bool
         Compile now; compare with `codegen.reference.RecursiveEngine` at three random states.
     progress : callable, optional
@@ -74,6 +79,8 @@ def generate(
     ------
     ModelError
         The model is wrong; nothing has been written.
+    UnknownFunctionError
+        Of `functions`: a ValueError that lists what there is.
     FolderError
         The folder cannot be written, or holds something that `generate` did not write.
     CompileError
@@ -81,6 +88,8 @@ def generate(
     """
     if target not in TARGETS:
         raise ValueError(f"target is {target!r}; allowed are {', '.join(TARGETS)}")
+    if isinstance(functions, str):
+        functions = [name.strip() for name in functions.split(",")]
     if layout not in LAYOUTS:
         raise ValueError(f"layout is {layout!r}; allowed are {', '.join(LAYOUTS)}")
     if partitions not in (1, 2):
@@ -103,7 +112,7 @@ def generate(
     from .emit.solver import write_solver
 
     try:
-        source = write_solver(model, layout, reactions=reactions, progress=progress)
+        source = write_solver(model, layout, reactions=reactions, progress=progress, functions=functions)
     except ModelError as error:
         if origin is None:
             raise
@@ -111,7 +120,7 @@ def generate(
     seconds |= source.seconds
     if partitions == 2 and source.chosen is not None:
         with _timed(seconds, "second partition"):
-            add_second(model, layout, source, reactions, progress)
+            add_second(model, layout, source, reactions, progress, functions)
     progress("writing", 0, 0)
     with _timed(seconds, "write"):
         source.manifest["description"] = [*list_model(model), *(f"  {line}" for line in source.choice)]
@@ -147,7 +156,14 @@ def generate(
     return report
 
 
-def add_second(model: Model, layout: str, source: Any, reactions: bool, progress: Progress = silent) -> None:
+def add_second(
+    model: Model,
+    layout: str,
+    source: Any,
+    reactions: bool,
+    progress: Progress = silent,
+    functions: Sequence[str] | None = None,
+) -> None:
     """Add the solver of a second partition to the files and the manifest of the first."""
     from .emit.solver import write_solver
     from .loops.alternatives import second_partition
@@ -157,7 +173,8 @@ def add_second(model: Model, layout: str, source: Any, reactions: bool, progress
     if found is None:
         source.choice.append("no second partition: no other choice of independent coordinates closes the loops")
         return
-    second = write_solver(dataclasses.replace(model, name=f"{model.name}{SECOND}"), layout, found, reactions, progress)
+    renamed = dataclasses.replace(model, name=f"{model.name}{SECOND}")
+    second = write_solver(renamed, layout, found, reactions, progress, functions)
     source.files |= second.files
     source.manifest["second"] = second.manifest
     source.choice += ["second partition:", *second.choice]
@@ -225,6 +242,9 @@ def check_solver(model: Model, report: Report) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # a missing compiler has been told
         solver = load(report.folder)
+    if "sensitivities" not in solver.operations:
+        report.remarks.append("not checked against the generic engine: generated without sensitivities")
+        return
     engine = RecursiveEngine(model)
     rng = np.random.default_rng(1)
     unchecked = "warning: not checked against the generic engine: "

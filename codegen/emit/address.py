@@ -1,13 +1,14 @@
 """Where a component of a store lies: decided here once, for every target.
 
 An address is the name of a region of memory (or of an argument), the row in it that belongs to the link, ear or loop that is
-meant, and the place in the row. The row is an expression in ``i``, the number of the link or unit that a function is called
-for; integers that are not a function of i stand in tables (`IndexTable`), which grow by what is asked for.
+meant, and the place in the row. Rows are known for each link or unit that a function is called for, whose number is ``i`` there;
+they become an expression in i where the function is written, and integers that are not a function of i stand in tables
+(`IndexTable`), which grow by what is asked for. So kinds that differ by nothing but rows can share a function.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -45,6 +46,8 @@ from ..mechanics.stores import (
     REGION_RECORD,
     ROOT,
     SLOT,
+    SUM,
+    SUM_LANE,
     WRENCH,
 )
 from ..mechanics.structure.element_kinds import ElementKind
@@ -52,7 +55,7 @@ from ..mechanics.structure.folded import Folded
 from ..mechanics.structure.kinds import EarKind, LinkKind, RegionKind, UnitKind
 from ..mechanics.sweeps import SWEEP
 from ..model.model import CLOSURE_ROWS, GROUND
-from ..program.store import Store
+from ..program.store import Owner, Store
 from .memory import IndexTable, Layout
 
 REGIONS = {
@@ -66,6 +69,14 @@ _COLUMN = {ELEMENT_END: "END_", ROOT: "ROOT_", BASE_LINK: "BASE_", PARTNER: "PAR
 
 
 @dataclass(frozen=True, slots=True)
+class Row:
+    """An integer for each of the links or units that a function is called for, and the column of a table that may hold it."""
+
+    column: str
+    values: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Address:
     """Where a component lies.
 
@@ -75,16 +86,36 @@ class Address:
         A name for the row.
     region : str
         Region of memory, ``numbers``, ``constants`` or an argument or result.
-    row : str
-        Expression in i: number of the row, or, of arguments, where it begins.
-    component : str
-        Name of the component; of arguments, ``numbers`` and results the text of an integer.
+    row : Row or None
+        Number of the row, or, of arguments, where it begins; none where there is one row.
+    component : str or Row
+        Name of the component; of arguments, ``numbers`` and results an integer, which may differ.
+    form : int
+        Of constants: which components there are; see `Layout.forms`.
     """
+
+    variable: str
+    region: str
+    row: Row | None
+    component: str | Row
+    form: int = -1
+
+    @property
+    def form_of_code(self) -> tuple[object, ...]:
+        """What functions that are to be one must agree in."""
+        component = "" if isinstance(self.component, Row) else self.component
+        return self.variable, self.region, self.row is None, component, self.form
+
+
+@dataclass(frozen=True, slots=True)
+class Placed:
+    """An address with expressions in i in the place of rows."""
 
     variable: str
     region: str
     row: str
     component: str
+    form: int = -1
 
 
 class Addresses:
@@ -108,7 +139,7 @@ class Addresses:
         self.units = IndexTable("unit", len(self.system.regions.order)) if several else self.links
         self.elements = IndexTable("element", len(self.system.elements))
         self._parameter_places = {name: i for i, name in enumerate(model.parameter_names)}
-        self._rows: dict[tuple[object, ...], str] = {}
+        self._rows: dict[tuple[object, ...], Row] = {}
 
     @property
     def tables(self) -> list[IndexTable]:
@@ -126,9 +157,11 @@ class Addresses:
         """The values that i takes in the functions of a kind."""
         return kind.units if SWEEP[sweep].units else kind.members
 
-    def entry(self, kind: UnitKind, sweep: str, column: str, values: list[int]) -> str:
-        """Expression of integers that belong to the instances of a kind."""
-        return self.table(sweep).entry(column, self.instances(kind, sweep), values)
+    def expression(self, kinds: Sequence[UnitKind], sweep: str, rows: Sequence[Row]) -> str:
+        """Expression of integers that belong to the instances of kinds, from those of each."""
+        instances = [i for kind in kinds for i in self.instances(kind, sweep)]
+        pairs = sorted(zip(instances, (v for row in rows for v in row.values), strict=True))
+        return self.table(sweep).entry(rows[0].column, [i for i, _ in pairs], [v for _, v in pairs])
 
     def links_meant(self, kind: UnitKind, sweep: str, store: Store) -> list[int]:
         """For each instance of a kind, the link that a store is of; the ground has the number after the last."""
@@ -166,21 +199,20 @@ class Addresses:
 
     # -- rows ------------------------------------------------------------------------------------------------------
 
-    def of_links(self, kind: UnitKind, sweep: str, store: Store, column: str, of: list[int] | None = None) -> str:
-        """Expression of an integer of the link that a store is of: its number, or what `of` lists by link."""
+    def of_links(self, kind: UnitKind, sweep: str, store: Store, column: str, of: list[int] | None = None) -> Row:
+        """An integer of the link that a store is of: its number, or what `of` lists by link."""
         key = (kind.index, kind.role, SWEEP[sweep].units, store, column)
         if key not in self._rows:
             links = self.links_meant(kind, sweep, store)
             place = "" if store.place is None else str(store.place)
-            self._rows[key] = self.entry(
-                kind, sweep, f"{_COLUMN.get(store.owner, '')}{column}{place}", links if of is None else [of[i] for i in links]
-            )  # fmt: skip
+            name = f"{_COLUMN.get(store.owner, '')}{column}{place}"
+            self._rows[key] = Row(name, tuple(links if of is None else (of[i] for i in links)))
         return self._rows[key]
 
-    def of_loops(self, kind: UnitKind, sweep: str, store: Store, column: str = "", of: list[int] | None = None) -> str:
+    def of_loops(self, kind: UnitKind, store: Store, column: str = "", of: list[int] | None = None) -> Row:
         """The same of loops."""
         loops = self.loops_meant(kind, store)
-        return self.entry(kind, sweep, f"LOOP{store.place}{column}", loops if of is None else [of[n] for n in loops])
+        return Row(f"LOOP{store.place}{column}", tuple(loops if of is None else (of[n] for n in loops)))
 
     @cached_property
     def slots(self) -> list[int]:
@@ -196,32 +228,45 @@ class Addresses:
             at += sum(CLOSURE_ROWS[loop.type])
         return found
 
-    def _row(self, kind: UnitKind, sweep: str, store: Store, near: bool) -> str:
+    def _row(self, kind: UnitKind, sweep: str, store: Store, near: bool) -> Row:
         """Row of memory that is laid out."""
         regions = self.system.regions
         if store.memory is EAR_RECORD:
-            return self.entry(kind, sweep, "EAR", [regions.order[i].number for i in kind.units])
+            return Row("EAR", tuple(regions.order[i].number for i in kind.units))
         if store.memory in (REGION_RECORD, REGION_LANE, KEPT[REGION_RECORD]):
             units = [regions.order[i] for i in kind.units]
-            numbers = [u.number if u.role == "region" else regions.ears[u.number].region for u in units]
-            return self.entry(kind, sweep, "REGION", numbers)
+            numbers = (u.number if u.role == "region" else regions.ears[u.number].region for u in units)
+            return Row("REGION", tuple(numbers))
         if store.memory is COUPLING_BLOCK:
-            return self._coupling(kind, sweep, store)
+            return self._coupling(kind, store)
         if self.numbered and (near or store.memory is SLOT):
             return self.of_links(kind, sweep, store, "SLOT", self.slots)
         return self.of_links(kind, sweep, store, "NUMBER")
 
-    def _coupling(self, kind: UnitKind, sweep: str, store: Store) -> str:
+    def _coupling(self, kind: UnitKind, store: Store) -> Row:
         """Place of a coupling: of those that end with the unit, or that it adds to."""
         elimination, place = self.system.regions.elimination, store.place
         assert place is not None
         units = [elimination.partners[i] for i in kind.units]
         own = store.owner is OWN_COUPLING
         couplings = [p.own[place] if own else p.handed_on[place].coupling for p in units]
-        column = f"{'OWN' if own else 'PAIR'}{place}"
-        return self.entry(kind, sweep, column, [elimination.coupling_slot[c] for c in couplings])
+        return Row(f"{'OWN' if own else 'PAIR'}{place}", tuple(elimination.coupling_slot[c] for c in couplings))
 
     # -- addresses -------------------------------------------------------------------------------------------------
+
+    def placed(self, kinds: Sequence[UnitKind], sweep: str, store: Store, name: str) -> Placed:
+        """Where a component of a store lies, in the function that kinds share."""
+        found = [self.address(kind, sweep, store, name) for kind in kinds]
+        first = found[0]
+        rows = [a.row for a in found if a.row is not None]
+        components = [a.component for a in found if isinstance(a.component, Row)]
+        return Placed(
+            first.variable,
+            first.region,
+            self.expression(kinds, sweep, rows) if rows else "",
+            first.component if isinstance(first.component, str) else self.expression(kinds, sweep, components),
+            first.form,
+        )
 
     def address(self, kind: UnitKind, sweep: str, store: Store, name: str) -> Address:
         """Where a component of a store lies, in the functions of a kind."""
@@ -229,11 +274,12 @@ class Addresses:
         variable = store.label.replace("#", "_")
         if memory in REGIONS:
             near = self.numbered and memory is RECORD and name in self.layout.near.get(sweep, {})
-            row = self._row(kind, sweep, store, near)
-            return Address(f"near_{variable}" if near else variable, "near" if near else REGIONS[memory], row, name)
+            region = "near" if near else REGIONS[memory]
+            return Address(f"near_{variable}" if near else variable, region, self._row(kind, sweep, store, near), name)
         if memory is CONSTANT:
             return self._constant(kind, sweep, store, name)
-        region, row = store.name, ""
+        region = store.name
+        row: Row | None = None
         if memory is PER_ANGLE:
             row = self.of_links(kind, sweep, store, "TRIG", self.layout.trig_of)
         elif memory in (PER_COORDINATE, PER_COORDINATE_LANE):
@@ -241,24 +287,28 @@ class Addresses:
         elif memory in (PER_SPEED, PER_SPEED_LANE):
             row = self.of_links(kind, sweep, store, "U", [link.u for link in system.links])
         elif memory is WRENCH:
-            of_loop = store.owner is LOOP
-            row = f"6*{self.of_loops(kind, sweep, store) if of_loop else self.of_links(kind, sweep, store, 'NUMBER')}"
+            if store.owner is LOOP:
+                row = self.of_loops(kind, store, "_WRENCH", [6 * n for n in range(len(system.model.loops))])
+            else:
+                row = self.of_links(kind, sweep, store, "WRENCH", [6 * i for i in range(len(system.links))])
         elif memory is PER_LOOP:
-            row = self.of_loops(kind, sweep, store)
+            row = self.of_loops(kind, store)
         elif memory in (PER_CONDITION, PER_CONDITION_LANE):
-            row = self.of_loops(kind, sweep, store, "_ROWS", self.first_conditions)
+            row = self.of_loops(kind, store, "_ROWS", self.first_conditions)
         elif memory in (COEFFICIENTS, COEFFICIENTS_LANE):
-            row = self.entry(kind, sweep, "COEFFICIENTS", [system.elements[n].first for n in kind.members])
+            row = Row("COEFFICIENTS", tuple(system.elements[n].first for n in kind.members))
         elif memory is PER_PARAMETER_LANE:
-            return Address("dp", "dp", "", self._parameter(kind, sweep, store, int(name)))
+            return Address("dp", "dp", None, self._parameter(kind, sweep, store, int(name)))
         elif memory in (ENERGY, ENERGY_LANE):
             name = str(int("potential" in store.name))
             region = store.name.replace("potential", "energy")
+        elif memory in (SUM, SUM_LANE):
+            pass
         else:
             raise KeyError(store)
         return Address(variable, region, row, name)
 
-    def _parameter(self, kind: UnitKind, sweep: str, store: Store, j: int) -> str:
+    def _parameter(self, kind: UnitKind, sweep: str, store: Store, j: int) -> Row:
         """Number of the j-th design parameter that the constants of a link, a loop or a force element depend on."""
         system = self.system
         if store.owner is ELEMENT:
@@ -269,32 +319,42 @@ class Addresses:
         else:
             owners = [system.constants_of[i] for i in self.links_meant(kind, sweep, store)]
             column = f"P{j}" if store.place is None else f"LINK{store.place}_P{j}"
-        return self.entry(kind, sweep, column, [self._parameter_places[c.parameters[j]] for c in owners])
+        return Row(column, tuple(self._parameter_places[c.parameters[j]] for c in owners))
 
     def _constant(self, kind: UnitKind, sweep: str, store: Store, name: str) -> Address:
         """A constant that differs within a kind: a number, or one that depends on design parameters."""
-        layout, system = self.layout, self.system
         variable = store.label.replace("#", "_")
         folded = self._folded(kind, store)
         data = folded.data.get(name)
-        if store.owner is ELEMENT:
-            column = "NUMBERS" if data is not None else "CONSTANTS"
-            if data is not None:
-                values = [layout.element_number_offsets[n] for n in kind.members]
-                return Address("k", "numbers", self.entry(kind, sweep, column, values), str(data))
-            values = [self._place_of_constants(system.elements[n].constants.index) for n in kind.members]
-            return Address(variable, "constants", self.entry(kind, sweep, column, values), name)
-        if store.owner is LOOP:
-            if data is not None:
-                row = self.of_loops(kind, sweep, store, "_NUMBERS", layout.closure_number_offsets)
-                return Address(f"k_{variable}", "numbers", row, str(data))
-            begins = [self._place_of_constants(c.index) for c in system.closure_constants]
-            return Address(variable, "constants", self.of_loops(kind, sweep, store, "_CONSTANTS", begins), name)
-        if data is not None:
-            row = self.of_links(kind, sweep, store, "NUMBERS", layout.number_offsets)
-            return Address(f"k_{variable}", "numbers", row, str(data))
-        begins = [self._place_of_constants(c.index) for c in system.constants_of]
-        return Address(variable, "constants", self.of_links(kind, sweep, store, "CONSTANTS", begins), name)
+        owner = store.owner if store.owner in (ELEMENT, LOOP) else LINK
+        column, begins = ("CONSTANTS", self.constants_begin) if data is None else ("NUMBERS", self.numbers_begin)
+        if owner is ELEMENT:
+            row = Row(column, tuple(begins[owner][n] for n in kind.members))
+        elif owner is LOOP:
+            row = self.of_loops(kind, store, f"_{column}", begins[owner])
+        else:
+            row = self.of_links(kind, sweep, store, column, begins[owner])
+        if data is None:
+            return Address(variable, "constants", row, name, self.layout.forms[folded.shape.index])
+        return Address("k" if owner is ELEMENT else f"k_{variable}", "numbers", row, str(data))
+
+    @cached_property
+    def constants_begin(self) -> dict[Owner, list[int]]:
+        """Where the constants of every link, loop and force element begin."""
+        system = self.system
+        owners = {
+            LINK: system.constants_of,
+            LOOP: system.closure_constants,
+            ELEMENT: [e.constants for e in system.elements],
+        }
+        return {owner: [self._place_of_constants(c.index) for c in found] for owner, found in owners.items()}
+
+    @cached_property
+    def numbers_begin(self) -> dict[Owner, list[int]]:
+        """Where their numbers begin."""
+        layout = self.layout
+        numbers = (layout.number_offsets, layout.closure_number_offsets, layout.element_number_offsets)
+        return dict(zip((LINK, LOOP, ELEMENT), numbers, strict=True))
 
     def _folded(self, kind: UnitKind, store: Store) -> Folded:
         """Whose constants a store means."""
@@ -304,31 +364,25 @@ class Addresses:
         assert isinstance(kind, Folded)
         return kind
 
-    def shape_of(self, kind: UnitKind, store: Store) -> int:
-        """The shape of those constants."""
-        return self._folded(kind, store).shape.index
-
     def _place_of_constants(self, index: int) -> int:
         return self.layout.constant_offsets[index] if self.numbered else index
 
     # -- who is to blame -------------------------------------------------------------------------------------------
 
-    def culprit(self, kind: UnitKind, sweep: str) -> Callable[[str], str]:
-        """Number of the link to name when the j-th pivot of a kind is zero; loops count after the links, then force elements."""
-        regions = self.system.regions
-        links = len(self.system.links)
+    def culprit(self, kinds: Sequence[UnitKind], sweep: str) -> Callable[[str], str]:
+        """Number of the link to name when the j-th pivot is zero; loops count after the links, then force elements."""
+        return lambda name: self.expression(kinds, sweep, [self._culprit(kind, sweep, name) for kind in kinds])
 
-        def number(name: str) -> str:
-            if isinstance(kind, RegionKind):
-                values = [regions.regions[regions.order[i].number].freedoms[int(name)][0] for i in kind.units]
-                return self.entry(kind, sweep, f"SOURCE{name}", values)
-            if isinstance(kind, ElementKind):
-                first = links + len(self.system.model.loops)
-                return self.entry(kind, sweep, "CULPRIT", [first + n for n in kind.members])
-            if isinstance(kind, EarKind):
-                ears = [regions.ears[regions.order[i].number] for i in kind.units]
-                return self.entry(kind, sweep, "LOOP", [links + ear.closures[0].loop for ear in ears])
-            numbers = [regions.order[i].number if SWEEP[sweep].units else i for i in self.instances(kind, sweep)]
-            return self.entry(kind, sweep, "LINK", numbers)
-
-        return number
+    def _culprit(self, kind: UnitKind, sweep: str, name: str) -> Row:
+        regions, links = self.system.regions, len(self.system.links)
+        if isinstance(kind, RegionKind):
+            sources = (regions.regions[regions.order[i].number].freedoms[int(name)][0] for i in kind.units)
+            return Row(f"SOURCE{name}", tuple(sources))
+        if isinstance(kind, ElementKind):
+            first = links + len(self.system.model.loops)
+            return Row("CULPRIT", tuple(first + n for n in kind.members))
+        if isinstance(kind, EarKind):
+            ears = (regions.ears[regions.order[i].number] for i in kind.units)
+            return Row("LOOP", tuple(links + ear.closures[0].loop for ear in ears))
+        instances = self.instances(kind, sweep)
+        return Row("LINK", tuple(regions.order[i].number if SWEEP[sweep].units else i for i in instances))

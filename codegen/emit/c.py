@@ -6,7 +6,9 @@ of the header.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import textwrap
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -14,28 +16,54 @@ from sympy import Symbol
 
 from ..mechanics import procedures
 from ..mechanics.expansion import Program
+from ..mechanics.fields import field_of, identifier
 from ..mechanics.formulas import FormulaKind
 from ..mechanics.outputs.outputs import RecordFormula
 from ..mechanics.stores import KEPT, LANE, MARGIN, SLOT
 from ..mechanics.structure.kinds import UnitKind
 from ..model.model import Model
 from ..program.block import Block, symbols_of
+from ..program.field import AnyField
 from ..program.passes import by_results
-from ..program.procedure import Own, Perform, Prepare, Procedure, Run
+from ..program.procedure import Columns, Own, Perform, Prepare, Procedure, Run
 from ..program.store import Store
 from . import c_functions
 from .c_functions import CFunctions
 from .function import Function, in_lines
 from .printer import C_FUNCTIONS, Printer
 from .templates import render
-from .writer import Located, Place, RowPlace, Writer
+from .writer import Located, Place, Writer
 
-SIZES = {
-    "records": "RECORD", "near": "NEAR_SIZE", "slots": "SLOT_SIZE", "lanes": "LANE_SIZE", "ears": "EAR_SIZE",
-    "regions": "REGION_SIZE", "region_lanes": "REGION_LANE_SIZE", "couplings": "COUPLING_SIZE", "kept": "KEPT_SIZE",
-    "kept_regions": "KEPT_REGION_SIZE",
+TYPES = {
+    "records": "link_record", "near": "link_near", "slots": "link_slot", "lanes": "link_lanes", "ears": "ear_record",
+    "regions": "region_record", "region_lanes": "region_lanes", "couplings": "coupling_block", "kept": "link_kept",
+    "kept_regions": "region_kept",
 }  # fmt: skip
-"""How long a row of each region of memory is."""
+"""What a row of each region of memory is called."""
+
+ABOUT = {
+    "records": "A link, for one call.", "ears": "An ear of loops, for one call.",
+    "regions": "A region of loops, for one call.", "couplings": "What couples two links.",
+    "kept": "Scalars of a link that sweeps run backwards read again.",
+    "kept_regions": "Scalars of a region that sweeps run backwards read again.",
+    "lanes": "A link, for every direction.", "region_lanes": "A region of loops, for every direction.",
+    "near": "What links tell their neighbours: memory that every sweep uses anew.",
+    "slots": "What links tell their neighbours, for every direction: memory that every sweep uses anew.",
+}  # fmt: skip
+"""What it is, for a comment."""
+
+ENERGIES = ("KINETIC", "POTENTIAL")
+"""Places in the array of energies."""
+
+LANE_REGIONS = ("slots", "lanes", "region_lanes")
+"""Regions with a value for every direction."""
+
+
+UNUSED_WORK = ["(void)work;"]
+"""Lines of a function that needs no memory."""
+
+MEMBERS, COMMENTED = 100, 120
+"""How long lines of members of structs are, and those with a comment."""
 
 
 def stored_once(block: Block) -> set[Symbol]:
@@ -49,8 +77,18 @@ def stored_once(block: Block) -> set[Symbol]:
     return wanted
 
 
+@dataclass(frozen=True, slots=True)
+class Type:
+    """A type of rows of memory: what it is, struct or union, its lines, its name."""
+
+    about: str
+    kind: str
+    lines: list[str]
+    name: str
+
+
 class CWriter(Writer):
-    """C source of a program; a place is (name of a pointer, its expression, index)."""
+    """C source of a program."""
 
     def __init__(
         self,
@@ -62,23 +100,27 @@ class CWriter(Writer):
         super().__init__(program, formulas, records, asked)
         self.printer = Printer(C_FUNCTIONS)
         self.tables: list[tuple[str, list[str]]] = []
+        self.touched: dict[str, set[str]] = {}
+        """By sweep: the regions of memory, arguments and results that it reads or writes."""
 
     # -- the language ----------------------------------------------------------------------------------------------
 
     def lines(self, block: Block, place: Place, culprit: Callable[[str], str] | None = None) -> list[str]:
         stored = {place(store, n) for store, n, _ in block.stores if store.memory is not MARGIN}
-        written = {pointer for pointer, _, _ in stored}
+        written = {at.variable for at in stored}
+        names = self.called_by(block, place)
+        printer = self.printer.calling(names)
+        taken = {s.name for s in block.loads} | {s.target.name for s in block.statements} | set(names.values())
         pointers: dict[str, str] = {}
         body: list[str] = []
 
         def access(store: Store, name: str) -> str:
-            pointer, expression, i = place(store, name)
-            variable = pointer + "_at"
-            if pointer not in pointers:
-                type_ = "LANES" if store.lanes else "double"
-                const = "" if pointer in written else "const "
-                pointers[pointer] = f"{const}{type_} *restrict {variable} = {expression};"
-            return f"{variable}[{i}]{'.at[h]' if store.lanes else ''}"
+            at = place(store, name)
+            variable = f"{at.variable}_at" if at.variable in taken else at.variable
+            if variable not in pointers:
+                const = "" if at.variable in written else "const "
+                pointers[variable] = f"{const}{at.type} *restrict {variable} = {at.row};"
+            return f"{variable}{at.text}{'.at[h]' if store.lanes else ''}"
 
         # Before the loop over vectors stands what is stored once for all directions. Other numbers that they share stay in
         # the order of the block: compilers take them out of the loop, and know better which to keep in registers.
@@ -87,7 +129,8 @@ class CWriter(Writer):
         tags = {False: "", True: ""}
         for symbol, (store, name) in block.loads.items():
             first = symbol in shared or (not store.lanes and place(store, name) in stored)
-            line = f"const {'VECTOR' if store.lanes else 'double'} {symbol} = {access(store, name)};"
+            local = names.get(symbol.name, symbol.name)
+            line = f"const {'VECTOR' if store.lanes else 'double'} {local} = {access(store, name)};"
             (body if first else passes).append(line)
         # blocks over directions keep their order: they gain nothing by another
         along = any(store.lanes for store, _, _ in block.stores)
@@ -97,10 +140,10 @@ class CWriter(Writer):
                 comment = f" /* {s.tag} */" if s.tag and s.tag != tags[first] else ""
                 tags[first] = s.tag
                 (body if first else passes).append(
-                    f"const {'VECTOR' if s.lanes else 'double'} {s.target} = {self.printer(s.expression)};{comment}"
+                    f"const {'VECTOR' if s.lanes else 'double'} {s.target} = {printer(s.expression)};{comment}"
                 )
             for store, name, value in stores:
-                text = self.printer(value)
+                text = printer(value)
                 if store.memory is MARGIN:
                     assert culprit is not None
                     body.append(f"if (!a->singular && !({text} > 0.0)) a->singular = {culprit(name)} + 1;")
@@ -127,10 +170,10 @@ class CWriter(Writer):
             head = f"for (int i = {start}; i < {end}; i += {step}) {{"
         return [head, *(f"    {c}" for c in calls), "}"]
 
-    def dispatch(self, count: int, inward: bool, entry: str, calls: list[tuple[int, str]]) -> list[str]:
+    def dispatch(self, count: int, inward: bool, entry: str, calls: list[tuple[list[int], str]]) -> list[str]:
         lines = [f"for (int i = {count - 1}; i >= 0; --i) {{" if inward else f"for (int i = 0; i < {count}; ++i) {{"]
         lines.append(f"    switch ({entry}) {{")
-        lines += [f"    case {kind}: {call} break;" for kind, call in calls]
+        lines += [f"    {' '.join(f'case {kind}:' for kind in kinds)} {call} break;" for kinds, call in calls]
         return [*lines, "    default: break;", "    }", "}"]
 
     def repeat_rows(self, name: str, lanes: bool, count: int) -> list[str]:
@@ -144,67 +187,68 @@ class CWriter(Writer):
 
     def loop(self, sweep: str) -> Function:
         f = super().loop(sweep)
-        f.lines = self.ground(sweep) + f.lines
-        if not any("(a" in line for line in f.lines):
-            f.lines = ["(void)a;"]
+        f.lines = self.ground(sweep) + f.lines or ["(void)a;"]
         return f
 
-    def rows_function(
-        self,
-        name: str,
-        block: Block,
-        place: RowPlace,
-        integers: list[list[int]],
-        numbers: list[list[float]],
-        lanes: bool = False,
-    ) -> tuple[Function, list[str]]:
-        f, calls = super().rows_function(name, block, place, integers, numbers, lanes)
-        if "int i" in f.signature and not any("[i]" in line for line in f.lines):
-            f.lines.insert(0, "(void)i;")
-        return f, calls
+    def unused_index(self) -> list[str]:
+        return ["(void)i;"]
 
     # -- places ----------------------------------------------------------------------------------------------------
 
-    def element(self, array: str, index: str) -> Located:
-        return array, "&a->t" if array == "t" else f"a->{array}", index
+    def element(self, array: str, index: str, lanes: bool = False) -> Located:
+        type_ = "LANES" if lanes else "double"
+        if array in ("energy", "denergy") and index.isdigit():
+            index = ENERGIES[int(index)]
+        start = "&a->t" if array == "t" else f"a->{array}"
+        return Located(array, start, f"[{index}]", type_, self.names_of(array, index))
+
+    def in_row(self, variable: str, region: str, row: str, sweep: str, name: str) -> Located:
+        """Where a component lies in a row of memory that is laid out."""
+        start, type_ = f"&a->{region}[{row}]", TYPES[region]
+        if region in ("near", "slots"):
+            of = (self.layout.near_forms if region == "near" else self.layout.slot_forms)[sweep]
+            start, type_ = f"{start}.{of}", f"{'near' if region == 'near' else 'slot'}_{of}"
+        if region in LANE_REGIONS:
+            type_ = f"DIRECTIONS({type_})"
+        return Located(variable, start, f"->{identifier(name)}", type_)
 
     def field_of_record(self, store: Store, link: str, name: str) -> Located:
-        layout = self.layout
         variable = store.label.replace("#", "_")
         if store.memory is SLOT:
-            return variable, "a->slots", layout.slots["moment_tangents"][name]
-        if store.memory is LANE:
-            return variable, f"a->lanes + LANE_SIZE*{link}", layout.lane[name]
-        return variable, f"a->records + RECORD*{link}", layout.record[name]
+            return self.in_row(variable, "slots", "0", "moment_tangents", name)
+        return self.in_row(variable, "lanes" if store.memory is LANE else "records", link, "", name)
 
     def constant(self, shape: int, constants: str, name: str) -> Located:
-        return "c", f"a->constants + {constants}", self.layout.constant_fields[shape][name]
+        return self.in_constants("c", constants, self.layout.forms[shape], name)
+
+    def in_constants(self, variable: str, row: str, form: int, name: str) -> Located:
+        """Where a constant lies: they begin at a row."""
+        type_ = f"constants_of_shape_{form}"
+        return Located(variable, f"({type_} *)(a->constants + {row})", f"->{identifier(name)}", type_)
 
     def place_of_constants(self, index: int) -> int:
         return self.layout.constant_offsets[index]
 
     def number_of_row(self, table: str, row: str, index: int) -> Located:
-        return "k", f"{table}[{row}]", index
+        return Located("k", f"{table}[{row}]", f"[{index}]", "double")
 
-    def place(self, kind: UnitKind, sweep: str, store: Store, name: str) -> Located:
-        at, layout = self.addresses.address(kind, sweep, store, name), self.layout
-        if at.region in SIZES:
-            places = {
-                "records": layout.record, "near": layout.near.get(sweep, {}), "slots": layout.slots.get(sweep, {}),
-                "lanes": layout.lane, "ears": layout.ear, "regions": layout.region, "region_lanes": layout.region_lane,
-                "couplings": layout.coupling, "kept": layout.kept, "kept_regions": layout.kept_region,
-            }  # fmt: skip
-            return at.variable, f"a->{at.region} + {SIZES[at.region]}*{at.row}", places[at.region][name]
-        if at.region == "numbers":
-            return at.variable, f"numbers + {at.row}", int(at.component)
-        row = f" + {at.row}" if at.row else ""
+    def place(self, kinds: Sequence[UnitKind], sweep: str, store: Store, name: str) -> Located:
+        at = self.addresses.placed(kinds, sweep, store, name)
+        self.touched.setdefault(sweep, set()).add(at.region)
+        if at.region in TYPES:
+            return self.in_row(at.variable, at.region, at.row, sweep, name)
         if at.region == "constants":
-            fields = layout.constant_fields[self.addresses.shape_of(kind, store)]
-            return at.variable, f"a->constants{row}", fields[name]
-        component: int | str = int(at.component) if at.component.isdigit() else at.component
+            return self.in_constants(at.variable, at.row, at.form, name)
+        if at.region == "numbers":
+            self.reads_numbers = True
+            return Located(at.variable, f"numbers + {at.row}", f"[{at.component}]", "double")
         if at.region == "trig":
-            component = 0 if name == "cos" else "ANGLES"
-        return at.variable, f"a->{at.region}{row}", component
+            return Located(at.variable, f"a->trig + {at.row}", "[COSINE]" if name == "cos" else "[SINE]", "double")
+        type_ = "LANES" if store.lanes else "double"
+        if at.row.isdigit() or not at.row:
+            index = str(int(at.row or 0) + int(at.component)) if at.component.isdigit() else at.component
+            return replace(self.element(at.region, index, store.lanes), variable=at.variable)
+        return Located(at.variable, f"a->{at.region} + {at.row}", f"[{at.component}]", type_)
 
     # -- the ground ------------------------------------------------------------------------------------------------
 
@@ -224,19 +268,21 @@ class CWriter(Writer):
         kept = self.layout.kept if sweep in self.keeping else {}
         for name in sorted(self.program.ground_fields):
             if sweep and name in near:
-                place = f"a->near[{near[name]}]"
+                region, place = "near", f"a->near[0].{self.layout.near_forms[sweep]}"
             elif name in kept:
-                place = f"a->kept[KEPT_SIZE*LINKS + {kept[name]}]"
+                region, place = "kept", "a->kept[LINKS]"
             elif not sweep and name in self.layout.record:
-                place = f"a->records[RECORD*LINKS + {self.layout.record[name]}]"
+                region, place = "records", "a->records[LINKS]"
             else:
                 continue
+            self.touched.setdefault(sweep or "", set()).add(region)
             value = "0.0"
             if name.endswith(("W.xx", "W.yy", "W.zz")):
                 value = "1.0"
             elif name.removeprefix("t") in ("a.x", "a.y", "a.z"):
                 value = f"a->gravity[{'xyz'.index(name[-1])}]"
-            lines.append(f"{place} = {value};")
+                self.touched[sweep or ""].add("gravity")
+            lines.append(f"{place}.{identifier(name)} = {value};")
         return lines
 
     def gravity(self) -> list[str]:
@@ -264,17 +310,19 @@ class CWriter(Writer):
         lines: list[str] = []
         zero: list[str] = []
         for name, terms in self.ground_tangents():
-            place = f"a->slots[{self.layout.slots['balance_out'][name]}]"
+            place = f"{self._ground_slot()}.{identifier(name)}"
             text = " + ".join(f"{self._gravity(factor)}*a->dp[{p}].at[h]" for factor, p in terms) or "(VECTOR){0}"
             lines.append(f"EACH_VECTOR {place}.at[h] = {text};")
             zero.append(f"{place} = NOTHING;")
         return lines, zero
 
+    def _ground_slot(self) -> str:
+        return f"a->slots[0].{self.layout.slot_forms['balance_out']}"
+
     def ground_transposed(self) -> list[str]:
         """Lines that add to adjoints of parameters what those of the ground's tangent give."""
-        slots = self.layout.slots.get("balance_out", {})
         return [
-            f"EACH_VECTOR a->dp[{p}].at[h] += {self._gravity(factor)}*a->slots[{slots[name]}].at[h];"
+            f"EACH_VECTOR a->dp[{p}].at[h] += {self._gravity(factor)}*{self._ground_slot()}.{identifier(name)}.at[h];"
             for name, terms in self.ground_tangents()
             for factor, p in terms
         ]
@@ -307,7 +355,7 @@ class CWriter(Writer):
                 return self.ground_transposed()
             case procedures.ADJOINTS | procedures.PASSING_ADJOINTS:
                 return [
-                    f"for (long i = 0; i < {n}L; ++i) a->{name}[i] = NOTHING;"
+                    f"for (long i = 0; i < {n}L; ++i) {f'((LANES *)a->{name})' if name in TYPES else f'a->{name}'}[i] = NOTHING;"
                     for name, lanes, n in self.regions()
                     if lanes and (name != "lanes" or what == procedures.ADJOINTS)
                 ]
@@ -338,14 +386,59 @@ class CWriter(Writer):
         ]
         return [r for r in found if r[2]]
 
+    @staticmethod
+    def _type(region: str, lanes: bool) -> str:
+        """What a region of memory consists of."""
+        type_ = TYPES.get(region, "LANES" if lanes else "double")
+        return f"DIRECTIONS({type_})" if region in LANE_REGIONS else type_
+
+    def types(self, lanes: bool) -> list[Type]:
+        """Types of rows of memory, of values or of what is per direction."""
+        layout, number = self.layout, "LANES" if lanes else "double"
+        found: list[Type] = []
+
+        def add(about: str, name: str, lines: list[str], kind: str = "struct", shared: bool = False) -> None:
+            attribute = "MAY_ALIAS " if lanes or shared else ""
+            found.append(Type(about, kind, lines, f"{attribute}{_of_width(name, lanes)}"))
+
+        def several(
+            region: str, prefix: str, forms: dict[str, str], fields: dict[str, dict[str, int]], room: int
+        ) -> None:
+            """One for each sweep, and the union of these."""
+            users = {f: [s for s, of in forms.items() if of == f and s in self.blocks] for f in forms if fields[f]}
+            chosen = [sweep for sweep, found in users.items() if found]
+            for sweep in chosen:
+                add(f"In {', '.join(users[sweep])}.", f"{prefix}_{sweep}", members(fields[sweep], number), shared=True)
+            if chosen:
+                lines = [f"{_of_width(f'{prefix}_{s}', lanes)} {s};" for s in chosen]
+                lines += [f"double room[{room}];"] if room else []
+                add(ABOUT[region], TYPES[region], lines, "union", shared=True)
+
+        if not lanes:
+            for form, constants in layout.constant_fields.items():
+                if constants and layout.forms[form] == form:
+                    about = "Constants of one shape; _d0: derivative by the first parameter that they depend on."
+                    add(about, f"constants_of_shape_{form}", members(constants, number))
+            several("near", "near", layout.near_forms, layout.near, layout.near_size)
+        else:
+            several("slots", "slot", layout.slot_forms, layout.slots, 0)
+        kept = {
+            "records": layout.record, "ears": layout.ear, "regions": layout.region, "couplings": layout.coupling,
+            "kept": layout.kept, "kept_regions": layout.kept_region, "lanes": layout.lane,
+            "region_lanes": layout.region_lane,
+        }  # fmt: skip
+        for region, fields in kept.items():
+            if fields and (region in LANE_REGIONS) == lanes:
+                add(ABOUT[region], TYPES[region], members(fields, number))
+        return found
+
     def laid_out(self, procedure: Procedure, places: dict[str, int]) -> list[str]:
         """Lines that give a call the memory of the workspace: all of it, or what a few sweeps need."""
-        if any(isinstance(s, (Prepare, Perform, Own)) for s in procedure.steps):
+        if lays_out(procedure):
             return ["lay_out(&c, work);"]
-        sweeps = [s.sweep for s in procedure.steps if isinstance(s, Run)]
-        text = "\n".join(line for s in sweeps for f in self.swept[s] for line in f.lines)
-        lines = [f"c.{name} = aligned(work) + {at};" for name, at in places.items() if f"a->{name} " in text]
-        return lines if lines or procedure.seeds else ["(void)work;"]
+        touched = set[str]().union(*(self.touched.get(s.sweep, ()) for s in procedure.steps if isinstance(s, Run)))
+        lines = [f"c.{name} = {_cast(name)}(aligned(work) + {at});" for name, at in places.items() if name in touched]
+        return lines if lines or procedure.seeds else UNUSED_WORK
 
     def context(self) -> dict[str, Any]:
         """What the templates are rendered with."""
@@ -364,34 +457,44 @@ class CWriter(Writer):
             at += -(-count * (8 if lanes else 1) // 8) * 8
         kept = {name: lanes for name, lanes, _ in regions}
         self.workspace = at + 8
-        fields, lane_fields = memory.declarations(kept)
+        types = {name: self._type(name, lanes) for name, lanes in kept.items()}
+        fields, lane_fields = memory.declarations({n: t for n, t in types.items() if not kept[n]},
+                                                  {n: t for n, t in types.items() if kept[n]})  # fmt: skip
         in_workspace = {name: at for name, at in places.items() if not kept[name]}
         lines = CFunctions(model.name, memory, self.prepared, lambda p: self.laid_out(p, in_workspace))
+        used = sorted({w for widths in self.sets_of_widths for w in widths})
         of_width = [(f, w) for f in found for w in (f.widths or (None,))]
         batches = [(c_functions.batch_signature(f, model.name, w), f, w) for f, w in of_width]
         return context | {
             "NAME": model.name.upper(),
             "legend": legend(model, len(self.system.links)),
             "sizes_in_c": [
-                ("LINKS", len(self.system.links)), ("RECORD", max(1, len(layout.record))),
-                ("NEAR_SIZE", max(1, layout.near_size)), ("SLOT_SIZE", max(1, layout.slot_size)),
-                ("LANE_SIZE", max(1, len(layout.lane))),
-                *((n, len(f)) for n, f in (("EAR_SIZE", layout.ear), ("COUPLING_SIZE", layout.coupling),
-                                           ("REGION_SIZE", layout.region), ("REGION_LANE_SIZE", layout.region_lane),
-                                           ("KEPT_SIZE", layout.kept), ("KEPT_REGION_SIZE", layout.kept_region)) if f),
-                ("ANGLES", max(1, layout.angles_padded)),
+                ("LINKS", len(self.system.links)),
+                *((("ANGLES", layout.angles_padded), ("COSINE", 0), ("SINE", "ANGLES")) if layout.angles else ()),
+                *((name, i) for i, name in enumerate(ENERGIES) if "energy" in memory.fields),
             ],
+            "types": self.types(False), "lane_types": self.types(True),
             "workspace": self.workspace,
-            "fields": fields, "lane_fields": lane_fields, "field_names": [f.split()[-1].lstrip("*") for f in fields],
-            "value_places": in_workspace, "lane_places": {n: at for n, at in places.items() if kept[n]},
+            "fields": fields, "lane_fields": lane_fields,
+            "value_places": [(n, f"{_cast(n)}(work + {at})" if n in TYPES else f"work + {at}")
+                             for n, at in in_workspace.items()],
+            "lane_places": [(n, f"({types[n]} *)(work + {at})") for n, at in places.items() if kept[n]],
             "tables": [*self.flat_tables(), *((head, [f"{{{row}}}," for row in rows]) for head, rows in self.tables)],
-            "sines": ["c/sincos.c.jinja"] if layout.angles else [],
+            "sines": ["c/sincos.c.jinja"] if layout.angles and self.prepares(procedures.ANGLES) else [],
             "routines": [lines.routine(r) for r in context["routines"]],
-            "lane_routines": [lines.routine(r) for r in context["lane_routines"]],
-            "other_lane_routines": [lines.routine(r) for r in context["other_lane_routines"]],
+            "lane_functions": [(*guard(widths, used), functions) for widths, functions in context["lane_functions"] if functions],
+            "lane_routines": [
+                (*guard(widths, used), functions)
+                for widths, of in context["lane_routines"]
+                if (functions := [*map(lines.routine, of), *(lines.function(f) for f in found if f.widths == widths)])
+            ],
+            "inclusions": inclusions(model.name, used),
+            "sweep_files": [
+                *(["c/aligned.c.jinja"] if used or any(_reads_work(lines.laid_out(p)) for p in found) else []),
+                *(["c/lay_out.c.jinja"] if any(map(lays_out, found)) else []),
+            ],
+            "matrix_files": ["c/component.c.jinja"] if any(map(fills_lanes, found)) else [],
             "header_functions": [lines.function(f) for f in found if not f.seeds],
-            "header_lane_functions": [lines.function(f) for f in found if 2 in f.widths],
-            "other_header_lane_functions": [lines.function(f) for f in found if f.seeds and 2 not in f.widths],
             "prototypes": [
                 (f.doc if not w else f"{f.doc} Directions: {w}.",
                  c_functions.signature(f, f"{model.name}_{c_functions.symbol(f, w)}")) for f, w in of_width
@@ -402,8 +505,8 @@ class CWriter(Writer):
     def flat_tables(self) -> list[tuple[str, list[str]]]:
         """Declarations and lines of tables without rows: numbers; coordinates that are angles if they are not the first."""
         numbers, angles = [repr(v) for v in self.layout.numbers], self.layout.angles
-        found = [(f"static const double numbers[{len(numbers)}]", in_lines(numbers, 6))] if numbers else []
-        if angles != list(range(len(angles))):
+        found = [(f"static const double numbers[{len(numbers)}]", in_lines(numbers, 6))] if self.reads_numbers else []
+        if self.prepares(procedures.ANGLES) and angles != list(range(len(angles))):
             found.append((f"static const int angle_of[{len(angles)}]", in_lines(list(map(str, angles)), 16)))
         return found
 
@@ -448,6 +551,67 @@ def legend(model: Model, links: int) -> list[str]:
     return lines
 
 
+def lays_out(procedure: Procedure) -> bool:
+    """Whether a function needs all of the workspace, not what a few sweeps keep."""
+    return any(isinstance(s, (Prepare, Perform, Own)) for s in procedure.steps)
+
+
+def _reads_work(lines: list[str]) -> bool:
+    """Whether lines that give a call its memory give it any."""
+    return bool(lines) and lines != UNUSED_WORK
+
+
+def fills_lanes(procedure: Procedure) -> bool:
+    """Whether a function computes several columns of a matrix at once."""
+    return any(isinstance(s, Columns) and s.unit.lanes for s in procedure.steps)
+
+
+def guard(widths: tuple[int, ...], used: list[int]) -> tuple[list[str], list[str]]:
+    """Lines around what only some widths need."""
+    if sorted(widths) == used:
+        return [], []
+    return [f"#if {' || '.join(f'WIDTH == {w}' for w in widths)}"], ["#endif"]
+
+
+def inclusions(name: str, used: list[int]) -> list[str]:
+    """Lines that include the functions over directions once for every width; the last one stays."""
+    lines = []
+    for w in used:
+        lines += ["#undef WIDTH"] if w != used[0] else []
+        lines += [f"#define WIDTH {w}", f'#include "{name}_directions.h"']
+    return lines
+
+
+def members(components: Iterable[str], number: str) -> list[str]:
+    """Lines of a struct: the components of a field together, with its meaning."""
+    found: list[tuple[AnyField | None, list[str]]] = []
+    for component in components:
+        field = field_of(component)
+        if not found or found[-1][0] is not field:
+            found.append((field, []))
+        found[-1][1].append(identifier(component))
+    lines = []
+    for field, names in found:
+        lines += textwrap.wrap(f"{number} {', '.join(names)};", MEMBERS, subsequent_indent="    ")
+        if field is not None:
+            unit = "" if field.unit in ("", "1") else f", {field.unit.replace('*/', '* /')}"
+            comment = f"/* {field.meaning}{unit} */"
+            if len(lines[-1]) + len(comment) <= COMMENTED:
+                lines[-1] += f" {comment}"
+            else:
+                lines.append(f"    {comment}")
+    return lines
+
+
+def _of_width(name: str, lanes: bool) -> str:
+    return f"DIRECTIONS({name})" if lanes else name
+
+
+def _cast(region: str) -> str:
+    """What makes a region of memory of numbers."""
+    return f"({TYPES[region]} *)" if region in TYPES else ""
+
+
 def _function(name: str, lanes: bool) -> str:
     return f"DIRECTIONS({name})" if lanes else name
 
@@ -455,11 +619,10 @@ def _function(name: str, lanes: bool) -> str:
 def write_c(context: dict[str, Any]) -> dict[str, str]:
     """The C files of a solver, by name."""
     name = context["name"]
-    return {
-        f"{name}.c": render("c/module.c.jinja", context),
-        f"{name}_directions.h": render("c/directions.h.jinja", context),
-        f"{name}.h": render("c/module.h.jinja", context),
-    }
+    files = {f"{name}.c": "c/module.c.jinja", f"{name}.h": "c/module.h.jinja"}
+    if context["inclusions"]:
+        files[f"{name}_directions.h"] = "c/directions.h.jinja"
+    return {file: render(template, context) for file, template in files.items()}
 
 
 __all__ = ["CWriter", "write_c"]

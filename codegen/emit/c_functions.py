@@ -104,17 +104,18 @@ class Memory:
     own: dict[Array, int] = field(default_factory=dict)
     size: int = 0
 
-    def declarations(self, kept: dict[str, bool]) -> tuple[list[str], list[str]]:
-        """Declarations of the pointers of both structs; `kept` has what sweeps keep, and whether per direction."""
+    def declarations(
+        self, kept: dict[str, str], kept_lanes: dict[str, str]
+    ) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
+        """Types and names of the members of both structs; `kept` have what sweeps keep, and of which type."""
 
-        def pointers(type_: str, fields: dict[str, bool]) -> list[str]:
-            return [
-                f"{'' if written else 'const '}{type_} *{name}" for name, written in fields.items() if name not in kept
-            ]
+        def pointers(type_: str, fields: dict[str, bool]) -> list[tuple[str, str]]:
+            known = kept.keys() | kept_lanes.keys()
+            return [(f"{'' if written else 'const '}{type_} *", n) for n, written in fields.items() if n not in known]
 
-        of_values = pointers("double", self.fields) + [f"double {name}" for name in self.numbers]
-        of_values += [f"double *{name}" for name, lanes in kept.items() if not lanes]
-        of_lanes = pointers("LANES", self.lane_fields) + [f"LANES *{name}" for name, lanes in kept.items() if lanes]
+        of_values = pointers("double", self.fields) + [("double ", name) for name in self.numbers]
+        of_values += [(f"{type_} *", name) for name, type_ in kept.items()]
+        of_lanes = pointers("LANES", self.lane_fields) + [(f"{type_} *", name) for name, type_ in kept_lanes.items()]
         return of_values, of_lanes
 
 

@@ -10,7 +10,7 @@ from ..mechanics.expansion import Program
 from ..mechanics.formulas import FormulaKind
 from ..mechanics.outputs.outputs import RecordFormula
 from ..mechanics.procedures import WIDTHS
-from ..mechanics.structure.kinds import System
+from ..mechanics.structure.system import System
 from ..mechanics.sweeps import SWEEP
 from ..program.operations import Operations, count
 from ..program.procedure import Array, Formulas, Procedure, Single, counted, walk
@@ -86,6 +86,8 @@ def manifest(
     for f in procedures:
         sweeps = [s for s in counted(f, OUTSIDE) if s in operations]
         functions[f.name] = {"arguments": _names(f.arguments), "results": _names(f.results), "sweeps": sweeps}
+        if f.member:
+            functions[f.name]["member"] = f.member
         if f.widths:
             functions[f.name] |= {"seeds": _names(f.seeds), "widths": list(f.widths)}
     return {

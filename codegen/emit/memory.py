@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from ..mechanics.expansion import Program
 from ..mechanics.stores import COUPLING_BLOCK, EAR_RECORD, KEPT, LANE, ME, RECORD, REGION_LANE, REGION_RECORD, UP
-from ..mechanics.structure.kinds import EarKind, System
+from ..mechanics.structure.kinds import EarKind
+from ..mechanics.structure.system import System
 
 
 class Layout:
@@ -22,8 +23,12 @@ class Layout:
         The same for the slots, by sweep: slots are used anew by every sweep.
     near : dict of str to dict of str to int
         The same for what a sweep's links only tell their neighbours, without direction.
+    slot_forms, near_forms : dict of str to str
+        By sweep: the first one with the same fields there, in the same order.
     constant_fields : dict of int to dict of str to int
         By shape: index of a constant among those of its links.
+    forms : dict of int to int
+        By shape: the first shape with the same constants, in the same order.
     constant_offsets : dict of int to int
         By constants: where they begin.
     numbers, number_offsets, closure_number_offsets, element_number_offsets
@@ -54,6 +59,7 @@ class Layout:
             {name: i for i, name in enumerate(program.fields.get(KEPT[m], ()))} for m in (RECORD, REGION_RECORD)
         )
         self.slots = {sweep: {name: i for i, name in enumerate(fields)} for sweep, fields in program.slots.items()}
+        self.slot_forms, self.near_forms = _first_with(self.slots), _first_with(self.near)
         self.slot_size = max((len(f) for f in program.slots.values()), default=0)
         self._constants(system)
         self.trig_of, count = [], 0
@@ -67,6 +73,8 @@ class Layout:
         self.constant_fields = {
             shape.index: {name: i for i, (_, name, _) in enumerate(shape.block.stores)} for shape in system.shapes
         }
+        known: dict[tuple[str, ...], int] = {}
+        self.forms = {shape: known.setdefault(tuple(fields), shape) for shape, fields in self.constant_fields.items()}
         self.constant_offsets: dict[int, int] = {}
         size = 0
         for c in system.constants:
@@ -100,6 +108,12 @@ class Layout:
                 self.element_number_offsets[n] = offset(tuple(values.get(name, 0.0) for name in element_kind.data))
 
 
+def _first_with(fields: dict[str, dict[str, int]]) -> dict[str, str]:
+    """For each sweep, the first one with the same fields."""
+    known: dict[tuple[str, ...], str] = {}
+    return {sweep: known.setdefault(tuple(names), sweep) for sweep, names in fields.items()}
+
+
 class IndexTable:
     """A table of integers with a row for each link or unit: a column is added when something uses it, and none where the
     integers of a kind are the same, or go up in equal steps.
@@ -124,7 +138,7 @@ class IndexTable:
         offset = values[0] - step * instances[0]
         if not rest and step > 0 and all(v == step * i + offset for i, v in zip(instances, values, strict=True)):
             term = "i" if step == 1 else f"{step}*i"
-            return "i" if step == 1 and not offset else f"({term} {'+' if offset >= 0 else '-'} {abs(offset)})"
+            return f"{term} {'+' if offset > 0 else '-'} {abs(offset)}" if offset else term
         known = self.columns.setdefault(column, [0] * self.count)
         for i, v in zip(instances, values, strict=True):
             known[i] = v

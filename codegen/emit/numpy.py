@@ -5,11 +5,13 @@ Memory is named instead of numbered: every link has a record, slots and lanes, a
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import Any
 
 from ..mechanics import procedures
 from ..mechanics.expansion import Program
+from ..mechanics.fields import identifier
 from ..mechanics.formulas import FormulaKind
 from ..mechanics.outputs.outputs import RecordFormula
 from ..mechanics.stores import COUPLING_BLOCK, EAR_RECORD, KEPT, MARGIN, RECORD, REGION_RECORD
@@ -31,7 +33,7 @@ SCALARS = (RECORD, EAR_RECORD, REGION_RECORD, COUPLING_BLOCK, *KEPT.values())
 
 
 class NumpyWriter(Writer):
-    """NumPy source of a program; a place is (variable of a dict, its expression, text that follows)."""
+    """NumPy source of a program."""
 
     numbered = False
 
@@ -49,31 +51,32 @@ class NumpyWriter(Writer):
     # -- the language ----------------------------------------------------------------------------------------------
 
     def lines(self, block: Block, place: Place, culprit: Callable[[str], str] | None = None) -> list[str]:
-        taken = {s.name for s in block.loads} | {s.target.name for s in block.statements}
+        names = self.called_by(block, place)
+        printer = self.printer.calling(names)
+        taken = {s.name for s in block.loads} | {s.target.name for s in block.statements} | set(names.values())
         variables: dict[str, str] = {}
         body: list[str] = []
 
         def access(store: Store, name: str) -> str:
-            variable, expression, text = place(store, name)
-            if not variable:
-                return f"{expression}{text}"
-            if variable in taken:
-                variable += "_at"
-            variables[variable] = f"{variable} = {expression}"
-            return f"{variable}{text}"
+            at = place(store, name)
+            if not at.variable:
+                return f"{at.row}{at.text}"
+            variable = f"{at.variable}_at" if at.variable in taken else at.variable
+            variables[variable] = f"{variable} = {at.row}"
+            return f"{variable}{at.text}"
 
         for symbol, (store, name) in block.loads.items():
-            body.append(f"{symbol} = {access(store, name)}")
+            body.append(f"{names.get(symbol.name, symbol.name)} = {access(store, name)}")
         tag = ""
         for s in block.statements:
             comment = f"  # {s.tag}" if s.tag and s.tag != tag else ""
             tag = s.tag
-            body.append(f"{s.target} = {self.printer(s.expression)}{comment}")
+            body.append(f"{s.target} = {printer(s.expression)}{comment}")
         for store, name, value in block.stores:
-            text = self.printer(value)
+            text = printer(value)
             if store.memory is MARGIN:
                 assert culprit is not None
-                body.append(f"check_pivot(a, {text}, {_plain(culprit(name))})")
+                body.append(f"check_pivot(a, {text}, {culprit(name)})")
                 continue
             if store.memory in SCALARS and value.is_Number:
                 text = "ZERO" if value == 0 else f"np.float64({text})"
@@ -91,11 +94,11 @@ class NumpyWriter(Writer):
         bounds = f"{end - step}, {start - 1}, {-step}" if inward else f"{start}, {end}, {step}"
         return [f"for i in range({bounds}):", *(f"    {c}" for c in calls)]
 
-    def dispatch(self, count: int, inward: bool, entry: str, calls: list[tuple[int, str]]) -> list[str]:
+    def dispatch(self, count: int, inward: bool, entry: str, calls: list[tuple[list[int], str]]) -> list[str]:
         lines = [f"for i in range({count - 1}, -1, -1):" if inward else f"for i in range({count}):"]
         lines.append(f"    match {entry}:")
-        for kind, call in calls:
-            lines += [f"        case {kind}:", f"            {call}"]
+        for kinds, call in calls:
+            lines += [f"        case {' | '.join(map(str, kinds))}:", f"            {call}"]
         return lines if calls else []
 
     def repeat_rows(self, name: str, lanes: bool, count: int) -> list[str]:
@@ -104,31 +107,32 @@ class NumpyWriter(Writer):
     def add_table(self, name: str, rows: list[list[int]] | list[list[float]]) -> None:
         self.tables[name] = [", ".join(map(repr, row)) for row in rows]
 
-    def place(self, kind: UnitKind, sweep: str, store: Store, name: str) -> Located:
-        at = self.addresses.address(kind, sweep, store, name)
+    def place(self, kinds: Sequence[UnitKind], sweep: str, store: Store, name: str) -> Located:
+        at = self.addresses.placed(kinds, sweep, store, name)
         if at.region in REGIONS.values() or at.region == "constants":
-            return at.variable, f"a.{at.region}[{_plain(at.row)}]", f'["{name}"]'
+            return Located(at.variable, f"a.{at.region}[{at.row}]", _key(at.component))
         if at.region == "trig":
-            return self.element(name, _plain(at.row))
+            return self.element(name, at.row)
         if not at.row:
-            return self.element(at.region, _plain(at.component))
+            return self.element(at.region, at.component)
+        self.reads_numbers = self.reads_numbers or at.region == "numbers"
         index = _index(at.row, int(at.component))
-        return ("", "numbers", f"[{index}]") if at.region == "numbers" else self.element(at.region, index)
+        return Located("", "numbers", f"[{index}]") if at.region == "numbers" else self.element(at.region, index)
 
-    def element(self, array: str, index: str) -> Located:
-        return "", f"a.{array}", f"[{index}]"
+    def element(self, array: str, index: str, lanes: bool = False) -> Located:
+        return Located("", f"a.{array}", f"[{index}]", names=self.names_of(array, index))
 
     def field_of_record(self, store: Store, link: str, name: str) -> Located:
-        return store.label.replace("#", "_"), f"a.{REGIONS[store.memory]}[{link}]", f'["{name}"]'
+        return Located(store.label.replace("#", "_"), f"a.{REGIONS[store.memory]}[{link}]", _key(name))
 
     def constant(self, shape: int, constants: str, name: str) -> Located:
-        return "c", f"a.constants[{constants}]", f'["{name}"]'
+        return Located("c", f"a.constants[{constants}]", _key(name))
 
     def place_of_constants(self, index: int) -> int:
         return index
 
     def number_of_row(self, table: str, row: str, index: int) -> Located:
-        return "k", f"{table}[{row}]", f"[{index}]"
+        return Located("k", f"{table}[{row}]", f"[{index}]")
 
     # -- the file --------------------------------------------------------------------------------------------------
 
@@ -137,14 +141,14 @@ class NumpyWriter(Writer):
         if not isinstance(value, str):
             return repr(value)
         assert self.system.gravity is not None
-        return f'a.constants[{self.system.gravity.index}]["{value}"]'
+        return f"a.constants[{self.system.gravity.index}]{_key(value)}"
 
     def ground(self) -> list[str]:
         """Lines that set the ground's record."""
         lines = []
         for name, value in self.ground_values():
             text = "ZERO" if value == 0 else self._gravity(value)
-            lines.append(f'a.records[GROUND]["{name}"] = {text}')
+            lines.append(f"a.records[GROUND]{_key(name)} = {text}")
         return [*lines, "a.kept[GROUND] = a.records[GROUND]"] if self.layout.kept else lines
 
     def prepared(self, what: str) -> list[str]:
@@ -158,14 +162,14 @@ class NumpyWriter(Writer):
                 place = f":{len(angles)}" if angles == list(range(len(angles))) else "angle_of"
                 return [f"angles = a.q[{place}]", "a.cos, a.sin = np.cos(angles), np.sin(angles)"]
             case procedures.GROUND_AT_REST:
-                return [f'a.records[GROUND]["{name}"] = ZERO' for name in self.ground_accelerations()]
+                return [f"a.records[GROUND]{_key(name)} = ZERO" for name in self.ground_accelerations()]
             case procedures.GROUND_TANGENT:
-                return [f'a.slots[GROUND]["{name}"] = {self._along(terms)}' for name, terms in self.ground_tangents()]
+                return [f"a.slots[GROUND]{_key(name)} = {self._along(terms)}" for name, terms in self.ground_tangents()]
             case procedures.GROUND_TANGENT_AT_REST:
-                return [f'a.slots[GROUND]["{name}"] = 0.0' for name, _ in self.ground_tangents()]
+                return [f"a.slots[GROUND]{_key(name)} = 0.0" for name, _ in self.ground_tangents()]
             case procedures.GROUND_TANGENT_TRANSPOSED:
                 return [
-                    f'a.dp[{p}] = a.dp[{p}] + {self._gravity(factor)}*a.slots[GROUND]["{name}"]'
+                    f"a.dp[{p}] = a.dp[{p}] + {self._gravity(factor)}*a.slots[GROUND]{_key(name)}"
                     for name, terms in self.ground_tangents()
                     for factor, p in terms
                 ]
@@ -186,8 +190,16 @@ class NumpyWriter(Writer):
         return " + ".join(f"{self._gravity(factor)}*a.dp[{p}]" for factor, p in terms) or "0.0"
 
     def pivots(self, sweep: str) -> bool:
-        """Whether a sweep checks pivots."""
-        return any(store.memory is MARGIN for b in self.blocks[sweep].values() for store, _, _ in b.stores)
+        """Whether a sweep, or a function that calls formulas, checks pivots."""
+        if sweep in self.blocks:
+            return any(store.memory is MARGIN for b in self.blocks[sweep].values() for store, _, _ in b.stores)
+        of = procedures.OUTPUTS.tangents()
+        return sweep in (of.called, of.transpose().called) and self.singular_outputs
+
+    @cached_property
+    def singular_outputs(self) -> bool:
+        """Whether there are outputs without a derivative in some states."""
+        return any(store.memory is MARGIN for r in self.records for store, _, _ in r.tangent.stores)
 
     def memory(self) -> list[str]:
         """Lines that give a call its memory."""
@@ -209,13 +221,13 @@ class NumpyWriter(Writer):
     def flat_tables(self) -> list[tuple[str, list[str], str]]:
         """Beginning, lines and end of the tables; numbers are arrays."""
         found = []
-        if self.layout.numbers:
+        if self.reads_numbers:
             found.append(("numbers = np.array([", in_lines(list(map(repr, self.layout.numbers)), 6), "])"))
         for name, rows in self.tables.items():
             ends = ("np.array((", "))") if name.startswith("numbers") else ("(", ")")
             found.append((f"{name} = {ends[0]}", [f"({row},)," for row in rows], ends[1]))
         angles = self.layout.angles
-        if angles != list(range(len(angles))):
+        if self.prepares(procedures.ANGLES) and angles != list(range(len(angles))):
             found.append(("angle_of = [", in_lines(list(map(str, angles)), 16), "]"))
         return found
 
@@ -236,12 +248,19 @@ class NumpyWriter(Writer):
             first = f"GROUND + {len(model.loops)}" if model.loops else "GROUND"
             singular.append(("SingularForceError", first, f"ELEMENTS[link - ({first})]"))
             errors.append("numpy/singular_force.py.jinja")
+        if self.singular_outputs:
+            names["OUTPUTS"] = [output.name for output in model.outputs]
+            more = len(model.loops) + len(model.loads)
+            first = f"GROUND + {more}" if more else "GROUND"
+            singular.append(("SingularOutputError", first, f"OUTPUTS[link - ({first})]"))
+            errors.append("numpy/singular_output.py.jinja")
         return context | {
             "tables": self.flat_tables(),
             "names": [(n, listed(found)) for n, found in names.items()],
             "memory": self.memory(),
             "singular": singular[::-1],  # the last ones have the largest numbers
             "errors": errors,
+            "functions": [*context["functions"], *(f for _, functions in context["lane_functions"] for f in functions)],
             "routines": [lines.routine(r) for r in routines(self.procedures)],
             "public": [lines.function(f) for f in self.procedures],
         }
@@ -262,15 +281,15 @@ def listed(names: list[str]) -> list[str]:
     return lines
 
 
-def _plain(entry: str) -> str:
-    """An entry of the link table without the parentheses that C pointers need."""
-    return entry.removeprefix("(").removesuffix(")")
+def _key(component: str) -> str:
+    """The entry of a dict that a component is."""
+    return f'["{identifier(component)}"]'
 
 
 def _index(entry: str, offset: int) -> str:
     if entry.isdigit():
         return str(int(entry) + offset)
-    return f"{entry} + {offset}" if offset else _plain(entry)
+    return f"{entry} + {offset}" if offset else entry
 
 
 def write_numpy(

@@ -89,7 +89,9 @@ class NumpyFunctions:
         lines += [line for s in p.steps for line in inner.of(s)]
         takes = [", ".join(map(described, arrays)) for arrays in (p.arguments, p.seeds) if arrays]
         returns = ", ".join(map(described, p.results))
-        return PublicFunction(p.doc, f"def {p.name}({names}):", [*lines, *inner.returned()], takes, returns)
+        return PublicFunction(
+            p.doc, f"def {p.name}({names}):", [*lines, *inner.returned()], takes=takes, returns=returns
+        )
 
 
 def described(a: Array) -> str:
@@ -118,12 +120,9 @@ class _Lines:
             self.zero.clear() if over_directions(step) else self.zero.intersection_update(self._of_lanes())
         match step:
             case Run():
-                line = f"{step.sweep}(a)"
-                return (
-                    ['with np.errstate(all="ignore"):', f"    {line}"] if self.functions.pivots(step.sweep) else [line]
-                )
+                return self.guarded(step.sweep)
             case Formulas():
-                return [f"{step.called}(a)"]
+                return self.guarded(step.called)
             case Prepare():
                 return self.functions.prepared(step.what)
             case Perform():
@@ -158,6 +157,11 @@ class _Lines:
                 return self.single(step)
             case Columns():
                 return self.columns(step)
+
+    def guarded(self, name: str) -> list[str]:
+        """A call; what is divided by a zero pivot is told afterwards."""
+        line = f"{name}(a)"
+        return ['with np.errstate(all="ignore"):', f"    {line}"] if self.functions.pivots(name) else [line]
 
     def _of_lanes(self) -> set[str]:
         """Derivatives: what values alone do not write."""

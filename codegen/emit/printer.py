@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from copy import copy
+from types import MappingProxyType
+from typing import Self
+
 from sympy import Expr
 
 SUM, PRODUCT, ATOM = 0, 1, 2
@@ -20,17 +25,24 @@ NUMPY_FUNCTIONS = {
 
 
 class Printer:
-    """Prints one right side; `functions` names the elementary functions of the language."""
+    """Prints one right side; `functions` names the elementary functions of the language, `names` calls symbols otherwise."""
 
-    def __init__(self, functions: dict[str, str]):
+    def __init__(self, functions: dict[str, str], names: Mapping[str, str] = MappingProxyType({})):
         self.functions = functions
+        self.names = names
+
+    def calling(self, names: Mapping[str, str]) -> Self:
+        """A printer that calls some symbols by other names. The order of terms and factors stays that of the symbols."""
+        found = copy(self)
+        found.names = names
+        return found
 
     def __call__(self, e: Expr) -> str:
         return self._print(e, SUM)
 
     def _print(self, e: Expr, level: int) -> str:
         if e.is_Symbol:
-            return str(e.name)
+            return self.names.get(e.name, e.name)
         if e.is_Number or e.is_NumberSymbol:
             text = self.number(e)
             return f"({text})" if level > SUM and text.startswith("-") else text

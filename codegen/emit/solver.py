@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,19 +11,30 @@ from ..loops.description import describe
 from ..loops.errors import AssemblyError, PartitionError
 from ..loops.partition import Partition, partition
 from ..mechanics.ears.orthogonal import RankLossError
+from ..mechanics.elimination import ZeroPivotError
 from ..mechanics.expansion import Place as MemoryPlace
 from ..mechanics.expansion import Program, expand
 from ..mechanics.formulas import coefficient_formulas, force_formulas, initial_formulas
 from ..mechanics.outputs.outputs import RecordFormula, output_formulas, potential_formula
-from ..mechanics.procedures import arrays, checked_backwards, procedures, sweeps, swept_backwards, swept_together
+from ..mechanics.procedures import (
+    arrays,
+    checked_backwards,
+    left_out,
+    procedures,
+    sweeps,
+    swept_backwards,
+    swept_together,
+)
 from ..mechanics.stores import LAID_OUT, SLOT
-from ..mechanics.structure.kinds import RegionKind, System, analyse
+from ..mechanics.structure.kinds import RegionKind
+from ..mechanics.structure.system import System, analyse
+from ..mechanics.sweeps import transpose_name, values_name
 from ..mechanics.transposition import transpose_sweeps
-from ..mechanics.tree.triangularization import ZeroPivotError
 from ..model.collector import collector_paused
 from ..model.errors import ModelError
 from ..model.model import GROUND, Model
 from ..program.operations import Operations
+from ..program.procedure import Formulas, walk
 from ..program.progress import Progress, silent
 from .c import CWriter, write_c
 from .calls import write_calls
@@ -70,6 +82,7 @@ def write_solver(
     chosen: Partition | None = None,
     reactions: bool = False,
     progress: Progress = silent,
+    functions: Collection[str] | None = None,
 ) -> Source:
     """Expand a model and print its solver.
 
@@ -84,6 +97,8 @@ def write_solver(
         The solver has a function for the wrenches that joints and loops transmit.
     progress : callable
         Hears what is being done; see `codegen.generation.generate`.
+    functions : collection of str, optional
+        Those that the solver has, all if left out; see `codegen.mechanics.procedures.procedures`.
     """
     seconds: dict[str, float] = {}
     clock = time.perf_counter()
@@ -107,13 +122,18 @@ def write_solver(
     progress("analysing", 0, 0)
     system = analyse(model, unrolled, chosen)
     lap("analyse")
+    asked = procedures(system, reactions, functions)
+    read = {t for p in asked for s in walk(p.steps) if isinstance(s, Formulas) for t in s.targets}
     values, records = output_formulas(system)
     potential = potential_formula(system)
     if potential is not None:
         records.append(potential)
-    asked = procedures(system, reactions)
+    records = [r for r in records if r.target in read]
     try:
-        program = expand(system, sweeps(asked), _read_by_formulas(system, records), progress)
+        wanted, backwards = sweeps(asked), swept_backwards(asked)
+        program = expand(
+            system, wanted.union(backwards), _read_by_formulas(system, records), progress, functions is None
+        )
     except RankLossError as error:
         raise ModelError([model.problem("loops", str(error))]) from None
     except ZeroPivotError as error:
@@ -126,8 +146,12 @@ def write_solver(
         message = f"nothing outboard of the joint of {body!r} has inertia about it in any state; give it mass or fix the joint"
         raise ModelError([model.problem(f"bodies.{body}.joint", message)]) from None
     formulas = [*force_formulas(system), *coefficient_formulas(system), *values, *initial_formulas(model)]
+    formulas = [f for f in formulas if f.target in read]
     tangents = [*(f.tangent for f in formulas), *(r.tangent for r in records)]
-    transpose_sweeps(program, swept_backwards(asked), tangents, checked_backwards(asked), *swept_together(asked))
+    transpose_sweeps(program, backwards, tangents, checked_backwards(asked), *swept_together(asked))
+    for sweep in backwards:  # what was only there to be run backwards, or together with others
+        for name in {sweep, values_name(sweep), transpose_name(sweep)} - wanted:
+            program.blocks.pop(name, None)
     lap("expand and simplify")
     progress("printing C", 0, 0)
     writer = CWriter(program, formulas, records, asked)
@@ -139,6 +163,8 @@ def write_solver(
     lap("print NumPy")
     counts = operations(program, [*formulas, *records], writer.procedures)
     made = manifest(system, writer.procedures, writer.workspace, counts, chosen.q if chosen else ())
+    if functions is not None:
+        made["left_out"] = left_out(system, asked)
     files[f"{model.name}_calls.c"] = write_calls(made, {n: a.size for n, a in arrays(system).items()})
     return Source(
         files,

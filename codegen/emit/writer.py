@@ -5,21 +5,41 @@ A target (`CWriter`, `NumpyWriter`) adds the language: how a block, a loop, a ta
 
 from __future__ import annotations
 
+import keyword
+import re
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any
 
 from ..mechanics.expansion import Program
+from ..mechanics.fields import identifier
 from ..mechanics.formulas import FormulaKind
 from ..mechanics.outputs.outputs import RecordFormula
-from ..mechanics.stores import LAID_OUT, NUMBER, SHAPE
+from ..mechanics.procedures import CONSTANTS, SHAPES, WIDTHS
+from ..mechanics.stores import CE_PARAMETER, CONSTANT, KEPT, LAID_OUT, MARGIN, NUMBER, PARAMETER, SHAPE, SUM, SUM_LANE
+from ..mechanics.structure.constants import Constants
 from ..mechanics.structure.element_kinds import ElementKind
 from ..mechanics.structure.kinds import EarKind, RegionKind, UnitKind
 from ..mechanics.sweeps import INWARD, SWEEP
 from ..model.model import GROUND
-from ..program.block import Block
-from ..program.procedure import Formulas, Prepare, Procedure, Run, pruned, routines, walk
+from ..program.block import RESERVED, Block
+from ..program.operations import count
+from ..program.procedure import (
+    Columns,
+    Formulas,
+    Perform,
+    Prepare,
+    Procedure,
+    Run,
+    Single,
+    Step,
+    over_directions,
+    pruned,
+    routines,
+    walk,
+)
 from ..program.store import Store
 from ..version import __version__
 from .address import Addresses
@@ -29,9 +49,40 @@ from .memory import Layout
 MAX_STRETCHES = 24
 """More different stretches of links than this, and a sweep dispatches on the kind instead."""
 
+KEYWORDS = frozenset(keyword.kwlist) | frozenset(
+    "auto break case char const continue default do double else enum extern float for goto if inline int long register restrict "
+    "return short signed sizeof static struct switch typedef union unsigned void volatile while unit element call".split()
+)
+"""Names that variables cannot have in Python or C, or that tables have."""
 
-Located = tuple[str, str, int | str]
-"""Where a field lies, as a target writes it: name of a pointer, the expression it starts as, index or text."""
+IDLE = -1
+"""In the place of a kind that has nothing to do in a sweep."""
+
+
+@dataclass(frozen=True, slots=True)
+class Located:
+    """Where a component lies, as a target writes it.
+
+    Attributes
+    ----------
+    variable : str
+        Name of a variable for the row; empty where none is needed.
+    row : str
+        What the variable is.
+    text : str
+        What follows the variable.
+    type : str
+        What the row consists of, where the language has types.
+    names : tuple of str
+        What a model calls it, if it is one thing in the model: the names that a variable may have, best first.
+    """
+
+    variable: str
+    row: str
+    text: str
+    type: str = ""
+    names: tuple[str, ...] = ()
+
 
 Place = Callable[[Store, str], Located]
 Column = Callable[[int], str]
@@ -73,6 +124,13 @@ class Writer(ABC):
         self.layout = Layout(program)
         self.addresses = Addresses(program, self.layout, self.numbered)
         self.parameter_places = {name: i for i, name in enumerate(self.model.parameter_names)}
+        self._names: dict[str, Sequence[str]] = {
+            "nq": self.model.coordinate_names, "nu": self.model.speed_names, "np": self.model.parameter_names,
+            "ninputs": self.model.inputs,
+        }  # fmt: skip
+        self.reads_numbers = False
+        """Whether any function reads the table of numbers that differ within a kind."""
+        self._shared: dict[str, list[tuple[UnitKind, ...]]] = {}
 
     # -- the language ----------------------------------------------------------------------------------------------
 
@@ -93,8 +151,12 @@ class Writer(ABC):
         """Loop of i over ``start, start + step, ... < end``, or the same backwards."""
 
     @abstractmethod
-    def dispatch(self, count: int, inward: bool, entry: str, calls: list[tuple[int, str]]) -> list[str]:
+    def dispatch(self, count: int, inward: bool, entry: str, calls: list[tuple[list[int], str]]) -> list[str]:
         """Loop over all links or units that chooses the call by the kind, which `entry` gives for each i."""
+
+    def unused_index(self) -> list[str]:
+        """Lines of a function that does not read the index that it gets."""
+        return []
 
     @abstractmethod
     def repeat_rows(self, name: str, lanes: bool, count: int) -> list[str]:
@@ -105,11 +167,11 @@ class Writer(ABC):
         """Table of equally long rows; asked for twice, it stands there once."""
 
     @abstractmethod
-    def place(self, kind: UnitKind, sweep: str, store: Store, name: str) -> Located:
-        """Where a component of a store lies, in the functions of a kind."""
+    def place(self, kinds: Sequence[UnitKind], sweep: str, store: Store, name: str) -> Located:
+        """Where a component of a store lies, in the function that kinds share."""
 
     @abstractmethod
-    def element(self, array: str, index: str) -> Located:
+    def element(self, array: str, index: str, lanes: bool = False) -> Located:
         """Where an entry of an argument, a seed or a result lies."""
 
     @abstractmethod
@@ -132,19 +194,70 @@ class Writer(ABC):
     def number_of_row(self, table: str, row: str, index: int) -> Located:
         """Where a number of the current row lies."""
 
+    # -- names -----------------------------------------------------------------------------------------------------
+
+    def names_of(self, array: str, index: str) -> tuple[str, ...]:
+        """What the model calls an entry of an argument, a seed or a result: ``length``, ``q_crank``, ``dp_length``."""
+        axes = SHAPES.get(array) or SHAPES.get(array.removeprefix("d"), ())
+        found = self._names.get(axes[0]) if len(axes) == 1 else None
+        if found is None or not index.isdigit():
+            return ()
+        name = re.sub(r"\W", "_", found[int(index)])
+        own = (name,) if array in ("p", "inputs") else ()
+        return *own, f"{'input' if array == 'inputs' else array}_{name}"
+
+    def called_by(self, block: Block, place: Place) -> dict[str, str]:
+        """What a function calls what a block loads, where the model has a name for it."""
+        taken = {str(s) for s in block.loads} | {s.target.name for s in block.statements} | RESERVED | KEYWORDS
+        found: dict[str, str] = {}
+        for symbol, (store, component) in block.loads.items():
+            name = next((n for n in place(store, component).names if n not in taken and not n.isupper()), None)
+            if name is not None:
+                found[symbol.name] = name
+                taken.add(name)
+        return found
+
     # -- functions of links ----------------------------------------------------------------------------------------
 
-    def link_function(self, sweep: str, kind: UnitKind, block: Block) -> Function:
-        """The function of a kind of links, ears or regions."""
-        single = len(self.addresses.instances(kind, sweep)) == 1
-        signature = self.signature(f"{sweep}_{kind.index}", SWEEP[sweep].lanes, not single)
-        place = partial(self.place, kind, sweep)
-        lines = self.lines(block, place, self.addresses.culprit(kind, sweep))
-        return Function(f"{block.title}; {self.called(kind)}", signature, lines)
+    def shared(self, sweep: str) -> list[tuple[UnitKind, ...]]:
+        """The kinds of a sweep that have something to do there, those together whose functions differ by nothing but rows."""
+        if sweep not in self._shared:
+            found: dict[object, list[UnitKind]] = {}
+            for kind in SWEEP[sweep].kinds(self.system):
+                block = self.program.blocks[sweep].get(kind.index)
+                if block is not None and block.stores:
+                    found.setdefault(self._form(kind, sweep, block), []).append(kind)
+            self._shared[sweep] = [tuple(kinds) for kinds in found.values()]
+        return self._shared[sweep]
 
-    def called(self, kind: UnitKind) -> str:
-        """What the functions of a kind are for, in words."""
-        system, count = self.system, len(kind.members)
+    def _form(self, kind: UnitKind, sweep: str, block: Block) -> object:
+        """A block and where its components lie, rows apart."""
+
+        def form(store: Store, name: str) -> tuple[object, ...]:
+            if store.memory is MARGIN:
+                return (name,)
+            return self.addresses.address(kind, sweep, store, name).form_of_code
+
+        loads = tuple((symbol, store, form(store, name)) for symbol, (store, name) in block.loads.items())
+        stores = tuple((store, form(store, name), value) for store, name, value in block.stores)
+        return block.title, loads, tuple(block.statements), stores
+
+    def instances(self, kinds: Sequence[UnitKind], sweep: str) -> list[int]:
+        """The values that i takes in the function that kinds share."""
+        return [i for kind in kinds for i in self.addresses.instances(kind, sweep)]
+
+    def link_function(self, sweep: str, kinds: tuple[UnitKind, ...]) -> Function:
+        """The function of kinds of links, ears or regions; it has the number of the first."""
+        block = self.program.blocks[sweep][kinds[0].index]
+        single = len(self.instances(kinds, sweep)) == 1
+        signature = self.signature(f"{sweep}_{kinds[0].index}", SWEEP[sweep].lanes, not single)
+        place = partial(self.place, kinds, sweep)
+        lines = self.lines(block, place, self.addresses.culprit(kinds, sweep))
+        return Function(f"{block.title}; {self.called(kinds)}", signature, lines, notes(block))
+
+    def called(self, kinds: tuple[UnitKind, ...]) -> str:
+        """What the function that kinds share is for, in words."""
+        system, kind, count = self.system, kinds[0], sum(len(kind.members) for kind in kinds)
         if isinstance(kind, RegionKind):
             what, first = "regions", f"region of {kind.sources} sources"
         elif isinstance(kind, ElementKind):
@@ -161,22 +274,20 @@ class Writer(ABC):
     def loop(self, sweep: str) -> Function:
         """The loop over the links, or the units, of a sweep."""
         spec = SWEEP[sweep]
-        blocks = self.program.blocks[sweep]
-        sequence = self.sequence(sweep)
-        kinds = [k.index for k in sequence]
-        known: dict[int, UnitKind] = {k.index: k for k in sequence}
+        shared = self.shared(sweep)
+        first = {kind.index: kinds[0].index for kinds in shared for kind in kinds}
+        kinds = [first.get(k.index, IDLE) for k in self.sequence(sweep)]
+        single = {kinds[0].index: len(self.instances(kinds, sweep)) == 1 for kinds in shared}
         inward = spec.direction == INWARD
         f = Function(spec.title, self.signature(sweep, spec.lanes, False))
 
         def call(kind: int, i: str) -> list[str]:
-            block = blocks.get(kind)
-            if block is None or not block.stores:
+            if kind == IDLE:
                 return []
-            single = len(self.addresses.instances(known[kind], sweep)) == 1
-            return [self.call(f"{sweep}_{kind}", spec.lanes, None if single else i)]
+            return [self.call(f"{sweep}_{kind}", spec.lanes, None if single[kind] else i)]
 
         parts = stretches(kinds)
-        if len(parts) <= MAX_STRETCHES or len(known) == len(kinds):
+        if len(parts) <= MAX_STRETCHES or len(single) == len(kinds):
             for start, pattern, count in reversed(parts) if inward else parts:
                 order = list(reversed(range(len(pattern)))) if inward else list(range(len(pattern)))
                 if count == 1:
@@ -188,8 +299,9 @@ class Writer(ABC):
                     step = len(pattern)
                     f.lines += self.repeat(start, start + step * count, step, inward, calls)
         else:
-            entry = self.addresses.table(sweep).entry("KIND", list(range(len(kinds))), kinds)
-            cases = [(k, c) for k in known for c in call(k, "i")]
+            of_kind = [k.index for k in self.sequence(sweep)]
+            entry = self.addresses.table(sweep).entry("KIND", list(range(len(kinds))), of_kind)
+            cases = [([k.index for k in of], c) for of in shared for c in call(of[0].index, "i")]
             f.lines += self.dispatch(len(kinds), inward, entry, cases)
         return f
 
@@ -202,12 +314,7 @@ class Writer(ABC):
         return [*(system.unit_kind_of if spec.units else system.kind_of)]
 
     def sweep_functions(self, sweep: str) -> list[Function]:
-        functions = [
-            self.link_function(sweep, kind, block)
-            for kind in SWEEP[sweep].kinds(self.system)
-            if (block := self.program.blocks[sweep].get(kind.index)) is not None and block.stores
-        ]
-        return [*functions, self.loop(sweep)]
+        return [*(self.link_function(sweep, kinds) for kinds in self.shared(sweep)), self.loop(sweep)]
 
     # -- constants and formulas ------------------------------------------------------------------------------------
 
@@ -218,11 +325,12 @@ class Writer(ABC):
         place: RowPlace,
         integers: list[list[int]],
         numbers: list[list[float]],
+        about: str,
         lanes: bool = False,
     ) -> tuple[Function, list[str]]:
         """A function for blocks that are the same but for table rows, and the statements that call it for all rows.
 
-        `place` gets a function that makes the expression of an integer column.
+        `place` gets a function that makes the expression of an integer column; `about` is what it computes.
         """
         single = len(integers) == 1
         of = f"d{name.removesuffix('_transposed')}" if name.endswith("_transposed") else name
@@ -242,13 +350,18 @@ class Writer(ABC):
                 return self.number_of_row(f"numbers_of_{of}", "0" if single else "i", int(component))
             return place(column, store, component)
 
-        f = Function(block.title, self.signature(name, lanes, not single), self.lines(block, located))
+        first = len(self.system.links) + len(self.model.loops) + len(self.model.loads)
+        lines = self.lines(block, located, lambda margin: f"{first} + {column(0)}")
+        f = Function(about, self.signature(name, lanes, not single), lines, notes(block))
+        numbered = any(store is NUMBER for store, _ in block.loads.values())
         if used[0]:
             self.add_table(table, integers)
-        if any(store is NUMBER for store, _ in block.loads.values()):
+        if numbered:
             self.add_table(f"numbers_of_{of}", numbers)
         if single:
             return f, [self.call(name, lanes, None)]
+        if not (used[0] or numbered):
+            f.lines = [*self.unused_index(), *f.lines]
         return f, self.repeat_rows(name, lanes, len(integers))
 
     def constants_functions(self) -> tuple[list[Function], list[str]]:
@@ -267,28 +380,29 @@ class Writer(ABC):
 
             integers = [[self.place_of_constants(c.index), *(places[p] for p in c.parameters)] for c in rows]
             f, call = self.rows_function(
-                f"constants_{shape.index}", shape.block, place, integers, [list(c.numbers) for c in rows]
-            )
+                f"constants_{shape.index}", shape.block, place, integers, [list(c.numbers) for c in rows],
+                f"{shape.block.title}; {self.owners(rows)}",
+            )  # fmt: skip
             functions.append(f)
             calls += call
         return functions, calls
 
-    def formula_functions(self, target: str) -> dict[str, Any]:
-        """Functions of the formulas of a target, for values and for tangents."""
+    def formula_functions(self, target: str, parts: Collection[str]) -> dict[str, Any]:
+        """Functions of the formulas of a target: for values, tangents and their transposes, as far as they are called."""
         result: dict[str, Any] = {
             f"{kind}{part}": [] for kind in ("", "lane_", "back_") for part in ("functions", "calls")
         }
 
         def place_formula(column: Column, store: Store, name: str) -> Located:
             if store.name in (target, f"d{target}"):
-                return self.element(store.name, column(0))
-            return self.element(store.name, "0" if store.name in ("t", "dt") else column(1 + int(name)))
+                return self.element(store.name, column(0), store.lanes)
+            return self.element(store.name, "0" if store.name in ("t", "dt") else column(1 + int(name)), store.lanes)
 
         for kind in self.formulas:
             if kind.target == target:
                 integers = [[i, *slots] for i, slots, _ in kind.rows]
                 numbers = [n for _, _, n in kind.rows]
-                self._add_pair(result, f"{target}_{kind.index}", kind, place_formula, integers, numbers)
+                self._add_formula(result, parts, f"{target}_{kind.index}", kind, place_formula, integers, numbers)
         ground = len(self.system.links)
         for record in self.records:
             if record.target == target:
@@ -296,37 +410,51 @@ class Writer(ABC):
 
                 def place_record(column: Column, store: Store, name: str, slots: int = slots) -> Located:
                     if store.name in (target, f"d{target}"):
-                        return self.element(store.name, column(0))
+                        return self.element(store.name, column(0), store.lanes)
+                    if store.memory in (SUM, SUM_LANE):
+                        return self.element(store.name, name, store.lanes)
                     if store.memory in LAID_OUT:
                         return self.field_of_record(store.plain, column(1 + (store.place or 0)), name)
-                    return self.element(store.name, column(slots + int(name)))
+                    return self.element(store.name, column(slots + int(name)), store.lanes)
 
                 integers = [
                     [i, *(ground if link == GROUND else link for link in links), *of] for i, links, of, _ in record.rows
                 ]
                 numbers = [n for *_, n in record.rows]
-                self._add_pair(result, f"{target}_of_link_{record.index}", record, place_record, integers, numbers)
+                name = f"{target}_of_link_{record.index}"
+                self._add_formula(result, parts, name, record, place_record, integers, numbers)
         return result
 
-    def _add_pair(
+    def _add_formula(
         self,
         result: dict[str, Any],
+        parts: Collection[str],
         name: str,
         kind: FormulaKind | RecordFormula,
         place: RowPlace,
         integers: list[list[int]],
         numbers: list[list[float]],
     ) -> None:
-        f, call = self.rows_function(name, kind.value, place, integers, numbers)
-        result["functions"].append(f)
-        result["calls"] += call
-        f, call = self.rows_function(f"d{name}", kind.tangent, place, integers, numbers, lanes=True)
-        result["lane_functions"].append(f)
-        result["lane_calls"] += call
-        if kind.transposed.stores:  # a formula of numbers hands nothing back
-            f, call = self.rows_function(f"{name}_transposed", kind.transposed, place, integers, numbers, lanes=True)
-            result["back_functions"].append(f)
-            result["back_calls"] += call
+        about = kind.value.title
+        if kind.places:
+            more = len(kind.places) - 3
+            about = f"{', '.join(kind.places[:3])}{f' and {more} more' if more > 0 else ''} of the model"
+        made = [("", name, kind.value, about), ("lane_", f"d{name}", kind.tangent, f"tangent of {about}")]
+        if "back_" in parts and kind.transposed.stores:  # a formula of numbers hands nothing back
+            made.append(("back_", f"{name}_transposed", kind.transposed, f"transpose of the tangent of {about}"))
+        for part, called, block, what in made:
+            if part in parts:
+                f, call = self.rows_function(called, block, place, integers, numbers, what, bool(part))
+                result[f"{part}functions"].append(f)
+                result[f"{part}calls"] += call
+
+    def owners(self, constants: Sequence[Constants]) -> str:
+        """Whose constants some are, in words."""
+        system, model = self.system, self.model
+        found = [link.name for link, c in zip(system.links, system.constants_of, strict=True) if c in constants]
+        found += [loop.name for loop, c in zip(model.loops, system.closure_constants, strict=True) if c in constants]
+        found += [e.element.name for e in system.elements if e.constants in constants]
+        return ", ".join(found[:3]) + (f", ... ({len(found)})" if len(found) > 3 else "") if found else "gravity"
 
     # -- the ground ------------------------------------------------------------------------------------------------
 
@@ -376,21 +504,34 @@ class Writer(ABC):
     @cached_property
     def swept(self) -> dict[str, list[Function]]:
         """The functions of every sweep."""
-        order = sorted(self.blocks, key=lambda s: 2 if s in self.wide else int(SWEEP[s].lanes))
+        sets = self.sets_of_widths
+        order = sorted(self.blocks, key=lambda s: 1 + sets.index(self.widths[s]) if SWEEP[s].lanes else 0)
         return {s: self.sweep_functions(s) for s in order}
 
     @cached_property
-    def wide(self) -> set[str]:
-        """Sweeps and formulas over directions that are not compiled for two of them, since nothing is called for two."""
-        steps = [(p, s) for p in self.asked for s in walk(p.steps) if isinstance(s, (Run, Formulas)) and s.lanes]
-        narrow = {_name(s) for p, s in steps if 2 in p.widths}
-        return {_name(s) for _, s in steps} - narrow
+    def widths(self) -> dict[str, tuple[int, ...]]:
+        """For how many directions at once sweeps, formulas and routines over directions are called, widest first."""
+        found: dict[str, set[int]] = {}
+        for p in self.asked:
+            for name, width in called_for(p):
+                found.setdefault(name, set()).add(width)
+        return {name: tuple(sorted(widths, reverse=True)) for name, widths in found.items()}
+
+    @cached_property
+    def sets_of_widths(self) -> list[tuple[int, ...]]:
+        """All of these, the largest sets first."""
+        sets = {*self.widths.values(), *(p.widths for p in self.asked if p.widths)}
+        return sorted(sets, key=lambda widths: (-len(widths), widths))
 
     @cached_property
     def constants(self) -> tuple[list[Function], list[str]]:
         """Functions that compute constants, and their calls."""
         _ = self.swept  # tables are in the order of the sweeps
-        return self.constants_functions()
+        return self.constants_functions() if self.prepares(CONSTANTS) else ([], [])
+
+    def prepares(self, what: str) -> bool:
+        """Whether any function prepares something."""
+        return any(isinstance(s, Prepare) and s.what == what for p in self.asked for s in walk(p.steps))
 
     @cached_property
     def groups(self) -> dict[Formulas, list[Function]]:
@@ -398,10 +539,11 @@ class Writer(ABC):
         _ = self.constants
         found: dict[Formulas, list[Function]] = {}
         steps = {s for p in self.asked for s in walk(p.steps) if isinstance(s, Formulas)}
-        by_target = {t: self.formula_functions(t) for t in FORMULA_ORDER}
+        targets = {t for step in steps for t in step.targets}
+        parts = {t: {_part(step) for step in steps if t in step.targets} for t in targets}
+        by_target = {t: self.formula_functions(t, parts[t]) for t in FORMULA_ORDER if t in targets}
         for step in sorted(steps, key=lambda s: (FORMULA_ORDER.index(s.targets[0]), s.lanes, s.backwards)):
-            prefix = "back_" if step.backwards else "lane_" if step.lanes else ""
-            functions, calls = f"{prefix}functions", f"{prefix}calls"
+            functions, calls = f"{_part(step)}functions", f"{_part(step)}calls"
             lines = [line for t in step.targets for line in by_target[t][calls]]
             if lines:
                 of = "transpose of tangents of " if step.backwards else "tangents of " if step.lanes else ""
@@ -430,7 +572,6 @@ class Writer(ABC):
         model = self.model
         parts = self.swept | {_name(step): functions for step, functions in self.groups.items()}
         lanes = {_name(s) for s in self.groups if s.lanes} | {s for s in self.swept if SWEEP[s].lanes}
-        narrow = routines(tuple(p for p in self.procedures if 2 in p.widths))
         return {
             "name": model.name,
             "version": __version__,
@@ -441,11 +582,15 @@ class Writer(ABC):
                 for t in self.addresses.tables if t.columns
             ],
             "functions": [*self.constants[0], *(f for n in parts if n not in lanes for f in parts[n])],
-            "lane_functions": [f for n in parts if n in lanes - self.wide for f in parts[n]],
-            "other_lane_functions": [f for n in parts if n in lanes & self.wide for f in parts[n]],
+            "lane_functions": [
+                (widths, [f for n in parts if n in lanes and self.widths.get(n) == widths for f in parts[n]])
+                for widths in self.sets_of_widths
+            ],
             "routines": [r for r in routines(self.procedures) if not r.lanes],
-            "lane_routines": [r for r in narrow if r.lanes],
-            "other_lane_routines": [r for r in routines(self.procedures) if r.lanes and r not in narrow],
+            "lane_routines": [
+                (widths, [r for r in routines(self.procedures) if r.lanes and self.widths[r.name] == widths])
+                for widths in self.sets_of_widths
+            ],
             "interfaces": self.procedures,
         }  # fmt: skip
 
@@ -454,11 +599,61 @@ FORMULA_ORDER = ("tau", "outputs", "energy", "coefficient", "drive", "initial_q"
 """The order in which the tables of formulas stand."""
 
 
+def _part(step: Formulas) -> str:
+    """Which of the functions of a formula a step calls: for values, tangents, or their transpose."""
+    return "back_" if step.backwards else "lane_" if step.lanes else ""
+
+
 def _name(step: Run | Formulas) -> str:
     """Name of the function that a step calls."""
     if isinstance(step, Run):
         return step.sweep
     return step.called
+
+
+def called_for(procedure: Procedure) -> set[tuple[str, int]]:
+    """What a procedure runs over directions, by name, and for how many at once."""
+    found: set[tuple[str, int]] = set()
+
+    def add(steps: tuple[Step, ...], widths: Sequence[int]) -> None:
+        for step in steps:
+            match step:
+                case Run() | Formulas():
+                    found.update((_name(step), w) for w in widths if over_directions(step))
+                case Single():
+                    found.update((s.sweep, 1) for s in step.steps)
+                case Perform():
+                    found.update((step.routine.name, w) for w in widths if over_directions(step))
+                    add(step.routine.steps, widths)
+                case Columns():
+                    add(step.steps, widths or (max(WIDTHS),))
+                case _:
+                    pass
+
+    add(procedure.steps, procedure.widths)
+    return found
+
+
+def notes(block: Block) -> list[str]:
+    """What a block reads and writes, and how much it computes."""
+    found = []
+    for word, components in (("in", list(block.loads.values())), ("out", [(s, n) for s, n, _ in block.stores])):
+        by_store: dict[str, dict[str, None]] = {}
+        for store, name in components:
+            names = by_store.setdefault(CALLED.get(store, store.label.replace("#", "")), {})
+            if store.memory in LAID_OUT or store.memory is CONSTANT or store.memory in KEPT.values():
+                names[_COMPONENT.sub("", identifier(name))] = None
+        listed = (f"{store}: {', '.join(names)}" if names else store for store, names in by_store.items())
+        found.append(f"{word}: {'; '.join(listed)}")
+    once, each = count(block, False), count(block, True)
+    words = [once.words() or ("" if each.words() else "none"), f"{each.words()} per direction" if each.words() else ""]
+    return [*found, f"operations: {'; '.join(w for w in words if w)}"]
+
+
+CALLED = {SHAPE: "c", NUMBER: "numbers", PARAMETER: "p", CE_PARAMETER: "p"}
+"""What stores are called in lists of what is read and written, where their names say less."""
+
+_COMPONENT = re.compile(r"(_[xyz]{1,2})?(_d\d+)?$")
 
 
 def stretches(kinds: list[int], longest: int = 8) -> list[tuple[int, tuple[int, ...], int]]:

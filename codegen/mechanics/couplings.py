@@ -13,9 +13,8 @@ from ..program.field import PLACES, SixField
 from ..program.scalar import Matrix, Vector
 from ..program.store import Store
 from . import fields
-from .ears.geometry import rotate
 from .handing_on import accumulate
-from .spatial import add, cross, transpose
+from .spatial import add, cross, rotate, transpose
 from .stores import BASE, LBASE, LPARTNERS, LUP, PAIR, PARTNERS, UP
 from .structure.elimination_order import CARRIER
 from .structure.kinds import LinkKind, RegionKind

@@ -40,7 +40,8 @@ from .stores import (
     ROOT,
     SLOT,
 )
-from .structure.kinds import EarKind, System, UnitKind
+from .structure.kinds import EarKind, UnitKind
+from .structure.system import System
 from .sweeps import SWEEPS, Sweep
 
 GROUND_KIND = -1

@@ -3,10 +3,15 @@
 This is the one table of them; the glossary in the documentation is printed from it. Names are those of the generated code. In
 units, ``u`` stands for what a freedom is measured in (rad or m) and ``[..., ...]`` for angular and linear parts. Values per
 direction are kept under the same names, in slots and lanes, unless another name is given.
+
+A field has a short name, of which components and local variables are made (``w.y``, ``up_w_y``), and one that memory has in
+generated code (``me->omega_y``): that of this table, or what `CALLED` says.
 """
 
 from __future__ import annotations
 
+import functools
+import re
 from dataclasses import dataclass
 
 from ..program.field import (
@@ -28,26 +33,27 @@ OWN, PARENT, GROUND, REGION, LINK = "the link", "the parent", "the ground", "the
 WRENCH, TWIST, INERTIA = "[N m, N]", "[rad/s, m/s]", "[kg m^2, kg m, kg]"
 ACCELERATION, DISPLACEMENT = "[rad/s^2, m/s^2]", "[rad, m]"
 
+NO_FORCE_ASKS = "no force element asks for it"
 NO_EAR_STARTS = "no other ear starts from the link"
 """When nobody reads how a link of an ear moves."""
 
 
 @dataclass(frozen=True)
-class Motion:
-    """Fields of the accelerations of a link: angular velocity, angular acceleration, that of the origin, and B."""
+class MotionFields:
+    """Fields of a link's motion: angular velocity, angular acceleration, that of the origin, and B."""
 
     w: VectorField
     al: VectorField
     a: VectorField
     B: MatrixField
 
-    def __call__(self, *numbers: int) -> Motion:
+    def __call__(self, *numbers: int) -> MotionFields:
         """The member of a family."""
-        return Motion(self.w(*numbers), self.al(*numbers), self.a(*numbers), self.B(*numbers))
+        return MotionFields(self.w(*numbers), self.al(*numbers), self.a(*numbers), self.B(*numbers))
 
 
 @dataclass(frozen=True)
-class Inertia:
+class InertiaFields:
     """Fields of a generalised inertia: blocks of moments, of mass, and what couples them."""
 
     J: SymmetricField
@@ -55,9 +61,9 @@ class Inertia:
     H: MatrixField
 
 
-def _inertia(prefix: str, frame: str, meaning: str, handed_on: bool) -> Inertia:
+def _inertia(prefix: str, frame: str, meaning: str, handed_on: bool) -> InertiaFields:
     J, M, H = (("kg m^2", "moments"), ("kg", "mass"), ("kg m", "what couples them"))
-    return Inertia(
+    return InertiaFields(
         SymmetricField(f"{prefix}J", J[0], frame, f"{meaning}: {J[1]}", handed_on=handed_on),
         SymmetricField(f"{prefix}M", M[0], frame, f"{meaning}: {M[1]}", handed_on=handed_on),
         MatrixField(f"{prefix}H", H[0], frame, f"{meaning}: {H[1]}", handed_on=handed_on),
@@ -85,13 +91,19 @@ quaternion_matrix = MatrixField(
     "Q", "1", PARENT, "rotation matrix of a quaternion, joint components from link components"
 )
 turn = ScalarField("turn.{}", "rad", OWN, "component of the rotation vector of a quaternion's seed")
-attitude = MatrixField("W", "1", GROUND, "rotation matrix, ground from link components")
-position = VectorField("pos", "m", GROUND, "position of the origin")
+attitude = MatrixField("W", "1", GROUND, "rotation matrix, ground from link components", unread=NO_FORCE_ASKS)
+position = VectorField("pos", "m", GROUND, "position of the origin", unread=NO_FORCE_ASKS)
 angular_velocity = VectorField("w", "rad/s", OWN, "angular velocity (omega)")
 parents_velocity = VectorField("wp", "rad/s", OWN, "angular velocity of the parent, in the link's axes")
 velocity = VectorField("v", "m/s", OWN, "velocity of the origin")
-applied_twist = TwistField("v", TWIST, OWN, "angular velocity and velocity of the origin, found before force elements")
-remainder = Motion(
+applied_twist = TwistField(
+    "v",
+    TWIST,
+    OWN,
+    "angular velocity and velocity of the origin, found before force elements",
+    unread=NO_FORCE_ASKS,
+)
+remainder = MotionFields(
     angular_velocity,
     VectorField("al", "rad/s^2", OWN, "angular acceleration with udot = 0; along directions: tangent of all of it"),
     VectorField("a", "m/s^2", OWN, "acceleration of the origin with udot = 0; along directions: tangent of all of it"),
@@ -99,17 +111,23 @@ remainder = Motion(
         "B", "1/s^2", OWN, "alpha x + omega x omega x, of the same; along directions: tangent with all of udot"
     ),
 )
-total = Motion(
+total = MotionFields(
     angular_velocity,
     VectorField("tal", "rad/s^2", OWN, "angular acceleration, all of it"),
     VectorField("ta", "m/s^2", OWN, "acceleration of the origin, all of it"),
     MatrixField("tB", "1/s^2", OWN, "alpha x + omega x omega x, with all of alpha"),
 )
-ear_own = Motion(
+ear_own = MotionFields(
     VectorField("tw", "rad/s", OWN, "angular velocity of a link of an ear", unread=NO_EAR_STARTS),
     total.al,
     total.a,
     total.B,
+)
+moving = MotionFields(
+    angular_velocity,
+    VectorField("gal", "rad/s^2", OWN, "angular acceleration against the ground, for outputs"),
+    VectorField("ga", "m/s^2", OWN, "acceleration of the origin against the ground, for outputs"),
+    MatrixField("gB", "1/s^2", OWN, "alpha x + omega x omega x against the ground, for outputs"),
 )
 explicit_acceleration = AccelerationField(
     "b", ACCELERATION, OWN, "the part of the accelerations that is explicit in udot: angular, of the origin"
@@ -158,13 +176,13 @@ ear_first_moment = VectorField("sh", "kg m", REGION, "mass times centre of mass"
 per_source = TwistField(
     "Z{}.", "per unit of the source", REGION, "how a link moves with a source (Gamma and Xi of Eq. 37)"
 )
-ear_remainder = Motion(
+ear_remainder = MotionFields(
     VectorField("sw", "rad/s", REGION, "angular velocity", unread=NO_EAR_STARTS),
     VectorField("sal", "rad/s^2", REGION, "angular acceleration, the sources at rest", unread=NO_EAR_STARTS),
     VectorField("sa", "m/s^2", REGION, "acceleration of the origin, the sources at rest", unread=NO_EAR_STARTS),
     MatrixField("sB", "1/s^2", REGION, "alpha x + omega x omega x, the sources at rest", unread=NO_EAR_STARTS),
 )
-ear_total = Motion(
+ear_total = MotionFields(
     ear_remainder.w,
     VectorField("tsal", "rad/s^2", REGION, "angular acceleration, all of it", unread=NO_EAR_STARTS),
     VectorField("tsa", "m/s^2", REGION, "acceleration of the origin, all of it", unread=NO_EAR_STARTS),
@@ -244,19 +262,19 @@ region_balance = SixField("b.", WRENCH, "the base", "the tangent of that")
 far_attitude = MatrixField("far{}.W", "1", REGION, "attitude of a far link against the base")
 far_position = VectorField("far{}.o", "m", REGION, "position of a far link against the base")
 far_velocity = TwistField("far{}.", TWIST, REGION, "velocity of a far link against the base")
-far_remainder = Motion(
+far_remainder = MotionFields(
     VectorField("far{}.aw", "rad/s", REGION, "angular velocity of a far link"),
     VectorField("far{}.al", "rad/s^2", REGION, "angular acceleration of a far link with udot = 0"),
     VectorField("far{}.a", "m/s^2", REGION, "acceleration of a far link with udot = 0"),
     MatrixField("far{}.B", "1/s^2", REGION, "alpha x + omega x omega x of a far link with udot = 0"),
 )
-far_total = Motion(
+far_total = MotionFields(
     far_remainder.w,
     VectorField("far{}.tal", "rad/s^2", REGION, "angular acceleration of a far link"),
     VectorField("far{}.ta", "m/s^2", REGION, "acceleration of a far link"),
     MatrixField("far{}.tB", "1/s^2", REGION, "alpha x + omega x omega x of a far link"),
 )
-far_own = Motion(
+far_own = MotionFields(
     VectorField("far{}.ow", "rad/s", "the far link", "angular velocity of a far link"),
     VectorField("far{}.oal", "rad/s^2", "the far link", "angular acceleration of a far link"),
     VectorField("far{}.oa", "m/s^2", "the far link", "acceleration of a far link"),
@@ -284,7 +302,7 @@ def _listed() -> dict[str, AnyField]:
     for name, value in list(globals().items()):
         if isinstance(value, Field):
             found[name] = value
-        elif isinstance(value, (Motion, Inertia)):
+        elif isinstance(value, (MotionFields, InertiaFields)):
             found |= {f"{name}.{part}": field for part, field in vars(value).items()}
     return found
 
@@ -293,3 +311,61 @@ FIELDS = _listed()
 """Every field by its name in the code."""
 for _field in FIELDS.values():
     _field.listed = True
+
+CALLED = {
+    "face_place": "{}_place", "face_axes": "{}_axes", "angular_velocity": "omega", "parents_velocity": "parent_omega",
+    "spring_twist": "spring", "remainder.al": "alpha", "remainder.a": "acceleration", "remainder.B": "B",
+    "total.al": "total_alpha", "total.a": "total_acceleration", "ear_own.w": "own_omega",
+    "explicit_acceleration": "explicit", "needed": "", "total_needed": "total", "articulated_force": "articulated",
+    "closing_twist": "closing", "closing_shift": "closing", "ear_remainder.w": "ear_omega", "ear_remainder.al": "ear_alpha",
+    "ear_remainder.a": "ear_acceleration", "ear_remainder.B": "ear_B", "ear_total.al": "ear_total_alpha",
+    "ear_total.a": "ear_total_acceleration", "ear_needed": "ear", "ear_total_needed": "ear_total",
+    "measured_velocity": "measured", "shift": "", "source_gain": "gain_{}_{}", "region_force": "",
+    "far_attitude": "far_{}_attitude", "far_position": "far_{}_position", "far_velocity": "far_{}",
+    "far_remainder.w": "far_{}_remainder_omega", "far_remainder.al": "far_{}_alpha", "far_remainder.a": "far_{}_acceleration",
+    "far_remainder.B": "far_{}_B", "far_total.al": "far_{}_total_alpha", "far_total.a": "far_{}_total_acceleration",
+    "far_total.B": "far_{}_total_B", "far_own.w": "far_{}_own_omega", "far_own.al": "far_{}_own_alpha",
+    "far_own.a": "far_{}_own_acceleration", "far_own.B": "far_{}_own_B", "far_shift": "far_{}", "far_step": "far_{}_step",
+    "far_transmitted": "far_{}_transmitted", "far_balance": "far_{}_balance", "coupling": "inertia_",
+}  # fmt: skip
+"""What memory in generated code is called where the name in this table does not read well there; ``{}`` are numbers."""
+for _name, _field in reversed(FIELDS.items()):  # the first name of a field is its own
+    _field.called = CALLED.get(_name, f"{_name.replace('.', '_')}{'_{}' * _field.name.count('{}')}")
+
+
+def _identified() -> tuple[dict[str, tuple[str, AnyField]], list[tuple[re.Pattern[str], str, AnyField]]]:
+    """What generated code calls components, with their fields: by component; of families by pattern, with numbers as groups."""
+    exact: dict[str, tuple[str, AnyField]] = {}
+    families: dict[str, tuple[str, AnyField]] = {}
+    for field in FIELDS.values():
+        for component, called in zip(field.components, field.identifiers, strict=True):
+            (families if "{}" in component else exact).setdefault(component, (called, field))
+    patterns = ((re.escape(c).replace(r"\{\}", r"(\d+|[AB])"), *found) for c, found in families.items())
+    return exact, [(re.compile(pattern), called, field) for pattern, called, field in patterns]
+
+
+_EXACT, _FAMILIES = _identified()
+
+
+@functools.cache
+def _found(component: str) -> tuple[str, AnyField | None]:
+    """What generated code calls a component that is no derivative, and its field, if a table has it."""
+    if component in _EXACT:
+        return _EXACT[component]
+    for pattern, called, field in _FAMILIES:
+        match = pattern.fullmatch(component)
+        if match:
+            return called.format(*match.groups()), field
+    return component.replace(".", "_"), None
+
+
+def identifier(component: str) -> str:
+    """What generated code calls a component in memory: ``w.y`` is ``omega_y``, ``Z3.w.x`` is ``per_source_3_omega_x``, and
+    ``h.x/1``, a constant's derivative with respect to one of its parameters, ``first_moment_x_d1``."""
+    plain, _, parameter = component.partition("/")
+    return f"{_found(plain)[0]}_d{parameter}" if parameter else _found(plain)[0]
+
+
+def field_of(component: str) -> AnyField | None:
+    """The field that a component is of, or a family of fields; none of what is in no table."""
+    return _found(component.partition("/")[0])[1]

@@ -21,9 +21,9 @@ from ..program.derivatives import Tangents
 from ..program.passes import simplify
 from ..program.store import Store
 from ..program.transpose import PLAIN, transposed
-from .stores import NUMBER, argument
+from .stores import MARGIN, NUMBER, argument
 from .structure.constants import Statements, to_slots
-from .structure.kinds import System
+from .structure.system import System
 
 _NO_VALUES = (sympy.zoo, sympy.oo, -sympy.oo, sympy.nan, sympy.I)
 _LARGEST = sympy.Float(sys.float_info.max)
@@ -48,6 +48,8 @@ class FormulaKind:
         Category and number of every slot, in the order of `rows`.
     rows : list of (int, list of int, list of float)
         For each formula: target index, indices for the slots, numbers.
+    places : list of str
+        For each formula: its path in the model file.
     """
 
     index: int
@@ -56,6 +58,7 @@ class FormulaKind:
     tangent: Block
     slots: list[tuple[str, int]]
     rows: list[Row] = field(default_factory=list)
+    places: list[str] = field(default_factory=list)
 
     @cached_property
     def transposed(self) -> Block:
@@ -63,8 +66,13 @@ class FormulaKind:
 
 
 def transpose_of_tangent(tangent: Block) -> Block:
-    """From the adjoint of a result to what it adds to those of everything that the result is a function of."""
-    return simplify(transposed(tangent, f"{tangent.name}_transposed", f"transpose of {tangent.title}", PLAIN))
+    """From the adjoint of a result to what it adds to those of everything that the result is a function of.
+
+    What the tangent asks to be positive, it asks too.
+    """
+    made = transposed(tangent, f"{tangent.name}_transposed", f"transpose of {tangent.title}", PLAIN)
+    made.stores += [s for s in tangent.stores if s[0].memory is MARGIN]
+    return simplify(made)
 
 
 class FormulaSlots:
@@ -118,14 +126,13 @@ def formula_kinds(
         literal = {j: row for j, row in enumerate(rows[0][2]) if all(r[2][j] == row for r in rows)}
         kind = _make(len(kinds), target, _with_numbers(canonical, literal), slots)
         kind.rows.extend(rows)
+        kind.places += [places[i] if places else _place(model, target, i) for i, *_ in rows]
         if not (has_values(kind.value) and has_values(kind.tangent)):
             message = (
                 f"{Expression(tree)} has no value or no derivative (a division by zero? an overflow?) for any state; "
                 f"change the expression"
             )
-            index = rows[0][0]
-            path = places[index] if places else _place(model, target, index)
-            raise ModelError([model.problem(path, message)])
+            raise ModelError([model.problem(kind.places[0], message)])
         kinds.append(kind)
     return kinds
 

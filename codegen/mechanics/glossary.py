@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+import re
+
 from .fields import FIELDS
 
 WORDS = {
@@ -19,10 +21,13 @@ WORDS = {
     "source": "What the links of a region move with: an independent speed, or one of the six components of the motion of a link "
     "that is resolved elsewhere.",
     "root": "A link that an ear starts from, or the ground.",
+    "member": "A link of an ear, as a block of the ear sees it.",
+    "condition": "One of the numbers that the joint of a loop holds at zero.",
     "base": "The link whose axes a region uses and that, where the loops close whatever it does, carries the region.",
     "far link": "A root outside the region other than the base. Its motion against the base is six sources.",
     "partner": "A link that a unit is coupled to when it is eliminated.",
     "coupling": "A 6x6 inertia that stands between two links.",
+    "pivot": "The inertia along a freedom or a source, by which is divided when it is eliminated.",
     "dependent": "A freedom (coordinate, speed) that the loops determine; the others are independent.",
     "record": "Memory of a link, an ear or a region for one call, one number a component.",
     "slot": "Memory per direction that only neighbours need, while one sweep passes; reused.",
@@ -37,6 +42,7 @@ WORDS = {
 
 def glossary() -> str:
     """The page, in Markdown."""
+    ending = re.compile(r"_[xyz]{1,2}$|(?<=_)\d\d$")
     lines = [
         "# Glossary",
         "",
@@ -50,16 +56,20 @@ def glossary() -> str:
         "",
         "## Fields",
         "",
-        "What blocks keep for each other: the name in generated code, with `{}` for numbers; the name in",
-        "`codegen/mechanics/fields.py`; shape, unit and the axes of components. In units, u is what a freedom is measured",
-        "in, rad or m, and brackets hold the units of angular and linear parts.",
+        "What blocks keep for each other: the name in the memory of generated code (`me->omega_y`), with `{}` for numbers;",
+        "the short name, of which local variables are made there (`up_w_y`); the name in `codegen/mechanics/fields.py`;",
+        "shape, unit and the axes of components. In units, u is what a freedom is measured in, rad or m, and brackets hold",
+        "the units of angular and linear parts.",
         "",
-        "| in generated code | in the generator | shape | unit | axes of | meaning |",
-        "| --- | --- | --- | --- | --- | --- |",
+        "| in generated code | short | in the generator | shape | unit | axes of | meaning |",
+        "| --- | --- | --- | --- | --- | --- | --- |",
     ]
     for name, field in FIELDS.items():
         shown = ", ".join(f"`{n}`" for n in field.shown)
-        lines.append(f"| {shown} | `{name}` | {field.shape} | {field.unit} | {field.frame or '-'} | {field.meaning} |")
+        called = ", ".join(f"`{n}`" for n in dict.fromkeys(ending.sub("", i) for i in field.identifiers))
+        lines.append(
+            f"| {called} | {shown} | `{name}` | {field.shape} | {field.unit} | {field.frame or '-'} | {field.meaning} |"
+        )
     return "\n".join([*lines, ""])
 
 

@@ -21,7 +21,8 @@ from ..program.store import Store
 from ..program.transpose import deferred
 from .expansion import Program
 from .stores import BASE_LINK, DQ, DU, LANE, LINK, LREGION, MY_LANE, PARENT, PARTNER, REGION_LANE, ROOT, SLOT
-from .structure.kinds import EarKind, LinkKind, RegionKind, System, UnitKind
+from .structure.kinds import EarKind, LinkKind, RegionKind, UnitKind
+from .structure.system import System
 from .sweeps import GRADIENT_IN, GRADIENT_IN_CLOSED, GRADIENT_OUT, SWEEP, transpose_name, values_name
 
 NOTHING = Block("", "")

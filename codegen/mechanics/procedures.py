@@ -6,6 +6,9 @@ model does not use does not exist: no ``inputs`` without inputs, no ``t`` withou
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Collection
+from dataclasses import replace
 from itertools import pairwise
 
 from ..program.procedure import (
@@ -37,7 +40,7 @@ from ..program.procedure import (
 )
 from .outputs import MEASURES, EnergyMeasure, RecordMeasure
 from .quantities import COEFFICIENTS, DRIVES, ENERGIES, POSE, VELOCITY, Quantity, measured, missing, run
-from .structure.kinds import System
+from .structure.system import System
 from .sweeps import GRADIENT_IN, GRADIENT_IN_CLOSED, GRADIENT_OUT, SWEEPS, transpose_name, values_name
 
 TRANSPOSED = {
@@ -45,6 +48,12 @@ TRANSPOSED = {
     "outputs": "output_sensitivities", "completion": "completion_sensitivities",
 }  # fmt: skip
 """Functions that have a transpose, with those that give their derivatives."""
+
+GRADIENTS = {
+    "accelerations": "gradients", "coordinate_rates": "coordinate_rate_gradients", "energies": "energy_gradients",
+    "outputs": "output_gradients", "completion": "assemble_gradients",
+}  # fmt: skip
+"""What a solver calls these transposes, by the functions of values."""
 
 WIDTHS = (8, 2, 1)
 """How many directions one call of the sensitivities takes."""
@@ -70,6 +79,7 @@ SHAPES: dict[str, tuple[str, ...]] = {
     "J_q": ("nu", "nq"), "J_u": ("nu", "nu"), "J_p": ("nu", "np"), "J_inputs": ("nu", "ninputs"), "J_t": ("nu",),
     "position": ("nclosure",), "velocity": ("nclosure",), "condition": ("nloops",), "reaction": ("6*nlinks",),
     "loop_reaction": ("6*nloops",), "step": ("nq",), "full_q": ("nq",), "full_u": ("nu",), "tau": ("nu",),
+    "masses": ("4",), "momenta": ("6",),
 }  # fmt: skip
 """Axes of arguments and results."""
 
@@ -78,7 +88,7 @@ def arrays(system: System) -> dict[str, Array]:
     """Arguments and results by name, and the joint forces."""
     model = system.model
     counts = {
-        "nq": model.nq, "nu": model.nu, "np": len(model.parameters), "ninputs": len(model.inputs), "2": 2,
+        "nq": model.nq, "nu": model.nu, "np": len(model.parameters), "ninputs": len(model.inputs), "2": 2, "4": 4, "6": 6,
         "noutputs": len(model.outputs), "nclosure": len(model.closure_names), "nloops": len(model.loops),
         "6*nlinks": 6 * len(system.links), "6*nloops": 6 * len(model.loops),
     }  # fmt: skip
@@ -91,9 +101,69 @@ def arrays(system: System) -> dict[str, Array]:
     return found
 
 
-def procedures(system: System, reactions: bool = False) -> tuple[Procedure, ...]:
-    """The functions that a solver has, in the order of its header; reactions where they are asked for."""
-    return _Writer(system).all(reactions)
+GROUPS: dict[str, tuple[str, ...]] = {
+    "dynamics": ("accelerations", "sensitivities", "jacobians"),
+    "rates": ("coordinate_rates", "coordinate_rate_sensitivities"),
+    "mass": ("mass_matrix", "mass_matrix_sensitivities", "solve_mass", "solve_mass_sensitivities"),
+    "forces": ("inverse_dynamics", "inverse_dynamics_sensitivities"),
+    "states": ("assemble_sensitivities", "closure_sensitivities", "initial_sensitivities"),
+}
+"""Words for several functions that may be chosen together."""
+
+ALSO = {
+    "bias_force": "inverse_dynamics", "bias_force_sensitivities": "inverse_dynamics_sensitivities", "assemble": "completion",
+    "initial_state": "initial",
+}  # fmt: skip
+"""Members of a solver, with the functions that they call beside those that they are called like."""
+
+
+class UnknownFunctionError(ValueError):
+    """A function was chosen that a solver of the model cannot have."""
+
+
+def procedures(
+    system: System, reactions: bool = False, functions: Collection[str] | None = None
+) -> tuple[Procedure, ...]:
+    """The functions that a solver has, in the order of its header.
+
+    Parameters
+    ----------
+    reactions : bool
+        Reactions are among them.
+    functions : collection of str, optional
+        Those that are wanted, by their names, by those of members of a solver, or by `GROUPS`; left out: all, without reactions.
+
+    Raises
+    ------
+    UnknownFunctionError
+    """
+    found = _Writer(system).all(reactions or "reactions" in (functions or ()))
+    return found if functions is None else chosen(found, [*functions, *(["reactions"] if reactions else [])])
+
+
+def chosen(found: tuple[Procedure, ...], functions: Collection[str]) -> tuple[Procedure, ...]:
+    """The procedures that functions name, and those that every solver has."""
+    wanted: set[str] = set()
+    for word in functions:
+        names = {ALSO.get(n, n) for n in GROUPS.get(word, (word,))}
+        of_word = {p.name for p in found if p.name in names or p.called in names}
+        if not of_word and word not in GROUPS and word not in ALSO:
+            known = [p.called for p in found]
+            near = difflib.get_close_matches(word, [*known, *GROUPS], 1)
+            raise UnknownFunctionError(
+                f"functions: the model has no function {word!r}{f'; did you mean {near[0]}?' if near else ''}; it may have "
+                f"{', '.join(known)}, or together {', '.join(GROUPS)}"
+            )
+        wanted |= of_word
+    if not wanted and not any(p.basic for p in found):
+        raise UnknownFunctionError(f"functions: of {', '.join(functions) or 'none'} the model has nothing to generate")
+    return tuple(p for p in found if p.basic or p.name in wanted)
+
+
+def left_out(system: System, kept: tuple[Procedure, ...]) -> list[str]:
+    """What users call the functions that a solver could have but for the choice, reactions apart."""
+    names = {p.name for p in kept}
+    return [p.called for p in _Writer(system).all(False) if p.name not in names]
 
 
 class _Writer:
@@ -110,6 +180,8 @@ class _Writer:
         self.loops = bool(model.loops)
         self.forces: tuple[Formulas, ...] = (JOINT_FORCES,) if model.forces else ()
         self.elements = bool(system.elements)
+        self.measures = [MEASURES[o.measure] for o in model.outputs]
+        self.formula_pivots = any(isinstance(m, RecordMeasure) and m.pivots for m in self.measures)
         self._routines()
 
     def of(self, *names: str) -> tuple[Array, ...]:
@@ -240,10 +312,17 @@ class _Writer:
             )
         )
 
-    def measuring(self, quantities: list[Quantity]) -> tuple[tuple[Step, ...], tuple[Step, ...]]:
-        """Steps for quantities, and for them with their tangents."""
-        values = tuple(s for q in quantities for s in q.values)
-        tangents = tuple(s for q in quantities for s in q.tangents)
+    def measuring(
+        self, quantities: list[Quantity], before: tuple[Step, ...] = (), along: tuple[Step, ...] = ()
+    ) -> tuple[tuple[Step, ...], tuple[Step, ...]]:
+        """Steps for quantities, and for them with their tangents, that were not taken before.
+
+        `before` are steps for values, `along` those over directions that follow them.
+        """
+        taken = set(walk(before))
+        values = tuple(s for q in quantities for s in q.values if s not in taken)
+        taken |= set(walk(along))
+        tangents = tuple(s for q in quantities for s in q.tangents if s not in taken)
         return values, tangents
 
     # -- functions -------------------------------------------------------------------------------------------------
@@ -330,9 +409,11 @@ class _Writer:
                 Perform(
                     Routine(f"{name}_backwards", f"The steps of {along.name} over directions, backwards.", tuple(back))
                 ),
+                *([Check(True)] if self.formula_pivots and OUTPUTS.tangents() in steps else []),
             ),
             weights,
             OTHER_WIDTHS,
+            GRADIENTS[values.name],
         )
 
     def together(self, steps: list[Step]) -> dict[str, str]:
@@ -500,34 +581,40 @@ class _Writer:
         )
 
     def outputs(self) -> list[Procedure]:
-        model = self.system.model
-        outputs, doutputs, energy, denergy = self.of("outputs", "doutputs", "energy", "denergy")
-        measures = [MEASURES[o.measure] for o in model.outputs]
-        read = {name for m in measures if isinstance(m, RecordMeasure) for name in m.reads}
-        quantities = measured(self.system, read, {m.entry for m in measures if isinstance(m, EnergyMeasure)})
-        values, tangents = self.measuring(quantities)
-        sums = any(q.energy for q in quantities)
-        zero: tuple[Step, ...] = (Own(energy), Zero(energy)) if sums else ()
-        zero_along: tuple[Step, ...] = (Own(denergy), Zero(denergy)) if sums else ()
+        outputs, doutputs, energy, denergy, udot = self.of("outputs", "doutputs", "energy", "denergy", "udot")
+        read: set[str] = set()
+        for o, m in zip(self.system.model.outputs, self.measures, strict=True):
+            if isinstance(m, RecordMeasure):
+                read |= {*m.reads, *m.also(o)}
+        quantities = measured(self.system, read, {m.entry for m in self.measures if isinstance(m, EnergyMeasure)})
+        sums = [energy] if any(q.energy for q in quantities) else []
+        sums += [self.one(name) for q in quantities for name in q.sums]
+        zero = tuple(step for a in sums for step in (Own(a), Zero(a)))
+        zero_along = tuple(step for a in sums for step in (Own(a.tangent()), Zero(a.tangent())))
+        before: tuple[Step, ...] = self.begin
+        along: tuple[Step, ...] = (*self.along, *self.turns)
+        if any(q.dynamics for q in quantities):
+            before = (*before, Own(udot), *self.forward)
+            along = (*self.along, Own(udot.tangent()), self.balance)
+        values, tangents = self.measuring(quantities, before, along)
         copies: list[Step] = []
         copies_along: list[Step] = []
-        for i, measure in enumerate(measures):
+        for i, measure in enumerate(self.measures):
             if isinstance(measure, EnergyMeasure):
                 copies.append(CopyEntry(outputs, i, energy, measure.entry))
                 copies_along.append(CopyEntry(doutputs, i, denergy, measure.entry))
-        check = (Check(True),) if any(q.pivots for q in quantities) else ()
+        check = (Check(True),) if self.formula_pivots or any(q.pivots for q in quantities) else ()
         return self.pair(
             ("outputs", "output_sensitivities"),
             ("The outputs of the model.", "Outputs and their total derivative along seeds."),
             self.state,
             ["outputs"],
-            (*zero, *self.begin, *values, OUTPUTS, *copies),
+            (*zero, *before, *values, OUTPUTS, *copies),
             (
                 *zero,
-                *self.begin,
+                *before,
                 *zero_along,
-                *self.along,
-                *self.turns,
+                *along,
                 *tangents,
                 OUTPUTS,
                 OUTPUTS.tangents(),
@@ -561,6 +648,7 @@ class _Writer:
                 state,
                 (position, velocity),
                 (Tolerate(), self.start, *run("residuals")),
+                basic=True,
             ),
             Procedure(
                 "conditions",
@@ -568,6 +656,7 @@ class _Writer:
                 places,
                 self.of("condition"),
                 (Own(given), Zero(given), *self.begin, *run("condition_numbers")),
+                basic=True,
             ),
             Procedure(
                 "newton_step",
@@ -575,6 +664,7 @@ class _Writer:
                 places,
                 (step,),
                 (Zero(step), Own(given), Zero(given), *self.begin, *run("correct")),
+                basic=True,
             ),
             Procedure(
                 "completion",
@@ -582,6 +672,7 @@ class _Writer:
                 state,
                 (full_u,),
                 (*self.begin, Copy(full_u, u)),
+                basic=True,
             ),
             Procedure(
                 "completion_sensitivities",
@@ -591,6 +682,7 @@ class _Writer:
                 (*self.begin, *self.along, Copy(full_u, u), Copy(dfull_q, dq), Copy(dfull_u, du)),
                 seeds,
                 OTHER_WIDTHS,
+                "assemble_sensitivities",
             ),
             Procedure(
                 "closure_sensitivities",
@@ -607,6 +699,7 @@ class _Writer:
                 ),
                 seeds,
                 OTHER_WIDTHS,
+                basic=bool(self.system.partition and self.system.partition.opening),
             ),
         ]
 
@@ -614,7 +707,7 @@ class _Writer:
         results = self.of("q", "u")
         bound: tuple[Step, ...] = tuple(Bind(r.called(f"initial_{r.name}"), r) for r in results)
         along: tuple[Step, ...] = tuple(Bind(r.tangent(f"dinitial_{r.name}"), r.tangent()) for r in results)
-        return self.pair(
+        values, tangents = self.pair(
             ("initial", "initial_sensitivities"),
             (
                 "Initial values, as the model file gives them: loops not closed yet.",
@@ -625,6 +718,7 @@ class _Writer:
             (*bound, INITIAL),
             (*bound, *along, INITIAL, INITIAL.tangents()),
         )
+        return [replace(values, basic=True), tangents]
 
 
 ALONE = {transpose_name("balance_back"), GRADIENT_OUT, GRADIENT_IN, GRADIENT_IN_CLOSED}
@@ -647,6 +741,8 @@ def swept_backwards(found: tuple[Procedure, ...]) -> list[str]:
     run = sweeps(found)
     if GRADIENT_OUT in run:
         run |= {transpose_name(s) for s in ("balance_out", "balance_in")}
+    if GRADIENT_IN_CLOSED in run:
+        run.add(transpose_name("complete"))
     return [s.name for s in SWEEPS if s.lanes and transpose_name(s.name) in run]
 
 

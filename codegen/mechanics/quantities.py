@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from ..program.procedure import Formulas, Run, Step, walk
-from .structure.kinds import System
+from .structure.system import System
 from .sweeps import SWEEP
 
 
@@ -28,6 +28,10 @@ class Quantity:
         They add to the energies.
     pivots : bool
         The tangents may meet a zero pivot.
+    sums : tuple of str
+        Arrays that they add to, which begin with zeros.
+    dynamics : bool
+        They need udot, and its tangent.
     """
 
     name: str
@@ -35,6 +39,8 @@ class Quantity:
     tangents: tuple[Step, ...]
     energy: bool = False
     pivots: bool = False
+    sums: tuple[str, ...] = ()
+    dynamics: bool = False
 
 
 POSE = Quantity("pose", run("pose"), run("pose_tangents"))
@@ -43,6 +49,12 @@ VELOCITY = Quantity("velocity", run("velocities"), run("velocity_tangents"))
 """Velocities, for forces: before the forward dynamics."""
 KINETIC = Quantity("kinetic", run("kinetic"), run("kinetic_tangents"), energy=True)
 """Velocities and kinetic energy."""
+ACCELERATION = Quantity("acceleration", run("link_accelerations"), run("link_acceleration_tangents"), dynamics=True)
+"""Accelerations of links against the ground."""
+MASSES = Quantity("masses", run("masses"), run("mass_tangents"), sums=("masses",))
+"""Mass and first moment of the system, from the poses of links."""
+MOMENTA = Quantity("momenta", run("momenta"), run("momentum_tangents"), sums=("momenta",))
+"""Momentum of the system, from the poses and velocities of links."""
 _OF_GRAVITY = Formulas("potential_of_gravity", ("energy",))
 GRAVITY = Quantity(
     "gravity",
@@ -63,7 +75,7 @@ ELEMENTS = Quantity(
 )
 """Potential energy of force elements, where positions and attitudes are known."""
 
-QUANTITIES = {q.name: q for q in (POSE, KINETIC)}
+QUANTITIES = {q.name: q for q in (POSE, KINETIC, ACCELERATION, MASSES, MOMENTA)}
 """What outputs may read, by name, in the order in which it is computed."""
 
 ENERGIES = ("kinetic_energy", "potential_energy")

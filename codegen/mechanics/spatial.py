@@ -14,6 +14,9 @@ Rows = Sequence[Sequence[Value]]
 SIX = range(6)
 """Components of a moment and a force, or of what else has an angular and a linear part."""
 
+ZERO: Vector = [0, 0, 0]
+UNIT: Matrix = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
+
 
 def is_zero(v: object) -> bool:
     """Whether a scalar is known to be zero."""
@@ -42,6 +45,11 @@ def scale(s: Value, a: Components) -> Vector:
 
 def matvec(m: Rows, v: Components) -> Vector:
     return [dot(row, v) for row in m]
+
+
+def rotate(W: Matrix, v: Vector) -> Vector:
+    """``W v``; the unit matrix costs nothing."""
+    return list(v) if W is UNIT else matvec(W, v)
 
 
 def transpose(m: Rows) -> Matrix:

@@ -33,6 +33,7 @@ PER_ANGLE = Memory("sines and cosines")
 TURN = Memory("rotations", True)
 PER_PARAMETER, PER_PARAMETER_LANE = Memory("parameters", life=Life.OUTSIDE), Memory("parameters", True, Life.OUTSIDE)
 ENERGY, ENERGY_LANE = Memory("energies", life=Life.OUTSIDE), Memory("energies", True, Life.OUTSIDE)
+SUM, SUM_LANE = Memory("sums"), Memory("sums", True)
 COEFFICIENTS, COEFFICIENTS_LANE = Memory("coefficients"), Memory("coefficients", True)
 PER_CONDITION, PER_CONDITION_LANE = Memory("conditions", life=Life.OUTSIDE), Memory("conditions", True, Life.OUTSIDE)
 PER_LOOP = Memory("loops", life=Life.OUTSIDE)
@@ -123,6 +124,10 @@ CONDITION = Store("condition", LOOP, PER_LOOP)
 REACTION, LOOP_REACTION = Store("reaction", LINK, WRENCH), Store("loop_reaction", LOOP, WRENCH)
 KINETIC, DKINETIC = Store("energy", MODEL, ENERGY), Store("denergy", MODEL, ENERGY_LANE)
 POTENTIAL, DPOTENTIAL = Store("potential", MODEL, ENERGY), Store("dpotential", MODEL, ENERGY_LANE)
+MASSES, DMASSES = Store("masses", MODEL, SUM), Store("dmasses", MODEL, SUM_LANE)
+"""Mass and first moment of the system."""
+MOMENTA, DMOMENTA = Store("momenta", MODEL, SUM), Store("dmomenta", MODEL, SUM_LANE)
+"""Linear and angular momentum of the system."""
 COEFFICIENT, DCOEFFICIENT = (
     Store("coefficient", ELEMENT, COEFFICIENTS),
     Store("dcoefficient", ELEMENT, COEFFICIENTS_LANE),
@@ -131,8 +136,8 @@ COEFFICIENT, DCOEFFICIENT = (
 DRIVE, DDRIVE = Store("drive", ELEMENT, COEFFICIENTS), Store("ddrive", ELEMENT, COEFFICIENTS_LANE)
 """Coefficients of the others."""
 
-TANGENT_OF = {SPEEDS: DU, COORDINATES: DQ, COEFFICIENT: DCOEFFICIENT, DRIVE: DDRIVE}
-"""Where the seeds of arguments are."""
+TANGENT_OF = {SPEEDS: DU, COORDINATES: DQ, COEFFICIENT: DCOEFFICIENT, DRIVE: DDRIVE, MASSES: DMASSES, MOMENTA: DMOMENTA}
+"""Where the seeds of arguments and the tangents of sums are."""
 
 
 def argument(name: str, lanes: bool = False) -> Store:

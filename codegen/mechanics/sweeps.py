@@ -11,14 +11,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from ..program.block import Scope
-from .ears import assembly, closures, completion, far_links, reactions, region_balance
+from .ears import assembly, closures, completion, far_links, reactions, region_balance, region_system, virtual_body
+from .ears import back_substitution as ear_back_substitution
 from .ears import balance as ear_balance
-from .ears import dynamics as ear_dynamics
+from .ears import kinematics as ear_kinematics
 from .elements import loads
-from .outputs import energy
+from .outputs import accelerations, energy, sums
 from .structure.element_kinds import ElementKind
 from .structure.factor_form import FactorForm
-from .structure.kinds import EarKind, LinkKind, RegionKind, System, UnitKind
+from .structure.kinds import EarKind, LinkKind, RegionKind, UnitKind
+from .structure.system import System
 from .tree import back_substitution, balance, inverse_dynamics, kinematics, triangularization
 
 OUTWARD, INWARD = "outward", "inward"
@@ -146,11 +148,11 @@ SWEEPS: tuple[Sweep, ...] = (
     Sweep("element_energy_tangents", "tangent of the energy of force elements", _nothing, OUTWARD, lanes=True, tangents=True,
           element=loads.energy, energy=True),
     Sweep("kinematics", "kinematic sweep (Eqs. 18-24, 31)", kinematics.kinematics, OUTWARD, units=True,
-          ear=ear_dynamics.ear_kinematics, region=ear_dynamics.region_start),
+          ear=ear_kinematics.ear_kinematics, region=region_system.region_start),
     Sweep("triangularize", "triangularization (Eqs. 39-47)", triangularization.triangularize, INWARD, units=True,
-          ear=ear_dynamics.ear_triangularize, region=ear_dynamics.region_triangularize),
+          ear=virtual_body.ear_triangularize, region=region_system.region_triangularize),
     Sweep("back_substitute", "back substitution (Eqs. 53-56)", back_substitution.back_substitute, OUTWARD, units=True,
-          ear=ear_dynamics.ear_back_substitute, region=ear_dynamics.region_back_substitute),
+          ear=ear_back_substitution.ear_back_substitute, region=ear_back_substitution.region_back_substitute),
     Sweep("newton_euler_out", "inverse dynamics, outward (Eqs. 19, 24)", inverse_dynamics.newton_euler_outward, OUTWARD),
     Sweep("newton_euler_in", "inverse dynamics, inward (Eq. 45)", inverse_dynamics.newton_euler_inward, INWARD),
     Sweep("motion", "accelerations and the forces they need (Eqs. 19, 24)", inverse_dynamics.newton_euler_outward, OUTWARD,
@@ -163,11 +165,11 @@ SWEEPS: tuple[Sweep, ...] = (
     Sweep("balance_in", "balance, inward: transmitted forces and bias forces of the solve (Eqs. 9, 45, 50)",
           balance.balance_inward, INWARD, lanes=True, tangents=True, units=True, ear=ear_balance.ear_balance_in,
           region=region_balance.region_balance_in),
+    Sweep("solve_in", "solve M x = b, inward (Eqs. 45, 53)", balance.solve_inward, INWARD, lanes=True),
     Sweep("balance_back", "balance, back substitution (Eqs. 53-55)", balance.balance_outward, OUTWARD, lanes=True, units=True,
           ear=ear_balance.ear_balance_back, region=region_balance.region_balance_back),
     Sweep("force_tangents", "tangent of the inverse dynamics, inward", inverse_dynamics.newton_euler_inward, INWARD,
           lanes=True, tangents=True),
-    Sweep("solve_in", "solve M x = b, inward (Eqs. 45, 53)", balance.solve_inward, INWARD, lanes=True),
     Sweep("mass_out", "product M x, outward (Eqs. 19, 23)", balance.mass_outward, OUTWARD, lanes=True),
     Sweep("mass_in", "product M x, inward", balance.mass_inward, INWARD, lanes=True),
     Sweep("rates", "time derivatives of the coordinates (Eq. 1)", kinematics.coordinate_rates, OUTWARD),
@@ -175,6 +177,13 @@ SWEEPS: tuple[Sweep, ...] = (
           lanes=True, tangents=True),
     Sweep("kinetic", "velocities and kinetic energy (Eq. 18)", energy.kinetic, OUTWARD),
     Sweep("kinetic_tangents", "tangent of velocities and kinetic energy", energy.kinetic, OUTWARD, lanes=True, tangents=True),
+    Sweep("link_accelerations", "accelerations of links (Eqs. 18-21)", accelerations.accelerations, OUTWARD),
+    Sweep("link_acceleration_tangents", "tangent of accelerations of links", accelerations.accelerations, OUTWARD, lanes=True,
+          tangents=True),
+    Sweep("masses", "mass and first moment of the system", sums.masses, OUTWARD),
+    Sweep("mass_tangents", "tangent of mass and first moment of the system", sums.masses, OUTWARD, lanes=True, tangents=True),
+    Sweep("momenta", "linear and angular momentum of the system (Eq. 23)", sums.momenta, OUTWARD),
+    Sweep("momentum_tangents", "tangent of the momentum of the system", sums.momenta, OUTWARD, lanes=True, tangents=True),
     Sweep("moments", "mass and first moment of everything outboard", energy.moments, INWARD),
     Sweep("moment_tangents", "tangent of mass and first moment", energy.moments, INWARD, lanes=True, tangents=True),
 )  # fmt: skip

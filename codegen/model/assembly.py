@@ -72,6 +72,7 @@ def _model(reader: Reader) -> Model | None:
     gravity = read_gravity(reader)
     bodies = read_bodies(reader)
     points = read_points(reader, bodies)
+    reader.points = [points, bodies.frames]
     before = reader.errors
     loops = read_loops(reader, bodies, points)
     if reader.errors == before:  # a loop that could not be read may hold what seems to move no mass

@@ -142,6 +142,11 @@ class ModelBuilder:
         """A generalised force on the freedoms of a joint, positive where it raises u."""
         self._put("forces", name, {"type": "joint", "joint": joint, "value": _plain(value)})
 
+    def force(self, name: str, type: str, **keys: Any) -> None:
+        """A force element of any type, with the keys of a model file; ``start`` and ``end`` stand for ``from`` and ``to``."""
+        renamed = {"start": "from", "end": "to"}
+        self._put("forces", name, {"type": type, **{renamed.get(k, k): _plain(v) for k, v in keys.items()}})
+
     def spring(
         self,
         name: str,
@@ -159,14 +164,10 @@ class ModelBuilder:
         self,
         name: str,
         measure: str | None = None,
-        *,
-        position: str | Mapping[str, Any] | None = None,
-        velocity: str | Mapping[str, Any] | None = None,
-        axis: str | Sequence[Scalar] | None = None,
-        value: Scalar | None = None,
+        **keys: Any,
     ) -> None:
-        """A named scalar: ``"kinetic_energy"``, ``"potential_energy"``, or one of position, velocity and value."""
-        given = _given(position=position, velocity=velocity, axis=axis, value=value)
+        """A named scalar: ``"kinetic_energy"``, ``"potential_energy"``, or keys as in a file: ``position=tip, axis="z"``."""
+        given = _given(**keys)
         self._put("outputs", name, {**given, **_given(measure=measure)} if given else measure)
 
     def initial(

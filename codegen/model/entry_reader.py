@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple, Protocol
 
 from .axes import Vector
 from .entries import Entry
 from .expressions import Expression
-from .places import Point
+from .places import Face, Point
 
 
 class NamedJoint(NamedTuple):
@@ -33,18 +34,34 @@ class EntryReader(Protocol):
         """Whether nothing in it, its name included, was wrong as written."""
 
     def bound(self, expression: Expression, *path: str | int, scope: str) -> Expression:
-        """With constants as numbers and names checked: ``parameters``, ``inputs`` or ``motion`` may stand in it."""
+        """With constants as numbers and names checked: ``parameters``, ``inputs`` or ``motion`` may stand in it, or ``measured``,
+        what points do, too."""
 
     def direction(self, axis: Vector, key: str) -> Vector:
         """An axis of parameters, which has to have a length."""
 
-    def point(self, point: Any, key: str, name: str) -> Point | None:
+    def point(self, point: Any, key: str | tuple[str | int, ...], name: str) -> Point | None:
         """What a mapping or a name means, or None after a problem; a point without a name gets this one."""
+
+    def measured(self, *expressions: Expression) -> tuple[Point, ...]:
+        """The points whose positions or velocities stand in them, each once."""
+
+    def unmoved(self, what: str, place: Point | Face, key: str) -> bool:
+        """Whether that place is on the ground, or held by it, which is reported."""
+
+    def face(self, face: Any, key: str) -> Face | None:
+        """What a mapping or a name means as a place with axes, or None after a problem."""
+
+    def body(self, reference: Expression, *path: str | int) -> int | None:
+        """Index of the body that is named, `GROUND` for the ground, or None after a problem."""
+
+    def mass(self, bodies: Sequence[int]) -> float | None:
+        """What bodies weigh together at the default parameters, kg; None where something is wrong with them."""
 
     def joint(self, reference: Expression, key: str, entry: Entry) -> NamedJoint | None:
         """The joint that is named, or None after a problem with it or with the entry."""
 
-    def held_together(self, what: str, start: Point, end: Point, useless: str) -> bool:
+    def held_together(self, what: str, start: Point | Face, end: Point | Face, useless: str) -> bool:
         """Whether two bodies cannot move against each other, which is reported."""
 
     def report(self, path: tuple[str | int, ...], message: str) -> None:

@@ -5,7 +5,8 @@ A parsed expression is a tree of tuples, so that engines and generator walk it w
 ``("number", value)``, ``("name", name)``, ``("neg", a)``, ``("+", a, b)``, ``("-", a, b)``, ``("*", a, b)``,
 ``("/", a, b)``, ``("**", a, b)`` and ``("call", function, a, ...)``.
 
-Names are those of parameters and inputs, ``t``, ``q.NAME`` and ``u.NAME``; constants and repeat indices have become
+Names are those of parameters and inputs, ``t``, ``q.NAME`` and ``u.NAME``, and, of forces on bodies, ``position.POINT.x`` and
+``velocity.POINT.x``; constants and repeat indices have become
 numbers, ``pi`` too. Whole numbers below 2**53 are Python ints (exact in every arithmetic), all others are floats.
 
 Two more nodes exist between `parse` and `bind` only, because they are settled while a model is loaded:
@@ -52,6 +53,9 @@ def functions(name: str) -> str:
         other = f"; did you mean {_OTHER_LANGUAGES[name.lower()]!r}?"
     return f"functions are {', '.join(FUNCTIONS)}{other or nearest(name, FUNCTIONS)}"
 
+
+MEASURED: Final = ("position", "velocity")
+"""What is known of points, by components in the ground frame: ``position.tip.x``."""
 
 MAX_LENGTH: Final = 10_000
 MAX_NESTING: Final = 100
@@ -683,8 +687,14 @@ class _Parser:
         if name == "pi":
             return ("number", math.pi)
         first, dot, rest = name.partition(".")
-        if dot and (first not in ("q", "u") or rest[0].isdigit()):
-            self.fail(f"name {name}; only coordinates q.NAME and speeds u.NAME have a dot", start)
+        if dot and first in MEASURED:
+            if not re.fullmatch(r"[A-Za-z_]\w*\.[xyz]", rest):
+                self.fail(f"name {name}; write {first}.POINT.x, .y or .z with the name of a point or a body", start)
+        elif dot and (first not in ("q", "u") or rest[0].isdigit()):
+            self.fail(
+                f"name {name}; only coordinates q.NAME, speeds u.NAME, position.POINT.x and velocity.POINT.x have a dot",
+                start,
+            )
         if name in ("q", "u"):
             self.fail(f"{name} alone; write {name}.NAME with the name of a joint", start)
         if name in FUNCTIONS:
@@ -721,7 +731,13 @@ class _Parser:
 
     def indexed(self, name: str, start: int, nesting: int) -> tuple[Tree, int]:
         first, dot, rest = name.partition(".")
-        if (dot and first not in ("q", "u")) or "." in rest or name in ("q", "u", "t", "pi") or rest[:1].isdigit():
+        measured = bool(dot) and first in MEASURED
+        if (
+            (dot and first not in ("q", "u", *MEASURED))
+            or "." in rest
+            or name in ("q", "u", "t", "pi")
+            or rest[:1].isdigit()
+        ):
             self.fail(f"{name}(...) is neither a function nor a name with a repeat index", start)
         indices: list[Tree] = []
         deepest = 0
@@ -734,10 +750,14 @@ class _Parser:
                     f"{name} is no function; {functions(name)}; of a name, two indices are written {name}(i)(j)", start
                 )
             if self.token == ")" and (match := _SUFFIX.match(self.text, self.end)):
+                if measured and match.group() not in (".x", ".y", ".z"):
+                    self.fail(f"{name}(...){match.group()}; a component is .x, .y or .z", start)
                 self.end = match.end()
                 self.advance()
                 return ("indexed", name, (*indices, tree), match.group()), max(deepest, depth) + 1
             self.close(opened)
             indices.append(tree)
             deepest = max(deepest, depth)
+        if measured:
+            self.fail(f"{name}(...) without a component; write {name}(...).x, .y or .z", start)
         return self.node(("indexed", name, tuple(indices), ""), deepest + 1)

@@ -5,7 +5,7 @@ A `Reader` holds the state of one reading. The modules of `sections` are functio
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from typing import Any, Final
 
@@ -16,7 +16,7 @@ from .axes import Vector
 from .entries import RESERVED, ZERO, Entry, Expr, parse_name, seen
 from .errors import Problem, nearest, with_article, within_a_line
 from .explaining import explain, repaired, validate
-from .expressions import Binder, Expression, ExpressionError, Number, Numbers, Scope
+from .expressions import MEASURED, Binder, Expression, ExpressionError, Number, Numbers, Scope
 from .positions import Document, Path_, show_path
 from .repetition import Instance, Repetition, labels, name_of
 
@@ -27,8 +27,22 @@ MAX_ERRORS: Final = 10_000
 _EXPRESSION: Final = TypeAdapter(Expr)
 
 
+ALLOWED: Final = {
+    "constants": "numbers and constants",
+    "parameters": "numbers, constants and parameters",
+    "inputs": "numbers, constants, parameters, inputs and t",
+    "motion": "numbers, constants, parameters, inputs, t, q.NAME and u.NAME",
+}
+"""What may stand in expressions of a scope, in words."""
+
+
 class TooManyProblems(Exception):
     """Enough problems to print."""
+
+
+def is_measured(name: str) -> bool:
+    """Whether a name is the position or velocity of a point."""
+    return name.startswith(tuple(f"{what}." for what in MEASURED))
 
 
 class Reader:
@@ -46,7 +60,9 @@ class Reader:
         Names that expressions have.
     allowed : dict of str to dict
         Names that expressions of a scope may have: ``constants``, ``parameters``, ``inputs`` (parameters, inputs and t)
-        or ``motion`` (coordinates and speeds too).
+        or ``motion`` (coordinates and speeds too). A scope ``measured`` has, beside the last, positions and velocities of points.
+    points : list of mapping
+        What is a point, by name, once points are read.
     broken : set of str
         Bodies that were reported; their coordinates are not known.
     places : dict of str to dict of str to (int, int)
@@ -69,6 +85,7 @@ class Reader:
         # dicts used as ordered sets: names are printed in the order of the file
         self.allowed: dict[str, dict[str, None]] = {"constants": {}, "parameters": {}, "inputs": {}, "motion": {}}
         self.broken: set[str] = set()
+        self.points: list[Mapping[str, Any]] = []
         self.errors = 0
         self.places: dict[str, dict[str, tuple[int | None, int | None]]] = {}
         self._key_places: dict[tuple[int, str], tuple[int | None, int | None]] = {}
@@ -154,15 +171,22 @@ class Reader:
         return result
 
     def _check(self, result: Expression, written: Expression, at: Instance, sub: Path_, scope: str) -> bool:
-        allowed = self.allowed[scope]
+        moving = scope in ("motion", "measured")
+        allowed = self.allowed["motion" if moving else scope]
         unknown = [n for n in sorted(result.names) if n not in allowed]
+        if scope == "measured":
+            unknown = [
+                n for n in unknown if not (is_measured(n) and any(n.split(".")[1] in known for known in self.points))
+            ]
         for name in unknown:
-            if name[:2] in ("q.", "u.") and scope == "motion" and name.split(".")[1] in self.broken:
+            if name[:2] in ("q.", "u.") and moving and name.split(".")[1] in self.broken:
                 continue
+            if is_measured(name) and scope == "measured" and ("point", name.split(".")[1]) in self.first_seen:
+                continue  # a point that is there but wrong has been reported
             self.report(at, sub, partial(self._unknown, name, scope), inside=self._column(at, sub, name))
         if unknown:
             return False
-        if scope != "motion" and result.names <= self.defaults.keys():
+        if not moving and result.names <= self.defaults.keys():
             value = self.value(result)
             if isinstance(value, str):
                 self.report(at, sub, f"{written} has no finite value at the default parameters: {value}")
@@ -188,19 +212,16 @@ class Reader:
         everything = self.allowed["motion"]
         if name.lower() in ("nan", "inf", "infinity"):
             return f"{name} is no finite number; only finite numbers are allowed"
-        if name in everything or name == "t" or (name[:2] in ("q.", "u.") and scope != "motion"):
+        if is_measured(name):
+            return self._not_measured(name, scope)
+        if name in everything or name == "t" or (name[:2] in ("q.", "u.") and scope not in ("motion", "measured")):
             kind = "input" if name in self.inputs else "parameter" if name in self.defaults else "motion"
             what = {
                 "input": f"input {name!r}",
                 "parameter": f"parameter {name!r}",
                 "motion": f"{name!r}, which changes with the motion,",
             }[kind]
-            may = {
-                "constants": "numbers and constants",
-                "parameters": "numbers, constants and parameters",
-                "inputs": "numbers, constants, parameters, inputs and t",
-            }[scope]
-            return f"{what} is not allowed here; only {may} are"
+            return f"{what} is not allowed here; only {ALLOWED[scope]} are"
         if name[:2] in ("q.", "u."):
             what = "coordinate" if name[0] == "q" else "speed"
             names = [n for n in everything if n[:2] == name[:2]]
@@ -209,9 +230,20 @@ class Reader:
                 return f"{name} has several freedoms; write one of {', '.join(sorted(joint))}"
             hint = self.loop_hint(name[2:]) or nearest(name, names)
             return f"unknown {what} {name!r}; the joints of this model have {some(names)}{hint}"
-        known = [*(n for n in self.constants if n[0] != "'"), *(n for n in self.allowed[scope] if n[1:2] != ".")]
+        those = self.allowed["motion" if scope == "measured" else scope]
+        known = [*(n for n in self.constants if n[0] != "'"), *(n for n in those if n[1:2] != ".")]
         which = "constants written before it" if scope == "constants" else "known here"
         return f"unknown name {name!r}; {which}: {some(known)}{nearest(name, known)}"
+
+    def _not_measured(self, name: str, scope: str) -> str:
+        """What is wrong with the position or velocity of a point."""
+        if scope != "measured":
+            return (
+                f"{name!r}, which changes with the motion, is not allowed here; only {ALLOWED[scope]} are; positions and "
+                f"velocities of points may stand in forces on bodies that have no potential energy"
+            )
+        point, known = name.split(".")[1], [n for names in self.points for n in names]
+        return f"unknown point {point!r} in {name}; a point or a body is allowed: {some(known)}{nearest(point, known)}"
 
     def loop_hint(self, name: str) -> str:
         """``; 'foot' closes a loop, ...`` where a loop is taken for a joint with coordinates, or nothing."""

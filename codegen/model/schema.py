@@ -202,6 +202,11 @@ def _keys_of_outputs() -> dict[str, Any]:
     return keys
 
 
+def some_of(names: list[str]) -> str:
+    """A list of names in words."""
+    return " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
+
+
 class _OneMeasure(Entry):
     """What every output is that is a mapping: one of the measures with a key."""
 
@@ -223,7 +228,7 @@ class _OneMeasure(Entry):
             is_given = getattr(self, key) is not None
             if is_given and key not in measure.keys:
                 owners = [other.name for other in _KEYED if key in other.keys]
-                raise complaint(f"{with_article(key)} beside {measure.name}; {key} belongs to {' and '.join(owners)}")
+                raise complaint(f"{with_article(key)} beside {measure.name}; {key} belongs to {some_of(owners)}")
             if not is_given and key in measure.hints:
                 raise complaint(f"{measure.name} without {key}; add {key}: {measure.hints[key]}")
         return self

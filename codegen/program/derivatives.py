@@ -92,9 +92,8 @@ class Tangents:
         """Write the tangent of one statement, unless it is zero."""
         value = self.expression(statement.expression)
         if value != 0:
-            self.of[statement.target] = self.expansion.let(
-                f"d_{statement.target.name}", value, f"d {statement.tag}".strip(), lanes=self.lanes
-            )
+            tag = f"d {statement.tag}" if statement.tag else ""
+            self.of[statement.target] = self.expansion.let(f"d_{statement.target.name}", value, tag, lanes=self.lanes)
 
     def value(self, expression: Expr, name: str = "d") -> Expr:
         """Tangent of an expression of named values, as a symbol or number."""

@@ -40,6 +40,8 @@ class Readable(ABC, Generic[V_co]):
     """
 
     shape = ""
+    called: str
+    """What memory in generated code calls it, without the components' endings; of those in a table."""
 
     def __init__(self, name: str, unit: str, frame: str, meaning: str, *, handed_on: bool = False, unread: str = ""):
         self.name = name
@@ -51,6 +53,7 @@ class Readable(ABC, Generic[V_co]):
         self.family: AnyField = self
         self.suffix = ""
         self.listed = False
+        self.called = ""
         self._scalars: tuple[ScalarField, ...] | None = None
         self._members: dict[object, Self] = {}
 
@@ -85,6 +88,12 @@ class Readable(ABC, Generic[V_co]):
     @abstractmethod
     def components(self) -> tuple[str, ...]:
         """Names of the components."""
+
+    @property
+    def identifiers(self) -> tuple[str, ...]:
+        """What generated code calls the components, in their order; of families with ``{}`` for numbers."""
+        rest = (c.removeprefix(self.name) for c in self.components)
+        return tuple(f"{self.called}{end}".replace(".", "_") for end in rest)
 
     @abstractmethod
     def read(self, read: Read) -> V_co:
@@ -189,6 +198,7 @@ class SixField(Field[Vector]):
 
     shape = "six components"
     halves = ("n", "f")
+    called_halves = ("moment", "force")
 
     @property
     def shown(self) -> tuple[str, ...]:
@@ -220,6 +230,11 @@ class SixField(Field[Vector]):
     def components(self) -> tuple[str, ...]:
         return tuple(f"{self.name}{half}.{i}" for half in self.halves for i in XYZ)
 
+    @property
+    def identifiers(self) -> tuple[str, ...]:
+        prefix = f"{self.called}_" if self.called else ""
+        return tuple(f"{prefix}{half}_{i}" for half in self.called_halves for i in XYZ)
+
     def read(self, read: Read) -> Vector:
         return [read(c) for c in self.components]
 
@@ -231,24 +246,28 @@ class AccelerationField(SixField):
     """Angular acceleration, then that of the origin."""
 
     halves = ("al", "a")
+    called_halves = ("alpha", "acceleration")
 
 
 class TwistField(SixField):
     """Angular velocity, then velocity of the origin."""
 
     halves = ("w", "v")
+    called_halves = ("omega", "velocity")
 
 
 class ShiftField(SixField):
     """Rotation vector, then displacement of the origin."""
 
     halves = ("t", "d")
+    called_halves = ("rotation", "displacement")
 
 
 class EarShiftField(SixField):
     """The same of links of ears, whose fields have names of their own."""
 
     halves = ("th", "d")
+    called_halves = ("rotation", "displacement")
 
 
 class BlockField(Field[Matrix]):

@@ -25,6 +25,11 @@ class Operations:
         """Additions, multiplications and divisions."""
         return self.additions + self.multiplications + self.divisions
 
+    def words(self) -> str:
+        """The counts that are not zero: ``3 additions, 1 division``."""
+        counts = {name: getattr(self, name) for name in ("additions", "multiplications", "divisions", "functions")}
+        return ", ".join(f"{n} {name[:-1] if n == 1 else name}" for name, n in counts.items() if n)
+
     def __add__(self, other: Operations) -> Operations:
         return Operations(
             self.additions + other.additions,

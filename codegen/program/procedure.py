@@ -264,6 +264,10 @@ class Procedure:
     steps : tuple of Step
     widths : tuple of int
         How many directions one call takes, of functions over directions; none for the others.
+    member : str
+        What a solver calls it, where that is another name.
+    basic : bool
+        States cannot be made consistent without it: a solver of chosen functions has it too.
     """
 
     name: str
@@ -273,6 +277,13 @@ class Procedure:
     steps: tuple[Step, ...]
     seeds: tuple[Array, ...] = ()
     widths: tuple[int, ...] = ()
+    member: str = ""
+    basic: bool = False
+
+    @property
+    def called(self) -> str:
+        """What users call it."""
+        return self.member or self.name
 
     def written_apart(self) -> frozenset[str]:
         """Results that no sweep writes: steps of the procedure copy into them, or another array is their memory."""

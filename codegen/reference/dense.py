@@ -24,6 +24,7 @@ The others must follow from them, but for those that the partition has dropped.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -34,6 +35,7 @@ from .arithmetic import Array, LeftInverse, SingularMatrixError
 from .conditions import Conditions, conditions
 from .engine import Engine, State
 from .ground_frame import Frame, Freedoms, attitudes, cross, motion, quaternion_product
+from .outputs import Moving
 from .pairs import Pair, Pairs
 
 LEFT_OVER = 1e-6
@@ -263,6 +265,27 @@ class DenseEngine(Engine):
     def _attitude(self, motion: tuple[list[Frame], Freedoms], body: int) -> tuple[Pair, Pair]:
         frame = motion[0][body]
         return frame.R, frame.omega.mT
+
+    def _accelerating(
+        self, state: State, motion: tuple[list[Frame], Freedoms], udot: Pair
+    ) -> Callable[[int, Pair], Pair]:
+        """``J udot + dJ/dt u``, J the partial velocities of the point."""
+        frames, freedoms = motion
+
+        def acceleration(body: int, at: Pair) -> Pair:
+            x, v = frames[body].point(at)
+            index = np.array(frames[body].freedoms, dtype=int)
+            J, J_rate = freedoms.partial_velocities(index, x), freedoms.partial_velocity_rates(index, x, v)
+            return (udot[index].mT @ J + state.u[index].mT @ J_rate).mT
+
+        return acceleration
+
+    def _moving(self, state: State, motion: tuple[list[Frame], Freedoms]) -> list[Moving]:
+        found = []
+        for body, frame in zip(self.model.bodies, motion[0], strict=False):
+            m, I, x, xdot = self._mass(body, frame, state.pairs)
+            found.append(Moving(m, x.mT, xdot.mT, I @ frame.omega.mT))
+        return found
 
     def _coordinate_rates(self, state: State) -> Pair:
         """qdot, (nq, 1): quaternions by their own product, edot = e (0, omega)/2."""

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import warnings
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -20,11 +21,12 @@ from ..loops.partition import partition as choose_partition
 from ..loops.speed_groups import SpeedGroup, coordinates_of
 from ..model.forces import ForceElement
 from ..model.model import Model, closure_row_names
-from ..model.places import Point
+from ..model.places import Face, Point
 from .arithmetic import Arithmetic, Array
 from .forces import LAWS, End, Wrench
-from .outputs import VALUES
+from .outputs import VALUES, Moving
 from .pairs import Pair, Pairs
+from .primitives import placed_rotation
 
 INCONSISTENT = 1e-6
 """A redundant condition that is off by more than this part of the speeds or seeds is reported."""
@@ -446,18 +448,40 @@ class Engine(ABC):
     def _attitude(self, motion: Any, body: int) -> tuple[Pair, Pair]:
         """Body components into ground components, (3, 3), and angular velocity in the ground frame, (3, 1), of a body."""
 
+    @abstractmethod
+    def _accelerating(self, state: State, motion: Any, udot: Pair) -> Callable[[int, Pair], Pair]:
+        """Gives the acceleration, (3, 1) in the ground frame, of the point ``at`` (3, 1) in body axes of a body."""
+
+    @abstractmethod
+    def _moving(self, state: State, motion: Any) -> list[Moving]:
+        """Mass, motion and angular momentum of all bodies."""
+
     def _ends(self, pairs: Pairs, motion: Any, element: ForceElement) -> list[End]:
         """Where a force element acts."""
-        return [
-            End(*self._point(motion, point.body, pairs.vector(point.at)), *self._attitude(motion, point.body))
-            for point in element.ends
-        ]
+        found = []
+        for place in element.ends:
+            R, omega = self._attitude(motion, place.body)
+            if isinstance(place, Face):
+                R = R @ placed_rotation(place, pairs)
+            found.append(End(*self._point(motion, place.body, pairs.vector(place.at)), R, omega))
+        return found
 
-    def _wrenches(self, pairs: Pairs, motion: Any) -> Iterator[tuple[Point, End, Wrench]]:
+    def _measured(self, pairs: Pairs, motion: Any, element: ForceElement) -> Pairs:
+        """Evaluates the expressions of a force element, which may name positions and velocities of points."""
+        if not element.measured:
+            return pairs
+        known = {}
+        for point in element.measured:
+            x, v = self._point(motion, point.body, pairs.vector(point.at))
+            for i, c in enumerate("xyz"):
+                known[f"position.{point.name}.{c}"], known[f"velocity.{point.name}.{c}"] = x[i, 0], v[i, 0]
+        return Pairs(self.arithmetic, pairs.k, {**pairs.environment, **known})
+
+    def _wrenches(self, pairs: Pairs, motion: Any) -> Iterator[tuple[Point | Face, End, Wrench]]:
         """What all force elements do to bodies, and where."""
         for element in self.model.elements:
-            ends = self._ends(pairs, motion, element)
-            yield from zip(element.ends, ends, LAWS[type(element)].wrenches(element, pairs, ends), strict=True)
+            ends, seen = self._ends(pairs, motion, element), self._measured(pairs, motion, element)
+            yield from zip(element.ends, ends, LAWS[type(element)].wrenches(element, seen, ends), strict=True)
 
     def _forces_on_speeds(self, pairs: Pairs) -> Pair:
         """The generalised forces on joints' speeds that force elements exert directly, (nu, 1)."""
@@ -573,13 +597,13 @@ class Engine(ABC):
         return self._pair("udot", udot, self.model.nu, dudot, state.pairs.k)
 
 
-@dataclass(frozen=True, slots=True)
 class _Seen:
-    """What outputs see of a model: `outputs.Seen`."""
+    """What outputs see of a model: `outputs.Seen`. Accelerations and sums are found when the first output asks."""
 
-    engine: Engine
-    state: State
-    motion: Any
+    def __init__(self, engine: Engine, state: State, motion: Any) -> None:
+        self.engine = engine
+        self.state = state
+        self.motion = motion
 
     @property
     def pairs(self) -> Pairs:
@@ -587,6 +611,23 @@ class _Seen:
 
     def point(self, point: Point) -> tuple[Pair, Pair]:
         return self.engine._point(self.motion, point.body, self.pairs.vector(point.at))
+
+    @cached_property
+    def _accelerations(self) -> Callable[[int, Pair], Pair]:
+        return self.engine._accelerating(self.state, self.motion, self.engine._accelerations(self.state))
+
+    def acceleration(self, point: Point) -> Pair:
+        return self._accelerations(point.body, self.pairs.vector(point.at))
+
+    def attitude(self, body: int) -> tuple[Pair, Pair]:
+        return self.engine._attitude(self.motion, body)
+
+    @cached_property
+    def _bodies(self) -> list[Moving]:
+        return self.engine._moving(self.state, self.motion)
+
+    def bodies(self) -> list[Moving]:
+        return self._bodies
 
     def energies(self) -> tuple[Pair, Pair]:
         kinetic, potential = self.engine._energies(self.state, self.motion)

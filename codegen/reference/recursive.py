@@ -31,6 +31,7 @@ The other slips concern the dense method (Eq. 6, see `dense`) and closed loops (
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -44,6 +45,7 @@ from .ears import groups
 from .embedding import embed
 from .engine import Engine, State
 from .forces import Wrench
+from .outputs import Moving
 from .pairs import Pair, Pairs, skew
 from .primitives import (
     generalised_inertia,
@@ -354,6 +356,31 @@ class RecursiveEngine(Engine):
     def _attitude(self, motion: list[Terms], body: int) -> tuple[Pair, Pair]:
         b = motion[body]
         return b.pair("N_C"), b.pair("N_C") @ b.pair("V")[:3]
+
+    def _accelerating(self, state: State, motion: list[Terms], udot: Pair) -> Callable[[int, Pair], Pair]:
+        """Outward, Eqs. 19 and 54: the part of all accelerations that is explicit in udot.
+
+        A point of a body adds ``alpha x r + omega x (omega x r)``.
+        """
+        pairs, zero = state.pairs, state.pairs.constant(np.zeros((6, 1), int))
+        explicit = [zero for _ in motion]
+        for k in self.model.outward:
+            b, rows = motion[k], self.model.coordinate_slices[k][1]
+            explicit[k] = b.pair("S").mT @ explicit[self.model.bodies[k].parent] + b.pair("P") @ udot[rows]
+
+        def acceleration(body: int, at: Pair) -> Pair:
+            b, r = motion[body], at - motion[body].pair("com")
+            A, turning = b.pair("A_t") + explicit[body], pairs.skew(b.pair("V")[:3])
+            return b.pair("N_C") @ (A[3:] + pairs.skew(A[:3]) @ r + turning @ turning @ r)
+
+        return acceleration
+
+    def _moving(self, state: State, motion: list[Terms]) -> list[Moving]:
+        found = []
+        for b in motion[:GROUND]:
+            I, V, N = b.pair("I"), b.pair("V"), b.pair("N_C")
+            found.append(Moving(I[5, 5], b.pair("x"), N @ V[3:], N @ I[:3, :3] @ V[:3]))
+        return found
 
     def _coordinate_rates(self, state: State) -> Pair:
         """qdot = C(q) u, Eq. 1 with D = 0, (nq, 1)."""

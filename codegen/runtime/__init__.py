@@ -19,6 +19,7 @@ from .standalone.errors import (
     SingularForceError,
     SingularJointError,
     SingularLoopError,
+    SingularOutputError,
     TargetsDifferError,
 )
 from .standalone.jacobians import Jacobians
@@ -33,6 +34,7 @@ __all__ = [
     "SingularForceError",
     "SingularJointError",
     "SingularLoopError",
+    "SingularOutputError",
     "Solver",
     "TargetsDifferError",
     "load",

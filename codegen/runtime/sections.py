@@ -14,13 +14,18 @@ STANDALONE = Path(__file__).parent / "standalone"
 CARRIED = "_runtime"
 """What it is called in a package."""
 
-SECTIONS: dict[str, str | None] = {
-    "Dynamics": None, "WeightedGradients": None, "Energies": "energies", "Outputs": None,
-    "TreeForces": "mass_matrix", "Reactions": "reactions",
-    "Loops": "closure", "States": None, "Redundancy": "opening", "Partitions": None,
+SECTIONS: dict[str, tuple[str, ...]] = {
+    "Dynamics": (),
+    "WeightedGradients": ("gradients", "coordinate_rate_gradients", "energy_gradients", "output_gradients", "assemble_gradients"),
+    "Energies": ("energies", "energy_sensitivities"), "Outputs": ("outputs", "output_sensitivities"),
+    "TreeForces": ("mass_matrix", "mass_matrix_sensitivities", "solve_mass", "solve_mass_sensitivities", "inverse_dynamics",
+                   "inverse_dynamics_sensitivities"),
+    "Reactions": ("reactions",), "Loops": ("closure",), "States": (), "Redundancy": ("opening",), "Partitions": (),
 }  # fmt: skip
-"""Sections of `Solver`, and what a manifest names, among its functions or beside them, where they are needed: None for
-sections that all packages carry."""
+"""Sections of `Solver`, and what a manifest names, among its functions or beside them, where they are needed."""
+
+ANYWAY = ("WeightedGradients", "Outputs")
+"""Sections of these that serve models too that have none of these functions; who chose functions without them does without."""
 
 ALWAYS = ("errors", "jacobians")
 """Modules that the ``__init__.py`` of every package imports beside sections."""
@@ -28,8 +33,15 @@ ALWAYS = ("errors", "jacobians")
 
 def sections_of(manifest: Mapping[str, Any]) -> dict[str, str]:
     """The sections that a package needs, as classes and their modules, in the order of the classes of `Solver`."""
-    named = {key for m in (manifest, manifest.get("second", {})) for key in (*m, *m.get("functions", ()))}
-    found = {name: _module(name) for name, needed in SECTIONS.items() if needed is None or needed in named}
+    parts = (manifest, manifest.get("second", {}))
+    named = {key for m in parts for key in (*m, *m.get("functions", ()))}
+    named |= {f.get("member", "") for m in parts for f in m.get("functions", {}).values()}
+    left = set(manifest.get("left_out", ()))
+
+    def needed(name: str, members: tuple[str, ...]) -> bool:
+        return not members or not named.isdisjoint(members) or (name in ANYWAY and left.isdisjoint(members))
+
+    found = {name: _module(name) for name, members in SECTIONS.items() if needed(name, members)}
     if "Loops" in found:
         del found["States"]  # which it is derived from
     return found

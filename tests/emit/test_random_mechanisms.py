@@ -16,6 +16,7 @@ import pytest
 from comparison import error, transposes, worst
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
+from random_elements import with_random_elements
 from random_mechanisms import LOOP_JOINTS, SCENES, Discarded, Mechanism, random_mechanism
 
 import codegen
@@ -117,15 +118,21 @@ def test_numpy_is_generic_is_dense(
     drawn = draw(seed, scene=scene, bodies=(bodies, bodies), loops=(loops, loops), **options)
     assume(drawn is not None)
     assert drawn is not None
+    if forces:
+        drawn = drawn._replace(model=with_random_elements(np.random.default_rng(seed), drawn.model))
     folder: Path = tmp_path_factory.mktemp("mechanism")
     codegen.generate(drawn.model, folder / "mechanism", target="numpy", layout=layout)
     check(drawn, codegen.load(folder / "mechanism"), seed)
 
 
-@pytest.mark.parametrize(("seed", "layout"), [(6, "kinds"), (25, "unrolled"), (38, "kinds")])
-def test_c_is_generic_is_dense(tmp_path: Path, seed: int, layout: str) -> None:
+@pytest.mark.parametrize(
+    ("seed", "layout", "elements"), [(6, "kinds", False), (25, "unrolled", False), (38, "kinds", True)]
+)
+def test_c_is_generic_is_dense(tmp_path: Path, seed: int, layout: str, elements: bool) -> None:
     drawn = draw(seed, bodies=(3, 5), loops=(1, 2))
     assert drawn is not None
+    if elements:
+        drawn = drawn._replace(model=with_random_elements(np.random.default_rng(seed), drawn.model))
     codegen.generate(drawn.model, tmp_path / "mechanism", target="c", layout=layout)
     check(drawn, codegen.load(tmp_path / "mechanism"), seed)
 
@@ -143,6 +150,8 @@ def test_campaign(tmp_path: Path, capsys, first: int, count: int, target: str, o
         if drawn is None:
             given_up.append(seed)
             continue
+        if seed % 2:
+            drawn = drawn._replace(model=with_random_elements(np.random.default_rng(seed), drawn.model))
         codegen.generate(drawn.model, tmp_path / f"m{seed}", target=target)
         check(drawn, codegen.load(tmp_path / f"m{seed}"), seed)
     with capsys.disabled():

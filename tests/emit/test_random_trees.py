@@ -11,7 +11,8 @@ import numpy as np
 from comparison import compare
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from random_models import ALL, random_tree
+from random_elements import with_random_elements
+from random_models import EVERY, random_tree
 
 import codegen
 from codegen.reference import DenseEngine, RecursiveEngine
@@ -21,7 +22,7 @@ from codegen.reference import DenseEngine, RecursiveEngine
 @given(
     seed=st.integers(0, 2**32 - 1),
     bodies=st.integers(1, 4),
-    joints=st.lists(st.sampled_from(ALL), min_size=1, max_size=4, unique=True).filter(lambda j: j != ["fixed"]),
+    joints=st.lists(st.sampled_from(EVERY), min_size=1, max_size=4, unique=True).filter(lambda j: j != ["fixed"]),
     parameters=st.booleans(),
     forces=st.booleans(),
     layout=st.sampled_from(["kinds", "unrolled"]),
@@ -31,6 +32,8 @@ def test_numpy_is_generic_is_dense(
 ) -> None:
     rng = np.random.default_rng(seed)
     model = random_tree(rng, bodies, tuple(joints), parameters, forces)
+    if forces:
+        model = with_random_elements(rng, model)
     if model.nu == 0:
         return  # a draw of fixed joints only: nothing to compare
     folder: Path = tmp_path_factory.mktemp("tree")

@@ -11,7 +11,7 @@ from random_mechanisms import random_mechanisms
 
 from codegen.loops.partition import partition
 from codegen.mechanics.structure.elimination_order import CARRIER
-from codegen.mechanics.structure.kinds import System, analyse
+from codegen.mechanics.structure.system import System, analyse
 from codegen.model.model import GROUND, Model
 
 

@@ -16,11 +16,13 @@ from codegen.mechanics import fields, procedures
 from codegen.mechanics.expansion import Patterns, expand
 from codegen.mechanics.fields import FIELDS
 from codegen.mechanics.glossary import glossary
+from codegen.mechanics.quantities import QUANTITIES
 from codegen.mechanics.stores import CONSTANTS, LAID_OUT, ME
-from codegen.mechanics.structure.kinds import System, analyse
+from codegen.mechanics.structure.system import System, analyse
 from codegen.mechanics.sweeps import SWEEPS, Sweep
 from codegen.program.block import FieldError, Scope
 from codegen.program.field import Field, ScalarField
+from codegen.program.procedure import Run
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 MODELS = (
@@ -46,8 +48,9 @@ def system(name: str) -> System:
 
 
 def sweeps(of: System) -> list[Sweep]:
-    """All sweeps that the functions of a model run."""
+    """All sweeps that the functions of a model run, and those that outputs of it could ask for."""
     run = procedures.sweeps(procedures.procedures(of, reactions=True))
+    run |= {step.sweep for q in QUANTITIES.values() for step in (*q.values, *q.tangents) if isinstance(step, Run)}
     return [s for s in SWEEPS if s.name in run and s.kinds(of)]
 
 
@@ -173,3 +176,24 @@ def test_fields_say_what_they_are():
 def test_the_glossary_is_as_the_table_of_fields_has_it():
     page = EXAMPLES.parent / "docs" / "glossary.md"
     assert page.read_text(encoding="utf-8") == glossary(), "python -m codegen.mechanics.glossary > docs/glossary.md"
+
+
+def test_names_in_generated_code_belong_to_one_component_each() -> None:
+    """Components that generated code calls the same are the same: no member of a struct stands there twice."""
+    called: dict[str, str] = {}
+    for name, field in FIELDS.items():
+        for component, identifier in zip(field.components, field.identifiers, strict=True):
+            assert identifier.replace("{}", "A").isidentifier(), name
+            assert called.setdefault(identifier, component) == component, name
+            numbered, number = component.replace("{}", "3"), identifier.replace("{}", "3")
+            assert fields.identifier(numbered) == number
+            assert fields.identifier(f"{numbered}/2") == f"{number}_d2"
+            assert fields.field_of(numbered) is not None
+
+
+@pytest.mark.parametrize(
+    ("component", "identifier"),
+    [("w.y", "omega_y"), ("acc.n.y", "articulated_moment_y"), ("Z3.w.x", "per_source_3_omega_x"), ("m/0", "mass_d0")],
+)
+def test_memory_has_names(component: str, identifier: str) -> None:
+    assert fields.identifier(component) == identifier

@@ -11,7 +11,7 @@ import pytest
 from codegen.loops.partition import partition
 from codegen.mechanics.procedures import OTHER_WIDTHS, WIDTHS, procedures, sweeps
 from codegen.mechanics.quantities import POSE
-from codegen.mechanics.structure.kinds import System, analyse
+from codegen.mechanics.structure.system import System, analyse
 from codegen.mechanics.sweeps import SWEEP
 from codegen.model import load_model, parse_model
 from codegen.model.model import Model

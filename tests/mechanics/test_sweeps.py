@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from codegen.emit.solver import write_solver
-from codegen.mechanics.structure.kinds import analyse
+from codegen.mechanics.structure.system import analyse
 from codegen.model import ModelError, checks, parse_model
 
 FORWARD = ("start", "kinematics", "triangularize", "back_substitute")

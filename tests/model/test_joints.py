@@ -124,7 +124,7 @@ model: m
 bodies: {{a: {{parent: ground, joint: {{type: free}}, mass: 1, inertia: {{xx: 1, yy: 1, zz: 1}}}}}}
 loops: {{l: {{joint: {{type: {kind.name}}}, from: a, to: ground}}}}
 """
-            with pytest.raises(ModelError, match=f"a {kind.name} joint sets no condition, so it closes no loop"):
+            with pytest.raises(ModelError, match=f"a {kind.name} joint {kind.closes_none}"):
                 parse_model(text)
 
 

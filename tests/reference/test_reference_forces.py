@@ -1,6 +1,7 @@
 """Laws of force elements: power, energy, and what engines make of forces and torques at a point of a body."""
 
 from dataclasses import dataclass
+from typing import ClassVar, get_args
 
 import mpmath
 import numpy as np
@@ -8,6 +9,8 @@ import pytest
 from joint_types import DIGITS, body, coordinates, extended, joint
 from random_models import expression, vector
 
+from codegen.mechanics.elements import LAWS as GENERATED
+from codegen.mechanics.elements.element import Law as GeneratedLaw
 from codegen.model.expressions import Expression
 from codegen.model.forces import FORCES, ForceElement, JointForce, Spring
 from codegen.model.joints import JOINTS
@@ -23,7 +26,9 @@ from codegen.reference.pairs import Pair, Pairs
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Thruster(ForceElement):
-    """A force and a torque in the axes of its body: nothing that models have yet."""
+    """A force and a torque in the axes of its body: nothing that models have."""
+
+    type: ClassVar[str] = "thruster"
 
     point: Point
     force: tuple[Expression, ...]
@@ -50,8 +55,12 @@ def known_elements(monkeypatch):
 
 
 def test_every_element_has_a_law_and_every_output_a_value():
-    made = {entry.__name__.removesuffix("Entry") for entry in FORCES}
-    assert {element.__name__ for element in LAWS} == made | {"Thruster"}
+    made = {get_args(entry.model_fields["type"].annotation)[0] for entry in FORCES}
+    assert {element.type for element in LAWS} == made | {"thruster"}
+    assert {element.type for element in GENERATED} == made - {"joint"}
+    for element, law in GENERATED.items():
+        assert element.has_energy == (type(law).energy is not GeneratedLaw.energy)
+        assert element.has_energy == (type(LAWS[element]).energy is not Law.energy)
     assert VALUES.keys() == MEASURES.keys()
 
 

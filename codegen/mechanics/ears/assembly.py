@@ -6,18 +6,19 @@ characteristic length. A rotation is measured by 2 sin(t/2), which grows up to h
 
 from __future__ import annotations
 
-from ...model.model import CLOSURE_ROWS
 from ...program.block import Scope
 from ...program.scalar import Value, Vector
 from ...program.store import Store
 from .. import fields
 from ..couplings import partner_store
-from ..spatial import add, cross, dot, minus, transpose
-from ..stores import BASE, CONDITION, GIVEN_U, ME, POSITION, REGION, ROOTS, STEP, UP, VELOCITY
+from ..spatial import ZERO, add, cross, dot, minus, rotate, transpose
+from ..stores import BASE, CONDITION, GIVEN_U, ME, POSITION, REGION, STEP, UP, VELOCITY
 from ..structure.kinds import EarKind, LinkKind, RegionKind
 from .closures import stored_factor
 from .completion import dependent_displacements
-from .geometry import ZERO, Ear, Twist, rotate
+from .conditions import joint_conditions, kept_conditions, seen_by
+from .geometry import EarGeometry
+from .motions import Twist
 
 TINY = 1e-30
 """Keeps the measure of a rotation finite at half a turn."""
@@ -29,23 +30,23 @@ def _over_root(x: Scope, value: Value, name: str) -> Value:
     return x.let(name, 1 / x.let("root", x.sqrt(under), "Eq. 32"), "Eq. 32")
 
 
-def face_differences(x: Scope, ear: Ear) -> list[Twist]:
+def face_differences(x: Scope, ear: EarGeometry) -> list[Twist]:
     """Rotation vector, near closure, and displacement from the start face to the end face of every loop."""
     found = []
     for c, closure in enumerate(ear.kind.closures):
         a, b = (ear.position_of_face(c, side) for side in (0, 1))
         linear = [x.let("gap", e, "Eq. 32") for e in minus(b, a)]
         angular: Vector = [0, 0, 0]
-        if closure.type == "universal":
+        if closure.holds.angular == 1:
             first, second = ear.universal_axes(c)
             off = x.let("off", dot(first, second), "Eq. 32")
             angular = [-off * e for e in cross(first, second)]
-        elif closure.type in ("fixed", "prismatic"):
+        elif closure.holds.angular == 3:
             start, end = ear.face_axes(c, 0), ear.face_axes(c, 1)
             turned = [cross(p, q) for p, q in zip(start, end, strict=True)]
             root = _over_root(x, 1 + sum(dot(p, q) for p, q in zip(start, end, strict=True)), "share")
             angular = [root * sum(t[i] for t in turned) for i in range(3)]
-        elif CLOSURE_ROWS[closure.type][1]:
+        elif closure.holds.angular == 2:
             p, q = ear.face_axes(c, 0)[closure.axis], ear.face_axes(c, 1)[closure.end_axis]
             root = _over_root(x, x.half + x.half * dot(p, q), "share")
             angular = [root * e for e in cross(p, q)]
@@ -55,23 +56,14 @@ def face_differences(x: Scope, ear: Ear) -> list[Twist]:
 
 def residuals(x: Scope, kind: EarKind) -> None:
     """Outward block of an ear: by how much its loops are open, and by how much the given speeds open them."""
-    ear = Ear(x, kind, positions=fields.measured_position)
+    ear = EarGeometry(x, kind, positions=fields.measured_position)
     gaps = face_differences(x, ear)
-    roots: list[Twist] = []
-    for t, role in enumerate(kind.roots):
-        if role == "link":
-            roots.append(Twist.load(x, ROOTS[t], fields.measured_velocity))
-        elif role == "frame" and not kind.rigid:
-            roots.append(Twist.load(x, BASE, fields.closing_twist))
-        elif role == "far":
-            roots.append(Twist.load(x, REGION, fields.far_velocity(kind.far[t])))
-        else:
-            roots.append(Twist(list(ZERO), list(ZERO)))
+    roots = [root.measured_velocity() for root in ear.roots]
     speeds = [[m.view.entry(GIVEN_U, f.index) for f in m.freedoms] for m in ear.members]
     velocities = ear.walk(roots, speeds, "g", "Eq. 30")
     rates = ear.face_difference(velocities, roots)
     for c in range(len(kind.closures)):
-        for i, row in enumerate(ear.joint_conditions(c)):
+        for i, row in enumerate(joint_conditions(ear, c)):
             gap, rate = (t[c].angular if row.angular else t[c].linear for t in (gaps, rates))
             x.set_entry(POSITION[c], i, x.let("gap", dot(row.axis or row.n, gap), "Eq. 32"))
             x.set_entry(VELOCITY[c], i, x.let("rate", dot(row.n, rate), "Eq. 30"))
@@ -82,17 +74,15 @@ def residuals(x: Scope, kind: EarKind) -> None:
 
 def newton_step(x: Scope, kind: EarKind) -> None:
     """Outward block of an ear: the displacements of its dependent joints that close its loops to first order."""
-    ear = Ear(x, kind, positions=fields.measured_position)
+    ear = EarGeometry(x, kind, positions=fields.measured_position)
     gaps = face_differences(x, ear)
-    roots = [_root_step(x, ear, t, role) for t, role in enumerate(kind.roots)]
-    rows = ear.kept_rows()
+    roots = [root.step() for root in ear.roots]
+    rows = kept_conditions(ear)
     moved = ear.root_difference(roots)
-    total = [
-        Twist(add(gap.angular, by.angular), add(gap.linear, by.linear)) for gap, by in zip(gaps, moved, strict=True)
-    ]
+    total = [gap.plus(by) for gap, by in zip(gaps, moved, strict=True)]
     rates: Vector = []
     if rows:
-        b = ear.conditions(rows, total, "b", "Eq. 32")
+        b = seen_by(ear, rows, total, "b", "Eq. 32")
         for i, row in enumerate(rows):
             if row.turning:  # what is open in this condition alone
                 sine = sum(weight * dot(one, other) for weight, one, other in row.turning)
@@ -111,18 +101,6 @@ def newton_step(x: Scope, kind: EarKind) -> None:
             back = transpose(ear.attitude(k))
             d = add(twist.linear, d, cross(theta, ear.position(k)))
             _store_step(x, ME[k], rotate(back, add(twist.angular, theta)), rotate(back, d))
-
-
-def _root_step(x: Scope, ear: Ear, t: int, role: str) -> Twist:
-    """Rotation vector and displacement of a root against the base, in region axes."""
-    if role == "link":
-        return Twist.load(x, ROOTS[t], fields.ear_step)
-    if role == "far":
-        return Twist.load(x, REGION, fields.far_step(ear.kind.far[t]))
-    if role == "ground":
-        theta, d = ([-e for e in x.load(BASE, f)] for f in (fields.step.angular, fields.step.linear))
-        return Twist(theta, x.let_vector("s", add(d, cross(theta, ear.position(-1 - t))), "Eq. 35"))
-    return Twist(list(ZERO), list(ZERO))
 
 
 def _store_step(x: Scope, store: Store, theta: Vector, d: Vector) -> None:

@@ -15,57 +15,25 @@ from functools import partial
 from sympy import Symbol
 
 from ...program.block import Scope
-from ...program.scalar import Matrix, Value, Vector
+from ...program.scalar import Value, Vector
 from .. import fields
-from ..handing_on import accumulate
 from ..joints import Column
-from ..spatial import SIX, add, cross, matvec, minus, transpose
-from ..stores import (
-    BASE,
-    DTAU,
-    DUDOT,
-    EAR,
-    GROUND,
-    LANE_BASE,
-    LANE_ROOTS,
-    LBASE,
-    LGROUND,
-    LME,
-    LREGION,
-    LROOTS,
-    ME,
-    MY_LANE,
-    REGION,
-    ROOTS,
-    TAU,
-)
+from ..spatial import SIX, UNIT, add, cross, matvec, minus, transpose
+from ..stores import DTAU, DUDOT, EAR, LME, LREGION, ME, MY_LANE, TAU
 from ..structure.kinds import EarKind, LinkKind
 from ..tree.inverse_dynamics import joint_acceleration
-from ..tree.kinematics import (
-    accelerated,
-    acceleration_matrix,
-    body_force,
-    less_external,
-    own_inertia,
-)
+from ..tree.kinematics import accelerated, acceleration_matrix, body_force, less_external, own_inertia
 from ..tree.tangents import pattern
 from ..tree.triangularization import force_to_parent
-from .closures import own_sources, stored_factor
-from .completion import root_angles
-from .dynamics import carried_accelerations, closing_accelerations, root_velocities, source_accelerations
-from .geometry import UNIT, Condition, Ear, Member, Twist
+from .back_substitution import carried_accelerations, source_accelerations
+from .closing_accelerations import closing_accelerations
+from .closures import named_root_velocities, own_sources, stored_factor
+from .conditions import Condition, kept_conditions
+from .geometry import EarGeometry
+from .members import Member
+from .motions import Motion, Twist
 from .orthogonal import product
 from .tangents import EarTangents, ear_tangents, tangents_of
-
-
-@dataclass(slots=True)
-class Motion:
-    """Motion of a link in its own axes: angular velocity, accelerations of the origin and ``B``. Eqs. 18-21."""
-
-    w: Vector
-    al: Vector
-    a: Vector
-    B: Matrix
 
 
 @dataclass(slots=True)
@@ -80,30 +48,18 @@ class Handed:
 # -- outward -----------------------------------------------------------------------------------------------------------
 
 
-def root_motion(x: Scope, kind: EarKind, t: int) -> tuple[Motion, dict[Symbol, Value]]:
-    """Motion of a root with all of the accelerations, and the tangents of it."""
-    role = kind.roots[t]
-    if role == "ground":
-        a = x.load(GROUND, fields.total.a)
-        return Motion([0] * 3, [0] * 3, a, [[0] * 3] * 3), tangents_of(a, x.load(LGROUND, fields.remainder.a))
-    store, lanes, own, moved = BASE, LBASE, fields.total, fields.remainder
-    if role == "far":
-        store, lanes = REGION, LREGION
-        own = moved = fields.far_own(kind.far[t])
-    elif role == "link":
-        store, lanes, own = ROOTS[t], LROOTS[t], fields.ear_own
-    w, al, a = (x.load(store, field) for field in (own.w, own.al, own.a))
-    B = x.load(store, own.B)
+def motion_tangents(motion: Motion, tangent: Motion) -> dict[Symbol, Value]:
+    """Tangents by symbol of a motion that is loaded."""
     seeds: dict[Symbol, Value] = {}
-    for vector, field in ((w, moved.w), (al, moved.al), (a, moved.a)):
-        seeds.update(tangents_of(vector, x.load(lanes, field)))
-    for row, changed in zip(B, x.load(lanes, moved.B), strict=True):
+    for vector, moved in ((motion.w, tangent.w), (motion.al, tangent.al), (motion.a, tangent.a)):
+        seeds.update(tangents_of(vector, moved))
+    for row, changed in zip(motion.B, tangent.B, strict=True):
         seeds.update(tangents_of(row, changed))
-    return Motion(w, al, a, B), seeds
+    return seeds
 
 
-def member_motion(x: Scope, kind: LinkKind, member: Member, before: Motion) -> Motion:
-    """Motion of a link from that of its parent, with the joint's udot. Eqs. 18-21."""
+def own_motion(x: Scope, kind: LinkKind, member: Member, before: Motion) -> Motion:
+    """Motion of a link in its own axes from that of its parent, with the joint's udot. Eqs. 18-21."""
     view, joint = member.view, member.joint
     carried = joint.to_child(before.w, "wp", "Eq. 18")
     w = joint.turning(carried)
@@ -112,19 +68,19 @@ def member_motion(x: Scope, kind: LinkKind, member: Member, before: Motion) -> M
     return Motion(w, al, a, acceleration_matrix(x, w, al))
 
 
-def face_motion(
-    x: Scope, ear: Ear, motions: list[Motion], roots: list[Motion], c: int, side: int
+def turned_face_motion(
+    x: Scope, ear: EarGeometry, motions: list[Motion], roots: list[Motion], c: int, side: int
 ) -> tuple[Vector, Vector, Vector]:
     """Angular velocity, angular acceleration and acceleration of a loop's face, in the region's axes."""
     place = ear.kind.closures[c].faces[side]
     m = motions[place] if place >= 0 else roots[-1 - place]
     r, _ = ear.face(c, side)
-    a = x.let_vector("fa", add(m.a, matvec(m.B, r)), "Eq. 31")
+    a = x.let_vector("fa", m.at(r), "Eq. 31")
     w, al, a = (ear.fixed_vector("face", place, v, "Eq. 31") for v in (m.w, m.al, a))
     return w, al, a
 
 
-def dependent_accelerations(x: Scope, ear: Ear, rates: Vector) -> list[tuple[Vector, Vector]]:
+def dependent_accelerations(x: Scope, ear: EarGeometry, rates: Vector) -> list[tuple[Vector, Vector]]:
     """Angular and linear accelerations of the links that the dependent joints cause, in the links' axes. Eq. 31."""
     tag = "d Eq. 31"
     found: list[tuple[Vector, Vector]] = []
@@ -145,31 +101,30 @@ def dependent_accelerations(x: Scope, ear: Ear, rates: Vector) -> list[tuple[Vec
 
 def ear_balance_out(x: Scope, kind: EarKind) -> None:
     """Outward block over directions: tangents of the motion, the sources' udot held, and of the force it needs. Eqs. 25-29."""
-    ear = Ear(x, kind)
-    rows = ear.kept_rows()
-    angles, _ = root_angles(x, kind, False)
+    ear = EarGeometry(x, kind)
+    rows = kept_conditions(ear)
+    angles = {-1 - t: root.rotation(True) for t, root in enumerate(ear.roots)}
     for k in range(len(ear.members)):
         angles[k] = x.load(MY_LANE[k], fields.shift.angular)
     roots: list[Motion] = []
     seeds: dict[Symbol, Value] = {}
-    for t in range(len(kind.roots)):
-        motion, tangents = root_motion(x, kind, t)
+    for root in ear.roots:
+        motion, tangent = root.own_motion()
         roots.append(motion)
-        seeds.update(tangents)
-    slides = any(c.slides for c in kind.closures)
-    slip_roots = root_velocities(x, kind) if slides else []
-    seeds.update(root_positions(x, ear))
-    seeds.update(slip_tangents(x, kind, slip_roots))
+        seeds.update(motion_tangents(motion, tangent))
+    slip_roots = named_root_velocities(ear) if ear.slides else []
+    seeds.update(root_positions(ear))
+    seeds.update(slip_tangents(ear, slip_roots))
     d = ear_tangents(ear, angles, seeds)
     d.turn_joints()
     hold_roots(d, ear, slip_roots)
     motions: list[Motion] = []
     for k, member in enumerate(ear.members):
         before = motions[member.parent] if member.parent >= 0 else roots[-1 - member.parent]
-        motions.append(member_motion(x, kind.links[k], member, before))
+        motions.append(own_motion(x, kind.links[k], member, before))
     d.run()
     if rows:
-        faces = partial(face_motion, x, ear, motions, roots)
+        faces = partial(turned_face_motion, x, ear, motions, roots)
         conditions = closing_accelerations(x, ear, rows, faces, "ca", slip_roots)
         d.run()
         rates = stored_factor(x, kind).solve([-d.of(v) for v in conditions], "dx", "d Eq. 31", lanes=True)
@@ -196,50 +151,28 @@ def ear_balance_out(x: Scope, kind: EarKind) -> None:
         x.store(MY_LANE[k], fields.needed, [*d_moment, *d_force])
 
 
-def root_positions(x: Scope, ear: Ear) -> dict[Symbol, Value]:
+def root_positions(ear: EarGeometry) -> dict[Symbol, Value]:
     """Tangents of the roots' positions, where sliding joints ask for them and seeds are complete."""
-    kind = ear.kind
-    if not any(c.slides for c in kind.closures):
-        return {}
     found: dict[Symbol, Value] = {}
-    for t, role in enumerate(kind.roots):
-        if role == "far":
-            found.update(tangents_of(ear.position(-1 - t), x.load(LREGION, fields.far_shift(kind.far[t]).linear)))
-        elif role == "link":
-            found.update(tangents_of(ear.position(-1 - t), x.load(LANE_ROOTS[t], fields.shift.linear)))
-        elif role == "ground":
-            o = ear.position(-1 - t)
-            turned = cross(x.load(LANE_BASE, fields.closing_shift.angular), o)
-            moved = [-(a + b) for a, b in zip(x.load(LANE_BASE, fields.closing_shift.linear), turned, strict=True)]
-            found.update(tangents_of(o, x.let_vector("do", moved, "d Eq. 22", lanes=True)))
+    for root in ear.roots if ear.slides else ():
+        found.update(tangents_of(root.position(), root.displacement(True)))
     return found
 
 
-def slip_tangents(x: Scope, kind: EarKind, velocities: list[Twist]) -> dict[Symbol, Value]:
+def slip_tangents(ear: EarGeometry, velocities: list[Twist]) -> dict[Symbol, Value]:
     """Tangents of the roots' velocities, for joints that slide."""
     found: dict[Symbol, Value] = {}
-    for t, twist in enumerate(velocities):
-        role = kind.roots[t]
-        if role == "ground" or (role == "frame" and kind.rigid):
-            continue
-        store, field = LANE_ROOTS[t], fields.measured_velocity
-        if role == "frame":
-            store, field = LANE_BASE, fields.closing_twist
-        elif role == "far":
-            store, field = LREGION, fields.far_velocity(kind.far[t])
-        found.update(tangents_of([*twist.angular, *twist.linear], x.load(store, field)))
+    for root, twist in zip(ear.roots, velocities, strict=False):
+        found.update(tangents_of(twist.six, root.velocity_tangent(True)))
     return found
 
 
-def hold_roots(d: EarTangents, ear: Ear, velocities: list[Twist]) -> None:
+def hold_roots(d: EarTangents, ear: EarGeometry, velocities: list[Twist]) -> None:
     """The roots' velocities and positions are given, where sliding joints ask for them."""
-    if not any(c.slides for c in ear.kind.closures):
-        return
-    for t, role in enumerate(ear.kind.roots):
+    for t, root in enumerate(ear.roots if ear.slides else ()):
         if velocities:
-            d.hold([*velocities[t].angular, *velocities[t].linear])
-        if role != "frame":
-            d.hold(ear.position(-1 - t))
+            d.hold(velocities[t].six)
+        d.hold(root.position())
 
 
 # -- inward ------------------------------------------------------------------------------------------------------------
@@ -248,15 +181,15 @@ def hold_roots(d: EarTangents, ear: Ear, velocities: list[Twist]) -> None:
 def ear_balance_in(x: Scope, kind: EarKind) -> None:
     """Inward block over directions: forces transmitted by the joints, with the wrenches that close the loops, and their tangents;
     what they miss along the joints, projected on the sources. Eqs. 9, 45, 50."""
-    ear = Ear(x, kind)
-    rows = ear.kept_rows()
+    ear = EarGeometry(x, kind)
+    rows = kept_conditions(ear)
     count = len(ear.members)
-    angles, _ = root_angles(x, kind, False)
+    angles = {-1 - t: root.rotation(True) for t, root in enumerate(ear.roots)}
     for k in range(count):
         angles[k] = x.load(MY_LANE[k], fields.shift.angular)
     for c in range(len(kind.closures)):
         ear.slip(c)
-    d = ear_tangents(ear, angles, root_positions(x, ear))
+    d = ear_tangents(ear, angles, root_positions(ear))
     d.turn_joints()
     hold_roots(d, ear, [])
     d.run()
@@ -296,7 +229,7 @@ def ear_balance_in(x: Scope, kind: EarKind) -> None:
             r[c] = r.get(c, 0) + x.load(EAR, fields.dependent_rate(n, c)) * value
     for c, value in r.items():
         x.store(LREGION.sum, fields.source_tangent_force(c), x.let("r", value, "d Eq. 53", lanes=True))
-    hand_to_roots(x, kind, handed)
+    hand_to_roots(x, ear, handed)
 
 
 def dependents(kind: EarKind) -> list[tuple[int, int]]:
@@ -304,7 +237,7 @@ def dependents(kind: EarKind) -> list[tuple[int, int]]:
     return [(k, j) for k in range(len(kind.links)) for j in kind.dependent[k]]
 
 
-def column_of(ear: Ear, k: int, j: int) -> Column:
+def column_of(ear: EarGeometry, k: int, j: int) -> Column:
     """Partial velocity of a freedom, in its link's axes."""
     return ear.members[k].joint.columns[j]
 
@@ -320,7 +253,7 @@ def to_parent(x: Scope, member: Member, force: Vector, tag: str) -> Vector:
     return [*n, *f]
 
 
-def transmitted(x: Scope, ear: Ear, own: list[Vector]) -> list[Vector]:
+def transmitted(x: Scope, ear: EarGeometry, own: list[Vector]) -> list[Vector]:
     """Forces transmitted by the joints of the ear's links, about the links' origins."""
     held = list(own)
     for k in reversed(range(len(own))):
@@ -331,7 +264,7 @@ def transmitted(x: Scope, ear: Ear, own: list[Vector]) -> list[Vector]:
     return held
 
 
-def transmit(x: Scope, ear: Ear, phi: list[Vector], d_phi: list[Vector], d: EarTangents) -> list[Handed]:
+def transmit(x: Scope, ear: EarGeometry, phi: list[Vector], d_phi: list[Vector], d: EarTangents) -> list[Handed]:
     """The same with the loops' wrenches, and its tangent, left in `phi` and `d_phi`; what the roots get."""
     kind = ear.kind
     handed: list[Handed] = []
@@ -343,7 +276,7 @@ def transmit(x: Scope, ear: Ear, phi: list[Vector], d_phi: list[Vector], d: EarT
             phi[k][s.lead] = s.completed(phi[k], tau(x, kind, k, j))
         phi[k] = [x.name("phi", v, "Eq. 45") for v in phi[k]]
         d_phi[k] = [x.let("dphi", v, "d Eq. 45", lanes=True) for v in d_phi[k]]
-        if member.parent < 0 and kind.roots[-1 - member.parent] == "ground":
+        if member.parent < 0 and not ear.roots[-1 - member.parent].feels:
             continue
         on_parent = to_parent(x, member, phi[k], "Eq. 45")
         if x.structural:
@@ -362,7 +295,7 @@ def transmit(x: Scope, ear: Ear, phi: list[Vector], d_phi: list[Vector], d: EarT
 
 def apply_wrench(
     x: Scope,
-    ear: Ear,
+    ear: EarGeometry,
     c: int,
     rows: list[Condition],
     wrench: Vector,
@@ -386,7 +319,7 @@ def apply_wrench(
     handed: list[Handed] = []
     for side, sign in ((0, -1), (1, 1)):
         place = ear.kind.closures[c].faces[side]
-        if place < 0 and ear.kind.roots[-1 - place] == "ground":
+        if place < 0 and not ear.roots[-1 - place].feels:
             continue
         slip = ear.slip(c) if side == 0 else None
         n, dn = moment, d_moment
@@ -408,7 +341,9 @@ def apply_wrench(
     return handed
 
 
-def turned_back(x: Scope, ear: Ear, place: int, theta: Vector | None, v: Vector, dv: Vector) -> tuple[Vector, Vector]:
+def turned_back(
+    x: Scope, ear: EarGeometry, place: int, theta: Vector | None, v: Vector, dv: Vector
+) -> tuple[Vector, Vector]:
     """Components in a link's axes of a vector given in the region's, and their tangents ``W^T (dv - theta x v)``."""
     W = ear.attitude(place)
     if W is UNIT or theta is None:
@@ -420,25 +355,14 @@ def turned_back(x: Scope, ear: Ear, place: int, theta: Vector | None, v: Vector,
     )
 
 
-def hand_to_roots(x: Scope, kind: EarKind, handed: list[Handed]) -> None:
+def hand_to_roots(x: Scope, ear: EarGeometry, handed: list[Handed]) -> None:
     """Sum up what the roots get, in their axes."""
-    for t, role in enumerate(kind.roots):
+    for t, root in enumerate(ear.roots):
         parts = [h for h in handed if h.root == t]
-        if not parts or role == "ground" or (role == "frame" and not kind.carried):
-            continue
-        total = [x.let("to_root", v, "Eq. 45") for v in add(*(h.force for h in parts))]
-        change = [x.let("to_root", v, "d Eq. 45", lanes=True) for v in add(*(h.tangent for h in parts))]
-        whole, balance = fields.region_transmitted, fields.region_balance
-        if role == "far":
-            whole, balance = fields.far_transmitted(kind.far[t]), fields.far_balance(kind.far[t])
-        for i in SIX:
-            if role == "link":
-                part, first = fields.root_transmitted.scalars()[i], kind.first_at[t]
-                accumulate(x, ROOTS[t], part, total[i], first, "Eq. 45")
-                accumulate(x, LROOTS[t], part, change[i], first, "Eq. 45", lanes=True)
-                continue
-            x.store(REGION.sum, whole.scalars()[i], total[i])
-            x.store(LREGION.sum, balance.scalars()[i], change[i])
+        if parts and root.feels:
+            total = [x.let("to_root", v, "Eq. 45") for v in add(*(h.force for h in parts))]
+            change = [x.let("to_root", v, "d Eq. 45", lanes=True) for v in add(*(h.tangent for h in parts))]
+            root.receive_own(total, change)
 
 
 # -- outward again -----------------------------------------------------------------------------------------------------

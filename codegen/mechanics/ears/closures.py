@@ -11,13 +11,15 @@ from ...program.block import Scope
 from ...program.scalar import Value, Vector
 from ...program.store import Store
 from .. import fields
-from ..spatial import add, cross, is_zero, matmul, matvec, scale, transpose
-from ..stores import BASE, EAR, ME, REGION, ROOTS, SPEEDS, UP
+from ..spatial import ZERO, add, cross, is_zero, matmul, matvec, transpose
+from ..stores import BASE, EAR, ME, REGION, SPEEDS, UP
 from ..structure.factor_form import FactorForm
 from ..structure.kinds import EarKind, LinkKind
 from ..structure.links import identity
 from ..tree.kinematics import angular_velocity, origin_velocity
-from .geometry import ZERO, Ear, Twist
+from .conditions import counted_conditions, seen_by
+from .geometry import EarGeometry
+from .motions import Twist
 from .orthogonal import Factor, factor, load_factor
 
 
@@ -26,23 +28,7 @@ def own_sources(kind: EarKind) -> dict[int, tuple[int, int]]:
     return {c: (k, j) for k, columns in enumerate(kind.columns) for j, c in columns.items()}
 
 
-def source_twist(x: Scope, kind: EarKind, root: int, c: int) -> Twist:
-    """How a root of the ear moves with a source."""
-    role = kind.roots[root]
-    if role == "frame" and not kind.rigid and c >= kind.sources:
-        unit: Vector = [int(i == c - kind.sources) for i in range(6)]
-        return Twist(unit[:3], unit[3:])
-    if role == "far" and 0 <= c - kind.sources - 6 * kind.far[root] < 6:
-        unit = [int(i == c - kind.sources - 6 * kind.far[root]) for i in range(6)]
-        return Twist(unit[:3], unit[3:])
-    if role == "link":
-        return Twist(
-            x.load(ROOTS[root], fields.per_source(c).angular), x.load(ROOTS[root], fields.per_source(c).linear)
-        )
-    return Twist(ZERO, ZERO)
-
-
-def own_coefficients(ear: Ear, kind: EarKind, c: int, dependent: Vector) -> list[Vector]:
+def own_coefficients(ear: EarGeometry, kind: EarKind, c: int, dependent: Vector) -> list[Vector]:
     """Rates of all freedoms of the ear for a unit of a source."""
     own = own_sources(kind).get(c)
     return ear.coefficients(dependent, lambda k, j: int(own == (k, j)))
@@ -50,26 +36,26 @@ def own_coefficients(ear: Ear, kind: EarKind, c: int, dependent: Vector) -> list
 
 def closures(x: Scope, kind: EarKind) -> FactorForm:
     """Outward block of an ear: see the module. Gives the form of the factor, for the blocks that load it."""
-    ear = Ear(x, kind, fresh=True)
+    ear = EarGeometry(x, kind, fresh=True)
     tag = "Eq. 34"
-    rows = ear.rows()
+    rows = counted_conditions(ear)
     dependents = ear.dependents()
-    columns = [ear.conditions(rows, ear.column(k, f), "E", tag) for k, f in dependents]
+    columns = [seen_by(ear, rows, ear.column(k, f), "E", tag) for k, f in dependents]
     kept = [i for i in range(len(rows)) if any(not is_zero(c[i]) for c in columns)]
     f = factor(x, [[c[i] for i in kept] for c in columns], "Eq. 35")
     form = f.store(kept, len(rows))
     kept_rows = [rows[i] for i in kept]
     rates: Vector = [0] * len(dependents)
     for c in range(kind.total):
-        roots = [source_twist(x, kind, t, c) for t in range(len(kind.roots))]
+        roots = [root.twist(c) for root in ear.roots]
         at_cuts = ear.root_difference(roots)
         own = own_sources(kind).get(c)
         if own is not None:
             k, j = own
             for n, moved in enumerate(ear.column(k, ear.members[k].freedoms[j])):
-                at_cuts[n] = Twist(add(at_cuts[n].angular, moved.angular), add(at_cuts[n].linear, moved.linear))
-        b = ear.conditions(kept_rows, at_cuts, "b", "Eq. 36")
-        if own is None and all(is_zero(v) for t in roots for v in (*t.angular, *t.linear)):
+                at_cuts[n] = at_cuts[n].plus(moved)
+        b = seen_by(ear, kept_rows, at_cuts, "b", "Eq. 36")
+        if own is None and all(root.vanishes for root in roots):
             # zeros are written too: the links' kinds may be those of other ears, which the source moves
             for d in range(len(dependents)):
                 x.store(EAR, fields.dependent_rate(d, c), 0)
@@ -98,7 +84,7 @@ def closures(x: Scope, kind: EarKind) -> FactorForm:
     return form
 
 
-def member_motions(x: Scope, ear: Ear, rates: Vector) -> None:
+def member_motions(x: Scope, ear: EarGeometry, rates: Vector) -> None:
     """Attitude, position and velocity, as `link_motion` gives them, of links of an ear that other loops close on. Eqs. 18, 22."""
     kind = ear.kind
     W_base, o_base = x.load(BASE, fields.closing_attitude), x.load(BASE, fields.closing_position)
@@ -115,19 +101,10 @@ def member_motions(x: Scope, ear: Ear, rates: Vector) -> None:
         x.store(ME[k], fields.closing_twist.linear, [x.let("cv", e, "Eq. 18") for e in matvec(back, twist.linear)])
 
 
-def member_velocities(x: Scope, ear: Ear, rates: Vector) -> list[Twist]:
+def member_velocities(x: Scope, ear: EarGeometry, rates: Vector) -> list[Twist]:
     """Velocities of an ear's links against the origin, in region axes."""
     kind = ear.kind
-    roots = [Twist(list(ZERO), list(ZERO)) for _ in kind.roots]
-    for t, role in enumerate(kind.roots):
-        for c in range(kind.total):
-            if role == "frame" and kind.rigid:
-                break
-            twist = source_twist(x, kind, t, c)
-            speed = source_speed(x, kind, c, own_sources(kind).get(c))
-            roots[t] = Twist(
-                add(roots[t].angular, scale(speed, twist.angular)), add(roots[t].linear, scale(speed, twist.linear))
-            )
+    roots = root_velocities(ear)
     speeds = ear.coefficients(rates, lambda k, j: ear.members[k].view.entry(SPEEDS, j))
     found = ear.walk(roots, speeds, "m", "Eq. 18")
     if not (kind.carried and kind.rigid):
@@ -140,6 +117,28 @@ def member_velocities(x: Scope, ear: Ear, rates: Vector) -> list[Twist]:
             Twist([x.let("mw", e, "Eq. 18") for e in add(twist.angular, w)], [x.let("mv", e, "Eq. 18") for e in linear])
         )
     return carried
+
+
+def root_velocities(ear: EarGeometry) -> list[Twist]:
+    """Velocities of the roots, relative to a base that carries the region rigidly. Eq. 30."""
+    found = []
+    for root in ear.roots:
+        total = Twist.zero()
+        for c in range(ear.kind.total):
+            twist = root.twist(c)
+            if not twist.vanishes:
+                total = total.plus(twist.times(source_speed(ear.x, ear.kind, c, own_sources(ear.kind).get(c))))
+        found.append(total)
+    return found
+
+
+def named_root_velocities(ear: EarGeometry) -> list[Twist]:
+    """Velocities of the roots as symbols of their own, even for copies: their tangents are known."""
+    found = []
+    for twist in root_velocities(ear):
+        named = [[0 if is_zero(e) else ear.x.name("V", e, "Eq. 30") for e in v] for v in (twist.angular, twist.linear)]
+        found.append(Twist(*named))
+    return found
 
 
 def source_speed(x: Scope, kind: EarKind, c: int, own: tuple[int, int] | None) -> Value:

@@ -14,32 +14,16 @@ from ...program.store import Store
 from .. import fields
 from ..handing_on import clear
 from ..joints import LinkJoint
-from ..spatial import add, cross, dot, is_zero, matvec, minus, transpose
-from ..stores import (
-    BASE,
-    CL_DP,
-    CONSTANTS,
-    DP,
-    DPOSITION,
-    DQ,
-    DU,
-    LANE_BASE,
-    LANE_ROOTS,
-    LBASE,
-    LME,
-    LOOP_CONSTANTS,
-    LREGION,
-    LROOTS,
-    LUP,
-    MY_LANE,
-    SPEEDS,
-)
+from ..spatial import ZERO, add, cross, dot, is_zero, matvec, minus, rotate, transpose
+from ..stores import BASE, CL_DP, CONSTANTS, DP, DPOSITION, DQ, DU, LBASE, LME, LOOP_CONSTANTS, LUP, MY_LANE, SPEEDS
 from ..structure.kinds import EarKind, LinkKind
 from ..tree.kinematics import angular_velocity, origin_velocity
 from ..tree.tangents import differentiate, store_tangent
-from .closures import stored_factor
-from .dynamics import root_velocities, speeds_of
-from .geometry import ZERO, Ear, Twist, joint_motion, rotate
+from .closures import named_root_velocities, stored_factor
+from .conditions import joint_conditions, kept_conditions, seen_by
+from .geometry import EarGeometry
+from .members import joint_motion
+from .motions import Twist
 from .tangents import ear_tangents, tangents_of
 
 # -- links that ears start from ----------------------------------------------------------------------------------------
@@ -124,48 +108,19 @@ def rotation_vector(dR: Matrix, R: Matrix) -> Vector:
 # -- ears --------------------------------------------------------------------------------------------------------------
 
 
-def root_angles(x: Scope, kind: EarKind, slot: bool) -> tuple[dict[int, Vector], dict[int, Vector]]:
-    """Rotation vectors and displacements of the roots; the latter only in the sweep that finds them (`slot`)."""
-    angles: dict[int, Vector] = {}
-    moved: dict[int, Vector] = {}
-    for t, role in enumerate(kind.roots):
-        place = -1 - t
-        if role == "far":
-            angles[place] = x.load(LREGION, fields.far_shift(kind.far[t]).angular)
-            moved[place] = x.load(LREGION, fields.far_shift(kind.far[t]).linear)
-        elif role == "link":
-            angles[place] = x.load((LROOTS if slot else LANE_ROOTS)[t], fields.shift.angular)
-            if slot:
-                moved[place] = x.load(LROOTS[t], fields.shift.linear)
-        elif role == "ground":
-            # seen from the base, whose axes turn, it is the ground that turns
-            angles[place] = [-v for v in x.load(LBASE if slot else LANE_BASE, fields.closing_shift.angular)]
-            if slot:
-                moved[place] = [-v for v in x.load(LBASE, fields.closing_shift.linear)]
-        else:
-            angles[place], moved[place] = list(ZERO), list(ZERO)
-    return angles, moved
-
-
 def complete(x: Scope, kind: EarKind) -> None:
     """Outward block over directions: dq and du of the dependent joints, by differentiated position and velocity closure."""
-    ear = Ear(x, kind)
-    angles, moved = root_angles(x, kind, True)
-    for t, role in enumerate(kind.roots):
-        if role == "ground":
-            turned = cross(angles[-1 - t], ear.position(-1 - t))
-            moved[-1 - t] = x.let_vector("d", add(moved[-1 - t], turned), "d Eq. 22", lanes=True)
+    ear = EarGeometry(x, kind)
+    angles: dict[int, Vector] = {}
+    moved: dict[int, Vector] = {}
+    for t, root in enumerate(ear.roots):
+        angles[-1 - t], moved[-1 - t] = root.rotation(False), root.displacement(False)
     dq = complete_positions(x, ear, angles, moved)
     complete_velocities(x, ear, angles, moved, dq)
 
 
-def still(kind: EarKind) -> list[Twist]:
-    """Roots that do not move."""
-    return [Twist(list(ZERO), list(ZERO)) for _ in kind.roots]
-
-
 def complete_positions(
-    x: Scope, ear: Ear, angles: dict[int, Vector], moved: dict[int, Vector]
+    x: Scope, ear: EarGeometry, angles: dict[int, Vector], moved: dict[int, Vector]
 ) -> dict[tuple[int, int], Value]:
     """Displacements of the ear's links, put into `angles` and `moved`, and dq of its dependent joints, by link and coordinate."""
     kind, tag = ear.kind, "d Eq. 22"
@@ -186,11 +141,11 @@ def complete_positions(
             lanes=True,
         )
     dq: dict[tuple[int, int], Value] = {}
-    rows = ear.kept_rows()
+    rows = kept_conditions(ear)
     if rows:
-        b = ear.conditions(rows, cut_displacements(x, ear, angles, moved), "b", "d Eq. 30", lanes=True)
+        b = seen_by(ear, rows, cut_displacements(x, ear, angles, moved), "b", "d Eq. 30", lanes=True)
         rates = stored_factor(x, kind).solve([-v for v in b], "dx", "d Eq. 30", lanes=True)
-        for k, added in enumerate(ear.walk(still(kind), ear.coefficients(rates), "dd", tag, lanes=True)):
+        for k, added in enumerate(ear.walk(ear.still(), ear.coefficients(rates), "dd", tag, lanes=True)):
             angles[k] = x.let_vector("th", add(angles[k], added.angular), tag, lanes=True)
             moved[k] = x.let_vector("d", add(moved[k], added.linear), tag, lanes=True)
         dq = dependent_displacements(x, ear, rates)
@@ -203,27 +158,22 @@ def complete_positions(
 
 
 def complete_velocities(
-    x: Scope, ear: Ear, angles: dict[int, Vector], moved: dict[int, Vector], dq: dict[tuple[int, int], Value]
+    x: Scope, ear: EarGeometry, angles: dict[int, Vector], moved: dict[int, Vector], dq: dict[tuple[int, int], Value]
 ) -> None:
     """du of the ear's dependent joints, and tangents of its links' velocities."""
     kind = ear.kind
-    roots = root_velocities(x, kind)
-    velocities = ear.walk(roots, [speeds_of(m) for m in ear.members], "r", "Eq. 30")
-    rows = ear.kept_rows()
-    conditions = ear.conditions(rows, ear.face_difference(velocities, roots), "cv", "Eq. 30")
-    slides = any(c.slides for c in kind.closures)
+    roots = named_root_velocities(ear)
+    velocities = ear.walk(roots, [m.speeds for m in ear.members], "r", "Eq. 30")
+    rows = kept_conditions(ear)
+    conditions = seen_by(ear, rows, ear.face_difference(velocities, roots), "cv", "Eq. 30")
     seeds: dict[Symbol, Value] = {}
     held: Vector = []
-    for t, role in enumerate(kind.roots):
-        store, field = (LROOTS[t], fields.measured_velocity) if role == "link" else (LBASE, fields.closing_twist)
-        if role == "far":
-            store, field = LREGION, fields.far_velocity(kind.far[t])
-        if role in ("link", "far") or (role == "frame" and not kind.rigid):
-            seeds.update(tangents_of([*roots[t].angular, *roots[t].linear], x.load(store, field)))
-        held += [*roots[t].angular, *roots[t].linear]
-        if slides and role != "frame":
-            seeds.update(tangents_of(ear.position(-1 - t), moved[-1 - t]))
-            held += ear.position(-1 - t)
+    for t, root in enumerate(ear.roots):
+        seeds.update(tangents_of(roots[t].six, root.velocity_tangent(False)))
+        held += roots[t].six
+        if ear.slides:
+            seeds.update(tangents_of(root.position(), moved[-1 - t]))
+            held += root.position()
     held += [ear.members[k].view.entry(SPEEDS, freedom.index) for k, freedom in ear.dependents()]
     tangents = ear_tangents(ear, angles, seeds, dq)
     tangents.hold(held)
@@ -231,7 +181,7 @@ def complete_velocities(
     if rows:
         b = [-tangents.of(v) for v in conditions]
         rates = stored_factor(x, kind).solve(b, "du", "d Eq. 30", lanes=True)
-        added = ear.walk(still(kind), ear.coefficients(rates), "dr", "d Eq. 30", lanes=True)
+        added = ear.walk(ear.still(), ear.coefficients(rates), "dr", "d Eq. 30", lanes=True)
         pairs = [
             ((v.angular, more.angular), (v.linear, more.linear)) for v, more in zip(velocities, added, strict=True)
         ]
@@ -252,7 +202,7 @@ def complete_velocities(
 
 
 def member_displacement(
-    x: Scope, ear: Ear, k: int, displaced: tuple[Vector, Vector], velocity: Twist, tangent: Twist
+    x: Scope, ear: EarGeometry, k: int, displaced: tuple[Vector, Vector], velocity: Twist, tangent: Twist
 ) -> None:
     """The same as `link_displacement` gives, of a link of an ear that other loops close on, from what is relative to the base."""
     kind, tag = ear.kind, "d Eq. 22"
@@ -284,7 +234,9 @@ def member_displacement(
             x.store(store, field, own)
 
 
-def dependent_displacements(x: Scope, ear: Ear, rates: Vector, lanes: bool = True) -> dict[tuple[int, int], Value]:
+def dependent_displacements(
+    x: Scope, ear: EarGeometry, rates: Vector, lanes: bool = True
+) -> dict[tuple[int, int], Value]:
     """dq of dependent joints from displacements along their freedoms; a quaternion's is ``e (0, theta) / 2``."""
     result: dict[tuple[int, int], Value] = {}
     values: dict[int, dict[int, Value]] = {}
@@ -296,7 +248,7 @@ def dependent_displacements(x: Scope, ear: Ear, rates: Vector, lanes: bool = Tru
     return result
 
 
-def cut_displacements(x: Scope, ear: Ear, angles: dict[int, Vector], moved: dict[int, Vector]) -> list[Twist]:
+def cut_displacements(x: Scope, ear: EarGeometry, angles: dict[int, Vector], moved: dict[int, Vector]) -> list[Twist]:
     """Displacements of the end faces against the start faces."""
     found = []
     for c, closure in enumerate(ear.kind.closures):
@@ -325,31 +277,19 @@ def seed_residuals(x: Scope, kind: EarKind) -> None:
 
     Only redundant conditions can be left open: by a parameter, say, that bends a planar loop out of its plane.
     """
-    ear = Ear(x, kind)
-    angles, _ = root_angles(x, kind, False)
-    moved: dict[int, Vector] = {}
-    for t, role in enumerate(kind.roots):
-        place = -1 - t
-        if role == "far":
-            moved[place] = x.load(LREGION, fields.far_shift(kind.far[t]).linear)
-        elif role == "link":
-            moved[place] = x.load(LANE_ROOTS[t], fields.shift.linear)
-        elif role == "ground":
-            turned = cross(angles[place], ear.position(place))
-            d = x.load(LANE_BASE, fields.closing_shift.linear)
-            moved[place] = x.let_vector("d", minus(turned, d), "d Eq. 22", lanes=True)
-        else:
-            moved[place] = list(ZERO)
+    ear = EarGeometry(x, kind)
+    angles = {-1 - t: root.rotation(True) for t, root in enumerate(ear.roots)}
+    moved = {-1 - t: root.displacement(True) for t, root in enumerate(ear.roots)}
     for k in range(len(ear.members)):
         angles[k], moved[k] = x.load(MY_LANE[k], fields.shift.angular), x.load(MY_LANE[k], fields.shift.linear)
     gaps = cut_displacements(x, ear, angles, moved)
     for c in range(len(kind.closures)):
-        for i, row in enumerate(ear.joint_conditions(c)):
+        for i, row in enumerate(joint_conditions(ear, c)):
             value = dot(row.n, gaps[c].angular if row.angular else gaps[c].linear)
             x.set_entry(DPOSITION[c], i, x.let("open", value, "d Eq. 32", lanes=True))
 
 
-def face_displacement(x: Scope, ear: Ear, c: int, side: int) -> tuple[Vector, Vector]:
+def face_displacement(x: Scope, ear: EarGeometry, c: int, side: int) -> tuple[Vector, Vector]:
     """Displacement and rotation vector of a face in its link that the design parameters cause."""
     name = "AB"[side]
     local: Vector = [0, 0, 0]
@@ -359,8 +299,8 @@ def face_displacement(x: Scope, ear: Ear, c: int, side: int) -> tuple[Vector, Ve
         dp = x.entry(CL_DP[c], j)
         dr = x.load(LOOP_CONSTANTS[c], fields.face_place(name).derivative(j))
         local = [local[i] + dr[i] * dp for i in range(3)]
-        if closure.type == "spherical" and not closure.gaps:
-            continue
+        if closure.holds == (3, 0) and not closure.gaps:
+            continue  # no direction of the face matters
         _, F = ear.face(c, side)
         dF = x.load(LOOP_CONSTANTS[c], fields.face_axes(name).derivative(j))
         if not all(is_zero(e) for row in dF for e in row):

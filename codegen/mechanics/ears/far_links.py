@@ -12,12 +12,11 @@ from ...program.block import Scope
 from ...program.store import Store
 from .. import fields
 from ..couplings import partner_store
-from ..fields import Motion
-from ..spatial import add, cross, matmul, matvec, minus, transpose
+from ..fields import MotionFields
+from ..spatial import ZERO, add, cross, matmul, matvec, minus, rotate, transpose
 from ..stores import BASE, GROUND, LBASE, LGROUND, LREGION, REGION
 from ..structure.kinds import RegionKind
 from ..tree.kinematics import acceleration_matrix
-from .geometry import ZERO, rotate
 
 TWIST = (fields.closing_twist.angular, fields.closing_twist.linear)
 
@@ -75,7 +74,7 @@ def far_displacements(x: Scope, kind: RegionKind) -> None:
 
 
 def far_motions(
-    x: Scope, kind: RegionKind, own: Motion = fields.remainder, found: Motion = fields.far_remainder
+    x: Scope, kind: RegionKind, own: MotionFields = fields.remainder, found: MotionFields = fields.far_remainder
 ) -> None:
     """Angular velocity and accelerations of far links against the ground: from `own` of them to `found` of the region."""
     for f, m in enumerate(kind.far):

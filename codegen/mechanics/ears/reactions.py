@@ -13,16 +13,19 @@ from ...program.scalar import Matrix, Value, Vector
 from ...program.store import Store
 from .. import fields
 from ..couplings import from_far, hand_force, others
-from ..handing_on import accumulate, add_to_sum, clear
-from ..spatial import add, cross, matvec, transpose
-from ..stores import BASE, GROUND, LOOP_REACTION, ME, REACTION, REGION, ROOTS, TAU, UDOT
+from ..handing_on import accumulate, clear
+from ..spatial import add, cross, matvec, rotate, transpose
+from ..stores import BASE, LOOP_REACTION, ME, REACTION, REGION, TAU, UDOT
 from ..structure.kinds import EarKind, LinkKind, RegionKind
 from ..tree.inverse_dynamics import transfer
 from ..tree.kinematics import body_force
 from .closures import stored_factor
-from .dynamics import Motion, hand_outward, less_external_of, link_constants, member_motion, root_motions
+from .conditions import kept_conditions
 from .far_links import far_motions
-from .geometry import Ear, Freedom, rotate
+from .geometry import EarGeometry
+from .kinematics import hand_outward, less_external_of, link_constants, member_motion
+from .members import Freedom
+from .motions import Motion
 from .orthogonal import product
 from .region_balance import transmitted_fields
 
@@ -33,7 +36,7 @@ def along_freedom(x: Scope, kind: EarKind, k: int, freedom: Freedom, force: tupl
     return x.let("gamma", freedom.along(*force) - tau, "Eq. 53")
 
 
-def inward(x: Scope, ear: Ear, own: list[tuple[Vector, Vector]]) -> list[tuple[Vector, Vector]]:
+def inward(x: Scope, ear: EarGeometry, own: list[tuple[Vector, Vector]]) -> list[tuple[Vector, Vector]]:
     """Forces transmitted by the joints of the ear's links, about the links' origins."""
     held = list(own)
     for k in reversed(range(len(own))):
@@ -74,23 +77,21 @@ def transmitted(x: Scope, kind: LinkKind) -> None:
 
 def ear_motion(x: Scope, kind: EarKind) -> None:
     """Outward block of an ear: accelerations and the force that its links need."""
-    ear = Ear(x, kind)
-    roots = root_motions(x, kind, total=True)
+    ear = EarGeometry(x, kind)
+    roots = [root.motion(True) for root in ear.roots]
     motions: list[Motion] = []
     for k, member in enumerate(ear.members):
         before = motions[member.parent] if member.parent >= 0 else roots[-1 - member.parent]
         udot = [x.entry(UDOT[k], f.index) for f in member.freedoms]
         motions.append(member_motion(x, member, before, udot))
-    for k, (w, al, a, B) in enumerate(motions):
-        me, motion = ME[k], fields.ear_total
-        moment, force = body_force(x, w, al, a, B, link_constants(x, ear, k))
+    for k, m in enumerate(motions):
+        me = ME[k]
+        moment, force = body_force(x, m.w, m.al, m.a, m.B, link_constants(x, ear, k))
         moment, force = less_external_of(x, ear, k, (moment, force))
-        for field, v in ((motion.w, w), (motion.al, al), (motion.a, a)):
-            x.store(me, field, v)
-        x.store(me, motion.B, B)
+        m.store(x, me, fields.ear_total)
         x.store(me, fields.ear_total_needed, [*moment, *force])
         if kind.links[k].carries:
-            hand_outward(x, me, ear.members[k].W, w, al, a, total=True)
+            hand_outward(x, me, ear.members[k].W, m, total=True)
 
 
 def region_motion(x: Scope, kind: RegionKind) -> None:
@@ -100,18 +101,15 @@ def region_motion(x: Scope, kind: RegionKind) -> None:
     far_motions(x, kind, fields.total, fields.far_total)
 
 
-def ground_attitude(x: Scope, kind: EarKind, place: int) -> Matrix:
+def ground_attitude(ear: EarGeometry, place: int) -> Matrix:
     """Ground components from those of a link of the ear, or (place negative) of a root."""
-    if place >= 0:
-        return x.load(ME[place], fields.attitude)
-    store = {"frame": BASE, "ground": GROUND}.get(kind.roots[-1 - place], ROOTS[-1 - place])
-    return x.load(store, fields.attitude)
+    return ear.x.load(ME[place] if place >= 0 else ear.roots[-1 - place].record, fields.attitude)
 
 
 def ear_transmitted(x: Scope, kind: EarKind) -> None:
     """Inward block of an ear: what its joints and loops do."""
-    ear = Ear(x, kind)
-    rows = ear.kept_rows()
+    ear = EarGeometry(x, kind)
+    rows = kept_conditions(ear)
     phi: list[tuple[Vector, Vector]] = []
     for k in range(len(ear.members)):
         n, f = load_force(x, ME[k], fields.ear_total_needed)
@@ -136,7 +134,7 @@ def ear_transmitted(x: Scope, kind: EarKind) -> None:
                     moment, force = (add(moment, part), force) if row.angular else (moment, add(force, part))
             end = closure.faces[1]
             turned = [matvec(transpose(ear.attitude(end)), [-e for e in v]) for v in (moment, force)]
-            store_reaction(x, LOOP_REACTION[c], ground_attitude(x, kind, end), turned[0], turned[1])
+            store_reaction(x, LOOP_REACTION[c], ground_attitude(ear, end), turned[0], turned[1])
             for side, sign in ((0, -1), (1, 1)):
                 place = closure.faces[side]
                 lever = ear.arm(c, side)
@@ -153,17 +151,10 @@ def ear_transmitted(x: Scope, kind: EarKind) -> None:
         store_reaction(x, REACTION[k], x.load(ME[k], fields.attitude), own[0], own[1])
         if member.parent < 0:
             on_roots.append((-1 - member.parent, (add(held[k][0], cross(member.rho, held[k][1])), held[k][1])))
-    for t, role in enumerate(kind.roots):
-        parts = [p for root, p in on_roots if root == t]
-        if not parts or role == "ground" or (role == "frame" and not kind.carried):
-            continue
-        on_root = [*add(*(p[0] for p in parts)), *add(*(p[1] for p in parts))]
-        if role == "link":
-            on_root = [x.let("to_root", value, "Eq. 45") for value in on_root]
-            accumulate(x, ROOTS[t], fields.ear_transmitted, on_root, kind.first_at[t], "Eq. 45")
-        else:
-            whole = fields.region_transmitted if role == "frame" else fields.far_transmitted(kind.far[t])
-            add_to_sum(x, REGION, whole, on_root, "to_root", "Eq. 45")
+    for t, root in enumerate(ear.roots):
+        parts = [p for number, p in on_roots if number == t]
+        if parts and root.feels:
+            root.receive([*add(*(p[0] for p in parts)), *add(*(p[1] for p in parts))])
 
 
 def region_transmitted(x: Scope, kind: RegionKind) -> None:

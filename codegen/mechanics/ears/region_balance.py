@@ -10,12 +10,15 @@ from ...program.field import SixField
 from ...program.scalar import Vector
 from .. import fields
 from ..couplings import from_far, hand_force, others, to_base
+from ..elimination import OF_SOURCES, eliminate_force
 from ..handing_on import accumulate
+from ..joints import Column
 from ..spatial import SIX
 from ..stores import BASE, LBASE, LREGION, REGION
 from ..structure.kinds import RegionKind
-from .dynamics import place_of_base, places_of_partners, store_sources, system_size
+from .back_substitution import find_sources
 from .far_links import far_own_motions
+from .region_system import place_of_base, places_of_partners, unknowns
 
 
 def region_balance_start(x: Scope, kind: RegionKind) -> None:
@@ -42,18 +45,11 @@ def region_balance_in(x: Scope, kind: RegionKind) -> None:
     """
     at, where = place_of_base(kind), places_of_partners(kind)
     g: Vector = [x.load(LREGION, fields.source_tangent_force(c)) for c in range(kind.total)]
-    g += [0] * (system_size(kind) + 6 * len(others(kind)) - len(g))
+    g += [0] * (unknowns(kind) - len(g))
     for i in range(6 if kind.carried else 0):
         g[at + i] = g[at + i] + x.load(LREGION, fields.region_balance.scalars()[i])
     for j in reversed(range(kind.sources)):
-        x.store(
-            LREGION,
-            fields.source_right_side(j),
-            x.let("rD", -g[j] * x.load(REGION, fields.source_inverse_pivot(j)), "d Eq. 53", lanes=True),
-        )
-        for i in range(len(g)):
-            if i < j or i >= kind.sources:
-                g[i] = x.let("g", g[i] - x.load(REGION, fields.gain(j, i)) * g[j], "d Eq. 45", lanes=True)
+        eliminate_force(x, OF_SOURCES, LREGION, j, Column(j), g, 0, [""] * len(g))
     transmitted: dict[int, Vector] = {m: [0] * 6 for m in others(kind)}
     for f, m in enumerate(kind.far):
         s = kind.sources + 6 * f
@@ -77,4 +73,4 @@ def region_balance_in(x: Scope, kind: RegionKind) -> None:
 
 def region_balance_back(x: Scope, kind: RegionKind) -> None:
     """Outward block over directions: tangents of the sources' accelerations."""
-    store_sources(x, kind, [x.load(LREGION, fields.source_right_side(j)) for j in range(kind.sources)], True)
+    find_sources(x, kind, LREGION, True)

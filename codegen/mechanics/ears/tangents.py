@@ -15,22 +15,10 @@ from ...program.derivatives import Tangents
 from ...program.field import XYZ
 from ...program.scalar import Value, Vector
 from ...program.store import Store
-from ..spatial import add, cross, is_zero, matvec
-from ..stores import (
-    CL_DP,
-    CL_PARAMETER,
-    CONSTANT,
-    COORDINATES,
-    DP,
-    DQ,
-    DU,
-    LINK,
-    PARAMETER,
-    SPEEDS,
-    TURNS,
-)
+from ..spatial import UNIT, add, cross, is_zero, matvec
+from ..stores import CL_DP, CL_PARAMETER, CONSTANT, COORDINATES, DP, DQ, DU, LINK, PARAMETER, SPEEDS, TURNS
 from ..tree.tangents import pattern, tangent
-from .geometry import UNIT, Ear
+from .geometry import EarGeometry
 
 
 def tangents_of(values: Vector, tangents: Vector) -> dict[Symbol, Value]:
@@ -47,7 +35,7 @@ def tangents_of(values: Vector, tangents: Vector) -> dict[Symbol, Value]:
 
 
 def ear_tangents(
-    ear: Ear,
+    ear: EarGeometry,
     angles: dict[int, Vector],
     roots: dict[Symbol, Value],
     dq: dict[tuple[int, int], Value] | None = None,
@@ -56,7 +44,7 @@ def ear_tangents(
 
     Parameters
     ----------
-    ear : Ear
+    ear : EarGeometry
     angles : dict of int to Vector
         Rotation vectors (lanes) of links, and of roots by negative places.
     roots : dict of Symbol to value
@@ -108,7 +96,7 @@ class WrittenTangents(EarTangents):
 
     def __init__(
         self,
-        ear: Ear,
+        ear: EarGeometry,
         x: Expansion,
         angles: dict[int, Vector],
         roots: dict[Symbol, Value],
@@ -205,10 +193,12 @@ class WrittenTangents(EarTangents):
                 self.d.of[symbol] = value
 
     def _of_local(self, value: Value) -> Value:
-        """Tangent of a component in a link's own axes: of a constant, or of a statement on constants and coordinates."""
-        if isinstance(value, Symbol) and value not in self.d.of:
+        """Tangent of a component in a link's own axes: of a constant, or of statements on constants and coordinates."""
+        if isinstance(value, Symbol) and value not in self.d.of and value not in self.x.block.loads:
             for statement in self.x.block.statements:
                 if statement.target == value:
+                    for operand in sorted(statement.expression.free_symbols, key=str):
+                        self._of_local(operand)
                     self.d.statement(statement)
                     self.known.add(value)
                     break

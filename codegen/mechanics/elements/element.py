@@ -18,10 +18,13 @@ from ...program.block import Expansion, Scope
 from ...program.scalar import Matrix, Value, Vector
 from ...program.store import Store
 from .. import fields
-from ..spatial import add, cross, is_zero, matmul, matvec, transpose
+from ..spatial import add, cross, dot, is_zero, matmul, matvec, minus, transpose
 from ..stores import COEFFICIENT, DRIVE, ELEMENT_CONSTANTS, ENDS, PIVOT
 from ..structure.constants import Statements
 from ..structure.element_kinds import ElementKind, end_name
+
+SHORTEST = 1e-100
+"""Of a line, m, that has a direction: squares of what is divided by its length stay finite."""
 
 
 class Wrench(NamedTuple):
@@ -55,11 +58,18 @@ class End:
     e : Element
     number : int
         Among the ends of the element.
+
+    Attributes
+    ----------
+    is_face : bool
+        It has axes of its own.
+    is_grounded : bool
     """
 
     def __init__(self, e: Element, number: int):
         self._e = e
         self._name = end_name(number)
+        self.is_face = e.kind.oriented[number]
         self.link: Store = ENDS[e.kind.ends[number]]
         self.is_grounded = e.kind.grounded[e.kind.ends[number]]
         self._arm: Vector | None = None
@@ -168,6 +178,18 @@ class Element:
     def require(self, value: Value) -> None:
         """Must be positive for the element to have a direction; see `ForceElement.singular`."""
         self.x.set_entry(PIVOT, 0, value)
+
+    def line(self, directed: bool = True) -> tuple[Vector, Value]:
+        """From the first end to the second, and the distance.
+
+        `directed`: without length the line has no direction, nor its length a derivative, which is an error.
+        """
+        start, end = (end.position for end in self.ends[:2])
+        line = self.vector("line", minus(end, start))
+        square = self.let("square", dot(line, line))
+        if directed:
+            self.require(square - self.x.number(SHORTEST**2))
+        return line, self.let("length", self.x.sqrt(square))
 
     # -- coefficients ----------------------------------------------------------------------------------------------
 

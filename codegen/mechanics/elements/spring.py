@@ -4,32 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ...program.scalar import Value, Vector
+from ...program.scalar import Value
 from ..spatial import dot
 from .element import Element, Law, Wrench
-
-SHORTEST = 1e-100
-"""Of a line, m, that has a direction: squares of what is divided by its length stay finite."""
-
-
-def line_between(e: Element, directed: bool = True) -> tuple[Vector, Value]:
-    """From the first end to the second, and the distance.
-
-    `directed`: without length the line has no direction, nor its length a derivative, which is an error.
-    """
-    start, end = (end.position for end in e.ends[:2])
-    line = e.vector("line", [end[i] - start[i] for i in range(3)])
-    square = e.let("square", dot(line, line))
-    if directed:
-        e.require(square - e.x.number(SHORTEST**2))
-    return line, e.let("length", e.x.sqrt(square))
 
 
 class SpringLaw(Law):
     """A tension ``k (d - d_0) + c d'`` along the line, d its length; energy ``k (d - d_0)^2 / 2``."""
 
     def wrenches(self, e: Element) -> Sequence[Wrench]:
-        line, length = line_between(e)
+        line, length = e.line()
         start, end = (end.velocity for end in e.ends)
         inverse = e.let("inverse", 1 / length)
         along = e.vector("along", [c * inverse for c in line])
@@ -40,6 +24,6 @@ class SpringLaw(Law):
         return Wrench(force), Wrench([-c for c in force])
 
     def energy(self, e: Element) -> Value:
-        _, length = line_between(e, directed=e.x.tangents)
+        _, length = e.line(directed=e.x.tangents)
         more = e.let("more", length - e.coefficient("free_length"))
         return e.let("V", e.x.half * e.coefficient("stiffness") * more * more)

@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import Final
 
 from .column import Column
+from .cylindrical import Cylindrical
 from .free import Free
 from .link_joint import LinkJoint
 from .prismatic import Prismatic
@@ -16,5 +17,5 @@ from .spherical import Spherical
 
 __all__ = ["LINK_JOINTS", "Column", "LinkJoint"]
 
-LINK_JOINTS: Final[tuple[type[LinkJoint], ...]] = (Free, Spherical, Revolute, Prismatic)
+LINK_JOINTS: Final[tuple[type[LinkJoint], ...]] = (Free, Cylindrical, Spherical, Revolute, Prismatic)
 """The longest chains first: of a body's chain each link takes as much as it can."""

@@ -8,11 +8,16 @@ from dataclasses import dataclass
 from ...model.expressions import Expression
 from ...model.outputs import Output
 from ...program.scalar import Value
-from ..structure.kinds import System
+from ..structure.system import System
 from .records import Records
 
 Write = Callable[[Records, Output], Value]
 """Writes the statements of an output's value."""
+
+
+def nothing_else(output: Output) -> tuple[str, ...]:
+    """Every output of the measure reads the same."""
+    return ()
 
 
 def nothing_more(output: Output, system: System) -> Sequence[Expression]:
@@ -29,6 +34,8 @@ class RecordMeasure:
     reads : tuple of str
         Names of `quantities.QUANTITIES`.
     write : callable (Records, Output) -> Value
+    also : callable (Output) -> tuple of str
+        What some of its outputs read beside that.
     pivots : bool
         There are states with a value and no derivative, told by `Records.differs`.
     more : callable (Output, System) -> sequence of Expression
@@ -37,6 +44,7 @@ class RecordMeasure:
 
     reads: tuple[str, ...]
     write: Write
+    also: Callable[[Output], tuple[str, ...]] = nothing_else
     pivots: bool = False
     more: Callable[[Output, System], Sequence[Expression]] = nothing_more
 

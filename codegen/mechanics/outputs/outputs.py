@@ -24,8 +24,8 @@ from ..formulas import FormulaKind, FormulaSlots, formula_kinds, seed_of, transp
 from ..spatial import add, dot
 from ..stores import LME, ME, MY_LANE, NUMBER, RECORD, TANGENT_OF, argument
 from ..structure.constants import Statements
-from ..structure.kinds import System
 from ..structure.links import rigid_inertia
+from ..structure.system import System
 from . import MEASURES
 from .measure import FormulaMeasure, RecordMeasure
 from .records import Records, expressions_of, links_of, structure_of
@@ -41,6 +41,8 @@ class RecordFormula:
         From the records of the links, their lanes (the tangents), the ground's slot, parameters and numbers.
     rows : list of (int, tuple of int, list of int, list of float)
         Target index, links, parameter indices, numbers.
+    places : list of str
+        For each of these its path in the model file.
     """
 
     index: int
@@ -49,6 +51,7 @@ class RecordFormula:
     tangent: Block
     slots: list[tuple[str, int]]
     rows: list[tuple[int, tuple[int, ...], list[int], list[float]]] = field(default_factory=list)
+    places: list[str] = field(default_factory=list)
 
     @cached_property
     def transposed(self) -> Block:
@@ -80,7 +83,8 @@ def _add_record(system: System, kinds: dict[object, RecordFormula], i: int, o: O
         if e not in canonical:
             canonical[e] = slots.convert(e.tree)
     form = tuple(str(canonical[e]) for e in expressions)
-    key = (o.measure, o.choice, form, structure_of(system, o.on, links), [o.on.index(p.body) for p in o.points])
+    places = [o.on.index(body) for body in (*(p.body for p in o.points), *o.bodies)]
+    key = (o.measure, o.choice, form, structure_of(system, o.on, links), places)
     kind = kinds.get(repr(key))
     if kind is None:
 
@@ -95,6 +99,7 @@ def _add_record(system: System, kinds: dict[object, RecordFormula], i: int, o: O
             len(kinds), "outputs", value, tangent, [(c, j) for j, (c, _) in enumerate(slots.slots)]
         )
     kind.rows.append((i, links, [j for _, j in slots.slots], list(slots.numbers)))
+    kind.places.append(f"outputs.{o.name}")
 
 
 def _both(write: Callable[[Expansion, bool], Expr], index: int, target: str, title: str) -> tuple[Block, Block]:

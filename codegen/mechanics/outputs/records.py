@@ -22,10 +22,13 @@ from ...program.scalar import Matrix, Value, Vector
 from ...program.store import Store
 from .. import fields
 from ..spatial import add, cross, matmul, matvec, transpose
-from ..stores import ME, NUMBER, argument
+from ..stores import MASSES, ME, MOMENTA, NUMBER, PIVOT, argument
 from ..structure.constants import Statements
-from ..structure.kinds import System
 from ..structure.links import BODY_FRAME, Frame, Placement, frame_matrix, identity, place, unit
+from ..structure.system import System
+
+SHORTEST = 1e-100
+"""Of a distance, m, that has a derivative: squares of what is divided by it stay finite."""
 
 
 class Records:
@@ -78,6 +81,11 @@ class Records:
         if any(a.free_symbols for a in map(sympy.sympify, v)) or sum(abs(sympy.sympify(a)) for a in v) != 1:
             v = unit(v, SYMBOLIC["sqrt"], self.x.let)
         return v
+
+    def differs(self, square: Value) -> None:
+        """Where a square is zero there is a value, but no derivative, which is an error."""
+        if self.tangents:
+            self.x.set_entry(PIVOT, 0, square - self.x.number(SHORTEST**2))
 
     # -- links -------------------------------------------------------------------------------------------------------
 
@@ -140,6 +148,16 @@ class Records:
         v, w = self.x.load(me, fields.velocity), self.x.load(me, fields.angular_velocity)
         return self.to_ground(point.body, [self.x.let("v", e) for e in add(v, cross(w, r))])
 
+    def acceleration(self, point: Point) -> Vector:
+        """Of a point against the ground, in its axes, m/s^2."""
+        link, _, _ = self.carried(point.body)
+        if link == GROUND:
+            return [0, 0, 0]
+        r = self.in_link(point.body, self.vector(point.at))
+        me, motion = self._record(link), fields.moving
+        a, B = self.x.load(me, motion.a), self.x.load(me, motion.B)
+        return self.to_ground(point.body, [self.x.let("a", e) for e in add(a, matvec(B, r))])
+
     def attitude(self, body: int) -> Matrix:
         """Ground components from body components."""
         link, _, _ = self.carried(body)
@@ -153,6 +171,22 @@ class Records:
         """Of a body against the ground, in the axes of its link, rad/s."""
         link, _, _ = self.carried(body)
         return [0, 0, 0] if link == GROUND else self.x.load(self._record(link), fields.angular_velocity)
+
+    # -- sums over all links -----------------------------------------------------------------------------------------
+
+    def masses(self) -> Vector:
+        """Mass of all links, and first moment about the ground's origin; without bodies that are fixed to the ground."""
+        return [self.x.entry(MASSES, i) for i in range(4)]
+
+    def momenta(self) -> tuple[Vector, Vector]:
+        """Momentum of all links, and its moment about the ground's origin."""
+        six = [self.x.entry(MOMENTA, i) for i in range(6)]
+        return six[:3], six[3:]
+
+
+def grounded(system: System) -> tuple[int, ...]:
+    """Bodies that are fixed to the ground."""
+    return tuple(k for k, (link, _) in enumerate(system.carriers) if link == GROUND)
 
 
 def carrier(system: System, body: int) -> tuple[int, tuple[Placement, ...], Frame]:

@@ -49,7 +49,7 @@ class Partners:
     base : int
         Place among them of the link that the unit hangs on; -1 where that is not one of them.
     first : list of bool
-        For each, whether the unit is the first to hand it inertia; found with the kinds.
+        For each, whether the unit is the first, on the way inward, to hand it inertia; of links and regions.
     own : list of int
         Couplings that end with this unit: of a link with each of its partners; of an ear as `between` says.
     between : list of (int, int)
@@ -87,12 +87,16 @@ class Elimination:
     coupling_slot : list of int
         Of each coupling, where its block is kept: few slots, reused.
     slots : int
+    first_contributor : dict of int to int
+        Of each link, or `GROUND`, that something hangs on or is coupled to: the unit that hands it inertia first on the way
+        inward.
     """
 
     order: list[Unit]
     partners: list[Partners]
     coupling_slot: list[int]
     slots: int
+    first_contributor: dict[int, int]
 
 
 def find_elimination(
@@ -100,9 +104,13 @@ def find_elimination(
 ) -> Elimination:
     """Order of units and couplings of a model."""
     order, eliminated = _Graph(links, regions, ears, ear_of).eliminate()
+    contributor: dict[int, int] = {}
+    for n, (unit, (partners, base)) in enumerate(zip(order, eliminated, strict=True)):
+        if unit.role != "ear":
+            contributor.update(dict.fromkeys((base, *partners), n))
     if not any(partners for partners, _ in eliminated):
-        return Elimination(order, [NOBODY] * len(order), [], 0)
-    return _couplings(order, eliminated, regions, ears)
+        return Elimination(order, [NOBODY] * len(order), [], 0, contributor)
+    return _couplings(order, eliminated, regions, ears, contributor)
 
 
 class _Graph:
@@ -225,7 +233,11 @@ def _remaining(partners: Iterable[int], base: int) -> list[int]:
 
 
 def _couplings(
-    order: list[Unit], eliminated: list[tuple[set[int], int]], regions: Sequence[Region], ears: Sequence[EarLinks]
+    order: list[Unit],
+    eliminated: list[tuple[set[int], int]],
+    regions: Sequence[Region],
+    ears: Sequence[EarLinks],
+    contributor: dict[int, int],
 ) -> Elimination:
     """Couplings as blocks: who has its rows, who adds to it, where it is kept."""
     place: dict[int, tuple[int, int]] = {}
@@ -239,7 +251,7 @@ def _couplings(
     for n, unit in enumerate(order):
         if unit.role == "region":
             partners, base = eliminated[n]
-            of_region[unit.number] = _partners(partners, base, place)
+            of_region[unit.number] = _partners(partners, base, place, n, contributor)
     slot_of: list[int] = []
     free: list[int] = []
     slots = 0
@@ -261,7 +273,9 @@ def _couplings(
             partners, base = eliminated[n]
             if not partners:
                 continue
-            mine = result[n] = of_region[unit.number] if unit.role == "region" else _partners(partners, base, place)
+            mine = result[n] = (
+                of_region[unit.number] if unit.role == "region" else _partners(partners, base, place, n, contributor)
+            )
             if unit.role == "link":
                 at_link.pop(unit.number, None)
                 mine.own = [number[frozenset((unit.number, i))] for i in mine.links]
@@ -286,9 +300,11 @@ def _couplings(
             for i in ends[c]:
                 if c in at_link.get(i, ()):
                     at_link[i].remove(c)
-    return Elimination(order, result, slot_of, slots)
+    return Elimination(order, result, slot_of, slots, contributor)
 
 
-def _partners(partners: set[int], base: int, place: dict[int, tuple[int, int]]) -> Partners:
+def _partners(
+    partners: set[int], base: int, place: dict[int, tuple[int, int]], n: int, contributor: dict[int, int]
+) -> Partners:
     links = sorted(partners, key=place.__getitem__, reverse=True)
-    return Partners(links, links.index(base) if base in partners else -1)
+    return Partners(links, links.index(base) if base in partners else -1, [contributor[i] == n for i in links])

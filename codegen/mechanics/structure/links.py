@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from ...model.expressions import Expression
-from ...model.model import GROUND, Body, Loop, Model, coordinate_axis
+from ...model.model import GROUND, Body, Joint, Loop, Model, coordinate_axis
 from ...model.model import Vector as ExpressionVector
 from ...model.motions import Ball, Displacement, Motion, Slide, Turn
 from ...program.field import XYZ
@@ -62,7 +62,7 @@ class Link:
     Attributes
     ----------
     name : str
-        The body's, or that of a freedom of its universal joint.
+        The body's, or that of a part of its joint.
     parent : int
         Index of a link, or `GROUND`.
     q, u : int
@@ -70,6 +70,10 @@ class Link:
     steps : tuple of Placement
         From the parent's body frame through fixed bodies to the joint frame.
     parent_frame, frame : Frame
+    axis : int
+        The axis of the link's frame that the joint turns about or slides along.
+    factors : tuple of Expression
+        Of the joint's motion, such as a pitch.
     members : list of (Body, tuple of Placement)
         Bodies that move with the link, with the way from its body frame to theirs.
     """
@@ -82,6 +86,8 @@ class Link:
     steps: tuple[Placement, ...]
     parent_frame: Frame
     frame: Frame
+    axis: int
+    factors: tuple[Expression, ...] = ()
     members: list[tuple[Body, tuple[Placement, ...]]] = field(default_factory=list)
 
     def key(self) -> tuple[object, ...]:
@@ -95,7 +101,14 @@ class Link:
         members = tuple(
             (id(b.mass), *map(id, b.com), *map(id, b.inertia), of_steps(steps)) for b, steps in self.members
         )
-        return self.joint, self.parent_frame.key(), self.frame.key(), of_steps(self.steps), members
+        factors = tuple(map(id, self.factors))
+        return self.joint, self.parent_frame.key(), self.frame.key(), of_steps(self.steps), factors, members
+
+    @property
+    def aligned(self) -> bool:
+        """The link's axes are its parent's at q = 0 because both are made of the same vector."""
+        is_same = self.frame.vector is not None and self.frame.key() == self.parent_frame.key()
+        return is_same and not any(rotation for _, rotation in self.steps)
 
 
 BODY_FRAME = Frame(2)
@@ -123,12 +136,15 @@ class Part(NamedTuple):
         Where its coordinates and speeds begin among those of the body's joint.
     axis : int or None
         Which of the joint's axes.
+    factors : tuple of int
+        Which of the joint's factors.
     """
 
     joint: type[LinkJoint]
     q: int
     u: int
     axis: int | None
+    factors: tuple[int, ...]
 
 
 def parts_of(chain: Sequence[Motion]) -> list[Part]:
@@ -137,7 +153,7 @@ def parts_of(chain: Sequence[Motion]) -> list[Part]:
     Raises
     ------
     TypeError
-        There is a motion that no joint of a link begins with.
+        There is a motion that no joint of a link begins with, or two links would share a coordinate.
     """
     found: list[Part] = []
     while chain:
@@ -149,6 +165,9 @@ def parts_of(chain: Sequence[Motion]) -> list[Part]:
                 break
         else:
             raise TypeError(f"no joint of a link (mechanics/joints) moves by {chain[0]}")
+    speeds = [part.u + j for part in found for j in range(part.joint.freedoms)]
+    if len(set(speeds)) < len(speeds):
+        raise TypeError("motions that share a coordinate are those of no joint of a link (mechanics/joints)")
     return found
 
 
@@ -156,24 +175,26 @@ def _share(joint: type[LinkJoint], chain: Sequence[Motion]) -> Part | None:
     """The chain as the joint's own motion, but for the numbers of axes and coordinates; None if it is another."""
     places: set[tuple[int, int]] = set()
     axes: set[int] = set()
+    factors: list[int] = []
     if len(chain) != len(joint.motion):
         return None
     for own, m in zip(joint.motion, chain, strict=True):
         if isinstance(own, Ball | Displacement) and isinstance(m, type(own)):
             places.add((m.coordinate - own.coordinate, m.speed - own.speed))
-        elif isinstance(own, Turn | Slide) and isinstance(m, type(own)) and _has_factor(own) == _has_factor(m):
+        elif isinstance(own, Turn | Slide) and isinstance(m, type(own)) and len(_factors(own)) == len(_factors(m)):
             places.add((m.index - own.index, m.index - own.index))
             axes.add(m.axis - own.axis)
+            factors += _factors(m)
         else:
             return None
     if len(places) != 1 or len(axes) > 1:
         return None
     (q, u), axis = places.pop(), axes.pop() if axes else None
-    return Part(joint, q, u, axis)
+    return Part(joint, q, u, axis, tuple(factors))
 
 
-def _has_factor(motion: Motion) -> bool:
-    return isinstance(motion, Slide) and motion.factor is not None
+def _factors(motion: Motion) -> list[int]:
+    return [motion.factor] if isinstance(motion, Slide) and motion.factor is not None else []
 
 
 def links_of(model: Model, evaluate: NumberOf) -> tuple[list[Link], list[Carrier]]:
@@ -202,12 +223,26 @@ def links_of(model: Model, evaluate: NumberOf) -> tuple[list[Link], list[Carrier
             continue
         for n, part in enumerate(parts, 1):
             name = body.name if len(parts) == 1 else f"{body.name}.{n}"
-            frame = BODY_FRAME if part.axis is None else axis_frame(joint.axes[part.axis], evaluate)
-            links.append(Link(name, parent, part.joint, q + part.q, u + part.u, steps, parent_frame, frame))
+            frame, axis = _frame_of(joint, part, evaluate)
+            factors = tuple(joint.factors[i] for i in part.factors)
+            links.append(
+                Link(name, parent, part.joint, q + part.q, u + part.u, steps, parent_frame, frame, axis, factors)
+            )
             parent, parent_frame, steps = len(links) - 1, frame, ((ORIGIN, ()),)
         links[-1].members.append((body, ()))
         carriers[k] = len(links) - 1, ()
     return links, carriers
+
+
+def _frame_of(joint: Joint, part: Part, evaluate: NumberOf) -> tuple[Frame, int]:
+    """The frame of a link, and which of its axes is the joint's."""
+    if part.axis is None:
+        return BODY_FRAME, BODY_FRAME.index
+    if joint.kind.triad:  # all links of the joint have the axes of the first one
+        frame = axis_frame(joint.axes[0], evaluate)
+        return frame, (frame.index + part.axis) % 3
+    frame = axis_frame(joint.axes[part.axis], evaluate)
+    return frame, frame.index
 
 
 # -- constants: the same lines for floats and symbols -------------------------------------------------------------
@@ -279,7 +314,7 @@ def link_constants(link: Link, evaluate: Evaluate, functions: Functions, let: Le
     -------
     dict
         ``m``; ``h.i`` = mass times centre of mass; ``J.ij`` about the origin; ``r.i`` joint's place in the parent's link
-        frame; ``R.ij`` parent's link components from this link's at q = 0. SI units.
+        frame; ``R.ij`` parent's link components from this link's at q = 0; ``factor`` of the joint, if it has one. SI units.
     """
     sqrt = functions["sqrt"]
     Q_parent = frame_matrix(link.parent_frame, evaluate, sqrt, let)
@@ -287,7 +322,7 @@ def link_constants(link: Link, evaluate: Evaluate, functions: Functions, let: Le
     r, R = place(link.steps, evaluate, functions, let)
     r = matvec(transpose(Q_parent), r)
     half = [[let("Rh", e) for e in row] for row in matmul(transpose(Q_parent), R)]
-    R = [[let("R", e) for e in row] for row in matmul(half, Q)]
+    R = identity() if link.aligned else [[let("R", e) for e in row] for row in matmul(half, Q)]
     m, h, J = rigid_inertia(link.members, evaluate, functions, let)
     h = [let("h", e) for e in matvec(transpose(Q), h)]
     if link.frame.vector is not None:
@@ -301,6 +336,8 @@ def link_constants(link: Link, evaluate: Evaluate, functions: Functions, let: Le
             if n >= k:
                 out[f"J.{i}{j}"] = let(f"J_{i}{j}", J[k][n])
             out[f"R.{i}{j}"] = R[k][n]
+    for value in link.factors:
+        out["factor"] = let("factor", evaluate(value))
     return out
 
 

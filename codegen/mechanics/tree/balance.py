@@ -13,36 +13,25 @@ from ...program.block import Scope
 from ...program.scalar import Vector
 from .. import fields
 from ..couplings import hand_force, others
+from ..elimination import OF_FREEDOMS, eliminate_force
 from ..joints import Column
 from ..spatial import SIX
 from ..stores import CONSTANTS, DFORCE, DTAU, DUDOT, LME, LUP, ME, MY_LANE, RIGHT_SIDE, TAU
 from ..structure.kinds import LinkKind
-from .back_substitution import carry, substitute
+from .back_substitution import carry, joint_accelerations
 from .inverse_dynamics import hand_on_lanes, transfer
-from .triangularization import constants_of_inertia, force_to_parent
+from .triangularization import constants_of_inertia, force_to_parent, labels_of, unknowns_left
 
 
-def eliminate(
-    x: Scope, kind: LinkKind, columns: Sequence[Column], P: Vector, forces: Vector
-) -> tuple[Vector, dict[int, Vector]]:
-    """The bias-force recursion at one joint: ``r = dtau - P^T p``, ``p += U D^-1 r``; and what partners get. Eqs. 45, 53."""
-    of_partners: dict[int, Vector] = {m: [0] * 6 for m in range(len(kind.partners.links))} if x.units else {}
+def eliminate(x: Scope, kind: LinkKind, columns: Sequence[Column], P: Vector, forces: Vector) -> dict[int, Vector]:
+    """The bias-force recursion at one joint, see `elimination`; gives what partners get. Changes P. Eqs. 45, 53."""
+    partners = range(len(kind.partners.links)) if x.units else range(0)
+    whole = [*P, *([0] * 6 * len(partners))]
     for j in reversed(range(len(columns))):
-        s = columns[j]
-        r = x.let("r", forces[j] - s.along(P), "d Eq. 53", lanes=True)
-        x.store(
-            MY_LANE, fields.right_side(j), x.let("rD", r * x.load(ME, fields.inverse_pivot(j)), "d Eq. 53", lanes=True)
-        )
-        for m, values in of_partners.items():
-            for k in SIX:
-                G_of = x.load(ME, fields.gain(j, 6 + 6 * m + k))
-                values[k] = x.let("gp", values[k] + G_of * r, "d Eq. 45", lanes=True)
-        if j == 0 and not kind.carried_on:
-            break
-        G = [x.load(ME, fields.gain(j, i)) for i in range(6)]
-        P = [P[i] if i == s.lead else x.let(f"P{i}", P[i] + G[i] * r, "d Eq. 45", lanes=True) for i in range(6)]
-        P[s.lead] = s.completed(P, forces[j])
-    return P, of_partners
+        left = unknowns_left(kind, j, len(whole))
+        eliminate_force(x, OF_FREEDOMS, MY_LANE, j, columns[j], whole, forces[j], labels_of(kind), left)
+    P[:] = whole[:6]
+    return {m: whole[6 + 6 * m : 12 + 6 * m] for m in partners}
 
 
 def balance_inward(x: Scope, kind: LinkKind) -> None:
@@ -56,7 +45,7 @@ def balance_inward(x: Scope, kind: LinkKind) -> None:
         P.append(x.let("P", x.load(MY_LANE, own) + x.load(LME, handed), "d Eq. 45", lanes=True))
         phi.append(x.load(ME, fields.total_needed.scalars()[i]) + x.load(ME, fields.transmitted.scalars()[i]))
     forces = [(x.entry(DTAU, j) if kind.forced[j] else 0) - s.change(x, phi) for j, s in enumerate(columns)]
-    P, of_partners = eliminate(x, kind, columns, P, forces)
+    of_partners = eliminate(x, kind, columns, P, forces)
     for m in others(kind):
         hand_force(x, kind, m, of_partners[m], lanes=True)
         if kind.partners.first[m]:
@@ -72,7 +61,7 @@ def solve_inward(x: Scope, kind: LinkKind) -> None:
     """The same recursion for a given right side: ``M x = b``, several b at once."""
     joint = kind.joint(x, kind, lanes=True)
     P = x.load(LME, fields.articulated_force)
-    P, _ = eliminate(x, kind, joint.columns, P, [x.entry(RIGHT_SIDE, j) for j in range(joint.freedoms)])
+    eliminate(x, kind, joint.columns, P, [x.entry(RIGHT_SIDE, j) for j in range(joint.freedoms)])
     if kind.carried_on:
         n, f = force_to_parent(x, joint, joint.offset(), P[:3], P[3:], "Eq. 45")
         hand_on_lanes(x, kind, n, f)
@@ -82,7 +71,7 @@ def balance_outward(x: Scope, kind: LinkKind) -> None:
     """Back substitution over directions. Eqs. 53-55."""
     joint = kind.joint(x, kind, lanes=True)
     A = carry(joint, x.load(LUP, fields.explicit_acceleration), "d Eq. 54")
-    substitute(x, kind, A, MY_LANE, DUDOT, lanes=True)
+    joint_accelerations(x, kind, A, MY_LANE, DUDOT, lanes=True)
     x.store(LME, fields.explicit_acceleration, A)
 
 

@@ -13,14 +13,7 @@ from ..handing_on import accumulate_force
 from ..joints import LinkJoint
 from ..stores import DFORCE, FORCE, LME, LUP, ME, MY_LANE, UDOT, UP
 from ..structure.kinds import LinkKind
-from .kinematics import (
-    accelerate,
-    acceleration_matrix,
-    angular_velocity,
-    body_force,
-    less_external,
-    own_inertia,
-)
+from .kinematics import accelerate, acceleration_matrix, angular_velocity, body_force, less_external, own_inertia
 from .tangents import differentiate, pattern, store_tangent, tangent
 from .triangularization import force_to_parent, is_first
 
@@ -94,7 +87,7 @@ def transfer(
             moved = force_to_parent(x, joint, r, d_phi[:3], d_phi[3:], "")
             tn, tf = ([pattern(a) + b for a, b in zip(v, w, strict=True)] for v, w in zip((n, f), moved, strict=True))
         else:
-            extra = {s: v for s, v in zip(named, d_phi, strict=True) if v != 0}
+            extra = dict(zip(named, d_phi, strict=True))
             d = differentiate(x, kind, joint, extra)
             assert d is not None
             tn, tf = [d.value(v) for v in n], [d.value(v) for v in f]

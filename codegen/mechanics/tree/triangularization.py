@@ -7,45 +7,19 @@ eliminated one unit column after the other, which is the LDL^T factorisation of 
 
 from __future__ import annotations
 
-from ...program.block import ANY, Scope
+from ...program.block import Scope
 from ...program.field import PLACES, ScalarField
-from ...program.scalar import Matrix, Value, Vector
+from ...program.scalar import Matrix, Vector
 from .. import fields
 from ..couplings import hand_force, hand_inertia, hand_on, others
+from ..elimination import OF_FREEDOMS, SymmetricSystem
 from ..handing_on import accumulate, accumulate_force
 from ..joints import LinkJoint
 from ..joints.inertia import shift_inertia
-from ..spatial import SIX, add, cross, is_zero, transpose
-from ..stores import CONSTANTS, ME, OWN, PIVOT, TAU, UP
+from ..spatial import SIX, add, cross, transpose
+from ..stores import CONSTANTS, ME, OWN, TAU, UP
 from ..structure.elimination_order import CARRIER
-from ..structure.kinds import LinkKind, RegionKind
-
-
-class ZeroPivotError(ValueError):
-    """Nothing outboard of a joint can have inertia about it."""
-
-    def __init__(self, kind: LinkKind | RegionKind):
-        super().__init__("nothing outboard of the joint has inertia about it")
-        self.kind = kind
-
-
-SMALL = 2e-15
-"""A pivot below this fraction of the articulated inertia: nothing outboard has inertia about the joint."""
-
-
-def pivot(x: Scope, kind: LinkKind | RegionKind, D: Value) -> Value:
-    """The inertia along a freedom or a source, by which is divided.
-
-    Raises
-    ------
-    ZeroPivotError
-        It is zero in every state.
-    """
-    if not is_zero(D):
-        return D
-    if not x.structural:
-        raise ZeroPivotError(kind)
-    return ANY  # the children's patterns are not known yet
+from ..structure.kinds import LinkKind
 
 
 def to_blocks(I: Matrix) -> tuple[Matrix, Matrix, Matrix]:
@@ -103,99 +77,83 @@ def force_to_parent(x: Scope, joint: LinkJoint, r: Vector, n: Vector, f: Vector,
     return x.let_vector("up_n", n, tag, lanes=joint.lanes), f
 
 
-def triangularize(x: Scope, kind: LinkKind) -> None:
-    """Inward block of the forward dynamics."""
-    let = x.let
-    I = articulated_inertia(x)
+def link_system(x: Scope, kind: LinkKind) -> SymmetricSystem:
+    """Inertia and force of all that a joint moves, over the link's six components and those of its partners."""
     needed, handed = fields.needed, fields.articulated_force
+    I = articulated_inertia(x)
     p = add(x.load(ME, needed.angular), x.load(ME, handed.angular)) + add(
         x.load(ME, needed.linear), x.load(ME, handed.linear)
     )
     partners = range(len(kind.partners.links))
-    C = {m: x.load(OWN[m], fields.coupling) for m in partners}
-    between: dict[tuple[int, int], Matrix] = {(m, n): [[0] * 6 for _ in SIX] for m in partners for n in partners}
-    force: dict[int, Vector] = {m: [0] * 6 for m in partners}
+    couplings = [x.load(OWN[m], fields.coupling) for m in partners]
+    Q = [[*row, *(e for C in couplings for e in C[i])] for i, row in enumerate(I)]
+    Q += [[*column, *([0] * 6 * len(partners))] for C in couplings for column in zip(*C, strict=True)]
+    return SymmetricSystem(x, kind, Q, [*p, *([0] * 6 * len(partners))], OF_FREEDOMS, labels_of(kind))
+
+
+def labels_of(kind: LinkKind) -> list[str]:
+    """Labels of the unknowns of a link: its components by number, those of partners by a letter."""
+    return [*map(str, SIX), *("p" for _ in kind.partners.links for _ in SIX)]
+
+
+def unknowns_left(kind: LinkKind, j: int, count: int) -> range:
+    """Unknowns, of `count`, that matter when a freedom has gone; after the last of a joint on the ground not the link's."""
+    return range(0 if j > 0 or kind.carried_on else 6, count)
+
+
+def triangularize(x: Scope, kind: LinkKind) -> None:
+    """Inward block of the forward dynamics."""
     joint = kind.joint(x, kind)
-    columns = joint.columns
-    scales = [let("scale", I[n][n] + I[n + 1][n + 1] + I[n + 2][n + 2], "zero pivot") for n in (0, 3)]
-    for j in reversed(range(len(columns))):
-        s = columns[j]
-        a = s.lead
-        U = [let("U", s.along(row), "Eq. 46") for row in I]
+    system = link_system(x, kind)
+    I, p = system.Q, system.p
+    scales = [x.let("scale", I[n][n] + I[n + 1][n + 1] + I[n + 2][n + 2], "zero pivot") for n in (0, 3)]
+    for j in reversed(range(joint.freedoms)):
+        s = joint.columns[j]
         tau = x.entry(TAU, j) if kind.forced[j] else 0
-        D = pivot(x, kind, let("D", s.along(U), "Eq. 46"))
-        inverse = let("Dinv", 1 / D, "Eq. 47")
-        r = let("r", tau - s.along(p), "Eq. 53")
-        x.set_entry(PIVOT, j, let("margin", D - x.number(SMALL) * s.squares_along(scales), "zero pivot"))
-        x.store(ME, fields.inverse_pivot(j), inverse)
-        x.store(ME, fields.right_side(j), let("rD", r * inverse, "Eq. 53"))
-        G = [0 if i == a else let(f"G{i}", U[i] * inverse, "Eq. 46") for i in range(6)]
-        for i in range(6):
-            x.store(ME, fields.gain(j, i), G[i])
-        h = {m: [s.along(list(column)) for column in zip(*C[m], strict=True)] for m in partners}
-        G_of = {m: [let("Gp", e * inverse, "Eq. 46") for e in h[m]] for m in partners}
-        for m in partners:
-            for k in SIX:
-                x.store(ME, fields.gain(j, 6 + 6 * m + k), G_of[m][k])
-                force[m][k] = let("gp", force[m][k] + G_of[m][k] * r, "Eq. 45")
-            for n in partners:
-                between[m, n] = [
-                    [let("Qp", between[m, n][i][k] - G_of[m][i] * h[n][k], "Eq. 44") for k in SIX] for i in SIX
-                ]
-        last = j == 0 and not kind.carried_on
-        if last:
-            break
-        # what is left gives no force along s: the leading row follows from the others, and is zero if s has no others
-        for i in range(6):
-            for k in range(i, 6):
-                if a not in (i, k):
-                    I[i][k] = I[k][i] = let(f"A{i}{k}", I[i][k] - G[i] * U[k], "Eq. 44")
-        for k in (*(k for k in SIX if k != a), a):
-            I[a][k] = I[k][a] = s.completed(I[k])
-        p = [tau if i == a else let(f"p{i}", p[i] + G[i] * r, "Eq. 45") for i in range(6)]
-        p[a] = s.completed(p, tau)
-        for m in partners:
-            C[m] = [[let("C", C[m][i][k] - G[i] * h[m][k], "Eq. 44") for k in SIX] for i in SIX]
-            C[m][a] = [s.completed(list(column)) for column in zip(*C[m], strict=True)]
+        system.eliminate(j, s, tau, s.squares_along(scales), unknowns_left(kind, j, len(p)))
+    places = [6 + 6 * m for m in range(len(kind.partners.links))]
     for m in others(kind):
-        hand_inertia(x, kind, m, between[m, m])
-        hand_force(x, kind, m, force[m])
+        hand_inertia(x, kind, m, system.block(places[m], places[m]))
+        hand_force(x, kind, m, p[places[m] : places[m] + 6])
     if not kind.carried_on:
-        hand_on(x, kind, lambda m, n: between[m, n])
+        hand_on(x, kind, lambda m, n: system.block(places[m], places[n]))
         return
-    r_offset = joint.offset()
-    for m in partners:
-        # columns are forces on the link that an acceleration of the partner asks for
-        turned: Matrix = []
-        for k in SIX:
-            column = [row[k] for row in C[m]]
-            moment, push = force_to_parent(x, joint, r_offset, column[:3], column[3:], "Eq. 44")
-            turned.append([*moment, *push])
-        C[m] = transpose(turned)
-    moment, push = force_to_parent(x, joint, r_offset, p[:3], p[3:], "Eq. 45")
+    r = joint.offset()
+    couplings = [coupling_to_parent(x, joint, r, system.block(0, place)) for place in places]
+    moment, push = force_to_parent(x, joint, r, p[:3], p[3:6], "Eq. 45")
     J, H, M = joint.inertia_to_parent(*to_blocks(I), "Eq. 44")
-    J, H, M = shift_inertia(x, r_offset, J, H, M, "Eq. 44")
+    J, H, M = shift_inertia(x, r, J, H, M, "Eq. 44")
     parent = kind.partners.base
     if parent >= 0:
         # the parent is a partner itself: what the coupling was is inertia now
-        more = to_blocks(_symmetrized(x, C[parent], between[parent, parent]))
+        at = places[parent]
+        more = to_blocks(_symmetrized(x, couplings[parent], system.block(at, at)))
         J, H, M = (_sum(x, block, by) for block, by in zip((J, H, M), more, strict=True))
-        moment, push = _sum(x, [moment, push], [force[parent][:3], force[parent][3:]])
+        moment, push = _sum(x, [moment, push], [p[at : at + 3], p[at + 3 : at + 6]])
 
     def remaining(m: int, n: int) -> Matrix:
         if n == CARRIER:
             return transpose(remaining(CARRIER, m))
         if m != CARRIER:
-            return between[m, n]
+            return system.block(places[m], places[n])
         if parent < 0:
-            return C[n]
-        return _sum(x, C[n], between[parent, n])
+            return couplings[n]
+        return _sum(x, couplings[n], system.block(places[parent], places[n]))
 
     first = is_first(x, kind)
     accumulate_force(x, UP, fields.articulated_force, [*moment, *push], first, "Eq. 44")
     for field, block in ((fields.articulated.J, J), (fields.articulated.M, M), (fields.articulated.H, H)):
         accumulate(x, UP, field, block, first, "Eq. 44")
     hand_on(x, kind, remaining)
+
+
+def coupling_to_parent(x: Scope, joint: LinkJoint, r: Vector, C: Matrix) -> Matrix:
+    """A coupling whose rows are forces on the link, as forces on its parent."""
+    columns: Matrix = []
+    for column in transpose(C):
+        moment, push = force_to_parent(x, joint, r, column[:3], column[3:], "Eq. 44")
+        columns.append([*moment, *push])
+    return transpose(columns)
 
 
 def _sum(x: Scope, a: Matrix, b: Matrix) -> Matrix:

@@ -7,13 +7,42 @@ from __future__ import annotations
 
 from typing import Final
 
+from .actuator import Actuator, ActuatorEntry
+from .force import Force, ForceOnBodyEntry
 from .force_element import ForceElement, ForceEntry
 from .joint_force import JointForce, JointForceEntry
 from .spring import Spring, SpringEntry
+from .torque import Torque, TorqueEntry
+from .torsion import Torsion, TorsionEntry
 
-__all__ = ["FORCES", "LATER", "ForceElement", "ForceEntry", "JointForce", "Spring"]
+__all__ = [
+    "FORCES",
+    "OTHER_WORDS",
+    "Actuator",
+    "Force",
+    "ForceElement",
+    "ForceEntry",
+    "JointForce",
+    "Spring",
+    "Torque",
+    "Torsion",
+]
 
-FORCES: Final[tuple[type[ForceEntry], ...]] = (JointForceEntry, SpringEntry)
+FORCES: Final[tuple[type[ForceEntry], ...]] = (
+    JointForceEntry,
+    SpringEntry,
+    ForceOnBodyEntry,
+    TorqueEntry,
+    TorsionEntry,
+    ActuatorEntry,
+)
 
-LATER: Final = ("body", "force", "torque", "moment", "wrench", "point")
-"""Those that come in a later version, for the message to those who ask: whatever one calls a force on a body."""
+OTHER_WORDS: Final = {
+    "body": "force",
+    "point": "force",
+    "wrench": "force",
+    "moment": "torque",
+    "damper": "spring",
+    "motor": "joint",
+}
+"""What some call them elsewhere, and what they are called here."""

@@ -5,10 +5,12 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import Annotated, Any, ClassVar
+
+from pydantic import PlainValidator
 
 from ..axes import Vector
-from ..entries import Entry
+from ..entries import Entry, complaint, seen
 from ..entry_reader import EntryReader
 from ..expressions import Expression
 from ..places import Face, Point
@@ -74,6 +76,16 @@ class ForceElement:
                     yield from (*axis, angle)
         yield from self.axis or ()
         yield from self.coefficients
+
+
+def _axes(value: Any) -> str:
+    if value not in ("ground", "body"):
+        raise complaint(f"{seen(value)}; ground or body is allowed: along whose axes the components are")
+    return str(value)
+
+
+AxesOf = Annotated[str, PlainValidator(_axes)]
+"""Whose axes components are along: ``ground`` or ``body``."""
 
 
 class ForceEntry(Entry):

@@ -45,6 +45,10 @@ class JointType(Entry):
         Whether bodies may stand on such joints.
     carries_later : bool
         Whether bodies may in a later version, for the message to those who ask.
+    closes_none : str
+        Why such a joint closes no loop, if it has no closure: what follows on its name.
+    triad : bool
+        Whether the axes of the motion are the first one and two across it, right-handed.
     coordinates, speeds : tuple of str
         What comes behind the body's name and a dot; empty for one freedom, which has the body's name.
     quaternions : tuple of slice
@@ -62,6 +66,8 @@ class JointType(Entry):
     closure: ClassVar[Closure | None] = None
     carries: ClassVar[bool] = True
     carries_later: ClassVar[bool] = False
+    triad: ClassVar[bool] = False
+    closes_none: ClassVar[str] = "sets no condition, so it closes no loop"
     coordinates: ClassVar[tuple[str, ...]] = ()
     speeds: ClassVar[tuple[str, ...]] = ()
     quaternions: ClassVar[tuple[slice, ...]] = ()

@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar
+from typing import Any, ClassVar
 
-from pydantic import WrapValidator
-
-from ..entries import Axis, PointOrName, written
 from ..entry_reader import EntryReader
+from .keys import OptionalAxis, OptionalPoint
 from .output import Measure, Output
-
-OptionalPoint = Annotated[PointOrName | None, WrapValidator(written)]
-OptionalAxis = Annotated[Axis | None, WrapValidator(written)]
 
 
 class Position(Measure):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,11 +12,11 @@ from ..entry_reader import NamedJoint
 from ..errors import nearest
 from ..expressions import Expression
 from ..model import joint_coordinates
-from ..places import Point
-from ..reading import Reader, some
+from ..places import GROUND, Face, Point
+from ..reading import Reader, is_measured, some
 from ..repetition import Instance
-from .bodies import BodySection
-from .points import held_together, point_at
+from .bodies import BodySection, body_index
+from .points import face_at, held_together, point_at, point_named, unmoved
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,8 +40,28 @@ class Meaning:
         self.reader.direction((x, y, z), self.at, (key,))
         return x, y, z
 
-    def point(self, point: Any, key: str, name: str) -> Point | None:
-        return point_at(self.reader, point, name, self.at, (key,), self.bodies, self.points)
+    def point(self, point: Any, key: str | tuple[str | int, ...], name: str) -> Point | None:
+        path = (key,) if isinstance(key, str) else key
+        return point_at(self.reader, point, name, self.at, path, self.bodies, self.points)
+
+    def body(self, reference: Expression, *path: str | int) -> int | None:
+        return body_index(self.reader, reference, self.at, path, self.bodies.frames)
+
+    def mass(self, bodies: Sequence[int]) -> float | None:
+        if not self.bodies.is_sound:
+            return None
+        return sum(self.reader.numeric(self.bodies.bodies[k].mass) for k in bodies if k != GROUND)
+
+    def measured(self, *expressions: Expression) -> tuple[Point, ...]:
+        names = (n for e in expressions for n in sorted(e.names) if is_measured(n))
+        found = (point_named(n.split(".")[1], self.bodies, self.points) for n in names)
+        return tuple({p.name: p for p in found if p is not None}.values())
+
+    def unmoved(self, what: str, place: Point | Face, key: str) -> bool:
+        return unmoved(self.reader, what, place.body, self.at, key, self.bodies)
+
+    def face(self, face: Any, key: str) -> Face | None:
+        return face_at(self.reader, face, self.at, (key,), self.bodies, self.points)
 
     def joint(self, reference: Expression, key: str, entry: Entry) -> NamedJoint | None:
         reader, bodies = self.reader, self.bodies
@@ -61,7 +82,7 @@ class Meaning:
             return None
         return NamedJoint(joint, index, body.joint.name, joint_coordinates(joint, body.joint.name)[1])
 
-    def held_together(self, what: str, start: Point, end: Point, useless: str) -> bool:
+    def held_together(self, what: str, start: Point | Face, end: Point | Face, useless: str) -> bool:
         return held_together(self.reader, what, start.body, end.body, self.at, self.bodies, useless)
 
     def report(self, path: tuple[str | int, ...], message: str) -> None:

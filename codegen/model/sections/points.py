@@ -47,10 +47,9 @@ def point_at(
     target = reader.reference(spec, at, sub)
     if target is None:
         return None
-    if target in points:
-        return points[target]
-    if target in bodies.frames:
-        return Point(target, bodies.frames[target], (ZERO, ZERO, ZERO))
+    found = point_named(target, bodies, points)
+    if found is not None:
+        return found
     if ("point", target) not in reader.first_seen:  # a point that is there but wrong has been reported
 
         def message() -> str:
@@ -59,6 +58,13 @@ def point_at(
 
         reader.report(at, sub, message)
     return None
+
+
+def point_named(name: str, bodies: BodySection, points: dict[str, Point]) -> Point | None:
+    """The point of that name, or the origin of the body, or of the ground; None for no name of either."""
+    if name in points:
+        return points[name]
+    return Point(name, bodies.frames[name], (ZERO, ZERO, ZERO)) if name in bodies.frames else None
 
 
 def face_at(
@@ -74,6 +80,26 @@ def face_at(
     return None if body is None else Face(body, vector(bound, *sub, "at"), turns)
 
 
+def unmoved(reader: Reader, what: str, body: int, at: Instance, key: str, bodies: BodySection) -> bool:
+    """Report a force element that acts on the ground alone, or on what fixed joints hold to it."""
+    if body == GROUND:
+        reader.report(at, (key,), f"{what} acts on the ground, which it cannot move; a body is needed")
+        return True
+    if not bodies.is_tree or reader.broken or _rigid_parts(bodies)[body] != _rigid_parts(bodies)[GROUND]:
+        return False
+    name = bodies.names[body]
+    message = f"{what} acts on {name!r}, which fixed joints hold to the ground, so it moves nothing; give such a joint a freedom"
+    reader.report(at, (key,), message)
+    return True
+
+
+def _rigid_parts(bodies: BodySection) -> list[int]:
+    """For each body, and last for the ground, a number that those have in common that cannot move against each other."""
+    if bodies.rigid_parts is None:
+        bodies.rigid_parts = [*checks.rigid_parts(bodies.bodies), GROUND]  # the ground's index, -1, is the last
+    return bodies.rigid_parts
+
+
 def held_together(
     reader: Reader, what: str, start: int, end: int, at: Instance, bodies: BodySection, useless: str
 ) -> bool:
@@ -86,9 +112,7 @@ def held_together(
     elif not bodies.is_tree or reader.broken:
         return False
     else:
-        if bodies.rigid_parts is None:
-            bodies.rigid_parts = [*checks.rigid_parts(bodies.bodies), GROUND]  # the ground's index, -1, is the last
-        if bodies.rigid_parts[start] != bodies.rigid_parts[end]:
+        if _rigid_parts(bodies)[start] != _rigid_parts(bodies)[end]:
             return False
         path = checks.fixed_path(start, end, bodies.bodies)
         one, other = ("the ground" if k == GROUND else repr(bodies.names[k]) for k in (start, end))

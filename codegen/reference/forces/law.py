@@ -14,14 +14,14 @@ E = TypeVar("E", bound=ForceElement)
 
 @dataclass(slots=True)
 class End:
-    """A point of a body at a state, in the ground frame.
+    """A point of a body, or a face, at a state, in the ground frame.
 
     Attributes
     ----------
     x, v : Pair
         Position, m, and velocity, (3, 1).
     R : Pair
-        Body components into ground components, (3, 3).
+        Components of the body, or of the face, into ground components, (3, 3).
     omega : Pair
         Angular velocity of the body, (3, 1).
     """

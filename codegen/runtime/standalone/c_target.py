@@ -21,6 +21,7 @@ from .errors import (
     SingularForceError,
     SingularJointError,
     SingularLoopError,
+    SingularOutputError,
     singular_forces,
 )
 from .functions import ARGUMENTS, SEEDS, Function, split
@@ -57,6 +58,7 @@ class CTarget:
         self.links: list[str] = manifest["links"]
         self.loops: list[str] = manifest.get("loops", [])
         self.singular_forces = singular_forces(manifest)
+        self.outputs: list[str] = manifest["output_names"]
         self.workspace: int = manifest["workspace"]
         self.functions = functions
         self.shapes = shapes
@@ -183,7 +185,9 @@ class CTarget:
 
     def singular(self, status: int, where: str = "") -> SingularJointError:
         """The error for what a compiled function has returned."""
-        links, loops = len(self.links), len(self.loops)
+        links, loops, forces = len(self.links), len(self.loops), len(self.singular_forces)
+        if status > links + loops + forces:
+            return SingularOutputError(self.outputs[status - 1 - links - loops - forces], where)
         if status > links + loops:
             return SingularForceError(*self.singular_forces[status - 1 - links - loops], where)
         if status > links:

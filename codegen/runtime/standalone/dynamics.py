@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 
 import numpy as np
 
@@ -71,7 +72,7 @@ class Dynamics(Package):
         else:
             opened.target.values(f, arrays, batch, wanted)
         if not all(map(all_finite, wanted)):
-            sizes = opened.functions["sensitivities"].seeds
+            sizes = {f"d{n}": math.prod(self._shapes[n]) for n in f.arguments}
             every, ends = np.eye(sum(sizes.values())), itertools.accumulate(sizes.values())
             units = {s: every[:, end - n : end] for (s, n), end in zip(sizes.items(), ends, strict=True)}
             tell_infinite(opened, f, wanted, arrays, batch, units, len(every))

@@ -80,6 +80,24 @@ def singular_forces(manifest: Mapping[str, Any]) -> list[tuple[str, str]]:
     return [(name, f"{type_} {name}: {said.get(type_, 'it has no direction')}") for name, type_ in named]
 
 
+class SingularOutputError(SingularJointError):
+    """An output, such as a distance, has a value but no derivative.
+
+    Attributes
+    ----------
+    link : str
+        The output.
+    """
+
+    def __init__(self, output: str, where: str = "") -> None:
+        np.linalg.LinAlgError.__init__(
+            self,
+            f"the points of output {output} coincide{where}, so it has no derivative there; step off this configuration, or take "
+            f"the relative position of the points",
+        )
+        self.link = output
+
+
 class AssemblyError(ValueError):
     """A loop cannot be closed.
 

@@ -55,6 +55,8 @@ def tell_infinite(
 def _inquire(opened: Opened, name: str, arrays: Mapping[str, Any], seeds: Mapping[str, Array], k: int) -> str:
     """What makes the results of one state infinite: the NumPy module does the forward dynamics again, sweep by sweep."""
     module = NumpyTarget(opened.folder, opened.manifest).module
+    if not {"accelerations", "sensitivities"} <= opened.functions.keys():
+        return ""  # of what is not there nothing can be done again
     given = {n: arrays[n] for n in opened.functions["accelerations"].arguments}
     for s, n in opened.functions["sensitivities"].seeds.items() if seeds else ():
         given[s] = seeds[s] if s in seeds else np.zeros((k, n))
@@ -94,7 +96,7 @@ def _first_infinite(package: Mapping[str, Any], module: Any, a: Any, moved: bool
         for i in bad(getattr(a, array, ())):
             return element(array, i, "the coefficients")
     records = a.records[: len(links)]
-    for i in bad([_sum_of_sizes(x for n, x in r.items() if n.startswith("ext.")) for r in records]):
+    for i in bad([_sum_of_sizes(x for n, x in r.items() if n.startswith("external_")) for r in records]):
         return f": the force of force elements on body {links[i].partition('.')[0]} is too large for floating-point numbers"
     module.kinematics(a)
     for i in bad([_sum_of_sizes(r.values()) for r in records]):

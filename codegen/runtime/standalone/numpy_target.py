@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from .arrays import Array, Shape
-from .errors import SingularForceError, SingularJointError, SingularLoopError, singular_forces
+from .errors import SingularForceError, SingularJointError, SingularLoopError, SingularOutputError, singular_forces
 from .functions import Function
 from .results import put
 from .short_calls import NO_DESK
@@ -56,9 +56,8 @@ class NumpyTarget:
             name = type(error).__name__
             if name == SingularForceError.__name__:
                 raise SingularForceError(error.link, self.singular_forces[error.link]) from None
-            raise (SingularLoopError if name == SingularLoopError.__name__ else SingularJointError)(
-                error.link
-            ) from None
+            kinds = {k.__name__: k for k in (SingularLoopError, SingularOutputError)}
+            raise kinds.get(name, SingularJointError)(error.link) from None
         return put([_full(r, shape) for r, shape in zip(results, shapes, strict=True)], out)
 
 

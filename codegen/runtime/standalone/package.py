@@ -203,9 +203,13 @@ class Package:
         tell_infinite(opened, f, results, arrays, batch, seeds, k)
         return results
 
+    def _has(self, name: str) -> bool:
+        """Whether a solver of the model has a function: it has been generated, or left out, which `_find` tells."""
+        return name in self._functions or MEMBERS.get(name, name) in self._manifest.get("left_out", ())
+
     def _find(self, opened: Opened, name: str) -> Function:
         f = opened.functions.get(name)
-        if f is None and name in WITHOUT_ENTRIES:
+        if f is None and name in WITHOUT_ENTRIES and not self._has(name):
             f = function(name, WITHOUT_ENTRIES[name], self._shapes)
             f = None if f.has_entries() else f
         if f is None:
@@ -216,6 +220,13 @@ class Package:
         """Why there is no function of that name."""
         if name == "reactions":
             return f"{self.name} was generated without reactions: generate it with --reactions"
+        called = MEMBERS.get(name, name)
+        if called in self._manifest.get("left_out", ()):
+            have = [f.get("member", n) for n, f in self._manifest["functions"].items()]
+            return (
+                f"{self.name} was generated without {called}; generate it with "
+                f"--functions {','.join([*have, called])}, or without --functions for all"
+            )
         if self.closure_names:
             return f"{self.name} has closed loops: {name!r} is defined for trees only"
         return f"{self.name} was generated without the function {name!r}; it has {', '.join(self._functions)}"
@@ -228,6 +239,15 @@ class Package:
         self, opened: Opened, f: Function, given: Mapping[str, Any], seeds: Mapping[str, Any]
     ) -> None:
         """Warn of directions that have no derivative; `Redundancy` does, where there may be any."""
+
+
+MEMBERS = {
+    "sensitivities_transposed": "gradients", "output_sensitivities_transposed": "output_gradients",
+    "energy_sensitivities_transposed": "energy_gradients", "completion_sensitivities_transposed": "assemble_gradients",
+    "coordinate_rate_sensitivities_transposed": "coordinate_rate_gradients", "bias_force": "inverse_dynamics",
+    "bias_force_sensitivities": "inverse_dynamics_sensitivities", "completion_sensitivities": "assemble_sensitivities",
+}  # fmt: skip
+"""What generated functions, and members that are made of others, are called where functions are chosen."""
 
 
 class Absent:
@@ -244,7 +264,9 @@ class Absent:
 
 for _name in (
     "energies", "energy_sensitivities", "mass_matrix", "mass_matrix_sensitivities", "solve_mass", "solve_mass_sensitivities",
-    "inverse_dynamics", "inverse_dynamics_sensitivities", "bias_force", "bias_force_sensitivities", "reactions",
+    "inverse_dynamics", "inverse_dynamics_sensitivities", "bias_force", "bias_force_sensitivities", "reactions", "outputs",
+    "output_sensitivities", "gradients", "coordinate_rate_gradients", "energy_gradients", "output_gradients",
+    "assemble_gradients",
 ):  # fmt: skip
     setattr(Package, _name, Absent(_name))  # methods of sections stand before
 

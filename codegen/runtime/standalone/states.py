@@ -33,7 +33,7 @@ class States(Package):
         """
         q, u = self._initial_values(p)
         dq = du = None
-        if "initial_sensitivities" in self._functions:
+        if self._has("initial_sensitivities"):
             _, _, dq, du = self._along("initial_sensitivities", {"p": p}, {"dp": dp})
         return self.assemble_sensitivities(q, u, p, dq=dq, du=du, dp=dp)
 

@@ -91,7 +91,7 @@ class WeightedGradients(States):
         along, k, batch = take_directions(self._arguments, weights, arrays, batch, WEIGHTS)
         before = {i: lengths(arrays["q"][..., i : i + 4]) for i in self._arguments.quaternions}
         q_new: Array = self._assembled(arrays, batch)
-        if "completion_sensitivities_transposed" in self._functions:
+        if self._has("completion_sensitivities_transposed"):
             given = {**arrays, "q": q_new}
             found = self._gradients("completion_sensitivities_transposed", given, along)
         else:

@@ -1,0 +1,108 @@
+"""Back substitution in regions and ears: accelerations of sources, of dependent joints, of links that carry others.
+
+Eqs. 53-56, over directions too.
+"""
+
+from __future__ import annotations
+
+from ...program.block import Scope
+from ...program.scalar import Value, Vector
+from ...program.store import Store
+from .. import fields
+from ..couplings import others, partner_acceleration
+from ..elimination import OF_SOURCES, substitute
+from ..joints import Column
+from ..spatial import add, cross, matvec, rotate, scale, transpose
+from ..stores import BASE, EAR, LBASE, LME, LREGION, ME, REGION, UDOT
+from ..structure.kinds import EarKind, RegionKind
+from .closures import own_sources
+from .geometry import EarGeometry
+from .region_system import place_of_base, places_of_partners, unknowns
+
+
+def base_acceleration(x: Scope, kind: RegionKind, lanes: bool) -> Vector:
+    """The base's acceleration, as far as it is explicit in udot; nothing for the ground."""
+    if not kind.carried:
+        return []
+    return list(x.load(LBASE if lanes else BASE, fields.explicit_acceleration))
+
+
+def outer_accelerations(x: Scope, kind: RegionKind, lanes: bool) -> dict[int, Value]:
+    """What is known of a region's unknowns before its own are: motions of far links, base and partners, by place."""
+    base = base_acceleration(x, kind, lanes)
+    of_partners = [partner_acceleration(x, kind, m, lanes) for m in range(len(kind.partners.links))]
+    found = {place_of_base(kind) + i: value for i, value in enumerate(base)}
+    for m in others(kind):
+        found |= {places_of_partners(kind)[m] + i: value for i, value in enumerate(of_partners[m])}
+    for f, m in enumerate(kind.far):
+        W, o = x.load(REGION, fields.far_attitude(f)), x.load(REGION, fields.far_position(f))
+        angular, linear = [-v for v in base[:3]], [-v for v in add(base[3:], cross(base[:3], o))]
+        if m >= 0:
+            angular = add(rotate(W, of_partners[m][:3]), angular)
+            linear = add(rotate(W, of_partners[m][3:]), linear)
+        for i, value in enumerate((*angular, *linear)):
+            found[kind.sources + 6 * f + i] = x.let("rel", value, "Eq. 54", lanes=lanes)
+    return found
+
+
+def region_back_substitute(x: Scope, kind: RegionKind) -> None:
+    """Outward block of a region: the accelerations of its sources. Eq. 53."""
+    find_sources(x, kind, REGION, False)
+
+
+def find_sources(x: Scope, kind: RegionKind, store: Store, lanes: bool) -> None:
+    """Back substitution among the sources, and the relative accelerations of far links; all are kept."""
+    outer = outer_accelerations(x, kind, lanes)
+    a: Vector = [outer.get(i, 0) for i in range(unknowns(kind))]
+    for j in range(kind.sources):
+        substitute(x, OF_SOURCES, store, j, Column(j), a, "a", lanes)
+    for c in range(kind.total if kind.far else kind.sources):
+        x.store(store, fields.source_acceleration(c), a[c])
+
+
+def source_accelerations(x: Scope, kind: EarKind, lanes: bool) -> Vector:
+    """Accelerations of all sources as an ear sees them."""
+    store, own = LREGION if lanes else REGION, kind.total if kind.rigid else kind.sources
+    found = [x.load(store, fields.source_acceleration(c)) for c in range(own)]
+    if kind.total > len(found):
+        found += x.load(LBASE if lanes else BASE, fields.explicit_acceleration)
+    return found
+
+
+def ear_back_substitute(x: Scope, kind: EarKind) -> None:
+    """Outward block: accelerations of the ear's joints. Eqs. 53, 54."""
+    a = source_accelerations(x, kind, False)
+    own = own_sources(kind)
+    for c, (k, j) in own.items():
+        x.set_entry(UDOT[k], j, a[c])
+    dependents = [(k, j) for k in range(len(kind.links)) for j in kind.dependent[k]]
+    for d, (k, j) in enumerate(dependents):
+        value = x.load(EAR, fields.dependent_remainder(d))
+        for c in range(kind.total):
+            value = value + x.load(EAR, fields.dependent_rate(d, c)) * a[c]
+        x.set_entry(UDOT[k], j, x.let("udot", value, "Eq. 53"))
+    if any(link.carries for link in kind.links):
+        carried_accelerations(x, kind, a, False)
+
+
+def carried_accelerations(x: Scope, kind: EarKind, a: Vector, lanes: bool) -> None:
+    """The explicit part of the accelerations of links that carry others, in their own axes. Eq. 54."""
+    ear = EarGeometry(x, kind)
+    store, base = (LME, LBASE) if lanes else (ME, BASE)
+    rigid = x.load(base, fields.explicit_acceleration) if kind.carried and kind.rigid else None
+    for k, member in enumerate(ear.members):
+        if not kind.links[k].carries:
+            continue
+        angular: Vector = [0, 0, 0]
+        linear: Vector = [0, 0, 0]
+        if rigid is not None:
+            angular, linear = rigid[:3], add(rigid[3:], cross(rigid[:3], ear.position(k)))
+        for c in range(kind.total):
+            angular = add(angular, scale(a[c], x.load(ME[k], fields.per_source(c).angular)))
+            linear = add(linear, scale(a[c], x.load(ME[k], fields.per_source(c).linear)))
+        angular = [x.let("A", e, "Eq. 54", lanes=lanes) for e in angular]
+        linear = [x.let("A", e, "Eq. 54", lanes=lanes) for e in linear]
+        back = transpose(member.W)
+        own = [x.let("bal", e, "Eq. 54", lanes=lanes) for e in matvec(back, angular)]
+        own += [x.let("ba", e, "Eq. 54", lanes=lanes) for e in matvec(back, linear)]
+        x.store(store[k], fields.explicit_acceleration, own)

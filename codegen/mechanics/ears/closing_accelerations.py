@@ -1,0 +1,94 @@
+"""The closure of loops in accelerations: what the conditions see of those of the faces. Eq. 31."""
+
+from __future__ import annotations
+
+from ...program.block import Scope
+from ...program.scalar import Vector
+from ..spatial import ZERO, add, cross, dot, matvec
+from ..tree.kinematics import acceleration_matrix
+from .closures import named_root_velocities
+from .conditions import Condition, seen_by
+from .geometry import EarGeometry
+from .motions import FaceMotion, Twist
+
+
+def closing_accelerations(
+    x: Scope,
+    ear: EarGeometry,
+    rows: list[Condition],
+    face: FaceMotion,
+    name: str,
+    root_speeds: list[Twist] | None = None,
+) -> Vector:
+    """What the conditions see of the faces' accelerations, with what their turning adds. Eq. 31."""
+    at_cuts, relative = cut_accelerations(x, ear, face, root_speeds)
+    result: Vector = []
+    for row, value in zip(rows, seen_by(ear, rows, at_cuts, name, "Eq. 31"), strict=True):
+        w = relative[row.loop]
+        for weight, c, d in row.turning:  # c turns with the end: ((w x c) x d) . w
+            turned = [x.let("nd", v, "Eq. 31") for v in cross([x.let("nc", v, "Eq. 31") for v in cross(w, c)], d)]
+            value = value + weight * x.let("nrate", dot(turned, w), "Eq. 31")
+        result.append(x.let(name, value, "Eq. 31") if row.turning else value)
+    return result
+
+
+def cut_accelerations(
+    x: Scope, ear: EarGeometry, face: FaceMotion, root_speeds: list[Twist] | None = None
+) -> tuple[list[Twist], list[Vector]]:
+    """What the faces' accelerations differ by at every cut, and their angular velocities. Eq. 31.
+
+    The joint's own remainder is taken off, for conditions that turn with the start face.
+    """
+    found = []
+    turning: list[Vector] = []
+    slips = []
+    if ear.slides:
+        slips = slip_velocities(x, ear, root_speeds or named_root_velocities(ear))
+    for c, closure in enumerate(ear.kind.closures):
+        if closure.roots == (-1, -1) and not any(closure.paths):
+            found.append(Twist.zero())
+            turning.append(list(ZERO))
+            continue
+        sides = []
+        for side in (0, 1):
+            w, al, a = face(c, side)
+            slip = ear.slip(c) if side == 0 else None
+            if slip is not None:
+                a = add(a, matvec(acceleration_matrix(x, w, al), slip))
+            sides.append((w, al, a))
+        (w_a, al_a, a_a), (w_b, al_b, a_b) = sides
+        relative = [x.let("wrel", w_b[i] - w_a[i], "Eq. 31") for i in range(3)]
+        angular = [al_b[i] - al_a[i] for i in range(3)]
+        if closure.holds.angular:
+            turn = cross(w_a, relative)
+            angular = [angular[i] - turn[i] for i in range(3)]
+        if closure.holds.angular == 1 and not closure.gaps:
+            angular = universal_bias(x, ear, c, angular, w_a, w_b, relative)
+        linear = [a_b[i] - a_a[i] for i in range(3)]
+        if closure.slides:
+            coriolis = cross(w_a, slips[c].linear)
+            linear = [linear[i] - 2 * coriolis[i] for i in range(3)]
+        found.append(Twist([x.let("ca", e, "Eq. 31") for e in angular], [x.let("cl", e, "Eq. 31") for e in linear]))
+        turning.append(relative)
+    return found, turning
+
+
+def slip_velocities(x: Scope, ear: EarGeometry, roots: list[Twist]) -> list[Twist]:
+    """Relative velocities at the cuts, for joints that slide."""
+    velocities = ear.walk(roots, [m.speeds for m in ear.members], "s", "Eq. 30")
+    return ear.face_difference(velocities, roots)
+
+
+def universal_bias(
+    x: Scope, ear: EarGeometry, c: int, angular: Vector, w_a: Vector, w_b: Vector, relative: Vector
+) -> Vector:
+    """For a universal joint with axes a and b: ``d/dt (n . w_rel)``, n = a x b, as an angular vector along n.
+
+    `angular` comes with ``- w_a x w_rel`` in it, which is right for directions fixed in the start face; n turns with both.
+    """
+    a, b = ear.universal_axes(c)
+    # d n/dt = (w_a x a) x b + a x (w_b x b) = w_a x n + a x (w_rel x b)
+    turning = cross(a, cross(relative, b))
+    rate = x.let("nrate", dot([x.let("nd", e, "Eq. 31") for e in turning], relative), "Eq. 31")
+    n = [x.let("n", e, "Eq. 33") for e in cross(a, b)]
+    return [angular[i] + rate * n[i] for i in range(3)]

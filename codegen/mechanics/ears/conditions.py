@@ -1,0 +1,139 @@
+"""Closing conditions: what the joint of a loop holds together, and what of a motion at the cut each of its conditions sees.
+
+Linear conditions are divided by the characteristic length. Section 4.1 of the theory page.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from ...program.scalar import Value, Vector
+from ..spatial import UNIT, add, cross, scale
+from .geometry import EarGeometry
+from .motions import Twist
+from .orthogonal import product
+
+
+@dataclass(slots=True)
+class Condition:
+    """A condition of a loop.
+
+    Attributes
+    ----------
+    loop : int
+        Among the ear's.
+    angular : bool
+    n : Vector
+        What it sees of a motion at the cut, in region axes: the component along n, scaled.
+    turning : list of (weight, Vector, Vector)
+        Where the loop may be open in others: an angular condition is that a sum of weight c . d is zero, c fixed in the end, d
+        in the start, and n the sum of weight c x d.
+    axis : Vector or None
+        A direction of the start face in the place of n where what is open is told.
+    """
+
+    loop: int
+    angular: bool
+    n: Vector
+    turning: list[tuple[Value, Vector, Vector]] = field(default_factory=list)
+    axis: Vector | None = None
+
+
+def counted_conditions(ear: EarGeometry) -> list[Condition]:
+    """The conditions of all loops that count. Linear ones are divided by the characteristic length."""
+    found: list[Condition] = []
+    for c, closure in enumerate(ear.kind.closures):
+        s = ear.x.number(ear.kind.scale)
+        if closure.gaps:
+            every = open_conditions(ear, c, s)
+            found += [row for i, row in enumerate(every) if i not in closure.dropped]
+            continue
+        holds = closure.holds
+        columns = ear.face_axes(c, 0) if holds.linear < 3 or holds.angular == 2 else []
+        linear, angular = (held(count, closure.axis, columns, [list(e) for e in UNIT]) for count in holds)
+        if holds.angular == 1:
+            angular = [normal(ear, c)]
+        found += [Condition(c, False, n if s == 1 else scale(s, n)) for n in linear]
+        found += [Condition(c, True, n) for n in angular]
+    return found
+
+
+def kept_conditions(ear: EarGeometry) -> list[Condition]:
+    """Those of the conditions that count which can matter, as the block of the closures has found."""
+    kept = ear.kind.form.rows
+    rows = counted_conditions(ear) if kept else []
+    return [rows[i] for i in kept]
+
+
+def joint_conditions(ear: EarGeometry, c: int) -> list[Condition]:
+    """All conditions of a loop joint: linear ones, scaled, then angular ones."""
+    closure = ear.kind.closures[c]
+    share = ear.x.number(ear.kind.per_length)
+    if closure.gaps:
+        return open_conditions(ear, c, share)
+    columns = ear.face_axes(c, 0)
+    linear, angular = (held(count, closure.axis, columns, columns) for count in closure.holds)
+    if closure.holds.angular == 1:
+        angular = [normal(ear, c)]
+    return [Condition(c, False, scale(share, n)) for n in linear] + [Condition(c, True, n) for n in angular]
+
+
+def held(count: int, axis: int, columns: list[Vector], every: list[Vector]) -> list[Vector]:
+    """Directions that a joint holds, by how many: all, those across its axis, the one along it, none."""
+    if count == 3:
+        return every
+    if count == 2:
+        return [columns[(axis + 1) % 3], columns[(axis + 2) % 3]]
+    return [columns[axis]] if count == 1 else []
+
+
+def normal(ear: EarGeometry, c: int) -> Vector:
+    """What a joint holds whose two axes are perpendicular: no turning about their normal."""
+    first, second = ear.universal_axes(c)
+    return ear.x.let_vector("n", cross(first, second), "Eq. 33")
+
+
+def open_conditions(ear: EarGeometry, c: int, share: Value) -> list[Condition]:
+    """All conditions of a loop joint whose faces may be apart: they hold, and so do their rates, where others do not."""
+    closure = ear.kind.closures[c]
+    s = ear.face_axes(c, 0)
+    found = [Condition(c, False, scale(share, n)) for n in held(closure.holds.linear, closure.axis, s, s)]
+    count = closure.holds.angular
+    if not count:
+        return found
+    e = ear.face_axes(c, 1)
+    i, j, k = closure.axis, (closure.axis + 1) % 3, (closure.axis + 2) % 3
+    half = ear.x.half
+    if count == 1:
+        turning: list[tuple[list[tuple[Value, Vector, Vector]], Vector | None]] = [
+            ([(-1, e[closure.end_axis], s[i])], None)
+        ]
+    elif count == 2:
+        turning = [([(-1, e[i], s[k])], s[j]), ([(1, e[i], s[j])], s[k])]
+    else:
+        turning = [([(half, e[n - 2], s[n - 1]), (-half, e[n - 1], s[n - 2])], s[n]) for n in range(3)]
+    for terms, axis in turning:
+        total: Vector = [0, 0, 0]
+        for weight, a, b in terms:
+            total = add(total, scale(weight, cross(a, b)))
+        found.append(Condition(c, True, ear.x.let_vector("n", total, "Eq. 33"), terms, axis))
+    return found
+
+
+def seen_by(
+    ear: EarGeometry, rows: Sequence[Condition], at_cuts: list[Twist], name: str, tag: str, lanes: bool = False
+) -> Vector:
+    """Components of motions at the cuts along the conditions."""
+    result: Vector = []
+    for row in rows:
+        v = at_cuts[row.loop].angular if row.angular else at_cuts[row.loop].linear
+        result.append(ear.x.let(name, _along(row.n, v), tag, lanes=lanes))
+    return result
+
+
+def _along(n: Vector, v: Vector) -> Value:
+    total: Value = 0
+    for a, b in zip(n, v, strict=True):
+        total = total + product(a, b)
+    return total

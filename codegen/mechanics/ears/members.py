@@ -1,0 +1,129 @@
+"""Links of an ear as its blocks see them: what their coordinates give, and how their joints move them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from sympy.core.numbers import Number
+
+from ...program.block import Scope, V, V_co
+from ...program.field import Field, Readable
+from ...program.scalar import Matrix, Value, Vector
+from ...program.store import Store
+from ..joints import LinkJoint
+from ..spatial import add, dot, is_zero, scale
+from ..stores import SPEEDS
+from ..structure.kinds import LinkKind
+
+
+class MemberView(Scope):
+    """The expansion of an ear as one of its links sees it: constants, coordinates and records are the link's own."""
+
+    def __init__(self, x: Scope, place: int):
+        self.x = x
+        self.place = place
+        self.structural = x.structural
+        self.tangents = x.tangents
+        self.units = x.units
+        self.title = x.title
+        self.asked = x.asked
+        self.told = x.told
+
+    def load(self, store: Store, field: Readable[V_co]) -> V_co:
+        return self.x.load(store[self.place], field)
+
+    def component(self, store: Store, name: str) -> Value:
+        return self.x.component(store[self.place], name)
+
+    def set_component(self, store: Store, name: str, value: Value) -> None:
+        self.x.set_component(store[self.place], name, value)
+
+    def recall(self, store: Store, field: Field[V], value: V) -> None:
+        self.x.recall(store[self.place], field, value)
+
+    def let(self, name: str, value: Value, tag: str = "", lanes: bool = False) -> Value:
+        return self.x.let(name, value, tag, lanes=lanes)
+
+    def number(self, value: float | Number) -> Value:
+        return self.x.number(value)
+
+    def sqrt(self, value: Value) -> Value:
+        return self.x.sqrt(value)
+
+    def call(self, function: str, *arguments: Value) -> Value:
+        return self.x.call(function, *arguments)
+
+    def name(self, name: str, value: Value, tag: str = "") -> Value:
+        return self.x.name(name, value, tag)
+
+
+@dataclass(slots=True)
+class Freedom:
+    """How a link moves with one freedom of its joint, in region axes.
+
+    Attributes
+    ----------
+    angular, linear : Vector or None
+        None where it does not turn, or slide.
+    index : int
+        Among the joint's freedoms.
+    """
+
+    angular: Vector | None
+    linear: Vector | None
+    index: int
+
+    def along(self, angular: Vector, linear: Vector) -> Value:
+        """What a moment and a force, or the like, are along it."""
+        total: Value = 0
+        for own, v in ((self.angular, angular), (self.linear, linear)):
+            if own is not None:
+                total = total + dot(own, v)
+        return total
+
+
+def joint_motion(freedoms: Sequence[Freedom], values: Sequence[Value]) -> tuple[Vector | None, Vector | None]:
+    """Angular and linear part of a joint's motion with given rates of its freedoms; None where there is none."""
+    angular: Vector | None = None
+    linear: Vector | None = None
+    for f, value in zip(freedoms, values, strict=True):
+        if is_zero(value):
+            continue
+        if f.angular is not None:
+            part = scale(value, f.angular)
+            angular = part if angular is None else add(angular, part)
+        if f.linear is not None:
+            part = scale(value, f.linear)
+            linear = part if linear is None else add(linear, part)
+    return angular, linear
+
+
+@dataclass(slots=True)
+class Member:
+    """A link of an ear: what its coordinates give.
+
+    Attributes
+    ----------
+    W : Matrix
+        Region components from link components.
+    rho : Vector
+        From the parent's origin to the link's.
+    r : Vector
+        The same in the parent link's components.
+    freedoms : list of Freedom
+    """
+
+    view: MemberView
+    kind: LinkKind
+    joint: LinkJoint
+    W: Matrix
+    rho: Vector
+    r: Vector
+    freedoms: list[Freedom]
+    parent: int
+
+    @property
+    def speeds(self) -> Vector:
+        """Of the joint's freedoms."""
+        return [self.view.entry(SPEEDS, f.index) for f in self.freedoms]

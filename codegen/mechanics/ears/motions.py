@@ -1,0 +1,91 @@
+"""How a link moves: its twist, and its accelerations.
+
+Angular parts come first; linear ones are those of the link's origin. Whose axes they are in is said where they are used.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from ...program.block import Scope
+from ...program.field import SixField
+from ...program.scalar import Matrix, Value, Vector
+from ...program.store import Store
+from ..fields import MotionFields
+from ..spatial import ZERO, add, cross, is_zero, matvec, scale
+
+
+@dataclass(slots=True)
+class Twist:
+    """Angular and linear part of a velocity, of a displacement, or of an acceleration that is linear in something."""
+
+    angular: Vector
+    linear: Vector
+
+    @staticmethod
+    def load(x: Scope, store: Store, field: SixField) -> Twist:
+        """From a field of six components."""
+        return Twist.of(x.load(store, field))
+
+    @staticmethod
+    def of(six: Sequence[Value]) -> Twist:
+        """From six components."""
+        return Twist(list(six[:3]), list(six[3:]))
+
+    @staticmethod
+    def zero() -> Twist:
+        """Of what does not move."""
+        return Twist(list(ZERO), list(ZERO))
+
+    @property
+    def six(self) -> Vector:
+        """All components."""
+        return [*self.angular, *self.linear]
+
+    @property
+    def vanishes(self) -> bool:
+        """It is zero in every state."""
+        return all(is_zero(v) for v in self.six)
+
+    def at(self, lever: Vector) -> Vector:
+        """Linear part at a point of the link."""
+        return add(self.linear, cross(self.angular, lever))
+
+    def plus(self, other: Twist) -> Twist:
+        """The sum."""
+        return Twist(add(self.angular, other.angular), add(self.linear, other.linear))
+
+    def times(self, s: Value) -> Twist:
+        """A multiple."""
+        return Twist(scale(s, self.angular), scale(s, self.linear))
+
+
+@dataclass(slots=True)
+class Motion:
+    """Angular velocity, angular acceleration, acceleration of the origin, and ``B = alpha x + omega x omega x``. Eqs. 18-21."""
+
+    w: Vector
+    al: Vector
+    a: Vector
+    B: Matrix
+
+    @staticmethod
+    def load(x: Scope, store: Store, fields: MotionFields) -> Motion:
+        """From its four fields."""
+        w, al, a = (x.load(store, field) for field in (fields.w, fields.al, fields.a))
+        return Motion(w, al, a, x.load(store, fields.B))
+
+    def store(self, x: Scope, store: Store, fields: MotionFields) -> None:
+        """In its four fields."""
+        for field, v in ((fields.w, self.w), (fields.al, self.al), (fields.a, self.a)):
+            x.store(store, field, v)
+        x.store(store, fields.B, self.B)
+
+    def at(self, lever: Vector) -> Vector:
+        """Acceleration of a point of the link."""
+        return add(self.a, matvec(self.B, lever))
+
+
+FaceMotion = Callable[[int, int], tuple[Vector, Vector, Vector]]
+"""Angular velocity, angular and linear acceleration of a face by loop and side, in region axes."""

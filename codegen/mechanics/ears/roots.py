@@ -1,0 +1,355 @@
+"""Roots of an ear: what its links and faces hang on, and how each sort of it stands, moves and takes forces.
+
+A root is the *frame* of the region, its base, in whose axes everything is given; the *ground*, where the base is a link; a *link
+of the region*, which an earlier ear has resolved; or a *far link* (see `far_links`). What an ear asks of them is the same
+of all: attitude, position, how they move with the sources, velocity, accelerations, displacements, Newton's step, and that they
+take forces. Vectors are in the region's axes, against its base, unless a method says otherwise.
+
+Displacements along directions are handed on in slots while seeds are completed; `kept` are those that stay, in lanes.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+from ...program.block import Scope
+from ...program.field import VectorField
+from ...program.scalar import Matrix, Vector
+from ...program.store import Store
+from .. import fields
+from ..handing_on import accumulate, add_to_sum
+from ..spatial import SIX, UNIT, ZERO, add, cross, is_zero, minus, rotate, transpose
+from ..stores import BASE, GROUND, LANE_BASE, LANE_ROOTS, LBASE, LGROUND, LREGION, LROOTS, REGION, ROOTS
+from ..structure.kinds import EarKind
+from .motions import Motion, Twist
+
+
+@dataclass(frozen=True, slots=True)
+class Root(ABC):
+    """A root of an ear.
+
+    Attributes
+    ----------
+    x : Scope
+        The block that asks.
+    kind : EarKind
+    place : int
+        Among the ear's roots.
+    positions : VectorField
+        Where positions of links of the region are.
+    """
+
+    x: Scope
+    kind: EarKind
+    place: int
+    positions: VectorField
+
+    @property
+    @abstractmethod
+    def record(self) -> Store:
+        """The record of the link."""
+
+    @property
+    @abstractmethod
+    def feels(self) -> bool:
+        """Forces on it matter: to the ground they do not."""
+
+    @abstractmethod
+    def attitude(self) -> Matrix:
+        """Region components from its own."""
+
+    @abstractmethod
+    def position(self) -> Vector:
+        """Of its origin."""
+
+    @abstractmethod
+    def twist(self, source: int) -> Twist:
+        """How it moves with a source."""
+
+    @abstractmethod
+    def measured_velocity(self) -> Twist:
+        """Velocity where what is open is measured, at the given speeds."""
+
+    @abstractmethod
+    def velocity_tangent(self, kept: bool) -> Vector:
+        """Tangent of the velocity that the sources give it, six components."""
+
+    @abstractmethod
+    def rotation(self, kept: bool) -> Vector:
+        """Rotation vector of a direction."""
+
+    @abstractmethod
+    def displacement(self, kept: bool) -> Vector:
+        """Displacement of a direction."""
+
+    @abstractmethod
+    def step(self) -> Twist:
+        """Rotation vector and displacement of Newton's step."""
+
+    @abstractmethod
+    def motion(self, total: bool) -> Motion:
+        """Motion against the ground: as far as it does not depend on udot, or (`total`) all of it."""
+
+    @abstractmethod
+    def own_motion(self) -> tuple[Motion, Motion]:
+        """All of the motion against the ground, and its tangent, in its own axes."""
+
+    @abstractmethod
+    def receive(self, force: Vector) -> None:
+        """Take a moment and a force, about its origin."""
+
+    @abstractmethod
+    def receive_own(self, force: Vector, tangent: Vector) -> None:
+        """Take a moment and a force, about its origin and in its own axes, and its tangent."""
+
+
+class Frame(Root):
+    """The region's base. Where it does not carry the region rigidly, the six components of its motion are sources."""
+
+    @property
+    def record(self) -> Store:
+        return BASE
+
+    @property
+    def feels(self) -> bool:
+        return self.kind.carried
+
+    @property
+    def moves(self) -> bool:
+        """Its motion is among the sources: the region moves against it."""
+        return not self.kind.rigid
+
+    def attitude(self) -> Matrix:
+        return UNIT
+
+    def position(self) -> Vector:
+        return ZERO
+
+    def twist(self, source: int) -> Twist:
+        return _unit(source - self.kind.sources) if self.moves else Twist.zero()
+
+    def measured_velocity(self) -> Twist:
+        return Twist.load(self.x, BASE, fields.closing_twist) if self.moves else Twist.zero()
+
+    def velocity_tangent(self, kept: bool) -> Vector:
+        if not self.moves:
+            return Twist.zero().six
+        return self.x.load(LANE_BASE if kept else LBASE, fields.closing_twist)
+
+    def rotation(self, kept: bool) -> Vector:
+        return list(ZERO)
+
+    def displacement(self, kept: bool) -> Vector:
+        return list(ZERO)
+
+    def step(self) -> Twist:
+        return Twist.zero()
+
+    def motion(self, total: bool) -> Motion:
+        return Motion.load(self.x, BASE, fields.total if total else fields.remainder)
+
+    def own_motion(self) -> tuple[Motion, Motion]:
+        return Motion.load(self.x, BASE, fields.total), Motion.load(self.x, LBASE, fields.remainder)
+
+    def receive(self, force: Vector) -> None:
+        add_to_sum(self.x, REGION, fields.region_transmitted, force, "to_root", "Eq. 45")
+
+    def receive_own(self, force: Vector, tangent: Vector) -> None:
+        for i in SIX:
+            self.x.store(REGION.sum, fields.region_transmitted.scalars()[i], force[i])
+            self.x.store(LREGION.sum, fields.region_balance.scalars()[i], tangent[i])
+
+
+class Ground(Root):
+    """The ground, seen from a base that moves: it is the ground that turns."""
+
+    @property
+    def record(self) -> Store:
+        return GROUND
+
+    @property
+    def feels(self) -> bool:
+        return False
+
+    def attitude(self) -> Matrix:
+        return transpose(self.x.load(BASE, fields.closing_attitude))
+
+    def position(self) -> Vector:
+        o = self.x.load(BASE, fields.closing_position)
+        return self.x.let_vector("o", [-e for e in rotate(self.attitude(), o)], "Eq. 22")
+
+    def twist(self, source: int) -> Twist:
+        return Twist.zero()
+
+    def measured_velocity(self) -> Twist:
+        return Twist.zero()
+
+    def velocity_tangent(self, kept: bool) -> Vector:
+        return Twist.zero().six
+
+    def rotation(self, kept: bool) -> Vector:
+        # while seeds are completed the displacement is asked for as well
+        load = self.x.load
+        theta = load(LANE_BASE, fields.closing_shift.angular) if kept else load(LBASE, fields.closing_shift)[:3]
+        return [-v for v in theta]
+
+    def displacement(self, kept: bool) -> Vector:
+        turned = cross(self.rotation(kept), self.position())
+        moved = minus(turned, self.x.load(LANE_BASE if kept else LBASE, fields.closing_shift.linear))
+        return self.x.let_vector("d", moved, "d Eq. 22", lanes=True)
+
+    def step(self) -> Twist:
+        theta, d = ([-e for e in self.x.load(BASE, f)] for f in (fields.step.angular, fields.step.linear))
+        return Twist(theta, self.x.let_vector("s", add(d, cross(theta, self.position())), "Eq. 35"))
+
+    def motion(self, total: bool) -> Motion:
+        acceleration = (fields.total if total else fields.remainder).a
+        moved = rotate(self.attitude(), self.x.load(GROUND, acceleration))
+        a = [0 if is_zero(e) else self.x.name("ga", e, "Eq. 22") for e in moved]
+        return Motion(list(ZERO), list(ZERO), a, _no_matrix())
+
+    def own_motion(self) -> tuple[Motion, Motion]:
+        found = []
+        for store, field in ((GROUND, fields.total.a), (LGROUND, fields.remainder.a)):
+            found.append(Motion(list(ZERO), list(ZERO), self.x.load(store, field), _no_matrix()))
+        return found[0], found[1]
+
+    def receive(self, force: Vector) -> None:
+        pass
+
+    def receive_own(self, force: Vector, tangent: Vector) -> None:
+        pass
+
+
+class EarLink(Root):
+    """A link of the region, which an earlier ear has resolved."""
+
+    @property
+    def record(self) -> Store:
+        return ROOTS[self.place]
+
+    @property
+    def feels(self) -> bool:
+        return True
+
+    def _along(self, kept: bool) -> Store:
+        return (LANE_ROOTS if kept else LROOTS)[self.place]
+
+    def attitude(self) -> Matrix:
+        return self.x.load(self.record, fields.ear_attitude)
+
+    def position(self) -> Vector:
+        return self.x.load(self.record, self.positions)
+
+    def twist(self, source: int) -> Twist:
+        moved = fields.per_source(source)
+        return Twist(self.x.load(self.record, moved.angular), self.x.load(self.record, moved.linear))
+
+    def measured_velocity(self) -> Twist:
+        return Twist.load(self.x, self.record, fields.measured_velocity)
+
+    def velocity_tangent(self, kept: bool) -> Vector:
+        return self.x.load(self._along(kept), fields.measured_velocity)
+
+    def rotation(self, kept: bool) -> Vector:
+        return self.x.load(self._along(kept), fields.shift.angular)
+
+    def displacement(self, kept: bool) -> Vector:
+        return self.x.load(self._along(kept), fields.shift.linear)
+
+    def step(self) -> Twist:
+        return Twist.load(self.x, self.record, fields.ear_step)
+
+    def motion(self, total: bool) -> Motion:
+        return Motion.load(self.x, self.record, fields.ear_total if total else fields.ear_remainder)
+
+    def own_motion(self) -> tuple[Motion, Motion]:
+        own = Motion.load(self.x, self.record, fields.ear_own)
+        return own, Motion.load(self.x, LROOTS[self.place], fields.remainder)
+
+    def receive(self, force: Vector) -> None:
+        force = [self.x.let("to_root", value, "Eq. 45") for value in force]
+        accumulate(self.x, self.record, fields.ear_transmitted, force, self.kind.first_at[self.place], "Eq. 45")
+
+    def receive_own(self, force: Vector, tangent: Vector) -> None:
+        first = self.kind.first_at[self.place]
+        for i, part in enumerate(fields.root_transmitted.scalars()):
+            accumulate(self.x, self.record, part, force[i], first, "Eq. 45")
+            accumulate(self.x, LROOTS[self.place], part, tangent[i], first, "Eq. 45", lanes=True)
+
+
+class FarLink(Root):
+    """A link, or the ground, that is resolved elsewhere: the six components of its motion against the base are sources."""
+
+    @property
+    def number(self) -> int:
+        """Among the far links of the region."""
+        return self.kind.far[self.place]
+
+    @property
+    def record(self) -> Store:
+        return ROOTS[self.place]
+
+    @property
+    def feels(self) -> bool:
+        return True
+
+    def attitude(self) -> Matrix:
+        return self.x.load(REGION, fields.far_attitude(self.number))
+
+    def position(self) -> Vector:
+        return self.x.load(REGION, fields.far_position(self.number))
+
+    def twist(self, source: int) -> Twist:
+        return _unit(source - self.kind.sources - 6 * self.number)
+
+    def measured_velocity(self) -> Twist:
+        return Twist.load(self.x, REGION, fields.far_velocity(self.number))
+
+    def velocity_tangent(self, kept: bool) -> Vector:
+        return self.x.load(LREGION, fields.far_velocity(self.number))
+
+    def rotation(self, kept: bool) -> Vector:
+        return self.x.load(LREGION, fields.far_shift(self.number).angular)
+
+    def displacement(self, kept: bool) -> Vector:
+        return self.x.load(LREGION, fields.far_shift(self.number).linear)
+
+    def step(self) -> Twist:
+        return Twist.load(self.x, REGION, fields.far_step(self.number))
+
+    def motion(self, total: bool) -> Motion:
+        motion = fields.far_total if total else fields.far_remainder
+        return Motion.load(self.x, REGION, motion(self.number))
+
+    def own_motion(self) -> tuple[Motion, Motion]:
+        own = fields.far_own(self.number)
+        return Motion.load(self.x, REGION, own), Motion.load(self.x, LREGION, own)
+
+    def receive(self, force: Vector) -> None:
+        add_to_sum(self.x, REGION, fields.far_transmitted(self.number), force, "to_root", "Eq. 45")
+
+    def receive_own(self, force: Vector, tangent: Vector) -> None:
+        whole, balance = fields.far_transmitted(self.number), fields.far_balance(self.number)
+        for i in SIX:
+            self.x.store(REGION.sum, whole.scalars()[i], force[i])
+            self.x.store(LREGION.sum, balance.scalars()[i], tangent[i])
+
+
+BY_ROLE: dict[str, type[Root]] = {"frame": Frame, "ground": Ground, "link": EarLink, "far": FarLink}
+"""See `structure.kinds.EarKind.roots`."""
+
+
+def roots_of(x: Scope, kind: EarKind, positions: VectorField = fields.ear_position) -> list[Root]:
+    """The roots of an ear, in their order."""
+    return [BY_ROLE[role](x, kind, t, positions) for t, role in enumerate(kind.roots)]
+
+
+def _unit(component: int) -> Twist:
+    """A unit of one of the six components of a motion; nothing where there is no such component."""
+    return Twist.of([int(i == component) for i in SIX])
+
+
+def _no_matrix() -> Matrix:
+    return [list(ZERO) for _ in range(3)]

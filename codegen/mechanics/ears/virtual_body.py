@@ -1,0 +1,162 @@
+"""The inertia and force of an ear's links along the sources of their region: the virtual body of Eqs. 39-41.
+
+With ``A_k = Z_k w + A_t,k`` for all links of a region, its equations of motion are ``Q w = -g`` with ``Q = sum Z_k^T I_k
+Z_k`` and ``g = sum Z_k^T (I_k A_t,k + bias) - joint forces``. A base that is a link carries the region like one joint of as many
+freedoms.
+"""
+
+from __future__ import annotations
+
+from ...program.block import Scope
+from ...program.scalar import Matrix, Value, Vector
+from .. import fields
+from ..couplings import to_base
+from ..handing_on import add_to_sum
+from ..joints.inertia import shift_inertia
+from ..spatial import SIX, ZERO, add, cross, dot, is_zero, matmul, matvec, rotate, six, skew, symmetric, transpose
+from ..stores import CONSTANTS, EAR, ME, OWN, REGION, TAU
+from ..structure.kinds import EarKind
+from ..tree.triangularization import articulated_parts
+from .closures import own_sources
+from .geometry import EarGeometry
+from .kinematics import rotated_inertia
+
+
+def ear_triangularize(x: Scope, kind: EarKind) -> None:
+    """Inward block: what the ear's links add to the inertia and force of their region. Eqs. 39-41."""
+    ear = EarGeometry(x, kind)
+    tag = "Eq. 40"
+    own = own_sources(kind)
+    Q: dict[tuple[int, int], Value] = {}
+    g: dict[int, Value] = {}
+    K: dict[int, tuple[Vector, Vector]] = {}
+    for k in range(len(ear.members)):
+        J, H, M, n, f = member_inertia(x, ear, k)
+        Z = {c: (z[:3], z[3:]) for c, z in motions_with_sources(x, kind, k).items()}
+        for c, (zw, zv) in Z.items():
+            N = apply_inertia(x, J, H, M, zw, zv, "N", tag)
+            for d, (yw, yv) in Z.items():
+                if d <= c:
+                    Q[d, c] = Q.get((d, c), 0) + dot(yw, N[0]) + dot(yv, N[1])
+            g[c] = g.get(c, 0) + dot(zw, n) + dot(zv, f)
+            if kind.carried and kind.rigid:
+                o = ear.position(k)
+                shifted = add(N[0], cross(o, N[1])), N[1]
+                K[c] = (add(K[c][0], shifted[0]), add(K[c][1], shifted[1])) if c in K else shifted
+        if kind.carried and kind.rigid:
+            _to_base(x, ear.position(k), J, H, M, n, f)
+    couplings_of_ear(x, ear, Q, K)
+    for d, (k, freedom) in enumerate(ear.dependents()):
+        if kind.links[k].forced[freedom.index]:
+            tau = x.entry(TAU[k], freedom.index)
+            for c in range(kind.total):
+                g[c] = g.get(c, 0) - x.load(EAR, fields.dependent_rate(d, c)) * tau
+    for c, (k, j) in own.items():
+        if kind.links[k].forced[j]:
+            g[c] = g.get(c, 0) - x.entry(TAU[k], j)
+    for (d, c), value in Q.items():
+        x.store(REGION.sum, fields.source_inertia(d, c), x.let("Q", value, tag))
+    for c, value in g.items():
+        x.store(REGION.sum, fields.source_force(c), x.let("g", value, "Eq. 41"))
+    for c, (n, f) in K.items():
+        add_to_sum(x, REGION, fields.source_to_base(c), [*n, *f], "K", "Eq. 39")
+
+
+def member_inertia(x: Scope, ear: EarGeometry, k: int) -> tuple[Matrix, Matrix, Matrix, Vector, Vector]:
+    """Inertia of a link with all that it carries, and the force that its motion needs, in region axes about its origin."""
+    member = ear.members[k]
+    m, J = member.view.load(CONSTANTS, fields.mass), x.load(ME[k], fields.ear_inertia)
+    H = skew(x.load(ME[k], fields.ear_first_moment))
+    M: Matrix = [[m if i == j else 0 for j in range(3)] for i in range(3)]
+    n, f = x.load(ME[k], fields.ear_needed.angular), x.load(ME[k], fields.ear_needed.linear)
+    if ear.kind.links[k].carries:
+        J_c, H_c, M_c, n_c, f_c = articulated_parts(member.view)
+        W = member.W
+        half = [[x.let("WH", e, "Eq. 44") for e in row] for row in matmul(W, H_c)]
+        H = [[x.let("H", H[i][j] + dot(half[i], W[j]), "Eq. 44") for j in range(3)] for i in range(3)]
+        J_c, M_c = rotated_inertia(x, W, J_c, "Eq. 44"), rotated_inertia(x, W, M_c, "Eq. 44")
+        J = symmetric([x.let("J", a + b, "Eq. 44") for a, b in zip(six(J), six(J_c), strict=True)])
+        M = symmetric([x.let("M", a + b, "Eq. 44") for a, b in zip(six(M), six(M_c), strict=True)])
+        n = [x.let("n", a + b, "Eq. 45") for a, b in zip(n, rotate(W, n_c), strict=True)]
+        f = [x.let("f", a + b, "Eq. 45") for a, b in zip(f, rotate(W, f_c), strict=True)]
+    return J, H, M, n, f
+
+
+def apply_inertia(
+    x: Scope, J: Matrix, H: Matrix, M: Matrix, angular: Vector, linear: Vector, name: str, tag: str
+) -> tuple[Vector, Vector]:
+    """Moment and force of a generalised inertia at an acceleration."""
+    n = add(matvec(J, angular), matvec(H, linear))
+    f = add(matvec(transpose(H), angular), matvec(M, linear))
+    return [x.let(f"{name}n", e, tag) for e in n], [x.let(f"{name}f", e, tag) for e in f]
+
+
+def motions_with_sources(x: Scope, kind: EarKind, k: int) -> dict[int, Vector]:
+    """How a link of an ear moves with each source, those that do not move it left out."""
+    found = {
+        c: x.load(ME[k], fields.per_source(c).angular) + x.load(ME[k], fields.per_source(c).linear)
+        for c in range(kind.total)
+    }
+    return {c: z for c, z in found.items() if any(not is_zero(v) for v in z)}
+
+
+def couplings_of_ear(
+    x: Scope, ear: EarGeometry, Q: dict[tuple[int, int], Value], K: dict[int, tuple[Vector, Vector]]
+) -> None:
+    """What the couplings of an ear's links are in the sources of its region: inertia, or couplings of the region. Eq. 40."""
+    kind, tag = ear.kind, "Eq. 40"
+    found: dict[tuple[int, int, int], Value] = {}
+    for n, (j, other) in enumerate(kind.partners.between):
+        C: Matrix = [[0] * 6 for _ in SIX]
+        for k, column in enumerate(zip(*x.load(OWN[n], fields.coupling), strict=True)):
+            turned = [e for part in (column[:3], column[3:]) for e in rotate(ear.members[j].W, list(part))]
+            for i in SIX:
+                C[i][k] = x.let("C", turned[i], tag)
+        Z = motions_with_sources(x, kind, j)
+        if other < 0:
+            m = -1 - other
+            for c, z in Z.items():
+                for k in SIX:
+                    found[m, c, k] = found.get((m, c, k), 0) + sum(z[i] * C[i][k] for i in SIX)
+            if kind.carried and kind.rigid:
+                for k, column in enumerate(zip(*C, strict=True)):
+                    for i, value in enumerate(to_base(x, ear.position(j), list(column), tag)):
+                        found[m, kind.total + i, k] = found.get((m, kind.total + i, k), 0) + value
+            continue
+        for row in C:
+            row[:] = [x.let("C", e, tag) for part in (row[:3], row[3:]) for e in rotate(ear.members[other].W, part)]
+        Z_other = motions_with_sources(x, kind, other)
+        for one, Z_one, Z_two, block in ((j, Z, Z_other, C), (other, Z_other, Z, transpose(C))):
+            for c, z in Z_two.items():
+                N = [x.let("N", sum(block[i][k] * z[k] for k in SIX), tag) for i in SIX]
+                for d, y in Z_one.items():
+                    if d <= c:
+                        Q[d, c] = Q.get((d, c), 0) + sum(y[i] * N[i] for i in SIX)
+                if kind.carried and kind.rigid:
+                    moved = to_base(x, ear.position(one), N, tag)
+                    before = K.get(c, (list(ZERO), list(ZERO)))
+                    K[c] = add(before[0], moved[:3]), add(before[1], moved[3:])
+        if kind.carried and kind.rigid:
+            _coupling_to_base(x, ear.position(j), ear.position(other), C)
+    for (m, c, k), value in found.items():
+        x.store(REGION.sum, fields.source_to_partner(m, c, k), x.let("P", value, tag))
+
+
+def _coupling_to_base(x: Scope, o: Vector, o_other: Vector, C: Matrix) -> None:
+    """Add a coupling of two links that the base carries to what it carries."""
+    half = transpose([to_base(x, o, list(column), "Eq. 39") for column in zip(*C, strict=True)])
+    whole = [to_base(x, o_other, row, "Eq. 39") for row in half]
+    carried = fields.region_inertia
+    for field, a, b in ((carried.J, 0, 0), (carried.M, 3, 3), (carried.H, 0, 3)):
+        both = [[whole[a + i][b + k] + whole[b + k][a + i] for k in range(3)] for i in range(3)]
+        add_to_sum(x, REGION, field, both, "I", "Eq. 39")
+
+
+def _to_base(x: Scope, o: Vector, J: Matrix, H: Matrix, M: Matrix, n: Vector, f: Vector) -> None:
+    """Add a link's inertia and force, about the base's origin, to what the base carries."""
+    J, H, M = shift_inertia(x, o, J, H, M, "Eq. 39")
+    n = add(n, cross(o, f))
+    carried = fields.region_inertia
+    for field, block in ((carried.J, J), (carried.M, M), (carried.H, H)):
+        add_to_sum(x, REGION, field, block, "I", "Eq. 39")
+    add_to_sum(x, REGION, fields.region_force, [*n, *f], "p", "Eq. 41")

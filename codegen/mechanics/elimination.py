@@ -1,0 +1,191 @@
+"""Elimination from symmetric systems and back substitution: one algorithm for trees and loops. Eqs. 44-47, 53.
+
+Accelerations a of several unknowns need the force ``Q a + p``. A freedom moves them by its acceleration times a column s, and the
+force along s is given: ``s . (Q (a + s udot) + p) = tau``. With ``U = Q s`` and ``D = s . U`` that is
+
+    udot = r / D - G . a,    G = U / D,    r = tau - s . p,
+
+and what is left for the others is ``Q - G U^T`` and ``p + G r``: no inertia along s, and the force tau.
+
+The unknowns of a link are the six components of its acceleration, and those of its partners; the columns are its joint's. The
+unknowns of a region are its sources, a base that carries it, and partners; a source moves nothing but itself, so that its
+unknown is zero until it is found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ..program.block import ANY, Scope
+from ..program.field import ScalarField
+from ..program.scalar import Matrix, Value, Vector
+from ..program.store import Store
+from . import fields
+from .joints import Column
+from .spatial import SIX, is_zero
+from .stores import ME, PIVOT, REGION
+from .structure.kinds import LinkKind, RegionKind
+
+SMALL = 2e-15
+"""A pivot below this fraction of the inertia along the column: nothing outboard has inertia about the joint."""
+
+
+class ZeroPivotError(ValueError):
+    """Nothing outboard of a joint can have inertia about it."""
+
+    def __init__(self, kind: LinkKind | RegionKind):
+        super().__init__("nothing outboard of the joint has inertia about it")
+        self.kind = kind
+
+
+@dataclass(frozen=True)
+class PivotFields:
+    """Where is kept what eliminations leave for back substitution, and for right sides that come later.
+
+    Attributes
+    ----------
+    store : Store
+    inverse, right_side : ScalarField
+        ``1 / D`` and ``r / D``, by freedom.
+    gain : ScalarField
+        ``G``, by freedom and unknown.
+    entry, force, moving : str
+        What entries of Q, of p, and of p along directions are called in generated code.
+    """
+
+    store: Store
+    inverse: ScalarField
+    right_side: ScalarField
+    gain: ScalarField
+    entry: str
+    force: str
+    moving: str
+
+
+OF_FREEDOMS = PivotFields(ME, fields.inverse_pivot, fields.right_side, fields.gain, "A", "p", "P")
+OF_SOURCES = PivotFields(
+    REGION, fields.source_inverse_pivot, fields.source_right_side, fields.source_gain, "Q", "g", "g"
+)
+
+
+@dataclass(slots=True)
+class SymmetricSystem:
+    """Forces ``Q a + p`` of unknown accelerations a.
+
+    Attributes
+    ----------
+    x : Scope
+    kind : LinkKind or RegionKind
+        Whose freedoms are eliminated.
+    Q : Matrix
+        Symmetric. Entries are named already.
+    p : Vector
+    kept : PivotFields
+    labels : sequence of str
+        Of the unknowns, for names in generated code.
+    """
+
+    x: Scope
+    kind: LinkKind | RegionKind
+    Q: Matrix
+    p: Vector
+    kept: PivotFields
+    labels: Sequence[str]
+
+    def eliminate(self, j: int, s: Column, tau: Value, whole: Value, left: range | None = None) -> None:
+        """Eliminate a freedom; its pivot, right side and gains are kept.
+
+        Parameters
+        ----------
+        j : int
+            Number of the freedom, for what is kept.
+        s : Column
+            How it moves the unknowns.
+        tau : value
+            The force along it.
+        whole : value
+            Inertia along it that the pivot is measured against.
+        left : range, optional
+            Unknowns that still matter; all if left out.
+
+        Raises
+        ------
+        ZeroPivotError
+            The pivot is zero in every state.
+        """
+        let, Q, p, kept = self.x.let, self.Q, self.p, self.kept
+        unknowns = range(len(p))
+        left = unknowns if left is None else left
+        U = [let("U", s.along(row), "Eq. 46") for row in Q]
+        D = self._pivot(let("D", s.along(U), "Eq. 46"))
+        inverse = let("Dinv", 1 / D, "Eq. 47")
+        r = let("r", tau - s.along(p), "Eq. 53")
+        self.x.set_entry(PIVOT, j, let("margin", D - self.x.number(SMALL) * whole, "zero pivot"))
+        self.x.store(kept.store, kept.inverse(j), inverse)
+        self.x.store(kept.store, kept.right_side(j), let("rD", r * inverse, "Eq. 53"))
+        G = [0 if i == s.lead else let(f"G{self.labels[i]}", U[i] * inverse, "Eq. 46") for i in unknowns]
+        for i in unknowns:
+            self.x.store(kept.store, kept.gain(j, i), G[i])
+        others = [i for i in left if i != s.lead]
+        for n, i in enumerate(others):
+            for k in others[n:]:
+                name = f"{kept.entry}{self.labels[i]}{self.labels[k]}"
+                Q[i][k] = Q[k][i] = let(name, Q[i][k] - G[i] * U[k], "Eq. 44")
+        for i in others:
+            p[i] = let(f"{kept.force}{self.labels[i]}", p[i] + G[i] * r, "Eq. 45")
+        if s.lead in left:
+            # no force is left along s: the leading row follows from the others, and is zero if s has no others
+            for k in (*others, s.lead):
+                name = f"{kept.entry}{self.labels[s.lead]}{self.labels[k]}"
+                Q[s.lead][k] = Q[k][s.lead] = let(name, s.completed(Q[k]), "Eq. 44")
+            p[s.lead] = let(f"{kept.force}{self.labels[s.lead]}", s.completed(p, tau), "Eq. 45")
+
+    def _pivot(self, D: Value) -> Value:
+        if not is_zero(D):
+            return D
+        if not self.x.structural:
+            raise ZeroPivotError(self.kind)
+        return ANY  # the children's patterns are not known yet
+
+    def block(self, row: int, column: int) -> Matrix:
+        """Six rows and columns, from the given ones on."""
+        return [self.Q[row + i][column : column + 6] for i in SIX]
+
+
+def eliminate_force(
+    x: Scope, kept: PivotFields, right: Store, j: int, s: Column, P: Vector, tau: Value, labels: Sequence[str],
+    left: range | None = None,
+) -> None:  # fmt: skip
+    """The same of another right side, along directions: ``r = tau - s . P``, ``P += G r``. Changes P.
+
+    `right` is where its right sides are kept.
+    """
+    r = x.let("r", tau - s.along(P), "d Eq. 53", lanes=True)
+    driven = x.let("rD", r * x.load(kept.store, kept.inverse(j)), "d Eq. 53", lanes=True)
+    x.store(right, kept.right_side(j), driven)
+    left = range(len(P)) if left is None else left
+    G = {i: x.load(kept.store, kept.gain(j, i)) for i in left}
+    for i in left:
+        if i != s.lead:
+            P[i] = x.let(f"{kept.moving}{labels[i]}", P[i] + G[i] * r, "d Eq. 45", lanes=True)
+    if s.lead in left:
+        P[s.lead] = x.let(f"{kept.moving}{labels[s.lead]}", s.completed(P, tau), "d Eq. 45", lanes=True)
+
+
+def substitute(
+    x: Scope, kept: PivotFields, right: Store, j: int, s: Column, a: Vector, name: str, lanes: bool
+) -> Value:
+    """The acceleration of a freedom, ``r / D - G . a``; the one eliminated last comes first. Changes a.
+
+    `right` is where right sides are kept.
+    """
+    # s . G = 1, so a along s counts once, and the other components what is left of them
+    G = [1 if i == s.lead else x.load(kept.store, kept.gain(j, i)) for i in range(len(a))]
+    value = x.load(right, kept.right_side(j))
+    for i, gain in enumerate(G):
+        value = value - gain * s.remaining(x, i, a, lanes)
+    found = x.let(name, value, "Eq. 53", lanes=lanes)
+    for i, moved in s.added(a, found).items():
+        a[i] = x.let("A", moved, "Eq. 54", lanes=lanes)
+    return found

@@ -1,0 +1,193 @@
+"""Which units are of one kind: those with the same structure, found before anything is expanded.
+
+The kind of a link is found from its signature (joint, zero pattern of its constants, which of them depend on parameters, whether
+it has children, forces on its joint); those of ears and regions from how they hang together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import sympy
+
+from ...model.model import GROUND
+from ...program.functions import number
+from .constants import Constants
+from .folded import pattern
+from .graph import Region
+from .kinds import ClosureKind, EarKind, LinkKind, RegionKind, UnitKind
+from .links import Link, LoopFaces
+from .neighbours import Neighbours
+from .regions import Regions
+
+
+def find_link_kinds(
+    links: Sequence[Link],
+    constants_of: Sequence[Constants],
+    order: Neighbours,
+    forced_speeds: set[int],
+    pulled: set[int],
+    unrolled: bool,
+) -> tuple[list[LinkKind], list[LinkKind]]:
+    """Kinds of links, and the kind of each link.
+
+    Parameters
+    ----------
+    forced_speeds : set of int
+        Speeds whose joint has a force of the model.
+    pulled : set of int
+        Links that force elements act on.
+    unrolled : bool
+        Every link is of a kind of its own.
+    """
+    has_child = {link.parent for link in links}
+    last_child: dict[int, int] = {}
+    for i, link in enumerate(links):
+        last_child[link.parent] = i
+    kinds: dict[object, LinkKind] = {}
+    kind_of: list[LinkKind] = []
+    for i, link in enumerate(links):
+        c = constants_of[i]
+        forced = tuple(link.u + j in forced_speeds for j in range(link.joint.freedoms))
+        aligned = all(
+            n not in c.shape.varying and c.values.get(n, 0.0) == float(n[2] == n[3])
+            for n in (f"R.{a}{b}" for a in "xyz" for b in "xyz")
+        )
+        first, first_unit = (
+            last_child[link.parent] == i,
+            order.first_contributor.get(link.parent) == order.unit_of_link[i],
+        )
+        signature: object = (
+            link.joint, link.axis, aligned, first, first_unit, link.parent != GROUND, i in has_child, forced,
+            c.shape.index, pattern(c), order.place_in_ear(i), order.role_of(i), i in pulled,
+            order.partners_of_link(i).structure(),
+        )  # fmt: skip
+        if unrolled:
+            signature = i
+        kind = kinds.get(signature)
+        if kind is None:
+            kind = kinds[signature] = LinkKind(
+                c.shape, len(kinds), link.joint, link.axis, aligned, first, first_unit, link.parent != GROUND,
+                *order.role_of(i), i in pulled, forced, order.partners_of_link(i),
+            )  # fmt: skip
+        kind.members.append(i)
+        kind_of.append(kind)
+    for kind in kinds.values():
+        kind.fold([constants_of[i] for i in kind.members])
+    return list(kinds.values()), kind_of
+
+
+def total_sources(region: Region) -> int:
+    """Independent speeds, and components of the motion of links."""
+    moving = 1 if region.carried and not region.rigid else len(region.far)
+    return len(region.freedoms) + 6 * moving
+
+
+def find_unit_kinds(
+    regions: Regions,
+    order: Neighbours,
+    kinds: list[LinkKind],
+    kind_of: list[LinkKind],
+    faces: list[LoopFaces],
+    closure_constants: list[Constants],
+    unrolled: bool,
+) -> tuple[list[UnitKind], list[UnitKind]]:
+    """Kinds of units: plain links, ears, regions."""
+    found: dict[object, UnitKind] = {}
+    unit_kind_of: list[UnitKind] = []
+    constants: dict[int, list[list[Constants]]] = {}
+    for n, unit in enumerate(regions.order):
+        kind: UnitKind
+        if unit.role == "link":
+            kind = kind_of[unit.number]
+            found.setdefault(("link", kind.index), kind)
+        elif unit.role == "region":
+            region = regions.regions[unit.number]
+            first = order.first_contributor.get(region.base) == n
+            r, partners = len(region.freedoms), order.partners[n]
+            far = tuple(-1 if i == GROUND else partners.links.index(i) for i in region.far)
+            key: object = (
+                "region", r, region.carried, region.rigid, first, far, partners.structure(), unit.number if unrolled else 0,
+            )  # fmt: skip
+            kind = found.setdefault(
+                key,
+                RegionKind(
+                    len(kinds) + len(found),
+                    r,
+                    total_sources(region),
+                    region.carried,
+                    region.rigid,
+                    first,
+                    far,
+                    partners,
+                ),
+            )
+            kind.members.append(unit.number)
+        else:
+            kind = _ear_kind(unit.number, n, regions, order, len(kinds) + len(found), kind_of, faces, closure_constants,
+                             found, unrolled)  # fmt: skip
+            constants.setdefault(kind.index, []).append(
+                [closure_constants[c.loop] for c in regions.ears[unit.number].closures]
+            )
+        kind.units.append(n)
+        unit_kind_of.append(kind)
+    for kind in found.values():
+        if isinstance(kind, EarKind):
+            for c, closure in enumerate(kind.closures):
+                closure.fold([row[c] for row in constants[kind.index]])
+    return list(found.values()), unit_kind_of
+
+
+def _ear_kind(
+    e: int,
+    n: int,
+    regions: Regions,
+    order: Neighbours,
+    index: int,
+    kind_of: list[LinkKind],
+    faces: list[LoopFaces],
+    closure_constants: list[Constants],
+    found: dict[object, UnitKind],
+    unrolled: bool,
+) -> EarKind:
+    ear = regions.ears[e]
+    region = regions.regions[ear.region]
+    loops = [faces[c.loop] for c in ear.closures]
+    key: object = (
+        "ear", order.ear_structure(e), tuple(kind_of[i].index for i in ear.links),
+        tuple(
+            (f.loop.type, f.frames[0].index, f.frames[1].index, closure_constants[c.loop].shape.index,
+             pattern(closure_constants[c.loop]))
+            for f, c in zip(loops, ear.closures, strict=True)
+        ),
+        e if unrolled else 0,
+    )  # fmt: skip
+    kind = found.get(key)
+    if kind is None:
+        closures = [
+            ClosureKind(
+                closure_constants[c.loop].shape,
+                f.loop.closure,
+                f.frames[0].index,
+                f.frames[1].index,
+                c.paths,
+                c.roots,
+                c.faces,
+                c.gaps,
+                c.dropped,
+                c.slides(f.loop.type),
+            )
+            for f, c in zip(loops, ear.closures, strict=True)
+        ]
+        r = len(region.freedoms)
+        angular = any(c.holds.angular for c in closures)
+        kind = found[key] = EarKind(
+            index, [kind_of[i] for i in ear.links], ear.parents, list(order.roles(e)), list(order.far(e)),
+            [order.first_follower.get(root) == n for root in ear.roots], [i in order.first_follower for i in ear.links],
+            closures, ear.dependent, ear.columns, r, total_sources(region), region.carried,
+            region.rigid, number(1 / ear.length) if angular else sympy.S.One, number(1 / ear.length),
+            region.carried or order.slides(region), order.partners[n],
+        )  # fmt: skip
+    assert isinstance(kind, EarKind)
+    kind.members.append(e)
+    return kind

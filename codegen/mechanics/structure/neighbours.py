@@ -1,0 +1,164 @@
+"""Who uses whom along the order of units: who hands to a link first, who starts from it, how long its values are needed."""
+
+from __future__ import annotations
+
+from ...model.model import GROUND
+from .elimination_order import NOBODY, Partners
+from .graph import Region
+from .links import Link
+from .regions import Regions
+
+
+class Neighbours:
+    """Who uses whom, along the order of units.
+
+    Attributes
+    ----------
+    unit_of_link : dict of int to int
+        Place of each link's unit in the order.
+    last_use : dict of int to int
+        The last unit, outward, that uses a link.
+    first_follower : dict of int to int
+        Of links of regions that later ears start from: the first of those on the way inward.
+    """
+
+    def __init__(self, links: list[Link], regions: Regions, loop_types: list[str]):
+        self.links = links
+        self.regions = regions
+        self.loop_types = loop_types
+        self.unit_of_link: dict[int, int] = {}
+        for n, unit in enumerate(regions.order):
+            if unit.role != "region":
+                self.unit_of_link.update(dict.fromkeys(unit.links, n))
+        self.last_use: dict[int, int] = dict(self.unit_of_link)
+        self.first_follower: dict[int, int] = {}
+        self._structures: dict[int, tuple[object, ...]] = {}
+        self.partners = regions.elimination.partners
+        self.first_contributor = regions.elimination.first_contributor
+        for n, unit in enumerate(regions.order):
+            coupled = [] if unit.role == "ear" else self.partners[n].links
+            if unit.role == "ear":
+                ear = regions.ears[unit.number]
+                base = regions.regions[ear.region].base
+                used = [*ear.roots, base]
+                # an ear without links, whose loop asks nothing new, hands nothing on
+                for root in ear.roots if ear.links else ():
+                    if root != base and root not in regions.regions[ear.region].far:
+                        self.first_follower[root] = n
+            else:
+                region = regions.regions[unit.number] if unit.role == "region" else None
+                base = region.base if region else links[unit.number].parent
+                used = [base, *coupled]
+            for i in used:
+                if i != GROUND:
+                    self.last_use[i] = n
+        self._closed_on = self._followed()
+
+    def _followed(self) -> dict[int, str]:
+        """Links whose motion some loop closes on, and those between them and the link that carries them all.
+
+        That one is the ``origin``, unless it is between others itself: motions against the ground, say, of links on a satellite
+        would lose the digits of its distance.
+        """
+        regions = self.regions
+        top: dict[int, int] = {}
+        origins = set[int]()
+
+        def place(i: int) -> int:
+            return -1 if i == GROUND else self.unit_of_link[i]
+
+        for region in regions.regions:
+            if region.rigid and not region.far:
+                continue
+            front = {region.base, *region.far} | (set() if region.rigid else {GROUND})
+            passed = []
+            while len(front) > 1:
+                i = max(front, key=place)
+                front.remove(i)
+                passed.append(i)
+                e = regions.ear_of[i]
+                parent = self.links[i].parent if e is None else regions.regions[regions.ears[e].region].base
+                # where another walk has been, its end is next: this one ends there or further in
+                front.add(top.get(i, parent))
+            top.update(dict.fromkeys(passed, *front))
+            origins |= front - {GROUND}
+        return dict.fromkeys(origins, "origin") | dict.fromkeys(top, "moving")
+
+    def partners_of_link(self, i: int) -> Partners:
+        """Couplings of a link that is a unit."""
+        return NOBODY if self.regions.ear_of[i] is not None else self.partners[self.unit_of_link[i]]
+
+    def carries(self, link: int) -> bool:
+        """Whether something that is not of its own ear hangs on a link, or is coupled to it."""
+        return link in self.first_contributor
+
+    def place_in_ear(self, link: int) -> tuple[object, ...] | None:
+        """What makes links of ears differ: place, ear's structure."""
+        e = self.regions.ear_of[link]
+        if e is None:
+            return None
+        ear = self.regions.ears[e]
+        return (ear.links.index(link), *self.ear_structure(e))
+
+    def ear_structure(self, e: int) -> tuple[object, ...]:
+        """Equal for ears of the same structure."""
+        found = self._structures.get(e)
+        if found is None:
+            found = self._structures[e] = self._structure(e)
+        return found
+
+    def _structure(self, e: int) -> tuple[object, ...]:
+        ear = self.regions.ears[e]
+        region = self.regions.regions[ear.region]
+        n = self.unit_of_link[ear.links[0]] if ear.links else -1
+        return (
+            tuple(ear.parents), self.roles(e), tuple(self.first_follower.get(r) == n for r in ear.roots),
+            tuple(i in self.first_follower for i in ear.links),
+            tuple((c.paths, c.roots, c.faces, c.gaps, c.dropped) for c in ear.closures),
+            tuple(map(tuple, ear.dependent)), tuple(tuple(sorted(c.items())) for c in ear.columns), ear.length,
+            len(region.freedoms), region.carried, region.rigid, tuple(self.role_of(i) for i in ear.links), self.far(e),
+            self.slides(region), tuple(i == GROUND for i in region.far),
+            self.partners[n].structure() if n >= 0 else (),
+        )  # fmt: skip
+
+    def slides(self, region: Region) -> bool:
+        """Whether the way between the faces of some loop of a region matters."""
+        return any(c.slides(self.loop_types[c.loop]) for e in region.ears for c in self.regions.ears[e].closures)
+
+    def roles(self, e: int) -> tuple[str, ...]:
+        ear = self.regions.ears[e]
+        region = self.regions.regions[ear.region]
+        return tuple(
+            "frame" if r == region.base else "far" if r in region.far else "ground" if r == GROUND else "link"
+            for r in ear.roots
+        )
+
+    def far(self, e: int) -> tuple[int, ...]:
+        """For each root of an ear, its place among the far links of the region."""
+        ear = self.regions.ears[e]
+        region = self.regions.regions[ear.region]
+        return tuple(region.far.index(r) if r in region.far else -1 for r in ear.roots)
+
+    def role_of(self, link: int) -> tuple[bool, str]:
+        """Whether others hang on a link, and whether a loop closes on its motion."""
+        return self.carries(link), self._closed_on.get(link, "")
+
+    def slots(self) -> tuple[list[int], int]:
+        """Slots for values that live from a link to its last use; slot 0 is the ground's."""
+        free: list[int] = []
+        count = 1
+        slot_of = [0] * len(self.links)
+        ending: dict[int, list[int]] = {}
+        for i, n in self.last_use.items():
+            ending.setdefault(n, []).append(i)
+        for n, unit in enumerate(self.regions.order):
+            if unit.role != "region":
+                for i in unit.links:
+                    if free:
+                        slot_of[i] = free.pop()
+                    else:
+                        slot_of[i], count = count, count + 1
+            # the last freed is taken first: along a chain, neighbours alternate between two slots
+            for i in sorted(ending.get(n, ()), reverse=True):
+                free.append(slot_of[i])
+        return slot_of, count

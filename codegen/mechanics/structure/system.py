@@ -1,0 +1,167 @@
+"""A model as links, ears, regions and their kinds: everything that the expansion needs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from ...loops.partition import Partition
+from ...model.expressions import Expression
+from ...model.model import GROUND, JointForce, Model
+from .constants import Constants, Shape
+from .element_kinds import ElementKind, PlacedElement, find_element_kinds, placed_elements
+from .grouping import find_link_kinds, find_unit_kinds
+from .kinds import LinkKind, UnitKind
+from .links import Carrier, Link, LoopFaces, links_of, loop_faces
+from .model_constants import ModelConstants
+from .neighbours import Neighbours
+from .regions import Regions, find_regions
+
+
+@dataclass(slots=True, eq=False)
+class System:
+    """A model as links, ears, regions and their kinds: everything that the expansion needs.
+
+    Attributes
+    ----------
+    links : list of Link
+        Outward.
+    carriers : list of (int, tuple of Placement)
+        For each body, the link that carries it and the way to its frame.
+    kinds : list of LinkKind
+        Of all links.
+    kind_of, constants_of : list
+        For each link.
+    regions : Regions
+        Ears, regions and the order of units.
+    unit_kinds : list of UnitKind
+        Kinds of what is not part of something larger.
+    unit_kind_of : list of UnitKind
+        For each unit.
+    faces : list of LoopFaces
+        For each loop.
+    closure_constants : list of Constants
+        For each loop.
+    element_kinds : list of ElementKind
+    elements : list of PlacedElement
+        Force elements on bodies.
+    slot_of : list of int
+        Where the values that only neighbours need are kept: few slots, reused.
+    slots : int
+        How many there are, with the ground's.
+    gravity : Constants or None
+        Minus gravity, in ground components, m/s^2.
+    force_of : dict of int to list
+        Joint forces by body.
+    partition : Partition or None
+        Of models with loops.
+    """
+
+    model: Model
+    links: list[Link]
+    carriers: list[Carrier]
+    kinds: list[LinkKind]
+    kind_of: list[LinkKind]
+    constants_of: list[Constants]
+    constants: list[Constants]
+    shapes: list[Shape]
+    regions: Regions
+    unit_kinds: list[UnitKind]
+    unit_kind_of: list[UnitKind]
+    faces: list[LoopFaces]
+    closure_constants: list[Constants]
+    element_kinds: list[ElementKind]
+    elements: list[PlacedElement]
+    slot_of: list[int]
+    slots: int
+    gravity: Constants | None
+    force_of: dict[int, list[JointForce]]
+    partition: Partition | None
+
+    @property
+    def coefficient_counts(self) -> dict[str, int]:
+        """How many coefficients of force elements there are, by array: of those with an energy, and of the others."""
+        counts = {"coefficient": 0, "drive": 0}
+        for e in self.elements:
+            counts["coefficient" if e.element.has_energy else "drive"] += len(e.parts)
+        return {name: n for name, n in counts.items() if n}
+
+    @property
+    def independent_links(self) -> bool:
+        """Every link is a unit: there are no loops."""
+        return not self.regions.ears
+
+    @property
+    def independent(self) -> tuple[list[int], list[int]]:
+        """Indices of the independent coordinates and speeds; of a rotation or position that is split all coordinates."""
+        dependent = {
+            (i, j)
+            for ear in self.regions.ears
+            for i, freedoms in zip(ear.links, ear.dependent, strict=True)
+            for j in freedoms
+        }
+        q: list[int] = []
+        u: list[int] = []
+        for i, link in enumerate(self.links):
+            free = [j for j in range(link.joint.freedoms) if (i, j) not in dependent]
+            u += [link.u + j for j in free]
+            q += [link.q + c for c in link.joint.moved_by(free)]
+        return sorted(q), sorted(u)
+
+    @property
+    def has_link_motion(self) -> bool:
+        """Some loop closes on the motion of a link that is resolved outside its region."""
+        return any(r.far or (r.carried and not r.rigid) for r in self.regions.regions)
+
+
+def analyse(model: Model, unrolled: bool, partition: Partition | None = None) -> System:
+    """Find links, constants and kinds. No symbolic work but one expansion per form of constants."""
+    defaults = model.defaults
+
+    def evaluate(e: Expression) -> float:
+        value: float = e.evaluate(defaults)
+        return value
+
+    links, carriers = links_of(model, evaluate)
+    regions = find_regions(model, links, carriers, partition)
+    if regions.ears:
+        links, carriers = in_order_of_units(links, carriers, regions)
+        regions = find_regions(model, links, carriers, partition)
+    constants = ModelConstants(evaluate)
+    constants_of = [constants.of_link(link) for link in links]
+    faces = [loop_faces(loop, links, carriers, evaluate) for loop in model.loops]
+    closure_constants = [constants.of_faces(f) for f in faces]
+    elements = placed_elements(model, links, carriers, evaluate, constants.shapes, constants.found)
+    force_of: dict[int, list[JointForce]] = {}
+    for force in model.forces:
+        force_of.setdefault(force.body, []).append(force)
+    order = Neighbours(links, regions, [loop.type for loop in model.loops])
+    pulled = {i for e in elements for i in e.acted_on}
+    kinds, kind_of = find_link_kinds(links, constants_of, order, forced_speeds(model), pulled, unrolled)
+    unit_kinds, unit_kind_of = find_unit_kinds(regions, order, kinds, kind_of, faces, closure_constants, unrolled)
+    kind_numbers = {GROUND: GROUND} | {i: kind.index for i, kind in enumerate(kind_of)}
+    element_kinds = find_element_kinds(len(kinds) + len(unit_kinds), kind_numbers, elements, model)
+    slot_of, slots = order.slots()
+    gravity = None if model.gravity is None else constants.of_gravity(model.gravity)
+    return System(
+        model, links, carriers, kinds, kind_of, constants_of, constants.found, list(constants.shapes.values()),
+        regions, unit_kinds, unit_kind_of, faces, closure_constants, element_kinds,
+        elements, slot_of, slots, gravity, force_of, partition,
+    )  # fmt: skip
+
+
+def forced_speeds(model: Model) -> set[int]:
+    """Speeds whose joint has a force of the model that is not zero."""
+    found = set()
+    for force in model.forces:
+        start = model.coordinate_slices[force.body][1].start
+        found |= {start + j for j, value in enumerate(force.values) if value.tree != ("number", 0)}
+    return found
+
+
+def in_order_of_units(links: list[Link], carriers: list[Carrier], regions: Regions) -> tuple[list[Link], list[Carrier]]:
+    """Links renumbered so that the links of an ear stand together, in the order in which units are worked on."""
+    new = {old: n for n, old in enumerate(i for unit in regions.order if unit.role != "region" for i in unit.links)}
+    new[GROUND] = GROUND
+    renumbered = sorted(range(len(links)), key=new.__getitem__)
+    found = [replace(links[i], parent=new[links[i].parent]) for i in renumbered]
+    return found, [(new[link], steps) for link, steps in carriers]

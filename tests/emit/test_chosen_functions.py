@@ -1,0 +1,118 @@
+"""Packages of chosen functions: what was left out is nowhere, what is there gives the same numbers, and calls tell."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import codegen
+from codegen.cli import generate_main
+from codegen.emit.solver import write_solver
+from codegen.mechanics.procedures import UnknownFunctionError
+from codegen.model import load_model
+from codegen.runtime.standalone.compiler import find_compiler
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+MODELS = ("double_pendulum", "four_bar")
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """Packages of all functions, by model."""
+    folder = tmp_path_factory.mktemp("whole")
+    return {name: package(name, folder / name) for name in MODELS}
+
+
+def package(name, folder, *functions):
+    codegen.generate(EXAMPLES / f"{name}.yaml", folder, "numpy", functions=functions or None, compile=False)
+    return codegen.load(folder)
+
+
+def state(solver):
+    rng = np.random.default_rng(3)
+    q, u = solver.initial
+    u = u + rng.normal(size=solver.nu)
+    seeds = {f"d{n}": rng.normal(size=(2, size)) for n, size in (("q", solver.nq), ("u", solver.nu), ("p", solver.np))}
+    return (q, u, None, rng.normal(size=solver.ninputs), 0.2), seeds, rng.normal(size=(2, solver.nu))
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_gradients_alone(name, whole, tmp_path):
+    """The transpose of the sensitivities without the sensitivities: the same numbers, and members of what is left out tell."""
+    solver = package(name, tmp_path / name, "gradients", "coordinate_rates")
+    given, seeds, weights = state(solver)
+    for ours, theirs in zip(
+        solver.gradients(*given, weights=weights), whole[name].gradients(*given, weights=weights), strict=True
+    ):
+        assert np.array_equal(ours, theirs)
+    assert np.array_equal(solver.coordinate_rates(*given), whole[name].coordinate_rates(*given))
+    without = "was generated without {}; generate it with --functions .*gradients.*,{}, or without --functions for all"
+    for member, more in (
+        ("accelerations", {}), ("sensitivities", seeds), ("jacobians", {}), ("outputs", {}), ("energies", {}),
+        ("output_gradients", {"weights": np.zeros(solver.noutputs)}),
+    ):  # fmt: skip
+        with pytest.raises(AttributeError, match=without.format(member, member)):
+            getattr(solver, member)(*given, **more)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_what_is_left_out_is_nowhere(name, whole, tmp_path):
+    solver = package(name, tmp_path / name, "accelerations", "sensitivities")
+    given, seeds, _ = state(solver)
+    for ours, theirs in zip(
+        solver.sensitivities(*given, **seeds), whole[name].sensitivities(*given, **seeds), strict=True
+    ):
+        assert np.array_equal(ours, theirs)
+    manifest = json.loads((tmp_path / name / "model.json").read_text())
+    assert {"accelerations", "sensitivities"} <= set(manifest["functions"])
+    assert {"jacobians", "gradients", "outputs"} <= set(manifest["left_out"])
+    texts = [p.read_text() for p in (tmp_path / name).glob(f"{name}*")]
+    assert len(texts) == 6
+    for word in ("jacobians", "_transposed", "moments(", "link_kept", ".kept"):
+        assert not any(word in text for text in texts), word
+    assert not (tmp_path / name / "_runtime" / "weighted_gradients.py").exists()
+    assert not (tmp_path / name / "_runtime" / "outputs.py").exists()
+
+
+def test_values_alone_have_no_directions():
+    source = write_solver(load_model(EXAMPLES / "double_pendulum.yaml"), functions=["accelerations"])
+    assert "double_pendulum_directions.h" not in source.files and "WIDTH 1" not in source.files["double_pendulum.c"]
+
+
+@pytest.mark.parametrize(
+    "functions", ["coordinate_rates", "solve_mass,mass_matrix,jacobians", "outputs,energy_gradients"]
+)
+def test_chosen_functions_leave_nothing_unused(functions, tmp_path):
+    """Static functions and tables that nobody uses would be warned of."""
+    codegen.generate(EXAMPLES / "double_pendulum.yaml", tmp_path / "chosen", functions=functions, compile=False)
+    command = [*find_compiler(), "-O0", "-Wall", "-Wextra", "-Werror", "-fsyntax-only"]
+    for file in sorted((tmp_path / "chosen").glob("*.c")):
+        subprocess.run([*command, file.name], cwd=tmp_path / "chosen", check=True)
+
+
+@pytest.mark.parametrize(
+    ("function", "said"),
+    [
+        ("sensitivity", "'sensitivity'; did you mean sensitivities"),
+        ("gradient", "'gradient'; did you mean gradients"),
+        ("solve_mass", "no function 'solve_mass'; it may have accelerations, "),
+    ],
+)
+def test_unknown_functions_are_told(function, said):
+    with pytest.raises(UnknownFunctionError, match=said):
+        write_solver(load_model(EXAMPLES / "four_bar.yaml"), functions=[function])
+
+
+def test_the_command_takes_functions(tmp_path, capsys):
+    model = str(EXAMPLES / "double_pendulum.yaml")
+    assert generate_main([model, "-o", str(tmp_path / "a"), "--functions", "dynamics, rates", "--no-compile"]) == 0
+    kept = json.loads((tmp_path / "a" / "model.json").read_text())["functions"]
+    assert list(kept) == [
+        "accelerations", "sensitivities", "jacobians", "coordinate_rates", "coordinate_rate_sensitivities",
+    ]  # fmt: skip
+    assert generate_main([model, "-o", str(tmp_path / "b"), "--functions", "dynamic", "--no-compile"]) == 2
+    assert "did you mean dynamics" in capsys.readouterr().err
