@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 from sympy import Expr, Symbol, sympify
 
-from ...program.block import ANY, Expansion
+from ...program.block import ANY, Expansion, symbols_of
 from ...program.derivatives import Tangents
 from ...program.field import XYZ
 from ...program.scalar import Value, Vector
@@ -235,7 +235,7 @@ class WrittenTangents(EarTangents):
         for statement in self.x.block.statements[: self.done]:
             if statement.lanes or statement.tag == "primitive" or statement.target in right:
                 continue
-            if not changed.isdisjoint(statement.expression.free_symbols):
+            if not changed.isdisjoint(symbols_of(statement.expression)):
                 self.d.statement(statement)
                 changed.add(statement.target)
 
