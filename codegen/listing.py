@@ -163,7 +163,11 @@ class _Listing:
     def joint(self, body: Body) -> str:
         joint = body.joint
         at = "" if all(_is_zero(x) for x in joint.at) else f" at {self.vector(joint.at)}"
-        return f"{joint.type}{self.axes(joint.axes)}{at}{self.turned(joint.rotation)}"
+        axes = self.axes(joint.axes[: len(joint.kind.axis_keys)])
+        factors = "".join(
+            f", {key} {self.short(e)}" for key, e in zip(joint.kind.factor_keys, joint.factors, strict=True)
+        )
+        return f"{joint.type}{axes}{factors}{at}{self.turned(joint.rotation)}"
 
     def turned(self, rotation: Iterable[tuple[Vector, Expression]]) -> str:
         turns = [f"{self.short(angle)} about {self.axis(axis)}" for axis, angle in rotation]

@@ -106,8 +106,10 @@ def compare(
     for name in ("q", "u", "p", "inputs"):
         found[f"J.{name}"] = worst(getattr(ours, name).T, np.asarray(getattr(theirs, name), dtype=float).T)
     found["J.t"] = error(ours.t, theirs.t)
-    weights = rng.normal(size=(2, model.nu))
-    gradients = zip(solver.gradients(q, u, p, inputs, t, weights=weights),
-                    engine.gradients(q, u, p, inputs, t, weights=weights), strict=True)  # fmt: skip
-    found["gradients"] = max(worst(ours, theirs) for ours, theirs in gradients)
+    sizes = {"gradients": model.nu, "output_gradients": len(model.outputs), "energy_gradients": 2,
+             "coordinate_rate_gradients": model.nq}  # fmt: skip
+    for name, size in sizes.items():
+        weights = rng.normal(size=(2, size))
+        both_of = (getattr(of, name)(q, u, p, inputs, t, weights=weights) for of in (solver, engine))
+        found[name] = max(worst(ours, theirs) for ours, theirs in zip(*both_of, strict=True))
     return found | transposes(solver, (q, u, p, inputs, t), rng)

@@ -17,10 +17,21 @@ from codegen.model import Model, parse_model
 Choices = Mapping[str, Sequence[str]]
 
 MAY_HAVE: Choices = {
-    "joint": ("revolute", "prismatic", "universal", "spherical", "free"),
-    "outputs": ("none", "position", "velocity", "value", "kinetic", "potential", "given"),
+    "joint": ("revolute", "prismatic", "screw", "cylindrical", "planar", "universal", "spherical", "free"),
+    "outputs": (
+        "none",
+        "position",
+        "velocity",
+        "distance",
+        "value",
+        "given",
+        "acceleration",
+        "kinetic",
+        "potential",
+        "momentum",
+    ),
     "springs": ("none", "numbers", "parameters", "inputs", "time"),
-    "forces": ("none", "state", "inputs", "time"),
+    "forces": ("none", "state", "inputs", "time", "on bodies"),
     "gravity": ("none", "numbers", "parameters"),
     "bodies": ("moving", "one fixed", "one massless"),
     "parameters": ("none", "some"),
@@ -36,10 +47,15 @@ LOOPS: Choices = {"loop": LOOP_JOINTS_MAY_BE, **MAY_HAVE, "partitions": ("1", "2
 
 ALIKE = {
     "loop": (LOOP_JOINTS_MAY_BE,),
-    "joint": (("revolute", "prismatic"), ("universal",), ("spherical", "free")),
-    "outputs": (("none",), ("position", "velocity"), ("value", "given"), ("kinetic", "potential")),
+    "joint": (("revolute", "prismatic", "screw"), ("universal", "cylindrical", "planar"), ("spherical", "free")),
+    "outputs": (
+        ("none",),
+        ("position", "velocity", "distance"),
+        ("value", "given", "acceleration"),
+        ("kinetic", "potential", "momentum"),
+    ),
     "springs": (("none",), ("numbers", "parameters"), ("inputs", "time")),
-    "forces": (("none",), ("state", "inputs", "time")),
+    "forces": (("none",), ("state", "inputs", "time"), ("on bodies",)),
     "gravity": (("none",), ("numbers", "parameters")),
     "bodies": (("moving",), ("one fixed", "one massless")),
 }
@@ -48,6 +64,9 @@ ALIKE = {
 JOINTS = {
     "revolute": "{type: revolute, axis: [1, 0, 2]",
     "prismatic": "{type: prismatic, axis: -x",
+    "screw": "{type: screw, axis: [1, 0, 2], pitch: 0.1*l",
+    "cylindrical": "{type: cylindrical, axis: [1, 0, 2]",
+    "planar": "{type: planar, normal: y",
     "universal": "{type: universal, axes: [y, x]",
     "spherical": "{type: spherical",
     "free": "{type: free",
@@ -65,9 +84,12 @@ LOOP_JOINTS = {
 MEASURES = {
     "position": "{position: {body: tool, at: [0.1, 0, l]}, axis: [1, 0, 1]}",
     "velocity": "{velocity: {body: tool, at: [0, l, 0]}, axis: z}",
+    "acceleration": "{acceleration: {body: tool, at: [0.1, 0, l]}, axis: [0, m, 1]}",
+    "distance": "{distance: [{body: tool, at: [l, 0, 0.1]}, ground]}",
     "value": "{value: q.link_1*u.link_1 - l}",
     "kinetic": "kinetic_energy",
     "potential": "potential_energy",
+    "momentum": "{momentum: angular, axis: y, about: center_of_mass}",
     "given": "{value: motor*sin(t)*u.link_1}",
 }
 SPRINGS = {
@@ -82,6 +104,12 @@ FORCES = {
     "inputs": "motor - 0.1*u.link_1",
     "time": "sin(3*t)*m",
 }
+ON_BODIES = (
+    "push: {type: force, on: {body: tool, at: [0.1, 0, l]}, value: [motor, -position.link_1.z, m]}",
+    "turn: {type: torque, on: tool, value: [0.1, 0.2*u.link_1, 0.1*k], axes: body}",
+    "coil: {type: torsion, from: ground, to: tool, axis: y, stiffness: 0.1*k, damping: 0.02}",
+    "ram: {type: actuator, from: {body: ground, at: [1.1, 0.4, 0.2]}, to: tool, force: motor - velocity.tool.x}",
+)
 ANGLES = (0.5, 0.7, 0.4, 0.6)
 """Of the links at the start."""
 
@@ -169,8 +197,14 @@ def text(name: str, choice: Mapping[str, str]) -> str:
     """The model file: a chain of links in the x-z plane, closed by a loop or not, and a tool on one of them."""
     closed = "loop" in choice
     links = 4 if closed else {"kinds": 3, "unrolled": 1}[choice["layout"]]
+    on_bodies = ON_BODIES if choice["forces"] == "on bodies" else ()
     given = " ".join(
-        [*SPRINGS.get(choice["springs"], ()), FORCES.get(choice["forces"], ""), MEASURES.get(choice["outputs"], "")]
+        [
+            *on_bodies,
+            *SPRINGS.get(choice["springs"], ()),
+            FORCES.get(choice["forces"], ""),
+            MEASURES.get(choice["outputs"], ""),
+        ]
     )
     inputs = [n for n in ("motor", "pull") if n in given]
     gravity = {"none": "", "numbers": "gravity: [0.5, 0, -9.81]", "parameters": "gravity: [0.1*g, m, -g]"}
@@ -209,7 +243,8 @@ def text(name: str, choice: Mapping[str, str]) -> str:
             f"         to: {{body: ground, at: [{x!r}*l, 0, {z!r}*l], rotate: [{{axis: y, angle: {float(turned[-1])!r}}}]}}}}",
         ]
     forces = []
-    if choice["forces"] != "none":
+    forces += [f"  {line}" for line in on_bodies]
+    if choice["forces"] in FORCES:
         forces.append(f'  drive: {{type: joint, joint: link_1, value: "{FORCES[choice["forces"]]}"}}')
     if choice["springs"] != "none":
         stiffness, damping, free_length = SPRINGS[choice["springs"]]

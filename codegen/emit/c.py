@@ -22,7 +22,7 @@ from ..mechanics.outputs.outputs import RecordFormula
 from ..mechanics.stores import KEPT, LANE, MARGIN, SLOT
 from ..mechanics.structure.kinds import UnitKind
 from ..model.model import Model
-from ..program.block import Block
+from ..program.block import Block, symbols_of
 from ..program.field import AnyField
 from ..program.passes import by_results
 from ..program.procedure import Columns, Own, Perform, Prepare, Procedure, Run
@@ -69,10 +69,10 @@ def stored_once(block: Block) -> set[Symbol]:
     """Symbols that what is stored for all directions together is made of."""
     if not any(store.lanes for store, _, _ in block.stores):
         return {*block.loads, *(s.target for s in block.statements)}
-    wanted = {s for store, _, value in block.stores if not store.lanes for s in value.free_symbols}
+    wanted = {s for store, _, value in block.stores if not store.lanes for s in symbols_of(value)}
     for s in reversed(block.statements):
         if s.target in wanted:
-            wanted |= s.expression.free_symbols
+            wanted |= symbols_of(s.expression)
     return wanted
 
 
@@ -361,11 +361,11 @@ class CWriter(Writer):
                 return self.ground_tangent()[1]
             case procedures.GROUND_TANGENT_TRANSPOSED:
                 return self.ground_transposed()
-            case procedures.ADJOINTS:
+            case procedures.ADJOINTS | procedures.PASSING_ADJOINTS:
                 return [
                     f"for (long i = 0; i < {n}L; ++i) {f'((LANES *)a->{name})' if name in TYPES else f'a->{name}'}[i] = NOTHING;"
                     for name, lanes, n in self.regions()
-                    if lanes
+                    if lanes and (name != "lanes" or what == procedures.ADJOINTS)
                 ]
         return []
 

@@ -173,7 +173,7 @@ class NumpyWriter(Writer):
                     for name, terms in self.ground_tangents()
                     for factor, p in terms
                 ]
-            case procedures.ADJOINTS:
+            case procedures.ADJOINTS | procedures.PASSING_ADJOINTS:
                 return self.adjoints()
         return []
 

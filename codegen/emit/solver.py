@@ -16,10 +16,19 @@ from ..mechanics.expansion import Place as MemoryPlace
 from ..mechanics.expansion import Program, expand
 from ..mechanics.formulas import coefficient_formulas, force_formulas, initial_formulas
 from ..mechanics.outputs.outputs import RecordFormula, output_formulas, potential_formula
-from ..mechanics.procedures import arrays, checked_backwards, left_out, procedures, sweeps, swept_backwards
+from ..mechanics.procedures import (
+    arrays,
+    checked_backwards,
+    left_out,
+    procedures,
+    sweeps,
+    swept_backwards,
+    swept_together,
+)
 from ..mechanics.stores import LAID_OUT, SLOT
 from ..mechanics.structure.kinds import RegionKind
 from ..mechanics.structure.system import System, analyse
+from ..mechanics.sweeps import transpose_name, values_name
 from ..mechanics.transposition import transpose_sweeps
 from ..model.collector import collector_paused
 from ..model.errors import ModelError
@@ -139,9 +148,10 @@ def write_solver(
     formulas = [*force_formulas(system), *coefficient_formulas(system), *values, *initial_formulas(model)]
     formulas = [f for f in formulas if f.target in read]
     tangents = [*(f.tangent for f in formulas), *(r.tangent for r in records)]
-    transpose_sweeps(program, backwards, tangents, checked_backwards(asked))
-    for sweep in set(backwards) - wanted:  # only its transpose runs
-        program.blocks.pop(sweep, None)
+    transpose_sweeps(program, backwards, tangents, checked_backwards(asked), *swept_together(asked))
+    for sweep in backwards:  # what was only there to be run backwards, or together with others
+        for name in {sweep, values_name(sweep), transpose_name(sweep)} - wanted:
+            program.blocks.pop(name, None)
     lap("expand and simplify")
     progress("printing C", 0, 0)
     writer = CWriter(program, formulas, records, asked)

@@ -17,7 +17,7 @@ from sympy import Expr, Symbol
 from sympy.core.numbers import Number
 
 from ..model.model import GROUND
-from ..program.block import Block, Component, Expansion, FieldError, Scope, StructuralExpansion
+from ..program.block import Block, Component, Expansion, FieldError, Scope, StructuralExpansion, symbols_of
 from ..program.field import AnyField
 from ..program.operations import Operations, count
 from ..program.passes import PASSES, drop_dead
@@ -448,10 +448,10 @@ def _drop_unread(program: Program, patterns: Patterns, sweeps: list[Sweep]) -> N
             symbols: set[Symbol] = set()
             for (_, _, value), target in zip(block.stores, targets, strict=True):
                 if not target or target & needed:
-                    symbols |= value.free_symbols
+                    symbols |= symbols_of(value)
             for statement in reversed(block.statements):
                 if statement.target in symbols:
-                    symbols |= statement.expression.free_symbols
+                    symbols |= symbols_of(statement.expression)
             for symbol in symbols & loads.keys():
                 needed.update(loads[symbol])
     for sweep in sweeps:

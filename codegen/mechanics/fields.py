@@ -77,6 +77,7 @@ first_moment = VectorField("h", "kg m", OWN, "mass times centre of mass, from th
 inertia = SymmetricField("J", "kg m^2", OWN, "inertia about the origin")
 joint_place = VectorField("r", "m", PARENT, "origin of the joint in the parent")
 joint_attitude = MatrixField("R", "1", PARENT, "parent components from joint components, at q = 0")
+joint_factor = ScalarField("factor", "m/rad", "", "displacement per angle of a joint, such as a screw's pitch")
 face_place = VectorField(
     "{}.r", "m", LINK, "origin of a face of a loop joint (A: start, B: end), or place of an end of a force element"
 )

@@ -9,6 +9,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Collection
 from dataclasses import replace
+from itertools import pairwise
 
 from ..program.procedure import (
     AddEntry,
@@ -40,7 +41,7 @@ from ..program.procedure import (
 from .outputs import MEASURES, EnergyMeasure, RecordMeasure
 from .quantities import COEFFICIENTS, DRIVES, ENERGIES, POSE, VELOCITY, Quantity, measured, missing, run
 from .structure.system import System
-from .sweeps import SWEEPS, transpose_name, values_name
+from .sweeps import GRADIENT_IN, GRADIENT_IN_CLOSED, GRADIENT_OUT, SWEEPS, transpose_name, values_name
 
 TRANSPOSED = {
     "accelerations": "sensitivities", "coordinate_rates": "coordinate_rate_sensitivities", "energies": "energy_sensitivities",
@@ -64,6 +65,7 @@ CONSTANTS, ANGLES = "constants", "angles"
 GROUND, GROUND_AT_REST = "ground", "ground at rest"
 GROUND_TANGENT, GROUND_TANGENT_AT_REST = "tangent of the ground", "tangent of the ground at rest"
 GROUND_TANGENT_TRANSPOSED, ADJOINTS = "transpose of the ground's tangent", "adjoints"
+PASSING_ADJOINTS = "adjoints that are handed on"
 """What is prepared outside of the sweeps: constants from parameters; sines and cosines; what links read of the ground, which
 accelerates by -g or, for the mass matrix, not at all; memory of directions, which is zero before sweeps run backwards."""
 
@@ -357,15 +359,18 @@ class _Writer:
         steps = [s for s in flat(along.steps) if over_directions(s)]
         swept = [s.sweep for s in steps if isinstance(s, Run)]
         assert len(set(swept)) == len(swept), "a sweep that runs twice does not leave adjoints as it should"
-        scalars = tuple(Run(values_name(s)) for s in swept)
+        together = self.together(steps) if along.name == TRANSPOSED["accelerations"] else {}
+        scalars = tuple(Run(values_name(s)) for s in swept if values_name(s) not in together)
         weights = tuple(r for r in along.results if r.lanes)
         own = [s.array for s in steps if isinstance(s, Own)]
-        back: list[Step] = [Prepare(ADJOINTS, True), *map(Zero, along.seeds)]
+        stored = {"dq", "du"} if together else set()
+        back: list[Step] = [Zero(s) for s in along.seeds if s.name not in stored]
         back += [step for a in own if a not in along.seeds for step in (Own(a), Zero(a))]
         for step in reversed(steps):
             match step:
                 case Run():
-                    back.append(Run(transpose_name(step.sweep), True))
+                    name = transpose_name(step.sweep)
+                    back += [Run(s, True) for s in (together.get(name, name),) if s]
                 case Formulas():
                     back.append(step.transpose())
                 case Prepare():
@@ -382,7 +387,13 @@ class _Writer:
             dependent = {
                 n: tuple(sorted(set(range(self.array[n].size)) - set(free))) for n, free in independent.items()
             }
+        runs = {s.sweep for s in back if isinstance(s, Run)}
+        if all(link.joint.quaternion is None for link in self.system.links):
+            runs.discard(transpose_name("turns"))  # has nothing to do
+        back.insert(0, Prepare(PASSING_ADJOINTS if together and runs <= ALONE else ADJOINTS, True))
         for seed in along.seeds:
+            if GRADIENT_IN_CLOSED in runs and seed.name in stored:
+                continue
             if dependent.get(seed.name[1:]):
                 back.append(ZeroEntries(seed, dependent[seed.name[1:]]))
         name = along.name.removesuffix("_sensitivities")
@@ -404,6 +415,21 @@ class _Writer:
             OTHER_WIDTHS,
             GRADIENTS[values.name],
         )
+
+    def together(self, steps: list[Step]) -> dict[str, str]:
+        """Sweeps that run in others, with the sweep that is run at their place, if any: see `sweeps.GRADIENT_OUT`.
+
+        The completion of seeds is among them where nothing but gravity comes between it and the balance.
+        """
+        runs = [s.sweep if isinstance(s, Run) else "" for s in steps if s != Prepare(GROUND_TANGENT, True)]
+        closed = ("complete", "balance_out") in pairwise(runs)
+        found = {
+            values_name("balance_out"): "",
+            values_name("balance_in"): "",
+            transpose_name("balance_in"): GRADIENT_OUT,
+            transpose_name("balance_out"): GRADIENT_IN_CLOSED if closed else GRADIENT_IN,
+        }
+        return found | ({transpose_name("complete"): ""} if closed else {})
 
     def dynamics(self) -> list[Procedure]:
         equations = "Eqs. 18-24, 30-56" if self.loops else "Eqs. 18-24, 42-56"
@@ -695,6 +721,10 @@ class _Writer:
         return [replace(values, basic=True), tangents]
 
 
+ALONE = {transpose_name("balance_back"), GRADIENT_OUT, GRADIENT_IN, GRADIENT_IN_CLOSED}
+"""The sweeps of the balance's transpose. Where no others come after them, what they kept needs no clearing."""
+
+
 def sweeps(found: tuple[Procedure, ...]) -> set[str]:
     """Sweeps that procedures run."""
     return {s.sweep for p in found for s in walk(p.steps) if isinstance(s, Run)}
@@ -709,4 +739,14 @@ def checked_backwards(found: tuple[Procedure, ...]) -> set[str]:
 def swept_backwards(found: tuple[Procedure, ...]) -> list[str]:
     """Sweeps whose transposes procedures run."""
     run = sweeps(found)
+    if GRADIENT_OUT in run:
+        run |= {transpose_name(s) for s in ("balance_out", "balance_in")}
+    if GRADIENT_IN_CLOSED in run:
+        run.add(transpose_name("complete"))
     return [s.name for s in SWEEPS if s.lanes and transpose_name(s.name) in run]
+
+
+def swept_together(found: tuple[Procedure, ...]) -> tuple[set[str], bool]:
+    """Sweeps of the balance's transpose that procedures run, and whether no others come after them."""
+    alone = any(s == Prepare(PASSING_ADJOINTS, True) for p in found for s in walk(p.steps))
+    return sweeps(found) & ALONE, alone

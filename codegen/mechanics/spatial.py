@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from sympy.core.numbers import Number
+
 from ..program.scalar import Matrix, Value, Vector
 
 Components = Sequence[Value]
@@ -18,7 +20,7 @@ UNIT: Matrix = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
 
 def is_zero(v: object) -> bool:
     """Whether a scalar is known to be zero."""
-    return (isinstance(v, int) and v == 0) or getattr(v, "is_zero", False) is True
+    return isinstance(v, (int, Number)) and v == 0
 
 
 def cross(a: Components, b: Components) -> Vector:

@@ -208,5 +208,19 @@ def backwards(sweep: Sweep) -> tuple[Sweep, Sweep]:
     )
 
 
-SWEEP = {s.name: s for s in (*SWEEPS, *(b for s in SWEEPS if s.lanes for b in backwards(s)))}
+GRADIENT_OUT, GRADIENT_IN, GRADIENT_IN_CLOSED = "gradient_out", "gradient_in", "gradient_in_closed"
+"""Sweeps of the balance's transpose that are run together; the last with the transpose of the completion of seeds."""
+
+
+def _together() -> list[Sweep]:
+    balance = next(s for s in SWEEPS if s.name == "balance_out")
+    inward = "transmitted forces, and gradients of weighted accelerations, inward"
+    return [
+        replace(balance, name=GRADIENT_OUT, title="accelerations, and weights of forces, outward"),
+        replace(balance, name=GRADIENT_IN, title=inward, direction=INWARD),
+        replace(balance, name=GRADIENT_IN_CLOSED, title=f"{inward}, those of closed loops too", direction=INWARD),
+    ]
+
+
+SWEEP = {s.name: s for s in (*SWEEPS, *(b for s in SWEEPS if s.lanes for b in backwards(s)), *_together())}
 """All sweeps by name, those that run others backwards too."""

@@ -3,6 +3,8 @@
 Of every sweep over directions there are two more (`sweeps.backwards`): one gives the scalars that the sweep itself would
 hand from link to link, in the same order, and keeps them; the other is its transpose, from the last link to the first
 (`codegen.program.transpose`). Nothing here knows what a sweep computes.
+
+Those of the balance are run together: see `gradient`.
 """
 
 from __future__ import annotations
@@ -10,12 +12,13 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable
 
 from ..program.block import Block, Component
-from ..program.passes import drop_dead, simplify
+from ..program.passes import by_results, drop_dead, simplify
 from ..program.store import Life, Memory, Store
 from ..program.transpose import Adjoints, Kept, transposed, values
 from .expansion import Program
+from .gradient import run_together
 from .stores import DQ, DU, KEPT, LAID_OUT, LINK, MARGIN
-from .sweeps import SWEEP, transpose_name, values_name
+from .sweeps import GRADIENT_IN, GRADIENT_IN_CLOSED, GRADIENT_OUT, SWEEP, transpose_name, values_name
 
 Name = tuple[Memory, str]
 """A component of a sort of memory, whosever it is."""
@@ -27,7 +30,11 @@ def kept(store: Store) -> Store:
     """Where scalars of a record are kept for the sweeps that run backwards."""
     found = _KEPT.get(store)
     if found is None:
-        found = _KEPT[store] = Store(f"kept_{store.name}", store.owner, KEPT[store.memory], store.adds, store.place)
+        if store.adds:
+            found = kept(store.plain).sum
+        else:
+            found = Store(f"kept_{store.name}", store.owner, KEPT[store.memory], place=store.place)
+        _KEPT[store] = found
     return found
 
 
@@ -47,11 +54,17 @@ def _names(blocks: Iterable[Block], stored: bool) -> set[Name]:
 
 
 def transpose_sweeps(
-    program: Program, sweeps: Iterable[str], formulas: Iterable[Block] = (), checked: Collection[str] = ()
+    program: Program,
+    sweeps: Iterable[str],
+    formulas: Iterable[Block] = (),
+    checked: Collection[str] = (),
+    together: Collection[str] = (),
+    alone: bool = False,
 ) -> None:
     """Add the transposes of sweeps over directions to a program, and the sweeps that give them their scalars.
 
     `formulas` are tangents of formulas that run with the sweeps; of those in `checked` nobody else looks at the pivots.
+    `together` has the sweeps of `gradient` that are run, `alone` if no other transposes are run after them.
     """
     chosen = [s for s in sweeps if s in program.blocks]
     formulas = list(formulas)
@@ -83,8 +96,9 @@ def transpose_sweeps(
             useful = Block(block.name, block.title, block.loads, block.statements, [
                 (a, n, e) for a, n, e in block.stores if not (a.lanes and a.memory in LAID_OUT) or (a.memory, n) in wanted
             ])  # fmt: skip
-            made = transposed(useful, f"{transpose_name(sweep)}_{kind}", f"transpose of {title}", adjoints, keeping)
-            backwards[kind] = simplify(made)
+            backwards[kind] = transposed(
+                useful, f"{transpose_name(sweep)}_{kind}", f"transpose of {title}", adjoints, keeping
+            )
             forwards[kind] = values(
                 block, f"{values_name(sweep)}_{kind}", f"values of {title}", keeping,
                 _is_margin if sweep in checked else _is_none,
@@ -92,38 +106,45 @@ def transpose_sweeps(
         program.blocks[transpose_name(sweep)] = backwards
         program.blocks[values_name(sweep)] = forwards
         program.slots[transpose_name(sweep)] = program.slots.get(sweep, [])
-    _keep_needed(program, chosen)
+    if together:
+        run_together(program, GRADIENT_IN_CLOSED in together, alone)
+    made = [s for sweep in chosen for s in (values_name(sweep), transpose_name(sweep)) if s in program.blocks]
+    made += [s for s in (GRADIENT_OUT, GRADIENT_IN, GRADIENT_IN_CLOSED) if s in program.blocks]
+    _keep_needed(program, made)
     for memory in KEPT.values():
         names: dict[str, None] = {}
-        for sweep in chosen:
-            for block in program.blocks.get(values_name(sweep), {}).values():
+        for sweep in made:
+            for block in program.blocks.get(sweep, {}).values():
                 names |= {n: None for a, n, _ in block.stores if a.memory is memory}
         program.fields[memory] = list(names)
 
 
-def _keep_needed(program: Program, chosen: list[str]) -> None:
+def _keep_needed(program: Program, made: list[str]) -> None:
     """Drop the scalars that nobody reads, and the sweeps that have none left."""
-    needed = {at for s in chosen for b in program.blocks[transpose_name(s)].values() for at in _kept_names(b)}
+    needed: set[Name] = set()
 
     def useful(block: Block) -> Block:
-        stores = [(a, n, e) for a, n, e in block.stores if (a.memory, n) in needed or a.memory is MARGIN]
+        stores = [(a, n, e) for a, n, e in block.stores if a.memory not in _ALL_KEPT or (a.memory, n) in needed]
         return drop_dead(Block(block.name, block.title, block.loads, block.statements, stores))
 
     before = -1
     while before != len(needed):
         before = len(needed)
-        for s in chosen:
-            for block in program.blocks[values_name(s)].values():
+        for s in made:
+            for block in program.blocks[s].values():
                 needed |= set(_kept_names(useful(block)))
-    for s in chosen:
-        blocks = program.blocks[values_name(s)]
-        program.blocks[values_name(s)] = {kind: useful(block) for kind, block in blocks.items()}
-    for s in chosen:
-        for name in (values_name(s), transpose_name(s)):
-            if not any(b.stores for b in program.blocks[name].values()):
-                del program.blocks[name]
+    for s in made:
+        program.blocks[s] = {kind: simplify(useful(block)) for kind, block in program.blocks[s].items()}
+        if s in (GRADIENT_OUT, GRADIENT_IN, GRADIENT_IN_CLOSED):
+            for block in program.blocks[s].values():
+                block.statements = [one for statements, _ in by_results(block) for one in statements]
+        if not any(b.stores for b in program.blocks[s].values()):
+            del program.blocks[s]
+
+
+_ALL_KEPT = tuple(KEPT.values())
 
 
 def _kept_names(block: Block) -> Iterable[Name]:
     loaded: Iterable[Component] = block.loads.values()
-    return ((a.memory, n) for a, n in loaded if a.memory in KEPT.values())
+    return ((a.memory, n) for a, n in loaded if a.memory in _ALL_KEPT)

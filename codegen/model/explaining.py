@@ -10,7 +10,6 @@ from .entries import Entry, FaceEntry, PlacedEntry, PointEntry, seen
 from .errors import nearest
 from .forces import OTHER_WORDS
 from .joints import JOINTS
-from .joints import LATER as LATER_JOINTS
 from .positions import Path_
 from .schema import JointEntry, LoopJointEntry, ShapeEntry
 
@@ -181,8 +180,6 @@ _KINDS: Final[dict[str, type[Entry]]] = {"joint": JointEntry, "loop joint": Loop
 def _unknown_type(value: Any, classes: list[type[Entry]]) -> str:
     name = value.get("type") if isinstance(value, dict) else value
     kind = next((k for k, base in _KINDS.items() if issubclass(classes[0], base)), "force")
-    if isinstance(name, str) and _comes_later(kind, name):
-        return f"{kind} type {name!r} is not supported yet by this version; available: {_tags(classes)}"
     if kind == "loop joint" and isinstance(name, str) and name in JOINTS and not JOINTS[name].closure:
         return f"a {name} joint {JOINTS[name].closes_none}; one of {_tags(classes)} is allowed"
     hint = nearest(name, [_tag(c) for c in classes]) if isinstance(name, str) else ""
@@ -190,11 +187,6 @@ def _unknown_type(value: Any, classes: list[type[Entry]]) -> str:
     if meant in [_tag(c) for c in classes]:
         hint = f"; did you mean {meant!r}?"
     return f"unknown {kind} type {seen(name)}; one of {_tags(classes)} is allowed{hint}"
-
-
-def _comes_later(kind: str, name: str) -> bool:
-    is_later = name in JOINTS and JOINTS[name].carries_later and kind == "joint"
-    return is_later or (name in LATER_JOINTS and kind in ("joint", "loop joint"))
 
 
 def _models(annotation: Any) -> list[type[Entry]]:

@@ -13,7 +13,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
-from functools import cache, partial
+from functools import cache, lru_cache, partial
 from typing import TypeVar
 
 import sympy
@@ -32,9 +32,15 @@ Component = tuple[Store, str]
 
 
 @cache
-def _symbol_named(name: str) -> Symbol:
+def symbol_named(name: str) -> Symbol:
     """sympy's own cache of symbols is too small for a program, and making one anew is slow."""
     return Symbol(name)
+
+
+@lru_cache(maxsize=1 << 17)
+def symbols_of(e: Expr) -> frozenset[Symbol]:
+    """The symbols of an expression; sympy goes through it each time."""
+    return frozenset(e.free_symbols)
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +77,7 @@ class Block:
     def symbols_stored(self) -> set[Symbol]:
         found: set[Symbol] = set()
         for _, _, e in self.stores:
-            found |= e.free_symbols
+            found |= symbols_of(e)
         return found
 
 
@@ -312,7 +318,7 @@ class Expansion(Scope):
             self._used[name] = self._used.get(name, 0) + 1
             unique = f"{name}_{self._used[name]}"
         self._taken.add(unique)
-        return _symbol_named(unique)
+        return symbol_named(unique)
 
 
 class Nonzero:

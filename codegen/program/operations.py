@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import sympy
 from sympy import Expr
@@ -10,7 +11,7 @@ from sympy import Expr
 from .block import Block
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class Operations:
     """Counts; sums and multiples are formed with + and *."""
 
@@ -41,34 +42,32 @@ class Operations:
         return Operations(self.additions * n, self.multiplications * n, self.divisions * n, self.functions * n)
 
 
+@lru_cache(maxsize=1 << 17)
 def count_expression(e: Expr) -> Operations:
     """Operations of one right side, as the printers write it. Signs are free."""
     if e.is_Symbol or e.is_Number:
         return Operations()
-    total = Operations()
-    for a in e.args:
-        total += count_expression(a)
+    additions = multiplications = divisions = functions = 0
     if e.is_Add:
-        total.additions += len(e.args) - 1
+        additions = len(e.args) - 1
     elif e.is_Mul:
         factors = [a for a in e.args if a is not sympy.S.NegativeOne]
         below = [a for a in factors if a.is_Pow and a.exp.is_Integer and a.exp < 0]
         if below:
-            total.divisions += 1
-            total.multiplications += max(0, len(factors) - len(below) - 1) + len(below) - 1
-            total.divisions -= len(below)  # their own, counted above
+            multiplications = max(0, len(factors) - len(below) - 1) + len(below) - 1
+            divisions = 1 - len(below)  # their own are counted with them
         else:
-            total.multiplications += len(factors) - 1
+            multiplications = len(factors) - 1
     elif e.is_Pow:
         if e.exp.is_Integer:
             n = abs(int(e.exp))
-            total.multiplications += bin(n).count("1") + n.bit_length() - 2
-            total.divisions += int(e.exp) < 0
+            multiplications = bin(n).count("1") + n.bit_length() - 2
+            divisions = int(bool(e.exp < 0))
         else:
-            total.functions += 1
+            functions = 1
     elif e.is_Function:
-        total.functions += 1
-    return total
+        functions = 1
+    return sum(map(count_expression, e.args), Operations(additions, multiplications, divisions, functions))
 
 
 def count(block: Block, lanes: bool) -> Operations:

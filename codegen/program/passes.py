@@ -8,7 +8,7 @@ from collections.abc import Callable
 import sympy
 from sympy import Expr, Symbol
 
-from .block import Block, Statement
+from .block import Block, Statement, symbols_of
 from .store import Store
 
 
@@ -29,7 +29,7 @@ def propagate_copies(block: Block) -> Block:
 def _replace(e: Expr, known: dict[Symbol, Expr]) -> Expr:
     if not known:
         return e
-    found = {s: known[s] for s in e.free_symbols if s in known}
+    found = {s: known[s] for s in symbols_of(e) if s in known}
     return e.xreplace(found) if found else e
 
 
@@ -140,7 +140,7 @@ def drop_dead(block: Block) -> Block:
     for s in reversed(block.statements):
         if s.target in needed:
             statements.append(s)
-            needed |= s.expression.free_symbols
+            needed |= symbols_of(s.expression)
     statements.reverse()
     loads = {s: key for s, key in block.loads.items() if s in needed}
     return Block(block.name, block.title, loads, statements, block.stores)
@@ -156,7 +156,7 @@ def by_results(block: Block) -> list[tuple[list[Statement], list[tuple[Store, st
     done: set[int] = set()
 
     def needed(e: Expr) -> list[int]:
-        return sorted((places[s] for s in e.free_symbols if s in places), reverse=True)
+        return sorted((places[s] for s in symbols_of(e) if s in places), reverse=True)
 
     found = []
     for store in block.stores:

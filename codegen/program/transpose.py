@@ -18,7 +18,8 @@ from dataclasses import dataclass
 import sympy
 from sympy import Expr, Symbol
 
-from .block import Block, Component, Expansion
+from .block import Block, Component, Expansion, symbols_of
+from .passes import drop_dead
 from .store import Store
 
 
@@ -61,12 +62,12 @@ def coefficients(e: Expr, lanes: set[Symbol]) -> dict[Symbol, Expr]:
             for s, c in coefficients(term, lanes).items():
                 total[s] = total[s] + c if s in total else c
         return total
-    if not (e.free_symbols & lanes):
+    if not (symbols_of(e) & lanes):
         if e == 0:
             return {}
         raise ValueError(f"{e} is added to values per direction")
     if e.is_Mul:
-        inner = [f for f in e.args if f.free_symbols & lanes]
+        inner = [f for f in e.args if symbols_of(f) & lanes]
         if len(inner) == 1:
             rest = sympy.Mul(*(f for f in e.args if f is not inner[0]))
             return {s: rest * c for s, c in coefficients(inner[0], lanes).items()}
@@ -121,7 +122,6 @@ def transposed(block: Block, name: str, title: str, adjoints: Adjoints, kept: Ke
     block : Block
     name, title : str
         Of the result.
-    adjoints : Adjoints
     adjoints : Adjoints
     kept : Kept
     """
@@ -178,3 +178,60 @@ def transposed(block: Block, name: str, title: str, adjoints: Adjoints, kept: Ke
     stores += [(store, n, sympy.S.Zero) for store, n in adjoints.others if (store, n) not in done]
     x.block.stores = stores
     return x.finish()
+
+
+def deferred(
+    block: Block,
+    late: Callable[[Store, str], bool],
+    saved: Callable[[int], Component],
+    steady: Callable[[Store, str], bool],
+) -> tuple[Block, Block]:
+    """A block in two: what can be done at once, and what waits for scalars that are not there yet.
+
+    Values per direction that the second needs of the first are loaded from where the first has stored them, or saved.
+
+    Parameters
+    ----------
+    block : Block
+    late : callable (store, component) -> bool
+        Scalars that are there later.
+    saved : callable (int) -> (Store, str)
+        Places for values.
+    steady : callable (store, component) -> bool
+        What the block stores there is all that is there until the second block runs.
+    """
+    waiting = {s for s, at in block.loads.items() if late(*at)}
+    for s in block.statements:
+        if symbols_of(s.expression) & waiting:
+            waiting.add(s.target)
+    stores = [(s, bool(symbols_of(s[2]) & waiting)) for s in block.stores]
+    first = drop_dead(
+        Block(block.name, block.title, block.loads, block.statements, [s for s, waits in stores if not waits])
+    )
+    second = Block(block.name, block.title, block.loads, block.statements, [s for s, waits in stores if waits])
+    lanes = {s for s, (a, _) in block.loads.items() if a.lanes}
+    there = {s.target for s in first.statements if s.lanes} | (first.loads.keys() & lanes)
+    needed = second.symbols_stored()
+    statements = []
+    for s in reversed(block.statements):
+        if s.target in needed and s.target not in there:
+            statements.append(s)
+            needed |= symbols_of(s.expression)
+    second.statements = statements[::-1]
+    places = {e: (a.plain, n) for a, n, e in first.stores if e.is_Symbol and steady(a.plain, n)}
+    loads: dict[Symbol, Component] = {}
+    count = 0
+    for symbol in [*block.loads, *(s.target for s in block.statements)]:
+        if symbol not in needed:
+            continue
+        if symbol in there or symbol in lanes:
+            if symbol not in places:
+                places[symbol], count = saved(count), count + 1
+                first.stores.append((*places[symbol], symbol))
+                if symbol in block.loads:
+                    first.loads[symbol] = block.loads[symbol]
+            loads[symbol] = places[symbol]
+        elif symbol in block.loads:
+            loads[symbol] = block.loads[symbol]
+    second.loads = loads
+    return first, second

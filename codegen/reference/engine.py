@@ -66,13 +66,17 @@ class State:
 
 @dataclass(frozen=True, slots=True)
 class Jacobians:
-    """Partial derivatives of udot: q (nu, nq), u (nu, nu), p (nu, np), inputs (nu, ninputs), t (nu,)."""
+    """Partial derivatives of a result (n,), udot for one: q (n, nq), u (n, nu), p (n, np), inputs (n, ninputs), t (n,)."""
 
     q: Array
     u: Array
     p: Array
     inputs: Array
     t: Array
+
+
+Gradients = tuple[Array, Array, Array, Array, Array]
+"""Of k weighted sums with respect to q, u, p, inputs, (k, n) each, and t, (k,)."""
 
 
 class Engine(ABC):
@@ -163,21 +167,45 @@ class Engine(ABC):
 
     def jacobians(self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> Jacobians:
         """Every partial derivative of udot."""
+        return self._partials(lambda **seeds: self.sensitivities(q, u, p, inputs, t, **seeds)[1])
+
+    def _partials(self, along: Callable[..., Array]) -> Jacobians:
+        """Every partial derivative of a function, from its derivatives along unit seeds, (k, n)."""
         sizes = (self.model.nq, self.model.nu, len(self.model.parameters), len(self.model.inputs), 1)
         start = np.cumsum((0, *sizes))
         seeds = [np.eye(start[-1], dtype=int)[:, a:b] for a, b in pairwise(start)]
         dq, du, dp, dinputs, dt = seeds
-        _, dudot = self.sensitivities(q, u, p, inputs, t, dq=dq, du=du, dp=dp, dinputs=dinputs, dt=dt[:, 0])
-        by_q, by_u, by_p, by_inputs, by_t = (dudot[a:b].T for a, b in pairwise(start))
+        derivatives = along(dq=dq, du=du, dp=dp, dinputs=dinputs, dt=dt[:, 0])
+        by_q, by_u, by_p, by_inputs, by_t = (derivatives[a:b].T for a, b in pairwise(start))
         return Jacobians(by_q, by_u, by_p, by_inputs, by_t[:, 0])
 
-    def gradients(
-        self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0, *, weights: Any
-    ) -> tuple[Array, Array, Array, Array, Array]:
+    def gradients(self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0, *, weights: Any) -> Gradients:
         """Gradients of ``sum_i weights_i udot_i``, (k, n) with respect to q, u, p, inputs and (k,) to t: ``weights^T J``."""
-        J = self.jacobians(q, u, p, inputs, t)
-        w = np.atleast_2d(np.asarray(weights))
-        return w @ J.q, w @ J.u, w @ J.p, w @ J.inputs, w @ J.t
+        return _weighted(weights, self.jacobians(q, u, p, inputs, t))
+
+    def output_gradients(
+        self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0, *, weights: Any
+    ) -> Gradients:
+        """The same of weighted sums of outputs, weights (k, noutputs)."""
+        along = self._partials(lambda **seeds: self.output_sensitivities(q, u, p, inputs, t, **seeds)[1])
+        return _weighted(weights, along)
+
+    def energy_gradients(
+        self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0, *, weights: Any
+    ) -> Gradients:
+        """The same of weighted sums of kinetic and potential energy, weights (k, 2)."""
+
+        def along(**seeds: Any) -> Array:
+            return np.stack(self.energy_sensitivities(q, u, p, inputs, t, **seeds)[1], axis=-1)
+
+        return _weighted(weights, self._partials(along))
+
+    def coordinate_rate_gradients(
+        self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0, *, weights: Any
+    ) -> Gradients:
+        """The same of weighted sums of the derivatives of the coordinates, weights (k, nq)."""
+        along = self._partials(lambda **seeds: self.coordinate_rate_sensitivities(q, u, p, inputs, t, **seeds)[1])
+        return _weighted(weights, along)
 
     def mass_matrix(self, q: Any, p: Any = None) -> Array:
         """The mass matrix M of Eq. 4 over all speeds of the tree, (nu, nu); loops do not enter."""
@@ -632,6 +660,12 @@ class _Seen:
     def energies(self) -> tuple[Pair, Pair]:
         kinetic, potential = self.engine._energies(self.state, self.motion)
         return kinetic[0, 0], potential[0, 0]
+
+
+def _weighted(weights: Any, J: Jacobians) -> Gradients:
+    """``weights^T J`` by argument, for weights (k, n) or (n,)."""
+    w = np.atleast_2d(np.asarray(weights))
+    return w @ J.q, w @ J.u, w @ J.p, w @ J.inputs, w @ J.t
 
 
 def _flat(column: Pair) -> tuple[Array, Array]:

@@ -16,7 +16,9 @@ import pytest
 from comparison import error, transposes, worst
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
-from random_mechanisms import LOOP_JOINTS, SCENES, Discarded, Mechanism, random_mechanism
+from random_elements import with_random_elements
+from random_mechanisms import LOOP_JOINTS, SCENES, TREE_JOINTS, Discarded, Mechanism, random_mechanism
+from random_models import EVERY
 
 import codegen
 from codegen.loops.errors import PartitionError
@@ -103,6 +105,7 @@ def draw(seed: int, **options: Any) -> Mechanism | None:
     seed=st.integers(0, 2**32 - 1),
     scene=st.sampled_from(SCENES),
     loop_joints=st.lists(st.sampled_from(LOOP_JOINTS), min_size=2, unique=True),
+    joints=st.sampled_from((EVERY, TREE_JOINTS)),
     bodies=st.integers(3, 5),
     loops=st.integers(1, 2),
     parameters=st.booleans(),
@@ -110,22 +113,28 @@ def draw(seed: int, **options: Any) -> Mechanism | None:
     layout=st.sampled_from(["kinds", "unrolled"]),
 )
 def test_numpy_is_generic_is_dense(
-    tmp_path_factory: pytest.TempPathFactory, seed: int, scene: str, loop_joints: list[str], bodies: int, loops: int,
-    parameters: bool, forces: bool, layout: str,
+    tmp_path_factory: pytest.TempPathFactory, seed: int, scene: str, loop_joints: list[str], joints: tuple[str, ...],
+    bodies: int, loops: int, parameters: bool, forces: bool, layout: str,
 ) -> None:  # fmt: skip
-    options = {"loop_joints": tuple(loop_joints), "parameters": parameters, "forces": forces}
+    options = {"loop_joints": tuple(loop_joints), "joints": joints, "parameters": parameters, "forces": forces}
     drawn = draw(seed, scene=scene, bodies=(bodies, bodies), loops=(loops, loops), **options)
     assume(drawn is not None)
     assert drawn is not None
+    if forces:
+        drawn = drawn._replace(model=with_random_elements(np.random.default_rng(seed), drawn.model))
     folder: Path = tmp_path_factory.mktemp("mechanism")
     codegen.generate(drawn.model, folder / "mechanism", target="numpy", layout=layout)
     check(drawn, codegen.load(folder / "mechanism"), seed)
 
 
-@pytest.mark.parametrize(("seed", "layout"), [(6, "kinds"), (25, "unrolled"), (38, "kinds")])
-def test_c_is_generic_is_dense(tmp_path: Path, seed: int, layout: str) -> None:
+@pytest.mark.parametrize(
+    ("seed", "layout", "elements"), [(6, "kinds", False), (25, "unrolled", False), (38, "kinds", True)]
+)
+def test_c_is_generic_is_dense(tmp_path: Path, seed: int, layout: str, elements: bool) -> None:
     drawn = draw(seed, bodies=(3, 5), loops=(1, 2))
     assert drawn is not None
+    if elements:
+        drawn = drawn._replace(model=with_random_elements(np.random.default_rng(seed), drawn.model))
     codegen.generate(drawn.model, tmp_path / "mechanism", target="c", layout=layout)
     check(drawn, codegen.load(tmp_path / "mechanism"), seed)
 
@@ -133,8 +142,12 @@ def test_c_is_generic_is_dense(tmp_path: Path, seed: int, layout: str) -> None:
 @pytest.mark.campaign
 @pytest.mark.parametrize(
     ("first", "count", "target", "options"),
-    [(0, 100, "both", {}), (1000, 60, "numpy", {"bodies": (9, 14), "loops": (2, 4)})],
-    ids=["few_bodies", "many_bodies"],
+    [
+        (0, 100, "both", {}),
+        (1000, 60, "numpy", {"bodies": (9, 14), "loops": (2, 4)}),
+        (2000, 60, "numpy", {"scene": "spatial", "joints": EVERY}),
+    ],
+    ids=["few_bodies", "many_bodies", "every_joint"],
 )
 def test_campaign(tmp_path: Path, capsys, first: int, count: int, target: str, options: dict[str, Any]) -> None:
     given_up = []
@@ -143,6 +156,8 @@ def test_campaign(tmp_path: Path, capsys, first: int, count: int, target: str, o
         if drawn is None:
             given_up.append(seed)
             continue
+        if seed % 2:
+            drawn = drawn._replace(model=with_random_elements(np.random.default_rng(seed), drawn.model))
         codegen.generate(drawn.model, tmp_path / f"m{seed}", target=target)
         check(drawn, codegen.load(tmp_path / f"m{seed}"), seed)
     with capsys.disabled():

@@ -11,6 +11,7 @@ import numpy as np
 from comparison import compare
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from random_elements import with_random_elements
 from random_models import EVERY, random_tree
 
 import codegen
@@ -31,6 +32,8 @@ def test_numpy_is_generic_is_dense(
 ) -> None:
     rng = np.random.default_rng(seed)
     model = random_tree(rng, bodies, tuple(joints), parameters, forces)
+    if forces:
+        model = with_random_elements(rng, model)
     if model.nu == 0:
         return  # a draw of fixed joints only: nothing to compare
     folder: Path = tmp_path_factory.mktemp("tree")

@@ -83,3 +83,48 @@ def test_few_partners_and_places_however_long_the_branches(made: Any, hinted: bo
         elimination = analysed(made(n).model(hinted)).regions.elimination
         assert max(len(p.links) for p in elimination.partners) == most
         assert elimination.slots == places
+
+
+def used(system: System, n: int) -> set[int]:
+    """Links whose values a unit uses, its own included."""
+    found, unit = system.regions, system.regions.order[n]
+    if unit.role == "link":
+        return {unit.number, system.links[unit.number].parent, *found.elimination.partners[n].links} - {GROUND}
+    if unit.role == "region":
+        return {found.regions[unit.number].base, *found.elimination.partners[n].links} - {GROUND}
+    ear = found.ears[unit.number]
+    return {*ear.links, *ear.roots, found.regions[ear.region].base} - {GROUND}
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_links_that_are_needed_at_a_time_have_slots_of_their_own(name: str) -> None:
+    """Outward: a link takes a slot with its unit, and keeps it until the last unit has gone that uses it."""
+    for system in systems(name):
+        uses = [used(system, n) for n in range(len(system.regions.order))]
+        last = {i: n for n, links in enumerate(uses) for i in links}
+        alive: dict[int, int] = {}
+        for n, unit in enumerate(system.regions.order):
+            for i in unit.links if unit.role != "region" else ():
+                slot = system.slot_of[i]
+                assert 0 < slot < system.slots  # that of the ground is the first
+                assert slot not in alive
+                alive[slot] = i
+            assert all(alive.get(system.slot_of[i]) == i for i in uses[n])
+            alive = {slot: i for slot, i in alive.items() if last[i] != n}
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_one_unit_alone_is_the_first_to_hand_inertia_to_a_link(name: str) -> None:
+    """Inward: who comes first writes, all others add."""
+    for system in systems(name):
+        found, written = system.regions, set[int]()
+        for n in reversed(range(len(found.order))):
+            unit, kind, partners = found.order[n], system.unit_kind_of[n], found.elimination.partners[n]
+            if unit.role == "ear":
+                continue
+            base = system.links[unit.number].parent if unit.role == "link" else found.regions[unit.number].base
+            first = getattr(kind, "first_unit" if unit.role == "link" else "first")
+            assert first == (base not in written)
+            assert partners.first == [i not in written for i in partners.links]
+            written |= {base, *partners.links}
+        assert written == found.elimination.first_contributor.keys()

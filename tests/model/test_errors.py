@@ -55,7 +55,7 @@ def test_the_model_the_others_are_made_from_is_good():
     [
         ("    mass: 2*L", "    mas: 2*L", "m.yaml:10:5: bodies.arm.mas: unknown key 'mas'; * did you mean 'mass'?"),
         ("type: revolute", "type: revolut", "m.yaml:9:19: bodies.arm.joint.type: unknown joint type 'revolut'; * 'revolute'?"),
-        ("type: revolute", "type: screw", "m.yaml:9:19: bodies.arm.joint.type: joint type 'screw' is not supported yet*"),
+        ("type: revolute", "type: screw", "m.yaml:9:12: bodies.arm.joint: key 'pitch' is missing*"),
         ("joint: {type: revolute, axis: y}", "joint: {axis: y}", "m.yaml:9:12: bodies.arm.joint: key 'type' is missing*"),
         (", axis: y}", "}", "m.yaml:9:12: bodies.arm.joint: key 'axis' is missing*"),
         ("2*L", "2*LL", "m.yaml:10:13: bodies.arm.mass: unknown name 'LL'; known here: L; did you mean 'L'?"),
@@ -90,7 +90,7 @@ def test_the_model_the_others_are_made_from_is_good():
         ("joint: arm,", "joint: amr,", "m.yaml:18:31: forces.drive.joint: unknown joint 'amr'; *did you mean 'arm'?"),
         ("position: hand", "position: tip", "m.yaml:20:22: outputs.height.position: unknown point 'tip'*"),
         (", axis: z}", "}", "m.yaml:20:11: outputs.height: position without axis*"),
-        ("type: revolute", "type: planar", "m.yaml:9:19: bodies.arm.joint.type: joint type 'planar' is not supported yet*"),
+        ("type: revolute", "type: planar", "m.yaml:9:*: bodies.arm.joint.axis: unknown key 'axis'; keys here: at, rotate, rpy, type, normal; did you mean 'normal'*"),
         ("outputs:", "motion: {}\noutputs:", "m.yaml:19:1: motion: section 'motion' is not supported yet by this version"),
         ("outputs:", "ouputs:", "m.yaml:19:1: ouputs: unknown key 'ouputs'; * did you mean 'outputs'?"),
         ("gravity: [0, 0, -9.81]", "gravity: -9.81", "m.yaml:2:10: gravity: '-9.81'; three numbers are needed*"),

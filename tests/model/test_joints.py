@@ -5,7 +5,7 @@ import pytest
 from joint_types import OTHERS, Polar, every_type, given_axes, known_types, one_body
 
 from codegen.model import ModelError, parse_model
-from codegen.model.joints import JOINTS, LATER, JointType
+from codegen.model.joints import JOINTS, JointType
 from codegen.model.mobility import _freedoms
 from codegen.model.model import joint_coordinates
 from codegen.model.motions import Displacement, Turn
@@ -106,14 +106,6 @@ loops:
     (loop,) = model.loops
     assert (loop.type, loop.closure, len(loop.axes)) == (kind.name, kind.closure, len(kind.axis_keys))
     assert len(model.closure_names) == sum(kind.closure)
-
-
-@pytest.mark.parametrize("name", [*LATER, *(kind.name for kind in JOINTS.values() if kind.carries_later)])
-def test_joints_that_come_later_are_none_that_are_there(name):
-    assert name not in {kind.name for kind in CARRYING}
-    text = f"model: m\nbodies:\n  a: {{parent: ground, joint: {{type: {name}}}, mass: 1}}\n"
-    with pytest.raises(ModelError, match=f"joint type '{name}' is not supported yet by this version"):
-        parse_model(text)
 
 
 def test_what_does_not_close_a_loop_says_so():

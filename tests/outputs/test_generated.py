@@ -20,8 +20,13 @@ from random_models import random_seeds, random_state, random_tree
 
 import codegen
 from codegen.loops.partition import partition
+from codegen.mechanics.outputs import MEASURES as WRITTEN
+from codegen.mechanics.outputs import RecordMeasure
+from codegen.mechanics.quantities import QUANTITIES
 from codegen.model.model import Model
+from codegen.model.outputs import MEASURES
 from codegen.reference import DenseEngine, RecursiveEngine
+from codegen.reference.outputs import VALUES
 
 EPS = np.finfo(float).eps
 TREES = (11, 12, 13)
@@ -137,3 +142,14 @@ def test_outputs_of_bodies_run_no_dynamics(tmp_path: Path) -> None:
         assert ("forward(a)" in body) == ("acceleration" in asked)
         assert ("link_accelerations" in text) == ("acceleration" in asked)
         assert ("momenta" in text) == ("momentum" in asked)
+
+
+def test_every_measure_has_a_value_statements_and_something_drawn() -> None:
+    """The registries name the same measures, and what these read there is."""
+    assert VALUES.keys() == WRITTEN.keys() == MEASURES.keys()
+    model, _ = tree(TREES[0])
+    assert {o.measure for o in model.outputs} == MEASURES.keys()
+    for o in model.outputs:
+        measure = WRITTEN[o.measure]
+        if isinstance(measure, RecordMeasure):
+            assert {*measure.reads, *measure.also(o)} <= QUANTITIES.keys()

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from random_elements import with_random_elements
 from random_models import ALL, random_seeds, random_state, random_tree, relative_error
 
 from codegen.reference import DenseEngine, RecursiveEngine
@@ -20,6 +21,8 @@ trees = {
 def case(seed, n, joints):
     rng = np.random.default_rng(seed)
     model = random_tree(rng, n, joints)
+    if seed % 2:
+        model = with_random_elements(rng, model)
     return model, random_state(rng, model), random_seeds(rng, model, 3), rng
 
 

@@ -280,6 +280,7 @@ class Part:
             "SingularJointError": [("", n) for n in m["links"]],
             "SingularLoopError": [("loop", n) for n in m["loops"]],
             "SingularForceError": [("force element", n) for n in m.get("elements", ())],
+            "SingularOutputError": [("output", n) for n in m["output_names"]],
         }
         begins = 1
         for kind, known in names.items():
@@ -317,7 +318,7 @@ class Part:
     def check(self, calls: list[Call], file: Path) -> None:
         """Compare the harness's output with what was expected."""
         out, at = np.fromfile(file), 0
-        highest = sum(len(self.manifest.get(n, ())) for n in ("links", "loops", "elements"))
+        highest = sum(len(self.manifest.get(n, ())) for n in ("links", "loops", "elements", "output_names"))
         for c in calls:
             f, (status, failed) = c.prototype, out[at : at + 2]
             at += 2

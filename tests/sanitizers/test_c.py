@@ -31,6 +31,16 @@ bodies:
 """,
         {"p": 0.0},
     ),
+    "a distance without derivative": (
+        """
+bodies:
+  cart: {parent: ground, joint: {type: prismatic, axis: x}, mass: 2}
+  bob: {parent: cart, joint: {type: prismatic, axis: z}, mass: 1}
+initial: {q: {cart: 1.0, bob: 1.0}}
+outputs: {apart: {distance: [bob, ground]}}
+""",
+        {"q": 0.0},
+    ),
     "a spring without length": (
         """
 parameters: {k: 10.0}

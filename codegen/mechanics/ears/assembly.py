@@ -6,7 +6,6 @@ characteristic length. A rotation is measured by 2 sin(t/2), which grows up to h
 
 from __future__ import annotations
 
-from ...model.model import CLOSURE_ROWS
 from ...program.block import Scope
 from ...program.scalar import Value, Vector
 from ...program.store import Store
@@ -38,16 +37,16 @@ def face_differences(x: Scope, ear: EarGeometry) -> list[Twist]:
         a, b = (ear.position_of_face(c, side) for side in (0, 1))
         linear = [x.let("gap", e, "Eq. 32") for e in minus(b, a)]
         angular: Vector = [0, 0, 0]
-        if closure.type == "universal":
+        if closure.holds.angular == 1:
             first, second = ear.universal_axes(c)
             off = x.let("off", dot(first, second), "Eq. 32")
             angular = [-off * e for e in cross(first, second)]
-        elif closure.type in ("fixed", "prismatic"):
+        elif closure.holds.angular == 3:
             start, end = ear.face_axes(c, 0), ear.face_axes(c, 1)
             turned = [cross(p, q) for p, q in zip(start, end, strict=True)]
             root = _over_root(x, 1 + sum(dot(p, q) for p, q in zip(start, end, strict=True)), "share")
             angular = [root * sum(t[i] for t in turned) for i in range(3)]
-        elif CLOSURE_ROWS[closure.type][1]:
+        elif closure.holds.angular == 2:
             p, q = ear.face_axes(c, 0)[closure.axis], ear.face_axes(c, 1)[closure.end_axis]
             root = _over_root(x, x.half + x.half * dot(p, q), "share")
             angular = [root * e for e in cross(p, q)]

@@ -19,7 +19,7 @@ from ...program.scalar import Value, Vector
 from .. import fields
 from ..joints import Column
 from ..spatial import SIX, UNIT, add, cross, matvec, minus, transpose
-from ..stores import DTAU, DUDOT, EAR, GROUND, LME, LREGION, ME, MY_LANE, TAU
+from ..stores import DTAU, DUDOT, EAR, LME, LREGION, ME, MY_LANE, TAU
 from ..structure.kinds import EarKind, LinkKind
 from ..tree.inverse_dynamics import joint_acceleration
 from ..tree.kinematics import accelerated, acceleration_matrix, body_force, less_external, own_inertia
@@ -276,7 +276,7 @@ def transmit(x: Scope, ear: EarGeometry, phi: list[Vector], d_phi: list[Vector],
             phi[k][s.lead] = s.completed(phi[k], tau(x, kind, k, j))
         phi[k] = [x.name("phi", v, "Eq. 45") for v in phi[k]]
         d_phi[k] = [x.let("dphi", v, "d Eq. 45", lanes=True) for v in d_phi[k]]
-        if member.parent < 0 and ear.roots[-1 - member.parent].record is GROUND:
+        if member.parent < 0 and not ear.roots[-1 - member.parent].feels:
             continue
         on_parent = to_parent(x, member, phi[k], "Eq. 45")
         if x.structural:
@@ -319,7 +319,7 @@ def apply_wrench(
     handed: list[Handed] = []
     for side, sign in ((0, -1), (1, 1)):
         place = ear.kind.closures[c].faces[side]
-        if place < 0 and ear.roots[-1 - place].record is GROUND:
+        if place < 0 and not ear.roots[-1 - place].feels:
             continue
         slip = ear.slip(c) if side == 0 else None
         n, dn = moment, d_moment

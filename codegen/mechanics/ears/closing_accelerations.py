@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from ...model.model import CLOSURE_ROWS
 from ...program.block import Scope
 from ...program.scalar import Vector
 from ..spatial import ZERO, add, cross, dot, matvec
@@ -60,10 +59,10 @@ def cut_accelerations(
         (w_a, al_a, a_a), (w_b, al_b, a_b) = sides
         relative = [x.let("wrel", w_b[i] - w_a[i], "Eq. 31") for i in range(3)]
         angular = [al_b[i] - al_a[i] for i in range(3)]
-        if CLOSURE_ROWS[closure.type][1]:
+        if closure.holds.angular:
             turn = cross(w_a, relative)
             angular = [angular[i] - turn[i] for i in range(3)]
-        if closure.type == "universal" and not closure.gaps:
+        if closure.holds.angular == 1 and not closure.gaps:
             angular = universal_bias(x, ear, c, angular, w_a, w_b, relative)
         linear = [a_b[i] - a_a[i] for i in range(3)]
         if closure.slides:

@@ -299,8 +299,8 @@ def face_displacement(x: Scope, ear: EarGeometry, c: int, side: int) -> tuple[Ve
         dp = x.entry(CL_DP[c], j)
         dr = x.load(LOOP_CONSTANTS[c], fields.face_place(name).derivative(j))
         local = [local[i] + dr[i] * dp for i in range(3)]
-        if closure.type == "spherical" and not closure.gaps:
-            continue
+        if closure.holds == (3, 0) and not closure.gaps:
+            continue  # no direction of the face matters
         _, F = ear.face(c, side)
         dF = x.load(LOOP_CONSTANTS[c], fields.face_axes(name).derivative(j))
         if not all(is_zero(e) for row in dF for e in row):

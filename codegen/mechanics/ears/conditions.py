@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from ...model.model import CLOSURE_ROWS
 from ...program.scalar import Value, Vector
 from ..spatial import UNIT, add, cross, scale
 from .geometry import EarGeometry
@@ -50,22 +49,10 @@ def counted_conditions(ear: EarGeometry) -> list[Condition]:
             every = open_conditions(ear, c, s)
             found += [row for i, row in enumerate(every) if i not in closure.dropped]
             continue
-        type_ = closure.type
-        linear: list[Vector] = [list(e) for e in UNIT]
-        angular: list[Vector] = [list(e) for e in UNIT] if type_ in ("fixed", "prismatic") else []
-        if type_ == "universal":
-            a, b = ear.universal_axes(c)
-            angular = [ear.x.let_vector("n", cross(a, b), "Eq. 33")]
-        elif type_ not in ("fixed", "spherical"):
-            columns = ear.face_axes(c, 0)
-            axis = closure.axis
-            across = [columns[(axis + 1) % 3], columns[(axis + 2) % 3]]
-            if type_ in ("prismatic", "cylindrical", "inline"):
-                linear = across
-            elif type_ == "planar":
-                linear = [columns[axis]]
-            if type_ not in ("prismatic", "inline"):
-                angular = across
+        holds = closure.holds
+        columns = ear.face_axes(c, 0) if holds.linear < 3 or holds.angular == 2 else []
+        linear = held(holds.linear, closure.axis, columns, [list(e) for e in UNIT])
+        angular = held_in_turning(ear, c, columns, [list(e) for e in UNIT])
         found += [Condition(c, False, n if s == 1 else scale(s, n)) for n in linear]
         found += [Condition(c, True, n) for n in angular]
     return found
@@ -84,37 +71,42 @@ def joint_conditions(ear: EarGeometry, c: int) -> list[Condition]:
     share = ear.x.number(ear.kind.per_length)
     if closure.gaps:
         return open_conditions(ear, c, share)
-    linear, columns = linear_directions(ear, c)
-    across = [columns[(closure.axis + 1) % 3], columns[(closure.axis + 2) % 3]]
-    angular = {"fixed": columns, "prismatic": columns, "spherical": [], "inline": []}.get(closure.type, across)
-    if closure.type == "universal":
-        first, second = ear.universal_axes(c)
-        angular = [ear.x.let_vector("n", cross(first, second), "Eq. 33")]
+    columns = ear.face_axes(c, 0)
+    linear = held(closure.holds.linear, closure.axis, columns, columns)
+    angular = held_in_turning(ear, c, columns, columns)
     return [Condition(c, False, scale(share, n)) for n in linear] + [Condition(c, True, n) for n in angular]
 
 
-def linear_directions(ear: EarGeometry, c: int) -> tuple[list[Vector], list[Vector]]:
-    """Directions of a loop joint's linear conditions, and the axes of its start face."""
+def held(count: int, axis: int, columns: list[Vector], every: list[Vector]) -> list[Vector]:
+    """Directions that a joint holds, by how many: all, those across its axis, the one along it, none."""
+    if count == 3:
+        return every
+    if count == 2:
+        return [columns[(axis + 1) % 3], columns[(axis + 2) % 3]]
+    return [columns[axis]] if count == 1 else []
+
+
+def held_in_turning(ear: EarGeometry, c: int, columns: list[Vector], every: list[Vector]) -> list[Vector]:
+    """Directions about which a joint does not turn; where its two axes are perpendicular, their normal."""
     closure = ear.kind.closures[c]
-    columns = ear.face_axes(c, 0)
-    axis = closure.axis
-    across = [columns[(axis + 1) % 3], columns[(axis + 2) % 3]]
-    linear = {"prismatic": across, "cylindrical": across, "inline": across, "planar": [columns[axis]]}
-    return linear.get(closure.type, columns), columns
+    if closure.holds.angular != 1:
+        return held(closure.holds.angular, closure.axis, columns, every)
+    first, second = ear.universal_axes(c)
+    return [ear.x.let_vector("n", cross(first, second), "Eq. 33")]
 
 
 def open_conditions(ear: EarGeometry, c: int, share: Value) -> list[Condition]:
     """All conditions of a loop joint whose faces may be apart: they hold, and so do their rates, where others do not."""
     closure = ear.kind.closures[c]
-    linear, s = linear_directions(ear, c)
-    found = [Condition(c, False, scale(share, n)) for n in linear]
-    count = CLOSURE_ROWS[closure.type][1]
+    s = ear.face_axes(c, 0)
+    found = [Condition(c, False, scale(share, n)) for n in held(closure.holds.linear, closure.axis, s, s)]
+    count = closure.holds.angular
     if not count:
         return found
     e = ear.face_axes(c, 1)
     i, j, k = closure.axis, (closure.axis + 1) % 3, (closure.axis + 2) % 3
     half = ear.x.half
-    if closure.type == "universal":
+    if count == 1:
         turning: list[tuple[list[tuple[Value, Vector, Vector]], Vector | None]] = [
             ([(-1, e[closure.end_axis], s[i])], None)
         ]

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 from sympy import Expr, Symbol, sympify
 
-from ...program.block import ANY, Expansion
+from ...program.block import ANY, Expansion, symbols_of
 from ...program.derivatives import Tangents
 from ...program.field import XYZ
 from ...program.scalar import Value, Vector
@@ -193,10 +193,12 @@ class WrittenTangents(EarTangents):
                 self.d.of[symbol] = value
 
     def _of_local(self, value: Value) -> Value:
-        """Tangent of a component in a link's own axes: of a constant, or of a statement on constants and coordinates."""
-        if isinstance(value, Symbol) and value not in self.d.of:
+        """Tangent of a component in a link's own axes: of a constant, or of statements on constants and coordinates."""
+        if isinstance(value, Symbol) and value not in self.d.of and value not in self.x.block.loads:
             for statement in self.x.block.statements:
                 if statement.target == value:
+                    for operand in sorted(statement.expression.free_symbols, key=str):
+                        self._of_local(operand)
                     self.d.statement(statement)
                     self.known.add(value)
                     break
@@ -233,7 +235,7 @@ class WrittenTangents(EarTangents):
         for statement in self.x.block.statements[: self.done]:
             if statement.lanes or statement.tag == "primitive" or statement.target in right:
                 continue
-            if not changed.isdisjoint(statement.expression.free_symbols):
+            if not changed.isdisjoint(symbols_of(statement.expression)):
                 self.d.statement(statement)
                 changed.add(statement.target)
 

@@ -5,12 +5,14 @@ from __future__ import annotations
 from typing import Final
 
 from ...model.forces import (
+    Actuator,
     Force,
     ForceElement,
     Spring,
     Torque,
     Torsion,
 )
+from .actuator import ActuatorLaw
 from .element import Law
 from .force import ForceLaw
 from .spring import SpringLaw
@@ -24,5 +26,6 @@ LAWS: Final[dict[type[ForceElement], Law]] = {
     Force: ForceLaw(),
     Torque: TorqueLaw(),
     Torsion: TorsionLaw(),
+    Actuator: ActuatorLaw(),
 }
 """Of every type that acts on bodies."""

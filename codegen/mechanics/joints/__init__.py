@@ -8,13 +8,16 @@ from __future__ import annotations
 from typing import Final
 
 from .column import Column
+from .cylindrical import Cylindrical
 from .free import Free
 from .link_joint import LinkJoint
 from .prismatic import Prismatic
 from .revolute import Revolute
+from .screw import Screw
+from .slides import Slides
 from .spherical import Spherical
 
 __all__ = ["LINK_JOINTS", "Column", "LinkJoint"]
 
-LINK_JOINTS: Final[tuple[type[LinkJoint], ...]] = (Free, Spherical, Revolute, Prismatic)
+LINK_JOINTS: Final[tuple[type[LinkJoint], ...]] = (Free, Cylindrical, Screw, Slides, Spherical, Revolute, Prismatic)
 """The longest chains first: of a body's chain each link takes as much as it can."""

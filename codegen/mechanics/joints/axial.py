@@ -6,7 +6,6 @@ c s``. The sine and cosine are transparent to differentiation: their tangent is 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import cached_property
 from typing import ClassVar
 
@@ -196,12 +195,6 @@ class Axial(LinkJoint):
     def displacement(self) -> tuple[Vector, Vector]:
         turn = 0 if self.angle is None else self.x.entry(DQ, self.angle)
         return self._along_axis(turn), self._along_axis(self.shift_tangent())
-
-    def along_freedom(self, j: int) -> Value:
-        return self.x.entry(DQ, j)
-
-    def coordinate_changes(self, found: Mapping[int, Value], lanes: bool) -> dict[int, Value]:
-        return dict(found)
 
     # -- differentiation -------------------------------------------------------------------------------------------
 

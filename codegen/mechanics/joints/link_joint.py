@@ -21,7 +21,7 @@ from ...program.field import XYZ
 from ...program.scalar import Matrix, Value, Vector
 from .. import fields
 from ..spatial import add, matmul, matvec, transpose
-from ..stores import CONSTANTS, SPEEDS
+from ..stores import CONSTANTS, DQ, SPEEDS
 from .column import Column
 from .inertia import rotate_all
 
@@ -61,7 +61,7 @@ class LinkJoint(ABC):
     Attributes
     ----------
     motion : tuple of Motion
-        The chain of elementary motions that it is: see `structure.links`.
+        The chain of elementary motions that it is: see `structure.links`. Axes are counted from that of the link.
     freedoms, coordinates : int
         How many.
     angle : int or None
@@ -193,13 +193,13 @@ class LinkJoint(ABC):
     def displacement(self) -> tuple[Vector, Vector]:
         """Rotation vector and displacement that the joint's own dq causes, in the link's axes."""
 
-    @abstractmethod
     def along_freedom(self, j: int) -> Value:
         """Displacement along one freedom that dq causes."""
+        return self.x.entry(DQ, j)
 
-    @abstractmethod
     def coordinate_changes(self, found: Mapping[int, Value], lanes: bool) -> dict[int, Value]:
         """Changes of coordinates from displacements along some freedoms; those of no other coordinates."""
+        return dict(found)
 
     # -- what is found once for a call, or for directions -------------------------------------------------------------
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import ClassVar
 
-from ...model.motions import Slide
+from ...model.motions import Motion, Slide
 from ...program.scalar import Value
 from ..stores import COORDINATES, DQ, SPEEDS
 from .axial import Axial
@@ -14,7 +15,7 @@ from .column import Column
 class Prismatic(Axial):
     """A slider."""
 
-    motion = (Slide(axis=0, index=0),)
+    motion: ClassVar[tuple[Motion, ...]] = (Slide(axis=0, index=0),)
     freedoms, coordinates, slides = 1, 1, True
 
     @property

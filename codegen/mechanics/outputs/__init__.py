@@ -4,14 +4,29 @@ from __future__ import annotations
 
 from typing import Final
 
+from .acceleration import ACCELERATION
+from .angular_velocity import ANGULAR_VELOCITY
+from .center_of_mass import CENTER_OF_MASS
+from .distance import DISTANCE
 from .measure import EnergyMeasure, FormulaMeasure, Measure, RecordMeasure
+from .momentum import MOMENTUM
 from .points import POSITION, VELOCITY
+from .relative_position import RELATIVE_POSITION, RELATIVE_VELOCITY
+from .rotation import ROTATION
 
 __all__ = ["MEASURES", "EnergyMeasure", "FormulaMeasure", "Measure", "RecordMeasure"]
 
 MEASURES: Final[dict[str, Measure]] = {
     "position": POSITION,
     "velocity": VELOCITY,
+    "rotation": ROTATION,
+    "angular_velocity": ANGULAR_VELOCITY,
+    "acceleration": ACCELERATION,
+    "center_of_mass": CENTER_OF_MASS,
+    "momentum": MOMENTUM,
+    "distance": DISTANCE,
+    "relative_position": RELATIVE_POSITION,
+    "relative_velocity": RELATIVE_VELOCITY,
     "value": FormulaMeasure(),
     "kinetic_energy": EnergyMeasure(0),
     "potential_energy": EnergyMeasure(1),

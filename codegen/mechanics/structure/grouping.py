@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import sympy
 
-from ...model.model import CLOSURE_ROWS, GROUND
+from ...model.model import GROUND
 from ...program.functions import number
 from .constants import Constants
 from .folded import pattern
@@ -167,7 +167,7 @@ def _ear_kind(
         closures = [
             ClosureKind(
                 closure_constants[c.loop].shape,
-                f.loop.type,
+                f.loop.closure,
                 f.frames[0].index,
                 f.frames[1].index,
                 c.paths,
@@ -180,7 +180,7 @@ def _ear_kind(
             for f, c in zip(loops, ear.closures, strict=True)
         ]
         r = len(region.freedoms)
-        angular = any(CLOSURE_ROWS[c.type][1] for c in closures)
+        angular = any(c.holds.angular for c in closures)
         kind = found[key] = EarKind(
             index, [kind_of[i] for i in ear.links], ear.parents, list(order.roles(e)), list(order.far(e)),
             [order.first_follower.get(root) == n for root in ear.roots], [i in order.first_follower for i in ear.links],

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from sympy import Expr
 from sympy.core.numbers import Number
 
+from ...model.joints import Closure
 from ...program.store import Store
 from ..joints import LinkJoint
 from ..stores import CONSTANT, CONSTANTS, LINK
@@ -83,10 +84,10 @@ class LinkKind(Folded):
 class ClosureKind(Folded):
     """A loop of a kind of ears: see `structure.Closure`; `axis` and `end_axis` are those of the joint among the faces' axes.
 
-    `slides`: the way between the faces matters.
+    `holds`: how many directions the joint holds; `slides`: the way between the faces matters.
     """
 
-    type: str
+    holds: Closure
     axis: int
     end_axis: int
     paths: tuple[tuple[int, ...], tuple[int, ...]]

@@ -135,7 +135,7 @@ class Part(NamedTuple):
     q, u : int
         Where its coordinates and speeds begin among those of the body's joint.
     axis : int or None
-        Which of the joint's axes.
+        Which of the joint's axes is the first of the link's.
     factors : tuple of int
         Which of the joint's factors.
     """
@@ -147,30 +147,36 @@ class Part(NamedTuple):
     factors: tuple[int, ...]
 
 
-def parts_of(chain: Sequence[Motion]) -> list[Part]:
+def parts_of(chain: Sequence[Motion], triad: bool = False) -> list[Part]:
     """A chain of motions as joints of links, each of which takes as much of it as it can.
+
+    `triad` tells that its axes are a right-handed frame: only then a link's joint may have several.
 
     Raises
     ------
     TypeError
-        There is a motion that no joint of a link begins with.
+        There is a motion that no joint of a link begins with, or two links would share a coordinate.
     """
     found: list[Part] = []
     while chain:
         for joint in LINK_JOINTS:
-            part = _share(joint, chain[: len(joint.motion)])
+            part = _share(joint, chain[: len(joint.motion)], triad)
             if part is not None:
                 found.append(part)
                 chain = chain[len(joint.motion) :]
                 break
         else:
             raise TypeError(f"no joint of a link (mechanics/joints) moves by {chain[0]}")
+    speeds = [part.u + j for part in found for j in range(part.joint.freedoms)]
+    if len(set(speeds)) < len(speeds):
+        raise TypeError("motions that share a coordinate are those of no joint of a link (mechanics/joints)")
     return found
 
 
-def _share(joint: type[LinkJoint], chain: Sequence[Motion]) -> Part | None:
+def _share(joint: type[LinkJoint], chain: Sequence[Motion], triad: bool) -> Part | None:
     """The chain as the joint's own motion, but for the numbers of axes and coordinates; None if it is another."""
     places: set[tuple[int, int]] = set()
+    own_axes: set[int] = set()
     axes: set[int] = set()
     factors: list[int] = []
     if len(chain) != len(joint.motion):
@@ -180,11 +186,12 @@ def _share(joint: type[LinkJoint], chain: Sequence[Motion]) -> Part | None:
             places.add((m.coordinate - own.coordinate, m.speed - own.speed))
         elif isinstance(own, Turn | Slide) and isinstance(m, type(own)) and len(_factors(own)) == len(_factors(m)):
             places.add((m.index - own.index, m.index - own.index))
-            axes.add(m.axis - own.axis)
+            own_axes.add(own.axis)
+            axes.add((m.axis - own.axis) % 3)
             factors += _factors(m)
         else:
             return None
-    if len(places) != 1 or len(axes) > 1:
+    if len(places) != 1 or len(axes) > 1 or (len(own_axes) > 1 and not triad):
         return None
     (q, u), axis = places.pop(), axes.pop() if axes else None
     return Part(joint, q, u, axis, tuple(factors))
@@ -212,7 +219,7 @@ def links_of(model: Model, evaluate: NumberOf) -> tuple[list[Link], list[Carrier
         joint = body.joint
         steps = (*steps, (joint.at, joint.rotation))
         q, u = (s.start for s in model.coordinate_slices[k])
-        parts = parts_of(joint.kind.motion)
+        parts = parts_of(joint.kind.motion, joint.kind.triad)
         if not parts:
             carriers[k] = parent, steps
             if parent != GROUND:

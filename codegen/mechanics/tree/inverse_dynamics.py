@@ -87,7 +87,7 @@ def transfer(
             moved = force_to_parent(x, joint, r, d_phi[:3], d_phi[3:], "")
             tn, tf = ([pattern(a) + b for a, b in zip(v, w, strict=True)] for v, w in zip((n, f), moved, strict=True))
         else:
-            extra = {s: v for s, v in zip(named, d_phi, strict=True) if v != 0}
+            extra = dict(zip(named, d_phi, strict=True))
             d = differentiate(x, kind, joint, extra)
             assert d is not None
             tn, tf = [d.value(v) for v in n], [d.value(v) for v in f]

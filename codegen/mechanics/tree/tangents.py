@@ -79,13 +79,16 @@ def constants_transparent(x: Expansion, kind: LinkKind) -> dict[Symbol, dict[Sym
 def differentiate(
     x: Scope, kind: LinkKind, joint: LinkJoint | None, extra: dict[Symbol, Expr] | None = None
 ) -> Tangents | None:
-    """Append the tangents of all statements so far. None on zero patterns."""
+    """Append the tangents of all statements so far, but for values whose tangents are given (`extra`). None on zero patterns."""
     if not isinstance(x, Expansion):
         return None
     statements = list(x.block.statements)
     transparent = joint.transparent() if joint else {}
     transparent |= constants_transparent(x, kind)
-    d = Tangents(x, seeds(x, kind) | (extra or {}), transparent)
+    extra = extra or {}
+    given = {s: v for s, v in extra.items() if v != 0}
+    d = Tangents(x, seeds(x, kind) | given, transparent)
     for statement in statements:
-        d.statement(statement)
+        if statement.target not in extra:
+            d.statement(statement)
     return d

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Final
 
+from .actuator import Actuator, ActuatorEntry
 from .force import Force, ForceOnBodyEntry
 from .force_element import ForceElement, ForceEntry
 from .joint_force import JointForce, JointForceEntry
@@ -17,6 +18,7 @@ from .torsion import Torsion, TorsionEntry
 __all__ = [
     "FORCES",
     "OTHER_WORDS",
+    "Actuator",
     "Force",
     "ForceElement",
     "ForceEntry",
@@ -32,6 +34,7 @@ FORCES: Final[tuple[type[ForceEntry], ...]] = (
     ForceOnBodyEntry,
     TorqueEntry,
     TorsionEntry,
+    ActuatorEntry,
 )
 
 OTHER_WORDS: Final = {

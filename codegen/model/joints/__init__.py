@@ -12,18 +12,16 @@ from .joint_type import Closure, JointType
 from .planar import Planar
 from .prismatic import Prismatic
 from .revolute import Revolute
+from .screw import Screw
 from .spherical import Spherical
 from .universal import Universal
 
-__all__ = ["JOINTS", "LATER", "Closure", "JointType"]
+__all__ = ["JOINTS", "Closure", "JointType"]
 
 _TYPES: Final[tuple[type[JointType], ...]] = (
     *(Fixed, Revolute, Prismatic, Universal, Spherical, Free),
-    *(Cylindrical, Planar, Inline),
+    *(Screw, Cylindrical, Planar, Inline),
 )
 
 JOINTS: Final[dict[str, type[JointType]]] = {kind.name: kind for kind in _TYPES}
 """By name, in the order in which messages list them."""
-
-LATER: Final = ("screw",)
-"""Joints that come in a later version, for the message to those who ask."""

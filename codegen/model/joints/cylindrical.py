@@ -13,7 +13,5 @@ class Cylindrical(JointType):
     name = "cylindrical"
     motion = (Slide(axis=0, index=0), Turn(axis=0, index=1))
     closure = Closure(linear=2, angular=2)
-    carries = False
-    carries_later = True
 
     axis: Axis

@@ -43,8 +43,6 @@ class JointType(Entry):
         What such a joint holds that closes a loop; None if it holds nothing.
     carries : bool
         Whether bodies may stand on such joints.
-    carries_later : bool
-        Whether bodies may in a later version, for the message to those who ask.
     closes_none : str
         Why such a joint closes no loop, if it has no closure: what follows on its name.
     triad : bool
@@ -65,7 +63,6 @@ class JointType(Entry):
     motion: ClassVar[tuple[Motion, ...]] = ()
     closure: ClassVar[Closure | None] = None
     carries: ClassVar[bool] = True
-    carries_later: ClassVar[bool] = False
     triad: ClassVar[bool] = False
     closes_none: ClassVar[str] = "sets no condition, so it closes no loop"
     coordinates: ClassVar[tuple[str, ...]] = ()

@@ -19,8 +19,7 @@ class Planar(JointType):
     name = "planar"
     motion = (Slide(axis=1, index=0), Slide(axis=2, index=1), Turn(axis=0, index=2))
     closure = Closure(linear=1, angular=2)
-    carries = False
-    carries_later = True
+    triad = True
     misspelt: ClassVar[dict[str, str]] = {"axis": "normal"}
 
     normal: Axis

@@ -4,9 +4,16 @@ from __future__ import annotations
 
 from typing import Final
 
+from .acceleration import Acceleration
+from .angular_velocity import AngularVelocity
+from .center_of_mass import CenterOfMass
+from .distance import Distance
 from .energies import KineticEnergy, PotentialEnergy
+from .momentum import Momentum
 from .output import Measure, Output
 from .points import Position, Velocity
+from .relative_position import RelativePosition, RelativeVelocity
+from .rotation import Rotation
 from .value import Value
 
 __all__ = ["MEASURES", "Measure", "Output"]
@@ -16,6 +23,14 @@ MEASURES: Final[dict[str, type[Measure]]] = {
     for kind in (
         Position,
         Velocity,
+        Rotation,
+        AngularVelocity,
+        Acceleration,
+        CenterOfMass,
+        Momentum,
+        Distance,
+        RelativePosition,
+        RelativeVelocity,
         Value,
         KineticEnergy,
         PotentialEnergy,

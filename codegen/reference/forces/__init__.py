@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, Final
 
 from ...model.forces import (
+    Actuator,
     Force,
     ForceElement,
     JointForce,
@@ -12,6 +13,7 @@ from ...model.forces import (
     Torque,
     Torsion,
 )
+from .actuator import ActuatorLaw
 from .force import ForceLaw
 from .joint_force import JointForceLaw
 from .law import End, Law, Wrench
@@ -27,5 +29,6 @@ LAWS: Final[dict[type[ForceElement], Law[Any]]] = {
     Force: ForceLaw(),
     Torque: TorqueLaw(),
     Torsion: TorsionLaw(),
+    Actuator: ActuatorLaw(),
 }
 """By the class of the element."""

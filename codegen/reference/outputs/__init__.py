@@ -7,7 +7,14 @@ from typing import Final
 
 from ...model.outputs import Output
 from ..pairs import Pair
+from .acceleration import acceleration
+from .angular_velocity import angular_velocity
+from .center_of_mass import center_of_mass
+from .distance import distance
+from .momentum import momentum
 from .points import position, velocity
+from .relative_position import relative_position, relative_velocity
+from .rotation import rotation
 from .seen import Moving, Seen
 from .values import kinetic_energy, potential_energy, value
 
@@ -18,6 +25,14 @@ VALUES: Final[dict[str, Callable[[Output, Seen], Pair]]] = {
     for function in (
         position,
         velocity,
+        rotation,
+        angular_velocity,
+        acceleration,
+        center_of_mass,
+        momentum,
+        distance,
+        relative_position,
+        relative_velocity,
         value,
         kinetic_energy,
         potential_energy,

@@ -1,0 +1,258 @@
+"""The transpose of the balance in two sweeps: one outward, one inward, where its parts would be six.
+
+The transpose of the balance's inward sweep goes outward: it hands on virtual motions. With the accelerations it is one sweep;
+what of it needs transmitted forces waits (`codegen.program.transpose.deferred`), since these are only known on the way inward.
+That, the forces themselves, the transposes of the outward sweep and of the completion of seeds are one block
+(`codegen.program.fusion`): gradients of coordinates are stored once, and few values pass through memory.
+
+Memory need not be cleared: who is the first to give something stores it, the others add.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import partial
+
+import sympy
+
+from ..program.block import Block, Component
+from ..program.fusion import fused
+from ..program.store import Store
+from ..program.transpose import deferred
+from .expansion import Program
+from .stores import BASE_LINK, DQ, DU, LANE, LINK, LREGION, MY_LANE, PARENT, PARTNER, REGION_LANE, ROOT, SLOT
+from .structure.kinds import EarKind, LinkKind, RegionKind, UnitKind
+from .structure.system import System
+from .sweeps import GRADIENT_IN, GRADIENT_IN_CLOSED, GRADIENT_OUT, SWEEP, transpose_name, values_name
+
+NOTHING = Block("", "")
+
+
+def run_together(program: Program, closed: bool, alone: bool) -> None:
+    """Put the sweeps of the balance's transpose into one outward and one inward.
+
+    Parameters
+    ----------
+    program : Program
+    closed : bool
+        The transpose of the completion of seeds is among them.
+    alone : bool
+        No other sweep over directions comes after them, so they may leave what they like in memory that is used anew.
+    """
+    blocks, system = program.blocks, program.system
+    values_out, values_in = (blocks.pop(values_name(s)) for s in ("balance_out", "balance_in"))
+    back_in, back_out = (blocks.pop(transpose_name(s)) for s in ("balance_in", "balance_out"))
+    solve = blocks[transpose_name("balance_back")]
+    completion = blocks[transpose_name("complete")] if closed else {}
+    waiting = {(a.memory, n) for b in values_in.values() for a, n, _ in b.stores}
+    kinds = SWEEP[GRADIENT_OUT].kinds(system)
+    parts_out: dict[int, list[Block]] = {}
+    parts_in: dict[int, list[Block]] = {}
+    everything = [b for of in (solve, back_in, back_out, completion) for b in of.values()]
+    shared = sorted({n for b in everything for a, n, _ in b.stores if a.memory is LANE and a.owner is not LINK})
+    for kind in kinds:
+        k = kind.index
+        taken = {(a.plain, n) for a, n, _ in solve.get(k, NOTHING).stores}
+        taken |= {(a, n) for a in _Unit(system, kind, None, set()).lanes for n in shared}
+
+        def late(store: Store, name: str) -> bool:
+            return (store.memory, name) in waiting
+
+        def steady(store: Store, name: str, taken: set[Component] = taken) -> bool:
+            return store.memory is LANE and store.owner is LINK and (store, name) not in taken
+
+        first, second = deferred(back_in.get(k, NOTHING), late, partial(_saved, kind), steady)
+        parts_out[k] = [values_out.get(k, NOTHING), first]
+        parts_in[k] = [values_in.get(k, NOTHING), second, back_out.get(k, NOTHING), completion.get(k, NOTHING)]
+    handed_in = _Handed(system, parts_in, False) if alone else None
+    handed_out = _Handed(system, parts_out, True) if handed_in and handed_in.all else None
+    free = tuple(map(set, system.independent))
+    name_in = GRADIENT_IN_CLOSED if closed else GRADIENT_IN
+    blocks[GRADIENT_OUT], blocks[name_in] = {}, {}
+    for kind in kinds:
+        k, unit = kind.index, _Unit(system, kind, free if closed else None, set(shared))
+        if k in solve:
+            solve[k] = unit.run(solve[k].name, solve[k].title, [solve[k]], None)
+        outward = unit.run(f"{GRADIENT_OUT}_{k}", SWEEP[GRADIENT_OUT].title, parts_out[k], handed_out)
+        for a in unit.lanes:
+            outward.stores += [(a, n, sympy.S.Zero) for n in shared if (a, n) not in unit.stored]
+        inward = unit.run(f"{name_in}_{k}", SWEEP[name_in].title, parts_in[k], handed_in)
+        unit.complete(inward)
+        if alone:  # nobody comes to fetch what is kept of links
+            inward.stores = [(a, n, e) for a, n, e in inward.stores if a.memory is not LANE or n in shared]
+        blocks[GRADIENT_OUT][k], blocks[name_in][k] = outward, inward
+    slots = {s: program.slots.get(s, []) for s in ("balance_in", "balance_out", "complete")}
+    assert not set(slots["balance_out"]) & set(slots["complete"]), "both would lie in one place"
+    program.slots[GRADIENT_OUT] = slots["balance_in"]
+    program.slots[name_in] = [*slots["balance_out"], *(slots["complete"] if closed else ())]
+    for memory in (LANE, REGION_LANE):
+        names = dict.fromkeys(program.fields[memory])
+        names |= {n: None for b in blocks[GRADIENT_OUT].values() for a, n, _ in b.stores if a.memory is memory}
+        program.fields[memory] = list(names)
+
+
+def _saved(kind: UnitKind, i: int) -> Component:
+    """Where a block of a kind saves values per direction until the sweep comes back."""
+    store = LREGION if isinstance(kind, RegionKind) else MY_LANE[0] if isinstance(kind, EarKind) else MY_LANE
+    return store, f"saved.{i}"
+
+
+@dataclass(slots=True)
+class _Unit:
+    """The blocks of a kind of units.
+
+    Attributes
+    ----------
+    free : tuple of set of int, or None
+        Independent coordinates and speeds, where the gradients of the others are to be zero.
+    shared : set of str
+        Components of lanes that others give something for.
+    stored : set of (Store, str)
+        What has been stored so far per direction.
+    """
+
+    system: System
+    kind: UnitKind
+    free: tuple[set[int], ...] | None
+    shared: set[str]
+    stored: set[Component] = field(default_factory=set)
+
+    @property
+    def links(self) -> list[tuple[LinkKind, int | None]]:
+        """Links, with their places."""
+        if isinstance(self.kind, EarKind):
+            return [(link, place) for place, link in enumerate(self.kind.links)]
+        return [(self.kind, None)] if isinstance(self.kind, LinkKind) else []
+
+    @property
+    def lanes(self) -> list[Store]:
+        """What is kept per direction of the links."""
+        return [MY_LANE if place is None else MY_LANE[place] for _, place in self.links]
+
+    def run(self, name: str, title: str, parts: list[Block], handed: _Handed | None) -> Block:
+        """One block of several."""
+
+        def fresh(store: Store, component: str) -> bool:
+            if store.memory is SLOT:
+                return handed is not None and handed.fresh(self.kind, store, component)
+            mine = store.memory is LANE and store.owner is LINK and component not in self.shared
+            return (mine or store.name in (DQ.name, DU.name)) and (store, component) not in self.stored
+
+        found = fused(name, title, parts, fresh)
+        if handed is not None:
+            found.stores = [
+                (a, n, e) for a, n, e in found.stores if not (a.memory is SLOT and e == 0 and n in handed.assigned)
+            ]
+        self.stored |= {(a.plain, n) for a, n, _ in found.stores if a.lanes}
+        return found
+
+    def complete(self, block: Block) -> None:
+        """Store zeros for seeds that have no part in accelerations, and for those of dependent coordinates and speeds."""
+        at = {(a.plain, n): i for i, (a, n, _) in enumerate(block.stores)}
+        for link, place in self.links:
+            members = [self.system.links[i] for i in links_meant(self.system, self.kind, LINK, place)]
+            for seed, count, which in ((DQ, link.joint.coordinates, 0), (DU, link.joint.freedoms, 1)):
+                store = seed if place is None else seed[place]
+                for j in range(count):
+                    at_j = [(m.u if which else m.q) + j for m in members]
+                    dependent = {self.free is not None and i not in self.free[which] for i in at_j}
+                    assert len(dependent) == 1, "links of one kind depend on others in the same way"
+                    zero = (store, str(j), sympy.S.Zero)
+                    if (store, str(j)) in at and dependent == {True}:
+                        block.stores[at[store, str(j)]] = zero
+                    elif (store, str(j)) not in at and (dependent == {True} or (store, str(j)) not in self.stored):
+                        block.stores.append(zero)
+
+
+def links_meant(system: System, kind: UnitKind, owner: object, place: int | None) -> list[int]:
+    """For each unit of a kind, the link whose memory is meant; the ground is `model.GROUND`."""
+    regions = system.regions
+    found: list[int] = []
+    for i in kind.units:
+        number = regions.order[i].number
+        if owner is PARTNER:
+            assert place is not None
+            found.append(regions.elimination.partners[i].links[place])
+        elif isinstance(kind, LinkKind):
+            found.append(system.links[number].parent if owner is PARENT else number)
+        elif owner is BASE_LINK:
+            region = number if isinstance(kind, RegionKind) else regions.ears[number].region
+            found.append(regions.regions[region].base)
+        else:
+            assert place is not None and owner in (ROOT, LINK)
+            ear = regions.ears[number]
+            found.append((ear.roots if owner is ROOT else ear.links)[place])
+    return found
+
+
+class _Handed:
+    """What units hand on per direction: whether there is nothing yet when a unit begins.
+
+    Where that is the same for all units of a kind, the first to give assigns, and nobody has to clear memory that is used anew.
+
+    Attributes
+    ----------
+    assigned : set of str
+        Components of which that is so.
+    all : bool
+        It is so of all.
+    """
+
+    def __init__(self, system: System, parts: dict[int, list[Block]], outward: bool):
+        self.system = system
+        self.kinds = {k.index: k for k in SWEEP[GRADIENT_OUT].kinds(system)}
+        self.order = 1 if outward else -1
+        self.assigned: set[str] = set()
+        self._fresh: set[tuple[str, int, Store]] = set()
+        self._links: dict[tuple[int, Store], list[int]] = {}
+        gives: dict[str, list[tuple[int, Store, bool]]] = {}
+        reads: dict[str, set[tuple[int, Store]]] = {}
+        for k, blocks in parts.items():
+            for block in blocks:
+                for a, n, e in block.stores:
+                    if a.memory is SLOT and e != 0:
+                        gives.setdefault(n, []).append((k, a.plain, a.adds))
+                for a, n in block.loads.values():
+                    if a.memory is SLOT:
+                        reads.setdefault(n, set()).add((k, a))
+        known: dict[object, tuple[set[tuple[int, Store]], set[int]] | None] = {}
+        for n, givers in gives.items():
+            at = tuple((k, a) for k, a, _ in givers)
+            if len(set(at)) < len(at) or not all(adds for _, _, adds in givers):
+                continue  # one unit gives twice, or what is there is added to and stored again
+            if at not in known:
+                known[at] = self._first(at)
+            found = known[at]
+            if found is None:
+                continue
+            first, given = found
+            unread = {(k, a) for k, a in reads.get(n, ()) if not given.intersection(self.links(k, a))}
+            if all((k, a) in unread or given.issuperset(self.links(k, a)) for k, a in reads.get(n, ())):
+                self.assigned.add(n)
+                self._fresh |= {(n, k, a) for k, a in first | unread}
+        self.all = self.assigned == gives.keys()
+
+    def links(self, k: int, store: Store) -> list[int]:
+        """The links that a store means in the units of a kind."""
+        if (k, store) not in self._links:
+            self._links[k, store] = links_meant(self.system, self.kinds[k], store.owner, store.place)
+        return self._links[k, store]
+
+    def _first(self, givers: tuple[tuple[int, Store], ...]) -> tuple[set[tuple[int, Store]], set[int]] | None:
+        """Who is always the first to give, and who gets something; None if somebody is the first now and then."""
+        earliest: dict[int, tuple[int, int]] = {}
+        for g, (k, a) in enumerate(givers):
+            for unit, link in zip(self.kinds[k].units, self.links(k, a), strict=True):
+                mine = self.order * unit, g
+                if link not in earliest or mine < earliest[link]:
+                    earliest[link] = mine
+        count: dict[int, int] = {}
+        for _, g in earliest.values():
+            count[g] = count.get(g, 0) + 1
+        if any(c < len(self.kinds[givers[g][0]].units) for g, c in count.items()):
+            return None
+        return {givers[g] for g in count}, set(earliest)
+
+    def fresh(self, kind: UnitKind, store: Store, name: str) -> bool:
+        """Whether there is nothing yet in a component when a unit of that kind begins."""
+        return (name, kind.index, store) in self._fresh

@@ -1,0 +1,64 @@
+"""Rotation of a body against another one: entries of its matrix and of its quaternion.
+
+Of the matrix R the products of two components of the quaternion e are known: ``K = 4 e e^T`` is linear in R. The row of K with
+the largest diagonal entry d is e, but for its sign, times ``2 sqrt(d)``, and d is at least 1: no square root comes near zero.
+The sign is the one that makes qw positive; where qw is zero, after half a turn, that row's own. Derivatives are exact on either
+side of half a turn; there the quaternion jumps to its negative, and the derivative is that of the side taken.
+"""
+
+from __future__ import annotations
+
+from ...model.outputs import Output
+from ...program.functions import AtLeast, Maximum
+from ...program.scalar import Matrix, Value
+from ..spatial import dot, matmul, transpose
+from .measure import RecordMeasure
+from .records import Records, value_of
+
+COMPONENTS = ("qw", "qx", "qy", "qz")
+
+
+def rotation(records: Records, output: Output) -> Value:
+    """``R = W_other^T W_body``, or the quaternion of it."""
+    body, other = output.bodies
+    (entry,) = output.choice
+    W, V = records.attitude(body), records.attitude(other)
+    if entry not in COMPONENTS:
+        i, j = ("xyz".index(letter) for letter in entry)
+        return dot([row[i] for row in V], [row[j] for row in W])
+    R = [[records.x.let("R", e) for e in row] for row in matmul(transpose(V), W)]
+    return quaternion(records, R, COMPONENTS.index(entry))
+
+
+def quaternion(records: Records, R: Matrix, component: int) -> Value:
+    """A component of the quaternion of a rotation matrix."""
+    let = records.x.let
+    K = [[value_of(0)] * 4 for _ in range(4)]
+    xx, yy, zz = (value_of(R[i][i]) for i in range(3))
+    for i, e in enumerate((xx + yy + zz, xx - yy - zz, yy - xx - zz, zz - xx - yy)):
+        K[i][i] = value_of(let("K", 1 + e))
+    for i, j in ((1, 2), (2, 0), (0, 1)):
+        k = 3 - i - j
+        K[0][1 + k] = K[1 + k][0] = value_of(let("K", R[j][i] - R[i][j]))
+        K[1 + i][1 + j] = K[1 + j][1 + i] = value_of(let("K", R[i][j] + R[j][i]))
+    chosen, left = [], value_of(1)
+    for i in range(3):  # the first of the largest
+        largest = K[i + 1][i + 1]
+        for n in range(i + 2, 4):
+            largest = value_of(let("largest", Maximum(largest, K[n][n])))
+        chosen.append(value_of(let("chosen", left * AtLeast(K[i][i], largest))))
+        left = value_of(let("left", left - chosen[-1]))
+    chosen.append(left)
+
+    def picked(column: int) -> Value:
+        found: Value = let("row", sum((s * row[column] for s, row in zip(chosen, K, strict=True)), value_of(0)))
+        return found
+
+    d = let("d", sum((s * K[i][i] for i, s in enumerate(chosen)), value_of(0)))
+    sign = let("sign", 2 * AtLeast(picked(0), 0) - 1)
+    scale = let("scale", records.x.half / records.x.sqrt(d))
+    found: Value = let("component", sign * let("size", picked(component) * scale))
+    return found
+
+
+ROTATION = RecordMeasure(("pose",), rotation)

@@ -1,0 +1,117 @@
+"""Blocks that run one after the other as one block: what one stores, the next has at hand."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+import sympy
+from sympy import Expr, Symbol
+
+from .block import Block, Component, Statement, symbol_named, symbols_of
+from .store import Store
+
+
+def _unknown(store: Store, name: str) -> bool:
+    return False
+
+
+def fused(name: str, title: str, blocks: Iterable[Block], zero: Callable[[Store, str], bool] = _unknown) -> Block:
+    """One block that does what several do in their order.
+
+    What an earlier block has stored is not loaded again, and only the last value of a place is stored. Stores that may mean the
+    same place must be the same store, so fields that blocks of one unit reach in two ways must not be replaced in between.
+
+    Parameters
+    ----------
+    name, title : str
+        Of the result.
+    blocks : iterable of Block
+    zero : callable (store, component) -> bool
+        Before the block runs there is a zero in that place, or nothing that matters: it is neither loaded nor added to.
+    """
+    x = _Fusion(name, title, zero)
+    for block in blocks:
+        x.add(block)
+    return x.finish()
+
+
+class _Fusion:
+    """The block so far.
+
+    Attributes
+    ----------
+    known : dict of (Store, str) to Expr
+        What is in a place at this point, where the block knows it.
+    pending : dict of (Store, str) to (Expr, bool)
+        What is to be stored in the end, and whether it is added to what is there.
+    """
+
+    def __init__(self, name: str, title: str, zero: Callable[[Store, str], bool]):
+        self.block = Block(name, title)
+        self.zero = zero
+        self.known: dict[Component, Expr] = {}
+        self.pending: dict[Component, tuple[Expr, bool]] = {}
+        self.taken: set[str] = set()
+
+    def add(self, block: Block) -> None:
+        """Run a block after those before it."""
+        new: dict[Symbol, Expr] = {}
+        for symbol, (store, name) in block.loads.items():
+            new[symbol] = self.value((store.plain, name), symbol)
+        for s in block.statements:
+            target = self.fresh(s.target.name)
+            changed = {a: new[a] for a in symbols_of(s.expression) if new.get(a, a) is not a}
+            e = s.expression.xreplace(changed) if changed else s.expression
+            self.block.statements.append(
+                s if e is s.expression and target is s.target else Statement(target, e, s.tag, s.lanes)
+            )
+            new[s.target] = target
+        for store, name, e in block.stores:
+            self.store(store, name, sympy.sympify(e).xreplace(new))
+
+    def value(self, at: Component, symbol: Symbol) -> Expr:
+        """What is in a place: loaded at most once."""
+        if at not in self.known and at not in self.pending and self.zero(*at):
+            self.known[at] = sympy.S.Zero
+        if at not in self.known:
+            loaded: Expr = self.fresh(symbol.name)
+            self.block.loads[loaded] = at
+            if at in self.pending:
+                loaded = self.let(symbol.name, loaded + self.pending[at][0], at[0].lanes)
+                self.pending[at] = loaded, False
+            self.known[at] = loaded
+        return self.known[at]
+
+    def store(self, store: Store, name: str, e: Expr) -> None:
+        """Replace what is in a place, or add to it."""
+        at = store.plain, name
+        if store.adds and at not in self.known and at not in self.pending and self.zero(*at):
+            self.known[at] = sympy.S.Zero
+        if store.adds and at in self.known:
+            e = self.known[at] + e
+        elif store.adds:
+            self.pending[at] = (self.pending[at][0] + e if at in self.pending else e), True
+            return
+        self.known[at] = self.let(f"{store.label}_{name}", e, store.lanes)
+        self.pending[at] = self.known[at], False
+
+    def let(self, name: str, e: Expr, lanes: bool) -> Expr:
+        """A name for a value that has none."""
+        if e.is_Symbol or e.is_Number or (-e).is_Symbol:
+            return e
+        target = self.fresh(name.replace(".", "_").replace("/", "_d").replace("#", ""))
+        self.block.statements.append(Statement(target, e, "", lanes))
+        return target
+
+    def fresh(self, name: str) -> Symbol:
+        """A symbol of a name that nothing has, the given one if possible."""
+        unique, n = name, 0
+        while unique in self.taken:
+            n += 1
+            unique = f"{name}_b{n}"
+        self.taken.add(unique)
+        return symbol_named(unique)
+
+    def finish(self) -> Block:
+        self.block.stores = [(s.sum if adds else s, n, e) for (s, n), (e, adds) in self.pending.items()]
+        return self.block
