@@ -134,69 +134,6 @@ static void DIRECTIONS(joint_forces_tangents)(DIRECTIONS(call) *a)
 }
 
 #if WIDTH == 8 || WIDTH == 1
-/* transpose of balance, outward: tangent of the inverse dynamics at fixed udot (Eqs. 25-29); rod
- * in: trig; up: total_acceleration; udot; c: first_moment, inertia; lane: moment
- * out: dq; dp
- * operations: 1 addition, 4 multiplications; 3 multiplications per direction */
-static void DIRECTIONS(balance_out_transposed_0)(DIRECTIONS(call) *a)
-{
-    const double *restrict trig = a->trig + 0;
-    const link_record *restrict up = &a->records[1];
-    const double *restrict udot = a->udot;
-    const constants_of_shape_0 *restrict c = (constants_of_shape_0 *)(a->constants + 0);
-    const DIRECTIONS(link_lanes) *restrict lane = &a->lanes[0];
-    LANES *restrict dq = a->dq;
-    LANES *restrict dp = a->dp;
-    EACH_VECTOR {
-        const double trig_cos = trig[COSINE];
-        const double trig_sin = trig[SINE];
-        const double up_ta_z = up->total_acceleration_z;
-        const double udot_rod = udot[0];
-        const double c_h_z = c->first_moment_z;
-        const double c_h_z_d0 = c->first_moment_z_d0;
-        const double c_J_xx_d0 = c->inertia_xx_d0;
-        const VECTOR lane_n_y = lane->moment_y.at[h];
-        const double ap_z = trig_cos*up_ta_z; /* Eq. 21 */
-        const double ap_x = -trig_sin*up_ta_z;
-        const double d_4 = ap_x*c_h_z_d0 + c_J_xx_d0*udot_rod; /* primitive */
-        const VECTOR d_ap_x_bar = c_h_z*lane_n_y; /* T d Eq. 21 */
-        const VECTOR dq_0_bar = -ap_z*d_ap_x_bar; /* T */
-        const VECTOR dp_0_bar = d_4*lane_n_y;
-        dq[0].at[h] += dq_0_bar;
-        dp[0].at[h] += dp_0_bar;
-    }
-}
-
-/* transpose of balance, outward: tangent of the inverse dynamics at fixed udot (Eqs. 25-29) */
-static void DIRECTIONS(balance_out_transposed)(DIRECTIONS(call) *a)
-{
-    DIRECTIONS(balance_out_transposed_0)(a);
-}
-
-/* transpose of balance, inward: transmitted forces and bias forces of the solve (Eqs. 9, 45, 50); rod
- * in: me: inverse_pivot_0; lane: right_side_0
- * out: lane: moment; dtau
- * operations: 1 multiplication per direction */
-static void DIRECTIONS(balance_in_transposed_0)(DIRECTIONS(call) *a)
-{
-    const link_record *restrict me = &a->records[0];
-    DIRECTIONS(link_lanes) *restrict lane = &a->lanes[0];
-    LANES *restrict dtau = a->dtau;
-    EACH_VECTOR {
-        const double me_Dinv_0 = me->inverse_pivot_0;
-        const VECTOR lane_rD_0 = lane->right_side_0.at[h];
-        const VECTOR r_bar = lane_rD_0*me_Dinv_0; /* T d Eq. 53 */
-        lane->moment_y.at[h] += -r_bar;
-        dtau[0].at[h] += r_bar;
-    }
-}
-
-/* transpose of balance, inward: transmitted forces and bias forces of the solve (Eqs. 9, 45, 50) */
-static void DIRECTIONS(balance_in_transposed)(DIRECTIONS(call) *a)
-{
-    DIRECTIONS(balance_in_transposed_0)(a);
-}
-
 /* transpose of balance, back substitution (Eqs. 53-55); rod
  * in: dudot
  * out: lane: right_side_0
@@ -207,7 +144,7 @@ static void DIRECTIONS(balance_back_transposed_0)(DIRECTIONS(call) *a)
     DIRECTIONS(link_lanes) *restrict lane = &a->lanes[0];
     EACH_VECTOR {
         const VECTOR dudot_rod = dudot[0].at[h];
-        lane->right_side_0.at[h] += dudot_rod;
+        lane->right_side_0.at[h] = dudot_rod;
     }
 }
 
@@ -215,6 +152,71 @@ static void DIRECTIONS(balance_back_transposed_0)(DIRECTIONS(call) *a)
 static void DIRECTIONS(balance_back_transposed)(DIRECTIONS(call) *a)
 {
     DIRECTIONS(balance_back_transposed_0)(a);
+}
+
+/* accelerations, and weights of forces, outward; rod
+ * in: me: inverse_pivot_0; lane: right_side_0
+ * out: lane: moment; dtau
+ * operations: 1 multiplication per direction */
+static void DIRECTIONS(gradient_out_0)(DIRECTIONS(call) *a)
+{
+    const link_record *restrict me = &a->records[0];
+    DIRECTIONS(link_lanes) *restrict lane = &a->lanes[0];
+    LANES *restrict dtau = a->dtau;
+    EACH_VECTOR {
+        const double me_Dinv_0 = me->inverse_pivot_0;
+        const VECTOR lane_rD_0 = lane->right_side_0.at[h];
+        const VECTOR r_bar = lane_rD_0*me_Dinv_0; /* T d Eq. 53 */
+        lane->moment_y.at[h] = -r_bar;
+        dtau[0].at[h] += r_bar;
+    }
+}
+
+/* accelerations, and weights of forces, outward */
+static void DIRECTIONS(gradient_out)(DIRECTIONS(call) *a)
+{
+    DIRECTIONS(gradient_out_0)(a);
+}
+
+/* transmitted forces, and gradients of weighted accelerations, inward; rod
+ * in: trig; up: total_acceleration; udot; c: first_moment, inertia; lane: moment
+ * out: dq; dp; du
+ * operations: 1 addition, 4 multiplications; 3 multiplications per direction */
+static void DIRECTIONS(gradient_in_0)(DIRECTIONS(call) *a)
+{
+    const double *restrict trig = a->trig + 0;
+    const link_record *restrict up = &a->records[1];
+    const double *restrict udot = a->udot;
+    const constants_of_shape_0 *restrict c = (constants_of_shape_0 *)(a->constants + 0);
+    const DIRECTIONS(link_lanes) *restrict lane = &a->lanes[0];
+    LANES *restrict dq = a->dq;
+    LANES *restrict dp = a->dp;
+    LANES *restrict du = a->du;
+    EACH_VECTOR {
+        const double trig_cos = trig[COSINE];
+        const double trig_sin = trig[SINE];
+        const double up_ta_z = up->total_acceleration_z;
+        const double udot_rod = udot[0];
+        const double c_h_z = c->first_moment_z;
+        const double c_h_z_d0 = c->first_moment_z_d0;
+        const double c_J_xx_d0 = c->inertia_xx_d0;
+        const VECTOR lane_n_y = lane->moment_y.at[h];
+        const double ap_z = trig_cos*up_ta_z; /* Eq. 21 */
+        const VECTOR d_ap_x_bar = c_h_z*lane_n_y; /* T d Eq. 21 */
+        const VECTOR dq_0_bar = -ap_z*d_ap_x_bar; /* T */
+        const double ap_x = -trig_sin*up_ta_z; /* Eq. 21 */
+        const double d_4 = ap_x*c_h_z_d0 + c_J_xx_d0*udot_rod; /* primitive */
+        const VECTOR dp_0_bar = d_4*lane_n_y; /* T */
+        dq[0].at[h] = dq_0_bar;
+        dp[0].at[h] += dp_0_bar;
+        du[0].at[h] = (VECTOR){0};
+    }
+}
+
+/* transmitted forces, and gradients of weighted accelerations, inward */
+static void DIRECTIONS(gradient_in)(DIRECTIONS(call) *a)
+{
+    DIRECTIONS(gradient_in_0)(a);
 }
 
 /* transpose of the tangent of forces.friction.value of the model
@@ -294,14 +296,11 @@ int DIRECTIONS(pendulum_sensitivities)(const double *q, const double *u, const d
 /* The steps of sensitivities over directions, backwards. */
 static void DIRECTIONS(sensitivities_backwards)(DIRECTIONS(call) *a)
 {
-    for (long i = 0; i < 2L; ++i) ((LANES *)a->lanes)[i] = NOTHING;
     for (long i = 0; i < 1L; ++i) a->dtau[i] = NOTHING;
-    for (int i = 0; i < 1; ++i) a->dq[i] = NOTHING;
-    for (int i = 0; i < 1; ++i) a->du[i] = NOTHING;
     for (int i = 0; i < 1; ++i) a->dp[i] = NOTHING;
     DIRECTIONS(balance_back_transposed)(a);
-    DIRECTIONS(balance_in_transposed)(a);
-    DIRECTIONS(balance_out_transposed)(a);
+    DIRECTIONS(gradient_out)(a);
+    DIRECTIONS(gradient_in)(a);
     DIRECTIONS(joint_forces_transposed)(a);
 }
 

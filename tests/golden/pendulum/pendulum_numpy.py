@@ -354,10 +354,44 @@ def joint_forces_tangents(a):
     dtau_0(a)
 
 
-def balance_out_transposed_0(a):
-    # transpose of balance, outward: tangent of the inverse dynamics at fixed udot (Eqs. 25-29); rod
+def balance_back_transposed_0(a):
+    # transpose of balance, back substitution (Eqs. 53-55); rod
+    # in: dudot
+    # out: lane: right_side_0
+    # operations: none
+    lane = a.lanes[0]
+    dudot_rod = a.dudot[0]
+    lane["right_side_0"] = dudot_rod
+
+
+def balance_back_transposed(a):
+    # transpose of balance, back substitution (Eqs. 53-55)
+    balance_back_transposed_0(a)
+
+
+def gradient_out_0(a):
+    # accelerations, and weights of forces, outward; rod
+    # in: me: inverse_pivot_0; lane: right_side_0
+    # out: lane: moment; dtau
+    # operations: 1 multiplication per direction
+    me = a.records[0]
+    lane = a.lanes[0]
+    me_Dinv_0 = me["inverse_pivot_0"]
+    lane_rD_0 = lane["right_side_0"]
+    r_bar = lane_rD_0*me_Dinv_0  # T d Eq. 53
+    lane["moment_y"] = -r_bar
+    a.dtau[0] = a.dtau[0] + r_bar
+
+
+def gradient_out(a):
+    # accelerations, and weights of forces, outward
+    gradient_out_0(a)
+
+
+def gradient_in_0(a):
+    # transmitted forces, and gradients of weighted accelerations, inward; rod
     # in: trig; up: total_acceleration; udot; c: first_moment, inertia; lane: moment
-    # out: dq; dp
+    # out: dq; dp; du
     # operations: 1 addition, 4 multiplications; 3 multiplications per direction
     up = a.records[1]
     c = a.constants[0]
@@ -371,52 +405,19 @@ def balance_out_transposed_0(a):
     c_J_xx_d0 = c["inertia_xx_d0"]
     lane_n_y = lane["moment_y"]
     ap_z = trig_cos*up_ta_z  # Eq. 21
-    ap_x = -trig_sin*up_ta_z
-    d_4 = ap_x*c_h_z_d0 + c_J_xx_d0*udot_rod  # primitive
     d_ap_x_bar = c_h_z*lane_n_y  # T d Eq. 21
     dq_0_bar = -ap_z*d_ap_x_bar  # T
-    dp_0_bar = d_4*lane_n_y
-    a.dq[0] = a.dq[0] + dq_0_bar
+    ap_x = -trig_sin*up_ta_z  # Eq. 21
+    d_4 = ap_x*c_h_z_d0 + c_J_xx_d0*udot_rod  # primitive
+    dp_0_bar = d_4*lane_n_y  # T
+    a.dq[0] = dq_0_bar
     a.dp[0] = a.dp[0] + dp_0_bar
+    a.du[0] = 0.0
 
 
-def balance_out_transposed(a):
-    # transpose of balance, outward: tangent of the inverse dynamics at fixed udot (Eqs. 25-29)
-    balance_out_transposed_0(a)
-
-
-def balance_in_transposed_0(a):
-    # transpose of balance, inward: transmitted forces and bias forces of the solve (Eqs. 9, 45, 50); rod
-    # in: me: inverse_pivot_0; lane: right_side_0
-    # out: lane: moment; dtau
-    # operations: 1 multiplication per direction
-    me = a.records[0]
-    lane = a.lanes[0]
-    me_Dinv_0 = me["inverse_pivot_0"]
-    lane_rD_0 = lane["right_side_0"]
-    r_bar = lane_rD_0*me_Dinv_0  # T d Eq. 53
-    lane["moment_y"] = lane["moment_y"] + -r_bar
-    a.dtau[0] = a.dtau[0] + r_bar
-
-
-def balance_in_transposed(a):
-    # transpose of balance, inward: transmitted forces and bias forces of the solve (Eqs. 9, 45, 50)
-    balance_in_transposed_0(a)
-
-
-def balance_back_transposed_0(a):
-    # transpose of balance, back substitution (Eqs. 53-55); rod
-    # in: dudot
-    # out: lane: right_side_0
-    # operations: none
-    lane = a.lanes[0]
-    dudot_rod = a.dudot[0]
-    lane["right_side_0"] = lane["right_side_0"] + dudot_rod
-
-
-def balance_back_transposed(a):
-    # transpose of balance, back substitution (Eqs. 53-55)
-    balance_back_transposed_0(a)
+def gradient_in(a):
+    # transmitted forces, and gradients of weighted accelerations, inward
+    gradient_in_0(a)
 
 
 def tau_0_transposed(a):
@@ -468,12 +469,10 @@ def sensitivities_backwards(a):
     a.slots = [Adjoints() for _ in a.slots]
     a.lanes = [Adjoints() for _ in a.lanes]
     a.dtau = [0.0] * NU
-    a.dq = [0.0] * NQ
-    a.du = [0.0] * NU
     a.dp = [0.0] * 1
     balance_back_transposed(a)
-    balance_in_transposed(a)
-    balance_out_transposed(a)
+    gradient_out(a)
+    gradient_in(a)
     joint_forces_transposed(a)
 
 
