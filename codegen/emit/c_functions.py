@@ -70,17 +70,8 @@ def batch_lines(procedure: Procedure, model: str, width: int | None) -> list[str
         for a in (*procedure.arguments, *procedure.seeds)
     ]
     passed += [f"{r.name} + i*{r.size * (width or 1) if r.lanes else r.size}" for r in procedure.results]
-    call = called_with(f"    const int singular = {model}_{symbol(procedure, width)}(", [*passed, "work"], ");")
-    return [
-        "for (long i = 0; i < count; ++i) {",
-        *(line if i == 0 else f"    {line}" for i, line in enumerate(call.split("\n"))),
-        "    if (singular) {",
-        "        if (failed) *failed = i;",
-        "        return singular;",
-        "    }",
-        "}",
-        "return 0;",
-    ]
+    call = called_with(f"EACH_STATE({model}_{symbol(procedure, width)}(", [*passed, "work"], "));")
+    return call.split("\n")
 
 
 @dataclass(slots=True)

@@ -43,7 +43,7 @@ from ..program.procedure import (
 from ..program.store import Store
 from ..version import __version__
 from .address import Addresses
-from .function import Function
+from .function import COMMENT, Function
 from .memory import Layout
 
 MAX_STRETCHES = 24
@@ -647,7 +647,9 @@ def notes(block: Block) -> list[str]:
         found.append(f"{word}: {'; '.join(listed)}")
     once, each = count(block, False), count(block, True)
     words = [once.words() or ("" if each.words() else "none"), f"{each.words()} per direction" if each.words() else ""]
-    return [*found, f"operations: {'; '.join(w for w in words if w)}"]
+    found.append(f"operations: {'; '.join(w for w in words if w)}")
+    together = ". ".join(found)
+    return [together] if len(together) <= COMMENT else found
 
 
 CALLED = {SHAPE: "c", NUMBER: "numbers", PARAMETER: "p", CE_PARAMETER: "p"}

@@ -162,9 +162,7 @@ static void sines_and_cosines(int n, double *trig)
 }
 
 /* constants of a link and their derivative primitives (Eq. 29); rod
- * in: numbers; p
- * out: c: mass, inertia, first_moment
- * operations: 6 additions, 26 multiplications, 2 divisions */
+ * in: numbers; p. out: c: mass, inertia, first_moment. operations: 6 additions, 26 multiplications, 2 divisions */
 static void constants_0(call *a)
 {
     const double *restrict k = numbers_of_constants_0[0];
@@ -205,9 +203,7 @@ static void constants_0(call *a)
 }
 
 /* positions and attitudes in the ground frame; rod
- * in: trig
- * out: me: position, attitude
- * operations: none */
+ * in: trig. out: me: position, attitude. operations: none */
 static void pose_0(call *a)
 {
     const double *restrict trig = a->trig + 0;
@@ -224,9 +220,7 @@ static void pose(call *a)
 }
 
 /* kinematic sweep (Eqs. 18-24, 31); rod
- * in: trig; up: acceleration; c: first_moment
- * out: me: moment
- * operations: 2 multiplications */
+ * in: trig; up: acceleration; c: first_moment. out: me: moment. operations: 2 multiplications */
 static void kinematics_0(call *a)
 {
     const double *restrict trig = a->trig + 0;
@@ -278,9 +272,7 @@ static void triangularize(call *a)
 }
 
 /* back substitution (Eqs. 53-56); rod
- * in: me: right_side_0
- * out: udot
- * operations: none */
+ * in: me: right_side_0. out: udot. operations: none */
 static void back_substitute_0(call *a)
 {
     const link_record *restrict me = &a->records[0];
@@ -296,9 +288,7 @@ static void back_substitute(call *a)
 }
 
 /* forces.friction.value of the model
- * in: u
- * out: tau
- * operations: 1 multiplication */
+ * in: u. out: tau. operations: 1 multiplication */
 static void tau_0(call *a)
 {
     const double *restrict u = a->u;
@@ -315,9 +305,7 @@ static void joint_forces(call *a)
 }
 
 /* outputs.height of the model
- * in: p; me: attitude, position
- * out: outputs
- * operations: 1 addition, 1 multiplication */
+ * in: p; me: attitude, position. out: outputs. operations: 1 addition, 1 multiplication */
 static void outputs_of_link_0(call *a)
 {
     const double *restrict p = a->p;
@@ -427,103 +415,65 @@ int pendulum_outputs(const double *q, const double *u, const double *p, double *
 
 /* ---- The same over a batch of states. ---- */
 
+/* Calls a function for every state, up to one that fails. */
+#define EACH_STATE(...) \
+    for (long i = 0; i < count; ++i) { \
+        const int singular = __VA_ARGS__; \
+        if (singular) { \
+            if (failed) *failed = i; \
+            return singular; \
+        } \
+    } \
+    return 0
+
 int pendulum_accelerations_batch(long count, long *failed, const double *q, long q_step,
     const double *u, long u_step, const double *p, long p_step, double *udot, double *work)
 {
-    for (long i = 0; i < count; ++i) {
-        const int singular = pendulum_accelerations(q + i*q_step, u + i*u_step, p + i*p_step, udot + i*1, work);
-        if (singular) {
-            if (failed) *failed = i;
-            return singular;
-        }
-    }
-    return 0;
+    EACH_STATE(pendulum_accelerations(q + i*q_step, u + i*u_step, p + i*p_step, udot + i*1, work));
 }
 
 int pendulum_sensitivities_8_batch(long count, long *failed, const double *q, long q_step,
     const double *u, long u_step, const double *p, long p_step, const double *dq, long dq_step,
     const double *du, long du_step, const double *dp, long dp_step, double *udot, double *dudot, double *work)
 {
-    for (long i = 0; i < count; ++i) {
-        const int singular = pendulum_sensitivities_8(q + i*q_step, u + i*u_step, p + i*p_step, dq + i*dq_step,
-            du + i*du_step, dp + i*dp_step, udot + i*1, dudot + i*8, work);
-        if (singular) {
-            if (failed) *failed = i;
-            return singular;
-        }
-    }
-    return 0;
+    EACH_STATE(pendulum_sensitivities_8(q + i*q_step, u + i*u_step, p + i*p_step, dq + i*dq_step, du + i*du_step,
+        dp + i*dp_step, udot + i*1, dudot + i*8, work));
 }
 
 int pendulum_sensitivities_2_batch(long count, long *failed, const double *q, long q_step,
     const double *u, long u_step, const double *p, long p_step, const double *dq, long dq_step,
     const double *du, long du_step, const double *dp, long dp_step, double *udot, double *dudot, double *work)
 {
-    for (long i = 0; i < count; ++i) {
-        const int singular = pendulum_sensitivities_2(q + i*q_step, u + i*u_step, p + i*p_step, dq + i*dq_step,
-            du + i*du_step, dp + i*dp_step, udot + i*1, dudot + i*2, work);
-        if (singular) {
-            if (failed) *failed = i;
-            return singular;
-        }
-    }
-    return 0;
+    EACH_STATE(pendulum_sensitivities_2(q + i*q_step, u + i*u_step, p + i*p_step, dq + i*dq_step, du + i*du_step,
+        dp + i*dp_step, udot + i*1, dudot + i*2, work));
 }
 
 int pendulum_sensitivities_1_batch(long count, long *failed, const double *q, long q_step,
     const double *u, long u_step, const double *p, long p_step, const double *dq, long dq_step,
     const double *du, long du_step, const double *dp, long dp_step, double *udot, double *dudot, double *work)
 {
-    for (long i = 0; i < count; ++i) {
-        const int singular = pendulum_sensitivities_1(q + i*q_step, u + i*u_step, p + i*p_step, dq + i*dq_step,
-            du + i*du_step, dp + i*dp_step, udot + i*1, dudot + i*1, work);
-        if (singular) {
-            if (failed) *failed = i;
-            return singular;
-        }
-    }
-    return 0;
+    EACH_STATE(pendulum_sensitivities_1(q + i*q_step, u + i*u_step, p + i*p_step, dq + i*dq_step, du + i*du_step,
+        dp + i*dp_step, udot + i*1, dudot + i*1, work));
 }
 
 int pendulum_outputs_batch(long count, long *failed, const double *q, long q_step, const double *u, long u_step,
     const double *p, long p_step, double *outputs, double *work)
 {
-    for (long i = 0; i < count; ++i) {
-        const int singular = pendulum_outputs(q + i*q_step, u + i*u_step, p + i*p_step, outputs + i*1, work);
-        if (singular) {
-            if (failed) *failed = i;
-            return singular;
-        }
-    }
-    return 0;
+    EACH_STATE(pendulum_outputs(q + i*q_step, u + i*u_step, p + i*p_step, outputs + i*1, work));
 }
 
 int pendulum_sensitivities_transposed_8_batch(long count, long *failed, const double *q, long q_step,
     const double *u, long u_step, const double *p, long p_step, const double *dudot, long dudot_step, double *udot,
     double *dq, double *du, double *dp, double *work)
 {
-    for (long i = 0; i < count; ++i) {
-        const int singular = pendulum_sensitivities_transposed_8(q + i*q_step, u + i*u_step, p + i*p_step,
-            dudot + i*dudot_step, udot + i*1, dq + i*8, du + i*8, dp + i*8, work);
-        if (singular) {
-            if (failed) *failed = i;
-            return singular;
-        }
-    }
-    return 0;
+    EACH_STATE(pendulum_sensitivities_transposed_8(q + i*q_step, u + i*u_step, p + i*p_step, dudot + i*dudot_step,
+        udot + i*1, dq + i*8, du + i*8, dp + i*8, work));
 }
 
 int pendulum_sensitivities_transposed_1_batch(long count, long *failed, const double *q, long q_step,
     const double *u, long u_step, const double *p, long p_step, const double *dudot, long dudot_step, double *udot,
     double *dq, double *du, double *dp, double *work)
 {
-    for (long i = 0; i < count; ++i) {
-        const int singular = pendulum_sensitivities_transposed_1(q + i*q_step, u + i*u_step, p + i*p_step,
-            dudot + i*dudot_step, udot + i*1, dq + i*1, du + i*1, dp + i*1, work);
-        if (singular) {
-            if (failed) *failed = i;
-            return singular;
-        }
-    }
-    return 0;
+    EACH_STATE(pendulum_sensitivities_transposed_1(q + i*q_step, u + i*u_step, p + i*p_step, dudot + i*dudot_step,
+        udot + i*1, dq + i*1, du + i*1, dp + i*1, work));
 }

@@ -93,9 +93,7 @@ static void DIRECTIONS(balance_in)(DIRECTIONS(call) *a)
 }
 
 /* balance, back substitution (Eqs. 53-55); rod
- * in: lane: right_side_0
- * out: dudot
- * operations: none */
+ * in: lane: right_side_0. out: dudot. operations: none */
 static void DIRECTIONS(balance_back_0)(DIRECTIONS(call) *a)
 {
     const DIRECTIONS(link_lanes) *restrict lane = &a->lanes[0];
@@ -113,9 +111,7 @@ static void DIRECTIONS(balance_back)(DIRECTIONS(call) *a)
 }
 
 /* tangent of forces.friction.value of the model
- * in: du
- * out: dtau
- * operations: 1 multiplication per direction */
+ * in: du. out: dtau. operations: 1 multiplication per direction */
 static void DIRECTIONS(dtau_0)(DIRECTIONS(call) *a)
 {
     const LANES *restrict du = a->du;
@@ -135,9 +131,7 @@ static void DIRECTIONS(joint_forces_tangents)(DIRECTIONS(call) *a)
 
 #if WIDTH == 8 || WIDTH == 1
 /* transpose of balance, back substitution (Eqs. 53-55); rod
- * in: dudot
- * out: lane: right_side_0
- * operations: none */
+ * in: dudot. out: lane: right_side_0. operations: none */
 static void DIRECTIONS(balance_back_transposed_0)(DIRECTIONS(call) *a)
 {
     const LANES *restrict dudot = a->dudot;
@@ -155,9 +149,7 @@ static void DIRECTIONS(balance_back_transposed)(DIRECTIONS(call) *a)
 }
 
 /* accelerations, and weights of forces, outward; rod
- * in: me: inverse_pivot_0; lane: right_side_0
- * out: lane: moment; dtau
- * operations: 1 multiplication per direction */
+ * in: me: inverse_pivot_0; lane: right_side_0. out: lane: moment; dtau. operations: 1 multiplication per direction */
 static void DIRECTIONS(gradient_out_0)(DIRECTIONS(call) *a)
 {
     const link_record *restrict me = &a->records[0];
@@ -220,9 +212,7 @@ static void DIRECTIONS(gradient_in)(DIRECTIONS(call) *a)
 }
 
 /* transpose of the tangent of forces.friction.value of the model
- * in: dtau
- * out: du
- * operations: 1 multiplication per direction */
+ * in: dtau. out: du. operations: 1 multiplication per direction */
 static void DIRECTIONS(tau_0_transposed)(DIRECTIONS(call) *a)
 {
     const LANES *restrict dtau = a->dtau;

@@ -123,9 +123,7 @@ def check_pivot(a, margin, link):
 
 def constants_0(a):
     # constants of a link and their derivative primitives (Eq. 29); rod
-    # in: numbers; p
-    # out: c: mass, inertia, first_moment
-    # operations: 6 additions, 26 multiplications, 2 divisions
+    # in: numbers; p. out: c: mass, inertia, first_moment. operations: 6 additions, 26 multiplications, 2 divisions
     k = numbers_of_constants_0[0]
     c = a.constants[0]
     k_0 = k[0]
@@ -164,9 +162,7 @@ def constants_0(a):
 
 def pose_0(a):
     # positions and attitudes in the ground frame; rod
-    # in: trig
-    # out: me: position, attitude
-    # operations: none
+    # in: trig. out: me: position, attitude. operations: none
     me = a.records[0]
     trig_cos = a.cos[0]
     me["position_z"] = ZERO
@@ -180,9 +176,7 @@ def pose(a):
 
 def kinematics_0(a):
     # kinematic sweep (Eqs. 18-24, 31); rod
-    # in: trig; up: acceleration; c: first_moment
-    # out: me: moment
-    # operations: 2 multiplications
+    # in: trig; up: acceleration; c: first_moment. out: me: moment. operations: 2 multiplications
     up = a.records[1]
     c = a.constants[0]
     me = a.records[0]
@@ -227,9 +221,7 @@ def triangularize(a):
 
 def back_substitute_0(a):
     # back substitution (Eqs. 53-56); rod
-    # in: me: right_side_0
-    # out: udot
-    # operations: none
+    # in: me: right_side_0. out: udot. operations: none
     me = a.records[0]
     me_rD_0 = me["right_side_0"]
     a.udot[0] = me_rD_0
@@ -242,9 +234,7 @@ def back_substitute(a):
 
 def tau_0(a):
     # forces.friction.value of the model
-    # in: u
-    # out: tau
-    # operations: 1 multiplication
+    # in: u. out: tau. operations: 1 multiplication
     u_rod = a.u[0]
     tau = -0.01*u_rod
     a.tau[0] = tau
@@ -257,9 +247,7 @@ def joint_forces(a):
 
 def outputs_of_link_0(a):
     # outputs.height of the model
-    # in: p; me: attitude, position
-    # out: outputs
-    # operations: 1 addition, 1 multiplication
+    # in: p; me: attitude, position. out: outputs. operations: 1 addition, 1 multiplication
     me = a.records[0]
     length = a.p[0]
     me_W_zz = me["attitude_zz"]
@@ -326,9 +314,7 @@ def balance_in(a):
 
 def balance_back_0(a):
     # balance, back substitution (Eqs. 53-55); rod
-    # in: lane: right_side_0
-    # out: dudot
-    # operations: none
+    # in: lane: right_side_0. out: dudot. operations: none
     lane = a.lanes[0]
     lane_rD_0 = lane["right_side_0"]
     a.dudot[0] = lane_rD_0
@@ -341,9 +327,7 @@ def balance_back(a):
 
 def dtau_0(a):
     # tangent of forces.friction.value of the model
-    # in: du
-    # out: dtau
-    # operations: 1 multiplication per direction
+    # in: du. out: dtau. operations: 1 multiplication per direction
     du_rod = a.du[0]
     d_tau = -0.01*du_rod
     a.dtau[0] = d_tau
@@ -356,9 +340,7 @@ def joint_forces_tangents(a):
 
 def balance_back_transposed_0(a):
     # transpose of balance, back substitution (Eqs. 53-55); rod
-    # in: dudot
-    # out: lane: right_side_0
-    # operations: none
+    # in: dudot. out: lane: right_side_0. operations: none
     lane = a.lanes[0]
     dudot_rod = a.dudot[0]
     lane["right_side_0"] = dudot_rod
@@ -371,9 +353,7 @@ def balance_back_transposed(a):
 
 def gradient_out_0(a):
     # accelerations, and weights of forces, outward; rod
-    # in: me: inverse_pivot_0; lane: right_side_0
-    # out: lane: moment; dtau
-    # operations: 1 multiplication per direction
+    # in: me: inverse_pivot_0; lane: right_side_0. out: lane: moment; dtau. operations: 1 multiplication per direction
     me = a.records[0]
     lane = a.lanes[0]
     me_Dinv_0 = me["inverse_pivot_0"]
@@ -422,9 +402,7 @@ def gradient_in(a):
 
 def tau_0_transposed(a):
     # transpose of the tangent of forces.friction.value of the model
-    # in: dtau
-    # out: du
-    # operations: 1 multiplication per direction
+    # in: dtau. out: du. operations: 1 multiplication per direction
     dtau_rod = a.dtau[0]
     du_0_bar = -0.01*dtau_rod  # T
     a.du[0] = a.du[0] + du_0_bar
