@@ -9,7 +9,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 from sympy import Symbol
@@ -35,7 +35,7 @@ from .templates import render
 from .writer import Located, Place, Writer
 
 TYPES = {
-    "records": "link_record", "near": "link_near", "slots": "link_slot", "lanes": "link_lanes", "ears": "ear_record",
+    "records": "link_record", "slots": "link_slot", "lanes": "link_lanes", "ears": "ear_record",
     "regions": "region_record", "region_lanes": "region_lanes", "couplings": "coupling_block", "kept": "link_kept",
     "kept_regions": "region_kept",
 }  # fmt: skip
@@ -47,7 +47,6 @@ ABOUT = {
     "kept": "Scalars of a link that sweeps run backwards read again.",
     "kept_regions": "Scalars of a region that sweeps run backwards read again.",
     "lanes": "A link, for every direction.", "region_lanes": "A region of loops, for every direction.",
-    "near": "What links tell their neighbours: memory that every sweep uses anew.",
     "slots": "What links tell their neighbours, for every direction: memory that every sweep uses anew.",
 }  # fmt: skip
 """What it is, for a comment."""
@@ -204,10 +203,19 @@ class CWriter(Writer):
 
     def in_row(self, variable: str, region: str, row: str, sweep: str, name: str) -> Located:
         """Where a component lies in a row of memory that is laid out."""
+        if region == "near":
+            # numbers, not a struct: where compilers can tell these from records, they move loads until registers are short
+            place = f"[{near_name(self.layout.near_forms[sweep], name)}]"
+            return Located(
+                variable,
+                f"a->near + NEAR_SIZE*({row})" if " " in row else f"a->near + NEAR_SIZE*{row}",
+                place,
+                "double",
+            )
         start, type_ = f"&a->{region}[{row}]", TYPES[region]
-        if region in ("near", "slots"):
-            of = (self.layout.near_forms if region == "near" else self.layout.slot_forms)[sweep]
-            start, type_ = f"{start}.{of}", f"{'near' if region == 'near' else 'slot'}_{of}"
+        if region == "slots":
+            of = self.layout.slot_forms[sweep]
+            start, type_ = f"{start}.{of}", f"slot_{of}"
         if region in LANE_REGIONS:
             type_ = f"DIRECTIONS({type_})"
         return Located(variable, start, f"->{identifier(name)}", type_)
@@ -235,7 +243,7 @@ class CWriter(Writer):
     def place(self, kinds: Sequence[UnitKind], sweep: str, store: Store, name: str) -> Located:
         at = self.addresses.placed(kinds, sweep, store, name)
         self.touched.setdefault(sweep, set()).add(at.region)
-        if at.region in TYPES:
+        if at.region in TYPES or at.region == "near":
             return self.in_row(at.variable, at.region, at.row, sweep, name)
         if at.region == "constants":
             return self.in_constants(at.variable, at.row, at.form, name)
@@ -268,11 +276,11 @@ class CWriter(Writer):
         kept = self.layout.kept if sweep in self.keeping else {}
         for name in sorted(self.program.ground_fields):
             if sweep and name in near:
-                region, place = "near", f"a->near[0].{self.layout.near_forms[sweep]}"
+                region, place = "near", f"a->near[{near_name(self.layout.near_forms[sweep], name)}]"
             elif name in kept:
-                region, place = "kept", "a->kept[LINKS]"
+                region, place = "kept", f"a->kept[LINKS].{identifier(name)}"
             elif not sweep and name in self.layout.record:
-                region, place = "records", "a->records[LINKS]"
+                region, place = "records", f"a->records[LINKS].{identifier(name)}"
             else:
                 continue
             self.touched.setdefault(sweep or "", set()).add(region)
@@ -282,7 +290,7 @@ class CWriter(Writer):
             elif name.removeprefix("t") in ("a.x", "a.y", "a.z"):
                 value = f"a->gravity[{'xyz'.index(name[-1])}]"
                 self.touched[sweep or ""].add("gravity")
-            lines.append(f"{place}.{identifier(name)} = {value};")
+            lines.append(f"{place} = {value};")
         return lines
 
     def gravity(self) -> list[str]:
@@ -397,31 +405,22 @@ class CWriter(Writer):
         layout, number = self.layout, "LANES" if lanes else "double"
         found: list[Type] = []
 
-        def add(about: str, name: str, lines: list[str], kind: str = "struct", shared: bool = False) -> None:
-            attribute = "MAY_ALIAS " if lanes or shared else ""
+        def add(about: str, name: str, lines: list[str], kind: str = "struct") -> None:
+            attribute = "MAY_ALIAS " if lanes else ""
             found.append(Type(about, kind, lines, f"{attribute}{_of_width(name, lanes)}"))
-
-        def several(
-            region: str, prefix: str, forms: dict[str, str], fields: dict[str, dict[str, int]], room: int
-        ) -> None:
-            """One for each sweep, and the union of these."""
-            users = {f: [s for s, of in forms.items() if of == f and s in self.blocks] for f in forms if fields[f]}
-            chosen = [sweep for sweep, found in users.items() if found]
-            for sweep in chosen:
-                add(f"In {', '.join(users[sweep])}.", f"{prefix}_{sweep}", members(fields[sweep], number), shared=True)
-            if chosen:
-                lines = [f"{_of_width(f'{prefix}_{s}', lanes)} {s};" for s in chosen]
-                lines += [f"double room[{room}];"] if room else []
-                add(ABOUT[region], TYPES[region], lines, "union", shared=True)
 
         if not lanes:
             for form, constants in layout.constant_fields.items():
                 if constants and layout.forms[form] == form:
                     about = "Constants of one shape; _d0: derivative by the first parameter that they depend on."
                     add(about, f"constants_of_shape_{form}", members(constants, number))
-            several("near", "near", layout.near_forms, layout.near, layout.near_size)
         else:
-            several("slots", "slot", layout.slot_forms, layout.slots, 0)
+            chosen = self.used_forms(layout.slot_forms, layout.slots)
+            for sweep, users in chosen.items():
+                add(f"In {', '.join(users)}.", f"slot_{sweep}", members(layout.slots[sweep], number))
+            if chosen:
+                lines = [f"{_of_width(f'slot_{sweep}', lanes)} {sweep};" for sweep in chosen]
+                add(ABOUT["slots"], TYPES["slots"], lines, "union")
         kept = {
             "records": layout.record, "ears": layout.ear, "regions": layout.region, "couplings": layout.coupling,
             "kept": layout.kept, "kept_regions": layout.kept_region, "lanes": layout.lane,
@@ -431,6 +430,19 @@ class CWriter(Writer):
             if fields and (region in LANE_REGIONS) == lanes:
                 add(ABOUT[region], TYPES[region], members(fields, number))
         return found
+
+    def used_forms(self, forms: dict[str, str], fields: dict[str, dict[str, int]]) -> dict[str, list[str]]:
+        """What sweeps tell neighbours: the first sweep with some fields, and all that have these."""
+        users = {f: [s for s, of in forms.items() if of == f and s in self.blocks] for f in forms if fields[f]}
+        return {sweep: found for sweep, found in users.items() if found}
+
+    def near_names(self) -> list[tuple[str, list[str]]]:
+        """Places in the memory that links share with their neighbours, by sweep: who uses them, lines of an enum."""
+        layout = self.layout
+        return [
+            (f"In {', '.join(users)}.", members(layout.near[sweep], "", ",", partial(near_name, sweep)))
+            for sweep, users in self.used_forms(layout.near_forms, layout.near).items()
+        ]
 
     def laid_out(self, procedure: Procedure, places: dict[str, int]) -> list[str]:
         """Lines that give a call the memory of the workspace: all of it, or what a few sweeps need."""
@@ -470,10 +482,11 @@ class CWriter(Writer):
             "legend": legend(model, len(self.system.links)),
             "sizes_in_c": [
                 ("LINKS", len(self.system.links)),
+                *([("NEAR_SIZE", layout.near_size)] if layout.near_size else []),
                 *((("ANGLES", layout.angles_padded), ("COSINE", 0), ("SINE", "ANGLES")) if layout.angles else ()),
                 *((name, i) for i, name in enumerate(ENERGIES) if "energy" in memory.fields),
             ],
-            "types": self.types(False), "lane_types": self.types(True),
+            "near_names": self.near_names(), "types": self.types(False), "lane_types": self.types(True),
             "workspace": self.workspace,
             "fields": fields, "lane_fields": lane_fields,
             "value_places": [(n, f"{_cast(n)}(work + {at})" if n in TYPES else f"work + {at}")
@@ -496,8 +509,11 @@ class CWriter(Writer):
             "matrix_files": ["c/component.c.jinja"] if any(map(fills_lanes, found)) else [],
             "header_functions": [lines.function(f) for f in found if not f.seeds],
             "prototypes": [
-                (f.doc if not w else f"{f.doc} Directions: {w}.",
-                 c_functions.signature(f, f"{model.name}_{c_functions.symbol(f, w)}")) for f, w in of_width
+                Function(
+                    f.doc if not w else f"{f.doc} Directions: {w}.",
+                    c_functions.signature(f, f"{model.name}_{c_functions.symbol(f, w)}"),
+                )
+                for f, w in of_width
             ],
             "batches": [Function("", head, c_functions.batch_lines(f, model.name, w)) for head, f, w in batches],
         }  # fmt: skip
@@ -582,17 +598,24 @@ def inclusions(name: str, used: list[int]) -> list[str]:
     return lines
 
 
-def members(components: Iterable[str], number: str) -> list[str]:
-    """Lines of a struct: the components of a field together, with its meaning."""
+def near_name(sweep: str, component: str) -> str:
+    """The place of a component in the memory that links share with their neighbours."""
+    return f"{sweep}_{identifier(component)}".upper()
+
+
+def members(
+    components: Iterable[str], type_: str, end: str = ";", called: Callable[[str], str] = identifier
+) -> list[str]:
+    """Lines of a struct or an enum: the components of a field together, with its meaning."""
     found: list[tuple[AnyField | None, list[str]]] = []
     for component in components:
         field = field_of(component)
         if not found or found[-1][0] is not field:
             found.append((field, []))
-        found[-1][1].append(identifier(component))
+        found[-1][1].append(called(component))
     lines = []
     for field, names in found:
-        lines += textwrap.wrap(f"{number} {', '.join(names)};", MEMBERS, subsequent_indent="    ")
+        lines += textwrap.wrap(f"{type_} {', '.join(names)}{end}".strip(), MEMBERS, subsequent_indent="    ")
         if field is not None:
             unit = "" if field.unit in ("", "1") else f", {field.unit.replace('*/', '* /')}"
             comment = f"/* {field.meaning}{unit} */"

@@ -35,7 +35,7 @@ from ..program.procedure import (
     stops,
     walk,
 )
-from .function import Function
+from .function import Function, called_with
 
 
 def symbol(procedure: Procedure, width: int | None = None) -> str:
@@ -52,16 +52,15 @@ def parameters(procedure: Procedure) -> list[str]:
 
 def signature(procedure: Procedure, name: str) -> str:
     """Declaration under a name, without the semicolon."""
-    return f"int {name}({', '.join(parameters(procedure))})"
+    return called_with(f"int {name}(", parameters(procedure))
 
 
 def batch_signature(procedure: Procedure, model: str, width: int | None = None) -> str:
     """Declaration of the loop over a batch, without the semicolon: every argument has a step, in doubles."""
     given = [f"const double *{a.name}, long {a.name}_step" for a in (*procedure.arguments, *procedure.seeds)]
     given += [f"double *{r.name}" for r in procedure.results]
-    return (
-        f"int {model}_{symbol(procedure, width)}_batch(long count, long *failed, {', '.join([*given, 'double *work'])})"
-    )
+    head = f"int {model}_{symbol(procedure, width)}_batch("
+    return called_with(head, ["long count", "long *failed", *given, "double *work"])
 
 
 def batch_lines(procedure: Procedure, model: str, width: int | None) -> list[str]:
@@ -71,9 +70,10 @@ def batch_lines(procedure: Procedure, model: str, width: int | None) -> list[str
         for a in (*procedure.arguments, *procedure.seeds)
     ]
     passed += [f"{r.name} + i*{r.size * (width or 1) if r.lanes else r.size}" for r in procedure.results]
+    call = called_with(f"    const int singular = {model}_{symbol(procedure, width)}(", [*passed, "work"], ");")
     return [
         "for (long i = 0; i < count; ++i) {",
-        f"    const int singular = {model}_{symbol(procedure, width)}({', '.join([*passed, 'work'])});",
+        *(line if i == 0 else f"    {line}" for i, line in enumerate(call.split("\n"))),
         "    if (singular) {",
         "        if (failed) *failed = i;",
         "        return singular;",

@@ -9,6 +9,10 @@ COMMENT = 115
 """How long lines of comments are."""
 
 
+SIGNATURE = 115
+"""How long lines of declarations and calls are."""
+
+
 @dataclass(slots=True)
 class Function:
     """A generated function: comment, signature, ready lines; further lines of the comment."""
@@ -22,6 +26,18 @@ class Function:
     def head(self) -> list[str]:
         """Lines of the whole comment."""
         return [line for text in (self.comment, *self.notes) for line in textwrap.wrap(text, COMMENT) or [""]]
+
+
+def called_with(head: str, items: list[str], end: str = ")") -> str:
+    """A head and its arguments, in as many lines as it takes."""
+    lines = [head]
+    for i, item in enumerate(items):
+        item += end if i == len(items) - 1 else ","
+        if len(lines[-1]) + len(item) > SIGNATURE and lines[-1] != head:
+            lines.append(f"    {item}")
+        else:
+            lines[-1] += item if lines[-1] == head else f" {item}"
+    return "\n".join(lines)
 
 
 def in_lines(items: list[str], columns: int) -> list[str]:

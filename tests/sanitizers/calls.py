@@ -116,7 +116,7 @@ class Part:
             function, width = stem, "0"
         assert function in self.manifest["functions"], f"{symbol} is not in model.json"
         arguments, results, scalars = [], [], []
-        for declaration in declared.split(", "):
+        for declaration in re.split(r",\s+", declared):
             type, _, name = declaration.replace("*", "* ").rpartition(" ")
             match " ".join(type.split()):
                 case "const double *":

@@ -1,0 +1,329 @@
+/* Sweeps and functions over WIDTH directions at once. Included by pendulum.c once for every width. */
+
+/* A link, for every direction. */
+typedef struct {
+    LANES moment_y; /* moment about the origin and force that a link's motion with udot = 0 needs, [N m, N] */
+    LANES right_side_0; /* what drives a freedom, over the inertia along it (Eq. 53), u/s^2 */
+} MAY_ALIAS DIRECTIONS(link_lanes);
+
+/* What one call over directions works on. */
+typedef struct {
+    const double *q;
+    const double *u;
+    const double *p;
+    double *udot;
+    double *outputs;
+    link_record *records;
+    double *near;
+    double *gravity;
+    double *constants;
+    double *trig;
+    double *tau;
+    LANES *dq;
+    LANES *du;
+    LANES *dp;
+    LANES *dudot;
+    DIRECTIONS(link_lanes) *lanes;
+    LANES *dtau;
+    int singular;
+} DIRECTIONS(call);
+
+/* balance, outward: tangent of the inverse dynamics at fixed udot (Eqs. 25-29); rod
+ * in: trig; up: total_acceleration; udot; c: first_moment, inertia; dq; dp
+ * out: lane: moment
+ * operations: 1 addition, 4 multiplications; 1 addition, 3 multiplications per direction */
+static void DIRECTIONS(balance_out_0)(DIRECTIONS(call) *a)
+{
+    const double *restrict trig = a->trig + 0;
+    const double *restrict near_up = a->near + NEAR_SIZE*0;
+    const double *restrict udot = a->udot;
+    const constants_of_shape_0 *restrict c = (constants_of_shape_0 *)(a->constants + 0);
+    const LANES *restrict dq = a->dq;
+    const LANES *restrict dp = a->dp;
+    DIRECTIONS(link_lanes) *restrict lane = &a->lanes[0];
+    EACH_VECTOR {
+        const double trig_cos = trig[COSINE];
+        const double trig_sin = trig[SINE];
+        const double up_ta_z = near_up[BALANCE_OUT_TOTAL_ACCELERATION_Z];
+        const double udot_rod = udot[0];
+        const double c_h_z = c->first_moment_z;
+        const double c_h_z_d0 = c->first_moment_z_d0;
+        const double c_J_xx_d0 = c->inertia_xx_d0;
+        const VECTOR dq_rod = dq[0].at[h];
+        const VECTOR dp_length = dp[0].at[h];
+        const double ap_z = trig_cos*up_ta_z; /* Eq. 21 */
+        const double ap_x = -trig_sin*up_ta_z;
+        const VECTOR d_ap_x = -ap_z*dq_rod; /* d Eq. 21 */
+        const double d_4 = ap_x*c_h_z_d0 + c_J_xx_d0*udot_rod; /* primitive */
+        const VECTOR d_n_y = c_h_z*d_ap_x + d_4*dp_length; /* d Eq. 24 */
+        lane->moment_y.at[h] = d_n_y;
+    }
+}
+
+/* balance, outward: tangent of the inverse dynamics at fixed udot (Eqs. 25-29) */
+static void DIRECTIONS(balance_out)(DIRECTIONS(call) *a)
+{
+    a->near[BALANCE_OUT_TOTAL_ACCELERATION_Z] = a->gravity[2];
+    DIRECTIONS(balance_out_0)(a);
+}
+
+/* balance, inward: transmitted forces and bias forces of the solve (Eqs. 9, 45, 50); rod
+ * in: lane: moment; dtau; me: inverse_pivot_0
+ * out: lane: right_side_0
+ * operations: 1 addition, 1 multiplication per direction */
+static void DIRECTIONS(balance_in_0)(DIRECTIONS(call) *a)
+{
+    DIRECTIONS(link_lanes) *restrict lane = &a->lanes[0];
+    const LANES *restrict dtau = a->dtau;
+    const link_record *restrict me = &a->records[0];
+    EACH_VECTOR {
+        const VECTOR lane_n_y = lane->moment_y.at[h];
+        const VECTOR dtau_rod = dtau[0].at[h];
+        const double me_Dinv_0 = me->inverse_pivot_0;
+        const VECTOR r = dtau_rod - lane_n_y; /* d Eq. 53 */
+        const VECTOR rD = me_Dinv_0*r;
+        lane->right_side_0.at[h] = rD;
+    }
+}
+
+/* balance, inward: transmitted forces and bias forces of the solve (Eqs. 9, 45, 50) */
+static void DIRECTIONS(balance_in)(DIRECTIONS(call) *a)
+{
+    DIRECTIONS(balance_in_0)(a);
+}
+
+/* balance, back substitution (Eqs. 53-55); rod
+ * in: lane: right_side_0
+ * out: dudot
+ * operations: none */
+static void DIRECTIONS(balance_back_0)(DIRECTIONS(call) *a)
+{
+    const DIRECTIONS(link_lanes) *restrict lane = &a->lanes[0];
+    LANES *restrict dudot = a->dudot;
+    EACH_VECTOR {
+        const VECTOR lane_rD_0 = lane->right_side_0.at[h];
+        dudot[0].at[h] = lane_rD_0;
+    }
+}
+
+/* balance, back substitution (Eqs. 53-55) */
+static void DIRECTIONS(balance_back)(DIRECTIONS(call) *a)
+{
+    DIRECTIONS(balance_back_0)(a);
+}
+
+/* tangent of forces.friction.value of the model
+ * in: du
+ * out: dtau
+ * operations: 1 multiplication per direction */
+static void DIRECTIONS(dtau_0)(DIRECTIONS(call) *a)
+{
+    const LANES *restrict du = a->du;
+    LANES *restrict dtau = a->dtau;
+    EACH_VECTOR {
+        const VECTOR du_rod = du[0].at[h];
+        const VECTOR d_tau = -0.01*du_rod;
+        dtau[0].at[h] = d_tau;
+    }
+}
+
+/* tangents of joint forces */
+static void DIRECTIONS(joint_forces_tangents)(DIRECTIONS(call) *a)
+{
+    DIRECTIONS(dtau_0)(a);
+}
+
+#if WIDTH == 8 || WIDTH == 1
+/* transpose of balance, back substitution (Eqs. 53-55); rod
+ * in: dudot
+ * out: lane: right_side_0
+ * operations: none */
+static void DIRECTIONS(balance_back_transposed_0)(DIRECTIONS(call) *a)
+{
+    const LANES *restrict dudot = a->dudot;
+    DIRECTIONS(link_lanes) *restrict lane = &a->lanes[0];
+    EACH_VECTOR {
+        const VECTOR dudot_rod = dudot[0].at[h];
+        lane->right_side_0.at[h] = dudot_rod;
+    }
+}
+
+/* transpose of balance, back substitution (Eqs. 53-55) */
+static void DIRECTIONS(balance_back_transposed)(DIRECTIONS(call) *a)
+{
+    DIRECTIONS(balance_back_transposed_0)(a);
+}
+
+/* accelerations, and weights of forces, outward; rod
+ * in: me: inverse_pivot_0; lane: right_side_0
+ * out: lane: moment; dtau
+ * operations: 1 multiplication per direction */
+static void DIRECTIONS(gradient_out_0)(DIRECTIONS(call) *a)
+{
+    const link_record *restrict me = &a->records[0];
+    DIRECTIONS(link_lanes) *restrict lane = &a->lanes[0];
+    LANES *restrict dtau = a->dtau;
+    EACH_VECTOR {
+        const double me_Dinv_0 = me->inverse_pivot_0;
+        const VECTOR lane_rD_0 = lane->right_side_0.at[h];
+        const VECTOR r_bar = lane_rD_0*me_Dinv_0; /* T d Eq. 53 */
+        lane->moment_y.at[h] = -r_bar;
+        dtau[0].at[h] += r_bar;
+    }
+}
+
+/* accelerations, and weights of forces, outward */
+static void DIRECTIONS(gradient_out)(DIRECTIONS(call) *a)
+{
+    DIRECTIONS(gradient_out_0)(a);
+}
+
+/* transmitted forces, and gradients of weighted accelerations, inward; rod
+ * in: trig; up: total_acceleration; udot; c: first_moment, inertia; lane: moment
+ * out: dq; dp; du
+ * operations: 1 addition, 4 multiplications; 3 multiplications per direction */
+static void DIRECTIONS(gradient_in_0)(DIRECTIONS(call) *a)
+{
+    const double *restrict trig = a->trig + 0;
+    const link_record *restrict up = &a->records[1];
+    const double *restrict udot = a->udot;
+    const constants_of_shape_0 *restrict c = (constants_of_shape_0 *)(a->constants + 0);
+    const DIRECTIONS(link_lanes) *restrict lane = &a->lanes[0];
+    LANES *restrict dq = a->dq;
+    LANES *restrict dp = a->dp;
+    LANES *restrict du = a->du;
+    EACH_VECTOR {
+        const double trig_cos = trig[COSINE];
+        const double trig_sin = trig[SINE];
+        const double up_ta_z = up->total_acceleration_z;
+        const double udot_rod = udot[0];
+        const double c_h_z = c->first_moment_z;
+        const double c_h_z_d0 = c->first_moment_z_d0;
+        const double c_J_xx_d0 = c->inertia_xx_d0;
+        const VECTOR lane_n_y = lane->moment_y.at[h];
+        const double ap_z = trig_cos*up_ta_z; /* Eq. 21 */
+        const VECTOR d_ap_x_bar = c_h_z*lane_n_y; /* T d Eq. 21 */
+        const VECTOR dq_0_bar = -ap_z*d_ap_x_bar; /* T */
+        const double ap_x = -trig_sin*up_ta_z; /* Eq. 21 */
+        const double d_4 = ap_x*c_h_z_d0 + c_J_xx_d0*udot_rod; /* primitive */
+        const VECTOR dp_0_bar = d_4*lane_n_y; /* T */
+        dq[0].at[h] = dq_0_bar;
+        dp[0].at[h] += dp_0_bar;
+        du[0].at[h] = (VECTOR){0};
+    }
+}
+
+/* transmitted forces, and gradients of weighted accelerations, inward */
+static void DIRECTIONS(gradient_in)(DIRECTIONS(call) *a)
+{
+    DIRECTIONS(gradient_in_0)(a);
+}
+
+/* transpose of the tangent of forces.friction.value of the model
+ * in: dtau
+ * out: du
+ * operations: 1 multiplication per direction */
+static void DIRECTIONS(tau_0_transposed)(DIRECTIONS(call) *a)
+{
+    const LANES *restrict dtau = a->dtau;
+    LANES *restrict du = a->du;
+    EACH_VECTOR {
+        const VECTOR dtau_rod = dtau[0].at[h];
+        const VECTOR du_0_bar = -0.01*dtau_rod; /* T */
+        du[0].at[h] += du_0_bar;
+    }
+}
+
+/* transpose of tangents of joint forces */
+static void DIRECTIONS(joint_forces_transposed)(DIRECTIONS(call) *a)
+{
+    DIRECTIONS(tau_0_transposed)(a);
+}
+
+#endif
+/* Continues a call over directions. */
+static void DIRECTIONS(open)(DIRECTIONS(call) *d, const call *c, double *work)
+{
+    work = aligned(work);
+    d->q = c->q;
+    d->u = c->u;
+    d->p = c->p;
+    d->udot = c->udot;
+    d->outputs = c->outputs;
+    d->records = c->records;
+    d->near = c->near;
+    d->gravity = c->gravity;
+    d->constants = c->constants;
+    d->trig = c->trig;
+    d->tau = c->tau;
+    d->lanes = (DIRECTIONS(link_lanes) *)(work + 72);
+    d->dtau = (LANES *)(work + 88);
+    d->singular = 0;
+}
+
+/* From seeds to dudot, with the factors and accelerations of the forward dynamics at hand. */
+static void DIRECTIONS(balance)(DIRECTIONS(call) *a)
+{
+    DIRECTIONS(joint_forces_tangents)(a);
+    DIRECTIONS(balance_out)(a);
+    DIRECTIONS(balance_in)(a);
+    DIRECTIONS(balance_back)(a);
+}
+
+/* Forward dynamics and its total derivative along seeds (Eqs. 9, 10, by the balance). */
+int DIRECTIONS(pendulum_sensitivities)(const double *q, const double *u, const double *p, const double *dq,
+    const double *du, const double *dp, double *udot, double *dudot, double *work)
+{
+    call c = {0};
+    DIRECTIONS(call) d;
+    c.q = q;
+    c.u = u;
+    c.p = p;
+    c.udot = udot;
+    lay_out(&c, work);
+    start(&c);
+    if (forward(&c)) return c.singular;
+    DIRECTIONS(open)(&d, &c, work);
+    d.dq = (LANES *)dq;
+    d.du = (LANES *)du;
+    d.dp = (LANES *)dp;
+    d.dudot = (LANES *)dudot;
+    DIRECTIONS(balance)(&d);
+    return 0;
+}
+
+#if WIDTH == 8 || WIDTH == 1
+/* The steps of sensitivities over directions, backwards. */
+static void DIRECTIONS(sensitivities_backwards)(DIRECTIONS(call) *a)
+{
+    for (long i = 0; i < 1L; ++i) a->dtau[i] = NOTHING;
+    for (int i = 0; i < 1; ++i) a->dp[i] = NOTHING;
+    DIRECTIONS(balance_back_transposed)(a);
+    DIRECTIONS(gradient_out)(a);
+    DIRECTIONS(gradient_in)(a);
+    DIRECTIONS(joint_forces_transposed)(a);
+}
+
+/* Forward dynamics (Eqs. 18-24, 42-56), and gradients of their weighted sums (the transpose of sensitivities). */
+int DIRECTIONS(pendulum_sensitivities_transposed)(const double *q, const double *u, const double *p,
+    const double *dudot, double *udot, double *dq, double *du, double *dp, double *work)
+{
+    call c = {0};
+    DIRECTIONS(call) d;
+    c.q = q;
+    c.u = u;
+    c.p = p;
+    c.udot = udot;
+    lay_out(&c, work);
+    start(&c);
+    if (forward(&c)) return c.singular;
+    DIRECTIONS(open)(&d, &c, work);
+    d.dudot = (LANES *)dudot;
+    d.dq = (LANES *)dq;
+    d.du = (LANES *)du;
+    d.dp = (LANES *)dp;
+    DIRECTIONS(sensitivities_backwards)(&d);
+    return 0;
+}
+
+#endif
