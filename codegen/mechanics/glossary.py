@@ -10,7 +10,8 @@ import re
 from .fields import FIELDS
 
 WORDS = {
-    "link": "A rigid part that moves: a body, what is fixed to it, and a joint of one kind. A universal joint makes two.",
+    "link": "A rigid part that moves: a body, what is fixed to it, and a joint of one kind. "
+    "A universal or planar joint makes two.",
     "unit": "What one call of a block works on: a link, an ear, a region or a force element.",
     "kind": "Units of equal structure. They share every block and every generated function.",
     "block": "A short straight-line program for one kind and one sweep.",

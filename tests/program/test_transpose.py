@@ -8,9 +8,10 @@ import sympy
 from sympy import Symbol
 
 from codegen.program.block import Block, Component, Expansion
+from codegen.program.fusion import fused
 from codegen.program.passes import simplify
 from codegen.program.store import Life, Memory, Owner, Store
-from codegen.program.transpose import Adjoints, Kept, coefficients, transposed, values
+from codegen.program.transpose import Adjoints, Kept, coefficients, deferred, transposed, values
 
 MODEL = Owner("model")
 SCALARS, SLOTS = Memory("scalars"), Memory("slots", lanes=True, life=Life.SWEEP)
@@ -109,3 +110,51 @@ def test_what_is_not_linear_is_refused():
     for wrong in (a * b, sympy.sin(a), a + c, a**2, a / b):
         with pytest.raises(ValueError):
             coefficients(wrong, {a, b})
+
+
+C, D = Store("c", MODEL, SLOTS), Store("d", MODEL, SLOTS)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_deferred_block_and_its_rest_do_what_the_block_does(seed):
+    """What depends on a late scalar waits; what it needs of the first part is where that has stored it, or saved."""
+    block = random_block(np.random.default_rng(seed), True)
+    first, second = deferred(
+        block,
+        lambda store, n: (store, n) == (S, "2"),
+        lambda i: (D, str(i)),
+        lambda store, n: store is A,
+    )
+    late = {s for s, at in block.loads.items() if at == (S, "2")}
+    assert not late & first.loads.keys() and first.stores and second.stores
+    rng = np.random.default_rng(seed)
+    state = {(S, str(i)): rng.uniform(0.5, 1.5) for i in range(4)}
+    state |= {(store, str(i)): rng.uniform(-1, 1) for store in (A, B) for i in range(10)}
+    expected, found = run(block, state), run(second, run(first, state))
+    for at, value in expected.items():
+        assert abs(found[at] - value) < 1e-12 * max(1.0, abs(value)), at
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_fused_blocks_do_what_blocks_do_one_after_the_other(seed):
+    rng = np.random.default_rng(seed)
+    blocks = [random_block(np.random.default_rng(10 * seed + i), bool(i % 2)) for i in range(3)]
+    zero = {(B, "0"), (B, "2"), (A, "3")}
+    state = {(S, str(i)): rng.uniform(0.5, 1.5) for i in range(4)}
+    state |= {
+        (store, str(i)): 0.0 if (store, str(i)) in zero else rng.uniform(-1, 1) for store in (A, B) for i in range(10)
+    }
+    expected = state
+    for block in blocks:
+        expected = run(block, expected)
+    one = fused("one", "", blocks, lambda store, n: (store, n) in zero)
+    assert len({s.target for s in one.statements}) == len(one.statements)
+    assert len(set(one.loads.values())) == len(one.loads) and not zero & set(one.loads.values())
+    places = [(store.plain, n) for store, n, _ in one.stores]
+    assert len(set(places)) == len(places), "each place is stored once"
+    assert not any(store.adds for store, n, _ in one.stores if (store.plain, n) in zero)
+    for found in (run(one, state), run(simplify(one), state), run(one, state | dict.fromkeys(zero, float("nan")))):
+        for at, value in expected.items():
+            if at in zero and at not in places:
+                continue
+            assert abs(found[at] - value) < 1e-11 * max(1.0, abs(value)), at

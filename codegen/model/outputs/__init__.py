@@ -1,4 +1,4 @@
-"""The types of outputs: a new one is a class that is listed here, and its value in `reference.outputs` and the generator."""
+"""The types of outputs: a new one is a class here, a value in `reference.outputs`, statements in `mechanics.outputs`."""
 
 from __future__ import annotations
 
