@@ -10,7 +10,7 @@ import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 from typing import Any
 
 from ..mechanics.expansion import Program
@@ -251,7 +251,7 @@ class Writer(ABC):
         block = self.program.blocks[sweep][kinds[0].index]
         single = len(self.instances(kinds, sweep)) == 1
         signature = self.signature(f"{sweep}_{kinds[0].index}", SWEEP[sweep].lanes, not single)
-        place = partial(self.place, kinds, sweep)
+        place = cache(partial(self.place, kinds, sweep))  # asked for several times for each component
         lines = self.lines(block, place, self.addresses.culprit(kinds, sweep))
         return Function(f"{block.title}; {self.called(kinds)}", signature, lines, notes(block))
 
