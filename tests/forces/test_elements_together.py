@@ -17,6 +17,7 @@ from codegen.listing import list_model
 from codegen.model import Model, parse_model
 from codegen.model.errors import ModelError
 from codegen.model.forces import Actuator, Force, Spring, Torque, Torsion
+from codegen.program.block import FieldError
 from codegen.reference import DenseEngine
 
 ALL = """
@@ -145,3 +146,10 @@ def test_what_is_not_finite_is_told_by_its_name(tmp_path: Path) -> None:
     with pytest.warns(RuntimeWarning, match="the coefficients of force push are not"):
         solver.accelerations(q, u, p, [-1.0], t)
     assert error(solver.accelerations(q, u, p, [1.0], t), DenseEngine(model).accelerations(q, u, p, [1.0], t)) < 1e-12
+
+
+def test_a_law_that_needs_a_direction_says_when_there_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    model = with_elements(TREE, "band: {type: spring, from: top, to: tip, stiffness: k}")
+    monkeypatch.setattr(Spring, "singular", "")
+    with pytest.raises(FieldError, match=r"Spring\.singular does not say when there is none"):
+        write_solver(model)

@@ -14,7 +14,7 @@ import sympy
 from sympy import Expr
 
 from ...model.expressions import Tree
-from ...program.block import Expansion, Scope
+from ...program.block import Expansion, FieldError, Scope
 from ...program.scalar import Matrix, Value, Vector
 from ...program.store import Store
 from .. import fields
@@ -176,7 +176,16 @@ class Element:
         return self._known[j]
 
     def require(self, value: Value) -> None:
-        """Must be positive for the element to have a direction; see `ForceElement.singular`."""
+        """Must be positive for the element to have a direction; see `ForceElement.singular`.
+
+        Raises
+        ------
+        FieldError
+            The element does not say when it has none, so nobody could be told.
+        """
+        if not self.kind.first.singular:
+            name = type(self.kind.first).__name__
+            raise FieldError(f"{self._tag} needs a direction, and {name}.singular does not say when there is none")
         self.x.set_entry(PIVOT, 0, value)
 
     def line(self, directed: bool = True) -> tuple[Vector, Value]:

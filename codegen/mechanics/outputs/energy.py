@@ -15,6 +15,9 @@ from ..tree.kinematics import angular_velocity, origin_velocity
 from ..tree.tangents import differentiate, store_tangent, tangent
 from ..tree.triangularization import is_first
 
+OUTBOARD = frozenset((*fields.outboard_mass.components, *fields.outboard_moment.components))
+"""What children hand on of the energies; its tangents are in slots."""
+
 
 def kinetic(x: Scope, kind: LinkKind) -> None:
     """Velocity of the link's origin and the link's kinetic energy, half of velocity times momentum."""
@@ -63,6 +66,6 @@ def _sums(x: Scope) -> dict[Symbol, Value]:
     found = {
         symbol: x.component(LME, name)
         for symbol, (store, name) in list(x.block.loads.items())
-        if store is ME and name.startswith("sum.")
+        if store is ME and name in OUTBOARD
     }
     return {s: v for s, v in found.items() if v != 0}

@@ -27,6 +27,7 @@ from ..structure.constants import Statements
 from ..structure.links import rigid_inertia
 from ..structure.system import System
 from . import MEASURES
+from .energy import OUTBOARD
 from .measure import FormulaMeasure, RecordMeasure
 from .records import Records, expressions_of, links_of, structure_of
 
@@ -111,7 +112,7 @@ def _both(write: Callable[[Expansion, bool], Expr], index: int, target: str, tit
     seeds: dict[Symbol, Expr] = {}
     for s, (a, n) in list(y.block.loads.items()):
         if a.memory is RECORD:
-            lanes = LME if n.startswith("sum.") else MY_LANE
+            lanes = LME if n in OUTBOARD else MY_LANE
             seeds[s] = y.component(lanes if a.place is None else lanes[a.place], n)
         elif a is not NUMBER:
             seeds[s] = y.component(TANGENT_OF.get(a) or seed_of(a), n)
