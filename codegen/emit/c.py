@@ -29,7 +29,7 @@ from ..program.procedure import Columns, Own, Perform, Prepare, Procedure, Run
 from ..program.store import Store
 from . import c_functions
 from .c_functions import CFunctions
-from .function import Function, in_lines
+from .function import COMMENT, Function, in_lines
 from .printer import C_FUNCTIONS, Printer
 from .templates import render
 from .writer import Located, Place, Writer
@@ -479,6 +479,7 @@ class CWriter(Writer):
         batches = [(c_functions.batch_signature(f, model.name, w), f, w) for f, w in of_width]
         return context | {
             "NAME": model.name.upper(),
+            "about_names": about_names(bool(model.loops)),
             "legend": legend(model, len(self.system.links)),
             "sizes_in_c": [
                 ("LINKS", len(self.system.links)),
@@ -649,3 +650,14 @@ def write_c(context: dict[str, Any]) -> dict[str, str]:
 
 
 __all__ = ["CWriter", "write_c"]
+
+
+def about_names(loops: bool) -> list[str]:
+    """What the pointers that functions of links get are called, for the head of the file."""
+    several = "; in loops there are several links (me0, me1), those they start from (root), their region and its base"
+    text = (
+        f"Functions of links are called by sweeps: me is the link, up its parent, c its constants{several if loops else ''}. "
+        "What names with near point to is memory that neighbours share while one sweep passes; lme, lup, lane and names "
+        'with d hold one value per direction. "in" and "out" list what a function reads and writes.'
+    )
+    return textwrap.wrap(text, COMMENT)

@@ -347,19 +347,22 @@ class _Writer:
     def backwards(self, found: list[Procedure]) -> list[Procedure]:
         """The transposes of functions over directions, for those in `TRANSPOSED`."""
         by_name = {p.name: p for p in found}
-        pairs = ((by_name.get(values), by_name.get(along)) for values, along in TRANSPOSED.items())
-        return [self.transposed(values, along) for values, along in pairs if values and along]
+        pairs = [(by_name.get(values), by_name.get(along)) for values, along in TRANSPOSED.items()]
+        both = [(values, along) for values, along in pairs if values and along]
+        # outputs that read accelerations give adjoints of their own before the balance runs backwards
+        once = sum(Run("balance_in", True) in flat(along.steps) for _, along in both) == 1
+        return [self.transposed(values, along, once) for values, along in both]
 
-    def transposed(self, values: Procedure, along: Procedure) -> Procedure:
+    def transposed(self, values: Procedure, along: Procedure, once: bool) -> Procedure:
         """From weights of the derivatives of a function's results to the gradients of what they weigh.
 
         The weights have the names of the derivatives, the gradients those of the seeds: adjoints are kept where the directions of
-        the function over directions are.
+        the function over directions are. `once`: no other function runs the balance backwards, so its sweeps may run as two.
         """
         steps = [s for s in flat(along.steps) if over_directions(s)]
         swept = [s.sweep for s in steps if isinstance(s, Run)]
         assert len(set(swept)) == len(swept), "a sweep that runs twice does not leave adjoints as it should"
-        together = self.together(steps) if along.name == TRANSPOSED["accelerations"] else {}
+        together = self.together(steps) if once and along.name == TRANSPOSED["accelerations"] else {}
         scalars = tuple(Run(values_name(s)) for s in swept if values_name(s) not in together)
         weights = tuple(r for r in along.results if r.lanes)
         own = [s.array for s in steps if isinstance(s, Own)]
@@ -748,5 +751,7 @@ def swept_backwards(found: tuple[Procedure, ...]) -> list[str]:
 
 def swept_together(found: tuple[Procedure, ...]) -> tuple[set[str], bool]:
     """Sweeps of the balance's transpose that procedures run, and whether no others come after them."""
+    run = sweeps(found)
+    assert not {GRADIENT_OUT, transpose_name("balance_in")} <= run, "what runs as one is no longer there one by one"
     alone = any(s == Prepare(PASSING_ADJOINTS, True) for p in found for s in walk(p.steps))
-    return sweeps(found) & ALONE, alone
+    return run & ALONE if GRADIENT_OUT in run else set(), alone
