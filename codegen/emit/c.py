@@ -213,12 +213,11 @@ class CWriter(Writer):
                 "double",
             )
         start, type_ = f"&a->{region}[{row}]", TYPES[region]
-        if region == "slots":
-            of = self.layout.slot_forms[sweep]
-            start, type_ = f"{start}.{of}", f"slot_{of}"
         if region in LANE_REGIONS:
             type_ = f"DIRECTIONS({type_})"
-        return Located(variable, start, f"->{identifier(name)}", type_)
+        # through the union, so that compilers see that sweeps share this memory
+        of = f"{self.layout.slot_forms[sweep]}." if region == "slots" else ""
+        return Located(variable, start, f"->{of}{identifier(name)}", type_)
 
     def field_of_record(self, store: Store, link: str, name: str) -> Located:
         variable = store.label.replace("#", "_")
@@ -406,7 +405,7 @@ class CWriter(Writer):
         found: list[Type] = []
 
         def add(about: str, name: str, lines: list[str], kind: str = "struct") -> None:
-            attribute = "MAY_ALIAS " if lanes else ""
+            attribute = "DIRECTIONS(ALIASES) " if lanes else ""
             found.append(Type(about, kind, lines, f"{attribute}{_of_width(name, lanes)}"))
 
         if not lanes:

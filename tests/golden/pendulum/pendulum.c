@@ -47,6 +47,11 @@ enum {
     SINE = ANGLES,
 };
 
+/* Rows of vectors may alias as vectors do; rows of numbers need not, and compilers then keep more in registers. */
+#define ALIASES_8 MAY_ALIAS
+#define ALIASES_2 MAY_ALIAS
+#define ALIASES_1
+
 /* Of the width at hand. */
 #define ORDERNM_JOIN_(name, n) name##_##n
 #define ORDERNM_JOIN(name, n) ORDERNM_JOIN_(name, n)

@@ -4,7 +4,7 @@
 typedef struct {
     LANES moment_y; /* moment about the origin and force that a link's motion with udot = 0 needs, [N m, N] */
     LANES right_side_0; /* what drives a freedom, over the inertia along it (Eq. 53), u/s^2 */
-} MAY_ALIAS DIRECTIONS(link_lanes);
+} DIRECTIONS(ALIASES) DIRECTIONS(link_lanes);
 
 /* What one call over directions works on. */
 typedef struct {
