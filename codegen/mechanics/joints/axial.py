@@ -90,21 +90,17 @@ class Axial(LinkJoint):
         return W
 
     def _behind(self, v: Vector, name: str, tag: str) -> Vector:
-        if self.angle is None:
-            return v
-        c, s = self.trig
-        i, j = (self.kind.axis + 1) % 3, (self.kind.axis + 2) % 3
-        v = list(v)
-        v[i], v[j] = (
-            self._let(f"{name}_{XYZ[i]}", c * v[i] + s * v[j], tag),
-            self._let(f"{name}_{XYZ[j]}", c * v[j] - s * v[i], tag),
-        )
-        return v
+        return self._rotated(v, name, tag, back=True)
 
     def _before(self, v: Vector, name: str, tag: str) -> Vector:
+        return self._rotated(v, name, tag, back=False)
+
+    def _rotated(self, v: Vector, name: str, tag: str, back: bool) -> Vector:
+        """A vector turned about the axis by the angle, or back."""
         if self.angle is None:
             return v
         c, s = self.trig
+        s = -s if back else s
         i, j = (self.kind.axis + 1) % 3, (self.kind.axis + 2) % 3
         v = list(v)
         v[i], v[j] = (
