@@ -140,6 +140,8 @@ class Addresses:
         self.elements = IndexTable("element", len(self.system.elements))
         self._parameter_places = {name: i for i, name in enumerate(model.parameter_names)}
         self._rows: dict[tuple[object, ...], Row] = {}
+        self._addresses: dict[tuple[UnitKind, str, Store, str], Address] = {}
+        self._expressions: dict[tuple[object, ...], tuple[Sequence[Row], str]] = {}
 
     @property
     def tables(self) -> list[IndexTable]:
@@ -158,7 +160,13 @@ class Addresses:
         return kind.units if SWEEP[sweep].units else kind.members
 
     def expression(self, kinds: Sequence[UnitKind], sweep: str, rows: Sequence[Row]) -> str:
-        """Expression of integers that belong to the instances of kinds, from those of each."""
+        """Expression of integers that belong to the instances of kinds, from those of each; each is looked for once."""
+        key = (sweep, *kinds, *map(id, rows))
+        if key not in self._expressions:  # which keeps the rows, so that no others get their identities
+            self._expressions[key] = rows, self._expression(kinds, sweep, rows)
+        return self._expressions[key][1]
+
+    def _expression(self, kinds: Sequence[UnitKind], sweep: str, rows: Sequence[Row]) -> str:
         instances = [i for kind in kinds for i in self.instances(kind, sweep)]
         pairs = sorted(zip(instances, (v for row in rows for v in row.values), strict=True))
         return self.table(sweep).entry(rows[0].column, [i for i, _ in pairs], [v for _, v in pairs])
@@ -270,6 +278,12 @@ class Addresses:
 
     def address(self, kind: UnitKind, sweep: str, store: Store, name: str) -> Address:
         """Where a component of a store lies, in the functions of a kind."""
+        key = kind, sweep, store, name
+        if key not in self._addresses:
+            self._addresses[key] = self._address(kind, sweep, store, name)
+        return self._addresses[key]
+
+    def _address(self, kind: UnitKind, sweep: str, store: Store, name: str) -> Address:
         memory, system = store.memory, self.system
         variable = store.label.replace("#", "_")
         if memory in REGIONS:
