@@ -442,13 +442,15 @@ def _drop_unread(program: Program, patterns: Patterns, sweeps: list[Sweep]) -> N
                 targets.append(set() if found is None else {(found[0], k, name) for k in found[1]})
             blocks.append((block, targets, loads))
     before = -1
+    read: dict[int, frozenset[int]] = {}
     while before != len(needed):
         before = len(needed)
-        for block, targets, loads in blocks:
-            symbols: set[Symbol] = set()
-            for (_, _, value), target in zip(block.stores, targets, strict=True):
-                if not target or target & needed:
-                    symbols |= symbols_of(value)
+        for n, (block, targets, loads) in reversed([*enumerate(blocks)]):  # most is read by later ones
+            stored = frozenset(i for i, target in enumerate(targets) if not target or target & needed)
+            if read.get(n) == stored:
+                continue
+            read[n] = stored
+            symbols = {symbol for i in stored for symbol in symbols_of(block.stores[i][2])}
             for statement in reversed(block.statements):
                 if statement.target in symbols:
                     symbols |= symbols_of(statement.expression)

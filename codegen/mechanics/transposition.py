@@ -125,16 +125,20 @@ def _keep_needed(program: Program, made: list[str]) -> None:
 
     def useful(block: Block) -> Block:
         stores = [(a, n, e) for a, n, e in block.stores if a.memory not in _ALL_KEPT or (a.memory, n) in needed]
-        return drop_dead(Block(block.name, block.title, block.loads, block.statements, stores))
+        return Block(block.name, block.title, block.loads, block.statements, stores)
 
     before = -1
+    read: dict[tuple[str, int], int] = {}
     while before != len(needed):
         before = len(needed)
-        for s in made:
-            for block in program.blocks[s].values():
-                needed |= set(_kept_names(useful(block)))
+        for s in reversed(made):  # most of what a sweep keeps is read by those after it
+            for kind, block in program.blocks[s].items():
+                part = useful(block)
+                if read.get((s, kind)) != len(part.stores):
+                    read[s, kind] = len(part.stores)
+                    needed |= set(_kept_names(drop_dead(part)))
     for s in made:
-        program.blocks[s] = {kind: simplify(useful(block)) for kind, block in program.blocks[s].items()}
+        program.blocks[s] = {kind: simplify(drop_dead(useful(block))) for kind, block in program.blocks[s].items()}
         if s in (GRADIENT_OUT, GRADIENT_IN, GRADIENT_IN_CLOSED):
             for block in program.blocks[s].values():
                 block.statements = [one for statements, _ in by_results(block) for one in statements]

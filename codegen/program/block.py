@@ -11,7 +11,7 @@ Supported: sums, products, integer powers, quotients and elementary functions. N
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cache, lru_cache, partial
 from typing import TypeVar
@@ -41,6 +41,19 @@ def symbol_named(name: str) -> Symbol:
 def symbols_of(e: Expr) -> frozenset[Symbol]:
     """The symbols of an expression; sympy goes through it each time."""
     return frozenset(e.free_symbols)
+
+
+def up_to_sign(e: Expr) -> Hashable:
+    """Something that an expression and its negative have in common, for less than it costs to negate it."""
+    return frozenset(map(_unsigned, e.args)) if e.is_Add else _unsigned(e)
+
+
+def _unsigned(term: Expr) -> Hashable:
+    """A term without its number."""
+    if term.is_Mul:
+        factors: tuple[Expr, ...] = term.args[1:] if term.args[0].is_Number else term.args
+        return factors if len(factors) > 1 else factors[0]
+    return None if term.is_Number else term
 
 
 @dataclass(frozen=True, slots=True)
@@ -228,6 +241,7 @@ class Expansion(Scope):
         self._recalled: dict[Symbol, Component] = {}
         self._loaded: dict[Component, Expr] = {}
         self._named: dict[Expr, Expr] = {}
+        self._named_up_to_sign: set[Hashable] = set()
         self._used: dict[str, int] = {}
         self._taken: set[str] = set(RESERVED)
 
@@ -266,6 +280,7 @@ class Expansion(Scope):
         symbol = self._symbol(name)
         self.block.statements.append(Statement(symbol, e, tag, lanes))
         self._named[e] = symbol
+        self._named_up_to_sign.add(up_to_sign(e))
         return symbol
 
     def name(self, name: str, value: Value, tag: str = "") -> Symbol:
@@ -305,7 +320,7 @@ class Expansion(Scope):
     def find(self, value: Expr) -> Expr | None:
         """The name of an expression (or minus the name of its negative), if it has one."""
         known = self._named.get(value)
-        if known is None:
+        if known is None and up_to_sign(value) in self._named_up_to_sign:
             opposite = self._named.get(-value)
             if opposite is not None:
                 known = -opposite

@@ -72,8 +72,8 @@ def count_expression(e: Expr) -> Operations:
 
 def count(block: Block, lanes: bool) -> Operations:
     """Operations of a block's statements of one class: once per call, or once per direction."""
-    total = Operations()
-    for s in block.statements:
-        if s.lanes == lanes:
-            total += count_expression(s.expression)
-    return total
+    counts = [count_expression(s.expression) for s in block.statements if s.lanes == lanes]
+    return Operations(
+        sum(c.additions for c in counts), sum(c.multiplications for c in counts), sum(c.divisions for c in counts),
+        sum(c.functions for c in counts),
+    )  # fmt: skip

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 
 import sympy
 from sympy import Expr, Symbol
 
-from .block import Block, Statement, symbols_of
+from .block import Block, Statement, symbols_of, up_to_sign
 from .store import Store
 
 
@@ -36,16 +36,19 @@ def _replace(e: Expr, known: dict[Symbol, Expr]) -> Expr:
 def share_values(block: Block) -> Block:
     """Give equal right sides, and right sides equal up to sign, one name."""
     named: dict[Expr, Expr] = {}
+    unsigned: set[Hashable] = set()
     known: dict[Symbol, Expr] = {}
     statements = []
     for s in block.statements:
         e = _replace(s.expression, known)
+        bare = up_to_sign(e)
         if e in named:
             known[s.target] = named[e]
-        elif -e in named:
+        elif bare in unsigned and -e in named:
             known[s.target] = -named[-e]
         else:
             named[e] = s.target
+            unsigned.add(bare)
             statements.append(s if e is s.expression else Statement(s.target, e, s.tag, s.lanes))
     stores = [(a, f, _replace(e, known)) for a, f, e in block.stores]
     return Block(block.name, block.title, block.loads, statements, stores)
