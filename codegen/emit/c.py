@@ -29,7 +29,7 @@ from ..program.procedure import Columns, Own, Perform, Prepare, Procedure, Run
 from ..program.store import Store
 from . import c_functions
 from .c_functions import CFunctions
-from .function import COMMENT, Function, in_lines
+from .function import COMMENT, Function, called_with, in_lines
 from .printer import C_FUNCTIONS, Printer
 from .templates import render
 from .writer import Located, Place, Writer
@@ -475,7 +475,6 @@ class CWriter(Writer):
         lines = CFunctions(model.name, memory, self.prepared, lambda p: self.laid_out(p, in_workspace))
         used = sorted({w for widths in self.sets_of_widths for w in widths})
         of_width = [(f, w) for f in found for w in (f.widths or (None,))]
-        batches = [(c_functions.batch_signature(f, model.name, w), f, w) for f, w in of_width]
         return context | {
             "NAME": model.name.upper(),
             "about_names": about_names(bool(model.loops)),
@@ -509,13 +508,17 @@ class CWriter(Writer):
             "matrix_files": ["c/component.c.jinja"] if any(map(fills_lanes, found)) else [],
             "header_functions": [lines.function(f) for f in found if not f.seeds],
             "prototypes": [
-                Function(
-                    f.doc if not w else f"{f.doc} Directions: {w}.",
-                    c_functions.signature(f, f"{model.name}_{c_functions.symbol(f, w)}"),
+                (
+                    Function(f.doc, "").head,
+                    [c_functions.signature(f, f"{model.name}_{c_functions.symbol(f, w)}") for w in f.widths or (None,)],
                 )
+                for f in found
+            ],
+            "batch_arrays": called_with("", c_functions.batch_arrays(found), ";").split("\n"),
+            "batches": [
+                Function("", c_functions.batch_signature(f, model.name, w), c_functions.batch_lines(f, model.name, w))
                 for f, w in of_width
             ],
-            "batches": [Function("", head, c_functions.batch_lines(f, model.name, w)) for head, f, w in batches],
         }  # fmt: skip
 
     def flat_tables(self) -> list[tuple[str, list[str]]]:

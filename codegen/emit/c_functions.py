@@ -6,7 +6,7 @@ get one of the two as ``a``. Arrays are pointers of these, to the caller's memor
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 from ..program.procedure import (
@@ -56,22 +56,21 @@ def signature(procedure: Procedure, name: str) -> str:
 
 
 def batch_signature(procedure: Procedure, model: str, width: int | None = None) -> str:
-    """Declaration of the loop over a batch, without the semicolon: every argument has a step, in doubles."""
-    given = [f"const double *{a.name}, long {a.name}_step" for a in (*procedure.arguments, *procedure.seeds)]
-    given += [f"double *{r.name}" for r in procedure.results]
-    head = f"int {model}_{symbol(procedure, width)}_batch("
-    return called_with(head, ["long count", "long *failed", *given, "double *work"])
+    """Declaration of the loop over a batch, without the semicolon."""
+    return f"int {model}_{symbol(procedure, width)}_batch({model}_batch *b)"
 
 
 def batch_lines(procedure: Procedure, model: str, width: int | None) -> list[str]:
     """Body of the loop over a batch."""
-    passed = [
-        f"{a.name} + i*{a.name}_step" if a.shape or a.lanes else f"{a.name}[i*{a.name}_step]"
-        for a in (*procedure.arguments, *procedure.seeds)
-    ]
-    passed += [f"{r.name} + i*{r.size * (width or 1) if r.lanes else r.size}" for r in procedure.results]
-    call = called_with(f"EACH_STATE({model}_{symbol(procedure, width)}(", [*passed, "work"], "));")
+    arrays = (*procedure.arguments, *procedure.seeds, *procedure.results)
+    passed = [f"AT({a.name})" if a.shape or a.lanes else f"*AT({a.name})" for a in arrays]
+    call = called_with(f"EACH_STATE({model}_{symbol(procedure, width)}(", [*passed, "b->work"], "));")
     return call.split("\n")
+
+
+def batch_arrays(procedures: Iterable[Procedure]) -> list[str]:
+    """Arguments, seeds and results of functions: what the struct of a batch has, in its order."""
+    return list(dict.fromkeys(a.name for p in procedures for a in (*p.arguments, *p.seeds, *p.results)))
 
 
 @dataclass(slots=True)

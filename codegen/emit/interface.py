@@ -14,6 +14,7 @@ from ..mechanics.structure.system import System
 from ..mechanics.sweeps import SWEEP
 from ..program.operations import Operations, count
 from ..program.procedure import Array, Formulas, Procedure, Single, counted, walk
+from .c_functions import batch_arrays
 
 OUTSIDE = "start"
 """What constants, sines and cosines are called among the sweeps."""
@@ -112,6 +113,7 @@ def manifest(
         "workspace": workspace,
         "widths": list(WIDTHS),
         "functions": functions,
+        "batch": batch_arrays(procedures),
         "operations": operations,
         **_redundancy(system),
     }

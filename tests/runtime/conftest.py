@@ -34,12 +34,12 @@ int pendulum_sensitivities_##W(const double *q, const double *u, const double *p
     return 0; \\
 }
 
-int pendulum_accelerations_batch(long count, long *failed, const double *q, long q_step, const double *u, long u_step,
-                                 const double *p, long p_step, double *udot, double *work)
+int pendulum_accelerations_batch(pendulum_batch *b)
 {
-    for (*failed = 0; *failed < count; ++*failed) {
-        const long i = *failed;
-        if (pendulum_accelerations(q + i*q_step, u + i*u_step, p + i*p_step, udot + i, work)) return 1;
+    for (b->failed = 0; b->failed < b->count; ++b->failed) {
+        const long i = b->failed;
+        if (pendulum_accelerations(b->q.at + i*b->q.step, b->u.at + i*b->u.step, b->p.at + i*b->p.step, b->udot.at + i,
+                                   b->work)) return 1;
     }
     return 0;
 }
@@ -51,6 +51,8 @@ SENSITIVITIES(8)
 
 PENDULUM_H = """\
 int pendulum_accelerations(const double *q, const double *u, const double *p, double *udot, double *work);
+typedef struct { double *at; long step; } pendulum_rows;
+typedef struct { long count, failed; pendulum_rows q, u, p, udot; double *work; } pendulum_batch;
 #define SENSITIVITIES_(W) \\
 int pendulum_sensitivities_##W(const double *q, const double *u, const double *p, const double *dq, const double *du, \\
                                const double *dp, double *udot, double *dudot, double *work);
@@ -106,6 +108,7 @@ PENDULUM = {
             "widths": [8, 2, 1],
         },
     },
+    "batch": ["q", "u", "p", "udot"],
     "operations": {},
 }
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import importlib.util
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from types import ModuleType
@@ -41,7 +41,8 @@ class Prototype:
         Its name in ``model.json`` and in the NumPy module.
     width : int
         Directions at once; 0 for a function without directions.
-    batch : bool
+    batch : str
+        The type of its argument, if it is a loop over a batch.
     arguments, results : tuple of str
         Arguments include the seeds.
     """
@@ -49,7 +50,7 @@ class Prototype:
     symbol: str
     function: str
     width: int
-    batch: bool
+    batch: str
     arguments: tuple[str, ...]
     results: tuple[str, ...]
     scalars: frozenset[str]
@@ -57,16 +58,18 @@ class Prototype:
     @property
     def c(self) -> str:
         """A C function that takes arguments and results from one array of pointers."""
-        given = ["count", "failed"] if self.batch else []
-        for at, name in enumerate((*self.arguments, *self.results)):
-            given.append(f"*a[{at}]" if name in self.scalars else f"a[{at}]")
-            if self.batch and name in self.arguments:
-                given.append(f"step[{at}]")
-        unused = "" if self.batch else "    (void)step, (void)count, (void)failed;\n"
-        return (
-            f"static int call_{self.symbol}(double *const *a, const long *step, long count, long *failed, double *work)\n"
-            f"{{\n{unused}    return {self.symbol}({', '.join([*given, 'work'])});\n}}\n"
-        )
+        head = f"static int call_{self.symbol}(double *const *a, const long *step, long count, long *failed, double *work)\n{{\n"
+        names = (*self.arguments, *self.results)
+        if not self.batch:
+            given = [f"*a[{at}]" if name in self.scalars else f"a[{at}]" for at, name in enumerate(names)]
+            unused = "    (void)step, (void)count, (void)failed;\n"
+            return f"{head}{unused}    return {self.symbol}({', '.join([*given, 'work'])});\n}}\n"
+        lines = [f"b.{name}.at = a[{at}], b.{name}.step = step[{at}];" for at, name in enumerate(names)]
+        lines = [
+            f"{self.batch} b = {{ .count = count, .failed = *failed, .work = work }};", *lines,
+            f"const int status = {self.symbol}(&b);", "*failed = b.failed;", "return status;",
+        ]  # fmt: skip
+        return head + "".join(f"    {line}\n" for line in lines) + "}\n"
 
 
 @dataclass
@@ -76,7 +79,6 @@ class Call:
     prototype: Prototype
     count: int | None
     shift: int
-    wants_failed: bool
     arguments: list[Array]
     steps: list[int]
     sizes: list[int]
@@ -96,7 +98,9 @@ class Part:
 
     def __post_init__(self) -> None:
         header = (self.folder / f"{self.name}.h").read_text()
-        self.prototypes = [self._prototype(*found) for found in PROTOTYPE.findall(header)]
+        self.prototypes = []
+        for symbol, declared in PROTOTYPE.findall(header):
+            self.prototypes.append(self._prototype(symbol, declared))
         assert self.prototypes and header.count("\nint ") == len(self.prototypes)
         spec = importlib.util.spec_from_file_location(f"{self.name}_numpy", self.folder / f"{self.name}_numpy.py")
         assert spec is not None and spec.loader is not None
@@ -109,8 +113,11 @@ class Part:
 
     def _prototype(self, symbol: str, declared: str) -> Prototype:
         stem = symbol.removeprefix(f"{self.name}_")
-        batch = stem.endswith("_batch")
-        stem = stem.removesuffix("_batch")
+        if stem.endswith("_batch"):
+            single = next(f for f in self.prototypes if f.symbol == symbol.removesuffix("_batch"))
+            type, name = declared.split("*")
+            assert name.isidentifier(), f"{symbol} takes {declared}"
+            return replace(single, symbol=symbol, batch=type.strip())
         function, _, width = stem.rpartition("_")
         if not width.isdigit():
             function, width = stem, "0"
@@ -126,12 +133,10 @@ class Part:
                     scalars.append(name)
                 case "double *":
                     results.append(name)
-                case "long" | "long *":
-                    assert batch, f"{symbol} takes {declaration}"
                 case other:
                     raise AssertionError(f"{symbol}: {other} {name}")
         assert results.pop() == "work", symbol
-        return Prototype(symbol, function, int(width), batch, tuple(arguments), tuple(results), frozenset(scalars))
+        return Prototype(symbol, function, int(width), "", tuple(arguments), tuple(results), frozenset(scalars))
 
     # -- sizes -----------------------------------------------------------------------------------------------------
 
@@ -194,7 +199,7 @@ class Part:
                     continue
                 for a, x in own.items():
                     x[1] = there[a]
-                calls += [self.call(f, own, STATES, wants_failed=wanted) for wanted in (True, False)]
+                calls.append(self.call(f, own, STATES))
         return calls
 
     def _calls(self, f: Prototype, states: Mapping[str, Array]) -> list[Call]:
@@ -206,8 +211,8 @@ class Part:
             own = {a: states[a] for a in f.arguments}
             odd = {a: x[0] if i % 2 else x for i, (a, x) in enumerate(own.items())}
             even = {a: x if i % 2 else x[0] for i, (a, x) in enumerate(own.items())}
-            calls = [self.call(f, x, STATES, shift, shift == 0) for shift, x in enumerate((own, odd, even))]
-            calls.append(self.call(f, {a: x[:0] for a, x in own.items()}, 0, wants_failed=False))
+            calls = [self.call(f, x, STATES, shift) for shift, x in enumerate((own, odd, even))]
+            calls.append(self.call(f, {a: x[:0] for a, x in own.items()}, 0))
         wild = [np.nan, np.inf, -np.inf, 1e308, -1e200, 1e-320, 0.0]
         for i, x in enumerate(wild):
             given = {a: np.full_like(states[a][0], x) for a in f.arguments}
@@ -220,7 +225,6 @@ class Part:
         given: Mapping[str, Array],
         count: int | None = None,
         shift: int = 0,
-        wants_failed: bool = True,
         checked: bool = True,
     ) -> Call:
         """A call; in a batch arguments have a first axis, or are the same for all states and have none."""
@@ -233,7 +237,7 @@ class Part:
             arguments.append(np.ascontiguousarray(x, float))
         times = 1 if count is None else count
         sizes = [times * self.size(f, r) for r in f.results]
-        call = Call(f, count, shift, wants_failed, arguments, steps, sizes, None)
+        call = Call(f, count, shift, arguments, steps, sizes, None)
         if checked and count != 0:
             single = [
                 [x[i] if along else x for x, along in zip(arguments, stepping, strict=True)] for i in range(times)
@@ -242,7 +246,7 @@ class Part:
             singular = [i for i, x in enumerate(found) if isinstance(x, int)]
             if singular:
                 call.expected = found[singular[0]]
-                call.failed = singular[0] if f.batch and wants_failed else -1
+                call.failed = singular[0] if f.batch else -1
             else:
                 call.expected = [np.concatenate([x[r].ravel() for x in found]) for r in range(len(f.results))]
         elif checked:
@@ -308,12 +312,13 @@ class Part:
         """The harness's input."""
         with open(file, "wb") as out:
             for c in calls:
-                head = [self.prototypes.index(c.prototype), -1 if c.count is None else c.count, c.shift, c.wants_failed]
+                head = [self.prototypes.index(c.prototype), -1 if c.count is None else c.count, c.shift]
                 np.array(head, float).tofile(out)
                 for x, step in zip(c.arguments, c.steps, strict=True):
                     np.array([x.size, step], float).tofile(out)
                     x.tofile(out)
-                np.array(c.sizes, float).tofile(out)
+                for name, size in zip(c.prototype.results, c.sizes, strict=True):
+                    np.array([size, self.size(c.prototype, name)], float).tofile(out)
 
     def check(self, calls: list[Call], file: Path) -> None:
         """Compare the harness's output with what was expected."""
@@ -329,7 +334,7 @@ class Part:
                     at += n
             assert 0 <= status <= highest, (f.symbol, status)
             if c.expected is None:
-                assert failed == (0 if status and f.batch and c.wants_failed else -1)
+                assert failed == (0 if status and f.batch else -1)
                 continue
             wanted = c.expected if isinstance(c.expected, int) else 0
             assert (status, failed) == (wanted, c.failed), f.symbol

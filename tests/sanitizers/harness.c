@@ -1,9 +1,9 @@
 /* Calls functions of a generated header as a file of doubles says, on memory that holds exactly what the header documents.
  *
  * calls.h, written for each package, has a table of its functions. The input holds calls, one after the other:
- *     function, count (-1: of the loop over a batch: none), shift, whether `failed` is wanted,
+ *     function, count (-1: of the loop over a batch: none), shift,
  *     for every argument its number of doubles, its step from state to state, and the doubles,
- *     for every result its number of doubles.
+ *     for every result its number of doubles and its step.
  * Every call is made twice, with other rubbish in the workspace and in the results. What comes out goes to the output: status,
  * number of the state that failed (-1: none) and, if none did, the results. Memory errors are the sanitizer's to find; here is
  * found: arguments that were written to, results that were not, or that depend on what was in the workspace before.
@@ -96,12 +96,11 @@ static void call(const function *f, FILE *in, FILE *out)
 {
     room given[MOST], before[MOST], results[2][MOST];
     double *a[2*MOST];
-    long steps[MOST];
+    long steps[2*MOST];
     int status[2];
     long failed[2] = { -1, -1 };
     const long count = (long)number(in);
     const size_t shift = (size_t)number(in);
-    const int wanted = (int)number(in);
 
     for (int i = 0; i < f->arguments; ++i) {
         given[i] = make_room((size_t)number(in), shift + 3*(size_t)i);
@@ -112,6 +111,7 @@ static void call(const function *f, FILE *in, FILE *out)
     }
     for (int i = 0; i < f->results; ++i) {
         const size_t n = (size_t)number(in);
+        steps[f->arguments + i] = (long)number(in);
         for (int which = 0; which < 2; ++which) results[which][i] = make_room(n, shift + 5*(size_t)i + 1);
     }
     for (int which = 0; which < 2; ++which) {
@@ -121,7 +121,7 @@ static void call(const function *f, FILE *in, FILE *out)
             soil(results[which][i], which);
             a[f->arguments + i] = results[which][i].x;
         }
-        status[which] = f->call(a, steps, count, wanted ? failed + which : NULL, work.x);
+        status[which] = f->call(a, steps, count, failed + which, work.x);
         if (!status[which])
             for (int i = 0; i < f->results; ++i) check_result(results[which][i], which, f->name);
         free(work.base);

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 import threading
 import weakref
@@ -30,6 +29,13 @@ from .short_calls import ARRAY_HEAD, Desk
 
 SLOT = {n: i for i, n in enumerate((*ARGUMENTS, *SEEDS, "default_p", "default_inputs", "work", "lanes", "results"))}
 """Places in the table of pointers that the functions of ``NAME_calls.c`` take."""
+
+
+BATCH = """
+typedef struct {{ double *at; long step; }} rows;
+typedef struct {{ long count, failed; rows {}; double *work; }} batch;
+"""
+"""The struct that functions over a batch work on, as the package's header declares it."""
 
 
 class CTarget:
@@ -71,7 +77,8 @@ class CTarget:
         self.ffi.cdef(ARRAY_HEAD)
         self._doubles = self.ffi.typeof("double[]")
         self._calls: dict[str, Any] = {}
-        self._batches: dict[tuple[str, int], Callable[..., int]] = {}
+        self._batches: dict[tuple[str, int], Callable[[Any], int]] = {}
+        self._batch_arrays: list[str] = manifest["batch"]
         self._lock = threading.Lock()
         self._zeros = self.pointer(np.zeros(8))
         self.desk = Desk(weakref.proxy(self))
@@ -120,15 +127,15 @@ class CTarget:
         desk.take = self.ffi.cast("void *", take)
         return take if self._caller is None else getattr(self._caller, f"ordernm_{kind}")
 
-    def _batch_function(self, f: Function, width: int) -> Callable[..., int]:
+    def _batch_function(self, f: Function, width: int) -> Callable[[Any], int]:
         """The C function that loops over a batch."""
         call = self._batches.get((f.name, width))
         if call is None:
             symbol = f"{self.model}_{f.name}" + (f"_{width}" if width else "") + "_batch"
-            types = ["long", "long *", *["const double *, long"] * (len(f.arguments) + len(f.seeds))]
-            types += ["double *"] * (len(f.results) + 1)
             with self._lock:
-                self.ffi.cdef(f"int {symbol}({', '.join(types)});", override=True)
+                if not self._batches:
+                    self.ffi.cdef(BATCH.format(", ".join(self._batch_arrays)))
+                self.ffi.cdef(f"int {symbol}(batch *);", override=True)
                 call = self._batches[f.name, width] = getattr(self.library, symbol)
         return call
 
@@ -240,12 +247,16 @@ class CTarget:
         self, f: Function, width: int, given: Sequence[tuple[Any, int]], results: Sequence[Array], batch: Shape
     ) -> None:
         """Run over the states of a batch, in C; given are pointers and their steps from state to state, in doubles."""
-        failed = self.ffi.new("long *")
-        pointers = [self.pointer(r) for r in results]
+        count = math.prod(batch)
         call = self._batch_function(f, width)
-        status = call(math.prod(batch), failed, *itertools.chain.from_iterable(given), *pointers, self.desk.work)
+        b = self.ffi.new("batch *", {"count": count, "work": self.desk.work})
+        sizes = [math.prod(s) * (width if d and width else 1) for s, d in zip(f.shapes, f.derived, strict=True)]
+        taken = [(self.pointer(r), n) for r, n in zip(results, sizes, strict=True)]
+        for name, rows in zip((*f.arguments, *f.seeds, *f.results), (*given, *taken), strict=True):
+            setattr(b, name, rows)
+        status = call(b)
         if status:
-            state = ", ".join(str(int(j)) for j in np.unravel_index(failed[0], batch))
+            state = ", ".join(str(int(j)) for j in np.unravel_index(b.failed, batch))
             raise self.singular(status, f" (state [{state}] of the batch)")
 
     def _row(self, x: Any, batch: Shape, scalar: bool) -> tuple[Any, int]:

@@ -421,64 +421,50 @@ int pendulum_outputs(const double *q, const double *u, const double *p, double *
 /* ---- The same over a batch of states. ---- */
 
 /* Calls a function for every state, up to one that fails. */
+#define AT(array) (b->array.at + i*b->array.step)
 #define EACH_STATE(...) \
-    for (long i = 0; i < count; ++i) { \
+    for (long i = 0; i < b->count; ++i) { \
         const int singular = __VA_ARGS__; \
         if (singular) { \
-            if (failed) *failed = i; \
+            b->failed = i; \
             return singular; \
         } \
     } \
     return 0
 
-int pendulum_accelerations_batch(long count, long *failed, const double *q, long q_step,
-    const double *u, long u_step, const double *p, long p_step, double *udot, double *work)
+int pendulum_accelerations_batch(pendulum_batch *b)
 {
-    EACH_STATE(pendulum_accelerations(q + i*q_step, u + i*u_step, p + i*p_step, udot + i*1, work));
+    EACH_STATE(pendulum_accelerations(AT(q), AT(u), AT(p), AT(udot), b->work));
 }
 
-int pendulum_sensitivities_8_batch(long count, long *failed, const double *q, long q_step,
-    const double *u, long u_step, const double *p, long p_step, const double *dq, long dq_step,
-    const double *du, long du_step, const double *dp, long dp_step, double *udot, double *dudot, double *work)
+int pendulum_sensitivities_8_batch(pendulum_batch *b)
 {
-    EACH_STATE(pendulum_sensitivities_8(q + i*q_step, u + i*u_step, p + i*p_step, dq + i*dq_step, du + i*du_step,
-        dp + i*dp_step, udot + i*1, dudot + i*8, work));
+    EACH_STATE(pendulum_sensitivities_8(AT(q), AT(u), AT(p), AT(dq), AT(du), AT(dp), AT(udot), AT(dudot), b->work));
 }
 
-int pendulum_sensitivities_2_batch(long count, long *failed, const double *q, long q_step,
-    const double *u, long u_step, const double *p, long p_step, const double *dq, long dq_step,
-    const double *du, long du_step, const double *dp, long dp_step, double *udot, double *dudot, double *work)
+int pendulum_sensitivities_2_batch(pendulum_batch *b)
 {
-    EACH_STATE(pendulum_sensitivities_2(q + i*q_step, u + i*u_step, p + i*p_step, dq + i*dq_step, du + i*du_step,
-        dp + i*dp_step, udot + i*1, dudot + i*2, work));
+    EACH_STATE(pendulum_sensitivities_2(AT(q), AT(u), AT(p), AT(dq), AT(du), AT(dp), AT(udot), AT(dudot), b->work));
 }
 
-int pendulum_sensitivities_1_batch(long count, long *failed, const double *q, long q_step,
-    const double *u, long u_step, const double *p, long p_step, const double *dq, long dq_step,
-    const double *du, long du_step, const double *dp, long dp_step, double *udot, double *dudot, double *work)
+int pendulum_sensitivities_1_batch(pendulum_batch *b)
 {
-    EACH_STATE(pendulum_sensitivities_1(q + i*q_step, u + i*u_step, p + i*p_step, dq + i*dq_step, du + i*du_step,
-        dp + i*dp_step, udot + i*1, dudot + i*1, work));
+    EACH_STATE(pendulum_sensitivities_1(AT(q), AT(u), AT(p), AT(dq), AT(du), AT(dp), AT(udot), AT(dudot), b->work));
 }
 
-int pendulum_outputs_batch(long count, long *failed, const double *q, long q_step, const double *u, long u_step,
-    const double *p, long p_step, double *outputs, double *work)
+int pendulum_outputs_batch(pendulum_batch *b)
 {
-    EACH_STATE(pendulum_outputs(q + i*q_step, u + i*u_step, p + i*p_step, outputs + i*1, work));
+    EACH_STATE(pendulum_outputs(AT(q), AT(u), AT(p), AT(outputs), b->work));
 }
 
-int pendulum_sensitivities_transposed_8_batch(long count, long *failed, const double *q, long q_step,
-    const double *u, long u_step, const double *p, long p_step, const double *dudot, long dudot_step, double *udot,
-    double *dq, double *du, double *dp, double *work)
+int pendulum_sensitivities_transposed_8_batch(pendulum_batch *b)
 {
-    EACH_STATE(pendulum_sensitivities_transposed_8(q + i*q_step, u + i*u_step, p + i*p_step, dudot + i*dudot_step,
-        udot + i*1, dq + i*8, du + i*8, dp + i*8, work));
+    EACH_STATE(pendulum_sensitivities_transposed_8(AT(q), AT(u), AT(p), AT(dudot), AT(udot), AT(dq), AT(du), AT(dp),
+        b->work));
 }
 
-int pendulum_sensitivities_transposed_1_batch(long count, long *failed, const double *q, long q_step,
-    const double *u, long u_step, const double *p, long p_step, const double *dudot, long dudot_step, double *udot,
-    double *dq, double *du, double *dp, double *work)
+int pendulum_sensitivities_transposed_1_batch(pendulum_batch *b)
 {
-    EACH_STATE(pendulum_sensitivities_transposed_1(q + i*q_step, u + i*u_step, p + i*p_step, dudot + i*dudot_step,
-        udot + i*1, dq + i*1, du + i*1, dp + i*1, work));
+    EACH_STATE(pendulum_sensitivities_transposed_1(AT(q), AT(u), AT(p), AT(dudot), AT(udot), AT(dq), AT(du), AT(dp),
+        b->work));
 }

@@ -33,52 +33,45 @@ enum {
 /* Forward dynamics (Eqs. 18-24, 42-56). */
 int pendulum_accelerations(const double *q, const double *u, const double *p, double *udot, double *work);
 
-/* Forward dynamics and its total derivative along seeds (Eqs. 9, 10, by the balance). Directions: 8. */
+/* Forward dynamics and its total derivative along seeds (Eqs. 9, 10, by the balance). */
 int pendulum_sensitivities_8(const double *q, const double *u, const double *p, const double *dq, const double *du,
     const double *dp, double *udot, double *dudot, double *work);
-
-/* Forward dynamics and its total derivative along seeds (Eqs. 9, 10, by the balance). Directions: 2. */
 int pendulum_sensitivities_2(const double *q, const double *u, const double *p, const double *dq, const double *du,
     const double *dp, double *udot, double *dudot, double *work);
-
-/* Forward dynamics and its total derivative along seeds (Eqs. 9, 10, by the balance). Directions: 1. */
 int pendulum_sensitivities_1(const double *q, const double *u, const double *p, const double *dq, const double *du,
     const double *dp, double *udot, double *dudot, double *work);
 
 /* The outputs of the model. */
 int pendulum_outputs(const double *q, const double *u, const double *p, double *outputs, double *work);
 
-/* Forward dynamics (Eqs. 18-24, 42-56), and gradients of their weighted sums (the transpose of sensitivities).
- * Directions: 8. */
+/* Forward dynamics (Eqs. 18-24, 42-56), and gradients of their weighted sums (the transpose of sensitivities). */
 int pendulum_sensitivities_transposed_8(const double *q, const double *u, const double *p, const double *dudot,
     double *udot, double *dq, double *du, double *dp, double *work);
-
-/* Forward dynamics (Eqs. 18-24, 42-56), and gradients of their weighted sums (the transpose of sensitivities).
- * Directions: 1. */
 int pendulum_sensitivities_transposed_1(const double *q, const double *u, const double *p, const double *dudot,
     double *udot, double *dq, double *du, double *dp, double *work);
 
-/* The same for a batch of count states. The argument x of state i begins at x + i*x_step (0: the same for all; t likewise),
- * results follow one another. If a state fails, its number (from 0) goes to *failed, unless failed is NULL. */
-int pendulum_accelerations_batch(long count, long *failed, const double *q, long q_step,
-    const double *u, long u_step, const double *p, long p_step, double *udot, double *work);
-int pendulum_sensitivities_8_batch(long count, long *failed, const double *q, long q_step,
-    const double *u, long u_step, const double *p, long p_step, const double *dq, long dq_step,
-    const double *du, long du_step, const double *dp, long dp_step, double *udot, double *dudot, double *work);
-int pendulum_sensitivities_2_batch(long count, long *failed, const double *q, long q_step,
-    const double *u, long u_step, const double *p, long p_step, const double *dq, long dq_step,
-    const double *du, long du_step, const double *dp, long dp_step, double *udot, double *dudot, double *work);
-int pendulum_sensitivities_1_batch(long count, long *failed, const double *q, long q_step,
-    const double *u, long u_step, const double *p, long p_step, const double *dq, long dq_step,
-    const double *du, long du_step, const double *dp, long dp_step, double *udot, double *dudot, double *work);
-int pendulum_outputs_batch(long count, long *failed, const double *q, long q_step, const double *u, long u_step,
-    const double *p, long p_step, double *outputs, double *work);
-int pendulum_sensitivities_transposed_8_batch(long count, long *failed, const double *q, long q_step,
-    const double *u, long u_step, const double *p, long p_step, const double *dudot, long dudot_step, double *udot,
-    double *dq, double *du, double *dp, double *work);
-int pendulum_sensitivities_transposed_1_batch(long count, long *failed, const double *q, long q_step,
-    const double *u, long u_step, const double *p, long p_step, const double *dudot, long dudot_step, double *udot,
-    double *dq, double *du, double *dp, double *work);
+/* What every state of a batch has of its own: state i begins at + i*step doubles; 0 is one for all, of what is read. */
+typedef struct {
+    double *at;
+    long step;
+} pendulum_rows;
+
+/* A batch of count states: fill in what the function called takes. If a state fails, its number (from 0) goes to failed. */
+typedef struct {
+    long count, failed;
+    pendulum_rows
+        q, u, p, udot, dq, du, dp, dudot, outputs;
+    double *work;
+} pendulum_batch;
+
+/* The functions above over a batch. */
+int pendulum_accelerations_batch(pendulum_batch *b);
+int pendulum_sensitivities_8_batch(pendulum_batch *b);
+int pendulum_sensitivities_2_batch(pendulum_batch *b);
+int pendulum_sensitivities_1_batch(pendulum_batch *b);
+int pendulum_outputs_batch(pendulum_batch *b);
+int pendulum_sensitivities_transposed_8_batch(pendulum_batch *b);
+int pendulum_sensitivities_transposed_1_batch(pendulum_batch *b);
 
 #ifdef __cplusplus
 }
