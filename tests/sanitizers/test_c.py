@@ -6,11 +6,11 @@ A compiler without its sanitizers is skipped, and the package to install is said
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
-from ingredients import mixtures
+from ingredients import Mixture, mixtures
 from sanitizers.builds import CLANG, CLANG_MEMORY, CLANG_NATIVE, CLANG_PLAIN, EVERY, GCC, GCC_NATIVE, GCC_PLAIN, Build
 from sanitizers.examination import Bench, Package
 
@@ -85,14 +85,32 @@ def example(path: Path) -> Model:
 
 # what differs with the vectors' width takes turns
 TURNS = ((GCC, CLANG_NATIVE), (GCC_NATIVE, CLANG), (GCC, CLANG_PLAIN), (GCC_PLAIN, CLANG))
+SANITIZERS = ((GCC, GCC_NATIVE, GCC_PLAIN), (CLANG_NATIVE, CLANG, CLANG_PLAIN), (CLANG_MEMORY,))
+
+
+def shared_out(found: Sequence[Mixture]) -> list[tuple[Build, ...]]:
+    """Builds of each mixture: whatever a model may have meets every sanitizer, in as few builds as that takes."""
+    entries = [set(m.choice.items()) for m in found]
+    builds: list[list[Build]] = [[] for _ in found]
+    for turns in SANITIZERS:
+        missing, count = set().union(*entries), 0
+        while missing:
+            i = max(range(len(found)), key=lambda i: (len(entries[i] & missing), -len(builds[i])))
+            builds[i].append(turns[count % len(turns)])
+            missing, count = missing - entries[i], count + 1
+    for i, chosen in enumerate(builds):
+        if not chosen:
+            chosen.append(SANITIZERS[i % 2][i // 2 % 3])
+    return [tuple(b) for b in builds]
 
 
 def packages() -> dict[str, Package]:
     """What is examined in three minutes: mixtures in which every two ingredients meet, and the small examples."""
     warned = (WARNED[0:1], (), WARNED[1:2], ())
+    mixed = mixtures()
     found = [
-        Package(m.name, m.model, tuple(m.options.items()), (*TURNS[i % 4], CLANG_MEMORY), warned[i % 4])
-        for i, m in enumerate(mixtures())
+        Package(m.name, m.model, tuple(m.options.items()), builds, warned[i % 4])
+        for i, (m, builds) in enumerate(zip(mixed, shared_out(mixed), strict=True))
     ]
     for i, (name, (text, there)) in enumerate(SINGULAR.items()):
         model = parse_model(f"model: singular_{i}{text}")
@@ -138,6 +156,15 @@ def test_the_sanitizers_are_there(build: Build) -> None:
     """The tests below do without those that are not."""
     if build.missing:
         pytest.skip(build.missing)
+
+
+def test_whatever_a_model_may_have_meets_every_sanitizer() -> None:
+    met = {
+        (entry, i) for m in mixtures() for entry in m.choice.items() for i, of in enumerate(SANITIZERS)
+        if not set(of).isdisjoint(PACKAGES[m.name].builds)
+    }  # fmt: skip
+    assert met == {(entry, i) for m in mixtures() for entry in m.choice.items() for i in range(len(SANITIZERS))}
+    assert {b for p in PACKAGES.values() for b in p.builds} >= {b for of in SANITIZERS for b in of}
 
 
 @pytest.mark.parametrize("name", PACKAGES)
