@@ -26,6 +26,7 @@ SIZES = {
     "planar_3rrr": (7, 7, 2, 3),
     "ladder": (7, 7, 3, 1),
     "pinned_chain": (12, 12, 1, 9),
+    "screw_jack": (6, 9, 1, 7),
 }
 """Bodies, coordinates, loops, freedoms."""
 
@@ -100,6 +101,31 @@ def test_the_stewart_platform_needs_no_cluster():
 
 
 # --- closed forms ---------------------------------------------------------------------------------------------------
+
+
+def test_the_screw_jack_is_two_equations():
+    """The spindle's angle and the ram's place, from energies; the crate slides across and only weighs."""
+    model = load("screw_jack")
+    values = {"pitch": 0.003, "friction": 0.0}
+    p = np.array([values.get(x.name, x.value) for x in model.parameters])
+    of = {x.name: value for x, value in zip(model.parameters, p, strict=True)}
+    names = model.coordinate_names
+    chosen, q, _ = partition(model), *initial_configuration(model)
+    q[names.index("screw")], q[names.index("ram.1")] = 0.7, 0.04
+    u = np.zeros(model.nu)
+    u[names.index("motor")], u[names.index("screw")], u[names.index("ram.1")] = 3.0, 2.0, -0.3
+    q = assemble(model, chosen, q, p)
+    udot = DenseEngine(model, partition=chosen).accelerations(q, complete_speeds(model, chosen, q, u, p), p, [0.5])
+    found = {n: udot[i] for i, n in enumerate(model.speed_names)}
+    lift, ram = -of["pitch"], 3.0  # the table's way by the spindle's angle, kg
+    heavy = of["table_mass"] + of["crate_mass"] + ram
+    shaft = of["coupling"] * (q[names.index("motor")] - 0.7) + of["coupling_damping"] * (3.0 - 2.0)
+    mass = [[of["spindle"] + heavy * lift**2, ram * lift], [ram * lift, ram]]
+    spindle, slide = np.linalg.solve(mass, [shaft - 9.81 * heavy * lift, -400 * 0.04 - 20 * -0.3 - 9.81 * ram])
+    assert found["screw"] == pytest.approx(spindle, rel=1e-11)
+    assert found["ram.1"] == pytest.approx(slide, rel=1e-11)
+    assert found["table"] == pytest.approx(lift * spindle, rel=1e-11)
+    assert found["motor"] == pytest.approx((0.5 - shaft) / of["rotor"], rel=1e-11)
 
 
 def test_andrews_begins_with_the_published_accelerations():
