@@ -47,7 +47,7 @@ class Law(ABC):
 
     def energy(self, e: Element) -> Value:
         """Potential energy, J, of a type that has one."""
-        raise NotImplementedError(f"{type(self).__name__} has no energy")
+        raise TypeError(f"{type(self).__name__} has no energy")
 
 
 class End:

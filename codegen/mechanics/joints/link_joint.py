@@ -201,16 +201,6 @@ class LinkJoint(ABC):
         """Changes of coordinates from displacements along some freedoms; those of no other coordinates."""
         return dict(found)
 
-    # -- what is found once for a call, or for directions -------------------------------------------------------------
-
-    def write_rotation(self) -> None:
-        """Store the rotation matrix of a quaternion."""
-        raise NotImplementedError
-
-    def write_turn(self) -> None:
-        """Store the rotation vector of a quaternion's seed."""
-        raise NotImplementedError
-
     # -- differentiation -------------------------------------------------------------------------------------------
 
     def transparent(self) -> Primitives:
@@ -219,5 +209,5 @@ class LinkJoint(ABC):
 
     @classmethod
     def turn_seed(cls, x: Scope, component: str) -> Value:
-        """Tangent of a component of that rotation."""
-        raise NotImplementedError
+        """Tangent of a component of that rotation, of a joint that turns."""
+        raise TypeError(f"{cls.__name__} does not turn: nothing is named after {component}")

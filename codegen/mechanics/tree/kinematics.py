@@ -7,6 +7,7 @@ from ...program.field import XYZ, VectorField
 from ...program.scalar import Matrix, Value, Vector
 from .. import fields
 from ..joints import LinkJoint
+from ..joints.quaternion import QuaternionJoint
 from ..spatial import add, cross, matvec
 from ..stores import CONSTANTS, DQDOT, LME, ME, MY_LANE, QDOT, UP
 from ..structure.kinds import LinkKind
@@ -121,12 +122,16 @@ def kinematics(x: Scope, kind: LinkKind) -> None:
 
 def rotations(x: Scope, kind: LinkKind) -> None:
     """Rotation matrix of a quaternion."""
-    kind.joint(x, kind).write_rotation()
+    joint = kind.joint(x, kind)
+    assert isinstance(joint, QuaternionJoint)
+    joint.write_rotation()
 
 
 def turns(x: Scope, kind: LinkKind) -> None:
     """Rotation vector of a quaternion's seed."""
-    kind.joint(x, kind).write_turn()
+    joint = kind.joint(x, kind)
+    assert isinstance(joint, QuaternionJoint)
+    joint.write_turn()
 
 
 def coordinate_rates(x: Scope, kind: LinkKind) -> None:
