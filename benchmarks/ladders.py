@@ -5,6 +5,7 @@ Coordinates are closed to rounding; dependent speeds need not be, since every fu
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -98,8 +99,8 @@ def seeds(m: Mechanism, width: int = 8) -> tuple[np.ndarray, np.ndarray, np.ndar
     return dq, du, 1.0 + 0.1 * np.arange(width)[:, None]
 
 
-def source_of(m: Mechanism, layout: str = "auto") -> Source:
-    return write_solver(m.model, layout)
+def source_of(m: Mechanism, layout: str = "auto", functions: Collection[str] | None = None) -> Source:
+    return write_solver(m.model, layout, functions=functions)
 
 
 def accelerations(m: Mechanism, source: Source, name: str = "udot") -> Contestant:

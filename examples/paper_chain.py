@@ -316,7 +316,7 @@ bodies:
 
 def lengths_ordernm(n: int, p: int) -> Contestant:
     """udot and all p derivatives; eight directions a call, one or two in the narrower functions. Arrays 3 and 4."""
-    source = write_solver(parse_model(LENGTHS.format(n=n, p=p)))
+    source = write_solver(parse_model(LENGTHS.format(n=n, p=p)), functions=["sensitivities"])
     dq, du, _ = chain_seeds(n, p)
     groups = [(i, min(i + 8, p)) for i in range(0, p, 8)]
     widths = [8 if end - begin > 2 else end - begin for begin, end in groups]

@@ -43,7 +43,7 @@ def check_random_trees(seeds: range, folder: Path, largest: int, layout: str = "
     for seed in seeds:
         rng = np.random.default_rng(seed)
         model = random_tree(rng, int(rng.integers(1, largest + 1)))
-        codegen.generate(model, folder / str(seed), layout=layout)
+        codegen.generate(model, folder / str(seed), layout=layout, check=False)
         recursive, dense = RecursiveEngine(model), DenseEngine(model)
         for target in ("c", "numpy"):
             solver = codegen.load(folder / str(seed), target)
@@ -70,7 +70,7 @@ def test_both_layouts(tmp_path: Path, layout: str) -> None:
 @pytest.mark.parametrize("n", [4, 12, 100])
 def test_the_chain_agrees_with_fifty_digits(tmp_path: Path, n: int) -> None:
     model = parse_model(CHAIN.format(n=n))
-    codegen.generate(model, tmp_path / "chain")
+    codegen.generate(model, tmp_path / "chain", check=False)
     solver = codegen.load(tmp_path / "chain")
     k = np.arange(1, n + 1)
     q, u = 0.3 * np.sin(k), 0.2 * np.cos(k)
@@ -133,23 +133,16 @@ def compilers() -> list[Any]:
 
 
 @pytest.mark.parametrize("compiler", compilers())
-@pytest.mark.parametrize("flags", ["-march=native", "-mavx2", "", "-DORDERNM_PLAIN_C -std=c99 -pedantic"])
+@pytest.mark.parametrize(
+    "flags",
+    ["-O1 -march=native", "-O1 -DORDERNM_PLAIN_C -std=c99 -pedantic", "-fsyntax-only -mavx2", "-fsyntax-only"],
+)
 def test_no_warnings(tmp_path: Path, compiler: str, flags: str) -> None:
+    """What the optimiser sees has more builds among the sanitizers' tests."""
     if "avx2" in flags and os.uname().machine != "x86_64":
         pytest.skip("-mavx2 is a flag of x86-64")
     source = write(tmp_path)
-    command = [
-        compiler,
-        "-O1",
-        "-Wall",
-        "-Wextra",
-        "-Werror",
-        *flags.split(),
-        "-c",
-        str(source),
-        "-o",
-        str(tmp_path / "x.o"),
-    ]
+    command = [compiler, "-Wall", "-Wextra", "-Werror", *flags.split(), "-c", str(source), "-o", str(tmp_path / "x.o")]
     result = subprocess.run(command, capture_output=True, text=True, check=False)
     assert result.returncode == 0, result.stderr[:2000]
 
@@ -209,7 +202,7 @@ def test_no_globals_no_allocation_libc_only(tmp_path: Path) -> None:
     if not shutil.which("nm") or not shutil.which("gcc"):
         pytest.skip("needs gcc and nm")
     source = write(tmp_path)
-    subprocess.run(["gcc", "-O2", "-c", str(source), "-o", str(tmp_path / "x.o")], check=True)
+    subprocess.run(["gcc", "-O1", "-c", str(source), "-o", str(tmp_path / "x.o")], check=True)
     symbols = subprocess.run(["nm", str(tmp_path / "x.o")], capture_output=True, text=True, check=True).stdout.split(
         "\n"
     )
@@ -240,7 +233,7 @@ def test_every_way_to_compile_gives_the_same_numbers(
 ) -> None:
     monkeypatch.setenv("ORDERNM_CFLAGS", flags)
     model = parse_model(EVERYTHING)
-    codegen.generate(model, tmp_path / "everything")
+    codegen.generate(model, tmp_path / "everything", check=False)
     found = compare(
         model, codegen.load(tmp_path / "everything"), RecursiveEngine(model), np.random.default_rng(5), k=11
     )
@@ -303,7 +296,7 @@ typedef double vector_8 __attribute__((vector_size(8*VECTOR_8), aligned(8), may_
 
 
 def test_an_angle_that_is_not_finite_is_refused(tmp_path: Path) -> None:
-    codegen.generate(parse_model(CHAIN.format(n=2)), tmp_path / "chain")
+    codegen.generate(parse_model(CHAIN.format(n=2)), tmp_path / "chain", check=False)
     solver = codegen.load(tmp_path / "chain")
     with pytest.raises(ValueError, match=r"q\[1\].* is nan"):
         solver.accelerations([0.1, np.nan], [0.0, 0.0])
