@@ -480,12 +480,16 @@ def nonsense(model: Model) -> str:
         return "the bodies are no tree"
     known = {*defaults, *model.inputs, "t"}
     known |= {f"q.{q}" for q in model.coordinate_names} | {f"u.{u}" for u in model.speed_names}
+    measured = {
+        e: {f"{what}.{point.name}.{axis}" for point in load.measured for what in ("position", "velocity") for axis in "xyz"}
+        for load in model.loads for e in load.coefficients
+    }  # fmt: skip
     seen = set()
     for e in model.expressions():
         if e in seen:
             continue
         seen.add(e)
-        if not e.names <= known:
+        if not e.names <= known | measured.get(e, set()):
             return f"{e} has unknown names"
         if e.names <= defaults.keys():
             try:
@@ -502,7 +506,7 @@ def nonsense(model: Model) -> str:
                 return f"an initial value for {name}"
             if not math.isfinite(e.evaluate(defaults)):
                 return f"the initial value of {name} is not finite"
-    references = [r for s in model.loads for r in (s.start.body, s.end.body)]
+    references = [place.body for load in model.loads for place in (*load.ends, *load.measured)]
     references += [face.body for loop in model.loops for face in (loop.start, loop.end)]
     references += [body for o in model.outputs for body in o.on]
     if not all(GROUND <= r < n for r in references):

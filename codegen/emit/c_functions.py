@@ -270,44 +270,45 @@ class _Lines:
             body.append("return 0;")
         else:
             body[-1] = f"return {self.base(p.steps[-1].lanes)}singular;"
-        head = ["call c = {0};"]
+        values = {**self.bound(p.arguments), **self.bound_results(False)}
+        head = called_with("call c = {", [f".{name} = {value}" for name, value in values.items()] or ["0"], "};").split(
+            "\n"
+        )
         if self.opened:
             head.append("DIRECTIONS(call) d;")
         if any(isinstance(s, Single) for s in p.steps):
             head.append("call_1 one;")
-        return [*head, *self.bound(p.arguments), *self.bound_results(False), *self.functions.laid_out(p), *body]
+        return [*head, *self.functions.laid_out(p), *body]
 
-    def bound(self, given: tuple[Array, ...]) -> list[str]:
-        """Arguments or seeds as arrays of the call."""
+    def bound(self, given: tuple[Array, ...]) -> dict[str, str]:
+        """What arrays of the call are: arguments, or seeds."""
         p = self.procedure
         assert p is not None
         held = p.held()
-        lines = []
+        found = {}
         for a in given:
             name = held[a.name].name if a.name in held else a.name
             if not a.shape and not a.lanes:
-                lines.append(f"c.{name} = {a.name};")
+                found[name] = a.name
             elif not _read_apart(p, a):
                 fields = self.memory.lane_fields if a.lanes else self.memory.fields
-                lines.append(f"{self.base(a.lanes)}{name} = {self.caller(a, fields[name])};")
-        return lines
+                found[name] = self.caller(a, fields[name])
+        return found
 
-    def bound_results(self, lanes: bool) -> list[str]:
+    def bound_results(self, lanes: bool) -> dict[str, str]:
+        """What arrays of the call are: results."""
         p = self.procedure
         assert p is not None
         apart = p.written_apart()
-        return [
-            f"{self.base(lanes)}{r.name} = {self.caller(r, True)};"
-            for r in p.results
-            if r.lanes == lanes and r.name not in apart
-        ]
+        return {r.name: self.caller(r, True) for r in p.results if r.lanes == lanes and r.name not in apart}
 
     def open(self) -> list[str]:
         """Lines that open the part of a call that is over directions."""
         p = self.procedure
         assert p is not None
         self.opened = True
-        return ["DIRECTIONS(open)(&d, &c, work);", *self.bound(p.seeds), *self.bound_results(True)]
+        values = {**self.bound(p.seeds), **self.bound_results(True)}
+        return ["DIRECTIONS(open)(&d, &c, work);", *(f"{self.base(True)}{name} = {x};" for name, x in values.items())]
 
     # -- steps -----------------------------------------------------------------------------------------------------
 

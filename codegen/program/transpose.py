@@ -154,7 +154,7 @@ def transposed(block: Block, name: str, title: str, adjoints: Adjoints, kept: Ke
             bar = x.let(
                 f"{statement.target.name}_bar",
                 sympy.Add(*bars[statement.target]),
-                f"T {statement.tag}".strip(),
+                f"T {statement.tag}" if statement.tag else "",
                 lanes=True,
             )
             give(statement.expression, bar)
@@ -163,7 +163,7 @@ def transposed(block: Block, name: str, title: str, adjoints: Adjoints, kept: Ke
     for symbol, (store, n) in block.loads.items():
         if not store.lanes:
             continue
-        bar = x.let(f"{symbol.name}_bar", sympy.Add(*bars.get(symbol, [])), "T", lanes=True)
+        bar = x.let(f"{symbol.name}_bar", sympy.Add(*bars.get(symbol, [])), lanes=True)
         done.add((store, n))
         if (store, n) in incoming:  # stored again: what was there is added to
             if bar != incoming[store, n]:

@@ -392,11 +392,7 @@ static int forward(call *a)
 /* Forward dynamics (Eqs. 18-24, 42-56). */
 int pendulum_accelerations(const double *q, const double *u, const double *p, double *udot, double *work)
 {
-    call c = {0};
-    c.q = q;
-    c.u = u;
-    c.p = p;
-    c.udot = udot;
+    call c = {.q = q, .u = u, .p = p, .udot = udot};
     lay_out(&c, work);
     start(&c);
     if (forward(&c)) return c.singular;
@@ -406,11 +402,7 @@ int pendulum_accelerations(const double *q, const double *u, const double *p, do
 /* The outputs of the model. */
 int pendulum_outputs(const double *q, const double *u, const double *p, double *outputs, double *work)
 {
-    call c = {0};
-    c.q = q;
-    c.u = u;
-    c.p = p;
-    c.outputs = outputs;
+    call c = {.q = q, .u = u, .p = p, .outputs = outputs};
     lay_out(&c, work);
     start(&c);
     pose(&c);

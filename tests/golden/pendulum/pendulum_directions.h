@@ -195,10 +195,10 @@ static void DIRECTIONS(gradient_in_0)(DIRECTIONS(call) *a)
         const VECTOR lane_n_y = lane->moment_y.at[h];
         const double ap_z = trig_cos*up_ta_z; /* Eq. 21 */
         const VECTOR d_ap_x_bar = c_h_z*lane_n_y; /* T d Eq. 21 */
-        const VECTOR dq_0_bar = -ap_z*d_ap_x_bar; /* T */
+        const VECTOR dq_0_bar = -ap_z*d_ap_x_bar;
         const double ap_x = -trig_sin*up_ta_z; /* Eq. 21 */
         const double d_4 = ap_x*c_h_z_d0 + c_J_xx_d0*udot_rod; /* primitive */
-        const VECTOR dp_0_bar = d_4*lane_n_y; /* T */
+        const VECTOR dp_0_bar = d_4*lane_n_y;
         dq[0].at[h] = dq_0_bar;
         dp[0].at[h] += dp_0_bar;
         du[0].at[h] = (VECTOR){0};
@@ -219,7 +219,7 @@ static void DIRECTIONS(tau_0_transposed)(DIRECTIONS(call) *a)
     LANES *restrict du = a->du;
     EACH_VECTOR {
         const VECTOR dtau_rod = dtau[0].at[h];
-        const VECTOR du_0_bar = -0.01*dtau_rod; /* T */
+        const VECTOR du_0_bar = -0.01*dtau_rod;
         du[0].at[h] += du_0_bar;
     }
 }
@@ -264,12 +264,8 @@ static void DIRECTIONS(balance)(DIRECTIONS(call) *a)
 int DIRECTIONS(pendulum_sensitivities)(const double *q, const double *u, const double *p, const double *dq,
     const double *du, const double *dp, double *udot, double *dudot, double *work)
 {
-    call c = {0};
+    call c = {.q = q, .u = u, .p = p, .udot = udot};
     DIRECTIONS(call) d;
-    c.q = q;
-    c.u = u;
-    c.p = p;
-    c.udot = udot;
     lay_out(&c, work);
     start(&c);
     if (forward(&c)) return c.singular;
@@ -298,12 +294,8 @@ static void DIRECTIONS(sensitivities_backwards)(DIRECTIONS(call) *a)
 int DIRECTIONS(pendulum_sensitivities_transposed)(const double *q, const double *u, const double *p,
     const double *dudot, double *udot, double *dq, double *du, double *dp, double *work)
 {
-    call c = {0};
+    call c = {.q = q, .u = u, .p = p, .udot = udot};
     DIRECTIONS(call) d;
-    c.q = q;
-    c.u = u;
-    c.p = p;
-    c.udot = udot;
     lay_out(&c, work);
     start(&c);
     if (forward(&c)) return c.singular;

@@ -386,10 +386,10 @@ def gradient_in_0(a):
     lane_n_y = lane["moment_y"]
     ap_z = trig_cos*up_ta_z  # Eq. 21
     d_ap_x_bar = c_h_z*lane_n_y  # T d Eq. 21
-    dq_0_bar = -ap_z*d_ap_x_bar  # T
+    dq_0_bar = -ap_z*d_ap_x_bar
     ap_x = -trig_sin*up_ta_z  # Eq. 21
     d_4 = ap_x*c_h_z_d0 + c_J_xx_d0*udot_rod  # primitive
-    dp_0_bar = d_4*lane_n_y  # T
+    dp_0_bar = d_4*lane_n_y
     a.dq[0] = dq_0_bar
     a.dp[0] = a.dp[0] + dp_0_bar
     a.du[0] = 0.0
@@ -404,7 +404,7 @@ def tau_0_transposed(a):
     # transpose of the tangent of forces.friction.value of the model
     # in: dtau. out: du. operations: 1 multiplication per direction
     dtau_rod = a.dtau[0]
-    du_0_bar = -0.01*dtau_rod  # T
+    du_0_bar = -0.01*dtau_rod
     a.du[0] = a.du[0] + du_0_bar
 
 
