@@ -327,15 +327,17 @@ class Writer(ABC):
         numbers: list[list[float]],
         about: str,
         lanes: bool = False,
+        of_values: str = "",
+        of_numbers: str = "",
     ) -> tuple[Function, list[str]]:
         """A function for blocks that are the same but for table rows, and the statements that call it for all rows.
 
-        `place` gets a function that makes the expression of an integer column; `about` is what it computes.
+        `place` gets a function that makes the expression of an integer column; `about` is what it computes. Its tables are
+        called after itself, or after the functions of values and of numbers that have the same.
         """
         single = len(integers) == 1
-        of = f"d{name.removesuffix('_transposed')}" if name.endswith("_transposed") else name
-        bare = name.removeprefix("d") if lanes else name
-        table = f"rows_of_{bare.removesuffix('_transposed')}"
+        of = of_numbers or name
+        table = f"rows_of_{of_values or name}"
         used = [False]
 
         def column(j: int) -> str:
@@ -444,7 +446,10 @@ class Writer(ABC):
             made.append(("back_", f"{name}_transposed", kind.transposed, f"transpose of the tangent of {about}"))
         for part, called, block, what in made:
             if part in parts:
-                f, call = self.rows_function(called, block, place, integers, numbers, what, bool(part))
+                of_numbers = f"d{name}" if part else name
+                f, call = self.rows_function(
+                    called, block, place, integers, numbers, what, bool(part), name, of_numbers
+                )
                 result[f"{part}functions"].append(f)
                 result[f"{part}calls"] += call
 

@@ -20,7 +20,7 @@ from ..model.model import GROUND
 from ..program.block import Block, Component, Expansion, FieldError, Scope, StructuralExpansion, symbols_of
 from ..program.field import AnyField
 from ..program.operations import Operations, count
-from ..program.passes import PASSES, drop_dead
+from ..program.passes import PASSES, drop_dead, propagate_copies
 from ..program.progress import Progress, silent
 from ..program.store import Life, Memory, Store
 from . import fields
@@ -42,7 +42,7 @@ from .stores import (
 )
 from .structure.kinds import EarKind, UnitKind
 from .structure.system import System
-from .sweeps import SWEEPS, Sweep
+from .sweeps import INWARD, SWEEPS, Sweep
 
 GROUND_KIND = -1
 MemoryKey = tuple[Memory, str]
@@ -234,7 +234,8 @@ class Patterns:
             changed = False
             asked: list[tuple[UnitKind, Scope]] = []
             zeros: list[Place] = []
-            for kind in sweep.kinds(self.system):
+            kinds = sweep.kinds(self.system)
+            for kind in reversed(kinds) if sweep.direction == INWARD else kinds:  # what is found climbs in one pass
                 x = StructuralExpansion(
                     sweep.title,
                     partial(self.is_nonzero, kind, sweep),
@@ -377,7 +378,8 @@ def expand(
             _write(sweep, x, kind)
             patterns.check_loads(sweep, kind, x)
             traffic.note(sweep, x)
-            program.blocks[sweep.name][kind.index] = x.finish()
+            block = program.blocks[sweep.name][kind.index] = x.finish()
+            _check_pattern(patterns, kind, sweep, propagate_copies(block))
         seconds[sweep.name], clock = seconds[sweep.name] + time.perf_counter() - clock, time.perf_counter()
     if whole:
         traffic.check()
@@ -393,9 +395,6 @@ def expand(
                 blocks[k] = function(block)
             seconds[sweep_name], clock = seconds[sweep_name] + time.perf_counter() - clock, time.perf_counter()
         program.report.append((name, _total(program), time.perf_counter() - start))
-    for sweep in chosen:
-        for kind in sweep.kinds(system):
-            _check_pattern(patterns, kind, sweep, program.blocks[sweep.name][kind.index])
     _drop_unread(program, patterns, chosen)
     _lay_out(program)
     return program

@@ -92,6 +92,10 @@ class FormulaSlots:
             for i, name in enumerate(names):
                 self._places[name] = (category, i)
 
+    def clear(self) -> None:
+        """Begin with the next formula."""
+        self.slots, self.numbers = {}, []
+
     def convert(self, tree: Tree) -> Tree:
         """The tree with its numbers and names as slots."""
         return to_slots(tree, self.numbers, self._slot)
@@ -116,7 +120,7 @@ def formula_kinds(
     forms: dict[Tree, tuple[Tree, list[tuple[str, int]], list[Row]]] = {}
     template = FormulaSlots(model)
     for index, tree in formulas:
-        template.slots, template.numbers = {}, []
+        template.clear()
         canonical = template.convert(tree)
         _, _, rows = forms.setdefault(canonical, (tree, list(template.slots), []))
         rows.append((index, [i for _, i in template.slots], list(template.numbers)))

@@ -144,19 +144,23 @@ def procedures(
 def chosen(found: tuple[Procedure, ...], functions: Collection[str]) -> tuple[Procedure, ...]:
     """The procedures that functions name, and those that every solver has."""
     wanted: set[str] = set()
+    known = [p.called for p in found if not p.basic]
+    known += [word for word, name in ALSO.items() if any(name in (p.name, p.called) for p in found)]
+    together = [word for word, names in GROUPS.items() if not {p.called for p in found}.isdisjoint(names)]
     for word in functions:
         names = {ALSO.get(n, n) for n in GROUPS.get(word, (word,))}
         of_word = {p.name for p in found if p.name in names or p.called in names}
-        if not of_word and word not in GROUPS and word not in ALSO:
-            known = [p.called for p in found]
-            near = difflib.get_close_matches(word, [*known, *GROUPS], 1)
+        if not of_word:
+            near = difflib.get_close_matches(word, [*known, *together], 1)
             raise UnknownFunctionError(
                 f"functions: the model has no function {word!r}{f'; did you mean {near[0]}?' if near else ''}; it may have "
-                f"{', '.join(known)}, or together {', '.join(GROUPS)}"
+                f"{', '.join(known)}, or together {', '.join(together)}"
             )
         wanted |= of_word
-    if not wanted and not any(p.basic for p in found):
-        raise UnknownFunctionError(f"functions: of {', '.join(functions) or 'none'} the model has nothing to generate")
+    if not wanted:
+        raise UnknownFunctionError(
+            f"functions: none are named; the model may have {', '.join(known)}, or together {', '.join(together)}"
+        )
     return tuple(p for p in found if p.basic or p.name in wanted)
 
 
@@ -382,8 +386,10 @@ class _Writer:
                     back.append(Combine(step.of, (step.of, step.to)))
                 case CopyEntry():
                     back.append(AddEntry(step.of, step.entry, step.to, step.index))
-                case _:  # memory, which is zero at the beginning here
+                case Own() | Zero() | Hold() | Check():  # memory, which is zero at the beginning here
                     pass
+                case _:
+                    raise NotImplementedError(f"{along.name}: {type(step).__name__} over directions has no transpose")
         dependent: dict[str, tuple[int, ...]] = {}
         if self.loops:
             independent = dict(zip(("q", "u"), self.system.independent, strict=True))

@@ -152,7 +152,7 @@ class Scope(ABC):
 
     @abstractmethod
     def number(self, value: float | Number) -> Value:
-        """A number other than zero, as generated code writes it; on zero patterns 1 stands for any."""
+        """A number, as generated code writes it; on zero patterns 0, 1 and -1 are kept apart."""
 
     @abstractmethod
     def sqrt(self, value: Value) -> Value:
@@ -417,7 +417,7 @@ class StructuralExpansion(Scope):
         return self.let(name, value)
 
     def number(self, value: float | Number) -> Value:
-        return 1
+        return int(value) if value in (0, 1, -1) else ANY
 
     def sqrt(self, value: Value) -> Value:
         return ANY

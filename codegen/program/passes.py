@@ -78,6 +78,7 @@ def share_products(block: Block) -> Block:
     if not repeated:
         return block
     names: dict[Expr, Symbol] = {s.expression: s.target for s in block.statements if s.expression in repeated}
+    taken = {s.target.name for s in block.statements}
     made: set[Expr] = set()
     statements: list[Statement] = []
     for s in block.statements:
@@ -94,7 +95,11 @@ def share_products(block: Block) -> Block:
                     if bare in names:
                         terms.append(term)  # named further down: leave it
                         continue
-                    names[bare] = Symbol(f"{s.target.name}_s{len(terms)}")
+                    number = len(terms)
+                    while f"{s.target.name}_s{number}" in taken:  # by the same pass over an earlier form of the block
+                        number += 1
+                    taken.add(f"{s.target.name}_s{number}")
+                    names[bare] = Symbol(f"{s.target.name}_s{number}")
                     statements.append(Statement(names[bare], bare, s.tag))
                     made.add(bare)
                 terms.append(names[bare] if bare is term or bare == term else -names[bare])

@@ -100,11 +100,18 @@ def test_chosen_functions_leave_nothing_unused(functions, tmp_path):
         ("sensitivity", "'sensitivity'; did you mean sensitivities"),
         ("gradient", "'gradient'; did you mean gradients"),
         ("solve_mass", "no function 'solve_mass'; it may have accelerations, "),
+        ("mass", "no function 'mass'; it may have .*, or together dynamics, rates, states"),
+        ("bias_force", "no function 'bias_force'; it may have .*assemble"),
     ],
 )
 def test_unknown_functions_are_told(function, said):
     with pytest.raises(UnknownFunctionError, match=said):
         write_solver(load_model(EXAMPLES / "four_bar.yaml"), functions=[function])
+
+
+def test_no_functions_are_told():
+    with pytest.raises(UnknownFunctionError, match="none are named; the model may have accelerations"):
+        write_solver(load_model(EXAMPLES / "four_bar.yaml"), functions=[])
 
 
 def test_the_command_takes_functions(tmp_path, capsys):

@@ -153,3 +153,34 @@ def test_a_law_that_needs_a_direction_says_when_there_is_none(monkeypatch: pytes
     monkeypatch.setattr(Spring, "singular", "")
     with pytest.raises(FieldError, match=r"Spring\.singular does not say when there is none"):
         write_solver(model)
+
+
+@pytest.mark.parametrize(
+    ("value", "factor"),
+    [
+        ("2 - position.c.y", 1),
+        ("position.c.y + 2", 3),
+        ("2 + position.d.y", 1),
+        ("1 - position.c.y", 0),
+        ("3*position.d.y", -3),
+    ],
+)
+def test_numbers_beside_places_that_are_known(tmp_path: Path, value: str, factor: float) -> None:
+    """c and d stay at 1 and -1 across the plane, which the search for zeros knows."""
+    model = parse_model(f"""
+model: lever
+parameters: {{k: 3.0}}
+bodies:
+  a: {{parent: ground, joint: {{type: revolute, axis: y}}, mass: 1, inertia: {{xx: 0.1, yy: 0.5, zz: 0.1}}}}
+points:
+  c: {{body: a, at: [0, 1, 0]}}
+  d: {{body: a, at: [0, -1, 0]}}
+forces:
+  turn: {{type: torque, on: a, value: [0, "k*({value})", 0]}}
+outputs: {{h: {{position: c, axis: z}}}}
+""")
+    codegen.generate(model, tmp_path / "lever", target="numpy", check=False)
+    solver = codegen.load(tmp_path / "lever")
+    udot, dudot = solver.sensitivities([0.3], [0.2], dp=[[1.0]])
+    assert udot == pytest.approx([3.0 * factor / 0.5], abs=1e-15)
+    assert dudot == pytest.approx(np.array([[factor / 0.5]]), abs=1e-15)

@@ -10,7 +10,7 @@ from codegen.program.block import ANY, Block, Expansion, Statement, StructuralEx
 from codegen.program.derivatives import Tangents, partials
 from codegen.program.functions import Absolute, AtLeast, Maximum, Minimum
 from codegen.program.operations import count, count_expression
-from codegen.program.passes import PASSES, simplify
+from codegen.program.passes import PASSES, share_products, simplify
 from codegen.program.store import Memory, Owner, Store
 
 MODEL, ARGUMENT = Owner("model"), Memory("argument")
@@ -31,6 +31,26 @@ def random_block(rng: np.random.Generator, statements: int = 30) -> Block:
     for i in range(3):
         x.set_component(OUT, str(i), values[-1 - 2 * i] * int(rng.integers(-1, 2)))
     return x.finish()
+
+
+def test_products_that_are_shared_later_get_names_of_their_own() -> None:
+    """The passes run again on blocks that were put together of simplified ones."""
+    c, d, e, f, x, y = sympy.symbols("c d e f x y")
+    symbols = sympy.symbols("T U V")
+
+    def block(*expressions: sympy.Expr) -> Block:
+        statements = [Statement(s, e) for s, e in zip(symbols, expressions, strict=False)]
+        return Block("shared", "shared", {}, statements, [(OUT, str(i), s.target) for i, s in enumerate(statements)])
+
+    once = share_products(block(c * d + x * y, x * y + e))
+    once.statements.append(Statement(symbols[2], c * d + f))
+    twice = share_products(once)
+    names = [s.target for s in twice.statements]
+    assert len(set(names)) == len(names) == 5
+    values = {s: i + 2.0 for i, s in enumerate((c, d, e, f, x, y))}
+    for s in twice.statements:
+        values[s.target] = float(s.expression.subs(values))
+    assert values[symbols[0]] == 2 * 3 + 6 * 7
 
 
 def run(block: Block, inputs: dict[str, float]) -> list[float]:

@@ -7,7 +7,7 @@ frame unless it says that they are in the axes of a link.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 import sympy
@@ -152,6 +152,7 @@ class Element:
         self.axis = kind.axis
         self._tag = kind.first.type
         self._known: dict[int, Value] = {}
+        self._required = 0
         self.ends = [End(self, i) for i in range(len(kind.ends))]
 
     def let(self, name: str, value: Value) -> Value:
@@ -164,11 +165,20 @@ class Element:
 
     def coefficient(self, key: str) -> Value:
         """The coefficient with that key in the model file."""
-        return self._coefficient(self.kind.first.keys.index(key))
+        return self._coefficients_of({key}, key)[0]
 
     def coefficients(self, key: str) -> Vector:
         """Those of a list."""
-        return [self._coefficient(j) for j, name in enumerate(self.kind.first.keys) if name.startswith(f"{key}[")]
+        return self._coefficients_of({name for name in self.kind.first.keys if name.startswith(f"{key}[")}, key)
+
+    def _coefficients_of(self, keys: Collection[str], asked: str) -> list[Value]:
+        first = self.kind.first
+        found = [self._coefficient(j) for j, name in enumerate(first.keys) if name in keys]
+        if not found:
+            raise FieldError(
+                f"{self._tag}: {type(first).__name__} has no coefficient {asked}, but {', '.join(first.keys)}"
+            )
+        return found
 
     def _coefficient(self, j: int) -> Value:
         if j not in self._known:
@@ -186,7 +196,8 @@ class Element:
         if not self.kind.first.singular:
             name = type(self.kind.first).__name__
             raise FieldError(f"{self._tag} needs a direction, and {name}.singular does not say when there is none")
-        self.x.set_entry(PIVOT, 0, value)
+        self.x.set_entry(PIVOT, self._required, value)
+        self._required += 1
 
     def line(self, directed: bool = True) -> tuple[Vector, Value]:
         """From the first end to the second, and the distance.
@@ -224,7 +235,7 @@ class Element:
         """Whether it can differ from zero, with every operand asked for as when it is written."""
         kind = tree[0]
         if kind == "number":
-            return int(tree[1]) if tree[1] in (0, 1, -1) else self.x.number(tree[1])
+            return self.x.number(tree[1])
         if kind == "name":
             return self._leaf(tree)
         values: list[Value] = [self._pattern(a) for a in tree[2 if kind == "call" else 1 :]]
@@ -244,7 +255,10 @@ class Element:
     def on_links(self, wrenches: Sequence[Wrench]) -> list[tuple[Store, Vector]]:
         """Moment about the origin and force on each link, in its axes; nothing of the ground."""
         found = []
-        for end, wrench in zip(self.ends, wrenches, strict=False):
+        ends = self.ends[: len(self.kind.first.ends)]
+        if len(wrenches) != len(ends):
+            raise FieldError(f"{self._tag}: its law gives {len(wrenches)} wrenches for {len(ends)} ends")
+        for end, wrench in zip(ends, wrenches, strict=True):
             if end.is_grounded:
                 continue
             force: Vector = [0, 0, 0]

@@ -64,20 +64,23 @@ def output_formulas(system: System) -> tuple[list[FormulaKind], list[RecordFormu
     model = system.model
     values: list[tuple[int, Tree]] = []
     kinds: dict[object, RecordFormula] = {}
+    slots = FormulaSlots(model)
     for i, o in enumerate(model.outputs):
         measure = MEASURES[o.measure]
         if isinstance(measure, FormulaMeasure):
             assert o.expression is not None
             values.append((i, o.expression.tree))
         elif isinstance(measure, RecordMeasure):
-            _add_record(system, kinds, i, o, measure)
+            _add_record(system, kinds, slots, i, o, measure)
     return formula_kinds(model, "outputs", values), list(kinds.values())
 
 
-def _add_record(system: System, kinds: dict[object, RecordFormula], i: int, o: Output, measure: RecordMeasure) -> None:
+def _add_record(
+    system: System, kinds: dict[object, RecordFormula], slots: FormulaSlots, i: int, o: Output, measure: RecordMeasure
+) -> None:
     """Add a row to the formula of its form, which is made if it is the first."""
     links = links_of(system, o)
-    slots = FormulaSlots(system.model)
+    slots.clear()
     expressions = [*o.expressions(), *expressions_of(system, o.on), *measure.more(o, system)]
     canonical: dict[Expression, Tree] = {}
     for e in expressions:
