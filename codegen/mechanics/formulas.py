@@ -20,7 +20,7 @@ from ..program.block import Block, Expansion
 from ..program.derivatives import Tangents
 from ..program.passes import simplify
 from ..program.store import Store
-from ..program.transpose import PLAIN, transposed
+from ..program.transpose import transposed
 from .stores import MARGIN, NUMBER, argument
 from .structure.constants import Statements, to_slots
 from .structure.system import System
@@ -70,7 +70,7 @@ def transpose_of_tangent(tangent: Block) -> Block:
 
     What the tangent asks to be positive, it asks too.
     """
-    made = transposed(tangent, f"{tangent.name}_transposed", f"transpose of {tangent.title}", PLAIN)
+    made = transposed(tangent, f"{tangent.name}_transposed", f"transpose of {tangent.title}")
     made.stores += [s for s in tangent.stores if s[0].memory is MARGIN]
     return simplify(made)
 

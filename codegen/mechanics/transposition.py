@@ -14,7 +14,7 @@ from collections.abc import Collection, Iterable
 from ..program.block import Block, Component
 from ..program.passes import by_results, drop_dead, simplify
 from ..program.store import Life, Memory, Store
-from ..program.transpose import Adjoints, Kept, transposed, values
+from ..program.transpose import Kept, transposed, values
 from .expansion import Program
 from .gradient import run_together
 from .stores import DQ, DU, KEPT, LAID_OUT, LINK, MARGIN
@@ -88,7 +88,6 @@ def transpose_sweeps(
             return store.memory.life is Life.SWEEP or (store.memory, name) in several
 
         keeping = Kept(holds, kept, lambda store: store.owner is LINK)
-        adjoints = Adjoints(lambda store, name: False, cleared)
         title = SWEEP[sweep].title
         backwards: dict[int, Block] = {}
         forwards: dict[int, Block] = {}
@@ -97,7 +96,7 @@ def transpose_sweeps(
                 (a, n, e) for a, n, e in block.stores if not (a.lanes and a.memory in LAID_OUT) or (a.memory, n) in wanted
             ])  # fmt: skip
             backwards[kind] = transposed(
-                useful, f"{transpose_name(sweep)}_{kind}", f"transpose of {title}", adjoints, keeping
+                useful, f"{transpose_name(sweep)}_{kind}", f"transpose of {title}", cleared, keeping
             )
             forwards[kind] = values(
                 block, f"{values_name(sweep)}_{kind}", f"values of {title}", keeping,

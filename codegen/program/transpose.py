@@ -7,7 +7,7 @@ adjoint of a field is kept where the field is. So ``lambda^T J`` costs about as 
 parameters, and no tape is kept: the scalars are computed anew from what they were computed from.
 
 Memory is followed one step backwards, too: a store that replaces what was there ends the life of an adjoint, which is cleared
-unless the next to use it assigns (`Adjoints`). A location that is loaded, added to and stored again keeps its adjoint.
+if it may be used again (`Cleared`). A location that is loaded, added to and stored again keeps its adjoint.
 """
 
 from __future__ import annotations
@@ -22,28 +22,13 @@ from .block import Block, Component, Expansion, symbols_of
 from .passes import drop_dead
 from .store import Store
 
-
-@dataclass(frozen=True)
-class Adjoints:
-    """How the adjoints of what a block reads and writes are kept.
-
-    Attributes
-    ----------
-    assigned : callable (store, component) -> bool
-        The block is the first, on the way backwards, to give the adjoint of something that it loads: it is assigned, not added.
-    cleared : callable (store, component) -> bool
-        The adjoint of something that the block stores must be zero afterwards.
-    others : tuple of (Store, str)
-        Adjoints that the block has to set to zero because others expect it to assign them, although it does not load them.
-    """
-
-    assigned: Callable[[Store, str], bool]
-    cleared: Callable[[Store, str], bool]
-    others: tuple[Component, ...] = ()
+Cleared = Callable[[Store, str], bool]
+"""Whether the adjoint of something that a block stores must be zero afterwards."""
 
 
-PLAIN = Adjoints(lambda store, name: False, lambda store, name: False)
-"""Adjoints of arguments: everything is added, nothing is used anew."""
+def nothing_cleared(store: Store, name: str) -> bool:
+    """Of blocks whose results nobody replaces: their adjoints are used once."""
+    return False
 
 
 def coefficients(e: Expr, lanes: set[Symbol]) -> dict[Symbol, Expr]:
@@ -114,7 +99,9 @@ NOTHING_KEPT = Kept(lambda store, name: False, lambda store: store, lambda store
 """For blocks that store no scalars."""
 
 
-def transposed(block: Block, name: str, title: str, adjoints: Adjoints, kept: Kept = NOTHING_KEPT) -> Block:
+def transposed(
+    block: Block, name: str, title: str, cleared: Cleared = nothing_cleared, kept: Kept = NOTHING_KEPT
+) -> Block:
     """The block that gives the adjoints of what `block` loads from those of what it stores.
 
     Parameters
@@ -122,7 +109,7 @@ def transposed(block: Block, name: str, title: str, adjoints: Adjoints, kept: Ke
     block : Block
     name, title : str
         Of the result.
-    adjoints : Adjoints
+    cleared : callable (Store, str) -> bool
     kept : Kept
     """
     x = Expansion(name, title, lambda store, n: True)
@@ -168,14 +155,11 @@ def transposed(block: Block, name: str, title: str, adjoints: Adjoints, kept: Ke
         if (store, n) in incoming:  # stored again: what was there is added to
             if bar != incoming[store, n]:
                 stores.append((store, n, bar))
-        elif adjoints.assigned(store, n):
-            stores.append((store, n, bar))
         elif bar != 0:
             stores.append((store.sum, n, bar))
     for store, n, _ in block.stores:
-        if store.lanes and not store.adds and (store, n) not in done and adjoints.cleared(store, n):
+        if store.lanes and not store.adds and (store, n) not in done and cleared(store, n):
             stores.append((store, n, sympy.S.Zero))
-    stores += [(store, n, sympy.S.Zero) for store, n in adjoints.others if (store, n) not in done]
     x.block.stores = stores
     return x.finish()
 

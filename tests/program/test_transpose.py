@@ -11,7 +11,7 @@ from codegen.program.block import Block, Component, Expansion
 from codegen.program.fusion import fused
 from codegen.program.passes import simplify
 from codegen.program.store import Life, Memory, Owner, Store
-from codegen.program.transpose import Adjoints, Kept, coefficients, deferred, transposed, values
+from codegen.program.transpose import Kept, coefficients, deferred, transposed, values
 
 MODEL = Owner("model")
 SCALARS, SLOTS = Memory("scalars"), Memory("slots", lanes=True, life=Life.SWEEP)
@@ -19,8 +19,11 @@ S, KEPT = Store("s", MODEL, SCALARS), Store("kept_s", MODEL, Memory("kept"))
 A, B = Store("a", MODEL, SLOTS), Store("b", MODEL, SLOTS)
 
 NOTHING_KEPT = Kept(lambda store, name: False, lambda store: store, lambda store: True)
-ADDED = Adjoints(lambda store, name: False, lambda store, name: True)
-ASSIGNED = Adjoints(lambda store, name: True, lambda store, name: False)
+
+
+def always(store: Store, name: str) -> bool:
+    return True
+
 
 State = dict[Component, float]
 
@@ -66,7 +69,7 @@ def test_transposed_is_transposed(seed, adds, simplified):
     block = random_block(rng, adds)
     if simplified:
         block = simplify(block)
-    back = simplify(transposed(block, "back", "back", ADDED, NOTHING_KEPT))
+    back = simplify(transposed(block, "back", "back", always, NOTHING_KEPT))
     scalars = {(S, str(i)): float(rng.uniform(0.5, 1.5)) for i in range(4)}
     places = [(A, str(i)) for i in range(10)] + [(B, str(i)) for i in range(4)]
 
@@ -82,12 +85,6 @@ def test_transposed_is_transposed(seed, adds, simplified):
     np.testing.assert_allclose(matrix(back), J.T, rtol=1e-12, atol=1e-12 * abs(J).max())
 
 
-def test_what_is_assigned_needs_no_zero_before():
-    block = random_block(np.random.default_rng(1), False)
-    back = transposed(block, "back", "back", ASSIGNED, NOTHING_KEPT)
-    assert not any(store.adds for store, _, _ in back.stores)
-
-
 def test_scalars_that_a_block_stores_are_kept_and_not_computed_again():
     x = Expansion("b", "", lambda store, name: True)
     a, v = x.component(S, "up"), x.component(A, "v")
@@ -98,7 +95,7 @@ def test_scalars_that_a_block_stores_are_kept_and_not_computed_again():
     before = values(x.finish(), "before", "", kept)
     assert [(store, name) for store, name, _ in before.stores] == [(KEPT, "me")]
     assert list(before.loads.values()) == [(KEPT, "up")]
-    back = simplify(transposed(x.finish(), "back", "", ADDED, kept))
+    back = simplify(transposed(x.finish(), "back", "", always, kept))
     assert (KEPT, "me") in back.loads.values()
     assert (KEPT, "up") not in back.loads.values()
     assert not any(t.expression.has(sympy.sin) for t in back.statements)

@@ -121,7 +121,7 @@ def region_triangularize(x: Scope, kind: RegionKind) -> None:
     hand_on(x, kind, remaining_block)
     if not kind.carried:
         return
-    accumulate_force(x, BASE, fields.articulated_force, g[at : at + 6], kind.first, "Eq. 44")
+    accumulate_force(x, BASE, fields.articulated_force, g[at : at + 6], kind.first, "Eq. 45")
     handed = fields.articulated
     for J, M, (i, j) in zip(handed.J.scalars(), handed.M.scalars(), PLACES, strict=True):
         accumulate(x, BASE, J, Q[at + i][at + j], kind.first, "Eq. 44")

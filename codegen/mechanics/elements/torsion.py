@@ -17,7 +17,7 @@ from ..spatial import add, cross, dot, minus, transpose
 from .element import Element, Law, Wrench
 
 SMALLEST = 1e-200
-"""Of the square of the swing's cosine, to the fourth power, where the angle is determined."""
+"""Of the sum of squares of what the angle is the arc tangent of, where it is determined: of ``4 cos(h)^4``, 2 h the swing."""
 
 
 class TorsionLaw(Law):

@@ -51,12 +51,12 @@ def moments(x: Scope, kind: LinkKind) -> None:
     h = [x.let("h", e, "potential energy") for e in add(h, scale(m, joint.offset()))]
     d = differentiate(x, kind, joint, _sums(x)) if x.tangents else None
     first = is_first(x, kind)
-    accumulate(x, UP, fields.outboard_mass, m, first, "Eq. 44")
-    accumulate(x, UP, fields.outboard_moment, h, first, "Eq. 44")
+    accumulate(x, UP, fields.outboard_mass, m, first, "potential energy")
+    accumulate(x, UP, fields.outboard_moment, h, first, "potential energy")
     if x.tangents:
-        accumulate(x, LUP, fields.outboard_mass, tangent(d, m), first, "Eq. 44", lanes=True)
+        accumulate(x, LUP, fields.outboard_mass, tangent(d, m), first, "potential energy", lanes=True)
         for field, e in zip(fields.outboard_moment.scalars(), h, strict=True):
-            accumulate(x, LUP, field, tangent(d, e), first, "Eq. 44", lanes=True)
+            accumulate(x, LUP, field, tangent(d, e), first, "potential energy", lanes=True)
 
 
 def _sums(x: Scope) -> dict[Symbol, Value]:

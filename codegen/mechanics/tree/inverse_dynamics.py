@@ -96,12 +96,12 @@ def transfer(
                 [x.let("beside", a + b, "d Eq. 45", lanes=True) for a, b in zip(v, w, strict=True)]
                 for v, w in ((tn, beside[:3]), (tf, beside[3:]))
             )
-        accumulate_force(x, UP, fields.transmitted, [*n, *f], is_first(x, kind), "Eq. 44")
+        accumulate_force(x, UP, fields.transmitted, [*n, *f], is_first(x, kind), "Eq. 45")
         hand_on_lanes(x, kind, tn, tf)
     else:
-        accumulate_force(x, UP, fields.transmitted, [*n, *f], is_first(x, kind), "Eq. 44")
+        accumulate_force(x, UP, fields.transmitted, [*n, *f], is_first(x, kind), "Eq. 45")
 
 
 def hand_on_lanes(x: Scope, kind: LinkKind, n: Vector, f: Vector) -> None:
     """Add a tangent, or the bias force of a solve, to what the parent collects."""
-    accumulate_force(x, LUP, fields.articulated_force, [*n, *f], is_first(x, kind), "Eq. 44", lanes=True)
+    accumulate_force(x, LUP, fields.articulated_force, [*n, *f], is_first(x, kind), "Eq. 45", lanes=True)
