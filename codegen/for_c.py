@@ -143,6 +143,9 @@ def _codes(manifest: Mapping[str, Any]) -> list[str]:
             numbers = str(first) if len(names) == 1 else f"{first} to {first + len(names) - 1}"
             rows.append(f"| {numbers} | {noun} {_some(names)}: {meaning} |")
             first += len(names)
+    for name in manifest.get("singular_outputs", ()):
+        number = first + manifest["output_names"].index(name)
+        rows.append(f"| {number} | output {name}: it has a value there, but no derivative |")
     return rows
 
 

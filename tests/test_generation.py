@@ -212,6 +212,13 @@ def test_unknown_options_are_refused(model, tmp_path, option):
     assert not (tmp_path / "rod").exists()
 
 
+@pytest.mark.parametrize("functions", [3, True, b"x", [["accelerations"]], ("accelerations", 3)])
+def test_functions_that_are_no_names_are_refused(model, tmp_path, functions):
+    with pytest.raises(ValueError, match=r"functions holds .*; names are needed, such as"):
+        generate(model, tmp_path / "rod", functions=functions)
+    assert not (tmp_path / "rod").exists()
+
+
 FOREIGN = {
     "a file": {"notes.txt": "mine"},
     "another model.json": {"model.json": '{"generator": "me"}'},
@@ -386,6 +393,18 @@ def test_the_check_finds_wrong_numbers(model, tmp_path):
     renew_digest(file)
     check_solver(model, report)
     assert not report.errors["udot"] <= generation.CHECK_TOLERANCE
+
+
+def test_the_check_knows_how_large_what_cancels_is(tmp_path):
+    """Derivatives that are zero where udot is thousands."""
+    text = """
+model: sheet
+bodies:
+  a: {parent: ground, joint: {type: planar, normal: [1, 2, 3]}, mass: 10, inertia: {xx: 1, yy: 1, zz: 1}}
+forces: {push: {type: force, on: a, value: [980, 0, 98000]}}
+"""
+    report = generate(parse_model(text), tmp_path / "sheet", "numpy", check=True)
+    assert max(report.errors.values()) < generation.CHECK_TOLERANCE
 
 
 SLIDER = """

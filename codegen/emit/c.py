@@ -18,7 +18,7 @@ from ..mechanics import procedures
 from ..mechanics.expansion import Program
 from ..mechanics.fields import field_of, identifier
 from ..mechanics.formulas import FormulaKind
-from ..mechanics.outputs.outputs import RecordFormula
+from ..mechanics.outputs.outputs import RecordFormula, pivoted_outputs
 from ..mechanics.stores import KEPT, LANE, MARGIN, SLOT
 from ..mechanics.structure.kinds import UnitKind
 from ..model.model import Model
@@ -514,7 +514,11 @@ class CWriter(Writer):
                 )
                 for f in found
             ],
-            "batch_arrays": called_with("", c_functions.batch_arrays(found), ";").split("\n"),
+            "batch_arrays": [
+                (type_, called_with("", names, ";").split("\n"))
+                for type_, names in zip(("given", "rows"), c_functions.batch_arrays(found), strict=True)
+                if names
+            ],
             "batches": [
                 Function("", c_functions.batch_signature(f, model.name, w), c_functions.batch_lines(f, model.name, w))
                 for f, w in of_width
@@ -567,6 +571,9 @@ def legend(model: Model, links: int) -> list[str]:
         lines.append(f"Numbers above {links}, the number of links: a loop has lost rank.")
     if any(e.singular for e in model.loads):
         lines.append(f"Numbers above {links + len(model.loops)}: a force element has no direction.")
+    if pivoted_outputs(model):
+        above = links + len(model.loops) + len(model.loads)
+        lines.append(f"Numbers above {above}: an output has a value there, but no derivative; in their order.")
     return lines
 
 

@@ -68,9 +68,12 @@ def batch_lines(procedure: Procedure, model: str, width: int | None) -> list[str
     return call.split("\n")
 
 
-def batch_arrays(procedures: Iterable[Procedure]) -> list[str]:
-    """Arguments, seeds and results of functions: what the struct of a batch has, in its order."""
-    return list(dict.fromkeys(a.name for p in procedures for a in (*p.arguments, *p.seeds, *p.results)))
+def batch_arrays(procedures: Iterable[Procedure]) -> tuple[list[str], list[str]]:
+    """What the struct of a batch has, in its order: what is only read, and what some function writes."""
+    procedures = list(procedures)
+    written = dict.fromkeys(r.name for p in procedures for r in p.results)
+    given = dict.fromkeys(a.name for p in procedures for a in (*p.arguments, *p.seeds) if a.name not in written)
+    return list(given), list(written)
 
 
 @dataclass(slots=True)

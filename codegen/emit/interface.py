@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..mechanics.expansion import Program
 from ..mechanics.formulas import FormulaKind
-from ..mechanics.outputs.outputs import RecordFormula
+from ..mechanics.outputs.outputs import RecordFormula, pivoted_outputs
 from ..mechanics.procedures import WIDTHS
 from ..mechanics.structure.system import System
 from ..mechanics.sweeps import SWEEP
@@ -109,11 +110,12 @@ def manifest(
         "links": [link.name for link in system.links],
         "loops": [loop.name for loop in model.loops],
         **_elements(system),
+        **_singular_outputs(system),
         "joint_links": [_joint_link(system, k) for k in range(len(model.bodies))],
         "workspace": workspace,
         "widths": list(WIDTHS),
         "functions": functions,
-        "batch": batch_arrays(procedures),
+        "batch": list(itertools.chain.from_iterable(batch_arrays(procedures))),
         "operations": operations,
         **_redundancy(system),
     }
@@ -137,6 +139,12 @@ def _elements(system: System) -> dict[str, Any]:
         },
         "singular_elements": {e.element.type: e.element.singular for e in system.elements if e.element.singular},
     }
+
+
+def _singular_outputs(system: System) -> dict[str, Any]:
+    """Outputs that have a value where they have no derivative, such as distances of points that coincide, where there are any."""
+    found = pivoted_outputs(system.model)
+    return {"singular_outputs": found} if found else {}
 
 
 def _redundancy(system: System) -> dict[str, Any]:

@@ -148,7 +148,9 @@ def write_solver(
     formulas = [*force_formulas(system), *coefficient_formulas(system), *values, *initial_formulas(model)]
     formulas = [f for f in formulas if f.target in read]
     tangents = [*(f.tangent for f in formulas), *(r.tangent for r in records)]
-    transpose_sweeps(program, backwards, tangents, checked_backwards(asked), *swept_together(asked))
+    # pivots are met whether the function that says so is among those asked for or not
+    checked = checked_backwards(asked if functions is None else procedures(system, reactions))
+    transpose_sweeps(program, backwards, tangents, checked, *swept_together(asked))
     for sweep in backwards:  # what was only there to be run backwards, or together with others
         for name in {sweep, values_name(sweep), transpose_name(sweep)} - wanted:
             program.blocks.pop(name, None)

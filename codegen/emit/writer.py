@@ -51,9 +51,11 @@ MAX_STRETCHES = 24
 
 KEYWORDS = frozenset(keyword.kwlist) | frozenset(
     "auto break case char const continue default do double else enum extern float for goto if inline int long register restrict "
-    "return short signed sizeof static struct switch typedef union unsigned void volatile while unit element call".split()
+    "return short signed sizeof static struct switch typedef union unsigned void volatile while unit element call "
+    "asm typeof typeof_unqual alignas alignof bool constexpr false nullptr static_assert thread_local true linux unix "
+    "i386".split()
 )
-"""Names that variables cannot have in Python or C, or that tables have."""
+"""Names that variables cannot have in Python or C, to C23 and with what GNU C defines, or that tables have."""
 
 IDLE = -1
 """In the place of a kind that has nothing to do in a sweep."""
@@ -211,7 +213,9 @@ class Writer(ABC):
         taken = {str(s) for s in block.loads} | {s.target.name for s in block.statements} | RESERVED | KEYWORDS
         found: dict[str, str] = {}
         for symbol, (store, component) in block.loads.items():
-            name = next((n for n in place(store, component).names if n not in taken and not n.isupper()), None)
+            name = next(
+                (n for n in place(store, component).names if n not in taken and not n.isupper() and n[0] != "_"), None
+            )
             if name is not None:
                 found[symbol.name] = name
                 taken.add(name)

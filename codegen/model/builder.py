@@ -80,6 +80,8 @@ class ModelBuilder:
         *,
         axis: str | Sequence[Scalar] | None = None,
         axes: Sequence[str | Sequence[Scalar]] | None = None,
+        normal: str | Sequence[Scalar] | None = None,
+        pitch: Scalar | None = None,
         at: Sequence[Scalar] | None = None,
         rotate: Sequence[Mapping[str, Any]] | None = None,
         rpy: Sequence[Scalar] | None = None,
@@ -94,11 +96,12 @@ class ModelBuilder:
         ----------
         name, parent : str
         joint : str or mapping
-            Type of the joint, with `axis`, `axes`, `at`, `rotate` and `rpy` beside it; or everything in a mapping.
+            Type of the joint, with `axis`, `axes`, `normal`, `pitch`, `at`, `rotate` and `rpy` beside it; or everything in a
+            mapping.
         mass, com, inertia, shape
             As in a model file; left out: 0, or from `shape`.
         """
-        placed = _given(axis=axis, axes=axes, at=at, rotate=rotate, rpy=rpy)
+        placed = _given(axis=axis, axes=axes, normal=normal, pitch=pitch, at=at, rotate=rotate, rpy=rpy)
         whole = {**_plain(joint), **placed} if isinstance(joint, Mapping) else {"type": joint, **placed}
         entry = _given(parent=parent, joint=whole, mass=mass, com=com, inertia=inertia, shape=shape)
         self._put("bodies", name, entry)

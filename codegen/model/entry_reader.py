@@ -55,8 +55,8 @@ class EntryReader(Protocol):
     def body(self, reference: Expression, *path: str | int) -> int | None:
         """Index of the body that is named, `GROUND` for the ground, or None after a problem."""
 
-    def mass(self, bodies: Sequence[int]) -> float | None:
-        """What bodies weigh together at the default parameters, kg; None where something is wrong with them."""
+    def mass(self, bodies: Sequence[int] | None = None) -> float | None:
+        """What bodies, or all, weigh together at the default parameters, kg; None where something is wrong with them."""
 
     def joint(self, reference: Expression, key: str, entry: Entry) -> NamedJoint | None:
         """The joint that is named, or None after a problem with it or with the entry."""

@@ -192,7 +192,7 @@ def _unknown_type(value: Any, classes: list[type[Entry]]) -> str:
 def _models(annotation: Any) -> list[type[Entry]]:
     if isinstance(annotation, type) and issubclass(annotation, Entry):
         return [annotation]
-    return [m for a in get_args(annotation) for m in _models(a)]
+    return list(dict.fromkeys(m for a in get_args(annotation) for m in _models(a)))
 
 
 def _steps(cls: Any, loc: Path_) -> list[tuple[Any, list[type[Entry]], bool]]:

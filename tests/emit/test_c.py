@@ -43,7 +43,7 @@ def check_random_trees(seeds: range, folder: Path, largest: int, layout: str = "
     for seed in seeds:
         rng = np.random.default_rng(seed)
         model = random_tree(rng, int(rng.integers(1, largest + 1)))
-        codegen.generate(model, folder / str(seed), layout=layout, check=False)
+        codegen.generate(model, folder / str(seed), layout=layout)
         recursive, dense = RecursiveEngine(model), DenseEngine(model)
         for target in ("c", "numpy"):
             solver = codegen.load(folder / str(seed), target)
@@ -70,7 +70,7 @@ def test_both_layouts(tmp_path: Path, layout: str) -> None:
 @pytest.mark.parametrize("n", [4, 12, 100])
 def test_the_chain_agrees_with_fifty_digits(tmp_path: Path, n: int) -> None:
     model = parse_model(CHAIN.format(n=n))
-    codegen.generate(model, tmp_path / "chain", check=False)
+    codegen.generate(model, tmp_path / "chain")
     solver = codegen.load(tmp_path / "chain")
     k = np.arange(1, n + 1)
     q, u = 0.3 * np.sin(k), 0.2 * np.cos(k)
@@ -143,7 +143,7 @@ def test_no_warnings(tmp_path: Path, compiler: str, flags: str) -> None:
         pytest.skip("-mavx2 is a flag of x86-64")
     source = write(tmp_path)
     command = [compiler, "-Wall", "-Wextra", "-Werror", *flags.split(), "-c", str(source), "-o", str(tmp_path / "x.o")]
-    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    result = subprocess.run(command, capture_output=True, text=True)
     assert result.returncode == 0, result.stderr[:2000]
 
 
@@ -156,8 +156,13 @@ bodies:
 parameters:
   call: {value: 1.0, unit: "kg/*m*/ */* %"}
   link: {value: 0.3, unit: "*/"}
+  linux: 2
+  asm: 1
+  bool: 1
+  _Bool: 1
+  __x86_64__: 1
 bodies:
-  lanes: {parent: ground, joint: {type: prismatic, axis: [call, link, 0]}, mass: call}
+  lanes: {parent: ground, joint: {type: prismatic, axis: [call, link, 0]}, mass: call*linux*asm*bool*_Bool*__x86_64__}
 forces:
   NU: {type: joint, joint: lanes, value: link*t}
 """,
@@ -171,7 +176,7 @@ def test_no_warnings_in_corners(tmp_path: Path, text: str, flags: str) -> None:
     for name, content in write_solver(model, "kinds").files.items():
         (tmp_path / name).write_text(content)
     command = ["cc", "-O0", "-Wall", "-Wextra", "-Werror", *flags.split(), "-c", "corner.c", "-o", "x.o"]
-    result = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    result = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
     assert result.returncode == 0, result.stderr[:2000]
 
 
@@ -185,7 +190,7 @@ def test_arithmetic_in_another_order_is_an_error(tmp_path: Path, compiler: str, 
     source = write(tmp_path)
     for given, refused in ((flags, True), ("-O3", False)):
         command = [compiler, *given.split(), "-fsyntax-only", str(source)]
-        result = subprocess.run(command, capture_output=True, text=True, check=False)
+        result = subprocess.run(command, capture_output=True, text=True)
         assert bool(result.returncode) == refused
         assert ("everything.c needs sums in their order" in result.stderr) == refused
 
@@ -194,7 +199,10 @@ def test_header_is_a_header_of_cpp(tmp_path: Path) -> None:
     if not shutil.which("g++"):
         pytest.skip("g++ is not installed")
     write(tmp_path)
-    (tmp_path / "use.cpp").write_text('#include "everything.h"\nint main() { return EVERYTHING_NQ - 14; }\n')
+    (tmp_path / "use.cpp").write_text(
+        '#include "everything.h"\nint main() { return EVERYTHING_NQ - 14; }\n'
+        "static const double p[3] = {9.81, 0.4, 1.3};\nvoid fill(everything_batch *b) { b->p.at = p; }\n"
+    )
     subprocess.run(["g++", "-Wall", "-Wextra", "-Werror", "-c", "use.cpp", "-o", "use.o"], cwd=tmp_path, check=True)
 
 
@@ -233,7 +241,7 @@ def test_every_way_to_compile_gives_the_same_numbers(
 ) -> None:
     monkeypatch.setenv("ORDERNM_CFLAGS", flags)
     model = parse_model(EVERYTHING)
-    codegen.generate(model, tmp_path / "everything", check=False)
+    codegen.generate(model, tmp_path / "everything")
     found = compare(
         model, codegen.load(tmp_path / "everything"), RecursiveEngine(model), np.random.default_rng(5), k=11
     )
@@ -296,7 +304,7 @@ typedef double vector_8 __attribute__((vector_size(8*VECTOR_8), aligned(8), may_
 
 
 def test_an_angle_that_is_not_finite_is_refused(tmp_path: Path) -> None:
-    codegen.generate(parse_model(CHAIN.format(n=2)), tmp_path / "chain", check=False)
+    codegen.generate(parse_model(CHAIN.format(n=2)), tmp_path / "chain")
     solver = codegen.load(tmp_path / "chain")
     with pytest.raises(ValueError, match=r"q\[1\].* is nan"):
         solver.accelerations([0.1, np.nan], [0.0, 0.0])

@@ -13,8 +13,9 @@ import codegen
 from codegen.cli import generate_main
 from codegen.emit.solver import write_solver
 from codegen.mechanics.procedures import UnknownFunctionError
-from codegen.model import load_model
+from codegen.model import load_model, parse_model
 from codegen.runtime.standalone.compiler import find_compiler
+from codegen.runtime.standalone.errors import SingularForceError
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 MODELS = ("double_pendulum", "four_bar")
@@ -112,6 +113,24 @@ def test_unknown_functions_are_told(function, said):
 def test_no_functions_are_told():
     with pytest.raises(UnknownFunctionError, match="none are named; the model may have accelerations"):
         write_solver(load_model(EXAMPLES / "four_bar.yaml"), functions=[])
+
+
+@pytest.mark.parametrize("target", ["c", "numpy"])
+@pytest.mark.parametrize(("function", "weights"), [("energy_gradients", [0.0, 1.0]), ("output_gradients", [1.0])])
+def test_gradients_alone_tell_of_springs_without_length(tmp_path, function, weights, target):
+    """Others would have looked at the pivots."""
+    text = """
+model: sliders
+bodies:
+  a: {parent: ground, joint: {type: prismatic, axis: x}, mass: 1}
+  b: {parent: ground, joint: {type: prismatic, axis: x}, mass: 1}
+forces: {rope: {type: spring, from: a, to: b, stiffness: 3}}
+outputs: {stored: potential_energy}
+"""
+    codegen.generate(parse_model(text), tmp_path / "m", target, functions=[function])
+    solver = codegen.load(tmp_path / "m", target)
+    with pytest.raises(SingularForceError, match="rope"):
+        getattr(solver, function)([0.5, 0.5], [0.0, 0.0], weights=weights)
 
 
 def test_the_command_takes_functions(tmp_path, capsys):

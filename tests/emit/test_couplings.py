@@ -35,7 +35,7 @@ LIKE_ANOTHER = (
 )
 def test_numpy_is_generic_is_dense(tmp_path: Path, name: str) -> None:
     model = by_hand(name).model
-    codegen.generate(model, tmp_path / "mechanism", target="numpy", check=False)
+    codegen.generate(model, tmp_path / "mechanism", target="numpy")
     text = (tmp_path / "mechanism" / f"{model.name}_numpy.py").read_text()
     assert ("couplings" in text) == (name in COUPLED)
     solver = codegen.load(tmp_path / "mechanism")
@@ -61,7 +61,7 @@ def newton_converges(drawn: Mechanism, solver: codegen.Solver) -> None:
 
 @pytest.mark.parametrize(("name", "layout"), [("rails", "kinds"), ("platform", "unrolled")])
 def test_c_is_generic_is_dense(tmp_path: Path, name: str, layout: str) -> None:
-    codegen.generate(by_hand(name).model, tmp_path / "mechanism", target="c", layout=layout, check=False)
+    codegen.generate(by_hand(name).model, tmp_path / "mechanism", target="c", layout=layout)
     check(by_hand(name), codegen.load(tmp_path / "mechanism"), 1)
 
 
@@ -71,14 +71,14 @@ def test_random_mechanisms_of_many_bodies(tmp_path: Path, seed: int) -> None:
     assert drawn is not None
     source = write_solver(drawn.model)
     assert source.system.regions.elimination.slots
-    codegen.generate(drawn.model, tmp_path / "mechanism", target="numpy", check=False)
+    codegen.generate(drawn.model, tmp_path / "mechanism", target="numpy")
     check(drawn, codegen.load(tmp_path / "mechanism"), seed)
 
 
 @pytest.mark.parametrize("name", ["tips_joined_spatial", "platform"])
 def test_loop_forces_are_those_of_the_dense_method(tmp_path: Path, name: str) -> None:
     model, q, u, p = by_hand(name)[:4]
-    codegen.generate(model, tmp_path / "mechanism", target="numpy", reactions=True, check=False)
+    codegen.generate(model, tmp_path / "mechanism", target="numpy", reactions=True)
     _, loops = codegen.load(tmp_path / "mechanism").reactions(q, u, p)
     assert error(loops, DenseEngine(model).reactions(q, u, p)) < 1e-11
 
@@ -101,7 +101,7 @@ def test_operations_grow_with_the_bodies_and_nothing_else(made: Any) -> None:
 def test_a_satellite_far_from_the_origin_loses_nothing(tmp_path: Path) -> None:
     """Its links are compared with each other, not through the ground: the same numbers at 1e7 m."""
     model, q, u, p = by_hand("tips_joined_on_free_base")[:4]
-    codegen.generate(model, tmp_path / "mechanism", target="numpy", check=False)
+    codegen.generate(model, tmp_path / "mechanism", target="numpy")
     solver = codegen.load(tmp_path / "mechanism")
     far = q.copy()
     far[model.coordinate_names.index("base.px")] += 1e7

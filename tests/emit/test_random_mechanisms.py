@@ -123,7 +123,7 @@ def test_numpy_is_generic_is_dense(
     if forces:
         drawn = drawn._replace(model=with_random_elements(np.random.default_rng(seed), drawn.model))
     folder: Path = tmp_path_factory.mktemp("mechanism")
-    codegen.generate(drawn.model, folder / "mechanism", target="numpy", layout=layout, check=False)
+    codegen.generate(drawn.model, folder / "mechanism", target="numpy", layout=layout)
     check(drawn, codegen.load(folder / "mechanism"), seed)
 
 
@@ -135,7 +135,7 @@ def test_c_is_generic_is_dense(tmp_path: Path, seed: int, layout: str, elements:
     assert drawn is not None
     if elements:
         drawn = drawn._replace(model=with_random_elements(np.random.default_rng(seed), drawn.model))
-    codegen.generate(drawn.model, tmp_path / "mechanism", target="c", layout=layout, check=False)
+    codegen.generate(drawn.model, tmp_path / "mechanism", target="c", layout=layout)
     check(drawn, codegen.load(tmp_path / "mechanism"), seed)
 
 
@@ -158,7 +158,7 @@ def test_campaign(tmp_path: Path, capsys, first: int, count: int, target: str, o
             continue
         if seed % 2:
             drawn = drawn._replace(model=with_random_elements(np.random.default_rng(seed), drawn.model))
-        codegen.generate(drawn.model, tmp_path / f"m{seed}", target=target, check=False)
+        codegen.generate(drawn.model, tmp_path / f"m{seed}", target=target)
         check(drawn, codegen.load(tmp_path / f"m{seed}"), seed)
     with capsys.disabled():
         print(f"\n{len(given_up)} of {count} draws given up: {given_up}")

@@ -37,7 +37,7 @@ def test_numpy_is_generic_is_dense(
     if model.nu == 0:
         return  # a draw of fixed joints only: nothing to compare
     folder: Path = tmp_path_factory.mktemp("tree")
-    codegen.generate(model, folder / "tree", target="numpy", layout=layout, check=False)
+    codegen.generate(model, folder / "tree", target="numpy", layout=layout)
     solver = codegen.load(folder / "tree")
     for engine in (RecursiveEngine(model), DenseEngine(model)):
         found = compare(model, solver, engine, np.random.default_rng(seed))

@@ -49,7 +49,7 @@ def crank(tilt: Any, joint: str = "type: revolute, axis: y", off: str = "0") -> 
 
 
 def built(model: Model, folder: Path, target: str = "numpy") -> codegen.Solver:
-    codegen.generate(model, folder, target=target, check=False)
+    codegen.generate(model, folder, target=target)
     return codegen.load(folder, target)
 
 

@@ -16,7 +16,7 @@ from codegen.loops import partition
 @pytest.mark.parametrize("name", BY_HAND)
 def test_numpy_is_generic_is_dense(tmp_path: Path, name: str) -> None:
     drawn = by_hand(name)
-    codegen.generate(drawn.model, tmp_path / "mechanism", target="numpy", check=False)
+    codegen.generate(drawn.model, tmp_path / "mechanism", target="numpy")
     solver = codegen.load(tmp_path / "mechanism")
     check(drawn, solver, 1)
     chosen, model = partition(drawn.model), drawn.model
@@ -27,7 +27,7 @@ def test_numpy_is_generic_is_dense(tmp_path: Path, name: str) -> None:
 
 @pytest.mark.parametrize("name", ["rssr", "rods_on_platform"])
 def test_c_is_generic_is_dense(tmp_path: Path, name: str) -> None:
-    codegen.generate(by_hand(name).model, tmp_path / "mechanism", target="c", check=False)
+    codegen.generate(by_hand(name).model, tmp_path / "mechanism", target="c")
     check(by_hand(name), codegen.load(tmp_path / "mechanism"), 1)
 
 
@@ -36,7 +36,7 @@ def test_random_mechanisms_of_ball_joints_and_free_bodies(tmp_path: Path, seed: 
     drawn = draw(seed, scene="spatial", joints=("revolute", "spherical", "free"), bodies=(3, 4))
     assert drawn is not None
     assert partition(drawn.model).split(drawn.model)
-    codegen.generate(drawn.model, tmp_path / "mechanism", target="numpy", check=False)
+    codegen.generate(drawn.model, tmp_path / "mechanism", target="numpy")
     check(drawn, codegen.load(tmp_path / "mechanism"), seed)
 
 
@@ -44,7 +44,7 @@ def test_assembly_moves_a_split_joint_along_its_dependent_components(tmp_path: P
     """To first order: a guess off by little comes back along the dependent components, and closes."""
     drawn = by_hand("rssr")
     model, q = drawn.model, drawn.q
-    codegen.generate(model, tmp_path / "mechanism", target="numpy", check=False)
+    codegen.generate(model, tmp_path / "mechanism", target="numpy")
     solver = codegen.load(tmp_path / "mechanism")
     chosen = partition(model)
     (group,) = chosen.split(model)

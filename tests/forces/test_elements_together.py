@@ -179,7 +179,7 @@ forces:
   turn: {{type: torque, on: a, value: [0, "k*({value})", 0]}}
 outputs: {{h: {{position: c, axis: z}}}}
 """)
-    codegen.generate(model, tmp_path / "lever", target="numpy", check=False)
+    codegen.generate(model, tmp_path / "lever", target="numpy")
     solver = codegen.load(tmp_path / "lever")
     udot, dudot = solver.sensitivities([0.3], [0.2], dp=[[1.0]])
     assert udot == pytest.approx([3.0 * factor / 0.5], abs=1e-15)

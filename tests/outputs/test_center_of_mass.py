@@ -59,6 +59,15 @@ def test_mistakes_are_told(entry: str, said: str) -> None:
     assert all(part in found for part in said.split("*")), found
 
 
+@pytest.mark.parametrize("entry", ["center_of_mass: system", "momentum: angular, about: center_of_mass"])
+def test_a_system_without_mass_has_none(entry: str) -> None:
+    wheel = (
+        "model: m\nbodies:\n  a: {parent: ground, joint: {type: revolute, axis: x}, inertia: {xx: 1, yy: 1, zz: 1}}\n"
+    )
+    with pytest.raises(ModelError, match="nothing has mass at the default parameters, so there is no centre of mass"):
+        parse_model(wheel + f"outputs:\n  o: {{{entry}, axis: x}}\n")
+
+
 def test_bodies_without_mass_are_told() -> None:
     light = TREE.replace("points:", "  light: {parent: arm, joint: {type: fixed}}\npoints:")
     with pytest.raises(ModelError, match="bodies without mass at the default parameters have no centre of mass"):

@@ -88,6 +88,15 @@ def test_a_package_without_distances_has_no_such_error_in_its_module(tmp_path: P
         ("{distance: [tip, rmi]}", "distance[1]: unknown point 'rmi'"),
         ("{distance: [tip, {body: arm, at: [0, 1]}]}", "distance[1].at: too few numbers; three numbers are needed"),
         ("{distance: [tip, ring]}", "two points of one body, whose distance does not change; points of two bodies are"),
+        (
+            "{distance: [null, tip]}",
+            "distance[0]: nothing; the name of a point or a mapping is needed with the keys body, at",
+        ),
+        (
+            "{distance: [[tip], rim]}",
+            "distance[0]: a list of 1; the name of a point or a mapping is needed with the keys body",
+        ),
+        ("{distance: [{at: [1, 2, 3]}, tip]}", "key 'body' is missing; keys here: body, at"),
         ("{distance: [tip, rim], axis: x}", "an axis beside distance; axis belongs to"),
     ],
 )

@@ -13,7 +13,7 @@ import sympy
 from sympy import Expr, Symbol
 
 from ...model.expressions import Expression, Tree
-from ...model.model import GROUND, Output
+from ...model.model import GROUND, Model, Output
 from ...program.block import Block, Expansion
 from ...program.derivatives import Tangents
 from ...program.functions import SYMBOLIC
@@ -57,6 +57,12 @@ class RecordFormula:
     @cached_property
     def transposed(self) -> Block:
         return transpose_of_tangent(self.tangent)
+
+
+def pivoted_outputs(model: Model) -> list[str]:
+    """Outputs that have a value, but no derivative, where two of their points coincide."""
+    measures = {o.name: MEASURES[o.measure] for o in model.outputs}
+    return [name for name, m in measures.items() if isinstance(m, RecordMeasure) and m.pivots]
 
 
 def output_formulas(system: System) -> tuple[list[FormulaKind], list[RecordFormula]]:

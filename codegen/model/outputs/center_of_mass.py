@@ -38,6 +38,12 @@ class CenterOfMass(Measure):
     def read(cls, entry: Any, x: EntryReader) -> Output | None:
         axis = x.direction(entry.axis, "axis")
         if entry.center_of_mass == SYSTEM:
+            if x.mass() == 0:
+                x.report(
+                    (cls.name,),
+                    "nothing has mass at the default parameters, so there is no centre of mass; give a body some",
+                )
+                return None
             return Output(x.name, cls.name, axis=axis)
         bodies: list[int] = []
         for i, reference in enumerate(entry.center_of_mass):

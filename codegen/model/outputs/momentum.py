@@ -29,6 +29,12 @@ class Momentum(Measure):
             )
             return None
         about = CENTERS[0] if entry.about is None else entry.about
+        if about == "center_of_mass" and x.mass() == 0:
+            x.report(
+                ("about",),
+                "nothing has mass at the default parameters, so there is no centre of mass; give a body some",
+            )
+            return None
         return Output(x.name, cls.name, axis=axis, choice=(entry.momentum, about))
 
     @classmethod

@@ -47,9 +47,11 @@ class Meaning:
     def body(self, reference: Expression, *path: str | int) -> int | None:
         return body_index(self.reader, reference, self.at, path, self.bodies.frames)
 
-    def mass(self, bodies: Sequence[int]) -> float | None:
+    def mass(self, bodies: Sequence[int] | None = None) -> float | None:
         if not self.bodies.is_sound:
             return None
+        if bodies is None:
+            bodies = range(len(self.bodies.bodies))
         return sum(self.reader.numeric(self.bodies.bodies[k].mass) for k in bodies if k != GROUND)
 
     def measured(self, *expressions: Expression) -> tuple[Point, ...]:

@@ -50,7 +50,11 @@ int pendulum_sensitivities_transposed_8(const double *q, const double *u, const 
 int pendulum_sensitivities_transposed_1(const double *q, const double *u, const double *p, const double *dudot,
     double *udot, double *dq, double *du, double *dp, double *work);
 
-/* What every state of a batch has of its own: state i begins at + i*step doubles; 0 is one for all, of what is read. */
+/* An array of every state of a batch, the i-th at + i*step doubles; a step of 0 is one for all, of what is only read. */
+typedef struct {
+    const double *at;
+    long step;
+} pendulum_given;
 typedef struct {
     double *at;
     long step;
@@ -59,8 +63,10 @@ typedef struct {
 /* A batch of count states: fill in what the function called takes. If a state fails, its number (from 0) goes to failed. */
 typedef struct {
     long count, failed;
+    pendulum_given
+        q, u, p;
     pendulum_rows
-        q, u, p, udot, dq, du, dp, dudot, outputs;
+        udot, dudot, outputs, dq, du, dp;
     double *work;
 } pendulum_batch;
 
