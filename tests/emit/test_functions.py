@@ -43,10 +43,8 @@ def test_a_procedure_in_c() -> None:
     assert printer.routine(checked.routine).signature == "static int forward(call *a)"
     assert printer.routine(checked.routine).lines == ["out(a);", "if (a->singular) return a->singular;", "return 0;"]
     assert printer.function(p).lines == [
-        "call c = {0};",
+        "call c = {.u = u, .a = a};",
         "DIRECTIONS(call) d;",
-        "c.u = u;",
-        "c.a = a;",
         "lay_out(&c, work);",
         "if (forward(&c)) return c.singular;",
         "DIRECTIONS(open)(&d, &c, work);",
