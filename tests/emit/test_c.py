@@ -152,6 +152,16 @@ CORNERS = {
 bodies:
   ball: {parent: ground, joint: {type: spherical}, mass: 2, inertia: {xx: 0.4, yy: 0.4, zz: 0.4}}
 """,
+    "springs that store no energy": """
+bodies:
+  a: {parent: ground, joint: {type: prismatic, axis: x}, mass: 2}
+  b: {parent: ground, joint: {type: prismatic, axis: y}, mass: 2}
+  c: {parent: ground, joint: {type: prismatic, axis: z}, mass: 2}
+forces:
+  ab: {type: spring, from: a, to: b, stiffness: 0, damping: 3}
+  ac: {type: spring, from: a, to: c, stiffness: 0, damping: 4}
+outputs: {stored: potential_energy}
+""",
     "units that look like comments, names that C uses": """
 parameters:
   call: {value: 1.0, unit: "kg/*m*/ */* %"}
