@@ -257,8 +257,6 @@ class Writer(ABC):
         signature = self.signature(f"{sweep}_{kinds[0].index}", SWEEP[sweep].lanes, not single)
         place = cache(partial(self.place, kinds, sweep))  # asked for several times for each component
         lines = self.lines(block, place, self.addresses.culprit(kinds, sweep))
-        if not single and not any(re.search(r"\bi\b", line) for line in lines):  # all instances store one number
-            lines = [*self.unused_index(), *lines]
         return Function(f"{block.title}; {self.called(kinds)}", signature, lines, notes(block))
 
     def called(self, kinds: tuple[UnitKind, ...]) -> str:

@@ -389,7 +389,7 @@ class _Writer:
                 case Own() | Zero() | Hold() | Check():  # memory, which is zero at the beginning here
                     pass
                 case _:
-                    raise NotImplementedError(f"{along.name}: {type(step).__name__} over directions has no transpose")
+                    raise TypeError(f"{along.name}: a {type(step).__name__} cannot be run backwards")
         dependent: dict[str, tuple[int, ...]] = {}
         if self.loops:
             independent = dict(zip(("q", "u"), self.system.independent, strict=True))

@@ -310,9 +310,13 @@ class Expansion(Scope):
         self._taken.update(names)
 
     def finish(self) -> Block:
-        """The block: recalled statements are loads, of several stores to one place the last is left."""
+        """The block: recalled statements are loads, of several stores to one place the last is left, and zero is not added."""
         last = {(store, name): i for i, (store, name, _) in enumerate(self.block.stores)}
-        self.block.stores = [s for i, s in enumerate(self.block.stores) if s[0].adds or last[s[0], s[1]] == i]
+        self.block.stores = [
+            (store, name, value)
+            for i, (store, name, value) in enumerate(self.block.stores)
+            if (value != 0 if store.adds else last[store, name] == i)
+        ]
         self.block.statements = [s for s in self.block.statements if s.target not in self._recalled]
         self.block.loads.update(self._recalled)
         return self.block

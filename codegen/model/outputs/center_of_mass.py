@@ -14,6 +14,7 @@ from .keys import OptionalAxis
 from .output import Measure, Output, Speaker
 
 SYSTEM = "system"
+MASSLESS = "nothing has mass at the default parameters, so there is no centre of mass; give a body some"
 
 
 def _bodies(value: Any, handler: Callable[[Any], Any]) -> Any:
@@ -39,10 +40,7 @@ class CenterOfMass(Measure):
         axis = x.direction(entry.axis, "axis")
         if entry.center_of_mass == SYSTEM:
             if x.mass() == 0:
-                x.report(
-                    (cls.name,),
-                    "nothing has mass at the default parameters, so there is no centre of mass; give a body some",
-                )
+                x.report((cls.name,), MASSLESS)
                 return None
             return Output(x.name, cls.name, axis=axis)
         bodies: list[int] = []

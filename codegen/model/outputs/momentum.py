@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, ClassVar, Final
 
 from ..entry_reader import EntryReader
+from .center_of_mass import MASSLESS
 from .keys import OptionalAxis, word
 from .output import Measure, Output, Speaker
 
@@ -30,10 +31,7 @@ class Momentum(Measure):
             return None
         about = CENTERS[0] if entry.about is None else entry.about
         if about == "center_of_mass" and x.mass() == 0:
-            x.report(
-                ("about",),
-                "nothing has mass at the default parameters, so there is no centre of mass; give a body some",
-            )
+            x.report(("about",), MASSLESS)
             return None
         return Output(x.name, cls.name, axis=axis, choice=(entry.momentum, about))
 

@@ -134,7 +134,7 @@ class CTarget:
             symbol = f"{self.model}_{f.name}" + (f"_{width}" if width else "") + "_batch"
             with self._lock:
                 if not self._batches:
-                    self.ffi.cdef(BATCH.format(", ".join(self._batch_arrays)))
+                    self.ffi.cdef(BATCH.format(", ".join(self._batch_arrays)), override=True)
                 self.ffi.cdef(f"int {symbol}(batch *);", override=True)
                 call = self._batches[f.name, width] = getattr(self.library, symbol)
         return call
