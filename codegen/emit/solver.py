@@ -39,6 +39,7 @@ from ..program.progress import Progress, silent
 from .c import CWriter, write_c
 from .calls import write_calls
 from .interface import manifest, operations
+from .motion import has_motion, write_motion
 from .numpy import write_numpy
 
 UNROLLED_LINKS = 8
@@ -168,6 +169,8 @@ def write_solver(
     if functions is not None:
         made["left_out"] = left_out(system, asked)
     files[f"{model.name}_calls.c"] = write_calls(made, {n: a.size for n, a in arrays(system).items()})
+    if has_motion(made["functions"]):
+        files[f"{model.name}_motion.c"] = write_motion(system, made)
     return Source(
         files,
         made,

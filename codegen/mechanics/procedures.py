@@ -107,6 +107,10 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "mass": ("mass_matrix", "mass_matrix_sensitivities", "solve_mass", "solve_mass_sensitivities"),
     "forces": ("inverse_dynamics", "inverse_dynamics_sensitivities"),
     "states": ("assemble_sensitivities", "closure_sensitivities", "initial_sensitivities"),
+    "motion": (
+        "state_rates", "state_rate_sensitivities", "closing_step", "assemble_sensitivities", "outputs", "output_sensitivities",
+        "gradients", "coordinate_rate_gradients", "output_gradients", "assemble_gradients",
+    ),
 }
 """Words for several functions that may be chosen together."""
 
@@ -332,7 +336,7 @@ class _Writer:
     # -- functions -------------------------------------------------------------------------------------------------
 
     def all(self, reactions: bool) -> tuple[Procedure, ...]:
-        found = [*self.dynamics(), self.jacobians(), *self.rates()]
+        found = [*self.dynamics(), self.jacobians(), *self.rates(), *self.state_rates()]
         if not self.loops:
             found += [*self.mass(), *self.inverse_dynamics()]
         found += self.energies()
@@ -480,6 +484,21 @@ class _Writer:
             ["qdot"],
             (*begin, *run("rates")),
             (*begin, *self.along, *self.turns, *run("rate_tangents")),
+        )
+
+    def state_rates(self) -> list[Procedure]:
+        """What integration over time asks for at every stage, in one call."""
+        begin = (*self.begin, *run("rates"), *self.forward)
+        return self.pair(
+            ("state_rates", "state_rate_sensitivities"),
+            (
+                "Time derivatives of coordinates and speeds, for integration over time (Eq. 1 and forward dynamics).",
+                "The same and their total derivative along seeds (Eqs. 2, 3).",
+            ),
+            self.state,
+            ["qdot", "udot"],
+            begin,
+            (*begin, *self.along, self.balance, *run("rate_tangents")),
         )
 
     def mass(self) -> list[Procedure]:
@@ -674,6 +693,13 @@ class _Writer:
                 (step,),
                 (Zero(step), Own(given), Zero(given), *self.begin, *run("correct")),
                 basic=True,
+            ),
+            Procedure(
+                "closing_step",
+                "The same, and the scaled residuals of position before it.",
+                places,
+                (step, position),
+                (Zero(step), Own(given), Zero(given), *self.begin, Own(velocity), *run("residuals", "correct")),
             ),
             Procedure(
                 "completion",

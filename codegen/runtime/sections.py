@@ -11,6 +11,9 @@ from typing import Any
 STANDALONE = Path(__file__).parent / "standalone"
 """The run time: the standard library, NumPy and cffi is all it imports."""
 
+MOTION = Path(__file__).parent / "motion"
+"""The integrators, in C; what a package that can be integrated over time carries beside its own."""
+
 CARRIED = "_runtime"
 """What it is called in a package."""
 
@@ -20,7 +23,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
     "Energies": ("energies", "energy_sensitivities"), "Outputs": ("outputs", "output_sensitivities"),
     "TreeForces": ("mass_matrix", "mass_matrix_sensitivities", "solve_mass", "solve_mass_sensitivities", "inverse_dynamics",
                    "inverse_dynamics_sensitivities"),
-    "Reactions": ("reactions",), "Loops": ("closure",), "States": (), "Redundancy": ("opening",), "Partitions": (),
+    "Simulation": ("state_rates",), "Reactions": ("reactions",), "Loops": ("closure",), "States": (), "Redundancy": ("opening",), "Partitions": (),
 }  # fmt: skip
 """Sections of `Solver`, and what a manifest names, among its functions or beside them, where they are needed."""
 
@@ -53,7 +56,10 @@ def carried_files(manifest: Mapping[str, Any]) -> dict[str, str]:
     while left:
         modules |= left
         left = set().union(*map(_imported, left)) - modules
-    return {f"{CARRIED}/{m}.py": _text(m) for m in ("__init__", *sorted(modules))}
+    found = {f"{CARRIED}/{m}.py": _text(m) for m in ("__init__", *sorted(modules))}
+    if "Simulation" in sections_of(manifest):
+        found |= {f"{MOTION.name}/{file.name}": file.read_text(encoding="utf-8") for file in sorted(MOTION.glob("*.[ch]"))}
+    return found
 
 
 @functools.cache

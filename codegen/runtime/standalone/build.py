@@ -36,13 +36,16 @@ class Build:
     name : str
         The model's name.
     sources : list of str
-        C files; left out: ``<name>.c``, ``<name>_calls.c``.
+        C files; left out: ``<name>.c``, ``<name>_calls.c`` and, where there is one, ``<name>_motion.c``.
     """
 
     def __init__(self, folder: Path, name: str, sources: Sequence[str] = ()):
         self.folder = folder
         self.name = name
         self.sources = [folder / s for s in sources or [f"{name}.c", f"{name}_calls.c"]]
+        motion = folder / f"{name}_motion.c"
+        if not sources and motion.is_file():
+            self.sources.append(motion)
         self.flags = optimization()
         try:
             self.compiler = find_compiler()
@@ -55,7 +58,8 @@ class Build:
     def key(self) -> str:
         """Beginning of the library's name; ``*`` for the compiler if there is none."""
         source = hashlib.sha256()
-        for file in (*self.sources, *sorted(self.folder.glob(f"{self.name}*.h"))):
+        headers = (*sorted(self.folder.glob(f"{self.name}*.h")), *sorted(self.folder.glob("motion/*.h")))
+        for file in (*self.sources, *headers):
             if file.name != f"{self.name}_model.h":  # defaults, which the library does not hold
                 source.update(file.read_bytes())
         machine = short_key(*STANDARD, *self.flags, processor())

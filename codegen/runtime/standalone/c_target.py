@@ -107,6 +107,12 @@ class CTarget:
         """Where an array begins; keeps it alive."""
         return self.ffi.from_buffer(self._doubles, x)
 
+    def address(self, symbol: str) -> int:
+        """What a function of the library without arguments returns: the address of a struct."""
+        with self._lock:
+            self.ffi.cdef(f"void *{symbol}(void);", override=True)
+            return int(self.ffi.cast("intptr_t", getattr(self.library, symbol)()))
+
     def _function(self, f: Function) -> Any:
         """The C function with the one signature of all; declared when first called, which keeps loading quick."""
         call = self._calls.get(f.name)

@@ -1,0 +1,83 @@
+"""Writes ``NAME_motion.c``: the functions of a solver as the integrators of ``motion/`` call them, each with one signature."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from ..mechanics.structure.system import System
+from ..version import __version__
+from .function import called_with
+from .templates import render
+
+VALUES = ("state_rates", "closing_step", "completion", "outputs", "conditions")
+"""Functions of values that integration calls, those of them that a solver has."""
+
+ALONG = (
+    "state_rate_sensitivities", "completion_sensitivities", "output_sensitivities", "sensitivities_transposed",
+    "coordinate_rate_sensitivities_transposed", "completion_sensitivities_transposed", "output_sensitivities_transposed",
+)  # fmt: skip
+"""Those over directions."""
+
+WIDTHS = (1, 8)
+"""How many directions are integrated together."""
+
+
+def has_motion(functions: Mapping[str, Any]) -> bool:
+    """Whether a solver of these functions can be integrated over time."""
+    return "state_rates" in functions
+
+
+def write_motion(system: System, manifest: Mapping[str, Any]) -> str:
+    """The C of the calls.
+
+    Parameters
+    ----------
+    manifest : dict
+        See `codegen.emit.interface.manifest`.
+    """
+    name, functions = manifest["name"], manifest["functions"]
+    calls = [(f, _call(name, f, functions[f], "")) for f in VALUES if f in functions]
+    calls += [(f"{f}_{w}", _call(name, f, functions[f], f"_{w}")) for f in ALONG if f in functions for w in WIDTHS]
+    model = system.model
+    free_q, free_u = system.independent
+    dropped = set(manifest.get("dropped", ()))
+    tables = {
+        "free_q": list(free_q),
+        "free_u": list(free_u),
+        "quaternion": manifest["quaternions"],
+        "kept": [k for k in range(len(model.closure_names)) if k not in dropped],
+    }
+    shared = {n.partition(".")[0] for i, n in enumerate(model.speed_names) if i not in set(free_u)}
+    split = any(n.partition(".")[0] in shared for n in (model.coordinate_names[i] for i in free_q))
+    numbers = {
+        "nq": model.nq, "nu": model.nu, "np": len(model.parameters), "ninputs": len(model.inputs), "noutputs": len(model.outputs),
+        "nclosure": len(model.closure_names), "nloops": len(model.loops),
+        "plain_rates": int(model.coordinate_names == model.speed_names), "workspace": manifest["workspace"],
+        "split": int(split),
+    }  # fmt: skip
+    members = [f".{key} = {value}" for key, value in numbers.items()]
+    for table, counter in (("free_q", "nfree_q"), ("free_u", "nfree_u"), ("quaternion", "nquaternions"), ("kept", "nkept")):
+        members.append(f".{counter} = {len(tables[table])}")
+        members += [f".{table} = {table}"] if tables[table] else []
+    members += [f".{f} = {f}" for f in VALUES if f in functions]
+    for f in ALONG:
+        members += [f".{f} = {{{', '.join(f'{f}_{w}' for w in WIDTHS)}}}"] if f in functions else []
+    return render(
+        "c/motion.c.jinja",
+        {
+            "name": name,
+            "version": __version__,
+            "functions": calls,
+            "tables": [(table, numbers) for table, numbers in tables.items() if numbers],
+            "members": [f"{m}," for m in members],
+        },
+    )
+
+
+def _call(model: str, name: str, function: Mapping[str, Any], width: str) -> str:
+    arguments = [*function["arguments"], *function.get("seeds", ()), *function["results"], "work"]
+    return called_with(f"{model}_{name}{width}(", [f"c->{a}" for a in arguments])
+
+
+__all__ = ["has_motion", "write_motion"]

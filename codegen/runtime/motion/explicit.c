@@ -1,0 +1,129 @@
+/* Explicit Runge-Kutta methods: a step, its error, and what lies between its ends.
+ *
+ * Every stage, the step's end and every state in between are sums z + h*sum(factor*rate): the interpolants too are written so,
+ * with factors that depend on where one looks. Their derivatives, and what runs them backwards, follow at once. */
+#include "inside.h"
+
+#include "explicit_tables.h"
+
+#ifdef __GNUC__
+typedef double eight __attribute__((vector_size(64), aligned(64), may_alias));
+#endif
+
+/* out = z + h*sum(factor*rate[which]); n is a multiple of 8, arrays begin at cache lines. */
+void ordernm_combine(long n, double *out, const double *z, double h, int count, const int *which, const double *factor,
+    double *const *rate)
+{
+#ifdef __GNUC__
+    for (long i = 0; i < n; i += 8) {
+        eight sum = {0.0};
+        for (int j = 0; j < count; ++j) sum += factor[j]**(const eight *)(rate[which[j]] + i);
+        *(eight *)(out + i) = *(const eight *)(z + i) + h*sum;
+    }
+#else
+    for (long i = 0; i < n; ++i) {
+        double sum = 0.0;
+        for (int j = 0; j < count; ++j) sum += factor[j]*rate[which[j]][i];
+        out[i] = z[i] + h*sum;
+    }
+#endif
+}
+
+static void stage(ordernm_motion *m, const row *r, double h, double *z)
+{
+    ordernm_combine(m->size, z, m->z, h, r->count, r->which, r->factor, m->rate);
+}
+
+static const int every[16] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
+
+/* ---- Dormand and Prince's method of order 8. ---- */
+
+static int dop853_step(ordernm_motion *m, double h, double *error)
+{
+    for (int i = 1; i < 12; ++i) {
+        stage(m, dop853_rows + i, h, m->trial);
+        const int status = ordernm_rates(m, m->t + dop853_times[i]*h, m->trial, m->rate[i]);
+        if (status) return status;
+    }
+    stage(m, dop853_rows + 12, h, m->next);
+    const long n = m->problem->atol_directions ? m->size : m->values;
+    ordernm_combine(n, m->error[0], m->zeros, h, 12, every, dop853_error5, m->rate);
+    ordernm_combine(n, m->error[1], m->zeros, h, 12, every, dop853_error3, m->rate);
+    *error = ordernm_error_norm(m, m->next, m->error[0], m->error[1]);
+    return 0;
+}
+
+static int dop853_complete(ordernm_motion *m, double h)
+{
+    for (int i = 13; i < 16; ++i) {
+        stage(m, dop853_rows + i, h, m->trial);
+        const int status = ordernm_rates(m, m->t + dop853_times[i]*h, m->trial, m->rate[i]);
+        if (status) return status;
+    }
+    return 0;
+}
+
+/* Factors of the rates in the state at t + theta h. */
+void ordernm_dop853_weights(double theta, double *w)
+{
+    const double x = theta, y = 1.0 - theta;
+    for (int i = 0; i < 16; ++i) {
+        w[i] = y*(dop853_dense[0][i] + x*(dop853_dense[1][i] + y*(dop853_dense[2][i] + x*dop853_dense[3][i])));
+        w[i] = i == 0 || i == 12 ? w[i] - 1.0 : w[i];
+    }
+    const row *end = dop853_rows + 12;
+    for (int j = 0; j < end->count; ++j) w[end->which[j]] += 2.0*end->factor[j];
+    for (int i = 0; i < 16; ++i) w[i] *= x;
+    for (int j = 0; j < end->count; ++j) w[end->which[j]] -= end->factor[j];
+    w[0] += 1.0;
+    for (int i = 0; i < 16; ++i) w[i] *= y;
+    for (int j = 0; j < end->count; ++j) w[end->which[j]] += end->factor[j];
+    for (int i = 0; i < 16; ++i) w[i] *= x;
+}
+
+static void dop853_interpolate(ordernm_motion *m, double h, double theta, double *z)
+{
+    double w[16];
+    ordernm_dop853_weights(theta, w);
+    ordernm_combine(m->size, z, m->z, h, 16, every, w, m->rate);
+}
+
+const method ordernm_dop853 = {12, 16, 8, dop853_step, dop853_complete, dop853_interpolate};
+
+/* ---- The classical method of order 4. ---- */
+
+static int rk4_step(ordernm_motion *m, double h, double *error)
+{
+    for (int i = 1; i < 4; ++i) {
+        stage(m, rk4_rows + i, h, m->trial);
+        const int status = ordernm_rates(m, m->t + rk4_times[i]*h, m->trial, m->rate[i]);
+        if (status) return status;
+    }
+    stage(m, rk4_rows + 4, h, m->next);
+    *error = 0.0;
+    return 0;
+}
+
+static int rk4_complete(ordernm_motion *m, double h)
+{
+    (void)m, (void)h;
+    return 0;
+}
+
+/* The same of Hermite's cubic through both ends. */
+void ordernm_rk4_weights(double theta, double *w)
+{
+    const double x = theta, y = 1.0 - theta;
+    for (int i = 0; i < 4; ++i) w[i] = x*x*(3.0 - 2.0*x)*rk4_rows[4].factor[i];
+    w[0] += x*y*y;
+    w[4] = -x*x*y;
+}
+
+static void rk4_interpolate(ordernm_motion *m, double h, double theta, double *z)
+{
+    double w[5];
+    ordernm_rk4_weights(theta, w);
+    ordernm_combine(m->size, z, m->z, h, 5, every, w, m->rate);
+}
+
+const method ordernm_rk4 = {4, 5, 5, rk4_step, rk4_complete, rk4_interpolate};

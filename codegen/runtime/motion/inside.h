@@ -1,0 +1,77 @@
+/* What the files of motion share: how the state lies in memory, and what is done with one state.
+ *
+ * What is integrated is one array z of `size` doubles: the independent coordinates and speeds, integrals of outputs, predictions
+ * of the dependent coordinates, then for each group of directions the derivatives of the first three quarters of these, with the
+ * direction as last index. Dependent speeds follow from closure whenever rates are asked for; so do dependent coordinates, which
+ * are integrated only for Newton's method to begin near them. Parts begin at whole cache lines; what fills them up is zero. */
+#ifndef ORDERNM_MOTION_INSIDE_H
+#define ORDERNM_MOTION_INSIDE_H
+
+#include "motion.h"
+
+#include <stddef.h>
+
+enum { LANES = 8, MOST_STAGES = 16 };
+
+/* Directions that are evaluated together. */
+typedef struct {
+    int width, index;         /* 1 or 8 lanes; which of the functions of a system */
+    int first, used;          /* the first of its directions, and how many lanes have one */
+    long at;                  /* where its derivatives begin in z */
+    double *dp;               /* [np][width] */
+} group;
+
+/* What a method does, from z, and rate[0] there, to next. */
+typedef struct {
+    int stages;               /* of a step; the next rate is that at its end */
+    int all;                  /* with those that the interpolant needs */
+    int order;                /* errors of a step are proportional to the step to its power */
+    int (*step)(ordernm_motion *m, double h, double *error);                   /* 1 is the largest error allowed */
+    int (*complete)(ordernm_motion *m, double h);                              /* the further stages */
+    void (*interpolate)(ordernm_motion *m, double h, double theta, double *z); /* at t + theta h */
+} method;
+
+struct ordernm_motion {
+    const ordernm_problem *problem;
+    const ordernm_system *system;
+    const method *method;
+    int ny, nx, nd;           /* independent coordinates and speeds, integrals, dependent coordinates */
+    int identity;             /* all are independent: arrays of z are those of the system */
+    long values, size;        /* doubles of z without and with derivatives */
+    int ngroups;
+    group *groups;
+    int *dependent;           /* [nd] coordinates */
+    double *z, *next;         /* at the step's beginning and end */
+    double *rate[MOST_STAGES];
+    double *trial, *zeros, *error[2];
+    double *work, *q, *u, *qdot, *udot, *newton, *position, *outputs, *inputs;
+    double *dq, *du, *dqdot, *dudot, *full_dq, *full_du, *doutputs, *dinputs;
+    double *row;
+    /* where it is */
+    double t, h;
+    long segment;             /* of the inputs' spline in this step */
+    long sampled;             /* of the times that results are wanted at */
+    int begun, ended, rejected_before, complete;
+    double *crossing;         /* [nevents] at the step's beginning */
+    ordernm_results *results;
+    long far_steps;           /* in which an explicit method was at its limit of stability */
+};
+
+/* state.c */
+int ordernm_rates(ordernm_motion *m, double t, const double *z, double *rate);
+int ordernm_assembled(ordernm_motion *m, double t, const double *z);
+int ordernm_settle(ordernm_motion *m, double t, double *z);
+int ordernm_report(ordernm_motion *m, double t, const double *z, double *row);
+void ordernm_find_segment(ordernm_motion *m, double t, double h);
+double ordernm_next_knot(const ordernm_motion *m, double t);
+int ordernm_all_finite(const double *x, long n);
+
+/* explicit.c */
+extern const method ordernm_rk4, ordernm_dop853;
+void ordernm_combine(long n, double *out, const double *z, double h, int count, const int *which, const double *factor,
+    double *const *rate);
+
+/* control.c */
+double ordernm_error_norm(const ordernm_motion *m, const double *next, const double *error, const double *second);
+
+#endif

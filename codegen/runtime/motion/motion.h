@@ -1,0 +1,153 @@
+/* Motion over time of a system that ordernm has generated, with exact sensitivities.
+ *
+ * A package has, in NAME_motion.c, `NAME_system`: its functions and sizes. A motion is described by an ordernm_problem,
+ * begun in memory of the caller's, and goes on until it has ended, for so many seconds, or until there is no more room for
+ * results:
+ *
+ *     ordernm_motion *m = ordernm_begin(&problem, calloc(ordernm_room(&problem), sizeof(double)));
+ *     while (ordernm_go(m, &results, 0.1) == ORDERNM_PAUSED) say_how_far(results.t);
+ *
+ * No function allocates memory, keeps anything outside of the memory given, or prints. Times are in s, everything else in SI
+ * units and radians. Directions are what sensitivities are along: parameters, initial values, inputs, any combination.
+ */
+#ifndef ORDERNM_MOTION_H
+#define ORDERNM_MOTION_H
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* ---- What a generated package brings. ---- */
+
+/* Arguments and results of a function of a package, for its functions to pick theirs. Of what begins with d there is one row
+ * for each entry, [n][width], with a number for each direction; transposes read derivatives there and write seeds. */
+typedef struct {
+    const double *q, *u, *p, *inputs;
+    double t;
+    double *dq, *du, *dp, *dinputs;
+    double *qdot, *udot, *dqdot, *dudot;
+    double *outputs, *doutputs;
+    double *full_u, *dfull_q, *dfull_u;
+    double *step, *position, *condition;
+    double *work;
+} ordernm_call;
+
+/* Returns 0, or which pivot is zero, as the package's header says. */
+typedef int ordernm_function(const ordernm_call *call);
+
+enum { ORDERNM_WIDTHS = 2 }; /* of functions over directions: 1 and 8 at once */
+
+typedef struct {
+    int nq, nu, np, ninputs, noutputs, nclosure, nloops;
+    int plain_rates;                       /* the coordinates' time derivatives are the speeds */
+    long workspace;                        /* doubles */
+    int nfree_q, nfree_u;                  /* independent coordinates and speeds ... */
+    const int *free_q, *free_u;            /* ... and which ones */
+    int nquaternions;
+    const int *quaternion;                 /* where each begins in q */
+    int nkept;
+    const int *kept;                       /* conditions of closure that no others imply */
+    int split;                             /* a joint has independent and dependent speeds */
+    /* What has not been generated is 0. */
+    ordernm_function *state_rates, *closing_step, *completion, *outputs, *conditions;
+    ordernm_function *state_rate_sensitivities[ORDERNM_WIDTHS], *completion_sensitivities[ORDERNM_WIDTHS],
+        *output_sensitivities[ORDERNM_WIDTHS];
+    ordernm_function *sensitivities_transposed[ORDERNM_WIDTHS], *coordinate_rate_sensitivities_transposed[ORDERNM_WIDTHS],
+        *completion_sensitivities_transposed[ORDERNM_WIDTHS], *output_sensitivities_transposed[ORDERNM_WIDTHS];
+} ordernm_system;
+
+/* ---- What is asked for. ---- */
+
+enum { ORDERNM_RK4, ORDERNM_DOP853, ORDERNM_RADAU };
+
+/* Inputs over time: a spline of degree 0 (steps), 1 or 3, sums of B-splines; before the first and after the last knot it stays
+ * as it is there. Without knots, inputs are constant: count is 1. */
+typedef struct {
+    int degree;
+    long count;
+    const double *knots;      /* [count + degree + 1], or 0 */
+    const double *values;     /* [count][ninputs]; 0 for zeros */
+    const double *directions; /* [ndirections][count][ninputs]; 0 for zeros */
+} ordernm_inputs;
+
+/* An output that crosses a level. */
+typedef struct {
+    int output;
+    double level;
+    int direction;            /* 1: upwards only, -1: downwards only, 0: both */
+    int stop;                 /* the motion ends there */
+} ordernm_event;
+
+typedef struct {
+    const ordernm_system *system;
+    int method;
+    const double *p;          /* [np] */
+    const double *q, *u;      /* the initial state, consistent */
+    int ndirections;
+    const double *dq, *du;    /* [ndirections][nq], [ndirections][nu]: its derivatives; 0 for zeros */
+    const double *dp;         /* [ndirections][np]; 0 for zeros */
+    ordernm_inputs inputs;
+    double start, end;
+    long ntimes;
+    const double *times;      /* where results are wanted, rising, from start to end; ntimes 0: at every step */
+    double step;              /* of ORDERNM_RK4; of others the first one, 0 to leave it to them */
+    double largest_step;      /* 0 for any */
+    long most_steps;          /* 0 for any */
+    double rtol;
+    const double *atol;       /* [nfree_q + nfree_u + nintegrals] */
+    const double *atol_directions; /* [ndirections]: errors of sensitivities count too; 0: those of the state only */
+    int nintegrals;
+    const int *integrals;     /* outputs that are integrated over time */
+    int nevents;
+    const ordernm_event *events;
+} ordernm_problem;
+
+/* ---- What comes of it. ---- */
+
+enum {
+    ORDERNM_ENDED, ORDERNM_PAUSED, ORDERNM_FULL, ORDERNM_EVENT, ORDERNM_SINGULAR, ORDERNM_OPEN, ORDERNM_COLLAPSED,
+    ORDERNM_NOT_FINITE, ORDERNM_MANY_STEPS
+};
+
+/* Rows of results: t, q, u, outputs, integrals, then dq [ndirections][nq], du, doutputs, dintegrals. */
+typedef struct {
+    double *rows;
+    long capacity, count;
+    /* The steps, for ordernm_backwards; rows of ordernm_step_size. Not kept if steps is 0. */
+    double *steps;
+    long steps_capacity, steps_count;
+    /* Times at which events happened, and which; rows as above. Not kept if events is 0. */
+    double *events;
+    int *which;
+    long events_capacity, events_count;
+    double t;                 /* how far it has come */
+    int singular;             /* what the function returned that failed */
+    int component;            /* which of the state's entries kept the step small, or was not finite */
+    long accepted, rejected, evaluations, closing_steps, jacobians, factorizations;
+    double stiffness;         /* largest step times largest eigenvalue seen lately; above 4 an explicit method is at its limit */
+} ordernm_results;
+
+typedef struct ordernm_motion ordernm_motion;
+
+/* Doubles of memory that a motion needs. */
+long ordernm_room(const ordernm_problem *problem);
+
+/* Doubles of a row of results, and of a row of steps. */
+long ordernm_row_size(const ordernm_problem *problem);
+long ordernm_step_size(const ordernm_problem *problem);
+
+/* Begins a motion; the problem, and what it points to, must stay as they are. */
+ordernm_motion *ordernm_begin(const ordernm_problem *problem, double *room);
+
+/* Goes on: to the end, for about so many seconds (0 for any time), or until results are full. After ORDERNM_FULL, give more
+ * room and call again. */
+int ordernm_go(ordernm_motion *motion, ordernm_results *results, double seconds);
+
+/* Where the motion is: coordinates and speeds, consistent. */
+void ordernm_state(const ordernm_motion *motion, double *q, double *u);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

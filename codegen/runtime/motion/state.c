@@ -1,0 +1,347 @@
+/* One state: its independent entries taken apart and put together, loops closed, inputs, rates, rows of results. */
+#include "inside.h"
+
+#include <math.h>
+#include <string.h>
+
+enum { CLOSING_STEPS = 12 };
+
+/* Scaled residual of position that one more of Newton's steps, which squares it, takes below rounding. */
+static const double NEARLY_CLOSED = 1e-8;
+
+int ordernm_all_finite(const double *x, long n)
+{
+    double sum = 0.0;
+    for (long i = 0; i < n; ++i) sum += 0.0*x[i];
+    return sum == 0.0;
+}
+
+/* ---- Inputs. ---- */
+
+/* The first knot behind t, with what rounding makes of it. */
+double ordernm_next_knot(const ordernm_motion *m, double t)
+{
+    const ordernm_inputs *in = &m->problem->inputs;
+    if (!in->knots) return INFINITY;
+    const long n = in->count + in->degree + 1;
+    const double least = t + 1e-12*(fabs(t) + 1e-3);
+    for (long i = 0; i < n; ++i)
+        if (in->knots[i] > least) return in->knots[i];
+    return INFINITY;
+}
+
+/* The piece of the spline that a step lies in. */
+void ordernm_find_segment(ordernm_motion *m, double t, double h)
+{
+    const ordernm_inputs *in = &m->problem->inputs;
+    if (!in->knots) return;
+    const double middle = t + 0.5*h;
+    long low = in->degree, high = in->count - 1;
+    while (low < high) {
+        const long at = (low + high + 1)/2;
+        if (in->knots[at] <= middle) low = at;
+        else high = at - 1;
+    }
+    m->segment = low;
+}
+
+/* The B-splines that are not zero at t, degree + 1 of them; returns the number of the first (de Boor). */
+static long b_splines(const ordernm_motion *m, double t, double *value)
+{
+    const ordernm_inputs *in = &m->problem->inputs;
+    const double *knot = in->knots;
+    const long at = m->segment;
+    const double first = knot[in->degree], last = knot[in->count];
+    const double x = t < first ? first : t > last ? last : t;
+    double left[4], right[4];
+    value[0] = 1.0;
+    for (int j = 1; j <= in->degree; ++j) {
+        left[j] = x - knot[at + 1 - j];
+        right[j] = knot[at + j] - x;
+        double saved = 0.0;
+        for (int i = 0; i < j; ++i) {
+            const double part = value[i]/(right[i + 1] + left[j - i]);
+            value[i] = saved + right[i + 1]*part;
+            saved = left[j - i]*part;
+        }
+        value[j] = saved;
+    }
+    return at - in->degree;
+}
+
+static const double *inputs_at(ordernm_motion *m, double t)
+{
+    const ordernm_inputs *in = &m->problem->inputs;
+    const int n = m->system->ninputs;
+    if (!n || !in->values) return m->inputs; /* zeros */
+    if (!in->knots) return in->values;
+    double value[4];
+    const long first = b_splines(m, t, value);
+    for (int i = 0; i < n; ++i) {
+        m->inputs[i] = 0.0;
+        for (int b = 0; b <= in->degree; ++b) m->inputs[i] += value[b]*in->values[(first + b)*n + i];
+    }
+    return m->inputs;
+}
+
+/* Their derivatives along the directions of a group. */
+static double *input_directions(ordernm_motion *m, double t, const group *g)
+{
+    const ordernm_inputs *in = &m->problem->inputs;
+    const int n = m->system->ninputs, width = g->width;
+    if (!n || !in->directions) return m->dinputs; /* zeros */
+    double value[4] = {1.0};
+    const long first = in->knots ? b_splines(m, t, value) : 0;
+    for (int i = 0; i < n; ++i)
+        for (int l = 0; l < width; ++l) {
+            double sum = 0.0;
+            if (l < g->used)
+                for (int b = 0; b <= in->degree; ++b)
+                    sum += value[b]*in->directions[((g->first + l)*in->count + first + b)*n + i];
+            m->dinputs[i*width + l] = sum;
+        }
+    return m->dinputs;
+}
+
+/* ---- The state of the system. ---- */
+
+/* All coordinates and speeds, the dependent ones as predicted; m->q and m->u unless z has them as they are. */
+static ordernm_call arguments(ordernm_motion *m, double t, const double *z)
+{
+    const ordernm_system *s = m->system;
+    ordernm_call c = {.p = m->problem->p, .t = t, .work = m->work};
+    c.inputs = inputs_at(m, t);
+    if (m->identity) {
+        c.q = z;
+        c.u = z + s->nq;
+        return c;
+    }
+    for (int i = 0; i < s->nfree_q; ++i) m->q[s->free_q[i]] = z[i];
+    for (int i = 0; i < s->nfree_u; ++i) m->u[s->free_u[i]] = z[s->nfree_q + i];
+    const double *predicted = z + m->ny + m->nx;
+    for (int i = 0; i < m->nd; ++i) m->q[m->dependent[i]] = predicted[i];
+    c.q = m->q;
+    c.u = m->u;
+    return c;
+}
+
+/* Seeds of a group. */
+static void seeds(ordernm_motion *m, double t, const double *z, const group *g, ordernm_call *c)
+{
+    const ordernm_system *s = m->system;
+    const int width = g->width;
+    double *S = (double *)z + g->at;
+    c->dp = g->dp;
+    c->dinputs = input_directions(m, t, g);
+    if (m->identity) {
+        c->dq = S;
+        c->du = S + s->nq*width;
+        return;
+    }
+    for (int i = 0; i < s->nfree_q; ++i) memcpy(m->dq + s->free_q[i]*width, S + i*width, width*sizeof(double));
+    for (int i = 0; i < s->nfree_u; ++i)
+        memcpy(m->du + s->free_u[i]*width, S + (s->nfree_q + i)*width, width*sizeof(double));
+    c->dq = m->dq;
+    c->du = m->du;
+}
+
+static double largest_residual(const ordernm_motion *m)
+{
+    double largest = 0.0;
+    for (int i = 0; i < m->system->nkept; ++i) {
+        const double x = fabs(m->position[m->system->kept[i]]);
+        if (!(x <= largest)) largest = x;
+    }
+    return largest;
+}
+
+/* Closes the loops of m->q by Newton's method. Returns 0, what the function returned, or -1 if they do not close. */
+static int close_loops(ordernm_motion *m, ordernm_call *c)
+{
+    const ordernm_system *s = m->system;
+    if (!s->closing_step) return 0;
+    double before = INFINITY;
+    c->step = m->newton;
+    c->position = m->position;
+    for (int n = 0; n < CLOSING_STEPS; ++n) {
+        ++m->results->closing_steps;
+        const int singular = s->closing_step(c);
+        if (singular) return singular;
+        const double residual = largest_residual(m);
+        if (!(residual < 0.5*before) && residual > NEARLY_CLOSED) return -1;
+        for (int i = 0; i < s->nq; ++i) m->q[i] += m->newton[i];
+        if (residual <= NEARLY_CLOSED) return 0;
+        before = residual;
+    }
+    return -1;
+}
+
+int ordernm_assembled(ordernm_motion *m, double t, const double *z)
+{
+    ordernm_call c = arguments(m, t, z);
+    return close_loops(m, &c);
+}
+
+/* ---- Rates. ---- */
+
+/* Time derivatives of z. Returns 0, what a function returned, or -1 if loops do not close. */
+int ordernm_rates(ordernm_motion *m, double t, const double *z, double *rate)
+{
+    const ordernm_system *s = m->system;
+    const ordernm_problem *p = m->problem;
+    ordernm_call c = arguments(m, t, z);
+    int status = close_loops(m, &c);
+    if (status) return status;
+    ++m->results->evaluations;
+    c.qdot = m->identity ? rate : m->qdot;
+    c.udot = m->identity ? rate + s->nq : m->udot;
+    if (!m->ngroups && (status = s->state_rates(&c))) return status;
+    for (int n = 0; n < m->ngroups; ++n) {
+        const group *g = m->groups + n;
+        double *S = rate + g->at;
+        const int width = g->width;
+        seeds(m, t, z, g, &c);
+        c.dqdot = m->identity ? S : m->dqdot;
+        c.dudot = m->identity ? S + s->nq*width : m->dudot;
+        if ((status = s->state_rate_sensitivities[g->index](&c))) return status;
+        if (!m->identity) {
+            for (int i = 0; i < s->nfree_q; ++i)
+                memcpy(S + i*width, m->dqdot + s->free_q[i]*width, width*sizeof(double));
+            for (int i = 0; i < s->nfree_u; ++i)
+                memcpy(S + (s->nfree_q + i)*width, m->dudot + s->free_u[i]*width, width*sizeof(double));
+        }
+        if (m->nx) {
+            c.outputs = m->outputs;
+            c.doutputs = m->doutputs;
+            if ((status = s->output_sensitivities[g->index](&c))) return status;
+            for (int i = 0; i < m->nx; ++i)
+                memcpy(S + (m->ny + i)*width, m->doutputs + p->integrals[i]*width, width*sizeof(double));
+        }
+    }
+    if (m->nx) {
+        if (!m->ngroups) {
+            c.outputs = m->outputs;
+            if ((status = s->outputs(&c))) return status;
+        }
+        for (int i = 0; i < m->nx; ++i) rate[m->ny + i] = m->outputs[p->integrals[i]];
+    }
+    if (!m->identity) {
+        for (int i = 0; i < s->nfree_q; ++i) rate[i] = m->qdot[s->free_q[i]];
+        for (int i = 0; i < s->nfree_u; ++i) rate[s->nfree_q + i] = m->udot[s->free_u[i]];
+        double *predicted = rate + m->ny + m->nx;
+        for (int i = 0; i < m->nd; ++i) predicted[i] = m->qdot[m->dependent[i]];
+    }
+    return 0;
+}
+
+/* ---- Between steps. ---- */
+
+static double length_of(const double *e)
+{
+    return sqrt(e[0]*e[0] + e[1]*e[1] + e[2]*e[2] + e[3]*e[3]);
+}
+
+/* Gives a quaternion length one, and its derivatives along so many directions what they are then. */
+static void normalise(double *e, double *de, int width)
+{
+    const double length = length_of(e);
+    for (int i = 0; i < 4; ++i) e[i] /= length;
+    for (int l = 0; l < width; ++l) {
+        double along = 0.0;
+        for (int i = 0; i < 4; ++i) {
+            de[i*width + l] /= length;
+            along += e[i]*de[i*width + l];
+        }
+        for (int i = 0; i < 4; ++i) de[i*width + l] -= e[i]*along;
+    }
+}
+
+/* What is done with a state between two steps: predictions become what closure asks for, and so do independent entries that a
+ * joint shares with dependent ones. Returns 1 if more than predictions has changed: rates are computed anew then; -1 if loops do
+ * not close. */
+int ordernm_settle(ordernm_motion *m, double t, double *z)
+{
+    const ordernm_system *s = m->system;
+    if (m->identity) return 0;
+    ordernm_call c = arguments(m, t, z);
+    if (close_loops(m, &c)) return -1;
+    double *predicted = z + m->ny + m->nx;
+    for (int i = 0; i < m->nd; ++i) predicted[i] = m->q[m->dependent[i]];
+    if (!s->split) return 0;
+    for (int i = 0; i < s->nfree_q; ++i) z[i] = m->q[s->free_q[i]];
+    c.full_u = m->qdot; /* as long as it is needed, and not needed itself */
+    for (int n = 0; n < m->ngroups; ++n) {
+        const group *g = m->groups + n;
+        const int width = g->width;
+        double *S = z + g->at;
+        seeds(m, t, z, g, &c);
+        c.dfull_q = m->full_dq;
+        c.dfull_u = m->full_du;
+        if (s->completion_sensitivities[g->index](&c)) return -1;
+        for (int i = 0; i < s->nfree_q; ++i)
+            memcpy(S + i*width, m->full_dq + s->free_q[i]*width, width*sizeof(double));
+    }
+    return 1;
+}
+
+/* ---- Results. ---- */
+
+/* A row of results at a state: its loops closed, quaternions of length one. */
+int ordernm_report(ordernm_motion *m, double t, const double *z, double *row)
+{
+    const ordernm_system *s = m->system;
+    const ordernm_problem *p = m->problem;
+    ordernm_call c = arguments(m, t, z);
+    int status = close_loops(m, &c);
+    if (status) return status;
+    double *q = row + 1, *u = q + s->nq, *outputs = u + s->nu, *integrals = outputs + s->noutputs;
+    double *dq = integrals + m->nx, *du = dq + (long)p->ndirections*s->nq, *doutputs = du + (long)p->ndirections*s->nu;
+    double *dintegrals = doutputs + (long)p->ndirections*s->noutputs;
+    row[0] = t;
+    memcpy(q, c.q, s->nq*sizeof(double));
+    memcpy(u, c.u, s->nu*sizeof(double));
+    for (int i = 0; i < s->nquaternions; ++i) normalise(q + s->quaternion[i], 0, 0);
+    if (!m->identity) {
+        c.full_u = u;
+        if ((status = s->completion(&c))) return status;
+    }
+    if (s->noutputs && s->outputs) {
+        c.outputs = outputs;
+        if ((status = s->outputs(&c))) return status;
+    }
+    for (int i = 0; i < m->nx; ++i) integrals[i] = z[m->ny + i];
+    for (int n = 0; n < m->ngroups; ++n) {
+        const group *g = m->groups + n;
+        const int width = g->width;
+        double *S = (double *)z + g->at;
+        seeds(m, t, z, g, &c);
+        double *of_q = c.dq, *of_u = c.du;
+        if (!m->identity) {
+            c.full_u = m->qdot;
+            c.dfull_q = of_q = m->full_dq;
+            c.dfull_u = of_u = m->full_du;
+            if ((status = s->completion_sensitivities[g->index](&c))) return status;
+        } else if (s->nquaternions) {
+            memcpy(m->full_dq, of_q, s->nq*width*sizeof(double));
+            of_q = m->full_dq;
+        }
+        for (int i = 0; i < s->nquaternions; ++i) {
+            double e[4];
+            memcpy(e, c.q + s->quaternion[i], sizeof e);
+            normalise(e, of_q + s->quaternion[i]*width, width);
+        }
+        if (s->noutputs && s->output_sensitivities[g->index]) {
+            c.outputs = m->outputs;
+            c.doutputs = m->doutputs;
+            if ((status = s->output_sensitivities[g->index](&c))) return status;
+        }
+        for (int l = 0; l < g->used; ++l) {
+            const long k = g->first + l;
+            for (int i = 0; i < s->nq; ++i) dq[k*s->nq + i] = of_q[i*width + l];
+            for (int i = 0; i < s->nu; ++i) du[k*s->nu + i] = of_u[i*width + l];
+            for (int i = 0; i < s->noutputs; ++i) doutputs[k*s->noutputs + i] = m->doutputs[i*width + l];
+            for (int i = 0; i < m->nx; ++i) dintegrals[k*m->nx + i] = S[(m->ny + i)*width + l];
+        }
+    }
+    return 0;
+}
