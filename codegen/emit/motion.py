@@ -57,7 +57,12 @@ def write_motion(system: System, manifest: Mapping[str, Any]) -> str:
         "split": int(split),
     }  # fmt: skip
     members = [f".{key} = {value}" for key, value in numbers.items()]
-    for table, counter in (("free_q", "nfree_q"), ("free_u", "nfree_u"), ("quaternion", "nquaternions"), ("kept", "nkept")):
+    for table, counter in (
+        ("free_q", "nfree_q"),
+        ("free_u", "nfree_u"),
+        ("quaternion", "nquaternions"),
+        ("kept", "nkept"),
+    ):
         members.append(f".{counter} = {len(tables[table])}")
         members += [f".{table} = {table}"] if tables[table] else []
     members += [f".{f} = {f}" for f in VALUES if f in functions]

@@ -108,8 +108,16 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "forces": ("inverse_dynamics", "inverse_dynamics_sensitivities"),
     "states": ("assemble_sensitivities", "closure_sensitivities", "initial_sensitivities"),
     "motion": (
-        "state_rates", "state_rate_sensitivities", "closing_step", "assemble_sensitivities", "outputs", "output_sensitivities",
-        "gradients", "coordinate_rate_gradients", "output_gradients", "assemble_gradients",
+        "state_rates",
+        "state_rate_sensitivities",
+        "closing_step",
+        "assemble_sensitivities",
+        "outputs",
+        "output_sensitivities",
+        "gradients",
+        "coordinate_rate_gradients",
+        "output_gradients",
+        "assemble_gradients",
     ),
 }
 """Words for several functions that may be chosen together."""

@@ -15,7 +15,9 @@ from .standalone.tree_forces import TreeForces
 from .standalone.weighted_gradients import WeightedGradients
 
 
-class Solver(Dynamics, WeightedGradients, Energies, Outputs, TreeForces, Simulation, Reactions, Loops, Redundancy, Partitions):
+class Solver(
+    Dynamics, WeightedGradients, Energies, Outputs, TreeForces, Simulation, Reactions, Loops, Redundancy, Partitions
+):
     __doc__ = Package.__doc__
 
 

@@ -119,3 +119,17 @@ class AssemblyError(ValueError):
 
 class TargetsDifferError(ArithmeticError):
     """The compiled C and the NumPy module of one package compute different numbers."""
+
+
+class SimulationError(ArithmeticError):
+    """A motion cannot go on; the message says when and why.
+
+    Attributes
+    ----------
+    trajectory : Trajectory
+        Everything before it.
+    """
+
+    def __init__(self, message: str, trajectory: Any) -> None:
+        super().__init__(message)
+        self.trajectory = trajectory

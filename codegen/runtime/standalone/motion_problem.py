@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from .arrays import Array
+from .motion_inputs import Inputs
 
 METHODS = ("rk4", "dop853", "radau")
 """In the order of the constants of ``motion.h``."""
@@ -16,24 +17,6 @@ REASONS = (
     "end", "paused", "full", "event", "singular", "open loop", "step collapsed", "not finite", "too many steps",
 )  # fmt: skip
 """Why a motion ended, in the order of the constants of ``motion.h``."""
-
-
-@dataclass(slots=True)
-class Inputs:
-    """Inputs over time: a B-spline, or constant numbers.
-
-    Attributes
-    ----------
-    degree : int
-    knots : array (count + degree + 1,) or None
-        None for constant inputs, of which count is 1.
-    values : array (count, ninputs)
-        Control points: of degree 0 and 1 the values themselves.
-    """
-
-    degree: int
-    knots: Array | None
-    values: Array
 
 
 @dataclass(slots=True)
