@@ -11,24 +11,6 @@ static const double SAFETY = 0.9, LEAST_CHANGE = 0.333, LARGEST_CHANGE = 6.0, AF
 
 /* ---- Memory. ---- */
 
-typedef struct {
-    char *at;
-    size_t used;
-} memory;
-
-/* So many bytes, from a cache line on. */
-static void *take(memory *of, size_t bytes)
-{
-    void *found = of->at ? of->at + of->used : 0;
-    of->used += (bytes + 63)/64*64;
-    return found;
-}
-
-static double *numbers(memory *of, long n)
-{
-    return take(of, (size_t)(n > 0 ? n : 1)*sizeof(double));
-}
-
 static long whole_lines(long n) { return (n + 7)/8*8; }
 
 static const method *method_of(const ordernm_problem *p)
@@ -41,7 +23,7 @@ static size_t lay_out(const ordernm_problem *p, void *at)
 {
     memory of = {at, 0};
     const ordernm_system *s = p->system;
-    ordernm_motion none, *m = take(&of, sizeof *m);
+    ordernm_motion none, *m = ordernm_take(&of, sizeof *m);
     if (!at) m = &none;
     memset(m, 0, sizeof *m);
     m->problem = p;
@@ -53,33 +35,33 @@ static size_t lay_out(const ordernm_problem *p, void *at)
     m->identity = !s->closing_step;
     m->values = whole_lines(m->ny + m->nx + m->nd);
     m->ngroups = (p->ndirections + LANES - 1)/LANES;
-    m->groups = take(&of, (m->ngroups + 1)*sizeof(group));
+    m->groups = ordernm_take(&of, (m->ngroups + 1)*sizeof(group));
     m->size = m->values;
     for (int n = 0; n < m->ngroups; ++n) {
         const int left = p->ndirections - n*LANES;
         const int width = left == 1 ? 1 : LANES;
-        group g = {width, width == LANES, n*LANES, left < LANES ? left : LANES, m->size, numbers(&of, s->np*width)};
+        group g = {width, width == LANES, n*LANES, left < LANES ? left : LANES, m->size, ordernm_numbers(&of, s->np*width)};
         m->size += whole_lines((long)(m->ny + m->nx)*width);
         if (at) m->groups[n] = g;
     }
-    m->dependent = take(&of, (m->nd + 1)*sizeof(int));
-    for (int i = 0; i < m->method->all; ++i) m->rate[i] = numbers(&of, m->size);
+    m->dependent = ordernm_take(&of, (m->nd + 1)*sizeof(int));
+    for (int i = 0; i < m->method->all; ++i) m->rate[i] = ordernm_numbers(&of, m->size);
     double **states[] = {&m->z, &m->next, &m->trial, &m->zeros, m->error, m->error + 1};
-    for (size_t i = 0; i < sizeof states/sizeof *states; ++i) *states[i] = numbers(&of, m->size);
-    m->work = numbers(&of, s->workspace);
+    for (size_t i = 0; i < sizeof states/sizeof *states; ++i) *states[i] = ordernm_numbers(&of, m->size);
+    m->work = ordernm_numbers(&of, s->workspace);
     double **of_q[] = {&m->q, &m->qdot, &m->newton}, **of_u[] = {&m->u, &m->udot};
     double **lanes_q[] = {&m->dq, &m->dqdot, &m->full_dq}, **lanes_u[] = {&m->du, &m->dudot, &m->full_du};
     const long wider = s->nq > s->nu ? s->nq : s->nu; /* qdot is the place of speeds too */
-    for (int i = 0; i < 3; ++i) *of_q[i] = numbers(&of, wider);
-    for (int i = 0; i < 2; ++i) *of_u[i] = numbers(&of, s->nu);
-    for (int i = 0; i < 3; ++i) *lanes_q[i] = numbers(&of, s->nq*LANES), *lanes_u[i] = numbers(&of, s->nu*LANES);
-    m->position = numbers(&of, s->nclosure);
-    m->outputs = numbers(&of, s->noutputs);
-    m->doutputs = numbers(&of, s->noutputs*LANES);
-    m->inputs = numbers(&of, s->ninputs);
-    m->dinputs = numbers(&of, s->ninputs*LANES);
-    m->row = numbers(&of, ordernm_row_size(p));
-    m->crossing = numbers(&of, p->nevents);
+    for (int i = 0; i < 3; ++i) *of_q[i] = ordernm_numbers(&of, wider);
+    for (int i = 0; i < 2; ++i) *of_u[i] = ordernm_numbers(&of, s->nu);
+    for (int i = 0; i < 3; ++i) *lanes_q[i] = ordernm_numbers(&of, s->nq*LANES), *lanes_u[i] = ordernm_numbers(&of, s->nu*LANES);
+    m->position = ordernm_numbers(&of, s->nclosure);
+    m->outputs = ordernm_numbers(&of, s->noutputs);
+    m->doutputs = ordernm_numbers(&of, s->noutputs*LANES);
+    m->inputs = ordernm_numbers(&of, s->ninputs);
+    m->dinputs = ordernm_numbers(&of, s->ninputs*LANES);
+    m->row = ordernm_numbers(&of, ordernm_row_size(p));
+    m->crossing = ordernm_numbers(&of, p->nevents);
     return of.used;
 }
 
@@ -103,8 +85,7 @@ long ordernm_step_size(const ordernm_problem *p)
 
 ordernm_motion *ordernm_begin(const ordernm_problem *p, double *room)
 {
-    char *const at = (char *)room;
-    void *const line = at + (64 - (size_t)at%64)%64;
+    void *const line = ordernm_line(room);
     memset(line, 0, lay_out(p, 0));
     lay_out(p, line);
     ordernm_motion *const m = line;

@@ -64,7 +64,7 @@ static int dop853_complete(ordernm_motion *m, double h)
 }
 
 /* Factors of the rates in the state at t + theta h. */
-void ordernm_dop853_weights(double theta, double *w)
+static void dop853_weights(double theta, double *w)
 {
     const double x = theta, y = 1.0 - theta;
     for (int i = 0; i < 16; ++i) {
@@ -84,11 +84,12 @@ void ordernm_dop853_weights(double theta, double *w)
 static void dop853_interpolate(ordernm_motion *m, double h, double theta, double *z)
 {
     double w[16];
-    ordernm_dop853_weights(theta, w);
+    dop853_weights(theta, w);
     ordernm_combine(m->size, z, m->z, h, 16, every, w, m->rate);
 }
 
-const method ordernm_dop853 = {12, 16, 8, dop853_step, dop853_complete, dop853_interpolate};
+const method ordernm_dop853 = {12, 16, 8, dop853_step, dop853_complete, dop853_interpolate, dop853_rows, dop853_times,
+    dop853_weights};
 
 /* ---- The classical method of order 4. ---- */
 
@@ -111,7 +112,7 @@ static int rk4_complete(ordernm_motion *m, double h)
 }
 
 /* The same of Hermite's cubic through both ends. */
-void ordernm_rk4_weights(double theta, double *w)
+static void rk4_weights(double theta, double *w)
 {
     const double x = theta, y = 1.0 - theta;
     for (int i = 0; i < 4; ++i) w[i] = x*x*(3.0 - 2.0*x)*rk4_rows[4].factor[i];
@@ -122,8 +123,8 @@ void ordernm_rk4_weights(double theta, double *w)
 static void rk4_interpolate(ordernm_motion *m, double h, double theta, double *z)
 {
     double w[5];
-    ordernm_rk4_weights(theta, w);
+    rk4_weights(theta, w);
     ordernm_combine(m->size, z, m->z, h, 5, every, w, m->rate);
 }
 
-const method ordernm_rk4 = {4, 5, 5, rk4_step, rk4_complete, rk4_interpolate};
+const method ordernm_rk4 = {4, 5, 5, rk4_step, rk4_complete, rk4_interpolate, rk4_rows, rk4_times, rk4_weights};

@@ -146,6 +146,33 @@ int ordernm_go(ordernm_motion *motion, ordernm_results *results, double seconds)
 /* Where the motion is: coordinates and speeds, consistent. */
 void ordernm_state(const ordernm_motion *motion, double *q, double *u);
 
+/* ---- The discrete adjoint: gradients of sums of results, from the end to the beginning. ---- */
+
+/* Functionals are sums of outputs at times, and of integrals at the end, each with a weight. */
+typedef struct {
+    int nfunctionals;
+    long ntimes;
+    const double *times;              /* rising; those of the motion, or others */
+    const double *weights;            /* [nfunctionals][ntimes][noutputs]; 0 for none */
+    const double *integral_weights;   /* [nfunctionals][nintegrals]; 0 for none */
+    /* Gradients by the independent entries of the initial state, by parameters, by the inputs' values. Begin with zeros. */
+    double *q, *u, *p, *inputs;       /* [nfunctionals][nq], [nu], [np], [count][ninputs] */
+    long evaluations, transposes;
+    int singular;
+} ordernm_gradients;
+
+typedef struct ordernm_adjoint ordernm_adjoint;
+
+/* Doubles of memory that gradients need; beginning; and going through steps that ordernm_go has kept, given from the last part
+ * to the first one, each with its steps in their order. The motion's problem may have no directions. */
+long ordernm_adjoint_room(const ordernm_problem *problem, const ordernm_gradients *gradients);
+ordernm_adjoint *ordernm_adjoint_begin(const ordernm_problem *problem, ordernm_gradients *gradients, double *room);
+int ordernm_backwards(ordernm_adjoint *adjoint, const double *steps, long count);
+void ordernm_adjoint_end(ordernm_adjoint *adjoint);
+
+/* Makes steps again that were kept: from the first row of steps, whose state is there, with the times and sizes of all rows. */
+int ordernm_replay(ordernm_motion *motion, double *steps, long count);
+
 #ifdef __cplusplus
 }
 #endif

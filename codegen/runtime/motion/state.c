@@ -46,7 +46,7 @@ void ordernm_find_segment(ordernm_motion *m, double t, double h)
 }
 
 /* The B-splines that are not zero at t, degree + 1 of them; returns the number of the first (de Boor). */
-static long b_splines(const ordernm_motion *m, double t, double *value)
+long ordernm_b_splines(const ordernm_motion *m, double t, double *value)
 {
     const ordernm_inputs *in = &m->problem->inputs;
     const double *knot = in->knots;
@@ -76,7 +76,7 @@ static const double *inputs_at(ordernm_motion *m, double t)
     if (!n || !in->values) return m->inputs; /* zeros */
     if (!in->knots) return in->values;
     double value[4];
-    const long first = b_splines(m, t, value);
+    const long first = ordernm_b_splines(m, t, value);
     for (int i = 0; i < n; ++i) {
         m->inputs[i] = 0.0;
         for (int b = 0; b <= in->degree; ++b) m->inputs[i] += value[b]*in->values[(first + b)*n + i];
@@ -91,7 +91,7 @@ static double *input_directions(ordernm_motion *m, double t, const group *g)
     const int n = m->system->ninputs, width = g->width;
     if (!n || !in->directions) return m->dinputs; /* zeros */
     double value[4] = {1.0};
-    const long first = in->knots ? b_splines(m, t, value) : 0;
+    const long first = in->knots ? ordernm_b_splines(m, t, value) : 0;
     for (int i = 0; i < n; ++i)
         for (int l = 0; l < width; ++l) {
             double sum = 0.0;
@@ -106,7 +106,7 @@ static double *input_directions(ordernm_motion *m, double t, const group *g)
 /* ---- The state of the system. ---- */
 
 /* All coordinates and speeds, the dependent ones as predicted; m->q and m->u unless z has them as they are. */
-static ordernm_call arguments(ordernm_motion *m, double t, const double *z)
+ordernm_call ordernm_arguments(ordernm_motion *m, double t, const double *z)
 {
     const ordernm_system *s = m->system;
     ordernm_call c = {.p = m->problem->p, .t = t, .work = m->work};
@@ -156,7 +156,7 @@ static double largest_residual(const ordernm_motion *m)
 }
 
 /* Closes the loops of m->q by Newton's method. Returns 0, what the function returned, or -1 if they do not close. */
-static int close_loops(ordernm_motion *m, ordernm_call *c)
+int ordernm_close_loops(ordernm_motion *m, ordernm_call *c)
 {
     const ordernm_system *s = m->system;
     if (!s->closing_step) return 0;
@@ -176,12 +176,6 @@ static int close_loops(ordernm_motion *m, ordernm_call *c)
     return -1;
 }
 
-int ordernm_assembled(ordernm_motion *m, double t, const double *z)
-{
-    ordernm_call c = arguments(m, t, z);
-    return close_loops(m, &c);
-}
-
 /* ---- Rates. ---- */
 
 /* Time derivatives of z. Returns 0, what a function returned, or -1 if loops do not close. */
@@ -189,8 +183,8 @@ int ordernm_rates(ordernm_motion *m, double t, const double *z, double *rate)
 {
     const ordernm_system *s = m->system;
     const ordernm_problem *p = m->problem;
-    ordernm_call c = arguments(m, t, z);
-    int status = close_loops(m, &c);
+    ordernm_call c = ordernm_arguments(m, t, z);
+    int status = ordernm_close_loops(m, &c);
     if (status) return status;
     ++m->results->evaluations;
     c.qdot = m->identity ? rate : m->qdot;
@@ -263,8 +257,8 @@ int ordernm_settle(ordernm_motion *m, double t, double *z)
 {
     const ordernm_system *s = m->system;
     if (m->identity) return 0;
-    ordernm_call c = arguments(m, t, z);
-    if (close_loops(m, &c)) return -1;
+    ordernm_call c = ordernm_arguments(m, t, z);
+    if (ordernm_close_loops(m, &c)) return -1;
     double *predicted = z + m->ny + m->nx;
     for (int i = 0; i < m->nd; ++i) predicted[i] = m->q[m->dependent[i]];
     if (!s->split) return 0;
@@ -291,8 +285,8 @@ int ordernm_report(ordernm_motion *m, double t, const double *z, double *row)
 {
     const ordernm_system *s = m->system;
     const ordernm_problem *p = m->problem;
-    ordernm_call c = arguments(m, t, z);
-    int status = close_loops(m, &c);
+    ordernm_call c = ordernm_arguments(m, t, z);
+    int status = ordernm_close_loops(m, &c);
     if (status) return status;
     double *q = row + 1, *u = q + s->nq, *outputs = u + s->nu, *integrals = outputs + s->noutputs;
     double *dq = integrals + m->nx, *du = dq + (long)p->ndirections*s->nq, *doutputs = du + (long)p->ndirections*s->nu;
