@@ -16,6 +16,7 @@ from .standalone.errors import (
     CompileError,
     NoCompilerError,
     PackageError,
+    SimulationError,
     SingularForceError,
     SingularJointError,
     SingularLoopError,
@@ -24,14 +25,17 @@ from .standalone.errors import (
 )
 from .standalone.jacobians import Jacobians
 from .standalone.manifest import SEAL, check_files, read_manifest
+from .standalone.motion_events import Event
 from .standalone.trajectory import Trajectory
 
 __all__ = [
     "AssemblyError",
     "CompileError",
+    "Event",
     "Jacobians",
     "NoCompilerError",
     "PackageError",
+    "SimulationError",
     "SingularForceError",
     "SingularJointError",
     "SingularLoopError",

@@ -61,7 +61,8 @@ static size_t lay_out(const ordernm_problem *p, void *at)
     m->inputs = ordernm_numbers(&of, s->ninputs);
     m->dinputs = ordernm_numbers(&of, s->ninputs*LANES);
     m->row = ordernm_numbers(&of, ordernm_row_size(p));
-    m->crossing = ordernm_numbers(&of, p->nevents);
+    double **of_events[] = {&m->crossing, &m->after, &m->within};
+    for (int i = 0; i < 3; ++i) *of_events[i] = ordernm_numbers(&of, p->nevents);
     return of.used;
 }
 
@@ -269,6 +270,120 @@ static int sample(ordernm_motion *m, double h)
     return ORDERNM_ENDED;
 }
 
+/* ---- Events. ---- */
+
+/* Outputs at a state, less the levels of events. Returns what a function returned. */
+static int crossings(ordernm_motion *m, double t, const double *z, double *g)
+{
+    const ordernm_problem *const p = m->problem;
+    ordernm_call c = ordernm_arguments(m, t, z);
+    int status = ordernm_close_loops(m, &c);
+    if (status) return status;
+    c.outputs = m->outputs;
+    if ((status = m->system->outputs(&c))) return status;
+    for (int i = 0; i < p->nevents; ++i) g[i] = m->outputs[p->events[i].output] - p->events[i].level;
+    return 0;
+}
+
+static int crosses(const ordernm_event *e, double before, double after)
+{
+    return (e->direction >= 0 && before < 0.0 && after >= 0.0) || (e->direction <= 0 && before > 0.0 && after <= 0.0);
+}
+
+/* The first event within the step that was made, as a part of it; 2 if there is none (A. Dekker's bisection and secants on the
+ * interpolant, the Illinois way). */
+static int locate(ordernm_motion *m, double h, double *first, int *which)
+{
+    const ordernm_problem *const p = m->problem;
+    *first = 2.0;
+    for (int e = 0; e < p->nevents; ++e) {
+        if (!crosses(p->events + e, m->crossing[e], m->after[e])) continue;
+        double low = 0.0, high = 1.0, g_low = m->crossing[e], g_high = m->after[e];
+        for (int n = 0; n < 60 && high - low > 1e-14; ++n) {
+            double at = n%8 == 7 ? 0.5*(low + high) : high - g_high*(high - low)/(g_high - g_low);
+            if (!(at > low && at < high)) at = 0.5*(low + high);
+            m->method->interpolate(m, h, at, m->trial);
+            const int status = crossings(m, m->t + at*h, m->trial, m->within);
+            if (status) return status;
+            const double g = m->within[e];
+            if (g == 0.0) {
+                low = high = at;
+            } else if ((g > 0.0) == (g_high > 0.0)) {
+                high = at;
+                g_high = g;
+                g_low *= 0.5;
+            } else {
+                low = at;
+                g_low = g;
+                g_high *= 0.5;
+            }
+        }
+        if (high < *first) *first = high, *which = e;
+    }
+    return 0;
+}
+
+/* Makes the step again so that it ends where an event happens: its size by secants on what steps of other sizes end at. */
+static int step_to_event(ordernm_motion *m, int e, double *h)
+{
+    const double whole = *h;
+    double size = *h, before = 0.0, g_before = m->crossing[e], best = INFINITY, found = *h;
+    for (int n = 0; n < 8; ++n) {
+        double error;
+        int status = m->method->step(m, size, &error);
+        if (!status) status = crossings(m, m->t + size, m->next, m->within);
+        if (status) return status;
+        const double g = m->within[e];
+        if (!(fabs(g) < best)) break;
+        best = fabs(g);
+        found = size;
+        if (g == 0.0 || g == g_before) break;
+        const double next = size - g*(size - before)/(g - g_before);
+        before = size;
+        g_before = g;
+        if (!(next > 0.0 && next < 2.0*whole) || fabs(next - size) <= 2e-16*size) break;
+        size = next;
+    }
+    double error;
+    const int status = m->method->step(m, found, &error);
+    *h = found;
+    return status;
+}
+
+/* Looks for events in the step that was made; if there is one, the step ends there. `which` is it, or -1. */
+static int look_for_events(ordernm_motion *m, double *h, int *which)
+{
+    const ordernm_problem *const p = m->problem;
+    *which = -1;
+    int status = crossings(m, m->t + *h, m->next, m->after);
+    if (status) return status;
+    int any = 0;
+    for (int e = 0; e < p->nevents; ++e) any |= crosses(p->events + e, m->crossing[e], m->after[e]);
+    if (!any) return 0;
+    double part;
+    if ((status = m->method->complete(m, *h))) return status;
+    if ((status = locate(m, *h, &part, which))) return status;
+    const double made = part**h;
+    *h = made;
+    if ((status = step_to_event(m, *which, h))) return status;
+    if ((status = ordernm_rates(m, m->t + *h, m->next, m->rate[m->method->stages]))) return status;
+    if ((status = crossings(m, m->t + *h, m->next, m->after))) return status;
+    /* it is behind now, on whichever side rounding has left it */
+    m->after[*which] = m->crossing[*which] < 0.0 ? 1e-300 : -1e-300;
+    return 0;
+}
+
+static int keep_event(ordernm_motion *m, double t, int which)
+{
+    ordernm_results *const r = m->results;
+    if (!r->events) return ORDERNM_ENDED;
+    const long size = ordernm_row_size(m->problem);
+    const int status = ordernm_report(m, t, m->next, r->events + r->events_count*size);
+    if (status) return failed(r, status);
+    r->which[r->events_count++] = which;
+    return ORDERNM_ENDED;
+}
+
 static void keep_step(const ordernm_motion *m, double h)
 {
     ordernm_results *const r = m->results;
@@ -291,6 +406,8 @@ static int begin(ordernm_motion *m)
             if (m->rate[0][i]*0.0 != 0.0) m->results->component = i;
         return ORDERNM_NOT_FINITE;
     }
+    const int unknown = p->nevents ? crossings(m, m->t, m->z, m->crossing) : 0;
+    if (unknown) return failed(m->results, unknown);
     if (!p->ntimes || p->times[0] <= p->start) {
         const int reason = keep(m, m->t, m->z);
         if (reason != ORDERNM_ENDED) return reason;
@@ -322,6 +439,7 @@ int ordernm_go(ordernm_motion *m, ordernm_results *r, double seconds)
     for (long n = 1; m->t < p->end; ++n) {
         if (!p->ntimes && r->count == r->capacity) return ORDERNM_FULL;
         if (r->steps && r->steps_count == r->steps_capacity) return ORDERNM_FULL;
+        if (r->events && r->events_count == r->events_capacity) return ORDERNM_FULL;
         if (p->most_steps && r->accepted + r->rejected >= p->most_steps) return ORDERNM_MANY_STEPS;
         if (n%CLOCK_STEPS == 0 && seconds_now() > deadline) return ORDERNM_PAUSED;
         /* how far: not beyond the end, nor a knot of the inputs; what is left over is not tiny */
@@ -335,9 +453,19 @@ int ordernm_go(ordernm_motion *m, ordernm_results *r, double seconds)
         ordernm_find_segment(m, m->t, h);
         double error = 0.0;
         int status = method->step(m, h, &error);
-        const double end = to_wall ? wall : m->t + h;
+        double end = to_wall ? wall : m->t + h;
         if (!status && error <= 1.0) status = ordernm_rates(m, end, m->next, m->rate[method->stages]);
         if (!status && adaptive && !ordernm_all_finite(m->rate[method->stages], m->values)) error = NAN;
+        int event = -1;
+        if (p->nevents && !status && error <= 1.0) {
+            const double whole = h;
+            status = look_for_events(m, &h, &event);
+            if (event >= 0) {
+                to_wall = 0;
+                end = m->t + h;
+                m->h = whole; /* the step behind it is like the one that it has cut */
+            }
+        }
         if (status || !(error <= 1.0)) {
             if (!adaptive) return failed(r, status);
             ++r->rejected;
@@ -356,11 +484,20 @@ int ordernm_go(ordernm_motion *m, ordernm_results *r, double seconds)
             const int reason = sample(m, end - m->t);
             if (reason != ORDERNM_ENDED) return reason;
         }
+        if (event >= 0) {
+            const int reason = keep_event(m, end, event);
+            if (reason != ORDERNM_ENDED) return reason;
+        }
         double change = error > 0.0 ? SAFETY*pow(error, -1.0/method->order) : LARGEST_CHANGE;
         change = fmin(fmax(change, LEAST_CHANGE), m->rejected_before ? 1.0 : LARGEST_CHANGE);
         m->rejected_before = 0;
-        if (adaptive && !(to_wall && change*h < m->h)) m->h = h*change;
+        if (adaptive && event < 0 && !(to_wall && change*h < m->h)) m->h = h*change;
         m->t = r->t = end;
+        if (p->nevents) {
+            double *const passed = m->crossing;
+            m->crossing = m->after;
+            m->after = passed;
+        }
         double *const before = m->z;
         m->z = m->next;
         m->next = before;
@@ -378,6 +515,7 @@ int ordernm_go(ordernm_motion *m, ordernm_results *r, double seconds)
             const int reason = keep(m, m->t, m->z);
             if (reason != ORDERNM_ENDED) return reason;
         }
+        if (event >= 0 && p->events[event].stop) return ORDERNM_EVENT;
     }
     r->t = m->t;
     return ORDERNM_ENDED;

@@ -89,7 +89,7 @@ struct ordernm_motion {
     long segment;             /* of the inputs' spline in this step */
     long sampled;             /* of the times that results are wanted at */
     int begun, ended, rejected_before, complete;
-    double *crossing;         /* [nevents] at the step's beginning */
+    double *crossing, *after, *within; /* [nevents] at the step's beginning, at its end, in between */
     ordernm_results *results;
     long far_steps;           /* in which an explicit method was at its limit of stability */
 };

@@ -32,7 +32,12 @@ class Adjoint:
 
 
 def run_backwards(
-    motion: tuple[Any, Any, Any], problem: Problem, steps: list[Array], times: Array, weights: Array, integral_weights: Array
+    motion: tuple[Any, Any, Any],
+    problem: Problem,
+    steps: list[Array],
+    times: Array,
+    weights: Array,
+    integral_weights: Array,
 ) -> Adjoint:
     """Gradients of m functionals of a motion whose steps have been kept.
 
@@ -60,7 +65,9 @@ def run_backwards(
     for part in reversed(steps):
         reason = REASONS[library.ordernm_backwards(adjoint, ffi.from_buffer("double[]", part), len(part))]
         if reason != "end":
-            raise RuntimeError(f"the adjoint met a state that the motion had passed, and found it {reason} ({g.singular})")
+            raise RuntimeError(
+                f"the adjoint met a state that the motion had passed, and found it {reason} ({g.singular})"
+            )
     library.ordernm_adjoint_end(adjoint)
     q, u, p, inputs = found
     return Adjoint(q, u, p, inputs, {"evaluations": g.evaluations, "transposes": g.transposes})

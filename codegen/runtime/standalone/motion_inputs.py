@@ -38,6 +38,15 @@ class Inputs:
         found: Array = weights @ self.values[first : first + len(weights)]
         return found
 
+    def rate(self, t: float) -> Array:
+        """Their time derivatives (ninputs,)."""
+        k = self.degree
+        if self.knots is None or not k or not self.knots[k] <= t <= self.knots[-1 - k]:
+            return np.zeros(self.values.shape[1])
+        span = self.knots[k + 1 : -1] - self.knots[1 : -k - 1]
+        steps = k * np.diff(self.values, axis=0) / span[:, None]
+        return Inputs(k - 1, self.knots[1:-1], steps).at(t)
+
     def weights(self, t: float) -> tuple[int, Array]:
         """The B-splines that are not zero at a time: the number of the first, and their values (C. de Boor's recursion)."""
         if self.knots is None:

@@ -37,6 +37,9 @@ class Problem:
         Of independent coordinates and speeds, then integrals.
     atol_directions : array (k,) or None
         None where errors of sensitivities do not matter to the step.
+    integrals : tuple of int
+        Outputs that are integrated over time.
+    events : tuple of (output, level, direction, stop)
     """
 
     start: float
@@ -58,6 +61,7 @@ class Problem:
     largest_step: float = 0.0
     most_steps: int = 0
     integrals: tuple[int, ...] = ()
+    events: tuple[tuple[int, float, int, bool], ...] = ()
     kept: list[Any] = field(default_factory=list)
 
     def in_c(self, ffi: Any, system: Any) -> Any:
@@ -89,4 +93,8 @@ class Problem:
         integrals = ffi.new("int[]", list(self.integrals) or [0])
         self.kept.append(integrals)
         c.nintegrals, c.integrals = len(self.integrals), integrals
+        if self.events:
+            events = ffi.new("ordernm_event[]", [tuple(e) for e in self.events])
+            self.kept.append(events)
+            c.nevents, c.events = len(self.events), events
         return c

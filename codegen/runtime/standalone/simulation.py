@@ -14,9 +14,12 @@ from .arrays import Array, Numbers
 from .c_target import CTarget
 from .errors import SimulationError
 from .motion_directions import Directions, take_sensitivities
+from .motion_events import DIRECTIONS as CROSSINGS
+from .motion_events import Crossing, Event, crossing, take_events
 from .motion_inputs import take_inputs
 from .motion_library import motion_library
 from .motion_problem import METHODS, REASONS, Problem
+from .package import seeds, state
 from .states import States
 from .trajectory import FINISHED, INTERRUPTED, Trajectory
 from .warning import warn
@@ -55,6 +58,8 @@ class Run:
     counts : dict of str to number
     steps : list of array
         For the adjoint, where asked for.
+    events : list of (int, array)
+        Which one, and a row of results.
     q, u : array
         Where it was at its end.
     """
@@ -67,6 +72,7 @@ class Run:
     singular: int = 0
     component: int = 0
     steps: list[Array] = field(default_factory=list)
+    events: list[tuple[int, Array]] = field(default_factory=list)
 
 
 class Simulation(States):
@@ -76,7 +82,7 @@ class Simulation(States):
         self, t: Any, q: Numbers = None, u: Numbers = None, p: Numbers = None, inputs: Any = None, *,
         sensitivities: Sequence[str] | str = (), dq0: Numbers = None, du0: Numbers = None, rtol: float = 1e-9,
         atol: Any = 1e-9, atol_sensitivities: Any = None, method: str = "dop853", step: float | None = None,
-        largest_step: float | None = None, most_steps: int = MOST_STEPS, progress: Progress | None = None,
+        largest_step: float | None = None, most_steps: int = MOST_STEPS, events: Any = (), progress: Progress | None = None,
         on_failure: str = "raise",
     ) -> Trajectory:  # fmt: skip
         """Integrate the motion over time, and its derivatives with it (Eqs. 2, 3), in compiled code.
@@ -108,6 +114,8 @@ class Simulation(States):
         step, largest_step : float, optional
             The first step, or that of "rk4", s; none is larger than `largest_step`.
         most_steps : int
+        events : sequence of `Event` or str, optional
+            Outputs that cross a level, zero for a mere name; a motion ends at the first one with `stop`. See `Trajectory.events`.
         progress : callable, optional
             Called as ``progress(time, end)`` about ten times a second; KeyboardInterrupt in it ends the motion there.
         on_failure : {"raise", "return"}
@@ -128,8 +136,19 @@ class Simulation(States):
         problem, directions = self._problem(
             t, q, u, p, inputs, sensitivities, dq0, du0, rtol, atol, atol_sensitivities, method, step, largest_step, most_steps
         )  # fmt: skip
+        wanted = take_events(self.output_names, events)
+        problem.events = tuple(
+            (self.output_names.index(e.output), e.level, CROSSINGS[e.direction], e.stop) for e in wanted
+        )
         run = self._run(problem, progress)
         trajectory = self._trajectory(problem, directions, run)
+        trajectory.events = tuple(self._crossing(wanted[i], row, problem, directions.k) for i, row in run.events)
+        if run.reason == "end":
+            for e in wanted:
+                if e.stop:
+                    warn(
+                        f"the event {e.output} = {e.level:g} has not come until t = {problem.end:g} s; the motion was not stopped"
+                    )
         if run.reason not in ("end", "interrupted", "event"):
             message = self._why_it_ended(problem, run)
             if on_failure == "raise":
@@ -251,6 +270,20 @@ class Simulation(States):
             inputs=problem.inputs.values[0] if problem.inputs.knots is None else None, stats=stats, **extra,
         )  # fmt: skip
 
+    def _crossing(self, event: Event, row: Array, problem: Problem, k: int) -> Crossing:
+        """An event from its row of results."""
+        sizes = [1, self.nq, self.nu, self.noutputs, len(problem.integrals)]
+        parts = np.split(row, np.cumsum([*sizes, *(k * n for n in sizes[1:])])[:-1])
+        values, t = parts[1:4], float(row[0])
+        derivatives = [x.reshape(k, n) for x, n in zip(parts[5:8], sizes[1:4], strict=True)]
+        inputs = problem.inputs.at(t)
+        given = (values[0], values[1], problem.p, inputs, t)
+        qdot, udot = (self._values(n, state(*given))[0] for n in ("coordinate_rates", "accelerations"))
+        _, rate = self._along(
+            "output_sensitivities", state(*given), seeds(qdot, udot, None, problem.inputs.rate(t), 1.0)
+        )
+        return crossing(event, self.output_names.index(event.output), t, values, derivatives, (qdot, udot, rate[0]))
+
     def _energies_over(self, t: Array, q: Array, u: Array, problem: Problem) -> tuple[Array, Array]:
         """Kinetic and potential energy over time."""
         inputs = np.stack([problem.inputs.at(x) for x in t]) if self.ninputs else np.zeros((len(t), 0))
@@ -331,6 +364,16 @@ class Simulation(States):
             r.steps, r.steps_capacity, r.steps_count = ffi.from_buffer("double[]", rows), len(rows), 0
             return rows
 
+        events: list[tuple[int, Array]] = []
+        places = np.empty((ROWS if problem.events else 0, size))
+        which = ffi.new("int[]", max(len(places), 1))
+
+        def more_events() -> None:
+            events.extend((which[i], places[i].copy()) for i in range(r.events_count))
+            r.events_count = 0
+
+        if problem.events:
+            r.events, r.which, r.events_capacity = ffi.from_buffer("double[]", places), which, len(places)
         rows = more_rows()
         kept = more_steps() if keep_steps else None
         began = time.perf_counter()
@@ -348,8 +391,11 @@ class Simulation(States):
                 if kept is not None and r.steps_count == r.steps_capacity:
                     steps.append(kept)
                     kept = more_steps()
+                if problem.events and r.events_count == r.events_capacity:
+                    more_events()
             elif reason != "paused":
                 break
+        more_events()
         if kept is not None:
             steps.append(kept[: r.steps_count])
         q, u = np.empty(self.nq), np.empty(self.nu)
@@ -359,7 +405,7 @@ class Simulation(States):
             "closing_steps": r.closing_steps, "seconds": time.perf_counter() - began,
         }  # fmt: skip
         found = np.concatenate([*full, rows[: r.count]]) if full else rows[: r.count]
-        return Run(found, reason, counts, q, u, r.singular, r.component, steps)
+        return Run(found, reason, counts, q, u, r.singular, r.component, steps, events)
 
 
 def _interval(t: Any) -> tuple[float, float, Array]:

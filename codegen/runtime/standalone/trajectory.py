@@ -67,6 +67,8 @@ class Trajectory:
     ----------
     t, q, u, dq, du, outputs, doutputs, p, inputs, energy, closure, stats
         As above; what was left out of dq, du, outputs and doutputs has no entries, other things are None.
+    events : tuple of Crossing
+        What happened on the way; see `codegen.runtime.standalone.motion_events`. Files do not have them.
     model, coordinate_names, speed_names, output_names, parameter_names, input_names, sensitivity_names
         As above, tuples.
 
@@ -107,6 +109,7 @@ class Trajectory:
         self.speed_units = _units("speed", speed_units, nu)
         self.output_units = _units("output", output_units, noutputs)
         self.parameter_units = _units("parameter", parameter_units, len(self.parameter_names))
+        self.events: tuple[Any, ...] = ()
         self._series = {"t": self.t}
         columns = [*self.q.T, *self.u.T, *self.outputs.T]
         self._index = {name: i for i, name in enumerate(self.names)}
