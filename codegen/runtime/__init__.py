@@ -24,6 +24,7 @@ from .standalone.errors import (
 )
 from .standalone.jacobians import Jacobians
 from .standalone.manifest import SEAL, check_files, read_manifest
+from .standalone.trajectory import Trajectory
 
 __all__ = [
     "AssemblyError",
@@ -37,7 +38,9 @@ __all__ = [
     "SingularOutputError",
     "Solver",
     "TargetsDifferError",
+    "Trajectory",
     "load",
+    "load_trajectory",
 ]
 
 
@@ -73,6 +76,26 @@ def load(folder: str | os.PathLike[str], target: str | None = None) -> Solver:
         return Solver(path, target)
     found: Solver = _package(path, brought).Solver(target)
     return found
+
+
+def load_trajectory(path: str | os.PathLike[str]) -> Trajectory:
+    """Read a trajectory that was saved; the same as `Trajectory.load`.
+
+    Parameters
+    ----------
+    path : path
+        What `Trajectory.save` wrote: ``.npz``, or ``.parquet``, which needs pyarrow.
+
+    Returns
+    -------
+    Trajectory
+
+    Raises
+    ------
+    ValueError
+        Another kind of file, or a damaged one.
+    """
+    return Trajectory.load(path)
 
 
 def _is_sealed(path: Path) -> bool:
