@@ -96,7 +96,8 @@ class StandIn:
         return Trajectory(
             solver.name, t[:nt], q, u, dq, du, outputs, doutputs, coordinate_names=solver.coordinate_names,
             speed_names=solver.speed_names, output_names=solver.output_names, parameter_names=solver.parameter_names,
-            input_names=solver.input_names, sensitivity_names=sensitivities, parameter_units=solver._manifest["parameter_units"],
+            input_names=solver.input_names, sensitivity_names=sensitivities,
+            **{f"{kind}_units": solver._manifest[f"{kind}_units"] for kind in ("coordinate", "speed", "output", "parameter")},
             stats={"method": method, "steps": nt - 1, "evaluations": 12 * nt, "seconds": 0.01, "reason": reason},
         )  # fmt: skip
 
@@ -144,17 +145,18 @@ def test_a_motion_with_its_table_file_and_picture(here, capsys):
     assert lines[0] == "Trajectory of swing: 201 times from 0 to 2 s"
     assert any("dop853: 200 steps" in line and "finished" in line for line in lines)
     header = next(line for line in lines if "at t = 2 s" in line)
-    assert header.split() == "at t = 2 s value d / d length d / d damping".split()
+    assert header.split() == "at t = 2 s value unit d / d length d / d damping".split()
     found = codegen.load_trajectory("run.npz")
     assert found.sensitivity_names == ("length", "damping") and found["height"][0] == pytest.approx(-np.cos(0.5))
     height = next(line for line in lines if line.strip().startswith("height")).split()
     expected = [found["height"][-1], *(found.derivative("height", by)[-1] for by in found.sensitivity_names)]
-    np.testing.assert_allclose([float(x) for x in height[1:]], expected, rtol=1e-7)
+    assert height[2] == "m"
+    np.testing.assert_allclose([float(x) for x in (height[1], *height[3:])], expected, rtol=1e-7)
     assert Path("out.svg").read_bytes().startswith(b"<?xml") and lines[-1] == "  written: run.npz, out.svg"
     assert sorted(os.listdir()) == ["out.svg", "run.npz", "swing.yaml"]  # nothing is generated here
 
 
-def test_units_are_shown_where_they_are_known(here, capsys, monkeypatch):
+def test_units_are_shown_where_they_are_known():
     run_ = simulating.Run(Trajectory("m", [0.0, 1.0], [[1.0], [2.0]], [[0.0], [0.0]], coordinate_names=["a"], speed_names=["a"],
                                      coordinate_units=["rad"]), 1.0)  # fmt: skip
     lines = simulating.lines_of(run_, None)
