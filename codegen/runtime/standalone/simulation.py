@@ -266,7 +266,8 @@ class Simulation(States):
             self.name, t, q, u, dq, du, outputs, doutputs, coordinate_names=self.coordinate_names,
             speed_names=self.speed_names, output_names=self.output_names, parameter_names=self.parameter_names,
             input_names=self.input_names, sensitivity_names=directions.names,
-            parameter_units=manifest.get("parameter_units", ()), p=problem.p,
+            coordinate_units=manifest.get("coordinate_units", ()), speed_units=manifest.get("speed_units", ()),
+            output_units=manifest.get("output_units", ()), parameter_units=manifest.get("parameter_units", ()), p=problem.p,
             inputs=problem.inputs.values[0] if problem.inputs.knots is None else None, stats=stats, **extra,
         )  # fmt: skip
 

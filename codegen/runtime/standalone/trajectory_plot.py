@@ -141,7 +141,7 @@ def _derivatives(place: Any, t: Array, name: str, several: Sequence[Series]) -> 
         return
     exponents = _exponents([values for _, _, values in several])
     scaled = [
-        (_labelled(by + (f" × 1e{e}" if e else ""), unit), unit, values * 10.0**e)
+        (_labelled(by + (f" × {10.0**e:g}" if e else ""), unit), unit, values * 10.0**e)
         for (by, unit, values), e in zip(several, exponents, strict=True)
     ]
     _curves(place, t, scaled, f"derivatives of {name} by")
