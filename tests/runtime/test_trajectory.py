@@ -111,6 +111,7 @@ def test_units():
     ]  # fmt: skip
     assert [x.derivative_unit("tip_0", by) for by in x.sensitivity_names] == ["m/m", "m/kg", "m/rad", ""]
     assert make(parameter_units=("m", "N m s/rad")).derivative_unit("q.rod", "mass") == "rad/(N m s/rad)"
+    assert x.derivative_unit("u.rod", "length") == "(rad/s)/m"
     bare = make(coordinate_units=(), speed_units=(), output_units=(), parameter_units=())
     assert bare.unit("q.rod") == bare.derivative_unit("tip_0", "mass") == "" and bare.coordinate_units == ("", "")
 

@@ -190,6 +190,7 @@ class Trajectory:
         above, below = self.unit(name), self._unit_of_sensitivity(self.sensitivity_names[self._direction(by)])
         if not above or not below:
             return ""
+        above = f"({above})" if "/" in above else above
         return f"{above}/({below})" if any(c in below for c in " */") else f"{above}/{below}"
 
     def _unit_of_sensitivity(self, name: str) -> str:
