@@ -23,6 +23,7 @@ from .standalone.errors import (
     SingularOutputError,
     TargetsDifferError,
 )
+from .standalone.functionals import At, AtEvent, Final, Integral, LeastSquares
 from .standalone.jacobians import Jacobians
 from .standalone.manifest import SEAL, check_files, read_manifest
 from .standalone.motion_events import Event
@@ -30,9 +31,14 @@ from .standalone.trajectory import Trajectory
 
 __all__ = [
     "AssemblyError",
+    "At",
+    "AtEvent",
     "CompileError",
     "Event",
+    "Final",
+    "Integral",
     "Jacobians",
+    "LeastSquares",
     "NoCompilerError",
     "PackageError",
     "SimulationError",

@@ -23,7 +23,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
     "Energies": ("energies", "energy_sensitivities"), "Outputs": ("outputs", "output_sensitivities"),
     "TreeForces": ("mass_matrix", "mass_matrix_sensitivities", "solve_mass", "solve_mass_sensitivities", "inverse_dynamics",
                    "inverse_dynamics_sensitivities"),
-    "Simulation": ("state_rates",),
+    "Judging": ("state_rates",),
     "Reactions": ("reactions",), "Loops": ("closure",), "States": (), "Redundancy": ("opening",), "Partitions": (),
 }  # fmt: skip
 """Sections of `Solver`, and what a manifest names, among its functions or beside them, where they are needed."""
@@ -58,7 +58,7 @@ def carried_files(manifest: Mapping[str, Any]) -> dict[str, str]:
         modules |= left
         left = set().union(*map(_imported, left)) - modules
     found = {f"{CARRIED}/{m}.py": _text(m) for m in ("__init__", *sorted(modules))}
-    if "Simulation" in sections_of(manifest):
+    if "Judging" in sections_of(manifest):
         found |= {
             f"{MOTION.name}/{file.name}": file.read_text(encoding="utf-8") for file in sorted(MOTION.glob("*.[ch]"))
         }

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from .arrays import Array
-from .motion_problem import REASONS, Problem
+from .motion_problem import REASONS, Problem, Run
 
 
 @dataclass(slots=True)
@@ -32,20 +32,15 @@ class Adjoint:
 
 
 def run_backwards(
-    motion: tuple[Any, Any, Any],
-    problem: Problem,
-    steps: list[Array],
-    times: Array,
-    weights: Array,
-    integral_weights: Array,
+    motion: tuple[Any, Any, Any], problem: Problem, run: Run, times: Array, weights: Array, integral_weights: Array
 ) -> Adjoint:
     """Gradients of m functionals of a motion whose steps have been kept.
 
     Parameters
     ----------
     motion : (library, ffi, system)
-    steps : list of array
-        Rows of steps, in their order.
+    run : Run
+        With its steps.
     times : array (ntimes,)
     weights : array (m, ntimes, noutputs)
     integral_weights : array (m, nintegrals)
@@ -62,8 +57,9 @@ def run_backwards(
     g.times, g.weights, g.integral_weights, g.q, g.u, g.p, g.inputs = pointers
     room = ffi.from_buffer("double[]", np.empty(library.ordernm_adjoint_room(c, g)))
     adjoint = library.ordernm_adjoint_begin(c, g, room)
-    for part in reversed(steps):
-        reason = REASONS[library.ordernm_backwards(adjoint, ffi.from_buffer("double[]", part), len(part))]
+    for part, sizes in zip(reversed(run.steps), reversed(run.sizes), strict=True):
+        rows = part if sizes is None else made_again(library, ffi, c, part, sizes)
+        reason = REASONS[library.ordernm_backwards(adjoint, ffi.from_buffer("double[]", rows), len(rows))]
         if reason != "end":
             raise RuntimeError(
                 f"the adjoint met a state that the motion had passed, and found it {reason} ({g.singular})"
@@ -71,3 +67,15 @@ def run_backwards(
     library.ordernm_adjoint_end(adjoint)
     q, u, p, inputs = found
     return Adjoint(q, u, p, inputs, {"evaluations": g.evaluations, "transposes": g.transposes})
+
+
+def made_again(library: Any, ffi: Any, c: Any, first: Array, sizes: Array) -> Array:
+    """Rows of steps from the first, and from times and sizes of all."""
+    rows = np.empty((len(sizes), first.shape[1]))
+    rows[:, :2] = sizes
+    rows[0] = first[0]
+    motion = library.ordernm_begin(c, ffi.from_buffer("double[]", np.empty(library.ordernm_room(c))))
+    reason = REASONS[library.ordernm_replay(motion, ffi.from_buffer("double[]", rows), len(rows))]
+    if reason != "end":
+        raise RuntimeError(f"steps that had been made could not be made again: {reason}")
+    return rows

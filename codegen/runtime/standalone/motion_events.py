@@ -49,6 +49,8 @@ class Crossing:
     t : float
     q, u, outputs : array (nq,), (nu,), (noutputs,)
         The state there, one of the integrator's own.
+    rates : array (noutputs,)
+        Time derivatives of the outputs there.
     dt : array (k,)
         Derivatives of the time; NaN where the output only touches its level.
     dq, du, doutputs : array (k, nq), (k, nu), (k, noutputs)
@@ -60,6 +62,7 @@ class Crossing:
     q: Array
     u: Array
     outputs: Array
+    rates: Array
     dt: Array
     dq: Array
     du: Array
@@ -110,4 +113,4 @@ def crossing(
         dt = np.where(abs(speed) > GRAZING * largest, -doutputs[:, index] / speed, np.nan)
     moved = [d + dt[:, None] * r for d, r in zip((dq, du, doutputs), rates, strict=True)]
     moved[2][:, index] = np.where(np.isnan(dt), np.nan, 0.0)
-    return Crossing(event, t, q, u, outputs, dt, *moved)
+    return Crossing(event, t, q, u, outputs, rates[2], dt, *moved)

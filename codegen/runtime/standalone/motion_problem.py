@@ -98,3 +98,35 @@ class Problem:
             self.kept.append(events)
             c.nevents, c.events = len(self.events), events
         return c
+
+
+@dataclass(slots=True)
+class Run:
+    """What came of a motion.
+
+    Attributes
+    ----------
+    rows : array (nt, row)
+        See ``ordernm_results``.
+    reason : str
+        One of `REASONS`, or "interrupted".
+    counts : dict of str to number
+    steps : list of array
+        For the adjoint, where asked for: parts of the motion, rows of ``ordernm_step_size``. A part that did not fit into
+        memory has its first row, and of all rows times and sizes of steps, in `sizes`.
+    events : list of (int, array)
+        Which one, and a row of results.
+    q, u : array
+        Where it was at its end.
+    """
+
+    rows: Array
+    reason: str
+    counts: dict[str, Any]
+    q: Array
+    u: Array
+    singular: int = 0
+    component: int = 0
+    steps: list[Array] = field(default_factory=list)
+    sizes: list[Array | None] = field(default_factory=list)
+    events: list[tuple[int, Array]] = field(default_factory=list)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -18,7 +17,7 @@ from .motion_events import DIRECTIONS as CROSSINGS
 from .motion_events import Crossing, Event, crossing, take_events
 from .motion_inputs import take_inputs
 from .motion_library import motion_library
-from .motion_problem import METHODS, REASONS, Problem
+from .motion_problem import METHODS, REASONS, Problem, Run
 from .package import seeds, state
 from .states import States
 from .trajectory import FINISHED, INTERRUPTED, Trajectory
@@ -43,36 +42,6 @@ MEANINGLESS = 1e10
 """Sensitivities that have grown beyond this are told: the motion is chaotic, and its gradient means nothing."""
 
 Progress = Callable[[float, float], None]
-
-
-@dataclass(slots=True)
-class Run:
-    """What came of a motion.
-
-    Attributes
-    ----------
-    rows : array (nt, row)
-        See ``ordernm_results``.
-    reason : str
-        One of `REASONS`, or "interrupted".
-    counts : dict of str to number
-    steps : list of array
-        For the adjoint, where asked for.
-    events : list of (int, array)
-        Which one, and a row of results.
-    q, u : array
-        Where it was at its end.
-    """
-
-    rows: Array
-    reason: str
-    counts: dict[str, Any]
-    q: Array
-    u: Array
-    singular: int = 0
-    component: int = 0
-    steps: list[Array] = field(default_factory=list)
-    events: list[tuple[int, Array]] = field(default_factory=list)
 
 
 class Simulation(States):
@@ -246,12 +215,11 @@ class Simulation(States):
 
     def _trajectory(self, problem: Problem, directions: Directions, run: Run) -> Trajectory:
         """Rows of results as arrays with names."""
-        nt, k, nx = len(run.rows), directions.k, len(problem.integrals)
-        sizes = [1, self.nq, self.nu, self.noutputs, nx]
-        values = np.split(run.rows, np.cumsum([*sizes, *(k * n for n in sizes[1:])])[:-1], axis=1)
-        t, q, u, outputs = values[0][:, 0].copy(), *(x.copy() for x in values[1:4])
+        nt, k = len(run.rows), directions.k
+        t = run.rows[:, 0].copy()
+        q, u, outputs = (self._of_rows(run.rows, i).copy() for i in (1, 2, 3))
         dq, du, doutputs = (
-            x.reshape(nt, k, n).transpose(1, 0, 2).copy() for x, n in zip(values[5:8], sizes[1:4], strict=True)
+            self._derivatives_of_rows(run.rows, problem, k, i).transpose(1, 0, 2).copy() for i in (1, 2, 3)
         )
         extra: dict[str, Any] = {}
         if "energies" in self._functions and nt:
@@ -271,12 +239,26 @@ class Simulation(States):
             inputs=problem.inputs.values[0] if problem.inputs.knots is None else None, stats=stats, **extra,
         )  # fmt: skip
 
+    def _sizes(self, problem: Problem | None = None) -> list[int]:
+        """Of what a row of results has: t, q, u, outputs, integrals."""
+        return [1, self.nq, self.nu, self.noutputs, len(problem.integrals) if problem else 0]
+
+    def _of_rows(self, rows: Array, part: int, problem: Problem | None = None) -> Array:
+        """The values of a part, (..., n), of rows (..., row)."""
+        sizes = self._sizes(problem)
+        return rows[..., sum(sizes[:part]) : sum(sizes[: part + 1])]
+
+    def _derivatives_of_rows(self, rows: Array, problem: Problem, k: int, part: int) -> Array:
+        """Their derivatives, (..., k, n)."""
+        sizes = self._sizes(problem)
+        start = sum(sizes) + k * sum(sizes[1:part])
+        return rows[..., start : start + k * sizes[part]].reshape(*rows.shape[:-1], k, sizes[part])
+
     def _crossing(self, event: Event, row: Array, problem: Problem, k: int) -> Crossing:
         """An event from its row of results."""
-        sizes = [1, self.nq, self.nu, self.noutputs, len(problem.integrals)]
-        parts = np.split(row, np.cumsum([*sizes, *(k * n for n in sizes[1:])])[:-1])
-        values, t = parts[1:4], float(row[0])
-        derivatives = [x.reshape(k, n) for x, n in zip(parts[5:8], sizes[1:4], strict=True)]
+        t = float(row[0])
+        values = [self._of_rows(row, i) for i in (1, 2, 3)]
+        derivatives = [self._derivatives_of_rows(row, problem, k, i) for i in (1, 2, 3)]
         inputs = problem.inputs.at(t)
         given = (values[0], values[1], problem.p, inputs, t)
         qdot, udot = (self._values(n, state(*given))[0] for n in ("coordinate_rates", "accelerations"))
@@ -343,9 +325,9 @@ class Simulation(States):
         return library, ffi, ffi.cast("ordernm_system *", address)
 
     def _run(
-        self, problem: Problem, progress: Callable[[float, float], None] | None = None, keep_steps: bool = False
+        self, problem: Problem, progress: Progress | None = None, keep_steps: bool = False, memory: int = 2**62
     ) -> Run:
-        """Run a motion to its end."""
+        """Run a motion to its end; keep its steps in so many bytes, or what it takes to make them again."""
         library, ffi, system = self._motion()
         c = problem.in_c(ffi, system)
         room = ffi.from_buffer("double[]", np.empty(library.ordernm_room(c)))
@@ -354,14 +336,17 @@ class Simulation(States):
         r = ffi.new("ordernm_results *")
         full: list[Array] = []
         steps: list[Array] = []
+        sizes: list[Array | None] = []
 
         def more_rows() -> Array:
             rows = np.empty((len(problem.times) or ROWS * 2 ** min(len(full), 8), size))
             r.rows, r.capacity, r.count = ffi.from_buffer("double[]", rows), len(rows), 0
             return rows
 
+        most = max(memory // (4 * 8 * step_size), 1)  # rows of a part: two are whole at a time, others are let go
+
         def more_steps() -> Array:
-            rows = np.empty((ROWS * 2 ** min(len(steps), 8), step_size))
+            rows = np.empty((min(ROWS * 2 ** min(len(steps), 8), most), step_size))
             r.steps, r.steps_capacity, r.steps_count = ffi.from_buffer("double[]", rows), len(rows), 0
             return rows
 
@@ -391,6 +376,9 @@ class Simulation(States):
                     rows = more_rows()
                 if kept is not None and r.steps_count == r.steps_capacity:
                     steps.append(kept)
+                    sizes.append(None)
+                    if 8 * sum(x.size for x in steps) > memory // 2:
+                        let_go(steps, sizes)
                     kept = more_steps()
                 if problem.events and r.events_count == r.events_capacity:
                     more_events()
@@ -399,6 +387,7 @@ class Simulation(States):
         more_events()
         if kept is not None:
             steps.append(kept[: r.steps_count])
+            sizes.append(None)
         q, u = np.empty(self.nq), np.empty(self.nu)
         library.ordernm_state(motion, ffi.from_buffer("double[]", q), ffi.from_buffer("double[]", u))
         counts = {
@@ -406,7 +395,15 @@ class Simulation(States):
             "closing_steps": r.closing_steps, "seconds": time.perf_counter() - began,
         }  # fmt: skip
         found = np.concatenate([*full, rows[: r.count]]) if full else rows[: r.count]
-        return Run(found, reason, counts, q, u, r.singular, r.component, steps, events)
+        return Run(found, reason, counts, q, u, r.singular, r.component, steps, sizes, events)
+
+
+def let_go(steps: list[Array], sizes: list[Array | None]) -> None:
+    """Keep of the first part that is whole what it takes to make its steps again."""
+    for i, part in enumerate(steps):
+        if sizes[i] is None and len(part) > 1:
+            steps[i], sizes[i] = part[:1].copy(), part[:, :2].copy()
+            return
 
 
 def _interval(t: Any) -> tuple[float, float, Array]:
