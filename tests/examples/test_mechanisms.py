@@ -27,6 +27,7 @@ SIZES = {
     "ladder": (7, 7, 3, 1),
     "pinned_chain": (12, 12, 1, 9),
     "screw_jack": (6, 9, 1, 7),
+    "coupler": (4, 3, 1, 1),
 }
 """Bodies, coordinates, loops, freedoms."""
 
