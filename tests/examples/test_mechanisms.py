@@ -28,6 +28,7 @@ SIZES = {
     "pinned_chain": (12, 12, 1, 9),
     "screw_jack": (6, 9, 1, 7),
     "coupler": (4, 3, 1, 1),
+    "excavator": (13, 12, 4, 4),
 }
 """Bodies, coordinates, loops, freedoms."""
 
