@@ -6,8 +6,14 @@
 
 enum { CLOSING_STEPS = 12 };
 
-/* Scaled residual of position that one more of Newton's steps, which squares it, takes below rounding. */
-static const double NEARLY_CLOSED = 1e-8;
+/* What one more of Newton's steps leaves: their squares, times the condition of the closure, which is large near a pose where
+ * loops lose rank. */
+static const double CLOSED = 1e-15;
+
+/* Scaled residual that rounding may leave. */
+static const double ROUNDING = 1e-13;
+
+static const double AS_CLOSED = 2e-15;
 
 int ordernm_all_finite(const double *x, long n)
 {
@@ -168,9 +174,15 @@ int ordernm_close_loops(ordernm_motion *m, ordernm_call *c)
         const int singular = s->closing_step(c);
         if (singular) return singular;
         const double residual = largest_residual(m);
-        if (!(residual < 0.5*before) && residual > NEARLY_CLOSED) return -1;
-        for (int i = 0; i < s->nq; ++i) m->q[i] += m->newton[i];
-        if (residual <= NEARLY_CLOSED) return 0;
+        const int no_better = !(residual < 0.5*before);
+        if (no_better && residual > ROUNDING) return -1;
+        if (residual <= AS_CLOSED) return 0;
+        double step = 0.0;
+        for (int i = 0; i < s->nq; ++i) {
+            m->q[i] += m->newton[i];
+            if (!(fabs(m->newton[i]) <= step)) step = fabs(m->newton[i]);
+        }
+        if (no_better || step*step*(1.0 + step/(residual + 1e-300)) <= CLOSED) return 0;
         before = residual;
     }
     return -1;
