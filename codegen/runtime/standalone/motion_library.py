@@ -45,6 +45,32 @@ def motion_library(folder: Path) -> tuple[Any, Any]:
         return _opened[folder]
 
 
+_precise: dict[tuple[Path, str], tuple[Any, int]] = {}
+
+
+def precise_closure(folder: Path, name: str) -> int:
+    """The address of the function of ``NAME_precise.c``.
+
+    Raises
+    ------
+    NoCompilerError, CompileError
+    """
+    from cffi import FFI
+
+    with _opening:
+        if (folder, name) not in _precise:
+            ffi = FFI()
+            ffi.cdef(f"int {name}_precise_closing_step(const void *);")
+            path = Build(folder, f"{name}_precise", [f"{name}_precise.c"]).library()
+            try:
+                library = ffi.dlopen(str(path))
+            except OSError as error:
+                raise CompileError(f"{path} was compiled but cannot be opened: {error}") from None
+            function = getattr(library, f"{name}_precise_closing_step")
+            _precise[folder, name] = library, int(ffi.cast("intptr_t", function))
+        return _precise[folder, name][1]
+
+
 def declarations(header: str) -> str:
     """A C header without comments, and without what only the preprocessor and C++ read."""
     text = re.sub(r"/\*.*?\*/", "", header, flags=re.DOTALL)

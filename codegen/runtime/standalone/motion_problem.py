@@ -15,6 +15,7 @@ METHODS = ("rk4", "dop853", "radau")
 
 REASONS = (
     "end", "paused", "full", "event", "singular", "open loop", "step collapsed", "not finite", "too many steps",
+    "imprecise",
 )  # fmt: skip
 """Why a motion ended, in the order of the constants of ``motion.h``."""
 

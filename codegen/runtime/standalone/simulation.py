@@ -11,12 +11,12 @@ import numpy as np
 
 from .arrays import Array, Numbers
 from .c_target import CTarget
-from .errors import SimulationError
+from .errors import CompileError, NoCompilerError, SimulationError
 from .motion_directions import Directions, take_sensitivities
 from .motion_events import DIRECTIONS as CROSSINGS
 from .motion_events import Crossing, Event, crossing, take_events
 from .motion_inputs import take_inputs
-from .motion_library import motion_library
+from .motion_library import motion_library, precise_closure
 from .motion_problem import METHODS, REASONS, Problem, Run
 from .package import seeds, state
 from .states import States
@@ -322,7 +322,17 @@ class Simulation(States):
         library, ffi = motion_library(self.folder)
         assert isinstance(target, CTarget)
         address = target.address(f"{self._opened.manifest['name']}_motion")
-        return library, ffi, ffi.cast("ordernm_system *", address)
+        system = ffi.new("ordernm_system *", ffi.cast("ordernm_system *", address)[0])
+        return library, ffi, system
+
+    def _precise_closure(self) -> int:
+        """The address of what closes loops in long double, compiled when first asked for; 0 where that fails."""
+        name = self._opened.manifest["name"]
+        try:
+            return precise_closure(self.folder, name)
+        except (CompileError, NoCompilerError) as error:
+            warn(f"{name}: loops are closed with less accuracy near a pose where they lose rank: {error}")
+            return 0
 
     def _run(
         self, problem: Problem, progress: Progress | None = None, keep_steps: bool = False, memory: int = 2**62
@@ -370,7 +380,11 @@ class Simulation(States):
                     progress(r.t, problem.end)
             except KeyboardInterrupt:
                 reason = "interrupted"
-            if reason == "full":
+            if reason == "imprecise":
+                address = self._precise_closure()
+                r.as_is = not address
+                system.precise_closing_step = ffi.cast("ordernm_function *", address)
+            elif reason == "full":
                 if r.count == r.capacity:
                     full.append(rows)
                     rows = more_rows()
@@ -392,7 +406,7 @@ class Simulation(States):
         library.ordernm_state(motion, ffi.from_buffer("double[]", q), ffi.from_buffer("double[]", u))
         counts = {
             "t": r.t, "steps": r.accepted, "rejected": r.rejected, "evaluations": r.evaluations,
-            "closing_steps": r.closing_steps, "seconds": time.perf_counter() - began,
+            "closing_steps": r.closing_steps, "condition": r.condition, "seconds": time.perf_counter() - began,
         }  # fmt: skip
         found = np.concatenate([*full, rows[: r.count]]) if full else rows[: r.count]
         return Run(found, reason, counts, q, u, r.singular, r.component, steps, sizes, events)
