@@ -111,6 +111,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
         "state_rates",
         "state_rate_sensitivities",
         "closing_step",
+        "initial_sensitivities",
         "assemble_sensitivities",
         "outputs",
         "output_sensitivities",

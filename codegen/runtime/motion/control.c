@@ -127,6 +127,13 @@ void ordernm_state(const ordernm_motion *m, double *q, double *u)
     for (int i = 0; i < s->nfree_u; ++i) u[s->free_u[i]] = m->z[s->nfree_q + i];
 }
 
+int ordernm_row(ordernm_motion *m, ordernm_results *results, double *row)
+{
+    m->results = results;
+    ordernm_find_segment(m, m->t, 1e-9*(1.0 + fabs(m->t)));
+    return ordernm_report(m, m->t, m->z, row);
+}
+
 /* ---- Errors. ---- */
 
 /* The mean square of n errors in units of what is allowed: absolute, and relative to the larger of two sizes. */

@@ -151,8 +151,11 @@ ordernm_motion *ordernm_begin(const ordernm_problem *problem, double *room);
  * precise_closing_step, or say in the results that there is none, and call again. */
 int ordernm_go(ordernm_motion *motion, ordernm_results *results, double seconds);
 
-/* Where the motion is: coordinates and speeds, consistent. */
+/* Where the motion is: independent coordinates and speeds, dependent coordinates, zero for dependent speeds. */
 void ordernm_state(const ordernm_motion *motion, double *q, double *u);
+
+/* The same as a row of results. Returns 0, or what a function returned. */
+int ordernm_row(ordernm_motion *motion, ordernm_results *results, double *row);
 
 /* ---- The discrete adjoint: gradients of sums of results, from the end to the beginning. ---- */
 
@@ -163,6 +166,7 @@ typedef struct {
     const double *times;              /* rising; those of the motion, or others */
     const double *weights;            /* [nfunctionals][ntimes][noutputs]; 0 for none */
     const double *integral_weights;   /* [nfunctionals][nintegrals]; 0 for none */
+    const double *end_q, *end_u;      /* [nfunctionals][nq], [nu]: of independent entries of the state at the end; 0 for none */
     /* Gradients by the independent entries of the initial state, by parameters, by the inputs' values. Begin with zeros. */
     double *q, *u, *p, *inputs;       /* [nfunctionals][nq], [nu], [np], [count][ninputs] */
     long evaluations, transposes;

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import re
 import threading
 from pathlib import Path
@@ -13,6 +14,7 @@ from .errors import CompileError, PackageError
 
 FOLDER = "motion"
 HEADER = "motion.h"
+CFLAGS = "ORDERNM_CFLAGS"
 
 _opened: dict[Path, tuple[Any, Any]] = {}
 _opening = threading.Lock()
@@ -61,7 +63,10 @@ def precise_closure(folder: Path, name: str) -> int:
         if (folder, name) not in _precise:
             ffi = FFI()
             ffi.cdef(f"int {name}_precise_closing_step(const void *);")
-            path = Build(folder, f"{name}_precise", [f"{name}_precise.c"]).library()
+            build = Build(folder, f"{name}_precise", [f"{name}_precise.c"])
+            if CFLAGS not in os.environ:
+                build.flags = ["-O0"]  # it is needed at once, and seldom called
+            path = build.library()
             try:
                 library = ffi.dlopen(str(path))
             except OSError as error:
