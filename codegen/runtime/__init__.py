@@ -11,9 +11,11 @@ from types import ModuleType
 
 from .sections import CARRIED, STANDALONE
 from .solver import Solver
+from .standalone.equilibrium import Equilibrium
 from .standalone.errors import (
     AssemblyError,
     CompileError,
+    EquilibriumError,
     NoCompilerError,
     PackageError,
     SingularForceError,
@@ -23,12 +25,16 @@ from .standalone.errors import (
     TargetsDifferError,
 )
 from .standalone.jacobians import Jacobians
+from .standalone.linearization import Linearization
 from .standalone.manifest import SEAL, check_files, read_manifest
 
 __all__ = [
     "AssemblyError",
     "CompileError",
+    "Equilibrium",
+    "EquilibriumError",
     "Jacobians",
+    "Linearization",
     "NoCompilerError",
     "PackageError",
     "SingularForceError",
