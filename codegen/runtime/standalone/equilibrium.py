@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .arrays import Array
 from .errors import AssemblyError, EquilibriumError
@@ -24,8 +25,17 @@ HALVINGS = 30
 RADIUS = 0.5
 """rad or m: the largest component of a first step; doubled whenever a step that was cut there turns out well."""
 
+POOR, GOOD = 0.5, 0.1
+"""Parts of the accelerations by which the linear equations may be wrong after a step of relaxation; below which it grows."""
+
+FINEST = 1e-16
+"""rad or m: no smaller steps are taken at a state of rest."""
+
 SINGULAR = 1e-12
 """A singular value of the Jacobian below this part of the largest counts as zero."""
+
+NONE = 1e-14
+"""1/s^2: so does one below this, which is rounding of forces that balance: an oscillation would take two years."""
 
 KEPT = 1e-8
 """A right side that is off the range of a singular Jacobian by less than this part of it is consistent."""
@@ -137,12 +147,14 @@ class Search:
         radius = RADIUS
         m = self.motions(q)
         for _ in range(NEWTON):
-            inverse = np.linalg.pinv(m.J, rcond=SINGULAR)
+            if not np.isfinite(m.J).all():
+                break
+            inverse = _inverse(m.J)
             step = -inverse @ m.udot
             length, size = float(np.linalg.norm(step)), float(np.abs(step).max(initial=0.0))
-            if size == 0.0:
-                break
             near = self.is_rest(m)
+            if size <= (FINEST if near else 0.0):
+                break
             fraction = first = min(1.0, radius / size)
             for _ in range(1 if near else HALVINGS):
                 found = self._tried(q, m, fraction * step)
@@ -165,32 +177,31 @@ class Search:
         """Sinking to rest, until the accelerations are small: the motion ``w' = udot``, in implicit steps that grow.
 
         This is how the mechanism would creep in a viscous medium. Where forces have a potential it descends, whatever the
-        Jacobian does on the way, so what is found is stable. Steps grow as accelerations fall (switched evolution), and turn
-        into Newton's.
+        Jacobian does on the way, so what is found is stable. Steps grow as long as linear equations foretell what comes of
+        them, and turn into Newton's.
         """
         m = self.motions(q)
-        one = np.eye(len(m.udot))
         rate = float(np.linalg.norm(m.J)) or 1.0  # the reciprocal of the step, 1/s^2
         radius = RADIUS
         for _ in range(RELAXATION):
             if not np.isfinite(m.J).all() or self.is_rest(m):
                 break
-            # steps that grow out of unstable directions must not reach over them
-            growth = float(np.linalg.eigvals(m.J).real.max(initial=0.0))
-            step: Array = np.asarray(np.linalg.solve(max(rate, 2.0 * growth) * one - m.J, m.udot), np.float64)
-            size = float(np.abs(step).max())
-            fraction = first = min(1.0, radius / size) if size else 1.0
-            found = None
+            # a step must not reach over what it is to leave, along unstable directions
+            least = 2.0 * float(np.linalg.eigvals(m.J).real.max(initial=0.0))
+            rate = max(rate, least)
             for _ in range(HALVINGS):
-                found = self._tried(q, m, fraction * step)
+                step = np.asarray(np.linalg.solve(rate * np.eye(len(m.J)) - m.J, m.udot), np.float64)
+                found = self._tried(q, m, step) if np.abs(step).max() <= radius else None
+                # the linear equations have said that the accelerations would be rate*step
                 if found is not None:
-                    break
-                fraction *= 0.5
-            if found is None:
+                    error = float(np.linalg.norm(found[1] - rate * step) / np.linalg.norm(m.udot))
+                    if error <= POOR:
+                        break
+                rate *= 4.0
+            else:
                 break
-            radius *= 2.0 if fraction == first < 1.0 else 1.0
-            before, after = (float(np.linalg.norm(x)) for x in (m.udot, found[1]))
-            rate *= min(max(after / before, 0.1), 4.0)
+            radius *= 2.0 if np.abs(step).max() > 0.5 * radius else 1.0
+            rate *= 0.25 if error < GOOD else 1.0
             self.iterations += 1
             q, m = found[0], self.motions(found[0])
         return q, m
@@ -239,7 +250,7 @@ def followed(J: Array, pushes: Array) -> Array:
 
     The least w where J is singular; NaN where none is consistent.
     """
-    w = -pushes @ np.linalg.pinv(J, rcond=SINGULAR).T
+    w = -pushes @ _inverse(J).T
     left = np.abs(pushes + w @ J.T).max(axis=1, initial=0.0)
     w[left > KEPT * np.abs(pushes).max(axis=1, initial=0.0)] = np.nan
     return w
@@ -247,8 +258,18 @@ def followed(J: Array, pushes: Array) -> Array:
 
 def neutral_directions(J: Array) -> Array:
     """w (m, n) along which udot does not change, orthonormal."""
-    if not J.size:
-        return np.zeros((0, len(J)))
     _, sizes, rows = np.linalg.svd(J)
-    found: Array = rows[sizes <= SINGULAR * sizes[0]]
+    return np.asarray(rows[~_regular(sizes)], np.float64)
+
+
+def _regular(sizes: Array) -> NDArray[np.bool_]:
+    """Which singular values are not zero."""
+    found: NDArray[np.bool_] = sizes > max(SINGULAR * sizes.max(initial=0.0), NONE)
     return found
+
+
+def _inverse(J: Array) -> Array:
+    """The pseudo-inverse, with which steps are the least ones."""
+    columns, sizes, rows = np.linalg.svd(J)
+    kept = _regular(sizes)
+    return np.asarray((rows[kept].T / sizes[kept]) @ columns[:, kept].T, np.float64)

@@ -133,7 +133,7 @@ def _power(x: Any, y: Any) -> Jet:
     found = np.power(a, b)
 
     def by_exponent() -> Any:
-        return np.where(np.equal(found, 0.0), 0.0, found * np.log(np.abs(a)))
+        return found * np.log(np.where(np.equal(found, 0.0), 1.0, np.abs(a)))
 
     return Jet(found, _scaled((lambda: np.where(np.equal(b, 0.0), 0.0, b * np.power(a, b - 1.0)), x), (by_exponent, y)))
 

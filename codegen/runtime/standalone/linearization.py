@@ -206,13 +206,15 @@ def is_stable(A: Array, neutral: int) -> bool | None:
         return True
     # time in units in which speeds and displacements have the same size
     scale = np.repeat([1.0, float(np.sqrt(np.abs(A[n:, :n]).max())) or 1.0], n)
-    values, right = np.linalg.eig(A * scale / scale[:, None])
+    scaled = A * scale / scale[:, None]
+    values, right = np.linalg.eig(scaled)
     try:
-        condition = np.linalg.norm(np.linalg.inv(right), axis=1) * np.linalg.norm(right, axis=0)
+        with np.errstate(all="ignore"):  # eigenvectors may be parallel, but for a number that can hardly be inverted
+            condition = np.linalg.norm(np.linalg.inv(right), axis=1) * np.linalg.norm(right, axis=0)
     except np.linalg.LinAlgError:
         condition = np.full(2 * n, np.inf)
-    error = 16.0 * n * EPS * float(np.linalg.norm(A * scale / scale[:, None])) * condition
-    largest = float(np.abs(values).max())
+    largest = float(np.linalg.norm(scaled, 2))
+    error = 16.0 * n * EPS * largest * np.nan_to_num(condition, nan=np.inf, posinf=np.inf)
     zero = np.abs(values) <= ZERO * largest
     if np.any((values.real > error) & ~zero):
         return False

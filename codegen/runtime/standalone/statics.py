@@ -14,7 +14,7 @@ from .dynamics import Dynamics
 from .equilibrium import Equilibrium, Motions, Search, followed, neutral_directions, rests
 from .linearization import Linearization, Matrices, is_stable
 from .named_directions import Directions, named_directions
-from .package import state
+from .package import MADE_OF, state
 from .second_derivatives import SecondDerivatives
 from .states import States
 from .tangent_equations import Motion, Point, TangentEquations
@@ -61,17 +61,21 @@ class Statics(Dynamics, States):
         AssemblyError
             The guess cannot be closed.
         """
+        self._needs_all("equilibrium")
         along = named_directions(sensitivities, self.parameter_names, self.input_names)
         at, space = self._point(q, 0.0, p, inputs, t), self._tangent_space()
 
         def motions(q: Array) -> Motions:
             return self._motions(space, at._replace(q=q))
 
+        f = self._functions["accelerations"]
+
         def udot(q: Array) -> Array:
-            return self.accelerations(q, *at[1:])[space.speeds]
+            # a step may lead anywhere: no word of accelerations that are not finite
+            return self._opened.target.values(f, at._replace(q=q).named(), ())[0][space.speeds]
 
         def retract(q: Array) -> Array:
-            return self.assemble(q, at.u, at.p)[0]
+            return self._moved(q, at.p)
 
         search = Search(motions, udot, retract, tolerance)
         found, m, relaxed = search.find(at.q, space.speed_names)
@@ -117,6 +121,7 @@ class Statics(Dynamics, States):
         Linearization
             A, B, C, D with names; eigenvalues, modes, and derivatives of all these by parameters.
         """
+        self._needs_all("linearize")
         opened, space = self._opened, self._tangent_space()
         at = self._point(q, 0.0 if u is None else u, p, inputs, t)
         asked = self._asked_outputs(outputs)
@@ -152,6 +157,11 @@ class Statics(Dynamics, States):
         )
 
     # -- how -----------------------------------------------------------------------------------------------------------
+
+    def _needs_all(self, name: str) -> None:
+        """An error where the package lacks a function that a member is made of."""
+        if not self._functions.keys() >= set(MADE_OF[name]):
+            raise AttributeError(self._why_not(name))
 
     def _tangent_space(self) -> TangentSpace:
         return TangentSpace({**self._manifest, **self._opened.manifest})
