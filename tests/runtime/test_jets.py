@@ -58,7 +58,7 @@ def test_operators_are_the_functions_and_numbers_of_numpy_give_way():
         assert isinstance(found, Jet)
         assert np.array_equal(found.slope, slope * x.slope)
     assert np.allclose((one / x).slope[:, 0], [-2 / 0.49, -4 / 0.04], rtol=1e-15)
-    assert (x > 0.5).tolist() == (0.5 < x).tolist() == [True, False]
+    assert (x > 0.5).tolist() == np.less(0.5, x).tolist() == [True, False]
     assert np.where(x >= 0.2, 1.0, 0.0).tolist() == [1.0, 1.0]
     assert [float(row.value) for row in x] == [0.7, 0.2]
 

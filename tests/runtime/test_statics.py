@@ -5,7 +5,6 @@ import warnings
 import numpy as np
 import pytest
 from random_mechanisms import random_mechanisms
-from random_models import random_tree
 from split_mechanisms import BY_HAND, by_hand
 
 import codegen
@@ -56,8 +55,10 @@ gravity: [0, 0, -9.81]
 parameters: {l: 0.6, m: 1.2, k: 5.0}
 bodies:
   a: {parent: ground, joint: {type: revolute, axis: y}, mass: 0.5, com: [0, 0, -l/2], inertia: {xx: 0, yy: 0.02, zz: 0}}
-  bar: {parent: a, joint: {type: revolute, axis: y, at: [0, 0, -l]}, mass: m, com: [0.4, 0, 0], inertia: {xx: 0, yy: 0.1, zz: 0}}
-  b: {parent: bar, joint: {type: revolute, axis: y, at: [1, 0, 0]}, mass: 0.5, com: [0, 0, l/2], inertia: {xx: 0, yy: 0.02, zz: 0}}
+  bar: {parent: a, joint: {type: revolute, axis: y, at: [0, 0, -l]}, mass: m, com: [0.4, 0, 0],
+    inertia: {xx: 0, yy: 0.1, zz: 0}}
+  b: {parent: bar, joint: {type: revolute, axis: y, at: [1, 0, 0]}, mass: 0.5, com: [0, 0, l/2],
+    inertia: {xx: 0, yy: 0.02, zz: 0}}
 loops:
   pin: {joint: {type: revolute, axis: y}, from: {body: b, at: [0, 0, l]}, to: {body: ground, at: [1, 0, 0]}}
 forces:

@@ -78,10 +78,8 @@ class TangentEquations:
     def derivatives(self, second: SecondDerivatives, along: Motion) -> Matrices:
         """Derivatives of the matrices, m in front, where the state changes like that."""
         width = max(1, NUMBERS // max(1, len(self.seeds["dq"])))
-        parts = [
-            self._derivatives(second, Motion(*(x[i : i + width] for x in along)))
-            for i in range(0, max(1, len(along.p)), width)
-        ]
+        starts = range(0, max(1, len(along.p)), width)
+        parts = [self._derivatives(second, Motion(*(x[i : i + width] for x in along))) for i in starts]
         return Matrices(*(np.concatenate(found) for found in zip(*parts, strict=True)))
 
     def _derivatives(self, second: SecondDerivatives, along: Motion) -> Matrices:
@@ -101,11 +99,8 @@ class TangentEquations:
         dy = np.zeros((len(dudot), 0, m))
         if self.outputs:
             dy = second.along("output_sensitivities", given, with_slope)[1].slope[:, self.outputs]
-        dW = self._bracket_derivatives(second, given, dN)
-        found = [
-            self._matrices(dW[j], np.zeros((n, n)), dudot[..., j], dy[..., j]) for j in range(m)
-        ] or [Matrices(*(np.zeros(0),) * 4)]  # fmt: skip
-        return Matrices(*(np.array(x) for x in zip(*found, strict=True)))
+        dW, none = self._bracket_derivatives(second, given, dN), np.zeros((n, n))
+        return self._matrices(dW, none, np.moveaxis(dudot, -1, 0), np.moveaxis(dy, -1, 0))
 
     def _bracket(self) -> Array:
         """W (n, n)."""
@@ -127,13 +122,14 @@ class TangentEquations:
         there = second.along("coordinate_rate_sensitivities", units, {"dq": Jet(qdot.value[None], qdot.slope[None])})[1]
         W = self._bracket()
         change = here.slope - there.slope[0]  # (n, nq, m): of N W
-        return np.array([
-            self.space.components(self.tangents, change[..., j] - W.T @ dN[j]).T for j in range(m)
-        ]).reshape(m, n, n)  # fmt: skip
+        found = [self.space.components(self.tangents, change[..., j] - W.T @ dN[j]).T for j in range(m)]
+        return np.array(found).reshape(m, n, n)
 
     def _matrices(self, W: Array, one: Array, dudot: Array, dy: Array) -> Matrices:
-        """The matrices from results along the seeds, (2n + ninputs, ...)."""
+        """The matrices from W (..., n, n) and results along the seeds (..., 2n + ninputs, n or outputs)."""
         n = self.space.n
-        A = np.concatenate([np.concatenate([W, one], axis=1), dudot[: 2 * n].T])
-        B = np.concatenate([np.zeros((n, len(self.at.inputs))), dudot[2 * n :].T])
-        return Matrices(A, B, dy[: 2 * n].T.copy(), dy[2 * n :].T.copy())
+        dudot, dy = np.swapaxes(dudot, -1, -2), np.swapaxes(dy, -1, -2)
+        above = np.concatenate([W, np.broadcast_to(one, W.shape)], axis=-1)
+        A = np.concatenate([above, dudot[..., : 2 * n]], axis=-2)
+        B = np.concatenate([np.zeros_like(dudot[..., 2 * n :]), dudot[..., 2 * n :]], axis=-2)
+        return Matrices(A, B, dy[..., : 2 * n].copy(), dy[..., 2 * n :].copy())
