@@ -5,6 +5,7 @@ import warnings
 import numpy as np
 import pytest
 from random_mechanisms import random_mechanisms
+from random_models import random_state, random_tree
 from split_mechanisms import BY_HAND, by_hand
 
 import codegen
@@ -243,27 +244,49 @@ def test_split_joints(made, name):
     assert np.abs(solver.closure(found.q, found.u)[0]).max() < 1e-13
 
 
-def test_random_mechanisms(made):
-    """What is found is at rest for the dense engine, closed, and follows parameters as the difference of two does."""
-    met = 0
-    for _, drawn in random_mechanisms(8, first=40, bodies=(3, 5), loops=(1, 2)):
-        solver, engine = made(drawn.model), DenseEngine(drawn.model)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of parameters that open redundant conditions
-            try:
-                found = solver.equilibrium(drawn.q, t=drawn.t, inputs=drawn.inputs)
-            except EquilibriumError as error:
-                assert error.residual > 0.0
+def draws():
+    """Random mechanisms and trees, with springs and forces, and guesses."""
+    for _, drawn in random_mechanisms(2, first=40, bodies=(3, 4), loops=(1, 1)):
+        yield drawn.model, drawn[1:6]
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        model = random_tree(rng, 4, joints=("fixed", "revolute", "universal", "spherical"), forces=False)
+        yield model, random_state(rng, model)._replace(p=np.array([x.value for x in model.parameters]))
+
+
+def test_random_models_rest_and_follow_parameters(made):
+    """At rest for the dense engine; its accelerations stay zero along dq, and its loops closed."""
+    met = followed = 0
+    for model, (q, _, p, inputs, t) in draws():
+        solver, engine = made(model), DenseEngine(model)
+        try:
+            found = solver.equilibrium(q, p, inputs, t)
+        except EquilibriumError as error:
+            assert error.residual > 0.0
+            continue
+        assert np.abs(solver.closure(found.q, found.u, p)[0]).max(initial=0.0) < 1e-9
+        names = solver.parameter_names[:3]
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            dq = solver.equilibrium(found.q, p, inputs, t, sensitivities=names).dq
+        opens = any("redundant condition" in str(w.message) for w in caught)
+        met += 1
+        for row, seed in zip(dq, np.eye(solver.np), strict=False):
+            if opens or np.isnan(row).any():
                 continue
-            scale = 1.0 + np.abs(solver.jacobians(found.q, found.u, t=drawn.t, inputs=drawn.inputs).q).sum(axis=1)
             try:
-                left = engine.accelerations(found.q, found.u, drawn.p, drawn.inputs, drawn.t)
+                udot, dudot = engine.sensitivities(found.q, found.u, p, inputs, t, dq=row, dp=seed)
+                closed = engine.complete(found.q, found.u, p, dq=row, dp=seed)[1]
             except SingularMatrixError:  # of what the mechanism has sunk into
                 continue
-            assert np.abs(np.asarray(left, float) / scale).max() < 1e-8
-            assert np.abs(solver.closure(found.q, found.u)[0]).max() < 1e-9
-            met += 1
-    assert met >= 2
+            scale = 1.0 + np.abs(solver.jacobians(found.q, found.u, p, inputs, t).q).sum(axis=1)
+            size = 1.0 + np.abs(row).max()
+            assert np.abs(np.asarray(udot, float) / scale).max() < 1e-8
+            assert np.abs(np.asarray(dudot[0], float) / scale).max() < 1e-8 * size
+            assert np.abs(np.asarray(closed[0], float) - row).max() < 1e-8 * size
+            followed += 1
+    assert met >= 4
+    assert followed >= 6
 
 
 def test_what_is_wrong_is_told(made):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import functools
 from collections.abc import Sequence
 from typing import Any
 
@@ -130,6 +131,10 @@ class Statics(Dynamics, States):
         n = space.n
         at_rest = not equations.moves and rests(udot, matrices.A[n:, :n], AT_REST)
 
+        @functools.cache
+        def second() -> SecondDerivatives:
+            return SecondDerivatives(opened)
+
         def derivatives(names: Sequence[str], moving: bool) -> Matrices:
             along = named_directions(names, self.parameter_names, self.input_names)
             if self._opened is not opened:
@@ -144,8 +149,7 @@ class Statics(Dynamics, States):
                 _, _, dq, du = self.assemble_sensitivities(*at[:3], **held)
             lost = np.isnan(dq).any(axis=1)
             dq[lost] = 0.0
-            second = SecondDerivatives(opened)
-            found = equations.derivatives(second, Motion(dq, du, along.p, along.inputs))
+            found = equations.derivatives(second(), Motion(dq, du, along.p, along.inputs))
             for x in found:
                 x[lost] = np.nan
             return found
