@@ -107,8 +107,10 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "mass": ("mass_matrix", "mass_matrix_sensitivities", "solve_mass", "solve_mass_sensitivities"),
     "forces": ("inverse_dynamics", "inverse_dynamics_sensitivities"),
     "states": ("assemble_sensitivities", "closure_sensitivities", "initial_sensitivities"),
-    "statics": ("accelerations", "sensitivities", "coordinate_rates", "coordinate_rate_sensitivities"),
-}
+    "statics": (
+        "accelerations", "sensitivities", "coordinate_rates", "coordinate_rate_sensitivities", "assemble_sensitivities",
+    ),
+}  # fmt: skip
 """Words for several functions that may be chosen together."""
 
 ALSO = {

@@ -78,7 +78,8 @@ def made(tmp_path_factory):
         key = (model if isinstance(model, str) else id(model), target)
         if key not in known:
             folder = tmp_path_factory.mktemp("statics") / "package"
-            codegen.generate(codegen.parse_model(model) if isinstance(model, str) else model, folder, target=target)
+            model = codegen.parse_model(model) if isinstance(model, str) else model
+            codegen.generate(model, folder, target=target, functions=("statics", "jacobians"))
             known[key] = codegen.load(folder)
         return known[key]
 
@@ -299,6 +300,13 @@ def test_what_is_wrong_is_told(made):
         solver.equilibrium(sensitivities=["input.motor"])
     with pytest.raises(ValueError, match=r"a batch of shape \(2,\), expected one state"):
         solver.equilibrium([[0.1], [0.2]])
+
+
+def test_a_package_of_statics_alone_moves_loops(tmp_path):
+    codegen.generate(codegen.parse_model(PARALLELOGRAM), tmp_path / "p", target="numpy", functions=["statics"])
+    solver = codegen.load(tmp_path / "p")
+    state = solver.equilibrium(sensitivities="l")
+    assert solver.linearize(state.q).eigenvalue_sensitivities("l").shape == (1, 2)
 
 
 def test_packages_without_what_is_needed_say_so(tmp_path):

@@ -253,7 +253,13 @@ MEMBERS = {
 
 MADE_OF = dict.fromkeys(
     ("equilibrium", "linearize"),
-    ("accelerations", "sensitivities", "coordinate_rates", "coordinate_rate_sensitivities"),
+    (
+        "accelerations",
+        "sensitivities",
+        "coordinate_rates",
+        "coordinate_rate_sensitivities",
+        "assemble_sensitivities",
+    ),
 )
 """Members that are made of functions, and what these are called."""
 

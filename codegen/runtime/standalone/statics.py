@@ -164,7 +164,7 @@ class Statics(Dynamics, States):
 
     def _needs_all(self, name: str) -> None:
         """An error where the package lacks a function that a member is made of."""
-        if not self._functions.keys() >= set(MADE_OF[name]):
+        if not set(MADE_OF[name]).isdisjoint(self._manifest.get("left_out", ())):
             raise AttributeError(self._why_not(name))
 
     def _tangent_space(self) -> TangentSpace:
