@@ -16,6 +16,8 @@ from split_mechanisms import by_hand
 import codegen
 from codegen.reference import DenseEngine, RecursiveEngine
 
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
 G = 9.81
 
 DOUBLE = """
@@ -257,6 +259,11 @@ def test_a_cart_that_is_free_has_two_zero_eigenvalues(made):
     assert np.abs(found.eigenvalues()[:2]).max() < 1e-7
     w = np.sqrt(0.5 * G * 0.7 / (0.01 + 0.5 * 0.49 - (0.5 * 0.7) ** 2 / 2.5))
     differ(found.eigenvalues()[2:], [-1j * w, 1j * w], 1e-13)
+    square = w**2 * (1 / 0.7 - 0.5 * 2 * 0.7 * (1 - 0.5 / 2.5) / (0.01 + 0.5 * 0.49 * (1 - 0.5 / 2.5)))  # of w^2, by l
+    with pytest.warns(RuntimeWarning, match="repeated"):
+        d = found.eigenvalue_sensitivities("l")[0]
+    assert np.isnan(d[:2]).all()
+    differ(d[2:], [-1j * square / (2 * w), 1j * square / (2 * w)], 1e-13)
 
 
 # ---- the dense engine, and 50 digits ---------------------------------------------------------------------------------
@@ -329,9 +336,29 @@ def solver_names(drawn):
     return [p.name for p in drawn.model.parameters[:1]]
 
 
-# ---- what the matrices mean ------------------------------------------------------------------------------------------
+def test_two_choices_of_independents_have_the_same_eigenvalues(tmp_path):
+    """A four-bar under gravity at rest, and how its eigenvalues follow lengths and masses: whatever is independent."""
+    model = codegen.load_model(EXAMPLES / "four_bar.yaml")
+    codegen.generate(model, tmp_path / "p", target="numpy", partitions=2)
+    solver = codegen.load(tmp_path / "p")
+    found = []
+    for number in (0, 1):
+        solver.use_partition(number)
+        state = solver.equilibrium(sensitivities=solver.parameter_names)
+        linear = solver.linearize(state.q)
+        found.append((state.q, state.dq, linear.eigenvalues(), linear.eigenvalue_sensitivities(), linear.state_names))
+    (q, dq, values, slopes, names), (q2, dq2, values2, slopes2, names2) = found
+    assert names != names2
+    differ(q, q2, 1e-13)
+    differ(dq, dq2, 1e-12)
+    differ(values, values2, 1e-12)
+    differ(slopes, slopes2, 1e-11)
+    solver.use_partition(0)
+    with pytest.raises(ValueError, match="partition was changed"):
+        linear.sensitivities()
 
-EXAMPLES = Path(__file__).parents[2] / "examples"
+
+# ---- what the matrices mean ------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("name", ["satellite", "stewart"])
