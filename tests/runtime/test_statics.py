@@ -111,6 +111,15 @@ def test_the_guess_says_which_equilibrium_and_the_upper_one_is_unstable(made):
     assert solver.equilibrium([-0.9]).q[0] == pytest.approx(0.0, abs=1e-15)
 
 
+@pytest.mark.parametrize("guess", [3.1, -2.0, 1.6])
+def test_a_pendulum_that_is_let_sink_hangs(made, guess):
+    found = made(PENDULUM).equilibrium([guess], relax=True)
+    assert abs(found.q[0]) < 1e-14
+    assert found.stable is True
+    assert found.relaxed
+    assert "after relaxation" in repr(found)
+
+
 @pytest.mark.parametrize("guess", np.linspace(-3.1, 3.1, 23))
 def test_a_pendulum_ends_no_further_than_the_next_equilibrium(made, guess):
     found = made(PENDULUM).equilibrium([guess])
@@ -233,6 +242,9 @@ bodies:
         hangs = np.all(np.cos(np.cumsum(found.q)) > 0)
         assert found.stable is bool(hangs)
         assert not found.relaxed or hangs
+        sunk = solver.equilibrium(rng.uniform(-1.5, 1.5, 10), relax=True)
+        assert sunk.stable is True
+        assert np.cos(np.cumsum(sunk.q)).min() > 1 - 1e-14
 
 
 @pytest.mark.parametrize("name", BY_HAND)

@@ -54,7 +54,7 @@ class Equilibrium:
     iterations : int
         Steps of Newton's method and of relaxation.
     relaxed : bool
-        Whether Newton's method led nowhere from the guess, and the mechanism was let sink to rest first.
+        Whether the mechanism was let sink to rest: Newton's method led nowhere from the guess, or it was asked for.
     names : tuple of str
         The parameters and inputs that were asked for.
     dq : (k, nq)
@@ -215,7 +215,7 @@ class Search:
             return None
         return (moved, udot) if np.isfinite(udot).all() else None
 
-    def find(self, q: Array, names: tuple[str, ...]) -> tuple[Array, Motions, bool]:
+    def find(self, q: Array, names: tuple[str, ...], relax: bool) -> tuple[Array, Motions, bool]:
         """A state of rest: coordinates, what it does, and whether it was found by relaxation.
 
         Raises
@@ -223,14 +223,13 @@ class Search:
         EquilibriumError
         """
         q = self.retract(q)
-        best = found = self.newton(q)
-        if self.is_rest(found[1]):
-            return *found, False
-        found = self.newton(self.relax(q)[0])
-        if self.is_rest(found[1]):
-            return *found, True
-        if not _largest(best[1]) <= _largest(found[1]):
-            best = found
+        tried: list[tuple[Array, Motions]] = []
+        for relaxed in (True, False) if relax else (False, True):
+            found = self.newton(self.relax(q)[0] if relaxed else q)
+            if self.is_rest(found[1]):
+                return *found, relaxed
+            tried.append(found)
+        best = min(tried, key=lambda found: _largest(found[1]))
         worst = int(np.argmax(np.abs(best[1].udot)))
         raise EquilibriumError(_largest(best[1]), names[worst], best[0])
 

@@ -30,7 +30,7 @@ class Statics(Dynamics, States):
 
     def equilibrium(
         self, q: Numbers = None, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
-        sensitivities: str | Sequence[str] = (), tolerance: float = 1e-9,
+        sensitivities: str | Sequence[str] = (), relax: bool = False, tolerance: float = 1e-9,
     ) -> Equilibrium:  # fmt: skip
         """A state of rest near a guess: u = 0 and udot = 0, for trees and loops.
 
@@ -46,6 +46,9 @@ class Statics(Dynamics, States):
         p, inputs, t : (np,), (ninputs,), number
         sensitivities : names, optional
             Parameters, and inputs as ``inputs.motor``, by which q is differentiated: ``("length", "inputs.motor")``.
+        relax : bool, optional
+            Let the mechanism sink to rest first: where forces have a potential the equilibrium is stable, though it may not be
+            the one nearest to the guess.
         tolerance : float, optional
             The largest acceleration that counts as none, rad/s^2 or m/s^2, against one plus those that a small motion of
             1 rad or 1 m would make. Newton's method goes on below it as long as it gets better, as a rule to rounding.
@@ -79,7 +82,7 @@ class Statics(Dynamics, States):
             return self._moved(q, at.p)
 
         search = Search(motions, udot, retract, tolerance)
-        found, m, relaxed = search.find(at.q, space.speed_names)
+        found, m, relaxed = search.find(at.q, space.speed_names, relax)
         at, n = at._replace(q=found), space.n
         damping = self.sensitivities(*at, du=space.units)[1][:, space.speeds].T
         A = np.block([[np.zeros((n, n)), np.eye(n)], [m.J, damping]])
