@@ -107,20 +107,14 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "mass": ("mass_matrix", "mass_matrix_sensitivities", "solve_mass", "solve_mass_sensitivities"),
     "forces": ("inverse_dynamics", "inverse_dynamics_sensitivities"),
     "states": ("assemble_sensitivities", "closure_sensitivities", "initial_sensitivities"),
-    "motion": (
-        "state_rates",
-        "state_rate_sensitivities",
-        "closing_step",
-        "initial_sensitivities",
-        "assemble_sensitivities",
-        "outputs",
-        "output_sensitivities",
-        "gradients",
-        "coordinate_rate_gradients",
-        "output_gradients",
-        "assemble_gradients",
+    "statics": (
+        "accelerations", "sensitivities", "coordinate_rates", "coordinate_rate_sensitivities", "assemble_sensitivities",
     ),
-}
+    "motion": (
+        "state_rates", "state_rate_sensitivities", "closing_step", "initial_sensitivities", "assemble_sensitivities", "outputs",
+        "output_sensitivities", "gradients", "coordinate_rate_gradients", "output_gradients", "assemble_gradients",
+    ),
+}  # fmt: skip
 """Words for several functions that may be chosen together."""
 
 ALSO = {
