@@ -54,7 +54,7 @@ class StandIn:
 
     def __call__(
         self, solver, t, q=None, u=None, p=None, inputs=None, *, sensitivities=(), rtol=1e-9, atol=1e-9, method="dop853",
-        progress=None,
+        progress=None, on_failure="raise",
     ):  # fmt: skip
         self.calls.append({"t": t, "p": p, "inputs": inputs, "rtol": rtol, "atol": atol, "method": method})
         q, u = solver.assemble(q, u, p)
