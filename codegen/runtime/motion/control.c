@@ -60,6 +60,7 @@ static size_t lay_out(const ordernm_problem *p, void *at)
     m->doutputs = ordernm_numbers(&of, s->noutputs*LANES);
     m->inputs = ordernm_numbers(&of, s->ninputs);
     m->dinputs = ordernm_numbers(&of, s->ninputs*LANES);
+    m->dt = ordernm_numbers(&of, LANES);
     m->row = ordernm_numbers(&of, ordernm_row_size(p));
     double **of_events[] = {&m->crossing, &m->after, &m->within};
     for (int i = 0; i < 3; ++i) *of_events[i] = ordernm_numbers(&of, p->nevents);

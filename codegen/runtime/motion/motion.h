@@ -24,7 +24,7 @@ extern "C" {
 typedef struct {
     const double *q, *u, *p, *inputs;
     double t;
-    double *dq, *du, *dp, *dinputs;
+    double *dq, *du, *dp, *dinputs, *dt;
     double *qdot, *udot, *dqdot, *dudot;
     double *outputs, *doutputs;
     double *full_u, *dfull_q, *dfull_u;
