@@ -119,7 +119,7 @@ typedef struct {
     /* Times at which events happened, and which; rows as above. Not kept if events is 0. */
     double *events;
     int *which;
-    long events_capacity, events_count;
+    long events_capacity, events_count; /* as many as there are events may come at once */
     double t;                 /* how far it has come */
     int singular;             /* what the function returned that failed */
     int component;            /* which of the state's entries kept the step small, or was not finite */

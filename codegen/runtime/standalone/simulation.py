@@ -351,7 +351,7 @@ class Simulation(States):
             return rows
 
         events: list[tuple[int, Array]] = []
-        places = np.empty((ROWS if problem.events else 0, size))
+        places = np.empty((ROWS + len(problem.events) if problem.events else 0, size))
         which = ffi.new("int[]", max(len(places), 1))
 
         def more_events() -> None:
