@@ -11,9 +11,11 @@ from types import ModuleType
 
 from .sections import CARRIED, STANDALONE
 from .solver import Solver
+from .standalone.equilibrium import Equilibrium
 from .standalone.errors import (
     AssemblyError,
     CompileError,
+    EquilibriumError,
     NoCompilerError,
     PackageError,
     SimulationError,
@@ -25,6 +27,7 @@ from .standalone.errors import (
 )
 from .standalone.functionals import At, AtEvent, Final, Integral, LeastSquares
 from .standalone.jacobians import Jacobians
+from .standalone.linearization import Linearization
 from .standalone.manifest import SEAL, check_files, read_manifest
 from .standalone.motion_events import Event
 from .standalone.trajectory import Trajectory
@@ -34,11 +37,14 @@ __all__ = [
     "At",
     "AtEvent",
     "CompileError",
+    "Equilibrium",
+    "EquilibriumError",
     "Event",
     "Final",
     "Integral",
     "Jacobians",
     "LeastSquares",
+    "Linearization",
     "NoCompilerError",
     "PackageError",
     "SimulationError",

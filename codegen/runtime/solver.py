@@ -11,12 +11,23 @@ from .standalone.package import Package
 from .standalone.partitions import Partitions
 from .standalone.reactions import Reactions
 from .standalone.redundancy import Redundancy
+from .standalone.statics import Statics
 from .standalone.tree_forces import TreeForces
 from .standalone.weighted_gradients import WeightedGradients
 
 
 class Solver(
-    Dynamics, WeightedGradients, Energies, Outputs, TreeForces, Judging, Reactions, Loops, Redundancy, Partitions
+    Statics,
+    Dynamics,
+    WeightedGradients,
+    Energies,
+    Outputs,
+    TreeForces,
+    Judging,
+    Reactions,
+    Loops,
+    Redundancy,
+    Partitions,
 ):
     __doc__ = Package.__doc__
 

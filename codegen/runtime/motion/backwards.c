@@ -81,6 +81,14 @@ ordernm_adjoint *ordernm_adjoint_begin(const ordernm_problem *problem, ordernm_g
     a->motion->results = &a->none;
     for (int n = 0; n < a->ngroups; ++n) {
         a->sampled[n] = g->ntimes;
+        double *const lambda = a->lambda + (long)n*a->n*a->width;
+        const ordernm_system *const s = problem->system;
+        for (int l = 0; l < a->width && n*a->width + l < g->nfunctionals; ++l) {
+            const long f = n*a->width + l;
+            for (int i = 0; g->end_q && i < s->nfree_q; ++i) lambda[i*a->width + l] = g->end_q[f*s->nq + s->free_q[i]];
+            for (int i = 0; g->end_u && i < s->nfree_u; ++i)
+                lambda[(s->nfree_q + i)*a->width + l] = g->end_u[f*s->nu + s->free_u[i]];
+        }
         for (int i = 0; g->integral_weights && i < problem->nintegrals; ++i)
             for (int l = 0; l < a->width && n*a->width + l < g->nfunctionals; ++l)
                 a->lambda[((long)n*a->n + a->motion->ny + i)*a->width + l] =

@@ -49,6 +49,8 @@ static size_t lay_out(const ordernm_problem *p, void *at)
     double **states[] = {&m->z, &m->next, &m->trial, &m->zeros, m->error, m->error + 1};
     for (size_t i = 0; i < sizeof states/sizeof *states; ++i) *states[i] = ordernm_numbers(&of, m->size);
     m->work = ordernm_numbers(&of, s->workspace);
+    if (s->closing_step)
+        m->precise_work = ordernm_take(&of, (s->workspace + 2L*s->nq + s->np + s->nclosure + s->nloops)*sizeof(long double));
     double **of_q[] = {&m->q, &m->qdot, &m->newton}, **of_u[] = {&m->u, &m->udot};
     double **lanes_q[] = {&m->dq, &m->dqdot, &m->full_dq}, **lanes_u[] = {&m->du, &m->dudot, &m->full_du};
     const long wider = s->nq > s->nu ? s->nq : s->nu; /* qdot is the place of speeds too */
@@ -56,6 +58,7 @@ static size_t lay_out(const ordernm_problem *p, void *at)
     for (int i = 0; i < 2; ++i) *of_u[i] = ordernm_numbers(&of, s->nu);
     for (int i = 0; i < 3; ++i) *lanes_q[i] = ordernm_numbers(&of, s->nq*LANES), *lanes_u[i] = ordernm_numbers(&of, s->nu*LANES);
     m->position = ordernm_numbers(&of, s->nclosure);
+    m->condition = ordernm_numbers(&of, s->nloops);
     m->outputs = ordernm_numbers(&of, s->noutputs);
     m->doutputs = ordernm_numbers(&of, s->noutputs*LANES);
     m->inputs = ordernm_numbers(&of, s->ninputs);
@@ -111,6 +114,8 @@ ordernm_motion *ordernm_begin(const ordernm_problem *p, double *room)
         }
     }
     m->t = p->start;
+    /* rounding of conditions moves dependents in proportion to the condition, and rates to its square */
+    m->poor = sqrt(0.01*p->rtol/2.2e-16);
     return m;
 }
 
@@ -121,6 +126,13 @@ void ordernm_state(const ordernm_motion *m, double *q, double *u)
     for (int i = 0; i < m->nd; ++i) q[m->dependent[i]] = m->z[m->ny + m->nx + i];
     for (int i = 0; i < s->nu; ++i) u[i] = 0.0;
     for (int i = 0; i < s->nfree_u; ++i) u[s->free_u[i]] = m->z[s->nfree_q + i];
+}
+
+int ordernm_row(ordernm_motion *m, ordernm_results *results, double *row)
+{
+    m->results = results;
+    ordernm_find_segment(m, m->t, 1e-9*(1.0 + fabs(m->t)));
+    return ordernm_report(m, m->t, m->z, row);
 }
 
 /* ---- Errors. ---- */
@@ -434,6 +446,7 @@ static int begin(ordernm_motion *m)
 int ordernm_go(ordernm_motion *m, ordernm_results *r, double seconds)
 {
     const ordernm_problem *const p = m->problem;
+    const ordernm_system *const s = m->system;
     const method *const method = m->method;
     const int adaptive = p->method != ORDERNM_RK4;
     const double deadline = seconds > 0.0 ? seconds_now() + seconds : INFINITY;
@@ -463,6 +476,7 @@ int ordernm_go(ordernm_motion *m, ordernm_results *r, double seconds)
         int status = method->step(m, h, &error);
         double end = to_wall ? wall : m->t + h;
         if (!status && error <= 1.0) status = ordernm_rates(m, end, m->next, m->rate[method->stages]);
+        if (!status && error <= 1.0 && m->nd && adaptive && ordernm_jumped(m, m->next)) status = -1;
         if (!status && !ordernm_all_finite(m->rate[method->stages], m->values)) error = NAN;
         int event = -1;
         if (p->nevents && !status && error <= 1.0) {
@@ -474,6 +488,10 @@ int ordernm_go(ordernm_motion *m, ordernm_results *r, double seconds)
                 if (fabs(wall - end) <= 1e-15*fabs(wall)) end = wall;
                 m->h = whole; /* the step behind it is like the one that it has cut */
             }
+        }
+        if (m->imprecise && !s->precise_closing_step && !r->as_is) {
+            m->imprecise = 0;
+            return ORDERNM_IMPRECISE;
         }
         if (status || !(error <= 1.0)) {
             if (!adaptive) return status ? failed(r, status) : not_finite(m, m->rate[method->stages]);
@@ -528,6 +546,8 @@ int ordernm_go(ordernm_motion *m, ordernm_results *r, double seconds)
             if (reason != ORDERNM_ENDED) return reason;
         }
         if (stop) return ORDERNM_EVENT;
+        r->next_step = m->h;
+        if (p->poor > 0.0 && r->condition_here > p->poor && m->t < p->end) return ORDERNM_POOR;
     }
     r->t = m->t;
     return ORDERNM_ENDED;

@@ -81,10 +81,13 @@ struct ordernm_motion {
     double *z, *next;         /* at the step's beginning and end */
     double *rate[MOST_STAGES];
     double *trial, *zeros, *error[2];
-    double *work, *q, *u, *qdot, *udot, *newton, *position, *outputs, *inputs;
+    double *work, *q, *u, *qdot, *udot, *newton, *position, *condition, *outputs, *inputs;
     double *dq, *du, *dqdot, *dudot, *full_dq, *full_du, *doutputs, *dinputs;
     double *dt;               /* [LANES]; of seeds zeros, for time has no derivative here; transposes write there */
     double *row;
+    void *precise_work;
+    double poor;              /* condition from which on loops are closed in long double */
+    int imprecise;            /* that was wanted, and could not be done */
     /* where it is */
     double t, h;
     long segment;             /* of the inputs' spline in this step */
@@ -101,6 +104,7 @@ ordernm_call ordernm_arguments(ordernm_motion *m, double t, const double *z);
 int ordernm_close_loops(ordernm_motion *m, ordernm_call *c);
 long ordernm_b_splines(const ordernm_motion *m, double t, double *value);
 int ordernm_settle(ordernm_motion *m, double t, double *z);
+int ordernm_jumped(const ordernm_motion *m, const double *z);
 int ordernm_report(ordernm_motion *m, double t, const double *z, double *row);
 void ordernm_find_segment(ordernm_motion *m, double t, double h);
 double ordernm_next_knot(const ordernm_motion *m, double t);

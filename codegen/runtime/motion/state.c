@@ -6,8 +6,14 @@
 
 enum { CLOSING_STEPS = 12 };
 
-/* Scaled residual of position that one more of Newton's steps, which squares it, takes below rounding. */
-static const double NEARLY_CLOSED = 1e-8;
+/* What one more of Newton's steps leaves: its square, times the condition of the closure. */
+static const double CLOSED = 1e-15;
+
+/* Tolerances by which dependent coordinates may differ from what a step predicts. */
+static const double JUMP = 1e3;
+
+/* Scaled residual that rounding may leave. */
+static const double ROUNDING = 1e-13;
 
 int ordernm_all_finite(const double *x, long n)
 {
@@ -155,23 +161,46 @@ static double largest_residual(const ordernm_motion *m)
     return largest;
 }
 
-/* Closes the loops of m->q by Newton's method. Returns 0, what the function returned, or -1 if they do not close. */
+/* Closes the loops of m->q by Newton's method, in long double where rounding of the conditions would move the dependent
+ * coordinates by too much. Returns 0, what the function returned, or -1 if they do not close. */
 int ordernm_close_loops(ordernm_motion *m, ordernm_call *c)
 {
     const ordernm_system *s = m->system;
     if (!s->closing_step) return 0;
+    ordernm_function *closing_step = s->closing_step;
     double before = INFINITY;
     c->step = m->newton;
     c->position = m->position;
+    c->condition = m->condition;
+    c->precise_work = m->precise_work;
     for (int n = 0; n < CLOSING_STEPS; ++n) {
         ++m->results->closing_steps;
-        const int singular = s->closing_step(c);
+        const int singular = closing_step(c);
         if (singular) return singular;
         const double residual = largest_residual(m);
-        if (!(residual < 0.5*before) && residual > NEARLY_CLOSED) return -1;
-        for (int i = 0; i < s->nq; ++i) m->q[i] += m->newton[i];
-        if (residual <= NEARLY_CLOSED) return 0;
+        const int precise = closing_step == s->precise_closing_step;
+        const int no_better = !(residual < 0.5*before);
+        if (no_better && residual > ROUNDING) return -1;
+        double step = 0.0;
+        for (int i = 0; i < s->nq; ++i) {
+            m->q[i] += m->newton[i];
+            if (!(fabs(m->newton[i]) <= step)) step = fabs(m->newton[i]);
+        }
+        double condition = 1.0;
+        for (int i = 0; i < s->nloops; ++i)
+            if (!(m->condition[i] <= condition)) condition = m->condition[i];
+        if (condition > m->results->condition) m->results->condition = condition;
+        m->results->condition_here = condition;
         before = residual;
+        if (condition > m->poor && !precise) {
+            if (s->precise_closing_step) {
+                closing_step = s->precise_closing_step;
+                before = INFINITY;
+                continue;
+            }
+            m->imprecise = 1;
+        }
+        if (no_better || step*step*condition <= CLOSED) return 0;
     }
     return -1;
 }
@@ -276,6 +305,19 @@ int ordernm_settle(ordernm_motion *m, double t, double *z)
             memcpy(S + i*width, m->full_dq + s->free_q[i]*width, width*sizeof(double));
     }
     return 1;
+}
+
+/* Whether the dependent coordinates that loops have been closed with last are others than a step has led to: on another branch,
+ * of those that meet where a loop loses rank. */
+int ordernm_jumped(const ordernm_motion *m, const double *z)
+{
+    const ordernm_problem *p = m->problem;
+    const double *predicted = z + m->ny + m->nx;
+    for (int i = 0; i < m->nd; ++i) {
+        const double q = m->q[m->dependent[i]];
+        if (!(fabs(q - predicted[i]) <= JUMP*(p->atol[0] + p->rtol*(1.0 + fabs(q))) + 1e-9)) return 1;
+    }
+    return 0;
 }
 
 /* ---- Results. ---- */

@@ -11,7 +11,7 @@ import numpy as np
 from .arrays import Array, Numbers
 from .errors import SimulationError
 from .functionals import At, AtEvent, Final, Functional, Integral, Judged, LeastSquares, check_functionals
-from .motion_adjoint import run_backwards
+from .motion_adjoint import Adjoint, segment_backwards
 from .motion_directions import Directions
 from .motion_events import DIRECTIONS as CROSSINGS
 from .motion_events import Crossing, Event
@@ -78,6 +78,9 @@ class Judging(Simulation):
         if ends.shape not in ((1,), (2,)):
             raise ValueError(f"t is {t!r}, expected the end of the motion, or its start and end, s")
         start, end = (0.0, float(ends[0])) if len(ends) == 1 else (float(ends[0]), float(ends[1]))
+        if not start < end:
+            raise ValueError(f"t is {t!r}: the motion would end before it begins, at {start:g} s")
+        self._find(self._opened, "outputs")
         wanted = check_functionals(functionals, self.output_names, start, end)
         times = {start, end}
         for f in wanted:
@@ -94,7 +97,7 @@ class Judging(Simulation):
             sorted(times), q, u, p, inputs, wrt, dq0, du0, rtol, atol, None, integrator, step, largest_step, most_steps
         )
         problem.integrals = tuple(integrals)
-        problem.atol = np.concatenate([problem.atol, np.full(len(integrals), float(np.min(atol)))])
+        problem.atol = np.append(problem.atol, np.full(len(integrals), np.min(atol)))
         problem.events = tuple(
             (self.output_names.index(e.output), e.level, CROSSINGS[e.direction], e.stop) for e in events
         )
@@ -112,7 +115,7 @@ class Judging(Simulation):
         if way == "forward":
             gradients = self._forward(wanted, problem, run, crossings, weights, k)
         elif way == "adjoint":
-            back = run_backwards(self._motion(), problem, run, weights.times, weights.outputs, weights.integrals)
+            back = self._backwards(run, weights)
             gradients = back.q @ dq.T + back.u @ du.T + back.p @ directions.dp.T
             if dinputs is not None:
                 gradients = gradients + np.einsum("mci,kci->mk", back.inputs, dinputs)
@@ -201,6 +204,36 @@ class Judging(Simulation):
                 c = crossings[f.event]
                 found[i] = c.dt if f.output == "t" else c.doutputs[:, self.output_names.index(f.output)]
         return found
+
+    def _backwards(self, run: Run, weights: Weights) -> Adjoint:
+        """Gradients by the adjoint, segment by segment from the end."""
+        m = len(weights.outputs)
+        end_q, end_u = np.zeros((m, self.nq)), np.zeros((m, self.nu))
+        total: Adjoint | None = None
+        for number, segment in reversed(list(enumerate(run.segments))):
+            after = weights.times > segment.problem.start if number else np.ones(len(weights.times), bool)
+            within = after & (weights.times <= segment.counts["t"])
+            found = segment_backwards(
+                self._motion(segment.opened), segment, weights.times[within], weights.outputs[:, within], weights.integrals,
+                end_q, end_u,
+            )  # fmt: skip
+            if total is not None:
+                found.p += total.p
+                found.inputs += total.inputs
+                found.counts = {name: n + total.counts[name] for name, n in found.counts.items()}
+            total = found
+            if number:
+                # the state at the change has been completed by the partition before
+                start = {"q": segment.problem.q, "u": segment.problem.u, "p": segment.problem.p}
+                opened = run.segments[number - 1].opened
+                f = self._find(opened, "completion_sensitivities_transposed")
+                back = opened.target.along(f, start, {"dfull_q": found.q, "dfull_u": found.u}, m, ())
+                by = dict(zip(f.results, back, strict=True))
+                end_q, end_u = by["dq"], by["du"]
+                if "dp" in by:
+                    total.p += by["dp"]
+        assert total is not None
+        return total
 
     @staticmethod
     def _way(method: str, m: int, k: int, integrator: str) -> str:

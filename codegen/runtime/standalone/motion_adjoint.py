@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from .arrays import Array
-from .motion_problem import REASONS, Problem, Run
+from .motion_problem import REASONS, Segment
 
 
 @dataclass(slots=True)
@@ -31,33 +31,35 @@ class Adjoint:
     counts: dict[str, int]
 
 
-def run_backwards(
-    motion: tuple[Any, Any, Any], problem: Problem, run: Run, times: Array, weights: Array, integral_weights: Array
-) -> Adjoint:
-    """Gradients of m functionals of a motion whose steps have been kept.
+def segment_backwards(
+    motion: tuple[Any, Any, Any], segment: Segment, times: Array, weights: Array, integral_weights: Array, end_q: Array,
+    end_u: Array,
+) -> Adjoint:  # fmt: skip
+    """Gradients of m functionals by what a segment of a motion, whose steps have been kept, begins with and depends on.
 
     Parameters
     ----------
     motion : (library, ffi, system)
-    run : Run
-        With its steps.
     times : array (ntimes,)
     weights : array (m, ntimes, noutputs)
+        Of outputs at these times, all of them within the segment.
     integral_weights : array (m, nintegrals)
+    end_q, end_u : array (m, nq), (m, nu)
+        Of independent entries of the state at the segment's end.
     """
     library, ffi, system = motion
-    m = len(weights)
+    problem, m = segment.problem, len(weights)
     c = problem.in_c(ffi, system)
     shapes = [(m, system.nq), (m, system.nu), (m, system.np), (m, len(problem.inputs.values), system.ninputs)]
     found = [np.zeros(s) for s in shapes]
     g = ffi.new("ordernm_gradients *")
-    held = [np.ascontiguousarray(x, float) for x in (times, weights, integral_weights)]
+    held = [np.ascontiguousarray(x, float) for x in (times, weights, integral_weights, end_q, end_u)]
     pointers = [ffi.from_buffer("double[]", x) if x.size else ffi.NULL for x in (*held, *found)]
     g.nfunctionals, g.ntimes = m, len(times)
-    g.times, g.weights, g.integral_weights, g.q, g.u, g.p, g.inputs = pointers
+    g.times, g.weights, g.integral_weights, g.end_q, g.end_u, g.q, g.u, g.p, g.inputs = pointers
     room = ffi.from_buffer("double[]", np.empty(library.ordernm_adjoint_room(c, g)))
     adjoint = library.ordernm_adjoint_begin(c, g, room)
-    for part, sizes in zip(reversed(run.steps), reversed(run.sizes), strict=True):
+    for part, sizes in zip(reversed(segment.steps), reversed(segment.sizes), strict=True):
         rows = part if sizes is None else made_again(library, ffi, c, part, sizes)
         reason = REASONS[library.ordernm_backwards(adjoint, ffi.from_buffer("double[]", rows), len(rows))]
         if reason != "end":

@@ -3,34 +3,25 @@
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from .arrays import Array, Numbers
-from .c_target import CTarget
 from .errors import SimulationError
 from .motion_directions import Directions, take_sensitivities
 from .motion_events import DIRECTIONS as CROSSINGS
 from .motion_events import Crossing, Event, crossing, take_events
 from .motion_inputs import take_inputs
-from .motion_library import motion_library
-from .motion_problem import METHODS, REASONS, Problem, Run
+from .motion_problem import METHODS, Problem, Run
+from .motion_run import MotionRun, Progress
 from .package import seeds, state
-from .states import States
 from .trajectory import FINISHED, INTERRUPTED, Trajectory
 from .warning import warn
 
 CLOSED = 1e-10
 """Scaled residual of an initial state that needs no assembly."""
-
-SLICE = 0.1
-"""Seconds that the integrator runs between two looks at Ctrl-C."""
-
-ROWS = 256
-"""Rows of results that there is room for at first, where nobody knows how many there will be."""
 
 MOST_STEPS = 1_000_000
 """So many steps are made unless a caller allows more."""
@@ -41,10 +32,8 @@ SMALLEST_TOLERANCE = 1e-14
 MEANINGLESS = 1e10
 """Sensitivities that have grown beyond this are told: the motion is chaotic, and its gradient means nothing."""
 
-Progress = Callable[[float, float], None]
 
-
-class Simulation(States):
+class Simulation(MotionRun):
     """Integration over time."""
 
     def simulate(
@@ -164,26 +153,16 @@ class Simulation(States):
             _, _, dq_model, du_model = self.initial_sensitivities(p_all, dp=directions.dp)
             dq = dq + (dq_model if q is None else 0.0)
             du = du + (du_model if u is None else 0.0)
-        independent_q, independent_u = self._independent()
-        n = len(independent_q) + len(independent_u)
         allowed = _tolerances("atol", atol, (self.nq + self.nu,))
         allowed_directions = None
         if atol_sensitivities is not None:
             allowed_directions = _tolerances("atol_sensitivities", atol_sensitivities, (directions.k,))
         problem = Problem(
             start, end, q_all, u_all, p_all, spline, times, dq, du, directions.dp, directions.dinputs, float(rtol),
-            allowed[[*independent_q, *(self.nq + i for i in independent_u)]], allowed_directions, method, float(step or 0.0),
+            allowed, allowed_directions, method, float(step or 0.0),
             float(largest_step or 0.0), int(most_steps),
         )  # fmt: skip
-        assert len(problem.atol) == n
         return problem, directions
-
-    def _independent(self) -> tuple[list[int], list[int]]:
-        """Independent coordinates and speeds, as places."""
-        return (
-            [self.coordinate_names.index(n) for n in self.independent_names],
-            [self.speed_names.index(n) for n in self.independent_speed_names],
-        )
 
     def _first_state(self, q: Numbers, u: Numbers, p: Array) -> tuple[Array, Array]:
         """A consistent initial state."""
@@ -230,29 +209,15 @@ class Simulation(States):
         ended = {"end": FINISHED, "interrupted": INTERRUPTED, "event": "event"}.get(run.reason)
         stats = {"method": problem.method, "reason": ended or self._why_it_ended(problem, run)} | run.counts
         manifest = self._manifest
+        shown = self.noutputs if self._gives_outputs else 0
         return Trajectory(
-            self.name, t, q, u, dq, du, outputs, doutputs, coordinate_names=self.coordinate_names,
-            speed_names=self.speed_names, output_names=self.output_names, parameter_names=self.parameter_names,
+            self.name, t, q, u, dq, du, outputs[..., :shown], doutputs[..., :shown], coordinate_names=self.coordinate_names,
+            speed_names=self.speed_names, output_names=self.output_names[:shown], parameter_names=self.parameter_names,
             input_names=self.input_names, sensitivity_names=directions.names,
             coordinate_units=manifest.get("coordinate_units", ()), speed_units=manifest.get("speed_units", ()),
-            output_units=manifest.get("output_units", ()), parameter_units=manifest.get("parameter_units", ()), p=problem.p,
+            output_units=manifest.get("output_units", ())[:shown], parameter_units=manifest.get("parameter_units", ()), p=problem.p,
             inputs=problem.inputs.values[0] if problem.inputs.knots is None else None, stats=stats, **extra,
         )  # fmt: skip
-
-    def _sizes(self, problem: Problem | None = None) -> list[int]:
-        """Of what a row of results has: t, q, u, outputs, integrals."""
-        return [1, self.nq, self.nu, self.noutputs, len(problem.integrals) if problem else 0]
-
-    def _of_rows(self, rows: Array, part: int, problem: Problem | None = None) -> Array:
-        """The values of a part, (..., n), of rows (..., row)."""
-        sizes = self._sizes(problem)
-        return rows[..., sum(sizes[:part]) : sum(sizes[: part + 1])]
-
-    def _derivatives_of_rows(self, rows: Array, problem: Problem, k: int, part: int) -> Array:
-        """Their derivatives, (..., k, n)."""
-        sizes = self._sizes(problem)
-        start = sum(sizes) + k * sum(sizes[1:part])
-        return rows[..., start : start + k * sizes[part]].reshape(*rows.shape[:-1], k, sizes[part])
 
     def _crossing(self, event: Event, row: Array, problem: Problem, k: int) -> Crossing:
         """An event from its row of results."""
@@ -282,12 +247,15 @@ class Simulation(States):
     def _why_it_ended(self, problem: Problem, run: Run) -> str:
         """The cause in words, with time and what was in the way."""
         at = f"at t = {run.counts['t']:.9g} s"
-        names = [*(f"q.{n}" for n in self.independent_names), *(f"u.{n}" for n in self.independent_speed_names)]
+        manifest = run.opened.manifest
+        names = [f"q.{n}" for n in manifest["independent_names"]] + [
+            f"u.{n}" for n in manifest["independent_speed_names"]
+        ]
         names += [f"integral {i}" for i in range(len(problem.integrals))]
         entry = names[min(run.component, len(names) - 1)]
         match run.reason:
             case "singular":
-                error = self._opened.target.singular(run.singular, f" {at}")  # type: ignore[attr-defined]
+                error = run.opened.target.singular(run.singular, f" {at}")  # type: ignore[attr-defined]
                 return f"the motion ends {at}: {error}"
             case "open loop":
                 return (
@@ -309,101 +277,6 @@ class Simulation(States):
                 )
             case _:
                 return run.reason
-
-    # -- running it ----------------------------------------------------------------------------------------------------
-
-    def _motion(self) -> tuple[Any, Any, Any]:
-        """The library of integrators, its cffi object, and the system of the partition in use."""
-        target = self._opened.target
-        if target.name != "c":
-            raise NotImplementedError(
-                "simulate runs compiled code, and this solver computes with NumPy: open it with target='c'"
-            )
-        library, ffi = motion_library(self.folder)
-        assert isinstance(target, CTarget)
-        address = target.address(f"{self._opened.manifest['name']}_motion")
-        return library, ffi, ffi.cast("ordernm_system *", address)
-
-    def _run(
-        self, problem: Problem, progress: Progress | None = None, keep_steps: bool = False, memory: int = 2**62
-    ) -> Run:
-        """Run a motion to its end; keep its steps in so many bytes, or what it takes to make them again."""
-        library, ffi, system = self._motion()
-        c = problem.in_c(ffi, system)
-        room = ffi.from_buffer("double[]", np.empty(library.ordernm_room(c)))
-        motion = library.ordernm_begin(c, room)
-        size, step_size = library.ordernm_row_size(c), library.ordernm_step_size(c)
-        r = ffi.new("ordernm_results *")
-        full: list[Array] = []
-        steps: list[Array] = []
-        sizes: list[Array | None] = []
-
-        def more_rows() -> Array:
-            rows = np.empty((len(problem.times) or ROWS * 2 ** min(len(full), 8), size))
-            r.rows, r.capacity, r.count = ffi.from_buffer("double[]", rows), len(rows), 0
-            return rows
-
-        most = max(memory // (4 * 8 * step_size), 1)  # rows of a part: two are whole at a time, others are let go
-
-        def more_steps() -> Array:
-            rows = np.empty((min(ROWS * 2 ** min(len(steps), 8), most), step_size))
-            r.steps, r.steps_capacity, r.steps_count = ffi.from_buffer("double[]", rows), len(rows), 0
-            return rows
-
-        events: list[tuple[int, Array]] = []
-        places = np.empty((ROWS + len(problem.events) if problem.events else 0, size))
-        which = ffi.new("int[]", max(len(places), 1))
-
-        def more_events() -> None:
-            events.extend((which[i], places[i].copy()) for i in range(r.events_count))
-            r.events_count = 0
-
-        if problem.events:
-            r.events, r.which, r.events_capacity = ffi.from_buffer("double[]", places), which, len(places)
-        rows = more_rows()
-        kept = more_steps() if keep_steps else None
-        began = time.perf_counter()
-        while True:
-            reason = REASONS[library.ordernm_go(motion, r, SLICE)]
-            try:
-                if progress is not None:
-                    progress(r.t, problem.end)
-            except KeyboardInterrupt:
-                reason = "interrupted"
-            if reason == "full":
-                if r.count == r.capacity:
-                    full.append(rows)
-                    rows = more_rows()
-                if kept is not None and r.steps_count == r.steps_capacity:
-                    steps.append(kept)
-                    sizes.append(None)
-                    if 8 * sum(x.size for x in steps) > memory // 2:
-                        let_go(steps, sizes)
-                    kept = more_steps()
-                if problem.events and r.events_count == r.events_capacity:
-                    more_events()
-            elif reason != "paused":
-                break
-        more_events()
-        if kept is not None:
-            steps.append(kept[: r.steps_count])
-            sizes.append(None)
-        q, u = np.empty(self.nq), np.empty(self.nu)
-        library.ordernm_state(motion, ffi.from_buffer("double[]", q), ffi.from_buffer("double[]", u))
-        counts = {
-            "t": r.t, "steps": r.accepted, "rejected": r.rejected, "evaluations": r.evaluations,
-            "closing_steps": r.closing_steps, "seconds": time.perf_counter() - began,
-        }  # fmt: skip
-        found = np.concatenate([*full, rows[: r.count]]) if full else rows[: r.count]
-        return Run(found, reason, counts, q, u, r.singular, r.component, steps, sizes, events)
-
-
-def let_go(steps: list[Array], sizes: list[Array | None]) -> None:
-    """Keep of the first part that is whole what it takes to make its steps again."""
-    for i, part in enumerate(steps):
-        if sizes[i] is None and len(part) > 1:
-            steps[i], sizes[i] = part[:1].copy(), part[:, :2].copy()
-            return
 
 
 def _interval(t: Any) -> tuple[float, float, Array]:
