@@ -63,6 +63,7 @@ static size_t lay_out(const ordernm_problem *p, void *at)
     m->doutputs = ordernm_numbers(&of, s->noutputs*LANES);
     m->inputs = ordernm_numbers(&of, s->ninputs);
     m->dinputs = ordernm_numbers(&of, s->ninputs*LANES);
+    m->dt = ordernm_numbers(&of, LANES);
     m->row = ordernm_numbers(&of, ordernm_row_size(p));
     double **of_events[] = {&m->crossing, &m->after, &m->within};
     for (int i = 0; i < 3; ++i) *of_events[i] = ordernm_numbers(&of, p->nevents);
@@ -248,6 +249,14 @@ static int failed(ordernm_results *r, int status)
     return status < 0 ? ORDERNM_OPEN : ORDERNM_SINGULAR;
 }
 
+/* Rates of these entries have no value. */
+static int not_finite(ordernm_motion *m, const double *rate)
+{
+    for (int i = 0; i < m->ny + m->nx; ++i)
+        if (rate[i]*0.0 != 0.0) m->results->component = i;
+    return ORDERNM_NOT_FINITE;
+}
+
 /* Results at a state; the reason where there are none. */
 static int keep(ordernm_motion *m, double t, const double *z)
 {
@@ -257,12 +266,13 @@ static int keep(ordernm_motion *m, double t, const double *z)
     return ORDERNM_ENDED;
 }
 
-/* Results at the times within the step that has been made. */
-static int sample(ordernm_motion *m, double h)
+/* Results at the times within the step that has been made. Without room for them the step is made again. */
+static int sample(ordernm_motion *m, double end)
 {
     const ordernm_problem *const p = m->problem;
-    const double end = m->t + h;
+    const double h = end - m->t;
     while (m->sampled < p->ntimes && p->times[m->sampled] <= end) {
+        if (m->results->count == m->results->capacity) return ORDERNM_FULL;
         const double t = p->times[m->sampled];
         const double *z = m->next;
         if (t < end) {
@@ -380,8 +390,10 @@ static int look_for_events(ordernm_motion *m, double *h, int *which)
     if ((status = step_to_event(m, *which, h))) return status;
     if ((status = ordernm_rates(m, m->t + *h, m->next, m->rate[m->method->stages]))) return status;
     if ((status = crossings(m, m->t + *h, m->next, m->after))) return status;
-    /* it is behind now, on whichever side rounding has left it */
-    m->after[*which] = m->crossing[*which] < 0.0 ? 1e-300 : -1e-300;
+    /* it is behind now, on whichever side rounding has left it, and so are others that happened at the same time */
+    for (int e = 0; e < p->nevents; ++e)
+        if (e == *which || (m->after[e] == 0.0 && crosses(p->events + e, m->crossing[e], m->after[e])))
+            m->after[e] = m->crossing[e] < 0.0 ? 1e-300 : -1e-300;
     return 0;
 }
 
@@ -413,11 +425,7 @@ static int begin(ordernm_motion *m)
     if (ordernm_settle(m, m->t, m->z) < 0) return failed(m->results, -1);
     const int status = ordernm_rates(m, m->t, m->z, m->rate[0]);
     if (status) return failed(m->results, status);
-    if (!ordernm_all_finite(m->rate[0], m->size)) {
-        for (int i = 0; i < m->ny + m->nx; ++i)
-            if (m->rate[0][i]*0.0 != 0.0) m->results->component = i;
-        return ORDERNM_NOT_FINITE;
-    }
+    if (!ordernm_all_finite(m->rate[0], m->size)) return not_finite(m, m->rate[0]);
     const int unknown = p->nevents ? crossings(m, m->t, m->z, m->crossing) : 0;
     if (unknown) return failed(m->results, unknown);
     if (!p->ntimes || p->times[0] <= p->start) {
@@ -452,14 +460,14 @@ int ordernm_go(ordernm_motion *m, ordernm_results *r, double seconds)
     for (long n = 1; m->t < p->end; ++n) {
         if (!p->ntimes && r->count == r->capacity) return ORDERNM_FULL;
         if (r->steps && r->steps_count == r->steps_capacity) return ORDERNM_FULL;
-        if (r->events && r->events_count == r->events_capacity) return ORDERNM_FULL;
+        if (r->events && r->events_count + p->nevents > r->events_capacity) return ORDERNM_FULL;
         if (p->most_steps && r->accepted + r->rejected >= p->most_steps) return ORDERNM_MANY_STEPS;
         if (n%CLOCK_STEPS == 0 && seconds_now() > deadline) return ORDERNM_PAUSED;
         /* how far: not beyond the end, nor a knot of the inputs; what is left over is not tiny */
         const double knot = ordernm_next_knot(m, m->t), wall = knot < p->end ? knot : p->end;
         double h = p->largest_step > 0.0 && m->h > p->largest_step ? p->largest_step : m->h;
         const double left = wall - m->t;
-        int to_wall = h >= left*(1.0 - 1e-12);
+        int to_wall = h >= left*(1.0 - 1e-12) || left - h <= 1e-15*fabs(wall);
         if (to_wall) h = left;
         else if (adaptive && 2.0*h > left) h = 0.5*left;
         if (h <= 4e-16*fabs(m->t) || !(h > 0.0)) return ORDERNM_COLLAPSED;
@@ -469,7 +477,7 @@ int ordernm_go(ordernm_motion *m, ordernm_results *r, double seconds)
         double end = to_wall ? wall : m->t + h;
         if (!status && error <= 1.0) status = ordernm_rates(m, end, m->next, m->rate[method->stages]);
         if (!status && error <= 1.0 && m->nd && adaptive && ordernm_jumped(m, m->next)) status = -1;
-        if (!status && adaptive && !ordernm_all_finite(m->rate[method->stages], m->values)) error = NAN;
+        if (!status && !ordernm_all_finite(m->rate[method->stages], m->values)) error = NAN;
         int event = -1;
         if (p->nevents && !status && error <= 1.0) {
             const double whole = h;
@@ -477,6 +485,7 @@ int ordernm_go(ordernm_motion *m, ordernm_results *r, double seconds)
             if (event >= 0) {
                 to_wall = 0;
                 end = m->t + h;
+                if (fabs(wall - end) <= 1e-15*fabs(wall)) end = wall;
                 m->h = whole; /* the step behind it is like the one that it has cut */
             }
         }
@@ -485,7 +494,7 @@ int ordernm_go(ordernm_motion *m, ordernm_results *r, double seconds)
             return ORDERNM_IMPRECISE;
         }
         if (status || !(error <= 1.0)) {
-            if (!adaptive) return failed(r, status);
+            if (!adaptive) return status ? failed(r, status) : not_finite(m, m->rate[method->stages]);
             ++r->rejected;
             r->component = worst_entry(m);
             double change = AFTER_FAILURE;
@@ -495,16 +504,19 @@ int ordernm_go(ordernm_motion *m, ordernm_results *r, double seconds)
             if (m->h <= 1e-15*fmax(fabs(m->t), fabs(p->end - p->start))) return status ? failed(r, status) : ORDERNM_COLLAPSED;
             continue;
         }
-        ++r->accepted;
-        if (r->steps) keep_step(m, h);
         m->complete = 0;
         if (p->ntimes) {
-            const int reason = sample(m, end - m->t);
+            const int reason = sample(m, end);
             if (reason != ORDERNM_ENDED) return reason;
         }
-        if (event >= 0) {
-            const int reason = keep_event(m, end, event);
+        ++r->accepted;
+        if (r->steps) keep_step(m, h);
+        int stop = 0;
+        for (int e = 0; event >= 0 && e < p->nevents; ++e) {
+            if (!crosses(p->events + e, m->crossing[e], m->after[e])) continue; /* others may happen at the same time */
+            const int reason = keep_event(m, end, e);
             if (reason != ORDERNM_ENDED) return reason;
+            stop |= p->events[e].stop;
         }
         double change = error > 0.0 ? SAFETY*pow(error, -1.0/method->order) : LARGEST_CHANGE;
         change = fmin(fmax(change, LEAST_CHANGE), m->rejected_before ? 1.0 : LARGEST_CHANGE);
@@ -524,7 +536,7 @@ int ordernm_go(ordernm_motion *m, ordernm_results *r, double seconds)
         m->rate[0] = last;
         const int changed = ordernm_settle(m, m->t, m->z);
         if (changed < 0) return failed(r, changed);
-        if (changed || m->t == knot) {
+        if (changed || ordernm_next_knot(m, m->t) != knot) {
             ordernm_find_segment(m, m->t, 1e-9*(1.0 + fabs(m->t)));
             const int failure = ordernm_rates(m, m->t, m->z, m->rate[0]);
             if (failure) return failed(r, failure);
@@ -533,7 +545,7 @@ int ordernm_go(ordernm_motion *m, ordernm_results *r, double seconds)
             const int reason = keep(m, m->t, m->z);
             if (reason != ORDERNM_ENDED) return reason;
         }
-        if (event >= 0 && p->events[event].stop) return ORDERNM_EVENT;
+        if (stop) return ORDERNM_EVENT;
         r->next_step = m->h;
         if (p->poor > 0.0 && r->condition_here > p->poor && m->t < p->end) return ORDERNM_POOR;
     }

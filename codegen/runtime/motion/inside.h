@@ -83,6 +83,7 @@ struct ordernm_motion {
     double *trial, *zeros, *error[2];
     double *work, *q, *u, *qdot, *udot, *newton, *position, *condition, *outputs, *inputs;
     double *dq, *du, *dqdot, *dudot, *full_dq, *full_du, *doutputs, *dinputs;
+    double *dt;               /* [LANES]; of seeds zeros, for time has no derivative here; transposes write there */
     double *row;
     void *precise_work;
     double poor;              /* condition from which on loops are closed in long double */
