@@ -234,10 +234,18 @@ def test_without_a_cache_a_temporary_folder_serves(here, monkeypatch, capsys, tm
     assert sorted(os.listdir()) == ["file", "swing.yaml"]
 
 
-def test_a_package_without_simulate(here, monkeypatch, capsys):
-    monkeypatch.delattr(Solver, "simulate")
-    assert run("swing.yaml", "-t", 1) == 2
-    assert "generated without simulate" in one_line(capsys)
+def test_a_package_without_simulate(here, capsys):
+    codegen.generate("swing.yaml", "swing", functions="accelerations")
+    assert run("swing", "-t", 1) == 2
+    assert "generated without state_rates" in one_line(capsys)
+
+
+def test_the_real_one(here, capsys):
+    assert run("swing.yaml", "-t", 2, "--sensitivities", "length", "-o", "run.npz") == 0
+    out, _ = capsys.readouterr()
+    assert "ended: finished" in out
+    kept = Trajectory.load("run.npz")
+    assert kept.t[-1] == 2 and np.isfinite(kept.derivative("height", "length")).all()
 
 
 def test_remarks_of_models_and_python_are_warnings(here, capsys, stand_in):
