@@ -130,8 +130,8 @@ def simulate(options: argparse.Namespace, status: StatusLine, remarks: list[str]
         status("simulating", 0, 0)
         with _motion_errors():
             trajectory = solver.simulate(
-                times, p=p or None, inputs=inputs or None, sensitivities=sensitivities, method=options.method, rtol=rtol, atol=atol,
-                on_failure="return",
+                times, p=p or None, inputs=inputs or None, sensitivities=sensitivities, method=options.method, rtol=rtol,
+                atol=atol, on_failure="return",
                 progress=lambda t, end: status.share(f"simulating, t = {t:.4g} of {end:.4g} s", t / end if end else 1.0),
             )  # fmt: skip
         done = Run(trajectory, times[-1])

@@ -44,6 +44,9 @@ outputs:
 """
 
 
+REAL = Solver.simulate
+
+
 class StandIn:
     """`Solver.simulate` with the signature of the real one, and what happens in it on the way."""
 
@@ -234,13 +237,15 @@ def test_without_a_cache_a_temporary_folder_serves(here, monkeypatch, capsys, tm
     assert sorted(os.listdir()) == ["file", "swing.yaml"]
 
 
-def test_a_package_without_simulate(here, capsys):
+def test_a_package_without_simulate(here, monkeypatch, capsys):
+    monkeypatch.setattr(Solver, "simulate", REAL)
     codegen.generate("swing.yaml", "swing", functions="accelerations")
     assert run("swing", "-t", 1) == 2
     assert "generated without state_rates" in one_line(capsys)
 
 
-def test_the_real_one(here, capsys):
+def test_the_real_one(here, monkeypatch, capsys):
+    monkeypatch.setattr(Solver, "simulate", REAL)
     assert run("swing.yaml", "-t", 2, "--sensitivities", "length", "-o", "run.npz") == 0
     out, _ = capsys.readouterr()
     assert "ended: finished" in out
