@@ -7,6 +7,10 @@
 
 enum { CLOCK_STEPS = 16 };    /* the clock is read once in so many steps */
 
+/* Of DOP853. Steps at the limit that are too many, and steps away from it after which they are forgotten. */
+static const double LIMIT_OF_STABILITY = 6.1;
+enum { FAR_STEPS = 15, NEAR_STEPS = 6 };
+
 static const double SAFETY = 0.9, LEAST_CHANGE = 0.333, LARGEST_CHANGE = 6.0, AFTER_FAILURE = 0.25;
 
 /* ---- Memory. ---- */
@@ -33,7 +37,7 @@ static long whole_lines(long n) { return (n + 7)/8*8; }
 
 static const method *method_of(const ordernm_problem *p)
 {
-    return p->method == ORDERNM_RK4 ? &ordernm_rk4 : &ordernm_dop853;
+    return p->method == ORDERNM_RK4 ? &ordernm_rk4 : p->method == ORDERNM_RADAU ? &ordernm_radau : &ordernm_dop853;
 }
 
 /* Lays a motion out; m is 0 where only its size is asked for. */
@@ -80,6 +84,10 @@ static size_t lay_out(const ordernm_problem *p, void *at)
     m->dinputs = numbers(&of, s->ninputs*LANES);
     m->row = numbers(&of, ordernm_row_size(p));
     m->crossing = numbers(&of, p->nevents);
+    if (m->method == &ordernm_radau) {
+        void *own = take(&of, ordernm_radau_layout(m, 0));
+        if (own) ordernm_radau_layout(m, own);
+    }
     return of.used;
 }
 
@@ -325,11 +333,31 @@ static int begin(ordernm_motion *m)
     return ORDERNM_ENDED;
 }
 
+/* Whether the limit of stability keeps an explicit method's steps small (E. Hairer, S. P. Norsett and G. Wanner, DOP853): where
+ * its last two stages, both at the step's end, differ, their rates differ by the largest eigenvalue. */
+static void watch_stability(ordernm_motion *m, double h)
+{
+    const double *const last = m->rate[m->method->stages - 1], *const end = m->rate[m->method->stages];
+    double rates = 0.0, states = 0.0;
+    for (int i = 0; i < m->ny; ++i) {
+        const double rate = end[i] - last[i], state = m->next[i] - m->trial[i];
+        rates += rate*rate;
+        states += state*state;
+    }
+    const double product = states > 0.0 ? h*sqrt(rates/states) : 0.0;
+    if (product > LIMIT_OF_STABILITY) {
+        m->near_steps = 0;
+        if (++m->far_steps >= FAR_STEPS && product > m->results->stiffness) m->results->stiffness = product;
+    } else if (++m->near_steps >= NEAR_STEPS) {
+        m->far_steps = 0;
+    }
+}
+
 int ordernm_go(ordernm_motion *m, ordernm_results *r, double seconds)
 {
     const ordernm_problem *const p = m->problem;
     const method *const method = m->method;
-    const int adaptive = p->method != ORDERNM_RK4;
+    const int adaptive = p->method != ORDERNM_RK4 && !p->fixed;
     const double deadline = seconds > 0.0 ? seconds_now() + seconds : INFINITY;
     m->results = r;
     r->t = m->t;
@@ -347,28 +375,31 @@ int ordernm_go(ordernm_motion *m, ordernm_results *r, double seconds)
         const double knot = ordernm_next_knot(m, m->t), wall = knot < p->end ? knot : p->end;
         double h = p->largest_step > 0.0 && m->h > p->largest_step ? p->largest_step : m->h;
         const double left = wall - m->t;
-        int to_wall = h >= left*(1.0 - 1e-12);
+        int to_wall = h >= left*(1.0 - (adaptive ? 1e-12 : 1e-9)); /* steps of one size add up to an end with rounding */
         if (to_wall) h = left;
         else if (adaptive && 2.0*h > left) h = 0.5*left;
         if (h <= 4e-16*fabs(m->t) || !(h > 0.0)) return ORDERNM_COLLAPSED;
         ordernm_find_segment(m, m->t, h);
         double error = 0.0;
+        m->advice = 0.0;
         int status = method->step(m, h, &error);
+        if (p->fixed && error < INFINITY) error = 0.0;
         const double end = to_wall ? wall : m->t + h;
-        if (!status && error <= 1.0) status = ordernm_rates(m, end, m->next, m->rate[method->stages]);
+        if (!status && error <= 1.0 && !method->gives_rate) status = ordernm_rates(m, end, m->next, m->rate[method->stages]);
         if (!status && adaptive && !ordernm_all_finite(m->rate[method->stages], m->values)) error = NAN;
         if (status || !(error <= 1.0)) {
-            if (!adaptive) return failed(r, status);
+            if (!adaptive) return status ? failed(r, status) : method->gives_rate ? ORDERNM_COLLAPSED : ORDERNM_NOT_FINITE;
             ++r->rejected;
             r->component = worst_entry(m);
             double change = AFTER_FAILURE;
             if (!status && error == error) change = fmax(LEAST_CHANGE, SAFETY*pow(error, -1.0/method->order));
-            m->h = h*change;
+            m->h = h*(m->advice > 0.0 ? m->advice : change);
             m->rejected_before = 1;
             if (m->h <= 1e-15*fmax(fabs(m->t), fabs(p->end - p->start))) return status ? failed(r, status) : ORDERNM_COLLAPSED;
             continue;
         }
         ++r->accepted;
+        if (p->method == ORDERNM_DOP853) watch_stability(m, h);
         if (r->steps) keep_step(m, h);
         m->complete = 0;
         if (p->ntimes) {
@@ -376,7 +407,8 @@ int ordernm_go(ordernm_motion *m, ordernm_results *r, double seconds)
             if (reason != ORDERNM_ENDED) return reason;
         }
         double change = error > 0.0 ? SAFETY*pow(error, -1.0/method->order) : LARGEST_CHANGE;
-        change = fmin(fmax(change, LEAST_CHANGE), m->rejected_before ? 1.0 : LARGEST_CHANGE);
+        change = m->advice > 0.0 ? m->advice : fmax(change, LEAST_CHANGE);
+        change = fmin(change, m->rejected_before ? 1.0 : LARGEST_CHANGE);
         m->rejected_before = 0;
         if (adaptive && !(to_wall && change*h < m->h)) m->h = h*change;
         m->t = r->t = end;

@@ -88,7 +88,7 @@ static void dop853_interpolate(ordernm_motion *m, double h, double theta, double
     ordernm_combine(m->size, z, m->z, h, 16, every, w, m->rate);
 }
 
-const method ordernm_dop853 = {12, 16, 8, dop853_step, dop853_complete, dop853_interpolate};
+const method ordernm_dop853 = {12, 16, 8, dop853_step, dop853_complete, dop853_interpolate, 0};
 
 /* ---- The classical method of order 4. ---- */
 
@@ -126,4 +126,4 @@ static void rk4_interpolate(ordernm_motion *m, double h, double theta, double *z
     ordernm_combine(m->size, z, m->z, h, 5, every, w, m->rate);
 }
 
-const method ordernm_rk4 = {4, 5, 5, rk4_step, rk4_complete, rk4_interpolate};
+const method ordernm_rk4 = {4, 5, 5, rk4_step, rk4_complete, rk4_interpolate, 0};

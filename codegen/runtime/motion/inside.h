@@ -29,6 +29,7 @@ typedef struct {
     int (*step)(ordernm_motion *m, double h, double *error);                   /* 1 is the largest error allowed */
     int (*complete)(ordernm_motion *m, double h);                              /* the further stages */
     void (*interpolate)(ordernm_motion *m, double h, double theta, double *z); /* at t + theta h */
+    int gives_rate;           /* a step leaves the rate at its end in rate[stages] */
 } method;
 
 struct ordernm_motion {
@@ -54,10 +55,14 @@ struct ordernm_motion {
     int begun, ended, rejected_before, complete;
     double *crossing;         /* [nevents] at the step's beginning */
     ordernm_results *results;
-    long far_steps;           /* in which an explicit method was at its limit of stability */
+    int far_steps, near_steps; /* in a row, in which an explicit method was at its limit of stability, and was not */
+    double advice;            /* how many times as large the next step should be, 0: as its error says */
+    struct radau *radau;      /* what that method has of its own, else 0 */
 };
 
 /* state.c */
+enum { RATES = 1, INTEGRALS = 2, CLOSED = 4 }; /* of the state; of integrals; loops are known to be closed */
+int ordernm_rates_of(ordernm_motion *m, double t, const double *z, double *rate, int ngroups, const group *groups, int what);
 int ordernm_rates(ordernm_motion *m, double t, const double *z, double *rate);
 int ordernm_assembled(ordernm_motion *m, double t, const double *z);
 int ordernm_settle(ordernm_motion *m, double t, double *z);
@@ -70,6 +75,11 @@ int ordernm_all_finite(const double *x, long n);
 extern const method ordernm_rk4, ordernm_dop853;
 void ordernm_combine(long n, double *out, const double *z, double h, int count, const int *which, const double *factor,
     double *const *rate);
+
+/* radau.c */
+extern const method ordernm_radau;
+size_t ordernm_radau_layout(ordernm_motion *m, void *at);
+int ordernm_radau_stages(ordernm_motion *m, double h, double *const **found);
 
 /* control.c */
 double ordernm_error_norm(const ordernm_motion *m, const double *next, const double *error, const double *second);

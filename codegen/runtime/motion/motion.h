@@ -91,6 +91,7 @@ typedef struct {
     long ntimes;
     const double *times;      /* where results are wanted, rising, from start to end; ntimes 0: at every step */
     double step;              /* of ORDERNM_RK4; of others the first one, 0 to leave it to them */
+    int fixed;                /* other methods too make steps of this size only, whatever their errors */
     double largest_step;      /* 0 for any */
     long most_steps;          /* 0 for any */
     double rtol;
@@ -124,7 +125,7 @@ typedef struct {
     int singular;             /* what the function returned that failed */
     int component;            /* which of the state's entries kept the step small, or was not finite */
     long accepted, rejected, evaluations, closing_steps, jacobians, factorizations;
-    double stiffness;         /* largest step times largest eigenvalue seen lately; above 4 an explicit method is at its limit */
+    double stiffness;         /* step times largest eigenvalue where it kept an explicit method's steps small; else 0 */
 } ordernm_results;
 
 typedef struct ordernm_motion ordernm_motion;

@@ -72,6 +72,7 @@ class Problem:
     atol_directions: Array | None = None
     method: str = "dop853"
     step: float = 0.0
+    fixed: bool = False
     largest_step: float = 0.0
     most_steps: int = 0
     integrals: tuple[int, ...] = ()
@@ -101,7 +102,7 @@ class Problem:
         c.inputs.directions = pointer(self.dinputs)
         c.start, c.end = self.start, self.end
         c.ntimes, c.times = len(self.times), pointer(self.times)
-        c.step, c.largest_step, c.most_steps = self.step, self.largest_step, self.most_steps
+        c.step, c.fixed, c.largest_step, c.most_steps = self.step, self.fixed, self.largest_step, self.most_steps
         c.rtol, c.atol, c.atol_directions = self.rtol, pointer(self.atol), pointer(self.atol_directions)
         integrals = ffi.new("int[]", list(self.integrals) or [0])
         self.kept.append(integrals)

@@ -114,7 +114,8 @@ class Simulation(States):
         library.ordernm_state(motion, ffi.from_buffer("double[]", q), ffi.from_buffer("double[]", u))
         counts = {
             "t": r.t, "steps": r.accepted, "rejected": r.rejected, "evaluations": r.evaluations,
-            "closing_steps": r.closing_steps, "seconds": time.perf_counter() - began,
+            "closing_steps": r.closing_steps, "jacobians": r.jacobians, "factorizations": r.factorizations,
+            "stiffness": r.stiffness, "seconds": time.perf_counter() - began,
         }  # fmt: skip
         found = np.concatenate([*full, rows[: r.count]]) if full else rows[: r.count]
         return Run(found, reason, counts, q, u, r.singular, r.component, steps)

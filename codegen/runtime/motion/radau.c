@@ -1,0 +1,744 @@
+/* Radau IIA of order 5 with three stages, for stiff systems.
+ *
+ * E. Hairer and G. Wanner, Solving Ordinary Differential Equations II, 2nd ed., Springer 1996, section IV.8, and their code
+ * RADAU5. The stages z + Z[i] satisfy Z[i] = h*sum(a[i][j]*rate[j]). With A^-1 = T*L*T^-1, where L holds one real eigenvalue
+ * and a pair of complex ones, Newton's method on W = T^-1*Z needs one real and one complex factorisation of the size of the
+ * state. The Jacobian J is exact; it is kept while Newton's method converges fast, and its factors while the step keeps its size.
+ *
+ * What is solved for are the n independent coordinates and speeds. Integrals are sums of the stages' outputs afterwards, and
+ * predictions of dependent coordinates are what closing the loops has given at a stage in Newton's last iteration.
+ *
+ * Sensitivities are the derivative of the step that has been made: dZ[i] = h*sum(a[i][j]*D rate[j](S + dZ)), linear equations
+ * with the exact J at every stage, which nobody forms: each right side is one call along all directions of a group at once, and
+ * the factors at hand are what the iteration is preconditioned with. They are as exact as the stages that they are taken at, so
+ * Newton's method goes on further below the tolerance where there are directions. */
+#include "inside.h"
+
+#include <float.h>
+#include <math.h>
+#include <string.h>
+
+enum { STAGES = 3, ITERATIONS = 7, FIXED_ITERATIONS = 30, SWEEPS = 12 }; /* the second where a smaller step is no way out */
+
+static const double TIME[STAGES] = {0.15505102572168219, 0.64494897427831781, 1.0};
+
+static const double T[STAGES][STAGES] = {
+    {0.091232394870892943, -0.14125529502095421, -0.030029194105147424},
+    {0.24171793270710702, 0.20412935229379993, 0.38294211275726194},
+    {0.96604818261509294, 1.0, 0.0},
+};
+static const double INVERSE[STAGES][STAGES] = {
+    {4.3255798900631554, 0.33919925181580987, 0.54177053993587487},
+    {-4.1787185915519047, -0.32768282076106239, 0.47662355450055045},
+    {-0.50287263494578688, 2.5719269498556054, -0.59603920482822492},
+};
+
+/* L: a real eigenvalue and a complex one, with its conjugate. */
+static const double REAL = 3.6378342527444957, RE = 2.6810828736277521, IM = 3.0504301992474106;
+
+static const double A[STAGES][STAGES] = {
+    {0.19681547722366043, -0.065535425850198388, 0.023770974348220152},
+    {0.39442431473908728, 0.29207341166522846, -0.04154875212599793},
+    {0.37640306270046728, 0.51248582618842161, 0.11111111111111111},
+};
+
+/* Of the error estimate. */
+static const double E[STAGES] = {-10.048809399827416, 1.3821427331607489, -0.33333333333333333};
+
+/* Newton's method converges so fast that J is kept. */
+static const double FAST = 1e-3;
+
+/* Stages are this much closer to the solution of their equations where there are directions. */
+static const double CLOSER = 1e-2;
+
+/* What is left of sensitivities' equations, relative to them; what rounding may leave of them, relative to their size. */
+static const double SWEPT = 1e-12, ROUNDED = 1e-9;
+
+/* Steps keep their size, and factors are kept, if they could be as many times as large. */
+static const double KEEP_BELOW = 1.2;
+
+static const double SAFETY = 0.9, LEAST_CHANGE = 0.125, LARGEST_CHANGE = 5.0;
+
+enum { CONVERGED = -100, DIVERGED }; /* beside what functions return */
+
+struct radau {
+    int n;                    /* independent coordinates and speeds */
+    int half;                 /* rates of coordinates are speeds: J = [0, 1; J_q, J_u], and half of it is solved for */
+    int order;                /* of the matrices that are factorised: n or n/2 */
+    double *jacobian;         /* [n][n] */
+    double *real, *re, *im;   /* [order][order] factors of REAL/h - J and (RE + i IM)/h - J */
+    int *real_pivot, *pivot;  /* rows that were exchanged */
+    double h_factored;        /* 0: there are no factors */
+    group columns;            /* seeds of J's columns, so many at a time */
+    double *seeded, *seeded_rate;
+    double *stage[STAGES], *last[STAGES]; /* Z of this step, and of the accepted one before */
+    double *right[STAGES], *scratch[2];   /* [n][LANES] */
+    double *scale;            /* [n] errors allowed */
+    int tried, jacobian_here; /* J is that of z */
+    long accepted;            /* steps that there is a Z of */
+    double h_last, h_tried;
+    double tolerance;         /* of errors, in units of what is allowed to the solution */
+    double slowness, sweep_slowness; /* theta/(1 - theta) of Newton's method and of the sweeps */
+    double theta, stalled;
+    int iterations;
+    double error_accepted, h_accepted;
+};
+
+/* ---- Memory. ---- */
+
+typedef struct {
+    char *at;
+    size_t used;
+} memory;
+
+static void *take(memory *of, size_t bytes)
+{
+    void *found = of->at ? of->at + of->used : 0;
+    of->used += (bytes + 63)/64*64;
+    return found;
+}
+
+static double *numbers(memory *of, long n)
+{
+    return take(of, (size_t)(n > 0 ? n : 1)*sizeof(double));
+}
+
+/* Lays out what the method needs of its own, from a cache line on; returns how many bytes, which is all where at is 0. */
+size_t ordernm_radau_layout(ordernm_motion *m, void *at)
+{
+    memory of = {at, 0};
+    const ordernm_system *s = m->system;
+    struct radau none, *r = take(&of, sizeof *r);
+    if (!at) r = &none;
+    memset(r, 0, sizeof *r);
+    const int n = r->n = m->ny;
+    r->half = s->plain_rates && !s->split && s->nfree_q == s->nfree_u;
+    for (int i = 0; r->half && i < s->nfree_q; ++i) r->half = s->free_q[i] == s->free_u[i];
+    const int order = r->order = r->half ? n/2 : n;
+    const long square = (long)order*order;
+    r->jacobian = numbers(&of, (long)n*n);
+    r->real = numbers(&of, square), r->re = numbers(&of, square), r->im = numbers(&of, square);
+    r->real_pivot = take(&of, (order + 1)*sizeof(int)), r->pivot = take(&of, (order + 1)*sizeof(int));
+    r->seeded = numbers(&of, m->values + (long)n*LANES);
+    r->seeded_rate = numbers(&of, m->values + (long)(n + m->nx)*LANES);
+    const group columns = {LANES, 1, 0, 0, m->values, numbers(&of, (long)s->np*LANES)};
+    r->columns = columns;
+    for (int i = 0; i < STAGES; ++i) {
+        r->stage[i] = numbers(&of, m->size);
+        r->last[i] = numbers(&of, m->size);
+        r->right[i] = numbers(&of, (long)n*LANES);
+    }
+    for (int i = 0; i < 2; ++i) r->scratch[i] = numbers(&of, (long)n*LANES);
+    r->scale = numbers(&of, n);
+    /* The error estimate is of order 3, the solution of order 5: what is allowed to the former grows with the power of 2/3 as
+     * tolerances fall (RADAU5). */
+    const double rtol = m->problem->rtol > 1e-14 ? m->problem->rtol : 1e-14;
+    r->tolerance = 0.1*pow(rtol, -1.0/3.0);
+    r->slowness = r->sweep_slowness = 1.0;
+    if (at) m->radau = r;
+    return of.used;
+}
+
+/* ---- Linear equations. ---- */
+
+/* Rows exchanged, then L\U in place, L with ones on its diagonal. Returns 1 if a pivot is zero or not finite. */
+static int factorise_real(int n, double *a, int *pivot)
+{
+    for (int k = 0; k < n; ++k) {
+        int best = k;
+        for (int i = k + 1; i < n; ++i)
+            if (fabs(a[(long)i*n + k]) > fabs(a[(long)best*n + k])) best = i;
+        pivot[k] = best;
+        double *const row = a + (long)k*n;
+        if (best != k) {
+            double *const other = a + (long)best*n;
+            for (int j = 0; j < n; ++j) {
+                const double x = row[j];
+                row[j] = other[j];
+                other[j] = x;
+            }
+        }
+        const double inverse = 1.0/row[k];
+        if (!(fabs(inverse) < INFINITY)) return 1;
+        for (int i = k + 1; i < n; ++i) {
+            double *const below = a + (long)i*n;
+            const double f = below[k] *= inverse;
+            if (f == 0.0) continue;
+            for (int j = k + 1; j < n; ++j) below[j] -= f*row[j];
+        }
+    }
+    return 0;
+}
+
+static int factorise_complex(int n, double *re, double *im, int *pivot)
+{
+    for (int k = 0; k < n; ++k) {
+        int best = k;
+        double largest = -1.0;
+        for (int i = k; i < n; ++i) {
+            const double size = fabs(re[(long)i*n + k]) + fabs(im[(long)i*n + k]);
+            if (size > largest) largest = size, best = i;
+        }
+        pivot[k] = best;
+        double *const a = re + (long)k*n, *const b = im + (long)k*n;
+        if (best != k) {
+            double *const c = re + (long)best*n, *const d = im + (long)best*n;
+            for (int j = 0; j < n; ++j) {
+                const double x = a[j], y = b[j];
+                a[j] = c[j], b[j] = d[j];
+                c[j] = x, d[j] = y;
+            }
+        }
+        const double square = a[k]*a[k] + b[k]*b[k];
+        const double x = a[k]/square, y = -b[k]/square;
+        if (!(fabs(x) + fabs(y) < INFINITY)) return 1;
+        for (int i = k + 1; i < n; ++i) {
+            double *const c = re + (long)i*n, *const d = im + (long)i*n;
+            const double f = c[k]*x - d[k]*y, g = c[k]*y + d[k]*x;
+            c[k] = f, d[k] = g;
+            if (f == 0.0 && g == 0.0) continue;
+            for (int j = k + 1; j < n; ++j) {
+                c[j] -= f*a[j] - g*b[j];
+                d[j] -= f*b[j] + g*a[j];
+            }
+        }
+    }
+    return 0;
+}
+
+static inline void exchange(double *x, const int *pivot, int n, int width)
+{
+    for (int k = 0; k < n; ++k)
+        if (pivot[k] != k)
+            for (int l = 0; l < width; ++l) {
+                const double y = x[k*width + l];
+                x[k*width + l] = x[pivot[k]*width + l];
+                x[pivot[k]*width + l] = y;
+            }
+}
+
+/* x, [n][width], from right sides to solutions. */
+static inline void solve_factored(int n, const double *a, const int *pivot, double *x, int width)
+{
+    exchange(x, pivot, n, width);
+    for (int i = 1; i < n; ++i)
+        for (int j = 0; j < i; ++j) {
+            const double f = a[(long)i*n + j];
+            for (int l = 0; l < width; ++l) x[i*width + l] -= f*x[j*width + l];
+        }
+    for (int i = n - 1; i >= 0; --i) {
+        for (int j = i + 1; j < n; ++j) {
+            const double f = a[(long)i*n + j];
+            for (int l = 0; l < width; ++l) x[i*width + l] -= f*x[j*width + l];
+        }
+        const double f = 1.0/a[(long)i*n + i];
+        for (int l = 0; l < width; ++l) x[i*width + l] *= f;
+    }
+}
+
+static inline void solve_factored_complex(int n, const double *re, const double *im, const int *pivot, double *x, double *y,
+    int width)
+{
+    exchange(x, pivot, n, width);
+    exchange(y, pivot, n, width);
+    for (int i = 1; i < n; ++i)
+        for (int j = 0; j < i; ++j) {
+            const double f = re[(long)i*n + j], g = im[(long)i*n + j];
+            for (int l = 0; l < width; ++l) {
+                x[i*width + l] -= f*x[j*width + l] - g*y[j*width + l];
+                y[i*width + l] -= f*y[j*width + l] + g*x[j*width + l];
+            }
+        }
+    for (int i = n - 1; i >= 0; --i) {
+        for (int j = i + 1; j < n; ++j) {
+            const double f = re[(long)i*n + j], g = im[(long)i*n + j];
+            for (int l = 0; l < width; ++l) {
+                x[i*width + l] -= f*x[j*width + l] - g*y[j*width + l];
+                y[i*width + l] -= f*y[j*width + l] + g*x[j*width + l];
+            }
+        }
+        const double a = re[(long)i*n + i], b = im[(long)i*n + i], square = a*a + b*b;
+        for (int l = 0; l < width; ++l) {
+            const double c = x[i*width + l], d = y[i*width + l];
+            x[i*width + l] = (a*c + b*d)/square;
+            y[i*width + l] = (a*d - b*c)/square;
+        }
+    }
+}
+
+/* Adds J_q x to y, where half of J is solved for. */
+static inline void add_stiffness(const struct radau *r, const double *x, double *y, int width)
+{
+    const int k = r->order;
+    for (int i = 0; i < k; ++i)
+        for (int j = 0; j < k; ++j) {
+            const double f = r->jacobian[(long)(k + i)*r->n + j];
+            for (int l = 0; l < width; ++l) y[i*width + l] += f*x[j*width + l];
+        }
+}
+
+/* x, [n][width], solved for: (REAL/h - J) x. Where half of J is solved for, the coordinates' rows are x_q = (b_q + x_u)/s with
+ * s = REAL/h, so that (s - J_u - J_q/s) x_u = b_u + J_q b_q/s. */
+static inline void solve_real_lanes(const struct radau *r, double *x, int width)
+{
+    const int k = r->order;
+    if (!r->half) {
+        solve_factored(k, r->real, r->real_pivot, x, width);
+        return;
+    }
+    const double inverse = r->h_factored/REAL;
+    double *const u = x + (long)k*width;
+    for (int i = 0; i < k*width; ++i) x[i] *= inverse;
+    add_stiffness(r, x, u, width);
+    solve_factored(k, r->real, r->real_pivot, u, width);
+    for (int i = 0; i < k*width; ++i) x[i] += inverse*u[i];
+}
+
+static inline void solve_complex_lanes(const struct radau *r, double *x, double *y, int width)
+{
+    const int k = r->order;
+    if (!r->half) {
+        solve_factored_complex(k, r->re, r->im, r->pivot, x, y, width);
+        return;
+    }
+    const double square = RE*RE + IM*IM, a = r->h_factored*RE/square, b = -r->h_factored*IM/square;
+    double *const u = x + (long)k*width, *const v = y + (long)k*width;
+    for (int i = 0; i < k*width; ++i) {
+        const double c = x[i], d = y[i];
+        x[i] = a*c - b*d;
+        y[i] = a*d + b*c;
+    }
+    add_stiffness(r, x, u, width);
+    add_stiffness(r, y, v, width);
+    solve_factored_complex(k, r->re, r->im, r->pivot, u, v, width);
+    for (int i = 0; i < k*width; ++i) {
+        x[i] += a*u[i] - b*v[i];
+        y[i] += a*v[i] + b*u[i];
+    }
+}
+
+static void solve_real(const struct radau *r, double *x, int width)
+{
+    if (width == 1) solve_real_lanes(r, x, 1);
+    else solve_real_lanes(r, x, LANES);
+}
+
+static void solve_complex(const struct radau *r, double *x, double *y, int width)
+{
+    if (width == 1) solve_complex_lanes(r, x, y, 1);
+    else solve_complex_lanes(r, x, y, LANES);
+}
+
+/* Returns 1 if a matrix is singular. */
+static int factorise(ordernm_motion *m, double h)
+{
+    struct radau *const r = m->radau;
+    const int k = r->order, n = r->n, q = r->half ? k : 0;
+    const double square = RE*RE + IM*IM;
+    ++m->results->factorizations;
+    r->h_factored = 0.0;
+    for (int i = 0; i < k; ++i)
+        for (int j = 0; j < k; ++j) {
+            const double *const of = r->jacobian + (long)(q + i)*n + j;
+            const double stiffness = r->half ? h*of[0] : 0.0, rest = of[q];
+            const long at = (long)i*k + j;
+            r->real[at] = (i == j)*(REAL/h) - rest - stiffness/REAL;
+            r->re[at] = (i == j)*(RE/h) - rest - stiffness*(RE/square);
+            r->im[at] = (i == j)*(IM/h) + stiffness*(IM/square);
+        }
+    if (factorise_real(k, r->real, r->real_pivot) || factorise_complex(k, r->re, r->im, r->pivot)) return 1;
+    r->h_factored = h;
+    return 0;
+}
+
+/* J at z, whose loops are closed: so many columns at a time. Returns what a function returned. */
+static int differentiate(ordernm_motion *m)
+{
+    struct radau *const r = m->radau;
+    const int n = r->n;
+    ++m->results->jacobians;
+    r->h_factored = 0.0;
+    memcpy(r->seeded, m->z, m->values*sizeof(double));
+    double *const seed = r->seeded + m->values;
+    const double *const rate = r->seeded_rate + m->values;
+    for (int first = 0; first < n; first += LANES) {
+        const int count = n - first < LANES ? n - first : LANES;
+        memset(seed, 0, (long)n*LANES*sizeof(double));
+        for (int l = 0; l < count; ++l) seed[(long)(first + l)*LANES + l] = 1.0;
+        const int status = ordernm_rates_of(m, m->t, r->seeded, r->seeded_rate, 1, &r->columns, RATES | CLOSED);
+        if (status) return status;
+        for (int i = 0; i < n; ++i)
+            for (int l = 0; l < count; ++l) r->jacobian[(long)i*n + first + l] = rate[(long)i*LANES + l];
+    }
+    r->jacobian_here = 1;
+    return 0;
+}
+
+/* ---- The stages' equations. ---- */
+
+/* Of stages at so many entries from `at` on, a correction to right: solutions of (L/h - J) dW = T^-1 rate - L/h W. */
+static inline void correction_lanes(ordernm_motion *m, double h, long at, int width)
+{
+    struct radau *const r = m->radau;
+    const double *const x = r->stage[0] + at, *const y = r->stage[1] + at, *const z = r->stage[2] + at;
+    const double *const f = m->rate[1] + at, *const g = m->rate[2] + at, *const k = m->rate[3] + at;
+    const double real = REAL/h, re = RE/h, im = IM/h;
+    for (int i = 0; i < r->n*width; ++i) {
+        double w[STAGES], s[STAGES];
+        for (int j = 0; j < STAGES; ++j) {
+            w[j] = INVERSE[j][0]*x[i] + INVERSE[j][1]*y[i] + INVERSE[j][2]*z[i];
+            s[j] = INVERSE[j][0]*f[i] + INVERSE[j][1]*g[i] + INVERSE[j][2]*k[i];
+        }
+        r->right[0][i] = s[0] - real*w[0];
+        r->right[1][i] = s[1] - (re*w[1] - im*w[2]);
+        r->right[2][i] = s[2] - (re*w[2] + im*w[1]);
+    }
+    solve_real(r, r->right[0], width);
+    solve_complex(r, r->right[1], r->right[2], width);
+}
+
+static void correction(ordernm_motion *m, double h, long at, int width)
+{
+    if (width == 1) correction_lanes(m, h, at, 1);
+    else correction_lanes(m, h, at, LANES);
+}
+
+/* Adds T times the correction to the stages, and leaves what has been added in its place. */
+static void correct(struct radau *r, long at, int width)
+{
+    for (int i = 0; i < r->n*width; ++i) {
+        const double w[STAGES] = {r->right[0][i], r->right[1][i], r->right[2][i]};
+        for (int j = 0; j < STAGES; ++j) {
+            const double change = T[j][0]*w[0] + T[j][1]*w[1] + T[j][2]*w[2];
+            r->stage[j][at + i] += change;
+            r->right[j][i] = change;
+        }
+    }
+}
+
+/* Rates at a stage, along one group or none; what predictions of dependent coordinates are there is kept. */
+static int rates_at_stage(ordernm_motion *m, double h, int i, const group *g, int what)
+{
+    struct radau *const r = m->radau;
+    const long predicted = m->ny + m->nx;
+    for (long k = 0; k < m->values; ++k) m->trial[k] = m->z[k] + r->stage[i][k];
+    if (g) {
+        const long end = g->at + (long)predicted*g->width;
+        for (long k = g->at; k < end; ++k) m->trial[k] = m->z[k] + r->stage[i][k];
+    }
+    const double t = i == STAGES - 1 ? m->t + h : m->t + TIME[i]*h;
+    const int status = ordernm_rates_of(m, t, m->trial, m->rate[i + 1], g != 0, g, what);
+    if (status) return status;
+    if (!(what & CLOSED))
+        for (int k = 0; k < m->nd; ++k) r->stage[i][predicted + k] = m->q[m->dependent[k]] - m->z[predicted + k];
+    return 0;
+}
+
+/* Newton's method on the stages; limit is what may be left of the change, in units of errors allowed, and usual what has to be
+ * reached where rounding keeps it from that. */
+static int iterate(ordernm_motion *m, double h, double limit, double usual)
+{
+    struct radau *const r = m->radau;
+    const int n = r->n, fixed = m->problem->fixed, most = fixed ? FIXED_ITERATIONS : ITERATIONS;
+    double before = 0.0, ratio_before = 0.0;
+    r->slowness = pow(fmax(r->slowness, DBL_EPSILON), 0.8);
+    r->theta = FAST;
+    for (int k = 1; k <= most; ++k) {
+        for (int i = 0; i < STAGES; ++i) {
+            const int status = rates_at_stage(m, h, i, 0, RATES);
+            if (status) return status;
+        }
+        correction(m, h, 0, 1);
+        double sum = 0.0;
+        for (int i = 0; i < n; ++i)
+            for (int j = 0; j < STAGES; ++j) {
+                const double x = r->right[j][i]/r->scale[i];
+                sum += x*x;
+            }
+        const double size = sqrt(sum/(STAGES*n));
+        if (!(size < INFINITY)) return DIVERGED;
+        if (k > 1) {
+            const double ratio = size/before;
+            r->theta = k == 2 ? ratio : sqrt(ratio*ratio_before);
+            ratio_before = ratio;
+            if (!(r->theta < 0.99)) {
+                if (size > usual) return DIVERGED;
+                r->theta = 0.5;
+            }
+            r->slowness = r->theta/(1.0 - r->theta);
+            const double end = fixed ? 0.0 : r->slowness*size*pow(r->theta, ITERATIONS - 1 - k);
+            if (end > limit && end > usual) {
+                /* It would take too many iterations: a step that is as much smaller as they are too slow. */
+                const double excess = fmin(fmax(end/limit, 1e-4), 20.0);
+                m->advice = 0.8*pow(excess, -1.0/(4 + ITERATIONS - 1 - k));
+                return DIVERGED;
+            }
+        }
+        correct(r, 0, 1);
+        before = fmax(size, DBL_EPSILON);
+        r->iterations = k;
+        if (r->slowness*size <= limit) return CONVERGED;
+        if (k == most && r->slowness*size <= usual) return CONVERGED;
+    }
+    return DIVERGED;
+}
+
+/* The largest change of a group's directions relative to their size, in coordinates and in speeds; `loose` the same, where what
+ * is small beside the other, in the step's time, need not be known as well. Not a number if changes are none. */
+static double change_of(const ordernm_motion *m, const group *g, double h, double *loose)
+{
+    const struct radau *const r = m->radau;
+    const int width = g->width, parts[] = {0, m->system->nfree_q, m->ny};
+    double size[2][LANES] = {{0.0}}, change[2][LANES] = {{0.0}}, largest = 0.0;
+    for (int part = 0; part < 2; ++part)
+        for (int i = parts[part]; i < parts[part + 1]; ++i)
+            for (int l = 0; l < width; ++l) {
+                const long k = (long)i*width + l, at = g->at + k;
+                const double S = m->z[at], end = S + r->stage[2][at];
+                size[part][l] += S*S + end*end;
+                for (int j = 0; j < STAGES; ++j) change[part][l] += r->right[j][k]*r->right[j][k];
+            }
+    *loose = 0.0;
+    for (int l = 0; l < g->used; ++l) {
+        const double other[] = {size[0][l] + h*h*size[1][l], size[1][l] + size[0][l]/(h*h)};
+        for (int part = 0; part < 2; ++part) {
+            if (change[part][l] == 0.0) continue;
+            const double x = change[part][l]/size[part][l], y = change[part][l]/other[part];
+            if (!(x <= largest)) largest = x;
+            if (!(y <= *loose)) *loose = y;
+            if (x != x || y != y) return NAN;
+        }
+    }
+    *loose = sqrt(*loose);
+    return sqrt(largest);
+}
+
+/* The stages' derivatives along the directions of a group; they begin anywhere. */
+static int sweep(ordernm_motion *m, double h, const group *g, int closed)
+{
+    struct radau *const r = m->radau;
+    double before = 0.0;
+    r->sweep_slowness = pow(fmax(r->sweep_slowness, DBL_EPSILON), 0.8);
+    for (int k = 1; k <= SWEEPS; ++k) {
+        for (int i = 0; i < STAGES; ++i) {
+            const int status = rates_at_stage(m, h, i, g, RATES | (k > 1 ? CLOSED : closed));
+            if (status) return status;
+        }
+        correction(m, h, g->at, g->width);
+        correct(r, g->at, g->width);
+        double loose;
+        const double size = change_of(m, g, h, &loose);
+        if (size != size) return DIVERGED;
+        if (k > 1) {
+            const double theta = size/before;
+            if (size < INFINITY && theta < 1.0) r->sweep_slowness = theta/(1.0 - theta);
+            if (!(theta < 0.5) && loose <= ROUNDED) return CONVERGED;
+            if (theta > 2.0 && k > 3) return DIVERGED;
+        }
+        if (r->sweep_slowness*size <= SWEPT) return CONVERGED;
+        before = size;
+    }
+    return DIVERGED;
+}
+
+/* ---- Steps. ---- */
+
+/* Factors of Z[i] in the polynomial through the step's beginning and its stages, at theta: z + sum(weight*Z). */
+static void weights(double theta, double *w)
+{
+    for (int j = 0; j < STAGES; ++j) {
+        w[j] = theta/TIME[j];
+        for (int k = 0; k < STAGES; ++k)
+            if (k != j) w[j] *= (theta - TIME[k])/(TIME[j] - TIME[k]);
+    }
+}
+
+/* Stages begin on the polynomial of the step before. */
+static void extrapolate(ordernm_motion *m, double h)
+{
+    struct radau *const r = m->radau;
+    if (!r->accepted) {
+        for (int i = 0; i < STAGES; ++i) memset(r->stage[i], 0, m->size*sizeof(double));
+        return;
+    }
+    for (int i = 0; i < STAGES; ++i) {
+        double w[STAGES];
+        weights(1.0 + TIME[i]*h/r->h_last, w);
+        w[2] -= 1.0;
+        for (long k = 0; k < m->size; ++k)
+            r->stage[i][k] = w[0]*r->last[0][k] + w[1]*r->last[1][k] + w[2]*r->last[2][k];
+    }
+}
+
+/* J and its factors as they are needed, then Newton's method; with J of an earlier state, once more with that of this one. */
+static int stages(ordernm_motion *m, double h, double limit, double usual)
+{
+    struct radau *const r = m->radau;
+    for (;;) {
+        int status;
+        if (r->theta > FAST && !r->jacobian_here && (status = differentiate(m))) return status;
+        if (r->h_factored != h && factorise(m, h)) return DIVERGED;
+        m->advice = 0.0;
+        status = iterate(m, h, limit, usual);
+        if (status == CONVERGED || r->jacobian_here) return status;
+        r->theta = 1.0;
+        extrapolate(m, h);
+    }
+}
+
+/* Integrals, of the values or along a group: the sums of what is integrated at the stages. */
+static int integrate(ordernm_motion *m, double h, const group *g, int closed)
+{
+    struct radau *const r = m->radau;
+    for (int i = 0; i < STAGES; ++i) {
+        const int status = rates_at_stage(m, h, i, g, INTEGRALS | closed);
+        if (status) return status;
+    }
+    const int width = g ? g->width : 1;
+    const long first = (g ? g->at : 0) + (long)m->ny*width, end = first + (long)m->nx*width;
+    for (int i = 0; i < STAGES; ++i)
+        for (long k = first; k < end; ++k)
+            r->stage[i][k] = h*(A[i][0]*m->rate[1][k] + A[i][1]*m->rate[2][k] + A[i][2]*m->rate[3][k]);
+    return 0;
+}
+
+/* The error along a group, or of the values: (REAL/h - J) error = REAL/h*(...). Integrals feed nothing back. */
+static void estimate(ordernm_motion *m, double h, const group *g, const double *rate)
+{
+    const struct radau *const r = m->radau;
+    const int width = g ? g->width : 1;
+    const long at = g ? g->at : 0, n = (long)(m->ny + m->nx)*width;
+    double *const error = m->error[0] + at;
+    for (long k = 0; k < n; ++k)
+        error[k] = rate[at + k]
+            + (E[0]*r->stage[0][at + k] + E[1]*r->stage[1][at + k] + E[2]*r->stage[2][at + k])/h;
+    solve_real(r, error, width);
+    for (long k = (long)m->ny*width; k < n; ++k) error[k] *= h/REAL;
+}
+
+/* What the next step should be, by the error of this one and of that before (K. Gustafsson). */
+static double next_step(const ordernm_motion *m, double h, double error)
+{
+    const struct radau *const r = m->radau;
+    const double effort = SAFETY*(1 + 2*ITERATIONS)/(r->iterations + 2*ITERATIONS);
+    const double safety = effort < SAFETY ? effort : SAFETY;
+    double quotient = pow(error, 0.25)/safety;
+    if (error < 1.0 && r->error_accepted > 0.0) {
+        const double predicted = r->h_accepted/h*pow(error*error/r->error_accepted, 0.25)/SAFETY;
+        quotient = fmax(quotient, fmin(fmax(predicted, LEAST_CHANGE), LARGEST_CHANGE));
+    }
+    return 1.0/fmin(fmax(quotient, 1.0/LARGEST_CHANGE), 1.0/LEAST_CHANGE);
+}
+
+static int radau_step(ordernm_motion *m, double h, double *error)
+{
+    struct radau *const r = m->radau;
+    const ordernm_problem *const p = m->problem;
+    if (r->tried && !m->rejected_before) {
+        for (int i = 0; i < STAGES; ++i) {
+            double *const before = r->last[i];
+            r->last[i] = r->stage[i];
+            r->stage[i] = before;
+        }
+        r->h_last = r->h_tried;
+        r->jacobian_here = 0;
+        ++r->accepted;
+    }
+    r->tried = 1;
+    r->h_tried = h;
+    if (!r->accepted) r->theta = 1.0;
+    for (int i = 0; i < r->n; ++i) r->scale[i] = r->tolerance*(p->atol[i] + p->rtol*fabs(m->z[i]));
+    const double rtol = r->tolerance*fmax(p->rtol, 1e-14), least = 10.0*DBL_EPSILON/rtol;
+    const double usual = fmax(least, fmin(0.03, sqrt(rtol)));
+    const double limit = m->ngroups || p->fixed ? fmax(least, CLOSER*usual) : usual;
+    extrapolate(m, h);
+    int status = stages(m, h, limit, usual);
+    if (status == DIVERGED) {
+        if (m->advice <= 0.0) m->advice = 0.5;
+        *error = NAN;
+        return 0;
+    }
+    if (status != CONVERGED) return status;
+    if (m->nx && (status = integrate(m, h, 0, 0))) return status;
+    for (long k = 0; k < m->values; ++k) m->next[k] = m->z[k] + r->stage[2][k];
+    estimate(m, h, 0, m->rate[0]);
+    if (p->atol_directions) memset(m->error[0] + m->values, 0, (m->size - m->values)*sizeof(double));
+    *error = ordernm_error_norm(m, m->next, m->error[0], m->zeros)/r->tolerance;
+    if (*error > 1.0 && !p->fixed && (!r->accepted || m->rejected_before)) {
+        /* Stiff components are filtered once more. */
+        for (long k = 0; k < m->values; ++k) m->trial[k] = m->z[k] + (k < m->ny ? m->error[0][k] : 0.0);
+        if (!ordernm_rates_of(m, m->t, m->trial, m->rate[1], 0, 0, m->nx ? RATES | INTEGRALS : RATES)) {
+            estimate(m, h, 0, m->rate[1]);
+            *error = ordernm_error_norm(m, m->next, m->error[0], m->zeros)/r->tolerance;
+        }
+    }
+    const int refused = !(*error <= 1.0) && !(p->fixed && *error < INFINITY);
+    const int closed = m->nx && !m->system->split ? CLOSED : 0;
+    for (int n = 0; n < m->ngroups && !refused; ++n) {
+        const group *const g = m->groups + n;
+        const int known = (n > 0 || closed) && !m->system->split ? CLOSED : 0;
+        status = sweep(m, h, g, known);
+        if (status == DIVERGED) {
+            r->theta = 1.0;
+            m->advice = r->jacobian_here ? 0.5 : 0.999;
+            *error = NAN;
+            return 0;
+        }
+        if (status != CONVERGED) return status;
+        if (m->nx && (status = integrate(m, h, g, known))) return status;
+        const long end = g->at + (long)(m->ny + m->nx)*g->width;
+        for (long k = g->at; k < end; ++k) m->next[k] = m->z[k] + r->stage[2][k];
+        if (p->atol_directions) estimate(m, h, g, m->rate[0]);
+    }
+    if (!refused && p->atol_directions) *error = ordernm_error_norm(m, m->next, m->error[0], m->zeros)/r->tolerance;
+    double change = next_step(m, h, *error);
+    if (p->fixed) *error = *error < INFINITY ? 0.0 : NAN;
+    if (*error <= 1.0) {
+        if (!m->ngroups) {
+            /* What is integrated has been found at this state already. */
+            if ((status = ordernm_rates_of(m, m->t + h, m->next, m->rate[3], 0, 0, RATES))) return status;
+        }
+        r->h_accepted = h;
+        r->error_accepted = fmax(1e-2, *error);
+        if (change >= 1.0 && change <= KEEP_BELOW) change = 1.0;
+    } else if (!r->accepted) {
+        change = 0.1;
+    }
+    m->advice = change;
+    return 0;
+}
+
+static int radau_complete(ordernm_motion *m, double h)
+{
+    (void)m, (void)h;
+    return 0;
+}
+
+static void radau_interpolate(ordernm_motion *m, double h, double theta, double *z)
+{
+    (void)h;
+    static const int every[STAGES] = {0, 1, 2};
+    double w[STAGES];
+    weights(theta, w);
+    ordernm_combine(m->size, z, m->z, 1.0, STAGES, every, w, m->radau->stage);
+}
+
+/* The stages of a step of size h from a state kept at m->t and m->z, to rounding, for what runs steps backwards: z + stage[i].
+ * Returns 0, what a function returned, or 1 more than any link has if they are not found. */
+int ordernm_radau_stages(ordernm_motion *m, double h, double *const **found)
+{
+    struct radau *const r = m->radau;
+    const ordernm_problem *const p = m->problem;
+    for (int i = 0; i < r->n; ++i) r->scale[i] = r->tolerance*(p->atol[i] + p->rtol*fabs(m->z[i]));
+    r->accepted = 0;
+    r->jacobian_here = 0;
+    r->theta = 1.0;
+    extrapolate(m, h);
+    const double rtol = r->tolerance*fmax(p->rtol, 1e-14), least = 10.0*DBL_EPSILON/rtol;
+    const double usual = fmax(least, fmin(0.03, sqrt(rtol)));
+    const int status = stages(m, h, fmax(least, CLOSER*usual), usual);
+    *found = r->stage;
+    return status == CONVERGED ? 0 : status;
+}
+
+const method ordernm_radau = {STAGES, STAGES + 1, 4, radau_step, radau_complete, radau_interpolate, 1};
