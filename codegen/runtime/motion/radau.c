@@ -8,17 +8,19 @@
  * What is solved for are the n independent coordinates and speeds. Integrals are sums of the stages' outputs afterwards, and
  * predictions of dependent coordinates are what closing the loops has given at a stage in Newton's last iteration.
  *
- * Sensitivities are the derivative of the step that has been made: dZ[i] = h*sum(a[i][j]*D rate[j](S + dZ)), linear equations
- * with the exact J at every stage, which nobody forms: each right side is one call along all directions of a group at once, and
- * the factors at hand are what the iteration is preconditioned with. They are as exact as the stages that they are taken at, so
- * Newton's method goes on further below the tolerance where there are directions. */
+ * Sensitivities are the derivative of the step that has been made: dZ[i] = h*sum(a[i][j]*D rate[j](S + dZ[j])), linear equations
+ * with the exact Jacobian at every stage. They are solved in sweeps: the right sides are taken along all directions of a group at
+ * once, and the factors at hand correct dZ as they do Z. Where directions are few beside the state's entries, the Jacobians at
+ * the stages are not formed, and a right side is a call of the system's functions; else they are, once for all sweeps and groups,
+ * and the last one serves Newton's method in the next step too. The result is as exact as the stages that it is taken at: an
+ * error of Z times second derivatives. So Newton's method goes on further below the tolerance where there are directions. */
 #include "inside.h"
 
 #include <float.h>
 #include <math.h>
 #include <string.h>
 
-enum { STAGES = 3, ITERATIONS = 7, FIXED_ITERATIONS = 30, SWEEPS = 12 }; /* the second where a smaller step is no way out */
+enum { STAGES = 3, ITERATIONS = 7, FIXED_ITERATIONS = 30, SWEEPS = 12, FORMED_SWEEPS = 50, LARGEST_FORMED = 96 }; /* the second where a smaller step is no way out */
 
 static const double TIME[STAGES] = {0.15505102572168219, 0.64494897427831781, 1.0};
 
@@ -66,6 +68,8 @@ struct radau {
     int half;                 /* rates of coordinates are speeds: J = [0, 1; J_q, J_u], and half of it is solved for */
     int order;                /* of the matrices that are factorised: n or n/2 */
     double *jacobian;         /* [n][n] */
+    int formed;               /* Jacobians at the stages are */
+    double *at_stage[STAGES], *along[STAGES]; /* [n][n] then, and derivatives of rates along S, [n][LANES] */
     double *real, *re, *im;   /* [order][order] factors of REAL/h - J and (RE + i IM)/h - J */
     int *real_pivot, *pivot;  /* rows that were exchanged */
     double h_factored;        /* 0: there are no factors */
@@ -75,6 +79,8 @@ struct radau {
     double *right[STAGES], *scratch[2];   /* [n][LANES] */
     double *scale;            /* [n] errors allowed */
     int tried, jacobian_here; /* J is that of z */
+    int formed_here;          /* so is the Jacobian at the last stage of the step before */
+    long segment;             /* of the inputs' spline in the step that was tried last */
     long accepted;            /* steps that there is a Z of */
     double h_last, h_tried;
     double tolerance;         /* of errors, in units of what is allowed to the solution */
@@ -117,6 +123,12 @@ size_t ordernm_radau_layout(ordernm_motion *m, void *at)
     const int order = r->order = r->half ? n/2 : n;
     const long square = (long)order*order;
     r->jacobian = numbers(&of, (long)n*n);
+    /* In calls: three sweeps or more of every group against all columns, and S along every group. */
+    r->formed = m->ngroups && n <= LARGEST_FORMED && (n + LANES - 1)/LANES <= 2*m->ngroups;
+    for (int i = 0; i < STAGES && r->formed; ++i) {
+        r->at_stage[i] = numbers(&of, (long)n*n);
+        r->along[i] = numbers(&of, (long)n*LANES);
+    }
     r->real = numbers(&of, square), r->re = numbers(&of, square), r->im = numbers(&of, square);
     r->real_pivot = take(&of, (order + 1)*sizeof(int)), r->pivot = take(&of, (order + 1)*sizeof(int));
     r->seeded = numbers(&of, m->values + (long)n*LANES);
@@ -351,25 +363,35 @@ static int factorise(ordernm_motion *m, double h)
     return 0;
 }
 
-/* J at z, whose loops are closed: so many columns at a time. Returns what a function returned. */
-static int differentiate(ordernm_motion *m)
+/* The Jacobian at a state whose loops are closed: so many columns at a time. Returns what a function returned. */
+static int differentiate(ordernm_motion *m, double t, const double *z, double *jacobian)
 {
     struct radau *const r = m->radau;
     const int n = r->n;
     ++m->results->jacobians;
-    r->h_factored = 0.0;
-    memcpy(r->seeded, m->z, m->values*sizeof(double));
+    memcpy(r->seeded, z, m->values*sizeof(double));
     double *const seed = r->seeded + m->values;
     const double *const rate = r->seeded_rate + m->values;
     for (int first = 0; first < n; first += LANES) {
         const int count = n - first < LANES ? n - first : LANES;
         memset(seed, 0, (long)n*LANES*sizeof(double));
         for (int l = 0; l < count; ++l) seed[(long)(first + l)*LANES + l] = 1.0;
-        const int status = ordernm_rates_of(m, m->t, r->seeded, r->seeded_rate, 1, &r->columns, RATES | CLOSED);
+        const int status = ordernm_rates_of(m, t, r->seeded, r->seeded_rate, 1, &r->columns, RATES | CLOSED);
         if (status) return status;
         for (int i = 0; i < n; ++i)
-            for (int l = 0; l < count; ++l) r->jacobian[(long)i*n + first + l] = rate[(long)i*LANES + l];
+            for (int l = 0; l < count; ++l) jacobian[(long)i*n + first + l] = rate[(long)i*LANES + l];
     }
+    return 0;
+}
+
+/* J at z. */
+static int renew(ordernm_motion *m)
+{
+    struct radau *const r = m->radau;
+    const int status = r->formed_here ? 0 : differentiate(m, m->t, m->z, r->jacobian);
+    if (status) return status;
+    if (r->formed_here) memcpy(r->jacobian, r->at_stage[2], (long)r->n*r->n*sizeof(double));
+    r->h_factored = 0.0;
     r->jacobian_here = 1;
     return 0;
 }
@@ -416,18 +438,23 @@ static void correct(struct radau *r, long at, int width)
     }
 }
 
-/* Rates at a stage, along one group or none; what predictions of dependent coordinates are there is kept. */
-static int rates_at_stage(ordernm_motion *m, double h, int i, const group *g, int what)
+static double time_of_stage(const ordernm_motion *m, double h, int i)
+{
+    return i == STAGES - 1 ? m->t + h : m->t + TIME[i]*h;
+}
+
+/* Rates at a stage, along one group or none, whose directions are as at the stage or as at the step's beginning; what predictions
+ * of dependent coordinates are there is kept. */
+static int rates_at_stage(ordernm_motion *m, double h, int i, const group *g, int beginning, int what)
 {
     struct radau *const r = m->radau;
     const long predicted = m->ny + m->nx;
     for (long k = 0; k < m->values; ++k) m->trial[k] = m->z[k] + r->stage[i][k];
     if (g) {
         const long end = g->at + (long)predicted*g->width;
-        for (long k = g->at; k < end; ++k) m->trial[k] = m->z[k] + r->stage[i][k];
+        for (long k = g->at; k < end; ++k) m->trial[k] = beginning ? m->z[k] : m->z[k] + r->stage[i][k];
     }
-    const double t = i == STAGES - 1 ? m->t + h : m->t + TIME[i]*h;
-    const int status = ordernm_rates_of(m, t, m->trial, m->rate[i + 1], g != 0, g, what);
+    const int status = ordernm_rates_of(m, time_of_stage(m, h, i), m->trial, m->rate[i + 1], g != 0, g, what);
     if (status) return status;
     if (!(what & CLOSED))
         for (int k = 0; k < m->nd; ++k) r->stage[i][predicted + k] = m->q[m->dependent[k]] - m->z[predicted + k];
@@ -445,7 +472,7 @@ static int iterate(ordernm_motion *m, double h, double limit, double usual)
     r->theta = FAST;
     for (int k = 1; k <= most; ++k) {
         for (int i = 0; i < STAGES; ++i) {
-            const int status = rates_at_stage(m, h, i, 0, RATES);
+            const int status = rates_at_stage(m, h, i, 0, 0, RATES);
             if (status) return status;
         }
         correction(m, h, 0, 1);
@@ -513,17 +540,57 @@ static double change_of(const ordernm_motion *m, const group *g, double h, doubl
     return sqrt(largest);
 }
 
+/* The Jacobians at the stages. */
+static int form(ordernm_motion *m, double h, int closed)
+{
+    struct radau *const r = m->radau;
+    for (int i = 0; i < STAGES; ++i) {
+        int status = closed ? 0 : rates_at_stage(m, h, i, 0, 0, 0);
+        if (status) return status;
+        for (long k = 0; k < m->values; ++k) m->trial[k] = m->z[k] + r->stage[i][k];
+        if ((status = differentiate(m, time_of_stage(m, h, i), m->trial, r->at_stage[i]))) return status;
+    }
+    return 0;
+}
+
+/* Rates at the stages along a group by Jacobians that have been formed. */
+static inline void formed_rates_lanes(ordernm_motion *m, long at, int width)
+{
+    const struct radau *const r = m->radau;
+    const int n = r->n;
+    for (int i = 0; i < STAGES; ++i) {
+        double *const rate = m->rate[i + 1] + at;
+        const double *const x = r->stage[i] + at, *const J = r->at_stage[i];
+        for (int k = 0; k < n; ++k) {
+            double sum[LANES];
+            for (int l = 0; l < width; ++l) sum[l] = r->along[i][k*width + l];
+            for (int j = 0; j < n; ++j)
+                for (int l = 0; l < width; ++l) sum[l] += J[(long)k*n + j]*x[j*width + l];
+            for (int l = 0; l < width; ++l) rate[k*width + l] = sum[l];
+        }
+    }
+}
+
+static void formed_rates(ordernm_motion *m, long at, int width)
+{
+    if (width == 1) formed_rates_lanes(m, at, 1);
+    else formed_rates_lanes(m, at, LANES);
+}
+
 /* The stages' derivatives along the directions of a group; they begin anywhere. */
 static int sweep(ordernm_motion *m, double h, const group *g, int closed)
 {
     struct radau *const r = m->radau;
+    const int most = r->formed ? FORMED_SWEEPS : SWEEPS;
     double before = 0.0;
     r->sweep_slowness = pow(fmax(r->sweep_slowness, DBL_EPSILON), 0.8);
-    for (int k = 1; k <= SWEEPS; ++k) {
-        for (int i = 0; i < STAGES; ++i) {
-            const int status = rates_at_stage(m, h, i, g, RATES | (k > 1 ? CLOSED : closed));
+    for (int k = 1; k <= most; ++k) {
+        for (int i = 0; i < STAGES && (k == 1 || !r->formed); ++i) {
+            const int status = rates_at_stage(m, h, i, g, r->formed, RATES | (k > 1 ? CLOSED : closed));
             if (status) return status;
+            if (r->formed) memcpy(r->along[i], m->rate[i + 1] + g->at, (long)r->n*g->width*sizeof(double));
         }
+        if (r->formed) formed_rates(m, g->at, g->width);
         correction(m, h, g->at, g->width);
         correct(r, g->at, g->width);
         double loose;
@@ -576,7 +643,7 @@ static int stages(ordernm_motion *m, double h, double limit, double usual)
     struct radau *const r = m->radau;
     for (;;) {
         int status;
-        if (r->theta > FAST && !r->jacobian_here && (status = differentiate(m))) return status;
+        if (r->theta > FAST && !r->jacobian_here && (status = renew(m))) return status;
         if (r->h_factored != h && factorise(m, h)) return DIVERGED;
         m->advice = 0.0;
         status = iterate(m, h, limit, usual);
@@ -591,7 +658,7 @@ static int integrate(ordernm_motion *m, double h, const group *g, int closed)
 {
     struct radau *const r = m->radau;
     for (int i = 0; i < STAGES; ++i) {
-        const int status = rates_at_stage(m, h, i, g, INTEGRALS | closed);
+        const int status = rates_at_stage(m, h, i, g, 0, INTEGRALS | closed);
         if (status) return status;
     }
     const int width = g ? g->width : 1;
@@ -642,9 +709,11 @@ static int radau_step(ordernm_motion *m, double h, double *error)
         }
         r->h_last = r->h_tried;
         r->jacobian_here = 0;
+        r->formed_here = r->formed && !m->system->split && m->segment == r->segment;
         ++r->accepted;
     }
     r->tried = 1;
+    r->segment = m->segment;
     r->h_tried = h;
     if (!r->accepted) r->theta = 1.0;
     for (int i = 0; i < r->n; ++i) r->scale[i] = r->tolerance*(p->atol[i] + p->rtol*fabs(m->z[i]));
@@ -674,9 +743,13 @@ static int radau_step(ordernm_motion *m, double h, double *error)
     }
     const int refused = !(*error <= 1.0) && !(p->fixed && *error < INFINITY);
     const int closed = m->nx && !m->system->split ? CLOSED : 0;
+    if (r->formed && !refused) {
+        r->formed_here = 0;
+        if ((status = form(m, h, closed))) return status;
+    }
     for (int n = 0; n < m->ngroups && !refused; ++n) {
         const group *const g = m->groups + n;
-        const int known = (n > 0 || closed) && !m->system->split ? CLOSED : 0;
+        const int known = (n > 0 || closed || r->formed) && !m->system->split ? CLOSED : 0;
         status = sweep(m, h, g, known);
         if (status == DIVERGED) {
             r->theta = 1.0;
@@ -731,7 +804,7 @@ int ordernm_radau_stages(ordernm_motion *m, double h, double *const **found)
     const ordernm_problem *const p = m->problem;
     for (int i = 0; i < r->n; ++i) r->scale[i] = r->tolerance*(p->atol[i] + p->rtol*fabs(m->z[i]));
     r->accepted = 0;
-    r->jacobian_here = 0;
+    r->jacobian_here = r->formed_here = 0;
     r->theta = 1.0;
     extrapolate(m, h);
     const double rtol = r->tolerance*fmax(p->rtol, 1e-14), least = 10.0*DBL_EPSILON/rtol;
