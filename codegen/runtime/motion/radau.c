@@ -65,8 +65,11 @@ enum { CONVERGED = -100, DIVERGED }; /* beside what functions return */
 
 struct radau {
     int n;                    /* independent coordinates and speeds */
-    int half;                 /* rates of coordinates are speeds: J = [0, 1; J_q, J_u], and half of it is solved for */
-    int order;                /* of the matrices that are factorised: n or n/2 */
+    int nq;                   /* coordinates among them */
+    int order, nreduced;      /* of the matrices that are factorised, and entries that follow */
+    int *kept, *place;        /* which ones are solved for, and each entry's place among them */
+    int *reduced, *partner;   /* which ones are not: their rates are partners */
+    double *column;           /* [order][nreduced] of -J */
     double *jacobian;         /* [n][n] */
     int formed;               /* Jacobians at the stages are */
     double *at_stage[STAGES], *along[STAGES]; /* [n][n] then, and derivatives of rates along S, [n][LANES] */
@@ -76,7 +79,7 @@ struct radau {
     group columns;            /* seeds of J's columns, so many at a time */
     double *seeded, *seeded_rate;
     double *stage[STAGES], *last[STAGES]; /* Z of this step, and of the accepted one before */
-    double *right[STAGES], *scratch[2];   /* [n][LANES] */
+    double *right[STAGES], *scratch[5];   /* [n][LANES] */
     double *scale;            /* [n] errors allowed */
     int tried, jacobian_here; /* J is that of z */
     int formed_here;          /* so is the Jacobian at the last stage of the step before */
@@ -118,10 +121,11 @@ size_t ordernm_radau_layout(ordernm_motion *m, void *at)
     if (!at) r = &none;
     memset(r, 0, sizeof *r);
     const int n = r->n = m->ny;
-    r->half = s->plain_rates && !s->split && s->nfree_q == s->nfree_u;
-    for (int i = 0; r->half && i < s->nfree_q; ++i) r->half = s->free_q[i] == s->free_u[i];
-    const int order = r->order = r->half ? n/2 : n;
-    const long square = (long)order*order;
+    r->nq = s->nfree_q;
+    const long square = (long)n*n;
+    int **indices[] = {&r->kept, &r->place, &r->reduced, &r->partner, &r->real_pivot, &r->pivot};
+    for (size_t i = 0; i < sizeof indices/sizeof *indices; ++i) *indices[i] = take(&of, (n + 1)*sizeof(int));
+    r->column = numbers(&of, square);
     r->jacobian = numbers(&of, (long)n*n);
     /* In calls: three sweeps or more of every group against all columns, and S along every group. */
     r->formed = m->ngroups && n <= LARGEST_FORMED && (n + LANES - 1)/LANES <= 2*m->ngroups;
@@ -130,7 +134,6 @@ size_t ordernm_radau_layout(ordernm_motion *m, void *at)
         r->along[i] = numbers(&of, (long)n*LANES);
     }
     r->real = numbers(&of, square), r->re = numbers(&of, square), r->im = numbers(&of, square);
-    r->real_pivot = take(&of, (order + 1)*sizeof(int)), r->pivot = take(&of, (order + 1)*sizeof(int));
     r->seeded = numbers(&of, m->values + (long)n*LANES);
     r->seeded_rate = numbers(&of, m->values + (long)(n + m->nx)*LANES);
     const group columns = {LANES, 1, 0, 0, m->values, numbers(&of, (long)s->np*LANES)};
@@ -140,7 +143,7 @@ size_t ordernm_radau_layout(ordernm_motion *m, void *at)
         r->last[i] = numbers(&of, m->size);
         r->right[i] = numbers(&of, (long)n*LANES);
     }
-    for (int i = 0; i < 2; ++i) r->scratch[i] = numbers(&of, (long)n*LANES);
+    for (int i = 0; i < 5; ++i) r->scratch[i] = numbers(&of, (long)n*LANES);
     r->scale = numbers(&of, n);
     /* The error estimate is of order 3, the solution of order 5: what is allowed to the former grows with the power of 2/3 as
      * tolerances fall (RADAU5). */
@@ -153,7 +156,52 @@ size_t ordernm_radau_layout(ordernm_motion *m, void *at)
 
 /* ---- Linear equations. ---- */
 
-/* Rows exchanged, then L\U in place, L with ones on its diagonal. Returns 1 if a pivot is zero or not finite. */
+#ifdef __GNUC__
+typedef double eight __attribute__((vector_size(64), aligned(8), may_alias));
+#endif
+
+/* x -= sum(a[j]*y[j]) of so many; x and y[j] are numbers or LANES of them. */
+static inline void subtract(double *x, const double *a, const double *y, int count, int width)
+{
+    int j = 0;
+#ifdef __GNUC__
+    eight sum = {0.0};
+    if (width == LANES) {
+        for (; j < count; ++j) sum += a[j]**(const eight *)(y + (long)j*LANES);
+        *(eight *)x -= sum;
+        return;
+    }
+    if (count >= 8) {
+        for (; j + 8 <= count; j += 8) sum += *(const eight *)(a + j)**(const eight *)(y + j);
+        *x -= ((sum[0] + sum[4]) + (sum[1] + sum[5])) + ((sum[2] + sum[6]) + (sum[3] + sum[7]));
+    }
+#endif
+    for (; j < count; ++j)
+        for (int l = 0; l < width; ++l) x[l] -= a[j]*y[(long)j*width + l];
+}
+
+/* x -= f*y, so many numbers. */
+static inline void subtract_row(double *x, double f, const double *y, int count)
+{
+    int j = 0;
+#ifdef __GNUC__
+    for (; j + 8 <= count; j += 8) *(eight *)(x + j) -= f**(const eight *)(y + j);
+#endif
+    for (; j < count; ++j) x[j] -= f*y[j];
+}
+
+static inline void exchange(double *x, double *y, int count)
+{
+    if (x == y) return;
+    for (int j = 0; j < count; ++j) {
+        const double z = x[j];
+        x[j] = y[j];
+        y[j] = z;
+    }
+}
+
+/* Rows exchanged, then L\U in place: L with ones on its diagonal, U with its diagonal inverted. Returns 1 if a pivot is zero or
+ * not finite. */
 static int factorise_real(int n, double *a, int *pivot)
 {
     for (int k = 0; k < n; ++k) {
@@ -162,21 +210,13 @@ static int factorise_real(int n, double *a, int *pivot)
             if (fabs(a[(long)i*n + k]) > fabs(a[(long)best*n + k])) best = i;
         pivot[k] = best;
         double *const row = a + (long)k*n;
-        if (best != k) {
-            double *const other = a + (long)best*n;
-            for (int j = 0; j < n; ++j) {
-                const double x = row[j];
-                row[j] = other[j];
-                other[j] = x;
-            }
-        }
-        const double inverse = 1.0/row[k];
+        exchange(row, a + (long)best*n, n);
+        const double inverse = row[k] = 1.0/row[k];
         if (!(fabs(inverse) < INFINITY)) return 1;
         for (int i = k + 1; i < n; ++i) {
             double *const below = a + (long)i*n;
             const double f = below[k] *= inverse;
-            if (f == 0.0) continue;
-            for (int j = k + 1; j < n; ++j) below[j] -= f*row[j];
+            if (f != 0.0) subtract_row(below + k + 1, f, row + k + 1, n - k - 1);
         }
     }
     return 0;
@@ -193,174 +233,188 @@ static int factorise_complex(int n, double *re, double *im, int *pivot)
         }
         pivot[k] = best;
         double *const a = re + (long)k*n, *const b = im + (long)k*n;
-        if (best != k) {
-            double *const c = re + (long)best*n, *const d = im + (long)best*n;
-            for (int j = 0; j < n; ++j) {
-                const double x = a[j], y = b[j];
-                a[j] = c[j], b[j] = d[j];
-                c[j] = x, d[j] = y;
-            }
-        }
+        exchange(a, re + (long)best*n, n);
+        exchange(b, im + (long)best*n, n);
         const double square = a[k]*a[k] + b[k]*b[k];
-        const double x = a[k]/square, y = -b[k]/square;
+        const double x = a[k] /= square, y = b[k] /= -square;
         if (!(fabs(x) + fabs(y) < INFINITY)) return 1;
         for (int i = k + 1; i < n; ++i) {
             double *const c = re + (long)i*n, *const d = im + (long)i*n;
             const double f = c[k]*x - d[k]*y, g = c[k]*y + d[k]*x;
             c[k] = f, d[k] = g;
-            if (f == 0.0 && g == 0.0) continue;
-            for (int j = k + 1; j < n; ++j) {
-                c[j] -= f*a[j] - g*b[j];
-                d[j] -= f*b[j] + g*a[j];
-            }
+            const int left = n - k - 1;
+            if (f != 0.0) subtract_row(c + k + 1, f, a + k + 1, left), subtract_row(d + k + 1, f, b + k + 1, left);
+            if (g != 0.0) subtract_row(c + k + 1, -g, b + k + 1, left), subtract_row(d + k + 1, g, a + k + 1, left);
         }
     }
     return 0;
 }
 
-static inline void exchange(double *x, const int *pivot, int n, int width)
-{
-    for (int k = 0; k < n; ++k)
-        if (pivot[k] != k)
-            for (int l = 0; l < width; ++l) {
-                const double y = x[k*width + l];
-                x[k*width + l] = x[pivot[k]*width + l];
-                x[pivot[k]*width + l] = y;
-            }
-}
-
-/* x, [n][width], from right sides to solutions. */
 static inline void solve_factored(int n, const double *a, const int *pivot, double *x, int width)
 {
-    exchange(x, pivot, n, width);
-    for (int i = 1; i < n; ++i)
-        for (int j = 0; j < i; ++j) {
-            const double f = a[(long)i*n + j];
-            for (int l = 0; l < width; ++l) x[i*width + l] -= f*x[j*width + l];
-        }
+    for (int k = 0; k < n; ++k) exchange(x + (long)k*width, x + (long)pivot[k]*width, width);
+    for (int i = 1; i < n; ++i) subtract(x + (long)i*width, a + (long)i*n, x, i, width);
     for (int i = n - 1; i >= 0; --i) {
-        for (int j = i + 1; j < n; ++j) {
-            const double f = a[(long)i*n + j];
-            for (int l = 0; l < width; ++l) x[i*width + l] -= f*x[j*width + l];
-        }
-        const double f = 1.0/a[(long)i*n + i];
-        for (int l = 0; l < width; ++l) x[i*width + l] *= f;
+        double *const at = x + (long)i*width;
+        const double *const row = a + (long)i*n + i;
+        subtract(at, row + 1, at + width, n - 1 - i, width);
+        for (int l = 0; l < width; ++l) at[l] *= row[0];
     }
 }
 
+/* The same, of complex numbers: x + iy; z is for -y. */
 static inline void solve_factored_complex(int n, const double *re, const double *im, const int *pivot, double *x, double *y,
-    int width)
+    double *z, int width)
 {
-    exchange(x, pivot, n, width);
-    exchange(y, pivot, n, width);
-    for (int i = 1; i < n; ++i)
-        for (int j = 0; j < i; ++j) {
-            const double f = re[(long)i*n + j], g = im[(long)i*n + j];
-            for (int l = 0; l < width; ++l) {
-                x[i*width + l] -= f*x[j*width + l] - g*y[j*width + l];
-                y[i*width + l] -= f*y[j*width + l] + g*x[j*width + l];
-            }
-        }
+    for (int k = 0; k < n; ++k) {
+        exchange(x + (long)k*width, x + (long)pivot[k]*width, width);
+        exchange(y + (long)k*width, y + (long)pivot[k]*width, width);
+    }
+    for (int i = 0; i < n; ++i) {
+        double *const at = x + (long)i*width, *const and = y + (long)i*width;
+        const double *const a = re + (long)i*n, *const b = im + (long)i*n;
+        subtract(at, a, x, i, width);
+        subtract(at, b, z, i, width);
+        subtract(and, a, y, i, width);
+        subtract(and, b, x, i, width);
+        for (int l = 0; l < width; ++l) z[(long)i*width + l] = -and[l];
+    }
     for (int i = n - 1; i >= 0; --i) {
-        for (int j = i + 1; j < n; ++j) {
-            const double f = re[(long)i*n + j], g = im[(long)i*n + j];
-            for (int l = 0; l < width; ++l) {
-                x[i*width + l] -= f*x[j*width + l] - g*y[j*width + l];
-                y[i*width + l] -= f*y[j*width + l] + g*x[j*width + l];
-            }
-        }
-        const double a = re[(long)i*n + i], b = im[(long)i*n + i], square = a*a + b*b;
+        double *const at = x + (long)i*width, *const and = y + (long)i*width, *const minus = z + (long)i*width;
+        const double *const a = re + (long)i*n + i, *const b = im + (long)i*n + i;
+        const int left = n - 1 - i;
+        subtract(at, a + 1, at + width, left, width);
+        subtract(at, b + 1, minus + width, left, width);
+        subtract(and, a + 1, and + width, left, width);
+        subtract(and, b + 1, at + width, left, width);
         for (int l = 0; l < width; ++l) {
-            const double c = x[i*width + l], d = y[i*width + l];
-            x[i*width + l] = (a*c + b*d)/square;
-            y[i*width + l] = (a*d - b*c)/square;
+            const double c = at[l], d = and[l];
+            at[l] = a[0]*c - b[0]*d;
+            and[l] = a[0]*d + b[0]*c;
+            minus[l] = -and[l];
         }
     }
 }
 
-/* Adds J_q x to y, where half of J is solved for. */
-static inline void add_stiffness(const struct radau *r, const double *x, double *y, int width)
+/* Coordinates whose rates are speeds are not solved for: x[e] = (b[e] + x[partner])/s where s is REAL/h, or the complex one. Their
+ * columns of J, over s, are added to those of their partners, and times b[e]/s to right sides. */
+static void reduce(struct radau *r)
 {
-    const int k = r->order;
-    for (int i = 0; i < k; ++i)
-        for (int j = 0; j < k; ++j) {
-            const double f = r->jacobian[(long)(k + i)*r->n + j];
-            for (int l = 0; l < width; ++l) y[i*width + l] += f*x[j*width + l];
+    const int n = r->n;
+    r->order = r->nreduced = 0;
+    for (int i = 0; i < n; ++i) {
+        const double *const row = r->jacobian + (long)i*n;
+        int found = 0, at = -1;
+        for (int j = 0; j < n; ++j)
+            if (row[j] != 0.0) ++found, at = j;
+        if (i < r->nq && found == 1 && at >= r->nq && row[at] == 1.0) {
+            r->reduced[r->nreduced] = i;
+            r->partner[r->nreduced++] = at;
+        } else {
+            r->place[i] = r->order;
+            r->kept[r->order++] = i;
         }
-}
-
-/* x, [n][width], solved for: (REAL/h - J) x. Where half of J is solved for, the coordinates' rows are x_q = (b_q + x_u)/s with
- * s = REAL/h, so that (s - J_u - J_q/s) x_u = b_u + J_q b_q/s. */
-static inline void solve_real_lanes(const struct radau *r, double *x, int width)
-{
-    const int k = r->order;
-    if (!r->half) {
-        solve_factored(k, r->real, r->real_pivot, x, width);
-        return;
     }
-    const double inverse = r->h_factored/REAL;
-    double *const u = x + (long)k*width;
-    for (int i = 0; i < k*width; ++i) x[i] *= inverse;
-    add_stiffness(r, x, u, width);
-    solve_factored(k, r->real, r->real_pivot, u, width);
-    for (int i = 0; i < k*width; ++i) x[i] += inverse*u[i];
-}
-
-static inline void solve_complex_lanes(const struct radau *r, double *x, double *y, int width)
-{
-    const int k = r->order;
-    if (!r->half) {
-        solve_factored_complex(k, r->re, r->im, r->pivot, x, y, width);
-        return;
-    }
-    const double square = RE*RE + IM*IM, a = r->h_factored*RE/square, b = -r->h_factored*IM/square;
-    double *const u = x + (long)k*width, *const v = y + (long)k*width;
-    for (int i = 0; i < k*width; ++i) {
-        const double c = x[i], d = y[i];
-        x[i] = a*c - b*d;
-        y[i] = a*d + b*c;
-    }
-    add_stiffness(r, x, u, width);
-    add_stiffness(r, y, v, width);
-    solve_factored_complex(k, r->re, r->im, r->pivot, u, v, width);
-    for (int i = 0; i < k*width; ++i) {
-        x[i] += a*u[i] - b*v[i];
-        y[i] += a*v[i] + b*u[i];
-    }
-}
-
-static void solve_real(const struct radau *r, double *x, int width)
-{
-    if (width == 1) solve_real_lanes(r, x, 1);
-    else solve_real_lanes(r, x, LANES);
-}
-
-static void solve_complex(const struct radau *r, double *x, double *y, int width)
-{
-    if (width == 1) solve_complex_lanes(r, x, y, 1);
-    else solve_complex_lanes(r, x, y, LANES);
+    for (int i = 0; i < r->order; ++i)
+        for (int e = 0; e < r->nreduced; ++e)
+            r->column[(long)i*r->nreduced + e] = -r->jacobian[(long)r->kept[i]*n + r->reduced[e]];
+    for (int e = 0; e < r->nreduced; ++e) r->partner[e] = r->place[r->partner[e]];
 }
 
 /* Returns 1 if a matrix is singular. */
 static int factorise(ordernm_motion *m, double h)
 {
     struct radau *const r = m->radau;
-    const int k = r->order, n = r->n, q = r->half ? k : 0;
+    const int k = r->order, n = r->n;
     const double square = RE*RE + IM*IM;
     ++m->results->factorizations;
     r->h_factored = 0.0;
-    for (int i = 0; i < k; ++i)
+    for (int i = 0; i < k; ++i) {
+        double *const real = r->real + (long)i*k, *const re = r->re + (long)i*k, *const im = r->im + (long)i*k;
         for (int j = 0; j < k; ++j) {
-            const double *const of = r->jacobian + (long)(q + i)*n + j;
-            const double stiffness = r->half ? h*of[0] : 0.0, rest = of[q];
-            const long at = (long)i*k + j;
-            r->real[at] = (i == j)*(REAL/h) - rest - stiffness/REAL;
-            r->re[at] = (i == j)*(RE/h) - rest - stiffness*(RE/square);
-            r->im[at] = (i == j)*(IM/h) + stiffness*(IM/square);
+            real[j] = re[j] = -r->jacobian[(long)r->kept[i]*n + r->kept[j]];
+            im[j] = 0.0;
         }
+        real[i] += REAL/h;
+        re[i] += RE/h;
+        im[i] += IM/h;
+        for (int e = 0; e < r->nreduced; ++e) {
+            const double x = h*r->column[(long)i*r->nreduced + e];
+            real[r->partner[e]] += x/REAL;
+            re[r->partner[e]] += x*(RE/square);
+            im[r->partner[e]] -= x*(IM/square);
+        }
+    }
     if (factorise_real(k, r->real, r->real_pivot) || factorise_complex(k, r->re, r->im, r->pivot)) return 1;
     r->h_factored = h;
     return 0;
+}
+
+/* Of b, [n][width], to what is factorised: b of what is kept, and columns times b/s of what is not. */
+static inline void take_kept(const struct radau *r, const double *b, const double *over, double *x, int width)
+{
+    for (int i = 0; i < r->order; ++i) {
+        double *const at = x + (long)i*width;
+        for (int l = 0; l < width; ++l) at[l] = b[(long)r->kept[i]*width + l];
+        subtract(at, r->column + (long)i*r->nreduced, over, r->nreduced, width);
+    }
+}
+
+static inline void give_kept(const struct radau *r, const double *x, double *b, int width)
+{
+    for (int i = 0; i < r->order; ++i)
+        for (int l = 0; l < width; ++l) b[(long)r->kept[i]*width + l] = x[(long)i*width + l];
+}
+
+/* b, [n][width], from right sides to solutions of (REAL/h - J) x = b. */
+static inline void solve_real_lanes(const struct radau *r, double *b, int width)
+{
+    const double inverse = r->h_factored/REAL;
+    double *const x = r->scratch[0], *const over = r->scratch[1];
+    for (int e = 0; e < r->nreduced; ++e)
+        for (int l = 0; l < width; ++l) over[e*width + l] = inverse*b[(long)r->reduced[e]*width + l];
+    take_kept(r, b, over, x, width);
+    solve_factored(r->order, r->real, r->real_pivot, x, width);
+    for (int e = 0; e < r->nreduced; ++e)
+        for (int l = 0; l < width; ++l)
+            b[(long)r->reduced[e]*width + l] = over[e*width + l] + inverse*x[(long)r->partner[e]*width + l];
+    give_kept(r, x, b, width);
+}
+
+static inline void solve_complex_lanes(const struct radau *r, double *b, double *c, int width)
+{
+    const double square = RE*RE + IM*IM, re = r->h_factored*RE/square, im = -r->h_factored*IM/square;
+    double *const x = r->scratch[0], *const y = r->scratch[1], *const z = r->scratch[2];
+    double *const over = r->scratch[3], *const and = r->scratch[4];
+    for (int e = 0; e < r->nreduced; ++e)
+        for (int l = 0; l < width; ++l) {
+            const double p = b[(long)r->reduced[e]*width + l], q = c[(long)r->reduced[e]*width + l];
+            over[e*width + l] = re*p - im*q;
+            and[e*width + l] = re*q + im*p;
+        }
+    take_kept(r, b, over, x, width);
+    take_kept(r, c, and, y, width);
+    solve_factored_complex(r->order, r->re, r->im, r->pivot, x, y, z, width);
+    for (int e = 0; e < r->nreduced; ++e)
+        for (int l = 0; l < width; ++l) {
+            const double p = x[(long)r->partner[e]*width + l], q = y[(long)r->partner[e]*width + l];
+            b[(long)r->reduced[e]*width + l] = over[e*width + l] + re*p - im*q;
+            c[(long)r->reduced[e]*width + l] = and[e*width + l] + re*q + im*p;
+        }
+    give_kept(r, x, b, width);
+    give_kept(r, y, c, width);
+}
+
+static void solve_real(const struct radau *r, double *b, int width)
+{
+    if (width == 1) solve_real_lanes(r, b, 1);
+    else solve_real_lanes(r, b, LANES);
+}
+
+static void solve_complex(const struct radau *r, double *b, double *c, int width)
+{
+    if (width == 1) solve_complex_lanes(r, b, c, 1);
+    else solve_complex_lanes(r, b, c, LANES);
 }
 
 /* The Jacobian at a state whose loops are closed: so many columns at a time. Returns what a function returned. */
@@ -391,6 +445,7 @@ static int renew(ordernm_motion *m)
     const int status = r->formed_here ? 0 : differentiate(m, m->t, m->z, r->jacobian);
     if (status) return status;
     if (r->formed_here) memcpy(r->jacobian, r->at_stage[2], (long)r->n*r->n*sizeof(double));
+    reduce(r);
     r->h_factored = 0.0;
     r->jacobian_here = 1;
     return 0;
@@ -562,11 +617,9 @@ static inline void formed_rates_lanes(ordernm_motion *m, long at, int width)
         double *const rate = m->rate[i + 1] + at;
         const double *const x = r->stage[i] + at, *const J = r->at_stage[i];
         for (int k = 0; k < n; ++k) {
-            double sum[LANES];
-            for (int l = 0; l < width; ++l) sum[l] = r->along[i][k*width + l];
-            for (int j = 0; j < n; ++j)
-                for (int l = 0; l < width; ++l) sum[l] += J[(long)k*n + j]*x[j*width + l];
-            for (int l = 0; l < width; ++l) rate[k*width + l] = sum[l];
+            for (int l = 0; l < width; ++l) rate[k*width + l] = -r->along[i][k*width + l];
+            subtract(rate + (long)k*width, J + (long)k*n, x, n, width);
+            for (int l = 0; l < width; ++l) rate[k*width + l] = -rate[k*width + l];
         }
     }
 }
