@@ -9,18 +9,19 @@
  * predictions of dependent coordinates are what closing the loops has given at a stage in Newton's last iteration.
  *
  * Sensitivities are the derivative of the step that has been made: dZ[i] = h*sum(a[i][j]*D rate[j](S + dZ[j])), linear equations
- * with the exact Jacobian at every stage. They are solved in sweeps: the right sides are taken along all directions of a group at
- * once, and the factors at hand correct dZ as they do Z. Where directions are few beside the state's entries, the Jacobians at
- * the stages are not formed, and a right side is a call of the system's functions; else they are, once for all sweeps and groups,
- * and the last one serves Newton's method in the next step too. The result is as exact as the stages that it is taken at: an
- * error of Z times second derivatives. So Newton's method goes on further below the tolerance where there are directions. */
+ * with the exact Jacobian at every stage. Where directions are few beside the state's entries, nobody forms these Jacobians: the
+ * equations are solved in sweeps, in which right sides are what the system's functions give along all directions of a group at
+ * once, and the factors at hand correct dZ as they do Z. Else Jacobians are formed and the equations of all three stages are
+ * factorised, once for all groups; the last Jacobian serves Newton's method in the next step too. The result is as exact as the
+ * stages that it is taken at: off by the error of Z times second derivatives. So Newton's method goes on further below the
+ * tolerance where there are directions. */
 #include "inside.h"
 
 #include <float.h>
 #include <math.h>
 #include <string.h>
 
-enum { STAGES = 3, ITERATIONS = 7, FIXED_ITERATIONS = 30, SWEEPS = 12, FORMED_SWEEPS = 50, LARGEST_FORMED = 96 }; /* the second where a smaller step is no way out */
+enum { STAGES = 3, ITERATIONS = 7, FIXED_ITERATIONS = 30, SWEEPS = 12, LARGEST_FORMED = 96 }; /* the second where a smaller step is no way out */
 
 static const double TIME[STAGES] = {0.15505102572168219, 0.64494897427831781, 1.0};
 
@@ -44,6 +45,12 @@ static const double A[STAGES][STAGES] = {
     {0.37640306270046728, 0.51248582618842161, 0.11111111111111111},
 };
 
+static const double A_INVERSE[STAGES][STAGES] = {
+    {3.2247448713915890, 1.1678400846904055, -0.25319726474218083},
+    {-3.5678400846904055, 0.77525512860841096, 1.0531972647421808},
+    {5.5319726474218083, -7.5319726474218083, 5.0},
+};
+
 /* Of the error estimate. */
 static const double E[STAGES] = {-10.048809399827416, 1.3821427331607489, -0.33333333333333333};
 
@@ -63,17 +70,24 @@ static const double SAFETY = 0.9, LEAST_CHANGE = 0.125, LARGEST_CHANGE = 5.0;
 
 enum { CONVERGED = -100, DIVERGED }; /* beside what functions return */
 
+/* Entries that equations are solved for, and coordinates that follow because their rates are speeds. */
+typedef struct {
+    int order, count;
+    int *kept, *place;        /* [order] entries; [n] each entry's place among them */
+    int *reduced, *partner;   /* [count] entries; the places of their rates */
+} reduction;
+
 struct radau {
     int n;                    /* independent coordinates and speeds */
     int nq;                   /* coordinates among them */
-    int order, nreduced;      /* of the matrices that are factorised, and entries that follow */
-    int *kept, *place;        /* which ones are solved for, and each entry's place among them */
-    int *reduced, *partner;   /* which ones are not: their rates are partners */
-    double *column;           /* [order][nreduced] of -J */
+    reduction of_step, of_stages;
+    double *column;           /* [order][count] of -J */
     double *jacobian;         /* [n][n] */
     int formed;               /* Jacobians at the stages are */
     double *at_stage[STAGES], *along[STAGES]; /* [n][n] then, and derivatives of rates along S, [n][LANES] */
-    double *real, *re, *im;   /* [order][order] factors of REAL/h - J and (RE + i IM)/h - J */
+    double *whole, *of_whole; /* [3 n][3 n] factors of the three stages' equations, [3 n][LANES] their solutions */
+    int *whole_pivot;
+    double *real, *re, *im;   /* factors of REAL/h - J and (RE + i IM)/h - J */
     int *real_pivot, *pivot;  /* rows that were exchanged */
     double h_factored;        /* 0: there are no factors */
     group columns;            /* seeds of J's columns, so many at a time */
@@ -123,7 +137,9 @@ size_t ordernm_radau_layout(ordernm_motion *m, void *at)
     const int n = r->n = m->ny;
     r->nq = s->nfree_q;
     const long square = (long)n*n;
-    int **indices[] = {&r->kept, &r->place, &r->reduced, &r->partner, &r->real_pivot, &r->pivot};
+    reduction *const a = &r->of_step, *const b = &r->of_stages;
+    int **indices[] = {&a->kept, &a->place, &a->reduced, &a->partner, &b->kept, &b->place, &b->reduced, &b->partner,
+        &r->real_pivot, &r->pivot};
     for (size_t i = 0; i < sizeof indices/sizeof *indices; ++i) *indices[i] = take(&of, (n + 1)*sizeof(int));
     r->column = numbers(&of, square);
     r->jacobian = numbers(&of, (long)n*n);
@@ -132,6 +148,11 @@ size_t ordernm_radau_layout(ordernm_motion *m, void *at)
     for (int i = 0; i < STAGES && r->formed; ++i) {
         r->at_stage[i] = numbers(&of, (long)n*n);
         r->along[i] = numbers(&of, (long)n*LANES);
+    }
+    if (r->formed) {
+        r->whole = numbers(&of, STAGES*STAGES*square);
+        r->of_whole = numbers(&of, STAGES*(long)n*LANES);
+        r->whole_pivot = take(&of, (STAGES*n + 1)*sizeof(int));
     }
     r->real = numbers(&of, square), r->re = numbers(&of, square), r->im = numbers(&of, square);
     r->seeded = numbers(&of, m->values + (long)n*LANES);
@@ -296,53 +317,56 @@ static inline void solve_factored_complex(int n, const double *re, const double 
     }
 }
 
-/* Coordinates whose rates are speeds are not solved for: x[e] = (b[e] + x[partner])/s where s is REAL/h, or the complex one. Their
- * columns of J, over s, are added to those of their partners, and times b[e]/s to right sides. */
-static void reduce(struct radau *r)
+/* Coordinates whose rates are speeds by some Jacobians are not solved for: x[e] = (b[e] + x[partner])/s where s is REAL/h, or the
+ * complex one. Their columns of J, over s, are added to those of their partners, and times b[e]/s to right sides. */
+static void reduce(const struct radau *r, int count, double *const *jacobian, reduction *to)
 {
     const int n = r->n;
-    r->order = r->nreduced = 0;
+    to->order = to->count = 0;
     for (int i = 0; i < n; ++i) {
-        const double *const row = r->jacobian + (long)i*n;
-        int found = 0, at = -1;
-        for (int j = 0; j < n; ++j)
-            if (row[j] != 0.0) ++found, at = j;
-        if (i < r->nq && found == 1 && at >= r->nq && row[at] == 1.0) {
-            r->reduced[r->nreduced] = i;
-            r->partner[r->nreduced++] = at;
+        int partner = i < r->nq ? n : -1;
+        for (int c = 0; c < count && partner >= 0; ++c) {
+            const double *const row = jacobian[c] + (long)i*n;
+            int found = 0, at = -1;
+            for (int j = 0; j < n; ++j)
+                if (row[j] != 0.0) ++found, at = j;
+            if (found != 1 || at < r->nq || row[at] != 1.0 || (partner < n && partner != at)) at = -1;
+            partner = at;
+        }
+        if (partner >= 0) {
+            to->reduced[to->count] = i;
+            to->partner[to->count++] = partner;
         } else {
-            r->place[i] = r->order;
-            r->kept[r->order++] = i;
+            to->place[i] = to->order;
+            to->kept[to->order++] = i;
         }
     }
-    for (int i = 0; i < r->order; ++i)
-        for (int e = 0; e < r->nreduced; ++e)
-            r->column[(long)i*r->nreduced + e] = -r->jacobian[(long)r->kept[i]*n + r->reduced[e]];
-    for (int e = 0; e < r->nreduced; ++e) r->partner[e] = r->place[r->partner[e]];
+    for (int e = 0; e < to->count; ++e) to->partner[e] = to->place[to->partner[e]];
 }
 
 /* Returns 1 if a matrix is singular. */
 static int factorise(ordernm_motion *m, double h)
 {
     struct radau *const r = m->radau;
-    const int k = r->order, n = r->n;
+    const reduction *const by = &r->of_step;
+    const int k = by->order, n = r->n;
     const double square = RE*RE + IM*IM;
     ++m->results->factorizations;
     r->h_factored = 0.0;
     for (int i = 0; i < k; ++i) {
         double *const real = r->real + (long)i*k, *const re = r->re + (long)i*k, *const im = r->im + (long)i*k;
         for (int j = 0; j < k; ++j) {
-            real[j] = re[j] = -r->jacobian[(long)r->kept[i]*n + r->kept[j]];
+            real[j] = re[j] = -r->jacobian[(long)by->kept[i]*n + by->kept[j]];
             im[j] = 0.0;
         }
         real[i] += REAL/h;
         re[i] += RE/h;
         im[i] += IM/h;
-        for (int e = 0; e < r->nreduced; ++e) {
-            const double x = h*r->column[(long)i*r->nreduced + e];
-            real[r->partner[e]] += x/REAL;
-            re[r->partner[e]] += x*(RE/square);
-            im[r->partner[e]] -= x*(IM/square);
+        for (int e = 0; e < by->count; ++e) {
+            const double x = h*r->column[(long)i*by->count + e];
+            real[by->partner[e]] += x/REAL;
+            re[by->partner[e]] += x*(RE/square);
+            im[by->partner[e]] -= x*(IM/square);
         }
     }
     if (factorise_real(k, r->real, r->real_pivot) || factorise_complex(k, r->re, r->im, r->pivot)) return 1;
@@ -353,53 +377,57 @@ static int factorise(ordernm_motion *m, double h)
 /* Of b, [n][width], to what is factorised: b of what is kept, and columns times b/s of what is not. */
 static inline void take_kept(const struct radau *r, const double *b, const double *over, double *x, int width)
 {
-    for (int i = 0; i < r->order; ++i) {
+    const reduction *const by = &r->of_step;
+    for (int i = 0; i < by->order; ++i) {
         double *const at = x + (long)i*width;
-        for (int l = 0; l < width; ++l) at[l] = b[(long)r->kept[i]*width + l];
-        subtract(at, r->column + (long)i*r->nreduced, over, r->nreduced, width);
+        for (int l = 0; l < width; ++l) at[l] = b[(long)by->kept[i]*width + l];
+        subtract(at, r->column + (long)i*by->count, over, by->count, width);
     }
 }
 
 static inline void give_kept(const struct radau *r, const double *x, double *b, int width)
 {
-    for (int i = 0; i < r->order; ++i)
-        for (int l = 0; l < width; ++l) b[(long)r->kept[i]*width + l] = x[(long)i*width + l];
+    const reduction *const by = &r->of_step;
+    for (int i = 0; i < by->order; ++i)
+        for (int l = 0; l < width; ++l) b[(long)by->kept[i]*width + l] = x[(long)i*width + l];
 }
 
 /* b, [n][width], from right sides to solutions of (REAL/h - J) x = b. */
 static inline void solve_real_lanes(const struct radau *r, double *b, int width)
 {
+    const reduction *const by = &r->of_step;
     const double inverse = r->h_factored/REAL;
     double *const x = r->scratch[0], *const over = r->scratch[1];
-    for (int e = 0; e < r->nreduced; ++e)
-        for (int l = 0; l < width; ++l) over[e*width + l] = inverse*b[(long)r->reduced[e]*width + l];
+    for (int e = 0; e < by->count; ++e)
+        for (int l = 0; l < width; ++l) over[e*width + l] = inverse*b[(long)by->reduced[e]*width + l];
     take_kept(r, b, over, x, width);
-    solve_factored(r->order, r->real, r->real_pivot, x, width);
-    for (int e = 0; e < r->nreduced; ++e)
+    solve_factored(by->order, r->real, r->real_pivot, x, width);
+    for (int e = 0; e < by->count; ++e)
         for (int l = 0; l < width; ++l)
-            b[(long)r->reduced[e]*width + l] = over[e*width + l] + inverse*x[(long)r->partner[e]*width + l];
+            b[(long)by->reduced[e]*width + l] = over[e*width + l] + inverse*x[(long)by->partner[e]*width + l];
     give_kept(r, x, b, width);
 }
 
 static inline void solve_complex_lanes(const struct radau *r, double *b, double *c, int width)
 {
+    const reduction *const by = &r->of_step;
     const double square = RE*RE + IM*IM, re = r->h_factored*RE/square, im = -r->h_factored*IM/square;
     double *const x = r->scratch[0], *const y = r->scratch[1], *const z = r->scratch[2];
     double *const over = r->scratch[3], *const and = r->scratch[4];
-    for (int e = 0; e < r->nreduced; ++e)
+    for (int e = 0; e < by->count; ++e)
         for (int l = 0; l < width; ++l) {
-            const double p = b[(long)r->reduced[e]*width + l], q = c[(long)r->reduced[e]*width + l];
+            const double p = b[(long)by->reduced[e]*width + l], q = c[(long)by->reduced[e]*width + l];
             over[e*width + l] = re*p - im*q;
             and[e*width + l] = re*q + im*p;
         }
     take_kept(r, b, over, x, width);
     take_kept(r, c, and, y, width);
-    solve_factored_complex(r->order, r->re, r->im, r->pivot, x, y, z, width);
-    for (int e = 0; e < r->nreduced; ++e)
+    solve_factored_complex(by->order, r->re, r->im, r->pivot, x, y, z, width);
+    for (int e = 0; e < by->count; ++e)
         for (int l = 0; l < width; ++l) {
-            const double p = x[(long)r->partner[e]*width + l], q = y[(long)r->partner[e]*width + l];
-            b[(long)r->reduced[e]*width + l] = over[e*width + l] + re*p - im*q;
-            c[(long)r->reduced[e]*width + l] = and[e*width + l] + re*q + im*p;
+            const double p = x[(long)by->partner[e]*width + l], q = y[(long)by->partner[e]*width + l];
+            b[(long)by->reduced[e]*width + l] = over[e*width + l] + re*p - im*q;
+            c[(long)by->reduced[e]*width + l] = and[e*width + l] + re*q + im*p;
         }
     give_kept(r, x, b, width);
     give_kept(r, y, c, width);
@@ -445,7 +473,12 @@ static int renew(ordernm_motion *m)
     const int status = r->formed_here ? 0 : differentiate(m, m->t, m->z, r->jacobian);
     if (status) return status;
     if (r->formed_here) memcpy(r->jacobian, r->at_stage[2], (long)r->n*r->n*sizeof(double));
-    reduce(r);
+    const reduction *const by = &r->of_step;
+    const int n = r->n;
+    reduce(r, 1, &r->jacobian, &r->of_step);
+    for (int i = 0; i < by->order; ++i)
+        for (int e = 0; e < by->count; ++e)
+            r->column[(long)i*by->count + e] = -r->jacobian[(long)by->kept[i]*n + by->reduced[e]];
     r->h_factored = 0.0;
     r->jacobian_here = 1;
     return 0;
@@ -595,7 +628,84 @@ static double change_of(const ordernm_motion *m, const group *g, double h, doubl
     return sqrt(largest);
 }
 
-/* The Jacobians at the stages. */
+/* A^-1 dZ/h - J dZ at each stage with its own J: all three at once. Coordinates whose rates are speeds are h A times the speeds'
+ * and their own right sides. Returns 1 if the matrix is singular. */
+static int factorise_stages(struct radau *r, double h)
+{
+    const int n = r->n;
+    reduction *const by = &r->of_stages;
+    reduce(r, STAGES, r->at_stage, by);
+    const int k = by->order, size = STAGES*k;
+    for (int i = 0; i < STAGES; ++i)
+        for (int a = 0; a < k; ++a) {
+            double *const row = r->whole + (long)(i*k + a)*size;
+            const double *const J = r->at_stage[i] + (long)by->kept[a]*n;
+            memset(row, 0, size*sizeof(double));
+            for (int b = 0; b < k; ++b) row[i*k + b] = -J[by->kept[b]];
+            for (int j = 0; j < STAGES; ++j) {
+                row[j*k + a] += A_INVERSE[i][j]/h;
+                for (int e = 0; e < by->count; ++e) row[j*k + by->partner[e]] -= h*A[i][j]*J[by->reduced[e]];
+            }
+        }
+    return factorise_real(size, r->whole, r->whole_pivot);
+}
+
+/* dZ of a group from what rates are along S: for all three stages at once. */
+static inline void solve_stages_lanes(ordernm_motion *m, double h, long at, int width)
+{
+    const struct radau *const r = m->radau;
+    const reduction *const by = &r->of_stages;
+    const int n = r->n, k = by->order;
+    for (int e = 0; e < by->count; ++e)
+        for (int i = 0; i < STAGES; ++i)
+            for (int l = 0; l < width; ++l) {
+                const long of = (long)by->reduced[e]*width + l;
+                r->stage[i][at + of] = h*(A[i][0]*r->along[0][of] + A[i][1]*r->along[1][of] + A[i][2]*r->along[2][of]);
+            }
+    for (int i = 0; i < STAGES; ++i)
+        for (int a = 0; a < k; ++a) {
+            double *const x = r->of_whole + (long)(i*k + a)*width;
+            const double *const J = r->at_stage[i] + (long)by->kept[a]*n;
+            for (int l = 0; l < width; ++l) x[l] = r->along[i][(long)by->kept[a]*width + l];
+            for (int e = 0; e < by->count; ++e)
+                for (int l = 0; l < width; ++l) x[l] += J[by->reduced[e]]*r->stage[i][at + (long)by->reduced[e]*width + l];
+        }
+    solve_factored(STAGES*k, r->whole, r->whole_pivot, r->of_whole, width);
+    const double *const x = r->of_whole, *const y = x + (long)k*width, *const z = y + (long)k*width;
+    for (int i = 0; i < STAGES; ++i) {
+        double *const to = r->stage[i] + at;
+        for (int a = 0; a < k; ++a)
+            for (int l = 0; l < width; ++l) to[(long)by->kept[a]*width + l] = r->of_whole[(long)(i*k + a)*width + l];
+        for (int e = 0; e < by->count; ++e)
+            for (int l = 0; l < width; ++l) {
+                const long of = (long)by->partner[e]*width + l;
+                to[(long)by->reduced[e]*width + l] += h*(A[i][0]*x[of] + A[i][1]*y[of] + A[i][2]*z[of]);
+            }
+    }
+    /* the rates at the step's end, for the error of the next one */
+    const double *const u = r->stage[0] + at, *const v = r->stage[1] + at, *const w = r->stage[2] + at;
+    double *const rate = m->rate[STAGES] + at;
+    for (int i = 0; i < n*width; ++i) rate[i] = (A_INVERSE[2][0]*u[i] + A_INVERSE[2][1]*v[i] + A_INVERSE[2][2]*w[i])/h;
+}
+
+/* The stages' derivatives along the directions of a group, by Jacobians that have been formed. */
+static int solve_stages(ordernm_motion *m, double h, const group *g)
+{
+    struct radau *const r = m->radau;
+    for (int i = 0; i < STAGES; ++i) {
+        const int status = rates_at_stage(m, h, i, g, 1, RATES | CLOSED);
+        if (status) return status;
+        memcpy(r->along[i], m->rate[i + 1] + g->at, (long)r->n*g->width*sizeof(double));
+    }
+    if (g->width == 1) solve_stages_lanes(m, h, g->at, 1);
+    else solve_stages_lanes(m, h, g->at, LANES);
+    const long end = g->at + (long)r->n*g->width;
+    for (int i = 0; i < STAGES; ++i)
+        if (!ordernm_all_finite(r->stage[i] + g->at, end - g->at)) return DIVERGED;
+    return CONVERGED;
+}
+
+/* The Jacobians at the stages, and their equations' factors. */
 static int form(ordernm_motion *m, double h, int closed)
 {
     struct radau *const r = m->radau;
@@ -605,45 +715,20 @@ static int form(ordernm_motion *m, double h, int closed)
         for (long k = 0; k < m->values; ++k) m->trial[k] = m->z[k] + r->stage[i][k];
         if ((status = differentiate(m, time_of_stage(m, h, i), m->trial, r->at_stage[i]))) return status;
     }
-    return 0;
-}
-
-/* Rates at the stages along a group by Jacobians that have been formed. */
-static inline void formed_rates_lanes(ordernm_motion *m, long at, int width)
-{
-    const struct radau *const r = m->radau;
-    const int n = r->n;
-    for (int i = 0; i < STAGES; ++i) {
-        double *const rate = m->rate[i + 1] + at;
-        const double *const x = r->stage[i] + at, *const J = r->at_stage[i];
-        for (int k = 0; k < n; ++k) {
-            for (int l = 0; l < width; ++l) rate[k*width + l] = -r->along[i][k*width + l];
-            subtract(rate + (long)k*width, J + (long)k*n, x, n, width);
-            for (int l = 0; l < width; ++l) rate[k*width + l] = -rate[k*width + l];
-        }
-    }
-}
-
-static void formed_rates(ordernm_motion *m, long at, int width)
-{
-    if (width == 1) formed_rates_lanes(m, at, 1);
-    else formed_rates_lanes(m, at, LANES);
+    return factorise_stages(r, h) ? DIVERGED : CONVERGED;
 }
 
 /* The stages' derivatives along the directions of a group; they begin anywhere. */
 static int sweep(ordernm_motion *m, double h, const group *g, int closed)
 {
     struct radau *const r = m->radau;
-    const int most = r->formed ? FORMED_SWEEPS : SWEEPS;
     double before = 0.0;
     r->sweep_slowness = pow(fmax(r->sweep_slowness, DBL_EPSILON), 0.8);
-    for (int k = 1; k <= most; ++k) {
-        for (int i = 0; i < STAGES && (k == 1 || !r->formed); ++i) {
-            const int status = rates_at_stage(m, h, i, g, r->formed, RATES | (k > 1 ? CLOSED : closed));
+    for (int k = 1; k <= SWEEPS; ++k) {
+        for (int i = 0; i < STAGES; ++i) {
+            const int status = rates_at_stage(m, h, i, g, 0, RATES | (k > 1 ? CLOSED : closed));
             if (status) return status;
-            if (r->formed) memcpy(r->along[i], m->rate[i + 1] + g->at, (long)r->n*g->width*sizeof(double));
         }
-        if (r->formed) formed_rates(m, g->at, g->width);
         correction(m, h, g->at, g->width);
         correct(r, g->at, g->width);
         double loose;
@@ -796,14 +881,15 @@ static int radau_step(ordernm_motion *m, double h, double *error)
     }
     const int refused = !(*error <= 1.0) && !(p->fixed && *error < INFINITY);
     const int closed = m->nx && !m->system->split ? CLOSED : 0;
+    int formed = CONVERGED;
     if (r->formed && !refused) {
         r->formed_here = 0;
-        if ((status = form(m, h, closed))) return status;
+        formed = form(m, h, closed);
     }
     for (int n = 0; n < m->ngroups && !refused; ++n) {
         const group *const g = m->groups + n;
         const int known = (n > 0 || closed || r->formed) && !m->system->split ? CLOSED : 0;
-        status = sweep(m, h, g, known);
+        status = formed != CONVERGED ? formed : r->formed ? solve_stages(m, h, g) : sweep(m, h, g, known);
         if (status == DIVERGED) {
             r->theta = 1.0;
             m->advice = r->jacobian_here ? 0.5 : 0.999;
