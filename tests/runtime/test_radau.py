@@ -8,8 +8,11 @@ import numpy as np
 import pytest
 import scipy.integrate
 import scipy.linalg
+from cffi import FFI
 
 import codegen
+from codegen.runtime.standalone.compiler import find_compiler
+from codegen.runtime.standalone.motion_library import declarations
 from codegen.runtime.standalone.motion_problem import Inputs, Problem
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -89,6 +92,36 @@ initial:
 """
 
 
+BALLS = """
+model: balls
+gravity: [0, 0, -9.81]
+parameters: {crank: 0.3, rod: 1.0, spring: 40.0}
+bodies:
+  wheel:
+    parent: ground
+    joint: {type: revolute, axis: y}
+    mass: 1.0
+    com: [crank/2, 0, 0]
+    inertia: {xx: 0.02, yy: 0.05, zz: 0.04}
+  rod:
+    parent: wheel
+    joint: {type: spherical, at: [crank, 0, 0]}
+    mass: 0.6
+    com: [rod/2, 0.02, 0]
+    inertia: {xx: 0.01, yy: 0.06, zz: 0.055}
+  slider: {parent: ground, joint: {type: prismatic, axis: x, at: [0, 0.2, 0]}, mass: 0.8}
+loops:
+  ball: {joint: {type: point}, from: {body: rod, at: [rod, 0, 0]}, to: slider}
+forces:
+  hold: {type: joint, joint: slider, value: -spring*(q.slider - 1) - 2*u.slider}
+initial:
+  q: {wheel: 0.4, slider: 1.2}
+  u: {wheel: 3.0}
+independent: [wheel]
+"""
+"""A rod between two balls turns freely about itself: one of its three speeds is independent."""
+
+
 @pytest.fixture(scope="module")
 def solver(tmp_path_factory):
     """Opens the solver of an example, or of a model's text."""
@@ -145,7 +178,7 @@ def error(found, expected):
 # ---- not stiff -------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["double_pendulum", "four_bar", "satellite", "slider_crank"])
+@pytest.mark.parametrize("name", ["double_pendulum", "four_bar", "satellite", "slider_crank", BALLS])
 @pytest.mark.parametrize("directions", [1, 3])
 def test_the_explicit_method_gives_the_same(solver, name, directions):
     s = solver(name)
@@ -321,6 +354,68 @@ def test_the_flyball_governor(solver):
     _, y, _ = motion(s, 1.0, 1e-9, method="dop853")
     assert error(motion(s, 1.0, 1e-9)[1], y) < 1e-5
     assert motion(s, 1.0, 1e-6, method="dop853")[0].counts["stiffness"] > 6.1  # stability keeps its steps small
+
+
+# ---- backwards -------------------------------------------------------------------------------------------------------
+
+TRANSPOSED = """
+#include "radau.c"
+
+/* c M^-1 b of the equations of a step's stages, by M and by its transpose. */
+int both_ways(const ordernm_problem *p, double *room, double h, int width, double *found)
+{
+    ordernm_results results = {0};
+    ordernm_motion *m = ordernm_begin(p, room);
+    struct radau *r = m->radau;
+    double *const *stage;
+    m->results = &results;
+    ordernm_find_segment(m, 0.0, h);
+    if (ordernm_settle(m, 0.0, m->z) < 0 || ordernm_radau_stages(m, h, &stage) || ordernm_radau_form(m, h)) return 1;
+    const long at = m->groups[0].at, n = (long)r->n*width;
+    for (int i = 0; i < STAGES; ++i)
+        for (long k = 0; k < n; ++k) {
+            r->along[i][k] = sin(1.0 + k + 3*i);
+            r->right[i][k] = cos(2.0 - k + i);
+        }
+    if (width == 1) solve_stages_lanes(m, h, at, 1);
+    else solve_stages_lanes(m, h, at, LANES);
+    for (int l = 0; l < width; ++l) found[l] = found[LANES + l] = 0.0;
+    for (int i = 0; i < STAGES; ++i)
+        for (long k = 0; k < n; ++k) found[k%width] += r->right[i][k]*stage[i][at + k];
+    ordernm_radau_transposed(m, h, r->right, width);
+    for (int i = 0; i < STAGES; ++i)
+        for (long k = 0; k < n; ++k) found[LANES + k%width] += r->right[i][k]*r->along[i][k];
+    return 0;
+}
+"""
+
+
+@pytest.mark.parametrize("name", ["double_pendulum", "four_bar", FLYBALL, BALLS])
+def test_the_stages_equations_are_solved_backwards_too(solver, name, tmp_path):
+    s = solver(name)
+    (tmp_path / "both.c").write_text(TRANSPOSED)
+    files = [tmp_path / "both.c", *(MOTION / f"{f}.c" for f in ("control", "state", "explicit"))]
+    library = tmp_path / "both.so"
+    flags = ["-std=gnu11", "-O1", "-fPIC", "-shared", f"-I{MOTION}", "-o", str(library)]
+    subprocess.run([*find_compiler(), *flags, *map(str, files), "-lm"], check=True)
+    ffi = FFI()
+    ffi.cdef(declarations((MOTION / "motion.h").read_text()))
+    ffi.cdef("int both_ways(const ordernm_problem *, double *, double, int, double *);")
+    found = np.zeros((2, 8))
+    system = ffi.cast("ordernm_system *", s._opened.target.address(f"{s._opened.manifest['name']}_motion"))
+    for k in (1, 8):
+        q, u = s.initial
+        problem = Problem(
+            start=0.0, end=1.0, q=q, u=u, p=s.parameters, inputs=Inputs(0, None, np.zeros((1, s.ninputs))), times=np.zeros(0),
+            dq=np.zeros((k, s.nq)), du=np.zeros((k, s.nu)), dp=np.zeros((k, s.np)), dinputs=None, rtol=1e-10,
+            atol=np.full(s.nq + s.nu, 1e-10), method="radau",
+        )  # fmt: skip
+        c = problem.in_c(ffi, system)
+        opened = ffi.dlopen(str(library))
+        room = ffi.from_buffer("double[]", np.empty(opened.ordernm_room(c)))
+        assert opened.both_ways(c, room, 0.01, k, ffi.from_buffer("double[]", found)) == 0
+        assert np.all(found[0, :k] != 0.0)
+        np.testing.assert_allclose(found[0, :k], found[1, :k], rtol=1e-9)
 
 
 # ---- what can go wrong -----------------------------------------------------------------------------------------------

@@ -85,8 +85,8 @@ static size_t lay_out(const ordernm_problem *p, void *at)
     m->row = numbers(&of, ordernm_row_size(p));
     m->crossing = numbers(&of, p->nevents);
     if (m->method == &ordernm_radau) {
-        void *own = take(&of, ordernm_radau_layout(m, 0));
-        if (own) ordernm_radau_layout(m, own);
+        void *own = take(&of, ordernm_radau_layout(m, 0, 0));
+        if (own) ordernm_radau_layout(m, own, 0);
     }
     return of.used;
 }

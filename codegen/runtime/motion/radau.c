@@ -131,8 +131,9 @@ static double *numbers(memory *of, long n)
     return take(of, (size_t)(n > 0 ? n : 1)*sizeof(double));
 }
 
-/* Lays out what the method needs of its own, from a cache line on; returns how many bytes, which is all where at is 0. */
-size_t ordernm_radau_layout(ordernm_motion *m, void *at)
+/* Lays out what the method needs of its own, from a cache line on, where it is said with Jacobians at the stages in any case;
+ * returns how many bytes, which is all where at is 0. */
+size_t ordernm_radau_layout(ordernm_motion *m, void *at, int formed)
 {
     memory of = {at, 0};
     const ordernm_system *s = m->system;
@@ -150,7 +151,7 @@ size_t ordernm_radau_layout(ordernm_motion *m, void *at)
     r->jacobian = numbers(&of, (long)n*n);
     /* In calls: three sweeps or more of every group against all columns, and S along every group. Factors of three times the order
      * cost more than sweeps where the order is larger (measured: 0.7 of it at 8, twice as much at 35). */
-    r->formed = m->ngroups && n <= LARGEST_FORMED && (n + LANES - 1)/LANES <= 2*m->ngroups;
+    r->formed = formed || (m->ngroups && n <= LARGEST_FORMED && (n + LANES - 1)/LANES <= 2*m->ngroups);
     for (int i = 0; i < STAGES && r->formed; ++i) {
         r->at_stage[i] = numbers(&of, (long)n*n);
         r->along[i] = numbers(&of, (long)n*LANES);
@@ -289,6 +290,20 @@ static inline void solve_factored(int n, const double *a, const int *pivot, doub
     }
 }
 
+/* The same with the matrix transposed. */
+static inline void solve_transposed(int n, const double *a, const int *pivot, double *x, int width)
+{
+    for (int i = 0; i < n; ++i) {
+        double *const at = x + (long)i*width;
+        const double *const row = a + (long)i*n;
+        for (int l = 0; l < width; ++l) at[l] *= row[i];
+        for (int j = i + 1; j < n; ++j) subtract_row(x + (long)j*width, row[j], at, width);
+    }
+    for (int i = n - 1; i > 0; --i)
+        for (int j = 0; j < i; ++j) subtract_row(x + (long)j*width, a[(long)i*n + j], x + (long)i*width, width);
+    for (int k = n - 1; k >= 0; --k) exchange(x + (long)k*width, x + (long)pivot[k]*width, width);
+}
+
 /* The same, of complex numbers: x + iy; z is for -y. */
 static inline void solve_factored_complex(int n, const double *re, const double *im, const int *pivot, double *x, double *y,
     double *z, int width)
@@ -298,27 +313,27 @@ static inline void solve_factored_complex(int n, const double *re, const double 
         exchange(y + (long)k*width, y + (long)pivot[k]*width, width);
     }
     for (int i = 0; i < n; ++i) {
-        double *const at = x + (long)i*width, *const and = y + (long)i*width;
+        double *const at = x + (long)i*width, *const at_im = y + (long)i*width;
         const double *const a = re + (long)i*n, *const b = im + (long)i*n;
         subtract(at, a, x, i, width);
         subtract(at, b, z, i, width);
-        subtract(and, a, y, i, width);
-        subtract(and, b, x, i, width);
-        for (int l = 0; l < width; ++l) z[(long)i*width + l] = -and[l];
+        subtract(at_im, a, y, i, width);
+        subtract(at_im, b, x, i, width);
+        for (int l = 0; l < width; ++l) z[(long)i*width + l] = -at_im[l];
     }
     for (int i = n - 1; i >= 0; --i) {
-        double *const at = x + (long)i*width, *const and = y + (long)i*width, *const minus = z + (long)i*width;
+        double *const at = x + (long)i*width, *const at_im = y + (long)i*width, *const minus_im = z + (long)i*width;
         const double *const a = re + (long)i*n + i, *const b = im + (long)i*n + i;
         const int left = n - 1 - i;
         subtract(at, a + 1, at + width, left, width);
-        subtract(at, b + 1, minus + width, left, width);
-        subtract(and, a + 1, and + width, left, width);
-        subtract(and, b + 1, at + width, left, width);
+        subtract(at, b + 1, minus_im + width, left, width);
+        subtract(at_im, a + 1, at_im + width, left, width);
+        subtract(at_im, b + 1, at + width, left, width);
         for (int l = 0; l < width; ++l) {
-            const double c = at[l], d = and[l];
+            const double c = at[l], d = at_im[l];
             at[l] = a[0]*c - b[0]*d;
-            and[l] = a[0]*d + b[0]*c;
-            minus[l] = -and[l];
+            at_im[l] = a[0]*d + b[0]*c;
+            minus_im[l] = -at_im[l];
         }
     }
 }
@@ -419,21 +434,21 @@ static inline void solve_complex_lanes(const struct radau *r, double *b, double 
     const reduction *const by = &r->of_step;
     const double square = RE*RE + IM*IM, re = r->h_factored*RE/square, im = -r->h_factored*IM/square;
     double *const x = r->scratch[0], *const y = r->scratch[1], *const z = r->scratch[2];
-    double *const over = r->scratch[3], *const and = r->scratch[4];
+    double *const over = r->scratch[3], *const over_im = r->scratch[4];
     for (int e = 0; e < by->count; ++e)
         for (int l = 0; l < width; ++l) {
             const double p = b[(long)by->reduced[e]*width + l], q = c[(long)by->reduced[e]*width + l];
             over[e*width + l] = re*p - im*q;
-            and[e*width + l] = re*q + im*p;
+            over_im[e*width + l] = re*q + im*p;
         }
     take_kept(r, b, over, x, width);
-    take_kept(r, c, and, y, width);
+    take_kept(r, c, over_im, y, width);
     solve_factored_complex(by->order, r->re, r->im, r->pivot, x, y, z, width);
     for (int e = 0; e < by->count; ++e)
         for (int l = 0; l < width; ++l) {
             const double p = x[(long)by->partner[e]*width + l], q = y[(long)by->partner[e]*width + l];
             b[(long)by->reduced[e]*width + l] = over[e*width + l] + re*p - im*q;
-            c[(long)by->reduced[e]*width + l] = and[e*width + l] + re*q + im*p;
+            c[(long)by->reduced[e]*width + l] = over_im[e*width + l] + re*q + im*p;
         }
     give_kept(r, x, b, width);
     give_kept(r, y, c, width);
@@ -941,9 +956,11 @@ static void radau_interpolate(ordernm_motion *m, double h, double theta, double 
     ordernm_combine(m->size, z, m->z, 1.0, STAGES, every, w, m->radau->stage);
 }
 
-/* The stages of a step of size h from a state kept at m->t and m->z, to rounding, for what runs steps backwards: z + stage[i].
- * Returns 0, what a function returned, or a negative number if they are not found. */
-int ordernm_radau_stages(ordernm_motion *m, double h, double *const **found)
+/* ---- Steps run backwards. ---- */
+
+/* The stages z + stage[i] of a step of size h from a state kept at m->t and m->z. Returns 0, what a function returned, or a
+ * negative number if they are not found. */
+int ordernm_radau_stages(ordernm_motion *m, double h, double *const **stage)
 {
     struct radau *const r = m->radau;
     const ordernm_problem *const p = m->problem;
@@ -955,8 +972,53 @@ int ordernm_radau_stages(ordernm_motion *m, double h, double *const **found)
     const double rtol = r->tolerance*fmax(p->rtol, 1e-14), least = 10.0*DBL_EPSILON/rtol;
     const double usual = fmax(least, fmin(0.03, sqrt(rtol)));
     const int status = stages(m, h, fmax(least, CLOSER*usual), usual);
-    *found = r->stage;
+    *stage = r->stage;
     return status == CONVERGED ? 0 : status;
+}
+
+/* Jacobians at the stages that have been found, and factors of their equations M dZ = right, M = A^-1/h - J: M is what
+ * ordernm_radau_transposed solves with. Returns as above. */
+int ordernm_radau_form(ordernm_motion *m, double h)
+{
+    const int status = form(m, h, 0);
+    return status == CONVERGED ? 0 : status;
+}
+
+/* mu[i], [n][width] of width 1 or LANES, from right sides to solutions of M^T mu = right. With lambda, the gradient with respect to
+ * z + stage[2], as the last of three right sides and zeros as the others, that with respect to z is lambda + sum(J[i]^T mu[i]), and
+ * that with respect to what else rates depend on likewise: mu[i] are the seeds of rates' transposes at the stages. What integrals
+ * want of a stage is added to its right side. */
+void ordernm_radau_transposed(const ordernm_motion *m, double h, double *const *mu, int width)
+{
+    const struct radau *const r = m->radau;
+    const reduction *const by = &r->of_stages;
+    const int n = r->n, k = by->order;
+    for (int i = 0; i < STAGES; ++i) {
+        double *const x = r->of_whole + (long)i*k*width;
+        for (int a = 0; a < k; ++a) memcpy(x + (long)a*width, mu[i] + (long)by->kept[a]*width, width*sizeof(double));
+        for (int e = 0; e < by->count; ++e)
+            for (int j = 0; j < STAGES; ++j)
+                subtract_row(x + (long)by->partner[e]*width, -h*A[j][i], mu[j] + (long)by->reduced[e]*width, width);
+    }
+    solve_transposed(STAGES*k, r->whole, r->whole_pivot, r->of_whole, width);
+    for (int i = 0; i < STAGES; ++i)
+        for (int a = 0; a < k; ++a) {
+            const double *const x = r->of_whole + (long)(i*k + a)*width;
+            const double *const J = r->at_stage[i] + (long)by->kept[a]*n;
+            memcpy(mu[i] + (long)by->kept[a]*width, x, width*sizeof(double));
+            for (int e = 0; e < by->count; ++e)
+                subtract_row(mu[i] + (long)by->reduced[e]*width, -J[by->reduced[e]], x, width);
+        }
+    for (int e = 0; e < by->count; ++e) {
+        double *const x = mu[0] + (long)by->reduced[e]*width, *const y = mu[1] + (long)by->reduced[e]*width;
+        double *const z = mu[2] + (long)by->reduced[e]*width;
+        for (int l = 0; l < width; ++l) {
+            const double u = h*x[l], v = h*y[l], w = h*z[l];
+            x[l] = A[0][0]*u + A[1][0]*v + A[2][0]*w;
+            y[l] = A[0][1]*u + A[1][1]*v + A[2][1]*w;
+            z[l] = A[0][2]*u + A[1][2]*v + A[2][2]*w;
+        }
+    }
 }
 
 const method ordernm_radau = {STAGES, STAGES + 1, 4, radau_step, radau_complete, radau_interpolate, 1};
