@@ -71,7 +71,7 @@ static const double SWEPT = 1e-12, ROUNDED = 1e-9;
 /* Steps keep their size, and factors are kept, if they could be as many times as large. */
 static const double KEEP_BELOW = 1.2;
 
-static const double SAFETY = 0.9, LEAST_CHANGE = 0.125, LARGEST_CHANGE = 5.0;
+static const double SAFETY = 0.9, LEAST_CHANGE = 0.2, LARGEST_CHANGE = 8.0;
 
 enum { CONVERGED = -100, DIVERGED }; /* beside what functions return */
 
@@ -174,8 +174,8 @@ size_t ordernm_radau_layout(ordernm_motion *m, void *at, int formed)
     for (int i = 0; i < 5; ++i) r->scratch[i] = numbers(&of, (long)n*LANES);
     r->scale = numbers(&of, n);
     /* The error estimate is of order 3, the solution of order 5: what is allowed to the former grows with the power of 2/3 as
-     * tolerances fall (RADAU5). */
-    const double rtol = m->problem->rtol > 1e-14 ? m->problem->rtol : 1e-14;
+     * tolerances fall (RADAU5). Where relative errors are not bounded, as at a usual bound. */
+    const double rtol = m->problem->rtol > 0.0 ? fmax(m->problem->rtol, 1e-14) : 1e-8;
     r->tolerance = 0.1*pow(rtol, -1.0/3.0);
     r->slowness = r->sweep_slowness = 1.0;
     if (at) m->radau = r;
@@ -846,12 +846,13 @@ static void estimate(ordernm_motion *m, double h, const group *g, const double *
 static double next_step(const ordernm_motion *m, double h, double error)
 {
     const struct radau *const r = m->radau;
+    if (error != error) return 0.5;
     const double effort = SAFETY*(1 + 2*ITERATIONS)/(r->iterations + 2*ITERATIONS);
     const double safety = effort < SAFETY ? effort : SAFETY;
     double quotient = pow(error, 0.25)/safety;
     if (error < 1.0 && r->error_accepted > 0.0) {
         const double predicted = r->h_accepted/h*pow(error*error/r->error_accepted, 0.25)/SAFETY;
-        quotient = fmax(quotient, fmin(fmax(predicted, LEAST_CHANGE), LARGEST_CHANGE));
+        quotient = fmax(quotient, fmin(predicted, 1.0/LEAST_CHANGE));
     }
     return 1.0/fmin(fmax(quotient, 1.0/LARGEST_CHANGE), 1.0/LEAST_CHANGE);
 }
