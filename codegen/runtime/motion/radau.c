@@ -104,7 +104,7 @@ struct radau {
     int formed_here;          /* so is the Jacobian at the last stage of the step before */
     long segment;             /* of the inputs' spline in the step that was tried last */
     long accepted;            /* steps that there is a Z of */
-    double h_last, h_tried;
+    double h_last, h_tried, t_tried;
     double tolerance;         /* of errors, in units of what is allowed to the solution */
     double slowness, sweep_slowness; /* theta/(1 - theta) of Newton's method and of the sweeps */
     double theta, stalled;
@@ -861,7 +861,7 @@ static int radau_step(ordernm_motion *m, double h, double *error)
 {
     struct radau *const r = m->radau;
     const ordernm_problem *const p = m->problem;
-    if (r->tried && !m->rejected_before) {
+    if (r->tried && m->t != r->t_tried) { /* the step that was tried last has been accepted */
         for (int i = 0; i < STAGES; ++i) {
             double *const before = r->last[i];
             r->last[i] = r->stage[i];
@@ -873,6 +873,7 @@ static int radau_step(ordernm_motion *m, double h, double *error)
         ++r->accepted;
     }
     r->tried = 1;
+    r->t_tried = m->t;
     r->segment = m->segment;
     r->h_tried = h;
     if (!r->accepted) r->theta = 1.0;
