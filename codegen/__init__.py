@@ -16,17 +16,18 @@ from .version import __version__
 if TYPE_CHECKING:
     from .generation import generate
     from .model import Model, ModelBuilder, ModelError, load_model, parse_model
-    from .runtime import Solver, load
+    from .runtime import Solver, Trajectory, load, load_trajectory
     from .summary import Report
 
 __all__ = [
-    "Model", "ModelBuilder", "ModelError", "Report", "Solver", "__version__", "generate", "load", "load_model", "parse_model",
+    "Model", "ModelBuilder", "ModelError", "Report", "Solver", "Trajectory", "__version__", "generate", "load", "load_model",
+    "load_trajectory", "parse_model",
 ]  # fmt: skip
 
 _PLACES = {
     "generate": "generation", "Report": "summary",
     "Model": "model", "ModelBuilder": "model", "ModelError": "model", "load_model": "model", "parse_model": "model",
-    "Solver": "runtime", "load": "runtime",
+    "Solver": "runtime", "Trajectory": "runtime", "load": "runtime", "load_trajectory": "runtime",
 }  # fmt: skip
 
 

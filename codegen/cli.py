@@ -18,6 +18,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, NoReturn
 
+from .simulating import add_arguments as add_simulate_arguments
 from .terminal import StatusLine, width, write_lines
 from .version import __version__
 
@@ -232,6 +233,51 @@ def run_new(options: argparse.Namespace, status: StatusLine) -> int:
     return OK
 
 
+def run_simulate(options: argparse.Namespace, status: StatusLine) -> int:
+    """``ordernm simulate``: a motion, its table, its file and its picture; Ctrl-C leaves what was computed until then."""
+    from .runtime import CompileError, NoCompilerError, PackageError, SingularJointError, TargetsDifferError
+    from .simulating import MotionError, RequestError, lines_of, simulate
+
+    remarks: list[str] = []
+    try:
+        run = simulate(options, status, remarks)
+    except (RequestError, PackageError, ImportError) as error:
+        raise Failure(USAGE, f"simulate: {error}") from None
+    except (CompileError, NoCompilerError) as error:
+        raise Failure(COMPILING_FAILED, f"simulate: {error}") from None
+    except (MotionError, TargetsDifferError) as error:
+        raise Failure(NUMBERS_FAILED, f"simulate: {error}") from None
+    except SingularJointError as error:
+        raise Failure(MODEL_WRONG, str(error)) from None
+    finally:
+        status.close()
+        for remark in remarks:
+            _problem(remark if "warning: " in remark else f"warning: {remark}")
+    write_lines(lines_of(run, width(sys.stdout)), sys.stdout, ["bold"])
+    return _how_it_ended(run, options.received)
+
+
+def _how_it_ended(run: Any, received: Sequence[int]) -> int:
+    """The exit code of a simulation, and a line on stderr where it is none of success."""
+    from .runtime.standalone.trajectory import INTERRUPTED
+
+    where = f"at t = {run.reached:.6g} of {run.end:.6g} s"
+    left = f"; until then: {', '.join(map(str, run.written))}" if run.written else ""
+    if run.trajectory.ended == INTERRUPTED:
+        number = received[-1] if received else signal.SIGINT
+        how = "interrupted" if number == signal.SIGINT else f"ended by {signal.Signals(number).name}"
+        _problem(f"simulate: {how} {where}{left}")
+        return SIGNALLED + number
+    if isinstance(run.failed, OSError):
+        raise run.failed
+    if run.failed is not None:
+        raise Failure(USAGE, f"simulate: {run.failed}")
+    if run.reached < run.end:
+        _problem(f"simulate: ended {where}: {run.trajectory.ended}{left}")
+        return NUMBERS_FAILED
+    return OK
+
+
 def _be_short_lived() -> None:
     """A command's expressions live until it ends, which is soon: looking for cycles in them took a third of its time."""
     gc.disable()
@@ -265,10 +311,12 @@ class Terminated(KeyboardInterrupt):
 
 
 @contextlib.contextmanager
-def _signals() -> Iterator[None]:
-    """A signal to end becomes an exception meanwhile, so that what is half-done is cleared away."""
+def _signals() -> Iterator[list[int]]:
+    """A signal to end becomes an exception meanwhile, so that what is half-done is cleared away; those that came are listed."""
+    received: list[int] = []
 
     def end(number: int, frame: FrameType | None) -> NoReturn:
+        received.append(number)
         raise Terminated(number)
 
     before = {}
@@ -277,7 +325,7 @@ def _signals() -> Iterator[None]:
             if signal.getsignal(number) == signal.SIG_DFL:  # nohup ignores one: that stays
                 before[number] = signal.signal(number, end)
     try:
-        yield
+        yield received
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
@@ -291,7 +339,7 @@ def _run(options: argparse.Namespace) -> int:
         from .model.errors import ModelError
 
         try:
-            with _signals(), status:
+            with _signals() as options.received, status:
                 code: int = options.run(options, status)
                 sys.stdout.flush()
             return code
@@ -353,6 +401,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     generate = commands.add_parser("generate", help="generate a solver from a model file")
     _generate_arguments(generate)
     generate.set_defaults(run=run_generate)
+    simulated = commands.add_parser("simulate", help="compute a motion, with derivatives by parameters")
+    add_simulate_arguments(simulated)
+    simulated.set_defaults(run=run_simulate)
     for name, run, help_text in (
         ("check", run_check, "read a model file and list what is wrong with it"),
         ("show", run_show, "print what a model file, or a generated package, holds"),

@@ -15,6 +15,8 @@ from typing import Any, TextIO
 PATIENCE = 2.0
 """Seconds after which a terminal says what takes so long."""
 FRAMES = "|/-\\"
+BAR = 24
+"""Characters of a bar that shows how much is done."""
 STYLES = {"bold": 1, "warning": 33}
 
 
@@ -81,6 +83,7 @@ class StatusLine:
     def __init__(self, stream: TextIO | Any):
         self.stream = stream
         self.stage, self.step, self.steps = "", 0, 0
+        self._share: float | None = None
         self._begun = time.monotonic()
         self._live: Any = None
         self._over = False
@@ -88,7 +91,12 @@ class StatusLine:
         self._timer = threading.Timer(PATIENCE, self._show) if can_move(stream) else None
 
     def __call__(self, stage: str, step: int, steps: int) -> None:
-        self.stage, self.step, self.steps = stage, step, steps
+        self.stage, self.step, self.steps, self._share = stage, step, steps, None
+
+    def share(self, stage: str, share: float) -> None:
+        """Say what is being done, and which part of it is done, from 0 to 1: a bar shows it."""
+        self(stage, 0, 0)
+        self._share = min(1.0, max(0.0, share))
 
     @property
     def where(self) -> str:
@@ -133,5 +141,7 @@ class StatusLine:
         from rich.text import Text
 
         seconds = time.monotonic() - self._begun
-        text = f"{FRAMES[int(5 * seconds) % len(FRAMES)]} {self.where} ({seconds:.0f} s)"
+        share = self._share
+        bar = "" if share is None else f" [{'#' * int(BAR * share):-<{BAR}}] {int(100 * share)}%"
+        text = f"{FRAMES[int(5 * seconds) % len(FRAMES)]} {self.where}{bar} ({seconds:.0f} s)"
         return Text(text, no_wrap=True, overflow="crop")

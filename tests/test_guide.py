@@ -114,6 +114,20 @@ def test_the_length_that_newton_finds(run):
     assert abs(q[-1, 0]) < 1e-6
 
 
+def test_trajectories(run):
+    pytest.importorskip("matplotlib", reason="the page draws")
+    place, names = run[0], piece(run, "swing.npz")
+    motion, again = names["run"], names["again"]
+    np.testing.assert_array_equal(again.derivative("height", "length"), motion.derivative("height", "length"))
+    # height = -length cos(q)
+    q, dq = motion["q.rod"], motion.derivative("q.rod", "length")
+    np.testing.assert_allclose(
+        motion.derivative("height", "length"), np.sin(q) * dq - np.cos(q), rtol=1e-12, atol=1e-12
+    )
+    assert 0 < motion.energy_drift < 1 and list(names["table"].columns[:4]) == ["q.rod", "u.rod", "height", "energy"]
+    assert (place / "swing.svg").stat().st_size > 10_000 and len(names["figure"].axes) == 4
+
+
 def test_the_controller(run):
     names = piece(run, "solve_continuous_are")
     A, B, gain = names["A"], names["B"], names["gain"]

@@ -40,6 +40,9 @@ sweeps, and the words that all share (fields, stores, vectors) stand beside the 
 STANDALONE = PACKAGE / "runtime" / "standalone"
 """Copied into generated packages, file by file, which need NumPy and cffi only."""
 
+EXTRAS = {"trajectory_plot": {"matplotlib"}, "trajectory_table": {"pandas"}, "trajectory_files": {"pyarrow"}}
+"""What single modules of it may import beside these, within functions only: who calls them has installed it."""
+
 FORBIDDEN_CALLS = {"eval", "exec", "__import__", "os.chdir", "os.system"}
 MACHINE_PATH = re.compile(
     r"(?<![\w.}>/-])/(?:" + "|".join(("work", "home", "root", "Users", "tmp/venv")) + r")(?:/|\b(?!\w))"
@@ -71,6 +74,12 @@ def imports(source: str, path: Path) -> Iterator[tuple[int, str]]:
             yield from ((node.lineno, ".".join((*module, alias.name))) for alias in node.names)
 
 
+def lines_of_functions(source: str) -> set[int]:
+    """Lines that run when something is called, not when the module is imported."""
+    functions = (n for n in ast.walk(ast.parse(source)) if isinstance(n, ast.FunctionDef | ast.AsyncFunctionDef))
+    return {line for f in functions for line in range(f.body[0].lineno, (f.end_lineno or f.lineno) + 1)}
+
+
 def faults(source: str, path: Path) -> list[str]:
     """Imports that climb."""
     floor, found = _floor(path), []
@@ -78,10 +87,11 @@ def faults(source: str, path: Path) -> list[str]:
         parts = name.split(".")
         if path.parent == STANDALONE:
             own = parts[:3] == ["codegen", "runtime", "standalone"] and len(parts) > 3
-            if not own and parts[0] not in sys.stdlib_module_names | {"numpy", "cffi"}:
+            extra = parts[0] in EXTRAS.get(path.stem, ()) and line in lines_of_functions(source)
+            if not own and not extra and parts[0] not in sys.stdlib_module_names | {"numpy", "cffi"}:
                 found.append(
                     f"{_name(path)}:{line}: {name}; beside itself the standalone run time has the standard library, numpy and "
-                    f"cffi only"
+                    f"cffi only, and extras within functions of the modules that EXTRAS names"
                 )
         elif parts[0] == "codegen" and floor in FLOORS:
             target = parts[1] if len(parts) > 1 else "the top"
@@ -207,6 +217,10 @@ def test_tracked_files_name_no_path_of_a_machine():
         ("runtime/standalone/x.py", "from ..sections import STANDALONE"),
         ("runtime/standalone/x.py", "def f():\n    from .. import load"),
         ("runtime/standalone/x.py", "from ...version import __version__"),
+        ("runtime/standalone/trajectory.py", "def f():\n    import matplotlib"),
+        ("runtime/standalone/trajectory_plot.py", "import matplotlib"),
+        ("runtime/standalone/trajectory_plot.py", "def f():\n    import pandas"),
+        ("runtime/standalone/trajectory_plot.py", "if TYPE_CHECKING:\n    from matplotlib.figure import Figure"),
     ],
 )
 def test_the_check_sees_imports_that_climb(file, source):
@@ -228,6 +242,7 @@ def test_the_check_sees_imports_that_climb(file, source):
             "runtime/standalone/x.py",
             "import json\nimport numpy as np\nfrom cffi import FFI\nfrom .errors import PackageError",
         ),
+        ("runtime/standalone/trajectory_plot.py", "def f():\n    from matplotlib.figure import Figure"),
     ],
 )
 def test_the_check_lets_imports_of_lower_floors_pass(file, source):

@@ -39,7 +39,7 @@ def python(word: str) -> dict:
 
 def test_the_first_example(here):
     names = python("mass_matrix_sensitivities")
-    assert names["dudot"].shape == (6, 2) and names["dM"].shape == (6, 2, 2) and names["dvalues"].shape == (2, 4)
+    assert names["dudot"].shape == (6, 2) and names["dM"].shape == (6, 2, 2) and names["dvalues"].shape == (2, 6)
     np.testing.assert_allclose(names["dudot"], names["J"].p.T, rtol=1e-12, atol=1e-12)
 
 
@@ -59,16 +59,17 @@ def test_the_crank_rocker(here, capsys):
 
 
 def test_commands_that_are_named_exist(capsys):
+    for command in ("generate", "simulate"):
+        with pytest.raises(SystemExit):
+            main([command, "--help"])
+    options = set(re.findall(r"\B--[a-z][a-z-]+", capsys.readouterr().out))
     for page in (README, API, (ROOT / "docs" / "guide.md").read_text(encoding="utf-8")):
         for command in re.findall(r"ordernm (new|check|show|generate|simulate|import|report|bench)\b", page):
             with pytest.raises(SystemExit) as end:
                 main([command, "--help"])
             assert end.value.code == 0
         ours = "\n".join(line for line in page.splitlines() if "pytest" not in line)
-        for option in re.findall(r"\B--[a-z][a-z-]+", ours):
-            with pytest.raises(SystemExit):
-                main(["generate", "--help"])
-            assert option in capsys.readouterr().out, option
+        assert set(re.findall(r"\B--[a-z][a-z-]+", ours)) - options == set()
 
 
 def test_every_member_of_a_solver_is_told_and_exists(here):

@@ -57,7 +57,12 @@ def write_motion(system: System, manifest: Mapping[str, Any]) -> str:
         "split": int(split),
     }  # fmt: skip
     members = [f".{key} = {value}" for key, value in numbers.items()]
-    for table, counter in (("free_q", "nfree_q"), ("free_u", "nfree_u"), ("quaternion", "nquaternions"), ("kept", "nkept")):
+    for table, counter in (
+        ("free_q", "nfree_q"),
+        ("free_u", "nfree_u"),
+        ("quaternion", "nquaternions"),
+        ("kept", "nkept"),
+    ):
         members.append(f".{counter} = {len(tables[table])}")
         members += [f".{table} = {table}"] if tables[table] else []
     members += [f".{f} = {f}" for f in VALUES if f in functions]
@@ -75,9 +80,34 @@ def write_motion(system: System, manifest: Mapping[str, Any]) -> str:
     )
 
 
+PRECISE = (
+    "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "exp", "log", "sqrt", "fabs", "fmax", "fmin",
+    "pow",
+)  # fmt: skip
+"""Functions of the C library in generated code."""
+
+
+def write_precise(system: System, manifest: Mapping[str, Any]) -> str:
+    """The C of the closure in long double, of a model with loops."""
+    name = manifest["name"]
+    f = manifest["functions"]["closing_step"]
+    return render(
+        "c/precise.c.jinja",
+        {
+            "name": name,
+            "NAME": name.upper(),
+            "version": __version__,
+            "functions": PRECISE,
+            "nclosure": len(system.model.closure_names),
+            "nloops": len(system.model.loops),
+            "call": called_with(f"{name}_closing_step(", [*f["arguments"], *f["results"], "work"]),
+        },
+    )
+
+
 def _call(model: str, name: str, function: Mapping[str, Any], width: str) -> str:
     arguments = [*function["arguments"], *function.get("seeds", ()), *function["results"], "work"]
     return called_with(f"{model}_{name}{width}(", [f"c->{a}" for a in arguments])
 
 
-__all__ = ["has_motion", "write_motion"]
+__all__ = ["has_motion", "write_motion", "write_precise"]

@@ -39,7 +39,7 @@ from ..program.progress import Progress, silent
 from .c import CWriter, write_c
 from .calls import write_calls
 from .interface import manifest, operations
-from .motion import has_motion, write_motion
+from .motion import has_motion, write_motion, write_precise
 from .numpy import write_numpy
 
 UNROLLED_LINKS = 8
@@ -171,6 +171,8 @@ def write_solver(
     files[f"{model.name}_calls.c"] = write_calls(made, {n: a.size for n, a in arrays(system).items()})
     if has_motion(made["functions"]):
         files[f"{model.name}_motion.c"] = write_motion(system, made)
+        if model.loops:
+            files[f"{model.name}_precise.c"] = write_precise(system, made)
     return Source(
         files,
         made,

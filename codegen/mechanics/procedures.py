@@ -107,11 +107,14 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "mass": ("mass_matrix", "mass_matrix_sensitivities", "solve_mass", "solve_mass_sensitivities"),
     "forces": ("inverse_dynamics", "inverse_dynamics_sensitivities"),
     "states": ("assemble_sensitivities", "closure_sensitivities", "initial_sensitivities"),
-    "motion": (
-        "state_rates", "state_rate_sensitivities", "closing_step", "assemble_sensitivities", "outputs", "output_sensitivities",
-        "gradients", "coordinate_rate_gradients", "output_gradients", "assemble_gradients",
+    "statics": (
+        "accelerations", "sensitivities", "coordinate_rates", "coordinate_rate_sensitivities", "assemble_sensitivities",
     ),
-}
+    "motion": (
+        "state_rates", "state_rate_sensitivities", "closing_step", "initial_sensitivities", "assemble_sensitivities", "outputs",
+        "output_sensitivities", "gradients", "coordinate_rate_gradients", "output_gradients", "assemble_gradients",
+    ),
+}  # fmt: skip
 """Words for several functions that may be chosen together."""
 
 ALSO = {
@@ -666,6 +669,7 @@ class _Writer:
     def closing(self) -> list[Procedure]:
         u, full_u, dfull_q, dfull_u, dq, du = self.of("u", "full_u", "dfull_q", "dfull_u", "dq", "du")
         position, velocity, dposition, step = self.of("position", "velocity", "dposition", "step")
+        condition = self.one("condition")
         given = u.called("given_u")
         state, seeds = self.of("q", "u", *self.p), self.of("dq", "du", *(["dp"] if self.p else []))
         places = self.of("q", *self.p)
@@ -682,7 +686,7 @@ class _Writer:
                 "conditions",
                 "Condition number of the closure matrix that each loop belongs to.",
                 places,
-                self.of("condition"),
+                (condition,),
                 (Own(given), Zero(given), *self.begin, *run("condition_numbers")),
                 basic=True,
             ),
@@ -696,10 +700,13 @@ class _Writer:
             ),
             Procedure(
                 "closing_step",
-                "The same, and the scaled residuals of position before it.",
+                "The same, the scaled residuals of position before it, and the condition numbers.",
                 places,
-                (step, position),
-                (Zero(step), Own(given), Zero(given), *self.begin, Own(velocity), *run("residuals", "correct")),
+                (step, position, condition),
+                (
+                    *(Zero(step), Own(given), Zero(given), *self.begin, Own(velocity)),
+                    *run("residuals", "correct", "condition_numbers"),
+                ),
             ),
             Procedure(
                 "completion",

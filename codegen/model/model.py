@@ -16,7 +16,7 @@ from .errors import Problem
 from .expressions import Expression
 from .forces import ForceElement, JointForce
 from .joints import JOINTS, Closure, JointType
-from .outputs import Output
+from .outputs import MEASURES, Output
 from .places import GROUND, Face, Point
 
 __all__ = [
@@ -239,6 +239,20 @@ class Model:
     @cached_property
     def speed_names(self) -> tuple[str, ...]:
         return tuple(u for b in self.bodies for u in joint_coordinates(b.name, b.joint.type)[1])
+
+    @cached_property
+    def coordinate_units(self) -> tuple[str, ...]:
+        """Empty for the entries of quaternions."""
+        return tuple(unit for b in self.bodies for unit in b.joint.kind.coordinate_units)
+
+    @cached_property
+    def speed_units(self) -> tuple[str, ...]:
+        return tuple(unit for b in self.bodies for unit in b.joint.kind.speed_units)
+
+    @cached_property
+    def output_units(self) -> tuple[str, ...]:
+        """Empty for what has none, and for expressions."""
+        return tuple(MEASURES[o.measure].unit_of(o) for o in self.outputs)
 
     @cached_property
     def closure_names(self) -> tuple[str, ...]:

@@ -93,3 +93,24 @@ def names(chain: tuple[Motion, ...]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     if len(u) == 1:
         return ("",), ("",)
     return tuple(q[i] for i in range(len(q))), tuple(u[i] for i in range(len(u)))
+
+
+def units(chain: tuple[Motion, ...]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Units of coordinates and speeds of a chain, in array order; empty for quaternions, which have none.
+
+    A coordinate that turns and slides is an angle.
+    """
+    q: dict[int, str] = {}
+    u: dict[int, str] = {}
+    for m in chain:
+        if isinstance(m, Ball):
+            q |= dict.fromkeys(range(m.coordinate, m.coordinate + 4), "")
+            u |= dict.fromkeys(range(m.speed, m.speed + 3), "rad/s")
+        elif isinstance(m, Displacement):
+            q |= dict.fromkeys(range(m.coordinate, m.coordinate + 3), "m")
+            u |= dict.fromkeys(range(m.speed, m.speed + 3), "m/s")
+        elif isinstance(m, Turn):
+            q[m.index], u[m.index] = "rad", "rad/s"
+        elif m.index not in q:
+            q[m.index], u[m.index] = ("m", "m/s") if m.factor is None else ("", "")
+    return tuple(q[i] for i in range(len(q))), tuple(u[i] for i in range(len(u)))

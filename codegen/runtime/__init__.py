@@ -11,33 +11,52 @@ from types import ModuleType
 
 from .sections import CARRIED, STANDALONE
 from .solver import Solver
+from .standalone.equilibrium import Equilibrium
 from .standalone.errors import (
     AssemblyError,
     CompileError,
+    EquilibriumError,
     NoCompilerError,
     PackageError,
+    SimulationError,
     SingularForceError,
     SingularJointError,
     SingularLoopError,
     SingularOutputError,
     TargetsDifferError,
 )
+from .standalone.functionals import At, AtEvent, Final, Integral, LeastSquares
 from .standalone.jacobians import Jacobians
+from .standalone.linearization import Linearization
 from .standalone.manifest import SEAL, check_files, read_manifest
+from .standalone.motion_events import Event
+from .standalone.trajectory import Trajectory
 
 __all__ = [
     "AssemblyError",
+    "At",
+    "AtEvent",
     "CompileError",
+    "Equilibrium",
+    "EquilibriumError",
+    "Event",
+    "Final",
+    "Integral",
     "Jacobians",
+    "LeastSquares",
+    "Linearization",
     "NoCompilerError",
     "PackageError",
+    "SimulationError",
     "SingularForceError",
     "SingularJointError",
     "SingularLoopError",
     "SingularOutputError",
     "Solver",
     "TargetsDifferError",
+    "Trajectory",
     "load",
+    "load_trajectory",
 ]
 
 
@@ -73,6 +92,26 @@ def load(folder: str | os.PathLike[str], target: str | None = None) -> Solver:
         return Solver(path, target)
     found: Solver = _package(path, brought).Solver(target)
     return found
+
+
+def load_trajectory(path: str | os.PathLike[str]) -> Trajectory:
+    """Read a trajectory that was saved; the same as `Trajectory.load`.
+
+    Parameters
+    ----------
+    path : path
+        What `Trajectory.save` wrote: ``.npz``, or ``.parquet``, which needs pyarrow.
+
+    Returns
+    -------
+    Trajectory
+
+    Raises
+    ------
+    ValueError
+        Another kind of file, or a damaged one.
+    """
+    return Trajectory.load(path)
 
 
 def _is_sealed(path: Path) -> bool:

@@ -18,14 +18,19 @@ CARRIED = "_runtime"
 """What it is called in a package."""
 
 SECTIONS: dict[str, tuple[str, ...]] = {
+    "Statics": ("accelerations", "sensitivities", "coordinate_rates", "coordinate_rate_sensitivities"),
     "Dynamics": (),
     "WeightedGradients": ("gradients", "coordinate_rate_gradients", "energy_gradients", "output_gradients", "assemble_gradients"),
     "Energies": ("energies", "energy_sensitivities"), "Outputs": ("outputs", "output_sensitivities"),
     "TreeForces": ("mass_matrix", "mass_matrix_sensitivities", "solve_mass", "solve_mass_sensitivities", "inverse_dynamics",
                    "inverse_dynamics_sensitivities"),
-    "Simulation": ("state_rates",), "Reactions": ("reactions",), "Loops": ("closure",), "States": (), "Redundancy": ("opening",), "Partitions": (),
+    "Judging": ("state_rates",),
+    "Reactions": ("reactions",), "Loops": ("closure",), "States": (), "Redundancy": ("opening",), "Partitions": (),
 }  # fmt: skip
 """Sections of `Solver`, and what a manifest names, among its functions or beside them, where they are needed."""
+
+TOGETHER = ("Statics",)
+"""Sections that need all of what is named there, and not any."""
 
 ANYWAY = ("WeightedGradients", "Outputs")
 """Sections of these that serve models too that have none of these functions; who chose functions without them does without."""
@@ -42,6 +47,8 @@ def sections_of(manifest: Mapping[str, Any]) -> dict[str, str]:
     left = set(manifest.get("left_out", ()))
 
     def needed(name: str, members: tuple[str, ...]) -> bool:
+        if name in TOGETHER:
+            return named.issuperset(members)
         return not members or not named.isdisjoint(members) or (name in ANYWAY and left.isdisjoint(members))
 
     found = {name: _module(name) for name, members in SECTIONS.items() if needed(name, members)}
@@ -57,8 +64,10 @@ def carried_files(manifest: Mapping[str, Any]) -> dict[str, str]:
         modules |= left
         left = set().union(*map(_imported, left)) - modules
     found = {f"{CARRIED}/{m}.py": _text(m) for m in ("__init__", *sorted(modules))}
-    if "Simulation" in sections_of(manifest):
-        found |= {f"{MOTION.name}/{file.name}": file.read_text(encoding="utf-8") for file in sorted(MOTION.glob("*.[ch]"))}
+    if "Judging" in sections_of(manifest):
+        found |= {
+            f"{MOTION.name}/{file.name}": file.read_text(encoding="utf-8") for file in sorted(MOTION.glob("*.[ch]"))
+        }
     return found
 
 

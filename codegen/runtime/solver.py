@@ -4,18 +4,31 @@ from __future__ import annotations
 
 from .standalone.dynamics import Dynamics
 from .standalone.energies import Energies
+from .standalone.judging import Judging
 from .standalone.loops import Loops
 from .standalone.outputs import Outputs
 from .standalone.package import Package
 from .standalone.partitions import Partitions
 from .standalone.reactions import Reactions
 from .standalone.redundancy import Redundancy
-from .standalone.simulation import Simulation
+from .standalone.statics import Statics
 from .standalone.tree_forces import TreeForces
 from .standalone.weighted_gradients import WeightedGradients
 
 
-class Solver(Dynamics, WeightedGradients, Energies, Outputs, TreeForces, Simulation, Reactions, Loops, Redundancy, Partitions):
+class Solver(
+    Statics,
+    Dynamics,
+    WeightedGradients,
+    Energies,
+    Outputs,
+    TreeForces,
+    Judging,
+    Reactions,
+    Loops,
+    Redundancy,
+    Partitions,
+):
     __doc__ = Package.__doc__
 
 

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, NamedTuple, get_args
 from ..axes import Vector
 from ..entries import Entry
 from ..expressions import Expression
-from ..motions import Ball, Displacement, Motion, names
+from ..motions import Ball, Displacement, Motion, names, units
 
 
 class Closure(NamedTuple):
@@ -49,6 +49,8 @@ class JointType(Entry):
         Whether the axes of the motion are the first one and two across it, right-handed.
     coordinates, speeds : tuple of str
         What comes behind the body's name and a dot; empty for one freedom, which has the body's name.
+    coordinate_units, speed_units : tuple of str
+        Of each; empty for the entries of a quaternion.
     quaternions : tuple of slice
         Where quaternions stand among the coordinates. A joint with one is whole: its speeds are no rates of single
         coordinates, and belong together.
@@ -67,6 +69,8 @@ class JointType(Entry):
     closes_none: ClassVar[str] = "sets no condition, so it closes no loop"
     coordinates: ClassVar[tuple[str, ...]] = ()
     speeds: ClassVar[tuple[str, ...]] = ()
+    coordinate_units: ClassVar[tuple[str, ...]] = ()
+    speed_units: ClassVar[tuple[str, ...]] = ()
     quaternions: ClassVar[tuple[slice, ...]] = ()
     axis_keys: ClassVar[tuple[tuple[str | int, ...], ...]] = ()
     factor_keys: ClassVar[tuple[str, ...]] = ()
@@ -81,6 +85,7 @@ class JointType(Entry):
         if any(isinstance(m, Displacement) for m in cls.motion[1:]):
             raise TypeError(f"joint {cls.name}: a displacement is the first of its motions")
         cls.coordinates, cls.speeds = names(cls.motion)
+        cls.coordinate_units, cls.speed_units = units(cls.motion)
         cls.quaternions = tuple(slice(m.coordinate, m.coordinate + 4) for m in cls.motion if isinstance(m, Ball))
         fields = {key: field.annotation for key, field in cls.model_fields.items() if key != "type"}
         cls.factor_keys = tuple(key for key, annotation in fields.items() if annotation is Expression)

@@ -12,4 +12,5 @@ class Acceleration(Position):
     """Of a point against the ground, along an axis of it, m/s^2."""
 
     name = "acceleration"
+    unit = "m/s^2"
     keys: ClassVar[dict[str, Any]] = {"acceleration": OptionalPoint, "axis": OptionalAxis}

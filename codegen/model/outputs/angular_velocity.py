@@ -15,6 +15,7 @@ class AngularVelocity(Measure):
     """Of a body against the ground, along an axis of the ground frame or of the body, rad/s."""
 
     name = "angular_velocity"
+    unit = "rad/s"
     keys: ClassVar[dict[str, Any]] = {
         "angular_velocity": OptionalBody,
         "axis": OptionalAxis,

@@ -32,6 +32,7 @@ class CenterOfMass(Measure):
     """In the ground frame, along an axis, m. The system is all bodies, those that are fixed to the ground too."""
 
     name = "center_of_mass"
+    unit = "m"
     keys: ClassVar[dict[str, Any]] = {"center_of_mass": SystemOrBodies, "axis": OptionalAxis}
     hints: ClassVar[dict[str, str]] = {"axis": "x, y, z or a vector in the ground frame"}
 

@@ -13,6 +13,7 @@ class Distance(Measure):
     """Of two points of different bodies, m. Where they coincide it has no derivative."""
 
     name = "distance"
+    unit = "m"
     keys: ClassVar[dict[str, Any]] = {"distance": TwoPoints}
 
     @classmethod

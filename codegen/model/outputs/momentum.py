@@ -21,6 +21,10 @@ class Momentum(Measure):
     hints: ClassVar[dict[str, str]] = {"axis": "x, y, z or a vector in the ground frame"}
 
     @classmethod
+    def unit_of(cls, output: Output) -> str:
+        return "kg m/s" if output.choice[0] == "linear" else "kg m^2/s"
+
+    @classmethod
     def read(cls, entry: Any, x: EntryReader) -> Output | None:
         axis = x.direction(entry.axis, "axis")
         if entry.momentum == "linear" and entry.about is not None:

@@ -75,11 +75,19 @@ class Measure:
         What a mapping holds; the first key is its name. Without keys it is written as its name alone.
     hints : dict of str to str
         For keys that have to stand beside the first: what to add.
+    unit : str
+        Empty for what has none, or none that is known.
     """
 
     name: ClassVar[str]
     keys: ClassVar[dict[str, Any]] = {}
     hints: ClassVar[dict[str, str]] = {}
+    unit: ClassVar[str] = ""
+
+    @classmethod
+    def unit_of(cls, output: Output) -> str:
+        """The unit of an output; `unit`, where all have the same."""
+        return cls.unit
 
     @classmethod
     def read(cls, entry: Any, x: EntryReader) -> Output | None:

@@ -13,6 +13,7 @@ class Position(Measure):
     """Of a point in the ground frame, along an axis, m."""
 
     name = "position"
+    unit = "m"
     keys: ClassVar[dict[str, Any]] = {"position": OptionalPoint, "axis": OptionalAxis}
     hints: ClassVar[dict[str, str]] = {"axis": "x, y, z or a vector in the ground frame"}
 
@@ -27,4 +28,5 @@ class Velocity(Position):
     """Its derivative in time, m/s."""
 
     name = "velocity"
+    unit = "m/s"
     keys: ClassVar[dict[str, Any]] = {"velocity": OptionalPoint, "axis": OptionalAxis}

@@ -13,6 +13,7 @@ class RelativePosition(Measure):
     """From the first point to the second, along an axis of the ground frame, m."""
 
     name = "relative_position"
+    unit = "m"
     keys: ClassVar[dict[str, Any]] = {"relative_position": TwoPoints, "axis": OptionalAxis}
     hints: ClassVar[dict[str, str]] = {"axis": "x, y, z or a vector in the ground frame"}
 
@@ -33,4 +34,5 @@ class RelativeVelocity(RelativePosition):
     """Its derivative in time, m/s."""
 
     name = "relative_velocity"
+    unit = "m/s"
     keys: ClassVar[dict[str, Any]] = {"relative_velocity": TwoPoints, "axis": OptionalAxis}

@@ -15,24 +15,6 @@ static const double SAFETY = 0.9, LEAST_CHANGE = 0.333, LARGEST_CHANGE = 6.0, AF
 
 /* ---- Memory. ---- */
 
-typedef struct {
-    char *at;
-    size_t used;
-} memory;
-
-/* So many bytes, from a cache line on. */
-static void *take(memory *of, size_t bytes)
-{
-    void *found = of->at ? of->at + of->used : 0;
-    of->used += (bytes + 63)/64*64;
-    return found;
-}
-
-static double *numbers(memory *of, long n)
-{
-    return take(of, (size_t)(n > 0 ? n : 1)*sizeof(double));
-}
-
 static long whole_lines(long n) { return (n + 7)/8*8; }
 
 static const method *method_of(const ordernm_problem *p)
@@ -45,7 +27,7 @@ static size_t lay_out(const ordernm_problem *p, void *at)
 {
     memory of = {at, 0};
     const ordernm_system *s = p->system;
-    ordernm_motion none, *m = take(&of, sizeof *m);
+    ordernm_motion none, *m = ordernm_take(&of, sizeof *m);
     if (!at) m = &none;
     memset(m, 0, sizeof *m);
     m->problem = p;
@@ -57,35 +39,39 @@ static size_t lay_out(const ordernm_problem *p, void *at)
     m->identity = !s->closing_step;
     m->values = whole_lines(m->ny + m->nx + m->nd);
     m->ngroups = (p->ndirections + LANES - 1)/LANES;
-    m->groups = take(&of, (m->ngroups + 1)*sizeof(group));
+    m->groups = ordernm_take(&of, (m->ngroups + 1)*sizeof(group));
     m->size = m->values;
     for (int n = 0; n < m->ngroups; ++n) {
         const int left = p->ndirections - n*LANES;
         const int width = left == 1 ? 1 : LANES;
-        group g = {width, width == LANES, n*LANES, left < LANES ? left : LANES, m->size, numbers(&of, s->np*width)};
+        group g = {width, width == LANES, n*LANES, left < LANES ? left : LANES, m->size, ordernm_numbers(&of, s->np*width)};
         m->size += whole_lines((long)(m->ny + m->nx)*width);
         if (at) m->groups[n] = g;
     }
-    m->dependent = take(&of, (m->nd + 1)*sizeof(int));
-    for (int i = 0; i < m->method->all; ++i) m->rate[i] = numbers(&of, m->size);
+    m->dependent = ordernm_take(&of, (m->nd + 1)*sizeof(int));
+    for (int i = 0; i < m->method->all; ++i) m->rate[i] = ordernm_numbers(&of, m->size);
     double **states[] = {&m->z, &m->next, &m->trial, &m->zeros, m->error, m->error + 1};
-    for (size_t i = 0; i < sizeof states/sizeof *states; ++i) *states[i] = numbers(&of, m->size);
-    m->work = numbers(&of, s->workspace);
+    for (size_t i = 0; i < sizeof states/sizeof *states; ++i) *states[i] = ordernm_numbers(&of, m->size);
+    m->work = ordernm_numbers(&of, s->workspace);
+    if (s->closing_step)
+        m->precise_work = ordernm_take(&of, (s->workspace + 2L*s->nq + s->np + s->nclosure + s->nloops)*sizeof(long double));
     double **of_q[] = {&m->q, &m->qdot, &m->newton}, **of_u[] = {&m->u, &m->udot};
     double **lanes_q[] = {&m->dq, &m->dqdot, &m->full_dq}, **lanes_u[] = {&m->du, &m->dudot, &m->full_du};
     const long wider = s->nq > s->nu ? s->nq : s->nu; /* qdot is the place of speeds too */
-    for (int i = 0; i < 3; ++i) *of_q[i] = numbers(&of, wider);
-    for (int i = 0; i < 2; ++i) *of_u[i] = numbers(&of, s->nu);
-    for (int i = 0; i < 3; ++i) *lanes_q[i] = numbers(&of, s->nq*LANES), *lanes_u[i] = numbers(&of, s->nu*LANES);
-    m->position = numbers(&of, s->nclosure);
-    m->outputs = numbers(&of, s->noutputs);
-    m->doutputs = numbers(&of, s->noutputs*LANES);
-    m->inputs = numbers(&of, s->ninputs);
-    m->dinputs = numbers(&of, s->ninputs*LANES);
-    m->row = numbers(&of, ordernm_row_size(p));
-    m->crossing = numbers(&of, p->nevents);
+    for (int i = 0; i < 3; ++i) *of_q[i] = ordernm_numbers(&of, wider);
+    for (int i = 0; i < 2; ++i) *of_u[i] = ordernm_numbers(&of, s->nu);
+    for (int i = 0; i < 3; ++i) *lanes_q[i] = ordernm_numbers(&of, s->nq*LANES), *lanes_u[i] = ordernm_numbers(&of, s->nu*LANES);
+    m->position = ordernm_numbers(&of, s->nclosure);
+    m->condition = ordernm_numbers(&of, s->nloops);
+    m->outputs = ordernm_numbers(&of, s->noutputs);
+    m->doutputs = ordernm_numbers(&of, s->noutputs*LANES);
+    m->inputs = ordernm_numbers(&of, s->ninputs);
+    m->dinputs = ordernm_numbers(&of, s->ninputs*LANES);
+    m->row = ordernm_numbers(&of, ordernm_row_size(p));
+    double **of_events[] = {&m->crossing, &m->after, &m->within};
+    for (int i = 0; i < 3; ++i) *of_events[i] = ordernm_numbers(&of, p->nevents);
     if (m->method == &ordernm_radau) {
-        void *own = take(&of, ordernm_radau_layout(m, 0, 0));
+        void *own = ordernm_take(&of, ordernm_radau_layout(m, 0, 0));
         if (own) ordernm_radau_layout(m, own, 0);
     }
     return of.used;
@@ -111,8 +97,7 @@ long ordernm_step_size(const ordernm_problem *p)
 
 ordernm_motion *ordernm_begin(const ordernm_problem *p, double *room)
 {
-    char *const at = (char *)room;
-    void *const line = at + (64 - (size_t)at%64)%64;
+    void *const line = ordernm_line(room);
     memset(line, 0, lay_out(p, 0));
     lay_out(p, line);
     ordernm_motion *const m = line;
@@ -136,6 +121,8 @@ ordernm_motion *ordernm_begin(const ordernm_problem *p, double *room)
         }
     }
     m->t = p->start;
+    /* rounding of conditions moves dependents in proportion to the condition, and rates to its square */
+    m->poor = sqrt(0.01*p->rtol/2.2e-16);
     return m;
 }
 
@@ -146,6 +133,13 @@ void ordernm_state(const ordernm_motion *m, double *q, double *u)
     for (int i = 0; i < m->nd; ++i) q[m->dependent[i]] = m->z[m->ny + m->nx + i];
     for (int i = 0; i < s->nu; ++i) u[i] = 0.0;
     for (int i = 0; i < s->nfree_u; ++i) u[s->free_u[i]] = m->z[s->nfree_q + i];
+}
+
+int ordernm_row(ordernm_motion *m, ordernm_results *results, double *row)
+{
+    m->results = results;
+    ordernm_find_segment(m, m->t, 1e-9*(1.0 + fabs(m->t)));
+    return ordernm_report(m, m->t, m->z, row);
 }
 
 /* ---- Errors. ---- */
@@ -296,6 +290,126 @@ static int sample(ordernm_motion *m, double h)
     return ORDERNM_ENDED;
 }
 
+/* ---- Events. ---- */
+
+/* Outputs at a state, less the levels of events. Returns what a function returned. */
+static int crossings(ordernm_motion *m, double t, const double *z, double *g)
+{
+    const ordernm_problem *const p = m->problem;
+    ordernm_call c = ordernm_arguments(m, t, z);
+    int status = ordernm_close_loops(m, &c);
+    if (status) return status;
+    c.outputs = m->outputs;
+    if ((status = m->system->outputs(&c))) return status;
+    for (int i = 0; i < p->nevents; ++i) g[i] = m->outputs[p->events[i].output] - p->events[i].level;
+    return 0;
+}
+
+static int crosses(const ordernm_event *e, double before, double after)
+{
+    return (e->direction >= 0 && before < 0.0 && after >= 0.0) || (e->direction <= 0 && before > 0.0 && after <= 0.0);
+}
+
+/* The first event within the step that was made, as a part of it; 2 if there is none (A. Dekker's bisection and secants on the
+ * interpolant, the Illinois way). */
+static int locate(ordernm_motion *m, double h, double *first, int *which)
+{
+    const ordernm_problem *const p = m->problem;
+    *first = 2.0;
+    for (int e = 0; e < p->nevents; ++e) {
+        if (!crosses(p->events + e, m->crossing[e], m->after[e])) continue;
+        double low = 0.0, high = 1.0, g_low = m->crossing[e], g_high = m->after[e];
+        for (int n = 0; n < 60 && high - low > 1e-14; ++n) {
+            double at = n%8 == 7 ? 0.5*(low + high) : high - g_high*(high - low)/(g_high - g_low);
+            if (!(at > low && at < high)) at = 0.5*(low + high);
+            m->method->interpolate(m, h, at, m->trial);
+            const int status = crossings(m, m->t + at*h, m->trial, m->within);
+            if (status) return status;
+            const double g = m->within[e];
+            if (g == 0.0) {
+                low = high = at;
+            } else if ((g > 0.0) == (g_high > 0.0)) {
+                high = at;
+                g_high = g;
+                g_low *= 0.5;
+            } else {
+                low = at;
+                g_low = g;
+                g_high *= 0.5;
+            }
+        }
+        if (high < *first) *first = high, *which = e;
+    }
+    return 0;
+}
+
+/* A step to where an event may be; an implicit one may not be found, or not along directions. */
+static int step_of_size(ordernm_motion *m, double h)
+{
+    double error;
+    const int status = m->method->step(m, h, &error);
+    return !status && m->method->gives_rate && !(error <= 1.0) ? -1 : status;
+}
+
+/* Makes the step again so that it ends where an event happens: its size by secants on what steps of other sizes end at. */
+static int step_to_event(ordernm_motion *m, int e, double *h)
+{
+    const double whole = *h;
+    double size = *h, before = 0.0, g_before = m->crossing[e], best = INFINITY, found = *h;
+    for (int n = 0; n < 8; ++n) {
+        int status = step_of_size(m, size);
+        if (!status) status = crossings(m, m->t + size, m->next, m->within);
+        if (status) return status;
+        const double g = m->within[e];
+        if (!(fabs(g) < best)) break;
+        best = fabs(g);
+        found = size;
+        if (g == 0.0 || g == g_before) break;
+        const double next = size - g*(size - before)/(g - g_before);
+        before = size;
+        g_before = g;
+        if (!(next > 0.0 && next < 2.0*whole) || fabs(next - size) <= 2e-16*size) break;
+        size = next;
+    }
+    const int status = step_of_size(m, found);
+    *h = found;
+    return status;
+}
+
+/* Looks for events in the step that was made; if there is one, the step ends there. `which` is it, or -1. */
+static int look_for_events(ordernm_motion *m, double *h, int *which)
+{
+    const ordernm_problem *const p = m->problem;
+    *which = -1;
+    int status = crossings(m, m->t + *h, m->next, m->after);
+    if (status) return status;
+    int any = 0;
+    for (int e = 0; e < p->nevents; ++e) any |= crosses(p->events + e, m->crossing[e], m->after[e]);
+    if (!any) return 0;
+    double part;
+    if ((status = m->method->complete(m, *h))) return status;
+    if ((status = locate(m, *h, &part, which))) return status;
+    const double made = part**h;
+    *h = made;
+    if ((status = step_to_event(m, *which, h))) return status;
+    if ((status = ordernm_rates(m, m->t + *h, m->next, m->rate[m->method->stages]))) return status;
+    if ((status = crossings(m, m->t + *h, m->next, m->after))) return status;
+    /* it is behind now, on whichever side rounding has left it */
+    m->after[*which] = m->crossing[*which] < 0.0 ? 1e-300 : -1e-300;
+    return 0;
+}
+
+static int keep_event(ordernm_motion *m, double t, int which)
+{
+    ordernm_results *const r = m->results;
+    if (!r->events) return ORDERNM_ENDED;
+    const long size = ordernm_row_size(m->problem);
+    const int status = ordernm_report(m, t, m->next, r->events + r->events_count*size);
+    if (status) return failed(r, status);
+    r->which[r->events_count++] = which;
+    return ORDERNM_ENDED;
+}
+
 static void keep_step(const ordernm_motion *m, double h)
 {
     ordernm_results *const r = m->results;
@@ -318,6 +432,8 @@ static int begin(ordernm_motion *m)
             if (m->rate[0][i]*0.0 != 0.0) m->results->component = i;
         return ORDERNM_NOT_FINITE;
     }
+    const int unknown = p->nevents ? crossings(m, m->t, m->z, m->crossing) : 0;
+    if (unknown) return failed(m->results, unknown);
     if (!p->ntimes || p->times[0] <= p->start) {
         const int reason = keep(m, m->t, m->z);
         if (reason != ORDERNM_ENDED) return reason;
@@ -356,6 +472,7 @@ static void watch_stability(ordernm_motion *m, double h)
 int ordernm_go(ordernm_motion *m, ordernm_results *r, double seconds)
 {
     const ordernm_problem *const p = m->problem;
+    const ordernm_system *const s = m->system;
     const method *const method = m->method;
     const int adaptive = p->method != ORDERNM_RK4 && !p->fixed;
     const double deadline = seconds > 0.0 ? seconds_now() + seconds : INFINITY;
@@ -369,6 +486,7 @@ int ordernm_go(ordernm_motion *m, ordernm_results *r, double seconds)
     for (long n = 1; m->t < p->end; ++n) {
         if (!p->ntimes && r->count == r->capacity) return ORDERNM_FULL;
         if (r->steps && r->steps_count == r->steps_capacity) return ORDERNM_FULL;
+        if (r->events && r->events_count == r->events_capacity) return ORDERNM_FULL;
         if (p->most_steps && r->accepted + r->rejected >= p->most_steps) return ORDERNM_MANY_STEPS;
         if (n%CLOCK_STEPS == 0 && seconds_now() > deadline) return ORDERNM_PAUSED;
         /* how far: not beyond the end, nor a knot of the inputs; what is left over is not tiny */
@@ -384,9 +502,24 @@ int ordernm_go(ordernm_motion *m, ordernm_results *r, double seconds)
         m->advice = 0.0;
         int status = method->step(m, h, &error);
         if (p->fixed && error < INFINITY) error = 0.0;
-        const double end = to_wall ? wall : m->t + h;
+        double end = to_wall ? wall : m->t + h;
         if (!status && error <= 1.0 && !method->gives_rate) status = ordernm_rates(m, end, m->next, m->rate[method->stages]);
+        if (!status && error <= 1.0 && m->nd && adaptive && ordernm_jumped(m, m->next)) status = -1;
         if (!status && adaptive && !ordernm_all_finite(m->rate[method->stages], m->values)) error = NAN;
+        int event = -1;
+        if (p->nevents && !status && error <= 1.0) {
+            const double whole = h;
+            status = look_for_events(m, &h, &event);
+            if (event >= 0) {
+                to_wall = 0;
+                end = m->t + h;
+                m->h = whole; /* the step behind it is like the one that it has cut */
+            }
+        }
+        if (m->imprecise && !s->precise_closing_step && !r->as_is) {
+            m->imprecise = 0;
+            return ORDERNM_IMPRECISE;
+        }
         if (status || !(error <= 1.0)) {
             if (!adaptive) return status ? failed(r, status) : method->gives_rate ? ORDERNM_COLLAPSED : ORDERNM_NOT_FINITE;
             ++r->rejected;
@@ -406,12 +539,21 @@ int ordernm_go(ordernm_motion *m, ordernm_results *r, double seconds)
             const int reason = sample(m, end - m->t);
             if (reason != ORDERNM_ENDED) return reason;
         }
+        if (event >= 0) {
+            const int reason = keep_event(m, end, event);
+            if (reason != ORDERNM_ENDED) return reason;
+        }
         double change = error > 0.0 ? SAFETY*pow(error, -1.0/method->order) : LARGEST_CHANGE;
         change = m->advice > 0.0 ? m->advice : fmax(change, LEAST_CHANGE);
         change = fmin(change, m->rejected_before ? 1.0 : LARGEST_CHANGE);
         m->rejected_before = 0;
-        if (adaptive && !(to_wall && change*h < m->h)) m->h = h*change;
+        if (adaptive && event < 0 && !(to_wall && change*h < m->h)) m->h = h*change;
         m->t = r->t = end;
+        if (p->nevents) {
+            double *const passed = m->crossing;
+            m->crossing = m->after;
+            m->after = passed;
+        }
         double *const before = m->z;
         m->z = m->next;
         m->next = before;
@@ -429,6 +571,9 @@ int ordernm_go(ordernm_motion *m, ordernm_results *r, double seconds)
             const int reason = keep(m, m->t, m->z);
             if (reason != ORDERNM_ENDED) return reason;
         }
+        if (event >= 0 && p->events[event].stop) return ORDERNM_EVENT;
+        r->next_step = m->h;
+        if (p->poor > 0.0 && r->condition_here > p->poor && m->t < p->end) return ORDERNM_POOR;
     }
     r->t = m->t;
     return ORDERNM_ENDED;

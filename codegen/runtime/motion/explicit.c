@@ -6,27 +6,39 @@
 
 #include "explicit_tables.h"
 
-#ifdef __GNUC__
-typedef double eight __attribute__((vector_size(64), aligned(64), may_alias));
+/* Vectors of the width that the machine works on at once, some of them to a cache line. */
+#if defined(__GNUC__) && defined(__AVX512F__)
+enum { WIDE = 8 };
+#elif defined(__GNUC__) && defined(__AVX__)
+enum { WIDE = 4 };
+#elif defined(__GNUC__)
+enum { WIDE = 2 };
+#else
+enum { WIDE = 1 };
 #endif
+#ifdef __GNUC__
+typedef double vector __attribute__((vector_size(8*WIDE), aligned(8*WIDE), may_alias));
+#else
+typedef double vector;
+#endif
+enum { LINE = 8/WIDE };
 
 /* out = z + h*sum(factor*rate[which]); n is a multiple of 8, arrays begin at cache lines. */
 void ordernm_combine(long n, double *out, const double *z, double h, int count, const int *which, const double *factor,
     double *const *rate)
 {
-#ifdef __GNUC__
     for (long i = 0; i < n; i += 8) {
-        eight sum = {0.0};
-        for (int j = 0; j < count; ++j) sum += factor[j]**(const eight *)(rate[which[j]] + i);
-        *(eight *)(out + i) = *(const eight *)(z + i) + h*sum;
+        const vector *const from = (const vector *)(z + i);
+        vector *const to = (vector *)(out + i);
+        vector sum[LINE];
+        for (int l = 0; l < LINE; ++l) sum[l] = from[l];
+        for (int j = 0; j < count; ++j) {
+            const vector *const of = (const vector *)(rate[which[j]] + i);
+            const double by = h*factor[j];
+            for (int l = 0; l < LINE; ++l) sum[l] += by*of[l];
+        }
+        for (int l = 0; l < LINE; ++l) to[l] = sum[l];
     }
-#else
-    for (long i = 0; i < n; ++i) {
-        double sum = 0.0;
-        for (int j = 0; j < count; ++j) sum += factor[j]*rate[which[j]][i];
-        out[i] = z[i] + h*sum;
-    }
-#endif
 }
 
 static void stage(ordernm_motion *m, const row *r, double h, double *z)
@@ -64,7 +76,7 @@ static int dop853_complete(ordernm_motion *m, double h)
 }
 
 /* Factors of the rates in the state at t + theta h. */
-void ordernm_dop853_weights(double theta, double *w)
+static void dop853_weights(double theta, double *w)
 {
     const double x = theta, y = 1.0 - theta;
     for (int i = 0; i < 16; ++i) {
@@ -84,11 +96,12 @@ void ordernm_dop853_weights(double theta, double *w)
 static void dop853_interpolate(ordernm_motion *m, double h, double theta, double *z)
 {
     double w[16];
-    ordernm_dop853_weights(theta, w);
+    dop853_weights(theta, w);
     ordernm_combine(m->size, z, m->z, h, 16, every, w, m->rate);
 }
 
-const method ordernm_dop853 = {12, 16, 8, dop853_step, dop853_complete, dop853_interpolate, 0};
+const method ordernm_dop853 = {12, 16, 8, dop853_step, dop853_complete, dop853_interpolate, dop853_rows, dop853_times,
+    dop853_weights, 0};
 
 /* ---- The classical method of order 4. ---- */
 
@@ -111,7 +124,7 @@ static int rk4_complete(ordernm_motion *m, double h)
 }
 
 /* The same of Hermite's cubic through both ends. */
-void ordernm_rk4_weights(double theta, double *w)
+static void rk4_weights(double theta, double *w)
 {
     const double x = theta, y = 1.0 - theta;
     for (int i = 0; i < 4; ++i) w[i] = x*x*(3.0 - 2.0*x)*rk4_rows[4].factor[i];
@@ -122,8 +135,8 @@ void ordernm_rk4_weights(double theta, double *w)
 static void rk4_interpolate(ordernm_motion *m, double h, double theta, double *z)
 {
     double w[5];
-    ordernm_rk4_weights(theta, w);
+    rk4_weights(theta, w);
     ordernm_combine(m->size, z, m->z, h, 5, every, w, m->rate);
 }
 
-const method ordernm_rk4 = {4, 5, 5, rk4_step, rk4_complete, rk4_interpolate, 0};
+const method ordernm_rk4 = {4, 5, 5, rk4_step, rk4_complete, rk4_interpolate, rk4_rows, rk4_times, rk4_weights, 0};

@@ -1,12 +1,6 @@
 /* Coefficients of explicit Runge-Kutta methods. A row of a table says which of the earlier stages a stage is a sum of, and
  * how: stage[i] = z + h*sum(factor*rate[which]). The row of number `end` is the state at the end of the step. */
 
-typedef struct {
-    int count;
-    int which[16];
-    double factor[16];
-} row;
-
 /* E. Hairer, S. P. Norsett and G. Wanner, Solving Ordinary Differential Equations I, 2nd ed., Springer 1993, section II.10:
  * DOP853, order 8 with errors of orders 5 and 3, and three stages more for an interpolant of order 7. */
 static const row dop853_rows[16] = {

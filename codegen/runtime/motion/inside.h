@@ -11,6 +11,32 @@
 
 #include <stddef.h>
 
+/* Memory of the caller's, handed out from its beginning; `at` is 0 where only its size is asked for. */
+typedef struct {
+    char *at;
+    size_t used;
+} memory;
+
+/* So many bytes, from a cache line on. */
+static inline void *ordernm_take(memory *of, size_t bytes)
+{
+    void *found = of->at ? of->at + of->used : 0;
+    of->used += (bytes + 63)/64*64;
+    return found;
+}
+
+static inline double *ordernm_numbers(memory *of, long n)
+{
+    return (double *)ordernm_take(of, (size_t)(n > 0 ? n : 1)*sizeof(double));
+}
+
+/* The first cache line of memory of the caller's. */
+static inline void *ordernm_line(double *room)
+{
+    char *const at = (char *)room;
+    return at + (64 - (size_t)at%64)%64;
+}
+
 enum { LANES = 8, MOST_STAGES = 16 };
 
 /* Directions that are evaluated together. */
@@ -21,6 +47,13 @@ typedef struct {
     double *dp;               /* [np][width] */
 } group;
 
+/* A sum of rates: z + h*sum(factor*rate[which]). */
+typedef struct {
+    int count;
+    int which[MOST_STAGES];
+    double factor[MOST_STAGES];
+} row;
+
 /* What a method does, from z, and rate[0] there, to next. */
 typedef struct {
     int stages;               /* of a step; the next rate is that at its end */
@@ -29,6 +62,10 @@ typedef struct {
     int (*step)(ordernm_motion *m, double h, double *error);                   /* 1 is the largest error allowed */
     int (*complete)(ordernm_motion *m, double h);                              /* the further stages */
     void (*interpolate)(ordernm_motion *m, double h, double theta, double *z); /* at t + theta h */
+    /* of explicit methods */
+    const row *rows;          /* what stages are; that of number `stages` is the step's end */
+    const double *times;      /* of stages, in steps */
+    void (*weights)(double theta, double *factor); /* of all rates, at t + theta h */
     int gives_rate;           /* a step leaves the rate at its end in rate[stages] */
 } method;
 
@@ -45,15 +82,18 @@ struct ordernm_motion {
     double *z, *next;         /* at the step's beginning and end */
     double *rate[MOST_STAGES];
     double *trial, *zeros, *error[2];
-    double *work, *q, *u, *qdot, *udot, *newton, *position, *outputs, *inputs;
+    double *work, *q, *u, *qdot, *udot, *newton, *position, *condition, *outputs, *inputs;
     double *dq, *du, *dqdot, *dudot, *full_dq, *full_du, *doutputs, *dinputs;
     double *row;
+    void *precise_work;
+    double poor;              /* condition from which on loops are closed in long double */
+    int imprecise;            /* that was wanted, and could not be done */
     /* where it is */
     double t, h;
     long segment;             /* of the inputs' spline in this step */
     long sampled;             /* of the times that results are wanted at */
     int begun, ended, rejected_before, complete;
-    double *crossing;         /* [nevents] at the step's beginning */
+    double *crossing, *after, *within; /* [nevents] at the step's beginning, at its end, in between */
     ordernm_results *results;
     int far_steps, near_steps; /* in a row, in which an explicit method was at its limit of stability, and was not */
     double advice;            /* how many times as large the next step should be, 0: as its error says */
@@ -61,11 +101,14 @@ struct ordernm_motion {
 };
 
 /* state.c */
-enum { RATES = 1, INTEGRALS = 2, CLOSED = 4 }; /* of the state; of integrals; loops are known to be closed */
+enum { RATES = 1, INTEGRALS = 2, KNOWN_CLOSED = 4 }; /* of the state; of integrals; loops are known to be closed */
 int ordernm_rates_of(ordernm_motion *m, double t, const double *z, double *rate, int ngroups, const group *groups, int what);
 int ordernm_rates(ordernm_motion *m, double t, const double *z, double *rate);
-int ordernm_assembled(ordernm_motion *m, double t, const double *z);
+ordernm_call ordernm_arguments(ordernm_motion *m, double t, const double *z);
+int ordernm_close_loops(ordernm_motion *m, ordernm_call *c);
+long ordernm_b_splines(const ordernm_motion *m, double t, double *value);
 int ordernm_settle(ordernm_motion *m, double t, double *z);
+int ordernm_jumped(const ordernm_motion *m, const double *z);
 int ordernm_report(ordernm_motion *m, double t, const double *z, double *row);
 void ordernm_find_segment(ordernm_motion *m, double t, double h);
 double ordernm_next_knot(const ordernm_motion *m, double t);

@@ -30,6 +30,7 @@ typedef struct {
     double *full_u, *dfull_q, *dfull_u;
     double *step, *position, *condition;
     double *work;
+    void *precise_work;       /* of long doubles */
 } ordernm_call;
 
 /* Returns 0, or which pivot is zero, as the package's header says. */
@@ -49,6 +50,7 @@ typedef struct {
     const int *kept;                       /* conditions of closure that no others imply */
     int split;                             /* a joint has independent and dependent speeds */
     /* What has not been generated is 0. */
+    ordernm_function *precise_closing_step; /* NAME_precise.c; to be had when ordernm_go asks for it */
     ordernm_function *state_rates, *closing_step, *completion, *outputs, *conditions;
     ordernm_function *state_rate_sensitivities[ORDERNM_WIDTHS], *completion_sensitivities[ORDERNM_WIDTHS],
         *output_sensitivities[ORDERNM_WIDTHS];
@@ -94,6 +96,7 @@ typedef struct {
     int fixed;                /* other methods too make steps of this size only, whatever their errors */
     double largest_step;      /* 0 for any */
     long most_steps;          /* 0 for any */
+    double poor;              /* condition of loops above which the motion stops with ORDERNM_POOR, between steps; 0 for any */
     double rtol;
     const double *atol;       /* [nfree_q + nfree_u + nintegrals] */
     const double *atol_directions; /* [ndirections]: errors of sensitivities count too; 0: those of the state only */
@@ -107,7 +110,7 @@ typedef struct {
 
 enum {
     ORDERNM_ENDED, ORDERNM_PAUSED, ORDERNM_FULL, ORDERNM_EVENT, ORDERNM_SINGULAR, ORDERNM_OPEN, ORDERNM_COLLAPSED,
-    ORDERNM_NOT_FINITE, ORDERNM_MANY_STEPS
+    ORDERNM_NOT_FINITE, ORDERNM_MANY_STEPS, ORDERNM_IMPRECISE, ORDERNM_POOR
 };
 
 /* Rows of results: t, q, u, outputs, integrals, then dq [ndirections][nq], du, doutputs, dintegrals. */
@@ -125,6 +128,10 @@ typedef struct {
     int singular;             /* what the function returned that failed */
     int component;            /* which of the state's entries kept the step small, or was not finite */
     long accepted, rejected, evaluations, closing_steps, jacobians, factorizations;
+    int as_is;                /* set: there is no precise_closing_step */
+    double condition;         /* the largest met, of the dependent coordinates by conditions */
+    double condition_here;    /* at the last step's end */
+    double next_step;         /* that would be tried there, s */
     double stiffness;         /* step times largest eigenvalue where it kept an explicit method's steps small; else 0 */
 } ordernm_results;
 
@@ -141,11 +148,43 @@ long ordernm_step_size(const ordernm_problem *problem);
 ordernm_motion *ordernm_begin(const ordernm_problem *problem, double *room);
 
 /* Goes on: to the end, for about so many seconds (0 for any time), or until results are full. After ORDERNM_FULL, give more
- * room and call again. */
+ * room and call again. After ORDERNM_IMPRECISE, which is near a pose where a loop loses rank, give the system its
+ * precise_closing_step, or say in the results that there is none, and call again. */
 int ordernm_go(ordernm_motion *motion, ordernm_results *results, double seconds);
 
-/* Where the motion is: coordinates and speeds, consistent. */
+/* Where the motion is: independent coordinates and speeds, dependent coordinates, zero for dependent speeds. */
 void ordernm_state(const ordernm_motion *motion, double *q, double *u);
+
+/* The same as a row of results. Returns 0, or what a function returned. */
+int ordernm_row(ordernm_motion *motion, ordernm_results *results, double *row);
+
+/* ---- The discrete adjoint: gradients of sums of results, from the end to the beginning. ---- */
+
+/* Functionals are sums of outputs at times, and of integrals at the end, each with a weight. */
+typedef struct {
+    int nfunctionals;
+    long ntimes;
+    const double *times;              /* rising; those of the motion, or others */
+    const double *weights;            /* [nfunctionals][ntimes][noutputs]; 0 for none */
+    const double *integral_weights;   /* [nfunctionals][nintegrals]; 0 for none */
+    const double *end_q, *end_u;      /* [nfunctionals][nq], [nu]: of independent entries of the state at the end; 0 for none */
+    /* Gradients by the independent entries of the initial state, by parameters, by the inputs' values. Begin with zeros. */
+    double *q, *u, *p, *inputs;       /* [nfunctionals][nq], [nu], [np], [count][ninputs] */
+    long evaluations, transposes;
+    int singular;
+} ordernm_gradients;
+
+typedef struct ordernm_adjoint ordernm_adjoint;
+
+/* Doubles of memory that gradients need; beginning; and going through steps that ordernm_go has kept, given from the last part
+ * to the first one, each with its steps in their order. The motion's problem may have no directions. */
+long ordernm_adjoint_room(const ordernm_problem *problem, const ordernm_gradients *gradients);
+ordernm_adjoint *ordernm_adjoint_begin(const ordernm_problem *problem, ordernm_gradients *gradients, double *room);
+int ordernm_backwards(ordernm_adjoint *adjoint, const double *steps, long count);
+void ordernm_adjoint_end(ordernm_adjoint *adjoint);
+
+/* Makes steps again that were kept: from the first row of steps, whose state is there, with the times and sizes of all rows. */
+int ordernm_replay(ordernm_motion *motion, double *steps, long count);
 
 #ifdef __cplusplus
 }

@@ -114,30 +114,13 @@ struct radau {
 
 /* ---- Memory. ---- */
 
-typedef struct {
-    char *at;
-    size_t used;
-} memory;
-
-static void *take(memory *of, size_t bytes)
-{
-    void *found = of->at ? of->at + of->used : 0;
-    of->used += (bytes + 63)/64*64;
-    return found;
-}
-
-static double *numbers(memory *of, long n)
-{
-    return take(of, (size_t)(n > 0 ? n : 1)*sizeof(double));
-}
-
 /* Lays out what the method needs of its own, from a cache line on, where it is said with Jacobians at the stages in any case;
  * returns how many bytes, which is all where at is 0. */
 size_t ordernm_radau_layout(ordernm_motion *m, void *at, int formed)
 {
     memory of = {at, 0};
     const ordernm_system *s = m->system;
-    struct radau none, *r = take(&of, sizeof *r);
+    struct radau none, *r = ordernm_take(&of, sizeof *r);
     if (!at) r = &none;
     memset(r, 0, sizeof *r);
     const int n = r->n = m->ny;
@@ -146,33 +129,33 @@ size_t ordernm_radau_layout(ordernm_motion *m, void *at, int formed)
     reduction *const a = &r->of_step, *const b = &r->of_stages;
     int **indices[] = {&a->kept, &a->place, &a->reduced, &a->partner, &b->kept, &b->place, &b->reduced, &b->partner,
         &r->real_pivot, &r->pivot};
-    for (size_t i = 0; i < sizeof indices/sizeof *indices; ++i) *indices[i] = take(&of, (n + 1)*sizeof(int));
-    r->column = numbers(&of, square);
-    r->jacobian = numbers(&of, (long)n*n);
+    for (size_t i = 0; i < sizeof indices/sizeof *indices; ++i) *indices[i] = ordernm_take(&of, (n + 1)*sizeof(int));
+    r->column = ordernm_numbers(&of, square);
+    r->jacobian = ordernm_numbers(&of, (long)n*n);
     /* In calls: three sweeps or more of every group against all columns, and S along every group. Factors of three times the order
      * cost more than sweeps where the order is larger (measured: 0.7 of it at 8, twice as much at 35). */
     r->formed = formed || (m->ngroups && n <= LARGEST_FORMED && (n + LANES - 1)/LANES <= 2*m->ngroups);
     for (int i = 0; i < STAGES && r->formed; ++i) {
-        r->at_stage[i] = numbers(&of, (long)n*n);
-        r->along[i] = numbers(&of, (long)n*LANES);
+        r->at_stage[i] = ordernm_numbers(&of, (long)n*n);
+        r->along[i] = ordernm_numbers(&of, (long)n*LANES);
     }
     if (r->formed) {
-        r->whole = numbers(&of, STAGES*STAGES*square);
-        r->of_whole = numbers(&of, STAGES*(long)n*LANES);
-        r->whole_pivot = take(&of, (STAGES*n + 1)*sizeof(int));
+        r->whole = ordernm_numbers(&of, STAGES*STAGES*square);
+        r->of_whole = ordernm_numbers(&of, STAGES*(long)n*LANES);
+        r->whole_pivot = ordernm_take(&of, (STAGES*n + 1)*sizeof(int));
     }
-    r->real = numbers(&of, square), r->re = numbers(&of, square), r->im = numbers(&of, square);
-    r->seeded = numbers(&of, m->values + (long)n*LANES);
-    r->seeded_rate = numbers(&of, m->values + (long)(n + m->nx)*LANES);
-    const group columns = {LANES, 1, 0, 0, m->values, numbers(&of, (long)s->np*LANES)};
+    r->real = ordernm_numbers(&of, square), r->re = ordernm_numbers(&of, square), r->im = ordernm_numbers(&of, square);
+    r->seeded = ordernm_numbers(&of, m->values + (long)n*LANES);
+    r->seeded_rate = ordernm_numbers(&of, m->values + (long)(n + m->nx)*LANES);
+    const group columns = {LANES, 1, 0, 0, m->values, ordernm_numbers(&of, (long)s->np*LANES)};
     r->columns = columns;
     for (int i = 0; i < STAGES; ++i) {
-        r->stage[i] = numbers(&of, m->size);
-        r->last[i] = numbers(&of, m->size);
-        r->right[i] = numbers(&of, (long)n*LANES);
+        r->stage[i] = ordernm_numbers(&of, m->size);
+        r->last[i] = ordernm_numbers(&of, m->size);
+        r->right[i] = ordernm_numbers(&of, (long)n*LANES);
     }
-    for (int i = 0; i < 5; ++i) r->scratch[i] = numbers(&of, (long)n*LANES);
-    r->scale = numbers(&of, n);
+    for (int i = 0; i < 5; ++i) r->scratch[i] = ordernm_numbers(&of, (long)n*LANES);
+    r->scale = ordernm_numbers(&of, n);
     /* The error estimate is of order 3, the solution of order 5: what is allowed to the former grows with the power of 2/3 as
      * tolerances fall (RADAU5). Where relative errors are not bounded, as at a usual bound. */
     const double rtol = m->problem->rtol > 0.0 ? fmax(m->problem->rtol, 1e-14) : 1e-8;
@@ -479,7 +462,7 @@ static int differentiate(ordernm_motion *m, double t, const double *z, double *j
         const int count = n - first < LANES ? n - first : LANES;
         memset(seed, 0, (long)n*LANES*sizeof(double));
         for (int l = 0; l < count; ++l) seed[(long)(first + l)*LANES + l] = 1.0;
-        const int status = ordernm_rates_of(m, t, r->seeded, r->seeded_rate, 1, &r->columns, RATES | CLOSED);
+        const int status = ordernm_rates_of(m, t, r->seeded, r->seeded_rate, 1, &r->columns, RATES | KNOWN_CLOSED);
         if (status) return status;
         for (int i = 0; i < n; ++i)
             for (int l = 0; l < count; ++l) jacobian[(long)i*n + first + l] = rate[(long)i*LANES + l];
@@ -565,7 +548,7 @@ static int rates_at_stage(ordernm_motion *m, double h, int i, const group *g, in
     }
     const int status = ordernm_rates_of(m, time_of_stage(m, h, i), m->trial, m->rate[i + 1], g != 0, g, what);
     if (status) return status;
-    if (!(what & CLOSED))
+    if (!(what & KNOWN_CLOSED))
         for (int k = 0; k < m->nd; ++k) r->stage[i][predicted + k] = m->q[m->dependent[k]] - m->z[predicted + k];
     return 0;
 }
@@ -714,7 +697,7 @@ static int solve_stages(ordernm_motion *m, double h, const group *g)
 {
     struct radau *const r = m->radau;
     for (int i = 0; i < STAGES; ++i) {
-        const int status = rates_at_stage(m, h, i, g, 1, RATES | CLOSED);
+        const int status = rates_at_stage(m, h, i, g, 1, RATES | KNOWN_CLOSED);
         if (status) return status;
         memcpy(r->along[i], m->rate[i + 1] + g->at, (long)r->n*g->width*sizeof(double));
     }
@@ -747,7 +730,7 @@ static int sweep(ordernm_motion *m, double h, const group *g, int closed)
     r->sweep_slowness = pow(fmax(r->sweep_slowness, DBL_EPSILON), 0.8);
     for (int k = 1; k <= SWEEPS; ++k) {
         for (int i = 0; i < STAGES; ++i) {
-            const int status = rates_at_stage(m, h, i, g, 0, RATES | (k > 1 ? CLOSED : closed));
+            const int status = rates_at_stage(m, h, i, g, 0, RATES | (k > 1 ? KNOWN_CLOSED : closed));
             if (status) return status;
         }
         correction(m, h, g->at, g->width);
@@ -891,6 +874,9 @@ static int radau_step(ordernm_motion *m, double h, double *error)
     if (status != CONVERGED) return status;
     if (m->nx && (status = integrate(m, h, 0, 0))) return status;
     for (long k = 0; k < m->values; ++k) m->next[k] = m->z[k] + r->stage[2][k];
+    /* Dependent coordinates by their rates: what loops have been closed with is compared with them. */
+    for (long k = m->ny + m->nx; k < m->ny + m->nx + m->nd; ++k)
+        m->next[k] = m->z[k] + h*(A[2][0]*m->rate[1][k] + A[2][1]*m->rate[2][k] + A[2][2]*m->rate[3][k]);
     estimate(m, h, 0, m->rate[0]);
     if (p->atol_directions) memset(m->error[0] + m->values, 0, (m->size - m->values)*sizeof(double));
     *error = ordernm_error_norm(m, m->next, m->error[0], m->zeros)/r->tolerance;
@@ -903,7 +889,7 @@ static int radau_step(ordernm_motion *m, double h, double *error)
         }
     }
     const int refused = !(*error <= 1.0) && !(p->fixed && *error < INFINITY);
-    const int closed = m->nx && !m->system->split ? CLOSED : 0;
+    const int closed = m->nx && !m->system->split ? KNOWN_CLOSED : 0;
     int formed = CONVERGED;
     if (r->formed && !refused) {
         r->formed_here = 0;
@@ -911,7 +897,7 @@ static int radau_step(ordernm_motion *m, double h, double *error)
     }
     for (int n = 0; n < m->ngroups && !refused; ++n) {
         const group *const g = m->groups + n;
-        const int known = (n > 0 || closed || r->formed) && !m->system->split ? CLOSED : 0;
+        const int known = (n > 0 || closed || r->formed) && !m->system->split ? KNOWN_CLOSED : 0;
         status = formed != CONVERGED ? formed : r->formed ? solve_stages(m, h, g) : sweep(m, h, g, known);
         if (status == DIVERGED) {
             r->theta = 1.0;
@@ -1023,4 +1009,4 @@ void ordernm_radau_transposed(const ordernm_motion *m, double h, double *const *
     }
 }
 
-const method ordernm_radau = {STAGES, STAGES + 1, 4, radau_step, radau_complete, radau_interpolate, 1};
+const method ordernm_radau = {STAGES, STAGES + 1, 4, radau_step, radau_complete, radau_interpolate, 0, 0, 0, 1};

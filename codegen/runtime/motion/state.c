@@ -6,8 +6,14 @@
 
 enum { CLOSING_STEPS = 12 };
 
-/* Scaled residual of position that one more of Newton's steps, which squares it, takes below rounding. */
-static const double NEARLY_CLOSED = 1e-8;
+/* What one more of Newton's steps leaves: its square, times the condition of the closure. */
+static const double CLOSED = 1e-15;
+
+/* Tolerances by which dependent coordinates may differ from what a step predicts. */
+static const double JUMP = 1e3;
+
+/* Scaled residual that rounding may leave. */
+static const double ROUNDING = 1e-13;
 
 int ordernm_all_finite(const double *x, long n)
 {
@@ -46,7 +52,7 @@ void ordernm_find_segment(ordernm_motion *m, double t, double h)
 }
 
 /* The B-splines that are not zero at t, degree + 1 of them; returns the number of the first (de Boor). */
-static long b_splines(const ordernm_motion *m, double t, double *value)
+long ordernm_b_splines(const ordernm_motion *m, double t, double *value)
 {
     const ordernm_inputs *in = &m->problem->inputs;
     const double *knot = in->knots;
@@ -76,7 +82,7 @@ static const double *inputs_at(ordernm_motion *m, double t)
     if (!n || !in->values) return m->inputs; /* zeros */
     if (!in->knots) return in->values;
     double value[4];
-    const long first = b_splines(m, t, value);
+    const long first = ordernm_b_splines(m, t, value);
     for (int i = 0; i < n; ++i) {
         m->inputs[i] = 0.0;
         for (int b = 0; b <= in->degree; ++b) m->inputs[i] += value[b]*in->values[(first + b)*n + i];
@@ -91,7 +97,7 @@ static double *input_directions(ordernm_motion *m, double t, const group *g)
     const int n = m->system->ninputs, width = g->width;
     if (!n || !in->directions) return m->dinputs; /* zeros */
     double value[4] = {1.0};
-    const long first = in->knots ? b_splines(m, t, value) : 0;
+    const long first = in->knots ? ordernm_b_splines(m, t, value) : 0;
     for (int i = 0; i < n; ++i)
         for (int l = 0; l < width; ++l) {
             double sum = 0.0;
@@ -106,7 +112,7 @@ static double *input_directions(ordernm_motion *m, double t, const group *g)
 /* ---- The state of the system. ---- */
 
 /* All coordinates and speeds, the dependent ones as predicted; m->q and m->u unless z has them as they are. */
-static ordernm_call arguments(ordernm_motion *m, double t, const double *z)
+ordernm_call ordernm_arguments(ordernm_motion *m, double t, const double *z)
 {
     const ordernm_system *s = m->system;
     ordernm_call c = {.p = m->problem->p, .t = t, .work = m->work};
@@ -155,31 +161,48 @@ static double largest_residual(const ordernm_motion *m)
     return largest;
 }
 
-/* Closes the loops of m->q by Newton's method. Returns 0, what the function returned, or -1 if they do not close. */
-static int close_loops(ordernm_motion *m, ordernm_call *c)
+/* Closes the loops of m->q by Newton's method, in long double where rounding of the conditions would move the dependent
+ * coordinates by too much. Returns 0, what the function returned, or -1 if they do not close. */
+int ordernm_close_loops(ordernm_motion *m, ordernm_call *c)
 {
     const ordernm_system *s = m->system;
     if (!s->closing_step) return 0;
+    ordernm_function *closing_step = s->closing_step;
     double before = INFINITY;
     c->step = m->newton;
     c->position = m->position;
+    c->condition = m->condition;
+    c->precise_work = m->precise_work;
     for (int n = 0; n < CLOSING_STEPS; ++n) {
         ++m->results->closing_steps;
-        const int singular = s->closing_step(c);
+        const int singular = closing_step(c);
         if (singular) return singular;
         const double residual = largest_residual(m);
-        if (!(residual < 0.5*before) && residual > NEARLY_CLOSED) return -1;
-        for (int i = 0; i < s->nq; ++i) m->q[i] += m->newton[i];
-        if (residual <= NEARLY_CLOSED) return 0;
+        const int precise = closing_step == s->precise_closing_step;
+        const int no_better = !(residual < 0.5*before);
+        if (no_better && residual > ROUNDING) return -1;
+        double step = 0.0;
+        for (int i = 0; i < s->nq; ++i) {
+            m->q[i] += m->newton[i];
+            if (!(fabs(m->newton[i]) <= step)) step = fabs(m->newton[i]);
+        }
+        double condition = 1.0;
+        for (int i = 0; i < s->nloops; ++i)
+            if (!(m->condition[i] <= condition)) condition = m->condition[i];
+        if (condition > m->results->condition) m->results->condition = condition;
+        m->results->condition_here = condition;
         before = residual;
+        if (condition > m->poor && !precise) {
+            if (s->precise_closing_step) {
+                closing_step = s->precise_closing_step;
+                before = INFINITY;
+                continue;
+            }
+            m->imprecise = 1;
+        }
+        if (no_better || step*step*condition <= CLOSED) return 0;
     }
     return -1;
-}
-
-int ordernm_assembled(ordernm_motion *m, double t, const double *z)
-{
-    ordernm_call c = arguments(m, t, z);
-    return close_loops(m, &c);
 }
 
 /* ---- Rates. ---- */
@@ -190,8 +213,8 @@ int ordernm_rates_of(ordernm_motion *m, double t, const double *z, double *rate,
 {
     const ordernm_system *s = m->system;
     const ordernm_problem *p = m->problem;
-    ordernm_call c = arguments(m, t, z);
-    int status = what & CLOSED && !s->split ? 0 : close_loops(m, &c);
+    ordernm_call c = ordernm_arguments(m, t, z);
+    int status = what & KNOWN_CLOSED && !s->split ? 0 : ordernm_close_loops(m, &c);
     if (status) return status;
     const int rates = what & RATES, integrals = what & INTEGRALS && m->nx;
     if (rates) ++m->results->evaluations;
@@ -270,8 +293,8 @@ int ordernm_settle(ordernm_motion *m, double t, double *z)
 {
     const ordernm_system *s = m->system;
     if (m->identity) return 0;
-    ordernm_call c = arguments(m, t, z);
-    if (close_loops(m, &c)) return -1;
+    ordernm_call c = ordernm_arguments(m, t, z);
+    if (ordernm_close_loops(m, &c)) return -1;
     double *predicted = z + m->ny + m->nx;
     for (int i = 0; i < m->nd; ++i) predicted[i] = m->q[m->dependent[i]];
     if (!s->split) return 0;
@@ -291,6 +314,19 @@ int ordernm_settle(ordernm_motion *m, double t, double *z)
     return 1;
 }
 
+/* Whether the dependent coordinates that loops have been closed with last are others than a step has led to: on another branch,
+ * of those that meet where a loop loses rank. */
+int ordernm_jumped(const ordernm_motion *m, const double *z)
+{
+    const ordernm_problem *p = m->problem;
+    const double *predicted = z + m->ny + m->nx;
+    for (int i = 0; i < m->nd; ++i) {
+        const double q = m->q[m->dependent[i]];
+        if (!(fabs(q - predicted[i]) <= JUMP*(p->atol[0] + p->rtol*(1.0 + fabs(q))) + 1e-9)) return 1;
+    }
+    return 0;
+}
+
 /* ---- Results. ---- */
 
 /* A row of results at a state: its loops closed, quaternions of length one. */
@@ -298,8 +334,8 @@ int ordernm_report(ordernm_motion *m, double t, const double *z, double *row)
 {
     const ordernm_system *s = m->system;
     const ordernm_problem *p = m->problem;
-    ordernm_call c = arguments(m, t, z);
-    int status = close_loops(m, &c);
+    ordernm_call c = ordernm_arguments(m, t, z);
+    int status = ordernm_close_loops(m, &c);
     if (status) return status;
     double *q = row + 1, *u = q + s->nq, *outputs = u + s->nu, *integrals = outputs + s->noutputs;
     double *dq = integrals + m->nx, *du = dq + (long)p->ndirections*s->nq, *doutputs = du + (long)p->ndirections*s->nu;

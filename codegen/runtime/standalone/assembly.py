@@ -82,6 +82,15 @@ class Assembly:
             raise failure
         return self._closed(found, p, state)
 
+    def follow(self, q: Array, p: Array) -> Array:
+        """What Newton's method makes of a guess that is near a closed state; no others are tried.
+
+        Raises
+        ------
+        AssemblyError, SingularLoopError
+        """
+        return self._closed(q, p, ())
+
     def _closed(self, q: Array, p: Array, state: tuple[int, ...]) -> Array:
         """What Newton's method makes of a guess, as exact as it can be."""
         q, gaps = self.newton.solve(q, p, [self.all], 0.0)

@@ -79,6 +79,7 @@ class CTarget:
         self._calls: dict[str, Any] = {}
         self._batches: dict[tuple[str, int], Callable[[Any], int]] = {}
         self._batch_arrays: list[str] = manifest["batch"]
+        self._addresses: dict[str, int] = {}
         self._lock = threading.Lock()
         self._zeros = self.pointer(np.zeros(8))
         self.desk = Desk(weakref.proxy(self))
@@ -110,8 +111,10 @@ class CTarget:
     def address(self, symbol: str) -> int:
         """What a function of the library without arguments returns: the address of a struct."""
         with self._lock:
-            self.ffi.cdef(f"void *{symbol}(void);", override=True)
-            return int(self.ffi.cast("intptr_t", getattr(self.library, symbol)()))
+            if symbol not in self._addresses:
+                self.ffi.cdef(f"void *{symbol}(void);", override=True)
+                self._addresses[symbol] = int(self.ffi.cast("intptr_t", getattr(self.library, symbol)()))
+            return self._addresses[symbol]
 
     def _function(self, f: Function) -> Any:
         """The C function with the one signature of all; declared when first called, which keeps loading quick."""

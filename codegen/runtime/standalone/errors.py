@@ -117,5 +117,42 @@ class AssemblyError(ValueError):
         self.residual = residual
 
 
+class EquilibriumError(ValueError):
+    """No state of rest was found.
+
+    Attributes
+    ----------
+    residual : float
+        The largest acceleration that is left at the best state, rad/s^2 or m/s^2.
+    coordinate : str
+        The independent speed that has it.
+    q : (nq,) array
+        That state.
+    """
+
+    def __init__(self, residual: float, coordinate: str, q: Any) -> None:
+        super().__init__(
+            f"no equilibrium was found: at the best state {coordinate} still accelerates by {residual:.3g} (rad/s^2 or m/s^2); "
+            f"begin nearer to one, or see whether something holds {coordinate} at all (the state is in the error's q)"
+        )
+        self.residual = residual
+        self.coordinate = coordinate
+        self.q = q
+
+
 class TargetsDifferError(ArithmeticError):
     """The compiled C and the NumPy module of one package compute different numbers."""
+
+
+class SimulationError(ArithmeticError):
+    """A motion cannot go on; the message says when and why.
+
+    Attributes
+    ----------
+    trajectory : Trajectory
+        Everything before it.
+    """
+
+    def __init__(self, message: str, trajectory: Any) -> None:
+        super().__init__(message)
+        self.trajectory = trajectory

@@ -32,6 +32,10 @@ class Loops(States):
             q_new[at] = assembly.close(q_new[at].copy(), p[at].copy(), at)
         return q_new
 
+    def _moved(self, q: Array, p: Array) -> Array:
+        q_new = super()._moved(q, p)
+        return self._assembly.follow(q_new, p) if self.closure_names else q_new
+
     def _completed(self, q_new: Array, arrays: Mapping[str, Any], batch: Shape) -> Array:
         if not self.closure_names:
             return super()._completed(q_new, arrays, batch)

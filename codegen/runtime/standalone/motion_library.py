@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import re
 import threading
 from pathlib import Path
@@ -13,6 +14,7 @@ from .errors import CompileError, PackageError
 
 FOLDER = "motion"
 HEADER = "motion.h"
+CFLAGS = "ORDERNM_CFLAGS"
 
 _opened: dict[Path, tuple[Any, Any]] = {}
 _opening = threading.Lock()
@@ -43,6 +45,35 @@ def motion_library(folder: Path) -> tuple[Any, Any]:
             except OSError as error:
                 raise CompileError(f"{path} was compiled but cannot be opened: {error}") from None
         return _opened[folder]
+
+
+_precise: dict[tuple[Path, str], tuple[Any, int]] = {}
+
+
+def precise_closure(folder: Path, name: str) -> int:
+    """The address of the function of ``NAME_precise.c``.
+
+    Raises
+    ------
+    NoCompilerError, CompileError
+    """
+    from cffi import FFI
+
+    with _opening:
+        if (folder, name) not in _precise:
+            ffi = FFI()
+            ffi.cdef(f"int {name}_precise_closing_step(const void *);")
+            build = Build(folder, f"{name}_precise", [f"{name}_precise.c"])
+            if CFLAGS not in os.environ:
+                build.flags = ["-O0"]  # it is needed at once, and seldom called
+            path = build.library()
+            try:
+                library = ffi.dlopen(str(path))
+            except OSError as error:
+                raise CompileError(f"{path} was compiled but cannot be opened: {error}") from None
+            function = getattr(library, f"{name}_precise_closing_step")
+            _precise[folder, name] = library, int(ffi.cast("intptr_t", function))
+        return _precise[folder, name][1]
 
 
 def declarations(header: str) -> str:

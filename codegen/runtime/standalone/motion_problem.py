@@ -8,32 +8,17 @@ from typing import Any
 import numpy as np
 
 from .arrays import Array
+from .motion_inputs import Inputs
+from .targets import Opened
 
 METHODS = ("rk4", "dop853", "radau")
 """In the order of the constants of ``motion.h``."""
 
 REASONS = (
     "end", "paused", "full", "event", "singular", "open loop", "step collapsed", "not finite", "too many steps",
+    "imprecise", "poor",
 )  # fmt: skip
 """Why a motion ended, in the order of the constants of ``motion.h``."""
-
-
-@dataclass(slots=True)
-class Inputs:
-    """Inputs over time: a B-spline, or constant numbers.
-
-    Attributes
-    ----------
-    degree : int
-    knots : array (count + degree + 1,) or None
-        None for constant inputs, of which count is 1.
-    values : array (count, ninputs)
-        Control points: of degree 0 and 1 the values themselves.
-    """
-
-    degree: int
-    knots: Array | None
-    values: Array
 
 
 @dataclass(slots=True)
@@ -50,10 +35,13 @@ class Problem:
     dq, du, dp : array (k, nq), (k, nu), (k, np)
         Directions.
     dinputs : array (k, count, ninputs) or None
-    atol : array (n,)
-        Of independent coordinates and speeds, then integrals.
+    atol : array (nq + nu + nintegrals,)
+        Of coordinates, speeds, integrals; those of independent ones count.
     atol_directions : array (k,) or None
         None where errors of sensitivities do not matter to the step.
+    integrals : tuple of int
+        Outputs that are integrated over time.
+    events : tuple of (output, level, direction, stop)
     """
 
     start: float
@@ -75,7 +63,9 @@ class Problem:
     fixed: bool = False
     largest_step: float = 0.0
     most_steps: int = 0
+    poor: float = 0.0
     integrals: tuple[int, ...] = ()
+    events: tuple[tuple[int, float, int, bool], ...] = ()
     kept: list[Any] = field(default_factory=list)
 
     def in_c(self, ffi: Any, system: Any) -> Any:
@@ -103,8 +93,79 @@ class Problem:
         c.start, c.end = self.start, self.end
         c.ntimes, c.times = len(self.times), pointer(self.times)
         c.step, c.fixed, c.largest_step, c.most_steps = self.step, self.fixed, self.largest_step, self.most_steps
-        c.rtol, c.atol, c.atol_directions = self.rtol, pointer(self.atol), pointer(self.atol_directions)
+        free = [system.free_q[i] for i in range(system.nfree_q)]
+        free += [system.nq + system.free_u[i] for i in range(system.nfree_u)]
+        counting = np.concatenate([self.atol[free], self.atol[system.nq + system.nu :]])
+        c.rtol, c.atol, c.atol_directions = self.rtol, pointer(counting), pointer(self.atol_directions)
+        c.poor = self.poor
         integrals = ffi.new("int[]", list(self.integrals) or [0])
         self.kept.append(integrals)
         c.nintegrals, c.integrals = len(self.integrals), integrals
+        if self.events:
+            events = ffi.new("ordernm_event[]", [tuple(e) for e in self.events])
+            self.kept.append(events)
+            c.nevents, c.events = len(self.events), events
         return c
+
+
+@dataclass(slots=True, eq=False)
+class Segment:
+    """What came of a motion while one partition was in use.
+
+    Attributes
+    ----------
+    opened : Opened
+        The partition.
+    problem : Problem
+    reason : str
+        One of `REASONS`, or "interrupted".
+    counts : dict of str to number
+    singular, component : int
+        See ``ordernm_results``.
+    steps : list of array
+        For the adjoint, where asked for: parts of the motion, rows of ``ordernm_step_size``. A part that did not fit into
+        memory has its first row, and of all rows times and sizes of steps, in `sizes`.
+    events : list of (int, array)
+        Which one, and a row of results.
+    condition, next_step : float
+        Of the loops at the end, and the step that would be tried there.
+    """
+
+    opened: Opened
+    problem: Problem
+    reason: str
+    counts: dict[str, Any]
+    singular: int
+    component: int
+    steps: list[Array]
+    sizes: list[Array | None]
+    events: list[tuple[int, Array]]
+    condition: float
+    next_step: float
+
+
+@dataclass(slots=True, eq=False)
+class Run:
+    """What came of a motion.
+
+    Attributes
+    ----------
+    rows : array (nt, row)
+        See ``ordernm_results``.
+    reason, counts, singular, component, events
+        As of its last segment; counts are sums.
+    segments : list of Segment
+    """
+
+    rows: Array
+    reason: str
+    counts: dict[str, Any]
+    singular: int = 0
+    component: int = 0
+    events: list[tuple[int, Array]] = field(default_factory=list)
+    segments: list[Segment] = field(default_factory=list)
+
+    @property
+    def opened(self) -> Opened:
+        """The partition that was in use at the end."""
+        return self.segments[-1].opened

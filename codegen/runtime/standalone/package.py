@@ -220,12 +220,13 @@ class Package:
         """Why there is no function of that name."""
         if name == "reactions":
             return f"{self.name} was generated without reactions: generate it with --reactions"
-        called = MEMBERS.get(name, name)
-        if called in self._manifest.get("left_out", ()):
+        left_out = self._manifest.get("left_out", ())
+        if called := [MEMBERS.get(n, n) for n in MADE_OF.get(name, (name,)) if MEMBERS.get(n, n) in left_out]:
             have = [f.get("member", n) for n, f in self._manifest["functions"].items()]
+            needed = f", which {name} needs" if name in MADE_OF else ""
             return (
-                f"{self.name} was generated without {called}; generate it with "
-                f"--functions {','.join([*have, called])}, or without --functions for all"
+                f"{self.name} was generated without {', '.join(called)}{needed}; generate it with "
+                f"--functions {','.join([*have, *called])}, or without --functions for all"
             )
         if self.closure_names:
             return f"{self.name} has closed loops: {name!r} is defined for trees only"
@@ -250,6 +251,19 @@ MEMBERS = {
 """What generated functions, and members that are made of others, are called where functions are chosen."""
 
 
+MADE_OF = dict.fromkeys(
+    ("equilibrium", "linearize"),
+    (
+        "accelerations",
+        "sensitivities",
+        "coordinate_rates",
+        "coordinate_rate_sensitivities",
+        "assemble_sensitivities",
+    ),
+)
+"""Members that are made of functions, and what these are called."""
+
+
 class Absent:
     """Stands for a member of a section that a package does not carry: asking for it says why."""
 
@@ -266,7 +280,7 @@ for _name in (
     "energies", "energy_sensitivities", "mass_matrix", "mass_matrix_sensitivities", "solve_mass", "solve_mass_sensitivities",
     "inverse_dynamics", "inverse_dynamics_sensitivities", "bias_force", "bias_force_sensitivities", "reactions", "outputs",
     "output_sensitivities", "gradients", "coordinate_rate_gradients", "energy_gradients", "output_gradients",
-    "assemble_gradients",
+    "assemble_gradients", "equilibrium", "linearize",
 ):  # fmt: skip
     setattr(Package, _name, Absent(_name))  # methods of sections stand before
 

@@ -2,120 +2,307 @@
 
 from __future__ import annotations
 
-import difflib
 import math
-import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from .arrays import Array, Numbers
-from .arguments import some
-from .motion_library import motion_library
-from .motion_problem import METHODS, REASONS, Inputs, Problem
-from .states import States
+from .errors import SimulationError
+from .motion_directions import Directions, take_sensitivities
+from .motion_events import DIRECTIONS as CROSSINGS
+from .motion_events import Crossing, Event, crossing, take_events
+from .motion_inputs import take_inputs
+from .motion_problem import METHODS, Problem, Run
+from .motion_run import MotionRun, Progress
+from .package import seeds, state
+from .trajectory import FINISHED, INTERRUPTED, Trajectory
+from .warning import warn
 
 CLOSED = 1e-10
 """Scaled residual of an initial state that needs no assembly."""
 
-SLICE = 0.1
-"""Seconds that the integrator runs between two looks at Ctrl-C."""
+MOST_STEPS = 1_000_000
+"""So many steps are made unless a caller allows more."""
 
-ROWS = 256
-"""Rows of results that there is room for at first, where nobody knows how many there will be."""
+SMALLEST_TOLERANCE = 1e-14
+"""Relative errors below it are rounding."""
 
-
-@dataclass(slots=True)
-class Run:
-    """What came of a motion.
-
-    Attributes
-    ----------
-    rows : array (nt, row)
-        See ``ordernm_results``.
-    reason : str
-        One of `REASONS`, or "interrupted".
-    counts : dict of str to number
-    steps : list of array
-        For the adjoint, where asked for.
-    q, u : array
-        Where it was at its end.
-    """
-
-    rows: Array
-    reason: str
-    counts: dict[str, Any]
-    q: Array
-    u: Array
-    singular: int = 0
-    component: int = 0
-    steps: list[Array] = field(default_factory=list)
+MEANINGLESS = 1e10
+"""Sensitivities that have grown beyond this are told: the motion is chaotic, and its gradient means nothing."""
 
 
-class Simulation(States):
+class Simulation(MotionRun):
     """Integration over time."""
 
-    def _motion(self) -> tuple[Any, Any, Any]:
-        """The library of integrators, its cffi object, and the system of the partition in use."""
-        target = self._opened.target
-        if target.name != "c":
-            raise NotImplementedError("simulate runs compiled code, and this solver computes with NumPy: open it with target='c'")
-        library, ffi = motion_library(self.folder)
-        address = target.address(f"{self._opened.manifest['name']}_motion")
-        return library, ffi, ffi.cast("ordernm_system *", address)
+    def simulate(
+        self, t: Any, q: Numbers = None, u: Numbers = None, p: Numbers = None, inputs: Any = None, *,
+        sensitivities: Sequence[str] | str = (), dq0: Numbers = None, du0: Numbers = None, rtol: float = 1e-9,
+        atol: Any = 1e-9, atol_sensitivities: Any = None, method: str = "dop853", step: float | None = None,
+        largest_step: float | None = None, most_steps: int = MOST_STEPS, events: Any = (), progress: Progress | None = None,
+        on_failure: str = "raise",
+    ) -> Trajectory:  # fmt: skip
+        """Integrate the motion over time, and its derivatives with it (Eqs. 2, 3), in compiled code.
 
-    def _run(
-        self, problem: Problem, progress: Callable[[float, float], None] | None = None, keep_steps: bool = False
-    ) -> Run:
-        """Run a motion to its end."""
-        library, ffi, system = self._motion()
-        c = problem.in_c(ffi, system)
-        room = ffi.from_buffer("double[]", np.empty(library.ordernm_room(c)))
-        motion = library.ordernm_begin(c, room)
-        size, step_size = library.ordernm_row_size(c), library.ordernm_step_size(c)
-        r = ffi.new("ordernm_results *")
-        full: list[Array] = []
-        steps: list[Array] = []
+        Parameters
+        ----------
+        t : float or (nt,)
+            Times of results, rising; the motion begins at the first. A number T means from 0 to T, at the steps' ends.
+        q, u : (nq,) and (nu,), optional
+            The initial state; dependent speeds follow from closure, loops that are open are closed, and a warning says so. What
+            is left out is the model's initial state, whose dependence on parameters is part of the derivatives.
+        p : (np,), optional
+        inputs : (ninputs,), or (times, values), or (times, values, "hold" | "linear" | "spline"), optional
+            Constant; or values (ntimes, ninputs) that are held from each time on, joined by straight lines (if not said), or
+            control points of a cubic B-spline whose knots are times (ntimes + 2 of them).
+        sensitivities : sequence of str
+            What derivatives are with respect to: parameters, ``q0.NAME`` and ``u0.NAME`` for initial values of independent
+            coordinates and speeds, ``inputs.NAME`` for a number added to an input, ``inputs.NAME[i]`` for its i-th value.
+        dq0, du0 : (k, nq) and (k, nu), optional
+            Derivatives of the initial state in place of those that follow from `sensitivities`; independent entries are read.
+        rtol : float
+        atol : float or (nq + nu,)
+            The error of a step that is allowed in each independent coordinate and speed: atol + rtol times its size.
+        atol_sensitivities : float or (k,), optional
+            The same for derivatives, with the same rtol. Left out: steps are chosen for the state alone; then derivatives are
+            those of the computed motion to rounding all the same.
+        method : {"dop853", "radau", "rk4"}
+            Dormand and Prince's of order 8; Radau IIA of order 5 for stiff models; the classical one with constant `step`.
+        step, largest_step : float, optional
+            The first step, or that of "rk4", s; none is larger than `largest_step`.
+        most_steps : int
+        events : sequence of `Event` or str, optional
+            Outputs that cross a level, zero for a mere name; a motion ends at the first one with `stop`. See `Trajectory.events`.
+        progress : callable, optional
+            Called as ``progress(time, end)`` about ten times a second; KeyboardInterrupt in it ends the motion there.
+        on_failure : {"raise", "return"}
+            What is done when a motion cannot go on: `SimulationError` with the trajectory so far, or the latter with a warning.
 
-        def more_rows() -> Array:
-            rows = np.empty((len(problem.times) or ROWS * 2 ** min(len(full), 8), size))
-            r.rows, r.capacity, r.count = ffi.from_buffer("double[]", rows), len(rows), 0
-            return rows
+        Returns
+        -------
+        Trajectory
 
-        def more_steps() -> Array:
-            rows = np.empty((ROWS * 2 ** min(len(steps), 8), step_size))
-            r.steps, r.steps_capacity, r.steps_count = ffi.from_buffer("double[]", rows), len(rows), 0
-            return rows
+        Raises
+        ------
+        SimulationError
+            Names time and cause; its `trajectory` has everything before it.
+        AssemblyError, ValueError
+        """
+        if on_failure not in ("raise", "return"):
+            raise ValueError(f"on_failure is {on_failure!r}; allowed are 'raise' and 'return'")
+        problem, directions = self._problem(
+            t, q, u, p, inputs, sensitivities, dq0, du0, rtol, atol, atol_sensitivities, method, step, largest_step, most_steps
+        )  # fmt: skip
+        wanted = take_events(self.output_names, events)
+        problem.events = tuple(
+            (self.output_names.index(e.output), e.level, CROSSINGS[e.direction], e.stop) for e in wanted
+        )
+        run = self._run(problem, progress)
+        trajectory = self._trajectory(problem, directions, run)
+        trajectory.events = tuple(self._crossing(wanted[i], row, problem, directions.k) for i, row in run.events)
+        if run.reason == "end":
+            for e in wanted:
+                if e.stop:
+                    warn(
+                        f"the event {e.output} = {e.level:g} has not come until t = {problem.end:g} s; the motion was not stopped"
+                    )
+        if run.reason not in ("end", "interrupted", "event"):
+            message = self._why_it_ended(problem, run)
+            if on_failure == "raise":
+                raise SimulationError(message, trajectory)
+            warn(message)
+        if trajectory.dq.size and max(np.abs(trajectory.dq).max(), np.abs(trajectory.du).max()) > MEANINGLESS:
+            warn(
+                f"sensitivities have grown beyond {MEANINGLESS:g}: the motion is chaotic or unstable, and such a derivative says "
+                f"nothing about anything but infinitely small changes; shorten the time"
+            )
+        return trajectory
 
-        rows = more_rows()
-        kept = more_steps() if keep_steps else None
-        began = time.perf_counter()
-        while True:
-            reason = REASONS[library.ordernm_go(motion, r, SLICE)]
-            try:
-                if progress is not None:
-                    progress(r.t, problem.end)
-            except KeyboardInterrupt:
-                reason = "interrupted"
-            if reason == "full":
-                if r.count == r.capacity:
-                    full.append(rows)
-                    rows = more_rows()
-                if kept is not None and r.steps_count == r.steps_capacity:
-                    steps.append(kept)
-                    kept = more_steps()
-            elif reason != "paused":
-                break
-        if kept is not None:
-            steps.append(kept[: r.steps_count])
-        q, u = np.empty(self.nq), np.empty(self.nu)
-        library.ordernm_state(motion, ffi.from_buffer("double[]", q), ffi.from_buffer("double[]", u))
-        counts = {
-            "t": r.t, "steps": r.accepted, "rejected": r.rejected, "evaluations": r.evaluations,
-            "closing_steps": r.closing_steps, "jacobians": r.jacobians, "factorizations": r.factorizations,
-            "stiffness": r.stiffness, "seconds": time.perf_counter() - began,
-        }  # fmt: skip
-        found = np.concatenate([*full, rows[: r.count]]) if full else rows[: r.count]
-        return Run(found, reason, counts, q, u, r.singular, r.component, steps)
+    # -- what is asked for ---------------------------------------------------------------------------------------------
+
+    def _problem(
+        self, t: Any, q: Numbers, u: Numbers, p: Numbers, inputs: Any, sensitivities: Sequence[str] | str, dq0: Numbers,
+        du0: Numbers, rtol: float, atol: Any, atol_sensitivities: Any, method: str, step: float | None,
+        largest_step: float | None, most_steps: int,
+    ) -> tuple[Problem, Directions]:  # fmt: skip
+        """A motion from what a user gives, checked."""
+        start, end, times = _interval(t)
+        if method not in METHODS:
+            raise ValueError(f"method is {method!r}; allowed are {', '.join(map(repr, METHODS))}")
+        if method == "rk4" and step is None:
+            raise ValueError("method 'rk4' takes constant steps: give step, s")
+        sizes = {"rtol": rtol, "step": step, "largest_step": largest_step, "most_steps": most_steps}
+        for name, x in sizes.items():
+            if x is not None and not (isinstance(x, (int, float, np.number)) and math.isfinite(x) and x > 0):
+                raise ValueError(f"{name} is {x!r}, expected a positive number")
+        if rtol < SMALLEST_TOLERANCE:
+            raise ValueError(
+                f"rtol is {rtol:g}, below the rounding of floating-point numbers; allowed are {SMALLEST_TOLERANCE:g} and more"
+            )
+        p_all = self._arguments.take({"p": p}, self._left_out)[0]["p"]
+        if p_all.ndim != 1:
+            raise ValueError(
+                f"p has shape {p_all.shape}, expected ({self.np},): one motion at a time, see simulate_many for more"
+            )
+        spline = take_inputs(self.input_names, inputs)
+        directions = take_sensitivities(self, sensitivities, dq0, du0, spline)
+        q_all, u_all = self._first_state(q, u, p_all)
+        dq, du = directions.dq, directions.du
+        if directions.k and not directions.given and (q is None or u is None):
+            _, _, dq_model, du_model = self.initial_sensitivities(p_all, dp=directions.dp)
+            dq = dq + (dq_model if q is None else 0.0)
+            du = du + (du_model if u is None else 0.0)
+        allowed = _tolerances("atol", atol, (self.nq + self.nu,))
+        allowed_directions = None
+        if atol_sensitivities is not None:
+            allowed_directions = _tolerances("atol_sensitivities", atol_sensitivities, (directions.k,))
+        problem = Problem(
+            start, end, q_all, u_all, p_all, spline, times, dq, du, directions.dp, directions.dinputs, float(rtol),
+            allowed, allowed_directions, method, float(step or 0.0),
+            float(largest_step or 0.0), int(most_steps),
+        )  # fmt: skip
+        return problem, directions
+
+    def _first_state(self, q: Numbers, u: Numbers, p: Array) -> tuple[Array, Array]:
+        """A consistent initial state."""
+        if q is None and u is None:
+            return self.initial_state(p)
+        first = self._initial_values(p) if q is None or u is None else (q, u)
+        given = {"q": first[0] if q is None else q, "u": first[1] if u is None else u, "p": p}
+        arrays, batch = self._arguments.take(given, self._left_out)
+        if batch:
+            raise ValueError(f"q, u have leading axes {batch}, expected (nq,) and (nu,): one motion at a time")
+        if self.closure_names and q is not None:
+            gap = float(np.abs(self.closure(arrays["q"], arrays["u"], p)[0]).max())
+            if gap > CLOSED:
+                closed = self.assemble(arrays["q"], arrays["u"], p)
+                warn(
+                    f"the initial state is open by {gap:.3g} (scaled); assembled: dependent coordinates have been changed"
+                )
+                return closed
+        q_all, u_all = self.assemble(arrays["q"], arrays["u"], p)
+        if self.closure_names and u is not None and q is not None:
+            off = float(np.abs(u_all - arrays["u"]).max())
+            if off > 1e-6 * (1.0 + float(np.abs(u_all).max())):
+                warn(
+                    f"the initial speeds do not keep the loops closed; dependent ones have been changed, by up to {off:.3g}"
+                )
+        return q_all, u_all
+
+    # -- what comes of it ----------------------------------------------------------------------------------------------
+
+    def _trajectory(self, problem: Problem, directions: Directions, run: Run) -> Trajectory:
+        """Rows of results as arrays with names."""
+        nt, k = len(run.rows), directions.k
+        t = run.rows[:, 0].copy()
+        q, u, outputs = (self._of_rows(run.rows, i).copy() for i in (1, 2, 3))
+        dq, du, doutputs = (
+            self._derivatives_of_rows(run.rows, problem, k, i).transpose(1, 0, 2).copy() for i in (1, 2, 3)
+        )
+        extra: dict[str, Any] = {}
+        if "energies" in self._functions and nt:
+            extra["energy"] = np.stack(self._energies_over(t, q, u, problem), axis=-1)
+        if self.closure_names and nt:
+            gaps = np.abs(self.closure(q, u, problem.p)[0])
+            extra["closure"] = gaps[:, self._kept_conditions()].max(axis=1, initial=0.0)
+        ended = {"end": FINISHED, "interrupted": INTERRUPTED, "event": "event"}.get(run.reason)
+        stats = {"method": problem.method, "reason": ended or self._why_it_ended(problem, run)} | run.counts
+        manifest = self._manifest
+        return Trajectory(
+            self.name, t, q, u, dq, du, outputs, doutputs, coordinate_names=self.coordinate_names,
+            speed_names=self.speed_names, output_names=self.output_names, parameter_names=self.parameter_names,
+            input_names=self.input_names, sensitivity_names=directions.names,
+            coordinate_units=manifest.get("coordinate_units", ()), speed_units=manifest.get("speed_units", ()),
+            output_units=manifest.get("output_units", ()), parameter_units=manifest.get("parameter_units", ()), p=problem.p,
+            inputs=problem.inputs.values[0] if problem.inputs.knots is None else None, stats=stats, **extra,
+        )  # fmt: skip
+
+    def _crossing(self, event: Event, row: Array, problem: Problem, k: int) -> Crossing:
+        """An event from its row of results."""
+        t = float(row[0])
+        values = [self._of_rows(row, i) for i in (1, 2, 3)]
+        derivatives = [self._derivatives_of_rows(row, problem, k, i) for i in (1, 2, 3)]
+        inputs = problem.inputs.at(t)
+        given = (values[0], values[1], problem.p, inputs, t)
+        qdot, udot = (self._values(n, state(*given))[0] for n in ("coordinate_rates", "accelerations"))
+        _, rate = self._along(
+            "output_sensitivities", state(*given), seeds(qdot, udot, None, problem.inputs.rate(t), 1.0)
+        )
+        return crossing(event, self.output_names.index(event.output), t, values, derivatives, (qdot, udot, rate[0]))
+
+    def _energies_over(self, t: Array, q: Array, u: Array, problem: Problem) -> tuple[Array, Array]:
+        """Kinetic and potential energy over time."""
+        inputs = np.stack([problem.inputs.at(x) for x in t]) if self.ninputs else np.zeros((len(t), 0))
+        found: Array = self._values("energies", {"q": q, "u": u, "p": problem.p, "inputs": inputs, "t": t})[0]
+        return found[..., 0], found[..., 1]
+
+    def _kept_conditions(self) -> Array:
+        """Conditions of closure that no others imply, as a mask."""
+        kept = np.ones(len(self.closure_names), bool)
+        kept[self._opened.manifest.get("dropped", [])] = False
+        return kept
+
+    def _why_it_ended(self, problem: Problem, run: Run) -> str:
+        """The cause in words, with time and what was in the way."""
+        at = f"at t = {run.counts['t']:.9g} s"
+        manifest = run.opened.manifest
+        names = [f"q.{n}" for n in manifest["independent_names"]] + [
+            f"u.{n}" for n in manifest["independent_speed_names"]
+        ]
+        names += [f"integral {i}" for i in range(len(problem.integrals))]
+        entry = names[min(run.component, len(names) - 1)]
+        match run.reason:
+            case "singular":
+                error = run.opened.target.singular(run.singular, f" {at}")  # type: ignore[attr-defined]
+                return f"the motion ends {at}: {error}"
+            case "open loop":
+                return (
+                    f"the motion ends {at}: Newton's method does not close the loops any more; they may be at the end of their "
+                    f"reach, or at a configuration where the dependent coordinates are not determined"
+                )
+            case "step collapsed":
+                return (
+                    f"the motion ends {at}: steps have become too small to go on, because of {entry}; it may be without bounds "
+                    f"there, jump, or be known less exactly than rtol and atol ask for"
+                )
+            case "not finite":
+                return f"the motion ends {at}: the time derivative of {entry} is not finite"
+            case "too many steps":
+                made = run.counts["steps"] + run.counts["rejected"]
+                return (
+                    f"the motion ends {at} after {made} steps, kept small by {entry}; "
+                    f"allow more with most_steps, or loosen rtol and atol; method='radau' serves stiff models"
+                )
+            case _:
+                return run.reason
+
+
+def _interval(t: Any) -> tuple[float, float, Array]:
+    """Start, end and times of results."""
+    try:
+        times = np.asarray(t, float)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"t: {error}; expected a number of seconds, or times (nt,)") from None
+    if times.ndim > 1 or not np.isfinite(times).all() or not times.size:
+        raise ValueError(
+            f"t has shape {times.shape}, or entries that are not finite; expected seconds, or rising times (nt,)"
+        )
+    if times.ndim == 0:
+        if times <= 0:
+            raise ValueError(f"t is {float(times):g} s, expected a positive number, or times (nt,)")
+        return 0.0, float(times), np.empty(0)
+    if len(times) < 2 or (np.diff(times) <= 0).any():
+        raise ValueError("t: times must rise, from the beginning of the motion to its end; at least two are needed")
+    return float(times[0]), float(times[-1]), times
+
+
+def _tolerances(name: str, given: Any, shape: tuple[int, ...]) -> Array:
+    """One tolerance, or one for each."""
+    try:
+        found = np.broadcast_to(np.asarray(given, float), shape).copy()
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} is {given!r}, expected a positive number, or {shape[0]} of them") from None
+    if not (np.isfinite(found).all() and (found > 0).all()):
+        raise ValueError(f"{name} has entries that are not positive, expected errors that are allowed")
+    return found

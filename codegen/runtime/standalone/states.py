@@ -135,6 +135,12 @@ class States(Package):
         normalise(q_new, self._arguments.quaternions)
         return q_new
 
+    def _moved(self, q: Array, p: Array) -> Array:
+        """Coordinates (nq,) of one state that was moved by little, assembled: by Newton's method alone."""
+        q_new = q.copy()
+        normalise(q_new, self._arguments.quaternions)
+        return q_new
+
     def _completed(self, q_new: Array, arrays: Mapping[str, Any], batch: Shape) -> Array:
         """Speeds that belong to assembled coordinates, (*batch, nu)."""
         return np.broadcast_to(arrays["u"], (*batch, self.nu)).copy()

@@ -1,0 +1,182 @@
+"""Dual numbers over arrays: a value with its derivatives along directions, which NumPy's elementwise functions go through.
+
+No step is taken and nothing is subtracted that is not subtracted in the formula: derivatives are exact to rounding.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+
+from .arrays import Array
+
+
+class Jet:
+    """An array and its derivatives along m directions.
+
+    Parameters
+    ----------
+    value : (...,) array
+    slope : (..., m) array
+        The derivatives, directions last: so axes of values broadcast by NumPy's rules, whatever their number.
+    """
+
+    __slots__ = ("slope", "value")
+
+    def __init__(self, value: Any, slope: Array):
+        self.value, self.slope = np.asarray(value, float), slope
+
+    def __getitem__(self, at: Any) -> Jet:
+        return Jet(self.value[at], self.slope[at])
+
+    def __len__(self) -> int:
+        return len(self.value)
+
+    def __iter__(self) -> Iterator[Jet]:
+        return (self[i] for i in range(len(self)))
+
+    def __array_ufunc__(self, ufunc: Any, method: str, *given: Any, **options: Any) -> Any:
+        rule = RULES.get(ufunc.__name__)
+        if rule is None or method != "__call__" or options:
+            return NotImplemented
+        return rule(*given)
+
+    def __add__(self, other: Any) -> Jet:
+        return _add(self, other)
+
+    def __radd__(self, other: Any) -> Jet:
+        return _add(self, other)
+
+    def __sub__(self, other: Any) -> Jet:
+        return _subtract(self, other)
+
+    def __rsub__(self, other: Any) -> Jet:
+        return _subtract(other, self)
+
+    def __mul__(self, other: Any) -> Jet:
+        return _multiply(self, other)
+
+    def __rmul__(self, other: Any) -> Jet:
+        return _multiply(self, other)
+
+    def __truediv__(self, other: Any) -> Jet:
+        return _divide(self, other)
+
+    def __rtruediv__(self, other: Any) -> Jet:
+        return _divide(other, self)
+
+    def __neg__(self) -> Jet:
+        return Jet(-self.value, -self.slope)
+
+    def __gt__(self, other: Any) -> Any:
+        return self.value > value_of(other)
+
+    def __ge__(self, other: Any) -> Any:
+        return self.value >= value_of(other)
+
+    def __lt__(self, other: Any) -> Any:
+        return self.value < value_of(other)
+
+    def __le__(self, other: Any) -> Any:
+        return self.value <= value_of(other)
+
+
+def value_of(x: Any) -> Any:
+    """The value of a jet, or a plain number."""
+    return x.value if isinstance(x, Jet) else x
+
+
+def _wide(x: Any) -> Array:
+    """Numbers with an axis that all directions share."""
+    found: Array = np.asarray(x, float)[..., None]
+    return found
+
+
+def _scaled(*terms: tuple[Any, Any]) -> Array:
+    """The sum of factors times slopes, of those that are jets."""
+    parts = [_wide(factor()) * x.slope for factor, x in terms if isinstance(x, Jet)]
+    found: Array = parts[0] if len(parts) == 1 else parts[0] + parts[1]
+    return found
+
+
+def _add(x: Any, y: Any) -> Jet:
+    if not isinstance(y, Jet):
+        return Jet(x.value + y, x.slope)
+    if not isinstance(x, Jet):
+        return Jet(x + y.value, y.slope)
+    return Jet(x.value + y.value, x.slope + y.slope)
+
+
+def _subtract(x: Any, y: Any) -> Jet:
+    if not isinstance(y, Jet):
+        return Jet(x.value - y, x.slope)
+    if not isinstance(x, Jet):
+        return Jet(x - y.value, -y.slope)
+    return Jet(x.value - y.value, x.slope - y.slope)
+
+
+def _multiply(x: Any, y: Any) -> Jet:
+    a, b = value_of(x), value_of(y)
+    return Jet(a * b, _scaled((lambda: b, x), (lambda: a, y)))
+
+
+def _divide(x: Any, y: Any) -> Jet:
+    a, b = value_of(x), value_of(y)
+    found = np.divide(a, b)
+    return Jet(found, _scaled((lambda: np.divide(1.0, b), x), (lambda: -found / b, y)))
+
+
+def _power(x: Any, y: Any) -> Jet:
+    a, b = value_of(x), value_of(y)
+    found = np.power(a, b)
+
+    def by_exponent() -> Any:
+        return found * np.log(np.where(np.equal(found, 0.0), 1.0, np.abs(a)))
+
+    return Jet(found, _scaled((lambda: np.where(np.equal(b, 0.0), 0.0, b * np.power(a, b - 1.0)), x), (by_exponent, y)))
+
+
+def _arctan2(x: Any, y: Any) -> Jet:
+    a, b = value_of(x), value_of(y)
+    square = a * a + b * b
+    return Jet(np.arctan2(a, b), _scaled((lambda: b / square, x), (lambda: -a / square, y)))
+
+
+def _chosen(choose: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Jet]:
+    """The larger or the smaller of two; the first where they are equal."""
+
+    def rule(x: Any, y: Any) -> Jet:
+        a, b = value_of(x), value_of(y)
+        first = np.where(choose(a, b), 1.0, 0.0)
+        return Jet(np.where(first, a, b), _scaled((lambda: first, x), (lambda: 1.0 - first, y)))
+
+    return rule
+
+
+def _of_one(function: Callable[[Any], Any], derivative: Callable[[Any, Any], Any]) -> Callable[[Jet], Jet]:
+    """A function of one number, from its derivative in terms of argument and value."""
+
+    def rule(x: Jet) -> Jet:
+        found = function(x.value)
+        return Jet(found, _wide(derivative(x.value, found)) * x.slope)
+
+    return rule
+
+
+RULES: dict[str, Callable[..., Any]] = {
+    "add": _add, "subtract": _subtract, "multiply": _multiply, "divide": _divide, "power": _power, "arctan2": _arctan2,
+    "negative": Jet.__neg__, "greater": lambda x, y: value_of(x) > value_of(y), "less": lambda x, y: value_of(x) < value_of(y),
+    "greater_equal": lambda x, y: value_of(x) >= value_of(y), "less_equal": lambda x, y: value_of(x) <= value_of(y),
+    "maximum": _chosen(np.greater_equal), "minimum": _chosen(np.less_equal),
+    "sin": _of_one(np.sin, lambda x, f: np.cos(x)), "cos": _of_one(np.cos, lambda x, f: -np.sin(x)),
+    "tan": _of_one(np.tan, lambda x, f: 1.0 + f * f), "arcsin": _of_one(np.arcsin, lambda x, f: 1.0 / np.sqrt(1.0 - x * x)),
+    "arccos": _of_one(np.arccos, lambda x, f: -1.0 / np.sqrt(1.0 - x * x)),
+    "arctan": _of_one(np.arctan, lambda x, f: 1.0 / (1.0 + x * x)),
+    "sinh": _of_one(np.sinh, lambda x, f: np.cosh(x)), "cosh": _of_one(np.cosh, lambda x, f: np.sinh(x)),
+    "tanh": _of_one(np.tanh, lambda x, f: 1.0 - f * f), "exp": _of_one(np.exp, lambda x, f: f),
+    "log": _of_one(np.log, lambda x, f: 1.0 / x), "sqrt": _of_one(np.sqrt, lambda x, f: 0.5 / f),
+    "absolute": _of_one(np.abs, lambda x, f: np.sign(x)), "sign": _of_one(np.sign, lambda x, f: np.zeros_like(f)),
+}  # fmt: skip
+"""What NumPy's functions that generated statements call do to jets, by their names."""

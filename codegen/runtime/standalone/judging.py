@@ -1,0 +1,263 @@
+"""Functionals of motions and their gradients, by sensitivities that are integrated along, or by the discrete adjoint."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .arrays import Array, Numbers
+from .errors import SimulationError
+from .functionals import At, AtEvent, Final, Functional, Integral, Judged, LeastSquares, check_functionals
+from .motion_adjoint import Adjoint, segment_backwards
+from .motion_directions import Directions
+from .motion_events import DIRECTIONS as CROSSINGS
+from .motion_events import Crossing, Event
+from .motion_problem import Problem, Run
+from .simulation import MOST_STEPS, Simulation
+
+GRADIENTS = ("auto", "forward", "adjoint")
+
+MEMORY = 256 * 2**20
+"""Bytes for the steps of a motion, for the adjoint; beyond it they are made a second time."""
+
+FORWARD_COST, ADJOINT_COST, ADJOINT_MORE = 3.0, 4.4, 9.0
+"""In motions without derivatives: eight directions; the gradient of one functional; of up to eight."""
+
+
+@dataclass(slots=True, eq=False)
+class Weights:
+    """What changes of outputs (m, nt, noutputs) at times (nt,), and of integrals (m, nintegrals), change functionals by."""
+
+    times: Array
+    outputs: Array
+    integrals: Array
+
+
+class Judging(Simulation):
+    """Functionals of motions."""
+
+    def judge(
+        self, t: Any, functionals: Functional | Sequence[Functional], q: Numbers = None, u: Numbers = None, p: Numbers = None,
+        inputs: Any = None, *, wrt: Sequence[str] | str = (), method: str = "auto", dq0: Numbers = None, du0: Numbers = None,
+        rtol: float = 1e-9, atol: Any = 1e-9, integrator: str = "dop853", step: float | None = None,
+        largest_step: float | None = None, most_steps: int = MOST_STEPS, memory: int = MEMORY,
+    ) -> Judged:  # fmt: skip
+        """Values of functionals of a motion, and their gradients, exact for the steps that are made.
+
+        Parameters
+        ----------
+        t : float, or (start, end)
+            The motion's end, s, or both ends.
+        functionals : one or several of `Final`, `At`, `Integral`, `AtEvent`, `LeastSquares`
+        q, u, p, inputs, dq0, du0, rtol, atol, step, largest_step, most_steps
+            As those of `simulate`.
+        wrt : sequence of str
+            What gradients are with respect to, as the `sensitivities` of `simulate`.
+        method : {"auto", "forward", "adjoint"}
+            Sensitivities along with the motion, or the discrete adjoint, whose cost does not grow with the number of parameters;
+            "auto" takes what costs less. Both give the same to rounding.
+        integrator : {"dop853", "radau", "rk4"}
+        memory : int
+            Bytes that the adjoint keeps steps in.
+
+        Returns
+        -------
+        Judged
+
+        Raises
+        ------
+        SimulationError
+            The motion ends before its time, or an event that is asked for does not come.
+        """
+        if method not in GRADIENTS:
+            raise ValueError(f"method is {method!r}; allowed are {', '.join(map(repr, GRADIENTS))}")
+        ends = np.atleast_1d(np.asarray(t, float))
+        if ends.shape not in ((1,), (2,)):
+            raise ValueError(f"t is {t!r}, expected the end of the motion, or its start and end, s")
+        start, end = (0.0, float(ends[0])) if len(ends) == 1 else (float(ends[0]), float(ends[1]))
+        wanted = check_functionals(functionals, self.output_names, start, end)
+        times = {start, end}
+        for f in wanted:
+            times.update(
+                [f.t]
+                if isinstance(f, At)
+                else np.asarray(f.times, float).tolist()
+                if isinstance(f, LeastSquares)
+                else ()
+            )
+        events = list(dict.fromkeys(f.event for f in wanted if isinstance(f, AtEvent)))
+        integrals = list(dict.fromkeys(self.output_names.index(f.output) for f in wanted if isinstance(f, Integral)))
+        problem, directions = self._problem(
+            sorted(times), q, u, p, inputs, wrt, dq0, du0, rtol, atol, None, integrator, step, largest_step, most_steps
+        )
+        problem.integrals = tuple(integrals)
+        problem.atol = np.append(problem.atol, np.full(len(integrals), np.min(atol)))
+        problem.events = tuple(
+            (self.output_names.index(e.output), e.level, CROSSINGS[e.direction], e.stop) for e in events
+        )
+        way = self._way(method, len(wanted), directions.k, integrator)
+        if way != "forward":
+            dq, du, dinputs = problem.dq, problem.du, problem.dinputs
+            problem.dq, problem.du, problem.dp, problem.dinputs = dq[:0], du[:0], problem.dp[:0], None
+        run = self._run(problem, keep_steps=way == "adjoint", memory=memory)
+        k = directions.k if way == "forward" else 0
+        if run.reason not in ("end", "event"):
+            shown = Directions(directions.names[:k], directions.dq, directions.du, directions.dp, None, True)
+            raise SimulationError(self._why_it_ended(problem, run), self._trajectory(problem, shown, run))
+        crossings = self._first_crossings(events, problem, run, k)
+        values, weights = self._weighed(wanted, problem, run, crossings)
+        if way == "forward":
+            gradients = self._forward(wanted, problem, run, crossings, weights, k)
+        elif way == "adjoint":
+            back = self._backwards(run, weights)
+            gradients = back.q @ dq.T + back.u @ du.T + back.p @ directions.dp.T
+            if dinputs is not None:
+                gradients = gradients + np.einsum("mci,kci->mk", back.inputs, dinputs)
+            run.counts |= {f"adjoint_{name}": n for name, n in back.counts.items()}
+        else:
+            gradients = np.zeros((len(wanted), 0))
+        return Judged(values, gradients, directions.names, way, run.counts)
+
+    def _weighed(
+        self, wanted: list[Functional], problem: Problem, run: Run, crossings: dict[Event, Crossing]
+    ) -> tuple[Array, Weights]:
+        """Values of functionals, and what changes of outputs and integrals change them by."""
+        m, nt = len(wanted), len(run.rows)
+        t, outputs = run.rows[:, 0], self._of_rows(run.rows, 3)
+        integrals = self._of_rows(run.rows, 4, problem)
+        happened = sorted({c.t for c in crossings.values()})
+        times = np.array(sorted({*t.tolist(), *happened}))
+        places = np.searchsorted(times, t)
+        values = np.zeros(m)
+        by_output = np.zeros((m, len(times), self.noutputs))
+        by_integral = np.zeros((m, len(problem.integrals)))
+        ended = run.reason == "end"
+        for i, f in enumerate(wanted):
+            match f:
+                case Final() | At():
+                    at = problem.end if isinstance(f, Final) else f.t
+                    row = int(np.searchsorted(t, at))
+                    if row == nt or t[row] != at:
+                        raise SimulationError(
+                            f"{f.output} at t = {at:g} s is asked for, and an event has ended the motion at "
+                            f"{run.counts['t']:.9g} s; take AtEvent",
+                            None,
+                        )
+                    o = self.output_names.index(f.output)
+                    values[i] = outputs[row, o]
+                    by_output[i, places[row], o] = 1.0
+                case Integral():
+                    if not ended:
+                        raise SimulationError(
+                            f"the integral of {f.output}: an event has ended the motion before t = {problem.end:g} s",
+                            None,
+                        )
+                    n = problem.integrals.index(self.output_names.index(f.output))
+                    values[i] = integrals[-1, n]
+                    by_integral[i, n] = 1.0
+                case AtEvent():
+                    c = crossings[f.event]
+                    row, g = int(np.searchsorted(times, c.t)), self.output_names.index(f.event.output)
+                    speed = c.rates[g]
+                    if f.output == "t":
+                        values[i] = c.t
+                        by_output[i, row, g] = -1.0 / speed
+                    else:
+                        o = self.output_names.index(f.output)
+                        values[i] = c.outputs[o]
+                        by_output[i, row, o] += 1.0
+                        by_output[i, row, g] -= c.rates[o] / speed
+                case LeastSquares():
+                    rows = np.searchsorted(t, np.asarray(f.times, float))
+                    if rows.size and rows[-1] == nt:
+                        raise SimulationError(
+                            f"an event has ended the motion before the last sample, at {run.counts['t']:.9g} s", None
+                        )
+                    error, weight = f.residuals(outputs[rows], self.output_names)
+                    values[i] = 0.5 * float(np.sum(error * error))
+                    by_output[i, places[rows]] += error * weight
+        return values, Weights(times, by_output, by_integral)
+
+    def _forward(
+        self,
+        wanted: list[Functional],
+        problem: Problem,
+        run: Run,
+        crossings: dict[Event, Crossing],
+        weights: Weights,
+        k: int,
+    ) -> Array:
+        """Gradients from sensitivities."""
+        doutputs = self._derivatives_of_rows(run.rows, problem, k, 3)  # (nt, k, noutputs)
+        dintegrals = self._derivatives_of_rows(run.rows, problem, k, 4)
+        places = np.searchsorted(weights.times, run.rows[:, 0])
+        found = np.einsum("mto,tko->mk", weights.outputs[:, places], doutputs)
+        found += np.einsum("mn,kn->mk", weights.integrals, dintegrals[-1])
+        for i, f in enumerate(wanted):
+            if isinstance(f, AtEvent):
+                c = crossings[f.event]
+                found[i] = c.dt if f.output == "t" else c.doutputs[:, self.output_names.index(f.output)]
+        return found
+
+    def _backwards(self, run: Run, weights: Weights) -> Adjoint:
+        """Gradients by the adjoint, segment by segment from the end."""
+        m = len(weights.outputs)
+        end_q, end_u = np.zeros((m, self.nq)), np.zeros((m, self.nu))
+        total: Adjoint | None = None
+        for number, segment in reversed(list(enumerate(run.segments))):
+            after = weights.times > segment.problem.start if number else np.ones(len(weights.times), bool)
+            within = after & (weights.times <= segment.counts["t"])
+            found = segment_backwards(
+                self._motion(segment.opened), segment, weights.times[within], weights.outputs[:, within], weights.integrals,
+                end_q, end_u,
+            )  # fmt: skip
+            if total is not None:
+                found.p += total.p
+                found.inputs += total.inputs
+                found.counts = {name: n + total.counts[name] for name, n in found.counts.items()}
+            total = found
+            if number:
+                # the state at the change has been completed by the partition before
+                start = {"q": segment.problem.q, "u": segment.problem.u, "p": segment.problem.p}
+                opened = run.segments[number - 1].opened
+                f = self._find(opened, "completion_sensitivities_transposed")
+                back = opened.target.along(f, start, {"dfull_q": found.q, "dfull_u": found.u}, m, ())
+                by = dict(zip(f.results, back, strict=True))
+                end_q, end_u = by["dq"], by["du"]
+                if "dp" in by:
+                    total.p += by["dp"]
+        assert total is not None
+        return total
+
+    @staticmethod
+    def _way(method: str, m: int, k: int, integrator: str) -> str:
+        """How gradients are computed."""
+        if not k:
+            return "none"
+        if integrator == "radau":
+            if method == "adjoint":
+                raise ValueError(
+                    "method 'adjoint' is for explicit integrators; take method='forward' with integrator='radau'"
+                )
+            return "forward"
+        if method != "auto":
+            return method
+        forward = FORWARD_COST * -(-k // 8)
+        adjoint = ADJOINT_COST if m == 1 else ADJOINT_MORE * -(-m // 8)
+        return "forward" if forward <= adjoint else "adjoint"
+
+    def _first_crossings(self, events: list[Event], problem: Problem, run: Run, k: int) -> dict[Event, Crossing]:
+        """Where each event happened first."""
+        found: dict[Event, Crossing] = {}
+        for i, row in run.events:
+            if events[i] not in found:
+                found[events[i]] = self._crossing(events[i], row, problem, k)
+        for e in events:
+            if e not in found:
+                raise SimulationError(
+                    f"the event {e.output} = {e.level:g} has not come until t = {run.counts['t']:.9g} s", None
+                )
+        return found

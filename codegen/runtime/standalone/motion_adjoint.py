@@ -1,0 +1,84 @@
+"""The discrete adjoint of a motion: gradients of weighted sums of outputs, from the end to the beginning."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .arrays import Array
+from .motion_problem import REASONS, Segment
+
+
+@dataclass(slots=True)
+class Adjoint:
+    """Gradients by what a motion begins with and depends on.
+
+    Attributes
+    ----------
+    q, u : array (m, nq), (m, nu)
+        By independent entries of the initial state; others are zero.
+    p : array (m, np)
+    inputs : array (m, count, ninputs)
+    counts : dict of str to int
+    """
+
+    q: Array
+    u: Array
+    p: Array
+    inputs: Array
+    counts: dict[str, int]
+
+
+def segment_backwards(
+    motion: tuple[Any, Any, Any], segment: Segment, times: Array, weights: Array, integral_weights: Array, end_q: Array,
+    end_u: Array,
+) -> Adjoint:  # fmt: skip
+    """Gradients of m functionals by what a segment of a motion, whose steps have been kept, begins with and depends on.
+
+    Parameters
+    ----------
+    motion : (library, ffi, system)
+    times : array (ntimes,)
+    weights : array (m, ntimes, noutputs)
+        Of outputs at these times, all of them within the segment.
+    integral_weights : array (m, nintegrals)
+    end_q, end_u : array (m, nq), (m, nu)
+        Of independent entries of the state at the segment's end.
+    """
+    library, ffi, system = motion
+    problem, m = segment.problem, len(weights)
+    c = problem.in_c(ffi, system)
+    shapes = [(m, system.nq), (m, system.nu), (m, system.np), (m, len(problem.inputs.values), system.ninputs)]
+    found = [np.zeros(s) for s in shapes]
+    g = ffi.new("ordernm_gradients *")
+    held = [np.ascontiguousarray(x, float) for x in (times, weights, integral_weights, end_q, end_u)]
+    pointers = [ffi.from_buffer("double[]", x) if x.size else ffi.NULL for x in (*held, *found)]
+    g.nfunctionals, g.ntimes = m, len(times)
+    g.times, g.weights, g.integral_weights, g.end_q, g.end_u, g.q, g.u, g.p, g.inputs = pointers
+    room = ffi.from_buffer("double[]", np.empty(library.ordernm_adjoint_room(c, g)))
+    adjoint = library.ordernm_adjoint_begin(c, g, room)
+    for part, sizes in zip(reversed(segment.steps), reversed(segment.sizes), strict=True):
+        rows = part if sizes is None else made_again(library, ffi, c, part, sizes)
+        reason = REASONS[library.ordernm_backwards(adjoint, ffi.from_buffer("double[]", rows), len(rows))]
+        if reason != "end":
+            raise RuntimeError(
+                f"the adjoint met a state that the motion had passed, and found it {reason} ({g.singular})"
+            )
+    library.ordernm_adjoint_end(adjoint)
+    q, u, p, inputs = found
+    return Adjoint(q, u, p, inputs, {"evaluations": g.evaluations, "transposes": g.transposes})
+
+
+def made_again(library: Any, ffi: Any, c: Any, first: Array, sizes: Array) -> Array:
+    """Rows of steps from the first, and from times and sizes of all."""
+    rows = np.empty((len(sizes), first.shape[1]))
+    rows[:, :2] = sizes
+    rows[0] = first[0]
+    room = ffi.from_buffer("double[]", np.empty(library.ordernm_room(c)))
+    motion = library.ordernm_begin(c, room)
+    reason = REASONS[library.ordernm_replay(motion, ffi.from_buffer("double[]", rows), len(rows))]
+    if reason != "end":
+        raise RuntimeError(f"steps that had been made could not be made again: {reason}")
+    return rows

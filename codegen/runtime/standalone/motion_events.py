@@ -1,0 +1,116 @@
+"""Events of a motion: outputs that cross a level, when they do, and how the time depends on what sensitivities are taken to."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .arguments import some
+from .arrays import Array
+
+DIRECTIONS = {"up": 1, "down": -1, "both": 0}
+
+GRAZING = 1e-8
+"""An output that crosses its level by less than this part of all outputs' rates touches it only: its time has no derivative."""
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """An output of the model that crosses a level.
+
+    Attributes
+    ----------
+    output : str
+    level : float
+        In the output's unit.
+    direction : {"both", "up", "down"}
+        Crossings that count.
+    stop : bool
+        The motion ends there; else the event is recorded, and the motion goes on.
+    """
+
+    output: str
+    level: float = 0.0
+    direction: str = "both"
+    stop: bool = True
+
+
+@dataclass(slots=True, eq=False)
+class Crossing:
+    """An event that happened.
+
+    Attributes
+    ----------
+    event : Event
+    t : float
+    q, u, outputs : array (nq,), (nu,), (noutputs,)
+        The state there, one of the integrator's own.
+    rates : array (noutputs,)
+        Time derivatives of the outputs there.
+    dt : array (k,)
+        Derivatives of the time; NaN where the output only touches its level.
+    dq, du, doutputs : array (k, nq), (k, nu), (k, noutputs)
+        Total derivatives of the state there: the time moves along.
+    """
+
+    event: Event
+    t: float
+    q: Array
+    u: Array
+    outputs: Array
+    rates: Array
+    dt: Array
+    dq: Array
+    du: Array
+    doutputs: Array
+
+    def __repr__(self) -> str:
+        return f"<{self.event.output} = {self.event.level:g} at t = {self.t:.9g} s>"
+
+
+def take_events(output_names: Sequence[str], given: Any) -> tuple[Event, ...]:
+    """Events as a caller gives them, checked.
+
+    Raises
+    ------
+    ValueError
+    """
+    given = (given,) if isinstance(given, (str, Event)) else tuple(given)
+    events = tuple(Event(e) if isinstance(e, str) else e for e in given)
+    for e in events:
+        if not isinstance(e, Event):
+            raise ValueError(f"events hold {e!r}, expected names of outputs, or Event(output, level, direction, stop)")
+        if e.output not in output_names:
+            raise ValueError(f"events: the model has no output {e.output!r}; it has {some(output_names)}")
+        if e.direction not in DIRECTIONS:
+            raise ValueError(f"events: direction is {e.direction!r}; allowed are {', '.join(map(repr, DIRECTIONS))}")
+        if not math.isfinite(e.level):
+            raise ValueError(f"events: the level of {e.output} is {e.level}, expected a finite number")
+    return events
+
+
+def crossing(
+    event: Event, index: int, t: float, values: Sequence[Array], derivatives: Sequence[Array], rates: Sequence[Array]
+) -> Crossing:
+    """An event with derivatives of its time and state (dt* = -dg/g', S* = S + f dt*).
+
+    Parameters
+    ----------
+    index : int
+        Of its output.
+    values, rates : q, u, outputs and their time derivatives there
+    derivatives : dq, du, doutputs at the fixed time, (k, ...)
+    """
+    q, u, outputs = values
+    dq, du, doutputs = derivatives
+    speed = rates[2][index]
+    largest = float(np.abs(rates[2]).max(initial=0.0))
+    with np.errstate(all="ignore"):
+        dt = np.where(abs(speed) > GRAZING * largest, -doutputs[:, index] / speed, np.nan)
+    moved = [d + dt[:, None] * r for d, r in zip((dq, du, doutputs), rates, strict=True)]
+    moved[2][:, index] = np.where(np.isnan(dt), np.nan, 0.0)
+    return Crossing(event, t, q, u, outputs, rates[2], dt, *moved)

@@ -1,0 +1,241 @@
+"""Running a motion: slices of time, Ctrl-C between them, room for results, other independent coordinates on the way."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from .arrays import Array
+from .c_target import CTarget
+from .errors import CompileError, NoCompilerError
+from .motion_library import motion_library, precise_closure
+from .motion_problem import REASONS, Problem, Run, Segment
+from .states import States
+from .targets import Opened
+from .warning import warn
+
+SLICE = 0.1
+"""Seconds that the integrator runs between two looks at Ctrl-C."""
+
+ROWS = 256
+"""Rows of results that there is room for at first, where nobody knows how many there will be."""
+
+POOR = 30.0
+"""Condition of loops from which on other independent coordinates are looked at."""
+
+BETTER = 4.0
+"""They are taken if their condition is less by this factor."""
+
+Progress = Callable[[float, float], None]
+
+
+class MotionRun(States):
+    """Runs motions."""
+
+    def _motion(self, opened: Opened) -> tuple[Any, Any, Any]:
+        """The library of integrators, its cffi object, and a partition as they know it."""
+        target = opened.target
+        if not isinstance(target, CTarget):
+            raise NotImplementedError(
+                "simulate runs compiled code, and this solver computes with NumPy: open it with target='c'"
+            )
+        library, ffi = motion_library(self.folder)
+        address = target.address(f"{opened.manifest['name']}_motion")
+        return library, ffi, ffi.new("ordernm_system *", ffi.cast("ordernm_system *", address)[0])
+
+    def _run(
+        self, problem: Problem, progress: Progress | None = None, keep_steps: bool = False, memory: int = 2**62
+    ) -> Run:
+        """Run a motion to its end; keep its steps in so many bytes, or what it takes to make them again."""
+        opened, began = self._opened, time.perf_counter()
+        several = "second" in self._manifest
+        run = Run(np.empty((0, 0)), "", {})
+        rows: list[Array] = []
+        left = replace(problem, poor=POOR if several else 0.0)
+        before: Array | None = None
+        while True:
+            segment, found, last = self._segment(opened, left, progress, keep_steps, memory)
+            self._carry_integrals(left, before, [found, *(row[None] for _, row in segment.events)], last)
+            rows.append(found[1:] if before is not None and not len(left.times) else found)
+            run.segments.append(segment)
+            if segment.reason != "poor":
+                break
+            opened, left, before = *self._go_on(opened, left, segment, last), last
+        run.rows = np.concatenate(rows) if len(rows) > 1 else rows[0]
+        run.reason, run.singular, run.component = segment.reason, segment.singular, segment.component
+        run.events = [event for s in run.segments for event in s.events]
+        counts = [s.counts for s in run.segments]
+        run.counts = {name: sum(c[name] for c in counts) for name in counts[0]} | {
+            "t": counts[-1]["t"], "condition": max(c["condition"] for c in counts),
+            "stiffness": max(c["stiffness"] for c in counts), "partitions_changed": len(counts) - 1,
+            "seconds": time.perf_counter() - began,
+        }  # fmt: skip
+        if not several:
+            del run.counts["partitions_changed"]
+        return run
+
+    # -- other independent coordinates ---------------------------------------------------------------------------------
+
+    def _go_on(self, opened: Opened, problem: Problem, segment: Segment, last: Array) -> tuple[Opened, Problem]:
+        """The partition with which a motion goes on, and what is left of it."""
+        k = len(problem.dp)
+        q, u = (self._of_rows(last, i).copy() for i in (1, 2))
+        dq, du = (self._derivatives_of_rows(last, problem, k, i).copy() for i in (1, 2))
+        here, other = segment.condition, 1 - opened.number
+        there = float(self.condition(q, problem.p)[other])  # type: ignore[attr-defined]
+        t = segment.counts["t"]
+        poor = problem.poor
+        if there * BETTER < here:
+            opened, poor = self._open(other), POOR
+        else:
+            poor = 3.0 * here  # no use in asking before it is much worse
+        left = replace(
+            problem, start=t, q=q, u=u, dq=dq, du=du, times=problem.times[problem.times > t], poor=poor, kept=[],
+            step=problem.step if problem.fixed or problem.method == "rk4" else segment.next_step,
+            most_steps=max(problem.most_steps - segment.counts["steps"] - segment.counts["rejected"], 1),
+        )  # fmt: skip
+        return opened, left
+
+    def _carry_integrals(self, problem: Problem, before: Array | None, rows: list[Array], last: Array) -> None:
+        """Integrals, which every segment begins at zero, go on from those of the segment before."""
+        if before is None or not problem.integrals:
+            return
+        k = len(problem.dp)
+        for part in (*rows, last):
+            self._of_rows(part, 4, problem)[...] += self._of_rows(before, 4, problem)
+            self._derivatives_of_rows(part, problem, k, 4)[...] += self._derivatives_of_rows(before, problem, k, 4)
+
+    # -- rows of results -----------------------------------------------------------------------------------------------
+
+    def _sizes(self, problem: Problem | None = None) -> list[int]:
+        """Of what a row of results has: t, q, u, outputs, integrals."""
+        return [1, self.nq, self.nu, self.noutputs, len(problem.integrals) if problem else 0]
+
+    def _of_rows(self, rows: Array, part: int, problem: Problem | None = None) -> Array:
+        """The values of a part, (..., n), of rows (..., row)."""
+        sizes = self._sizes(problem)
+        return rows[..., sum(sizes[:part]) : sum(sizes[: part + 1])]
+
+    def _derivatives_of_rows(self, rows: Array, problem: Problem, k: int, part: int) -> Array:
+        """Their derivatives, (..., k, n); a view."""
+        sizes = self._sizes(problem)
+        start = sum(sizes) + k * sum(sizes[1:part])
+        found = rows[..., start : start + k * sizes[part]]
+        return np.lib.stride_tricks.as_strided(
+            found,
+            (*rows.shape[:-1], k, sizes[part]),
+            (*rows.strides[:-1], sizes[part] * rows.strides[-1], rows.strides[-1]),
+        )
+
+    # -- one partition -------------------------------------------------------------------------------------------------
+
+    def _segment(
+        self, opened: Opened, problem: Problem, progress: Progress | None, keep_steps: bool, memory: int
+    ) -> tuple[Segment, Array, Array]:
+        """Run a motion with a partition: what came of it, rows of results, and one of the state at its end."""
+        library, ffi, system = self._motion(opened)
+        c = problem.in_c(ffi, system)
+        room = ffi.from_buffer("double[]", np.empty(library.ordernm_room(c)))
+        motion = library.ordernm_begin(c, room)
+        size, step_size = library.ordernm_row_size(c), library.ordernm_step_size(c)
+        r = ffi.new("ordernm_results *")
+        full: list[Array] = []
+        steps: list[Array] = []
+        sizes: list[Array | None] = []
+        events: list[tuple[int, Array]] = []
+        most = max(memory // (4 * 8 * step_size), 1)  # rows of a part: two are whole at a time, others are let go
+        places = np.empty((ROWS if problem.events else 0, size))
+        which = ffi.new("int[]", max(len(places), 1))
+
+        def more_rows() -> Array:
+            rows = np.empty((len(problem.times) or ROWS * 2 ** min(len(full), 8), size))
+            r.rows, r.capacity, r.count = ffi.from_buffer("double[]", rows), len(rows), 0
+            return rows
+
+        def more_steps() -> Array:
+            rows = np.empty((min(ROWS * 2 ** min(len(steps), 8), most), step_size))
+            r.steps, r.steps_capacity, r.steps_count = ffi.from_buffer("double[]", rows), len(rows), 0
+            return rows
+
+        def more_events() -> None:
+            events.extend((which[i], places[i].copy()) for i in range(r.events_count))
+            r.events_count = 0
+
+        if problem.events:
+            r.events, r.which, r.events_capacity = ffi.from_buffer("double[]", places), which, len(places)
+        rows = more_rows()
+        kept = more_steps() if keep_steps else None
+        while True:
+            try:
+                reason = REASONS[library.ordernm_go(motion, r, SLICE)]
+                if progress is not None:
+                    progress(r.t, problem.end)
+            except KeyboardInterrupt:
+                reason = "interrupted"
+            if reason == "imprecise":
+                address = _precise(opened)
+                r.as_is = not address
+                system.precise_closing_step = ffi.cast("ordernm_function *", address)
+            elif reason == "full":
+                if r.count == r.capacity:
+                    full.append(rows)
+                    rows = more_rows()
+                if kept is not None and r.steps_count == r.steps_capacity:
+                    steps.append(kept)
+                    sizes.append(None)
+                    if 8 * sum(x.size for x in steps) > memory // 2:
+                        let_go(steps, sizes)
+                    kept = more_steps()
+                if problem.events and r.events_count == r.events_capacity:
+                    more_events()
+            elif reason != "paused":
+                break
+        more_events()
+        if kept is not None:
+            steps.append(kept[: r.steps_count])
+            sizes.append(None)
+        last = np.zeros(size)
+        if reason == "poor":
+            library.ordernm_row(motion, r, ffi.from_buffer("double[]", last))
+        counts = {
+            "t": r.t, "steps": r.accepted, "rejected": r.rejected, "evaluations": r.evaluations,
+            "closing_steps": r.closing_steps, "condition": r.condition, "jacobians": r.jacobians,
+            "factorizations": r.factorizations, "stiffness": r.stiffness,
+        }  # fmt: skip
+        found = np.concatenate([*full, rows[: r.count]]) if full else rows[: r.count]
+        segment = Segment(
+            opened,
+            problem,
+            reason,
+            counts,
+            r.singular,
+            r.component,
+            steps,
+            sizes,
+            events,
+            r.condition_here,
+            r.next_step,
+        )
+        return segment, found, last
+
+
+def _precise(opened: Opened) -> int:
+    """The address of what closes loops in long double, compiled when first asked for; 0 where that fails."""
+    name = opened.manifest["name"]
+    try:
+        return precise_closure(opened.folder, name)
+    except (CompileError, NoCompilerError) as error:
+        warn(f"{name}: loops are closed with less accuracy near a pose where they lose rank: {error}")
+        return 0
+
+
+def let_go(steps: list[Array], sizes: list[Array | None]) -> None:
+    """Keep of the first part that is whole what it takes to make its steps again."""
+    for i, part in enumerate(steps):
+        if sizes[i] is None and len(part) > 1:
+            steps[i], sizes[i] = part[:1].copy(), part[:, :2].copy()
+            return

@@ -1,0 +1,29 @@
+"""A file that is there as a whole or not at all, whatever happens while it is written."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import secrets
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+
+def write_whole(path: Path, write: Callable[[Any], object]) -> None:
+    """Let `write` fill a binary file beside its place, then put it there.
+
+    A link to a file stays one. What fails leaves what was there before.
+    """
+    path = path.resolve()
+    beside = path.with_name(f".{path.name[:100]}-{secrets.token_hex(4)}.part")
+    try:
+        with open(beside, "xb") as file:
+            write(file)
+        os.replace(beside, path)
+    except BaseException as error:
+        with contextlib.suppress(OSError):
+            beside.unlink()
+        if isinstance(error, OSError) and error.filename == str(beside):  # which nobody has heard of
+            error.filename, error.filename2 = str(path), None
+        raise

@@ -1,0 +1,391 @@
+"""``ordernm simulate``: from a model file, or a generated package, to a motion, its table, its file and its picture.
+
+What is written is checked before the work begins: a name that cannot be written to, or an extra that is not installed, is told
+before a long simulation, not after it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import dataclasses
+import hashlib
+import math
+import os
+import shutil
+import tempfile
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .terminal import StatusLine
+
+if TYPE_CHECKING:
+    from .model import Model
+    from .runtime import Solver, Trajectory
+
+SAMPLES = 201
+"""Times in a trajectory, if nobody says how many."""
+
+METHODS = ("dop853", "rk4", "radau")
+
+KEPT = 20
+"""So many generated packages are kept for models that are simulated again."""
+
+ROWS, COLUMNS = 24, 6
+"""Of the table of final values: so many outputs, and derivatives of each."""
+
+
+class RequestError(ValueError):
+    """What was asked for on the command line cannot be done."""
+
+
+class MotionError(ArithmeticError):
+    """The motion cannot be computed: a loop does not close, a joint is singular, steps become too small."""
+
+
+@dataclasses.dataclass
+class Run:
+    """What a simulation gave.
+
+    Attributes
+    ----------
+    trajectory : Trajectory
+    end : float
+        The time that it was to reach, s.
+    written : list of Path
+    failed : OSError, ValueError or None
+        What could not be written, though the simulation went well.
+    """
+
+    trajectory: Trajectory
+    end: float
+    written: list[Path] = dataclasses.field(default_factory=list)
+    failed: OSError | ValueError | None = None
+
+    @property
+    def reached(self) -> float:
+        """The last time that there is, s."""
+        return float(self.trajectory.t[-1]) if len(self.trajectory) else 0.0
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """What ``ordernm simulate`` takes."""
+    parser.add_argument("model", help="model file (YAML), or generated package")
+    parser.add_argument("-t", "--time", type=float, metavar="SECONDS", help="how long, from time 0 on")
+    sampled = parser.add_mutually_exclusive_group()
+    sampled.add_argument(
+        "--samples",
+        type=int,
+        metavar="N",
+        help=f"so many times from 0 to the end, equally far apart (default: {SAMPLES})",
+    )
+    sampled.add_argument("--at", metavar="T,...", help="these times, such as 0,0.1,0.5; 0 is added if it is not there")
+    parser.add_argument(
+        "--sensitivities", metavar="NAME,...", default="", help="parameters that the motion is differentiated by"
+    )
+    parser.add_argument(
+        "-p",
+        "--parameter",
+        metavar="NAME=VALUE",
+        action="append",
+        default=[],
+        help="a design parameter, if not as in the model",
+    )
+    parser.add_argument(
+        "--inputs", metavar="NAME=VALUE", action="append", default=[], help="a constant input; those not given are 0"
+    )
+    parser.add_argument("--method", choices=METHODS, default=METHODS[0], help="the integrator (default: %(default)s)")
+    parser.add_argument("--rtol", type=float, default=1e-9, help="relative tolerance (default: %(default)s)")
+    parser.add_argument("--atol", type=float, default=1e-9, help="absolute tolerance (default: %(default)s)")
+    parser.add_argument("-o", "--output", metavar="FILE", help="write the trajectory: .npz, .parquet")
+    parser.add_argument("--plot", metavar="FILE", help="draw outputs and their derivatives: .svg, .png, .pdf")
+
+
+def simulate(options: argparse.Namespace, status: StatusLine, remarks: list[str]) -> Run:
+    """Do what the command line asks for, but for printing.
+
+    Parameters
+    ----------
+    remarks : list of str
+        Takes what was warned of, also where an error ends the work.
+
+    Raises
+    ------
+    RequestError, ImportError
+        Before the work, for what cannot be; the former also for arguments that `Solver.simulate` refuses.
+    MotionError
+    ModelError, FolderError, SingularJointError, CompileError, NoCompilerError, PackageError, TargetsDifferError
+        Those of `codegen.generate` and `codegen.load`.
+    """
+    times = times_of(options)
+    p, inputs = (
+        numbers_by_name(word, getattr(options, at)) for word, at in (("-p", "parameter"), ("--inputs", "inputs"))
+    )
+    sensitivities = tuple(name.strip() for name in options.sensitivities.split(",") if name.strip())
+    tolerances = {name: _positive(f"--{name}", getattr(options, name)) for name in ("rtol", "atol")}
+    writers = _writers(options)
+    with _remarks(remarks), solver_of(options.model, status) as solver:
+        run = getattr(solver, "simulate", None)
+        if run is None:
+            raise RequestError(
+                f"{options.model} was generated without simulate; generate it again: generate MODEL.yaml -o {options.model}"
+            )
+        status("simulating", 0, 0)
+        with _motion_errors():
+            trajectory = run(
+                times, p=p or None, inputs=inputs or None, sensitivities=sensitivities, method=options.method, **tolerances,
+                on_failure="return",
+                progress=lambda t, end: status.share(f"simulating, t = {t:.4g} of {end:.4g} s", t / end if end else 1.0),
+            )  # fmt: skip
+        done = Run(trajectory, times[-1])
+        for path, write in writers if len(trajectory) else ():
+            status(f"writing {path}", 0, 0)
+            try:  # what fails here costs no other file, and not the table
+                write(trajectory)
+                done.written.append(path)
+            except (OSError, ValueError) as error:  # a model without coordinates cannot be drawn
+                done.failed = done.failed or error
+    return done
+
+
+@contextlib.contextmanager
+def _remarks(remarks: list[str]) -> Iterator[None]:
+    """What Python warns of meanwhile, each remark once."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("default")
+        try:
+            yield
+        finally:
+            remarks += dict.fromkeys(str(w.message) for w in caught)
+
+
+@contextlib.contextmanager
+def _motion_errors() -> Iterator[None]:
+    """What `Solver.simulate` raises, told apart: the request is wrong, or the motion cannot be computed."""
+    from numpy.linalg import LinAlgError
+
+    from .runtime import AssemblyError, CompileError, NoCompilerError
+
+    try:
+        yield
+    except (CompileError, NoCompilerError):
+        raise
+    except (LinAlgError, AssemblyError, ArithmeticError, RuntimeError) as error:  # the first two are ValueErrors
+        raise MotionError(str(error)) from None
+    except (ValueError, KeyError) as error:
+        raise RequestError(str(error)) from None
+
+
+# -- what is asked for ---------------------------------------------------------------------------------------------------
+
+
+def times_of(options: argparse.Namespace) -> list[float]:
+    """The times of the trajectory, from 0 on, s."""
+    end = None if options.time is None else _positive("-t", options.time)
+    if options.at is None:
+        if end is None:
+            raise RequestError("how long? give -t SECONDS, or times by --at")
+        n = SAMPLES if options.samples is None else options.samples
+        if n < 2:
+            raise RequestError(f"--samples is {n}; at least 2 are needed, for the beginning and the end")
+        return [end * i / (n - 1) for i in range(n)]
+    if options.samples is not None:
+        raise RequestError("--samples and --at both say which times; give one of them")
+    times: list[float] = []
+    for text in options.at.split(","):
+        try:
+            t = float(text)
+        except ValueError:
+            raise RequestError(f"--at: {text.strip()!r} is no number; expected is --at 0,0.1,0.5") from None
+        if not (math.isfinite(t) and t >= 0):
+            raise RequestError(f"--at: {text.strip()} is no time; times are from 0 on")
+        if times and t <= times[-1]:
+            raise RequestError(f"--at: {t:g} follows {times[-1]:g}; times must rise")
+        times.append(t)
+    if end is not None and times[-1] > end:
+        raise RequestError(f"--at: {times[-1]:g} is after the end, -t {end:g}")
+    times = times if times[0] == 0 else [0.0, *times]
+    if len(times) < 2:
+        raise RequestError("--at 0 is the initial state alone; give a later time")
+    return times
+
+
+def numbers_by_name(option: str, given: Sequence[str]) -> dict[str, float]:
+    """``NAME=VALUE``, several of them or with commas, as a mapping."""
+    found: dict[str, float] = {}
+    for part in (x for several in given for x in several.split(",")):
+        name, is_there, text = (x.strip() for x in part.partition("="))
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not (name and is_there and math.isfinite(value)):
+            raise RequestError(
+                f"{option} {part}: expected is NAME=VALUE with a finite number, such as {option} length=1.2"
+            )
+        if name in found:
+            raise RequestError(f"{option}: {name} is given twice, as {found[name]:g} and {value:g}")
+        found[name] = value
+    return found
+
+
+def _positive(option: str, value: float) -> float:
+    if not (math.isfinite(value) and value > 0):
+        raise RequestError(f"{option} is {value:g}; expected is a positive number")
+    return value
+
+
+def _writers(options: argparse.Namespace) -> list[tuple[Path, Callable[[Trajectory], object]]]:
+    """The files to write, each with what writes it; RequestError or ImportError for what cannot be written."""
+    from .runtime.standalone import trajectory_files, trajectory_plot
+
+    try:
+        if options.output is not None:
+            trajectory_files.need(trajectory_files.suffix_of(options.output))
+        if options.plot is not None:
+            trajectory_plot.suffix_of(options.plot)
+            trajectory_plot.need()
+    except ValueError as error:
+        raise RequestError(str(error)) from None
+    found: list[tuple[Path, Callable[[Trajectory], object]]] = []
+    if options.output is not None:
+        found.append((Path(options.output), lambda x: x.save(options.output)))
+    if options.plot is not None:
+        found.append((Path(options.plot), lambda x: x.plot(path=options.plot)))
+    for path, _ in found:
+        folder = path.resolve().parent
+        if path.is_dir():
+            raise RequestError(f"{path} is a folder; give the name of a file")
+        if not folder.is_dir():
+            raise RequestError(f"cannot write {path}: there is no folder {folder}")
+        if not os.access(folder, os.W_OK | os.X_OK):
+            raise RequestError(f"cannot write {path}: no permission to write in {folder}")
+    return found
+
+
+# -- the solver ----------------------------------------------------------------------------------------------------------
+
+
+@contextlib.contextmanager
+def solver_of(model: str, status: StatusLine) -> Iterator[Solver]:
+    """The solver of a generated package, or of a model file: generated into a cache, where it is found again.
+
+    A model that is no file (a pipe), and one for which there is no cache, is generated into a temporary folder.
+    """
+    from .runtime import load
+
+    if Path(model).is_dir():
+        status("loading", 0, 0)
+        yield load(model)
+        return
+    from .model import load_model
+
+    status("reading", 0, 0)
+    read = load_model(model)
+    for remark in read.warnings:
+        warnings.warn(str(remark), RuntimeWarning, stacklevel=1)
+    with contextlib.ExitStack() as stack:
+        folder = _cached(model, read.name) or Path(
+            stack.enter_context(tempfile.TemporaryDirectory(prefix="ordernm-", ignore_cleanup_errors=True)), read.name
+        )
+        _generate(read, folder, status)
+        status("loading", 0, 0)
+        yield load(folder)
+
+
+def _generate(model: Model, folder: Path, status: StatusLine) -> None:
+    """Generate and compile the solver, unless it is there."""
+    from .generation import generate
+    from .runtime import PackageError
+    from .runtime.standalone.manifest import check_files, read_manifest
+
+    with contextlib.suppress(PackageError):
+        check_files(folder, read_manifest(folder), ("",))
+        os.utime(folder)  # used just now, so it is kept
+        return
+    shutil.rmtree(folder, ignore_errors=True)  # one that is damaged would be refused
+    generate(model, folder, progress=status)
+    _forget_old(folder.parent)
+
+
+def _cached(file: str, name: str) -> Path | None:
+    """Where the package of a model file is kept; None if that cannot be known or written to."""
+    from .runtime.standalone.build import user_cache
+
+    if not Path(file).is_file():
+        return None
+    try:
+        key = hashlib.sha256(Path(file).read_bytes())
+        key.update(_generator())
+        place = user_cache() / "simulated"
+        place.mkdir(parents=True, exist_ok=True)
+    except (OSError, RuntimeError):  # a user without a home, or with one that cannot be written to
+        return None
+    return place / f"{name}-{key.hexdigest()[:16]}" if os.access(place, os.W_OK | os.X_OK) else None
+
+
+def _generator() -> bytes:
+    """A digest of the generator itself: a package of another one is another package, also between two versions."""
+    package = Path(__file__).parent
+    found = hashlib.sha256()
+    for folder, pattern in (
+        (package, "**/*.py"),
+        (package / "templates", "**/*.*"),
+        (package.parent / "templates", "**/*.*"),
+    ):
+        for file in sorted(folder.glob(pattern)):
+            found.update(file.read_bytes() if file.is_file() else b"")
+    return found.digest()
+
+
+def _forget_old(place: Path) -> None:
+    """Keep the packages that were used last."""
+    with contextlib.suppress(OSError):
+        found = sorted((p for p in place.iterdir() if not p.name.startswith(".")), key=lambda p: p.stat().st_mtime)
+        for old in found[:-KEPT]:
+            shutil.rmtree(old, ignore_errors=True)
+
+
+# -- what is printed -----------------------------------------------------------------------------------------------------
+
+
+def lines_of(run: Run, width: int | None) -> list[str]:
+    """The trajectory in a few lines, and the final values of outputs (of coordinates, if there are none) with derivatives."""
+    from .summary import table
+
+    x = run.trajectory
+    lines = x.lines()
+    if not len(x):
+        return lines
+    names = x.output_names or x.names
+    by = x.sensitivity_names[:COLUMNS]
+    units = [x.unit(name) for name in names]
+    has_units = any(units)
+    header = [f"at t = {run.reached:.6g} s", "value", *["unit"][:has_units], *(f"d / d {name}" for name in by)]
+    rows = [
+        [name, f"{x[name][-1]:.8g}", *[unit][:has_units], *(f"{x.derivative(name, d)[-1]:.8g}" for d in by)]
+        for name, unit in zip(names, units, strict=True)
+    ]
+    lines += table(header, rows[:ROWS], width)
+    if len(rows) > ROWS:
+        lines.append(f"  and {len(rows) - ROWS} more")
+    if len(x.sensitivity_names) > COLUMNS:
+        lines.append(f"  and derivatives by {len(x.sensitivity_names) - COLUMNS} more")
+    if run.written:
+        lines.append(f"  written: {', '.join(map(str, run.written))}")
+    return lines
+
+
+__all__ = [
+    "MotionError",
+    "RequestError",
+    "Run",
+    "add_arguments",
+    "lines_of",
+    "numbers_by_name",
+    "simulate",
+    "solver_of",
+    "times_of",
+]

@@ -1,0 +1,69 @@
+"""Units of coordinates, speeds and outputs: as many as names, and those of SI."""
+
+import pytest
+
+import codegen
+from codegen.model.joints import JOINTS
+from codegen.model.motions import Slide, Turn, units
+from codegen.model.outputs import MEASURES
+
+UNITS = {
+    "fixed": ("", ""),
+    "revolute": ("rad", "rad/s"),
+    "prismatic": ("m", "m/s"),
+    "screw": ("rad", "rad/s"),
+    "cylindrical": ("m rad", "m/s rad/s"),
+    "planar": ("m m rad", "m/s m/s rad/s"),
+    "universal": ("rad rad", "rad/s rad/s"),
+    "spherical": ("- - - -", "rad/s rad/s rad/s"),
+    "free": ("m m m - - - -", "rad/s rad/s rad/s m/s m/s m/s"),
+}
+"""Of the coordinates and speeds of joints of bodies; - for none."""
+
+OUTPUTS = {
+    "x: {position: b, axis: x}": "m",
+    "x: {velocity: b, axis: x}": "m/s",
+    "x: {acceleration: b, axis: x}": "m/s^2",
+    "x: {angular_velocity: b, axis: x}": "rad/s",
+    "x: {rotation: b, entry: qw}": "",
+    "x: {center_of_mass: system, axis: x}": "m",
+    "x: {momentum: linear, axis: x}": "kg m/s",
+    "x: {momentum: angular, axis: x}": "kg m^2/s",
+    "x: {distance: [b, far]}": "m",
+    "x: {relative_position: [b, far], axis: x}": "m",
+    "x: {relative_velocity: [b, far], axis: x}": "m/s",
+    "x: {value: u.b}": "",
+    "x: kinetic_energy": "J",
+    "x: potential_energy": "J",
+}
+
+
+@pytest.mark.parametrize("name", JOINTS)
+def test_units_of_joints(name):
+    kind = JOINTS[name]
+    if not kind.carries:
+        return
+    q, u = (tuple(x.replace("-", "") for x in text.split()) for text in UNITS[name])
+    assert (kind.coordinate_units, kind.speed_units) == (q, u)
+    assert (len(q), len(u)) == (len(kind.coordinates), len(kind.speeds))
+
+
+def test_what_turns_and_slides_is_an_angle():
+    turn, slide = Turn(axis=0, index=0), Slide(axis=0, index=0, factor=0)
+    assert units((turn, slide)) == units((slide, turn)) == (("rad",), ("rad/s",))
+    assert units((slide,)) == (("",), ("",))
+
+
+@pytest.mark.parametrize("text", OUTPUTS)
+def test_units_of_outputs(text):
+    model = codegen.parse_model(
+        "model: m\nbodies:\n  b: {parent: ground, joint: {type: prismatic, axis: x}, mass: 1}\n"
+        "  far: {parent: b, joint: {type: prismatic, axis: y, at: [1, 0, 0]}, mass: 1}\noutputs:\n  " + text + "\n"
+    )
+    assert model.output_units == (OUTPUTS[text],)
+    assert model.coordinate_units == ("m", "m") and model.speed_units == ("m/s", "m/s")
+
+
+def test_every_measure_is_looked_at():
+    named = {word for text in OUTPUTS for word in MEASURES if word in text}
+    assert named == set(MEASURES)

@@ -1,0 +1,450 @@
+"""``ordernm simulate``: arguments, table, files, pictures, Ctrl-C, exit codes; a stand-in of SciPy's does the steps."""
+
+import argparse
+import contextlib
+import io
+import itertools
+import os
+import re
+import signal
+import time
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import codegen
+from codegen import generation, simulating, terminal
+from codegen.cli import main
+from codegen.runtime import AssemblyError, SingularLoopError, Solver
+from codegen.runtime.standalone.trajectory import FINISHED, INTERRUPTED, Trajectory
+from codegen.terminal import StatusLine
+
+MODEL = """\
+model: swing
+gravity: [0, 0, -9.81]
+parameters:
+  length: {value: 1.0, unit: m}
+  damping: 0.05
+inputs: [torque]
+bodies:
+  rod:
+    parent: ground
+    joint: {type: revolute, axis: y}
+    shape: {type: cylinder, axis: z, length: length, radius: 0.02, density: 2700, center: [0, 0, -length/2]}
+forces:
+  hinge: {type: joint, joint: rod, value: torque - damping*u.rod}
+initial:
+  q: {rod: 0.5}
+outputs:
+  height: {position: {body: rod, at: [0, 0, -length]}, axis: z}
+  energy: kinetic_energy
+"""
+
+
+class StandIn:
+    """`Solver.simulate` with the signature of the real one, and what happens in it on the way."""
+
+    def __init__(self):
+        self.calls = []
+        self.at_half = None
+        """Called once half of the time is reached."""
+
+    def __call__(
+        self, solver, t, q=None, u=None, p=None, inputs=None, *, sensitivities=(), rtol=1e-9, atol=1e-9, method="dop853",
+        progress=None,
+    ):  # fmt: skip
+        self.calls.append({"t": t, "p": p, "inputs": inputs, "rtol": rtol, "atol": atol, "method": method})
+        q, u = solver.assemble(q, u, p)
+        for name in sensitivities:
+            if name not in solver.parameter_names:
+                raise ValueError(f"sensitivities: {name!r} is not known; expected is any of {solver.parameter_names}")
+        dp = np.array([[float(n == name) for n in solver.parameter_names] for name in sensitivities])
+        k, nq, nu = len(sensitivities), solver.nq, solver.nu
+        sizes = np.cumsum([nq, nu, k * nq])
+
+        def rates(time_, y):
+            q, u, dq, du = np.split(y, sizes)
+            if not k:
+                return np.concatenate([solver.coordinate_rates(q, u, p), solver.accelerations(q, u, p, inputs, time_)])
+            seeds = {"dq": dq.reshape(k, nq), "du": du.reshape(k, nu), "dp": dp}
+            qdot, dqdot = solver.coordinate_rate_sensitivities(q, u, p, **seeds)
+            udot, dudot = solver.sensitivities(q, u, p, inputs, time_, **seeds)
+            return np.concatenate([qdot, udot, dqdot.ravel(), dudot.ravel()])
+
+        rows, reason = [np.concatenate([q, u, np.zeros(k * (nq + nu))])], FINISHED
+        try:
+            for a, b in itertools.pairwise(t):
+                rows.append(solve_ivp(rates, (a, b), rows[-1], method="DOP853", rtol=rtol, atol=atol).y[:, -1])
+                if progress is not None:
+                    progress(b, t[-1])
+                if self.at_half is not None and b >= t[-1] / 2:
+                    self.at_half()
+        except KeyboardInterrupt:
+            reason = INTERRUPTED
+        except StopIteration as stop:
+            reason = str(stop)
+        y = np.array(rows)
+        nt = len(y)
+        q, u, dq, du = np.split(y, sizes, axis=1)
+        dq, du = (x.reshape(nt, k, n).transpose(1, 0, 2) for x, n in ((dq, nq), (du, nu)))
+        outputs, doutputs = solver.outputs(q, u, p, inputs), None
+        if k:
+            outputs, doutputs = solver.output_sensitivities(q, u, p, inputs, dq=dq, du=du, dp=dp[:, None])
+        return Trajectory(
+            solver.name, t[:nt], q, u, dq, du, outputs, doutputs, coordinate_names=solver.coordinate_names,
+            speed_names=solver.speed_names, output_names=solver.output_names, parameter_names=solver.parameter_names,
+            input_names=solver.input_names, sensitivity_names=sensitivities,
+            **{f"{kind}_units": solver._manifest[f"{kind}_units"] for kind in ("coordinate", "speed", "output", "parameter")},
+            stats={"method": method, "steps": nt - 1, "evaluations": 12 * nt, "seconds": 0.01, "reason": reason},
+        )  # fmt: skip
+
+
+@pytest.fixture
+def stand_in(monkeypatch):
+    found = StandIn()
+    monkeypatch.setattr(Solver, "simulate", lambda solver, *a, **k: found(solver, *a, **k), raising=False)
+    return found
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory):
+    """One cache for the module: the model is generated once."""
+    return tmp_path_factory.mktemp("cache")
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch, cache, stand_in):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(cache))
+    Path("swing.yaml").write_text(MODEL)
+    return tmp_path
+
+
+def run(*arguments: object) -> int:
+    return main(["simulate", *map(str, arguments)])
+
+
+def one_line(capsys) -> str:
+    out, err = capsys.readouterr()
+    assert not out and err.count("\n") == 1 and err.startswith("simulate: ") and "Traceback" not in err
+    return err
+
+
+# ---- what it does ----------------------------------------------------------------------------------------------------
+
+
+def test_a_motion_with_its_table_file_and_picture(here, capsys):
+    pytest.importorskip("matplotlib", reason="plots need matplotlib")
+    assert run("swing.yaml", "-t", 2, "--sensitivities", "length,damping", "-o", "run.npz", "--plot", "out.svg") == 0
+    out, err = capsys.readouterr()
+    assert not err
+    lines = out.splitlines()
+    assert lines[0] == "Trajectory of swing: 201 times from 0 to 2 s"
+    assert any("dop853: 200 steps" in line and "finished" in line for line in lines)
+    header = next(line for line in lines if "at t = 2 s" in line)
+    assert header.split() == "at t = 2 s value unit d / d length d / d damping".split()
+    found = codegen.load_trajectory("run.npz")
+    assert found.sensitivity_names == ("length", "damping") and found["height"][0] == pytest.approx(-np.cos(0.5))
+    height = next(line for line in lines if line.strip().startswith("height")).split()
+    expected = [found["height"][-1], *(found.derivative("height", by)[-1] for by in found.sensitivity_names)]
+    assert height[2] == "m"
+    np.testing.assert_allclose([float(x) for x in (height[1], *height[3:])], expected, rtol=1e-7)
+    assert Path("out.svg").read_bytes().startswith(b"<?xml") and lines[-1] == "  written: run.npz, out.svg"
+    assert sorted(os.listdir()) == ["out.svg", "run.npz", "swing.yaml"]  # nothing is generated here
+
+
+def test_units_are_shown_where_they_are_known():
+    run_ = simulating.Run(Trajectory("m", [0.0, 1.0], [[1.0], [2.0]], [[0.0], [0.0]], coordinate_names=["a"], speed_names=["a"],
+                                     coordinate_units=["rad"]), 1.0)  # fmt: skip
+    lines = simulating.lines_of(run_, None)
+    assert [line.split() for line in lines[-3:]] == ["at t = 1 s value unit".split(), ["q.a", "2", "rad"], ["u.a", "0"]]
+
+
+def test_large_tables_are_cut():
+    n, k = 40, 9
+    x = Trajectory("m", [0.0], np.zeros((1, n)), np.zeros((1, n)), np.zeros((k, 1, n)), np.zeros((k, 1, n)),
+                   coordinate_names=[f"a{i}" for i in range(n)], speed_names=[f"a{i}" for i in range(n)],
+                   sensitivity_names=[f"p{i}" for i in range(k)])  # fmt: skip
+    lines = simulating.lines_of(simulating.Run(x, 0.0), None)
+    assert "  and 56 more" in lines and "  and derivatives by 3 more" in lines and len(lines) < 40
+
+
+def test_what_is_asked_for_arrives(here, stand_in, capsys):
+    assert run("swing.yaml", "--at", "0.1,0.5", "-p", "length=1.5", "-p", "damping=0", "--inputs", "torque=-0.2",
+               "--rtol", "1e-6", "--atol", "1e-7", "--method", "radau") == 0  # fmt: skip
+    assert stand_in.calls == [
+        {"t": [0.0, 0.1, 0.5], "p": {"length": 1.5, "damping": 0.0}, "inputs": {"torque": -0.2}, "rtol": 1e-6, "atol": 1e-7,
+         "method": "radau"}
+    ]  # fmt: skip
+    assert run("swing.yaml", "-t", 1, "--samples", 5) == 0
+    assert stand_in.calls[1]["t"] == [0.0, 0.25, 0.5, 0.75, 1.0] and stand_in.calls[1]["p"] is None
+    assert run("swing.yaml", "-t", 1, "--at", "0,0.2", "-p", "length=2,damping=1") == 0
+    assert stand_in.calls[2]["t"] == [0.0, 0.2] and stand_in.calls[2]["p"] == {"length": 2.0, "damping": 1.0}
+
+
+def test_the_last_time_is_the_one_asked_for():
+    for end in (0.3, 1.1, 7.7, 10.0, 1e-3, 123.456):
+        options = argparse.Namespace(time=end, at=None, samples=None)
+        assert simulating.times_of(options)[-1] == end
+
+
+# ---- models and packages ---------------------------------------------------------------------------------------------
+
+
+def test_a_model_is_generated_once(here, monkeypatch, capsys):
+    assert run("swing.yaml", "-t", 0.1) == 0
+    monkeypatch.setattr(generation, "generate", lambda *a, **k: pytest.fail("it is there"))
+    assert run("swing.yaml", "-t", 0.1) == 0
+    monkeypatch.undo()
+
+
+def test_a_changed_model_is_another_one_and_a_damaged_package_is_replaced(here, monkeypatch, tmp_path, capsys):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "own"))
+    place = tmp_path / "own" / "ordernm" / "simulated"
+    assert run("swing.yaml", "-t", 0.1) == 0
+    (first,) = place.iterdir()
+    (first / "swing.c").write_text("nonsense")
+    assert run("swing.yaml", "-t", 0.1) == 0 and "nonsense" not in (first / "swing.c").read_text()
+    Path("swing.yaml").write_text(MODEL.replace("0.5", "0.6"))
+    monkeypatch.setattr(simulating, "KEPT", 1)
+    assert run("swing.yaml", "-t", 0.1) == 0
+    (second,) = place.iterdir()  # what was used least lately is forgotten
+    assert second != first
+
+
+def test_a_generated_package(here, capsys):
+    assert main(["generate", "swing.yaml", "-o", "package", "--no-check", "--target", "numpy"]) == 0
+    capsys.readouterr()
+    assert run("package", "-t", 0.2) == 0
+    assert "Trajectory of swing" in capsys.readouterr().out
+    Path("empty").mkdir()
+    assert run("empty", "-t", 1) == 2
+    assert "no generated solver" in one_line(capsys)
+
+
+def test_without_a_cache_a_temporary_folder_serves(here, monkeypatch, capsys, tmp_path):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.setattr("tempfile.tempdir", None)
+    assert run("swing.yaml", "-t", 0.1) == 0
+    assert sorted(os.listdir()) == ["file", "swing.yaml"]
+
+
+def test_a_package_without_simulate(here, monkeypatch, capsys):
+    monkeypatch.delattr(Solver, "simulate")
+    assert run("swing.yaml", "-t", 1) == 2
+    assert "generated without simulate" in one_line(capsys)
+
+
+def test_remarks_of_models_and_python_are_warnings(here, capsys, stand_in):
+    Path("swing.yaml").write_text(MODEL.replace("inputs:", "  unused: 2\ninputs:"))
+    stand_in.at_half = lambda: warnings.warn("a remark", RuntimeWarning, stacklevel=1)
+    assert run("swing.yaml", "-t", 0.1) == 0
+    out, err = capsys.readouterr()
+    assert "warning: parameters.unused" in err and err.count("warning: a remark") == 1 and "Trajectory" in out
+
+
+# ---- what is wrong ---------------------------------------------------------------------------------------------------
+
+WRONG = {
+    "": "how long? give -t SECONDS, or times by --at",
+    "-t 0": "-t is 0; expected is a positive number",
+    "-t -1": "-t is -1",
+    "-t nan": "-t is nan",
+    "-t inf": "-t is inf",
+    "-t 1 --samples 1": "--samples is 1; at least 2 are needed",
+    "--samples 5": "how long?",
+    "--at 0,x": "--at: 'x' is no number; expected is --at 0,0.1,0.5",
+    "--at 0,1,": "--at: '' is no number",
+    "--at 0,1,1": "--at: 1 follows 1; times must rise",
+    "--at 0": "--at 0 is the initial state alone",
+    "--at nan": "--at: nan is no time",
+    "-t 1 --at 0,2": "--at: 2 is after the end, -t 1",
+    "-t 1 --rtol 0": "--rtol is 0; expected is a positive number",
+    "-t 1 --atol nan": "--atol is nan",
+    "-t 1 -p length": "-p length: expected is NAME=VALUE with a finite number",
+    "-t 1 -p length=": "-p length=: expected is NAME=VALUE",
+    "-t 1 -p length=long": "-p length=long: expected is NAME=VALUE",
+    "-t 1 -p =2": "-p =2: expected is NAME=VALUE",
+    "-t 1 -p length=inf": "-p length=inf: expected is NAME=VALUE with a finite number",
+    "-t 1 --inputs torque": "--inputs torque: expected is NAME=VALUE",
+    "-t 1 -p length=1 -p length=2": "length is given twice, as 1 and 2",
+    "-t 1 -p lenght=1": "did you mean 'length'",
+    "-t 1 --inputs torqe=1": "did you mean 'torque'",
+    "-t 1 --sensitivities lenght": "'lenght' is not known",
+    "-t 1 -o run.csv": "run.csv ends in .csv; trajectories are kept in files .npz or .parquet",
+    "-t 1 -o run": "run has no suffix",
+    "-t 1 --plot out.jpg": "out.jpg ends in .jpg; pictures are written as .svg, .png, .pdf",
+    "-t 1 -o no/run.npz": "cannot write no/run.npz: there is no folder",
+    "-t 1 -o folder.npz": "folder.npz is a folder",
+}
+
+
+@pytest.mark.parametrize("arguments", WRONG)
+def test_wrong_requests_are_one_line_and_exit_code_2(here, capsys, arguments):
+    Path("folder.npz").mkdir()
+    before = sorted(os.listdir())
+    assert run("swing.yaml", *arguments.split()) == 2
+    assert WRONG[arguments] in one_line(capsys)
+    assert sorted(os.listdir()) == before
+
+
+@pytest.mark.parametrize(
+    "arguments", ["", "swing.yaml -t x", "swing.yaml -t 1 --method euler", "swing.yaml -t 1 --at 1 --samples 3"]
+)
+def test_wrong_usage(here, capsys, arguments):
+    with pytest.raises(SystemExit) as end:
+        run(*arguments.split())
+    assert end.value.code == 2 and "usage: ordernm simulate" in capsys.readouterr().err
+
+
+def test_files_are_looked_at_before_the_work(here, capsys, monkeypatch):
+    monkeypatch.setattr("codegen.model.load_model", lambda *a: pytest.fail("the work has begun"))
+    for arguments in ("-o run.csv", "--plot out.jpg", "-o no/run.npz"):
+        assert run("swing.yaml", "-t", 1, *arguments.split()) == 2
+        one_line(capsys)
+
+
+def test_an_extra_that_is_missing_is_told_before_the_work(here, capsys, monkeypatch):
+    def missing():
+        raise ImportError('plots need matplotlib: pip install "ordernm[plot]", or pip install matplotlib')
+
+    monkeypatch.setattr("codegen.runtime.standalone.trajectory_plot.need", missing)
+    assert run("swing.yaml", "-t", 1, "--plot", "out.svg") == 2
+    assert "pip install" in one_line(capsys)
+
+
+def test_a_wrong_model_is_exit_code_1(here, capsys):
+    Path("wrong.yaml").write_text(MODEL.replace("revolute", "revolving"))
+    for name in ("wrong.yaml", "nowhere.yaml"):
+        assert run(name, "-t", 1) == 1
+        out, err = capsys.readouterr()
+        assert not out and err.startswith(name) and err.count("\n") == 1
+
+
+def test_a_failing_compiler_is_exit_code_3(here, capsys, monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "own"))
+    monkeypatch.setenv("ORDERNM_CFLAGS", "-fno-such-flag")
+    assert run("swing.yaml", "-t", 1) == 3
+    out, err = capsys.readouterr()
+    assert not out and "no-such-flag" in err and "Traceback" not in err
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        SingularLoopError("pin"),
+        AssemblyError("pin", 0.1),
+        RuntimeError("steps are too small at t = 0.3"),
+        OverflowError("x"),
+    ],
+)
+def test_a_motion_that_cannot_be_computed_is_exit_code_4(here, capsys, stand_in, error):
+    def fail():
+        raise error
+
+    stand_in.at_half = fail
+    assert run("swing.yaml", "-t", 1) == 4
+    assert str(error) in one_line(capsys)
+
+
+def test_a_motion_that_ends_early_is_exit_code_4_and_kept(here, capsys, stand_in):
+    def stop():
+        raise StopIteration("the steps become too small")
+
+    stand_in.at_half = stop
+    assert run("swing.yaml", "-t", 1, "--samples", 11, "-o", "run.npz") == 4
+    out, err = capsys.readouterr()
+    assert err == "simulate: ended at t = 0.5 of 1 s: the steps become too small; until then: run.npz\n"
+    assert "6 times from 0 to 0.5 s" in out and len(codegen.load_trajectory("run.npz")) == 6
+
+
+def test_a_file_that_cannot_be_written_costs_neither_the_table_nor_the_picture(here, capsys, monkeypatch):
+    pytest.importorskip("matplotlib", reason="plots need matplotlib")
+
+    def full(*arguments):
+        raise OSError(28, "No space left on device", "run.npz")
+
+    monkeypatch.setattr(Trajectory, "save", full)
+    assert run("swing.yaml", "-t", 0.1, "-o", "run.npz", "--plot", "out.png") == 2
+    out, err = capsys.readouterr()
+    assert err == "simulate: run.npz: No space left on device\n" and "height" in out and Path("out.png").is_file()
+
+
+def test_a_picture_that_cannot_be_drawn_costs_no_table(here, capsys, monkeypatch):
+    def refuse(*arguments, **more):
+        raise ValueError("there is nothing to plot")
+
+    monkeypatch.setattr(Trajectory, "plot", refuse)
+    assert run("swing.yaml", "-t", 0.1, "--plot", "out.svg", "-o", "run.npz") == 2
+    out, err = capsys.readouterr()
+    assert err == "simulate: there is nothing to plot\n" and "height" in out and Path("run.npz").is_file()
+
+
+# ---- Ctrl-C ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("number", "words", "code"),
+    [(signal.SIGINT, "interrupted", 130), (signal.SIGTERM, "ended by SIGTERM", 143)],
+)
+def test_ctrl_c_leaves_what_was_computed(here, capsys, stand_in, number, words, code):
+    pytest.importorskip("matplotlib", reason="plots need matplotlib")
+
+    def interrupt():
+        signal.raise_signal(number)
+        time.sleep(1)
+
+    stand_in.at_half = interrupt
+    assert run("swing.yaml", "-t", 1, "--samples", 11, "-o", "run.npz", "--plot", "out.svg") == code
+    out, err = capsys.readouterr()
+    assert err == f"simulate: {words} at t = 0.5 of 1 s; until then: run.npz, out.svg\n"
+    assert "ended: interrupted" in out and "at t = 0.5 s" in out
+    found = codegen.load_trajectory("run.npz")
+    assert found.ended == INTERRUPTED and found.t[-1] == 0.5 and len(found) == 6 and Path("out.svg").is_file()
+
+
+def test_ctrl_c_before_the_motion_leaves_nothing(here, capsys, monkeypatch):
+    def interrupt(*arguments):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("codegen.model.load_model", interrupt)
+    assert run("swing.yaml", "-t", 1, "-o", "run.npz") == 130
+    assert one_line(capsys) == "simulate: interrupted while reading\n" and sorted(os.listdir()) == ["swing.yaml"]
+
+
+# ---- progress --------------------------------------------------------------------------------------------------------
+
+
+def test_progress_is_a_bar_on_terminals(here, monkeypatch):
+    class Terminal(io.StringIO):
+        def isatty(self):
+            return True
+
+    for name in ("CI", "NO_COLOR"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setattr(terminal, "PATIENCE", 0.0)
+    stream = Terminal()
+    with StatusLine(stream) as status:
+        end = time.monotonic() + 10
+        status.share("simulating, t = 5 of 10 s", 0.5)
+        while "simulating" not in stream.getvalue() and time.monotonic() < end:
+            time.sleep(0.05)
+        assert status.where == "simulating, t = 5 of 10 s"
+    assert re.search(r"simulating, t = 5 of 10 s \[#{12}-{12}\] 50% \(\d+ s\)", stream.getvalue())
+    status("writing", 0, 0)
+    assert "%" not in str(status._line())
+    with contextlib.suppress(ValueError):
+        stream.close()
+
+
+def test_progress_is_told_to_the_status_line(here, monkeypatch, capsys):
+    seen = []
+    monkeypatch.setattr(StatusLine, "share", lambda self, stage, share: seen.append((stage, share)))
+    assert run("swing.yaml", "-t", 1, "--samples", 3) == 0
+    assert seen == [("simulating, t = 0.5 of 1 s", 0.5), ("simulating, t = 1 of 1 s", 1.0)]
