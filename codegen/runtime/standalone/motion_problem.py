@@ -60,12 +60,12 @@ class Problem:
     atol_directions: Array | None = None
     method: str = "dop853"
     step: float = 0.0
-    fixed: bool = False
     largest_step: float = 0.0
     most_steps: int = 0
     poor: float = 0.0
     integrals: tuple[int, ...] = ()
     events: tuple[tuple[int, float, int, bool], ...] = ()
+    fixed: bool = False
     kept: list[Any] = field(default_factory=list)
 
     def in_c(self, ffi: Any, system: Any) -> Any:
