@@ -2,6 +2,7 @@
 
 import shutil
 import subprocess
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from cffi import FFI
 
 import codegen
 from codegen.runtime.standalone.compiler import find_compiler
+from codegen.runtime.standalone.motion_events import Event
 from codegen.runtime.standalone.motion_library import declarations
 from codegen.runtime.standalone.motion_problem import Inputs, Problem
 
@@ -354,6 +356,39 @@ def test_the_flyball_governor(solver):
     _, y, _ = motion(s, 1.0, 1e-9, method="dop853")
     assert error(motion(s, 1.0, 1e-9)[1], y) < 1e-5
     assert motion(s, 1.0, 1e-6, method="dop853")[0].counts["stiffness"] > 6.1  # stability keeps its steps small
+
+
+# ---- by name ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["slider_crank", SPRINGS.format(stiffness=1e5, damping=1.5e4)])
+def test_events_within_implicit_steps(solver, name):
+    s = solver(name)
+    event = Event("speed", 0.0, stop=False) if name == "slider_crank" else Event("angle", 0.2, stop=False)
+    of = [n for n in s.parameter_names if n not in ("k", "c")]
+    atol = np.full(len(of), 1e-11)
+    made = [
+        s.simulate(
+            0.9, events=[event], sensitivities=of, method="radau", rtol=1e-11, atol=1e-12, atol_sensitivities=atol
+        )
+    ]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        made.append(s.simulate(0.9, events=[event], sensitivities=of, rtol=1e-12, atol=1e-12, atol_sensitivities=atol))
+    assert len(made[0].events) == len(made[1].events) > 0
+    for x, y in zip(made[0].events, made[1].events, strict=True):
+        np.testing.assert_allclose(x.t, y.t, rtol=1e-8)
+        np.testing.assert_allclose(x.dt, y.dt, rtol=1e-5, atol=1e-6 * np.abs(y.dt).max())
+        np.testing.assert_allclose(x.q, y.q, rtol=1e-7, atol=1e-8)
+
+
+def test_who_takes_an_explicit_method_for_a_stiff_model_is_told(solver):
+    s = solver(FLYBALL)
+    with pytest.warns(RuntimeWarning, match=r"stability, not accuracy, kept the steps .* method='radau'"):
+        s.simulate(0.5, rtol=1e-6, atol=1e-6)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        s.simulate(0.5, rtol=1e-6, atol=1e-6, method="radau", sensitivities=["k", "l0"])
 
 
 # ---- backwards -------------------------------------------------------------------------------------------------------
