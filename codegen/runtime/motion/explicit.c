@@ -101,7 +101,7 @@ static void dop853_interpolate(ordernm_motion *m, double h, double theta, double
 }
 
 const method ordernm_dop853 = {12, 16, 8, dop853_step, dop853_complete, dop853_interpolate, dop853_rows, dop853_times,
-    dop853_weights};
+    dop853_weights, 0};
 
 /* ---- The classical method of order 4. ---- */
 
@@ -139,4 +139,4 @@ static void rk4_interpolate(ordernm_motion *m, double h, double theta, double *z
     ordernm_combine(m->size, z, m->z, h, 5, every, w, m->rate);
 }
 
-const method ordernm_rk4 = {4, 5, 5, rk4_step, rk4_complete, rk4_interpolate, rk4_rows, rk4_times, rk4_weights};
+const method ordernm_rk4 = {4, 5, 5, rk4_step, rk4_complete, rk4_interpolate, rk4_rows, rk4_times, rk4_weights, 0};

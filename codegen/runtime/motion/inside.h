@@ -66,6 +66,7 @@ typedef struct {
     const row *rows;          /* what stages are; that of number `stages` is the step's end */
     const double *times;      /* of stages, in steps */
     void (*weights)(double theta, double *factor); /* of all rates, at t + theta h */
+    int gives_rate;           /* a step leaves the rate at its end in rate[stages] */
 } method;
 
 struct ordernm_motion {
@@ -92,13 +93,17 @@ struct ordernm_motion {
     double t, h;
     long segment;             /* of the inputs' spline in this step */
     long sampled;             /* of the times that results are wanted at */
-    int begun, ended, rejected_before, complete;
+    int begun, adaptive, rejected_before, complete;
     double *crossing, *after, *within; /* [nevents] at the step's beginning, at its end, in between */
     ordernm_results *results;
-    long far_steps;           /* in which an explicit method was at its limit of stability */
+    int far_steps, near_steps; /* in a row, in which an explicit method was at its limit of stability, and was not */
+    double advice;            /* how many times as large the next step should be, 0: as its error says */
+    struct radau *radau;      /* what that method has of its own, else 0 */
 };
 
 /* state.c */
+enum { RATES = 1, INTEGRALS = 2, KNOWN_CLOSED = 4 }; /* of the state; of integrals; loops are known to be closed */
+int ordernm_rates_of(ordernm_motion *m, double t, const double *z, double *rate, int ngroups, const group *groups, int what);
 int ordernm_rates(ordernm_motion *m, double t, const double *z, double *rate);
 ordernm_call ordernm_arguments(ordernm_motion *m, double t, const double *z);
 int ordernm_close_loops(ordernm_motion *m, ordernm_call *c);
@@ -114,6 +119,13 @@ int ordernm_all_finite(const double *x, long n);
 extern const method ordernm_rk4, ordernm_dop853;
 void ordernm_combine(long n, double *out, const double *z, double h, int count, const int *which, const double *factor,
     double *const *rate);
+
+/* radau.c */
+extern const method ordernm_radau;
+size_t ordernm_radau_layout(ordernm_motion *m, void *at, int formed);
+int ordernm_radau_stages(ordernm_motion *m, double h, double *const **stage);
+int ordernm_radau_form(ordernm_motion *m, double h);
+void ordernm_radau_transposed(const ordernm_motion *m, double h, double *const *mu, int width);
 
 /* control.c */
 double ordernm_error_norm(const ordernm_motion *m, const double *next, const double *error, const double *second);

@@ -93,6 +93,7 @@ typedef struct {
     long ntimes;
     const double *times;      /* where results are wanted, rising, from start to end; ntimes 0: at every step */
     double step;              /* of ORDERNM_RK4; of others the first one, 0 to leave it to them */
+    int fixed;                /* other methods too make steps of this size only, whatever their errors */
     double largest_step;      /* 0 for any */
     long most_steps;          /* 0 for any */
     double poor;              /* condition of loops above which the motion stops with ORDERNM_POOR, between steps; 0 for any */
@@ -131,7 +132,7 @@ typedef struct {
     double condition;         /* the largest met, of the dependent coordinates by conditions */
     double condition_here;    /* at the last step's end */
     double next_step;         /* that would be tried there, s */
-    double stiffness;         /* largest step times largest eigenvalue seen lately; above 4 an explicit method is at its limit */
+    double stiffness;         /* step times largest eigenvalue where it kept an explicit method's steps small; else 0 */
 } ordernm_results;
 
 typedef struct ordernm_motion ordernm_motion;

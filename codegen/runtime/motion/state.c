@@ -207,33 +207,35 @@ int ordernm_close_loops(ordernm_motion *m, ordernm_call *c)
 
 /* ---- Rates. ---- */
 
-/* Time derivatives of z. Returns 0, what a function returned, or -1 if loops do not close. */
-int ordernm_rates(ordernm_motion *m, double t, const double *z, double *rate)
+/* Time derivatives of z and of its derivatives along some groups; all coordinates, loops closed, are in m->q then. Loops that are
+ * known to be closed are as predictions say. Returns 0, what a function returned, or -1 if loops do not close. */
+int ordernm_rates_of(ordernm_motion *m, double t, const double *z, double *rate, int ngroups, const group *groups, int what)
 {
     const ordernm_system *s = m->system;
     const ordernm_problem *p = m->problem;
     ordernm_call c = ordernm_arguments(m, t, z);
-    int status = ordernm_close_loops(m, &c);
+    int status = what & KNOWN_CLOSED && !s->split ? 0 : ordernm_close_loops(m, &c);
     if (status) return status;
-    ++m->results->evaluations;
+    const int rates = what & RATES, integrals = what & INTEGRALS && m->nx;
+    if (rates) ++m->results->evaluations;
     c.qdot = m->identity ? rate : m->qdot;
     c.udot = m->identity ? rate + s->nq : m->udot;
-    if (!m->ngroups && (status = s->state_rates(&c))) return status;
-    for (int n = 0; n < m->ngroups; ++n) {
-        const group *g = m->groups + n;
+    if (rates && !ngroups && (status = s->state_rates(&c))) return status;
+    for (int n = 0; n < ngroups; ++n) {
+        const group *g = groups + n;
         double *S = rate + g->at;
         const int width = g->width;
         seeds(m, t, z, g, &c);
         c.dqdot = m->identity ? S : m->dqdot;
         c.dudot = m->identity ? S + s->nq*width : m->dudot;
-        if ((status = s->state_rate_sensitivities[g->index](&c))) return status;
-        if (!m->identity) {
+        if (rates && (status = s->state_rate_sensitivities[g->index](&c))) return status;
+        if (rates && !m->identity) {
             for (int i = 0; i < s->nfree_q; ++i)
                 memcpy(S + i*width, m->dqdot + s->free_q[i]*width, width*sizeof(double));
             for (int i = 0; i < s->nfree_u; ++i)
                 memcpy(S + (s->nfree_q + i)*width, m->dudot + s->free_u[i]*width, width*sizeof(double));
         }
-        if (m->nx) {
+        if (integrals) {
             c.outputs = m->outputs;
             c.doutputs = m->doutputs;
             if ((status = s->output_sensitivities[g->index](&c))) return status;
@@ -241,20 +243,25 @@ int ordernm_rates(ordernm_motion *m, double t, const double *z, double *rate)
                 memcpy(S + (m->ny + i)*width, m->doutputs + p->integrals[i]*width, width*sizeof(double));
         }
     }
-    if (m->nx) {
-        if (!m->ngroups) {
+    if (integrals) {
+        if (!ngroups) {
             c.outputs = m->outputs;
             if ((status = s->outputs(&c))) return status;
         }
         for (int i = 0; i < m->nx; ++i) rate[m->ny + i] = m->outputs[p->integrals[i]];
     }
-    if (!m->identity) {
+    if (rates && !m->identity) {
         for (int i = 0; i < s->nfree_q; ++i) rate[i] = m->qdot[s->free_q[i]];
         for (int i = 0; i < s->nfree_u; ++i) rate[s->nfree_q + i] = m->udot[s->free_u[i]];
         double *predicted = rate + m->ny + m->nx;
         for (int i = 0; i < m->nd; ++i) predicted[i] = m->qdot[m->dependent[i]];
     }
     return 0;
+}
+
+int ordernm_rates(ordernm_motion *m, double t, const double *z, double *rate)
+{
+    return ordernm_rates_of(m, t, z, rate, m->ngroups, m->groups, RATES | INTEGRALS);
 }
 
 /* ---- Between steps. ---- */

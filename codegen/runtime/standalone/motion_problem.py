@@ -65,6 +65,7 @@ class Problem:
     poor: float = 0.0
     integrals: tuple[int, ...] = ()
     events: tuple[tuple[int, float, int, bool], ...] = ()
+    fixed: bool = False
     kept: list[Any] = field(default_factory=list)
 
     def in_c(self, ffi: Any, system: Any) -> Any:
@@ -91,7 +92,7 @@ class Problem:
         c.inputs.directions = pointer(self.dinputs)
         c.start, c.end = self.start, self.end
         c.ntimes, c.times = len(self.times), pointer(self.times)
-        c.step, c.largest_step, c.most_steps = self.step, self.largest_step, self.most_steps
+        c.step, c.fixed, c.largest_step, c.most_steps = self.step, self.fixed, self.largest_step, self.most_steps
         free = [system.free_q[i] for i in range(system.nfree_q)]
         free += [system.nq + system.free_u[i] for i in range(system.nfree_u)]
         counting = np.concatenate([self.atol[free], self.atol[system.nq + system.nu :]])

@@ -71,7 +71,8 @@ class MotionRun(States):
         run.events = [event for s in run.segments for event in s.events]
         counts = [s.counts for s in run.segments]
         run.counts = {name: sum(c[name] for c in counts) for name in counts[0]} | {
-            "t": counts[-1]["t"], "condition": max(c["condition"] for c in counts), "partitions_changed": len(counts) - 1,
+            "t": counts[-1]["t"], "condition": max(c["condition"] for c in counts),
+            "stiffness": max(c["stiffness"] for c in counts), "partitions_changed": len(counts) - 1,
             "seconds": time.perf_counter() - began,
         }  # fmt: skip
         if not several:
@@ -116,7 +117,7 @@ class MotionRun(States):
             poor = 3.0 * here  # no use in asking before it is much worse
         left = replace(
             problem, start=t, q=q, u=u, dq=dq, du=du, times=problem.times[problem.times > t], poor=poor, kept=[],
-            step=segment.next_step if problem.method != "rk4" else problem.step,
+            step=problem.step if problem.fixed or problem.method == "rk4" else segment.next_step,
             most_steps=max(problem.most_steps - segment.counts["steps"] - segment.counts["rejected"], 1),
         )  # fmt: skip
         return opened, left
@@ -224,7 +225,8 @@ class MotionRun(States):
             library.ordernm_row(motion, r, ffi.from_buffer("double[]", last))
         counts = {
             "t": r.t, "steps": r.accepted, "rejected": r.rejected, "evaluations": r.evaluations,
-            "closing_steps": r.closing_steps, "condition": r.condition,
+            "closing_steps": r.closing_steps, "condition": r.condition, "jacobians": r.jacobians,
+            "factorizations": r.factorizations, "stiffness": r.stiffness,
         }  # fmt: skip
         found = np.concatenate([*full, rows[: r.count]]) if full else rows[: r.count]
         segment = Segment(

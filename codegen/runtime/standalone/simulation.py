@@ -112,6 +112,11 @@ class Simulation(MotionRun):
             if on_failure == "raise":
                 raise SimulationError(message, trajectory)
             warn(message)
+        if run.counts["stiffness"] > 0:
+            warn(
+                f"stability, not accuracy, kept the steps of the explicit method {problem.method!r} small (step times largest "
+                f"eigenvalue: {run.counts['stiffness']:.1f}); method='radau' is for such models"
+            )
         if trajectory.dq.size and max(np.abs(trajectory.dq).max(), np.abs(trajectory.du).max()) > MEANINGLESS:
             warn(
                 f"sensitivities have grown beyond {MEANINGLESS:g}: the motion is chaotic or unstable, and such a derivative says "
