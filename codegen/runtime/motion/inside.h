@@ -94,6 +94,7 @@ struct ordernm_motion {
     long sampled;             /* of the times that results are wanted at */
     int begun, ended, rejected_before, complete;
     double *crossing, *after, *within; /* [nevents] at the step's beginning, at its end, in between */
+    double *part;             /* [nevents] of the step, at which an event happens */
     ordernm_results *results;
     long far_steps;           /* in which an explicit method was at its limit of stability */
 };

@@ -93,6 +93,12 @@ def take_events(output_names: Sequence[str], given: Any) -> tuple[Event, ...]:
     return events
 
 
+def crossing_speed(rates: Array, index: int) -> float:
+    """The rate of an event's output among those of all, (noutputs,); NaN where it only touches its level."""
+    speed = float(rates[index])
+    return speed if abs(speed) > GRAZING * float(np.abs(rates).max(initial=0.0)) else np.nan
+
+
 def crossing(
     event: Event, index: int, t: float, values: Sequence[Array], derivatives: Sequence[Array], rates: Sequence[Array]
 ) -> Crossing:
@@ -107,10 +113,7 @@ def crossing(
     """
     q, u, outputs = values
     dq, du, doutputs = derivatives
-    speed = rates[2][index]
-    largest = float(np.abs(rates[2]).max(initial=0.0))
-    with np.errstate(all="ignore"):
-        dt = np.where(abs(speed) > GRAZING * largest, -doutputs[:, index] / speed, np.nan)
+    dt = -doutputs[:, index] / crossing_speed(rates[2], index)
     moved = [d + dt[:, None] * r for d, r in zip((dq, du, doutputs), rates, strict=True)]
     moved[2][:, index] = np.where(np.isnan(dt), np.nan, 0.0)
     return Crossing(event, t, q, u, outputs, rates[2], dt, *moved)

@@ -215,7 +215,8 @@ class Simulation(MotionRun):
             speed_names=self.speed_names, output_names=self.output_names[:shown], parameter_names=self.parameter_names,
             input_names=self.input_names, sensitivity_names=directions.names,
             coordinate_units=manifest.get("coordinate_units", ()), speed_units=manifest.get("speed_units", ()),
-            output_units=manifest.get("output_units", ())[:shown], parameter_units=manifest.get("parameter_units", ()), p=problem.p,
+            output_units=manifest.get("output_units", ())[:shown],
+            parameter_units=manifest.get("parameter_units", ()), p=problem.p,
             inputs=problem.inputs.values[0] if problem.inputs.knots is None else None, stats=stats, **extra,
         )  # fmt: skip
 
