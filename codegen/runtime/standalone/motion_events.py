@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -79,7 +79,7 @@ def take_events(output_names: Sequence[str], given: Any) -> tuple[Event, ...]:
     ------
     ValueError
     """
-    given = (given,) if isinstance(given, (str, Event)) else tuple(given)
+    given = (given,) if isinstance(given, (str, Event)) or not isinstance(given, Iterable) else tuple(given)
     events = tuple(Event(e) if isinstance(e, str) else e for e in given)
     for e in events:
         if not isinstance(e, Event):
