@@ -125,6 +125,10 @@ ALSO = {
 """Members of a solver, with the functions that they call beside those that they are called like."""
 
 
+NEEDED = {"closing_step": "state_rates"}
+"""Functions that are there wherever another one is: no motion of closed loops without closing them."""
+
+
 class UnknownFunctionError(ValueError):
     """A function was chosen that a solver of the model cannot have."""
 
@@ -164,7 +168,7 @@ def chosen(found: tuple[Procedure, ...], functions: Collection[str]) -> tuple[Pr
                 f"functions: the model has no function {word!r}{f'; did you mean {near[0]}?' if near else ''}; it may have "
                 f"{', '.join(known)}, or together {', '.join(together)}"
             )
-        wanted |= of_word
+        wanted |= of_word | {f for f in NEEDED if NEEDED[f] in of_word}
     if not wanted:
         raise UnknownFunctionError(
             f"functions: none are named; the model may have {', '.join(known)}, or together {', '.join(together)}"

@@ -48,6 +48,7 @@ outputs:
   z: {value: q.stone}
   w: {value: u.stone}
   force: {value: push}
+  cube: {value: (q.stone - 1)**3}
 """
 """z = h + v t - g t^2/2 + push t^2/(2 m)."""
 

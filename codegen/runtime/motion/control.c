@@ -11,6 +11,9 @@ enum { CLOCK_STEPS = 16 };    /* the clock is read once in so many steps */
 static const double LIMIT_OF_STABILITY = 6.1;
 enum { FAR_STEPS = 15, NEAR_STEPS = 6 };
 
+/* How far an output is from the level that it has just crossed: behind it, whatever rounding says. */
+static const double BEHIND = 1e-300;
+
 static const double SAFETY = 0.9, LEAST_CHANGE = 0.333, LARGEST_CHANGE = 6.0, AFTER_FAILURE = 0.25;
 
 /* ---- Memory. ---- */
@@ -70,8 +73,8 @@ static size_t lay_out(const ordernm_problem *p, void *at)
     m->dinputs = ordernm_numbers(&of, s->ninputs*LANES);
     m->dt = ordernm_numbers(&of, LANES);
     m->row = ordernm_numbers(&of, ordernm_row_size(p));
-    double **of_events[] = {&m->crossing, &m->after, &m->within};
-    for (int i = 0; i < 3; ++i) *of_events[i] = ordernm_numbers(&of, p->nevents);
+    double **of_events[] = {&m->crossing, &m->after, &m->within, &m->part};
+    for (int i = 0; i < 4; ++i) *of_events[i] = ordernm_numbers(&of, p->nevents);
     if (m->method == &ordernm_radau) {
         void *own = ordernm_take(&of, ordernm_radau_layout(m, 0, 0));
         if (own) ordernm_radau_layout(m, own, 0);
@@ -328,10 +331,11 @@ static int locate(ordernm_motion *m, double h, double *first, int *which)
     const ordernm_problem *const p = m->problem;
     *first = 2.0;
     for (int e = 0; e < p->nevents; ++e) {
+        m->part[e] = 2.0;
         if (!crosses(p->events + e, m->crossing[e], m->after[e])) continue;
         double low = 0.0, high = 1.0, g_low = m->crossing[e], g_high = m->after[e];
         for (int n = 0; n < 60 && high - low > 1e-14; ++n) {
-            double at = n%8 == 7 ? 0.5*(low + high) : high - g_high*(high - low)/(g_high - g_low);
+            double at = n > 16 || n%8 == 7 ? 0.5*(low + high) : high - g_high*(high - low)/(g_high - g_low);
             if (!(at > low && at < high)) at = 0.5*(low + high);
             m->method->interpolate(m, h, at, m->trial);
             const int status = crossings(m, m->t + at*h, m->trial, m->within);
@@ -349,6 +353,7 @@ static int locate(ordernm_motion *m, double h, double *first, int *which)
                 g_high *= 0.5;
             }
         }
+        m->part[e] = high;
         if (high < *first) *first = high, *which = e;
     }
     return 0;
@@ -405,10 +410,14 @@ static int look_for_events(ordernm_motion *m, double *h, int *which)
     if ((status = step_to_event(m, *which, h))) return status;
     if ((status = ordernm_rates(m, m->t + *h, m->next, m->rate[m->method->stages]))) return status;
     if ((status = crossings(m, m->t + *h, m->next, m->after))) return status;
-    /* it is behind now, on whichever side rounding has left it, and so are others that happened at the same time */
-    for (int e = 0; e < p->nevents; ++e)
-        if (e == *which || (m->after[e] == 0.0 && crosses(p->events + e, m->crossing[e], m->after[e])))
-            m->after[e] = m->crossing[e] < 0.0 ? 1e-300 : -1e-300;
+    /* it is behind now, on whichever side rounding has left it, and so are others that happened at the same time; those that
+     * have happened just before stay behind */
+    for (int e = 0; e < p->nevents; ++e) {
+        if (m->part[e] <= part + 1e-13 || (m->after[e] == 0.0 && crosses(p->events + e, m->crossing[e], m->after[e])))
+            m->after[e] = m->crossing[e] < 0.0 ? BEHIND : -BEHIND;
+        else if (fabs(m->crossing[e]) == BEHIND && part < 1e-9)
+            m->after[e] = m->crossing[e];
+    }
     return 0;
 }
 
@@ -611,9 +620,9 @@ static int accept(ordernm_motion *m, const trial *step)
     ordernm_results *const r = m->results;
     int stop, reason;
     m->complete = 0;
+    if (p->method == ORDERNM_DOP853 && step->event < 0) watch_stability(m, step->h); /* while the last stage is there */
     if (p->ntimes && (reason = sample(m, step->end)) != ORDERNM_ENDED) return reason;
     ++r->accepted;
-    if (p->method == ORDERNM_DOP853) watch_stability(m, step->h);
     if (r->steps) keep_step(m, step->h);
     if ((reason = keep_events(m, step, &stop)) != ORDERNM_ENDED) return reason;
     resize(m, step);

@@ -95,6 +95,7 @@ struct ordernm_motion {
     long sampled;             /* of the times that results are wanted at */
     int begun, adaptive, rejected_before, complete;
     double *crossing, *after, *within; /* [nevents] at the step's beginning, at its end, in between */
+    double *part;             /* [nevents] of the step, at which an event happens */
     ordernm_results *results;
     int far_steps, near_steps; /* in a row, in which an explicit method was at its limit of stability, and was not */
     double advice;            /* how many times as large the next step should be, 0: as its error says */

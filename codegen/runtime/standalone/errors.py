@@ -156,3 +156,6 @@ class SimulationError(ArithmeticError):
     def __init__(self, message: str, trajectory: Any) -> None:
         super().__init__(message)
         self.trajectory = trajectory
+
+    def __reduce__(self) -> tuple[type[SimulationError], tuple[str, Any]]:
+        return type(self), (str(self), self.trajectory)

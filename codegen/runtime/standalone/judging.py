@@ -14,7 +14,7 @@ from .functionals import At, AtEvent, Final, Functional, Integral, Judged, Least
 from .motion_adjoint import Adjoint, segment_backwards
 from .motion_directions import Directions
 from .motion_events import DIRECTIONS as CROSSINGS
-from .motion_events import Crossing, Event
+from .motion_events import Crossing, Event, crossing_speed
 from .motion_problem import Problem, Run
 from .simulation import MOST_STEPS, Simulation
 
@@ -164,7 +164,7 @@ class Judging(Simulation):
                 case AtEvent():
                     c = crossings[f.event]
                     row, g = int(np.searchsorted(times, c.t)), self.output_names.index(f.event.output)
-                    speed = c.rates[g]
+                    speed = crossing_speed(c.rates, g)
                     if f.output == "t":
                         values[i] = c.t
                         by_output[i, row, g] = -1.0 / speed

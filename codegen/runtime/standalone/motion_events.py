@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -79,7 +79,7 @@ def take_events(output_names: Sequence[str], given: Any) -> tuple[Event, ...]:
     ------
     ValueError
     """
-    given = (given,) if isinstance(given, (str, Event)) else tuple(given)
+    given = (given,) if isinstance(given, (str, Event)) or not isinstance(given, Iterable) else tuple(given)
     events = tuple(Event(e) if isinstance(e, str) else e for e in given)
     for e in events:
         if not isinstance(e, Event):
@@ -91,6 +91,12 @@ def take_events(output_names: Sequence[str], given: Any) -> tuple[Event, ...]:
         if not math.isfinite(e.level):
             raise ValueError(f"events: the level of {e.output} is {e.level}, expected a finite number")
     return events
+
+
+def crossing_speed(rates: Array, index: int) -> float:
+    """The rate of an event's output among those of all, (noutputs,); NaN where it only touches its level."""
+    speed = float(rates[index])
+    return speed if abs(speed) > GRAZING * float(np.abs(rates).max(initial=0.0)) else np.nan
 
 
 def crossing(
@@ -107,10 +113,7 @@ def crossing(
     """
     q, u, outputs = values
     dq, du, doutputs = derivatives
-    speed = rates[2][index]
-    largest = float(np.abs(rates[2]).max(initial=0.0))
-    with np.errstate(all="ignore"):
-        dt = np.where(abs(speed) > GRAZING * largest, -doutputs[:, index] / speed, np.nan)
+    dt = -doutputs[:, index] / crossing_speed(rates[2], index)
     moved = [d + dt[:, None] * r for d, r in zip((dq, du, doutputs), rates, strict=True)]
     moved[2][:, index] = np.where(np.isnan(dt), np.nan, 0.0)
     return Crossing(event, t, q, u, outputs, rates[2], dt, *moved)

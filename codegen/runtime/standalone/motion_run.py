@@ -191,10 +191,12 @@ class MotionRun(States):
             r.events, r.which, r.events_capacity = ffi.from_buffer("double[]", places), which, len(places)
         rows = more_rows()
         kept = more_steps() if keep_steps else None
+        told = time.perf_counter()
         while True:
             try:
                 reason = REASONS[library.ordernm_go(motion, r, SLICE)]
-                if progress is not None:
+                if progress is not None and (reason == "end" or time.perf_counter() - told >= 0.9 * SLICE):
+                    told = time.perf_counter()
                     progress(r.t, problem.end)
             except KeyboardInterrupt:
                 reason = "interrupted"
