@@ -124,19 +124,14 @@ def simulate(options: argparse.Namespace, status: StatusLine, remarks: list[str]
         numbers_by_name(word, getattr(options, at)) for word, at in (("-p", "parameter"), ("--inputs", "inputs"))
     )
     sensitivities = tuple(name.strip() for name in options.sensitivities.split(",") if name.strip())
-    tolerances = {name: _positive(f"--{name}", getattr(options, name)) for name in ("rtol", "atol")}
+    rtol, atol = (_positive(f"--{name}", getattr(options, name)) for name in ("rtol", "atol"))
     writers = _writers(options)
     with _remarks(remarks), solver_of(options.model, status) as solver:
-        run = getattr(solver, "simulate", None)
-        if run is None:
-            raise RequestError(
-                f"{options.model} was generated without simulate; generate it again: generate MODEL.yaml -o {options.model}"
-            )
         status("simulating", 0, 0)
         with _motion_errors():
-            trajectory = run(
-                times, p=p or None, inputs=inputs or None, sensitivities=sensitivities, method=options.method, **tolerances,
-                on_failure="return",
+            trajectory = solver.simulate(
+                times, p=p or None, inputs=inputs or None, sensitivities=sensitivities, method=options.method, rtol=rtol,
+                atol=atol, on_failure="return",
                 progress=lambda t, end: status.share(f"simulating, t = {t:.4g} of {end:.4g} s", t / end if end else 1.0),
             )  # fmt: skip
         done = Run(trajectory, times[-1])
@@ -172,9 +167,11 @@ def _motion_errors() -> Iterator[None]:
         yield
     except (CompileError, NoCompilerError):
         raise
+    except NotImplementedError as error:  # a RuntimeError
+        raise RequestError(str(error)) from None
     except (LinAlgError, AssemblyError, ArithmeticError, RuntimeError) as error:  # the first two are ValueErrors
         raise MotionError(str(error)) from None
-    except (ValueError, KeyError) as error:
+    except (ValueError, KeyError, AttributeError) as error:  # the last: a package without simulate
         raise RequestError(str(error)) from None
 
 

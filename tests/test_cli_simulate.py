@@ -44,6 +44,9 @@ outputs:
 """
 
 
+REAL = Solver.simulate
+
+
 class StandIn:
     """`Solver.simulate` with the signature of the real one, and what happens in it on the way."""
 
@@ -54,7 +57,7 @@ class StandIn:
 
     def __call__(
         self, solver, t, q=None, u=None, p=None, inputs=None, *, sensitivities=(), rtol=1e-9, atol=1e-9, method="dop853",
-        progress=None,
+        progress=None, on_failure="raise",
     ):  # fmt: skip
         self.calls.append({"t": t, "p": p, "inputs": inputs, "rtol": rtol, "atol": atol, "method": method})
         q, u = solver.assemble(q, u, p)
@@ -235,9 +238,19 @@ def test_without_a_cache_a_temporary_folder_serves(here, monkeypatch, capsys, tm
 
 
 def test_a_package_without_simulate(here, monkeypatch, capsys):
-    monkeypatch.delattr(Solver, "simulate")
-    assert run("swing.yaml", "-t", 1) == 2
-    assert "generated without simulate" in one_line(capsys)
+    monkeypatch.setattr(Solver, "simulate", REAL)
+    codegen.generate("swing.yaml", "swing", functions="accelerations")
+    assert run("swing", "-t", 1) == 2
+    assert "generated without state_rates" in one_line(capsys)
+
+
+def test_the_real_one(here, monkeypatch, capsys):
+    monkeypatch.setattr(Solver, "simulate", REAL)
+    assert run("swing.yaml", "-t", 2, "--sensitivities", "length", "-o", "run.npz") == 0
+    out, _ = capsys.readouterr()
+    assert "ended: finished" in out
+    kept = Trajectory.load("run.npz")
+    assert kept.t[-1] == 2 and np.isfinite(kept.derivative("height", "length")).all()
 
 
 def test_remarks_of_models_and_python_are_warnings(here, capsys, stand_in):

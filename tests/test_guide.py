@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 PAGE = (Path(__file__).parents[1] / "docs" / "guide.md").read_text(encoding="utf-8")
 
@@ -57,36 +56,24 @@ def test_the_loop_is_closed(run):
 
 @pytest.mark.parametrize(("solver", "parameter"), [("pendulum", 0), ("pendulum", 1), ("crank", 0), ("crank", 3)])
 def test_derivatives_of_motions(run, solver, parameter):
-    """Against differences of motions, which are good for a few digits; and assembling at every stage changes nothing."""
-    names = run[1][-1]
-    solver, simulate, times = names[solver], names["simulate"], np.array([0.0, 0.4])
+    """Against differences of motions, which are good for a few digits."""
+    solver, times = run[1][-1][solver], np.array([0.0, 0.4])
+    name = solver.parameter_names[parameter]
     p, step = solver.parameters, 1e-5 * np.eye(solver.np)[parameter]
-    q, u, dq, du = simulate(solver, times, dp=np.eye(solver.np)[parameter], tolerance=1e-11)
-    (qa, ua, *_), (qb, ub, *_) = (simulate(solver, times, p=p + s, tolerance=1e-12) for s in (-step, step))
-    np.testing.assert_allclose(dq[-1, 0], (qb - qa)[-1] / 2e-5, rtol=1e-4, atol=1e-5)
-    np.testing.assert_allclose(du[-1, 0], (ub - ua)[-1] / 2e-5, rtol=1e-4, atol=1e-4)
-    closed = simulate(solver, times, dp=np.eye(solver.np)[parameter], tolerance=1e-11, assemble=True)
-    for x, y in zip((q, u, dq, du), closed, strict=True):
-        np.testing.assert_allclose(x, y, rtol=1e-7, atol=1e-7)
+    motion = solver.simulate(times, sensitivities=(name,), rtol=1e-11, atol=1e-11)
+    a, b = (solver.simulate(times, p=p + s, rtol=1e-12, atol=1e-12) for s in (-step, step))
+    np.testing.assert_allclose(motion.dq[0, -1], (b.q - a.q)[-1] / 2e-5, rtol=1e-4, atol=1e-5)
+    np.testing.assert_allclose(motion.du[0, -1], (b.u - a.u)[-1] / 2e-5, rtol=1e-4, atol=1e-4)
 
 
-def test_the_drift_is_below_the_tolerance(run):
+def test_a_loop_does_not_drift(run):
     crank = run[1][-1]["crank"]
-    q, u = crank.initial
-
-    def rates(t, y):
-        return np.concatenate([crank.coordinate_rates(y[:3], y[3:]), crank.accelerations(y[:3], y[3:])])
-
-    start = np.concatenate([q, u])
-    y = solve_ivp(rates, (0.0, 10.0), start, method="DOP853", rtol=1e-9, atol=1e-9, t_eval=[5.0, 10.0]).y.T
-    assert 0 < np.abs(crank.closure(y[:, :3], y[:, 3:])[0]).max() < 1e-9
+    assert crank.simulate([0.0, 5.0, 10.0]).closure_drift < 1e-13
 
 
 def test_motions_keep_their_energy(run):
-    names = run[1][-1]
-    crank, (q, u, *_) = names["crank"], names["simulate"](names["crank"], np.linspace(0, 3, 7))
-    total = sum(crank.energies(q, u))
-    assert np.ptp(total) < 1e-7 * np.abs(total).max() and np.abs(crank.closure(q, u)[0]).max() < 1e-10
+    motion = run[1][-1]["crank"].simulate(np.linspace(0, 3, 7))
+    assert motion.energy_drift < 1e-7 and motion.closure_drift < 1e-13
 
 
 def test_assembly_is_many_times_an_evaluation(run):
@@ -110,8 +97,15 @@ def test_the_length_that_newton_finds(run):
     names = piece(run, "root_scalar")
     best = names["best"]
     assert best.converged and best.function_calls < 16
-    q, *_ = names["simulate"](names["pendulum"], np.array([0.0, 0.6]), p={"length": best.root})
-    assert abs(q[-1, 0]) < 1e-6
+    assert abs(names["pendulum"].simulate([0.0, 0.6], p={"length": best.root}).q[-1, 0]) < 1e-8
+
+
+def test_events_and_functionals(run):
+    names = piece(run, "Event(")
+    first = names["first"]
+    assert first.outputs[0] == pytest.approx(-0.98, abs=1e-12) and np.isfinite(first.dt).all()
+    judged = piece(run, "Integral(")["judged"]
+    assert judged.values.shape == (2,) and np.isfinite(judged.gradients).all()
 
 
 def test_trajectories(run):

@@ -113,6 +113,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "motion": (
         "state_rates", "state_rate_sensitivities", "closing_step", "initial_sensitivities", "assemble_sensitivities", "outputs",
         "output_sensitivities", "gradients", "coordinate_rate_gradients", "output_gradients", "assemble_gradients",
+        "coordinate_rates", "accelerations",
     ),
 }  # fmt: skip
 """Words for several functions that may be chosen together."""

@@ -129,6 +129,7 @@ static void clear(ordernm_adjoint *a, ordernm_call *c)
     memset(a->du, 0, s->nu*a->width*sizeof(double));
     memset(a->dp, 0, s->np*a->width*sizeof(double));
     memset(a->dinputs, 0, s->ninputs*a->width*sizeof(double));
+    memset(c->dt, 0, a->width*sizeof(double));
     c->dq = a->dq, c->du = a->du, c->dp = a->dp, c->dinputs = a->dinputs;
 }
 
@@ -354,6 +355,7 @@ void ordernm_adjoint_end(ordernm_adjoint *a)
             const long time = --a->sampled[n];
             if (!sampled(a, n, time, g->times[time], m->z, a->nu)) accumulate(lambda, 1.0, a->nu, (long)a->n*width);
         }
+        transposed_settling(a, n, m->t, m->z, lambda); /* the initial state is settled too */
         for (int l = 0; l < width && n*width + l < g->nfunctionals; ++l) {
             const long f = n*width + l;
             for (int i = 0; i < s->nfree_q; ++i) g->q[f*s->nq + s->free_q[i]] += lambda[i*width + l];

@@ -33,6 +33,7 @@ static size_t lay_out(const ordernm_problem *p, void *at)
     m->problem = p;
     m->system = s;
     m->method = method_of(p);
+    m->adaptive = p->method != ORDERNM_RK4 && !p->fixed;
     m->ny = s->nfree_q + s->nfree_u;
     m->nx = p->nintegrals;
     m->nd = s->nq - s->nfree_q;
@@ -67,6 +68,7 @@ static size_t lay_out(const ordernm_problem *p, void *at)
     m->doutputs = ordernm_numbers(&of, s->noutputs*LANES);
     m->inputs = ordernm_numbers(&of, s->ninputs);
     m->dinputs = ordernm_numbers(&of, s->ninputs*LANES);
+    m->dt = ordernm_numbers(&of, LANES);
     m->row = ordernm_numbers(&of, ordernm_row_size(p));
     double **of_events[] = {&m->crossing, &m->after, &m->within};
     for (int i = 0; i < 3; ++i) *of_events[i] = ordernm_numbers(&of, p->nevents);
@@ -256,6 +258,14 @@ static int failed(ordernm_results *r, int status)
     return status < 0 ? ORDERNM_OPEN : ORDERNM_SINGULAR;
 }
 
+/* Rates of these entries have no value. */
+static int not_finite(ordernm_motion *m, const double *rate)
+{
+    for (int i = 0; i < m->ny + m->nx; ++i)
+        if (rate[i]*0.0 != 0.0) m->results->component = i;
+    return ORDERNM_NOT_FINITE;
+}
+
 /* Results at a state; the reason where there are none. */
 static int keep(ordernm_motion *m, double t, const double *z)
 {
@@ -265,12 +275,13 @@ static int keep(ordernm_motion *m, double t, const double *z)
     return ORDERNM_ENDED;
 }
 
-/* Results at the times within the step that has been made. */
-static int sample(ordernm_motion *m, double h)
+/* Results at the times within the step that has been made. Without room for them the step is made again. */
+static int sample(ordernm_motion *m, double end)
 {
     const ordernm_problem *const p = m->problem;
-    const double end = m->t + h;
+    const double h = end - m->t;
     while (m->sampled < p->ntimes && p->times[m->sampled] <= end) {
+        if (m->results->count == m->results->capacity) return ORDERNM_FULL;
         const double t = p->times[m->sampled];
         const double *z = m->next;
         if (t < end) {
@@ -394,8 +405,10 @@ static int look_for_events(ordernm_motion *m, double *h, int *which)
     if ((status = step_to_event(m, *which, h))) return status;
     if ((status = ordernm_rates(m, m->t + *h, m->next, m->rate[m->method->stages]))) return status;
     if ((status = crossings(m, m->t + *h, m->next, m->after))) return status;
-    /* it is behind now, on whichever side rounding has left it */
-    m->after[*which] = m->crossing[*which] < 0.0 ? 1e-300 : -1e-300;
+    /* it is behind now, on whichever side rounding has left it, and so are others that happened at the same time */
+    for (int e = 0; e < p->nevents; ++e)
+        if (e == *which || (m->after[e] == 0.0 && crosses(p->events + e, m->crossing[e], m->after[e])))
+            m->after[e] = m->crossing[e] < 0.0 ? 1e-300 : -1e-300;
     return 0;
 }
 
@@ -427,11 +440,7 @@ static int begin(ordernm_motion *m)
     if (ordernm_settle(m, m->t, m->z) < 0) return failed(m->results, -1);
     const int status = ordernm_rates(m, m->t, m->z, m->rate[0]);
     if (status) return failed(m->results, status);
-    if (!ordernm_all_finite(m->rate[0], m->size)) {
-        for (int i = 0; i < m->ny + m->nx; ++i)
-            if (m->rate[0][i]*0.0 != 0.0) m->results->component = i;
-        return ORDERNM_NOT_FINITE;
-    }
+    if (!ordernm_all_finite(m->rate[0], m->size)) return not_finite(m, m->rate[0]);
     const int unknown = p->nevents ? crossings(m, m->t, m->z, m->crossing) : 0;
     if (unknown) return failed(m->results, unknown);
     if (!p->ntimes || p->times[0] <= p->start) {
@@ -469,112 +478,182 @@ static void watch_stability(ordernm_motion *m, double h)
     }
 }
 
+/* ---- One step after the other. ---- */
+
+/* A step that is tried. */
+typedef struct {
+    double h, end;            /* its size, and the time at its end */
+    double wall, knot;        /* where it may not go beyond; the next knot of the inputs */
+    int to_wall;
+    double error;             /* in units of what is allowed */
+    int event;                /* that ends it; -1 for none */
+} trial;
+
+/* How far a step goes: not beyond the end, nor a knot of the inputs; what is left over is not tiny. */
+static int plan(ordernm_motion *m, trial *step)
+{
+    const ordernm_problem *const p = m->problem;
+    step->knot = ordernm_next_knot(m, m->t);
+    step->wall = step->knot < p->end ? step->knot : p->end;
+    step->h = p->largest_step > 0.0 && m->h > p->largest_step ? p->largest_step : m->h;
+    const double left = step->wall - m->t;
+    /* steps of one size add up to an end with rounding */
+    step->to_wall = step->h >= left*(1.0 - (m->adaptive ? 1e-12 : 1e-9)) || left - step->h <= 1e-15*fabs(step->wall);
+    if (step->to_wall) step->h = left;
+    else if (m->adaptive && 2.0*step->h > left) step->h = 0.5*left;
+    step->end = step->to_wall ? step->wall : m->t + step->h;
+    step->event = -1;
+    step->error = 0.0;
+    if (step->h <= 4e-16*fabs(m->t) || !(step->h > 0.0)) return ORDERNM_COLLAPSED;
+    ordernm_find_segment(m, m->t, step->h);
+    return ORDERNM_ENDED;
+}
+
+/* Tries a step. Returns what a function returned, -1 where loops do not close or close on another branch. */
+static int attempt(ordernm_motion *m, trial *step)
+{
+    const ordernm_problem *const p = m->problem;
+    const method *const method = m->method;
+    double *const rate = m->rate[method->stages];
+    m->advice = 0.0;
+    int status = method->step(m, step->h, &step->error);
+    if (status) return status;
+    if (p->fixed && step->error < INFINITY) step->error = 0.0;
+    if (!(step->error <= 1.0)) return 0;
+    if (!method->gives_rate && (status = ordernm_rates(m, step->end, m->next, rate))) return status;
+    if (m->nd && m->adaptive && ordernm_jumped(m, m->next)) return -1;
+    if (!ordernm_all_finite(rate, m->values)) step->error = NAN;
+    if (!p->nevents || !(step->error <= 1.0)) return 0;
+    const double whole = step->h;
+    status = look_for_events(m, &step->h, &step->event);
+    if (step->event < 0) return status;
+    step->to_wall = 0;
+    step->end = m->t + step->h;
+    if (fabs(step->wall - step->end) <= 1e-15*fabs(step->wall)) step->end = step->wall;
+    m->h = whole; /* the step behind it is like the one that it has cut */
+    return status;
+}
+
+/* After a step that failed, or whose error is too large: the size of the next one; the reason if there is none. */
+static int refuse(ordernm_motion *m, const trial *step, int status)
+{
+    const ordernm_problem *const p = m->problem;
+    ordernm_results *const r = m->results;
+    const method *const method = m->method;
+    if (!m->adaptive) {
+        if (status) return failed(r, status);
+        return method->gives_rate ? ORDERNM_COLLAPSED : not_finite(m, m->rate[method->stages]);
+    }
+    ++r->rejected;
+    r->component = worst_entry(m);
+    double change = AFTER_FAILURE;
+    if (!status && step->error == step->error) change = fmax(LEAST_CHANGE, SAFETY*pow(step->error, -1.0/method->order));
+    m->h = step->h*(m->advice > 0.0 ? m->advice : change);
+    m->rejected_before = 1;
+    if (m->h > 1e-15*fmax(fabs(m->t), fabs(p->end - p->start))) return ORDERNM_ENDED;
+    return status ? failed(r, status) : ORDERNM_COLLAPSED;
+}
+
+/* Events that the step ends with, several if they happen at the same time; whether the motion stops there. */
+static int keep_events(ordernm_motion *m, const trial *step, int *stop)
+{
+    const ordernm_problem *const p = m->problem;
+    *stop = 0;
+    for (int e = 0; step->event >= 0 && e < p->nevents; ++e) {
+        if (!crosses(p->events + e, m->crossing[e], m->after[e])) continue;
+        const int reason = keep_event(m, step->end, e);
+        if (reason != ORDERNM_ENDED) return reason;
+        *stop |= p->events[e].stop;
+    }
+    return ORDERNM_ENDED;
+}
+
+/* The next step's size. */
+static void resize(ordernm_motion *m, const trial *step)
+{
+    double change = step->error > 0.0 ? SAFETY*pow(step->error, -1.0/m->method->order) : LARGEST_CHANGE;
+    change = m->advice > 0.0 ? m->advice : fmax(change, LEAST_CHANGE);
+    change = fmin(change, m->rejected_before ? 1.0 : LARGEST_CHANGE);
+    m->rejected_before = 0;
+    if (m->adaptive && step->event < 0 && !(step->to_wall && change*step->h < m->h)) m->h = step->h*change;
+}
+
+static void exchange(double **one, double **other)
+{
+    double *const kept = *one;
+    *one = *other;
+    *other = kept;
+}
+
+/* The end of a step that is good becomes the beginning of the next one. */
+static int go_on(ordernm_motion *m, const trial *step)
+{
+    ordernm_results *const r = m->results;
+    m->t = r->t = step->end;
+    exchange(&m->crossing, &m->after);
+    exchange(&m->z, &m->next);
+    exchange(&m->rate[0], &m->rate[m->method->stages]);
+    const int changed = ordernm_settle(m, m->t, m->z);
+    if (changed < 0) return failed(r, changed);
+    if (changed || ordernm_next_knot(m, m->t) != step->knot) {
+        ordernm_find_segment(m, m->t, 1e-9*(1.0 + fabs(m->t)));
+        const int failure = ordernm_rates(m, m->t, m->z, m->rate[0]);
+        if (failure) return failed(r, failure);
+    }
+    r->next_step = m->h;
+    return m->problem->ntimes ? ORDERNM_ENDED : keep(m, m->t, m->z);
+}
+
+/* What is done with a step that is good. */
+static int accept(ordernm_motion *m, const trial *step)
+{
+    const ordernm_problem *const p = m->problem;
+    ordernm_results *const r = m->results;
+    int stop, reason;
+    m->complete = 0;
+    if (p->ntimes && (reason = sample(m, step->end)) != ORDERNM_ENDED) return reason;
+    ++r->accepted;
+    if (p->method == ORDERNM_DOP853) watch_stability(m, step->h);
+    if (r->steps) keep_step(m, step->h);
+    if ((reason = keep_events(m, step, &stop)) != ORDERNM_ENDED) return reason;
+    resize(m, step);
+    if ((reason = go_on(m, step)) != ORDERNM_ENDED) return reason;
+    if (stop) return ORDERNM_EVENT;
+    return p->poor > 0.0 && r->condition_here > p->poor && m->t < p->end ? ORDERNM_POOR : ORDERNM_ENDED;
+}
+
+/* Whether results have room for what one step may give. */
+static int is_full(const ordernm_motion *m)
+{
+    const ordernm_problem *const p = m->problem;
+    const ordernm_results *const r = m->results;
+    return (!p->ntimes && r->count == r->capacity) || (r->steps && r->steps_count == r->steps_capacity)
+           || (r->events && r->events_count + p->nevents > r->events_capacity);
+}
+
 int ordernm_go(ordernm_motion *m, ordernm_results *r, double seconds)
 {
     const ordernm_problem *const p = m->problem;
-    const ordernm_system *const s = m->system;
-    const method *const method = m->method;
-    const int adaptive = p->method != ORDERNM_RK4 && !p->fixed;
     const double deadline = seconds > 0.0 ? seconds_now() + seconds : INFINITY;
+    int reason = ORDERNM_ENDED;
     m->results = r;
     r->t = m->t;
     if (!m->begun) {
         if (r->capacity < 1) return ORDERNM_FULL;
-        const int reason = begin(m);
-        if (reason != ORDERNM_ENDED) return reason;
+        reason = begin(m);
     }
-    for (long n = 1; m->t < p->end; ++n) {
-        if (!p->ntimes && r->count == r->capacity) return ORDERNM_FULL;
-        if (r->steps && r->steps_count == r->steps_capacity) return ORDERNM_FULL;
-        if (r->events && r->events_count == r->events_capacity) return ORDERNM_FULL;
+    for (long n = 1; reason == ORDERNM_ENDED && m->t < p->end; ++n) {
+        if (is_full(m)) return ORDERNM_FULL;
         if (p->most_steps && r->accepted + r->rejected >= p->most_steps) return ORDERNM_MANY_STEPS;
         if (n%CLOCK_STEPS == 0 && seconds_now() > deadline) return ORDERNM_PAUSED;
-        /* how far: not beyond the end, nor a knot of the inputs; what is left over is not tiny */
-        const double knot = ordernm_next_knot(m, m->t), wall = knot < p->end ? knot : p->end;
-        double h = p->largest_step > 0.0 && m->h > p->largest_step ? p->largest_step : m->h;
-        const double left = wall - m->t;
-        int to_wall = h >= left*(1.0 - (adaptive ? 1e-12 : 1e-9)); /* steps of one size add up to an end with rounding */
-        if (to_wall) h = left;
-        else if (adaptive && 2.0*h > left) h = 0.5*left;
-        if (h <= 4e-16*fabs(m->t) || !(h > 0.0)) return ORDERNM_COLLAPSED;
-        ordernm_find_segment(m, m->t, h);
-        double error = 0.0;
-        m->advice = 0.0;
-        int status = method->step(m, h, &error);
-        if (p->fixed && error < INFINITY) error = 0.0;
-        double end = to_wall ? wall : m->t + h;
-        if (!status && error <= 1.0 && !method->gives_rate) status = ordernm_rates(m, end, m->next, m->rate[method->stages]);
-        if (!status && error <= 1.0 && m->nd && adaptive && ordernm_jumped(m, m->next)) status = -1;
-        if (!status && adaptive && !ordernm_all_finite(m->rate[method->stages], m->values)) error = NAN;
-        int event = -1;
-        if (p->nevents && !status && error <= 1.0) {
-            const double whole = h;
-            status = look_for_events(m, &h, &event);
-            if (event >= 0) {
-                to_wall = 0;
-                end = m->t + h;
-                m->h = whole; /* the step behind it is like the one that it has cut */
-            }
-        }
-        if (m->imprecise && !s->precise_closing_step && !r->as_is) {
+        trial step;
+        if ((reason = plan(m, &step)) != ORDERNM_ENDED) break;
+        const int status = attempt(m, &step);
+        if (m->imprecise && !m->system->precise_closing_step && !r->as_is) {
             m->imprecise = 0;
             return ORDERNM_IMPRECISE;
         }
-        if (status || !(error <= 1.0)) {
-            if (!adaptive) return status ? failed(r, status) : method->gives_rate ? ORDERNM_COLLAPSED : ORDERNM_NOT_FINITE;
-            ++r->rejected;
-            r->component = worst_entry(m);
-            double change = AFTER_FAILURE;
-            if (!status && error == error) change = fmax(LEAST_CHANGE, SAFETY*pow(error, -1.0/method->order));
-            m->h = h*(m->advice > 0.0 ? m->advice : change);
-            m->rejected_before = 1;
-            if (m->h <= 1e-15*fmax(fabs(m->t), fabs(p->end - p->start))) return status ? failed(r, status) : ORDERNM_COLLAPSED;
-            continue;
-        }
-        ++r->accepted;
-        if (p->method == ORDERNM_DOP853) watch_stability(m, h);
-        if (r->steps) keep_step(m, h);
-        m->complete = 0;
-        if (p->ntimes) {
-            const int reason = sample(m, end - m->t);
-            if (reason != ORDERNM_ENDED) return reason;
-        }
-        if (event >= 0) {
-            const int reason = keep_event(m, end, event);
-            if (reason != ORDERNM_ENDED) return reason;
-        }
-        double change = error > 0.0 ? SAFETY*pow(error, -1.0/method->order) : LARGEST_CHANGE;
-        change = m->advice > 0.0 ? m->advice : fmax(change, LEAST_CHANGE);
-        change = fmin(change, m->rejected_before ? 1.0 : LARGEST_CHANGE);
-        m->rejected_before = 0;
-        if (adaptive && event < 0 && !(to_wall && change*h < m->h)) m->h = h*change;
-        m->t = r->t = end;
-        if (p->nevents) {
-            double *const passed = m->crossing;
-            m->crossing = m->after;
-            m->after = passed;
-        }
-        double *const before = m->z;
-        m->z = m->next;
-        m->next = before;
-        double *const last = m->rate[method->stages];
-        m->rate[method->stages] = m->rate[0];
-        m->rate[0] = last;
-        const int changed = ordernm_settle(m, m->t, m->z);
-        if (changed < 0) return failed(r, changed);
-        if (changed || m->t == knot) {
-            ordernm_find_segment(m, m->t, 1e-9*(1.0 + fabs(m->t)));
-            const int failure = ordernm_rates(m, m->t, m->z, m->rate[0]);
-            if (failure) return failed(r, failure);
-        }
-        if (!p->ntimes) {
-            const int reason = keep(m, m->t, m->z);
-            if (reason != ORDERNM_ENDED) return reason;
-        }
-        if (event >= 0 && p->events[event].stop) return ORDERNM_EVENT;
-        r->next_step = m->h;
-        if (p->poor > 0.0 && r->condition_here > p->poor && m->t < p->end) return ORDERNM_POOR;
+        reason = status || !(step.error <= 1.0) ? refuse(m, &step, status) : accept(m, &step);
     }
-    r->t = m->t;
-    return ORDERNM_ENDED;
+    return reason;
 }

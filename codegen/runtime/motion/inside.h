@@ -84,6 +84,7 @@ struct ordernm_motion {
     double *trial, *zeros, *error[2];
     double *work, *q, *u, *qdot, *udot, *newton, *position, *condition, *outputs, *inputs;
     double *dq, *du, *dqdot, *dudot, *full_dq, *full_du, *doutputs, *dinputs;
+    double *dt;               /* [LANES]; of seeds zeros, for time has no derivative here; transposes write there */
     double *row;
     void *precise_work;
     double poor;              /* condition from which on loops are closed in long double */
@@ -92,7 +93,7 @@ struct ordernm_motion {
     double t, h;
     long segment;             /* of the inputs' spline in this step */
     long sampled;             /* of the times that results are wanted at */
-    int begun, ended, rejected_before, complete;
+    int begun, adaptive, rejected_before, complete;
     double *crossing, *after, *within; /* [nevents] at the step's beginning, at its end, in between */
     ordernm_results *results;
     int far_steps, near_steps; /* in a row, in which an explicit method was at its limit of stability, and was not */

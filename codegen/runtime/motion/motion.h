@@ -24,7 +24,7 @@ extern "C" {
 typedef struct {
     const double *q, *u, *p, *inputs;
     double t;
-    double *dq, *du, *dp, *dinputs;
+    double *dq, *du, *dp, *dinputs, *dt;
     double *qdot, *udot, *dqdot, *dudot;
     double *outputs, *doutputs;
     double *full_u, *dfull_q, *dfull_u;
@@ -123,7 +123,7 @@ typedef struct {
     /* Times at which events happened, and which; rows as above. Not kept if events is 0. */
     double *events;
     int *which;
-    long events_capacity, events_count;
+    long events_capacity, events_count; /* as many as there are events may come at once */
     double t;                 /* how far it has come */
     int singular;             /* what the function returned that failed */
     int component;            /* which of the state's entries kept the step small, or was not finite */

@@ -115,7 +115,7 @@ static double *input_directions(ordernm_motion *m, double t, const group *g)
 ordernm_call ordernm_arguments(ordernm_motion *m, double t, const double *z)
 {
     const ordernm_system *s = m->system;
-    ordernm_call c = {.p = m->problem->p, .t = t, .work = m->work};
+    ordernm_call c = {.p = m->problem->p, .t = t, .dt = m->dt, .work = m->work};
     c.inputs = inputs_at(m, t);
     if (m->identity) {
         c.q = z;

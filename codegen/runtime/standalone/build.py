@@ -43,6 +43,7 @@ class Build:
         self.folder = folder
         self.name = name
         self.sources = [folder / s for s in sources or [f"{name}.c", f"{name}_calls.c"]]
+        self.headers = "*.h" if sources else f"{name}*.h"
         motion = folder / f"{name}_motion.c"
         if not sources and motion.is_file():
             self.sources.append(motion)
@@ -58,7 +59,7 @@ class Build:
     def key(self) -> str:
         """Beginning of the library's name; ``*`` for the compiler if there is none."""
         source = hashlib.sha256()
-        headers = (*sorted(self.folder.glob(f"{self.name}*.h")), *sorted(self.folder.glob("motion/*.h")))
+        headers = (*sorted(self.folder.glob(self.headers)), *sorted(self.folder.glob("motion/*.h")))
         for file in (*self.sources, *headers):
             if file.name != f"{self.name}_model.h":  # defaults, which the library does not hold
                 source.update(file.read_bytes())

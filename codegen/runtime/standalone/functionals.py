@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from .arguments import some
 from .arrays import Array
-from .motion_events import Event
+from .motion_events import Event, take_events
 
 
 @dataclass(frozen=True)
@@ -90,6 +90,8 @@ def check_functionals(given: Any, output_names: Sequence[str], start: float, end
     for f in found:
         if not isinstance(f, Functional):
             raise ValueError(f"{f!r} is no functional; allowed are Final, At, Integral, AtEvent and LeastSquares")
+        if isinstance(f, AtEvent):
+            take_events(output_names, [f.event])
         names = list(f.samples) if isinstance(f, LeastSquares) else [f.output]
         for name in names:
             if name not in output_names and not (isinstance(f, AtEvent) and name == "t"):

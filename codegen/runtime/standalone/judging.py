@@ -78,6 +78,9 @@ class Judging(Simulation):
         if ends.shape not in ((1,), (2,)):
             raise ValueError(f"t is {t!r}, expected the end of the motion, or its start and end, s")
         start, end = (0.0, float(ends[0])) if len(ends) == 1 else (float(ends[0]), float(ends[1]))
+        if not start < end:
+            raise ValueError(f"t is {t!r}: the motion would end before it begins, at {start:g} s")
+        self._find(self._opened, "outputs")
         wanted = check_functionals(functionals, self.output_names, start, end)
         times = {start, end}
         for f in wanted:

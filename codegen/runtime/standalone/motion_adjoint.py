@@ -76,7 +76,7 @@ def made_again(library: Any, ffi: Any, c: Any, first: Array, sizes: Array) -> Ar
     rows = np.empty((len(sizes), first.shape[1]))
     rows[:, :2] = sizes
     rows[0] = first[0]
-    room = ffi.from_buffer("double[]", np.empty(library.ordernm_room(c)))
+    room = ffi.from_buffer("double[]", np.empty(library.ordernm_room(c)))  # which has to live as long as the motion
     motion = library.ordernm_begin(c, room)
     reason = REASONS[library.ordernm_replay(motion, ffi.from_buffer("double[]", rows), len(rows))]
     if reason != "end":

@@ -51,6 +51,7 @@ class MotionRun(States):
         self, problem: Problem, progress: Progress | None = None, keep_steps: bool = False, memory: int = 2**62
     ) -> Run:
         """Run a motion to its end; keep its steps in so many bytes, or what it takes to make them again."""
+        self._ask_for_functions(problem, keep_steps)
         opened, began = self._opened, time.perf_counter()
         several = "second" in self._manifest
         run = Run(np.empty((0, 0)), "", {})
@@ -77,6 +78,27 @@ class MotionRun(States):
         if not several:
             del run.counts["partitions_changed"]
         return run
+
+    def _ask_for_functions(self, problem: Problem, backwards: bool) -> None:
+        """AttributeError where a package of chosen functions lacks what a motion calls: in C there is nobody to ask."""
+        along, outputs = len(problem.dp) > 0, bool(problem.events or problem.integrals)
+        wanted = {
+            "state_rates": True, "closing_step": bool(self.closure_names), "outputs": outputs, "state_rate_sensitivities": along,
+            "completion_sensitivities": along and bool(self.closure_names),
+            "output_sensitivities": (along and self._gives_outputs) or bool(problem.events),
+            "coordinate_rates": bool(problem.events), "accelerations": bool(problem.events),
+            "sensitivities_transposed": backwards, "output_sensitivities_transposed": backwards,
+            "coordinate_rate_sensitivities_transposed": backwards and self.coordinate_names != self.speed_names,
+            "completion_sensitivities_transposed": backwards and bool(self.closure_names),
+        }  # fmt: skip
+        for name, needed in wanted.items():
+            if needed:
+                self._find(self._opened, name)
+
+    @property
+    def _gives_outputs(self) -> bool:
+        """Whether rows of results have outputs: not where functions were chosen without them."""
+        return bool(self.output_names) and "outputs" in self._functions
 
     # -- other independent coordinates ---------------------------------------------------------------------------------
 
@@ -148,7 +170,7 @@ class MotionRun(States):
         sizes: list[Array | None] = []
         events: list[tuple[int, Array]] = []
         most = max(memory // (4 * 8 * step_size), 1)  # rows of a part: two are whole at a time, others are let go
-        places = np.empty((ROWS if problem.events else 0, size))
+        places = np.empty((ROWS + len(problem.events) if problem.events else 0, size))
         which = ffi.new("int[]", max(len(places), 1))
 
         def more_rows() -> Array:
@@ -190,7 +212,7 @@ class MotionRun(States):
                     if 8 * sum(x.size for x in steps) > memory // 2:
                         let_go(steps, sizes)
                     kept = more_steps()
-                if problem.events and r.events_count == r.events_capacity:
+                if problem.events and r.events_count + len(problem.events) > r.events_capacity:
                     more_events()
             elif reason != "paused":
                 break

@@ -253,14 +253,8 @@ MEMBERS = {
 
 MADE_OF = dict.fromkeys(
     ("equilibrium", "linearize"),
-    (
-        "accelerations",
-        "sensitivities",
-        "coordinate_rates",
-        "coordinate_rate_sensitivities",
-        "assemble_sensitivities",
-    ),
-)
+    ("accelerations", "sensitivities", "coordinate_rates", "coordinate_rate_sensitivities", "assemble_sensitivities"),
+) | dict.fromkeys(("simulate", "judge"), ("state_rates", "state_rate_sensitivities", "closing_step"))
 """Members that are made of functions, and what these are called."""
 
 
@@ -280,7 +274,7 @@ for _name in (
     "energies", "energy_sensitivities", "mass_matrix", "mass_matrix_sensitivities", "solve_mass", "solve_mass_sensitivities",
     "inverse_dynamics", "inverse_dynamics_sensitivities", "bias_force", "bias_force_sensitivities", "reactions", "outputs",
     "output_sensitivities", "gradients", "coordinate_rate_gradients", "energy_gradients", "output_gradients",
-    "assemble_gradients", "equilibrium", "linearize",
+    "assemble_gradients", "equilibrium", "linearize", "simulate", "judge",
 ):  # fmt: skip
     setattr(Package, _name, Absent(_name))  # methods of sections stand before
 

@@ -132,6 +132,8 @@ class Simulation(MotionRun):
         largest_step: float | None, most_steps: int,
     ) -> tuple[Problem, Directions]:  # fmt: skip
         """A motion from what a user gives, checked."""
+        if "state_rates" not in self._functions:
+            raise AttributeError(self._why_not("simulate"))
         start, end, times = _interval(t)
         if method not in METHODS:
             raise ValueError(f"method is {method!r}; allowed are {', '.join(map(repr, METHODS))}")
@@ -214,13 +216,14 @@ class Simulation(MotionRun):
         ended = {"end": FINISHED, "interrupted": INTERRUPTED, "event": "event"}.get(run.reason)
         stats = {"method": problem.method, "reason": ended or self._why_it_ended(problem, run)} | run.counts
         manifest = self._manifest
+        shown = self.noutputs if self._gives_outputs else 0
         return Trajectory(
-            self.name, t, q, u, dq, du, outputs, doutputs, coordinate_names=self.coordinate_names,
-            speed_names=self.speed_names, output_names=self.output_names, parameter_names=self.parameter_names,
+            self.name, t, q, u, dq, du, outputs[..., :shown], doutputs[..., :shown], coordinate_names=self.coordinate_names,
+            speed_names=self.speed_names, output_names=self.output_names[:shown], parameter_names=self.parameter_names,
             input_names=self.input_names, sensitivity_names=directions.names,
             coordinate_units=manifest.get("coordinate_units", ()), speed_units=manifest.get("speed_units", ()),
-            output_units=manifest.get("output_units", ()), parameter_units=manifest.get("parameter_units", ()), p=problem.p,
-            inputs=problem.inputs.values[0] if problem.inputs.knots is None else None, stats=stats, **extra,
+            output_units=manifest.get("output_units", ())[:shown], parameter_units=manifest.get("parameter_units", ()),
+            p=problem.p, inputs=problem.inputs.values[0] if problem.inputs.knots is None else None, stats=stats, **extra,
         )  # fmt: skip
 
     def _crossing(self, event: Event, row: Array, problem: Problem, k: int) -> Crossing:

@@ -1,0 +1,21 @@
+"""The library of the integrators is compiled anew when any of its files changes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from codegen.runtime.sections import MOTION
+from codegen.runtime.standalone.build import Build
+
+
+@pytest.mark.parametrize("changed", sorted(f.name for f in MOTION.glob("*.[ch]")))
+def test_every_file_is_part_of_the_key(tmp_path: Path, changed: str) -> None:
+    for file in MOTION.glob("*.[ch]"):
+        (tmp_path / file.name).write_bytes(file.read_bytes())
+    sources = sorted(f.name for f in tmp_path.glob("*.c"))
+    before = Build(tmp_path, "motion", sources).key()
+    assert Build(tmp_path, "motion", sources).key() == before
+    (tmp_path / changed).write_text("/* another one */\n" + (tmp_path / changed).read_text())
+    assert Build(tmp_path, "motion", sources).key() != before
