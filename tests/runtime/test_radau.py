@@ -254,6 +254,15 @@ def test_formed_jacobians_and_sweeps_through_the_system_agree(solver):
         assert error(dx[:, 0], dy[:, copy]) < 1e-8
 
 
+def test_small_motions_are_as_exact_as_is_asked_for(solver):
+    """A wheel nearly at rest, by micrometres: what RADAU5 takes for granted of motions of size one is not of these."""
+    s = solver("double_wishbone")
+    _, exact, _ = motion(s, 0.3, 1e-13, method="dop853")
+    for tolerance in (1e-8, 1e-10):
+        _, x, _ = motion(s, 0.3, tolerance)
+        assert np.abs(x - exact)[:, : s.nq + s.nu].max() < 100 * tolerance
+
+
 def test_between_steps_it_is_as_exact_as_the_polynomial(solver):
     """The collocation polynomial is of degree 3: nearly as exact as the ends of steps, of which every one is asked for too."""
     s = solver("double_pendulum")

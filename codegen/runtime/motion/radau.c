@@ -62,6 +62,9 @@ static const double E[STAGES] = {-10.048809399827416, 1.3821427331607489, -0.333
 /* Newton's method converges so fast that J is kept. */
 static const double FAST = 1e-3;
 
+/* What may be left of the stages' equations, in units of the errors allowed. */
+static const double SOLVED = 0.03;
+
 /* Stages are this much closer to the solution of their equations where there are directions. */
 static const double CLOSER = 1e-2;
 
@@ -105,7 +108,7 @@ struct radau {
     long segment;             /* of the inputs' spline in the step that was tried last */
     long accepted;            /* steps that there is a Z of */
     double h_last, h_tried, t_tried;
-    double tolerance;         /* of errors, in units of what is allowed to the solution */
+    double leniency;          /* largest estimate of an error, in units of what is allowed to the solution */
     double slowness, sweep_slowness; /* theta/(1 - theta) of Newton's method and of the sweeps */
     double theta, stalled;
     int iterations;
@@ -156,10 +159,7 @@ size_t ordernm_radau_layout(ordernm_motion *m, void *at, int formed)
     }
     for (int i = 0; i < 5; ++i) r->scratch[i] = ordernm_numbers(&of, (long)n*LANES);
     r->scale = ordernm_numbers(&of, n);
-    /* The error estimate is of order 3, the solution of order 5: what is allowed to the former grows with the power of 2/3 as
-     * tolerances fall (RADAU5). Where relative errors are not bounded, as at a usual bound. */
-    const double rtol = m->problem->rtol > 0.0 ? fmax(m->problem->rtol, 1e-14) : 1e-8;
-    r->tolerance = 0.1*pow(rtol, -1.0/3.0);
+    r->leniency = fmax(0.1*pow(m->problem->rtol > 0.0 ? fmax(m->problem->rtol, 1e-14) : 1e-8, -1.0/3.0), 1.0);
     r->slowness = r->sweep_slowness = 1.0;
     if (at) m->radau = r;
     return of.used;
@@ -825,6 +825,23 @@ static void estimate(ordernm_motion *m, double h, const group *g, const double *
     for (long k = (long)m->ny*width; k < n; ++k) error[k] *= h/REAL;
 }
 
+/* What the estimate, which is of order 3, says of the solution, which is of order 5. RADAU5 allows estimates that grow with the
+ * power of 2/3 of the tolerance; that trusts that terms of a series fall as they do in smooth motions of size one. Here they have
+ * to be seen to fall: where each is less than that before by one factor, the change of an entry in the step and its error of the
+ * fourth power say what that of the sixth is, change*(error/change)^(5/3). A tenth of that trust is used. */
+static void judge(ordernm_motion *m, double h, const group *g)
+{
+    const struct radau *const r = m->radau;
+    const int width = g ? g->width : 1;
+    const long at = g ? g->at : 0, n = (long)(m->ny + m->nx)*width;
+    for (long k = at; k < at + n; ++k) {
+        double change = h*fabs(m->rate[0][k]);
+        for (int i = 0; i < STAGES; ++i) change = fmax(change, fabs(r->stage[i][k]));
+        const double ratio = change/fabs(m->error[0][k]);
+        if (ratio > 30.0) m->error[0][k] /= fmin(0.1*cbrt(ratio*ratio), r->leniency);
+    }
+}
+
 /* What the next step should be, by the error of this one and of that before (K. Gustafsson). */
 static double next_step(const ordernm_motion *m, double h, double error)
 {
@@ -860,9 +877,8 @@ static int radau_step(ordernm_motion *m, double h, double *error)
     r->segment = m->segment;
     r->h_tried = h;
     if (!r->accepted) r->theta = 1.0;
-    for (int i = 0; i < r->n; ++i) r->scale[i] = r->tolerance*(p->atol[i] + p->rtol*fabs(m->z[i]));
-    const double rtol = r->tolerance*fmax(p->rtol, 1e-14), least = 10.0*DBL_EPSILON/rtol;
-    const double usual = fmax(least, fmin(0.03, sqrt(rtol)));
+    for (int i = 0; i < r->n; ++i) r->scale[i] = p->atol[i] + p->rtol*fabs(m->z[i]);
+    const double least = 10.0*DBL_EPSILON/fmax(p->rtol, 1e-14), usual = fmax(least, SOLVED);
     const double limit = m->ngroups || p->fixed ? fmax(least, CLOSER*usual) : usual;
     extrapolate(m, h);
     int status = stages(m, h, limit, usual);
@@ -878,14 +894,17 @@ static int radau_step(ordernm_motion *m, double h, double *error)
     for (long k = m->ny + m->nx; k < m->ny + m->nx + m->nd; ++k)
         m->next[k] = m->z[k] + h*(A[2][0]*m->rate[1][k] + A[2][1]*m->rate[2][k] + A[2][2]*m->rate[3][k]);
     estimate(m, h, 0, m->rate[0]);
+    judge(m, h, 0);
     if (p->atol_directions) memset(m->error[0] + m->values, 0, (m->size - m->values)*sizeof(double));
-    *error = ordernm_error_norm(m, m->next, m->error[0], m->zeros)/r->tolerance;
+    *error = ordernm_error_norm(m, m->next, m->error[0], m->zeros);
     if (*error > 1.0 && !p->fixed && (!r->accepted || m->rejected_before)) {
         /* Stiff components are filtered once more. */
+        estimate(m, h, 0, m->rate[0]);
         for (long k = 0; k < m->values; ++k) m->trial[k] = m->z[k] + (k < m->ny ? m->error[0][k] : 0.0);
         if (!ordernm_rates_of(m, m->t, m->trial, m->rate[1], 0, 0, m->nx ? RATES | INTEGRALS : RATES)) {
             estimate(m, h, 0, m->rate[1]);
-            *error = ordernm_error_norm(m, m->next, m->error[0], m->zeros)/r->tolerance;
+            judge(m, h, 0);
+            *error = ordernm_error_norm(m, m->next, m->error[0], m->zeros);
         }
     }
     const int refused = !(*error <= 1.0) && !(p->fixed && *error < INFINITY);
@@ -909,9 +928,12 @@ static int radau_step(ordernm_motion *m, double h, double *error)
         if (m->nx && (status = integrate(m, h, g, known))) return status;
         const long end = g->at + (long)(m->ny + m->nx)*g->width;
         for (long k = g->at; k < end; ++k) m->next[k] = m->z[k] + r->stage[2][k];
-        if (p->atol_directions) estimate(m, h, g, m->rate[0]);
+        if (p->atol_directions) {
+            estimate(m, h, g, m->rate[0]);
+            judge(m, h, g);
+        }
     }
-    if (!refused && p->atol_directions) *error = ordernm_error_norm(m, m->next, m->error[0], m->zeros)/r->tolerance;
+    if (!refused && p->atol_directions) *error = ordernm_error_norm(m, m->next, m->error[0], m->zeros);
     double change = next_step(m, h, *error);
     if (p->fixed) *error = *error < INFINITY ? 0.0 : NAN;
     if (*error <= 1.0) {
@@ -952,13 +974,12 @@ int ordernm_radau_stages(ordernm_motion *m, double h, double *const **stage)
 {
     struct radau *const r = m->radau;
     const ordernm_problem *const p = m->problem;
-    for (int i = 0; i < r->n; ++i) r->scale[i] = r->tolerance*(p->atol[i] + p->rtol*fabs(m->z[i]));
+    for (int i = 0; i < r->n; ++i) r->scale[i] = p->atol[i] + p->rtol*fabs(m->z[i]);
     r->accepted = 0;
     r->jacobian_here = r->formed_here = 0;
     r->theta = 1.0;
     extrapolate(m, h);
-    const double rtol = r->tolerance*fmax(p->rtol, 1e-14), least = 10.0*DBL_EPSILON/rtol;
-    const double usual = fmax(least, fmin(0.03, sqrt(rtol)));
+    const double least = 10.0*DBL_EPSILON/fmax(p->rtol, 1e-14), usual = fmax(least, SOLVED);
     const int status = stages(m, h, fmax(least, CLOSER*usual), usual);
     *stage = r->stage;
     return status == CONVERGED ? 0 : status;
