@@ -158,7 +158,7 @@ def opened(mechanism: Mechanism, by: float, rng: np.random.Generator) -> Model:
 
 
 def compared(seed: int, scene: str, by: float, folder: Path, loop_joints: tuple[str, ...]) -> float | None:
-    """The largest difference at a state of a random mechanism that is opened; None where none can be made, or nothing accelerates."""
+    """The largest difference at a state of a random mechanism that is opened; None where none is made, or nothing accelerates."""
     rng = np.random.default_rng(seed)
     drawn = random_mechanism(rng, scene, (3, 4), (1, 2), loop_joints=loop_joints, springs=False)
     if isinstance(drawn, Discarded):
