@@ -39,7 +39,7 @@ def python(word: str) -> dict:
 
 def test_the_first_example(here):
     names = python("mass_matrix_sensitivities")
-    assert names["dudot"].shape == (6, 2) and names["dM"].shape == (6, 2, 2) and names["dvalues"].shape == (2, 4)
+    assert names["dudot"].shape == (6, 2) and names["dM"].shape == (6, 2, 2) and names["dvalues"].shape == (2, 6)
     np.testing.assert_allclose(names["dudot"], names["J"].p.T, rtol=1e-12, atol=1e-12)
 
 

@@ -27,6 +27,9 @@ SIZES = {
     "ladder": (7, 7, 3, 1),
     "pinned_chain": (12, 12, 1, 9),
     "screw_jack": (6, 9, 1, 7),
+    "double_wishbone": (8, 11, 3, 2),
+    "excavator": (13, 12, 4, 4),
+    "coupler": (4, 3, 1, 1),
 }
 """Bodies, coordinates, loops, freedoms."""
 
@@ -63,7 +66,9 @@ def test_a_mechanism_has_the_freedoms_it_should_and_can_be_assembled(name):
     assert wanted <= hinted
 
 
-@pytest.mark.parametrize("name", ["ladder", "hooke_ladder", "n_four_bar", "closed_chain", "pinned_chain", "andrews"])
+@pytest.mark.parametrize(
+    "name", ["ladder", "hooke_ladder", "n_four_bar", "closed_chain", "pinned_chain", "andrews", "double_wishbone"]
+)
 def test_initial_coordinates_that_are_written_down_are_closed(name):
     model = load(name)
     assert np.abs(closure(model, *initial_configuration(model))[0]).max() < 1e-13
