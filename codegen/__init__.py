@@ -17,17 +17,26 @@ if TYPE_CHECKING:
     from .generation import generate
     from .model import Model, ModelBuilder, ModelError, load_model, parse_model
     from .runtime import Solver, Trajectory, load, load_trajectory
+    from .runtime.fitting import Fit, fit
+    from .runtime.many_motions import Motions, simulate_many
+    from .runtime.objective import Objective, objective
+    from .runtime.optimizing import optimize
+    from .runtime.variables import Variable
     from .summary import Report
 
 __all__ = [
-    "Model", "ModelBuilder", "ModelError", "Report", "Solver", "Trajectory", "__version__", "generate", "load", "load_model",
-    "load_trajectory", "parse_model",
+    "Fit", "Model", "ModelBuilder", "ModelError", "Motions", "Objective", "Report", "Solver", "Trajectory", "Variable",
+    "__version__", "fit", "generate", "load", "load_model", "load_trajectory", "objective", "optimize", "parse_model",
+    "simulate_many",
 ]  # fmt: skip
 
 _PLACES = {
     "generate": "generation", "Report": "summary",
     "Model": "model", "ModelBuilder": "model", "ModelError": "model", "load_model": "model", "parse_model": "model",
     "Solver": "runtime", "Trajectory": "runtime", "load": "runtime", "load_trajectory": "runtime",
+    "Fit": "runtime.fitting", "fit": "runtime.fitting", "Motions": "runtime.many_motions",
+    "simulate_many": "runtime.many_motions", "Objective": "runtime.objective", "objective": "runtime.objective",
+    "optimize": "runtime.optimizing", "Variable": "runtime.variables",
 }  # fmt: skip
 
 

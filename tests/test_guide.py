@@ -49,6 +49,23 @@ def test_the_pendulum(run):
     assert found["dudot"][0, 0] == pytest.approx(1.5 * 9.81 * np.sin(0.5), rel=1e-2)
 
 
+def test_the_pendulum_is_lifted_and_identified(run):
+    """The torque that lifts is at its bounds; lengths of simulated motions are those that made them."""
+    lifted = piece(run, "lifted.outcome")
+    assert lifted["lifted"].success and lifted["f"].motions < 200
+    assert lifted["motion"]["height"][-1] == pytest.approx(-lifted["lifted"].fun, abs=1e-6)
+    assert lifted["motion"]["energy"][-1] < 0.1 + 1e-5
+    at_start = lifted["f"].simulate(lifted["f"].x0)
+    assert lifted["motion"]["height"][-1] > at_start["height"].max()
+    found = piece(run, "found.interval")
+    assert found["low"] < 0.9 < found["high"] and abs(found["found"]["damping"] - 0.2) < 3 * found["found"].deviation(
+        "damping"
+    )
+    many = piece(run, "codegen.simulate_many")
+    assert many["heights"].shape == (21, 61)
+    assert many["heights"][:, 0] == pytest.approx(-np.cos(0.5) * many["lengths"])
+
+
 def test_the_loop_is_closed(run):
     found = piece(run, "crank.closure")
     assert found["q"][0] == 1.2 and np.abs(found["gap"]).max() < 1e-12 and np.abs(found["rate"]).max() < 1e-10

@@ -150,7 +150,7 @@ class Simulation(MotionRun):
         p_all = self._arguments.take({"p": p}, self._left_out)[0]["p"]
         if p_all.ndim != 1:
             raise ValueError(
-                f"p has shape {p_all.shape}, expected ({self.np},): one motion at a time, see simulate_many for more"
+                f"p has shape {p_all.shape}, expected ({self.np},): one motion at a time; codegen.simulate_many takes more"
             )
         spline = take_inputs(self.input_names, inputs)
         directions = take_sensitivities(self, sensitivities, dq0, du0, spline)

@@ -1,0 +1,149 @@
+"""Identification: variables of a model from samples of its motions, by nonlinear least squares with exact Jacobians."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .experiments import Experiment, take_experiments
+from .failures import FAILURES
+from .fit_result import Fit
+from .standalone.arrays import Array, Numbers
+from .standalone.trajectory import Trajectory
+from .variables import Wanted
+
+UNDETERMINED = 1e-9
+"""A direction of variables whose singular value is less than this part of the largest is not determined by the samples."""
+
+METHODS = ("trf", "dogbox")
+
+
+class _Problem:
+    """Residuals and their Jacobian at an x; the last one is remembered."""
+
+    def __init__(self, experiments: Sequence[Experiment], x0: Array):
+        self.experiments, self.motions = experiments, 0
+        self.failures: list[str] = []
+        self.trajectories: list[Trajectory] = []
+        self.error: Exception | None = None
+        self._key, self._found = b"", (np.zeros(0), np.zeros((0, 0)))
+        self.n = len(x0)
+
+    def at(self, x: Array) -> tuple[Array, Array]:
+        """Residuals (m,) and Jacobian (m, n); infinite where a motion fails."""
+        key = np.asarray(x, float).tobytes()
+        if key == self._key:
+            return self._found
+        parts, self.error = [], None
+        trajectories = []
+        for e in self.experiments:
+            try:
+                self.motions += 1
+                trajectory = e.simulate(x)
+                residuals, jacobian = e.residuals(trajectory, self.n)
+            except FAILURES as error:
+                self.error = error
+                self.failures.append(f"{e.name}: {error}")
+                m = sum(other.count for other in self.experiments)
+                self._key, self._found = key, (np.full(m, np.inf), np.full((m, self.n), np.inf))
+                return self._found
+            trajectories.append(trajectory)
+            parts.append((residuals, jacobian))
+        self.trajectories = trajectories
+        self._key = key
+        self._found = np.concatenate([r for r, _ in parts]), np.concatenate([j for _, j in parts])
+        return self._found
+
+
+def fit(
+    solver: Any, times: ArrayLike | None = None, samples: Mapping[str, ArrayLike] | None = None, variables: Wanted = (), *,
+    sigma: float | Mapping[str, ArrayLike] | None = None, q: Numbers = None, u: Numbers = None, p: Numbers = None,
+    inputs: Any = None, start: float = 0.0, experiments: Sequence[Mapping[str, Any]] | None = None, integrator: str = "dop853",
+    rtol: float = 1e-9, atol: Any = 1e-9, method: str = "trf", loss: str = "linear", undetermined: float = UNDETERMINED,
+    most_motions: int | None = None, tolerance: float = 1e-10, **options: Any,
+) -> Fit:  # fmt: skip
+    """Find the variables with which motions come nearest to samples, and how well these determine them.
+
+    Parameters
+    ----------
+    solver : Solver
+    times : (nt,)
+        Of the samples, s, rising.
+    samples : mapping of str to (nt,)
+        By names of outputs, or ``q.NAME`` and ``u.NAME`` of coordinates and speeds; NaN where there is no sample.
+    variables : names, or mapping of names to None, (lower, upper) or `Variable`
+        As those of `objective`. The search begins at the values of the motion that is given.
+    sigma : float, or mapping of str to float or (nt,), optional
+        Standard deviations of the samples, in their units. Left out: all are equally uncertain, and how much is found from
+        the residuals.
+    q, u, p, inputs
+        The motion as it is where variables say nothing, see `Solver.simulate`.
+    start : float
+        When the motion begins, s; not after the first sample.
+    experiments : sequence of mappings, optional
+        Several motions that share the variables, instead of times and samples: each has ``times`` and ``samples``, and may have
+        ``sigma``, ``q``, ``u``, ``p``, ``inputs``, ``start``, ``name``, and ``variables`` of its own, whose names get the
+        experiment's, such as ``q0.arm (second)``. What it does not have is that of the call.
+    integrator, rtol, atol, options
+        As method, rtol, atol and others of `Solver.simulate`.
+    method, loss
+        As those of `scipy.optimize.least_squares`; a loss other than "linear" takes outliers less seriously, and the
+        covariance is then that of the samples as it weighs them.
+    undetermined : float
+        Directions whose singular value is a smaller part of the largest are told as not determined.
+    most_motions : int, optional
+        Evaluations of all motions that are allowed.
+    tolerance : float
+        Relative changes of cost and variables, and the size of the gradient, at which the search ends.
+
+    Returns
+    -------
+    Fit
+
+    Raises
+    ------
+    SimulationError, AssemblyError, SingularJointError
+        A motion fails at the start of the search; later ones are stepped back from, and counted.
+    """
+    from scipy.optimize import least_squares
+
+    if method not in METHODS:
+        raise ValueError(f"method is {method!r}; allowed are {', '.join(map(repr, METHODS))}")
+    common = {
+        "times": times,
+        "samples": samples,
+        "sigma": sigma,
+        "q": q,
+        "u": u,
+        "p": p,
+        "inputs": inputs,
+        "start": start,
+    }
+    simulation = {"method": integrator, "rtol": rtol, "atol": atol, **options}
+    space, parts = take_experiments(solver, common, variables, experiments, simulation)
+    problem = _Problem(parts, space.x0)
+    residuals, _ = problem.at(space.x0)
+    if problem.error is not None:
+        raise problem.error
+    if len(residuals) < len(space.names):
+        raise ValueError(
+            f"fit: {len(residuals)} samples cannot determine {len(space.names)} variables; give more, or vary fewer"
+        )
+    found = least_squares(
+        lambda x: problem.at(x)[0], space.x0, jac=lambda x: problem.at(x)[1], bounds=space.x_bounds, method=method, loss=loss,
+        ftol=tolerance, xtol=tolerance, gtol=tolerance, max_nfev=most_motions,
+    )  # fmt: skip
+    residuals, jacobian = problem.at(found.x)
+    given = any(e.sigma_given for e in parts)
+    # found.jac is the Jacobian as the loss weighs it
+    return Fit.of(
+        space, found.x, residuals, found.jac if loss != "linear" else jacobian, tuple(parts), tuple(problem.trajectories),
+        sigma_given=given, undetermined=undetermined, success=bool(found.success), message=str(found.message),
+        motions=problem.motions, failures=tuple(problem.failures), cost=float(found.cost),
+    )  # fmt: skip
+
+
+__all__ = ["Fit", "fit"]

@@ -1,0 +1,204 @@
+"""Many motions at once, over threads: the integrators are compiled code, which lets other threads run meanwhile."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .failures import FAILURES
+from .standalone.arrays import Array, Numbers
+from .standalone.errors import SimulationError
+from .standalone.trajectory import Trajectory
+
+
+@dataclass(slots=True, eq=False)
+class Motions(Sequence[Trajectory | None]):
+    """Trajectories in the order of what was asked for; ``motions["tip_x"]`` is a series of all of them.
+
+    Attributes
+    ----------
+    trajectories : list of (Trajectory or None)
+        Of a motion that ended early, what there is of it; None where it could not begin, or nobody waited for it.
+    failures : dict of int to Exception
+        By the motion's number, from 0.
+    """
+
+    trajectories: list[Trajectory | None]
+    failures: dict[int, Exception]
+
+    def __len__(self) -> int:
+        return len(self.trajectories)
+
+    def __iter__(self) -> Iterator[Trajectory | None]:
+        return iter(self.trajectories)
+
+    def __getitem__(self, key: Any) -> Any:
+        """The i-th trajectory; several of them for a slice; for a name its series in all motions, see `series`."""
+        return self.series(key) if isinstance(key, str) else self.trajectories[key]
+
+    @property
+    def succeeded(self) -> Any:
+        """Which motions came to their end, booleans (n,)."""
+        return np.array([x is not None and i not in self.failures for i, x in enumerate(self.trajectories)], bool)
+
+    def series(self, name: str) -> Array:
+        """A series of all motions, (n, nt), for motions with times that were given; NaN behind the end of one that failed."""
+        return self._together(lambda x: x[name])
+
+    def derivative(self, name: str, by: str) -> Array:
+        """The derivative of a series in all motions, (n, nt)."""
+        return self._together(lambda x: x.derivative(name, by))
+
+    def _together(self, of: Callable[[Trajectory], Array]) -> Array:
+        done = {len(x) for x, well in zip(self.trajectories, self.succeeded, strict=True) if well and x is not None}
+        if len(done) > 1:
+            raise ValueError(
+                f"the motions have between {min(done)} and {max(done)} times; simulate them at given times, (nt,), or take one "
+                f"by one"
+            )
+        parts = [None if x is None else of(x) for x in self.trajectories]
+        nt = max([*done, *(len(x) for x in parts if x is not None)], default=0)
+        found = np.full((len(parts), nt), np.nan)
+        for row, part in zip(found, parts, strict=True):
+            if part is not None:
+                row[: len(part)] = part
+        return found
+
+    def __repr__(self) -> str:
+        lines = [f"{len(self)} motions, {len(self.failures)} failed"]
+        lines += [f"  {i}: {error}" for i, error in list(self.failures.items())[:5]]
+        if len(self.failures) > 5:
+            lines.append(f"  and {len(self.failures) - 5} more")
+        return "\n".join(lines)
+
+
+def simulate_many(
+    solver: Any, t: Any, q: Numbers = None, u: Numbers = None, p: Numbers = None, inputs: Any = None, *,
+    threads: int | None = None, progress: Callable[[int, int], None] | None = None, **options: Any,
+) -> Motions:  # fmt: skip
+    """Simulate a batch of motions over threads.
+
+    Parameters
+    ----------
+    solver : Solver
+    t
+        As that of `Solver.simulate`, the same for all.
+    q, u, p : (nq,), (nu,), (np,), or (n, ...), or mappings of names to numbers or (n,), optional
+        What has n rows is different for each motion.
+    inputs : list of n, or (n, ninputs), or what `Solver.simulate` takes
+        The former two are different for each motion.
+    threads : int, optional
+        Left out: as many as processors that may be used.
+    progress : callable, optional
+        Called as ``progress(done, n)`` whenever a motion has ended; KeyboardInterrupt in it, or Ctrl-C, ends all of them, and
+        what was computed until then is returned.
+    options
+        Further arguments of `Solver.simulate`, such as sensitivities, rtol, method.
+
+    Returns
+    -------
+    Motions
+        In the order of the rows; motions that failed are told and recorded, the others go on.
+
+    Raises
+    ------
+    ValueError
+    """
+    for word in ("on_failure", "dq0", "du0"):
+        if word in options:
+            raise ValueError(
+                f"simulate_many takes no {word}: " + ("failures are recorded" if word[0] == "o" else "simulate does")
+            )
+    if threads is not None and (not isinstance(threads, (int, np.integer)) or threads < 1):
+        raise ValueError(f"threads is {threads!r}, expected a number of threads")
+    several = _rows(solver, q, u, p, inputs)
+    n = len(several)
+    found: list[Trajectory | None] = [None] * n
+    failures: dict[int, Exception] = {}
+    stop = threading.Event()
+
+    def look(time: float, end: float) -> None:
+        if stop.is_set():
+            raise KeyboardInterrupt
+
+    def run(i: int) -> None:
+        try:
+            found[i] = solver.simulate(t, **several[i], progress=look, **options)
+        except FAILURES as error:
+            failures[i] = error
+            found[i] = error.trajectory if isinstance(error, SimulationError) else None
+
+    if n:
+        run(0)  # what is wrong for all is an error here, and the library is compiled once
+    done = min(n, 1)
+    if progress is not None and n:
+        progress(done, n)
+    with ThreadPoolExecutor(threads or _processors()) as pool:
+        left: set[Future[None]] = {pool.submit(run, i) for i in range(1, n)}
+        try:
+            while left:
+                ended, left = wait(left, return_when=FIRST_COMPLETED)
+                for future in ended:
+                    future.result()
+                    done += 1
+                    if progress is not None:
+                        progress(done, n)
+        except BaseException as error:
+            stop.set()
+            for future in left:
+                future.cancel()
+            if not isinstance(error, KeyboardInterrupt):
+                raise
+    return Motions(found, dict(sorted(failures.items())))
+
+
+def _processors() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _rows(solver: Any, q: Numbers, u: Numbers, p: Numbers, inputs: Any) -> list[dict[str, Any]]:
+    """Arguments of each motion."""
+    counts: dict[str, int] = {}
+    given: dict[str, Any] = {}
+    for name, value, of in (("q", q, solver.nq), ("u", u, solver.nu), ("p", p, solver.np)):
+        if isinstance(value, Mapping):
+            shapes = {np.shape(x) for x in value.values()} - {()}
+            if len(shapes) > 1 or any(len(s) > 1 for s in shapes):
+                raise ValueError(f"{name} holds numbers of shapes {sorted(shapes)}, expected numbers and (n,)")
+            given[name] = value
+            if shapes:
+                (counts[name],) = shapes.pop()
+            continue
+        given[name] = None if value is None else np.asarray(value, float)
+        if value is not None and given[name].ndim == 2:
+            counts[name] = len(given[name])
+        elif value is not None and given[name].shape != (of,):
+            raise ValueError(f"{name} has shape {given[name].shape}, expected ({of},) or (n, {of})")
+    listed = isinstance(inputs, list) and inputs and not np.isscalar(inputs[0])
+    if listed or (isinstance(inputs, np.ndarray) and inputs.ndim == 2):
+        counts["inputs"] = len(inputs)
+    if not counts:
+        raise ValueError(
+            "simulate_many: nothing has rows; give p (n, np), q (n, nq), u (n, nu), inputs as a list, or p={name: (n,)}"
+        )
+    if len(set(counts.values())) > 1:
+        told = ", ".join(f"{name} {n}" for name, n in counts.items())
+        raise ValueError(f"simulate_many: numbers of motions differ: {told}")
+    n = next(iter(counts.values()))
+
+    def row(name: str, i: int) -> Any:
+        value = inputs if name == "inputs" else given[name]
+        if isinstance(value, Mapping):
+            return {k: float(np.asarray(x, float)[i] if np.ndim(x) else x) for k, x in value.items()}
+        return value[i] if name in counts else value
+
+    return [{name: row(name, i) for name in ("q", "u", "p", "inputs")} for i in range(n)]
+
+
+__all__ = ["Motions", "simulate_many"]

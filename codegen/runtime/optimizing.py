@@ -1,0 +1,86 @@
+"""SciPy's optimisers on an objective, with what its motions need: a start that moves, and steps back from failures."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .objective import Objective
+from .standalone.arrays import Array
+
+METHODS = ("L-BFGS-B", "SLSQP", "trust-constr")
+"""Methods of `scipy.optimize.minimize` that take gradients and bounds; of these the first takes no constraints."""
+
+STEP_BACK = 10.0
+"""A motion that fails counts as so many times the largest change of the objective that was seen."""
+
+
+def optimize(
+    objective: Objective, method: str | None = None, *, constraints: Any = (), x0: ArrayLike | None = None,
+    tol: float | None = None, callback: Any = None, **options: Any,
+) -> Any:  # fmt: skip
+    """The best variables of an `Objective`, by `scipy.optimize.minimize`.
+
+    A motion that fails counts as a large finite value with the gradient zero, so that line searches step back from it.
+
+    Parameters
+    ----------
+    objective : Objective
+    method : {"L-BFGS-B", "SLSQP", "trust-constr"}, optional
+        Left out: SLSQP where there are constraints, else L-BFGS-B.
+    constraints : those of `Objective.constraint` or `Objective.constraint_dicts`, or SciPy's own
+    x0 : (n,), optional
+    tol, callback, options
+        As those of `scipy.optimize.minimize`, such as ``maxiter=50``.
+
+    Returns
+    -------
+    scipy.optimize.OptimizeResult
+        With ``outcome``, the `Outcome` at its x: named values in the model's units.
+
+    Raises
+    ------
+    SimulationError, AssemblyError, SingularJointError
+        The motion fails at the start.
+    """
+    from scipy.optimize import minimize
+
+    if isinstance(constraints, Sequence):
+        constraints = [c for several in constraints for c in (several if isinstance(several, list) else [several])]
+    else:
+        constraints = [constraints]
+    method = method or ("SLSQP" if constraints else "L-BFGS-B")
+    if method not in METHODS:
+        raise ValueError(f"method is {method!r}; allowed are {', '.join(map(repr, METHODS))}")
+    if method == "L-BFGS-B" and constraints:
+        raise ValueError(
+            "method 'L-BFGS-B' takes bounds and no constraints; allowed with them are 'SLSQP', 'trust-constr'"
+        )
+    start = objective.x0 if x0 is None else np.asarray(x0, float)
+    if not math.isfinite(objective(start)):
+        raise objective.error(start)
+    low, high = objective(start), objective(start)
+    stepped_back: dict[bytes, float] = {}
+
+    def value_and_gradient(x: Array) -> tuple[float, Array]:
+        nonlocal low, high
+        value, gradient = objective.value_and_gradient(x)
+        if math.isfinite(value):
+            low, high = min(low, value), max(high, value)
+            return value, gradient
+        far = stepped_back.setdefault(np.asarray(x).tobytes(), high + STEP_BACK * max(high - low, abs(high), 1e-3))
+        return far, np.zeros_like(gradient)
+
+    result = minimize(
+        value_and_gradient, start, jac=True, method=method, bounds=objective.bounds, constraints=constraints, tol=tol,
+        callback=callback, options=options,
+    )  # fmt: skip
+    result.outcome = objective.result(result.x)
+    return result
+
+
+__all__ = ["METHODS", "optimize"]

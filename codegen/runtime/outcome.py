@@ -1,0 +1,100 @@
+"""What an optimisation found, by name: values of variables, the objective, what it depends on most."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .standalone.arrays import Array
+from .standalone.functionals import At, AtEvent, Final, Functional, Integral, LeastSquares
+
+ROWS = 40
+"""So many variables are shown."""
+
+AT_BOUND = 1e-6
+"""A value is at its bound where it is nearer than this part of its range, or of its size."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outcome:
+    """Named values at a point; ``outcome["length"]`` is one of them.
+
+    Attributes
+    ----------
+    names : tuple of str
+    values, lower, upper : array (n,)
+        In the model's units.
+    units : tuple of str
+    value : float
+        Of the objective.
+    gradient : array (n,)
+        Its derivatives by the values, in the model's units.
+    functionals : tuple of m functionals
+        Of the objective, then of the constraints.
+    functional_values : array (m,)
+    motions, failures : int
+        How many motions were run until then, and how many of them failed.
+    """
+
+    names: tuple[str, ...]
+    values: Array
+    lower: Array
+    upper: Array
+    units: tuple[str, ...]
+    value: float
+    gradient: Array
+    functionals: tuple[Functional, ...]
+    functional_values: Array
+    motions: int
+    failures: int
+
+    def __getitem__(self, name: str) -> float:
+        if name not in self.names:
+            raise KeyError(f"{name!r} is no variable; there are {', '.join(self.names[:12])}")
+        return float(self.values[self.names.index(name)])
+
+    def as_dict(self) -> dict[str, float]:
+        """Variables by name, in the model's units."""
+        return dict(zip(self.names, self.values.tolist(), strict=True))
+
+    def __repr__(self) -> str:
+        failed = f", {self.failures} of them failed" if self.failures else ""
+        lines = [f"objective {self.value:.9g} after {self.motions} motions{failed}"]
+        lines += [f"  {told(f)} = {x:.9g}" for f, x in zip(self.functionals, self.functional_values, strict=True)]
+        width = max(map(len, self.names))
+        for i, name in enumerate(self.names[:ROWS]):
+            x, low, high = self.values[i], self.lower[i], self.upper[i]
+            unit = f" {self.units[i]}" if self.units[i] else ""
+            bound = at_bound(float(x), float(low), float(high))
+            where = f"  at its {bound} bound" if bound else ""
+            lines.append(f"  {name:{width}s}  {x:14.8g}{unit}  derivative {self.gradient[i]:.4g}{where}")
+        if len(self.names) > ROWS:
+            lines.append(f"  and {len(self.names) - ROWS} more")
+        return "\n".join(lines)
+
+
+def at_bound(x: float, lower: float, upper: float) -> str:
+    """Which bound a value lies at, "lower" or "upper"; empty if none."""
+    size = upper - lower if np.isfinite(upper - lower) else max(abs(x), 1.0)
+    if x - lower <= AT_BOUND * size:
+        return "lower"
+    return "upper" if upper - x <= AT_BOUND * size else ""
+
+
+def told(f: Functional) -> str:
+    """A functional in words."""
+    match f:
+        case Final():
+            return f"{f.output} at the end"
+        case At():
+            return f"{f.output} at {f.t:g} s"
+        case Integral():
+            return f"integral of {f.output}"
+        case AtEvent():
+            return f"{f.output} where {f.event.output} = {f.event.level:g}"
+        case LeastSquares():
+            return f"half the squares of {', '.join(f.samples)}"
+
+
+__all__ = ["AT_BOUND", "Outcome", "at_bound", "told"]

@@ -1,0 +1,289 @@
+"""What an optimiser or a fit varies, as numbers of order one: parameters, initial values and inputs of a motion."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .standalone.arguments import some
+from .standalone.arrays import Array, Numbers
+from .standalone.motion_directions import take_sensitivities
+from .standalone.motion_inputs import Inputs, take_inputs
+
+
+@dataclass(frozen=True, eq=False)
+class Variable:
+    """Bounds, scale and start of a variable.
+
+    Attributes
+    ----------
+    lower, upper : float, or (count,) for a whole input
+        In the unit of the variable; None or an infinite number where there is no bound.
+    scale : float, optional
+        A change that matters; left out: half the distance of the bounds, or the size of the start, or 1.
+    start : float, or (count,), optional
+        Where an optimiser begins; left out: the value in the motion that was given.
+    """
+
+    lower: ArrayLike | None = None
+    upper: ArrayLike | None = None
+    scale: float | None = None
+    start: ArrayLike | None = None
+
+
+Wanted = Sequence[str] | str | Mapping[str, Any]
+"""Names, or names with ``None``, ``(lower, upper)`` or a `Variable` each."""
+
+
+class Variables:
+    """Variables of a motion. An optimiser's x is ``(value - origin)/scale``, the values are in the model's units.
+
+    Attributes
+    ----------
+    names : tuple of str
+        A whole input stands here as its values, ``inputs.NAME[0]``, ``inputs.NAME[1]`` and so on.
+    start, lower, upper, origin, scale : array (n,)
+    """
+
+    def __init__(
+        self,
+        solver: Any,
+        wanted: Wanted,
+        q: Numbers = None,
+        u: Numbers = None,
+        p: Numbers = None,
+        inputs: Any = None,
+    ):
+        self.solver = solver
+        self._p: Array = solver._arguments.take({"p": p}, solver._left_out)[0]["p"]
+        if self._p.ndim != 1:
+            raise ValueError(f"p has shape {self._p.shape}, expected ({solver.np},): one motion at a time")
+        self._inputs = take_inputs(solver.input_names, inputs)
+        self._q, self._u = (_by_name(n, x, names) for n, x, names in
+                            (("q", q, solver.coordinate_names), ("u", u, solver.speed_names)))  # fmt: skip
+        asked = _asked(wanted)
+        groups = [self._expanded(name) for name in asked]
+        self.names: tuple[str, ...] = tuple(n for g in groups for n in g)
+        self._check_names()
+        self._places = [self._place(name) for name in self.names]
+        self._start_state = solver.assemble(self._q or None, self._u or None, self._p)
+        given = np.array([self._value(place) for place in self._places])
+        n = len(self.names)
+        self.start, self.lower, self.upper, self.scale = given, np.full(n, -np.inf), np.full(n, np.inf), np.ones(n)
+        self.origin = np.zeros(n)
+        first = 0
+        for (name, v), group in zip(asked.items(), groups, strict=True):
+            self._set(name, v, slice(first, first + len(group)))
+            first += len(group)
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    @property
+    def x0(self) -> Array:
+        """The start, as an optimiser sees it, (n,)."""
+        return (self.start - self.origin) / self.scale
+
+    @property
+    def x_bounds(self) -> tuple[Array, Array]:
+        """The bounds, as an optimiser sees them, (n,) each."""
+        return (self.lower - self.origin) / self.scale, (self.upper - self.origin) / self.scale
+
+    def values(self, x: ArrayLike) -> Array:
+        """Values in the model's units, (n,), of an optimiser's x (n,)."""
+        array = np.asarray(x, float)
+        if array.shape != (len(self),):
+            raise ValueError(
+                f"x has shape {array.shape}, expected ({len(self)},): a number for each of {some(self.names)}"
+            )
+        if not np.isfinite(array).all():
+            i = int(np.argmin(np.isfinite(array)))
+            raise ValueError(f"x[{i}] ({self.names[i]}) is {array[i]}, expected finite numbers")
+        return self.origin + self.scale * array
+
+    def x(self, values: ArrayLike | Mapping[str, float]) -> Array:
+        """An optimiser's x (n,) of values (n,), or of some of them by name, the others those of the start."""
+        if isinstance(values, Mapping):
+            unknown = [n for n in values if n not in self.names]
+            if unknown:
+                raise ValueError(f"{unknown[0]!r} is no variable; there are {some(self.names)}")
+            values = [values.get(n, s) for n, s in zip(self.names, self.start, strict=True)]
+        found: Array = (np.asarray(values, float) - self.origin) / self.scale
+        return found
+
+    def unit(self, i: int) -> str:
+        """The unit of a variable, ``""`` where it is not known."""
+        kind, at, _ = self._places[i]
+        word = {"p": "parameter", "q": "coordinate", "u": "speed"}.get(kind)
+        units = self.solver._manifest.get(f"{word}_units", ()) if word else ()
+        return units[at] if units else ""
+
+    # -- the motion that belongs to an x -------------------------------------------------------------------------------
+
+    def motion(self, x: ArrayLike, derivatives: bool = True) -> dict[str, Any]:
+        """Arguments q, u, p, inputs of `simulate` and `judge`, and the derivatives dq0, du0 of the initial state.
+
+        Raises
+        ------
+        AssemblyError, SingularLoopError
+            The initial state does not exist.
+        """
+        values, solver = self.values(x), self.solver
+        p, inputs = self._p.copy(), self._inputs.values.copy()
+        q, u = dict(self._q), dict(self._u)
+        for value, (kind, at, row) in zip(values, self._places, strict=True):
+            match kind:
+                case "p":
+                    p[at] = value
+                case "q":
+                    q[solver.coordinate_names[at]] = value
+                case "u":
+                    u[solver.speed_names[at]] = value
+                case _:
+                    inputs[row, at] = value
+        spline = Inputs(self._inputs.degree, self._inputs.knots, inputs)
+        if not q and not u:
+            return {"q": None, "u": None, "p": p, "inputs": spline}
+        first_q, first_u = solver.assemble(q or None, u or None, p)
+        found = {"q": first_q, "u": first_u, "p": p, "inputs": spline}
+        if derivatives and self.names:
+            found |= self._derivatives(first_q, first_u, p, q, u)
+        return found
+
+    def _derivatives(
+        self, q: Array, u: Array, p: Array, given_q: Iterable[str], given_u: Iterable[str]
+    ) -> dict[str, Array]:
+        """Derivatives of the initial state by the variables, (n, nq) and (n, nu): those of the model where it gives values."""
+        solver, n = self.solver, len(self)
+        dq, du, dp = np.zeros((n, solver.nq)), np.zeros((n, solver.nu)), np.zeros((n, solver.np))
+        for i, (kind, at, _) in enumerate(self._places):
+            if kind == "p":
+                dp[i, at] = 1.0
+        if solver._has("initial_sensitivities"):
+            _, _, dq, du = solver._along("initial_sensitivities", {"p": p}, {"dp": dp})
+            dq, du = dq.copy(), du.copy()
+            dq[:, [solver.coordinate_names.index(name) for name in given_q]] = 0.0
+            du[:, [solver.speed_names.index(name) for name in given_u]] = 0.0
+        for i, (kind, at, _) in enumerate(self._places):
+            if kind in "qu":
+                (dq if kind == "q" else du)[i, at] = 1.0
+        _, _, dq, du = solver.assemble_sensitivities(q, u, p, dq=dq, du=du, dp=dp)
+        return {"dq0": dq, "du0": du}
+
+    # -- what is asked for ---------------------------------------------------------------------------------------------
+
+    def _expanded(self, name: str) -> list[str]:
+        """A whole input as its values, anything else as it is."""
+        count = len(self._inputs.values)
+        of = name.removeprefix("inputs.")
+        return [f"{name}[{i}]" for i in range(count)] if of != name and of in self.solver.input_names else [name]
+
+    def _check_names(self) -> None:
+        if not self.names:
+            raise ValueError("there are no variables; name some, such as a parameter, q0.NAME or inputs.NAME")
+        try:
+            take_sensitivities(self.solver, self.names, None, None, self._inputs)
+        except ValueError as error:
+            raise ValueError(str(error).replace("sensitivities", "variables", 1)) from None
+
+    def _place(self, name: str) -> tuple[str, int, int]:
+        """What a name stands for: p, q, u or i(nputs), its place in that, and of inputs the row."""
+        solver = self.solver
+        if name in solver.parameter_names:
+            return "p", solver.parameter_names.index(name), 0
+        kind, _, of = name.partition(".")
+        if kind == "q0":
+            return "q", solver.coordinate_names.index(of), 0
+        if kind == "u0":
+            return "u", solver.speed_names.index(of), 0
+        entry = re.fullmatch(r"inputs\.(.+)\[(\d+)\]", name)
+        assert entry is not None
+        return "i", solver.input_names.index(entry[1]), int(entry[2])
+
+    def _value(self, place: tuple[str, int, int]) -> float:
+        """Its value in the motion that was given."""
+        kind, at, row = place
+        if kind == "i":
+            return float(self._inputs.values[row, at])
+        return float({"p": self._p, "q": self._start_state[0], "u": self._start_state[1]}[kind][at])
+
+    def _set(self, name: str, v: Variable, at: slice) -> None:
+        """Bounds, scale and start of a variable, or of a whole input."""
+        for word, place in (("lower", self.lower), ("upper", self.upper), ("start", self.start)):
+            given = getattr(v, word)
+            if given is None:
+                continue
+            try:
+                place[at] = np.asarray(given, float)
+            except (TypeError, ValueError):
+                count = at.stop - at.start
+                raise ValueError(f"variables: {word} of {name} is {given!r}, expected a number" +
+                                 (f", or {count} of them" if count > 1 else "")) from None  # fmt: skip
+            if np.isnan(place[at]).any():
+                raise ValueError(f"variables: {word} of {name} is not a number")
+        lower, upper, start = self.lower[at], self.upper[at], self.start[at]
+        if (lower >= upper).any():
+            raise ValueError(
+                f"variables: the bounds of {name} are {lower[0]:g} and {upper[0]:g}; the first must be smaller"
+            )
+        outside = (start < lower) | (start > upper)
+        if outside.any():
+            i = int(np.argmax(outside))
+            raise ValueError(
+                f"variables: {self.names[at.start + i]} starts at {start[i]:g}, outside of its bounds {lower[i]:g} and "
+                f"{upper[i]:g}; give a start within them by Variable(lower, upper, start=...), or change the motion"
+            )
+        bounded = bool(np.isfinite(lower).all() and np.isfinite(upper).all())
+        if bounded:
+            self.origin[at] = (lower + upper) / 2
+        if v.scale is not None:
+            if not (np.isfinite(v.scale) and v.scale > 0):
+                raise ValueError(f"variables: the scale of {name} is {v.scale!r}, expected a positive number")
+            self.scale[at] = v.scale
+        elif bounded:
+            self.scale[at] = (upper - lower) / 2
+        else:
+            self.scale[at] = float(np.abs(start).max()) or 1.0
+
+
+def _asked(wanted: Wanted) -> dict[str, Variable]:
+    """Variables by name."""
+    if isinstance(wanted, str):
+        return {wanted: Variable()}
+    if not isinstance(wanted, Mapping):
+        names = list(wanted)
+        twice = [n for i, n in enumerate(names) if n in names[:i]]
+        if twice:
+            raise ValueError(f"variables name {twice[0]!r} twice")
+        return {name: Variable() for name in names}
+    found = {}
+    for name, given in wanted.items():
+        if given is None or isinstance(given, Variable):
+            found[name] = given or Variable()
+        elif isinstance(given, (tuple, list)) and len(given) == 2:
+            found[name] = Variable(*given)
+        else:
+            raise ValueError(
+                f"variables: {name} has {given!r}; allowed are None, (lower, upper) and Variable(lower, upper, scale=, start=)"
+            )
+    return found
+
+
+def _by_name(label: str, given: Numbers, names: Sequence[str]) -> dict[str, float]:
+    """A state by names; empty where nothing is given."""
+    if given is None:
+        return {}
+    if isinstance(given, Mapping):
+        return {str(n): float(np.asarray(x)) for n, x in given.items()}
+    values = np.asarray(given, float)
+    if values.shape != (len(names),):
+        raise ValueError(f"{label} has shape {values.shape}, expected ({len(names)},): one motion at a time")
+    return dict(zip(names, values.tolist(), strict=True))
+
+
+__all__ = ["Variable", "Variables", "Wanted"]
