@@ -234,7 +234,7 @@ static int first_step(ordernm_motion *m, double limit, double *h)
 
 static double seconds_now(void)
 {
-    struct timespec now;
+    struct timespec now = {0};
     timespec_get(&now, TIME_UTC);
     return now.tv_sec + 1e-9*now.tv_nsec;
 }
@@ -476,7 +476,7 @@ int ordernm_go(ordernm_motion *m, ordernm_results *r, double seconds)
         const double knot = ordernm_next_knot(m, m->t), wall = knot < p->end ? knot : p->end;
         double h = p->largest_step > 0.0 && m->h > p->largest_step ? p->largest_step : m->h;
         const double left = wall - m->t;
-        int to_wall = h >= left*(1.0 - 1e-12) || left - h <= 1e-15*fabs(wall);
+        int to_wall = h >= left*(1.0 - 1e-9) || left - h <= 1e-15*fabs(wall);
         if (to_wall) h = left;
         else if (adaptive && 2.0*h > left) h = 0.5*left;
         if (h <= 4e-16*fabs(m->t) || !(h > 0.0)) return ORDERNM_COLLAPSED;
