@@ -62,12 +62,12 @@ bodies:
     joint: {type: revolute, axis: z}
     mass: 1.0
     com: [0, -L, 0]
-    inertia: {xx: 0, yy: 0, zz: 0, check: false}
-points: {bob: {body: bob, at: [0, -L, 0]}}
+    inertia: {xx: 0, yy: 0, zz: 0}
+points: {tip: {body: bob, at: [0, -L, 0]}}
 initial: {q: {bob: -pi/2}}
 outputs:
-  x: {position: bob, axis: x}
-  y: {position: bob, axis: y}
+  x: {position: tip, axis: x}
+  y: {position: tip, axis: y}
 """
 
 
@@ -120,6 +120,11 @@ def tree(seed: int, n: int = 3, **options: Any) -> Drawn:
     model = random_tree(rng, n, **options)
     q, _, p, *_ = random_state(rng, model)
     return with_random_elements(rng, model), q, p
+
+
+def ball(seed: int) -> Drawn:
+    """One body on a ball joint."""
+    return tree(seed, 1, joints=("spherical",))
 
 
 def mechanism(seed: int, scene: str = "spatial", **options: Any) -> Drawn:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from motion.models import Made
+from motion.models import Made, example
 
 from codegen.runtime import AtEvent, Event
 
@@ -178,3 +178,14 @@ def test_levels_of_a_motion_are_those_of_its_samples(made: Callable[..., Made], 
         assert len(times) == len(i)
         assert ((t[i] <= times) & (times <= t[i + 1])).all()
     assert (np.diff([e.t for e in found.events]) >= 0).all()
+
+
+def test_an_event_where_independents_change_is_seen_once(made: Callable[..., Made]) -> None:
+    """The motion goes on with other independents right behind it, from a state that is on the level to rounding."""
+    solver = made(example, "n_four_bar", partitions=2).solver
+    y = solver.simulate(np.linspace(0, 3, 3001))["y"]
+    for level in (0.01, 0.05, 0.1):
+        found = solver.simulate(3.0, events=Event("y", level, stop=False))
+        assert found.stats["partitions_changed"] >= 1
+        assert len(found.events) == len(np.flatnonzero(np.diff(np.sign(y - level))))
+        assert (np.diff([e.t for e in found.events]) > 0.1).all()

@@ -243,7 +243,7 @@ static int first_step(ordernm_motion *m, double limit, double *h)
 
 static double seconds_now(void)
 {
-    struct timespec now;
+    struct timespec now = {0};
     timespec_get(&now, TIME_UTC);
     return now.tv_sec + 1e-9*now.tv_nsec;
 }
@@ -507,7 +507,7 @@ static int plan(ordernm_motion *m, trial *step)
     step->h = p->largest_step > 0.0 && m->h > p->largest_step ? p->largest_step : m->h;
     const double left = step->wall - m->t;
     /* steps of one size add up to an end with rounding */
-    step->to_wall = step->h >= left*(1.0 - (m->adaptive ? 1e-12 : 1e-9)) || left - step->h <= 1e-15*fabs(step->wall);
+    step->to_wall = step->h >= left*(1.0 - 1e-9) || left - step->h <= 1e-15*fabs(step->wall);
     if (step->to_wall) step->h = left;
     else if (m->adaptive && 2.0*step->h > left) step->h = 0.5*left;
     step->end = step->to_wall ? step->wall : m->t + step->h;

@@ -61,6 +61,16 @@ class MotionRun(States):
         while True:
             segment, found, last = self._segment(opened, left, progress, keep_steps, memory)
             self._carry_integrals(left, before, [found, *(row[None] for _, row in segment.events)], last)
+            if (
+                run.events
+            ):  # what happened as a segment ended does not happen again, by rounding, as the next one begins
+                met = {i for i, row in run.events if row[0] >= left.start}
+                segment.events[:] = [
+                    (i, row)
+                    for i, row in segment.events
+                    if i not in met or row[0] > left.start + 1e-12 * (1.0 + abs(left.start))
+                ]
+            run.events.extend(segment.events)
             rows.append(found[1:] if before is not None and not len(left.times) else found)
             run.segments.append(segment)
             if segment.reason != "poor":
@@ -68,7 +78,6 @@ class MotionRun(States):
             opened, left, before = *self._go_on(opened, left, segment, last), last
         run.rows = np.concatenate(rows) if len(rows) > 1 else rows[0]
         run.reason, run.singular, run.component = segment.reason, segment.singular, segment.component
-        run.events = [event for s in run.segments for event in s.events]
         counts = [s.counts for s in run.segments]
         run.counts = {name: sum(c[name] for c in counts) for name in counts[0]} | {
             "t": counts[-1]["t"], "condition": max(c["condition"] for c in counts),
