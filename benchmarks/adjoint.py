@@ -115,7 +115,8 @@ def measure(name: str, text: str, output: str, folder: Path, rounds: int) -> Non
     type(solver)._backwards = own
     least_of = {n: min(x) for n, x in times.items()} | {"backwards": min(backwards)}
     steps = found.stats["steps"]
-    size = 8 * (2 + solver.nq + len(solver.independent_speed_names))
+    state = solver.nq + len(solver.independent_speed_names)
+    size = 8 * (2 + state + 11 * (state + (solver.nq if solver.closure_names else 0)))  # with the states of stages
     error = np.abs(adjoint.gradients - forward.gradients).max() / np.abs(forward.gradients).max()
     in_c = (least_of["motion in C"] + least_of["backwards"]) / least_of["motion in C"]
     called = least_of["adjoint"] / least_of["motion"]

@@ -242,8 +242,8 @@ static int transposed_settling(ordernm_adjoint *a, int n, double t, const double
 
 /* ---- One step. ---- */
 
-/* The stages of a step, as they were. The rate of the last one is asked for where something is a sum of it. */
-static int stages(ordernm_adjoint *a, double h, int count, int last)
+/* The stages of a step, as they were, and their rates: where something else than the step's end is a sum of them. */
+static int stages(ordernm_adjoint *a, double h, int count)
 {
     ordernm_motion *const m = a->motion;
     const method *const method = m->method;
@@ -251,14 +251,8 @@ static int stages(ordernm_adjoint *a, double h, int count, int last)
         const row *const r = method->rows + i;
         ordernm_combine(m->values, a->stage[i], m->z, h, r->count, r->which, r->factor, m->rate);
         const double t = m->t + method->times[i]*h;
-        int status = 0;
-        if (i < count - 1 || last) {
-            status = ordernm_rates(m, t, a->stage[i], m->rate[i]);
-            ++a->gradients->evaluations;
-        } else if (!m->identity) {
-            ordernm_call c = ordernm_arguments(m, t, a->stage[i]);
-            status = ordernm_close_loops(m, &c);
-        }
+        const int status = ordernm_rates(m, t, a->stage[i], m->rate[i]);
+        ++a->gradients->evaluations;
         if (status) return status;
         if (!m->identity) memcpy(a->q[i], m->q, m->system->nq*sizeof(double));
     }
@@ -268,6 +262,20 @@ static int stages(ordernm_adjoint *a, double h, int count, int last)
 static void accumulate(double *to, double factor, const double *of, long n)
 {
     for (long i = 0; i < n; ++i) to[i] += factor*of[i];
+}
+
+/* The same from a row of steps. */
+static void stages_kept(ordernm_adjoint *a, const double *step)
+{
+    ordernm_motion *const m = a->motion;
+    const long state = m->ny + m->nx + m->nd, nq = m->identity ? 0 : m->system->nq;
+    const double *at = step + 2 + state;
+    memcpy(a->stage[0], m->z, state*sizeof(double));
+    memcpy(a->q[0], m->q, nq*sizeof(double));
+    for (int i = 1; i < m->method->stages; ++i, at += state + nq) {
+        memcpy(a->stage[i], at, state*sizeof(double));
+        memcpy(a->q[i], at + state, nq*sizeof(double));
+    }
 }
 
 /* One group of functionals through one step: lambda at its end becomes lambda at its beginning. */
@@ -322,7 +330,12 @@ int ordernm_backwards(ordernm_adjoint *a, const double *steps, long count)
             const long left = a->sampled[n];
             within |= left && g->times[left - 1] > m->t;
         }
-        if ((status = stages(a, h, within ? m->method->all : m->method->stages, within || m->system->split))) goto failed;
+        if (within || m->system->split) {
+            if ((status = stages(a, h, within ? m->method->all : m->method->stages))) goto failed;
+        } else {
+            ordernm_arguments(m, m->t, m->z); /* of the first stage, whose loops are closed between steps */
+            stages_kept(a, step);
+        }
         if (m->system->split) {
             const row *const r = m->method->rows + m->method->stages;
             ordernm_combine(m->values, m->next, m->z, h, r->count, r->which, r->factor, m->rate);
@@ -373,7 +386,7 @@ int ordernm_replay(ordernm_motion *m, double *steps, long count)
     const long size = ordernm_step_size(m->problem);
     const method *const method = m->method;
     const row *const end = method->rows + method->stages;
-    ordernm_results none = {0};
+    ordernm_results none = {.steps = steps};
     m->results = &none;
     memcpy(m->z, steps + 2, (m->ny + m->nx + m->nd)*sizeof(double));
     for (long k = 0; k < count; ++k) {
@@ -386,7 +399,9 @@ int ordernm_replay(ordernm_motion *m, double *steps, long count)
             const row *const r = method->rows + i;
             ordernm_combine(m->size, m->trial, m->z, h, r->count, r->which, r->factor, m->rate);
             if (ordernm_rates(m, m->t + method->times[i]*h, m->trial, m->rate[i])) return ORDERNM_SINGULAR;
+            if (i) ordernm_keep_stage(m, i);
         }
+        memcpy(step + 2 + m->ny + m->nx + m->nd, m->stages, (size - 2 - (m->ny + m->nx + m->nd))*sizeof(double));
         ordernm_combine(m->size, m->next, m->z, h, end->count, end->which, end->factor, m->rate);
         double *const before = m->z;
         m->z = m->next;

@@ -73,6 +73,7 @@ static size_t lay_out(const ordernm_problem *p, void *at)
     m->dinputs = ordernm_numbers(&of, s->ninputs*LANES);
     m->dt = ordernm_numbers(&of, LANES);
     m->row = ordernm_numbers(&of, ordernm_row_size(p));
+    m->stages = ordernm_numbers(&of, ordernm_step_size(p));
     double **of_events[] = {&m->crossing, &m->after, &m->within, &m->part};
     for (int i = 0; i < 4; ++i) *of_events[i] = ordernm_numbers(&of, p->nevents);
     if (m->method == &ordernm_radau) {
@@ -97,7 +98,9 @@ long ordernm_row_size(const ordernm_problem *p)
 long ordernm_step_size(const ordernm_problem *p)
 {
     const ordernm_system *s = p->system;
-    return 2 + s->nq + s->nfree_u + p->nintegrals;
+    const method *const method = method_of(p);
+    const long state = s->nq + s->nfree_u + p->nintegrals;
+    return 2 + state + (method->rows ? (method->stages - 1)*(state + (s->closing_step ? s->nq : 0)) : 0);
 }
 
 ordernm_motion *ordernm_begin(const ordernm_problem *p, double *room)
@@ -435,10 +438,12 @@ static int keep_event(ordernm_motion *m, double t, int which)
 static void keep_step(const ordernm_motion *m, double h)
 {
     ordernm_results *const r = m->results;
-    double *const at = r->steps + r->steps_count*ordernm_step_size(m->problem);
+    const long state = m->ny + m->nx + m->nd, size = ordernm_step_size(m->problem);
+    double *const at = r->steps + r->steps_count*size;
     at[0] = m->t;
     at[1] = h;
-    memcpy(at + 2, m->z, (m->ny + m->nx + m->nd)*sizeof(double));
+    memcpy(at + 2, m->z, state*sizeof(double));
+    memcpy(at + 2 + state, m->stages, (size - 2 - state)*sizeof(double));
     ++r->steps_count;
 }
 

@@ -6,6 +6,8 @@
 
 #include "explicit_tables.h"
 
+#include <string.h>
+
 /* Vectors of the width that the machine works on at once, some of them to a cache line. */
 #if defined(__GNUC__) && defined(__AVX512F__)
 enum { WIDE = 8 };
@@ -46,6 +48,16 @@ static void stage(ordernm_motion *m, const row *r, double h, double *z)
     ordernm_combine(m->size, z, m->z, h, r->count, r->which, r->factor, m->rate);
 }
 
+/* Where steps are kept for the adjoint, the states of their stages are too: it needs no rates to find them again. */
+void ordernm_keep_stage(ordernm_motion *m, int i)
+{
+    if (!m->results->steps) return;
+    const long state = m->ny + m->nx + m->nd, nq = m->identity ? 0 : m->system->nq;
+    double *const at = m->stages + (i - 1)*(state + nq);
+    memcpy(at, m->trial, state*sizeof(double));
+    memcpy(at + state, m->q, nq*sizeof(double));
+}
+
 static const int every[16] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
 
 /* ---- Dormand and Prince's method of order 8. ---- */
@@ -56,6 +68,7 @@ static int dop853_step(ordernm_motion *m, double h, double *error)
         stage(m, dop853_rows + i, h, m->trial);
         const int status = ordernm_rates(m, m->t + dop853_times[i]*h, m->trial, m->rate[i]);
         if (status) return status;
+        ordernm_keep_stage(m, i);
     }
     stage(m, dop853_rows + 12, h, m->next);
     const long n = m->problem->atol_directions ? m->size : m->values;
@@ -111,6 +124,7 @@ static int rk4_step(ordernm_motion *m, double h, double *error)
         stage(m, rk4_rows + i, h, m->trial);
         const int status = ordernm_rates(m, m->t + rk4_times[i]*h, m->trial, m->rate[i]);
         if (status) return status;
+        ordernm_keep_stage(m, i);
     }
     stage(m, rk4_rows + 4, h, m->next);
     *error = 0.0;

@@ -86,6 +86,7 @@ struct ordernm_motion {
     double *dq, *du, *dqdot, *dudot, *full_dq, *full_du, *doutputs, *dinputs;
     double *dt;               /* [LANES]; of seeds zeros, for time has no derivative here; transposes write there */
     double *row;
+    double *stages;           /* states of the stages behind the first, of explicit methods: values, coordinates with loops closed */
     void *precise_work;
     double poor;              /* condition from which on loops are closed in long double */
     int imprecise;            /* that was wanted, and could not be done */
@@ -109,6 +110,7 @@ int ordernm_rates(ordernm_motion *m, double t, const double *z, double *rate);
 ordernm_call ordernm_arguments(ordernm_motion *m, double t, const double *z);
 int ordernm_close_loops(ordernm_motion *m, ordernm_call *c);
 long ordernm_b_splines(const ordernm_motion *m, double t, double *value);
+void ordernm_keep_stage(ordernm_motion *m, int stage);
 int ordernm_settle(ordernm_motion *m, double t, double *z);
 int ordernm_jumped(const ordernm_motion *m, const double *z);
 int ordernm_report(ordernm_motion *m, double t, const double *z, double *row);
