@@ -29,6 +29,9 @@ MOST_STEPS = 1_000_000
 SMALLEST_TOLERANCE = 1e-14
 """Relative errors below it are rounding."""
 
+HARDLY_DETERMINED = 1e6
+"""Condition of loops from which on an early end is said to have to do with it."""
+
 MEANINGLESS = 1e10
 """Sensitivities that have grown beyond this are told: the motion is chaotic, and its gradient means nothing."""
 
@@ -117,12 +120,19 @@ class Simulation(MotionRun):
                 f"stability, not accuracy, kept the steps of the explicit method {problem.method!r} small (step times largest "
                 f"eigenvalue: {run.counts['stiffness']:.1f}); method='radau' is for such models"
             )
-        if trajectory.dq.size and max(np.abs(trajectory.dq).max(), np.abs(trajectory.du).max()) > MEANINGLESS:
+        if self._largest_sensitivity(trajectory) > MEANINGLESS:
             warn(
                 f"sensitivities have grown beyond {MEANINGLESS:g}: the motion is chaotic or unstable, and such a derivative says "
                 f"nothing about anything but infinitely small changes; shorten the time"
             )
         return trajectory
+
+    def _largest_sensitivity(self, trajectory: Trajectory) -> float:
+        """Of independent entries: dependent ones have none where a loop loses rank."""
+        q = [self.coordinate_names.index(n) for n in self.independent_names]
+        u = [self.speed_names.index(n) for n in self.independent_speed_names]
+        parts = (trajectory.dq[..., q], trajectory.du[..., u])
+        return max(float(np.abs(x).max(initial=0.0)) for x in parts)
 
     # -- what is asked for ---------------------------------------------------------------------------------------------
 
@@ -253,6 +263,21 @@ class Simulation(MotionRun):
 
     def _why_it_ended(self, problem: Problem, run: Run) -> str:
         """The cause in words, with time and what was in the way."""
+        condition = run.counts["condition"] if self.closure_names else 0.0
+        if condition < HARDLY_DETERMINED:
+            return self._cause(problem, run)
+        way = (
+            "a package with two partitions (generate with --partitions 2) changes to other independent coordinates before"
+            if len(self._manifest.get("second", ())) == 0
+            else "neither of the package's two choices of independent coordinates serves there"
+        )
+        return (
+            f"{self._cause(problem, run)}. The dependent coordinates were hardly determined there (condition {condition:.2g}), as "
+            f"at a dead point: {way}"
+        )
+
+    def _cause(self, problem: Problem, run: Run) -> str:
+        """The same without what loops have to do with it."""
         at = f"at t = {run.counts['t']:.9g} s"
         manifest = run.opened.manifest
         names = [f"q.{n}" for n in manifest["independent_names"]] + [
