@@ -272,8 +272,8 @@ class Simulation(MotionRun):
             else "neither of the package's two choices of independent coordinates serves there"
         )
         return (
-            f"{self._cause(problem, run)}. The dependent coordinates were hardly determined there (condition {condition:.2g}), as "
-            f"at a dead point: {way}"
+            f"{self._cause(problem, run)}. The dependent coordinates were hardly determined there (condition "
+            f"{condition:.2g}), as at a dead point: {way}"
         )
 
     def _cause(self, problem: Problem, run: Run) -> str:
