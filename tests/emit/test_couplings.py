@@ -65,6 +65,7 @@ def test_c_is_generic_is_dense(tmp_path: Path, name: str, layout: str) -> None:
     check(by_hand(name), codegen.load(tmp_path / "mechanism"), 1)
 
 
+@pytest.mark.campaign
 @pytest.mark.parametrize("seed", [13])
 def test_random_mechanisms_of_many_bodies(tmp_path: Path, seed: int) -> None:
     drawn = draw(seed, bodies=(9, 14), loops=(2, 4))

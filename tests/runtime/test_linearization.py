@@ -330,6 +330,7 @@ def test_split_joints_in_motion(made, name):
     differ(found.A, floats(A), 1e-7)
 
 
+@pytest.mark.campaign
 def test_random_mechanisms_in_motion(made):
     for _, drawn in random_mechanisms(1, first=11, bodies=(3, 3), loops=(1, 1), scene="spatial"):
         check(made(drawn.model), drawn.model, drawn[1:6], names=solver_names(drawn))

@@ -267,6 +267,7 @@ def draws():
         yield model, random_state(rng, model)._replace(p=np.array([x.value for x in model.parameters]))
 
 
+@pytest.mark.campaign
 def test_random_models_rest_and_follow_parameters(made):
     """At rest for the dense engine; its accelerations stay zero along dq, and its loops closed."""
     met = followed = 0
