@@ -152,6 +152,10 @@ def take_experiments(
             v.origin[k], v.scale[k] = numbers[at][3:]  # shared ones are scaled alike
             places.append(at)
         found.append(_experiment(label, v, np.array(places), one, simulation))
+    known = [e.sigma_given for e in found]
+    if any(known) and not all(known):
+        lacks = found[known.index(False)].name
+        raise ValueError(f"fit: {lacks} has no sigma, and others have; give it to all experiments, or to none")
     start, lower, upper, origin, scale = np.array(numbers).T
     x = [(a - origin) / scale for a in (start, lower, upper)]
     return Space(tuple(names), tuple(units), x[0], (x[1], x[2]), origin, scale), found

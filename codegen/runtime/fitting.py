@@ -137,7 +137,7 @@ def fit(
         ftol=tolerance, xtol=tolerance, gtol=tolerance, max_nfev=most_motions,
     )  # fmt: skip
     residuals, jacobian = problem.at(found.x)
-    given = any(e.sigma_given for e in parts)
+    given = parts[0].sigma_given
     # found.jac is the Jacobian as the loss weighs it
     return Fit.of(
         space, found.x, residuals, found.jac if loss != "linear" else jacobian, tuple(parts), tuple(problem.trajectories),

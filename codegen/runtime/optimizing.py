@@ -15,6 +15,9 @@ from .standalone.arrays import Array
 METHODS = ("L-BFGS-B", "SLSQP", "trust-constr")
 """Methods of `scipy.optimize.minimize` that take gradients and bounds; of these the first takes no constraints."""
 
+INSIDE = 1e-6
+"""How far within the bounds trust-constr begins at least, in an optimiser's x."""
+
 STEP_BACK = 10.0
 """A motion that fails counts as so many times the largest change of the objective that was seen."""
 
@@ -61,6 +64,9 @@ def optimize(
             "method 'L-BFGS-B' takes bounds and no constraints; allowed with them are 'SLSQP', 'trust-constr'"
         )
     start = objective.x0 if x0 is None else np.asarray(x0, float)
+    if method == "trust-constr":  # its start must lie within the bounds, not at one
+        lower, upper = objective.variables.x_bounds
+        start = np.clip(start, lower + INSIDE, upper - INSIDE)
     if not math.isfinite(objective(start)):
         raise objective.error(start)
     low, high = objective(start), objective(start)

@@ -46,6 +46,8 @@ def test_a_four_bar_learns_a_path(script, tmp_path):
     solver = script("pictures").solver_of("coupler", tmp_path)
     same_gradients(lambda method: example.path_objective(solver, method))
     f, best = example.synthesise(solver, starts=1, maxiter=40)
+    steps = [(f(f.x0 + h) - f(f.x0 - h)) / 2e-5 for h in 1e-5 * np.eye(10)]
+    assert f.gradient(f.x0) == pytest.approx(steps, abs=1e-6), "with loops, and an initial value that closes them"
     assert best.fun < 0.02 * f(f.x0)
     after = f.simulate(best.x, example.TIMES)
     distances = np.hypot(after["x"] - example.X, after["y"] - example.Y)

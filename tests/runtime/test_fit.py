@@ -151,5 +151,8 @@ def test_what_is_wrong_with_sigma_or_an_experiment_is_told(solver):
         codegen.fit(solver, t, samples, ["mass"], sigma={"v": 1.0})
     with pytest.raises(ValueError, match="allowed are times, samples"):
         codegen.fit(solver, variables=["mass"], experiments=[{"time": t, "samples": samples}])
+    with pytest.raises(ValueError, match="experiment 2 has no sigma, and others have"):
+        both = [{"times": t, "samples": samples, "sigma": 0.1}, {"times": t, "samples": samples}]
+        codegen.fit(solver, variables=["mass"], experiments=both)
     with pytest.raises(ValueError, match="these belong into the experiments"):
         codegen.fit(solver, t, samples, ["mass"], experiments=[{"times": t, "samples": samples}])

@@ -114,6 +114,12 @@ def test_constraints_are_dictionaries_of_slsqp_too(solver):
     assert f.result(best.x).functional_values[1:] == pytest.approx([1, 0, 0.4], abs=1e-6)
 
 
+@pytest.mark.parametrize("method", ["L-BFGS-B", "SLSQP", "trust-constr"])
+def test_a_search_may_begin_at_a_bound(solver, method):
+    f = codegen.objective(solver, 1.0, Final("x"), {"start": codegen.Variable(0.2, 2.0, start=0.2)})
+    assert codegen.optimize(f, method).outcome["start"] == pytest.approx(2.0, abs=1e-3)
+
+
 def test_a_bound_is_told(solver):
     f = codegen.objective(solver, 1.0, Final("x"), {"start": (0.2, 2.0)})
     best = codegen.optimize(f)  # cos(2) < 0: the further, the less
