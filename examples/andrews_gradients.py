@@ -9,13 +9,12 @@ computed motion, and agree to rounding; the time of the adjoint does not grow wi
 
 from __future__ import annotations
 
-import argparse
 import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pictures import BLUE, GREEN, GREY, ORANGE, figure, solver_of, write
+from pictures import BLUE, GREEN, GREY, ORANGE, figure, folder_asked, solver_of, write
 
 from codegen.runtime import Final
 
@@ -75,9 +74,7 @@ def draw(solver: Any, folder: Path | None = None) -> Path:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--folder", type=Path)
-    options = parser.parse_args()
+    folder = folder_asked(__doc__)
     solver = solver_of("andrews")
     print(f"forward and adjoint differ by {difference(solver):.1e} of the largest derivative")
     alone = seconds(solver, "auto", 0)
@@ -86,7 +83,7 @@ def main() -> None:
     for number in (1, 8, 16, 24, 32, 42):
         forward, adjoint = (1e3 * seconds(solver, method, number) for method in ("forward", "adjoint"))
         print(f"{number:10d} {forward:13.2f} {adjoint:13.2f}")
-    print(draw(solver, options.folder))
+    print(draw(solver, folder))
 
 
 if __name__ == "__main__":

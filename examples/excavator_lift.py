@@ -10,12 +10,11 @@ energy. The work that is not lift is lost in the throttled oil. Four closed loop
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pictures import BLUE, GREEN, GREY, ORANGE, figure, solver_of, write
+from pictures import BLUE, GREEN, GREY, ORANGE, figure, folder_asked, solver_of, write
 
 import codegen
 from codegen.runtime import Final, Integral
@@ -92,13 +91,11 @@ def draw(f: codegen.Objective, best: Any, folder: Path | None = None) -> Path:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--folder", type=Path)
-    options = parser.parse_args()
+    folder = folder_asked(__doc__)
     f, best = lift(solver_of("excavator"))
     print(f)
     print(best.message, *repr(best.outcome).splitlines()[:6], sep="\n")
-    print(draw(f, best, options.folder))
+    print(draw(f, best, folder))
 
 
 if __name__ == "__main__":

@@ -10,12 +10,11 @@ says if asked.
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pictures import BLACK, BLUE, GREY, ORANGE, figure, solver_of, write
+from pictures import BLACK, BLUE, GREY, ORANGE, figure, folder_asked, solver_of, write
 
 import codegen
 
@@ -93,9 +92,7 @@ def draw(solver: Any, experiments: list[dict[str, Any]], fit: codegen.Fit, folde
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--folder", type=Path)
-    options = parser.parse_args()
+    folder = folder_asked(__doc__)
     solver = solver_of("double_pendulum")
     experiments = measure(solver)
     fit = identify(solver, experiments)
@@ -108,7 +105,7 @@ def main() -> None:
             solver, variables={**VARIABLES, "mass_1": (0.1, 5.0)}, p=GUESS, experiments=experiments, sigma=SIGMA
         )
     )
-    print(draw(solver, experiments, fit, options.folder))
+    print(draw(solver, experiments, fit, folder))
 
 
 if __name__ == "__main__":

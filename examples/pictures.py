@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,14 @@ SETTINGS = {"svg.hashsalt": "ordernm", "svg.fonttype": "path", "font.size": 9, "
             "axes.axisbelow": True, "grid.linewidth": 0.4, "grid.color": "#d0d0d0",
             "axes.spines.top": False, "axes.spines.right": False, "lines.linewidth": 1.4,
             "legend.frameon": False, "savefig.dpi": 150}  # fmt: skip
+
+
+def folder_asked(about: str) -> Path | None:
+    """Where the command line wants the figure; None for its place."""
+    parser = argparse.ArgumentParser(description=about.splitlines()[0])
+    parser.add_argument("--folder", type=Path)
+    folder: Path | None = parser.parse_args().folder
+    return folder
 
 
 def solver_of(name: str, folder: Path | None = None) -> Any:

@@ -10,12 +10,11 @@ all times the camber is -18 degrees for each metre of the wheel's way, and the t
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pictures import BLUE, GREY, ORANGE, figure, solver_of, write
+from pictures import BLUE, GREY, ORANGE, figure, folder_asked, solver_of, write
 
 import codegen
 from codegen.runtime import At
@@ -96,9 +95,7 @@ def draw(solver: Any, f: codegen.Objective, best: Any, folder: Path | None = Non
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--folder", type=Path)
-    options = parser.parse_args()
+    folder = folder_asked(__doc__)
     solver = solver_of("double_wishbone")
     forward, adjoint = (camber_gradient(solver, method).gradients for method in ("forward", "adjoint"))
     print(f"forward and adjoint differ by {np.abs(forward - adjoint).max() / np.abs(forward).max():.1e}")
@@ -107,7 +104,7 @@ def main() -> None:
     print(
         best.message, *repr(best.outcome).splitlines()[:1], *repr(best.outcome).splitlines()[-len(VARIED) :], sep="\n"
     )
-    print(draw(solver, f, best, options.folder))
+    print(draw(solver, f, best, folder))
 
 
 if __name__ == "__main__":

@@ -8,12 +8,11 @@ and their rates, are constraints with exact Jacobians; SLSQP runs one motion wit
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pictures import BLACK, BLUE, GREY, ORANGE, figure, solver_of, write
+from pictures import BLACK, BLUE, GREY, ORANGE, figure, folder_asked, solver_of, write
 
 import codegen
 from codegen.runtime import Final, Integral
@@ -81,13 +80,11 @@ def draw(f: codegen.Objective, best: Any, folder: Path | None = None) -> Path:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--folder", type=Path)
-    options = parser.parse_args()
+    folder = folder_asked(__doc__)
     f, best = swing_up(solver_of("swing_up"))
     print(f)
     print(best.message, best.outcome, sep="\n")
-    print(draw(f, best, options.folder))
+    print(draw(f, best, folder))
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ from ..version import __version__
 from .function import called_with
 from .templates import render
 
-VALUES = ("state_rates", "closing_step", "completion", "outputs", "conditions")
+VALUES = ("state_rates", "closing_step", "completion", "outputs")
 """Functions of values that integration calls, those of them that a solver has."""
 
 ALONG = (

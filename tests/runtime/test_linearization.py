@@ -7,6 +7,7 @@ import mpmath
 import numpy as np
 import pytest
 import scipy.linalg
+from made_once import solvers
 from random_elements import with_random_elements
 from random_mechanisms import random_mechanisms
 from random_models import EVERY, random_state, random_tree
@@ -58,18 +59,7 @@ bodies:
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """Solvers of model texts, or of models, each generated once."""
-    known = {}
-
-    def make(model, target="numpy"):
-        key = (model if isinstance(model, str) else id(model), target)
-        if key not in known:
-            folder = tmp_path_factory.mktemp("linear") / "package"
-            codegen.generate(codegen.parse_model(model) if isinstance(model, str) else model, folder, target=target)
-            known[key] = codegen.load(folder), model
-        return known[key][0]
-
-    return make
+    return solvers(tmp_path_factory)
 
 
 def of_engine(engine, solver, q, u, p, inputs, t, h):

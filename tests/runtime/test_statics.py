@@ -4,6 +4,7 @@ import warnings
 
 import numpy as np
 import pytest
+from made_once import solvers
 from random_mechanisms import random_mechanisms
 from random_models import random_state, random_tree
 from split_mechanisms import BY_HAND, by_hand
@@ -71,19 +72,7 @@ independent: [a]
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """Solvers of model texts, or of models, each generated once."""
-    known = {}
-
-    def make(model, target="numpy"):
-        key = (model if isinstance(model, str) else id(model), target)
-        if key not in known:
-            folder = tmp_path_factory.mktemp("statics") / "package"
-            model = codegen.parse_model(model) if isinstance(model, str) else model
-            codegen.generate(model, folder, target=target, functions=("statics", "jacobians"))
-            known[key] = codegen.load(folder)
-        return known[key]
-
-    return make
+    return solvers(tmp_path_factory, ("statics", "jacobians"))
 
 
 @pytest.mark.parametrize("target", ["numpy", "c"])

@@ -51,7 +51,7 @@ typedef struct {
     int split;                             /* a joint has independent and dependent speeds */
     /* What has not been generated is 0. */
     ordernm_function *precise_closing_step; /* NAME_precise.c; to be had when ordernm_go asks for it */
-    ordernm_function *state_rates, *closing_step, *completion, *outputs, *conditions;
+    ordernm_function *state_rates, *closing_step, *completion, *outputs;
     ordernm_function *state_rate_sensitivities[ORDERNM_WIDTHS], *completion_sensitivities[ORDERNM_WIDTHS],
         *output_sensitivities[ORDERNM_WIDTHS];
     ordernm_function *sensitivities_transposed[ORDERNM_WIDTHS], *coordinate_rate_sensitivities_transposed[ORDERNM_WIDTHS],

@@ -14,6 +14,7 @@ from .c_target import CTarget
 from .errors import CompileError, NoCompilerError
 from .motion_library import motion_library, precise_closure
 from .motion_problem import REASONS, Problem, Run, Segment
+from .partitions import Partitions
 from .states import States
 from .targets import Opened
 from .warning import warn
@@ -33,18 +34,13 @@ BETTER = 4.0
 Progress = Callable[[float, float], None]
 
 
-class MotionRun(States):
+class MotionRun(States, Partitions):
     """Runs motions."""
 
     def _motion(self, opened: Opened) -> tuple[Any, Any, Any]:
         """The library of integrators, its cffi object, and a partition as they know it."""
-        target = opened.target
-        if not isinstance(target, CTarget):
-            raise NotImplementedError(
-                "simulate runs compiled code, and this solver computes with NumPy: open it with target='c'"
-            )
         library, ffi = motion_library(self.folder)
-        address = target.address(f"{opened.manifest['name']}_motion")
+        address = compiled(opened).address(f"{opened.manifest['name']}_motion")
         return library, ffi, ffi.new("ordernm_system *", ffi.cast("ordernm_system *", address)[0])
 
     def _run(
@@ -61,16 +57,7 @@ class MotionRun(States):
         while True:
             segment, found, last = self._segment(opened, left, progress, keep_steps, memory)
             self._carry_integrals(left, before, [found, *(row[None] for _, row in segment.events)], last)
-            if (
-                run.events
-            ):  # what happened as a segment ended does not happen again, by rounding, as the next one begins
-                met = {i for i, row in run.events if row[0] >= left.start}
-                segment.events[:] = [
-                    (i, row)
-                    for i, row in segment.events
-                    if i not in met or row[0] > left.start + 1e-12 * (1.0 + abs(left.start))
-                ]
-            run.events.extend(segment.events)
+            run.events.extend(_new_events(run.events, segment))
             rows.append(found[1:] if before is not None and not len(left.times) else found)
             run.segments.append(segment)
             if segment.reason != "poor":
@@ -117,7 +104,7 @@ class MotionRun(States):
         q, u = (self._of_rows(last, i).copy() for i in (1, 2))
         dq, du = (self._derivatives_of_rows(last, problem, k, i).copy() for i in (1, 2))
         here, other = segment.condition, 1 - opened.number
-        there = float(self.condition(q, problem.p)[other])  # type: ignore[attr-defined]
+        there = float(self.condition(q, problem.p)[other])
         t = segment.counts["t"]
         poor = problem.poor
         if there * BETTER < here:
@@ -254,6 +241,23 @@ class MotionRun(States):
             r.next_step,
         )
         return segment, found, last
+
+
+def compiled(opened: Opened) -> CTarget:
+    """The compiled code of a partition; integrators run nothing else."""
+    if not isinstance(opened.target, CTarget):
+        raise NotImplementedError(
+            "simulate runs compiled code, and this solver computes with NumPy: open it with target='c'"
+        )
+    return opened.target
+
+
+def _new_events(before: list[tuple[int, Array]], segment: Segment) -> list[tuple[int, Array]]:
+    """Events of a segment without those that happened as the one before ended: by rounding they may happen again at once."""
+    start = segment.problem.start
+    met = {which for which, row in before if row[0] >= start}
+    beyond = start + 1e-12 * (1.0 + abs(start))
+    return [(which, row) for which, row in segment.events if which not in met or row[0] > beyond]
 
 
 def _precise(opened: Opened) -> int:

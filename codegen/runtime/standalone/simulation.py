@@ -15,7 +15,7 @@ from .motion_events import DIRECTIONS as CROSSINGS
 from .motion_events import Crossing, Event, crossing, take_events
 from .motion_inputs import take_inputs
 from .motion_problem import METHODS, Problem, Run
-from .motion_run import MotionRun, Progress
+from .motion_run import MotionRun, Progress, compiled
 from .package import seeds, state
 from .trajectory import FINISHED, INTERRUPTED, Trajectory
 from .warning import warn
@@ -287,7 +287,7 @@ class Simulation(MotionRun):
         entry = names[min(run.component, len(names) - 1)]
         match run.reason:
             case "singular":
-                error = run.opened.target.singular(run.singular, f" {at}")  # type: ignore[attr-defined]
+                error = compiled(run.opened).singular(run.singular, f" {at}")
                 return f"the motion ends {at}: {error}"
             case "open loop":
                 return (

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from .arrays import Array
-from .whole_file import write_whole
+from .whole_file import suffix_among, write_whole
 
 FORMAT, VERSION = "ordernm trajectory", 1
 SUFFIXES = (".npz", ".parquet")
@@ -40,11 +40,7 @@ class TrajectoryFileError(ValueError):
 
 def suffix_of(path: str | os.PathLike[str]) -> str:
     """What kind of file it is to be; an error that tells the kinds there are."""
-    found = Path(path).suffix.lower()
-    if found not in SUFFIXES:
-        seen = f"ends in {found}" if found else "has no suffix"
-        raise TrajectoryFileError(f"{os.fspath(path)} {seen}; trajectories are kept in files {' or '.join(SUFFIXES)}")
-    return found
+    return suffix_among(path, SUFFIXES, TrajectoryFileError, f"trajectories are kept in files {' or '.join(SUFFIXES)}")
 
 
 def need(suffix: str) -> None:

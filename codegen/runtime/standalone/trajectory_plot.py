@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from .arrays import Array
-from .whole_file import write_whole
+from .whole_file import suffix_among, write_whole
 
 FORMATS: dict[str, dict[str, None]] = {".svg": {"Date": None}, ".png": {}, ".pdf": {"CreationDate": None}}
 """By suffix, and what of the day is left out of the file."""
@@ -49,11 +49,7 @@ class PlotError(ValueError):
 
 def suffix_of(path: str | os.PathLike[str]) -> str:
     """What kind of picture it is to be; an error that tells the kinds there are."""
-    found = Path(path).suffix.lower()
-    if found not in FORMATS:
-        seen = f"ends in {found}" if found else "has no suffix"
-        raise PlotError(f"{os.fspath(path)} {seen}; pictures are written as {', '.join(FORMATS)}")
-    return found
+    return suffix_among(path, FORMATS, PlotError, f"pictures are written as {', '.join(FORMATS)}")
 
 
 def need() -> Any:

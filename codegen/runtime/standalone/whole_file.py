@@ -5,9 +5,18 @@ from __future__ import annotations
 import contextlib
 import os
 import secrets
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any
+
+
+def suffix_among(path: str | os.PathLike[str], known: Collection[str], error: type[ValueError], said: str) -> str:
+    """The suffix of a file, in small letters; an error that ends in what is said where it is none of those known."""
+    found = Path(path).suffix.lower()
+    if found not in known:
+        seen = f"ends in {found}" if found else "has no suffix"
+        raise error(f"{os.fspath(path)} {seen}; {said}")
+    return found
 
 
 def write_whole(path: Path, write: Callable[[Any], object]) -> None:
