@@ -9,6 +9,7 @@ from .standalone.loops import Loops
 from .standalone.outputs import Outputs
 from .standalone.package import Package
 from .standalone.partitions import Partitions
+from .standalone.precision import Precision
 from .standalone.reactions import Reactions
 from .standalone.redundancy import Redundancy
 from .standalone.statics import Statics
@@ -28,6 +29,7 @@ class Solver(
     Loops,
     Redundancy,
     Partitions,
+    Precision,
 ):
     __doc__ = Package.__doc__
 
