@@ -299,7 +299,7 @@ class Extended(Package):
         return NO_DESK
 
     def __reduce__(self) -> Any:
-        return _again, (self._solver, self.digits)
+        return extended, (self._solver, self.digits, self._texts)
 
     def __repr__(self) -> str:
         return f"<{self._solver!r} in {self.digits} digits>"
@@ -454,8 +454,3 @@ def extended(solver: Precision, digits: int, texts: Callable[[int], str] | None 
 def _extended_class(plain: Any) -> Any:
     """A solver's class with `Extended` in front."""
     return type("ExtendedSolver", (Extended, plain), {"__doc__": Extended.__doc__})
-
-
-def _again(solver: Precision, digits: int) -> Any:
-    """What pickle calls."""
-    return solver.in_precision(digits)
