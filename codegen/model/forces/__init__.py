@@ -1,13 +1,15 @@
-"""The types of force elements, a file each: a new one is an entry, the element that it makes, and a place in this list.
+"""The types of force elements, a file each.
 
-What it does stands in `reference.forces` and in the generator.
+A law along the line between two points is a file of `line_laws`, and nothing more. Any other type is an entry here, the
+element that it makes, and a place in this list; what it does stands in `reference.forces` and in the generator.
 """
 
 from __future__ import annotations
 
 from typing import Final
 
-from .actuator import Actuator, ActuatorEntry
+from .along_line import ALONG_LINES, ENTRIES, AlongLine
+from .along_line import OTHER_WORDS as OTHER_WORDS_OF_LAWS
 from .force import Force, ForceOnBodyEntry
 from .force_element import ForceElement, ForceEntry
 from .joint_force import JointForce, JointForceEntry
@@ -16,9 +18,10 @@ from .torque import Torque, TorqueEntry
 from .torsion import Torsion, TorsionEntry
 
 __all__ = [
+    "ALONG_LINES",
     "FORCES",
     "OTHER_WORDS",
-    "Actuator",
+    "AlongLine",
     "Force",
     "ForceElement",
     "ForceEntry",
@@ -34,7 +37,7 @@ FORCES: Final[tuple[type[ForceEntry], ...]] = (
     ForceOnBodyEntry,
     TorqueEntry,
     TorsionEntry,
-    ActuatorEntry,
+    *ENTRIES,
 )
 
 OTHER_WORDS: Final = {
@@ -44,5 +47,6 @@ OTHER_WORDS: Final = {
     "moment": "torque",
     "damper": "spring",
     "motor": "joint",
+    **OTHER_WORDS_OF_LAWS,
 }
 """What some call them elsewhere, and what they are called here."""
