@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
+import textwrap
 from pathlib import Path
 from typing import Annotated, Any, Union
 
@@ -18,7 +20,7 @@ from codegen.emit.solver import write_solver
 from codegen.mechanics.elements import LAWS as GENERATED
 from codegen.mechanics.elements.along_line import AlongLineLaw
 from codegen.model import parse_model
-from codegen.model.forces import ALONG_LINES, FORCES, AlongLine
+from codegen.model.forces import ALONG_LINES, FORCES, AlongLine, line_laws
 from codegen.model.forces.along_line import _element, _entry
 from codegen.model.forces.line_law import Coefficient, LineLaw, LineLawError
 from codegen.model.forces.line_law_table import with_table
@@ -239,6 +241,16 @@ def test_a_law_of_functions_powers_and_words_that_pydantic_knows(
     elements = """r: {type: rope, from: a, to: tip, copy: k*(2 + velocity.tip.x)}
     s: {type: rope, from: top, to: d, copy: 1, power: 2}"""
     errors = tree_errors(elements, tmp_path / "m")
+    assert max(errors.values()) < 1e-9, errors
+
+
+def test_the_law_that_contributing_writes_in_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    page = (DOCS.parent / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"^  ```python\n(.*?)^  ```$", page[page.index("`cube.py`") :], re.DOTALL | re.MULTILINE)
+    names: dict[str, Any] = {"__package__": line_laws.__name__}
+    exec(compile(textwrap.dedent(code), "cube.py", "exec"), names)
+    added(names["LAW"], monkeypatch)
+    errors = tree_errors("pull: {type: cube, from: top, to: tip, strength: 3*k}", tmp_path / "m")
     assert max(errors.values()) < 1e-9, errors
 
 
