@@ -20,7 +20,7 @@ from codegen.emit.solver import write_solver
 from codegen.mechanics.elements import LAWS as GENERATED
 from codegen.mechanics.elements.along_line import AlongLineLaw
 from codegen.model import parse_model
-from codegen.model.forces import ALONG_LINES, FORCES, AlongLine, line_laws
+from codegen.model.forces import ALONG_LINES, FORCES, AlongLine, line_laws, told_apart
 from codegen.model.forces.along_line import _element, _entry
 from codegen.model.forces.line_law import Coefficient, LineLaw, LineLawError
 from codegen.model.forces.line_law_table import with_table
@@ -286,6 +286,30 @@ def test_a_wrong_declaration_is_told(given: dict[str, Any], message: str) -> Non
     with pytest.raises(LineLawError) as info:
         LineLaw(**{"type": "law", "meaning": "?", "coefficients": STIFFNESS, "force": "-k*distance", **given})
     assert message in str(info.value)
+
+
+def test_a_word_that_is_taken_is_told() -> None:
+    taken = _entry(_element(LineLaw("spring", "?", STIFFNESS, "-k*distance")))
+    with pytest.raises(
+        LineLawError, match="two types of force elements are called 'spring'; call the law, and its file, otherwise"
+    ):
+        told_apart(*FORCES, taken)
+
+
+def test_a_file_holds_one_law_that_is_called_like_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    law = "from codegen.model.forces.line_law import Coefficient as C, LineLaw\n"
+    law += 'LAW = LineLaw("mine", "?", {"k": C("N", "?")}, "k")\n'
+    monkeypatch.setattr(line_laws, "__path__", [*line_laws.__path__, str(tmp_path)])
+    for name, text, seen in (("mine", law, ""), ("yours", law, "a law of type 'mine'"), ("notes", "", "no law")):
+        (tmp_path / f"{name}.py").write_text(text)
+        if not seen:
+            assert list(line_laws._found()) == sorted([*LINE_LAWS, name])
+            continue
+        with pytest.raises(
+            LineLawError, match=rf"{name}\.py in .*line_laws has {seen}; LAW = LineLaw\('{name}', \.\.\.\) is needed"
+        ):
+            line_laws._found()
+        (tmp_path / f"{name}.py").unlink()
 
 
 @pytest.mark.parametrize("energy", ["k*distance**2", "-k*distance**2/2", "k*distance**2/2 + 1e-6*distance", "0*k"])
