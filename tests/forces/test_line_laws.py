@@ -20,8 +20,8 @@ from codegen.emit.solver import write_solver
 from codegen.mechanics.elements import LAWS as GENERATED
 from codegen.mechanics.elements.along_line import AlongLineLaw
 from codegen.model import parse_model
-from codegen.model.forces import ALONG_LINES, FORCES, AlongLine, line_laws, told_apart
-from codegen.model.forces.along_line import _element, _entry
+from codegen.model.forces import ALONG_LINES, FORCES, line_laws, told_apart
+from codegen.model.forces.along_line import element_of, entry_of
 from codegen.model.forces.line_law import Coefficient, LineLaw, LineLawError
 from codegen.model.forces.line_law_table import with_table
 from codegen.model.forces.line_laws import LINE_LAWS
@@ -103,10 +103,8 @@ def test_without_hardening_it_is_a_spring() -> None:
 
 def test_what_is_zero_leaves_nothing_in_the_code() -> None:
     """Nor do speeds of points that only a damper would need."""
-    damped, still = (
-        "\n".join(write_solver(with_elements(TREE, STRETCHED.replace("0.3*pull", c))).files.values())
-        for c in ("k", "0")
-    )
+    models = (with_elements(TREE, STRETCHED.replace("0.3*pull", c)) for c in ("k", "0"))
+    damped, still = ("\n".join(write_solver(m, functions=["accelerations"]).files.values()) for m in models)
     assert "applied_twist" in damped
     assert "applied_twist" not in still
 
@@ -209,54 +207,58 @@ def test_what_is_wrong_in_an_entry_is_told(entry: str, path: str, message: str) 
 # --- laws that are not there ------------------------------------------------------------------------------------------
 
 
-def added(law: LineLaw, monkeypatch: pytest.MonkeyPatch) -> type[AlongLine]:
-    """A law in all that is made of the folder's laws, as if it had a file."""
-    element = _element(law)
-    choice: Any = Annotated[Union[(*FORCES, _entry(element))], Field(discriminator="type")]
+def added(monkeypatch: pytest.MonkeyPatch, *laws: LineLaw) -> None:
+    """Laws in all that is made of the folder's laws, as if each had a file."""
+    elements = [element_of(law) for law in laws]
+    choice: Any = Annotated[Union[(*FORCES, *map(entry_of, elements))], Field(discriminator="type")]
     monkeypatch.setattr(section, "AnyForce", choice)
-    monkeypatch.setitem(GENERATED, element, AlongLineLaw(law))
-    monkeypatch.setitem(LAWS, element, LAWS[ALONG_LINES["actuator"]])
+    for element in elements:
+        monkeypatch.setitem(GENERATED, element, AlongLineLaw(element.law))
+        monkeypatch.setitem(LAWS, element, LAWS[ALONG_LINES["actuator"]])
     kept.append(choice)
-    return element
 
 
 kept: list[Any] = []
 """Readers are remembered by the identity of these."""
 
 
-def test_a_law_of_functions_powers_and_words_that_pydantic_knows(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    law = LineLaw(
-        "rope",
-        "Pulls only, with air around it.",
-        {
-            "copy": Coefficient("N/m", "stiffness"),
-            "json": Coefficient("m", "length", 0.1),
-            "power": Coefficient("1", "of the stretch", 1.5),
-        },
-        force="-copy*max(0, distance - json)**power - abs(rate)*rate*exp(-distance/2) + tanh(rate)/(1 + distance**2)",
-    )
-    added(law, monkeypatch)
-    elements = """r: {type: rope, from: a, to: tip, copy: k*(2 + velocity.tip.x)}
-    s: {type: rope, from: top, to: d, copy: 1, power: 2}"""
-    errors = tree_errors(elements, tmp_path / "m")
-    assert max(errors.values()) < 1e-9, errors
-
-
-def test_the_law_that_contributing_writes_in_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def of_contributing() -> LineLaw:
+    """What CONTRIBUTING.md writes as an example, in one file."""
     page = (DOCS.parent / "CONTRIBUTING.md").read_text(encoding="utf-8")
     (code,) = re.findall(r"^  ```python\n(.*?)^  ```$", page[page.index("`cube.py`") :], re.DOTALL | re.MULTILINE)
     names: dict[str, Any] = {"__package__": line_laws.__name__}
     exec(compile(textwrap.dedent(code), "cube.py", "exec"), names)
-    added(names["LAW"], monkeypatch)
-    errors = tree_errors("pull: {type: cube, from: top, to: tip, strength: 3*k}", tmp_path / "m")
+    law: LineLaw = names["LAW"]
+    return law
+
+
+ROPE = LineLaw(
+    "rope",
+    "Pulls only, with air around it; its keys are words that Pydantic uses.",
+    {
+        "copy": Coefficient("N/m", "stiffness"),
+        "json": Coefficient("m", "length", 0.1),
+        "power": Coefficient("1", "of the stretch", 1.5),
+    },
+    force="-copy*max(0, distance - json)**power - abs(rate)*rate*exp(-distance/2) + tanh(rate)/(1 + distance**2)",
+)
+
+
+def test_the_law_that_contributing_writes_and_one_of_many_functions(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    added(monkeypatch, ROPE, of_contributing())
+    elements = """
+    r: {type: rope, from: a, to: tip, copy: k*(2 + velocity.tip.x)}
+    s: {type: rope, from: top, to: d, copy: 1, power: 2}
+    c: {type: cube, from: top, to: tip, strength: 3*k}"""
+    errors = tree_errors(elements, tmp_path / "m")
     assert max(errors.values()) < 1e-9, errors
 
 
 def test_numbers_for_which_a_formula_has_no_value_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
     coefficients = {"width": Coefficient("m", "of the well"), "depth": Coefficient("J", "of the well")}
-    added(LineLaw("well", "A well.", coefficients, "depth*sqrt(1 - width)*distance/width"), monkeypatch)
+    added(monkeypatch, LineLaw("well", "A well.", coefficients, "depth*sqrt(1 - width)*distance/width"))
     for width, message in (("0", "divides by zero"), ("2", "has no real value"), ("1 - 1", "divides by zero")):
         (found,) = problems(f"s: {{type: well, from: a, to: tip, width: {width}, depth: k}}")
         assert found.startswith("forces.s: well, depth*sqrt(1 - width)*distance/width: ") and message in found
@@ -289,7 +291,7 @@ def test_a_wrong_declaration_is_told(given: dict[str, Any], message: str) -> Non
 
 
 def test_a_word_that_is_taken_is_told() -> None:
-    taken = _entry(_element(LineLaw("spring", "?", STIFFNESS, "-k*distance")))
+    taken = entry_of(element_of(LineLaw("spring", "?", STIFFNESS, "-k*distance")))
     with pytest.raises(
         LineLawError, match="two types of force elements are called 'spring'; call the law, and its file, otherwise"
     ):

@@ -69,7 +69,8 @@ def _field(key: str) -> str:
     return f"coefficient_{key}"
 
 
-def _element(law: LineLaw) -> type[AlongLine]:
+def element_of(law: LineLaw) -> type[AlongLine]:
+    """The class of the elements of a law."""
     name = "".join(map(str.capitalize, law.type.split("_")))
     contents = {
         "__slots__": (), "__module__": __name__, "__doc__": law.meaning,
@@ -78,7 +79,8 @@ def _element(law: LineLaw) -> type[AlongLine]:
     return type(name, (AlongLine,), contents)
 
 
-def _entry(element: type[AlongLine]) -> type[AlongLineEntry]:
+def entry_of(element: type[AlongLine]) -> type[AlongLineEntry]:
+    """The entry that makes such elements."""
     law = element.law
     fields: dict[str, Any] = {"type": (Literal[law.type], ...)}
     for key, c in law.coefficients.items():
@@ -92,10 +94,10 @@ def _entry(element: type[AlongLine]) -> type[AlongLineEntry]:
     return made
 
 
-ALONG_LINES: Final[dict[str, type[AlongLine]]] = {name: _element(law) for name, law in LINE_LAWS.items()}
+ALONG_LINES: Final[dict[str, type[AlongLine]]] = {name: element_of(law) for name, law in LINE_LAWS.items()}
 """The class of the elements of each type."""
 
-ENTRIES: Final[tuple[type[ForceEntry], ...]] = tuple(_entry(element) for element in ALONG_LINES.values())
+ENTRIES: Final[tuple[type[ForceEntry], ...]] = tuple(entry_of(element) for element in ALONG_LINES.values())
 
 OTHER_WORDS: Final = {word: law.type for law in LINE_LAWS.values() for word in law.other_words}
 """What some call a type, and what it is called here."""
