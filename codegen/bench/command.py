@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--peers", action="store_true", help="other programs on the same models, where they are installed"
     )
-    parser.add_argument("-o", "--output", metavar="FILE", help="write what was found as JSON")
+    parser.add_argument("-o", "--output", metavar="FILE", help="write what was found as JSON, after every problem")
     parser.add_argument("--compare", metavar="OLD", help="print it beside an earlier run (JSON)")
     parser.add_argument("--results", metavar="FILE", help="take an earlier run (JSON) in place of a new one")
     parser.add_argument("--page", metavar="FILE", help="write it as a page of the manual (Markdown)")
@@ -60,7 +61,12 @@ def bench(options: argparse.Namespace, status: StatusLine) -> tuple[list[str], l
             raise ResultsError("--results takes an earlier run; names, --quick and --peers are of a new one")
         results = read_results(Path(options.results))
     else:
-        results = run(problems, options.quick, options.peers, status)
+
+        def keep(results: dict[str, Any]) -> None:
+            if options.output is not None:
+                write_results(results, Path(options.output))
+
+        results = run(problems, options.quick, options.peers, status, keep)
     if options.output is not None:
         write_results(results, Path(options.output))
     if options.page is not None:
@@ -76,8 +82,10 @@ def bench(options: argparse.Namespace, status: StatusLine) -> tuple[list[str], l
     return lines, failures(results["problems"])
 
 
-def run(problems: list[Any], quick: bool, peers: bool, status: StatusLine) -> dict[str, Any]:
-    """Measure problems, and other programs on them."""
+def run(
+    problems: list[Any], quick: bool, peers: bool, status: StatusLine, keep: Callable[[dict[str, Any]], None]
+) -> dict[str, Any]:
+    """Measure problems, and other programs on them; `keep` is given what there is after every problem."""
     from .machine import machine
     from .measuring import measure
     from .results import FORMAT
@@ -90,7 +98,8 @@ def run(problems: list[Any], quick: bool, peers: bool, status: StatusLine) -> di
             def progress(what: str, done: int = i) -> None:
                 status(what, done, len(problems))
 
-            results["problems"][problem.name] = measure(problem, Path(folder), quick, progress, 0.05 if quick else 0.3)
+            results["problems"][problem.name] = measure(problem, Path(folder), quick, progress, 0.05 if quick else 0.2)
+            keep(results)
         if peers:
             from .peers.comparing import compare_with_peers
 
