@@ -19,7 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "names", nargs="*", metavar="NAME", help="problems, if not all; motions or families for all of a kind"
     )
     parser.add_argument("--list", action="store_true", help="print the names of the problems")
-    parser.add_argument("--quick", action="store_true", help="a cheap part of each problem: under a minute in all")
+    parser.add_argument("--quick", action="store_true", help="a cheap part of each problem")
     parser.add_argument(
         "--peers", action="store_true", help="other programs on the same models, where they are installed"
     )
