@@ -18,6 +18,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, NoReturn
 
+from .bench.command import add_arguments as add_bench_arguments
 from .simulating import add_arguments as add_simulate_arguments
 from .terminal import StatusLine, width, write_lines
 from .version import __version__
@@ -293,6 +294,26 @@ def run_report(options: argparse.Namespace, status: StatusLine) -> int:
     return OK
 
 
+def run_bench(options: argparse.Namespace, status: StatusLine) -> int:
+    """``ordernm bench``: problems with known answers, measured."""
+    from .bench.catalogue import UnknownProblemError
+    from .bench.command import bench
+    from .bench.results import ResultsError
+    from .runtime import CompileError, NoCompilerError
+
+    try:
+        lines, failures = bench(options, status)
+    except (UnknownProblemError, ResultsError) as error:
+        raise Failure(USAGE, f"bench: {error}") from None
+    except (CompileError, NoCompilerError) as error:
+        raise Failure(COMPILING_FAILED, f"bench: {error}") from None
+    status.close()
+    write_lines(lines, sys.stdout)
+    for line in failures:
+        _problem(f"bench: {line}")
+    return NUMBERS_FAILED if failures else OK
+
+
 def _how_it_ended(run: Any, received: Sequence[int]) -> int:
     """The exit code of a simulation, and a line on stderr where it is none of success."""
     from .runtime.standalone.trajectory import INTERRUPTED
@@ -449,6 +470,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "-t", "--time", type=float, metavar="SECONDS", default=5.0, help="how long motions are (default: 5)"
     )
     reported.set_defaults(run=run_report)
+    benched = commands.add_parser("bench", help="measure accuracy and speed on problems with known answers")
+    add_bench_arguments(benched)
+    benched.set_defaults(run=run_bench)
     for name, run, help_text in (
         ("check", run_check, "read a model file and list what is wrong with it"),
         ("show", run_show, "print what a model file, or a generated package, holds"),
