@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from .standalone.diagnosing import Diagnosing
 from .standalone.dynamics import Dynamics
 from .standalone.energies import Energies
 from .standalone.judging import Judging
@@ -18,6 +19,7 @@ from .standalone.weighted_gradients import WeightedGradients
 
 class Solver(
     Statics,
+    Diagnosing,
     Dynamics,
     WeightedGradients,
     Energies,
