@@ -2,7 +2,8 @@
 
 What is compared: of udot, and of its derivative along each of three random directions, the largest error of an entry by the
 estimate (`estimated`) and by the difference from the generic engine in 40 digits at the same doubles (`actual`), neither taken
-for less than one unit of rounding, 2^-53, of the largest entry. An estimate is right if it is within a factor of 30.
+for less than one unit of rounding, 2^-53, of the largest entry. An estimate is right if it is within a factor of 30. The same for
+every entry by itself (`entry`), in parts of its own size.
 """
 
 from __future__ import annotations
@@ -26,6 +27,9 @@ from codegen.reference import RecursiveEngine
 UNIT = 2.0**-53
 FUNCTIONS = ("accelerations", "sensitivities")
 FACTOR = 30.0
+
+CLOSED = 5e-16
+"""The largest residual of loops that are closed."""
 
 
 class Judged(NamedTuple):
@@ -57,6 +61,7 @@ def judged(case: str, solver: codegen.Solver, model: Model, state: Any, seeds: d
             off = np.abs(udot - found.udot).astype(float), np.abs(dudot - found.dudot).astype(float)
     rows = [("udot", found.udot, found.udot_error, off[0])]
     rows += [("derivative", *of) for of in zip(found.dudot, found.dudot_error, off[1], strict=True)]
+    rows += [("entry", *(x[..., None] for x in of)) for row in rows for of in zip(*row[1:], strict=True)]
     return [
         Judged(case, what, float(error.max() / size), float(difference.max() / size))
         for what, value, error, difference in rows
@@ -109,7 +114,11 @@ def consistent(model: Model, state: Any, seeds: dict[str, Any]) -> dict[str, Any
 
 
 def near_the_limit(solver: codegen.Solver, state: Any, rng: np.random.Generator) -> Iterator[tuple[Any, Any]]:
-    """Two assembled states on the way along a random direction of the independent coordinates, 1e-2 to 1e-13 before it ends."""
+    """Two assembled states on the way along a random direction of the independent coordinates, 1e-2 to 1e-13 before it ends.
+
+    Newton's method may leave loops open there by much more than rounding. Two formulations agree on closed loops only, so such
+    states are left out; a diagnosis tells the gap.
+    """
     q, u, p = state[:3]
     parts = ("qw", "qx", "qy", "qz")
     moved = [
@@ -137,7 +146,9 @@ def near_the_limit(solver: codegen.Solver, state: Any, rng: np.random.Generator)
         step = 0.5 * (end - reached)
         while marks and end - reached < marks[0]:
             marks.pop(0)
-            yield solver.assemble(last, u, p)
+            found, speeds = solver.assemble(last, u, p)
+            if np.abs(solver.closure(found, speeds, p)[0]).max() < CLOSED:
+                yield found, speeds
         if not marks:
             return
 

@@ -20,7 +20,7 @@ NEAR = 1e-4
 """A closure whose distance to rank loss is less than this is told as near; accelerations lose up to twice as many digits."""
 
 OPEN = 1e-9
-"""Loops that are open by more are told: what is near is then near for a state that no motion has."""
+"""Of the distance to rank loss: loops that are open by more are told, since closing them moves dependent coordinates by more."""
 
 SHOWN = 6
 """So many closures are told, the worst ones first, and so many speeds in a notebook."""
@@ -160,8 +160,13 @@ class Diagnosis:
                 f"mass matrix: condition {_number(m.condition)}, {_number(m.scaled)} with speeds in units of their inertia, "
                 f"worst in {m.weakest}; by itself this costs no digits, since no mass matrix is formed"
             )
-        if self.gap > OPEN:
-            yield f"loops are open by {self.gap:.1g}: the figures are those of a state that no motion has; assemble it first"
+        nearest = self.nearest
+        if nearest is not None and self.gap > OPEN * nearest.distance:
+            off = f"{self.gap / nearest.distance:.1g}" if nearest.distance > 0.0 else "any amount"
+            yield (
+                f"loops are open by {self.gap:.1g}, so that dependent coordinates may be off by {off}: "
+                f"the figures are those of this state, which no motion has; assemble it"
+            )
         yield from self._of_closures()
 
     def _of_rounding(self) -> Iterator[str]:
