@@ -50,13 +50,15 @@ class Judged(NamedTuple):
 
 
 def judged(case: str, solver: codegen.Solver, model: Model, state: Any, seeds: dict[str, Any]) -> list[Judged]:
-    """Of udot and of each direction; empty where the exact result is not finite, or not real."""
+    """Of udot and of each direction; empty where a result is beyond floating-point numbers, or not real."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         found = solver.diagnose(*state, **seeds)
         with mpmath.workdps(40):
             udot, dudot = RecursiveEngine(model, numbers="mpmath").sensitivities(*state, **seeds)
             if any(isinstance(x, mpmath.mpc) or not mpmath.isfinite(x) for x in (*udot, *dudot.ravel())):
+                return []
+            if not (np.isfinite(found.udot).all() and np.isfinite(found.dudot).all()):
                 return []
             off = np.abs(udot - found.udot).astype(float), np.abs(dudot - found.dudot).astype(float)
     rows = [("udot", found.udot, found.udot_error, off[0])]

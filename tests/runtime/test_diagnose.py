@@ -362,6 +362,14 @@ def test_what_arguments_do_in_their_last_places(solver_of: Callable[..., codegen
     assert np.all(solver.diagnose([0.0, 0.0], [0.0, 0.0]).argument_error < 1e-14)  # zero stays zero
 
 
+def test_accelerations_beyond_floating_point_numbers_are_told(four_bar: codegen.Solver) -> None:
+    q, u = four_bar.initial
+    with pytest.warns(RuntimeWarning, match="udot of accelerations is not finite"):
+        found = four_bar.diagnose(q, 1e200 * u + [1e200, 0.0, 0.0], derivatives=False)
+    assert np.all(found.digits == 0.0)
+    assert "udot is beyond floating-point numbers" in repr(found)
+
+
 def test_bad_input_is_refused_as_elsewhere(four_bar: codegen.Solver) -> None:
     q, u = four_bar.initial
     with pytest.raises(ValueError, match=r"a batch of shape \(2,\), expected one state"):

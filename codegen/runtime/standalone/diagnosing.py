@@ -13,6 +13,7 @@ from .directions import take_directions
 from .dynamics import Dynamics
 from .errors import SingularJointError
 from .functions import ALONG
+from .infinite import tell_infinite
 from .numpy_target import NumpyTarget
 from .package import seeds, state
 from .rounding import NearestFunctions, can_round, spread
@@ -92,6 +93,7 @@ class Diagnosing(Dynamics):
             nearest = compute()
         except SingularJointError as error:
             return np.full(shape, np.nan), np.full(shape, np.inf), str(error)
+        tell_infinite(opened, f, nearest, arrays, (), directions, k)
         if not can_round():
             return nearest[-1], np.full(shape, np.nan), ""
         return nearest[-1], spread(lambda: compute()[-1:], nearest[-1:])[0], ""

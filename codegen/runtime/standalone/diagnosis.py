@@ -17,7 +17,7 @@ ALL_DIGITS = -math.log10(UNIT)
 """Of a double, 16."""
 
 NEAR = 1e-4
-"""A closure whose distance to rank loss is less than this is told as near; accelerations lose up to twice as many digits."""
+"""A closure whose distance to rank loss is less than this is told as near: so many digits of the accelerations are lost."""
 
 OPEN = 1e-9
 """Of the distance to rank loss: loops that are open by more are told, since closing them moves dependent coordinates by more."""
@@ -152,7 +152,7 @@ class Diagnosis:
     def _lines(self) -> Iterator[str]:
         if self.failure:
             yield self.failure
-        if not self.failure or np.isfinite(self.udot).all():
+        if not self.failure or np.isfinite(self.udot_error).all():
             yield from self._of_rounding()
         if self.mass is not None and self.mass.condition > 1.0:
             m = self.mass
@@ -170,6 +170,9 @@ class Diagnosis:
         yield from self._of_closures()
 
     def _of_rounding(self) -> Iterator[str]:
+        if not np.isfinite(self.udot).all():
+            yield "udot is beyond floating-point numbers, or has no value: no digit to trust"
+            return
         if np.isinf(self.udot_error).any():
             yield "rounding decides whether a loop, or a joint, is singular here: no digit of udot is to be trusted"
             return
