@@ -77,8 +77,8 @@ static size_t lay_out(const ordernm_problem *p, void *at)
     double **of_events[] = {&m->crossing, &m->after, &m->within, &m->part};
     for (int i = 0; i < 4; ++i) *of_events[i] = ordernm_numbers(&of, p->nevents);
     if (m->method == &ordernm_radau) {
-        void *own = ordernm_take(&of, ordernm_radau_layout(m, 0, 0));
-        if (own) ordernm_radau_layout(m, own, 0);
+        void *own = ordernm_take(&of, ordernm_radau_layout(m, 0));
+        if (own) ordernm_radau_layout(m, own);
     }
     return of.used;
 }

@@ -125,10 +125,7 @@ void ordernm_combine(long n, double *out, const double *z, double h, int count, 
 
 /* radau.c */
 extern const method ordernm_radau;
-size_t ordernm_radau_layout(ordernm_motion *m, void *at, int formed);
-int ordernm_radau_stages(ordernm_motion *m, double h, double *const **stage);
-int ordernm_radau_form(ordernm_motion *m, double h);
-void ordernm_radau_transposed(const ordernm_motion *m, double h, double *const *mu, int width);
+size_t ordernm_radau_layout(ordernm_motion *m, void *at);
 
 /* control.c */
 double ordernm_error_norm(const ordernm_motion *m, const double *next, const double *error, const double *second);
