@@ -39,17 +39,21 @@ static const double SAFETY = 0.9, LEAST_CHANGE = 0.2, LARGEST_CHANGE = 8.0;
 
 /* ---- Memory. ---- */
 
-/* Of Jacobians at the stages, and the factors of their equations. */
-void ordernm_radau_layout_stages(struct radau *r, memory *of)
+/* Lays out, for n independent entries, Jacobians at the stages and the factors of their equations; returns how many bytes, which
+ * is all where at is 0. */
+size_t ordernm_radau_layout_stages(ordernm_motion *m, int n, void *at)
 {
-    const long n = r->n;
+    memory of = {at, 0};
+    struct radau none, *const r = at ? m->radau : &none;
+    const long square = (long)n*n;
     for (int i = 0; i < STAGES; ++i) {
-        r->at_stage[i] = ordernm_numbers(of, n*n);
-        r->along[i] = ordernm_numbers(of, n*LANES);
+        r->at_stage[i] = ordernm_numbers(&of, square);
+        r->along[i] = ordernm_numbers(&of, (long)n*LANES);
     }
-    r->whole = ordernm_numbers(of, STAGES*STAGES*n*n);
-    r->of_whole = ordernm_numbers(of, STAGES*n*LANES);
-    r->whole_pivot = ordernm_take(of, (STAGES*n + 1)*sizeof(int));
+    r->whole = ordernm_numbers(&of, STAGES*STAGES*square);
+    r->of_whole = ordernm_numbers(&of, STAGES*(long)n*LANES);
+    r->whole_pivot = ordernm_take(&of, (STAGES*n + 1)*sizeof(int));
+    return of.used;
 }
 
 /* Lays out what the method needs of its own, from a cache line on; returns how many bytes, which is all where at is 0. */
@@ -72,7 +76,6 @@ size_t ordernm_radau_layout(ordernm_motion *m, void *at)
     /* In calls: three sweeps or more of every group against all columns, and S along every group. Factors of three times the order
      * cost more than sweeps where the order is larger (measured: 0.7 of it at 8, twice as much at 35). */
     r->formed = m->ngroups && n <= LARGEST_FORMED && (n + LANES - 1)/LANES <= 2*m->ngroups;
-    if (r->formed) ordernm_radau_layout_stages(r, &of);
     r->real = ordernm_numbers(&of, square), r->re = ordernm_numbers(&of, square), r->im = ordernm_numbers(&of, square);
     r->seeded = ordernm_numbers(&of, m->values + (long)n*LANES);
     r->seeded_rate = ordernm_numbers(&of, m->values + (long)(n + m->nx)*LANES);
@@ -87,7 +90,12 @@ size_t ordernm_radau_layout(ordernm_motion *m, void *at)
     r->scale = ordernm_numbers(&of, n);
     r->leniency = fmax(0.1*pow(m->problem->rtol > 0.0 ? fmax(m->problem->rtol, 1e-14) : 1e-8, -1.0/3.0), 1.0);
     r->slowness = r->sweep_slowness = 1.0;
+    r->of_jacobian = ordernm_numbers(&of, m->values);
     if (at) m->radau = r;
+    if (r->formed) {
+        void *const stages = ordernm_take(&of, ordernm_radau_layout_stages(m, n, 0));
+        if (at) ordernm_radau_layout_stages(m, n, stages);
+    }
     return of.used;
 }
 
@@ -112,7 +120,7 @@ int ordernm_radau_rates(ordernm_motion *m, double h, int i, const group *g, int 
 }
 
 /* Factors of Z[i] in the polynomial through the step's beginning and its stages, at theta: z + sum(weight*Z). */
-static void weights(double theta, double *w)
+void ordernm_radau_weights(double theta, double *w)
 {
     for (int j = 0; j < STAGES; ++j) {
         w[j] = theta/TIME[j];
@@ -131,7 +139,7 @@ static void extrapolate(ordernm_motion *m, double h)
     }
     for (int i = 0; i < STAGES; ++i) {
         double w[STAGES];
-        weights(1.0 + TIME[i]*h/r->h_last, w);
+        ordernm_radau_weights(1.0 + TIME[i]*h/r->h_last, w);
         w[2] -= 1.0;
         for (long k = 0; k < m->size; ++k)
             r->stage[i][k] = w[0]*r->last[0][k] + w[1]*r->last[1][k] + w[2]*r->last[2][k];
@@ -146,6 +154,9 @@ static int renew(ordernm_motion *m)
     if (status) return status;
     if (r->formed_here) memcpy(r->jacobian, r->at_stage[2], (long)r->n*r->n*sizeof(double));
     ordernm_radau_take_jacobian(r);
+    memcpy(r->of_jacobian, m->z, m->values*sizeof(double));
+    r->t_of_jacobian = m->t;
+    r->segment_of_jacobian = m->segment;
     r->jacobian_here = 1;
     return 0;
 }
@@ -157,6 +168,7 @@ static int iterate(ordernm_motion *m, double h, double limit, double usual)
     struct radau *const r = m->radau;
     const int n = r->n, fixed = m->problem->fixed, most = fixed ? FIXED_ITERATIONS : ITERATIONS;
     double before = 0.0, ratio_before = 0.0;
+    r->slowness_before = r->slowness;
     r->slowness = pow(fmax(r->slowness, DBL_EPSILON), 0.8);
     r->theta = FAST;
     for (int k = 1; k <= most; ++k) {
@@ -278,29 +290,65 @@ static double next_step(const ordernm_motion *m, double h, double error)
     return 1.0/fmin(fmax(quotient, 1.0/LARGEST_CHANGE), 1.0/LEAST_CHANGE);
 }
 
+/* The stages of a step that has been accepted serve the next one. */
+static void go_on(struct radau *r, double h)
+{
+    for (int i = 0; i < STAGES; ++i) {
+        double *const before = r->last[i];
+        r->last[i] = r->stage[i];
+        r->stage[i] = before;
+    }
+    r->h_last = h;
+    r->jacobian_here = 0;
+    ++r->accepted;
+}
+
+/* Errors that count in Newton's method, and where it ends, see iterate. */
+static void limits(ordernm_motion *m, double *limit, double *usual)
+{
+    const struct radau *const r = m->radau;
+    const ordernm_problem *const p = m->problem;
+    for (int i = 0; i < r->n; ++i) r->scale[i] = p->atol[i] + p->rtol*fabs(m->z[i]);
+    const double least = 10.0*DBL_EPSILON/fmax(p->rtol, 1e-14);
+    *usual = fmax(least, SOLVED);
+    *limit = m->ngroups || p->fixed || m->results->steps ? fmax(least, CLOSER**usual) : *usual;
+}
+
+/* The step's end, from its stages, at which loops are closed where derivatives want them. */
+static int ends(ordernm_motion *m, double h)
+{
+    struct radau *const r = m->radau;
+    int status = m->nx ? integrate(m, h, 0, 0) : 0;
+    if (m->nd && !m->nx && (m->ngroups || m->results->steps))
+        for (int i = 0; i < STAGES && !status; ++i) status = ordernm_radau_rates(m, h, i, 0, 0, 0);
+    if (status) return status;
+    for (long k = 0; k < m->values; ++k) m->next[k] = m->z[k] + r->stage[2][k];
+    /* Dependent coordinates by their rates: what loops have been closed with is compared with them. */
+    for (long k = m->ny + m->nx; k < m->ny + m->nx + m->nd; ++k)
+        m->next[k] = m->z[k] + h*(A[2][0]*m->rate[1][k] + A[2][1]*m->rate[2][k] + A[2][2]*m->rate[3][k]);
+    return 0;
+}
+
 static int radau_step(ordernm_motion *m, double h, double *error)
 {
     struct radau *const r = m->radau;
     const ordernm_problem *const p = m->problem;
     if (r->tried && m->t != r->t_tried) { /* the step that was tried last has been accepted */
-        for (int i = 0; i < STAGES; ++i) {
-            double *const before = r->last[i];
-            r->last[i] = r->stage[i];
-            r->stage[i] = before;
-        }
-        r->h_last = r->h_tried;
-        r->jacobian_here = 0;
-        r->formed_here = r->formed && !m->system->split && m->segment == r->segment;
-        ++r->accepted;
+        go_on(r, r->h_tried);
+        r->formed_here = r->formed && m->identity && m->segment == r->segment;
+    }
+    if (m->ngroups && (!r->tried || m->system->split || m->segment != r->segment)) {
+        /* By the function that gives them without directions, so that steps are the same to the last bit. */
+        const int status = ordernm_rates_of(m, m->t, m->z, m->rate[0], 0, 0, RATES);
+        if (status) return status;
     }
     r->tried = 1;
     r->t_tried = m->t;
     r->segment = m->segment;
     r->h_tried = h;
     if (!r->accepted) r->theta = 1.0;
-    for (int i = 0; i < r->n; ++i) r->scale[i] = p->atol[i] + p->rtol*fabs(m->z[i]);
-    const double least = 10.0*DBL_EPSILON/fmax(p->rtol, 1e-14), usual = fmax(least, SOLVED);
-    const double limit = m->ngroups || p->fixed ? fmax(least, CLOSER*usual) : usual;
+    double limit, usual;
+    limits(m, &limit, &usual);
     extrapolate(m, h);
     int status = stages(m, h, limit, usual);
     if (status == DIVERGED) {
@@ -309,11 +357,7 @@ static int radau_step(ordernm_motion *m, double h, double *error)
         return 0;
     }
     if (status != CONVERGED) return status;
-    if (m->nx && (status = integrate(m, h, 0, 0))) return status;
-    for (long k = 0; k < m->values; ++k) m->next[k] = m->z[k] + r->stage[2][k];
-    /* Dependent coordinates by their rates: what loops have been closed with is compared with them. */
-    for (long k = m->ny + m->nx; k < m->ny + m->nx + m->nd; ++k)
-        m->next[k] = m->z[k] + h*(A[2][0]*m->rate[1][k] + A[2][1]*m->rate[2][k] + A[2][2]*m->rate[3][k]);
+    if ((status = ends(m, h))) return status;
     estimate(m, h, 0, m->rate[0]);
     judge(m, h, 0);
     if (p->atol_directions) memset(m->error[0] + m->values, 0, (m->size - m->values)*sizeof(double));
@@ -329,16 +373,15 @@ static int radau_step(ordernm_motion *m, double h, double *error)
         }
     }
     const int refused = !(*error <= 1.0) && !(p->fixed && *error < INFINITY);
-    const int closed = m->nx && !m->system->split ? KNOWN_CLOSED : 0;
+    const int closed = m->system->split ? 0 : KNOWN_CLOSED;
     int formed = CONVERGED;
     if (r->formed && !refused) {
         r->formed_here = 0;
-        formed = ordernm_radau_form(m, h, closed);
+        formed = ordernm_radau_form(m, h);
     }
     for (int n = 0; n < m->ngroups && !refused; ++n) {
         const group *const g = m->groups + n;
-        const int known = (n > 0 || closed || r->formed) && !m->system->split ? KNOWN_CLOSED : 0;
-        status = formed != CONVERGED ? formed : r->formed ? ordernm_radau_along_formed(m, h, g) : ordernm_radau_sweep(m, h, g, known);
+        status = formed != CONVERGED ? formed : r->formed ? ordernm_radau_along_formed(m, h, g) : ordernm_radau_sweep(m, h, g, closed);
         if (status == DIVERGED) {
             r->theta = 1.0;
             m->advice = r->jacobian_here ? 0.5 : 0.999;
@@ -346,7 +389,7 @@ static int radau_step(ordernm_motion *m, double h, double *error)
             return 0;
         }
         if (status != CONVERGED) return status;
-        if (m->nx && (status = integrate(m, h, g, known))) return status;
+        if (m->nx && (status = integrate(m, h, g, closed))) return status;
         const long end = g->at + (long)(m->ny + m->nx)*g->width;
         for (long k = g->at; k < end; ++k) m->next[k] = m->z[k] + r->stage[2][k];
         if (p->atol_directions) {
@@ -358,10 +401,8 @@ static int radau_step(ordernm_motion *m, double h, double *error)
     double change = next_step(m, h, *error);
     if (p->fixed) *error = *error < INFINITY ? 0.0 : NAN;
     if (*error <= 1.0) {
-        if (!m->ngroups) {
-            /* What is integrated has been found at this state already. */
-            if ((status = ordernm_rates_of(m, m->t + h, m->next, m->rate[3], 0, 0, RATES))) return status;
-        }
+        /* What is integrated has been found at this state already. */
+        if ((status = ordernm_rates_of(m, m->t + h, m->next, m->rate[3], 0, 0, RATES))) return status;
         r->h_accepted = h;
         r->error_accepted = fmax(1e-2, *error);
         if (change >= 1.0 && change <= KEEP_BELOW) change = 1.0;
@@ -383,8 +424,62 @@ static void radau_interpolate(ordernm_motion *m, double h, double theta, double 
     (void)h;
     static const int every[STAGES] = {0, 1, 2};
     double w[STAGES];
-    weights(theta, w);
+    ordernm_radau_weights(theta, w);
     ordernm_combine(m->size, z, m->z, 1.0, STAGES, every, w, m->radau->stage);
 }
 
-const method ordernm_radau = {STAGES, STAGES + 1, 4, radau_step, radau_complete, radau_interpolate, 0, 0, 0, 1};
+/* ---- Steps that are kept, and made again. ---- */
+
+/* What decides where Newton's method ends: whether J was made here, how fast it was expected to be; then the stages. Before the
+ * first step of some, what it began with: the stages of the step before, and J, as the state that it was made at. */
+static void radau_keep(const ordernm_motion *m, double *row)
+{
+    const struct radau *const r = m->radau;
+    const long state = m->ny + m->nx + m->nd;
+    row[2] = r->jacobian_here;
+    row[3] = r->slowness_before;
+    double *to = row + ORDERNM_STEP_HEAD + state;
+    for (int i = 0; i < STAGES; ++i)
+        for (long k = 0; k < state; ++k) *to++ = m->z[k] + r->stage[i][k];
+    double *const known = m->results->known;
+    if (!known || m->results->steps_count) return;
+    known[0] = r->accepted > 0;
+    known[1] = r->h_last;
+    known[2] = r->t_of_jacobian;
+    known[3] = r->segment_of_jacobian;
+    memcpy(known + 4, r->of_jacobian, m->values*sizeof(double));
+    for (int i = 0; i < STAGES; ++i) memcpy(known + 4 + (1 + i)*m->values, r->last[i], m->values*sizeof(double));
+}
+
+static int radau_replay(ordernm_motion *m, const double *known, double *row)
+{
+    struct radau *const r = m->radau;
+    const double h = row[1];
+    int status;
+    if (known) {
+        r->accepted = known[0] != 0.0;
+        r->h_last = known[1];
+        const long segment = m->segment;
+        m->segment = (long)known[3];
+        memcpy(r->of_jacobian, known + 4, m->values*sizeof(double));
+        if ((status = ordernm_radau_differentiate(m, known[2], r->of_jacobian, r->jacobian))) return status;
+        m->segment = segment;
+        ordernm_radau_take_jacobian(r);
+        for (int i = 0; i < STAGES; ++i) memcpy(r->last[i], known + 4 + (1 + i)*m->values, m->values*sizeof(double));
+    } else {
+        go_on(r, r->h_tried);
+    }
+    r->h_tried = h;
+    r->jacobian_here = 0;
+    if (row[2] != 0.0 && (status = renew(m))) return status;
+    if (r->h_factored != h && ordernm_radau_factorise(m, h)) return -1;
+    r->slowness = row[3];
+    double limit, usual;
+    limits(m, &limit, &usual);
+    extrapolate(m, h);
+    if ((status = iterate(m, h, limit, usual)) != CONVERGED) return status;
+    return ends(m, h);
+}
+
+const method ordernm_radau = {STAGES, STAGES + 1, 4, radau_step, radau_complete, radau_interpolate, 0, 0, 0, 1, radau_keep,
+    radau_replay, ordernm_radau_backwards};

@@ -38,6 +38,10 @@ struct radau {
     double h_last, h_tried, t_tried;
     double leniency;          /* largest estimate of an error, in units of what is allowed to the solution */
     double slowness, sweep_slowness; /* theta/(1 - theta) of Newton's method and of the sweeps */
+    double slowness_before;   /* at the beginning of Newton's method in this step */
+    double *of_jacobian;      /* [values] the state that J was made at */
+    double t_of_jacobian;
+    long segment_of_jacobian;
     double theta;
     int iterations;
     double error_accepted, h_accepted;
@@ -48,7 +52,7 @@ enum { CONVERGED = -100, DIVERGED }; /* beside what functions return */
 static inline double ordernm_time_of_stage(double t, double h, int i) { return i == STAGES - 1 ? t + h : t + TIME[i]*h; }
 
 /* radau.c */
-void ordernm_radau_layout_stages(struct radau *r, memory *of);
+void ordernm_radau_weights(double theta, double *w);
 int ordernm_radau_rates(ordernm_motion *m, double h, int i, const group *g, int beginning, int what);
 
 /* radau_equations.c */
@@ -63,7 +67,7 @@ void ordernm_radau_solve_stages(ordernm_motion *m, double h, long at, int width)
 void ordernm_radau_solve_transposed(const struct radau *r, double h, double *const *mu, int width);
 
 /* radau_sensitivities.c */
-int ordernm_radau_form(ordernm_motion *m, double h, int closed);
+int ordernm_radau_form(ordernm_motion *m, double h);
 int ordernm_radau_along_formed(ordernm_motion *m, double h, const group *g);
 int ordernm_radau_sweep(ordernm_motion *m, double h, const group *g, int closed);
 

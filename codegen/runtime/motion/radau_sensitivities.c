@@ -11,10 +11,10 @@
 #include <math.h>
 #include <string.h>
 
-enum { SWEEPS = 12 };
+enum { SWEEPS = 15 };
 
 /* What is left of sensitivities' equations, relative to them; what rounding may leave of them, relative to their size. */
-static const double SWEPT = 1e-12, ROUNDED = 1e-9;
+static const double SWEPT = 1e-14, ROUNDED = 1e-9;
 
 /* The largest change of a group's directions relative to their size, in coordinates and in speeds; `loose` the same, where what
  * is small beside the other, in the step's time, need not be known as well. Not a number if changes are none. */
@@ -47,14 +47,13 @@ static double change_of(const ordernm_motion *m, const group *g, double h, doubl
 }
 
 /* The Jacobians at the stages, and their equations' factors. */
-int ordernm_radau_form(ordernm_motion *m, double h, int closed)
+int ordernm_radau_form(ordernm_motion *m, double h)
 {
     struct radau *const r = m->radau;
     for (int i = 0; i < STAGES; ++i) {
-        int status = closed ? 0 : ordernm_radau_rates(m, h, i, 0, 0, 0);
-        if (status) return status;
         for (long k = 0; k < m->values; ++k) m->trial[k] = m->z[k] + r->stage[i][k];
-        if ((status = ordernm_radau_differentiate(m, ordernm_time_of_stage(m->t, h, i), m->trial, r->at_stage[i]))) return status;
+        const int status = ordernm_radau_differentiate(m, ordernm_time_of_stage(m->t, h, i), m->trial, r->at_stage[i]);
+        if (status) return status;
     }
     return ordernm_radau_factorise_stages(r, h) ? DIVERGED : CONVERGED;
 }
@@ -83,7 +82,7 @@ int ordernm_radau_sweep(ordernm_motion *m, double h, const group *g, int closed)
     r->sweep_slowness = pow(fmax(r->sweep_slowness, DBL_EPSILON), 0.8);
     for (int k = 1; k <= SWEEPS; ++k) {
         for (int i = 0; i < STAGES; ++i) {
-            const int status = ordernm_radau_rates(m, h, i, g, 0, RATES | (k > 1 ? KNOWN_CLOSED : closed));
+            const int status = ordernm_radau_rates(m, h, i, g, 0, RATES | closed);
             if (status) return status;
         }
         ordernm_radau_correct(m, h, g->at, g->width);
