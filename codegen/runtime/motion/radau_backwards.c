@@ -19,15 +19,15 @@
 
 enum {
     ROUNDS = 60,
-    LARGEST_FORMED = 24,      /* entries of a system whose Jacobians at the stages are formed at once */
+    LARGEST_FORMED = 32,      /* entries of a system whose Jacobians at the stages are formed at once */
     OLD = 0, FRESH, FORMED    /* factors, from those at hand to those of the equations themselves */
 };
 
-/* What a round changes the solution by, relative to it, when it is found; what rounding may leave. */
-static const double FOUND = 1e-13, ROUNDED = 1e-9;
+/* What a round changes the solution by, relative to it, when it is found. */
+static const double FOUND = 1e-13;
 
-/* Rounds in which changes fall by less than this want better factors. */
-static const double SLOW[] = {0.1, 0.5, 0.5};
+/* Of each kind: rounds in which changes fall by less than this want better factors; changes that rounding may keep from falling. */
+static const double SLOW[] = {0.1, 0.5, 0.5}, ROUNDED[] = {1e-12, 1e-12, 1e-9};
 
 /* The size of a change relative to that of the solution that it leads to, the largest of all lanes, in coordinates and in speeds; `loose` the same,
  * where what is small beside the other, in the step's time, need not be known as well. Not a number if changes are none. */
@@ -102,8 +102,8 @@ static int equations_transposed(ordernm_adjoint *a, int n, double h, double *con
         if (status && status != DIVERGED) return status;
         const double changed = status ? NAN : relative(a, h, change, mu, &loose);
         if (changed <= FOUND) return 0;
-        if (!(changed < (before > 0.0 ? SLOW[factors]*before : INFINITY))) {
-            if (loose <= ROUNDED && !status) return 0;
+        if (!(changed < (before > 0.0 ? SLOW[factors]*before : INFINITY))) { /* nor is it a number where there are no factors */
+            if (loose <= ROUNDED[factors] && !status) return 0;
             if (factors == FORMED) return DIVERGED;
             factors = factors == OLD && m->radau->jacobian_here ? FORMED : factors + 1;
             before = 0.0;
