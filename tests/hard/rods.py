@@ -100,9 +100,12 @@ def _accelerations(q, u, lengths, masses, g, dq, du, dlengths, dmasses, k):  # t
         inverse = constant(1) / masses[i]
         xx, xy, yy = y * y / inertia, -(x * y / inertia), x * x / inertia
         same.append((inverse + xx, xy, inverse + yy))  # a force at an end, and that end
-        cross.append((xx - inverse, xy, yy - inverse))  # minus a force at the far end, and the near end; and the reverse
+        cross.append(
+            (xx - inverse, xy, yy - inverse)
+        )  # minus a force at the far end, and the near end; and the reverse
         r[-1] = (x, y, inertia)
-    # near end of k: same_k F_k + cross_k F_{k+1} + remainder_k + gravity; far end: -cross_k F_k - same_k F_{k+1} - remainder_k + gravity
+    # near end of k: same_k F_k + cross_k F_{k+1} + remainder_k + gravity
+    # far end of k: -cross_k F_k - same_k F_{k+1} - remainder_k + gravity
     diagonal, right = [], []
     for i in range(n):
         D = same[i] if i == 0 else tuple(a + b for a, b in zip(same[i], same[i - 1], strict=True))
