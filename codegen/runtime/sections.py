@@ -19,7 +19,7 @@ CARRIED = "_runtime"
 
 SECTIONS: dict[str, tuple[str, ...]] = {
     "Statics": ("accelerations", "sensitivities", "coordinate_rates", "coordinate_rate_sensitivities"),
-    "Dynamics": (),
+    "Diagnosing": ("accelerations",), "Dynamics": (),
     "WeightedGradients": ("gradients", "coordinate_rate_gradients", "energy_gradients", "output_gradients", "assemble_gradients"),
     "Energies": ("energies", "energy_sensitivities"), "Outputs": ("outputs", "output_sensitivities"),
     "TreeForces": ("mass_matrix", "mass_matrix_sensitivities", "solve_mass", "solve_mass_sensitivities", "inverse_dynamics",

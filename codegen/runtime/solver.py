@@ -6,6 +6,7 @@ import os
 from typing import TYPE_CHECKING, Any
 
 from .long_texts import LongTexts
+from .standalone.diagnosing import Diagnosing
 from .standalone.dynamics import Dynamics
 from .standalone.energies import Energies
 from .standalone.judging import Judging
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 
 class Solver(
     Statics,
+    Diagnosing,
     Dynamics,
     WeightedGradients,
     Energies,

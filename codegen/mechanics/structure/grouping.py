@@ -20,6 +20,9 @@ from .links import Link, LoopFaces
 from .neighbours import Neighbours
 from .regions import Regions
 
+LONG = 40
+"""Links in a row from which on rounding in sums of their forces is kept out of derivatives; in shorter chains it is small."""
+
 
 def find_link_kinds(
     links: Sequence[Link],
@@ -44,6 +47,7 @@ def find_link_kinds(
     last_child: dict[int, int] = {}
     for i, link in enumerate(links):
         last_child[link.parent] = i
+    long = longest_chain(links) >= LONG
     kinds: dict[object, LinkKind] = {}
     kind_of: list[LinkKind] = []
     for i, link in enumerate(links):
@@ -68,13 +72,21 @@ def find_link_kinds(
         if kind is None:
             kind = kinds[signature] = LinkKind(
                 c.shape, len(kinds), link.joint, link.axis, aligned, first, first_unit, link.parent != GROUND,
-                *order.role_of(i), i in pulled, forced, order.partners_of_link(i),
+                *order.role_of(i), i in pulled, forced, long, order.partners_of_link(i),
             )  # fmt: skip
         kind.members.append(i)
         kind_of.append(kind)
     for kind in kinds.values():
         kind.fold([constants_of[i] for i in kind.members])
     return list(kinds.values()), kind_of
+
+
+def longest_chain(links: Sequence[Link]) -> int:
+    """How many links lie between the ground and the furthest tip."""
+    depth: list[int] = []
+    for link in links:
+        depth.append(1 if link.parent == GROUND else depth[link.parent] + 1)
+    return max(depth, default=0)
 
 
 def total_sources(region: Region) -> int:
