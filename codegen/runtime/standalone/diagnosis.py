@@ -36,12 +36,16 @@ class MassCondition(NamedTuple):
     scaled : float
         The same with every row and column divided by the root of the diagonal entry: free of units, and of how
         large masses are. Its inverse is the distance to a matrix that is singular, in parts of the largest eigenvalue.
+    left : float
+        What a speed feels of its inertia where all other joints are free, in parts of that where they are held; the least of
+        all speeds. The sweeps lose at most about as many digits as it has zeros, and mostly far fewer.
     weakest : str
-        The speed that the motion with the least scaled inertia has most of.
+        The speed that has it.
     """
 
     condition: float
     scaled: float
+    left: float
     weakest: str
 
 
@@ -155,11 +159,7 @@ class Diagnosis:
         if not self.failure or np.isfinite(self.udot_error).all():
             yield from self._of_rounding()
         if self.mass is not None and self.mass.condition > 1.0:
-            m = self.mass
-            yield (
-                f"mass matrix: condition {_number(m.condition)}, {_number(m.scaled)} with speeds in units of their inertia, "
-                f"worst in {m.weakest}; by itself this costs no digits, since no mass matrix is formed"
-            )
+            yield self._of_inertia(self.mass)
         nearest = self.nearest
         if nearest is not None and self.gap > OPEN * nearest.distance:
             off = f"{self.gap / nearest.distance:.1g}" if nearest.distance > 0.0 else "any amount"
@@ -199,6 +199,16 @@ class Diagnosis:
                 f"a unit in the last place of the arguments changes udot.{names[i]} by {self.argument_error[i]:.1e}: of "
                 f"arguments that are themselves rounded about {by_arguments[i]:.0f} digits follow"
             )
+
+    def _of_inertia(self, m: MassCondition) -> str:
+        """The mass matrix, and the joint whose inertia is the difference of large numbers."""
+        said = f"mass matrix: condition {_number(m.condition)}, which by itself costs no digits, since no mass matrix is formed"
+        if m.left > NEAR:
+            return said
+        return (
+            f"{said}; but {m.weakest} has {m.left:.1g} of its inertia where the other joints are free, and up to "
+            f"{min(-math.log10(m.left), ALL_DIGITS):.0f} digits may be lost: it carries, or holds, much heavier bodies"
+        )
 
     def _of_closures(self) -> Iterator[str]:
         worst = sorted(self.closures, key=lambda c: c.distance)
