@@ -1,24 +1,29 @@
-"""The types of force elements, a file each: a new one is an entry, the element that it makes, and a place in this list.
+"""The types of force elements, a file each.
 
-What it does stands in `reference.forces` and in the generator.
+A law along the line between two points is a file of `line_laws`, and nothing more. Any other type is an entry here, the
+element that it makes, and a place in this list; what it does stands in `reference.forces` and in the generator.
 """
 
 from __future__ import annotations
 
-from typing import Final
+from collections.abc import Mapping
+from typing import Final, get_args
 
-from .actuator import Actuator, ActuatorEntry
+from .along_line import ALONG_LINES, ENTRIES, AlongLine
 from .force import Force, ForceOnBodyEntry
 from .force_element import ForceElement, ForceEntry
 from .joint_force import JointForce, JointForceEntry
+from .line_law import LineLaw, LineLawError
+from .line_laws import LINE_LAWS
 from .spring import Spring, SpringEntry
 from .torque import Torque, TorqueEntry
 from .torsion import Torsion, TorsionEntry
 
 __all__ = [
+    "ALONG_LINES",
     "FORCES",
     "OTHER_WORDS",
-    "Actuator",
+    "AlongLine",
     "Force",
     "ForceElement",
     "ForceEntry",
@@ -26,18 +31,41 @@ __all__ = [
     "Spring",
     "Torque",
     "Torsion",
+    "other_words",
+    "told_apart",
 ]
 
-FORCES: Final[tuple[type[ForceEntry], ...]] = (
+
+def told_apart(*entries: type[ForceEntry]) -> tuple[type[ForceEntry], ...]:
+    """Entries no two of which have the same type.
+
+    Raises
+    ------
+    LineLawError
+        Two have: the word of one of the laws of `line_laws` is taken.
+    """
+    words: set[str] = set()
+    for entry in entries:
+        (word,) = get_args(entry.model_fields["type"].annotation)
+        if word in words:
+            taken = ", ".join(str(get_args(e.model_fields["type"].annotation)[0]) for e in entries)
+            raise LineLawError(
+                f"two types of force elements are called {word!r}; call the law, and its file, otherwise; taken are {taken}"
+            )
+        words.add(word)
+    return entries
+
+
+FORCES: Final[tuple[type[ForceEntry], ...]] = told_apart(
     JointForceEntry,
     SpringEntry,
     ForceOnBodyEntry,
     TorqueEntry,
     TorsionEntry,
-    ActuatorEntry,
+    *ENTRIES,
 )
 
-OTHER_WORDS: Final = {
+_WORDS: Final = {
     "body": "force",
     "point": "force",
     "wrench": "force",
@@ -45,4 +73,26 @@ OTHER_WORDS: Final = {
     "damper": "spring",
     "motor": "joint",
 }
+
+
+def other_words(laws: Mapping[str, LineLaw]) -> dict[str, str]:
+    """What some call types elsewhere, and what they are called here; with those of laws.
+
+    Raises
+    ------
+    LineLawError
+        One leads elsewhere already.
+    """
+    types = {str(get_args(e.model_fields["type"].annotation)[0]) for e in FORCES}
+    found = dict(_WORDS)
+    for law in laws.values():
+        for word in law.other_words:
+            if word in types or word in found:
+                where = "is a type" if word in types else f"leads to {found[word]!r} already"
+                raise LineLawError(f"{law.type}: other_words has {word!r}, which {where}; leave it out")
+            found[word] = law.type
+    return found
+
+
+OTHER_WORDS: Final = other_words(LINE_LAWS)
 """What some call them elsewhere, and what they are called here."""

@@ -16,7 +16,8 @@ from .motion_directions import Directions
 from .motion_events import DIRECTIONS as CROSSINGS
 from .motion_events import Crossing, Event, crossing_speed
 from .motion_problem import Problem, Run
-from .simulation import MOST_STEPS, Simulation
+from .simulation import MEANINGLESS, MOST_STEPS, Simulation, meaningless
+from .warning import warn
 
 GRADIENTS = ("auto", "forward", "adjoint")
 
@@ -123,7 +124,20 @@ class Judging(Simulation):
             run.counts |= {f"adjoint_{name}": n for name, n in back.counts.items()}
         else:
             gradients = np.zeros((len(wanted), 0))
+        if directions.k:
+            self._look_at_growth(gradients, weights, directions, problem, run)
         return Judged(values, gradients, directions.names, way, run.counts)
+
+    def _look_at_growth(
+        self, gradients: Array, weights: Weights, directions: Directions, problem: Problem, run: Run
+    ) -> None:
+        """Tell of gradients beyond all bounds: in parts of what is weighed, per part of what they are with respect to."""
+        q, u, outputs, integrals = (np.abs(self._of_rows(run.rows, i, problem)).max(axis=0) for i in (1, 2, 3, 4))
+        outputs, integrals = (np.where(x == 0.0, 1.0, x) for x in (outputs, integrals))
+        by = self._sizes_of_directions(directions, q, u, problem)[0]
+        whole = np.abs(weights.outputs).sum(axis=1) @ outputs + np.abs(weights.integrals) @ integrals
+        if (np.abs(gradients) * by > MEANINGLESS * whole[:, None]).any():
+            warn(meaningless("gradients have"))
 
     def _weighed(
         self, wanted: list[Functional], problem: Problem, run: Run, crossings: dict[Event, Crossing]
