@@ -40,7 +40,10 @@ model: rods
 parameters: {g: 9.81, L: 0.5, m0: 1.0, m1: 1.0, m2: 1.0, m3: 1.0, m4: 1.0, m5: 1.0}
 gravity: [0, 0, -g]
 bodies:
-  rod0: {parent: ground, joint: {type: revolute, axis: -y}, shape: {type: rod, axis: z, length: L, mass: m0, center: [0, 0, -L/2]}}
+  rod0:
+    parent: ground
+    joint: {type: revolute, axis: -y}
+    shape: {type: rod, axis: z, length: L, mass: m0, center: [0, 0, -L/2]}
 """ + "".join(
     f"  rod{k}: {{parent: rod{k - 1}, joint: {{type: revolute, axis: -y, at: [0, 0, -L]}}, "
     f"shape: {{type: rod, axis: z, length: L, mass: m{k}, center: [0, 0, -L/2]}}}}\n"
