@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import sympy
 
 from ...model.model import GROUND
-from ...program.functions import number
+from ...program.digits import long_number, number
 from .constants import Constants
 from .folded import pattern
 from .graph import Region
@@ -193,11 +193,12 @@ def _ear_kind(
         ]
         r = len(region.freedoms)
         angular = any(c.holds.angular for c in closures)
+        inverse = number(1 / long_number(ear.length))
         kind = found[key] = EarKind(
             index, [kind_of[i] for i in ear.links], ear.parents, list(order.roles(e)), list(order.far(e)),
             [order.first_follower.get(root) == n for root in ear.roots], [i in order.first_follower for i in ear.links],
             closures, ear.dependent, ear.columns, r, total_sources(region), region.carried,
-            region.rigid, number(1 / ear.length) if angular else sympy.S.One, number(1 / ear.length),
+            region.rigid, inverse if angular else sympy.S.One, inverse,
             region.carried or order.slides(region), order.partners[n],
         )  # fmt: skip
     assert isinstance(kind, EarKind)

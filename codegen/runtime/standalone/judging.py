@@ -102,7 +102,7 @@ class Judging(Simulation):
         problem.events = tuple(
             (self.output_names.index(e.output), e.level, CROSSINGS[e.direction], e.stop) for e in events
         )
-        way = self._way(method, len(wanted), directions.k, integrator)
+        way = self._way(method, len(wanted), directions.k)
         if way != "forward":
             dq, du, dinputs = problem.dq, problem.du, problem.dinputs
             problem.dq, problem.du, problem.dp, problem.dinputs = dq[:0], du[:0], problem.dp[:0], None
@@ -250,16 +250,10 @@ class Judging(Simulation):
         return total
 
     @staticmethod
-    def _way(method: str, m: int, k: int, integrator: str) -> str:
+    def _way(method: str, m: int, k: int) -> str:
         """How gradients are computed."""
         if not k:
             return "none"
-        if integrator == "radau":
-            if method == "adjoint":
-                raise ValueError(
-                    "method 'adjoint' is for explicit integrators; take method='forward' with integrator='radau'"
-                )
-            return "forward"
         if method != "auto":
             return method
         forward = FORWARD_COST * -(-k // 8)
