@@ -87,7 +87,7 @@ def test_errors_do_not_follow_the_condition(build: Callable[..., Any], n: int, f
         q, u, [part] * n, [part] * n, k=len(dq), dq=dq, du=du, dlengths=[none, none, one, none, none, *[none] * moving],
         dmasses=[none, none, none, one - first, first, *[none] * moving],
     )  # fmt: skip
-    assert error(found, exact) < ENOUGH[n]
+    assert error(found, exact) < 1e-14
     assert max(errors(along, exact_along)) < ENOUGH[n]
 
 

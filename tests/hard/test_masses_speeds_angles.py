@@ -79,14 +79,14 @@ def test_lighter_and_lighter_outward(arm: Any, witness: Any) -> None:
     of_udot, along, scaled = compared(arm, witness, 10.0 ** (-10 / 3 * np.arange(4)))
     assert of_udot < 1e-14
     assert max(scaled) < 1e-13
-    assert max(along) < 1e-9 and max(along[0], *along[5:]) < 1e-14
+    assert max(along) < 1e-10 and max(along[0], *along[5:]) < 1e-14
 
 
 def test_heavier_and_heavier_outward(arm: Any, witness: Any) -> None:
     """1 to 1e10 kg: what moves the light links is a difference of what holds the heavy ones. The dense method loses as much."""
     of_udot, along, scaled = compared(arm, witness, 10.0 ** (10 / 3 * np.arange(4)))
-    assert of_udot < 1e-10
-    assert max(scaled) < 1e-9
+    assert of_udot < 1e-11
+    assert max(scaled) < 1e-10
     assert max(along) < 1e-5
 
 
