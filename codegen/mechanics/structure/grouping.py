@@ -20,7 +20,7 @@ from .links import Link, LoopFaces
 from .neighbours import Neighbours
 from .regions import Regions
 
-LONG = 40
+LONG = 64
 """Links in a row from which on rounding in sums of their forces is kept out of derivatives; in shorter chains it is small."""
 
 
