@@ -170,8 +170,8 @@ def _load(file: str, status: StatusLine) -> Any:
     return load_model(file)
 
 
-def _choice(model: Any, file: str, status: StatusLine) -> list[str]:
-    """What is chosen for the loops of a model, in words; ModelError if they cannot be closed."""
+def _choice(model: Any, file: str, status: StatusLine, regions: bool = False) -> list[str]:
+    """What is chosen for the loops of a model, in words, on request with their regions; ModelError if they cannot be closed."""
     if not model.loops:
         return []
     from .loops.description import describe
@@ -182,9 +182,15 @@ def _choice(model: Any, file: str, status: StatusLine) -> list[str]:
 
     status("choosing dependent coordinates", 0, 0)
     try:
-        return first(describe(model, partition(model)), PROBLEMS, "and {} lines more")
+        chosen = partition(model)
+        lines = first(describe(model, chosen), PROBLEMS, "and {} lines more")
     except (AssemblyError, PartitionError) as error:
         raise ModelError([Problem(file, None, None, "loops", str(error))]) from None
+    if not regions:
+        return lines
+    from .mechanics.structure.description import describe_regions
+
+    return lines + describe_regions(model, chosen)
 
 
 def run_show(options: argparse.Namespace, status: StatusLine) -> int:
@@ -199,7 +205,7 @@ def run_show(options: argparse.Namespace, status: StatusLine) -> int:
     model = _load(options.model, status)
     lines = list_model(model, options.verbose)
     try:
-        lines += [f"  {line}" for line in _choice(model, options.model, status)]
+        lines += [f"  {line}" for line in _choice(model, options.model, status, regions=True)]
     finally:  # what there is, also where it does not close
         status.close()
         write_lines(lines, sys.stdout)
