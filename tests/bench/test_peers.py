@@ -56,6 +56,7 @@ def test_without_others_scipy_and_ours_are_compared_and_the_rest_is_told(tmp_pat
     monkeypatch.setenv("ORDERNM_CFLAGS", "-O0")
     monkeypatch.setattr(comparing.importlib.util, "find_spec", lambda name: object() if name == "scipy" else None)
     monkeypatch.setattr(scipy_ivp, "METHODS", (("DOP853", (1e-4,)), ("Radau", ())))
+    monkeypatch.setattr(comparing, "TREES", ("cart_pole",))
     short = Motion(**{**vars(CART_POLE), "end": 0.1, "exact": lambda: SHORT})
     found = comparing.compare_with_peers([short], tmp_path, True, lambda *a: None)
     assert found["skipped"].keys() == {"CasADi", "Pinocchio", "MuJoCo"}
