@@ -264,6 +264,36 @@ def run_simulate(options: argparse.Namespace, status: StatusLine) -> int:
     return _how_it_ended(run, options.received)
 
 
+def run_report(options: argparse.Namespace, status: StatusLine) -> int:
+    """``ordernm report``: speed against error of a model, or of all models of a folder."""
+    from .reporting import Request, gallery, report
+    from .runtime import CompileError, NoCompilerError, SingularJointError
+
+    if not options.time > 0 or not options.time < float("inf"):
+        raise Failure(USAGE, f"report: --time is {options.time:g}; motions need a positive number of seconds")
+    request = Request(end=options.time)
+    target = Path(options.output)
+    try:
+        if Path(options.model).is_dir():
+            failed = gallery(Path(options.model), target, request, status)
+            status.close()
+            for name, why in failed.items():
+                _problem(f"report: {name}: {why}")
+            write_lines([f"wrote {target / 'index.html'}"], sys.stdout)
+            return MODEL_WRONG if failed else OK
+        data = report(options.model, target, request=request, progress=status)
+    except ImportError as error:
+        raise Failure(USAGE, f"report: {error}") from None
+    except (CompileError, NoCompilerError) as error:
+        raise Failure(COMPILING_FAILED, f"report: {error}") from None
+    except SingularJointError as error:
+        raise Failure(MODEL_WRONG, str(error)) from None
+    status.close()
+    left_out = [f"left out: {s['text']}" for s in data["skipped"]]
+    write_lines([f"wrote {target / 'index.html'}, report.md, report.json", *left_out], sys.stdout, ["bold"])
+    return OK
+
+
 def run_bench(options: argparse.Namespace, status: StatusLine) -> int:
     """``ordernm bench``: problems with known answers, measured."""
     from .bench.catalogue import UnknownProblemError
@@ -431,6 +461,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     simulated = commands.add_parser("simulate", help="compute a motion, with derivatives by parameters")
     add_simulate_arguments(simulated)
     simulated.set_defaults(run=run_simulate)
+    reported = commands.add_parser(
+        "report", help="measure a model's speed and errors: a page with figures, and its numbers"
+    )
+    reported.add_argument("model", help="model file (YAML), or a folder of them")
+    reported.add_argument("-o", "--output", metavar="DIR", default="report", help="folder to write (default: ./report)")
+    reported.add_argument(
+        "-t", "--time", type=float, metavar="SECONDS", default=5.0, help="how long motions are (default: 5)"
+    )
+    reported.set_defaults(run=run_report)
     benched = commands.add_parser("bench", help="measure accuracy and speed on problems with known answers")
     add_bench_arguments(benched)
     benched.set_defaults(run=run_bench)

@@ -180,7 +180,7 @@ def test_contestants_take_turns():
 
     found = timing.alternate({"a": contestant("a"), "b": contestant("b")}, budget=0.0, least_turns=3)
     assert order == ["a", "b", "a", "b", "a", "b"]
-    assert found["a"] == timing.Seconds(1.0, 3.0, 3)
+    assert found["a"] == timing.Seconds(1.0, 3.0, 5.0, 3)
     slept = timing.elapsed(lambda: time.sleep(0.002), 3)()
     assert 0.002 <= slept < 1.0
 

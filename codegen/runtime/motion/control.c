@@ -81,8 +81,8 @@ static size_t lay_out(const ordernm_problem *p, void *at)
     double **of_events[] = {&m->crossing, &m->after, &m->within, &m->part};
     for (int i = 0; i < 4; ++i) *of_events[i] = ordernm_numbers(&of, p->nevents);
     if (m->method == &ordernm_radau) {
-        void *own = ordernm_take(&of, ordernm_radau_layout(m, 0, 0));
-        if (own) ordernm_radau_layout(m, own, 0);
+        void *own = ordernm_take(&of, ordernm_radau_layout(m, 0));
+        if (own) ordernm_radau_layout(m, own);
     }
     return of.used;
 }
@@ -104,7 +104,15 @@ long ordernm_step_size(const ordernm_problem *p)
     const ordernm_system *s = p->system;
     const method *const method = method_of(p);
     const long state = s->nq + s->nfree_u + p->nintegrals;
-    return 2 + state + (method->rows ? (method->stages - 1)*(state + (s->closing_step ? s->nq : 0)) : 0);
+    /* with the stages that are not its beginning; explicit ones with coordinates for which loops are closed */
+    const long stages = method->rows ? (method->stages - 1)*(state + (s->closing_step ? s->nq : 0)) : method->stages*state;
+    return ORDERNM_STEP_HEAD + state + stages;
+}
+
+long ordernm_known_size(const ordernm_problem *p)
+{
+    const ordernm_system *s = p->system;
+    return p->method == ORDERNM_RADAU ? 4 + 4*whole_lines(s->nq + s->nfree_u + p->nintegrals) : 0;
 }
 
 ordernm_motion *ordernm_begin(const ordernm_problem *p, double *room)
@@ -415,7 +423,7 @@ static int look_for_events(ordernm_motion *m, double *h, int *which)
     const double made = part**h;
     *h = made;
     if ((status = step_to_event(m, *which, h))) return status;
-    if ((status = ordernm_rates(m, m->t + *h, m->next, m->rate[m->method->stages]))) return status;
+    if (!m->method->gives_rate && (status = ordernm_rates(m, m->t + *h, m->next, m->rate[m->method->stages]))) return status;
     if ((status = crossings(m, m->t + *h, m->next, m->after))) return status;
     /* it is behind now, on whichever side rounding has left it, and so are others that happened at the same time; those that
      * have happened just before stay behind */
@@ -442,12 +450,11 @@ static int keep_event(ordernm_motion *m, double t, int which)
 static void keep_step(const ordernm_motion *m, double h)
 {
     ordernm_results *const r = m->results;
-    const long state = m->ny + m->nx + m->nd, size = ordernm_step_size(m->problem);
-    double *const at = r->steps + r->steps_count*size;
-    at[0] = m->t;
-    at[1] = h;
-    memcpy(at + 2, m->z, state*sizeof(double));
-    memcpy(at + 2 + state, m->stages, (size - 2 - state)*sizeof(double));
+    double *const row = r->steps + r->steps_count*ordernm_step_size(m->problem);
+    row[0] = m->t;
+    row[1] = h;
+    memcpy(row + ORDERNM_STEP_HEAD, m->z, (m->ny + m->nx + m->nd)*sizeof(double));
+    m->method->keep(m, row);
     ++r->steps_count;
 }
 

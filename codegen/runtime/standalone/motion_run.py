@@ -78,8 +78,10 @@ class MotionRun(States, Partitions):
     def _ask_for_functions(self, problem: Problem, backwards: bool) -> None:
         """AttributeError where a package of chosen functions lacks what a motion calls: in C there is nobody to ask."""
         along, outputs = len(problem.dp) > 0, bool(problem.events or problem.integrals)
+        jacobian = problem.method == "radau"
         wanted = {
-            "state_rates": True, "closing_step": bool(self.closure_names), "outputs": outputs, "state_rate_sensitivities": along,
+            "state_rates": True, "closing_step": bool(self.closure_names), "outputs": outputs,
+            "state_rate_sensitivities": along or jacobian,
             "completion_sensitivities": along and bool(self.closure_names),
             "output_sensitivities": (along and self._gives_outputs) or bool(problem.events),
             "coordinate_rates": bool(problem.events), "accelerations": bool(problem.events),
@@ -163,7 +165,8 @@ class MotionRun(States, Partitions):
         r = ffi.new("ordernm_results *")
         full: list[Array] = []
         steps: list[Array] = []
-        sizes: list[Array | None] = []
+        known: list[Array] = []
+        heads: list[Array | None] = []
         events: list[tuple[int, Array]] = []
         most = max(memory // (4 * 8 * step_size), 1)  # rows of a part: two are whole at a time, others are let go
         places = np.empty((ROWS + len(problem.events) if problem.events else 0, size))
@@ -177,6 +180,8 @@ class MotionRun(States, Partitions):
         def more_steps() -> Array:
             rows = np.empty((min(ROWS * 2 ** min(len(steps), 8), most), step_size))
             r.steps, r.steps_capacity, r.steps_count = ffi.from_buffer("double[]", rows), len(rows), 0
+            known.append(np.zeros(library.ordernm_known_size(c)))
+            r.known = ffi.from_buffer("double[]", known[-1]) if known[-1].size else ffi.NULL
             return rows
 
         def more_events() -> None:
@@ -206,9 +211,9 @@ class MotionRun(States, Partitions):
                     rows = more_rows()
                 if kept is not None and r.steps_count == r.steps_capacity:
                     steps.append(kept)
-                    sizes.append(None)
+                    heads.append(None)
                     if 8 * sum(x.size for x in steps) > memory // 2:
-                        let_go(steps, sizes)
+                        let_go(steps, heads, library.ORDERNM_STEP_HEAD)
                     kept = more_steps()
                 if problem.events and r.events_count + len(problem.events) > r.events_capacity:
                     more_events()
@@ -217,7 +222,7 @@ class MotionRun(States, Partitions):
         more_events()
         if kept is not None:
             steps.append(kept[: r.steps_count])
-            sizes.append(None)
+            heads.append(None)
         last = np.zeros(size)
         if reason == "poor":
             library.ordernm_row(motion, r, ffi.from_buffer("double[]", last))
@@ -235,7 +240,8 @@ class MotionRun(States, Partitions):
             r.singular,
             r.component,
             steps,
-            sizes,
+            known,
+            heads,
             events,
             r.condition_here,
             r.next_step,
@@ -270,9 +276,9 @@ def _precise(opened: Opened) -> int:
         return 0
 
 
-def let_go(steps: list[Array], sizes: list[Array | None]) -> None:
-    """Keep of the first part that is whole what it takes to make its steps again."""
+def let_go(steps: list[Array], heads: list[Array | None], head: int) -> None:
+    """Keep of the first part that is whole what it takes to make its steps again: of each so many numbers."""
     for i, part in enumerate(steps):
-        if sizes[i] is None and len(part) > 1:
-            steps[i], sizes[i] = part[:1].copy(), part[:, :2].copy()
+        if heads[i] is None and len(part) > 1:
+            steps[i], heads[i] = part[:1].copy(), part[:, :head].copy()
             return
