@@ -75,9 +75,9 @@ def errors(
 
 
 def relative(x: Any, exact: Any) -> float:
-    """Largest difference over largest entry, in multiples of `UNIT`; nothing where all entries are zero."""
-    largest = max(map(abs, exact), default=0)
-    return float(max(map(abs, x - exact)) / largest) / UNIT if largest > 0 else 0.0
+    """Largest difference over largest entry, in multiples of `UNIT`; zero where both are zero."""
+    largest, difference = (max(map(abs, y), default=0) for y in (exact, x - exact))
+    return float(difference / largest) / UNIT if largest > 0 else float("inf") if difference > 0 else 0.0
 
 
 def trees(draws: int) -> Iterator[tuple[Any, tuple[Any, ...]]]:
