@@ -41,8 +41,8 @@ def said(model: Model) -> list[str]:
     [
         (
             "andrews",
-            "region of E3, E4, E6 (links k1, k2, k3, k5, k4, k7 and 1 more): base ground, where the ways inward from the faces of "
-            "its loops meet; moves with 1 independent speed (k1)",
+            "region of E3, E4, E6 (links k1, k2, k3, k5, k4, k7 and 1 more): base ground, where the ways inward from the faces "
+            "of its loops meet; moves with 1 independent speed (k1)",
         ),
         (
             "closed_chain",
