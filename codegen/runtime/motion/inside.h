@@ -99,6 +99,7 @@ struct ordernm_motion {
     long segment;             /* of the inputs' spline in this step */
     long sampled;             /* of the times that results are wanted at */
     int begun, adaptive, rejected_before, complete;
+    double error_before;      /* of the step that was accepted last; 1 at first */
     double *crossing, *after, *within; /* [nevents] at the step's beginning, at its end, in between */
     double *part;             /* [nevents] of the step, at which an event happens */
     ordernm_results *results;
