@@ -110,12 +110,14 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "statics": (
         "accelerations", "sensitivities", "coordinate_rates", "coordinate_rate_sensitivities", "assemble_sensitivities",
     ),
-    "motion": (
+    "simulate": (
         "state_rates", "state_rate_sensitivities", "closing_step", "initial_sensitivities", "assemble_sensitivities", "outputs",
-        "output_sensitivities", "gradients", "coordinate_rate_gradients", "output_gradients", "assemble_gradients",
-        "coordinate_rates", "accelerations",
+        "output_sensitivities", "coordinate_rates", "accelerations",
     ),
 }  # fmt: skip
+GROUPS["motion"] = (
+    *GROUPS["simulate"], "gradients", "coordinate_rate_gradients", "output_gradients", "assemble_gradients",
+)  # fmt: skip
 """Words for several functions that may be chosen together."""
 
 ALSO = {
@@ -125,8 +127,14 @@ ALSO = {
 """Members of a solver, with the functions that they call beside those that they are called like."""
 
 
-NEEDED = {"closing_step": "state_rates"}
-"""Functions that are there wherever another one is: no motion of closed loops without closing them."""
+NEEDED = {
+    "state_rates": {"state_rate_sensitivities"},
+    "closing_step": {"state_rates", "state_rate_sensitivities"},
+    "initial_sensitivities": {"state_rate_sensitivities"},
+    "completion_sensitivities": {"initial_sensitivities", "state_rate_sensitivities"},
+}
+"""Functions that are there wherever others are, which are of no use without them: no motion of closed loops without closing
+them, no derivatives of one without those of the state that it begins with."""
 
 
 class UnknownFunctionError(ValueError):
@@ -168,7 +176,7 @@ def chosen(found: tuple[Procedure, ...], functions: Collection[str]) -> tuple[Pr
                 f"functions: the model has no function {word!r}{f'; did you mean {near[0]}?' if near else ''}; it may have "
                 f"{', '.join(known)}, or together {', '.join(together)}"
             )
-        wanted |= of_word | {f for f in NEEDED if NEEDED[f] in of_word}
+        wanted |= of_word | {f for f, others in NEEDED.items() if not others.isdisjoint(of_word)}
     if not wanted:
         raise UnknownFunctionError(
             f"functions: none are named; the model may have {', '.join(known)}, or together {', '.join(together)}"
