@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from .arrays import Array
-from .c_target import CTarget
 from .errors import CompileError, NoCompilerError
 from .motion_library import motion_library, precise_closure
 from .motion_problem import REASONS, Problem, Run, Segment
@@ -38,9 +37,12 @@ class MotionRun(States, Partitions):
     """Runs motions."""
 
     def _motion(self, opened: Opened) -> tuple[Any, Any, Any]:
-        """The library of integrators, its cffi object, and a partition as they know it."""
-        library, ffi = motion_library(self.folder)
-        address = compiled(opened).address(f"{opened.manifest['name']}_motion")
+        """The library of integrators, its cffi object, and a partition as they know it; integrators run compiled code only."""
+        try:
+            address = self._in_c(opened).address(f"{opened.manifest['name']}_motion")
+            library, ffi = motion_library(self.folder)
+        except NoCompilerError as error:
+            raise NoCompilerError(f"motions are integrated in compiled code, and {error}") from None
         return library, ffi, ffi.new("ordernm_system *", ffi.cast("ordernm_system *", address)[0])
 
     def _run(
@@ -71,8 +73,12 @@ class MotionRun(States, Partitions):
             "stiffness": max(c["stiffness"] for c in counts), "partitions_changed": len(counts) - 1,
             "seconds": time.perf_counter() - began,
         }  # fmt: skip
-        if not several:
-            del run.counts["partitions_changed"]
+        used = {
+            "closing_steps": bool(self.closure_names), "condition": bool(self.closure_names), "partitions_changed": several,
+            "jacobians": problem.method == "radau", "factorizations": problem.method == "radau",
+            "stiffness": problem.method == "dop853" and not problem.fixed,
+        }  # fmt: skip
+        run.counts = {name: n for name, n in run.counts.items() if used.get(name, True)}
         return run
 
     def _ask_for_functions(self, problem: Problem, backwards: bool) -> None:
@@ -247,15 +253,6 @@ class MotionRun(States, Partitions):
             r.next_step,
         )
         return segment, found, last
-
-
-def compiled(opened: Opened) -> CTarget:
-    """The compiled code of a partition; integrators run nothing else."""
-    if not isinstance(opened.target, CTarget):
-        raise NotImplementedError(
-            "simulate runs compiled code, and this solver computes with NumPy: open it with target='c'"
-        )
-    return opened.target
 
 
 def _new_events(before: list[tuple[int, Array]], segment: Segment) -> list[tuple[int, Array]]:
