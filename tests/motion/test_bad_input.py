@@ -190,7 +190,7 @@ def test_a_linkage_driven_beyond_its_reach(made: Callable[..., Made]) -> None:
         p[solver.parameter_names.index(name)] = x
     q, u = solver.assemble({"crank": 0.8}, {"crank": 4.0}, p)
     with pytest.raises(SimulationError, match=r"the motion ends at t = 0\.\d+ s: ") as e:
-        solver.simulate(5.0, q, u, p)
+        solver.simulate(5.0, q, u, p, rtol=1e-10, atol=1e-10)  # longer steps may leap over the pose
     so_far = e.value.trajectory
     assert len(so_far) > 3 and so_far.closure_drift < 1e-8 and np.isfinite(so_far.q).all()
 
