@@ -61,6 +61,12 @@ WIDTHS = (8, 2, 1)
 OTHER_WIDTHS = (8, 1)
 """The same for all other functions: two widths less to compile, and they are called less often."""
 
+FOUR = (4,)
+"""Beside them, for motions with two to four directions, of the functions that integration calls."""
+
+ALONG_MOTIONS = ("state_rate_sensitivities", "completion_sensitivities", "output_sensitivities")
+"""These functions."""
+
 CONSTANTS, ANGLES = "constants", "angles"
 GROUND, GROUND_AT_REST = "ground", "ground at rest"
 GROUND_TANGENT, GROUND_TANGENT_AT_REST = "tangent of the ground", "tangent of the ground at rest"
@@ -158,7 +164,11 @@ def procedures(
     UnknownFunctionError
     """
     found = _Writer(system).all(reactions or "reactions" in (functions or ()))
-    return found if functions is None else chosen(found, [*functions, *(["reactions"] if reactions else [])])
+    if functions is not None:
+        found = chosen(found, [*functions, *(["reactions"] if reactions else [])])
+    if all(p.name != ALONG_MOTIONS[0] for p in found):
+        return found
+    return tuple(replace(p, apart=FOUR) if p.name in ALONG_MOTIONS else p for p in found)
 
 
 def chosen(found: tuple[Procedure, ...], functions: Collection[str]) -> tuple[Procedure, ...]:
