@@ -99,11 +99,11 @@ struct ordernm_motion {
     long segment;             /* of the inputs' spline in this step */
     long sampled;             /* of the times that results are wanted at */
     int begun, adaptive, rejected_before, complete;
-    double error_before;      /* of the step that was accepted last; 1 at first */
     double *crossing, *after, *within; /* [nevents] at the step's beginning, at its end, in between */
     double *part;             /* [nevents] of the step, at which an event happens */
     ordernm_results *results;
     int far_steps, near_steps; /* in a row, in which an explicit method was at its limit of stability, and was not */
+    double error_before;      /* of the step before, as a share of what is allowed; 0 at the beginning */
     double advice;            /* how many times as large the next step should be, 0: as its error says */
     struct radau *radau;      /* what that method has of its own, else 0 */
 };
