@@ -193,7 +193,8 @@ def test_the_explicit_method_gives_the_same(solver, name, directions):
     assert (r.reason, e.reason) == ("end", "end")
     assert error(x, y) < 1e-8
     assert error(dx, dy) < 1e-8
-    assert r.counts["stiffness"] == 0.0 and e.counts["stiffness"] == 0.0
+    assert "stiffness" not in r.counts and e.counts["stiffness"] == 0.0
+    assert not {"jacobians", "factorizations"} & set(e.counts)
     assert 0 < r.counts["factorizations"] <= r.counts["steps"] + r.counts["rejected"] + r.counts["jacobians"]
 
 
@@ -338,7 +339,7 @@ def test_stiff_springs(solver, stiffness, damping):
     if damping > 100:
         assert r.counts["steps"] < e.counts["steps"] / 4
         assert motion(s, 2.0, 1e-6, method="dop853")[0].counts["stiffness"] > 6.1
-    assert r.counts["stiffness"] == 0.0
+    assert "stiffness" not in r.counts
     assert error(x, y) < 1e-7
     for j in range(4):
         scale = np.abs(dy[:, j]).max(axis=0)

@@ -79,7 +79,7 @@ size_t ordernm_radau_layout(ordernm_motion *m, void *at)
     r->real = ordernm_numbers(&of, square), r->re = ordernm_numbers(&of, square), r->im = ordernm_numbers(&of, square);
     r->seeded = ordernm_numbers(&of, m->values + (long)n*LANES);
     r->seeded_rate = ordernm_numbers(&of, m->values + (long)(n + m->nx)*LANES);
-    const group columns = {LANES, ORDERNM_WIDTHS - 1, 0, 0, m->values, ordernm_numbers(&of, (long)s->np*LANES)};
+    const group columns = {LANES, ORDERNM_EIGHT, 0, 0, m->values, ordernm_numbers(&of, (long)s->np*LANES)};
     r->columns = columns;
     for (int i = 0; i < STAGES; ++i) {
         r->stage[i] = ordernm_numbers(&of, m->size);
