@@ -18,6 +18,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, NoReturn
 
+from .bench.command import add_arguments as add_bench_arguments
 from .simulating import add_arguments as add_simulate_arguments
 from .terminal import StatusLine, width, write_lines
 from .version import __version__
@@ -67,7 +68,7 @@ def _generate_arguments(parser: argparse.ArgumentParser) -> None:
         "--functions",
         metavar="NAME,...",
         help="the functions that the solver has, if not all: accelerations, sensitivities, gradients, outputs, ...; "
-        "dynamics, rates, mass, forces and states stand for several",
+        "dynamics, rates, mass, forces, states, statics, simulate and motion (simulate and adjoints) stand for several",
     )
     parser.add_argument("--no-check", action="store_true", help="do not compare with the generic engine")
     parser.add_argument("--no-compile", action="store_true", help="write the sources only")
@@ -263,6 +264,56 @@ def run_simulate(options: argparse.Namespace, status: StatusLine) -> int:
     return _how_it_ended(run, options.received)
 
 
+def run_report(options: argparse.Namespace, status: StatusLine) -> int:
+    """``ordernm report``: speed against error of a model, or of all models of a folder."""
+    from .reporting import Request, gallery, report
+    from .runtime import CompileError, NoCompilerError, SingularJointError
+
+    if not options.time > 0 or not options.time < float("inf"):
+        raise Failure(USAGE, f"report: --time is {options.time:g}; motions need a positive number of seconds")
+    request = Request(end=options.time)
+    target = Path(options.output)
+    try:
+        if Path(options.model).is_dir():
+            failed = gallery(Path(options.model), target, request, status)
+            status.close()
+            for name, why in failed.items():
+                _problem(f"report: {name}: {why}")
+            write_lines([f"wrote {target / 'index.html'}"], sys.stdout)
+            return MODEL_WRONG if failed else OK
+        data = report(options.model, target, request=request, progress=status)
+    except ImportError as error:
+        raise Failure(USAGE, f"report: {error}") from None
+    except (CompileError, NoCompilerError) as error:
+        raise Failure(COMPILING_FAILED, f"report: {error}") from None
+    except SingularJointError as error:
+        raise Failure(MODEL_WRONG, str(error)) from None
+    status.close()
+    left_out = [f"left out: {s['text']}" for s in data["skipped"]]
+    write_lines([f"wrote {target / 'index.html'}, report.md, report.json", *left_out], sys.stdout, ["bold"])
+    return OK
+
+
+def run_bench(options: argparse.Namespace, status: StatusLine) -> int:
+    """``ordernm bench``: problems with known answers, measured."""
+    from .bench.catalogue import UnknownProblemError
+    from .bench.command import bench
+    from .bench.results import ResultsError
+    from .runtime import CompileError, NoCompilerError
+
+    try:
+        lines, failures = bench(options, status)
+    except (UnknownProblemError, ResultsError) as error:
+        raise Failure(USAGE, f"bench: {error}") from None
+    except (CompileError, NoCompilerError) as error:
+        raise Failure(COMPILING_FAILED, f"bench: {error}") from None
+    status.close()
+    write_lines(lines, sys.stdout)
+    for line in failures:
+        _problem(f"bench: {line}")
+    return NUMBERS_FAILED if failures else OK
+
+
 def _how_it_ended(run: Any, received: Sequence[int]) -> int:
     """The exit code of a simulation, and a line on stderr where it is none of success."""
     from .runtime.standalone.trajectory import INTERRUPTED
@@ -410,6 +461,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     simulated = commands.add_parser("simulate", help="compute a motion, with derivatives by parameters")
     add_simulate_arguments(simulated)
     simulated.set_defaults(run=run_simulate)
+    reported = commands.add_parser(
+        "report", help="measure a model's speed and errors: a page with figures, and its numbers"
+    )
+    reported.add_argument("model", help="model file (YAML), or a folder of them")
+    reported.add_argument("-o", "--output", metavar="DIR", default="report", help="folder to write (default: ./report)")
+    reported.add_argument(
+        "-t", "--time", type=float, metavar="SECONDS", default=5.0, help="how long motions are (default: 5)"
+    )
+    reported.set_defaults(run=run_report)
+    benched = commands.add_parser("bench", help="measure accuracy and speed on problems with known answers")
+    add_bench_arguments(benched)
+    benched.set_defaults(run=run_bench)
     for name, run, help_text in (
         ("check", run_check, "read a model file and list what is wrong with it"),
         ("show", run_show, "print what a model file, or a generated package, holds"),

@@ -25,6 +25,7 @@ from ..mechanics.structure.kinds import EarKind, RegionKind, UnitKind
 from ..mechanics.sweeps import INWARD, SWEEP
 from ..model.model import GROUND
 from ..program.block import RESERVED, Block
+from ..program.digits import value_of
 from ..program.operations import count
 from ..program.procedure import (
     Columns,
@@ -496,8 +497,8 @@ class Writer(ABC):
             terms: list[tuple[float | str, int]] = []
             for j, p in enumerate(g.parameters):
                 key = f"{name}/{j}"
-                if key in g.shape.fixed and float(g.shape.fixed[key]) != 0:
-                    terms.append((float(g.shape.fixed[key]), places[p]))
+                if key in g.shape.fixed and value_of(g.shape.fixed[key]) != 0:
+                    terms.append((value_of(g.shape.fixed[key]), places[p]))
                 elif key in g.shape.varying:
                     terms.append((g.shape.varying[key], places[p]))
             found.append((name, terms))
@@ -529,7 +530,7 @@ class Writer(ABC):
     @cached_property
     def sets_of_widths(self) -> list[tuple[int, ...]]:
         """All of these, the largest sets first."""
-        sets = {*self.widths.values(), *(p.widths for p in self.asked if p.widths)}
+        sets = {*self.widths.values(), *(widest_first(p) for p in self.asked if p.widths)}
         return sorted(sets, key=lambda widths: (-len(widths), widths))
 
     @cached_property
@@ -620,6 +621,11 @@ def _name(step: Run | Formulas) -> str:
     return step.called
 
 
+def widest_first(procedure: Procedure) -> tuple[int, ...]:
+    """For how many directions at once a function is written."""
+    return tuple(sorted((*procedure.widths, *procedure.apart), reverse=True))
+
+
 def called_for(procedure: Procedure) -> set[tuple[str, int]]:
     """What a procedure runs over directions, by name, and for how many at once."""
     found: set[tuple[str, int]] = set()
@@ -639,7 +645,7 @@ def called_for(procedure: Procedure) -> set[tuple[str, int]]:
                 case _:
                     pass
 
-    add(procedure.steps, procedure.widths)
+    add(procedure.steps, (*procedure.widths, *procedure.apart))
     return found
 
 

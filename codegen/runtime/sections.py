@@ -26,6 +26,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
                    "inverse_dynamics_sensitivities"),
     "Judging": ("state_rates",),
     "Reactions": ("reactions",), "Loops": ("closure",), "States": (), "Redundancy": ("opening",), "Partitions": (),
+    "Precision": (),
 }  # fmt: skip
 """Sections of `Solver`, and what a manifest names, among its functions or beside them, where they are needed."""
 

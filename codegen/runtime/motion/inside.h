@@ -41,7 +41,7 @@ enum { LANES = 8, MOST_STAGES = 16 };
 
 /* Directions that are evaluated together. */
 typedef struct {
-    int width, index;         /* 1 or 8 lanes; which of the functions of a system */
+    int width, index;         /* 1, 4 or 8 lanes; which of the functions of a system */
     int first, used;          /* the first of its directions, and how many lanes have one */
     long at;                  /* where its derivatives begin in z */
     double *dp;               /* [np][width] */
@@ -67,6 +67,10 @@ typedef struct {
     const double *times;      /* of stages, in steps */
     void (*weights)(double theta, double *factor); /* of all rates, at t + theta h */
     int gives_rate;           /* a step leaves the rate at its end in rate[stages] */
+    /* the way back: rows of steps, behind their states; a step made again; the adjoint before it from that behind it */
+    void (*keep)(const ordernm_motion *m, double *row);
+    int (*replay)(ordernm_motion *m, const double *known, double *row);
+    int (*backwards)(ordernm_adjoint *a, const double *row);
 } method;
 
 struct ordernm_motion {
@@ -99,6 +103,7 @@ struct ordernm_motion {
     double *part;             /* [nevents] of the step, at which an event happens */
     ordernm_results *results;
     int far_steps, near_steps; /* in a row, in which an explicit method was at its limit of stability, and was not */
+    double error_before;      /* of the step before, as a share of what is allowed; 0 at the beginning */
     double advice;            /* how many times as large the next step should be, 0: as its error says */
     struct radau *radau;      /* what that method has of its own, else 0 */
 };
@@ -118,17 +123,20 @@ void ordernm_find_segment(ordernm_motion *m, double t, double h);
 double ordernm_next_knot(const ordernm_motion *m, double t);
 int ordernm_all_finite(const double *x, long n);
 
-/* explicit.c */
+/* explicit.c, explicit_backwards.c */
 extern const method ordernm_rk4, ordernm_dop853;
 void ordernm_combine(long n, double *out, const double *z, double h, int count, const int *which, const double *factor,
     double *const *rate);
+int ordernm_explicit_replay(ordernm_motion *m, const double *known, double *row);
+int ordernm_explicit_backwards(ordernm_adjoint *a, const double *row);
 
 /* radau.c */
 extern const method ordernm_radau;
-size_t ordernm_radau_layout(ordernm_motion *m, void *at, int formed);
-int ordernm_radau_stages(ordernm_motion *m, double h, double *const **stage);
-int ordernm_radau_form(ordernm_motion *m, double h);
-void ordernm_radau_transposed(const ordernm_motion *m, double h, double *const *mu, int width);
+size_t ordernm_radau_layout(ordernm_motion *m, void *at);
+size_t ordernm_radau_layout_stages(ordernm_motion *m, int n, void *at);
+
+/* radau_backwards.c */
+int ordernm_radau_backwards(ordernm_adjoint *a, const double *row);
 
 /* control.c */
 double ordernm_error_norm(const ordernm_motion *m, const double *next, const double *error, const double *second);

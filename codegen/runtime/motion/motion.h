@@ -36,7 +36,8 @@ typedef struct {
 /* Returns 0, or which pivot is zero, as the package's header says. */
 typedef int ordernm_function(const ordernm_call *call);
 
-enum { ORDERNM_WIDTHS = 2 }; /* of functions over directions: 1 and 8 at once */
+/* Functions over one direction, eight and four at once; the last are 0 until NAME_four has set them. */
+enum { ORDERNM_ONE, ORDERNM_EIGHT, ORDERNM_FOUR, ORDERNM_WIDTHS };
 
 typedef struct {
     int nq, nu, np, ninputs, noutputs, nclosure, nloops;
@@ -117,8 +118,9 @@ enum {
 typedef struct {
     double *rows;
     long capacity, count;
-    /* The steps, for ordernm_backwards; rows of ordernm_step_size. Not kept if steps is 0. */
-    double *steps;
+    /* The steps, for ordernm_backwards; rows of ordernm_step_size. Not kept if steps is 0. For ordernm_replay beside them what
+     * the method knew before the first of them, ordernm_known_size doubles; not kept if known is 0. */
+    double *steps, *known;
     long steps_capacity, steps_count;
     /* Times at which events happened, and which; rows as above. Not kept if events is 0. */
     double *events;
@@ -140,9 +142,10 @@ typedef struct ordernm_motion ordernm_motion;
 /* Doubles of memory that a motion needs. */
 long ordernm_room(const ordernm_problem *problem);
 
-/* Doubles of a row of results, and of a row of steps. */
+/* Doubles of a row of results, of a row of steps, of what a method knows between two steps beside the state. */
 long ordernm_row_size(const ordernm_problem *problem);
 long ordernm_step_size(const ordernm_problem *problem);
+long ordernm_known_size(const ordernm_problem *problem);
 
 /* Begins a motion; the problem, and what it points to, must stay as they are. */
 ordernm_motion *ordernm_begin(const ordernm_problem *problem, double *room);
@@ -183,8 +186,10 @@ ordernm_adjoint *ordernm_adjoint_begin(const ordernm_problem *problem, ordernm_g
 int ordernm_backwards(ordernm_adjoint *adjoint, const double *steps, long count);
 void ordernm_adjoint_end(ordernm_adjoint *adjoint);
 
-/* Makes steps again that were kept: from the first row of steps, whose state is there, with the times and sizes of all rows. */
-int ordernm_replay(ordernm_motion *motion, double *steps, long count);
+/* Makes steps again that were kept: from the first row of steps, whose state is there, from the first ORDERNM_STEP_HEAD numbers
+ * of all rows, and from what was known before the first. */
+enum { ORDERNM_STEP_HEAD = 4 };
+int ordernm_replay(ordernm_motion *motion, const double *known, double *steps, long count);
 
 #ifdef __cplusplus
 }

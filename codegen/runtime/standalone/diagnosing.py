@@ -105,7 +105,7 @@ class Diagnosing(Dynamics):
         known: dict[int, Target] = self.__dict__.setdefault("_nearest_targets", {})
         if opened.number not in known:
             target = NumpyTarget(opened.folder, opened.manifest)
-            target.module.np = NearestFunctions()  # type: ignore[attr-defined]
+            target.module.np = NearestFunctions()
             known[opened.number] = target
         return known[opened.number]
 

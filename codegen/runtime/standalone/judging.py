@@ -16,15 +16,17 @@ from .motion_directions import Directions
 from .motion_events import DIRECTIONS as CROSSINGS
 from .motion_events import Crossing, Event, crossing_speed
 from .motion_problem import Problem, Run
-from .simulation import MOST_STEPS, Simulation
+from .simulation import MEANINGLESS, MOST_STEPS, Simulation, meaningless
+from .warning import warn
 
 GRADIENTS = ("auto", "forward", "adjoint")
 
 MEMORY = 256 * 2**20
 """Bytes for the steps of a motion, for the adjoint; beyond it they are made a second time."""
 
-FORWARD_COST, ADJOINT_COST, ADJOINT_MORE = 3.0, 4.4, 9.0
-"""In motions without derivatives: eight directions; the gradient of one functional; of up to eight."""
+COSTS = {False: (0.0, 3.0, 4.4, 9.0), True: (1.3, 0.8, 2.5, 3.5)}
+"""In motions without derivatives, of explicit methods and of the implicit one: a motion with directions, and every eight of
+them; the gradient of one functional by the adjoint; of up to eight."""
 
 
 @dataclass(slots=True, eq=False)
@@ -122,7 +124,20 @@ class Judging(Simulation):
             run.counts |= {f"adjoint_{name}": n for name, n in back.counts.items()}
         else:
             gradients = np.zeros((len(wanted), 0))
+        if directions.k:
+            self._look_at_growth(gradients, weights, directions, problem, run)
         return Judged(values, gradients, directions.names, way, run.counts)
+
+    def _look_at_growth(
+        self, gradients: Array, weights: Weights, directions: Directions, problem: Problem, run: Run
+    ) -> None:
+        """Tell of gradients beyond all bounds: in parts of what is weighed, per part of what they are with respect to."""
+        q, u, outputs, integrals = (np.abs(self._of_rows(run.rows, i, problem)).max(axis=0) for i in (1, 2, 3, 4))
+        outputs, integrals = (np.where(x == 0.0, 1.0, x) for x in (outputs, integrals))
+        by = self._sizes_of_directions(directions, q, u, problem)[0]
+        whole = np.abs(weights.outputs).sum(axis=1) @ outputs + np.abs(weights.integrals) @ integrals
+        if (np.abs(gradients) * by > MEANINGLESS * whole[:, None]).any():
+            warn(meaningless("gradients have"))
 
     def _weighed(
         self, wanted: list[Functional], problem: Problem, run: Run, crossings: dict[Event, Crossing]
@@ -240,16 +255,11 @@ class Judging(Simulation):
         """How gradients are computed."""
         if not k:
             return "none"
-        if integrator == "radau":
-            if method == "adjoint":
-                raise ValueError(
-                    "method 'adjoint' is for explicit integrators; take method='forward' with integrator='radau'"
-                )
-            return "forward"
         if method != "auto":
             return method
-        forward = FORWARD_COST * -(-k // 8)
-        adjoint = ADJOINT_COST if m == 1 else ADJOINT_MORE * -(-m // 8)
+        some, every_eight, one, up_to_eight = COSTS[integrator == "radau"]
+        forward = some + every_eight * -(-k // 8)
+        adjoint = one if m == 1 else up_to_eight * -(-m // 8)
         return "forward" if forward <= adjoint else "adjoint"
 
     def _first_crossings(self, events: list[Event], problem: Problem, run: Run, k: int) -> dict[Event, Crossing]:

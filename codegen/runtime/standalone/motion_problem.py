@@ -122,9 +122,9 @@ class Segment:
     counts : dict of str to number
     singular, component : int
         See ``ordernm_results``.
-    steps : list of array
-        For the adjoint, where asked for: parts of the motion, rows of ``ordernm_step_size``. A part that did not fit into
-        memory has its first row, and of all rows times and sizes of steps, in `sizes`.
+    steps, known : list of array
+        For the adjoint, where asked for: parts of the motion, rows of ``ordernm_step_size``, and what the method knew before
+        each. A part that did not fit into memory has its first row, and of all rows what making them again takes, in `heads`.
     events : list of (int, array)
         Which one, and a row of results.
     condition, next_step : float
@@ -138,7 +138,8 @@ class Segment:
     singular: int
     component: int
     steps: list[Array]
-    sizes: list[Array | None]
+    known: list[Array]
+    heads: list[Array | None]
     events: list[tuple[int, Array]]
     condition: float
     next_step: float
@@ -153,7 +154,7 @@ class Run:
     rows : array (nt, row)
         See ``ordernm_results``.
     reason, counts, singular, component, events
-        As of its last segment; counts are sums.
+        As of its last segment; counts are sums, of what the method and the model make use of.
     segments : list of Segment
     """
 

@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 
 from .arrays import Array
-from .c_target import CTarget
 from .errors import CompileError, NoCompilerError
-from .motion_library import motion_library, precise_closure
+from .motion_library import four_lanes, motion_library, precise_closure
 from .motion_problem import REASONS, Problem, Run, Segment
 from .partitions import Partitions
 from .states import States
@@ -38,9 +37,12 @@ class MotionRun(States, Partitions):
     """Runs motions."""
 
     def _motion(self, opened: Opened) -> tuple[Any, Any, Any]:
-        """The library of integrators, its cffi object, and a partition as they know it."""
-        library, ffi = motion_library(self.folder)
-        address = compiled(opened).address(f"{opened.manifest['name']}_motion")
+        """The library of integrators, its cffi object, and a partition as they know it; integrators run compiled code only."""
+        try:
+            address = self._in_c(opened).address(f"{opened.manifest['name']}_motion")
+            library, ffi = motion_library(self.folder)
+        except NoCompilerError as error:
+            raise NoCompilerError(f"motions are integrated in compiled code, and {error}") from None
         return library, ffi, ffi.new("ordernm_system *", ffi.cast("ordernm_system *", address)[0])
 
     def _run(
@@ -71,15 +73,21 @@ class MotionRun(States, Partitions):
             "stiffness": max(c["stiffness"] for c in counts), "partitions_changed": len(counts) - 1,
             "seconds": time.perf_counter() - began,
         }  # fmt: skip
-        if not several:
-            del run.counts["partitions_changed"]
+        used = {
+            "closing_steps": bool(self.closure_names), "condition": bool(self.closure_names), "partitions_changed": several,
+            "jacobians": problem.method == "radau", "factorizations": problem.method == "radau",
+            "stiffness": problem.method == "dop853" and not problem.fixed,
+        }  # fmt: skip
+        run.counts = {name: n for name, n in run.counts.items() if used.get(name, True)}
         return run
 
     def _ask_for_functions(self, problem: Problem, backwards: bool) -> None:
         """AttributeError where a package of chosen functions lacks what a motion calls: in C there is nobody to ask."""
         along, outputs = len(problem.dp) > 0, bool(problem.events or problem.integrals)
+        jacobian = problem.method == "radau"
         wanted = {
-            "state_rates": True, "closing_step": bool(self.closure_names), "outputs": outputs, "state_rate_sensitivities": along,
+            "state_rates": True, "closing_step": bool(self.closure_names), "outputs": outputs,
+            "state_rate_sensitivities": along or jacobian,
             "completion_sensitivities": along and bool(self.closure_names),
             "output_sensitivities": (along and self._gives_outputs) or bool(problem.events),
             "coordinate_rates": bool(problem.events), "accelerations": bool(problem.events),
@@ -156,6 +164,9 @@ class MotionRun(States, Partitions):
     ) -> tuple[Segment, Array, Array]:
         """Run a motion with a partition: what came of it, rows of results, and one of the state at its end."""
         library, ffi, system = self._motion(opened)
+        left = len(problem.dp) % 8
+        if 1 < left <= 4 and problem.method != "radau" and (address := _four(opened)):
+            ffi.cast("void (*)(ordernm_system *)", address)(system)
         c = problem.in_c(ffi, system)
         room = ffi.from_buffer("double[]", np.empty(library.ordernm_room(c)))
         motion = library.ordernm_begin(c, room)
@@ -163,7 +174,8 @@ class MotionRun(States, Partitions):
         r = ffi.new("ordernm_results *")
         full: list[Array] = []
         steps: list[Array] = []
-        sizes: list[Array | None] = []
+        known: list[Array] = []
+        heads: list[Array | None] = []
         events: list[tuple[int, Array]] = []
         most = max(memory // (4 * 8 * step_size), 1)  # rows of a part: two are whole at a time, others are let go
         places = np.empty((ROWS + len(problem.events) if problem.events else 0, size))
@@ -177,6 +189,8 @@ class MotionRun(States, Partitions):
         def more_steps() -> Array:
             rows = np.empty((min(ROWS * 2 ** min(len(steps), 8), most), step_size))
             r.steps, r.steps_capacity, r.steps_count = ffi.from_buffer("double[]", rows), len(rows), 0
+            known.append(np.zeros(library.ordernm_known_size(c)))
+            r.known = ffi.from_buffer("double[]", known[-1]) if known[-1].size else ffi.NULL
             return rows
 
         def more_events() -> None:
@@ -206,9 +220,9 @@ class MotionRun(States, Partitions):
                     rows = more_rows()
                 if kept is not None and r.steps_count == r.steps_capacity:
                     steps.append(kept)
-                    sizes.append(None)
+                    heads.append(None)
                     if 8 * sum(x.size for x in steps) > memory // 2:
-                        let_go(steps, sizes)
+                        let_go(steps, heads, library.ORDERNM_STEP_HEAD)
                     kept = more_steps()
                 if problem.events and r.events_count + len(problem.events) > r.events_capacity:
                     more_events()
@@ -217,7 +231,7 @@ class MotionRun(States, Partitions):
         more_events()
         if kept is not None:
             steps.append(kept[: r.steps_count])
-            sizes.append(None)
+            heads.append(None)
         last = np.zeros(size)
         if reason == "poor":
             library.ordernm_row(motion, r, ffi.from_buffer("double[]", last))
@@ -235,21 +249,13 @@ class MotionRun(States, Partitions):
             r.singular,
             r.component,
             steps,
-            sizes,
+            known,
+            heads,
             events,
             r.condition_here,
             r.next_step,
         )
         return segment, found, last
-
-
-def compiled(opened: Opened) -> CTarget:
-    """The compiled code of a partition; integrators run nothing else."""
-    if not isinstance(opened.target, CTarget):
-        raise NotImplementedError(
-            "simulate runs compiled code, and this solver computes with NumPy: open it with target='c'"
-        )
-    return opened.target
 
 
 def _new_events(before: list[tuple[int, Array]], segment: Segment) -> list[tuple[int, Array]]:
@@ -270,9 +276,18 @@ def _precise(opened: Opened) -> int:
         return 0
 
 
-def let_go(steps: list[Array], sizes: list[Array | None]) -> None:
-    """Keep of the first part that is whole what it takes to make its steps again."""
+def _four(opened: Opened) -> int:
+    """The address of what lets a partition integrate along four directions at once; 0 where it cannot be compiled: eight do."""
+    try:
+        return four_lanes(opened.folder, opened.manifest["name"])
+    except (CompileError, NoCompilerError) as error:
+        warn(f"{opened.manifest['name']}: motions with two to four directions take the time of eight: {error}")
+        return 0
+
+
+def let_go(steps: list[Array], heads: list[Array | None], head: int) -> None:
+    """Keep of the first part that is whole what it takes to make its steps again: of each so many numbers."""
     for i, part in enumerate(steps):
-        if sizes[i] is None and len(part) > 1:
-            steps[i], sizes[i] = part[:1].copy(), part[:, :2].copy()
+        if heads[i] is None and len(part) > 1:
+            steps[i], heads[i] = part[:1].copy(), part[:, :head].copy()
             return

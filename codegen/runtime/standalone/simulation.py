@@ -15,7 +15,7 @@ from .motion_events import DIRECTIONS as CROSSINGS
 from .motion_events import Crossing, Event, crossing, take_events
 from .motion_inputs import take_inputs
 from .motion_problem import METHODS, Problem, Run
-from .motion_run import MotionRun, Progress, compiled
+from .motion_run import MotionRun, Progress
 from .package import seeds, state
 from .trajectory import FINISHED, INTERRUPTED, Trajectory
 from .warning import warn
@@ -33,7 +33,7 @@ HARDLY_DETERMINED = 1e6
 """Condition of loops from which on an early end is said to have to do with it."""
 
 MEANINGLESS = 1e10
-"""Sensitivities that have grown beyond this are told: the motion is chaotic, and its gradient means nothing."""
+"""Changes, in parts of what changes per part of what it changes with, beyond which the motion is said to be chaotic."""
 
 
 class Simulation(MotionRun):
@@ -115,24 +115,37 @@ class Simulation(MotionRun):
             if on_failure == "raise":
                 raise SimulationError(message, trajectory)
             warn(message)
-        if run.counts["stiffness"] > 0:
+        if run.counts.get("stiffness", 0.0) > 0:
             warn(
                 f"stability, not accuracy, kept the steps of the explicit method {problem.method!r} small (step times largest "
                 f"eigenvalue: {run.counts['stiffness']:.1f}); method='radau' is for such models"
             )
-        if self._largest_sensitivity(trajectory) > MEANINGLESS:
-            warn(
-                f"sensitivities have grown beyond {MEANINGLESS:g}: the motion is chaotic or unstable, and such a derivative says "
-                f"nothing about anything but infinitely small changes; shorten the time"
-            )
+        if self._largest_growth(trajectory, directions, problem) > MEANINGLESS:
+            warn(meaningless("sensitivities have"))
         return trajectory
 
-    def _largest_sensitivity(self, trajectory: Trajectory) -> float:
-        """Of independent entries: dependent ones have none where a loop loses rank."""
-        q = [self.coordinate_names.index(n) for n in self.independent_names]
-        u = [self.speed_names.index(n) for n in self.independent_speed_names]
-        parts = (trajectory.dq[..., q], trajectory.du[..., u])
-        return max(float(np.abs(x).max(initial=0.0)) for x in parts)
+    def _largest_growth(self, trajectory: Trajectory, directions: Directions, problem: Problem) -> float:
+        """The largest change of an independent entry, in parts of its size, per part of what it changes with.
+
+        Its size is the largest in the motion of all with its unit; so the same motion in other units of length, mass and time
+        has the same growth. Dependent entries are left out: they have no derivatives where a loop loses rank.
+        """
+        if not directions.k:
+            return 0.0
+        q, u = np.abs(trajectory.q).max(axis=0), np.abs(trajectory.u).max(axis=0)
+        by, q, u = self._sizes_of_directions(directions, q, u, problem)
+        free_q = [self.coordinate_names.index(n) for n in self.independent_names]
+        free_u = [self.speed_names.index(n) for n in self.independent_speed_names]
+        changes = (trajectory.dq[..., free_q], q[free_q]), (trajectory.du[..., free_u], u[free_u])
+        return max(float((np.abs(x).max(axis=1) * by[:, None] / size).max(initial=0.0)) for x, size in changes)
+
+    def _sizes_of_directions(
+        self, directions: Directions, q: Array, u: Array, problem: Problem
+    ) -> tuple[Array, Array, Array]:
+        """Steps along directions that change something by all of itself, and sizes of q and u, from largest entries."""
+        q = largest_of_unit(q, self._manifest["coordinate_units"])
+        u = largest_of_unit(u, self._manifest["speed_units"])
+        return direction_sizes(directions, (q, u, problem.p, problem.inputs.values)), q, u
 
     # -- what is asked for ---------------------------------------------------------------------------------------------
 
@@ -164,12 +177,13 @@ class Simulation(MotionRun):
             )
         spline = take_inputs(self.input_names, inputs)
         directions = take_sensitivities(self, sensitivities, dq0, du0, spline)
-        q_all, u_all = self._first_state(q, u, p_all)
         dq, du = directions.dq, directions.du
+        of_model = None
         if directions.k and not directions.given and (q is None or u is None):
-            _, _, dq_model, du_model = self.initial_sensitivities(p_all, dp=directions.dp)
-            dq = dq + (dq_model if q is None else 0.0)
-            du = du + (du_model if u is None else 0.0)
+            of_model = self.initial_sensitivities(p_all, dp=directions.dp)
+            dq = dq + (of_model[2] if q is None else 0.0)
+            du = du + (of_model[3] if u is None else 0.0)
+        q_all, u_all = of_model[:2] if of_model and q is None and u is None else self._first_state(q, u, p_all)
         allowed = _tolerances("atol", atol, (self.nq + self.nu,))
         allowed_directions = None
         if atol_sensitivities is not None:
@@ -219,10 +233,9 @@ class Simulation(MotionRun):
         )
         extra: dict[str, Any] = {}
         if "energies" in self._functions and nt:
-            extra["energy"] = np.stack(self._energies_over(t, q, u, problem), axis=-1)
+            extra["energy"] = lambda: self._energies_over(t, q, u, problem)
         if self.closure_names and nt:
-            gaps = np.abs(self.closure(q, u, problem.p)[0])
-            extra["closure"] = gaps[:, self._kept_conditions()].max(axis=1, initial=0.0)
+            extra["closure"] = lambda: self._gaps_over(q, u, problem.p)
         ended = {"end": FINISHED, "interrupted": INTERRUPTED, "event": "event"}.get(run.reason)
         stats = {"method": problem.method, "reason": ended or self._why_it_ended(problem, run)} | run.counts
         manifest = self._manifest
@@ -249,21 +262,21 @@ class Simulation(MotionRun):
         )
         return crossing(event, self.output_names.index(event.output), t, values, derivatives, (qdot, udot, rate[0]))
 
-    def _energies_over(self, t: Array, q: Array, u: Array, problem: Problem) -> tuple[Array, Array]:
-        """Kinetic and potential energy over time."""
+    def _energies_over(self, t: Array, q: Array, u: Array, problem: Problem) -> Array:
+        """Kinetic and potential energy over time, (nt, 2)."""
         inputs = np.stack([problem.inputs.at(x) for x in t]) if self.ninputs else np.zeros((len(t), 0))
-        found: Array = self._values("energies", {"q": q, "u": u, "p": problem.p, "inputs": inputs, "t": t})[0]
-        return found[..., 0], found[..., 1]
+        return self._values("energies", {"q": q, "u": u, "p": problem.p, "inputs": inputs, "t": t})[0]
 
-    def _kept_conditions(self) -> Array:
-        """Conditions of closure that no others imply, as a mask."""
+    def _gaps_over(self, q: Array, u: Array, p: Array) -> Array:
+        """The largest scaled residual of closure over time, (nt,), of conditions that no others imply."""
         kept = np.ones(len(self.closure_names), bool)
         kept[self._opened.manifest.get("dropped", [])] = False
-        return kept
+        found: Array = np.abs(self.closure(q, u, p)[0])[:, kept].max(axis=1, initial=0.0)
+        return found
 
     def _why_it_ended(self, problem: Problem, run: Run) -> str:
         """The cause in words, with time and what was in the way."""
-        condition = run.counts["condition"] if self.closure_names else 0.0
+        condition = run.counts.get("condition", 0.0)
         if condition < HARDLY_DETERMINED:
             return self._cause(problem, run)
         way = (
@@ -287,7 +300,7 @@ class Simulation(MotionRun):
         entry = names[min(run.component, len(names) - 1)]
         match run.reason:
             case "singular":
-                error = compiled(run.opened).singular(run.singular, f" {at}")
+                error = self._in_c(run.opened).singular(run.singular, f" {at}")
                 return f"the motion ends {at}: {error}"
             case "open loop":
                 return (
@@ -309,6 +322,38 @@ class Simulation(MotionRun):
                 )
             case _:
                 return run.reason
+
+
+def meaningless(what: str) -> str:
+    """What is said of derivatives that have grown beyond all bounds."""
+    return (
+        f"{what} grown beyond {MEANINGLESS:g}: the motion is chaotic or unstable, and such a derivative says nothing about "
+        f"anything but infinitely small changes; shorten the time"
+    )
+
+
+def largest_of_unit(sizes: Array, units: Sequence[str]) -> Array:
+    """For each entry the largest size of those with the same unit; 1 where all are zero."""
+    largest: dict[str, float] = {}
+    for size, unit in zip(sizes, units, strict=True):
+        largest[unit] = max(largest.get(unit, 0.0), float(size))
+    return np.array([largest[unit] or 1.0 for unit in units])
+
+
+def direction_sizes(directions: Directions, sizes: tuple[Array, Array, Array, Array]) -> Array:
+    """(k,): how large a step along each direction is that changes what it is with respect to by all of itself.
+
+    `sizes` are those of q, u, p, and of the inputs' control points (count, ninputs); zeros are taken as 1.
+    """
+    seeds = (directions.dq, directions.du, directions.dp, directions.dinputs)
+    found = np.full(directions.k, np.inf)
+    for seed, size in zip(seeds, sizes, strict=True):
+        if seed is None or not seed.size:
+            continue
+        parts = np.abs(seed) / np.where(size == 0.0, 1.0, np.abs(size))
+        moved = parts.reshape(directions.k, -1).max(axis=1)
+        found = np.minimum(found, np.divide(1.0, moved, where=moved > 0.0, out=np.full(directions.k, np.inf)))
+    return np.where(np.isfinite(found), found, 0.0)
 
 
 def _interval(t: Any) -> tuple[float, float, Array]:
