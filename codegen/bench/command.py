@@ -98,7 +98,7 @@ def run(
             def progress(what: str, done: int = i) -> None:
                 status(what, done, len(problems))
 
-            results["problems"][problem.name] = measure(problem, Path(folder), quick, progress, 0.05 if quick else 0.2)
+            results["problems"][problem.name] = measure(problem, Path(folder), quick, progress, 0.05 if quick else 0.1)
             keep(results)
         if peers:
             from .peers.comparing import compare_with_peers
