@@ -1030,4 +1030,4 @@ void ordernm_radau_transposed(const ordernm_motion *m, double h, double *const *
     }
 }
 
-const method ordernm_radau = {STAGES, STAGES + 1, 4, radau_step, radau_complete, radau_interpolate, 0, 0, 0, 1};
+const method ordernm_radau = {STAGES, STAGES + 1, 4, radau_step, radau_complete, radau_interpolate, 0, 0, 0, 1, 0.0};

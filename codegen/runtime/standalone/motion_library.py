@@ -50,8 +50,8 @@ def motion_library(folder: Path) -> tuple[Any, Any]:
 _precise: dict[tuple[Path, str], tuple[Any, int]] = {}
 
 
-def precise_closure(folder: Path, name: str) -> int:
-    """The address of the function of ``NAME_precise.c``.
+def precise_functions(folder: Path, name: str) -> int:
+    """The address of the table of functions of ``NAME_precise.c``.
 
     Raises
     ------
@@ -62,7 +62,7 @@ def precise_closure(folder: Path, name: str) -> int:
     with _opening:
         if (folder, name) not in _precise:
             ffi = FFI()
-            ffi.cdef(f"int {name}_precise_closing_step(const void *);")
+            ffi.cdef(f"const void *{name}_precise(void);")
             build = Build(folder, f"{name}_precise", [f"{name}_precise.c"])
             if CFLAGS not in os.environ:
                 build.flags = ["-O0"]  # it is needed at once, and seldom called
@@ -71,8 +71,7 @@ def precise_closure(folder: Path, name: str) -> int:
                 library = ffi.dlopen(str(path))
             except OSError as error:
                 raise CompileError(f"{path} was compiled but cannot be opened: {error}") from None
-            function = getattr(library, f"{name}_precise_closing_step")
-            _precise[folder, name] = library, int(ffi.cast("intptr_t", function))
+            _precise[folder, name] = library, int(ffi.cast("intptr_t", getattr(library, f"{name}_precise")()))
         return _precise[folder, name][1]
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from .arrays import Array
 from .c_target import CTarget
 from .errors import CompileError, NoCompilerError
-from .motion_library import motion_library, precise_closure
+from .motion_library import motion_library, precise_functions
 from .motion_problem import REASONS, Problem, Run, Segment
 from .partitions import Partitions
 from .states import States
@@ -82,7 +82,7 @@ class MotionRun(States, Partitions):
             "state_rates": True, "closing_step": bool(self.closure_names), "outputs": outputs, "state_rate_sensitivities": along,
             "completion_sensitivities": along and bool(self.closure_names),
             "output_sensitivities": (along and self._gives_outputs) or bool(problem.events),
-            "coordinate_rates": bool(problem.events), "accelerations": bool(problem.events),
+            "coordinate_rates": bool(problem.events),
             "sensitivities_transposed": backwards, "output_sensitivities_transposed": backwards,
             "coordinate_rate_sensitivities_transposed": backwards and self.coordinate_names != self.speed_names,
             "completion_sensitivities_transposed": backwards and bool(self.closure_names),
@@ -166,7 +166,7 @@ class MotionRun(States, Partitions):
         sizes: list[Array | None] = []
         events: list[tuple[int, Array]] = []
         most = max(memory // (4 * 8 * step_size), 1)  # rows of a part: two are whole at a time, others are let go
-        places = np.empty((ROWS + len(problem.events) if problem.events else 0, size))
+        places = np.empty((ROWS + len(problem.events) if problem.events else 0, library.ordernm_event_size(c)))
         which = ffi.new("int[]", max(len(places), 1))
 
         def more_rows() -> Array:
@@ -199,7 +199,7 @@ class MotionRun(States, Partitions):
             if reason == "imprecise":
                 address = _precise(opened)
                 r.as_is = not address
-                system.precise_closing_step = ffi.cast("ordernm_function *", address)
+                system.precise = ffi.cast("const ordernm_precise *", address)
             elif reason == "full":
                 if r.count == r.capacity:
                     full.append(rows)
@@ -261,10 +261,10 @@ def _new_events(before: list[tuple[int, Array]], segment: Segment) -> list[tuple
 
 
 def _precise(opened: Opened) -> int:
-    """The address of what closes loops in long double, compiled when first asked for; 0 where that fails."""
+    """The address of the functions in long double, compiled when first asked for; 0 where that fails."""
     name = opened.manifest["name"]
     try:
-        return precise_closure(opened.folder, name)
+        return precise_functions(opened.folder, name)
     except (CompileError, NoCompilerError) as error:
         warn(f"{name}: loops are closed with less accuracy near a pose where they lose rank: {error}")
         return 0
