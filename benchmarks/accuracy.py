@@ -13,12 +13,12 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-import articulated_chain
 import mpmath
 import numpy as np
 from chains import chain_model, chain_seeds, chain_source, chain_state, sensitivities
 from ctiming import LEVELS, compile_variant, default_cache, table
 
+from codegen.bench import articulated_chain
 from codegen.reference import RecursiveEngine
 
 CLAIM = 1e-13

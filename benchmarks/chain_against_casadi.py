@@ -2,7 +2,7 @@
 
     python benchmarks/chain_against_casadi.py [--instructions avx2] [--rounds 9] [--cache FOLDER] [n ...]
 
-CasADi gets a hand-written articulated-body algorithm in SX scalars (articulated_chain.py), its own derivative
+CasADi gets a hand-written articulated-body algorithm in SX scalars (codegen/bench/articulated_chain.py), its own derivative
 (jtimes along one direction of q, u and L), and its own C, with and without its common-subexpression pass; every one compiled
 at -O1, -O2 and -O3 with the flags of everybody else, the best of them counted. gcc takes minutes for its derivative of 100
 bodies; compiled files stay in the cache folder. Numbers are compared before anything is timed.
@@ -13,7 +13,6 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-import articulated_chain
 import casadi
 import numpy as np
 from chains import accelerations, chain_seeds, chain_source, chain_state, sensitivities
@@ -29,6 +28,8 @@ from ctiming import (
     table,
     use_one_core,
 )  # fmt: skip
+
+from codegen.bench import articulated_chain
 
 AGREEMENT = 1e-11
 

@@ -16,6 +16,7 @@ from .version import __version__
 if TYPE_CHECKING:
     from .generation import generate
     from .model import Model, ModelBuilder, ModelError, load_model, parse_model
+    from .reporting import report
     from .runtime import Solver, Trajectory, load, load_trajectory
     from .runtime.fitting import Fit, fit
     from .runtime.many_motions import Motions, simulate_many
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Fit", "Model", "ModelBuilder", "ModelError", "Motions", "Objective", "Report", "Solver", "Trajectory", "Variable",
     "__version__", "fit", "generate", "load", "load_model", "load_trajectory", "objective", "optimize", "parse_model",
-    "simulate_many",
+    "report", "simulate_many",
 ]  # fmt: skip
 
 _PLACES = {
@@ -36,7 +37,7 @@ _PLACES = {
     "Solver": "runtime", "Trajectory": "runtime", "load": "runtime", "load_trajectory": "runtime",
     "Fit": "runtime.fitting", "fit": "runtime.fitting", "Motions": "runtime.many_motions",
     "simulate_many": "runtime.many_motions", "Objective": "runtime.objective", "objective": "runtime.objective",
-    "optimize": "runtime.optimizing", "Variable": "runtime.variables",
+    "optimize": "runtime.optimizing", "Variable": "runtime.variables", "report": "reporting",
 }  # fmt: skip
 
 

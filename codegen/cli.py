@@ -18,6 +18,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, NoReturn
 
+from .bench.command import add_arguments as add_bench_arguments
 from .simulating import add_arguments as add_simulate_arguments
 from .terminal import StatusLine, width, write_lines
 from .version import __version__
@@ -169,8 +170,8 @@ def _load(file: str, status: StatusLine) -> Any:
     return load_model(file)
 
 
-def _choice(model: Any, file: str, status: StatusLine) -> list[str]:
-    """What is chosen for the loops of a model, in words; ModelError if they cannot be closed."""
+def _choice(model: Any, file: str, status: StatusLine, regions: bool = False) -> list[str]:
+    """What is chosen for the loops of a model, in words, on request with their regions; ModelError if they cannot be closed."""
     if not model.loops:
         return []
     from .loops.description import describe
@@ -181,9 +182,15 @@ def _choice(model: Any, file: str, status: StatusLine) -> list[str]:
 
     status("choosing dependent coordinates", 0, 0)
     try:
-        return first(describe(model, partition(model)), PROBLEMS, "and {} lines more")
+        chosen = partition(model)
+        lines = first(describe(model, chosen), PROBLEMS, "and {} lines more")
     except (AssemblyError, PartitionError) as error:
         raise ModelError([Problem(file, None, None, "loops", str(error))]) from None
+    if not regions:
+        return lines
+    from .mechanics.structure.description import describe_regions
+
+    return lines + describe_regions(model, chosen)
 
 
 def run_show(options: argparse.Namespace, status: StatusLine) -> int:
@@ -198,7 +205,7 @@ def run_show(options: argparse.Namespace, status: StatusLine) -> int:
     model = _load(options.model, status)
     lines = list_model(model, options.verbose)
     try:
-        lines += [f"  {line}" for line in _choice(model, options.model, status)]
+        lines += [f"  {line}" for line in _choice(model, options.model, status, regions=True)]
     finally:  # what there is, also where it does not close
         status.close()
         write_lines(lines, sys.stdout)
@@ -255,6 +262,56 @@ def run_simulate(options: argparse.Namespace, status: StatusLine) -> int:
             _problem(remark if "warning: " in remark else f"warning: {remark}")
     write_lines(lines_of(run, width(sys.stdout)), sys.stdout, ["bold"])
     return _how_it_ended(run, options.received)
+
+
+def run_report(options: argparse.Namespace, status: StatusLine) -> int:
+    """``ordernm report``: speed against error of a model, or of all models of a folder."""
+    from .reporting import Request, gallery, report
+    from .runtime import CompileError, NoCompilerError, SingularJointError
+
+    if not options.time > 0 or not options.time < float("inf"):
+        raise Failure(USAGE, f"report: --time is {options.time:g}; motions need a positive number of seconds")
+    request = Request(end=options.time)
+    target = Path(options.output)
+    try:
+        if Path(options.model).is_dir():
+            failed = gallery(Path(options.model), target, request, status)
+            status.close()
+            for name, why in failed.items():
+                _problem(f"report: {name}: {why}")
+            write_lines([f"wrote {target / 'index.html'}"], sys.stdout)
+            return MODEL_WRONG if failed else OK
+        data = report(options.model, target, request=request, progress=status)
+    except ImportError as error:
+        raise Failure(USAGE, f"report: {error}") from None
+    except (CompileError, NoCompilerError) as error:
+        raise Failure(COMPILING_FAILED, f"report: {error}") from None
+    except SingularJointError as error:
+        raise Failure(MODEL_WRONG, str(error)) from None
+    status.close()
+    left_out = [f"left out: {s['text']}" for s in data["skipped"]]
+    write_lines([f"wrote {target / 'index.html'}, report.md, report.json", *left_out], sys.stdout, ["bold"])
+    return OK
+
+
+def run_bench(options: argparse.Namespace, status: StatusLine) -> int:
+    """``ordernm bench``: problems with known answers, measured."""
+    from .bench.catalogue import UnknownProblemError
+    from .bench.command import bench
+    from .bench.results import ResultsError
+    from .runtime import CompileError, NoCompilerError
+
+    try:
+        lines, failures = bench(options, status)
+    except (UnknownProblemError, ResultsError) as error:
+        raise Failure(USAGE, f"bench: {error}") from None
+    except (CompileError, NoCompilerError) as error:
+        raise Failure(COMPILING_FAILED, f"bench: {error}") from None
+    status.close()
+    write_lines(lines, sys.stdout)
+    for line in failures:
+        _problem(f"bench: {line}")
+    return NUMBERS_FAILED if failures else OK
 
 
 def _how_it_ended(run: Any, received: Sequence[int]) -> int:
@@ -404,6 +461,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     simulated = commands.add_parser("simulate", help="compute a motion, with derivatives by parameters")
     add_simulate_arguments(simulated)
     simulated.set_defaults(run=run_simulate)
+    reported = commands.add_parser(
+        "report", help="measure a model's speed and errors: a page with figures, and its numbers"
+    )
+    reported.add_argument("model", help="model file (YAML), or a folder of them")
+    reported.add_argument("-o", "--output", metavar="DIR", default="report", help="folder to write (default: ./report)")
+    reported.add_argument(
+        "-t", "--time", type=float, metavar="SECONDS", default=5.0, help="how long motions are (default: 5)"
+    )
+    reported.set_defaults(run=run_report)
+    benched = commands.add_parser("bench", help="measure accuracy and speed on problems with known answers")
+    add_bench_arguments(benched)
+    benched.set_defaults(run=run_bench)
     for name, run, help_text in (
         ("check", run_check, "read a model file and list what is wrong with it"),
         ("show", run_show, "print what a model file, or a generated package, holds"),

@@ -1,4 +1,4 @@
-"""Random force elements on the bodies of any model, one or two of every type."""
+"""Random force elements on the bodies of any model: one or two of every type, one of every law along a line."""
 
 from __future__ import annotations
 
@@ -8,17 +8,21 @@ import numpy as np
 from random_models import expression, vector
 
 from codegen.model.expressions import Expression
-from codegen.model.forces import Actuator, Force, ForceElement, Spring, Torque, Torsion
+from codegen.model.forces import ALONG_LINES, AlongLine, Force, ForceElement, Spring, Torque, Torsion
 from codegen.model.model import GROUND, Face, Model, Point, Vector
 
-TYPES = (Spring, Force, Torque, Torsion, Actuator)
+TYPES = (Spring, Force, Torque, Torsion, *ALONG_LINES.values())
 
 
 def with_random_elements(rng: np.random.Generator, model: Model) -> Model:
     """The model with more force elements on its bodies."""
     draw = _Draw(rng, model)
-    makers = (draw.spring, draw.force, draw.torque, draw.torsion, draw.actuator)
+    makers = (draw.spring, draw.force, draw.torque, draw.torsion)
     more = [make(f"element{i}_{n}") for i, make in enumerate(makers) for n in range(int(rng.integers(1, 3)))]
+    for kind, own in zip(
+        ALONG_LINES.values(), rng.spawn(len(ALONG_LINES)), strict=True
+    ):  # a new law changes no other draw
+        more.append(_Draw(own, model).along_line(f"{kind.type}_0", kind))
     assert {type(e) for e in more} == set(TYPES)
     return dataclasses.replace(model, loads=(*model.loads, *more))
 
@@ -101,6 +105,13 @@ class _Draw:
         numbers = (expression(self.number(*limits)) for limits in ((1, 9), (0, 1), (-1, 1)))
         return Torsion(name, faces[0], faces[1], axis, *numbers)
 
-    def actuator(self, name: str) -> ForceElement:
-        force = expression(self.moving())
-        return Actuator(name, *self.points(), force, measured=self.looked_at(force))
+    def along_line(self, name: str, kind: type[AlongLine]) -> AlongLine:
+        """Coefficients of ordinary size, which move where the law has no energy."""
+        values = []
+        for c in kind.law.coefficients.values():
+            if c.default is not None and self.rng.random() < 0.3:
+                values.append(Expression.number(c.default))
+                continue
+            number = self.number(*c.between)
+            values.append(expression(number if kind.has_energy else f"{number}*(1 + 0.2*tanh({self.moving()}))"))
+        return kind(name, *self.points(), tuple(values), measured=self.looked_at(*values))

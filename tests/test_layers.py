@@ -40,7 +40,12 @@ sweeps, and the words that all share (fields, stores, vectors) stand beside the 
 STANDALONE = PACKAGE / "runtime" / "standalone"
 """Copied into generated packages, file by file, which need NumPy and cffi only."""
 
-EXTRAS = {"trajectory_plot": {"matplotlib"}, "trajectory_table": {"pandas"}, "trajectory_files": {"pyarrow"}}
+EXTRAS = {
+    "precision": {"mpmath"},
+    "trajectory_plot": {"matplotlib"},
+    "trajectory_table": {"pandas"},
+    "trajectory_files": {"pyarrow"},
+}
 """What single modules of it may import beside these, within functions only: who calls them has installed it."""
 
 FORBIDDEN_CALLS = {"eval", "exec", "__import__", "os.chdir", "os.system"}

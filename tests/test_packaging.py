@@ -96,6 +96,8 @@ def test_the_wheel_holds_the_package_and_its_templates_only(wheel):
     assert {n.split("/")[0] for n in names} == {"codegen", information}
     assert sorted(n for n in names if n.startswith("codegen/templates/")) == [f"codegen/{t}" for t in TEMPLATES]
     assert TEMPLATES
+    examples = {n.removeprefix("codegen/examples/") for n in names if n.startswith("codegen/examples/")}
+    assert examples > {"pendulum.yaml", "andrews.yaml"} and all((EXAMPLE.parent / n).is_file() for n in examples)
     modules = {p.relative_to(ROOT).as_posix() for p in (ROOT / "codegen").rglob("*.py")}
     assert {n for n in names if n.endswith(".py")} == modules
     assert "codegen/py.typed" in names  # type checkers read the annotations

@@ -24,7 +24,6 @@ from ..mechanics.stores import (
     ELEMENT_END,
     ENERGY,
     ENERGY_LANE,
-    GROUND_LINK,
     KEPT,
     LANE,
     LINK,
@@ -52,7 +51,8 @@ from ..mechanics.stores import (
 )
 from ..mechanics.structure.element_kinds import ElementKind
 from ..mechanics.structure.folded import Folded
-from ..mechanics.structure.kinds import EarKind, LinkKind, RegionKind, UnitKind
+from ..mechanics.structure.kinds import EarKind, RegionKind, UnitKind
+from ..mechanics.structure.owners import owner_links
 from ..mechanics.sweeps import SWEEP
 from ..model.model import CLOSURE_ROWS, GROUND
 from ..program.store import Owner, Store
@@ -174,30 +174,8 @@ class Addresses:
     def links_meant(self, kind: UnitKind, sweep: str, store: Store) -> list[int]:
         """For each instance of a kind, the link that a store is of; the ground has the number after the last."""
         ground = len(self.system.links)
-        found = (self._link(kind, sweep, store, i) for i in self.instances(kind, sweep))
+        found = owner_links(self.system, kind, store, SWEEP[sweep].units)
         return [ground if link == GROUND else link for link in found]
-
-    def _link(self, kind: UnitKind, sweep: str, store: Store, i: int) -> int:
-        """The same of one instance; `GROUND` for the ground."""
-        system, regions, owner = self.system, self.system.regions, store.owner
-        if owner is GROUND_LINK:
-            return GROUND
-        if owner is PARTNER:
-            assert store.place is not None
-            return regions.elimination.partners[i].links[store.place]
-        if isinstance(kind, ElementKind):
-            assert store.place is not None
-            return system.elements[i].links[store.place]
-        if isinstance(kind, LinkKind):
-            link = regions.order[i].number if SWEEP[sweep].units else i
-            return system.links[link].parent if owner is PARENT else link
-        number = regions.order[i].number
-        if owner is BASE_LINK:
-            region = number if isinstance(kind, RegionKind) else regions.ears[number].region
-            return regions.regions[region].base
-        assert store.place is not None
-        ear = regions.ears[number]
-        return (ear.roots if owner is ROOT else ear.links)[store.place]
 
     def loops_meant(self, kind: UnitKind, store: Store) -> list[int]:
         """For each instance of a kind of ears, the loop that a store is of."""

@@ -120,6 +120,7 @@ def manifest(
         "functions": functions,
         "batch": list(itertools.chain.from_iterable(batch_arrays(procedures))),
         "operations": operations,
+        **_closures(system),
         **_redundancy(system),
     }
 
@@ -148,6 +149,14 @@ def _singular_outputs(system: System) -> dict[str, Any]:
     """Outputs that have a value where they have no derivative, such as distances of points that coincide, where there are any."""
     found = pivoted_outputs(system.model)
     return {"singular_outputs": found} if found else {}
+
+
+def _closures(system: System) -> dict[str, Any]:
+    """Loops that are closed together, the speeds that they make dependent, and their characteristic lengths, m."""
+    if system.partition is None:
+        return {}
+    ears = system.partition.ears
+    return {"closures": [{"loops": e.loops, "dependent": e.dependent, "length": e.length} for e in ears]}
 
 
 def _redundancy(system: System) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from ..mechanics.outputs.outputs import RecordFormula
 from ..mechanics.stores import COUPLING_BLOCK, EAR_RECORD, KEPT, MARGIN, RECORD, REGION_RECORD
 from ..mechanics.structure.kinds import UnitKind
 from ..program.block import Block
+from ..program.digits import text_of
 from ..program.procedure import Procedure, routines
 from ..program.store import Store
 from . import numpy_functions
@@ -139,7 +140,7 @@ class NumpyWriter(Writer):
     def _gravity(self, value: float | str) -> str:
         """A number, or a constant of gravity's."""
         if not isinstance(value, str):
-            return repr(value)
+            return text_of(value)
         assert self.system.gravity is not None
         return f"a.constants[{self.system.gravity.index}]{_key(value)}"
 
@@ -222,7 +223,7 @@ class NumpyWriter(Writer):
         """Beginning, lines and end of the tables; numbers are arrays."""
         found = []
         if self.reads_numbers:
-            found.append(("numbers = np.array([", in_lines(list(map(repr, self.layout.numbers)), 6), "])"))
+            found.append(("numbers = np.array([", in_lines(list(map(text_of, self.layout.numbers)), 6), "])"))
         for name, rows in self.tables.items():
             ends = ("np.array((", "))") if name.startswith("numbers") else ("(", ")")
             found.append((f"{name} = {ends[0]}", [f"({row},)," for row in rows], ends[1]))

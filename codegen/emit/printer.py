@@ -9,6 +9,8 @@ from typing import Self
 
 from sympy import Expr
 
+from ..program.digits import text_of
+
 SUM, PRODUCT, ATOM = 0, 1, 2
 
 C_FUNCTIONS = {
@@ -55,7 +57,7 @@ class Printer:
         return self._call(e)
 
     def number(self, e: Expr) -> str:
-        return repr(float(e))
+        return text_of(e)
 
     def _sum(self, e: Expr, level: int) -> str:
         terms = [(self._is_negative(t), t) for t in e.args]

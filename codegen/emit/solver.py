@@ -14,7 +14,7 @@ from ..mechanics.ears.orthogonal import RankLossError
 from ..mechanics.elimination import ZeroPivotError
 from ..mechanics.expansion import Place as MemoryPlace
 from ..mechanics.expansion import Program, expand
-from ..mechanics.formulas import coefficient_formulas, force_formulas, initial_formulas
+from ..mechanics.formulas import FormulaKind, coefficient_formulas, force_formulas, initial_formulas
 from ..mechanics.outputs.outputs import RecordFormula, output_formulas, potential_formula
 from ..mechanics.procedures import (
     arrays,
@@ -33,8 +33,9 @@ from ..mechanics.transposition import transpose_sweeps
 from ..model.collector import collector_paused
 from ..model.errors import ModelError
 from ..model.model import GROUND, Model
+from ..program.digits import long_numbers
 from ..program.operations import Operations
-from ..program.procedure import Formulas, walk
+from ..program.procedure import Formulas, Procedure, walk
 from ..program.progress import Progress, silent
 from .c import CWriter, write_c
 from .calls import write_calls
@@ -76,6 +77,23 @@ class Source:
     chosen: Partition | None = None
 
 
+@dataclass(slots=True)
+class Expanded:
+    """A model as statements, ready to be printed.
+
+    Attributes
+    ----------
+    asked : tuple of Procedure
+        The functions that the solver has.
+    """
+
+    system: System
+    program: Program
+    formulas: list[FormulaKind]
+    records: list[RecordFormula]
+    asked: tuple[Procedure, ...]
+
+
 @collector_paused()
 def write_solver(
     model: Model,
@@ -112,7 +130,7 @@ def write_solver(
 
     if not model.nu:
         raise ModelError([model.problem("bodies", "no joint has a freedom, so nothing can move")])
-    unrolled = layout == "unrolled" or (layout == "auto" and len(model.bodies) <= UNROLLED_LINKS)
+    unrolled = is_unrolled(model, layout)
     if model.loops and chosen is None:
         progress("choosing dependent coordinates", 0, 0)
         try:
@@ -123,6 +141,49 @@ def write_solver(
     progress("analysing", 0, 0)
     system = analyse(model, unrolled, chosen)
     lap("analyse")
+    e = _expanded(system, reactions, progress, functions)
+    program, formulas, records, asked = e.program, e.formulas, e.records, e.asked
+    lap("expand and simplify")
+    progress("printing C", 0, 0)
+    writer = CWriter(program, formulas, records, asked)
+    context = writer.context()
+    files = write_c(context)
+    lap("print")
+    progress("printing NumPy", 0, 0)
+    files[f"{model.name}_numpy.py"] = write_numpy(program, formulas, records, asked)
+    lap("print NumPy")
+    counts = operations(program, [*formulas, *records], writer.procedures)
+    made = manifest(system, writer.procedures, writer.workspace, counts, chosen.q if chosen else ())
+    if functions is not None:
+        made["left_out"] = left_out(system, asked)
+    files[f"{model.name}_calls.c"] = write_calls(made, {n: a.size for n, a in arrays(system).items()})
+    if has_motion(made["functions"]):
+        files[f"{model.name}_motion.c"] = write_motion(system, made)
+        if model.loops:
+            files[f"{model.name}_precise.c"] = write_precise(system, made)
+    return Source(
+        files,
+        made,
+        system,
+        program,
+        "unrolled" if unrolled else "kinds",
+        seconds,
+        program.report,
+        describe(model, chosen) if chosen else [],
+        chosen,
+    )
+
+
+def is_unrolled(model: Model, layout: str) -> bool:
+    """Whether a layout has one function per link."""
+    return layout == "unrolled" or (layout == "auto" and len(model.bodies) <= UNROLLED_LINKS)
+
+
+def _expanded(
+    system: System, reactions: bool, progress: Progress = silent, functions: Collection[str] | None = None
+) -> Expanded:
+    """Expand and simplify; see `write_solver`."""
+    model = system.model
     asked = procedures(system, reactions, functions)
     read = {t for p in asked for s in walk(p.steps) if isinstance(s, Formulas) for t in s.targets}
     values, records = output_formulas(system)
@@ -155,35 +216,22 @@ def write_solver(
     for sweep in backwards:  # what was only there to be run backwards, or together with others
         for name in {sweep, values_name(sweep), transpose_name(sweep)} - wanted:
             program.blocks.pop(name, None)
-    lap("expand and simplify")
-    progress("printing C", 0, 0)
-    writer = CWriter(program, formulas, records, asked)
-    context = writer.context()
-    files = write_c(context)
-    lap("print")
-    progress("printing NumPy", 0, 0)
-    files[f"{model.name}_numpy.py"] = write_numpy(program, formulas, records, asked)
-    lap("print NumPy")
-    counts = operations(program, [*formulas, *records], writer.procedures)
-    made = manifest(system, writer.procedures, writer.workspace, counts, chosen.q if chosen else ())
-    if functions is not None:
-        made["left_out"] = left_out(system, asked)
-    files[f"{model.name}_calls.c"] = write_calls(made, {n: a.size for n, a in arrays(system).items()})
-    if has_motion(made["functions"]):
-        files[f"{model.name}_motion.c"] = write_motion(system, made)
-        if model.loops:
-            files[f"{model.name}_precise.c"] = write_precise(system, made)
-    return Source(
-        files,
-        made,
-        system,
-        program,
-        "unrolled" if unrolled else "kinds",
-        seconds,
-        program.report,
-        describe(model, chosen) if chosen else [],
-        chosen,
-    )
+    return Expanded(system, program, formulas, records, asked)
+
+
+@collector_paused()
+def write_long(
+    model: Model,
+    digits: int,
+    layout: str,
+    chosen: Partition | None = None,
+    reactions: bool = False,
+    functions: Collection[str] | None = None,
+) -> str:
+    """The NumPy module of a solver with numbers of so many digits, where they are no doubles; see `write_solver`."""
+    with long_numbers(digits):
+        e = _expanded(analyse(model, is_unrolled(model, layout), chosen), reactions, functions=functions)
+        return write_numpy(e.program, e.formulas, e.records, e.asked)
 
 
 def _read_by_formulas(system: System, records: list[RecordFormula]) -> set[MemoryPlace]:

@@ -25,6 +25,7 @@ from ..mechanics.structure.kinds import EarKind, RegionKind, UnitKind
 from ..mechanics.sweeps import INWARD, SWEEP
 from ..model.model import GROUND
 from ..program.block import RESERVED, Block
+from ..program.digits import value_of
 from ..program.operations import count
 from ..program.procedure import (
     Columns,
@@ -496,8 +497,8 @@ class Writer(ABC):
             terms: list[tuple[float | str, int]] = []
             for j, p in enumerate(g.parameters):
                 key = f"{name}/{j}"
-                if key in g.shape.fixed and float(g.shape.fixed[key]) != 0:
-                    terms.append((float(g.shape.fixed[key]), places[p]))
+                if key in g.shape.fixed and value_of(g.shape.fixed[key]) != 0:
+                    terms.append((value_of(g.shape.fixed[key]), places[p]))
                 elif key in g.shape.varying:
                     terms.append((g.shape.varying[key], places[p]))
             found.append((name, terms))

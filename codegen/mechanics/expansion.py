@@ -22,25 +22,21 @@ from ..program.field import AnyField
 from ..program.operations import Operations, count
 from ..program.passes import PASSES, drop_dead, propagate_copies
 from ..program.progress import Progress, silent
-from ..program.store import Life, Memory, Store
+from ..program.store import Life, Memory, Owner, Store
 from . import fields
 from .stores import (
-    BASE_LINK,
     CONSTANT,
     EAR_ITSELF,
-    ELEMENT_END,
-    GROUND_LINK,
     HANDED_COUPLING,
     LAID_OUT,
     LINK,
     OWN_COUPLING,
-    PARENT,
-    PARTNER,
     RECORD,
-    ROOT,
+    REGION_ITSELF,
     SLOT,
 )
 from .structure.kinds import EarKind, UnitKind
+from .structure.owners import owner_links
 from .structure.system import System
 from .sweeps import INWARD, SWEEPS, Sweep
 
@@ -94,20 +90,10 @@ class Reach:
 
     def __init__(self, system: System):
         self.system = system
-        regions = system.regions
-        self._parents: dict[int, set[KindKey]] = {k.index: set() for k in system.kinds}
-        self._roots: dict[tuple[int, int | None], set[KindKey]] = {}
-        self._bases: dict[int, set[KindKey]] = {}
+        self._of_links: dict[tuple[str, int, bool, Owner, int | None], set[KindKey]] = {}
         self._regions: dict[int, set[KindKey]] = {}
-        self._partners: dict[tuple[int, int | None], set[KindKey]] = {}
         self._handed_on: dict[tuple[int, int | None], set[KindKey]] = {}
-        self._ends: dict[tuple[int, int | None], set[KindKey]] = {}
-        for element_kind in system.element_kinds:
-            for n in element_kind.members:
-                for place, i in enumerate(system.elements[n].links):
-                    self._ends.setdefault((element_kind.index, place), set()).add(self._link(i))
-        for i, link in enumerate(system.links):
-            self._parents[system.kind_of[i].index].add(self._link(link.parent))
+        regions = system.regions
         of_region = {
             u.number: k.index for u, k in zip(regions.order, system.unit_kind_of, strict=True) if u.role == "region"
         }
@@ -118,52 +104,34 @@ class Reach:
             for n, c in enumerate(partners.own)
         }
         for unit, kind, partners in zip(regions.order, system.unit_kind_of, regions.elimination.partners, strict=True):
-            for n, i in enumerate(partners.links):
-                self._partners.setdefault((kind.index, n), set()).add(self._link(i))
             for n, handed_on in enumerate(partners.handed_on):
                 self._handed_on.setdefault((kind.index, n), set()).add(kind_of_coupling[handed_on.coupling])
-            if unit.role == "link":
-                continue
-            number = unit.number if unit.role == "region" else regions.ears[unit.number].region
-            self._bases.setdefault(kind.index, set()).add(self._link(regions.regions[number].base))
-            self._regions.setdefault(kind.index, set()).add(of_region[number])
-            if unit.role == "ear":
-                for t, root in enumerate(regions.ears[unit.number].roots):
-                    self._roots.setdefault((kind.index, t), set()).add(self._link(root))
-
-    def _link(self, i: int) -> int:
-        return GROUND_KIND if i == GROUND else self.system.kind_of[i].index
+            if unit.role != "link":
+                number = unit.number if unit.role == "region" else regions.ears[unit.number].region
+                self._regions.setdefault(kind.index, set()).add(of_region[number])
 
     def of(self, kind: UnitKind, sweep: Sweep, store: Store) -> tuple[MemoryKey, set[KindKey]] | None:
         """Memory and kinds; None for what the layout does not place."""
         if store.memory not in LAID_OUT:
             return None
         key = store.memory, sweep.name if store.memory.life is Life.SWEEP else ""
-        return key, self._kinds(kind, store)
+        return key, self._kinds(kind, sweep, store)
 
-    def _kinds(self, kind: UnitKind, store: Store) -> set[KindKey]:
+    def _kinds(self, kind: UnitKind, sweep: Sweep, store: Store) -> set[KindKey]:
         """Kinds of what a store is of, in the blocks of a kind."""
         owner, place = store.owner, store.place
-        if owner is LINK:
-            return {kind.links[place].index if isinstance(kind, EarKind) and place is not None else kind.index}
-        if owner is PARENT:
-            return self._parents[kind.index]
-        if owner is ROOT:
-            return self._roots[kind.index, place]
-        if owner is BASE_LINK:
-            return self._bases[kind.index]
-        if owner is PARTNER:
-            return self._partners[kind.index, place]
+        if owner in (EAR_ITSELF, REGION_ITSELF):
+            return {kind.index} if owner is EAR_ITSELF or kind.role == "region" else self._regions[kind.index]
         if owner is OWN_COUPLING:
             assert place is not None
             return {(kind.index, place)}
         if owner is HANDED_COUPLING:
             return self._handed_on[kind.index, place]
-        if owner is ELEMENT_END:
-            return self._ends[kind.index, place]
-        if owner is GROUND_LINK:
-            return {GROUND_KIND}
-        return {kind.index} if owner is EAR_ITSELF else self._regions[kind.index]
+        key = kind.role, kind.index, sweep.units, owner, place
+        if key not in self._of_links:
+            links = set(owner_links(self.system, kind, store, sweep.units))
+            self._of_links[key] = {GROUND_KIND if i == GROUND else self.system.kind_of[i].index for i in links}
+        return self._of_links[key]
 
 
 class Patterns:

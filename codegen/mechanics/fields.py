@@ -142,7 +142,12 @@ external = SixField("ext.", WRENCH, OWN, "moment about the origin and force of t
 articulated = _inertia("acc.", OWN, "articulated inertia that the children hand on", True)
 articulated_force = SixField("acc.", WRENCH, OWN, "articulated force that the children hand on", handed_on=True)
 transmitted = SixField(
-    "tacc.", WRENCH, OWN, "what joints outboard transmit with all accelerations known", handed_on=True
+    "tacc.",
+    WRENCH,
+    OWN,
+    "what joints outboard transmit with all accelerations known",
+    handed_on=True,
+    unread="in long chains it is not summed up",
 )
 inverse_pivot = ScalarField("Dinv.{}", "1/(kg u^2)", "", "one over the inertia along a freedom (D of Eq. 47)")
 right_side = ScalarField("rD.{}", "u/s^2", "", "what drives a freedom, over the inertia along it (Eq. 53)")

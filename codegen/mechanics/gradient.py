@@ -20,8 +20,9 @@ from ..program.fusion import fused
 from ..program.store import Store
 from ..program.transpose import deferred
 from .expansion import Program
-from .stores import BASE_LINK, DQ, DU, LANE, LINK, LREGION, MY_LANE, PARENT, PARTNER, REGION_LANE, ROOT, SLOT
+from .stores import DQ, DU, LANE, LINK, LREGION, MY_LANE, REGION_LANE, SLOT
 from .structure.kinds import EarKind, LinkKind, RegionKind, UnitKind
+from .structure.owners import owner_links
 from .structure.system import System
 from .sweeps import GRADIENT_IN, GRADIENT_IN_CLOSED, GRADIENT_OUT, SWEEP, transpose_name, values_name
 
@@ -150,7 +151,8 @@ class _Unit:
         """Store zeros for seeds that have no part in accelerations, and for those of dependent coordinates and speeds."""
         at = {(a.plain, n): i for i, (a, n, _) in enumerate(block.stores)}
         for link, place in self.links:
-            members = [self.system.links[i] for i in links_meant(self.system, self.kind, LINK, place)]
+            mine = owner_links(self.system, self.kind, DQ if place is None else DQ[place], of_units=True)
+            members = [self.system.links[i] for i in mine]
             for seed, count, which in ((DQ, link.joint.coordinates, 0), (DU, link.joint.freedoms, 1)):
                 store = seed if place is None else seed[place]
                 for j in range(count):
@@ -162,27 +164,6 @@ class _Unit:
                         block.stores[at[store, str(j)]] = zero
                     elif (store, str(j)) not in at and (dependent == {True} or (store, str(j)) not in self.stored):
                         block.stores.append(zero)
-
-
-def links_meant(system: System, kind: UnitKind, owner: object, place: int | None) -> list[int]:
-    """For each unit of a kind, the link whose memory is meant; the ground is `model.GROUND`."""
-    regions = system.regions
-    found: list[int] = []
-    for i in kind.units:
-        number = regions.order[i].number
-        if owner is PARTNER:
-            assert place is not None
-            found.append(regions.elimination.partners[i].links[place])
-        elif isinstance(kind, LinkKind):
-            found.append(system.links[number].parent if owner is PARENT else number)
-        elif owner is BASE_LINK:
-            region = number if isinstance(kind, RegionKind) else regions.ears[number].region
-            found.append(regions.regions[region].base)
-        else:
-            assert place is not None and owner in (ROOT, LINK)
-            ear = regions.ears[number]
-            found.append((ear.roots if owner is ROOT else ear.links)[place])
-    return found
 
 
 class _Handed:
@@ -235,7 +216,7 @@ class _Handed:
     def links(self, k: int, store: Store) -> list[int]:
         """The links that a store means in the units of a kind."""
         if (k, store) not in self._links:
-            self._links[k, store] = links_meant(self.system, self.kinds[k], store.owner, store.place)
+            self._links[k, store] = owner_links(self.system, self.kinds[k], store, of_units=True)
         return self._links[k, store]
 
     def _first(self, givers: tuple[tuple[int, Store], ...]) -> tuple[set[tuple[int, Store]], set[int]] | None:

@@ -20,8 +20,9 @@ import sympy
 from sympy import Expr, Symbol
 from sympy.core.numbers import Number
 
+from .digits import number
 from .field import XYZ, AnyField, Field, Readable
-from .functions import SYMBOLIC, number
+from .functions import SYMBOLIC
 from .scalar import Value, Vector
 from .store import Store
 

@@ -5,8 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+import mpmath
 import sympy
 from sympy import Expr, Function, S
+
+from .digits import are_long, number, value_of
 
 
 class AtLeast(Function):
@@ -70,7 +73,8 @@ class Power(Function):
         if exponent.is_Integer and abs(exponent) <= MULTIPLIED:
             return base**exponent
         if base.is_Number and exponent.is_Number:
-            return computed(lambda: math.pow(base, exponent))
+            power: Callable[[float, float], float] = mpmath.power if are_long() else math.pow
+            return computed(lambda: power(value_of(base), value_of(exponent)))
         return None
 
     def fdiff(self, argindex: int = 1) -> Expr:
@@ -83,7 +87,7 @@ MULTIPLIED = 16
 
 
 def computed(compute: Callable[[], float]) -> Expr:
-    """What is computed with floats; nan where it has no value or is no float."""
+    """What is computed with numbers; nan where it has no value or is no float."""
     try:
         value = compute()
         return number(value) if math.isfinite(value) else S.NaN
@@ -98,10 +102,3 @@ SYMBOLIC = {
     "min": Minimum, "max": Maximum,
 }  # fmt: skip
 """The functions of the model format."""
-
-
-def number(value: float | int) -> Expr:
-    """A sympy number that prints as the same double."""
-    if isinstance(value, int) or (float(value).is_integer() and abs(value) < 2**53):
-        return sympy.Integer(int(value))
-    return sympy.Float(value)

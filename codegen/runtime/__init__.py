@@ -11,6 +11,7 @@ from types import ModuleType
 
 from .sections import CARRIED, STANDALONE
 from .solver import Solver
+from .standalone.diagnosis import Diagnosis
 from .standalone.equilibrium import Equilibrium
 from .standalone.errors import (
     AssemblyError,
@@ -37,6 +38,7 @@ __all__ = [
     "At",
     "AtEvent",
     "CompileError",
+    "Diagnosis",
     "Equilibrium",
     "EquilibriumError",
     "Event",

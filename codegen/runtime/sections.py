@@ -19,13 +19,14 @@ CARRIED = "_runtime"
 
 SECTIONS: dict[str, tuple[str, ...]] = {
     "Statics": ("accelerations", "sensitivities", "coordinate_rates", "coordinate_rate_sensitivities"),
-    "Dynamics": (),
+    "Diagnosing": ("accelerations",), "Dynamics": (),
     "WeightedGradients": ("gradients", "coordinate_rate_gradients", "energy_gradients", "output_gradients", "assemble_gradients"),
     "Energies": ("energies", "energy_sensitivities"), "Outputs": ("outputs", "output_sensitivities"),
     "TreeForces": ("mass_matrix", "mass_matrix_sensitivities", "solve_mass", "solve_mass_sensitivities", "inverse_dynamics",
                    "inverse_dynamics_sensitivities"),
     "Judging": ("state_rates",),
     "Reactions": ("reactions",), "Loops": ("closure",), "States": (), "Redundancy": ("opening",), "Partitions": (),
+    "Precision": (),
 }  # fmt: skip
 """Sections of `Solver`, and what a manifest names, among its functions or beside them, where they are needed."""
 

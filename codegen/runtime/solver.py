@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import os
+from typing import TYPE_CHECKING, Any
+
+from .long_texts import LongTexts
+from .standalone.diagnosing import Diagnosing
 from .standalone.dynamics import Dynamics
 from .standalone.energies import Energies
 from .standalone.judging import Judging
@@ -9,15 +14,20 @@ from .standalone.loops import Loops
 from .standalone.outputs import Outputs
 from .standalone.package import Package
 from .standalone.partitions import Partitions
+from .standalone.precision import Precision, extended
 from .standalone.reactions import Reactions
 from .standalone.redundancy import Redundancy
 from .standalone.statics import Statics
 from .standalone.tree_forces import TreeForces
 from .standalone.weighted_gradients import WeightedGradients
 
+if TYPE_CHECKING:
+    from ..model import Model
+
 
 class Solver(
     Statics,
+    Diagnosing,
     Dynamics,
     WeightedGradients,
     Energies,
@@ -28,8 +38,21 @@ class Solver(
     Loops,
     Redundancy,
     Partitions,
+    Precision,
 ):
     __doc__ = Package.__doc__
+
+    def in_precision(self, digits: int = 40, model: Model | str | os.PathLike[str] | None = None) -> Any:
+        return extended(self, digits, None if model is None else LongTexts(model, self._manifest, digits))
+
+    in_precision.__doc__ = (Precision.in_precision.__doc__ or "").replace(
+        "        Returns",
+        """        model : Model or path, optional
+            What the package was generated from: numbers that were computed from it are computed in these digits too, from the
+            doubles that the model file is read as.
+
+        Returns""",
+    )
 
 
 __all__ = ["Solver"]

@@ -22,6 +22,7 @@ from codegen.emit.solver import write_solver
 from codegen.emit.templates import render
 from codegen.model import parse_model
 from codegen.reference import DenseEngine, RecursiveEngine
+from codegen.runtime.standalone.rounding import DIRECTED, rounding
 
 CHAIN = """
 model: chain
@@ -305,12 +306,19 @@ typedef double vector_8 __attribute__((vector_size(8*VECTOR_8), aligned(8), may_
     angles = np.concatenate([angles, np.zeros(-len(angles) % 8)])
     n = len(angles)
     trig = np.concatenate([np.zeros(n), angles])
+    otherwise = {}  # with every operation rounded up or down
+    for way in DIRECTED:
+        otherwise[way] = trig.copy()
+        with rounding(way):
+            library.run(n, otherwise[way].ctypes.data_as(ctypes.POINTER(ctypes.c_double)))
     library.run(n, trig.ctypes.data_as(ctypes.POINTER(ctypes.c_double)))
     with mpmath.workdps(60):
         for i, x in enumerate(angles):
-            for value, exact in ((trig[i], mpmath.cos(mpmath.mpf(x))), (trig[n + i], mpmath.sin(mpmath.mpf(x)))):
+            for j, exact in ((i, mpmath.cos(mpmath.mpf(x))), (n + i, mpmath.sin(mpmath.mpf(x)))):
                 ulp = np.spacing(abs(float(exact))) or 5e-324
-                assert abs(mpmath.mpf(value) - exact) <= ulp, (x, value)
+                assert abs(mpmath.mpf(trig[j]) - exact) <= ulp, (x, trig[j])
+                for way, found in otherwise.items():
+                    assert abs(mpmath.mpf(found[j]) - exact) <= 3 * ulp, (x, way, found[j])
 
 
 def test_an_angle_that_is_not_finite_is_refused(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from codegen.emit.solver import write_solver
 from codegen.listing import list_model
 from codegen.model import Model, parse_model
 from codegen.model.errors import ModelError
-from codegen.model.forces import Actuator, Force, Spring, Torque, Torsion
+from codegen.model.forces import ALONG_LINES, Force, Spring, Torque, Torsion
 from codegen.program.block import FieldError
 from codegen.reference import DenseEngine
 
@@ -133,7 +133,7 @@ def test_from_python() -> None:
     b.force("coil", "torsion", start="ground", end="a", axis="y", stiffness=k)
     b.force("ram", "actuator", start="ground", end="tip", force=k)
     b.spring("band", "ground", "tip", k)
-    assert [type(e) for e in b.build().loads] == [Force, Torque, Torsion, Actuator, Spring]
+    assert [type(e) for e in b.build().loads] == [Force, Torque, Torsion, ALONG_LINES["actuator"], Spring]
 
 
 def test_what_is_not_finite_is_told_by_its_name(tmp_path: Path) -> None:

@@ -286,8 +286,8 @@ SPRING, HINT = "strut: {type: spring, from: end, to: ground, stiffness: 1}", "in
         ("from: end, to: ground, s", "from: end, to: {body: crnk}, s", "m.yaml:24:47: forces.strut.to.body: unknown body 'crnk'; *did you mean 'crank'?"),
         ("from: end, to: ground, s", "from: end, to: {body: ground, rpy: [0, 0, 0]}, s", "m.yaml:24:55: forces.strut.to.rpy: unknown key 'rpy'; keys here: body, at"),
         ("from: end, to: ground, s", "to: ground, s", "m.yaml:24:10: forces.strut: key 'from' is missing*"),
-        ("strut: {type: spring, ", "strut: {", "m.yaml:24:10: forces.strut: key 'type' is missing; one of joint, spring, force, torque, torsion, actuator is needed"),
-        ("strut: {type: spring, ", "strut: {type: sprin, ", "m.yaml:24:17: forces.strut.type: unknown force type 'sprin'; one of joint, spring, force, torque, torsion, actuator is allowed; did you mean 'spring'?"),
+        ("strut: {type: spring, ", "strut: {", "m.yaml:24:10: forces.strut: key 'type' is missing; one of joint, spring, force, torque, torsion, * is needed"),
+        ("strut: {type: spring, ", "strut: {type: sprin, ", "m.yaml:24:17: forces.strut.type: unknown force type 'sprin'; one of joint, spring, force, torque, torsion, * is allowed; did you mean 'spring'?"),
         # the hint
         (HINT, "independent: crank", "m.yaml:27:14: independent: 'crank'; a list of names is needed: [crank]"),
         (HINT, "independent: [crnk]", "m.yaml:27:15: independent[0]: unknown coordinate or joint 'crnk'; allowed are crank, coupler, rocker, ball; did you mean 'crank'?"),

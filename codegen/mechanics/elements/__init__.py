@@ -1,18 +1,18 @@
-"""Force elements between bodies, a file for each type: what they do, by the class of the element."""
+"""Force elements between bodies, a file for each type but one for all laws along a line: what they do, by the element's class."""
 
 from __future__ import annotations
 
 from typing import Final
 
 from ...model.forces import (
-    Actuator,
+    ALONG_LINES,
     Force,
     ForceElement,
     Spring,
     Torque,
     Torsion,
 )
-from .actuator import ActuatorLaw
+from .along_line import AlongLineLaw
 from .element import Law
 from .force import ForceLaw
 from .spring import SpringLaw
@@ -26,6 +26,6 @@ LAWS: Final[dict[type[ForceElement], Law]] = {
     Force: ForceLaw(),
     Torque: TorqueLaw(),
     Torsion: TorsionLaw(),
-    Actuator: ActuatorLaw(),
+    **{element: AlongLineLaw(element.law) for element in ALONG_LINES.values()},
 }
 """Of every type that acts on bodies."""

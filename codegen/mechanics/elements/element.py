@@ -7,11 +7,10 @@ frame unless it says that they are in the axes of a link.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import NamedTuple
 
 import sympy
-from sympy import Expr
 
 from ...model.expressions import Tree
 from ...program.block import Expansion, FieldError, Scope
@@ -167,6 +166,13 @@ class Element:
         """The coefficient with that key in the model file."""
         return self._coefficients_of({key}, key)[0]
 
+    @property
+    def absent(self) -> dict[str, int]:
+        """The keys of coefficients that are zero for the whole kind, with that number."""
+        return {
+            key: 0 for key, form in zip(self.kind.first.keys, self.kind.forms, strict=True) if form == ("number", 0)
+        }
+
     def coefficients(self, key: str) -> Vector:
         """Those of a list."""
         return self._coefficients_of({name for name in self.kind.first.keys if name.startswith(f"{key}[")}, key)
@@ -182,7 +188,7 @@ class Element:
 
     def _coefficient(self, j: int) -> Value:
         if j not in self._known:
-            self._known[j] = self._evaluate(self.kind.forms[j])
+            self._known[j] = self.formula(self.kind.forms[j], self._leaf)
         return self._known[j]
 
     def require(self, value: Value) -> None:
@@ -213,15 +219,12 @@ class Element:
 
     # -- coefficients ----------------------------------------------------------------------------------------------
 
-    def _evaluate(self, form: Tree) -> Value:
+    def formula(self, tree: Tree, leaf: Callable[[Tree], Value]) -> Value:
+        """The value of a tree of the expression grammar, whose names have the values that `leaf` gives."""
         if not isinstance(self.x, Expansion):
-            return self._pattern(form)
+            return self._pattern(tree, leaf)
         x = self.x
-
-        def leaf(tree: Tree) -> Expr:
-            return sympy.sympify(self._leaf(tree))
-
-        value: Value = x.let("value", Statements(x, leaf).write(form))
+        value: Value = x.let("value", Statements(x, lambda name: sympy.sympify(leaf(name))).write(tree))
         return value
 
     def _leaf(self, tree: Tree) -> Value:
@@ -231,14 +234,14 @@ class Element:
         end = self.ends[tree[2]]
         return (end.position if what == "position" else end.velocity)[tree[3]]
 
-    def _pattern(self, tree: Tree) -> Value:
+    def _pattern(self, tree: Tree, leaf: Callable[[Tree], Value]) -> Value:
         """Whether it can differ from zero, with every operand asked for as when it is written."""
         kind = tree[0]
         if kind == "number":
             return self.x.number(tree[1])
         if kind == "name":
-            return self._leaf(tree)
-        values: list[Value] = [self._pattern(a) for a in tree[2 if kind == "call" else 1 :]]
+            return leaf(tree)
+        values: list[Value] = [self._pattern(a, leaf) for a in tree[2 if kind == "call" else 1 :]]
         match kind:
             case "neg":
                 return -values[0]

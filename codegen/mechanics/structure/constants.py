@@ -9,13 +9,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import mpmath
 import sympy
 from sympy import Expr, Symbol
 
-from ...model.expressions import FLOAT_FUNCTIONS, Expression, Tree
+from ...model.expressions import FLOAT_FUNCTIONS, Expression, Tree, functions_for
 from ...program.block import Block, Expansion
 from ...program.derivatives import Tangents
-from ...program.functions import SYMBOLIC, Power, computed, number
+from ...program.digits import are_long, number, value_of
+from ...program.functions import SYMBOLIC, Power, computed
 from ...program.passes import simplify
 from ...program.scalar import Value
 from ..stores import NUMBER, PARAMETER, SHAPE
@@ -85,7 +87,8 @@ class Statements:
             arguments = [self.named(a) for a in tree[2:]]
             if all(a.is_Number for a in arguments) and not all(-_LARGE < float(a) < _LARGE for a in arguments):
                 # sympy would compute exp(1e300)
-                return computed(lambda: FLOAT_FUNCTIONS[tree[1]](*map(float, arguments)))
+                functions = functions_for(mpmath) if are_long() else FLOAT_FUNCTIONS
+                return computed(lambda: functions[tree[1]](*map(value_of, arguments)))
             function = SYMBOLIC[tree[1]]
             if tree[1] in ("min", "max"):
                 value = arguments[0]

@@ -30,7 +30,7 @@ from .constants import Constants, Leaf, Shape, Slots, Statements
 from .folded import Folded, make_constants, pattern
 from .links import (
     BODY_FRAME,
-    FLOAT,
+    NUMERIC,
     Carrier,
     Evaluate,
     Frame,
@@ -221,7 +221,7 @@ def placed_elements(
         if key not in known:
             known[key] = make_constants(
                 shapes, e.structure(), partial(_visit, e), partial(_write, e),
-                partial(end_constants, e, evaluate, FLOAT, keep), len(constants),
+                partial(end_constants, e, evaluate, NUMERIC, keep), len(constants),
             )  # fmt: skip
             constants.append(known[key])
         e.constants = known[key]

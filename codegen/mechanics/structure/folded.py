@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+import mpmath
 import sympy
 from sympy import Expr
 
 from ...program.block import Expansion
-from ...program.functions import number
+from ...program.digits import number
 from ...program.scalar import Value
 from .constants import Constants, Leaf, Shape, Slots, make_shape
 
@@ -82,6 +83,6 @@ def make_constants(
     numeric: dict[str, float] = {}
     for name, v in values().items():
         if name not in shape.varying and shape.fields[name] != 0:
-            assert isinstance(v, (int, float))
-            numeric[name] = float(v)
+            assert isinstance(v, (int, float, mpmath.mpf))
+            numeric[name] = float(v) if isinstance(v, int) else v
     return Constants(shape, tuple(slots.parameters), tuple(slots.numbers), numeric, index)

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import sympy
 
 from ...model.model import GROUND
-from ...program.functions import number
+from ...program.digits import long_number, number
 from .constants import Constants
 from .folded import pattern
 from .graph import Region
@@ -19,6 +19,9 @@ from .kinds import ClosureKind, EarKind, LinkKind, RegionKind, UnitKind
 from .links import Link, LoopFaces
 from .neighbours import Neighbours
 from .regions import Regions
+
+LONG = 40
+"""Links in a row from which on rounding in sums of their forces is kept out of derivatives; in shorter chains it is small."""
 
 
 def find_link_kinds(
@@ -44,6 +47,7 @@ def find_link_kinds(
     last_child: dict[int, int] = {}
     for i, link in enumerate(links):
         last_child[link.parent] = i
+    long = longest_chain(links) >= LONG
     kinds: dict[object, LinkKind] = {}
     kind_of: list[LinkKind] = []
     for i, link in enumerate(links):
@@ -68,13 +72,21 @@ def find_link_kinds(
         if kind is None:
             kind = kinds[signature] = LinkKind(
                 c.shape, len(kinds), link.joint, link.axis, aligned, first, first_unit, link.parent != GROUND,
-                *order.role_of(i), i in pulled, forced, order.partners_of_link(i),
+                *order.role_of(i), i in pulled, forced, long, order.partners_of_link(i),
             )  # fmt: skip
         kind.members.append(i)
         kind_of.append(kind)
     for kind in kinds.values():
         kind.fold([constants_of[i] for i in kind.members])
     return list(kinds.values()), kind_of
+
+
+def longest_chain(links: Sequence[Link]) -> int:
+    """How many links lie between the ground and the furthest tip."""
+    depth: list[int] = []
+    for link in links:
+        depth.append(1 if link.parent == GROUND else depth[link.parent] + 1)
+    return max(depth, default=0)
 
 
 def total_sources(region: Region) -> int:
@@ -181,11 +193,12 @@ def _ear_kind(
         ]
         r = len(region.freedoms)
         angular = any(c.holds.angular for c in closures)
+        inverse = number(1 / long_number(ear.length))
         kind = found[key] = EarKind(
             index, [kind_of[i] for i in ear.links], ear.parents, list(order.roles(e)), list(order.far(e)),
             [order.first_follower.get(root) == n for root in ear.roots], [i in order.first_follower for i in ear.links],
             closures, ear.dependent, ear.columns, r, total_sources(region), region.carried,
-            region.rigid, number(1 / ear.length) if angular else sympy.S.One, number(1 / ear.length),
+            region.rigid, inverse if angular else sympy.S.One, inverse,
             region.carried or order.slides(region), order.partners[n],
         )  # fmt: skip
     assert isinstance(kind, EarKind)

@@ -46,6 +46,8 @@ class LinkKind(Folded):
         Force elements act on it.
     forced : tuple of bool
         Which freedoms have a force of the model.
+    long : bool
+        Some chain of the model is so long that what joints transmit is not summed up (see `tree.balance.handed_force`).
     partners : Partners
         Coupled links, of the first member; the structure is that of all.
     members : list of int
@@ -65,6 +67,7 @@ class LinkKind(Folded):
     closed_on: str
     pulled: bool
     forced: tuple[bool, ...]
+    long: bool
     partners: Partners = NOBODY
     members: list[int] = field(default_factory=list)
     units: list[int] = field(default_factory=list)

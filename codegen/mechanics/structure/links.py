@@ -12,10 +12,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+import mpmath
+
 from ...model.expressions import Expression
 from ...model.model import GROUND, Body, Joint, Loop, Model, coordinate_axis
 from ...model.model import Vector as ExpressionVector
 from ...model.motions import Ball, Displacement, Motion, Slide, Turn
+from ...program.digits import are_long
 from ...program.field import XYZ
 from ...program.scalar import Matrix, Value, Vector
 from ..joints import LINK_JOINTS, LinkJoint
@@ -452,16 +455,16 @@ def rigid_inertia(
     return mass, moment, inertia
 
 
-def _of_floats(function: Callable[[float], float]) -> Function:
+def _of_numbers(function: Callable[[float], float], long_function: Callable[[float], float]) -> Function:
     def of(value: Value) -> float:
-        assert isinstance(value, (int, float))
-        return function(value)
+        assert isinstance(value, (int, float, mpmath.mpf))
+        return long_function(value) if are_long() else function(value)
 
     return of
 
 
-FLOAT: Functions = {"sqrt": _of_floats(math.sqrt), "cos": _of_floats(math.cos), "sin": _of_floats(math.sin)}
-"""Functions for `link_constants` on floats."""
+NUMERIC: Functions = {name: _of_numbers(getattr(math, name), getattr(mpmath, name)) for name in ("sqrt", "cos", "sin")}
+"""Functions for `link_constants` on numbers."""
 
 
 def keep(name: str, value: Value) -> Value:

@@ -11,7 +11,7 @@ from ...program.functions import SYMBOLIC
 from ...program.scalar import Value
 from .constants import Constants, Leaf, Shape, Slots, Statements
 from .folded import make_constants
-from .links import FLOAT, Link, LoopFaces, NumberOf, face_constants, keep, link_constants
+from .links import NUMERIC, Link, LoopFaces, NumberOf, face_constants, keep, link_constants
 
 
 class ModelConstants:
@@ -41,7 +41,7 @@ class ModelConstants:
             )  # fmt: skip
             found = self._by_key[key] = make_constants(
                 self.shapes, structure, partial(_visit_link, link), partial(_write_link, link),
-                partial(link_constants, link, self.evaluate, FLOAT, keep), len(self.found),
+                partial(link_constants, link, self.evaluate, NUMERIC, keep), len(self.found),
             )  # fmt: skip
             self.found.append(found)
         return found
@@ -53,7 +53,7 @@ class ModelConstants:
         if found is None:
             found = self._by_key[key] = make_constants(
                 self.shapes, faces.structure(), partial(_visit_faces, faces), partial(_write_faces, faces),
-                partial(face_constants, faces, self.evaluate, FLOAT, keep), len(self.found),
+                partial(face_constants, faces, self.evaluate, NUMERIC, keep), len(self.found),
             )  # fmt: skip
             self.found.append(found)
         return found

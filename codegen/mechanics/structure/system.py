@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import mpmath
+
 from ...loops.partition import Partition
-from ...model.expressions import Expression
+from ...model.expressions import Expression, functions_for
 from ...model.model import GROUND, JointForce, Model
+from ...program.digits import are_long, long_number
 from .constants import Constants, Shape
 from .element_kinds import ElementKind, PlacedElement, find_element_kinds, placed_elements
 from .grouping import find_link_kinds, find_unit_kinds
@@ -115,10 +118,11 @@ class System:
 
 def analyse(model: Model, unrolled: bool, partition: Partition | None = None) -> System:
     """Find links, constants and kinds. No symbolic work but one expansion per form of constants."""
-    defaults = model.defaults
+    defaults = {name: long_number(value) for name, value in model.defaults.items()}
+    functions = functions_for(mpmath) if are_long() else None
 
     def evaluate(e: Expression) -> float:
-        value: float = e.evaluate(defaults)
+        value: float = e.evaluate(defaults, functions)
         return value
 
     links, carriers = links_of(model, evaluate)

@@ -1,11 +1,11 @@
-"""What force elements do, a file for each type; the engines go over the elements of a model and know none of them."""
+"""What force elements do, a file for each type but one for all laws along a line; the engines go over elements and know none."""
 
 from __future__ import annotations
 
 from typing import Any, Final
 
 from ...model.forces import (
-    Actuator,
+    ALONG_LINES,
     Force,
     ForceElement,
     JointForce,
@@ -13,7 +13,7 @@ from ...model.forces import (
     Torque,
     Torsion,
 )
-from .actuator import ActuatorLaw
+from .along_line import AlongLineLaw
 from .force import ForceLaw
 from .joint_force import JointForceLaw
 from .law import End, Law, Wrench
@@ -29,6 +29,6 @@ LAWS: Final[dict[type[ForceElement], Law[Any]]] = {
     Force: ForceLaw(),
     Torque: TorqueLaw(),
     Torsion: TorsionLaw(),
-    Actuator: ActuatorLaw(),
+    **dict.fromkeys(ALONG_LINES.values(), AlongLineLaw()),
 }
 """By the class of the element."""

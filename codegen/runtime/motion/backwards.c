@@ -1,30 +1,9 @@
-/* The discrete adjoint of explicit methods: every step backwards, with the transposes of the generated functions.
- *
- * A step is Y_i = z + h sum a_ij k_j, k_i = f(Y_i), z+ = z + h sum b_j k_j. From lambda = dJ/dz+, with everything in lanes of
- * functionals, and from what weighs states between the ends, which are sums of the same rates:
- *
- *     kappa_j = h (b_j lambda + sum_i>j a_ij nu_i),  nu_j = f_z(Y_j)^T kappa_j,  gradient += f_p(Y_j)^T kappa_j,
- *     lambda <- lambda + sum nu_j.
+/* The discrete adjoint: every step of a motion backwards, what is done between steps, and the gradients in the end.
  *
  * The step sizes are constants of differentiation. */
-#include "inside.h"
+#include "backwards.h"
 
 #include <string.h>
-
-struct ordernm_adjoint {
-    ordernm_problem problem;          /* the motion's, without directions */
-    ordernm_results none;
-    ordernm_gradients *gradients;
-    ordernm_motion *motion;
-    int width, index, ngroups;        /* functionals, so many at a time */
-    int n;                            /* entries that are integrated and differentiated */
-    long *sampled;                    /* times that are left, of each group */
-    double *lambda;                   /* [ngroups][n][width] */
-    double *kappa[MOST_STAGES], *nu;  /* [n][width] */
-    double *stage[MOST_STAGES], *q[MOST_STAGES]; /* states, and coordinates with loops closed */
-    double *weights_q, *weights_u, *dq, *du, *dp, *dinputs, *weights;
-    double *p, *inputs;               /* [ngroups][np][width], [ngroups][count][ninputs][width] */
-};
 
 /* Lays an adjoint out; a is 0 where only the size is asked for. */
 static size_t lay_out(ordernm_adjoint *a, const ordernm_problem *problem, ordernm_gradients *g)
@@ -39,7 +18,7 @@ static size_t lay_out(ordernm_adjoint *a, const ordernm_problem *problem, ordern
     a->problem.ndirections = 0;
     a->problem.atol_directions = 0;
     a->gradients = g;
-    a->index = g->nfunctionals > 1;
+    a->index = g->nfunctionals > 1 ? ORDERNM_WIDTHS - 1 : 0;
     a->width = a->index ? LANES : 1;
     a->ngroups = (g->nfunctionals + a->width - 1)/a->width;
     a->n = s->nfree_q + s->nfree_u + problem->nintegrals;
@@ -61,6 +40,8 @@ static size_t lay_out(ordernm_adjoint *a, const ordernm_problem *problem, ordern
     a->weights = ordernm_numbers(&of, s->noutputs*width);
     a->p = ordernm_numbers(&of, a->ngroups*s->np*width);
     a->inputs = ordernm_numbers(&of, a->ngroups*problem->inputs.count*s->ninputs*width);
+    if (problem->method == ORDERNM_RADAU)
+        a->of_stages = ordernm_take(&of, ordernm_radau_layout_stages(0, s->nfree_q + s->nfree_u, 0));
     return of.used;
 }
 
@@ -79,6 +60,7 @@ ordernm_adjoint *ordernm_adjoint_begin(const ordernm_problem *problem, ordernm_g
     lay_out(a, problem, g);
     a->motion = ordernm_begin(&a->problem, (double *)((char *)a + used));
     a->motion->results = &a->none;
+    if (a->of_stages) ordernm_radau_layout_stages(a->motion, a->motion->ny, a->of_stages);
     for (int n = 0; n < a->ngroups; ++n) {
         a->sampled[n] = g->ntimes;
         double *const lambda = a->lambda + (long)n*a->n*a->width;
@@ -133,13 +115,6 @@ static void clear(ordernm_adjoint *a, ordernm_call *c)
     c->dq = a->dq, c->du = a->du, c->dp = a->dp, c->dinputs = a->dinputs;
 }
 
-static int any(const double *x, long n)
-{
-    for (long i = 0; i < n; ++i)
-        if (x[i] != 0.0) return 1;
-    return 0;
-}
-
 /* A state whose loops have been closed before. */
 static ordernm_call closed(ordernm_adjoint *a, double t, const double *z, double *q)
 {
@@ -148,12 +123,11 @@ static ordernm_call closed(ordernm_adjoint *a, double t, const double *z, double
     return c;
 }
 
-/* nu = f_z^T kappa at a state, and the gradients' parts. */
-static int transposed_rates(ordernm_adjoint *a, int n, double t, const double *z, double *q, const double *kappa, double *nu)
+/* nu = f_z^T kappa at a state, and the gradients' parts; of independent coordinates and speeds. */
+int ordernm_rates_transposed(ordernm_adjoint *a, int n, double t, const double *z, double *q, const double *kappa, double *nu)
 {
     ordernm_motion *const m = a->motion;
     const ordernm_system *const s = m->system;
-    const ordernm_problem *const p = m->problem;
     const int width = a->width, index = a->index;
     const size_t entry = width*sizeof(double);
     ordernm_call c = closed(a, t, z, q);
@@ -177,25 +151,36 @@ static int transposed_rates(ordernm_adjoint *a, int n, double t, const double *z
         if ((status = s->coordinate_rate_sensitivities_transposed[index](&c))) return status;
         add(a, n, &c, t, nu);
     }
-    if (m->nx && any(kappa + m->ny*width, m->nx*width)) {
-        memset(a->weights, 0, s->noutputs*entry);
-        for (int i = 0; i < m->nx; ++i)
-            for (int l = 0; l < width; ++l) a->weights[p->integrals[i]*width + l] += kappa[(m->ny + i)*width + l];
-        clear(a, &c);
-        c.doutputs = a->weights;
-        if ((status = s->output_sensitivities_transposed[index](&c))) return status;
-        add(a, n, &c, t, nu);
-    }
     return 0;
 }
 
-/* The adjoint of a state from the weights of its outputs. */
-static int sampled(ordernm_adjoint *a, int n, long time, double t, const double *z, double *nu)
+/* Adds to nu what the rates of integrals, weighed by those entries of kappa, depend on at a state. */
+int ordernm_integrals_transposed(ordernm_adjoint *a, int n, double t, const double *z, double *q, const double *kappa, double *nu)
+{
+    ordernm_motion *const m = a->motion;
+    const ordernm_system *const s = m->system;
+    const int width = a->width;
+    if (!m->nx || !ordernm_any(kappa + m->ny*width, m->nx*width)) return 0;
+    ordernm_call c = closed(a, t, z, q);
+    memset(a->weights, 0, s->noutputs*width*sizeof(double));
+    for (int i = 0; i < m->nx; ++i)
+        for (int l = 0; l < width; ++l) a->weights[m->problem->integrals[i]*width + l] += kappa[(m->ny + i)*width + l];
+    clear(a, &c);
+    c.outputs = m->outputs;
+    c.doutputs = a->weights;
+    const int status = s->output_sensitivities_transposed[a->index](&c);
+    if (!status) add(a, n, &c, t, nu);
+    return status;
+}
+
+/* The adjoint of a state from the weights of its outputs at the last time that is left. */
+int ordernm_sample_transposed(ordernm_adjoint *a, int n, double t, const double *z, double *nu)
 {
     ordernm_motion *const m = a->motion;
     const ordernm_system *const s = m->system;
     const ordernm_gradients *const g = a->gradients;
     const int width = a->width;
+    const long time = --a->sampled[n];
     memset(nu, 0, a->n*width*sizeof(double));
     if (!g->weights) return 0;
     for (int i = 0; i < s->noutputs; ++i)
@@ -204,7 +189,7 @@ static int sampled(ordernm_adjoint *a, int n, long time, double t, const double 
             a->weights[i*width + l] =
                 functional < g->nfunctionals ? g->weights[((long)functional*g->ntimes + time)*s->noutputs + i] : 0.0;
         }
-    if (!any(a->weights, s->noutputs*width)) return 0;
+    if (!ordernm_any(a->weights, s->noutputs*width)) return 0;
     ordernm_call c = ordernm_arguments(m, t, z);
     int status = ordernm_close_loops(m, &c);
     if (status) return status;
@@ -240,116 +225,29 @@ static int transposed_settling(ordernm_adjoint *a, int n, double t, const double
     return 0;
 }
 
-/* ---- One step. ---- */
-
-/* The stages of a step, as they were, and their rates: where something else than the step's end is a sum of them. */
-static int stages(ordernm_adjoint *a, double h, int count)
+int ordernm_settling_transposed(ordernm_adjoint *a, double t, const double *z)
 {
-    ordernm_motion *const m = a->motion;
-    const method *const method = m->method;
-    for (int i = 0; i < count; ++i) {
-        const row *const r = method->rows + i;
-        ordernm_combine(m->values, a->stage[i], m->z, h, r->count, r->which, r->factor, m->rate);
-        const double t = m->t + method->times[i]*h;
-        const int status = ordernm_rates(m, t, a->stage[i], m->rate[i]);
-        ++a->gradients->evaluations;
-        if (status) return status;
-        if (!m->identity) memcpy(a->q[i], m->q, m->system->nq*sizeof(double));
-    }
-    return 0;
+    int status = 0;
+    for (int n = 0; n < a->ngroups && !status; ++n)
+        status = transposed_settling(a, n, t, z, a->lambda + (long)n*a->n*a->width);
+    return status;
 }
 
-static void accumulate(double *to, double factor, const double *of, long n)
-{
-    for (long i = 0; i < n; ++i) to[i] += factor*of[i];
-}
-
-/* The same from a row of steps. */
-static void stages_kept(ordernm_adjoint *a, const double *step)
-{
-    ordernm_motion *const m = a->motion;
-    const long state = m->ny + m->nx + m->nd, nq = m->identity ? 0 : m->system->nq;
-    const double *at = step + 2 + state;
-    memcpy(a->stage[0], m->z, state*sizeof(double));
-    memcpy(a->q[0], m->q, nq*sizeof(double));
-    for (int i = 1; i < m->method->stages; ++i, at += state + nq) {
-        memcpy(a->stage[i], at, state*sizeof(double));
-        memcpy(a->q[i], at + state, nq*sizeof(double));
-    }
-}
-
-/* One group of functionals through one step: lambda at its end becomes lambda at its beginning. */
-static int group_backwards(ordernm_adjoint *a, int n, double h, int within)
-{
-    ordernm_motion *const m = a->motion;
-    const method *const method = m->method;
-    const ordernm_gradients *const g = a->gradients;
-    const long size = (long)a->n*a->width;
-    double *const lambda = a->lambda + n*size;
-    const row *const end = method->rows + method->stages;
-    const int count = within ? method->all : method->stages;
-    int status;
-    for (int i = 0; i < count; ++i) memset(a->kappa[i], 0, size*sizeof(double));
-    for (int j = 0; j < end->count; ++j) accumulate(a->kappa[end->which[j]], h*end->factor[j], lambda, size);
-    while (a->sampled[n] > 0 && g->times[a->sampled[n] - 1] > m->t) {
-        const long time = --a->sampled[n];
-        const double theta = (g->times[time] - m->t)/h;
-        double factor[MOST_STAGES];
-        static const int every[] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
-        method->weights(theta, factor);
-        ordernm_combine(m->values, m->trial, m->z, h, method->all, every, factor, m->rate);
-        if ((status = sampled(a, n, time, g->times[time], m->trial, a->nu))) return status;
-        accumulate(lambda, 1.0, a->nu, size);
-        for (int j = 0; j < method->all; ++j) accumulate(a->kappa[j], h*factor[j], a->nu, size);
-    }
-    for (int i = count - 1; i >= 0; --i) {
-        if (!any(a->kappa[i], size)) continue;
-        const row *const r = method->rows + i;
-        const double t = m->t + method->times[i]*h;
-        if ((status = transposed_rates(a, n, t, a->stage[i], a->q[i], a->kappa[i], a->nu))) return status;
-        accumulate(lambda, 1.0, a->nu, size);
-        for (int j = 0; j < r->count; ++j) accumulate(a->kappa[r->which[j]], h*r->factor[j], a->nu, size);
-    }
-    return 0;
-}
+/* ---- Steps. ---- */
 
 int ordernm_backwards(ordernm_adjoint *a, const double *steps, long count)
 {
     ordernm_motion *const m = a->motion;
-    const ordernm_gradients *const g = a->gradients;
     const long size = ordernm_step_size(m->problem);
     for (long k = count - 1; k >= 0; --k) {
         const double *const step = steps + k*size;
-        const double h = step[1], end = step[0] + h;
-        int status;
         m->t = step[0];
-        memcpy(m->z, step + 2, (m->ny + m->nx + m->nd)*sizeof(double));
-        ordernm_find_segment(m, m->t, h);
-        int within = 0;
-        for (int n = 0; n < a->ngroups; ++n) {
-            const long left = a->sampled[n];
-            within |= left && g->times[left - 1] > m->t;
-        }
-        if (within || m->system->split) {
-            if ((status = stages(a, h, within ? m->method->all : m->method->stages))) goto failed;
-        } else {
-            ordernm_arguments(m, m->t, m->z); /* of the first stage, whose loops are closed between steps */
-            stages_kept(a, step);
-        }
-        if (m->system->split) {
-            const row *const r = m->method->rows + m->method->stages;
-            ordernm_combine(m->values, m->next, m->z, h, r->count, r->which, r->factor, m->rate);
-            for (int n = 0; n < a->ngroups; ++n) {
-                double *const lambda = a->lambda + (long)n*a->n*a->width;
-                if ((status = transposed_settling(a, n, end, m->next, lambda))) goto failed;
-            }
-        }
-        for (int n = 0; n < a->ngroups; ++n)
-            if ((status = group_backwards(a, n, h, within))) goto failed;
-        continue;
-    failed:
+        memcpy(m->z, step + ORDERNM_STEP_HEAD, (m->ny + m->nx + m->nd)*sizeof(double));
+        ordernm_find_segment(m, m->t, step[1]);
+        const int status = m->method->backwards(a, step);
+        if (!status) continue;
         a->gradients->singular = status;
-        return status < 0 ? ORDERNM_OPEN : ORDERNM_SINGULAR;
+        return status < -1 ? ORDERNM_COLLAPSED : status < 0 ? ORDERNM_OPEN : ORDERNM_SINGULAR;
     }
     return ORDERNM_ENDED;
 }
@@ -359,14 +257,14 @@ void ordernm_adjoint_end(ordernm_adjoint *a)
 {
     ordernm_motion *const m = a->motion;
     const ordernm_system *const s = m->system;
-    const ordernm_gradients *const g = a->gradients;
+    ordernm_gradients *const g = a->gradients;
     const int width = a->width;
     const long count = m->problem->inputs.count*s->ninputs;
     for (int n = 0; n < a->ngroups; ++n) {
         double *const lambda = a->lambda + (long)n*a->n*width;
         while (a->sampled[n] > 0) {
-            const long time = --a->sampled[n];
-            if (!sampled(a, n, time, g->times[time], m->z, a->nu)) accumulate(lambda, 1.0, a->nu, (long)a->n*width);
+            const double t = g->times[a->sampled[n] - 1];
+            if (!ordernm_sample_transposed(a, n, t, m->z, a->nu)) ordernm_accumulate(lambda, 1.0, a->nu, (long)a->n*width);
         }
         transposed_settling(a, n, m->t, m->z, lambda); /* the initial state is settled too */
         for (int l = 0; l < width && n*width + l < g->nfunctionals; ++l) {
@@ -377,36 +275,29 @@ void ordernm_adjoint_end(ordernm_adjoint *a)
             for (long i = 0; i < count; ++i) g->inputs[f*count + i] += a->inputs[(n*count + i)*width + l];
         }
     }
+    g->evaluations += a->none.evaluations;
 }
 
 /* ---- Steps that were not kept, again. ---- */
 
-int ordernm_replay(ordernm_motion *m, double *steps, long count)
+int ordernm_replay(ordernm_motion *m, const double *known, double *steps, long count)
 {
     const long size = ordernm_step_size(m->problem);
-    const method *const method = m->method;
-    const row *const end = method->rows + method->stages;
+    const size_t state = (m->ny + m->nx + m->nd)*sizeof(double);
     ordernm_results none = {.steps = steps};
     m->results = &none;
-    memcpy(m->z, steps + 2, (m->ny + m->nx + m->nd)*sizeof(double));
+    memcpy(m->z, steps + ORDERNM_STEP_HEAD, state);
     for (long k = 0; k < count; ++k) {
         double *const step = steps + k*size;
-        const double h = step[1];
         m->t = step[0];
-        memcpy(step + 2, m->z, (m->ny + m->nx + m->nd)*sizeof(double));
-        ordernm_find_segment(m, m->t, h);
-        for (int i = 0; i < method->stages; ++i) {
-            const row *const r = method->rows + i;
-            ordernm_combine(m->size, m->trial, m->z, h, r->count, r->which, r->factor, m->rate);
-            if (ordernm_rates(m, m->t + method->times[i]*h, m->trial, m->rate[i])) return ORDERNM_SINGULAR;
-            if (i) ordernm_keep_stage(m, i);
-        }
-        memcpy(step + 2 + m->ny + m->nx + m->nd, m->stages, (size - 2 - (m->ny + m->nx + m->nd))*sizeof(double));
-        ordernm_combine(m->size, m->next, m->z, h, end->count, end->which, end->factor, m->rate);
+        memcpy(step + ORDERNM_STEP_HEAD, m->z, state);
+        ordernm_find_segment(m, m->t, step[1]);
+        if (m->method->replay(m, k ? 0 : known, step)) return ORDERNM_SINGULAR;
+        m->method->keep(m, step);
         double *const before = m->z;
         m->z = m->next;
         m->next = before;
-        if (ordernm_settle(m, m->t + h, m->z) < 0) return ORDERNM_OPEN;
+        if (ordernm_settle(m, m->t + step[1], m->z) < 0) return ORDERNM_OPEN;
     }
     return ORDERNM_ENDED;
 }

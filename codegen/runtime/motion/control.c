@@ -14,7 +14,10 @@ enum { FAR_STEPS = 15, NEAR_STEPS = 6 };
 /* Conditions below it are not poor, whatever is asked for. */
 static const double LEAST_POOR = 10.0;
 
-static const double LEAST_HOPELESS = 1e3;
+static const double LEAST_HOPELESS = 1e3, LEAST_TOO_POOR = 1e4; /* the latter of constant steps */
+
+/* At conditions that are larger by this, other independents are looked at again. */
+static const double LOOK_AGAIN = 3.0;
 
 /* So often a step is made again because a stage is too near to a pose where a loop loses rank. */
 enum { MOST_MOVES = 3 };
@@ -95,8 +98,8 @@ static size_t lay_out(const ordernm_problem *p, void *at)
     for (int i = 0; i < 7; ++i) *of_events[i] = ordernm_numbers(&of, p->nevents);
     m->samples = ordernm_numbers(&of, (long)EVENT_SAMPLES*p->nevents);
     if (m->method == &ordernm_radau) {
-        void *own = ordernm_take(&of, ordernm_radau_layout(m, 0, 0));
-        if (own) ordernm_radau_layout(m, own, 0);
+        void *own = ordernm_take(&of, ordernm_radau_layout(m, 0));
+        if (own) ordernm_radau_layout(m, own);
     }
     return of.used;
 }
@@ -118,7 +121,15 @@ long ordernm_step_size(const ordernm_problem *p)
     const ordernm_system *s = p->system;
     const method *const method = method_of(p);
     const long state = s->nq + s->nfree_u + p->nintegrals;
-    return 2 + state + (method->rows ? (method->stages - 1)*(state + (s->closing_step ? s->nq : 0)) : 0);
+    /* with the stages that are not its beginning; explicit ones with coordinates for which loops are closed */
+    const long stages = method->rows ? (method->stages - 1)*(state + (s->closing_step ? s->nq : 0)) : method->stages*state;
+    return ORDERNM_STEP_HEAD + state + stages;
+}
+
+long ordernm_known_size(const ordernm_problem *p)
+{
+    const ordernm_system *s = p->system;
+    return p->method == ORDERNM_RADAU ? 4 + 4*whole_lines(s->nq + s->nfree_u + p->nintegrals) : 0;
 }
 
 ordernm_motion *ordernm_begin(const ordernm_problem *p, double *room)
@@ -151,9 +162,11 @@ ordernm_motion *ordernm_begin(const ordernm_problem *p, double *room)
     const double rounding = fmax(1.0, s->nloops);
     m->poor = fmax(sqrt(0.01*p->rtol/(2.2e-16*rounding)), LEAST_POOR);
     /* in long double, where coordinates keep what is rounded, to its cube; predictions tell branches apart that differ by more */
-    m->too_poor = fmin(fmax(m->poor, cbrt(0.01*p->rtol/(5.4e-20*rounding))), 0.03/p->rtol);
+    const double by_rounding = fmax(m->poor, cbrt(0.01*p->rtol/(5.4e-20*rounding)));
+    m->too_poor = m->adaptive ? fmax(fmin(by_rounding, 0.03/p->rtol), LEAST_POOR) : fmax(by_rounding, LEAST_TOO_POOR);
     m->hopeless = fmax(0.1*p->rtol/2.2e-16, LEAST_HOPELESS); /* speeds are off by rounding times the condition */
     m->pose = -INFINITY;
+    m->looked_at = p->looked_at;
     return m;
 }
 
@@ -340,12 +353,11 @@ static int sample(ordernm_motion *m, double end)
 static void keep_step(const ordernm_motion *m, double h)
 {
     ordernm_results *const r = m->results;
-    const long state = m->ny + m->nx + m->nd, size = ordernm_step_size(m->problem);
-    double *const at = r->steps + r->steps_count*size;
-    at[0] = m->t;
-    at[1] = h;
-    memcpy(at + 2, m->z, state*sizeof(double));
-    memcpy(at + 2 + state, m->stages, (size - 2 - state)*sizeof(double));
+    double *const row = r->steps + r->steps_count*ordernm_step_size(m->problem);
+    row[0] = m->t;
+    row[1] = h;
+    memcpy(row + ORDERNM_STEP_HEAD, m->z, (m->ny + m->nx + m->nd)*sizeof(double));
+    m->method->keep(m, row);
     ++r->steps_count;
 }
 
@@ -424,6 +436,7 @@ static int plan(ordernm_motion *m, trial *step)
 /* A motion that ends where a loop has lost rank: what is there is found beside. Returns whether it is. */
 static int end_at_pose(ordernm_motion *m, trial *step)
 {
+    if (m->results->steps) return 0; /* it is not a step's end, and the adjoint would not know */
     if (!step->to_wall || step->end != m->problem->end || !(fabs(m->pose - step->end) <= AT_POSE*step->h)) return 0;
     step->at_pose = !ordernm_beside(m, step->h, ordernm_report, ordernm_row_size(m->problem));
     if (step->at_pose) step->error = 0.0;
@@ -541,7 +554,9 @@ static int accept(ordernm_motion *m, const trial *step)
     resize(m, step);
     if ((reason = go_on(m, step)) != ORDERNM_ENDED) return reason;
     if (stop) return ORDERNM_EVENT;
-    return p->poor > 0.0 && r->condition_here > p->poor && m->t < p->end ? ORDERNM_POOR : ORDERNM_ENDED;
+    if (r->condition_here <= p->poor) m->looked_at = 0.0;
+    const int poor = p->poor > 0.0 && r->condition_here > fmax(p->poor, LOOK_AGAIN*m->looked_at);
+    return poor && m->t < p->end ? ORDERNM_POOR : ORDERNM_ENDED;
 }
 
 /* Whether results have room for what one step may give. */

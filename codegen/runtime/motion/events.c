@@ -167,6 +167,11 @@ static int step_of_size(ordernm_motion *m, double h)
     return !status && m->method->gives_rate && !(error <= 1.0) ? -1 : status;
 }
 
+static int rates_at_end(ordernm_motion *m, double h)
+{
+    return m->method->gives_rate ? 0 : ordernm_rates(m, m->t + h, m->next, m->rate[m->method->stages]);
+}
+
 /* Makes the step again so that it ends where an event happens: its size by secants on what steps of other sizes end at. */
 static int step_to_event(ordernm_motion *m, int e, double *h)
 {
@@ -237,11 +242,12 @@ static int event_at_pose(ordernm_motion *m, double whole, double part, trial *st
         if (m->part[e] <= part + 1e-13) stop |= p->events[e].stop;
         else if (m->part[e] < cut) cut = 0.5*(part + m->part[e]);
     }
+    if (stop && m->results->steps) return -1; /* this end is not a step's, and the adjoint would not know */
     step->at_pose = stop;
     if (stop) return 0;
     step->h = whole*cut;
     if ((status = step_of_size(m, step->h))) return status;
-    if ((status = ordernm_rates(m, m->t + step->h, m->next, m->rate[m->method->stages]))) return status;
+    if ((status = rates_at_end(m, step->h))) return status;
     return ordernm_crossings(m, m->t + step->h, m->next, m->after);
 }
 
@@ -265,7 +271,7 @@ int ordernm_look_for_events(ordernm_motion *m, trial *step)
         step->h = part*whole;
         if ((status = step_to_event(m, step->event, &step->h))) return status;
         step->event_time = m->t + step->h;
-        if ((status = ordernm_rates(m, m->t + step->h, m->next, m->rate[m->method->stages]))) return status;
+        if ((status = rates_at_end(m, step->h))) return status;
         if ((status = ordernm_crossings(m, m->t + step->h, m->next, m->after))) return status;
     }
     /* it is behind now, on whichever side rounding has left it, and so are others that happened at the same time; those that

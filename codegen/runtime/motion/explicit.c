@@ -58,6 +58,13 @@ void ordernm_keep_stage(ordernm_motion *m, int i)
     memcpy(at + state, m->q, nq*sizeof(double));
 }
 
+static void keep(const ordernm_motion *m, double *row)
+{
+    const long begins = ORDERNM_STEP_HEAD + m->ny + m->nx + m->nd;
+    row[2] = row[3] = 0.0;
+    memcpy(row + begins, m->stages, (ordernm_step_size(m->problem) - begins)*sizeof(double));
+}
+
 static const int every[16] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
 
 /* ---- Dormand and Prince's method of order 8. ---- */
@@ -115,7 +122,7 @@ static void dop853_interpolate(ordernm_motion *m, double h, double theta, double
 }
 
 const method ordernm_dop853 = {12, 16, 8, dop853_step, dop853_complete, dop853_interpolate, dop853_rows, dop853_times,
-    dop853_weights, 0, 0.4667};
+    dop853_weights, 0, 0.4667, keep, ordernm_explicit_replay, ordernm_explicit_backwards};
 
 /* ---- The classical method of order 4. ---- */
 
@@ -155,4 +162,5 @@ static void rk4_interpolate(ordernm_motion *m, double h, double theta, double *z
     ordernm_combine(m->size, z, m->z, h, 5, every, w, m->rate);
 }
 
-const method ordernm_rk4 = {4, 5, 5, rk4_step, rk4_complete, rk4_interpolate, rk4_rows, rk4_times, rk4_weights, 0, 0.25};
+const method ordernm_rk4 = {4, 5, 5, rk4_step, rk4_complete, rk4_interpolate, rk4_rows, rk4_times, rk4_weights, 0, 0.25, keep,
+    ordernm_explicit_replay, ordernm_explicit_backwards};

@@ -68,6 +68,10 @@ typedef struct {
     void (*weights)(double theta, double *factor); /* of all rates, at t + theta h */
     int gives_rate;           /* a step leaves the rate at its end in rate[stages] */
     double gap;               /* the place in a step that is farthest from all stages; 0: conditions of stages are not kept */
+    /* the way back: rows of steps, behind their states; a step made again; the adjoint before it from that behind it */
+    void (*keep)(const ordernm_motion *m, double *row);
+    int (*replay)(ordernm_motion *m, const double *known, double *row);
+    int (*backwards)(ordernm_adjoint *a, const double *row);
 } method;
 
 /* A step that is tried. */
@@ -110,6 +114,7 @@ struct ordernm_motion {
     double *at_pose;          /* a state like that */
     int row_known;
     double pose;              /* when a loop will lose rank, as far as that is known; else -INFINITY */
+    double looked_at;         /* see ordernm_problem */
     int moved;                /* how often a step has been made again with stages elsewhere */
     int imprecise;            /* that was wanted, and could not be done */
     /* where it is */
@@ -145,17 +150,20 @@ void ordernm_find_segment(ordernm_motion *m, double t, double h);
 double ordernm_next_knot(const ordernm_motion *m, double t);
 int ordernm_all_finite(const double *x, long n);
 
-/* explicit.c */
+/* explicit.c, explicit_backwards.c */
 extern const method ordernm_rk4, ordernm_dop853;
 void ordernm_combine(long n, double *out, const double *z, double h, int count, const int *which, const double *factor,
     double *const *rate);
+int ordernm_explicit_replay(ordernm_motion *m, const double *known, double *row);
+int ordernm_explicit_backwards(ordernm_adjoint *a, const double *row);
 
 /* radau.c */
 extern const method ordernm_radau;
-size_t ordernm_radau_layout(ordernm_motion *m, void *at, int formed);
-int ordernm_radau_stages(ordernm_motion *m, double h, double *const **stage);
-int ordernm_radau_form(ordernm_motion *m, double h);
-void ordernm_radau_transposed(const ordernm_motion *m, double h, double *const *mu, int width);
+size_t ordernm_radau_layout(ordernm_motion *m, void *at);
+size_t ordernm_radau_layout_stages(ordernm_motion *m, int n, void *at);
+
+/* radau_backwards.c */
+int ordernm_radau_backwards(ordernm_adjoint *a, const double *row);
 
 /* poses.c */
 static const double LOST = 1e300; /* condition where rank is lost */

@@ -102,6 +102,7 @@ typedef struct {
     double largest_step;      /* 0 for any */
     long most_steps;          /* 0 for any */
     double poor;              /* condition of loops above which the motion stops with ORDERNM_POOR, between steps; 0 for any */
+    double looked_at;         /* until it has been below that, it stops only beyond three times this one */
     double rtol;
     const double *atol;       /* [nfree_q + nfree_u + nintegrals] */
     const double *atol_directions; /* [ndirections]: errors of sensitivities count too; 0: those of the state only */
@@ -122,8 +123,9 @@ enum {
 typedef struct {
     double *rows;
     long capacity, count;
-    /* The steps, for ordernm_backwards; rows of ordernm_step_size. Not kept if steps is 0. */
-    double *steps;
+    /* The steps, for ordernm_backwards; rows of ordernm_step_size. Not kept if steps is 0. For ordernm_replay beside them what
+     * the method knew before the first of them, ordernm_known_size doubles; not kept if known is 0. */
+    double *steps, *known;
     long steps_capacity, steps_count;
     /* Events that happened, and which; rows of ordernm_event_size: one as above, accelerations [nu], and how fast the output changed
      * on the whole in the step that the event was in, units/s. Not kept if events is 0. */
@@ -146,10 +148,11 @@ typedef struct ordernm_motion ordernm_motion;
 /* Doubles of memory that a motion needs. */
 long ordernm_room(const ordernm_problem *problem);
 
-/* Doubles of a row of results, of a row of events, and of a row of steps. */
+/* Doubles of a row of results, of a row of events, of a row of steps, of what a method knows between two steps beside the state. */
 long ordernm_row_size(const ordernm_problem *problem);
 long ordernm_event_size(const ordernm_problem *problem);
 long ordernm_step_size(const ordernm_problem *problem);
+long ordernm_known_size(const ordernm_problem *problem);
 
 /* Begins a motion; the problem, and what it points to, must stay as they are. */
 ordernm_motion *ordernm_begin(const ordernm_problem *problem, double *room);
@@ -190,8 +193,10 @@ ordernm_adjoint *ordernm_adjoint_begin(const ordernm_problem *problem, ordernm_g
 int ordernm_backwards(ordernm_adjoint *adjoint, const double *steps, long count);
 void ordernm_adjoint_end(ordernm_adjoint *adjoint);
 
-/* Makes steps again that were kept: from the first row of steps, whose state is there, with the times and sizes of all rows. */
-int ordernm_replay(ordernm_motion *motion, double *steps, long count);
+/* Makes steps again that were kept: from the first row of steps, whose state is there, from the first ORDERNM_STEP_HEAD numbers
+ * of all rows, and from what was known before the first. */
+enum { ORDERNM_STEP_HEAD = 4 };
+int ordernm_replay(ordernm_motion *motion, const double *known, double *steps, long count);
 
 #ifdef __cplusplus
 }

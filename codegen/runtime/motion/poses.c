@@ -8,6 +8,9 @@
 #include <math.h>
 #include <string.h>
 
+/* What may be left of inverse conditions about a line where they are those beside a pose: poor ones that stay poor are not. */
+static const double STRAIGHT = 0.03;
+
 /* A straight line through so many points; where it is zero. Returns the squares of what is left, in units of the values. */
 static double zero_of_line(const double *t, const double *s, int n, double *zero)
 {
@@ -43,14 +46,14 @@ void ordernm_find_pose(ordernm_motion *m, double h)
         if (!(inverse[i] >= inverse[worst])) worst = i;
     if (n < 3 || inverse[worst]*m->too_poor > 1.0) return;
     const int first = worst > 2 ? worst - 2 : 0, last = worst + 2 < n ? worst + 2 : n - 1;
-    double straightest = INFINITY, found = time[worst];
+    double straightest = STRAIGHT, found = -INFINITY;
     for (int sign = worst; sign <= worst + 1; ++sign) { /* behind it the inverse is positive */
-        double s[5], zero = found;
+        double s[5], zero = -INFINITY;
         for (int i = first; i <= last; ++i) s[i - first] = i < sign ? -inverse[i] : inverse[i];
         const double left = zero_of_line(time + first, s, last - first + 1, &zero);
         if (left < straightest) straightest = left, found = zero;
     }
-    m->pose = m->t + found;
+    if (found > -INFINITY) m->pose = m->t + found;
 }
 
 /* The size of a step that would be h, where a pose is near. A method of constant steps makes one that is shorter. */

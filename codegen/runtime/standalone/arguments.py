@@ -36,6 +36,12 @@ class Arguments:
         Where they begin in the coordinates.
     """
 
+    dtype: Any = np.dtype(np.float64)
+    kind: Callable[[Any], Any] = float
+    """What numbers are in arrays, and alone."""
+    _is_finite = staticmethod(is_finite)
+    _finite: Callable[[Any], Any] = staticmethod(np.isfinite)
+
     def __init__(self, manifest: Mapping[str, Any], shapes: Mapping[str, Shape]):
         q, u, p, inputs = (tuple(manifest[f"{n}_names"]) for n in ("coordinate", "speed", "parameter", "input"))
         self.names: dict[str, tuple[str, ...]] = {
@@ -59,7 +65,7 @@ class Arguments:
                     arrays[name] = value
                     continue
                 value = self.array(name, value, name)
-                arrays[name] = value if value.ndim else float(value)
+                arrays[name] = value if value.ndim else self.kind(value[()])
                 lead = value.shape
             else:
                 rest = left_out(name, given) if isinstance(value, Mapping) else 0.0
@@ -77,8 +83,8 @@ class Arguments:
         `rest` is what a mapping leaves out.
         """
         n = self.shapes[of]
-        if type(value) is not np.ndarray or value.dtype != np.float64:
-            value = self._named(name, value, of, rest) if isinstance(value, Mapping) else _numbers(name, value)
+        if type(value) is not np.ndarray or value.dtype != self.dtype:
+            value = self._named(name, value, of, rest) if isinstance(value, Mapping) else self._numbers(name, value)
         if not value.flags.aligned:  # the C reads doubles where doubles may be
             value = value.copy()
         if value.ndim > MOST_AXES + (1 if name == of else 2):
@@ -95,10 +101,11 @@ class Arguments:
             if value.ndim == 1:
                 if not value.flags.c_contiguous:
                     value = np.ascontiguousarray(value)
-                if is_finite(value):
+                if self._is_finite(value):
                     return value
-        if not np.isfinite(once(value)).all():
-            place = tuple(int(i) for i in np.argwhere(~np.isfinite(value))[0])
+        finite = self._finite(once(value))
+        if not finite.all():
+            place = tuple(int(i) for i in np.argwhere(~np.broadcast_to(finite, value.shape))[0])
             where = f"[{', '.join(map(str, place))}]" if place else ""
             which = f" ({self.names[of][place[-1]]})" if n else ""
             raise ValueError(f"{name}{where}{which} is {value[place]}, expected finite numbers")
@@ -114,17 +121,29 @@ class Arguments:
             near = difflib.get_close_matches(str(unknown[0]), names, 1)
             hint = f"; did you mean {near[0]!r}?" if near else ""
             raise ValueError(f"{name}: {unknown[0]!r} is not known; expected is any of {some(names)}{hint}")
-        columns = {n: _numbers(f"{name}[{n!r}]", x) for n, x in given.items()}
+        columns = {n: self._numbers(f"{name}[{n!r}]", x) for n, x in given.items()}
         try:
             lead = np.broadcast_shapes(np.shape(rest)[:-1], *(x.shape for x in columns.values()))
         except ValueError:
             shapes = ", ".join(f"{n} {x.shape}" for n, x in columns.items())
             raise ValueError(f"{name}: shapes do not broadcast: {shapes}") from None
-        result = np.empty((*lead, len(names)))
+        result = np.empty((*lead, len(names)), self.dtype)
         result[...] = rest
         for n, x in columns.items():
             result[..., names.index(n)] = x
         return result
+
+    def _numbers(self, name: str, value: Any) -> Array:
+        """An array of floats; text, complex numbers and ragged lists are errors."""
+        if np.ma.is_masked(value):  # asarray would take what the mask hides
+            raise ValueError(f"{name} has masked entries, expected real numbers; fill them first, such as by filled()")
+        try:
+            array = np.asarray(value)
+            if array.dtype.kind in "biufO":
+                return array.astype(np.float64)
+        except (TypeError, ValueError, OverflowError) as error:
+            raise ValueError(f"{name}: {error}; expected an array of real numbers") from None
+        raise ValueError(f"{name} holds {array.dtype}, expected real numbers")
 
     def _check_quaternions(self, q: Array) -> None:
         q = once(q)
@@ -157,16 +176,3 @@ def some(names: Sequence[str]) -> str:
     if not names:
         return "(none: the model has none)"
     return ", ".join(names[:12]) + (f", ... ({len(names)} in all)" if len(names) > 12 else "")
-
-
-def _numbers(name: str, value: Any) -> Array:
-    """An array of floats; text, complex numbers and ragged lists are errors."""
-    if np.ma.is_masked(value):  # asarray would take what the mask hides
-        raise ValueError(f"{name} has masked entries, expected real numbers; fill them first, such as by filled()")
-    try:
-        array = np.asarray(value)
-        if array.dtype.kind in "biufO":
-            return array.astype(np.float64)
-    except (TypeError, ValueError, OverflowError) as error:
-        raise ValueError(f"{name}: {error}; expected an array of real numbers") from None
-    raise ValueError(f"{name} holds {array.dtype}, expected real numbers")

@@ -51,7 +51,8 @@ def lengths(e: Array) -> Array:
     """Lengths of quaternions (..., 4), as (..., 1); their squares may be beyond floating-point numbers."""
     largest = np.abs(e).max(axis=-1, keepdims=True)
     with np.errstate(all="ignore"):
-        return largest * np.linalg.norm(e / largest, axis=-1, keepdims=True)
+        e = e / largest
+        return largest * np.sqrt(np.add.reduce(e * e, axis=-1, keepdims=True))
 
 
 def normalise(q: Array, quaternions: tuple[int, ...]) -> None:

@@ -16,7 +16,8 @@ from .motion_directions import Directions
 from .motion_events import DIRECTIONS as CROSSINGS
 from .motion_events import Crossing, Event, crossing_speed
 from .motion_problem import Problem, Run
-from .simulation import MOST_STEPS, Simulation
+from .simulation import MEANINGLESS, MOST_STEPS, Simulation, meaningless
+from .warning import warn
 
 GRADIENTS = ("auto", "forward", "adjoint")
 
@@ -101,7 +102,7 @@ class Judging(Simulation):
         problem.events = tuple(
             (self.output_names.index(e.output), e.level, CROSSINGS[e.direction], e.stop) for e in events
         )
-        way = self._way(method, len(wanted), directions.k, integrator)
+        way = self._way(method, len(wanted), directions.k)
         if way != "forward":
             dq, du, dinputs = problem.dq, problem.du, problem.dinputs
             problem.dq, problem.du, problem.dp, problem.dinputs = dq[:0], du[:0], problem.dp[:0], None
@@ -122,7 +123,20 @@ class Judging(Simulation):
             run.counts |= {f"adjoint_{name}": n for name, n in back.counts.items()}
         else:
             gradients = np.zeros((len(wanted), 0))
+        if directions.k:
+            self._look_at_growth(gradients, weights, directions, problem, run)
         return Judged(values, gradients, directions.names, way, run.counts)
+
+    def _look_at_growth(
+        self, gradients: Array, weights: Weights, directions: Directions, problem: Problem, run: Run
+    ) -> None:
+        """Tell of gradients beyond all bounds: in parts of what is weighed, per part of what they are with respect to."""
+        q, u, outputs, integrals = (np.abs(self._of_rows(run.rows, i, problem)).max(axis=0) for i in (1, 2, 3, 4))
+        outputs, integrals = (np.where(x == 0.0, 1.0, x) for x in (outputs, integrals))
+        by = self._sizes_of_directions(directions, q, u, problem)[0]
+        whole = np.abs(weights.outputs).sum(axis=1) @ outputs + np.abs(weights.integrals) @ integrals
+        if (np.abs(gradients) * by > MEANINGLESS * whole[:, None]).any():
+            warn(meaningless("gradients have"))
 
     def _weighed(
         self, wanted: list[Functional], problem: Problem, run: Run, crossings: dict[Event, Crossing]
@@ -236,16 +250,10 @@ class Judging(Simulation):
         return total
 
     @staticmethod
-    def _way(method: str, m: int, k: int, integrator: str) -> str:
+    def _way(method: str, m: int, k: int) -> str:
         """How gradients are computed."""
         if not k:
             return "none"
-        if integrator == "radau":
-            if method == "adjoint":
-                raise ValueError(
-                    "method 'adjoint' is for explicit integrators; take method='forward' with integrator='radau'"
-                )
-            return "forward"
         if method != "auto":
             return method
         forward = FORWARD_COST * -(-k // 8)

@@ -59,8 +59,9 @@ def segment_backwards(
     g.times, g.weights, g.integral_weights, g.end_q, g.end_u, g.q, g.u, g.p, g.inputs = pointers
     room = ffi.from_buffer("double[]", np.empty(library.ordernm_adjoint_room(c, g)))
     adjoint = library.ordernm_adjoint_begin(c, g, room)
-    for part, sizes in zip(reversed(segment.steps), reversed(segment.sizes), strict=True):
-        rows = part if sizes is None else made_again(library, ffi, c, part, sizes)
+    parts = zip(segment.steps, segment.known, segment.heads, strict=True)
+    for part, known, heads in reversed(list(parts)):
+        rows = part if heads is None else made_again(library, ffi, c, part, known, heads)
         reason = REASONS[library.ordernm_backwards(adjoint, ffi.from_buffer("double[]", rows), len(rows))]
         if reason != "end":
             raise RuntimeError(
@@ -71,14 +72,15 @@ def segment_backwards(
     return Adjoint(q, u, p, inputs, {"evaluations": g.evaluations, "transposes": g.transposes})
 
 
-def made_again(library: Any, ffi: Any, c: Any, first: Array, sizes: Array) -> Array:
-    """Rows of steps from the first, and from times and sizes of all."""
-    rows = np.empty((len(sizes), first.shape[1]))
-    rows[:, :2] = sizes
+def made_again(library: Any, ffi: Any, c: Any, first: Array, known: Array, heads: Array) -> Array:
+    """Rows of steps from the first, from what the method knew before it, and from the heads of all rows."""
+    rows = np.empty((len(heads), first.shape[1]))
+    rows[:, : heads.shape[1]] = heads
     rows[0] = first[0]
     room = ffi.from_buffer("double[]", np.empty(library.ordernm_room(c)))  # which has to live as long as the motion
     motion = library.ordernm_begin(c, room)
-    reason = REASONS[library.ordernm_replay(motion, ffi.from_buffer("double[]", rows), len(rows))]
+    before = ffi.from_buffer("double[]", known) if known.size else ffi.NULL
+    reason = REASONS[library.ordernm_replay(motion, before, ffi.from_buffer("double[]", rows), len(rows))]
     if reason != "end":
         raise RuntimeError(f"steps that had been made could not be made again: {reason}")
     return rows

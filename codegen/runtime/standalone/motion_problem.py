@@ -63,6 +63,7 @@ class Problem:
     largest_step: float = 0.0
     most_steps: int = 0
     poor: float = 0.0
+    looked_at: float = 0.0
     integrals: tuple[int, ...] = ()
     events: tuple[tuple[int, float, int, bool], ...] = ()
     fixed: bool = False
@@ -97,7 +98,7 @@ class Problem:
         free += [system.nq + system.free_u[i] for i in range(system.nfree_u)]
         counting = np.concatenate([self.atol[free], self.atol[system.nq + system.nu :]])
         c.rtol, c.atol, c.atol_directions = self.rtol, pointer(counting), pointer(self.atol_directions)
-        c.poor = self.poor
+        c.poor, c.looked_at = self.poor, self.looked_at
         integrals = ffi.new("int[]", list(self.integrals) or [0])
         self.kept.append(integrals)
         c.nintegrals, c.integrals = len(self.integrals), integrals
@@ -122,9 +123,9 @@ class Segment:
     counts : dict of str to number
     singular, component : int
         See ``ordernm_results``.
-    steps : list of array
-        For the adjoint, where asked for: parts of the motion, rows of ``ordernm_step_size``. A part that did not fit into
-        memory has its first row, and of all rows times and sizes of steps, in `sizes`.
+    steps, known : list of array
+        For the adjoint, where asked for: parts of the motion, rows of ``ordernm_step_size``, and what the method knew before
+        each. A part that did not fit into memory has its first row, and of all rows what making them again takes, in `heads`.
     events : list of (int, array)
         Which one, and a row of results.
     condition, next_step : float
@@ -138,7 +139,8 @@ class Segment:
     singular: int
     component: int
     steps: list[Array]
-    sizes: list[Array | None]
+    known: list[Array]
+    heads: list[Array | None]
     events: list[tuple[int, Array]]
     condition: float
     next_step: float

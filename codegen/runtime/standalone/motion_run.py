@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -11,7 +12,7 @@ import numpy as np
 
 from .arrays import Array
 from .c_target import CTarget
-from .errors import CompileError, NoCompilerError
+from .errors import CompileError, NoCompilerError, SingularLoopError
 from .motion_library import motion_library, precise_functions
 from .motion_problem import REASONS, Problem, Run, Segment
 from .partitions import Partitions
@@ -78,9 +79,11 @@ class MotionRun(States, Partitions):
     def _ask_for_functions(self, problem: Problem, backwards: bool) -> None:
         """AttributeError where a package of chosen functions lacks what a motion calls: in C there is nobody to ask."""
         along, outputs = len(problem.dp) > 0, bool(problem.events or problem.integrals)
+        jacobian = problem.method == "radau"
         wanted = {
-            "state_rates": True, "closing_step": bool(self.closure_names), "outputs": outputs, "state_rate_sensitivities": along,
-            "completion_sensitivities": along and bool(self.closure_names),
+            "state_rates": True, "closing_step": bool(self.closure_names), "outputs": outputs,
+            "state_rate_sensitivities": along or jacobian,
+            "completion_sensitivities": (along or "second" in self._manifest) and bool(self.closure_names),
             "output_sensitivities": (along and self._gives_outputs) or bool(problem.events),
             "coordinate_rates": bool(problem.events),
             "sensitivities_transposed": backwards, "output_sensitivities_transposed": backwards,
@@ -106,17 +109,30 @@ class MotionRun(States, Partitions):
         here, other = segment.condition, 1 - opened.number
         there = float(self.condition(q, problem.p)[other])
         t = segment.counts["t"]
-        poor = problem.poor
-        if there * BETTER < here:
-            opened, poor = self._open(other), POOR
-        else:
-            poor = 3.0 * here  # no use in asking before it is much worse
+        better = there * BETTER < here
+        if not better and there < here * BETTER:  # where a loop loses rank with any independents
+            fast, slow = self._growth(opened, q, problem.p), self._growth(self._open(other), q, problem.p)
+            better = slow * BETTER < fast
+        if better:
+            opened = self._open(other)
         left = replace(
-            problem, start=t, q=q, u=u, dq=dq, du=du, times=problem.times[problem.times > t], poor=poor, kept=[],
+            problem, start=t, q=q, u=u, dq=dq, du=du, times=problem.times[problem.times > t],
+            looked_at=0.0 if better else here, kept=[],
             step=problem.step if problem.fixed or problem.method == "rk4" else segment.next_step,
             most_steps=max(problem.most_steps - segment.counts["steps"] - segment.counts["rejected"], 1),
         )  # fmt: skip
         return opened, left
+
+    def _growth(self, opened: Opened, q: Array, p: Array) -> float:
+        """How fast the fastest speed is for independent ones of one; infinite where a loop has lost rank."""
+        f = self._find(opened, "completion_sensitivities")
+        free = [self.speed_names.index(n) for n in opened.manifest["independent_speed_names"]]
+        units = np.eye(self.nu)[free]
+        try:
+            *_, du = opened.target.along(f, {"q": q, "u": np.zeros(self.nu), "p": p}, {"du": units}, len(free), ())
+        except SingularLoopError:
+            return math.inf
+        return float(np.abs(du).max())
 
     def _carry_integrals(self, problem: Problem, before: Array | None, rows: list[Array], last: Array) -> None:
         """Integrals, which every segment begins at zero, go on from those of the segment before."""
@@ -163,7 +179,8 @@ class MotionRun(States, Partitions):
         r = ffi.new("ordernm_results *")
         full: list[Array] = []
         steps: list[Array] = []
-        sizes: list[Array | None] = []
+        known: list[Array] = []
+        heads: list[Array | None] = []
         events: list[tuple[int, Array]] = []
         most = max(memory // (4 * 8 * step_size), 1)  # rows of a part: two are whole at a time, others are let go
         places = np.empty((ROWS + len(problem.events) if problem.events else 0, library.ordernm_event_size(c)))
@@ -177,6 +194,8 @@ class MotionRun(States, Partitions):
         def more_steps() -> Array:
             rows = np.empty((min(ROWS * 2 ** min(len(steps), 8), most), step_size))
             r.steps, r.steps_capacity, r.steps_count = ffi.from_buffer("double[]", rows), len(rows), 0
+            known.append(np.zeros(library.ordernm_known_size(c)))
+            r.known = ffi.from_buffer("double[]", known[-1]) if known[-1].size else ffi.NULL
             return rows
 
         def more_events() -> None:
@@ -206,9 +225,9 @@ class MotionRun(States, Partitions):
                     rows = more_rows()
                 if kept is not None and r.steps_count == r.steps_capacity:
                     steps.append(kept)
-                    sizes.append(None)
+                    heads.append(None)
                     if 8 * sum(x.size for x in steps) > memory // 2:
-                        let_go(steps, sizes)
+                        let_go(steps, heads, library.ORDERNM_STEP_HEAD)
                     kept = more_steps()
                 if problem.events and r.events_count + len(problem.events) > r.events_capacity:
                     more_events()
@@ -217,7 +236,7 @@ class MotionRun(States, Partitions):
         more_events()
         if kept is not None:
             steps.append(kept[: r.steps_count])
-            sizes.append(None)
+            heads.append(None)
         last = np.zeros(size)
         if reason == "poor":
             library.ordernm_row(motion, r, ffi.from_buffer("double[]", last))
@@ -235,7 +254,8 @@ class MotionRun(States, Partitions):
             r.singular,
             r.component,
             steps,
-            sizes,
+            known,
+            heads,
             events,
             r.condition_here,
             r.next_step,
@@ -270,9 +290,9 @@ def _precise(opened: Opened) -> int:
         return 0
 
 
-def let_go(steps: list[Array], sizes: list[Array | None]) -> None:
-    """Keep of the first part that is whole what it takes to make its steps again."""
+def let_go(steps: list[Array], heads: list[Array | None], head: int) -> None:
+    """Keep of the first part that is whole what it takes to make its steps again: of each so many numbers."""
     for i, part in enumerate(steps):
-        if sizes[i] is None and len(part) > 1:
-            steps[i], sizes[i] = part[:1].copy(), part[:, :2].copy()
+        if heads[i] is None and len(part) > 1:
+            steps[i], heads[i] = part[:1].copy(), part[:, :head].copy()
             return

@@ -25,10 +25,15 @@ class NumpyTarget:
         self.desk: Any = NO_DESK
         self.singular_forces = dict(singular_forces(manifest))
         module = f"{manifest['name']}_numpy"
-        spec = importlib.util.spec_from_file_location(module, folder / f"{module}.py")
+        self.module: Any = self._load(module, folder / f"{module}.py")
+
+    def _load(self, name: str, file: Path) -> Any:
+        """The module of a file."""
+        spec = importlib.util.spec_from_file_location(name, file)
         assert spec is not None and spec.loader is not None
-        self.module = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(self.module)
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        return module
 
     def values(self, f: Function, arrays: Mapping[str, Any], batch: Shape, out: Sequence[Array] = ()) -> list[Array]:
         """See `CTarget.values`."""
@@ -49,16 +54,20 @@ class NumpyTarget:
         return self._call(f, [*(arrays[a] for a in f.arguments), *given], f.whole_shapes(batch, k), out)
 
     def _call(self, f: Function, arguments: list[Any], shapes: list[Shape], out: Sequence[Array]) -> list[Array]:
+        found = self._results(f, arguments)
+        return put([_full(r, shape) for r, shape in zip(found, shapes, strict=True)], out)
+
+    def _results(self, f: Function, arguments: list[Any]) -> Any:
+        """What a function of the module returns."""
         try:
             with np.errstate(all="ignore"):  # what is not finite is told by the solver, for both targets alike
-                results = getattr(self.module, f.name)(*arguments)
+                return getattr(self.module, f.name)(*arguments)
         except self.module.SingularJointError as error:
             name = type(error).__name__
             if name == SingularForceError.__name__:
                 raise SingularForceError(error.link, self.singular_forces[error.link]) from None
             kinds = {k.__name__: k for k in (SingularLoopError, SingularOutputError)}
             raise kinds.get(name, SingularJointError)(error.link) from None
-        return put([_full(r, shape) for r, shape in zip(results, shapes, strict=True)], out)
 
 
 def _full(x: Any, shape: Shape) -> Array:

@@ -251,10 +251,20 @@ MEMBERS = {
 """What generated functions, and members that are made of others, are called where functions are chosen."""
 
 
-MADE_OF = dict.fromkeys(
-    ("equilibrium", "linearize"),
-    ("accelerations", "sensitivities", "coordinate_rates", "coordinate_rate_sensitivities", "assemble_sensitivities"),
-) | dict.fromkeys(("simulate", "judge"), ("state_rates", "state_rate_sensitivities", "closing_step"))
+MADE_OF = (
+    dict.fromkeys(
+        ("equilibrium", "linearize"),
+        (
+            "accelerations",
+            "sensitivities",
+            "coordinate_rates",
+            "coordinate_rate_sensitivities",
+            "assemble_sensitivities",
+        ),
+    )
+    | dict.fromkeys(("simulate", "judge"), ("state_rates", "state_rate_sensitivities", "closing_step"))
+    | {"diagnose": ("accelerations",)}
+)
 """Members that are made of functions, and what these are called."""
 
 
@@ -274,7 +284,7 @@ for _name in (
     "energies", "energy_sensitivities", "mass_matrix", "mass_matrix_sensitivities", "solve_mass", "solve_mass_sensitivities",
     "inverse_dynamics", "inverse_dynamics_sensitivities", "bias_force", "bias_force_sensitivities", "reactions", "outputs",
     "output_sensitivities", "gradients", "coordinate_rate_gradients", "energy_gradients", "output_gradients",
-    "assemble_gradients", "equilibrium", "linearize", "simulate", "judge",
+    "assemble_gradients", "equilibrium", "linearize", "simulate", "judge", "diagnose",
 ):  # fmt: skip
     setattr(Package, _name, Absent(_name))  # methods of sections stand before
 

@@ -33,7 +33,7 @@ HARDLY_DETERMINED = 1e6
 """Condition of loops from which on an early end is said to have to do with it."""
 
 MEANINGLESS = 1e10
-"""Sensitivities that have grown beyond this are told: the motion is chaotic, and its gradient means nothing."""
+"""Changes, in parts of what changes per part of what it changes with, beyond which the motion is said to be chaotic."""
 
 
 class Simulation(MotionRun):
@@ -120,19 +120,32 @@ class Simulation(MotionRun):
                 f"stability, not accuracy, kept the steps of the explicit method {problem.method!r} small (step times largest "
                 f"eigenvalue: {run.counts['stiffness']:.1f}); method='radau' is for such models"
             )
-        if self._largest_sensitivity(trajectory) > MEANINGLESS:
-            warn(
-                f"sensitivities have grown beyond {MEANINGLESS:g}: the motion is chaotic or unstable, and such a derivative says "
-                f"nothing about anything but infinitely small changes; shorten the time"
-            )
+        if self._largest_growth(trajectory, directions, problem) > MEANINGLESS:
+            warn(meaningless("sensitivities have"))
         return trajectory
 
-    def _largest_sensitivity(self, trajectory: Trajectory) -> float:
-        """Of independent entries: dependent ones have none where a loop loses rank."""
-        q = [self.coordinate_names.index(n) for n in self.independent_names]
-        u = [self.speed_names.index(n) for n in self.independent_speed_names]
-        parts = (trajectory.dq[..., q], trajectory.du[..., u])
-        return max(float(np.abs(x).max(initial=0.0)) for x in parts)
+    def _largest_growth(self, trajectory: Trajectory, directions: Directions, problem: Problem) -> float:
+        """The largest change of an independent entry, in parts of its size, per part of what it changes with.
+
+        Its size is the largest in the motion of all with its unit; so the same motion in other units of length, mass and time
+        has the same growth. Dependent entries are left out: they have no derivatives where a loop loses rank.
+        """
+        if not directions.k:
+            return 0.0
+        q, u = np.abs(trajectory.q).max(axis=0), np.abs(trajectory.u).max(axis=0)
+        by, q, u = self._sizes_of_directions(directions, q, u, problem)
+        free_q = [self.coordinate_names.index(n) for n in self.independent_names]
+        free_u = [self.speed_names.index(n) for n in self.independent_speed_names]
+        changes = (trajectory.dq[..., free_q], q[free_q]), (trajectory.du[..., free_u], u[free_u])
+        return max(float((np.abs(x).max(axis=1) * by[:, None] / size).max(initial=0.0)) for x, size in changes)
+
+    def _sizes_of_directions(
+        self, directions: Directions, q: Array, u: Array, problem: Problem
+    ) -> tuple[Array, Array, Array]:
+        """Steps along directions that change something by all of itself, and sizes of q and u, from largest entries."""
+        q = largest_of_unit(q, self._manifest["coordinate_units"])
+        u = largest_of_unit(u, self._manifest["speed_units"])
+        return direction_sizes(directions, (q, u, problem.p, problem.inputs.values)), q, u
 
     # -- what is asked for ---------------------------------------------------------------------------------------------
 
@@ -311,6 +324,38 @@ class Simulation(MotionRun):
                 )
             case _:
                 return run.reason
+
+
+def meaningless(what: str) -> str:
+    """What is said of derivatives that have grown beyond all bounds."""
+    return (
+        f"{what} grown beyond {MEANINGLESS:g}: the motion is chaotic or unstable, and such a derivative says nothing about "
+        f"anything but infinitely small changes; shorten the time"
+    )
+
+
+def largest_of_unit(sizes: Array, units: Sequence[str]) -> Array:
+    """For each entry the largest size of those with the same unit; 1 where all are zero."""
+    largest: dict[str, float] = {}
+    for size, unit in zip(sizes, units, strict=True):
+        largest[unit] = max(largest.get(unit, 0.0), float(size))
+    return np.array([largest[unit] or 1.0 for unit in units])
+
+
+def direction_sizes(directions: Directions, sizes: tuple[Array, Array, Array, Array]) -> Array:
+    """(k,): how large a step along each direction is that changes what it is with respect to by all of itself.
+
+    `sizes` are those of q, u, p, and of the inputs' control points (count, ninputs); zeros are taken as 1.
+    """
+    seeds = (directions.dq, directions.du, directions.dp, directions.dinputs)
+    found = np.full(directions.k, np.inf)
+    for seed, size in zip(seeds, sizes, strict=True):
+        if seed is None or not seed.size:
+            continue
+        parts = np.abs(seed) / np.where(size == 0.0, 1.0, np.abs(size))
+        moved = parts.reshape(directions.k, -1).max(axis=1)
+        found = np.minimum(found, np.divide(1.0, moved, where=moved > 0.0, out=np.full(directions.k, np.inf)))
+    return np.where(np.isfinite(found), found, 0.0)
 
 
 def _interval(t: Any) -> tuple[float, float, Array]:

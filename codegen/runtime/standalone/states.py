@@ -72,8 +72,8 @@ class States(Package):
         along, k, batch = take_directions(self._arguments, seeds(dq, du, dp, dinputs, dt), arrays, batch)
         before = {i: lengths(arrays["q"][..., i : i + 4]) for i in self._arguments.quaternions}
         q_new = self._assembled(arrays, batch)
-        dq_new = np.broadcast_to(along.get("dq", 0.0), (k, *batch, self.nq)).copy()
-        du_new = np.broadcast_to(along.get("du", 0.0), (k, *batch, self.nu)).copy()
+        dq_new = np.broadcast_to(along.get("dq", 0.0), (k, *batch, self.nq)).astype(q_new.dtype)
+        du_new = np.broadcast_to(along.get("du", 0.0), (k, *batch, self.nu)).astype(q_new.dtype)
         for i, length in before.items():
             e, de = q_new[..., i : i + 4], dq_new[..., i : i + 4]
             de /= length

@@ -96,7 +96,8 @@ class WeightedGradients(States):
             found = self._gradients("completion_sensitivities_transposed", given, along)
         else:
             wide = {
-                n: np.broadcast_to(along.get(f"dfull_{n}", 0.0), (k, *batch, *self._shapes[n])).copy() for n in "qu"
+                n: np.broadcast_to(along.get(f"dfull_{n}", 0.0), (k, *batch, *self._shapes[n])).astype(q_new.dtype)
+                for n in "qu"
             }
             found = self._filled(wide, k, batch)
         for i, length in before.items():

@@ -116,7 +116,8 @@ static const double numbers_of_constants_0[1][9] = {
 /* Sines and cosines of n angles (a multiple of 8), below one unit in the last place: trig[i] becomes the cosine of
  * trig[n + i], which becomes its sine.
  * Reduction by pi/2 in three parts (exact products up to 2^20 quarter turns), minimax polynomials on [-pi/4, pi/4];
- * larger or non-finite angles go to the C library. */
+ * larger or non-finite angles go to the C library, and so do those that a rounding mode other than to nearest has left
+ * outside of it. */
 static void sines_and_cosines(int n, double *trig)
 {
     double *const cosine = trig, *const sine = trig + n;
@@ -145,7 +146,7 @@ static void sines_and_cosines(int n, double *trig)
         const bits odd = -(quarter & 1);
         const bits s_sign = (quarter & 2) << 62;
         const bits c_sign = ((quarter + 1) & 2) << 62;
-        const bits inside = (bits)((x > zero - 1.0e6) & (x < zero + 1.0e6));
+        const bits inside = (bits)((x > zero - 1.0e6) & (x < zero + 1.0e6) & (z < zero + 0.62));
         long long all = inside[0];
         for (int l = 1; l < VECTOR_8; ++l) all &= inside[l];
         if (!all) {

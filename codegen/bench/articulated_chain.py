@@ -1,8 +1,8 @@
 """The articulated-body algorithm for CHAIN(n) on any scalars: what one would write by hand for a symbolic tool.
 
-Independent of `codegen`: with CasADi's SX scalars it is the graph that `chain_against_casadi.py` prints to C and compares
-with; with floats or mpmath numbers it is another witness of the numbers. Products with structural zeros and ones are left
-to the scalars (CasADi folds them as it builds), symmetric blocks are computed once, and everything is about the joint, in
+Shares nothing with the generator: with CasADi's SX scalars it is the graph that `chain_against_casadi.py` prints to C and
+compares with; with floats or mpmath numbers it is another witness of the numbers. Products with structural zeros and ones are
+left to the scalars (CasADi folds them as it builds), symmetric blocks are computed once, and everything is about the joint, in
 body axes, so that rotations are about x or y and all inertias of the rods are constants.
 
 Blocks of a spatial inertia: ``J`` (3x3, symmetric) about the joint, ``H`` = m [c]x, ``M`` (3x3, symmetric);

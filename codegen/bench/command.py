@@ -1,0 +1,125 @@
+"""``ordernm bench``: what it takes and what it does."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from ..terminal import StatusLine
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """What ``ordernm bench`` takes."""
+    parser.add_argument(
+        "names", nargs="*", metavar="NAME", help="problems, if not all; motions or families for all of a kind"
+    )
+    parser.add_argument("--list", action="store_true", help="print the names of the problems")
+    parser.add_argument("--quick", action="store_true", help="a cheap part of each problem")
+    parser.add_argument(
+        "--peers", action="store_true", help="other programs on the same models, where they are installed"
+    )
+    parser.add_argument("-o", "--output", metavar="FILE", help="write what was found as JSON, after every problem")
+    parser.add_argument("--compare", metavar="OLD", help="print it beside an earlier run (JSON)")
+    parser.add_argument("--results", metavar="FILE", help="take an earlier run (JSON) in place of a new one")
+    parser.add_argument("--page", metavar="FILE", help="write it as a page of the manual (Markdown)")
+
+
+def bench(options: argparse.Namespace, status: StatusLine) -> tuple[list[str], list[str]]:
+    """Do what the command line asks for, but for printing.
+
+    Returns
+    -------
+    lines, failures : list of str
+        What to print, and what is not as it should be.
+
+    Raises
+    ------
+    UnknownProblemError, ResultsError
+        Before the work.
+    CompileError, NoCompilerError, OSError
+    """
+    from ..terminal import width
+    from .catalogue import chosen
+    from .lines import compare_lines, failures, list_lines, machine_line, peer_lines, problem_lines
+    from .page import page_of
+    from .results import ResultsError, read_results, write_results
+
+    problems = chosen(options.names)
+    if options.list:
+        return list_lines(problems), []
+    old = None if options.compare is None else read_results(Path(options.compare))
+    for option, place in (("-o", options.output), ("--page", options.page)):
+        if place is not None:
+            _writable(option, Path(place))
+    if options.results is not None:
+        if options.names or options.quick or options.peers:
+            raise ResultsError("--results takes an earlier run; names, --quick and --peers are of a new one")
+        results = read_results(Path(options.results))
+    else:
+
+        def keep(results: dict[str, Any]) -> None:
+            if options.output is not None:
+                write_results(results, Path(options.output))
+
+        results = run(problems, options.quick, options.peers, status, keep)
+    if options.output is not None:
+        write_results(results, Path(options.output))
+    if options.page is not None:
+        Path(options.page).write_text(page_of(results), encoding="utf-8")
+    columns = width(_stdout())
+    lines = [machine_line(results["machine"])]
+    for name, result in results["problems"].items():
+        lines += ["", *problem_lines(name, result, columns)]
+    if "peers" in results:
+        lines += ["", *peer_lines(results["peers"], columns)]
+    if old is not None:
+        lines += ["", *compare_lines(results, old, columns)]
+    return lines, failures(results["problems"])
+
+
+def run(
+    problems: list[Any], quick: bool, peers: bool, status: StatusLine, keep: Callable[[dict[str, Any]], None]
+) -> dict[str, Any]:
+    """Measure problems, and other programs on them; `keep` is given what there is after every problem."""
+    from .machine import machine
+    from .measuring import measure
+    from .results import FORMAT
+    from .timing import one_core
+
+    results: dict[str, Any] = {"format": FORMAT, "machine": machine(), "quick": quick, "problems": {}}
+    with tempfile.TemporaryDirectory(prefix="ordernm-bench-", ignore_cleanup_errors=True) as folder, one_core():
+        for i, problem in enumerate(problems):
+
+            def progress(what: str, done: int = i) -> None:
+                status(what, done, len(problems))
+
+            results["problems"][problem.name] = measure(problem, Path(folder), quick, progress, 0.05 if quick else 0.2)
+            keep(results)
+        if peers:
+            from .peers.comparing import compare_with_peers
+
+            results["peers"] = compare_with_peers(problems, Path(folder), quick, status)
+    return results
+
+
+def _stdout() -> Any:
+    import sys
+
+    return sys.stdout
+
+
+def _writable(option: str, path: Path) -> None:
+    from .results import ResultsError
+
+    folder = path.resolve().parent
+    if path.is_dir():
+        raise ResultsError(f"{option} {path} is a folder; give the name of a file")
+    if not folder.is_dir():
+        raise ResultsError(f"{option}: cannot write {path}: there is no folder {folder}")
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise ResultsError(f"{option}: cannot write {path}: no permission to write in {folder}")

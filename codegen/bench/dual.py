@@ -1,0 +1,60 @@
+"""Dual numbers over any scalars: a value and its derivative along one direction, through code that is written for numbers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import mpmath
+
+
+class Dual:
+    """value + slope*epsilon, epsilon^2 = 0."""
+
+    __slots__ = ("slope", "value")
+
+    def __init__(self, value: Any, slope: Any = 0) -> None:
+        self.value, self.slope = value, slope
+
+    @staticmethod
+    def of(x: Any) -> Dual:
+        return x if isinstance(x, Dual) else Dual(x)
+
+    def __add__(self, other: Any) -> Dual:
+        y = Dual.of(other)
+        return Dual(self.value + y.value, self.slope + y.slope)
+
+    def __sub__(self, other: Any) -> Dual:
+        y = Dual.of(other)
+        return Dual(self.value - y.value, self.slope - y.slope)
+
+    def __mul__(self, other: Any) -> Dual:
+        y = Dual.of(other)
+        return Dual(self.value * y.value, self.slope * y.value + self.value * y.slope)
+
+    def __truediv__(self, other: Any) -> Dual:
+        y = Dual.of(other)
+        quotient = self.value / y.value
+        return Dual(quotient, (self.slope - quotient * y.slope) / y.value)
+
+    def __neg__(self) -> Dual:
+        return Dual(-self.value, -self.slope)
+
+    def __rsub__(self, other: Any) -> Dual:
+        return Dual.of(other) - self
+
+    def __rtruediv__(self, other: Any) -> Dual:
+        return Dual.of(other) / self
+
+    __radd__, __rmul__ = __add__, __mul__
+
+
+def sine(x: Any) -> Dual:
+    """Of mpmath numbers."""
+    y = Dual.of(x)
+    return Dual(mpmath.sin(y.value), mpmath.cos(y.value) * y.slope)
+
+
+def cosine(x: Any) -> Dual:
+    """Of mpmath numbers."""
+    y = Dual.of(x)
+    return Dual(mpmath.cos(y.value), -mpmath.sin(y.value) * y.slope)

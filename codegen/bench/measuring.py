@@ -1,0 +1,210 @@
+"""One problem measured: its solver generated, its error against the reference, its work and its time."""
+
+from __future__ import annotations
+
+import math
+import statistics
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import mpmath
+import numpy as np
+
+from .. import generation
+from ..model import parse_model
+from ..runtime import Solver, load
+from ..runtime.standalone.manifest import read_manifest
+from .c_clock import Clock
+from .problem import Array, Evaluation, Family, Goal, Motion, Problem, Reference, Setting
+from .timing import alternate
+from .work_precision import Point, cheapest, diagram, error_at_end, fastest, integrate
+
+Progress = Callable[[str], None]
+Result = dict[str, Any]
+
+SMALLEST = 1e-30
+"""A reference below it is zero but for rounding."""
+
+WIDTH = 8
+"""Directions of the function over directions that is timed."""
+
+
+def measure(problem: Problem, folder: Path, quick: bool, progress: Progress, budget: float = 0.3) -> Result:
+    """What a problem gives, as it is written to JSON.
+
+    Parameters
+    ----------
+    problem : Motion or Family
+    folder : Path
+        For generated packages.
+    quick : bool
+        Its cheap part only.
+    progress : callable
+        Told what is being done.
+    budget : float
+        Seconds of timing for each figure, about.
+    """
+    if isinstance(problem, Motion):
+        return _motion(problem, folder, quick, progress, budget)
+    return _family(problem, folder, quick, progress, budget)
+
+
+def generated(text: str, name: str, folder: Path, functions: Sequence[str]) -> tuple[Solver, float]:
+    """A solver and the seconds that generating and compiling it took."""
+    start = time.perf_counter()
+    generation.generate(parse_model(text, name), folder / name, functions=functions)
+    return load(folder / name), time.perf_counter() - start
+
+
+def operations(solver: Solver, function: str = "accelerations", part: str = "per_call") -> dict[str, int]:
+    """Additions, multiplications, divisions and functions of a call, all sweeps together."""
+    found: dict[str, int] = {}
+    for sweep in solver.operations[function].values():
+        for what, count in sweep.get(part, {}).items():
+            found[what] = found.get(what, 0) + int(count)
+    return found
+
+
+# -- motions ---------------------------------------------------------------------------------------------------------------
+
+
+def _motion(problem: Motion, folder: Path, quick: bool, progress: Progress, budget: float) -> Result:
+    progress(f"{problem.name}: generating")
+    solver, seconds = generated(problem.text(), problem.name, folder, ("motion",))
+    exact, start = problem.exact(), dict(problem.start)
+    progress(f"{problem.name}: integrating")
+    points = diagram(
+        solver, problem.end, problem.quick if quick else problem.settings,
+        lambda x: error_at_end(x, problem.end, problem.quantities, exact), start, budget=budget,
+    )  # fmt: skip
+    result: Result = {
+        "kind": "motion", "title": problem.title, "source": problem.source, "end": problem.end,
+        "quantities": list(problem.quantities), "generation_seconds": seconds, "operations": operations(solver),
+        "points": [point_record(p) for p in points],
+    }  # fmt: skip
+    if quick:
+        result["within"] = problem.within
+        result["failed"] = [str(p.setting) for p in points if not p.error <= problem.within]
+    else:
+        result["goals"] = [_goal(goal, points) for goal in problem.goals]
+        result["failed"] = [g["goal"] for g in result["goals"] if not g["met"] and not g["slow"]]
+    if problem.derivatives is not None:
+        result["derivatives"] = _derivatives(problem, solver, start, quick)
+        if not result["derivatives"]["error"] <= result["derivatives"]["within"]:
+            result["failed"].append("derivatives")
+    return result
+
+
+def point_record(p: Point) -> Result:
+    return {
+        "method": p.setting.method, "rtol": p.setting.rtol, "atol": p.setting.atol,
+        "error": p.error if math.isfinite(p.error) else None, "evaluations": p.evaluations, "steps": p.steps,
+        "rejected": p.rejected, "seconds": p.seconds, "ended": p.ended,
+    }  # fmt: skip
+
+
+def _goal(goal: Goal, points: Sequence[Point]) -> Result:
+    """Whether a goal is met, and by which setting: the one with fewest evaluations, or, where time counts, the fastest."""
+    best = fastest(points, goal.error) if goal.seconds is not None else cheapest(points, goal.error)
+    slow = best is not None and goal.seconds is not None and best.seconds >= goal.seconds
+    costly = best is not None and goal.evaluations is not None and best.evaluations >= goal.evaluations
+    return {
+        "goal": str(goal), "met": best is not None and not slow and not costly, "slow": slow,
+        "reached": None if best is None else point_record(best),
+    }  # fmt: skip
+
+
+TIGHT, LOOSE = Setting("dop853", 1e-12, 1e-12), Setting("dop853", 1e-9, 1e-9)
+
+
+def _derivatives(problem: Motion, solver: Solver, start: dict[str, float], quick: bool) -> Result:
+    """Derivatives of the end against the exact ones: the largest error over the largest derivative by each parameter."""
+    assert problem.derivatives is not None
+    setting = LOOSE if quick else TIGHT
+    x = integrate(solver, problem.end, setting, start, problem.sensitivities)
+    errors = []
+    for by, exact in zip(problem.sensitivities, problem.derivatives(), strict=True):
+        found = [float(x.derivative(name, by)[-1]) for name in problem.quantities]
+        errors.append(max(abs(a - b) for a, b in zip(found, exact, strict=True)) / max(abs(b) for b in exact))
+    return {
+        "by": list(problem.sensitivities), "setting": str(setting), "error": max(errors), "within": 1e-4 if quick else 1e-8,
+        "evaluations": x.stats["evaluations"], "seconds": x.stats["seconds"],
+    }  # fmt: skip
+
+
+# -- families --------------------------------------------------------------------------------------------------------------
+
+
+def _family(problem: Family, folder: Path, quick: bool, progress: Progress, budget: float) -> Result:
+    rows = []
+    for size in problem.quick if quick else problem.sizes:
+        progress(f"{problem.name} {size}: generating")
+        evaluation = problem.make(size)
+        rows.append(_evaluation(evaluation, f"{problem.name}_{size}", folder, progress, budget) | {"size": size})
+    return {
+        "kind": "family", "title": problem.title, "source": problem.source, "unit": problem.unit, "within": problem.within,
+        "sizes": rows, "failed": [f"{row['size']} {problem.unit}" for row in rows if _is_off(row["error"], problem.within)],
+    }  # fmt: skip
+
+
+def _is_off(error: float | None, within: float) -> bool:
+    return error is not None and not error <= within
+
+
+def _evaluation(x: Evaluation, name: str, folder: Path, progress: Progress, budget: float) -> Result:
+    solver, seconds = generated(x.text, name, folder, ("accelerations", "sensitivities"))
+    first = solver.initial
+    q, u = first[0] if x.q is None else x.q, first[1] if x.u is None else x.u
+    udot, dudot = solver.sensitivities(q, u, dq=x.dq, du=x.du, dp=x.dp)
+    result: Result = {
+        "bodies": int(solver.nu), "generation_seconds": seconds, "operations": operations(solver),
+        "operations_direction": operations(solver, "sensitivities", "per_direction"), "error": None, "errors": None,
+    }  # fmt: skip
+    if x.reference is not None:
+        progress(f"{name}: computing its reference in many digits")
+        start = time.perf_counter()
+        errors = relative_errors(udot, dudot, x.reference())
+        labels = ["udot", *(x.directions or [f"direction {i + 1}" for i in range(len(errors) - 1)])]
+        result |= {
+            "error": max(errors), "errors": dict(zip(labels, errors, strict=True)),
+            "reference_seconds": time.perf_counter() - start,
+        }  # fmt: skip
+    progress(f"{name}: timing")
+    return result | {"seconds": _times(solver, folder / name, Clock(folder), q, u, x, budget)}
+
+
+def relative_errors(udot: Array, dudot: Array, exact: Reference) -> list[float]:
+    """Of udot and each direction: the largest difference over the largest entry."""
+    found = []
+    with mpmath.workdps(50):
+        for values, reference in ((udot, exact.udot), *zip(dudot, exact.dudot, strict=False)):
+            size = max(abs(b) for b in reference)
+            difference = max(abs(mpmath.mpf(float(a)) - b) for a, b in zip(values, reference, strict=True))
+            found.append(float(difference / size if size > SMALLEST else difference))
+    return found
+
+
+def _times(
+    solver: Solver, package: Path, clock: Clock, q: Array, u: Array, x: Evaluation, budget: float
+) -> dict[str, float]:
+    """Seconds of an evaluation in C: of udot, and of udot with eight directions (those of the problem in turn)."""
+    p, n = np.array(solver.parameters, float), len(u)
+    work = np.zeros(read_manifest(package)["workspace"])
+    lanes = [np.ascontiguousarray(np.resize(d, (WIDTH, d.shape[1])).T) for d in (x.dq, x.du, x.dp)]
+    contestants = {
+        "udot": clock.timed(package, solver.name, "accelerations", [q, u, p, np.zeros(n), work]),
+        f"udot + {WIDTH}": clock.timed(
+            package, solver.name, f"sensitivities_{WIDTH}", [q, u, p, *lanes, np.zeros(n), np.zeros((n, WIDTH)), work]
+        ),
+    }
+    return {name: s.least for name, s in alternate(contestants, budget).items()}
+
+
+def exponent(sizes: Sequence[int], seconds: Sequence[float]) -> float:
+    """k of time ~ size^k, by least squares of the logarithms; NaN for less than two sizes."""
+    if len(sizes) < 2:
+        return math.nan
+    x, y = np.log(sizes), np.log(seconds)
+    return float(statistics.linear_regression(x.tolist(), y.tolist()).slope)

@@ -1,0 +1,165 @@
+"""The page "How accurate, how fast" of the manual, from results of the benchmark."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from .lines import PEER_HEAD, peer_row, plain, setting, size, time
+from .measuring import exponent
+
+TITLE = "How accurate, how fast"
+
+
+def _prose(text: str) -> str:
+    """A paragraph in one line."""
+    return " ".join(text.split())
+
+
+ORIGIN = _prose("""
+Written by `ordernm bench --page`, from the figures of one run; do not edit. `ordernm bench` measures them anew, `ordernm bench
+--compare OLD.json` puts two runs beside each other.
+""")
+MACHINE = _prose("""
+**Machine.** One core of: {processor}, {instructions}; {compiler}, `{flags}`; {system}, Python {python}, NumPy {numpy}, ordernm
+{ordernm}. Others may have used the machine meanwhile: times are the least of several turns.
+""")
+QUICK = "These are figures of `--quick`, a cheap part of each problem."
+MOTIONS = _prose("""
+Errors are absolute, the largest of the quantities named, at the end. Evaluations are those of the accelerations; times are the
+integrator's in C, with the closing of loops. Tolerances are rtol = atol where atol is not named.
+""")
+EXACT = _prose("""
+Derivatives of the motion's end against the exact ones, the largest relative error of those by each parameter; the evaluations are
+with all derivatives:
+""")
+DIGITS = _prose("""
+Relative error of the accelerations and of each derivative: the largest difference over the largest entry, against {source}. Total
+length and mass are 1; speeds are 0.2 cos k. The mass matrix of the coiled chain has the condition 4e4, 4e8 and 3.9e12 with 10,
+100 and 1000 rods. The error does not follow it: no mass matrix is factored.
+""")
+FAMILIES = _prose("""
+Operations are additions and multiplications, for each coordinate; times are those of one evaluation called from C, one core.
+Errors are relative, the worst of the accelerations and all directions that were compared.
+""")
+PEERS = _prose("""
+The same models and the same end, in the same run, taking turns, each at the best build and method that was found for it. Times
+are from Python, ours too. Where ours has derivatives by a parameter, its time is with them, under error control; beside it only
+CasADi's has derivatives.
+""")
+
+
+def page_of(results: dict[str, Any]) -> str:
+    """The page, Markdown."""
+    machine, problems = results["machine"], results["problems"]
+    parts = [f"# {TITLE}", ORIGIN, MACHINE.format(**machine), *([QUICK] if results["quick"] else [])]
+    motions = {n: r for n, r in problems.items() if r["kind"] == "motion"}
+    families = {n: r for n, r in problems.items() if r["kind"] == "family"}
+    named = {n: r for n, r in families.items() if any(_named(row) for row in r["sizes"])}
+    if motions:
+        parts += ["## Motions", *_motions(motions)]
+    if named:
+        parts += ["## Digits of long chains", *_digits(named)]
+    if families:
+        parts += ["## Time and operations by size", *_families(families)]
+    if "peers" in results:
+        parts += ["## Other programs", *_peers(results["peers"])]
+    return "\n\n".join(parts) + "\n"
+
+
+def markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A table."""
+    return "\n".join("| " + " | ".join(line) + " |" for line in (head, ["---"] * len(head), *rows))
+
+
+def _motions(motions: dict[str, Any]) -> list[str]:
+    parts = [MOTIONS]
+    aims = [[f"`{n}`", *_aim(g)] for n, r in motions.items() for g in r.get("goals", ())]
+    if aims:
+        parts += ["What was asked, and the cheapest setting that gives it:",
+                  markdown(("problem", "error asked for", "", "error", "evaluations", "ms", "setting"), aims)]  # fmt: skip
+    exact = [
+        [f"`{n}`", ", ".join(r["derivatives"]["by"]), r["derivatives"]["setting"], f"{r['derivatives']['error']:.1e}",
+         str(r["derivatives"]["evaluations"]), f"{1e3 * r['derivatives']['seconds']:.2f}"]
+        for n, r in motions.items() if "derivatives" in r
+    ]  # fmt: skip
+    if exact:
+        parts += [EXACT, markdown(("problem", "by", "setting", "error", "evaluations", "ms"), exact)]  # fmt: skip
+    for name, r in motions.items():
+        rows = [
+            [
+                setting(p),
+                size(p["error"]),
+                str(p["evaluations"]),
+                str(p["steps"]),
+                str(p["rejected"]),
+                f"{1e3 * p['seconds']:.2f}",
+            ]
+            for p in r["points"]
+        ]
+        parts += [
+            f"### {r['title']}",
+            f"`{name}`: {', '.join(r['quantities'])} at {r['end']:g} s. Reference: {r['source']}. An evaluation has "
+            f"{plain(r['operations'])} additions and multiplications.",
+            markdown(("setting", "error", "evaluations", "steps", "rejected", "ms"), rows),
+        ]
+    return parts
+
+
+def _aim(goal: dict[str, Any]) -> list[str]:
+    p = goal["reached"]
+    if p is None:
+        return [goal["goal"], "**missed**", "", "", "", ""]
+    verdict = "reached" if goal["met"] else "**missed**"
+    return [goal["goal"], verdict, size(p["error"]), str(p["evaluations"]), f"{1e3 * p['seconds']:.2f}", setting(p)]
+
+
+def _named(row: dict[str, Any]) -> bool:
+    """Whether its directions are single ones with names."""
+    return row["errors"] is not None and "direction 1" not in row["errors"]
+
+
+def _digits(families: dict[str, Any]) -> list[str]:
+    rows: list[list[str]] = []
+    head: list[str] = []
+    for r in families.values():
+        for row in r["sizes"]:
+            if _named(row):
+                head = max(head, list(row["errors"]), key=len)
+                rows.append([r["title"], str(row["size"]), *(f"{x:.1e}" for x in row["errors"].values())])
+    rows = [[*row, *[""] * (len(head) + 2 - len(row))] for row in rows]
+    labels = [head[0], *(f"by {x}" for x in head[1:])]
+    source = next(iter(families.values()))["source"]
+    return [DIGITS.format(source=source), markdown(("", "rods", *labels), rows)]
+
+
+def _families(families: dict[str, Any]) -> list[str]:
+    parts = [FAMILIES]
+    for name, r in families.items():
+        rows, functions = [], list(r["sizes"][0]["seconds"])
+        for row in r["sizes"]:
+            n = row["bodies"]
+            rows.append(
+                [str(row["size"]), str(n), size(row["error"]), f"{plain(row['operations']) / n:.0f}",
+                 f"{plain(row['operations_direction']) / n:.0f}",
+                 *(x for f in functions for x in (time(row["seconds"][f]), f"{1e9 * row['seconds'][f] / n:.1f}"))]
+            )  # fmt: skip
+        head = [r["unit"], "coordinates", "error", "udot, operations each", "one more direction",
+                *(x for f in functions for x in (f, "ns each"))]  # fmt: skip
+        sizes = [row["size"] for row in r["sizes"]]
+        slopes = ", ".join(f"{f} {exponent(sizes, [row['seconds'][f] for row in r['sizes']]):.2f}" for f in functions)
+        grows = f" Time grows with the size to the power: {slopes}." if len(sizes) > 2 else ""
+        parts += [
+            f"### {r['title'][0].upper()}{r['title'][1:]}",
+            f"`{name}`. Reference: {r['source']}.{grows}",
+            markdown(head, rows),
+        ]
+    return parts
+
+
+def _peers(peers: dict[str, Any]) -> list[str]:
+    parts = [PEERS]
+    parts += [f"{who} was not compared: {why}." for who, why in peers["skipped"].items()]
+    for name, rows in peers["problems"].items():
+        parts += [f"### Beside `{name}`", markdown(PEER_HEAD, [peer_row(r) for r in rows])]
+    return parts

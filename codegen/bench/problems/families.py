@@ -1,0 +1,166 @@
+"""Chains, closed chains and ladders of growing size: accelerations and derivatives at one state against a second way."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import mpmath
+import numpy as np
+
+from .. import articulated_chain
+from ..dual import Dual, cosine, sine
+from ..models import changed
+from ..problem import Array, Evaluation, Family, Reference
+
+DIGITS = 40
+ENGINE_TO = 60
+"""Bodies up to which the generic engine in 40 digits is asked: about a second for ten of them."""
+ALL_DIRECTIONS_TO, ONE_DIRECTION_TO = 100, 1000
+"""Rods up to which a chain's eight directions, or its first one, are computed in 40 digits: 8 ms a rod and direction."""
+
+
+def exact(x: Array) -> list[mpmath.mpf]:
+    """Doubles as mpmath numbers."""
+    return [mpmath.mpf(float(a)) for a in x]
+
+
+def along(function: Callable[[Sequence[Any], Sequence[Any], Any], Sequence[Any]], q: Array, u: Array, p: float,
+          dq: Array, du: Array, dp: Array) -> Reference:  # fmt: skip
+    """A function of q, u and one parameter, and its derivatives along directions by dual numbers."""
+    with mpmath.workdps(DIGITS):
+        found = []
+        for a, b, c in zip(dq, du, dp, strict=True):
+            seeded = [[Dual(x, y) for x, y in zip(exact(v), exact(w), strict=True)] for v, w in ((q, a), (u, b))]
+            result = function(seeded[0], seeded[1], Dual(mpmath.mpf(p), mpmath.mpf(float(c[0]))))
+            found.append([Dual.of(x) for x in result])
+        return Reference([x.value for x in found[0]], [[x.slope for x in row] for row in found])
+
+
+def seeds(n: int, width: int = 8) -> tuple[Array, Array, Array]:
+    """dq, du (width, n) and the parameter's (width, 1), nothing in them zero."""
+    k, j = np.arange(1, n + 1), np.arange(width)[:, None]
+    dq: Array = 0.1 * np.sin(2.0 * k + 0.7 * j)
+    du: Array = 0.1 * np.cos(3.0 * k + 0.5 * j)
+    dp: Array = 1.0 + 0.1 * j.astype(float)
+    return dq, du, dp
+
+
+# -- the chain -------------------------------------------------------------------------------------------------------------
+
+
+def chain_state(n: int) -> tuple[Array, Array]:
+    """q_k = 0.3 sin k and u_k = 0.2 cos k, k from 1."""
+    k = np.arange(1, n + 1)
+    return 0.3 * np.sin(k), 0.2 * np.cos(k)
+
+
+def chain(n: int) -> Evaluation:
+    q, u = chain_state(n)
+    directions = seeds(n)
+
+    def rates(q: Sequence[Any], u: Sequence[Any], length: Any) -> list[Any]:
+        constants = [mpmath.mpf(x) for x in (1.0, 0.05, 9.81)]
+        return articulated_chain.accelerations(list(q), list(u), length, sine, cosine, *constants)
+
+    def reference() -> Reference:
+        count = 8 if n <= ALL_DIRECTIONS_TO else 1
+        return along(rates, q, u, 1.0, *(x[:count] for x in directions))
+
+    text = changed("chain", "{n: 12,", f"{{n: {n},")
+    return Evaluation(text, q, u, *directions, reference if n <= ONE_DIRECTION_TO else None)
+
+
+# -- loops -----------------------------------------------------------------------------------------------------------------
+
+
+def ladder(loops: int) -> Evaluation:
+    """One angle: that of the rungs, which lean by 30 degrees."""
+    n = 2 * loops + 1
+    text, directions = changed("ladder", "{L: 3,", f"{{L: {loops},"), seeds(2 * loops + 1)
+
+    def rates(q: Sequence[Any], u: Sequence[Any], length: Any) -> list[Any]:
+        foot = length * length / 3 + mpmath.mpf(0.05) ** 2 / 4
+        moment = (loops + 1) * foot + loops * length * length
+        lever = (mpmath.mpf(loops + 1) / 2 + loops) * length
+        rung = mpmath.mpf(9.81) * lever * sine(q[0]) / moment
+        return [-rung if k % 2 else rung for k in range(n)]
+
+    def reference() -> Reference:
+        with mpmath.workdps(DIGITS):
+            lean = float(mpmath.pi / 6)
+        return along(rates, np.full(n, lean), np.zeros(n), 1.0, *directions)
+
+    return Evaluation(text, None, None, *directions, reference)
+
+
+def by_the_engine(name: str, old: str, new: str, speeds: int, bodies: int) -> Evaluation:
+    """An example at its initial state against the generic recursive engine in 40 digits."""
+    text, directions = changed(name, old, new), seeds(speeds)
+
+    def reference() -> Reference:
+        from ...loops import initial_configuration
+        from ...model import parse_model
+        from ...reference import RecursiveEngine
+
+        model = parse_model(text, name)
+        q, u = initial_configuration(model)
+        dq, du, dp = directions
+        with mpmath.workdps(DIGITS):
+            udot, dudot = RecursiveEngine(model, numbers="mpmath").sensitivities(q, u, dq=dq, du=du, dp=dp)
+        return Reference(list(udot), [list(row) for row in dudot])
+
+    return Evaluation(text, None, None, *directions, reference if bodies <= ENGINE_TO else None)
+
+
+def closed_chain(n: int) -> Evaluation:
+    return by_the_engine("closed_chain", "{n: 16,", f"{{n: {n},", n, n)
+
+
+def hooke_ladder(loops: int) -> Evaluation:
+    return by_the_engine("hooke_ladder", "{L: 3,", f"{{L: {loops},", 4 * loops + 2, 2 * loops + 1)
+
+
+ENGINE = f"the generic recursive engine in {DIGITS} digits, up to {ENGINE_TO} bodies; larger ones have no reference"
+CHAIN = Family(
+    name="chain",
+    title="a chain of rods, hinges about y, x, y, ...",
+    source=f"an articulated-body algorithm written by hand, on dual numbers of {DIGITS} digits; one direction beyond "
+    f"{ALL_DIRECTIONS_TO} rods, none beyond {ONE_DIRECTION_TO}",
+    unit="rods",
+    make=chain,
+    sizes=(4, 12, 50, 100, 1000, 10000),
+    quick=(12,),
+    within=1e-11,
+)
+CLOSED_CHAIN = Family(
+    name="closed_chain",
+    title="a chain of rods held at both ends, n - 5 freedoms",
+    source=ENGINE,
+    unit="rods",
+    make=closed_chain,
+    sizes=(16, 48, 200, 1000),
+    quick=(8,),
+    within=1e-10,
+)
+LADDER = Family(
+    name="ladder",
+    title="a ladder that sways, one freedom",
+    source="closed form: the pendulum that all rungs are together, with derivatives by dual numbers",
+    unit="loops",
+    make=ladder,
+    sizes=(3, 12, 100, 1000),
+    quick=(3,),
+    within=1e-12,
+)
+HOOKE_LADDER = Family(
+    name="hooke_ladder",
+    title="a ladder of Hooke joints, two freedoms",
+    source=ENGINE,
+    unit="loops",
+    make=hooke_ladder,
+    sizes=(3, 12, 100),
+    quick=(2,),
+    within=1e-10,
+)
+PROBLEMS = (CHAIN, CLOSED_CHAIN, LADDER, HOOKE_LADDER)

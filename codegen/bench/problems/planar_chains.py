@@ -1,0 +1,73 @@
+"""Planar chains of total length and mass 1, straight and coiled up: mass matrices of condition 4e12 that cost no digits.
+
+The coiled one has every joint at 22.5 degrees, so that 16 rods go round once; its mass matrix has the condition 4e4, 4e8 and
+3.9e12 for 10, 100 and 1000 rods. The straight one hangs 60 degrees aside.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import mpmath
+import numpy as np
+
+from .. import planar_chain
+from ..dual import cosine, sine
+from ..problem import Evaluation, Family, Reference
+from .families import DIGITS, along
+
+TEXT = """\
+model: planar_chain
+gravity: [0, 0, -9.81]
+constants: {{n: {n}}}
+parameters:
+  length: 1.0
+bodies:
+  repeat k in 1..n:
+    rod(k):
+      parent: rod(k-1)
+      joint: {{type: revolute, axis: y, at: [0, 0, -length/n]}}
+      shape: {{type: rod, axis: z, length: length/n, mass: 1/n, center: [0, 0, -length/n/2]}}
+      first: {{parent: ground, joint: {{at: [0, 0, 0]}}}}
+"""
+DIRECTIONS = ("first joint", "middle joint", "all joints", "length", "all speeds")
+"""A straight chain that turns as one has no derivative by its speeds."""
+
+
+def planar(n: int, first: float, others: float) -> Evaluation:
+    """A chain whose first joint is at one angle and whose other joints are at another, rad."""
+    k = np.arange(1, n + 1)
+    q, u = np.full(n, others), 0.2 * np.cos(k)
+    q[0] = first
+    names = DIRECTIONS if others else DIRECTIONS[:-1]
+    dq, du, dp = np.zeros((len(names), n)), np.zeros((len(names), n)), np.zeros((len(names), 1))
+    dq[0, 0] = dq[1, n // 2] = dp[3] = 1.0
+    dq[2] = np.sin(2.0 * k)
+    if others:
+        du[4] = np.cos(3.0 * k)
+
+    def rates(q: Sequence[Any], u: Sequence[Any], length: Any) -> list[Any]:
+        mass = 1 / mpmath.mpf(n)
+        return planar_chain.accelerations(q, u, length / n, mass, mpmath.mpf(9.81), sine, cosine)
+
+    def reference() -> Reference:
+        return along(rates, q, u, 1.0, dq, du, dp)
+
+    return Evaluation(TEXT.format(n=n), q, u, dq, du, dp, reference, names)
+
+
+def straight(n: int) -> Evaluation:
+    return planar(n, np.pi / 3, 0.0)
+
+
+def coiled(n: int) -> Evaluation:
+    return planar(n, np.pi / 8, np.pi / 8)
+
+
+SOURCE = f"a recursion for planar chains written for this alone, on dual numbers of {DIGITS} digits"
+STRAIGHT = Family(
+    "straight", "a straight planar chain, 60 degrees aside", SOURCE, "rods", straight, (10, 100, 1000), (10,), 1e-12
+)
+COILED = Family("coiled", "a coiled planar chain, 22.5 degrees", SOURCE, "rods", coiled, (10, 100, 1000), (10,), 1e-12)
+PROBLEMS = (STRAIGHT, COILED)

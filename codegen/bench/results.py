@@ -1,0 +1,95 @@
+"""What a run of the benchmark found, as JSON, and two runs beside each other."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from ..runtime.standalone.whole_file import write_whole
+
+FORMAT = 1
+"""Raised when figures change their names or meaning."""
+
+
+class ResultsError(ValueError):
+    """A file does not hold results of the benchmark."""
+
+
+def write_results(results: dict[str, Any], path: Path) -> None:
+    """Write results whole, or leave what was there."""
+    text = json.dumps(results, indent=1, allow_nan=False) + "\n"
+    write_whole(path, lambda file: file.write(text.encode()))
+
+
+def read_results(path: Path) -> dict[str, Any]:
+    """Results of an earlier run.
+
+    Raises
+    ------
+    ResultsError
+    """
+    hint = "give a file that `ordernm bench -o FILE` has written"
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ResultsError(f"{path} cannot be read: {error.strerror or error}; {hint}") from None
+    except (UnicodeDecodeError, ValueError, RecursionError) as error:
+        raise ResultsError(f"{path} is no JSON ({error}); {hint}") from None
+    try:
+        given = found["format"]
+        if given != FORMAT:
+            raise ResultsError(
+                f"{path} has format {given!r}, this version reads {FORMAT}; measure again with `ordernm bench -o`"
+            )
+        list(figures(found))
+        return dict(found)
+    except (KeyError, TypeError, AttributeError):
+        raise ResultsError(f"{path} does not hold results of the benchmark; {hint}") from None
+
+
+def figures(results: dict[str, Any]) -> Iterator[tuple[tuple[str, str], float | None, int | None, float]]:
+    """Every measured thing: (problem, setting or size and function), error, evaluations, seconds."""
+    for name, problem in results["problems"].items():
+        if problem["kind"] == "motion":
+            for p in problem["points"]:
+                yield (name, f"{p['method']} {p['rtol']:.2g}"), p["error"], p["evaluations"], p["seconds"]
+        else:
+            for row in problem["sizes"]:
+                for function, seconds in row["seconds"].items():
+                    yield (name, f"{row['size']}, {function}"), row["error"], None, seconds
+
+
+def other_machine(new: dict[str, Any], old: dict[str, Any]) -> list[str]:
+    """What differs between the machines of two runs, in words."""
+    keys = [k for k in new["machine"] if k != "ordernm" and new["machine"][k] != old["machine"].get(k)]
+    return [f"{k}: {old['machine'].get(k, 'unknown')} then, {new['machine'][k]} now" for k in keys]
+
+
+def compare(new: dict[str, Any], old: dict[str, Any]) -> list[list[str]]:
+    """Rows of what both runs have: problem, setting, errors, evaluations and times, and the ratio of times, new over old."""
+    before = {key: (error, evaluations, seconds) for key, error, evaluations, seconds in figures(old)}
+    rows = []
+    for key, error, evaluations, seconds in figures(new):
+        if key not in before:
+            continue
+        old_error, old_evaluations, old_seconds = before[key]
+        work = [] if evaluations is None and old_evaluations is None else [str(old_evaluations), str(evaluations)]
+        rows.append(
+            [*key, _size(old_error), _size(error), *(work or ["", ""]), _time(old_seconds), _time(seconds),
+             f"{seconds / old_seconds:.2f}" if old_seconds > 0 else ""]
+        )  # fmt: skip
+    return rows
+
+
+COMPARED = ("", "", "error then", "now", "evaluations then", "now", "time then", "now", "ratio")
+"""What stands above the rows of `compare`."""
+
+
+def _size(x: float | None) -> str:
+    return "" if x is None else f"{x:.1e}"
+
+
+def _time(seconds: float) -> str:
+    return f"{1e3 * seconds:.3g} ms" if seconds >= 1e-4 else f"{1e6 * seconds:.3g} us"

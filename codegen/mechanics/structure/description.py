@@ -1,0 +1,56 @@
+"""What the regions of a model's loops are, in words: which link is the base of each, and why."""
+
+from __future__ import annotations
+
+from ...loops.partition import Partition
+from ...loops.wording import listed
+from ...model.expressions import Expression
+from ...model.model import GROUND, Model
+from .graph import Region
+from .links import Link, links_of
+from .regions import Regions, find_regions
+from .system import in_order_of_units
+
+LINES = 12
+"""So many regions are described; the others are counted."""
+
+
+def describe_regions(model: Model, partition: Partition) -> list[str]:
+    """Lines for a reader, one a region: its loops, its base and why it is that link, what it moves with."""
+    defaults = model.defaults
+
+    def evaluate(e: Expression) -> float:
+        value: float = e.evaluate(defaults)
+        return value
+
+    links, carriers = links_of(model, evaluate)
+    links, carriers = in_order_of_units(links, carriers, find_regions(model, links, carriers, partition))
+    regions = find_regions(model, links, carriers, partition)
+    lines = [_line(model, links, regions, region) for region in regions.regions[:LINES]]
+    more = len(regions.regions) - len(lines)
+    return lines + ([f"and {more} region{'s' * (more > 1)} more"] if more else [])
+
+
+def _line(model: Model, links: list[Link], regions: Regions, region: Region) -> str:
+    ears = [regions.ears[e] for e in region.ears]
+    loops = listed([model.loops[c.loop].name for ear in ears for c in ear.closures])
+    names = [model.speed_names[links[i].u + j] for i, j in region.freedoms]
+    sources = [f"{len(names)} independent speed{'s' * (len(names) > 1)} ({listed(names)})"] if names else []
+    base = _name(links, region.base)
+    if region.far:
+        hanging = [ear.roots[-1 - p] for ear in ears for p in ear.parents if p < 0]
+        counts = ", ".join(f"{hanging.count(i)} on {_name(links, i)}" for i in (region.base, *region.far))
+        why = (
+            f"of the moving links it starts from the one that most of its links hang on, of equals the first: {counts}"
+        )
+        sources.append(f"the motion of {listed([_name(links, i) for i in region.far])} against the base")
+    elif not region.rigid:
+        why = "the one moving link that it starts from; it closes on the ground too"
+        sources.append("the motion of the base")
+    else:
+        why = "where the ways inward from the faces of its loops meet"
+    return f"region of {loops}: base {base}, {why}; moves with {' and '.join(sources) or 'nothing else'}"
+
+
+def _name(links: list[Link], i: int) -> str:
+    return "ground" if i == GROUND else links[i].name

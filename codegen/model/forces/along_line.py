@@ -1,0 +1,103 @@
+"""Elements of the laws along a line: for each law its element and the entry of a model file that makes it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar, Final, Literal
+
+from pydantic import Field, create_model
+
+from ..entries import Expr, PointOrName
+from ..entry_reader import EntryReader
+from ..expressions import Expression, ExpressionError, bind
+from ..places import Point
+from .force_element import ForceElement, ForceEntry
+from .line_law import LineLaw
+from .line_laws import LINE_LAWS
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AlongLine(ForceElement):
+    """A force along the line between two points, by a law; a subclass for each law."""
+
+    singular: ClassVar[str] = "its ends coincide, so its force has no direction"
+    law: ClassVar[LineLaw]
+
+    start: Point
+    end: Point
+    values: tuple[Expression, ...]
+
+    @property
+    def ends(self) -> tuple[Point, ...]:
+        return self.start, self.end
+
+    @property
+    def coefficients(self) -> tuple[Expression, ...]:
+        return self.values
+
+
+class AlongLineEntry(ForceEntry):
+    """Reads one; a subclass for each law has its coefficients as fields."""
+
+    element: ClassVar[type[AlongLine]]
+
+    type: str
+    start: PointOrName = Field(alias="from")
+    end: PointOrName = Field(alias="to")
+
+    def read(self, x: EntryReader) -> AlongLine | None:
+        law = self.element.law
+        start, end = (x.point(point, key, f"{x.name}.{key}") for point, key in ((self.start, "from"), (self.end, "to")))
+        scope = "inputs" if law.energy else "measured"
+        values = tuple(x.bound(getattr(self, _field(key)), key, scope=scope) for key in law.coefficients)
+        if start is None or end is None or not x.is_whole(self):
+            return None
+        if x.held_together(f"{law.type} {x.name!r}", start, end, "moves nothing"):
+            return None
+        numbers = {key: e.value for key, e in zip(law.coefficients, values, strict=True) if e.is_number}
+        for formula in filter(None, (law.formula, law.potential)):
+            try:
+                bind(formula, numbers)
+            except ExpressionError as error:
+                x.report((), f"{law.type}, {formula}: {error.message}; change its numbers")
+                return None
+        return self.element(x.name, start, end, values, measured=x.measured(*values))
+
+
+def _field(key: str) -> str:
+    """Of the entry; words that Pydantic uses for other things may be keys."""
+    return f"coefficient_{key}"
+
+
+def element_of(law: LineLaw) -> type[AlongLine]:
+    """The class of the elements of a law."""
+    name = "".join(map(str.capitalize, law.type.split("_")))
+    contents = {
+        "__slots__": (), "__module__": __name__, "__doc__": law.meaning,
+        "law": law, "type": law.type, "keys": tuple(law.coefficients), "has_energy": bool(law.energy),
+    }  # fmt: skip
+    return type(name, (AlongLine,), contents)
+
+
+def entry_of(element: type[AlongLine]) -> type[AlongLineEntry]:
+    """The entry that makes such elements."""
+    law = element.law
+    fields: dict[str, Any] = {"type": (Literal[law.type], ...)}
+    for key, c in law.coefficients.items():
+        default = ... if c.default is None else Expression.number(c.default)
+        fields[_field(key)] = (Expr, Field(default, alias=key))
+    made = create_model(f"{element.__name__}Entry", __base__=AlongLineEntry, __module__=__name__, **fields)
+    made.element = element
+    made.misspelt = dict(law.misspelt)
+    needed = {key: "1" for key, c in law.coefficients.items() if c.default is None}
+    made.placeholders = {"from": "ground", "to": "ground", **needed}
+    return made
+
+
+ALONG_LINES: Final[dict[str, type[AlongLine]]] = {name: element_of(law) for name, law in LINE_LAWS.items()}
+"""The class of the elements of each type."""
+
+ENTRIES: Final[tuple[type[ForceEntry], ...]] = tuple(entry_of(element) for element in ALONG_LINES.values())
+
+OTHER_WORDS: Final = {word: law.type for law in LINE_LAWS.values() for word in law.other_words}
+"""What some call a type, and what it is called here."""

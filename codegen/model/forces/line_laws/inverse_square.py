@@ -1,0 +1,12 @@
+"""An attraction by the inverse square of a distance: Newton's of masses, Coulomb's of charges."""
+
+from ..line_law import Coefficient, LineLaw
+
+LAW = LineLaw(
+    "inverse_square",
+    "An attraction as of two masses; with a negative `strength` a repulsion, as of two like charges.",
+    {"strength": Coefficient("N m^2", "the force at a distance of one metre: of two masses m and M, G m M")},
+    force="-strength/distance**2",
+    energy="-strength/distance",
+    other_words=("gravitation", "coulomb"),
+)

@@ -1,0 +1,205 @@
+"""Errors of the generated solver against the generic engine in extended precision, from the same doubles."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Sequence
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import mpmath
+import numpy as np
+
+from ..model import Model, parse_model
+from ..reference import RecursiveEngine
+from .skipped import Skipped
+from .states import State
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from ..runtime import Solver
+
+    Array = NDArray[np.float64]
+
+DIGITS = 40
+"""Of the numbers of the reference."""
+
+MOST_PARAMETERS, MIXED = 16, 3
+"""So many parameters' derivatives are compared, and so many along random directions of everything at once."""
+
+MOST_COLUMNS = 60
+"""All columns of the Jacobians, and a gradient, are compared up to so many."""
+
+WITNESS = """\
+model: witness
+gravity: [0, 0, -9.81]
+parameters: {length: 1.0}
+bodies:
+  upper:
+    parent: ground
+    joint: {type: revolute, axis: y, at: [0, 0, 0]}
+    shape: {type: cylinder, axis: z, length: length, radius: 0.02, density: 2700, center: [0, 0, -length/2]}
+  lower:
+    parent: upper
+    joint: {type: revolute, axis: x, at: [0, 0, -length]}
+    shape: {type: cylinder, axis: z, length: length, radius: 0.02, density: 2700, center: [0, 0, -length/2]}
+"""
+"""A small model on which the reference is timed in both kinds of numbers."""
+
+Exact = Any
+"""Numbers of the reference, (nu,)."""
+
+
+@cache
+def slowdown() -> float:
+    """How much longer the reference takes in extended precision than in doubles, on this machine."""
+    model = parse_model(WITNESS)
+
+    def seconds(numbers: str) -> float:
+        engine, taken = RecursiveEngine(model, numbers=numbers), []
+        with mpmath.workdps(DIGITS):
+            for _ in range(3):
+                start = time.process_time()
+                engine.accelerations([0.3, 0.4], [1.0, -1.0])
+                taken.append(time.process_time() - start)
+        return min(taken)
+
+    return seconds("mpmath") / seconds("float64")
+
+
+def relative(x: Any, exact: Any) -> float:
+    """max_i |x_i - exact_i| / max_i |exact_i|; where the exact ones vanish, zero if all of x do and infinite otherwise."""
+    x, exact = np.ravel(x), np.ravel(exact)
+    size = max((abs(e) for e in exact), default=mpmath.mpf(0))
+    difference = max((abs(mpmath.mpf(float(a)) - e) for a, e in zip(x, exact, strict=True)), default=mpmath.mpf(0))
+    if size == 0:
+        return 0.0 if difference == 0 else float("inf")
+    return float(difference / size)
+
+
+def directions(model: Model, solver: Solver) -> tuple[list[str], dict[str, Any]]:
+    """Names and seeds of what is differentiated by: parameters one by one, then random directions of all there is."""
+    rng = np.random.default_rng(2)
+    names = list(model.parameter_names)
+    if len(names) > MOST_PARAMETERS:  # spread over the list
+        names = [names[i] for i in np.linspace(0, len(names) - 1, MOST_PARAMETERS).astype(int)]
+    k = len(names) + MIXED
+    seeds: dict[str, Any] = {name: np.zeros((k, n)) for name, n in
+             (("dq", solver.nq), ("du", solver.nu), ("dp", solver.np), ("dinputs", solver.ninputs))}  # fmt: skip
+    for i, name in enumerate(names):
+        seeds["dp"][i, model.parameter_names.index(name)] = 1.0
+    for x in seeds.values():
+        x[len(names) :] = rng.normal(size=(MIXED, x.shape[1]))
+    seeds["dt"] = np.concatenate([np.zeros(len(names)), rng.normal(size=MIXED)])
+    return [*names, *(f"mixed {i + 1}" for i in range(MIXED))], seeds
+
+
+def errors(
+    model: Model, solver: Solver, states: Sequence[State], budget: float, skipped: list[Skipped]
+) -> tuple[list[dict[str, Any]], dict[str, Exact]]:
+    """Relative errors at each state: of udot, of each derivative, of Jacobians and of a gradient.
+
+    Parameters
+    ----------
+    model : Model
+    solver : Solver
+    states : sequence of State
+    budget : float
+        CPU seconds for the reference, about; what would go beyond is left out and said in `skipped`.
+
+    Returns
+    -------
+    records : list of dict
+        ``state``, ``udot``, ``derivatives`` (by direction), and at the first state ``jacobians`` (the worst column) and
+        ``gradient``, where the model is small enough.
+    exact : dict of str to (nu,) numbers
+        Exact derivatives at the first state by direction.
+    """
+    names, seeds = directions(model, solver)
+    alone = _seconds_of_udot(model, states[0], budget)
+    if alone is None:
+        seconds = slowdown() * _seconds_of_udot_in_doubles(model, states[0]) * (1 + len(names)) * len(states)
+        skipped.append(
+            Skipped("errors against the generic engine in extended precision", "the model is too large", seconds)
+        )
+        return [], {}
+    affordable = int(budget / alone) - 1
+    if affordable < len(names):
+        left = max(affordable, 1)
+        why = f"one state with all {len(names)} would take longer than {budget:g} s"
+        skipped.append(
+            Skipped(f"errors of derivatives along more than {left} directions", why, alone * (1 + len(names)))
+        )
+        names, seeds = names[:left], {name: x[:left] for name, x in seeds.items()}
+    engine = RecursiveEngine(model, numbers="mpmath")
+    found: list[dict[str, Any]] = []
+    derivatives: dict[str, Exact] = {}
+    spent, expected = 0.0, alone * (1 + len(names))
+    for state in states:
+        if found and spent + expected > budget:
+            skipped.append(
+                Skipped(f"errors at state {state.name!r}", f"the reference has had its {budget:g} s", expected)
+            )
+            continue
+        at = state.q, state.u, None, state.inputs, state.t
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)
+            udot, dudot = solver.sensitivities(*at, **seeds)
+        start = time.process_time()
+        with mpmath.workdps(DIGITS):
+            exact, dexact = engine.sensitivities(*at, **seeds)
+            found.append({
+                "state": state.name,
+                "udot": relative(udot, exact),
+                "derivatives": {n: relative(a, b) for n, a, b in zip(names, dudot, dexact, strict=True)},
+            })  # fmt: skip
+        expected = time.process_time() - start
+        spent += expected
+        derivatives = derivatives or dict(zip(names, dexact, strict=True))
+    columns = model.nq + model.nu + len(model.parameters) + len(model.inputs) + 1
+    cost = expected * columns / len(names)
+    if columns <= MOST_COLUMNS and spent + cost <= 2 * budget:
+        with mpmath.workdps(DIGITS):
+            first = states[0]
+            found[0] |= _of_all_columns(engine, solver, (first.q, first.u, None, first.inputs, first.t))
+    else:
+        skipped.append(Skipped("errors of Jacobians and of a gradient", f"they have {columns} columns", cost))
+    return found, derivatives
+
+
+def _seconds_of_udot(model: Model, state: State, budget: float) -> float | None:
+    """CPU seconds of the reference for the accelerations alone; None where that would be more than the budget."""
+    if slowdown() * _seconds_of_udot_in_doubles(model, state) > budget:
+        return None
+    engine = RecursiveEngine(model, numbers="mpmath")
+    start = time.process_time()
+    with mpmath.workdps(DIGITS):
+        engine.accelerations(state.q, state.u, None, state.inputs, state.t)
+    return time.process_time() - start
+
+
+def _seconds_of_udot_in_doubles(model: Model, state: State) -> float:
+    engine = RecursiveEngine(model)
+    start = time.process_time()
+    engine.accelerations(state.q, state.u, None, state.inputs, state.t)
+    return time.process_time() - start
+
+
+def _of_all_columns(engine: RecursiveEngine, solver: Solver, at: Sequence[Any]) -> dict[str, float]:
+    """Of the Jacobians the worst column, and of one gradient the worst of its parts, by q, u, p, inputs and t."""
+    exact = engine.jacobians(*at)
+    given = solver.jacobians(*at)
+    weights = np.random.default_rng(3).normal(size=solver.nu)
+    gradients = solver.gradients(*at, weights=weights)
+    exact_weights = np.array([mpmath.mpf(float(w)) for w in weights], dtype=object)
+    worst_column, worst_part = 0.0, 0.0
+    for part in ("q", "u", "p", "inputs", "t"):
+        columns, ours = (np.asarray(getattr(x, part)) for x in (exact, given))
+        columns, ours = columns.reshape(solver.nu, -1), ours.reshape(solver.nu, -1)
+        for a, b in zip(ours.T, columns.T, strict=True):
+            worst_column = max(worst_column, relative(a, b))
+        if columns.size:
+            worst_part = max(worst_part, relative(np.ravel(getattr(gradients, part)), exact_weights @ columns))
+    return {"jacobians": worst_column, "gradient": worst_part}

@@ -1,0 +1,200 @@
+"""Figures of a report: SVG text by matplotlib, to be read in black and white. Each takes what `measure` found."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+SETTINGS: dict[Any, Any] = {
+    "svg.hashsalt": "ordernm", "svg.fonttype": "none", "font.family": "sans-serif", "font.sans-serif": ["DejaVu Sans"],
+    "font.size": 9, "axes.grid": True, "axes.grid.which": "major", "grid.linewidth": 0.4, "grid.color": "#cccccc",
+    "axes.spines.top": False, "axes.spines.right": False, "legend.frameon": False, "text.parse_math": False,
+}  # fmt: skip
+
+STYLES: dict[str, dict[str, Any]] = {
+    "rk4": {"color": "#8a8a8a", "marker": "s", "linestyle": (0, (1, 1.2))},
+    "dop853": {"color": "#000000", "marker": "o", "linestyle": "-"},
+    "radau": {"color": "#0072b2", "marker": "^", "linestyle": (0, (5, 2))},
+}
+"""Of integrators: they differ by marker and dashes, not by colour alone."""
+
+NAMES = {"rk4": "RK4, constant steps", "dop853": "Dormand-Prince 8(5,3)", "radau": "Radau IIA 5"}
+
+ROUNDING = float(np.finfo(float).eps) / 2
+"""Errors below are drawn there: zero has no place on a logarithmic axis."""
+
+
+@contextmanager
+def _figure(width: float, height: float, columns: int = 1) -> Iterator[tuple[Any, Sequence[Any], list[str]]]:
+    """A figure and its axes; its SVG text is left in the list."""
+    import matplotlib
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+    from matplotlib.figure import Figure
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    text: list[str] = []
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update(SETTINGS)
+        figure = Figure(figsize=(width, height))
+        FigureCanvasSVG(figure)
+        axes = figure.subplots(1, columns, squeeze=False)[0]
+        yield figure, axes, text
+        for ax in axes:
+            for axis in (ax.xaxis, ax.yaxis):
+                if axis.get_scale() == "log":
+                    axis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+                    axis.set_minor_formatter(NullFormatter())
+                    axis.set_major_locator(LogLocator(numticks=7))
+        figure.tight_layout()
+        buffer = io.StringIO()
+        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+        svg = buffer.getvalue()
+        text.append(svg[svg.index("<svg") :])
+
+
+def figures(data: dict[str, Any]) -> dict[str, str]:
+    """SVG text by name, of what there are numbers for."""
+    found: dict[str, str] = {}
+    if data.get("times"):
+        found["times"] = times(data["times"])
+    if data.get("errors"):
+        found["errors"] = errors(data["errors"])
+    motions = data.get("motions")
+    if motions and any(motions["methods"].values()):
+        found["work_precision"] = work_precision(motions)
+    if data.get("differences"):
+        found["differences"] = differences(data["differences"])
+    if motions and motions.get("conditions"):
+        found["conditions"] = conditions(motions["conditions"])
+    if data.get("roofline"):
+        found["roofline"] = roofline(data["roofline"])
+    return found
+
+
+def times(data: dict[str, Any]) -> str:
+    """Bars: microseconds per state in C, and of a single call from Python."""
+    names = list(data["functions"])
+    with _figure(7.2, 0.9 + 0.42 * len(names)) as (_, (ax,), text):
+        y = np.arange(len(names))[::-1]
+        for shift, kind, label, face, hatch in ((0.18, "compiled", "in C, per state of a batch", "#333333", ""),
+                                                (-0.18, "call", "one call from Python", "#ffffff", "////")):  # fmt: skip
+            least = np.array([1e6 * data["functions"][n][kind]["least"] for n in names])
+            high = np.array([1e6 * data["functions"][n][kind]["high"] for n in names])
+            ax.barh(y + shift, least, 0.34, label=label, facecolor=face, edgecolor="#000000", hatch=hatch, linewidth=0.7,
+                    xerr=[np.zeros_like(least), high - least], error_kw={"linewidth": 0.8, "capsize": 2})  # fmt: skip
+        ax.set_yticks(y, names)
+        ax.set_xscale("log")
+        ax.set_xlabel("microseconds per evaluation (least; whisker: nine turns of ten)")
+        ax.grid(False, axis="y")
+        ax.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2, borderaxespad=0)
+    return text[0]
+
+
+def errors(data: list[dict[str, Any]]) -> str:
+    """Dots: relative errors of udot and of every derivative, state by state."""
+    with _figure(7.2, 0.9 + 0.36 * len(data)) as (_, (ax,), text):
+        for y, record in zip(range(len(data))[::-1], data, strict=True):
+            derivatives = np.maximum(list(record["derivatives"].values()), ROUNDING)
+            ax.plot(derivatives, np.full(len(derivatives), y - 0.12), "o", markersize=4, markerfacecolor="none", color="#000000",
+                    label="derivatives, one dot a direction" if y == len(data) - 1 else None)  # fmt: skip
+            ax.plot(max(record["udot"], ROUNDING), y + 0.12, "D", markersize=5, color="#000000",
+                    label="accelerations" if y == len(data) - 1 else None)  # fmt: skip
+        ax.axvline(2 * ROUNDING, color="#8a8a8a", linewidth=0.8, linestyle=(0, (5, 2)))
+        ax.set_yticks(range(len(data))[::-1], [r["state"] for r in data])
+        ax.set_ylim(-0.6, len(data) - 0.4)
+        ax.set_xscale("log")
+        left, right = ax.get_xlim()
+        ax.set_xlim(min(left, 1e-17), max(right, 1e-13))
+        ax.set_xlabel("relative error against the generic engine in extended precision (dashed: rounding of a double)")
+        ax.grid(False, axis="y")
+        ax.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2, borderaxespad=0)
+    return text[0]
+
+
+def work_precision(data: dict[str, Any]) -> str:
+    """Time against error: of the state on the left, of the sensitivities on the right."""
+    sensitive = bool(data["sensitivities"])
+    with _figure(7.2 if sensitive else 4.2, 3.6, 2 if sensitive else 1) as (_, axes, text):
+        for ax, key, floor, title in zip(axes, ("error", "sensitivity_error"),
+                                         ("reference_error", "reference_error_sensitivities"),
+                                         ("state", "sensitivities, the worst"), strict=False):  # fmt: skip
+            for method, points in data["methods"].items():
+                shown = [p for p in points if p[key] is not None and p[key] < 1]
+                ax.plot([max(p[key], ROUNDING) for p in shown], [1e3 * p["seconds"] for p in shown], label=NAMES[method],
+                        markersize=4, linewidth=1, **STYLES[method])  # fmt: skip
+            if data[floor] > 0:
+                ax.axvspan(ax.get_xlim()[0], data[floor], color="#eeeeee", linewidth=0)
+            ax.set_xscale("log")
+            ax.set_yscale("log")
+            ax.invert_xaxis()
+            ax.set_xlabel("relative error at the end")
+            ax.set_title(title, fontsize=9)
+        axes[0].set_ylabel("milliseconds, in C")
+        axes[0].legend(loc="best", fontsize=8)
+    return text[0]
+
+
+def differences(data: dict[str, Any]) -> str:
+    """The V of finite differences, and the exact derivative as a line that needs no step."""
+    with _figure(6.2, 3.6) as (_, (ax,), text):
+        for kind, marker, dashes, label in (("forward", "s", (0, (1, 1.2)), "one-sided differences"),
+                                            ("central", "^", (0, (5, 2)), "central differences")):  # fmt: skip
+            shown = [(h, e) for h, e in zip(data["steps"], data[kind], strict=True) if e is not None]
+            ax.plot([h for h, _ in shown], [max(e, ROUNDING) for _, e in shown], marker=marker, linestyle=dashes, markersize=3.5,
+                    linewidth=1, color="#555555", label=label)  # fmt: skip
+        if data["exact"] is not None:
+            ax.axhline(
+                max(data["exact"], ROUNDING), color="#000000", linewidth=1.6, label="exact, by the generated solver"
+            )
+        ax.set_xscale("log")
+        ax.set_yscale("log")
+        ax.set_ylim(top=10)
+        ax.set_xlabel(f"step in {data['by']}")
+        ax.set_ylabel("relative error of d udot")
+        ax.legend(loc="best", fontsize=8)
+    return text[0]
+
+
+def conditions(data: dict[str, Any]) -> str:
+    """Condition numbers over time."""
+    with _figure(6.2, 2.8) as (_, (ax,), text):
+        for key, dashes, label in (
+            ("closures", "-", "closures, the worst"),
+            ("mass_matrix", (0, (5, 2)), "mass matrix"),
+        ):
+            if key in data:
+                finite = [c if np.isfinite(c) else np.nan for c in data[key]]
+                ax.plot(data["t"], finite, linestyle=dashes, color="#000000", linewidth=1, label=label)
+        ax.set_yscale("log")
+        ax.set_ylim(1, max(10, 1.5 * ax.get_ylim()[1]))
+        ax.set_xlabel("t in s")
+        ax.set_ylabel("condition")
+        ax.legend(loc="best", fontsize=8)
+    return text[0]
+
+
+def roofline(data: dict[str, Any]) -> str:
+    """Operations per second over operations per byte, under what the core can do."""
+    peaks = data["peaks"]
+    with _figure(7.2, 3.6) as (_, (ax,), text):
+        x = np.logspace(-2, 2, 200)
+        for name, dashes in (("first cache", "-"), ("memory", (0, (5, 2)))):
+            ax.plot(x, np.minimum(x * peaks[name], peaks["vectors"]) / 1e9, color="#000000", linewidth=1.2, linestyle=dashes,
+                    label=f"{name}, {peaks[name] / 1e9:.0f} GB/s")  # fmt: skip
+        ax.axhline(peaks["numbers"] / 1e9, color="#8a8a8a", linewidth=1, linestyle=(0, (1, 1.2)),
+                   label=f"one number at a time, {peaks['numbers'] / 1e9:.1f} GFlop/s")  # fmt: skip
+        for point, marker in zip(data["points"], "os^", strict=True):
+            ax.plot(
+                point["per_byte"], point["per_second"] / 1e9, marker, color="#000000", markersize=6, label=point["name"]
+            )
+        ax.set_xscale("log")
+        ax.set_yscale("log")
+        ax.set_xlabel("operations per byte of arguments and results")
+        ax.set_ylabel("GFlop/s")
+        ax.legend(loc="upper left", bbox_to_anchor=(1, 1), fontsize=8)
+    return text[0]

@@ -1,0 +1,88 @@
+"""A gallery: the reports of all models of a folder, and a page that lists them."""
+
+from __future__ import annotations
+
+import html
+from pathlib import Path
+from typing import Any
+
+from ..emit.templates import render
+from ..folders import FolderError
+from ..model.errors import ModelError
+from ..runtime.standalone.errors import SingularJointError
+from . import pages
+from .measuring import Progress, Request, report
+
+HEAD = [
+    "model",
+    "bodies",
+    "loops",
+    "freedoms",
+    "udot in C",
+    "udot + 8 directions",
+    "worst error of udot",
+    "of a derivative",
+    "left out",
+]
+
+
+def gallery(folder: Path, target: Path, request: Request, progress: Progress) -> dict[str, str]:
+    """Reports of all ``*.yaml`` in a folder, each in a folder of its own beside ``index.html``.
+
+    Returns
+    -------
+    dict of str to str
+        Models that there is no report of, and why.
+
+    Raises
+    ------
+    FolderError
+        There are no models, or something else stands where the gallery is to be.
+    """
+    files = sorted(folder.glob("*.yaml"))
+    if not files:
+        raise FolderError(f"{folder} holds no model files (*.yaml)")
+    pages.need()
+    _refuse_foreign(target, {f.stem for f in files})
+    rows: list[list[str]] = []
+    failed: dict[str, str] = {}
+    for i, file in enumerate(files):
+        progress(f"{file.stem}", i, len(files))
+        try:
+            rows.append(row(file.stem, report(file, target / file.stem, request=request)))
+        except (ModelError, SingularJointError) as error:
+            failed[file.stem] = str(error)
+        _write(folder, target, rows, failed)  # after each: what is there can be looked at meanwhile
+    return failed
+
+
+def row(name: str, data: dict[str, Any]) -> list[str]:
+    """What the list shows of a report."""
+    g, times = data["generated"], data.get("times", {}).get("functions", {})
+    taken = [
+        pages.seconds(times[n]["compiled"]["least"]) if n in times else "-" for n in ("udot", "udot + 8 directions")
+    ]
+    errors = data.get("errors") or []
+    worst = (
+        max((e["udot"] for e in errors), default=None),
+        max((max(e["derivatives"].values()) for e in errors), default=None),
+    )
+    return [name, *(str(g[k]) for k in ("bodies", "loops", "freedoms")), *taken, *(pages.number(x, 2) for x in worst),
+            str(len(data["skipped"]))]  # fmt: skip
+
+
+def _refuse_foreign(target: Path, names: set[str]) -> None:
+    if target.exists() and not target.is_dir():
+        raise FolderError(f"{target} is a file; give a folder to write into with -o")
+    foreign = sorted({p.name for p in target.glob("*")} - names - {pages.PAGE})
+    if foreign:
+        raise FolderError(
+            f"{target} holds {', '.join(foreign[:5])}, which no gallery wrote; choose another folder with -o"
+        )
+
+
+def _write(folder: Path, target: Path, rows: list[list[str]], failed: dict[str, str]) -> None:
+    lines = [{"name": html.escape(r[0]), "cells": [html.escape(c) for c in r[1:]]} for r in rows]
+    told = [{"name": html.escape(n), "why": html.escape(why)} for n, why in failed.items()]
+    context = {"title": html.escape(folder.resolve().name), "head": HEAD, "rows": lines, "failed": told}
+    (target / pages.PAGE).write_text(render("report/gallery.html.jinja", context), encoding="utf-8")

@@ -1,0 +1,143 @@
+"""What a report of a model holds, and in which order it is measured."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..bench.machine import machine
+from ..generation import generate
+from ..model import Model, load_model
+from ..runtime import load
+from ..runtime.standalone.errors import SingularJointError
+from ..version import __version__
+from . import differences, errors, generated, motions, pages, roofline
+from .skipped import Skipped
+from .states import State, states
+from .times import times
+
+if TYPE_CHECKING:
+    from ..runtime import Solver
+
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True)
+class Request:
+    """How much is measured.
+
+    Attributes
+    ----------
+    end : float
+        Of the motions, s.
+    timing : float
+        Seconds for the times of each function, about.
+    reference : float
+        CPU seconds for the reference in extended precision, about.
+    """
+
+    end: float = motions.END
+    timing: float = 0.25
+    reference: float = 12.0
+
+
+def report(
+    model: Model | str | Path, folder: str | Path = "report", *, request: Request | None = None,
+    progress: Progress = lambda stage, done, of: None,
+) -> dict[str, Any]:  # fmt: skip
+    """Measure a model and write ``index.html``, ``report.md``, ``report.json`` and ``figures/`` into a folder.
+
+    Parameters
+    ----------
+    model : Model or path
+    folder : path
+        Made if need be; what a report wrote there before is replaced, anything else is refused.
+    request : Request, optional
+    progress : callable, optional
+        Called with the stage, how much of it is done, and of how much.
+
+    Returns
+    -------
+    dict
+        What ``report.json`` holds.
+
+    Raises
+    ------
+    ModelError, FolderError, CompileError, NoCompilerError
+    ImportError
+        Without matplotlib, which the extra ``plot`` installs.
+    """
+    pages.need()
+    target = Path(folder)
+    pages.refuse_foreign(target)
+    if not isinstance(model, Model):
+        progress("reading", 0, 0)
+        model = load_model(model)
+    data = measure(model, request or Request(), progress)
+    progress("drawing", 0, 0)
+    pages.write(data, target)
+    return data
+
+
+def measure(model: Model, request: Request, progress: Progress) -> dict[str, Any]:
+    """All that a report says, as numbers and words that JSON can hold."""
+    skipped: list[Skipped] = []
+    begin = time.perf_counter()
+    with tempfile.TemporaryDirectory() as scratch:
+        made = generate(model, Path(scratch) / model.name, check=False, progress=progress)
+        solver = load(made.folder)
+        data: dict[str, Any] = {
+            "model": model.name,
+            "ordernm": __version__,
+            "date": time.strftime("%Y-%m-%d"),
+            "machine": machine(),
+            "generated": generated.generated(model, made, solver),
+        }
+        progress("drawing states", 0, 0)
+        found = states(model, solver, lambda s: _condition(solver, s))
+        if found:
+            data["states"] = [_state(solver, s) for s in found]
+            progress("timing", 0, 0)
+            data["times"] = times(model, solver, found[0], request.timing)
+            data["roofline"] = {
+                "peaks": roofline.peaks(),
+                "points": roofline.points(solver, data["times"]["functions"]),
+            }
+            progress("comparing with the reference in extended precision", 0, 0)
+            data["errors"], exact = errors.errors(model, solver, found, request.reference, skipped)
+            progress("finite differences", 0, 0)
+            data["differences"] = differences.differences(model, solver, found[0], exact, skipped)
+        else:
+            skipped.append(
+                Skipped(
+                    "times and errors", "no random state near the initial one closes the loops and has accelerations"
+                )
+            )
+        progress("integrating", 0, 0)
+        data["motions"] = motions.motions(model, solver, request.end, skipped)
+    data["skipped"] = [{"what": s.what, "why": s.why, "seconds": s.seconds, "text": str(s)} for s in skipped]
+    data["seconds"] = time.perf_counter() - begin
+    return data
+
+
+def _condition(solver: Solver, state: State) -> float:
+    """Of the closures, or of the mass matrix of a tree."""
+    try:
+        if solver.closure_names:
+            return float(solver.condition(state.q).min())
+        if solver.nu > motions.LARGEST_MATRIX:
+            return 1.0
+        return float(np.linalg.cond(solver.mass_matrix(state.q)))
+    except SingularJointError:
+        return float("inf")
+
+
+def _state(solver: Solver, state: State) -> dict[str, Any]:
+    return {"name": state.name, "q": state.q.tolist(), "u": state.u.tolist(), "inputs": state.inputs.tolist(), "t": state.t,
+            "condition": _condition(solver, state)}  # fmt: skip

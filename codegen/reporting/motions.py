@@ -1,0 +1,189 @@
+"""Motions: work-precision diagrams of every integrator, for state and sensitivities, and conditions along the way."""
+
+from __future__ import annotations
+
+import math
+import time
+import warnings
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..runtime.standalone.errors import AssemblyError, SimulationError, SingularJointError, SingularLoopError
+from .skipped import Skipped
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from ..model import Model
+    from ..runtime import Solver, Trajectory
+
+    Array = NDArray[np.float64]
+
+END = 5.0
+"""Seconds of motion, if nobody says how many."""
+
+ADAPTIVE = {"dop853": range(4, 13), "radau": range(4, 11)}
+"""Tolerances 10^-e of the adaptive methods."""
+
+REFERENCE, BESIDE = 1e-13, 1e-12
+"""Tolerances of the motion that errors are against, and of the one beside it by which its own error is judged."""
+
+FIXED = [2**i for i in range(5, 15)]
+"""Numbers of steps of the method with constant ones."""
+
+LONGEST = 0.5
+"""Seconds that one motion of a diagram may take; a method goes no further then."""
+
+MOST_SENSITIVITIES = 4
+
+SAMPLES = 201
+"""Times along a motion at which conditions are looked at."""
+
+LARGEST_MATRIX = 300
+"""Speeds up to which conditions of mass matrices are computed."""
+
+ROUNDS = 3
+"""A motion is timed so often; the least counts."""
+
+
+def motions(model: Model, solver: Solver, end: float, skipped: list[Skipped]) -> dict[str, Any] | None:
+    """Work-precision diagrams, and conditions along the motion; None if the model does not move.
+
+    Returns
+    -------
+    dict
+        ``end``; ``ended``, why a motion is shorter than asked for; ``sensitivities``, names; ``reference_error``, of the state
+        and of ``reference_error_sensitivities``; ``methods``: lists of points, each with ``setting``, ``error``,
+        ``sensitivity_error``, ``evaluations``, ``seconds``, ``ended``; ``conditions``, see `conditions`.
+    """
+    names = list(model.parameter_names[:MOST_SENSITIVITIES])
+    probe = _motion(solver, end, names, "dop853", 1e-6)
+    if isinstance(probe, str):
+        skipped.append(Skipped("motions", probe))
+        return None
+    reached = float(probe.t[-1])
+    found: dict[str, Any] = {"asked": end, "sensitivities": names}
+    if reached < end:
+        found["ended"] = str(probe.stats["reason"])
+        end = float(f"{0.8 * reached:.2g}")
+        if not end > 0:
+            skipped.append(Skipped("motions", found["ended"]))
+            return None
+    stiff = float(probe.stats["seconds"]) > LONGEST / 4
+    if stiff:  # an explicit method needs too many steps: the implicit one is the reference
+        probe = _motion(solver, end, names, "radau", 1e-6)
+    taken = math.inf if isinstance(probe, str) else float(probe.stats["seconds"])
+    if taken > LONGEST / 4:
+        shorter = float(f"{end * LONGEST / 4 / min(taken, 1e3):.2g}")
+        skipped.append(Skipped(f"motions beyond {shorter:g} s", f"a motion of {end:g} s takes {taken:.2g} s"))
+        end = shorter
+    method = "radau" if stiff else "dop853"
+    best, beside = (_motion(solver, end, names, method, e) for e in (REFERENCE, BESIDE))
+    if isinstance(best, str) or isinstance(beside, str):
+        skipped.append(Skipped("motions", next(x for x in (best, beside) if isinstance(x, str))))
+        return None
+    found |= {"end": end, "reference": f"{method} at {REFERENCE:g}"}
+    found["reference_error"], found["reference_error_sensitivities"] = _errors(beside, best)
+    found["methods"] = {"rk4": _fixed(solver, end, names, best)}
+    for name, exponents in ADAPTIVE.items():
+        found["methods"][name] = _adaptive(solver, end, names, name, exponents, best)
+    found["conditions"] = conditions(solver, end, method, skipped)
+    return found
+
+
+def _motion(
+    solver: Solver, end: float, names: Sequence[str], method: str, tolerance: float, steps: int | None = None,
+    times: Array | None = None,
+) -> Trajectory | str:  # fmt: skip
+    """A motion as far as it comes, or why there is none."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return solver.simulate(
+                [0.0, end] if times is None else times, sensitivities=names, method=method, rtol=tolerance, atol=tolerance,
+                step=None if steps is None else end / steps, atol_sensitivities=tolerance if names and steps is None else None,
+                on_failure="return",
+            )  # fmt: skip
+    except (SimulationError, AssemblyError, SingularLoopError, SingularJointError, ValueError) as error:
+        return str(error)
+
+
+def _errors(x: Trajectory, exact: Trajectory) -> tuple[float, float]:
+    """Relative errors at the end: of the state, its coordinates and speeds apart, and of the worst derivative."""
+
+    def relative(a: Array, b: Array) -> float:
+        size = float(np.max(np.abs(b), initial=0.0))
+        difference = float(np.max(np.abs(a - b), initial=0.0))
+        return difference / size if size else (0.0 if not difference else math.inf)
+
+    state = max(relative(a[-1], b[-1]) for a, b in ((x.q, exact.q), (x.u, exact.u)))
+    rows = [relative(a[i, -1], b[i, -1]) for a, b in ((x.dq, exact.dq), (x.du, exact.du)) for i in range(len(b))]
+    return state, max(rows, default=0.0)
+
+
+def _point(solver: Solver, end: float, names: Sequence[str], method: str, tolerance: float, steps: int | None,
+           best: Trajectory) -> dict[str, Any] | None:  # fmt: skip
+    """One point of a diagram; None if the motion did not come to its end."""
+    x = _motion(solver, end, names, method, tolerance, steps)
+    if isinstance(x, str) or x.t[-1] != best.t[-1]:
+        return None
+    seconds = float(x.stats["seconds"])
+    for _ in range(ROUNDS - 1):
+        again = _motion(solver, end, names, method, tolerance, steps)
+        if not isinstance(again, str):
+            seconds = min(seconds, float(again.stats["seconds"]))
+    error, sensitivity_error = _errors(x, best)
+    return {
+        "setting": end / steps if steps else tolerance, "error": error, "sensitivity_error": sensitivity_error if names else None,
+        "evaluations": int(x.stats["evaluations"]), "seconds": seconds,
+    }  # fmt: skip
+
+
+def _adaptive(
+    solver: Solver, end: float, names: Sequence[str], method: str, exponents: Sequence[int], best: Trajectory
+) -> list[dict[str, Any]]:
+    points: list[dict[str, Any]] = []
+    for e in exponents:
+        point = _point(solver, end, names, method, 10.0**-e, None, best)
+        if point is not None:
+            points.append(point)
+            if point["seconds"] > LONGEST:
+                break
+    return points
+
+
+def _fixed(solver: Solver, end: float, names: Sequence[str], best: Trajectory) -> list[dict[str, Any]]:
+    points: list[dict[str, Any]] = []
+    for steps in FIXED:
+        point = _point(solver, end, names, "rk4", 1e-9, steps, best)
+        if point is not None and np.isfinite(point["error"]) and point["error"] < 1:
+            points.append(point)
+            if point["seconds"] > LONGEST:
+                break
+    return points
+
+
+def conditions(solver: Solver, end: float, method: str, skipped: list[Skipped]) -> dict[str, Any] | None:
+    """Conditions along the motion: of the closures, and of the mass matrix of a tree.
+
+    Returns
+    -------
+    dict
+        ``t`` and, where there are any, ``closures`` and ``mass_matrix``: a number for each time, at least 1.
+    """
+    x = _motion(solver, end, (), method, 1e-9, times=np.linspace(0.0, end, SAMPLES))
+    if isinstance(x, str):
+        return None
+    found: dict[str, Any] = {"t": x.t.tolist()}
+    if solver.closure_names:
+        found["closures"] = [float(c) for c in solver.condition(x.q).min(axis=-1)]
+    elif solver.nu <= LARGEST_MATRIX:
+        found["mass_matrix"] = [float(c) for c in np.linalg.cond(solver.mass_matrix(x.q))]
+    else:
+        start = time.perf_counter()
+        np.linalg.cond(np.eye(LARGEST_MATRIX))
+        seconds = (time.perf_counter() - start) * SAMPLES * (solver.nu / LARGEST_MATRIX) ** 3
+        skipped.append(Skipped("condition of the mass matrix along the motion", f"{solver.nu} speeds", seconds))
+    return found if len(found) > 1 else None

@@ -1,0 +1,250 @@
+"""Prints a report: one HTML page that needs nothing else, Markdown beside it, and JSON."""
+
+from __future__ import annotations
+
+import html
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+from ..emit.templates import render
+from ..folders import FolderError, write_folder
+from . import figures
+
+PAGE, MARKDOWN, NUMBERS, FIGURES = "index.html", "report.md", "report.json", "figures"
+
+Table = dict[str, Any]
+"""``title``, ``head``, ``rows`` of text, ``note``."""
+
+Section = dict[str, Any]
+"""``title``, ``text`` (sentences), ``figures`` (names), ``tables``."""
+
+
+def need() -> None:
+    """ImportError, which tells what to install, where matplotlib is not there."""
+    from ..runtime.standalone.trajectory_plot import need as need_matplotlib
+
+    need_matplotlib()
+
+
+def refuse_foreign(folder: Path) -> None:
+    """Raise `FolderError` unless the folder is absent, empty, or an earlier report and nothing else."""
+    if folder.exists() and not folder.is_dir():
+        raise FolderError(f"{folder} is a file; give a folder to write into with -o")
+    if not folder.exists():
+        return
+    here = Path.cwd()
+    if folder.resolve() in (here, *here.parents):
+        raise FolderError(f"{folder} is, or holds, the working directory; give a folder of its own with -o")
+    foreign = sorted({p.name for p in folder.iterdir()} - {PAGE, MARKDOWN, NUMBERS, FIGURES})
+    foreign += sorted(f"{FIGURES}/{p.name}" for p in (folder / FIGURES).glob("*") if p.suffix != ".svg")
+    if foreign:
+        raise FolderError(
+            f"{folder} holds {', '.join(foreign[:5])}{', ...' if len(foreign) > 5 else ''}, which no report wrote; "
+            f"choose another folder with -o"
+        )
+
+
+def write(data: dict[str, Any], folder: Path) -> None:
+    """Write all files of a report at once."""
+    write_folder(folder, texts(data))
+
+
+def texts(data: dict[str, Any]) -> dict[str, str]:
+    """Files of a report by name."""
+    drawn = figures.figures(data)
+    sections = tables(data)
+    head = {"title": html.escape(data["model"]), "data": data}
+    page = head | {"sections": [_for_html(s, drawn) for s in sections]}
+    plain = head | {"title": data["model"], "sections": [_for_markdown(s, drawn) for s in sections]}
+    return {
+        PAGE: render("report/index.html.jinja", page),
+        MARKDOWN: render("report/report.md.jinja", plain),
+        NUMBERS: json.dumps(_plain(data), indent=1, allow_nan=False) + "\n",
+        **{f"{FIGURES}/{name}.svg": svg + "\n" for name, svg in drawn.items()},
+    }
+
+
+def _for_html(section: Section, drawn: dict[str, str]) -> Section:
+    """The same with text escaped, and the figure inside."""
+    return {
+        "title": html.escape(section["title"]), "text": [html.escape(x) for x in section["text"]],
+        "figures": [{"svg": drawn[n]} for n in section["figures"] if n in drawn],
+        "tables": [
+            {"title": html.escape(t["title"]), "note": html.escape(t["note"]), "head": [html.escape(h) for h in t["head"]],
+             "rows": [[html.escape(c) for c in row] for row in t["rows"]]}
+            for t in section["tables"]
+        ],
+    }  # fmt: skip
+
+
+def _for_markdown(section: Section, drawn: dict[str, str]) -> Section:
+    """The same with the rules that Markdown's tables need, and the figure's name."""
+    return {
+        "title": section["title"], "text": section["text"],
+        "figures": [{"name": n} for n in section["figures"] if n in drawn],
+        "tables": [
+            {"heading": f"### {t['title']}\n\n" if t["title"] else "", "head": t["head"],
+             "rule": " | ".join(["---"] * len(t["head"])), "rows": [[c.replace("|", "\\|") for c in row] for row in t["rows"]],
+             "footnote": f"\n{t['note']}\n" if t["note"] else ""}
+            for t in section["tables"]
+        ],
+    }  # fmt: skip
+
+
+def _plain(x: Any) -> Any:
+    """The same with null for what is not finite, which JSON has no word for."""
+    if isinstance(x, dict):
+        return {k: _plain(v) for k, v in x.items()}
+    if isinstance(x, list | tuple):
+        return [_plain(v) for v in x]
+    return None if isinstance(x, float) and not math.isfinite(x) else x
+
+
+def tables(data: dict[str, Any]) -> list[Section]:
+    """Sections of a report: title, sentences, the name of a figure, tables."""
+    sections = [_generated(data)]
+    if "times" in data:
+        sections += [_times(data), _roofline(data)]
+    if data.get("errors"):
+        sections.append(_errors(data))
+    if data.get("differences"):
+        sections.append(_differences(data["differences"]))
+    if data.get("motions"):
+        sections += _motions(data["motions"])
+    if data["skipped"]:
+        sections.append(_section("What was left out", [s["text"] for s in data["skipped"]]))
+    return sections
+
+
+def _section(title: str, text: list[str], figure: str = "", found: list[Table] | None = None) -> Section:
+    return {"title": title, "text": text, "figures": [figure] if figure else [], "tables": found or []}
+
+
+def _table(title: str, head: list[str], rows: list[list[str]], note: str = "") -> Table:
+    return {"title": title, "head": head, "rows": rows, "note": note}
+
+
+def number(x: float | None, digits: int = 3) -> str:
+    """A number as people read it; nothing for none."""
+    if x is None:
+        return "-"
+    if not math.isfinite(x):
+        return str(x)
+    return f"{x:.{digits}g}"
+
+
+def seconds(x: float) -> str:
+    """Such as ``231 ns``, ``4.56 us``, ``1.2 ms``, ``3 s``."""
+    for unit, size in (("s", 1.0), ("ms", 1e-3), ("us", 1e-6)):
+        if x >= size:
+            return f"{x / size:.3g} {unit}"
+    return f"{x / 1e-9:.3g} ns"
+
+
+def _generated(data: dict[str, Any]) -> Section:
+    g, m = data["generated"], data["machine"]
+    names = (
+        "bodies", "links", "loops", "coordinates", "speeds", "freedoms", "parameters", "inputs", "outputs", "kinds", "layout",
+        "code_lines", "code_bytes", "library_bytes",
+    )  # fmt: skip
+    note = "freedoms: independent speeds; kinds: links, ears and regions of equal structure, which share code"
+    sizes = _table("Sizes", ["", ""], [[n.replace("_", " "), str(g[n])] for n in names], note)
+    stages = _table("Generation", ["stage", "time"], [[n, seconds(s)] for n, s in g["seconds"].items()])
+    on = _table("Measured on", ["", ""], [[k, v] for k, v in m.items()])
+    rows = []
+    for name in ("accelerations", "sensitivities", "sensitivities_transposed"):
+        for sweep, counts in g["operations"].get(name, {}).items():
+            per_call, more = (sum(counts[k].values()) for k in ("per_call", "per_direction"))
+            rows.append([name, sweep, str(per_call), str(more)])
+    note = "additions, multiplications, divisions and functions, each counted as one"
+    counted = _table("Operations", ["function", "sweep", "per call", "per direction"], rows, note)
+    return _section("What was generated", g["choice"] + g["remarks"], "", [sizes, stages, on, counted])
+
+
+def _times(data: dict[str, Any]) -> Section:
+    t = data["times"]
+    rows = []
+    for name, x in t["functions"].items():
+        c, call = x["compiled"], x["call"]
+        shown = c["least"], c["median"], c["high"], call["least"], call["median"], call["high"]
+        rows.append([name, *(seconds(s) for s in shown)])
+    functions = _table(
+        "Per evaluation",
+        ["function", "in C, least", "median", "nine of ten", "one call from Python, least", "median", "nine of ten"],
+        rows,
+        "in C: per state of a batch in one thread. All functions took turns. Another run's medians lie between least and nine of "
+        "ten where the machine does nothing else.",
+    )
+    rows = [[n, seconds(x["least"]), seconds(x["median"])] for n, x in t["batches"].items()]
+    batches = _table("Accelerations in batches", ["states", "per state, least", "median"], rows)
+    return _section("Time per evaluation", [], "times", [functions, batches])
+
+
+def _roofline(data: dict[str, Any]) -> Section:
+    r = data["roofline"]
+    rows = []
+    for p in r["points"]:
+        parts = [f"{100 * p['per_second'] / r['peaks'][peak]:.0f} %" for peak in ("vectors", "numbers")]
+        rows.append([p["name"], str(p["operations"]), f"{p['per_second'] / 1e9:.2f}", number(p["per_byte"]), *parts])
+    head = [
+        "function",
+        "operations",
+        "GFlop/s",
+        "operations per byte",
+        "of the vectors' peak",
+        "of one number at a time",
+    ]
+    text = "Operations per second against what the core did in loops of multiply-adds and of sums, measured in the same run."
+    return _section("Roofline", [text], "roofline", [_table("", head, rows)])
+
+
+def _errors(data: dict[str, Any]) -> Section:
+    conditions = {s["name"]: s["condition"] for s in data["states"]}
+    rows = []
+    for e in data["errors"]:
+        by, worst = max(e["derivatives"].items(), key=lambda item: item[1])
+        figures_of = [number(x, 2) for x in (e["udot"], worst)]
+        more = [number(e.get(name), 2) for name in ("jacobians", "gradient")]
+        rows.append([e["state"], number(conditions[e["state"]]), *figures_of, by, *more])
+    note = "largest difference over largest entry, of each direction; condition: of the closures, or of a tree's mass matrix"
+    head = ["state", "condition", "udot", "worst derivative", "by", "Jacobians, worst column", "gradient"]
+    text = "The generated C against the generic engine in numbers of 40 digits, both from the same doubles."
+    return _section("Errors", [text], "errors", [_table("Relative errors", head, rows, note)])
+
+
+def _differences(data: dict[str, Any]) -> Section:
+    rows = [
+        [f"{words} differences, best step", number(min((e for e in data[kind] if e is not None), default=None), 2)]
+        for kind, words in (("forward", "one-sided"), ("central", "central"))
+    ]
+    rows.append(["exact, by the generated solver", number(data["exact"], 2)])
+    text = [
+        f"Derivative of the accelerations by {data['by']}; errors are against {data['reference']}.",
+        "Differences lose digits to truncation on the right and to rounding on the left; the exact derivative has no step.",
+    ]
+    return _section("Finite differences", text, "differences", [_table("", ["", "relative error"], rows)])
+
+
+def _motions(data: dict[str, Any]) -> list[Section]:
+    rows = []
+    for method, points in data["methods"].items():
+        for p in points:
+            errors = [number(p[key], 2) for key in ("error", "sensitivity_error")]
+            rows.append([method, number(p["setting"], 2), *errors, str(p["evaluations"]), seconds(p["seconds"])])
+    by = f", with derivatives by {', '.join(data['sensitivities'])}" if data["sensitivities"] else ""
+    text = [
+        f"{data['end']:g} s of motion{by}. Errors at the end are against {data['reference']}, itself right to about "
+        f"{number(data['reference_error'], 2)}; grey: errors that the reference cannot tell."
+    ]
+    if data["end"] < data["asked"]:
+        text.append(
+            f"Shorter than the {data['asked']:g} s asked for" + (f": {data['ended']}." if "ended" in data else ".")
+        )
+    head = ["method", "tolerance or step", "error", "error of sensitivities", "evaluations", "time in C"]
+    sections = [_section("Work and precision", text, "work_precision", [_table("", head, rows)])]
+    if data.get("conditions"):
+        rows = [[k.replace("_", " "), number(max(v))] for k, v in data["conditions"].items() if k != "t"]
+        sections.append(_section("Conditions along the motion", [], "conditions", [_table("", ["", "largest"], rows)]))
+    return sections

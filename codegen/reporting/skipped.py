@@ -1,0 +1,33 @@
+"""What a report leaves out: said, with the reason and the time that it would have taken."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Skipped:
+    """Something that was not measured.
+
+    Attributes
+    ----------
+    what, why : str
+    seconds : float or None
+        How long it would have taken, about; None where time was not the reason.
+    """
+
+    what: str
+    why: str
+    seconds: float | None = None
+
+    def __str__(self) -> str:
+        took = "" if self.seconds is None else f"; it would have taken about {seconds_in_words(self.seconds)}"
+        return f"{self.what}: {self.why}{took}"
+
+
+def seconds_in_words(seconds: float) -> str:
+    """Such as "40 s" or "3 h"; nobody needs more digits of an estimate."""
+    for unit, size in (("h", 3600.0), ("min", 60.0), ("s", 1.0), ("ms", 1e-3)):
+        if seconds >= 2 * size or unit == "ms":
+            return f"{seconds / size:.2g} {unit}"
+    raise AssertionError

@@ -1,0 +1,119 @@
+"""States at which a report measures: random ones, extreme ones, and one close to a singularity."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..runtime.standalone.errors import AssemblyError, SingularJointError, SingularLoopError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from ..model import Model
+    from ..runtime import Solver
+
+    Array = NDArray[np.float64]
+
+RANDOM = 3
+"""So many random states."""
+
+SEARCHED = 200
+"""Among so many random states the one with the worst condition is taken for the one near a singularity."""
+
+TURNS, FAST = 1e5, 1e3
+"""Extreme states: turns of every independent hinge, and by what speeds are multiplied."""
+
+SPREAD, SPREAD_CLOSED = 1.0, 0.15
+"""Standard deviation of coordinates about the initial state, rad or m; of models with loops."""
+
+
+@dataclass(frozen=True)
+class State:
+    """Where something is evaluated.
+
+    Attributes
+    ----------
+    name : str
+        "random 1", "many turns", ...
+    q, u, inputs : (nq,), (nu,), (ninputs,)
+    t : float
+        s.
+    """
+
+    name: str
+    q: Array
+    u: Array
+    inputs: Array
+    t: float
+
+
+def states(model: Model, solver: Solver, condition: Callable[[State], float]) -> list[State]:
+    """The states of a report; the same for the same solver.
+
+    Parameters
+    ----------
+    condition : callable
+        Of a state: large near a singularity.
+    """
+    drawn = random_states(solver, np.random.default_rng(1))
+    found = [s for _, s in zip(range(RANDOM), drawn, strict=False)]
+    if not found:
+        return []
+    first = found[0]
+    found += [s for s in (_turned(model, solver, first), _fast(solver, first)) if s is not None]
+    worst, worst_condition = None, -1.0
+    for _, s in zip(range(SEARCHED), drawn, strict=False):
+        c = condition(s)
+        if np.isfinite(c) and c > worst_condition:
+            worst, worst_condition = s, c
+    if worst is not None:
+        found.append(State("worst condition", worst.q, worst.u, worst.inputs, worst.t))
+    return found
+
+
+def random_states(solver: Solver, rng: np.random.Generator, most: int = 10 * SEARCHED) -> Iterator[State]:
+    """States about the initial one, loops closed; those that do not close or have no finite accelerations are left out."""
+    try:
+        q0, u0 = solver.initial
+    except (AssemblyError, SingularLoopError):
+        return
+    spread = SPREAD_CLOSED if solver.closure_names else SPREAD
+    number = 0
+    for _ in range(most):
+        q, u = q0 + spread * rng.normal(size=solver.nq), u0 + rng.normal(size=solver.nu)
+        inputs, t = rng.normal(size=solver.ninputs), float(rng.uniform(0.1, 1.0))
+        state = _closed(solver, f"random {number + 1}", q, u, inputs, t)
+        if state is not None:
+            number += 1
+            yield state
+
+
+def _closed(solver: Solver, name: str, q: Array, u: Array, inputs: Array, t: float) -> State | None:
+    try:
+        q, u = solver.assemble(q, u)
+        with np.errstate(all="ignore"), warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)
+            finite = np.isfinite(solver.accelerations(q, u, None, inputs, t)).all()
+    except (AssemblyError, SingularLoopError, SingularJointError):
+        return None
+    return State(name, q, u, inputs, t) if finite else None
+
+
+def _turned(model: Model, solver: Solver, state: State) -> State | None:
+    """Every independent angle many turns on."""
+    units = zip(model.coordinate_names, model.coordinate_units, strict=True)
+    angles = [i for i, (name, unit) in enumerate(units) if unit == "rad" and name in solver.independent_names]
+    if not angles:
+        return None
+    q = state.q.copy()
+    q[angles] += TURNS * 2 * np.pi
+    return _closed(solver, "many turns", q, state.u, state.inputs, state.t)
+
+
+def _fast(solver: Solver, state: State) -> State | None:
+    return _closed(solver, "fast", state.q, FAST * state.u, state.inputs, state.t)

@@ -1,0 +1,117 @@
+"""Times of the generated functions: single calls from Python, and per state of a batch, which is the time in C."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..bench.timing import Seconds, alternate, calibrated, one_core
+from .states import State
+
+if TYPE_CHECKING:
+    from ..model import Model
+    from ..runtime import Solver
+
+DIRECTIONS = (1, 8)
+"""Numbers of directions of the sensitivities that are timed."""
+
+BATCHES = (1, 16, 256, 4096)
+
+LARGEST = 16e6
+"""Bytes that the results of a batch may take."""
+
+BATCH = 2048
+"""States a batch has where functions are compared, if its results are no larger: the cost of the call vanishes."""
+
+
+def times(model: Model, solver: Solver, state: State, budget: float) -> dict[str, Any]:
+    """Seconds per evaluation, all functions in turns.
+
+    Parameters
+    ----------
+    model, solver
+    state : State
+        Where; the states of a batch lie about it.
+    budget : float
+        Seconds for each function, about.
+
+    Returns
+    -------
+    dict
+        ``functions``: for each, ``compiled`` (per state of a batch) and ``call`` (a single one from Python), each with
+        ``least``, ``median``, ``high`` (nine of ten turns took less) and ``turns``; ``batches``: for the accelerations, by size.
+    """
+    rng = np.random.default_rng(4)
+    runs: dict[str, Callable[[], object]] = {}
+    counts: dict[str, int] = {}
+    for name, columns, function in _functions(model, solver, rng):
+        n = max(1, min(BATCH, int(LARGEST / (8 * solver.nu * max(columns, 1)))))
+        counts[name] = n
+        one, many = _states(state, 1), _states(state, n)
+        runs[f"{name} call"] = lambda function=function, at=one: function(at)  # type: ignore[misc]
+        runs[f"{name} compiled"] = lambda function=function, at=many: function(at)  # type: ignore[misc]
+    sizes = [n for n in BATCHES if 8 * n * (solver.nq + 2 * solver.nu) <= LARGEST]
+    for n in sizes:
+        many = _states(state, n)
+        runs[f"batch {n}"] = lambda at=many: solver.accelerations(*at)  # type: ignore[misc]
+    with warnings.catch_warnings(), one_core():
+        warnings.simplefilter("ignore", RuntimeWarning)
+        taken = alternate({name: calibrated(run) for name, run in runs.items()}, budget)
+    return {
+        "functions": {
+            name: {
+                "compiled": _record(taken[f"{name} compiled"], n),
+                "call": _record(taken[f"{name} call"]),
+                "states": n,
+            }
+            for name, n in counts.items()
+        },
+        "batches": {str(n): _record(taken[f"batch {n}"], n) for n in sizes},
+    }
+
+
+def _record(seconds: Seconds, states: int = 1) -> dict[str, float]:
+    return {"least": seconds.least / states, "median": seconds.median / states, "high": seconds.high / states,
+            "turns": seconds.turns}  # fmt: skip
+
+
+def _states(state: State, n: int) -> tuple[Any, ...]:
+    """The state n times over, speeds a little apart; for n = 1 without a batch axis."""
+    if n == 1:
+        return state.q, state.u, None, state.inputs, state.t
+    scale = 1 + 1e-3 * np.linspace(-1, 1, n)[:, None]
+    return np.tile(state.q, (n, 1)), state.u * scale, None, state.inputs, state.t
+
+
+def _functions(
+    model: Model, solver: Solver, rng: np.random.Generator
+) -> list[tuple[str, int, Callable[[tuple[Any, ...]], object]]]:
+    """Name, numbers of columns of the results, and what is called with a state."""
+    found: list[tuple[str, int, Callable[[tuple[Any, ...]], object]]] = [
+        ("udot", 1, lambda at: solver.accelerations(*at))
+    ]
+    for k in DIRECTIONS:
+        seeds = {"dq": rng.normal(size=(k, solver.nq)), "du": rng.normal(size=(k, solver.nu)),
+                 "dp": rng.normal(size=(k, solver.np))}  # fmt: skip
+
+        def along(at: tuple[Any, ...], seeds: dict[str, Any] = seeds) -> object:
+            batch = np.shape(at[0])[:-1]
+            ones = (1,) * len(batch)
+            return solver.sensitivities(*at, **{n: x.reshape(len(x), *ones, -1) for n, x in seeds.items()})
+
+        found.append((f"udot + {k} direction{'s' if k > 1 else ''}", k, along))
+    found.append(("Jacobians", model.nq + model.nu + len(model.parameters) + len(model.inputs) + 1,
+                  lambda at: solver.jacobians(*at)))  # fmt: skip
+    weights = rng.normal(size=solver.nu)
+
+    def gradient(at: tuple[Any, ...]) -> object:
+        batch = np.shape(at[0])[:-1]
+        return solver.gradients(*at, weights=weights.reshape(1, *(1,) * len(batch), -1))
+
+    found.append(("gradient", 2, gradient))
+    if solver.output_names:
+        found.append(("outputs", 1, lambda at: solver.outputs(*at)))
+    return found

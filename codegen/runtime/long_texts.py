@@ -1,0 +1,86 @@
+"""The NumPy module of a package with long numbers: generated again from its model, for `Solver.in_precision`."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .standalone.precision import GUARD
+
+if TYPE_CHECKING:
+    from ..model import Model
+
+
+class LongTexts:
+    """Gives the NumPy module of each partition, with what was computed from the model in more digits.
+
+    Parameters
+    ----------
+    model : Model or path
+        What the package was generated from.
+    manifest : dict
+        The package's.
+    digits : int
+
+    Raises
+    ------
+    ValueError
+        The package was generated from another model.
+    ModelError
+    """
+
+    def __init__(self, model: Any, manifest: Mapping[str, Any], digits: int):
+        self.manifest, self.digits = manifest, digits
+        self.model = _read(model, manifest)
+        if _named(self.model) != _expected(manifest):
+            raise ValueError(
+                f"model: {self.model.name} is not the model that the package {manifest['name']} was generated from"
+            )
+
+    def __call__(self, partition: int) -> str:
+        # the generator is imported when it is needed: loading a solver needs none
+        from ..emit.solver import write_long
+        from ..loops.alternatives import second_partition
+        from ..loops.partition import partition as choose
+
+        chosen = choose(self.model) if self.model.loops else None
+        if partition and chosen is not None:
+            chosen = second_partition(self.model, chosen)
+        made = self.manifest["functions"]
+        asked = [f.get("member", name) for name, f in made.items()] if "left_out" in self.manifest else None
+        return write_long(self.model, self.digits + GUARD, self.manifest["layout"], chosen, "reactions" in made, asked)
+
+
+def _read(model: Any, manifest: Mapping[str, Any]) -> Model:
+    from ..model import Model, load_model
+
+    if isinstance(model, Model):
+        return model
+    file = Path(model)
+    known = (manifest.get("origin") or {}).get("sha256")
+    if known and file.is_file() and hashlib.sha256(file.read_bytes()).hexdigest() != known:
+        raise ValueError(
+            f"model: {file} is not what the package was generated from, or was changed since; generate the package again"
+        )
+    return load_model(file)
+
+
+def _named(model: Model) -> dict[str, Any]:
+    """What a model is known by."""
+    return {
+        "name": model.name, "coordinate_names": [*model.coordinate_names], "speed_names": [*model.speed_names],
+        "parameter_names": [*model.parameter_names], "parameters": [*model.defaults.values()],
+        "input_names": [*model.inputs], "output_names": [o.name for o in model.outputs],
+        "loops": [loop.name for loop in model.loops],
+    }  # fmt: skip
+
+
+def _expected(manifest: Mapping[str, Any]) -> dict[str, Any]:
+    """The same in a manifest."""
+    names = ("coordinate_names", "speed_names", "parameter_names", "parameters", "input_names", "output_names")
+    return {"name": manifest["name"], **{n: [*manifest[n]] for n in names}, "loops": [*manifest.get("loops", ())]}
+
+
+__all__ = ["LongTexts"]

@@ -1,0 +1,48 @@
+/* What the files of the way back share: a step of a method, and one state, with the transposes of the generated functions. */
+#ifndef ORDERNM_BACKWARDS_H
+#define ORDERNM_BACKWARDS_H
+
+#include "inside.h"
+
+struct ordernm_adjoint {
+    ordernm_problem problem;          /* the motion's, without directions */
+    ordernm_results none;
+    ordernm_gradients *gradients;
+    ordernm_motion *motion;
+    int width, index, ngroups;        /* functionals, so many at a time */
+    int n;                            /* entries that are integrated and differentiated */
+    long *sampled;                    /* times that are left, of each group */
+    double *lambda;                   /* [ngroups][n][width] */
+    double *kappa[MOST_STAGES], *nu;  /* [n][width] */
+    double *stage[MOST_STAGES], *q[MOST_STAGES]; /* states, and coordinates with loops closed */
+    double *weights_q, *weights_u, *dq, *du, *dp, *dinputs, *weights;
+    void *of_stages;                  /* of an implicit method, for its equations */
+    double *p, *inputs;               /* [ngroups][np][width], [ngroups][count][ninputs][width] */
+};
+
+/* Whether a group has weights at times within this step, its end included. */
+static inline int ordernm_samples_left(const ordernm_adjoint *a, int n)
+{
+    const long left = a->sampled[n];
+    return left > 0 && a->gradients->times[left - 1] > a->motion->t;
+}
+
+static inline int ordernm_any(const double *x, long n)
+{
+    for (long i = 0; i < n; ++i)
+        if (x[i] != 0.0) return 1;
+    return 0;
+}
+
+static inline void ordernm_accumulate(double *to, double factor, const double *of, long n)
+{
+    for (long i = 0; i < n; ++i) to[i] += factor*of[i];
+}
+
+/* backwards.c; each returns what a function returned */
+int ordernm_rates_transposed(ordernm_adjoint *a, int n, double t, const double *z, double *q, const double *kappa, double *nu);
+int ordernm_integrals_transposed(ordernm_adjoint *a, int n, double t, const double *z, double *q, const double *kappa, double *nu);
+int ordernm_sample_transposed(ordernm_adjoint *a, int n, double t, const double *z, double *nu);
+int ordernm_settling_transposed(ordernm_adjoint *a, double t, const double *z);
+
+#endif

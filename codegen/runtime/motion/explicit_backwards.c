@@ -1,0 +1,113 @@
+/* A step of an explicit method backwards.
+ *
+ * A step is Y_i = z + h sum a_ij k_j, k_i = f(Y_i), z+ = z + h sum b_j k_j. From lambda = dJ/dz+, with everything in lanes of
+ * functionals, and from what weighs states between the ends, which are sums of the same rates:
+ *
+ *     kappa_j = h (b_j lambda + sum_i>j a_ij nu_i),  nu_j = f_z(Y_j)^T kappa_j,  gradient += f_p(Y_j)^T kappa_j,
+ *     lambda <- lambda + sum nu_j. */
+#include "backwards.h"
+
+#include <string.h>
+
+/* The stages of a step, as they were, and their rates: where something else than the step's end is a sum of them. */
+static int stages(ordernm_adjoint *a, double h, int count)
+{
+    ordernm_motion *const m = a->motion;
+    const method *const method = m->method;
+    for (int i = 0; i < count; ++i) {
+        const row *const r = method->rows + i;
+        ordernm_combine(m->values, a->stage[i], m->z, h, r->count, r->which, r->factor, m->rate);
+        const double t = m->t + method->times[i]*h;
+        const int status = ordernm_rates(m, t, a->stage[i], m->rate[i]);
+        if (status) return status;
+        if (!m->identity) memcpy(a->q[i], m->q, m->system->nq*sizeof(double));
+    }
+    return 0;
+}
+
+/* The same from a row of steps. */
+static void stages_kept(ordernm_adjoint *a, const double *step)
+{
+    ordernm_motion *const m = a->motion;
+    const long state = m->ny + m->nx + m->nd, nq = m->identity ? 0 : m->system->nq;
+    const double *at = step + ORDERNM_STEP_HEAD + state;
+    memcpy(a->stage[0], m->z, state*sizeof(double));
+    memcpy(a->q[0], m->q, nq*sizeof(double));
+    for (int i = 1; i < m->method->stages; ++i, at += state + nq) {
+        memcpy(a->stage[i], at, state*sizeof(double));
+        memcpy(a->q[i], at + state, nq*sizeof(double));
+    }
+}
+
+/* One group of functionals through one step: lambda at its end becomes lambda at its beginning. */
+static int group_backwards(ordernm_adjoint *a, int n, double h, int within)
+{
+    ordernm_motion *const m = a->motion;
+    const method *const method = m->method;
+    const long size = (long)a->n*a->width;
+    double *const lambda = a->lambda + n*size;
+    const row *const end = method->rows + method->stages;
+    const int count = within ? method->all : method->stages;
+    int status;
+    for (int i = 0; i < count; ++i) memset(a->kappa[i], 0, size*sizeof(double));
+    for (int j = 0; j < end->count; ++j) ordernm_accumulate(a->kappa[end->which[j]], h*end->factor[j], lambda, size);
+    while (ordernm_samples_left(a, n)) {
+        const double at = a->gradients->times[a->sampled[n] - 1];
+        double factor[MOST_STAGES];
+        static const int every[] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
+        method->weights((at - m->t)/h, factor);
+        ordernm_combine(m->values, m->trial, m->z, h, method->all, every, factor, m->rate);
+        if ((status = ordernm_sample_transposed(a, n, at, m->trial, a->nu))) return status;
+        ordernm_accumulate(lambda, 1.0, a->nu, size);
+        for (int j = 0; j < method->all; ++j) ordernm_accumulate(a->kappa[j], h*factor[j], a->nu, size);
+    }
+    for (int i = count - 1; i >= 0; --i) {
+        if (!ordernm_any(a->kappa[i], size)) continue;
+        const row *const r = method->rows + i;
+        const double t = m->t + method->times[i]*h;
+        if ((status = ordernm_rates_transposed(a, n, t, a->stage[i], a->q[i], a->kappa[i], a->nu))) return status;
+        if ((status = ordernm_integrals_transposed(a, n, t, a->stage[i], a->q[i], a->kappa[i], a->nu))) return status;
+        ordernm_accumulate(lambda, 1.0, a->nu, size);
+        for (int j = 0; j < r->count; ++j) ordernm_accumulate(a->kappa[r->which[j]], h*r->factor[j], a->nu, size);
+    }
+    return 0;
+}
+
+int ordernm_explicit_backwards(ordernm_adjoint *a, const double *step)
+{
+    ordernm_motion *const m = a->motion;
+    const double h = step[1];
+    int within = 0, status;
+    for (int n = 0; n < a->ngroups; ++n) within |= ordernm_samples_left(a, n);
+    if (within || m->system->split) {
+        if ((status = stages(a, h, within ? m->method->all : m->method->stages))) return status;
+    } else {
+        ordernm_arguments(m, m->t, m->z); /* of the first stage, whose loops are closed between steps */
+        stages_kept(a, step);
+    }
+    if (m->system->split) {
+        const row *const r = m->method->rows + m->method->stages;
+        ordernm_combine(m->values, m->next, m->z, h, r->count, r->which, r->factor, m->rate);
+        if ((status = ordernm_settling_transposed(a, m->t + h, m->next))) return status;
+    }
+    for (int n = 0; n < a->ngroups; ++n)
+        if ((status = group_backwards(a, n, h, within))) return status;
+    return 0;
+}
+
+int ordernm_explicit_replay(ordernm_motion *m, const double *known, double *step)
+{
+    (void)known;
+    const method *const method = m->method;
+    const row *const end = method->rows + method->stages;
+    const double h = step[1];
+    for (int i = 0; i < method->stages; ++i) {
+        const row *const r = method->rows + i;
+        ordernm_combine(m->size, m->trial, m->z, h, r->count, r->which, r->factor, m->rate);
+        const int status = ordernm_rates(m, m->t + method->times[i]*h, m->trial, m->rate[i]);
+        if (status) return status;
+        if (i) ordernm_keep_stage(m, i);
+    }
+    ordernm_combine(m->size, m->next, m->z, h, end->count, end->which, end->factor, m->rate);
+    return 0;
+}

@@ -1,0 +1,56 @@
+/* Dense linear equations, real and complex, with a number or some lanes of them for each entry of right sides. */
+#ifndef ORDERNM_LINEAR_H
+#define ORDERNM_LINEAR_H
+
+#include "inside.h"
+
+#ifdef __GNUC__
+typedef double eight __attribute__((vector_size(64), aligned(8), may_alias));
+#endif
+
+/* x -= sum(a[j]*y[j]) of so many; x and y[j] are numbers or LANES of them. */
+static inline void subtract(double *x, const double *a, const double *y, int count, int width)
+{
+    int j = 0;
+#ifdef __GNUC__
+    eight sum = {0.0};
+    if (width == LANES) {
+        for (; j < count; ++j) sum += a[j]**(const eight *)(y + (long)j*LANES);
+        *(eight *)x -= sum;
+        return;
+    }
+    if (width == 1 && count >= 8) {
+        for (; j + 8 <= count; j += 8) sum += *(const eight *)(a + j)**(const eight *)(y + j);
+        *x -= ((sum[0] + sum[4]) + (sum[1] + sum[5])) + ((sum[2] + sum[6]) + (sum[3] + sum[7]));
+    }
+#endif
+    for (; j < count; ++j)
+        for (int l = 0; l < width; ++l) x[l] -= a[j]*y[(long)j*width + l];
+}
+
+/* x -= f*y, so many numbers. */
+static inline void subtract_row(double *x, double f, const double *y, int count)
+{
+    int j = 0;
+#ifdef __GNUC__
+    for (; j + 8 <= count; j += 8) *(eight *)(x + j) -= f**(const eight *)(y + j);
+#endif
+    for (; j < count; ++j) x[j] -= f*y[j];
+}
+
+/* Rows exchanged, then L\U in place: L with ones on its diagonal, U with its diagonal inverted. Return 1 if a pivot is zero or not
+ * finite. */
+int ordernm_factorise(int n, double *a, int *pivot);
+int ordernm_factorise_complex(int n, double *re, double *im, int *pivot);
+
+/* x, [n][width], from right sides to solutions, by factors; of the matrix, and of its transpose. */
+void ordernm_solve(int n, const double *a, const int *pivot, double *x, int width);
+void ordernm_solve_transposed(int n, const double *a, const int *pivot, double *x, int width);
+
+/* The same of complex numbers x + iy; z is for -y. */
+void ordernm_solve_complex(int n, const double *re, const double *im, const int *pivot, double *x, double *y, double *z,
+    int width);
+void ordernm_solve_complex_transposed(int n, const double *re, const double *im, const int *pivot, double *x, double *y,
+    int width);
+
+#endif

@@ -1,0 +1,74 @@
+/* What the files of Radau IIA share. */
+#ifndef ORDERNM_RADAU_H
+#define ORDERNM_RADAU_H
+
+#include "inside.h"
+#include "linear.h"
+#include "radau_tables.h"
+
+/* Entries that equations are solved for, and coordinates that follow because their rates are speeds. */
+typedef struct {
+    int order, count;
+    int *kept, *place;        /* [order] entries; [n] each entry's place among them */
+    int *reduced, *partner;   /* [count] entries; the places of their rates */
+} reduction;
+
+struct radau {
+    int n;                    /* independent coordinates and speeds */
+    int nq;                   /* coordinates among them */
+    reduction of_step, of_stages;
+    double *column;           /* [order][count] of -J */
+    double *jacobian;         /* [n][n] */
+    int formed;               /* Jacobians at the stages are */
+    double *at_stage[STAGES], *along[STAGES]; /* [n][n] then, and derivatives of rates along S, [n][LANES] */
+    double *whole, *of_whole; /* [3 n][3 n] factors of the three stages' equations, [3 n][LANES] their solutions */
+    int *whole_pivot;
+    double *real, *re, *im;   /* factors of REAL/h - J and (RE + i IM)/h - J */
+    int *real_pivot, *pivot;  /* rows that were exchanged */
+    double h_factored;        /* 0: there are no factors */
+    group columns;            /* seeds of J's columns, so many at a time */
+    double *seeded, *seeded_rate;
+    double *stage[STAGES], *last[STAGES]; /* Z of this step, and of the accepted one before */
+    double *right[STAGES], *scratch[5];   /* [n][LANES] */
+    double *scale;            /* [n] errors allowed */
+    int tried, jacobian_here; /* J is that of z */
+    int formed_here;          /* so is the Jacobian at the last stage of the step before */
+    long segment;             /* of the inputs' spline in the step that was tried last */
+    long accepted;            /* steps that there is a Z of */
+    double h_last, h_tried, t_tried;
+    double leniency;          /* largest estimate of an error, in units of what is allowed to the solution */
+    double slowness, sweep_slowness; /* theta/(1 - theta) of Newton's method and of the sweeps */
+    double slowness_before;   /* at the beginning of Newton's method in this step */
+    double *of_jacobian;      /* [values] the state that J was made at */
+    double t_of_jacobian;
+    long segment_of_jacobian;
+    double theta;
+    int iterations;
+    double error_accepted, h_accepted;
+};
+
+enum { CONVERGED = -100, DIVERGED }; /* beside what functions return */
+
+static inline double ordernm_time_of_stage(double t, double h, int i) { return i == STAGES - 1 ? t + h : t + TIME[i]*h; }
+
+/* radau.c */
+void ordernm_radau_weights(double theta, double *w);
+int ordernm_radau_rates(ordernm_motion *m, double h, int i, const group *g, int beginning, int what);
+
+/* radau_equations.c */
+int ordernm_radau_differentiate(ordernm_motion *m, double t, const double *z, double *jacobian);
+void ordernm_radau_take_jacobian(struct radau *r);
+int ordernm_radau_factorise(ordernm_motion *m, double h);
+void ordernm_radau_solve_real(const struct radau *r, double *b, int width);
+void ordernm_radau_correct(ordernm_motion *m, double h, long at, int width);
+void ordernm_radau_precondition_transposed(const struct radau *r, double *const *right, double *const *mu, int width);
+int ordernm_radau_factorise_stages(struct radau *r, double h);
+void ordernm_radau_solve_stages(ordernm_motion *m, double h, long at, int width);
+void ordernm_radau_solve_transposed(const struct radau *r, double h, double *const *mu, int width);
+
+/* radau_sensitivities.c */
+int ordernm_radau_form(ordernm_motion *m, double h);
+int ordernm_radau_along_formed(ordernm_motion *m, double h, const group *g);
+int ordernm_radau_sweep(ordernm_motion *m, double h, const group *g, int closed);
+
+#endif

@@ -1,0 +1,178 @@
+/* A step of Radau IIA backwards.
+ *
+ * Its stages obey A^-1 Z/h = f(z + Z[i]), and its end, and every state in between, is z + sum(w[i] Z[i]). From lambda = dJ/dz+, and
+ * from what weighs states in between, everything in lanes of functionals, with g for what is integrated (J its rates):
+ *
+ *     right_i = w_i lambda + ... + g_z(Y_i)^T gamma_i,  gamma_i = h a_3i lambda_g,
+ *     sum_j (A^-1)_ji mu_j/h - f_z(Y_i)^T mu_i = right_i,
+ *     lambda <- lambda + ... + sum f_z(Y_i)^T mu_i + g_z(Y_i)^T gamma_i,  gradient += f_p(Y_i)^T mu_i + g_p(Y_i)^T gamma_i.
+ *
+ * The equations, which are those of the stages' derivatives transposed, are solved in rounds: of what is left of the right sides
+ * by factors near by, then with the exact transposes, which tell what is left, and whose parts of the gradient add up. Factors are
+ * those of all three stages' own Jacobians where the system is small, and one round is all but enough; else those of one Jacobian,
+ * of this step's middle or of a step behind it. */
+#include "backwards.h"
+#include "radau.h"
+
+#include <math.h>
+#include <string.h>
+
+enum {
+    ROUNDS = 60,
+    LARGEST_FORMED = 32,      /* entries of a system whose Jacobians at the stages are formed at once */
+    OLD = 0, FRESH, FORMED    /* factors, from those at hand to those of the equations themselves */
+};
+
+/* What a round changes the solution by, relative to it, when it is found. */
+static const double FOUND = 1e-13;
+
+/* Of each kind: rounds in which changes fall by less than this want better factors; changes that rounding may keep from falling. */
+static const double SLOW[] = {0.1, 0.5, 0.5}, ROUNDED[] = {1e-12, 1e-12, 1e-9};
+
+/* The size of a change relative to that of the solution that it leads to, the largest of all lanes, in coordinates and in speeds; `loose` the same,
+ * where what is small beside the other, in the step's time, need not be known as well. Not a number if changes are none. */
+static double relative(const ordernm_adjoint *a, double h, double *const *change, double *const *mu, double *loose)
+{
+    const ordernm_motion *const m = a->motion;
+    const int width = a->width, parts[] = {0, m->system->nfree_q, m->ny};
+    double size[2][LANES] = {{0.0}}, moved[2][LANES] = {{0.0}}, largest = 0.0;
+    for (int part = 0; part < 2; ++part)
+        for (int j = 0; j < STAGES; ++j)
+            for (int i = parts[part]; i < parts[part + 1]; ++i)
+                for (int l = 0; l < width; ++l) {
+                    const double x = change[j][i*width + l], y = mu[j][i*width + l] + x;
+                    size[part][l] += y*y;
+                    moved[part][l] += x*x;
+                }
+    *loose = 0.0;
+    for (int l = 0; l < width; ++l) {
+        const double other[] = {size[0][l] + size[1][l]/(h*h), size[1][l] + h*h*size[0][l]};
+        for (int part = 0; part < 2; ++part) {
+            if (moved[part][l] == 0.0) continue;
+            const double x = moved[part][l]/size[part][l], y = moved[part][l]/other[part];
+            if (x != x || y != y) return NAN;
+            largest = fmax(largest, x);
+            *loose = fmax(*loose, y);
+        }
+    }
+    *loose = sqrt(*loose);
+    return sqrt(largest);
+}
+
+/* By factors of a kind, what right sides are the products of the equations' matrix with. Returns what a function returned, or
+ * DIVERGED if a matrix is singular. */
+static int solve(ordernm_adjoint *a, double h, int factors, double *const *right, double *const *found)
+{
+    ordernm_motion *const m = a->motion;
+    struct radau *const r = m->radau;
+    const double t = m->t;
+    if (factors == FORMED) {
+        for (int i = 0; i < STAGES && !r->formed_here; ++i) {
+            const int status = ordernm_radau_differentiate(m, ordernm_time_of_stage(t, h, i), a->stage[i], r->at_stage[i]);
+            if (status) return status;
+        }
+        if (!r->formed_here && ordernm_radau_factorise_stages(r, h)) return DIVERGED;
+        r->formed_here = 1;
+        for (int i = 0; i < STAGES; ++i) memcpy(found[i], right[i], (long)m->ny*a->width*sizeof(double));
+        ordernm_radau_solve_transposed(r, h, found, a->width);
+        return 0;
+    }
+    if (!r->accepted || (factors == FRESH && !r->jacobian_here)) {
+        const int status = ordernm_radau_differentiate(m, ordernm_time_of_stage(t, h, 1), a->stage[1], r->jacobian);
+        if (status) return status;
+        ordernm_radau_take_jacobian(r);
+        r->accepted = r->jacobian_here = 1;
+    }
+    if (r->h_factored != h && ordernm_radau_factorise(m, h)) return DIVERGED;
+    ordernm_radau_precondition_transposed(r, right, found, a->width);
+    return 0;
+}
+
+/* Adds what stages' rates depend on, weighed by the solution of the equations, to lambda and to the gradients of a group. */
+static int equations_transposed(ordernm_adjoint *a, int n, double h, double *const *right, double *lambda)
+{
+    ordernm_motion *const m = a->motion;
+    const long size = (long)m->ny*a->width;
+    double *const *const change = a->kappa + STAGES, *const *const mu = a->kappa + 2*STAGES;
+    int factors = m->ny <= LARGEST_FORMED ? FORMED : OLD;
+    double before = 0.0, loose = INFINITY;
+    for (int j = 0; j < STAGES; ++j) memset(mu[j], 0, size*sizeof(double));
+    for (int k = 0; k < ROUNDS; ++k) {
+        int status = solve(a, h, factors, right, change);
+        if (status && status != DIVERGED) return status;
+        const double changed = status ? NAN : relative(a, h, change, mu, &loose);
+        if (changed <= FOUND) return 0;
+        if (!(changed < (before > 0.0 ? SLOW[factors]*before : INFINITY))) { /* nor is it a number where there are no factors */
+            if (loose <= ROUNDED[factors] && !status) return 0;
+            if (factors == FORMED) return DIVERGED;
+            factors = factors == OLD && m->radau->jacobian_here ? FORMED : factors + 1;
+            before = 0.0;
+            continue;
+        }
+        before = changed;
+        for (int j = 0; j < STAGES; ++j) ordernm_accumulate(mu[j], 1.0, change[j], size);
+        for (int i = 0; i < STAGES; ++i)
+            for (int j = 0; j < STAGES; ++j) ordernm_accumulate(right[i], -A_INVERSE[j][i]/h, change[j], size);
+        for (int i = 0; i < STAGES; ++i) {
+            const double t = ordernm_time_of_stage(m->t, h, i);
+            if ((status = ordernm_rates_transposed(a, n, t, a->stage[i], a->q[i], change[i], a->nu))) return status;
+            ordernm_accumulate(right[i], 1.0, a->nu, size);
+            ordernm_accumulate(lambda, 1.0, a->nu, size);
+        }
+    }
+    return DIVERGED;
+}
+
+/* One group of functionals through one step: lambda at its end becomes lambda at its beginning. */
+static int group_backwards(ordernm_adjoint *a, int n, double h)
+{
+    ordernm_motion *const m = a->motion;
+    const long size = (long)m->ny*a->width, all = (long)a->n*a->width;
+    double *const lambda = a->lambda + n*all, *const *const right = a->kappa, *const gamma = a->kappa[STAGES];
+    int status;
+    for (int i = 0; i < STAGES; ++i) memset(right[i], 0, size*sizeof(double));
+    memcpy(right[STAGES - 1], lambda, size*sizeof(double));
+    while (ordernm_samples_left(a, n)) {
+        const double at = a->gradients->times[a->sampled[n] - 1];
+        double w[STAGES];
+        ordernm_radau_weights((at - m->t)/h, w);
+        for (long k = 0; k < m->values; ++k)
+            m->trial[k] = (1.0 - w[0] - w[1] - w[2])*m->z[k] + w[0]*a->stage[0][k] + w[1]*a->stage[1][k] + w[2]*a->stage[2][k];
+        if ((status = ordernm_sample_transposed(a, n, at, m->trial, a->nu))) return status;
+        ordernm_accumulate(lambda, 1.0, a->nu, size);
+        for (int i = 0; i < STAGES; ++i) ordernm_accumulate(right[i], w[i], a->nu, size);
+    }
+    for (int i = 0; i < STAGES && m->nx; ++i) {
+        memset(gamma, 0, all*sizeof(double));
+        ordernm_accumulate(gamma + size, h*A[STAGES - 1][i], lambda + size, all - size);
+        memset(a->nu, 0, all*sizeof(double));
+        const double t = ordernm_time_of_stage(m->t, h, i);
+        if ((status = ordernm_integrals_transposed(a, n, t, a->stage[i], a->q[i], gamma, a->nu))) return status;
+        ordernm_accumulate(right[i], 1.0, a->nu, size);
+        ordernm_accumulate(lambda, 1.0, a->nu, size);
+    }
+    for (int i = 0; i < STAGES; ++i)
+        if (ordernm_any(right[i], size)) return equations_transposed(a, n, h, right, lambda);
+    return 0;
+}
+
+int ordernm_radau_backwards(ordernm_adjoint *a, const double *row)
+{
+    ordernm_motion *const m = a->motion;
+    const long state = m->ny + m->nx + m->nd;
+    const double h = row[1];
+    int status;
+    m->radau->jacobian_here = m->radau->formed_here = 0;
+    for (int i = 0; i < STAGES; ++i) {
+        double *const stage = a->stage[i];
+        memcpy(stage, row + ORDERNM_STEP_HEAD + (1 + i)*state, state*sizeof(double));
+        if (m->identity) continue;
+        ordernm_call c = ordernm_arguments(m, ordernm_time_of_stage(m->t, h, i), stage);
+        if (m->system->split && (status = ordernm_close_loops(m, &c))) return status; /* others are as they were closed */
+        memcpy(a->q[i], m->q, m->system->nq*sizeof(double));
+    }
+    if (m->system->split && (status = ordernm_settling_transposed(a, m->t + h, a->stage[STAGES - 1]))) return status;
+    for (int n = 0; n < a->ngroups; ++n)
+        if ((status = group_backwards(a, n, h))) return status;
+    return 0;
+}

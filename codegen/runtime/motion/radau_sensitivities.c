@@ -1,0 +1,102 @@
+/* Derivatives of Radau IIA's stages along the directions of a group.
+ *
+ * They are those of the step that has been made: dZ[i] = h*sum(a[i][j]*D rate[j](S + dZ[j])), linear equations with the exact
+ * Jacobian at every stage. Of small systems these Jacobians are formed, and the equations of all three stages are factorised once
+ * for all directions; the last Jacobian serves Newton's method in the next step too. Of large ones nobody forms them: the
+ * equations are solved in sweeps, in which right sides are what the system's functions give along all directions of a group at
+ * once, and the factors at hand correct dZ as they do Z. */
+#include "radau.h"
+
+#include <float.h>
+#include <math.h>
+#include <string.h>
+
+enum { SWEEPS = 15 };
+
+/* What is left of sensitivities' equations, relative to them; what rounding may leave of them, relative to their size. */
+static const double SWEPT = 1e-14, ROUNDED = 1e-9;
+
+/* The largest change of a group's directions relative to their size, in coordinates and in speeds; `loose` the same, where what
+ * is small beside the other, in the step's time, need not be known as well. Not a number if changes are none. */
+static double change_of(const ordernm_motion *m, const group *g, double h, double *loose)
+{
+    const struct radau *const r = m->radau;
+    const int width = g->width, parts[] = {0, m->system->nfree_q, m->ny};
+    double size[2][LANES] = {{0.0}}, change[2][LANES] = {{0.0}}, largest = 0.0;
+    for (int part = 0; part < 2; ++part)
+        for (int i = parts[part]; i < parts[part + 1]; ++i)
+            for (int l = 0; l < width; ++l) {
+                const long k = (long)i*width + l, at = g->at + k;
+                const double S = m->z[at], end = S + r->stage[2][at];
+                size[part][l] += S*S + end*end;
+                for (int j = 0; j < STAGES; ++j) change[part][l] += r->right[j][k]*r->right[j][k];
+            }
+    *loose = 0.0;
+    for (int l = 0; l < g->used; ++l) {
+        const double other[] = {size[0][l] + h*h*size[1][l], size[1][l] + size[0][l]/(h*h)};
+        for (int part = 0; part < 2; ++part) {
+            if (change[part][l] == 0.0) continue;
+            const double x = change[part][l]/size[part][l], y = change[part][l]/other[part];
+            if (!(x <= largest)) largest = x;
+            if (!(y <= *loose)) *loose = y;
+            if (x != x || y != y) return NAN;
+        }
+    }
+    *loose = sqrt(*loose);
+    return sqrt(largest);
+}
+
+/* The Jacobians at the stages, and their equations' factors. */
+int ordernm_radau_form(ordernm_motion *m, double h)
+{
+    struct radau *const r = m->radau;
+    for (int i = 0; i < STAGES; ++i) {
+        for (long k = 0; k < m->values; ++k) m->trial[k] = m->z[k] + r->stage[i][k];
+        const int status = ordernm_radau_differentiate(m, ordernm_time_of_stage(m->t, h, i), m->trial, r->at_stage[i]);
+        if (status) return status;
+    }
+    return ordernm_radau_factorise_stages(r, h) ? DIVERGED : CONVERGED;
+}
+
+/* The stages' derivatives along the directions of a group, by Jacobians that have been formed. */
+int ordernm_radau_along_formed(ordernm_motion *m, double h, const group *g)
+{
+    struct radau *const r = m->radau;
+    for (int i = 0; i < STAGES; ++i) {
+        const int status = ordernm_radau_rates(m, h, i, g, 1, RATES | KNOWN_CLOSED);
+        if (status) return status;
+        memcpy(r->along[i], m->rate[i + 1] + g->at, (long)r->n*g->width*sizeof(double));
+    }
+    ordernm_radau_solve_stages(m, h, g->at, g->width);
+    const long end = g->at + (long)r->n*g->width;
+    for (int i = 0; i < STAGES; ++i)
+        if (!ordernm_all_finite(r->stage[i] + g->at, end - g->at)) return DIVERGED;
+    return CONVERGED;
+}
+
+/* The stages' derivatives along the directions of a group; they begin anywhere. */
+int ordernm_radau_sweep(ordernm_motion *m, double h, const group *g, int closed)
+{
+    struct radau *const r = m->radau;
+    double before = 0.0;
+    r->sweep_slowness = pow(fmax(r->sweep_slowness, DBL_EPSILON), 0.8);
+    for (int k = 1; k <= SWEEPS; ++k) {
+        for (int i = 0; i < STAGES; ++i) {
+            const int status = ordernm_radau_rates(m, h, i, g, 0, RATES | closed);
+            if (status) return status;
+        }
+        ordernm_radau_correct(m, h, g->at, g->width);
+        double loose;
+        const double size = change_of(m, g, h, &loose);
+        if (size != size) return DIVERGED;
+        if (k > 1) {
+            const double theta = size/before;
+            if (size < INFINITY && theta < 1.0) r->sweep_slowness = theta/(1.0 - theta);
+            if (!(theta < 0.5) && loose <= ROUNDED) return CONVERGED;
+            if (theta > 2.0 && k > 3) return DIVERGED;
+        }
+        if (r->sweep_slowness*size <= SWEPT) return CONVERGED;
+        before = size;
+    }
+    return DIVERGED;
+}

@@ -1,0 +1,198 @@
+"""``ordernm bench`` on the command line: tables, JSON, comparison, page, exit codes; and the functions behind them."""
+
+import copy
+import json
+import math
+import time
+
+import numpy as np
+import pytest
+
+from codegen.bench import command, lines, measuring, page, results, timing, work_precision
+from codegen.bench.catalogue import PROBLEMS
+from codegen.bench.problem import Goal, Setting
+from codegen.cli import main
+from codegen.runtime import NoCompilerError
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """What one quick run of a motion and of a family prints, its JSON and its page."""
+    folder = tmp_path_factory.mktemp("run")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ORDERNM_CFLAGS", "-O0")
+        patch.chdir(folder)
+        from io import StringIO
+
+        out = StringIO()
+        patch.setattr("sys.stdout", out)
+        code = main(["bench", "--quick", "cart_pole", "coiled", "-o", "new.json", "--page", "page.md"])
+    return code, out.getvalue(), json.loads((folder / "new.json").read_text()), (folder / "page.md").read_text(), folder
+
+
+def test_a_run_prints_errors_work_times_and_operations(run):
+    code, text, *_ = run
+    assert code == 0
+    assert "cart_pole: a light cart with a pole, 10 s" in text and "reference: momentum and energy leave" in text
+    assert "evaluations" in text and "additions and multiplications an evaluation" in text
+    assert "coiled: a coiled planar chain" in text and "udot + 8" in text
+
+
+def test_the_json_has_machine_points_and_sizes(run):
+    found = run[2]
+    assert found["format"] == results.FORMAT and found["quick"] is True
+    assert found["machine"]["flags"].endswith("-O0")
+    (point,) = found["problems"]["cart_pole"]["points"]
+    assert point["error"] < 1e-6 and point["seconds"] > 0 and point["ended"] == "finished"
+    (row,) = found["problems"]["coiled"]["sizes"]
+    assert row["errors"].keys() == {"udot", "first joint", "middle joint", "all joints", "length", "all speeds"}
+    assert row["error"] == max(row["errors"].values()) < 1e-13
+    assert row["seconds"].keys() == {"udot", "udot + 8"} and min(row["seconds"].values()) > 0
+
+
+def test_the_page_names_the_machine_and_has_the_tables(run):
+    text = run[3]
+    assert text.startswith("# How accurate, how fast\n")
+    assert run[2]["machine"]["instructions"] in text and "-O0" in text
+    assert "| a coiled planar chain, 22.5 degrees | 10 |" in text
+    rows = [line.count("|") for line in text.splitlines() if line.startswith("|")]
+    assert len(rows) > 8
+    assert page.page_of(run[2]) == text, "the same page from the JSON"
+
+
+def test_a_run_is_compared_with_itself(run, capsys, monkeypatch):
+    monkeypatch.chdir(run[4])
+    assert main(["bench", "--results", "new.json", "--compare", "new.json"]) == 0
+    table = capsys.readouterr().out.split("\n\n")[-1]
+    assert table.count("1.00") == 3, "a setting and two functions"
+    assert "another machine" not in table
+
+
+def test_another_machine_and_other_figures_are_told(run):
+    old = copy.deepcopy(run[2])
+    old["machine"]["flags"] = "-O3"
+    old["problems"]["cart_pole"]["points"][0]["seconds"] *= 2
+    found = lines.compare_lines(run[2], old, None)
+    assert found[0].startswith("warning: another machine: flags: -O3 then, ")
+    assert found[2].endswith(" 0.50")
+    del old["problems"]
+    old["problems"] = {}
+    assert lines.compare_lines(run[2], old, None)[-1] == "the two runs have no figure in common"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["andrew"], "bench: there is no problem 'andrew' (did you mean andrews?)"),
+        (
+            ["--compare", "absent.json"],
+            "bench: absent.json cannot be read: No such file or directory; give a file that",
+        ),
+        (["--compare", "broken.json"], "bench: broken.json is no JSON ("),
+        (["--compare", "other.json"], "bench: other.json does not hold results of the benchmark; give a file that"),
+        (["--compare", "list.json"], "bench: list.json does not hold results of the benchmark"),
+        (["--compare", "later.json"], "bench: later.json has format 99, this version reads 1; measure again"),
+        (["-o", "nowhere/new.json"], "bench: -o: cannot write nowhere/new.json: there is no folder"),
+        (["--page", "."], "bench: --page . is a folder; give the name of a file"),
+        (["--results", "later.json", "--quick"], "bench: --results takes an earlier run"),
+    ],
+)
+def test_what_cannot_be_done_is_told_before_the_work(arguments, message, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    for name, text in (("broken", "{"), ("other", '{"a": 1}'), ("list", "[1]"), ("later", '{"format": 99}')):
+        (tmp_path / f"{name}.json").write_text(text)
+    monkeypatch.setattr(command, "run", lambda *a: pytest.fail("nothing is to be measured"))
+    assert main(["bench", *arguments]) == 2
+    assert capsys.readouterr().err.startswith(message)
+
+
+def test_without_a_compiler_it_says_so(monkeypatch, capsys):
+    monkeypatch.setenv("CC", "no-such-compiler")
+    assert main(["bench", "--quick", "cart_pole"]) == 3
+    error = capsys.readouterr().err
+    assert error.startswith("bench: no C compiler found: CC=no-such-compiler is no program; install gcc or clang")
+    with pytest.raises(NoCompilerError):
+        from codegen.bench.machine import machine
+
+        machine()
+
+
+def test_figures_that_are_off_end_in_an_exit_code(run, monkeypatch, capsys, tmp_path):
+    wrong = copy.deepcopy(run[2])
+    wrong["problems"]["cart_pole"]["failed"] = ["dop853 1e-09"]
+    results.write_results(wrong, tmp_path / "wrong.json")
+    assert main(["bench", "--results", str(tmp_path / "wrong.json")]) == 4
+    assert capsys.readouterr().err == "bench: cart_pole: dop853 1e-09\n"
+
+
+def test_the_list_has_every_problem(capsys):
+    assert main(["bench", "--list"]) == 0
+    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == list(PROBLEMS)
+
+
+# -- work-precision diagrams -----------------------------------------------------------------------------------------------
+
+
+def points(*rows):
+    return [
+        work_precision.Point(Setting("dop853", 10.0**-i, 10.0**-i), error, n, n // 12, 0, seconds, "finished")
+        for i, (error, n, seconds) in enumerate(rows)
+    ]
+
+
+DIAGRAM = points((1e-4, 100, 1e-3), (1e-6, 200, 2e-3), (2e-6, 300, 5e-3), (1e-8, 400, 4e-3), (math.nan, 50, 1e-4))
+
+
+def test_the_cheapest_and_the_fastest_setting_that_reach_an_error():
+    assert work_precision.cheapest(DIAGRAM, 1e-5).evaluations == 200
+    assert work_precision.fastest(DIAGRAM, 1e-7).seconds == 4e-3
+    assert work_precision.cheapest(DIAGRAM, 1e-9) is None
+
+
+def test_the_time_at_an_error_is_between_points_that_no_other_beats():
+    assert work_precision.seconds_at(DIAGRAM, 1e-5) == pytest.approx(math.sqrt(2) * 1e-3, rel=1e-12)
+    assert work_precision.seconds_at(DIAGRAM, 1e-8) == pytest.approx(4e-3, rel=1e-12)
+    assert math.isnan(work_precision.seconds_at(DIAGRAM, 1e-9))
+
+
+def test_goals_count_errors_evaluations_and_times():
+    def verdict(goal):
+        found = measuring._goal(goal, DIAGRAM)
+        return found["met"], found["slow"]
+
+    assert verdict(Goal(1e-7)) == (True, False)
+    assert verdict(Goal(1e-9)) == (False, False)
+    assert verdict(Goal(1e-7, evaluations=400)) == (False, False)
+    assert verdict(Goal(1e-7, evaluations=401)) == (True, False)
+    assert verdict(Goal(1e-7, seconds=1e-3)) == (False, True)
+    assert "missed at every tolerance" in lines.goal_line(measuring._goal(Goal(1e-9), DIAGRAM))
+
+
+def test_contestants_take_turns():
+    order = []
+
+    def contestant(name):
+        def run():
+            order.append(name)
+            return float(len(order))
+
+        return run
+
+    found = timing.alternate({"a": contestant("a"), "b": contestant("b")}, budget=0.0, least_turns=3)
+    assert order == ["a", "b", "a", "b", "a", "b"]
+    assert found["a"] == timing.Seconds(1.0, 3.0, 5.0, 3)
+    slept = timing.elapsed(lambda: time.sleep(0.002), 3)()
+    assert 0.002 <= slept < 1.0
+
+
+def test_exponents_of_growth():
+    assert measuring.exponent([10, 100, 1000], [2e-6, 2e-4, 2e-2]) == pytest.approx(2.0)
+    assert math.isnan(measuring.exponent([10], [1.0]))
+
+
+def test_relative_errors_are_by_direction():
+    from codegen.bench.problem import Reference
+
+    exact = Reference([1, 2], [[10, 0], [0, 0]])
+    found = measuring.relative_errors(np.array([1.0, 2.0 + 2e-10]), np.array([[10.0, 1e-9], [1e-12, 0.0]]), exact)
+    assert found == pytest.approx([1e-10, 1e-10, 1e-12], rel=1e-5)

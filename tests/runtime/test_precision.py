@@ -1,0 +1,93 @@
+"""The solver in more digits: against the dense method in mpmath's numbers, and what it takes and refuses."""
+
+import pickle
+
+import made_once
+import mpmath
+import numpy as np
+import pytest
+
+import codegen
+
+FOUR_BAR = "examples/four_bar.yaml"
+
+
+@pytest.fixture(scope="module")
+def solver(tmp_path_factory):
+    return made_once.solvers(tmp_path_factory)(codegen.load_model(FOUR_BAR))
+
+
+@pytest.fixture(scope="module")
+def exact(solver):
+    return solver.in_precision(40)
+
+
+def test_the_digits_are_those_that_were_asked_for(solver, exact):
+    q, u = exact.initial
+    for position_or_velocity in exact.closure(q, u):
+        assert max(abs(position_or_velocity)) < 1e-39
+    longer = solver.in_precision(60)
+    a, b = exact.accelerations(q, u), longer.accelerations(q, u)
+    assert 0 < max(abs(a - b)) < 1e-36
+    assert max(abs(longer.closure(q, u)[0])) < 1e-39  # the state is the same
+    assert repr(exact).endswith("in 40 digits>")
+    with mpmath.workdps(15):
+        assert max(abs(exact.accelerations(q, u) - a)) == 0
+
+
+def test_everything_agrees_with_double_precision(solver, exact):
+    q, u = solver.initial
+    assert abs(exact.initial[0] - q).max() < 1e-15
+    rng = np.random.default_rng(1)
+    seeds = {"dq": rng.normal(size=(2, 3)), "du": rng.normal(size=(2, 3)), "dp": rng.normal(size=(2, 6))}
+    w = rng.normal(size=(2, 3))
+    calls = [
+        lambda s: s.assemble(q, u),
+        lambda s: s.sensitivities(q, u, dinputs=[[1.0], [0.5]], **seeds),
+        lambda s: s.coordinate_rate_sensitivities(q, u, **seeds),
+        lambda s: [getattr(s.jacobians(q, u), n) for n in ("q", "u", "p", "inputs", "t")],
+        lambda s: s.energy_sensitivities(q, u, **seeds)[1],
+        lambda s: s.output_sensitivities(q, u, **seeds),
+        lambda s: s.assemble_sensitivities(q, u, **seeds),
+        lambda s: s.initial_sensitivities(dp=seeds["dp"]),
+        lambda s: s.gradients(q, u, weights=w),
+        lambda s: s.assemble_gradients(q, u, weights_q=w, weights_u=w),
+        lambda s: s.output_gradients(q, u, weights=np.eye(5)),
+        lambda s: [s.accelerations([q, q + [0, 1e-3, 0]], u, {"base": 1.2}, t=[0.0, 1.0])],
+    ]
+    for call in calls:
+        for a, b in zip(call(solver), call(exact), strict=True):
+            assert np.shape(a) == np.shape(b)
+            assert all(isinstance(x, exact.mp.mpf) for x in np.ravel(b))
+            assert np.abs(a - b).max(initial=0) <= 1e-12 * (1 + np.abs(a).max(initial=0))
+
+
+def test_what_is_taken(solver, exact):
+    q, u = exact.initial
+    a = exact.accelerations(q, u)
+    assert max(abs(exact.accelerations([str(x) for x in q], u) - a)) < 1e-36
+    assert max(abs(exact.accelerations(list(q), u.astype(float)) - a)) == 0
+    third = exact.mp.mpf(1) / 3
+    one, other = (exact.accelerations(q, u, {"coupler_mass": x}) for x in (third, 1 / 3))
+    assert 1e-18 < max(abs(one - other)) < 1e-13
+    again = pickle.loads(pickle.dumps(exact))
+    assert (again.accelerations(q, u) == a).all()
+    assert exact.in_precision(50).digits == 50
+    for wrong, message in (([np.nan, 0, 0], "finite"), (["a", 0, 0], "real numbers"), ([1, 2], "expected")):
+        with pytest.raises(ValueError, match=message):
+            exact.accelerations(wrong, u)
+    with pytest.raises(ValueError, match="leave it out"):
+        exact.accelerations(q, u, out=np.zeros(3))
+    for digits in (15, 40.0, True, 10**6):
+        with pytest.raises(ValueError, match="digits is"):
+            solver.in_precision(digits)
+    with pytest.raises(AttributeError, match="double precision"):
+        exact.simulate(1.0)
+    with pytest.raises(codegen.runtime.AssemblyError):
+        exact.assemble(q, u, {"base": 99.0})
+
+
+def test_without_mpmath_it_says_what_to_install(solver, monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "mpmath", None)
+    with pytest.raises(ImportError, match="pip install mpmath"):
+        solver.in_precision()
