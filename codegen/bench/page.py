@@ -17,8 +17,8 @@ def _prose(text: str) -> str:
 
 
 ORIGIN = _prose("""
-Written by `ordernm bench --page`, from the figures of one run; do not edit. `ordernm bench` measures them anew, `ordernm bench
---compare OLD.json` puts two runs beside each other.
+Written by `ordernm bench --page`; do not edit. `ordernm bench` measures all of it anew, `ordernm bench --compare OLD.json` puts
+two runs beside each other.
 """)
 MACHINE = _prose("""
 **Machine.** One core of: {processor}, {instructions}; {compiler}, `{flags}`; {system}, Python {python}, NumPy {numpy}, ordernm

@@ -130,6 +130,24 @@ def test_the_list_has_every_problem(capsys):
     assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == list(PROBLEMS)
 
 
+def test_runs_of_parts_make_one(run, monkeypatch, capsys):
+    whole = run[2]
+    parts = [{**whole, "problems": {name: result}} for name, result in whole["problems"].items()]
+    for part, name in zip(parts, ("a", "b"), strict=True):
+        results.write_results(part, run[4] / f"{name}.json")
+    monkeypatch.chdir(run[4])
+    assert main(["bench", "--results", "a.json", "--results", "b.json", "-o", "whole.json"]) == 0
+    assert json.loads((run[4] / "whole.json").read_text()) == whole
+    for change, message in (
+        ({"quick": False}, "--quick"),
+        ({"machine": {**whole["machine"], "flags": "-O3"}}, "flags: "),
+    ):
+        results.write_results({**parts[1], **change}, run[4] / "b.json")
+        capsys.readouterr()
+        assert main(["bench", "--results", "a.json", "--results", "b.json"]) == 2
+        assert message in capsys.readouterr().err
+
+
 # -- work-precision diagrams -----------------------------------------------------------------------------------------------
 
 
