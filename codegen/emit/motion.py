@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from ..mechanics.procedures import ALONG_MOTIONS
 from ..mechanics.structure.system import System
 from ..version import __version__
 from .function import called_with
@@ -105,9 +106,24 @@ def write_precise(system: System, manifest: Mapping[str, Any]) -> str:
     )
 
 
+def write_four(manifest: Mapping[str, Any]) -> str:
+    """The C of the functions that integration calls, for four directions at once."""
+    name, functions = manifest["name"], manifest["functions"]
+    found = [f for f in ALONG_MOTIONS if f in functions]
+    return render(
+        "c/four.c.jinja",
+        {
+            "name": name,
+            "version": __version__,
+            "functions": [(f"motion_{f}", _call(name, f, functions[f], "_4")) for f in found],
+            "members": [(f, f"motion_{f}") for f in found],
+        },
+    )
+
+
 def _call(model: str, name: str, function: Mapping[str, Any], width: str) -> str:
     arguments = [*function["arguments"], *function.get("seeds", ()), *function["results"], "work"]
     return called_with(f"{model}_{name}{width}(", [f"c->{a}" for a in arguments])
 
 
-__all__ = ["has_motion", "write_motion", "write_precise"]
+__all__ = ["has_motion", "write_four", "write_motion", "write_precise"]

@@ -16,6 +16,7 @@ import codegen
 from codegen.runtime import Event, Final, Integral
 
 WARNINGS = ("-Wall", "-Wextra", "-Werror")
+METHODS = ("dop853", "radau")
 SANITIZED = [
     GCC,
     pytest.param(CLANG, marks=pytest.mark.campaign),
@@ -32,10 +33,13 @@ def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def compiled(package: Path, folder: Path, build: Build, *flags: str) -> Path:
+def compiled(package: Path, folder: Path, build: Build, *flags: str, method: str = "dop853") -> Path:
     sources = [package / "four_bar.c", package / "four_bar_motion.c", *sorted((package / "motion").glob("*.c"))]
-    program = folder / "motion"
-    command = [build.compiler, *build.flags, *flags, "-I", str(package), str(EXAMPLES / "motion.c"), *map(str, sources)]
+    own, program = folder / "own.c", folder / "motion"
+    text = (EXAMPLES / "motion.c").read_text()
+    assert text.count("ORDERNM_DOP853") == 1
+    own.write_text(text.replace("ORDERNM_DOP853", f"ORDERNM_{method.upper()}"))
+    command = [build.compiler, *build.flags, *flags, "-I", str(package), str(own), *map(str, sources)]
     said = subprocess.run([*command, "-o", str(program), "-lm"], capture_output=True, text=True, check=False)
     assert not said.returncode, said.stderr[:3000]
     return program
@@ -50,14 +54,14 @@ def run(*command: str) -> dict[str, list[list[float]]]:
     return found
 
 
-def check(package: Path, found: dict[str, list[list[float]]]) -> None:
+def check(package: Path, found: dict[str, list[list[float]]], method: str = "dop853") -> None:
     solver: Any = codegen.load(package)
     times = [0.0, 0.4, 0.5, 0.6, 2.0]
     event = Event("trace_z", 0.35, stop=False)
     wrt = ("crank_length", "base")
     options = {"inputs": [0.3], "events": event, "sensitivities": wrt}
     by_name = (*solver.parameter_names, "q0.crank", "u0.crank", "inputs.motor")
-    motion = solver.simulate(times, **options)
+    motion = solver.simulate(times, method=method, **options)
     expected = np.column_stack([motion.t, motion["trace_x"], *motion.doutputs[:, :, 0]])
     # the integral's error is looked at too there, so that steps differ
     np.testing.assert_allclose(found["row"], expected, rtol=1e-7, atol=1e-7)
@@ -76,10 +80,11 @@ def test_a_program_of_ones_own(package: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("build", SANITIZED, ids=str)
-def test_under_sanitizers(package: Path, tmp_path: Path, build: Build) -> None:
+@pytest.mark.parametrize("method", METHODS)
+def test_under_sanitizers(package: Path, tmp_path: Path, build: Build, method: str) -> None:
     if build.missing:
         pytest.skip(build.missing)
-    check(package, run(str(compiled(package, tmp_path, build, "-g1", *WARNINGS))))
+    check(package, run(str(compiled(package, tmp_path, build, "-g1", *WARNINGS, method=method))), method)
 
 
 @pytest.mark.campaign

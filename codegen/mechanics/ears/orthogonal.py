@@ -19,7 +19,7 @@ from ..stores import EAR, RANK
 from ..structure.factor_form import FactorForm, Step
 
 SMALLEST = 1e-28
-"""Squared part of a column that must be left after projection: below it the closure matrix has lost rank."""
+"""Squared part of a column that must be left after projection, and in all: below it the closure matrix has lost rank."""
 
 
 class RankLossError(ValueError):
@@ -202,6 +202,7 @@ def factor(x: Scope, columns: list[Vector], tag: str) -> Factor:
             r = ANY
         f.inverse.append(let("rinv", 1 / r, tag))
         above = _sum(f.R[i, k] * f.R[i, k] for (i, k) in sorted(f.R) if k == j)
-        margin = let("margin", square - x.number(SMALLEST) * above, "rank")
+        # conditions are numbers, so a column that is all but zero, of a joint that has come to move nothing, is told too
+        margin = let("margin", square - x.number(SMALLEST) * (1 + above), "rank")
         x.set_entry(RANK, j, margin)
     return f

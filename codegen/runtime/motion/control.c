@@ -51,8 +51,10 @@ static size_t lay_out(const ordernm_problem *p, void *at)
     m->size = m->values;
     for (int n = 0; n < m->ngroups; ++n) {
         const int left = p->ndirections - n*LANES;
-        const int width = left == 1 ? 1 : LANES;
-        group g = {width, width == LANES, n*LANES, left < LANES ? left : LANES, m->size, ordernm_numbers(&of, s->np*width)};
+        const int four = left <= LANES/2 && m->method->rows && s->state_rate_sensitivities[ORDERNM_FOUR];
+        const int width = left == 1 ? 1 : four ? LANES/2 : LANES;
+        const int index = left == 1 ? ORDERNM_ONE : four ? ORDERNM_FOUR : ORDERNM_EIGHT;
+        group g = {width, index, n*LANES, left < LANES ? left : LANES, m->size, ordernm_numbers(&of, s->np*width)};
         m->size += whole_lines((long)(m->ny + m->nx)*width);
         if (at) m->groups[n] = g;
     }

@@ -41,7 +41,7 @@ enum { LANES = 8, MOST_STAGES = 16 };
 
 /* Directions that are evaluated together. */
 typedef struct {
-    int width, index;         /* 1 or 8 lanes; which of the functions of a system */
+    int width, index;         /* 1, 4 or 8 lanes; which of the functions of a system */
     int first, used;          /* the first of its directions, and how many lanes have one */
     long at;                  /* where its derivatives begin in z */
     double *dp;               /* [np][width] */

@@ -16,7 +16,7 @@ from .functions import ALONG
 from .infinite import tell_infinite
 from .numpy_target import NumpyTarget
 from .package import seeds, state
-from .rounding import NearestFunctions, can_round, spread
+from .rounding import UNIT, NearestFunctions, can_round, spread
 from .targets import Opened, Target
 
 LARGEST = 1000
@@ -169,9 +169,10 @@ class Diagnosing(Dynamics):
             return None
         scale = 1.0 / np.sqrt(np.diag(M))
         sizes, vectors = np.linalg.eigh(scale[:, None] * M * scale)
-        return MassCondition(
-            _quotient(np.linalg.eigvalsh(M)), _quotient(sizes), names[int(np.argmax(np.abs(vectors[:, 0])))]
-        )
+        # no more of a size is known than rounding leaves
+        left = 1.0 / (vectors**2 @ (1.0 / np.fmax(sizes, len(sizes) * UNIT * sizes[-1])))
+        worst = int(np.argmin(left))
+        return MassCondition(_quotient(np.linalg.eigvalsh(M)), _quotient(sizes), float(left[worst]), names[worst])
 
     def _mass(self, arrays: Mapping[str, Any], independent: Sequence[int]) -> Array | None:
         """The mass matrix of the independent speeds: second derivatives of the kinetic energy, which is a square in them."""

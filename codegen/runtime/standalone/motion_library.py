@@ -47,7 +47,27 @@ def motion_library(folder: Path) -> tuple[Any, Any]:
         return _opened[folder]
 
 
-_precise: dict[tuple[Path, str], tuple[Any, int]] = {}
+_apart: dict[tuple[Path, str], tuple[Any, int]] = {}
+
+
+def _function_apart(folder: Path, name: str, part: str, symbol: str, declaration: str, flags: list[str] | None) -> int:
+    """The address of a function of ``NAME_<part>.c``, which includes ``NAME.c``: compiled when first asked for."""
+    from cffi import FFI
+
+    with _opening:
+        if (folder, symbol) not in _apart:
+            ffi = FFI()
+            ffi.cdef(declaration)
+            build = Build(folder, f"{name}_{part}", [f"{name}_{part}.c"], [f"{name}.c"])
+            if flags is not None and CFLAGS not in os.environ:
+                build.flags = flags
+            path = build.library()
+            try:
+                library = ffi.dlopen(str(path))
+            except OSError as error:
+                raise CompileError(f"{path} was compiled but cannot be opened: {error}") from None
+            _apart[folder, symbol] = library, int(ffi.cast("intptr_t", getattr(library, symbol)))
+        return _apart[folder, symbol][1]
 
 
 def precise_closure(folder: Path, name: str) -> int:
@@ -57,23 +77,19 @@ def precise_closure(folder: Path, name: str) -> int:
     ------
     NoCompilerError, CompileError
     """
-    from cffi import FFI
+    symbol = f"{name}_precise_closing_step"
+    # it is needed at once, and seldom called
+    return _function_apart(folder, name, "precise", symbol, f"int {symbol}(const void *);", ["-O0"])
 
-    with _opening:
-        if (folder, name) not in _precise:
-            ffi = FFI()
-            ffi.cdef(f"int {name}_precise_closing_step(const void *);")
-            build = Build(folder, f"{name}_precise", [f"{name}_precise.c"])
-            if CFLAGS not in os.environ:
-                build.flags = ["-O0"]  # it is needed at once, and seldom called
-            path = build.library()
-            try:
-                library = ffi.dlopen(str(path))
-            except OSError as error:
-                raise CompileError(f"{path} was compiled but cannot be opened: {error}") from None
-            function = getattr(library, f"{name}_precise_closing_step")
-            _precise[folder, name] = library, int(ffi.cast("intptr_t", function))
-        return _precise[folder, name][1]
+
+def four_lanes(folder: Path, name: str) -> int:
+    """The address of the function of ``NAME_four.c`` that gives a system its functions over four directions.
+
+    Raises
+    ------
+    NoCompilerError, CompileError
+    """
+    return _function_apart(folder, name, "four", f"{name}_four", f"void {name}_four(void *);", None)
 
 
 def declarations(header: str) -> str:
