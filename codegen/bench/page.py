@@ -44,8 +44,8 @@ Errors are relative, the worst of the accelerations and all directions that were
 """)
 PEERS = _prose("""
 The same models and the same end, in the same run, taking turns, each at the best build and method that was found for it. Times
-are from Python, ours too. Where ours has derivatives by a parameter, its time is with them, under error control; beside it only
-CasADi's has derivatives.
+are CPU time from Python, ours too. Where ours has derivatives by a parameter, its time is with them, under error control; beside
+it only CasADi's has derivatives.
 """)
 
 

@@ -167,6 +167,15 @@ def test_the_cheapest_and_the_fastest_setting_that_reach_an_error():
     assert work_precision.cheapest(DIAGRAM, 1e-9) is None
 
 
+def test_an_interrupt_is_not_taken_for_a_motion_that_ends_early():
+    class Interrupted:
+        def simulate(self, *arguments, **options):
+            return type("Some", (), {"stats": {"reason": "interrupted"}})()
+
+    with pytest.raises(KeyboardInterrupt):
+        work_precision.integrate(Interrupted(), 1.0, Setting("dop853", 1e-6, 1e-6))
+
+
 def test_the_time_at_an_error_is_between_points_that_no_other_beats():
     assert work_precision.seconds_at(DIAGRAM, 1e-5) == pytest.approx(math.sqrt(2) * 1e-3, rel=1e-12)
     assert work_precision.seconds_at(DIAGRAM, 1e-8) == pytest.approx(4e-3, rel=1e-12)
