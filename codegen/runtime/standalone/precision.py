@@ -415,34 +415,28 @@ class Precision(Package):
     def in_precision(self, digits: int = 40) -> Any:
         """This solver in more digits, to settle a doubt about rounding: the same statements on longer numbers.
 
-                Its members take what those of this solver take, and mpmath's numbers and decimal text too; floats count as exactly
-                what they are. They return mpmath's numbers in arrays of objects, which keep these digits whatever ``mpmath.mp.dps``
-                is; ``.astype(float)`` rounds an array to doubles. `assemble` closes loops to these digits; the other members take
-        <<<<<<< HEAD
-                coordinates as they are given, as everywhere. There are no ``out=``, `simulate`, `judge`, `equilibrium`, `linearize`
-                and `diagnose`. Numbers that were computed from the model when it was generated are the doubles that stand in the
-                package.
-        =======
-                coordinates as they are given, as everywhere. There are no ``out=``, `simulate`, `judge`, `equilibrium`,
-                `linearize` and `diagnose`. Numbers that were computed from the model when it was generated are the doubles that stand in
-                the package.
-        >>>>>>> main
+        Its members take what those of this solver take, and mpmath's numbers and decimal text too; floats count as exactly
+        what they are. They return mpmath's numbers in arrays of objects, which keep these digits whatever ``mpmath.mp.dps``
+        is; ``.astype(float)`` rounds an array to doubles. `assemble` closes loops to these digits; the other members take
+        coordinates as they are given, as everywhere. There are no ``out=``, `simulate`, `judge`, `equilibrium`, `linearize`
+        and `diagnose`. Numbers that were computed from the model when it was generated are the doubles that stand in the
+        package.
 
-                Parameters
-                ----------
-                digits : int
-                    Decimal digits of results, at least 16; what is computed with has ten more. Cancellation takes digits away, so
-                    compare with those of more.
+        Parameters
+        ----------
+        digits : int
+            Decimal digits of results, at least 16; what is computed with has ten more. Cancellation takes digits away, so
+            compare with those of more.
 
-                Returns
-                -------
-                Solver
-                    With ``digits``, and ``mp``, mpmath's functions in these digits.
+        Returns
+        -------
+        Solver
+            With ``digits``, and ``mp``, mpmath's functions in these digits.
 
-                Raises
-                ------
-                ImportError
-                    mpmath is not installed.
+        Raises
+        ------
+        ImportError
+            mpmath is not installed.
         """
         return extended(self, digits)
 
