@@ -95,6 +95,7 @@ static size_t lay_out(const ordernm_problem *p, void *at)
     m->inputs = ordernm_numbers(&of, s->ninputs);
     m->dinputs = ordernm_numbers(&of, s->ninputs*LANES);
     m->dt = ordernm_numbers(&of, LANES);
+    m->wide_dp = ordernm_numbers(&of, s->np*LANES);
     const long described = ordernm_event_size(p);
     double **rows[] = {&m->row, &m->known_row};
     for (int i = 0; i < 2; ++i) *rows[i] = ordernm_numbers(&of, described);

@@ -101,6 +101,7 @@ struct ordernm_motion {
     double *trial, *zeros, *error[2];
     double *work, *q, *u, *qdot, *udot, *newton, *position, *condition, *outputs, *inputs;
     double *dq, *du, *dqdot, *dudot, *full_dq, *full_du, *doutputs, *dinputs;
+    double *wide_dp;          /* [np][LANES]; of four directions, where only functions of eight are to be had */
     double *dt;               /* [LANES]; of seeds zeros, for time has no derivative here; transposes write there */
     double *row;
     double *stages;           /* states of the stages behind the first, of explicit methods: values, coordinates with loops closed */

@@ -208,6 +208,39 @@ int ordernm_close_loops(ordernm_motion *m, ordernm_call *c)
 
 /* ---- Rates. ---- */
 
+enum { HALF = LANES/2 };
+
+/* Rows of half as many lanes made whole, in place; the others are zero. */
+static void widen(double *x, long n)
+{
+    for (long i = n - 1; i >= 0; --i)
+        for (int l = LANES - 1; l >= 0; --l) x[i*LANES + l] = l < HALF ? x[i*HALF + l] : 0.0;
+}
+
+static void narrow(double *x, long n)
+{
+    for (long i = 0; i < n; ++i)
+        for (int l = 0; l < HALF; ++l) x[i*HALF + l] = x[i*LANES + l];
+}
+
+/* Rates along a group in long double, which has functions of one and of eight directions only. */
+static int precise_rates_along(ordernm_motion *m, const group *g, ordernm_call *c)
+{
+    const ordernm_system *s = m->system;
+    if (g->index != ORDERNM_FOUR) return s->precise->state_rate_sensitivities[g->index](c);
+    ordernm_call wide = *c;
+    memcpy(m->wide_dp, g->dp, s->np*HALF*sizeof(double));
+    wide.dp = m->wide_dp;
+    double *const given[] = {m->dq, m->du, m->dinputs, m->wide_dp};
+    const long count[] = {s->nq, s->nu, s->ninputs, s->np};
+    for (int i = 0; i < 4; ++i) widen(given[i], count[i]);
+    const int status = s->precise->state_rate_sensitivities[ORDERNM_EIGHT](&wide);
+    for (int i = 0; i < 4; ++i) narrow(given[i], count[i]);
+    narrow(m->dqdot, s->nq);
+    narrow(m->dudot, s->nu);
+    return status;
+}
+
 /* Time derivatives of z and of its derivatives along some groups; all coordinates, loops closed, are in m->q then. Loops that are
  * known to be closed are as predictions say. Returns 0, what a function returned, or -1 if loops do not close. */
 int ordernm_rates_of(ordernm_motion *m, double t, const double *z, double *rate, int ngroups, const group *groups, int what)
@@ -220,7 +253,6 @@ int ordernm_rates_of(ordernm_motion *m, double t, const double *z, double *rate,
     if (status) return status;
     const int precise = !closed && m->precise;
     ordernm_function *const state_rates = precise ? s->precise->state_rates : s->state_rates;
-    ordernm_function *const *const along = precise ? s->precise->state_rate_sensitivities : s->state_rate_sensitivities;
     const int rates = what & RATES, integrals = what & INTEGRALS && m->nx;
     if (rates) ++m->results->evaluations;
     c.qdot = m->identity ? rate : m->qdot;
@@ -233,7 +265,8 @@ int ordernm_rates_of(ordernm_motion *m, double t, const double *z, double *rate,
         seeds(m, t, z, g, &c);
         c.dqdot = m->identity ? S : m->dqdot;
         c.dudot = m->identity ? S + s->nq*width : m->dudot;
-        if (rates && (status = along[g->index](&c))) return status;
+        if (rates && (status = precise ? precise_rates_along(m, g, &c) : s->state_rate_sensitivities[g->index](&c)))
+            return status;
         if (rates && !m->identity) {
             for (int i = 0; i < s->nfree_q; ++i)
                 memcpy(S + i*width, m->dqdot + s->free_q[i]*width, width*sizeof(double));
