@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import subprocess
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -33,14 +34,33 @@ def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def compiled(package: Path, folder: Path, build: Build, *flags: str, method: str = "dop853") -> Path:
-    sources = [package / "four_bar.c", package / "four_bar_motion.c", *sorted((package / "motion").glob("*.c"))]
+@pytest.fixture(scope="module")
+def objects(package: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[..., list[str]]:
+    """Compiles a package and its integrators, once for each build."""
+    known: dict[Any, list[str]] = {}
+
+    def of(command: tuple[str, ...]) -> list[str]:
+        if command not in known:
+            folder = tmp_path_factory.mktemp("objects")
+            sources = [package / "four_bar.c", package / "four_bar_motion.c", *sorted((package / "motion").glob("*.c"))]
+            said = subprocess.run(
+                [*command, "-c", *map(str, sources)], cwd=folder, capture_output=True, text=True, check=False
+            )
+            assert not said.returncode, said.stderr[:3000]
+            known[command] = [str(x) for x in sorted(folder.glob("*.o"))]
+        return known[command]
+
+    return of
+
+
+def compiled(objects: Any, package: Path, folder: Path, build: Build, *flags: str, method: str = "dop853") -> Path:
+    command = (build.compiler, *build.flags, *flags)
     own, program = folder / "own.c", folder / "motion"
     text = (EXAMPLES / "motion.c").read_text()
     assert text.count("ORDERNM_DOP853") == 1
     own.write_text(text.replace("ORDERNM_DOP853", f"ORDERNM_{method.upper()}"))
-    command = [build.compiler, *build.flags, *flags, "-I", str(package), str(own), *map(str, sources)]
-    said = subprocess.run([*command, "-o", str(program), "-lm"], capture_output=True, text=True, check=False)
+    linked = [*command, "-I", str(package), str(own), *objects(command), "-o", str(program), "-lm"]
+    said = subprocess.run(linked, capture_output=True, text=True, check=False)
     assert not said.returncode, said.stderr[:3000]
     return program
 
@@ -75,23 +95,23 @@ def check(package: Path, found: dict[str, list[list[float]]], method: str = "dop
     np.testing.assert_allclose(found["gradient"][0][3], found["row"][-1][3], rtol=1e-11)
 
 
-def test_a_program_of_ones_own(package: Path, tmp_path: Path) -> None:
-    check(package, run(str(compiled(package, tmp_path, Build("cc", ("-O0",)), *WARNINGS))))
+def test_a_program_of_ones_own(objects: Any, package: Path, tmp_path: Path) -> None:
+    check(package, run(str(compiled(objects, package, tmp_path, Build("cc", ("-O0",)), *WARNINGS))))
 
 
 @pytest.mark.parametrize("build", SANITIZED, ids=str)
 @pytest.mark.parametrize("method", METHODS)
-def test_under_sanitizers(package: Path, tmp_path: Path, build: Build, method: str) -> None:
+def test_under_sanitizers(objects: Any, package: Path, tmp_path: Path, build: Build, method: str) -> None:
     if build.missing:
         pytest.skip(build.missing)
-    check(package, run(str(compiled(package, tmp_path, build, "-g1", *WARNINGS, method=method))), method)
+    check(package, run(str(compiled(objects, package, tmp_path, build, "-g1", *WARNINGS, method=method))), method)
 
 
 @pytest.mark.campaign
-def test_under_valgrind(package: Path, tmp_path: Path) -> None:
+def test_under_valgrind(objects: Any, package: Path, tmp_path: Path) -> None:
     if not shutil.which("valgrind"):
         pytest.skip("valgrind is not installed (Debian: apt-get install valgrind)")
-    program = compiled(package, tmp_path, Build("gcc", ("-O1", "-g")))
+    program = compiled(objects, package, tmp_path, Build("gcc", ("-O1", "-g")))
     check(package, run("valgrind", "-q", "--error-exitcode=3", "--leak-check=full", str(program)))
 
 
