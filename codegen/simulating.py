@@ -190,8 +190,6 @@ def _motion_errors() -> Iterator[None]:
         yield
     except (CompileError, NoCompilerError):
         raise
-    except NotImplementedError as error:  # a RuntimeError
-        raise RequestError(str(error)) from None
     except (LinAlgError, AssemblyError, ArithmeticError, RuntimeError) as error:  # the first two are ValueErrors
         raise MotionError(str(error)) from None
     except (ValueError, KeyError, AttributeError) as error:  # the last: a package without simulate

@@ -224,7 +224,9 @@ def test_an_event_where_independents_change_is_seen_once(made: Callable[..., Mad
     solver = made(example, "n_four_bar", partitions=2).solver
     y = solver.simulate(np.linspace(0, 3, 3001))["y"]
     for level in (0.01, 0.05, 0.1):
-        found = solver.simulate(3.0, events=Event("y", level, stop=False))
+        found = solver.simulate(
+            3.0, events=Event("y", level, stop=False), largest_step=0.01
+        )  # some end near flat poses
         assert found.stats["partitions_changed"] >= 1
         assert len(found.events) == len(np.flatnonzero(np.diff(np.sign(y - level))))
         assert (np.diff([e.t for e in found.events]) > 0.1).all()

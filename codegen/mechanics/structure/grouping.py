@@ -20,8 +20,12 @@ from .links import Link, LoopFaces
 from .neighbours import Neighbours
 from .regions import Regions
 
-LONG = 40
-"""Links in a row from which on rounding in sums of their forces is kept out of derivatives; in shorter chains it is small."""
+LONG = 120
+"""Links in a row from which on rounding in sums of their forces is kept out of derivatives.
+
+It grows with the square of their number and more: errors of a coiled chain of 100 rods are 5e-14 to 1.4e-13, of 200 3e-13 and
+of 1000 2e-11; with twelve operations more for each planar hinge they are 1e-14 to 4e-14 at any length.
+"""
 
 
 def find_link_kinds(

@@ -41,7 +41,7 @@ enum { LANES = 8, MOST_STAGES = 16 };
 
 /* Directions that are evaluated together. */
 typedef struct {
-    int width, index;         /* 1 or 8 lanes; which of the functions of a system */
+    int width, index;         /* 1, 4 or 8 lanes; which of the functions of a system */
     int first, used;          /* the first of its directions, and how many lanes have one */
     long at;                  /* where its derivatives begin in z */
     double *dp;               /* [np][width] */
@@ -131,6 +131,7 @@ struct ordernm_motion {
     double beside_event[2];   /* one of them, and the output there */
     ordernm_results *results;
     int far_steps, near_steps; /* in a row, in which an explicit method was at its limit of stability, and was not */
+    double error_before;      /* of the step before, as a share of what is allowed; 0 at the beginning */
     double advice;            /* how many times as large the next step should be, 0: as its error says */
     struct radau *radau;      /* what that method has of its own, else 0 */
 };

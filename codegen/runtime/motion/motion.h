@@ -36,7 +36,8 @@ typedef struct {
 /* Returns 0, or which pivot is zero, as the package's header says. */
 typedef int ordernm_function(const ordernm_call *call);
 
-enum { ORDERNM_WIDTHS = 2 }; /* of functions over directions: 1 and 8 at once */
+/* Functions over one direction, eight and four at once; the last are 0 until NAME_four has set them. */
+enum { ORDERNM_ONE, ORDERNM_EIGHT, ORDERNM_FOUR, ORDERNM_WIDTHS };
 
 /* The same in long double, for poses near which a loop loses rank; NAME_precise.c. Rates close the loops themselves once more. */
 typedef struct {

@@ -75,6 +75,38 @@ class Crossing:
         return f"<{self.event.output} = {self.event.level:g} at t = {self.t:.9g} s>"
 
 
+PARTS = ("q", "u", "outputs", "rates", "dt", "dq", "du", "doutputs")
+"""What a crossing has beside its event, its time and its pace."""
+
+
+def rows_of(crossings: Sequence[Crossing]) -> Array:
+    """Crossings as rows of numbers, (n, row): time and pace, then `PARTS`."""
+    return np.array([np.concatenate([[c.t, c.pace], *(getattr(c, name).ravel() for name in PARTS)]) for c in crossings])
+
+
+def crossings_of(
+    rows: Array, events: Iterable[Sequence[Any]], nq: int, nu: int, noutputs: int, k: int
+) -> tuple[Crossing, ...]:
+    """Crossings from such rows, each with the fields of its event.
+
+    Raises
+    ------
+    ValueError
+        Rows of another length, or another number of them.
+    """
+    shapes = [(nq,), (nu,), (noutputs,), (noutputs,), (k,), (k, nq), (k, nu), (k, noutputs)]
+    ends = np.cumsum([2, *(math.prod(s) for s in shapes)])
+    found = []
+    for row, event in zip(rows, events, strict=True):
+        if row.shape != (ends[-1],):
+            raise ValueError(f"an event has {row.size} numbers, expected {ends[-1]}")
+        parts = {
+            name: x.reshape(shape) for name, x, shape in zip(PARTS, np.split(row, ends[:-1])[1:], shapes, strict=True)
+        }
+        found.append(Crossing(Event(*event), float(row[0]), pace=float(row[1]), **parts))
+    return tuple(found)
+
+
 def take_events(output_names: Sequence[str], given: Any) -> tuple[Event, ...]:
     """Events as a caller gives them, checked.
 

@@ -155,7 +155,7 @@ class Run:
     rows : array (nt, row)
         See ``ordernm_results``.
     reason, counts, singular, component, events
-        As of its last segment; counts are sums.
+        As of its last segment; counts are sums, of what the method and the model make use of.
     segments : list of Segment
     """
 

@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 
 from .arrays import Array
-from .c_target import CTarget
 from .errors import CompileError, NoCompilerError, SingularLoopError
-from .motion_library import motion_library, precise_functions
+from .motion_library import four_lanes, motion_library, precise_functions
 from .motion_problem import REASONS, Problem, Run, Segment
 from .partitions import Partitions
 from .states import States
@@ -39,9 +38,12 @@ class MotionRun(States, Partitions):
     """Runs motions."""
 
     def _motion(self, opened: Opened) -> tuple[Any, Any, Any]:
-        """The library of integrators, its cffi object, and a partition as they know it."""
-        library, ffi = motion_library(self.folder)
-        address = compiled(opened).address(f"{opened.manifest['name']}_motion")
+        """The library of integrators, its cffi object, and a partition as they know it; integrators run compiled code only."""
+        try:
+            address = self._in_c(opened).address(f"{opened.manifest['name']}_motion")
+            library, ffi = motion_library(self.folder)
+        except NoCompilerError as error:
+            raise NoCompilerError(f"motions are integrated in compiled code, and {error}") from None
         return library, ffi, ffi.new("ordernm_system *", ffi.cast("ordernm_system *", address)[0])
 
     def _run(
@@ -72,8 +74,12 @@ class MotionRun(States, Partitions):
             "stiffness": max(c["stiffness"] for c in counts), "partitions_changed": len(counts) - 1,
             "seconds": time.perf_counter() - began,
         }  # fmt: skip
-        if not several:
-            del run.counts["partitions_changed"]
+        used = {
+            "closing_steps": bool(self.closure_names), "condition": bool(self.closure_names), "partitions_changed": several,
+            "jacobians": problem.method == "radau", "factorizations": problem.method == "radau",
+            "stiffness": problem.method == "dop853" and not problem.fixed,
+        }  # fmt: skip
+        run.counts = {name: n for name, n in run.counts.items() if used.get(name, True)}
         return run
 
     def _ask_for_functions(self, problem: Problem, backwards: bool) -> None:
@@ -172,6 +178,9 @@ class MotionRun(States, Partitions):
     ) -> tuple[Segment, Array, Array]:
         """Run a motion with a partition: what came of it, rows of results, and one of the state at its end."""
         library, ffi, system = self._motion(opened)
+        left = len(problem.dp) % 8
+        if 1 < left <= 4 and problem.method != "radau" and (address := _four(opened)):
+            ffi.cast("void (*)(ordernm_system *)", address)(system)
         c = problem.in_c(ffi, system)
         room = ffi.from_buffer("double[]", np.empty(library.ordernm_room(c)))
         motion = library.ordernm_begin(c, room)
@@ -263,15 +272,6 @@ class MotionRun(States, Partitions):
         return segment, found, last
 
 
-def compiled(opened: Opened) -> CTarget:
-    """The compiled code of a partition; integrators run nothing else."""
-    if not isinstance(opened.target, CTarget):
-        raise NotImplementedError(
-            "simulate runs compiled code, and this solver computes with NumPy: open it with target='c'"
-        )
-    return opened.target
-
-
 def _new_events(before: list[tuple[int, Array]], segment: Segment) -> list[tuple[int, Array]]:
     """Events of a segment without those that happened as the one before ended: by rounding they may happen again at once."""
     start = segment.problem.start
@@ -287,6 +287,15 @@ def _precise(opened: Opened) -> int:
         return precise_functions(opened.folder, name)
     except (CompileError, NoCompilerError) as error:
         warn(f"{name}: loops are closed with less accuracy near a pose where they lose rank: {error}")
+        return 0
+
+
+def _four(opened: Opened) -> int:
+    """The address of what lets a partition integrate along four directions at once; 0 where it cannot be compiled: eight do."""
+    try:
+        return four_lanes(opened.folder, opened.manifest["name"])
+    except (CompileError, NoCompilerError) as error:
+        warn(f"{opened.manifest['name']}: motions with two to four directions take the time of eight: {error}")
         return 0
 
 
