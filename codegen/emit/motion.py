@@ -91,11 +91,13 @@ PRECISE = (
 def write_precise(system: System, manifest: Mapping[str, Any]) -> str:
     """The C of closure and rates in long double, of a model with loops."""
     name, functions, model = manifest["name"], manifest["functions"], system.model
-    of_rates = [("state_rates", "", 0)]
-    along = "state_rate_sensitivities"
-    of_rates += [(along, f"_{w}", w) for w in WIDTHS if along in functions]
+    of_rates, lanes, along = [("state_rates", "")], [("state_rates", 0, 0, "state_rates")], "state_rate_sensitivities"
     members = [f".{f} = precise_{f}" for f in ("closing_step", "state_rates")]
-    members += [f".{along} = {{{', '.join(f'precise_{along}_{w}' for w in WIDTHS)}}}"] if along in functions else []
+    if along in functions:
+        of_rates += [(along, f"_{w}") for w in WIDTHS]
+        lanes += [(f"{along}_{w}", w, w, f"{along}_{w}") for w in WIDTHS]
+        lanes.append((f"{along}_4", 4, 8, f"{along}_8"))  # four in the lanes of eight: it is seldom called
+        members.append(f".{along} = {{{', '.join(f'precise_{along}_{w}' for w in (*WIDTHS, 4))}}}")
     return render(
         "c/precise.c.jinja",
         {
@@ -110,7 +112,8 @@ def write_precise(system: System, manifest: Mapping[str, Any]) -> str:
             "nclosure": len(model.closure_names),
             "nloops": len(model.loops),
             "closing_step": _call(name, "closing_step", functions["closing_step"], ""),
-            "rates": [(f"{f}{w}", width, _call(name, f, functions[f], w)) for f, w, width in of_rates],
+            "rates": [(f"{f}{w}", _call(name, f, functions[f], w)) for f, w in of_rates],
+            "lanes": lanes,
             "members": members,
         },
     )

@@ -76,8 +76,9 @@ double ordernm_step_at_pose(const ordernm_motion *m, double h, double wall)
 static const double OFFSETS[BESIDE] = {-0.03, -0.02, -0.01, 0.01, 0.02, 0.03};
 static const double SIX[BESIDE] = {0.05, -0.3, 0.75, 0.75, -0.3, 0.05}, FOUR[BESIDE] = {0.0, -1.0/6, 4.0/6, 4.0/6, -1.0/6, 0.0};
 
-/* How far both may be apart, in parts of the value; derivatives that differ by more have none there. */
-static const double SAME = 1e-6;
+/* How far both may be apart, in parts of the value or tolerances: derivatives that differ by more have none there. Nor have those
+ * whose difference of both sides grows towards the pose, like that of 1/(t - pose). */
+static const double SAME = 1e-6, SAME_TOLERANCES = 1e3;
 
 /* Of the rows and states beside the pose, those at it. Returns -1 if values have none. */
 static int at_pose(ordernm_motion *m, double t, long size)
@@ -85,9 +86,12 @@ static int at_pose(ordernm_motion *m, double t, long size)
     const ordernm_problem *const p = m->problem;
     const long values = 1 + m->system->nq + m->system->nu + m->system->noutputs + m->nx, derivatives = ordernm_row_size(p);
     for (long i = 0; i < size; ++i) {
+        const double *const of = m->beside + i;
+        const double inner = fabs(of[3*size] - of[2*size]), outer = fabs(of[5*size] - of[0]);
         double six = 0.0, four = 0.0;
         for (int j = 0; j < BESIDE; ++j) six += SIX[j]*m->beside[j*size + i], four += FOUR[j]*m->beside[j*size + i];
-        const int same = fabs(six - four) <= SAME*(1.0 + fabs(six));
+        const double allowed = fmax(SAME, SAME_TOLERANCES*p->rtol)*(1.0 + fabs(six));
+        const int same = fabs(six - four) <= allowed && inner <= outer + allowed;
         if (!same && i < values) return -1;
         m->known_row[i] = same || i >= derivatives ? six : NAN;
     }

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from .arrays import Array, Numbers
-from .errors import SimulationError
+from .errors import SimulationError, SingularLoopError
 from .motion_directions import Directions, take_sensitivities
 from .motion_events import DIRECTIONS as CROSSINGS
 from .motion_events import Crossing, Event, crossing, take_events
@@ -31,6 +31,9 @@ SMALLEST_TOLERANCE = 1e-14
 
 HARDLY_DETERMINED = 1e6
 """Condition of loops from which on an early end is said to have to do with it."""
+
+BESIDE = 1e-5
+"""s, beside an event at a pose where a loop has lost rank: rates of outputs there are off by the square of this."""
 
 MEANINGLESS = 1e10
 """Changes, in parts of what changes per part of what it changes with, beyond which the motion is said to be chaotic."""
@@ -256,11 +259,20 @@ class Simulation(MotionRun):
         derivatives = [self._derivatives_of_rows(row, problem, k, i) for i in (1, 2, 3)]
         inputs = problem.inputs.at(t)
         given = (values[0], values[1], problem.p, inputs, t)
-        (qdot,) = self._values("coordinate_rates", state(*given))
+        plain = self.coordinate_names == self.speed_names  # so it goes where a loop has lost rank, too
+        qdot = values[1] if plain else self._values("coordinate_rates", state(*given))[0]
         udot, pace = row[-self.nu - 1 : -1], float(row[-1])
-        _, rate = self._along(
-            "output_sensitivities", state(*given), seeds(qdot, udot, None, problem.inputs.rate(t), 1.0)
-        )
+
+        def rates_at(q: Array, u: Array) -> Array:
+            along = seeds(qdot, udot, None, problem.inputs.rate(t), 1.0)
+            found: Array = self._along("output_sensitivities", state(q, u, *given[2:]), along)[1]
+            return found
+
+        try:
+            rate = rates_at(values[0], values[1])
+        except SingularLoopError:  # a loop has lost rank there: the mean of both sides
+            sides = [rates_at(values[0] + s * qdot, values[1] + s * udot) for s in (-BESIDE, BESIDE)]
+            rate = 0.5 * (sides[0] + sides[1])
         rates = (qdot, udot, rate[0])
         return crossing(event, self.output_names.index(event.output), t, values, derivatives, rates, pace)
 
