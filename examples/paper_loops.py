@@ -366,7 +366,7 @@ def main() -> None:
     arguments.levels = list(LEVELS)
     if arguments.small:
         arguments.n, arguments.loops = [8], [1, 2, 3]
-        arguments.rounds, arguments.batches, arguments.levels = 1, 2, ["-O1"]
+        arguments.rounds, arguments.batches, arguments.levels = 1, 2, ["-O0"]
     use_one_core()
 
     chain, ladder = measured("CLOSED", arguments.n, arguments), measured("HOOKE", arguments.loops, arguments)

@@ -1,6 +1,7 @@
 """What every test runs under: a private cache, and hypothesis without deadlines (compiling takes its time)."""
 
 import os
+import shutil
 import signal
 
 # Before anything imports NumPy: threads that wait for each other make small matrices slow on a busy machine.
@@ -28,4 +29,36 @@ def private_cache(tmp_path_factory):
     """Compiled solvers go to a folder of this run, never to the user's cache."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def compiled_once(tmp_path_factory):
+    """What any process of this run has compiled is copied where the same is compiled again: sources, flags, compiler alike.
+
+    Small sources, which tests of compiling itself write by hand, are compiled each time.
+    """
+    from codegen.runtime.standalone.build import Build
+
+    run = tmp_path_factory.getbasetemp()
+    kept = (run.parent if "PYTEST_XDIST_WORKER" in os.environ else run) / "libraries"
+    kept.mkdir(exist_ok=True)
+    compile_anew = Build._compile
+
+    def compile_or_copy(build, output, log_file):
+        if type(build) is not Build or sum(s.stat().st_size for s in build.sources) < 20_000:
+            return compile_anew(build, output, log_file)
+        library = kept / f"{build.key()}.so"
+        if library.exists():
+            shutil.copyfile(library, output)
+            log_file.unlink(missing_ok=True)
+            return None
+        compile_anew(build, output, log_file)
+        copied = kept / f"{os.getpid()}.so"
+        shutil.copyfile(output, copied)
+        os.replace(copied, library)  # complete, whoever looks for it meanwhile
+        return None
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Build, "_compile", compile_or_copy)
         yield

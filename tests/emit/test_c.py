@@ -49,13 +49,13 @@ def check_random_trees(seeds: range, folder: Path, largest: int, layout: str = "
         for target in ("c", "numpy"):
             solver = codegen.load(folder / str(seed), target)
             for engine in (recursive, dense):
-                found = compare(model, solver, engine, np.random.default_rng(seed))
+                found = compare(model, solver, engine, np.random.default_rng(seed), transposed=engine is recursive)
                 bad = {name: e for name, e in found.items() if not e < 1e-11}
                 assert not bad, (seed, target, type(engine).__name__, bad)
 
 
 def test_generated_is_generic_is_dense_on_random_trees(tmp_path: Path) -> None:
-    check_random_trees(range(1000, 1006), tmp_path, largest=5)
+    check_random_trees(range(1000, 1003), tmp_path, largest=5)
 
 
 @pytest.mark.campaign
@@ -68,7 +68,7 @@ def test_both_layouts(tmp_path: Path, layout: str) -> None:
     check_random_trees(range(3000, 3001), tmp_path, largest=5, layout=layout)
 
 
-@pytest.mark.parametrize("n", [4, 12, 100])
+@pytest.mark.parametrize("n", [4, 30, pytest.param(100, marks=pytest.mark.campaign)])
 def test_the_chain_agrees_with_fifty_digits(tmp_path: Path, n: int) -> None:
     model = parse_model(CHAIN.format(n=n))
     codegen.generate(model, tmp_path / "chain")
@@ -120,6 +120,14 @@ def files_of_everything() -> dict[str, str]:
     return write_solver(parse_model(EVERYTHING)).files
 
 
+@pytest.fixture(scope="module")
+def everything(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The package, not compiled."""
+    folder = tmp_path_factory.mktemp("package") / "everything"
+    codegen.generate(parse_model(EVERYTHING), folder, compile=False)
+    return folder
+
+
 def write(folder: Path) -> Path:
     for name, content in files_of_everything().items():
         (folder / name).write_text(content)
@@ -136,7 +144,7 @@ def compilers() -> list[Any]:
 @pytest.mark.parametrize("compiler", compilers())
 @pytest.mark.parametrize(
     "flags",
-    ["-O1 -march=native", "-O1 -DORDERNM_PLAIN_C -std=c99 -pedantic", "-fsyntax-only -mavx2", "-fsyntax-only"],
+    ["-O1 -march=native", "-O0 -DORDERNM_PLAIN_C -std=c99 -pedantic", "-fsyntax-only -mavx2", "-fsyntax-only"],
 )
 def test_no_warnings(tmp_path: Path, compiler: str, flags: str) -> None:
     """What the optimiser sees has more builds among the sanitizers' tests."""
@@ -221,7 +229,7 @@ def test_no_globals_no_allocation_libc_only(tmp_path: Path) -> None:
     if not shutil.which("nm") or not shutil.which("gcc"):
         pytest.skip("needs gcc and nm")
     source = write(tmp_path)
-    subprocess.run(["gcc", "-O1", "-c", str(source), "-o", str(tmp_path / "x.o")], check=True)
+    subprocess.run(["gcc", "-O0", "-c", str(source), "-o", str(tmp_path / "x.o")], check=True)
     symbols = subprocess.run(["nm", str(tmp_path / "x.o")], capture_output=True, text=True, check=True).stdout.split(
         "\n"
     )
@@ -245,14 +253,14 @@ def test_no_globals_no_allocation_libc_only(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "flags",
-    ["-O2 -march=native -DORDERNM_PLAIN_C", "-O2", "-O3 -march=native", "-O2 -march=native -mno-avx512f"],
+    ["-O1 -march=native -DORDERNM_PLAIN_C", "-O2", "-O3 -march=native", "-O1 -march=native -mno-avx512f"],
 )
 def test_every_way_to_compile_gives_the_same_numbers(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, flags: str
+    everything: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, flags: str
 ) -> None:
     monkeypatch.setenv("ORDERNM_CFLAGS", flags)
     model = parse_model(EVERYTHING)
-    codegen.generate(model, tmp_path / "everything")
+    shutil.copytree(everything, tmp_path / "everything")
     found = compare(
         model, codegen.load(tmp_path / "everything"), RecursiveEngine(model), np.random.default_rng(5), k=11
     )
@@ -272,6 +280,23 @@ def test_memory_and_files_of_a_chain_grow_with_its_bodies() -> None:
 
 def test_equal_input_gives_equal_bytes() -> None:
     assert write_solver(parse_model(EVERYTHING)).files == files_of_everything()
+
+
+@cache
+def angles_and_exact_values() -> tuple[Any, Any, Any]:
+    """Angles, their cosines and then their sines in 60 digits: rounded to the nearest number, and what that leaves."""
+    rng = np.random.default_rng(0)
+    quarter = np.arange(-40, 40) * (np.pi / 2)
+    angles = np.concatenate([
+        rng.uniform(-4, 4, 2000), rng.uniform(-1e6, 1e6, 1000), 10.0 ** rng.uniform(-300, -1, 400), quarter, quarter + 1e-9,
+        [0.0, -0.0, 1e-320, 999999.99, 1e6, 1e7, -1e15, 1e300, np.pi, 355.0, 103993.0, 0.785398163397448],
+    ])  # fmt: skip
+    angles = np.concatenate([angles, np.zeros(-len(angles) % 8)])
+    with mpmath.workdps(60):
+        values = [f(mpmath.mpf(float(x))) for f in (mpmath.cos, mpmath.sin) for x in angles]
+        exact = np.array([float(x) for x in values])
+        rest = np.array([float(x - mpmath.mpf(e)) for x, e in zip(values, exact.tolist(), strict=True)])
+    return angles, exact, rest
 
 
 @pytest.mark.parametrize("flags", [["-march=native"], ["-march=native", "-mno-avx512f"], [], ["-DORDERNM_PLAIN_C"]])
@@ -297,13 +322,7 @@ typedef double vector_8 __attribute__((vector_size(8*VECTOR_8), aligned(8), may_
     command = [shutil.which("cc") or "cc", "-O2", *flags, "-fPIC", "-shared", "sc.c", "-o", "sc.so", "-lm"]
     subprocess.run(command, cwd=tmp_path, check=True)
     library = ctypes.CDLL(str(tmp_path / "sc.so"))
-    rng = np.random.default_rng(0)
-    quarter = np.arange(-40, 40) * (np.pi / 2)
-    angles = np.concatenate([
-        rng.uniform(-4, 4, 2000), rng.uniform(-1e6, 1e6, 1000), 10.0 ** rng.uniform(-300, -1, 400), quarter, quarter + 1e-9,
-        [0.0, -0.0, 1e-320, 999999.99, 1e6, 1e7, -1e15, 1e300, np.pi, 355.0, 103993.0, 0.785398163397448],
-    ])  # fmt: skip
-    angles = np.concatenate([angles, np.zeros(-len(angles) % 8)])
+    angles, exact, rest = angles_and_exact_values()
     n = len(angles)
     trig = np.concatenate([np.zeros(n), angles])
     otherwise = {}  # with every operation rounded up or down
@@ -312,13 +331,10 @@ typedef double vector_8 __attribute__((vector_size(8*VECTOR_8), aligned(8), may_
         with rounding(way):
             library.run(n, otherwise[way].ctypes.data_as(ctypes.POINTER(ctypes.c_double)))
     library.run(n, trig.ctypes.data_as(ctypes.POINTER(ctypes.c_double)))
-    with mpmath.workdps(60):
-        for i, x in enumerate(angles):
-            for j, exact in ((i, mpmath.cos(mpmath.mpf(x))), (n + i, mpmath.sin(mpmath.mpf(x)))):
-                ulp = np.spacing(abs(float(exact))) or 5e-324
-                assert abs(mpmath.mpf(trig[j]) - exact) <= ulp, (x, trig[j])
-                for way, found in otherwise.items():
-                    assert abs(mpmath.mpf(found[j]) - exact) <= 3 * ulp, (x, way, found[j])
+    ulp = np.maximum(np.spacing(np.abs(exact)), 5e-324)
+    for way, found, most in (("nearest", trig, 1), *((way, found, 3) for way, found in otherwise.items())):
+        far = np.abs((found - exact) - rest) > most * ulp  # what is near is subtracted without rounding
+        assert np.isfinite(found).all() and not far.any(), (way, np.tile(angles, 2)[far], found[far])
 
 
 def test_an_angle_that_is_not_finite_is_refused(tmp_path: Path) -> None:

@@ -30,17 +30,23 @@ LIKE_ANOTHER = (
 )
 
 
+COMPILED = {"rails": "kinds", "platform": "unrolled"}
+"""Those whose C is looked at too, and the layout of each."""
+
+
 @pytest.mark.parametrize(
     "name", [pytest.param(n, marks=[pytest.mark.campaign] if n in LIKE_ANOTHER else []) for n in BY_HAND]
 )
-def test_numpy_is_generic_is_dense(tmp_path: Path, name: str) -> None:
-    model = by_hand(name).model
-    codegen.generate(model, tmp_path / "mechanism", target="numpy")
+def test_generated_is_generic_is_dense(tmp_path: Path, name: str) -> None:
+    model, target = by_hand(name).model, "both" if name in COMPILED else "numpy"
+    codegen.generate(model, tmp_path / "mechanism", target, COMPILED.get(name, "auto"))
     text = (tmp_path / "mechanism" / f"{model.name}_numpy.py").read_text()
     assert ("couplings" in text) == (name in COUPLED)
-    solver = codegen.load(tmp_path / "mechanism")
+    solver = codegen.load(tmp_path / "mechanism", "numpy")
     check(by_hand(name), solver, 1)
     newton_converges(by_hand(name), solver)
+    if name in COMPILED:
+        check(by_hand(name), codegen.load(tmp_path / "mechanism", "c"), 1)
 
 
 def newton_converges(drawn: Mechanism, solver: codegen.Solver) -> None:
@@ -59,12 +65,6 @@ def newton_converges(drawn: Mechanism, solver: codegen.Solver) -> None:
     assert np.array_equal(closed[[i for i in kept if i in plain]], q[[i for i in kept if i in plain]])
 
 
-@pytest.mark.parametrize(("name", "layout"), [("rails", "kinds"), ("platform", "unrolled")])
-def test_c_is_generic_is_dense(tmp_path: Path, name: str, layout: str) -> None:
-    codegen.generate(by_hand(name).model, tmp_path / "mechanism", target="c", layout=layout)
-    check(by_hand(name), codegen.load(tmp_path / "mechanism"), 1)
-
-
 @pytest.mark.campaign
 @pytest.mark.parametrize("seed", [13])
 def test_random_mechanisms_of_many_bodies(tmp_path: Path, seed: int) -> None:
@@ -79,7 +79,7 @@ def test_random_mechanisms_of_many_bodies(tmp_path: Path, seed: int) -> None:
 @pytest.mark.parametrize("name", ["tips_joined_spatial", "platform"])
 def test_loop_forces_are_those_of_the_dense_method(tmp_path: Path, name: str) -> None:
     model, q, u, p = by_hand(name)[:4]
-    codegen.generate(model, tmp_path / "mechanism", target="numpy", reactions=True)
+    codegen.generate(model, tmp_path / "mechanism", target="numpy", reactions=True, functions=("reactions",))
     _, loops = codegen.load(tmp_path / "mechanism").reactions(q, u, p)
     assert error(loops, DenseEngine(model).reactions(q, u, p)) < 1e-11
 
@@ -92,8 +92,9 @@ def flops(source: Any, function: str, per: str) -> int:
 @pytest.mark.parametrize("made", [rails, tips_joined, tip_on_own_link], ids=lambda f: f.__name__)
 def test_operations_grow_with_the_bodies_and_nothing_else(made: Any) -> None:
     """Four rungs, or four rods in each chain, cost the same wherever they are added."""
-    short, middle, long = (write_solver(made(n).model(hinted=True)) for n in (12, 16, 20))
-    for function, per in (("accelerations", "per_call"), ("sensitivities", "per_direction")):
+    functions = ("accelerations", "sensitivities")
+    short, middle, long = (write_solver(made(n).model(hinted=True), functions=functions) for n in (12, 16, 20))
+    for function, per in zip(functions, ("per_call", "per_direction"), strict=True):
         a, b, c = (flops(s, function, per) for s in (short, middle, long))
         assert c - b == b - a
     assert len(long.system.unit_kinds) == len(middle.system.unit_kinds)
@@ -102,7 +103,7 @@ def test_operations_grow_with_the_bodies_and_nothing_else(made: Any) -> None:
 def test_a_satellite_far_from_the_origin_loses_nothing(tmp_path: Path) -> None:
     """Its links are compared with each other, not through the ground: the same numbers at 1e7 m."""
     model, q, u, p = by_hand("tips_joined_on_free_base")[:4]
-    codegen.generate(model, tmp_path / "mechanism", target="numpy")
+    codegen.generate(model, tmp_path / "mechanism", target="numpy", functions=("sensitivities",))
     solver = codegen.load(tmp_path / "mechanism")
     far = q.copy()
     far[model.coordinate_names.index("base.px")] += 1e7

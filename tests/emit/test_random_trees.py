@@ -18,7 +18,7 @@ import codegen
 from codegen.reference import DenseEngine, RecursiveEngine
 
 
-@settings(max_examples=6, derandomize=True, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=4, derandomize=True, deadline=None, suppress_health_check=list(HealthCheck))
 @given(
     seed=st.integers(0, 2**32 - 1),
     bodies=st.integers(1, 4),
@@ -40,5 +40,6 @@ def test_numpy_is_generic_is_dense(
     codegen.generate(model, folder / "tree", target="numpy", layout=layout)
     solver = codegen.load(folder / "tree")
     for engine in (RecursiveEngine(model), DenseEngine(model)):
-        found = compare(model, solver, engine, np.random.default_rng(seed))
+        once = isinstance(engine, DenseEngine)
+        found = compare(model, solver, engine, np.random.default_rng(seed), transposed=once)
         assert max(found.values()) < 1e-11, found

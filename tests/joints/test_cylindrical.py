@@ -22,8 +22,8 @@ IN_LOOPS = [
 def test_in_a_tree(tmp_path: Path) -> None:
     errors = tree_errors(JOINT, 2, tmp_path / "m")
     assert max(errors.values()) < 1e-11, errors
-    c = tree_errors("cylindrical, axis: -y", 2, tmp_path / "c", "c")
-    assert max(c.values()) < 1e-11, c
+    constant = tree_errors("cylindrical, axis: -y", 2, tmp_path / "constant")
+    assert max(constant.values()) < 1e-11, constant
 
 
 @pytest.mark.parametrize("case", IN_LOOPS, ids=["independent", "dependent"])

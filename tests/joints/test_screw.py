@@ -35,8 +35,8 @@ forces:
 def test_in_a_tree(tmp_path: Path) -> None:
     errors = tree_errors(JOINT, 1, tmp_path / "m")
     assert max(errors.values()) < 1e-11, errors
-    c = tree_errors("screw, axis: -y, pitch: l*k", 1, tmp_path / "c", "c")
-    assert max(c.values()) < 1e-11, c
+    constant = tree_errors("screw, axis: -y, pitch: l*k", 1, tmp_path / "constant")
+    assert max(constant.values()) < 1e-11, constant
 
 
 @pytest.mark.parametrize("case", IN_LOOPS, ids=["independent", "dependent"])

@@ -25,7 +25,7 @@ MODELS = [*BY_HAND, "random"]
 @cache
 def systems(name: str) -> list[System]:
     if name == "random":
-        return [analysed(drawn.model) for _, drawn in random_mechanisms(6, bodies=(6, 14), loops=(2, 4))]
+        return [analysed(drawn.model) for _, drawn in random_mechanisms(3, bodies=(6, 14), loops=(2, 4))]
     return [analysed(by_hand(name).model)]
 
 

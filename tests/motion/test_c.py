@@ -117,7 +117,13 @@ def test_under_valgrind(objects: Any, package: Path, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("compiler", ["gcc", "clang"])
 @pytest.mark.parametrize(
-    "flags", [(), ("-DORDERNM_PLAIN_C",), ("-O3", "-march=native")], ids=["plain", "portable", "native"]
+    "flags",
+    [
+        pytest.param((), id="plain"),
+        pytest.param(("-DORDERNM_PLAIN_C",), id="portable"),
+        pytest.param(("-O1", "-march=native"), id="native"),
+        pytest.param(("-O3", "-march=native"), id="optimised", marks=pytest.mark.campaign),
+    ],
 )
 def test_no_warnings(package: Path, tmp_path: Path, compiler: str, flags: tuple[str, ...]) -> None:
     if not shutil.which(compiler):

@@ -32,6 +32,9 @@ EPS = np.finfo(float).eps
 TREES = (11, 12, 13)
 MECHANISMS = ((5, "spatial"), (1, "planar"), (4, "spatial"))
 """Seeds, and scenes of the mechanisms."""
+COMPILED = ((TREES[0], ""), MECHANISMS[1])
+"""Those whose C is looked at too."""
+CHECKED = ("outputs", "output_sensitivities", "output_gradients", "accelerations", "coordinate_rates")
 
 
 def tree(seed: int) -> tuple[Model, tuple[Any, ...]]:
@@ -111,22 +114,16 @@ def drawn(request: pytest.FixtureRequest) -> Iterator[tuple[Model, tuple[Any, ..
     yield mechanism(seed, scene) if scene else tree(seed)
 
 
-def test_numpy_and_both_engines_agree(drawn: tuple[Model, tuple[Any, ...]], tmp_path: Path) -> None:
+def test_generated_and_both_engines_agree(
+    drawn: tuple[Model, tuple[Any, ...]], request: pytest.FixtureRequest, tmp_path: Path
+) -> None:
     model, state = drawn
-    codegen.generate(model, tmp_path / "measured", target="numpy", layout="kinds")
-    solver = codegen.load(tmp_path / "measured")
-    check(model, state, solver)
-    along_motion(model, state, solver)
-
-
-@pytest.mark.parametrize("scene", ["", "planar"])
-def test_c_and_both_engines_agree(scene: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("ORDERNM_CFLAGS", "-O1")  # compiles in half the time
-    model, state = mechanism(MECHANISMS[1][0], scene) if scene else tree(TREES[0])
-    codegen.generate(model, tmp_path / "measured", layout="kinds")
-    solver = codegen.load(tmp_path / "measured")
-    check(model, state, solver)
-    along_motion(model, state, solver)
+    compiled = request.node.callspec.params["drawn"] in COMPILED
+    codegen.generate(model, tmp_path / "measured", "both" if compiled else "numpy", "kinds", functions=CHECKED)
+    for target in ("numpy", "c")[: 1 + compiled]:
+        solver = codegen.load(tmp_path / "measured", target)
+        check(model, state, solver)
+        along_motion(model, state, solver)
 
 
 def test_outputs_of_bodies_run_no_dynamics(tmp_path: Path) -> None:
