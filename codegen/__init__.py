@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from .reporting import report
     from .runtime import Solver, Trajectory, load, load_trajectory
     from .runtime.fitting import Fit, fit
+    from .runtime.load_cases import LoadCases, load_cases
     from .runtime.many_motions import Motions, simulate_many
     from .runtime.objective import Objective, objective
     from .runtime.optimizing import optimize
@@ -26,18 +27,19 @@ if TYPE_CHECKING:
     from .summary import Report
 
 __all__ = [
-    "Fit", "Model", "ModelBuilder", "ModelError", "Motions", "Objective", "Report", "Solver", "Trajectory", "Variable",
-    "__version__", "fit", "generate", "load", "load_model", "load_trajectory", "objective", "optimize", "parse_model",
-    "report", "simulate_many",
+    "Fit", "LoadCases", "Model", "ModelBuilder", "ModelError", "Motions", "Objective", "Report", "Solver", "Trajectory",
+    "Variable", "__version__", "fit", "generate", "load", "load_cases", "load_model", "load_trajectory", "objective", "optimize",
+    "parse_model", "report", "simulate_many",
 ]  # fmt: skip
 
 _PLACES = {
     "generate": "generation", "Report": "summary",
     "Model": "model", "ModelBuilder": "model", "ModelError": "model", "load_model": "model", "parse_model": "model",
     "Solver": "runtime", "Trajectory": "runtime", "load": "runtime", "load_trajectory": "runtime",
-    "Fit": "runtime.fitting", "fit": "runtime.fitting", "Motions": "runtime.many_motions",
-    "simulate_many": "runtime.many_motions", "Objective": "runtime.objective", "objective": "runtime.objective",
-    "optimize": "runtime.optimizing", "Variable": "runtime.variables", "report": "reporting",
+    "Fit": "runtime.fitting", "fit": "runtime.fitting", "LoadCases": "runtime.load_cases", "load_cases": "runtime.load_cases",
+    "Motions": "runtime.many_motions", "simulate_many": "runtime.many_motions", "Objective": "runtime.objective",
+    "objective": "runtime.objective", "optimize": "runtime.optimizing", "report": "reporting",
+    "Variable": "runtime.variables",
 }  # fmt: skip
 
 

@@ -68,7 +68,7 @@ def _generate_arguments(parser: argparse.ArgumentParser) -> None:
         "--functions",
         metavar="NAME,...",
         help="the functions that the solver has, if not all: accelerations, sensitivities, gradients, outputs, ...; "
-        "dynamics, rates, mass, forces and states stand for several",
+        "dynamics, rates, mass, forces, states, statics, simulate and motion (simulate and adjoints) stand for several",
     )
     parser.add_argument("--no-check", action="store_true", help="do not compare with the generic engine")
     parser.add_argument("--no-compile", action="store_true", help="write the sources only")

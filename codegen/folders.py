@@ -64,7 +64,7 @@ def refuse_foreign(folder: Path) -> None:
             f"{folder} holds something that generate did not write; choose another folder with -o, or empty this one"
         )
     own = re.compile(
-        rf"{re.escape(str(manifest.get('name')))}({SECOND})?(_precise)?(-[0-9a-f-]+\.so|\.log)|motion/motion(-[0-9a-f-]+\.so|\.log)|ordernm_call-[0-9a-f-]+\.so|(.*/)?__pycache__|\.build-.*"
+        rf"{re.escape(str(manifest.get('name')))}({SECOND})?(_precise|_four)?(-[0-9a-f-]+\.so|\.log)|motion/motion(-[0-9a-f-]+\.so|\.log)|ordernm_call-[0-9a-f-]+\.so|(.*/)?__pycache__|\.build-.*"
     )
     foreign = sorted(n for n in found if n not in listed and not own.fullmatch(n))
     if foreign:

@@ -17,8 +17,8 @@ def _prose(text: str) -> str:
 
 
 ORIGIN = _prose("""
-Written by `ordernm bench --page`, from the figures of one run; do not edit. `ordernm bench` measures them anew, `ordernm bench
---compare OLD.json` puts two runs beside each other.
+Written by `ordernm bench --page`; do not edit. `ordernm bench` measures all of it anew, `ordernm bench --compare OLD.json` puts
+two runs beside each other.
 """)
 MACHINE = _prose("""
 **Machine.** One core of: {processor}, {instructions}; {compiler}, `{flags}`; {system}, Python {python}, NumPy {numpy}, ordernm
@@ -36,7 +36,8 @@ with all derivatives:
 DIGITS = _prose("""
 Relative error of the accelerations and of each derivative: the largest difference over the largest entry, against {source}. Total
 length and mass are 1; speeds are 0.2 cos k. The mass matrix of the coiled chain has the condition 4e4, 4e8 and 3.9e12 with 10,
-100 and 1000 rods. The error does not follow it: no mass matrix is factored.
+100 and 1000 rods. The accelerations do not follow it: no mass matrix is factored. A derivative that is small beside the
+accelerations, as that by the middle joint of a coil, is the difference of larger terms and has fewer digits.
 """)
 FAMILIES = _prose("""
 Operations are additions and multiplications, for each coordinate; times are those of one evaluation called from C, one core.
@@ -44,8 +45,8 @@ Errors are relative, the worst of the accelerations and all directions that were
 """)
 PEERS = _prose("""
 The same models and the same end, in the same run, taking turns, each at the best build and method that was found for it. Times
-are from Python, ours too. Where ours has derivatives by a parameter, its time is with them, under error control; beside it only
-CasADi's has derivatives.
+are CPU time from Python, ours too. Where ours has derivatives by a parameter, its time is with them, under error control; beside
+it only CasADi's has derivatives.
 """)
 
 

@@ -32,7 +32,7 @@ from .c_functions import CFunctions
 from .function import COMMENT, Function, called_with, in_lines
 from .printer import C_FUNCTIONS, Printer
 from .templates import render
-from .writer import Located, Place, Writer
+from .writer import Located, Place, Writer, widest_first
 
 TYPES = {
     "records": "link_record", "slots": "link_slot", "lanes": "link_lanes", "ears": "ear_record",
@@ -474,6 +474,7 @@ class CWriter(Writer):
         in_workspace = {name: at for name, at in places.items() if not kept[name]}
         lines = CFunctions(model.name, memory, self.prepared, lambda p: self.laid_out(p, in_workspace))
         used = sorted({w for widths in self.sets_of_widths for w in widths})
+        apart = sorted({w for f in found for w in f.apart})
         of_width = [(f, w) for f in found for w in (f.widths or (None,))]
         return context | {
             "NAME": model.name.upper(),
@@ -498,9 +499,10 @@ class CWriter(Writer):
             "lane_routines": [
                 (*guard(widths, used), functions)
                 for widths, of in context["lane_routines"]
-                if (functions := [*map(lines.routine, of), *(lines.function(f) for f in found if f.widths == widths)])
+                if (functions := [*map(lines.routine, of), *(lines.function(f) for f in found if widest_first(f) == widths)])
             ],
-            "inclusions": inclusions(model.name, used),
+            "inclusions": inclusions(model.name, [w for w in used if w not in apart]),
+            "apart": inclusions(model.name, apart),
             "sweep_files": [
                 *(["c/aligned.c.jinja"] if used or any(_reads_work(lines.laid_out(p)) for p in found) else []),
                 *(["c/lay_out.c.jinja"] if any(map(lays_out, found)) else []),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from ..mechanics.procedures import ALONG_MOTIONS
 from ..mechanics.structure.system import System
 from ..version import __version__
 from .function import called_with
@@ -88,9 +89,15 @@ PRECISE = (
 
 
 def write_precise(system: System, manifest: Mapping[str, Any]) -> str:
-    """The C of the closure in long double, of a model with loops."""
-    name = manifest["name"]
-    f = manifest["functions"]["closing_step"]
+    """The C of closure and rates in long double, of a model with loops."""
+    name, functions, model = manifest["name"], manifest["functions"], system.model
+    of_rates, lanes, along = [("state_rates", "")], [("state_rates", 0, 0, "state_rates")], "state_rate_sensitivities"
+    members = [f".{f} = precise_{f}" for f in ("closing_step", "state_rates")]
+    if along in functions:
+        of_rates += [(along, f"_{w}") for w in WIDTHS]
+        lanes += [(f"{along}_{w}", w, w, f"{along}_{w}") for w in WIDTHS]
+        lanes.append((f"{along}_4", 4, 8, f"{along}_8"))  # four in the lanes of eight: it is seldom called
+        members.append(f".{along} = {{{', '.join(f'precise_{along}_{w}' for w in (*WIDTHS, 4))}}}")
     return render(
         "c/precise.c.jinja",
         {
@@ -98,9 +105,31 @@ def write_precise(system: System, manifest: Mapping[str, Any]) -> str:
             "NAME": name.upper(),
             "version": __version__,
             "functions": PRECISE,
-            "nclosure": len(system.model.closure_names),
-            "nloops": len(system.model.loops),
-            "call": called_with(f"{name}_closing_step(", [*f["arguments"], *f["results"], "work"]),
+            "nq": model.nq,
+            "nu": model.nu,
+            "np": len(model.parameters),
+            "ninputs": len(model.inputs),
+            "nclosure": len(model.closure_names),
+            "nloops": len(model.loops),
+            "closing_step": _call(name, "closing_step", functions["closing_step"], ""),
+            "rates": [(f"{f}{w}", _call(name, f, functions[f], w)) for f, w in of_rates],
+            "lanes": lanes,
+            "members": members,
+        },
+    )
+
+
+def write_four(manifest: Mapping[str, Any]) -> str:
+    """The C of the functions that integration calls, for four directions at once."""
+    name, functions = manifest["name"], manifest["functions"]
+    found = [f for f in ALONG_MOTIONS if f in functions]
+    return render(
+        "c/four.c.jinja",
+        {
+            "name": name,
+            "version": __version__,
+            "functions": [(f"motion_{f}", _call(name, f, functions[f], "_4")) for f in found],
+            "members": [(f, f"motion_{f}") for f in found],
         },
     )
 
@@ -110,4 +139,4 @@ def _call(model: str, name: str, function: Mapping[str, Any], width: str) -> str
     return called_with(f"{model}_{name}{width}(", [f"c->{a}" for a in arguments])
 
 
-__all__ = ["has_motion", "write_motion", "write_precise"]
+__all__ = ["has_motion", "write_four", "write_motion", "write_precise"]

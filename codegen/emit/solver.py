@@ -40,7 +40,7 @@ from ..program.progress import Progress, silent
 from .c import CWriter, write_c
 from .calls import write_calls
 from .interface import manifest, operations
-from .motion import has_motion, write_motion, write_precise
+from .motion import has_motion, write_four, write_motion, write_precise
 from .numpy import write_numpy
 
 UNROLLED_LINKS = 8
@@ -159,6 +159,8 @@ def write_solver(
     files[f"{model.name}_calls.c"] = write_calls(made, {n: a.size for n, a in arrays(system).items()})
     if has_motion(made["functions"]):
         files[f"{model.name}_motion.c"] = write_motion(system, made)
+        if "state_rate_sensitivities" in made["functions"]:
+            files[f"{model.name}_four.c"] = write_four(made)
         if model.loops:
             files[f"{model.name}_precise.c"] = write_precise(system, made)
     return Source(

@@ -530,7 +530,7 @@ class Writer(ABC):
     @cached_property
     def sets_of_widths(self) -> list[tuple[int, ...]]:
         """All of these, the largest sets first."""
-        sets = {*self.widths.values(), *(p.widths for p in self.asked if p.widths)}
+        sets = {*self.widths.values(), *(widest_first(p) for p in self.asked if p.widths)}
         return sorted(sets, key=lambda widths: (-len(widths), widths))
 
     @cached_property
@@ -621,6 +621,11 @@ def _name(step: Run | Formulas) -> str:
     return step.called
 
 
+def widest_first(procedure: Procedure) -> tuple[int, ...]:
+    """For how many directions at once a function is written."""
+    return tuple(sorted((*procedure.widths, *procedure.apart), reverse=True))
+
+
 def called_for(procedure: Procedure) -> set[tuple[str, int]]:
     """What a procedure runs over directions, by name, and for how many at once."""
     found: set[tuple[str, int]] = set()
@@ -640,7 +645,7 @@ def called_for(procedure: Procedure) -> set[tuple[str, int]]:
                 case _:
                     pass
 
-    add(procedure.steps, procedure.widths)
+    add(procedure.steps, (*procedure.widths, *procedure.apart))
     return found
 
 

@@ -61,6 +61,12 @@ WIDTHS = (8, 2, 1)
 OTHER_WIDTHS = (8, 1)
 """The same for all other functions: two widths less to compile, and they are called less often."""
 
+FOUR = (4,)
+"""Beside them, for motions with two to four directions, of the functions that integration calls."""
+
+ALONG_MOTIONS = ("state_rate_sensitivities", "completion_sensitivities", "output_sensitivities")
+"""These functions."""
+
 CONSTANTS, ANGLES = "constants", "angles"
 GROUND, GROUND_AT_REST = "ground", "ground at rest"
 GROUND_TANGENT, GROUND_TANGENT_AT_REST = "tangent of the ground", "tangent of the ground at rest"
@@ -110,12 +116,14 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "statics": (
         "accelerations", "sensitivities", "coordinate_rates", "coordinate_rate_sensitivities", "assemble_sensitivities",
     ),
-    "motion": (
+    "simulate": (
         "state_rates", "state_rate_sensitivities", "closing_step", "initial_sensitivities", "assemble_sensitivities", "outputs",
-        "output_sensitivities", "gradients", "coordinate_rate_gradients", "output_gradients", "assemble_gradients",
-        "coordinate_rates", "accelerations",
+        "output_sensitivities", "coordinate_rates", "accelerations",
     ),
 }  # fmt: skip
+GROUPS["motion"] = (
+    *GROUPS["simulate"], "gradients", "coordinate_rate_gradients", "output_gradients", "assemble_gradients",
+)  # fmt: skip
 """Words for several functions that may be chosen together."""
 
 ALSO = {
@@ -125,8 +133,14 @@ ALSO = {
 """Members of a solver, with the functions that they call beside those that they are called like."""
 
 
-NEEDED = {"closing_step": "state_rates"}
-"""Functions that are there wherever another one is: no motion of closed loops without closing them."""
+NEEDED = {
+    "state_rates": {"state_rate_sensitivities"},
+    "closing_step": {"state_rates", "state_rate_sensitivities"},
+    "initial_sensitivities": {"state_rate_sensitivities"},
+    "completion_sensitivities": {"initial_sensitivities", "state_rate_sensitivities"},
+}
+"""Functions that are there wherever others are, which are of no use without them: no motion of closed loops without closing
+them, no derivatives of one without those of the state that it begins with."""
 
 
 class UnknownFunctionError(ValueError):
@@ -150,7 +164,11 @@ def procedures(
     UnknownFunctionError
     """
     found = _Writer(system).all(reactions or "reactions" in (functions or ()))
-    return found if functions is None else chosen(found, [*functions, *(["reactions"] if reactions else [])])
+    if functions is not None:
+        found = chosen(found, [*functions, *(["reactions"] if reactions else [])])
+    if all(p.name != ALONG_MOTIONS[0] for p in found):
+        return found
+    return tuple(replace(p, apart=FOUR) if p.name in ALONG_MOTIONS else p for p in found)
 
 
 def chosen(found: tuple[Procedure, ...], functions: Collection[str]) -> tuple[Procedure, ...]:
@@ -168,7 +186,7 @@ def chosen(found: tuple[Procedure, ...], functions: Collection[str]) -> tuple[Pr
                 f"functions: the model has no function {word!r}{f'; did you mean {near[0]}?' if near else ''}; it may have "
                 f"{', '.join(known)}, or together {', '.join(together)}"
             )
-        wanted |= of_word | {f for f in NEEDED if NEEDED[f] in of_word}
+        wanted |= of_word | {f for f, others in NEEDED.items() if not others.isdisjoint(of_word)}
     if not wanted:
         raise UnknownFunctionError(
             f"functions: none are named; the model may have {', '.join(known)}, or together {', '.join(together)}"

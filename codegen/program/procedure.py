@@ -268,6 +268,8 @@ class Procedure:
         What a solver calls it, where that is another name.
     basic : bool
         States cannot be made consistent without it: a solver of chosen functions has it too.
+    apart : tuple of int
+        Further widths, for integration over time, compiled when they are first used.
     """
 
     name: str
@@ -279,6 +281,7 @@ class Procedure:
     widths: tuple[int, ...] = ()
     member: str = ""
     basic: bool = False
+    apart: tuple[int, ...] = ()
 
     @property
     def called(self) -> str:

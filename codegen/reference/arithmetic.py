@@ -39,9 +39,11 @@ class Arithmetic:
         self.dtype: Any = object if self.extended else np.float64
 
     def number(self, x: Any) -> Any:
-        """One number, exactly the value of ``x`` (an int, a float or an mpf) where the kind can hold it."""
-        if isinstance(x, mpmath.mpf) or not self.extended:
-            return x if self.extended else np.float64(x)
+        """One number, exactly the value of ``x`` (an int, a float or one of mpmath's) where the kind can hold it."""
+        if not self.extended:
+            return np.float64(x)
+        if hasattr(x, "_mpf_"):  # also of another of mpmath's contexts
+            return mpmath.mp.make_mpf(x._mpf_)
         return mpmath.mpf(int(x)) if isinstance(x, (int, np.integer)) else mpmath.mpf(float(x))
 
     def array(self, x: Any) -> Array:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .load_cases import LoadCases
 from .objective import Objective
 from .standalone.arrays import Array
 
@@ -23,16 +24,16 @@ STEP_BACK = 10.0
 
 
 def optimize(
-    objective: Objective, method: str | None = None, *, constraints: Any = (), x0: ArrayLike | None = None,
+    objective: Objective | LoadCases, method: str | None = None, *, constraints: Any = (), x0: ArrayLike | None = None,
     tol: float | None = None, callback: Any = None, **options: Any,
 ) -> Any:  # fmt: skip
-    """The best variables of an `Objective`, by `scipy.optimize.minimize`.
+    """The best variables of an `Objective`, or of several `LoadCases`, by `scipy.optimize.minimize`.
 
     A motion that fails counts as a large finite value with the gradient zero, so that line searches step back from it.
 
     Parameters
     ----------
-    objective : Objective
+    objective : Objective or LoadCases
     method : {"L-BFGS-B", "SLSQP", "trust-constr"}, optional
         Left out: SLSQP where there are constraints, else L-BFGS-B.
     constraints : those of `Objective.constraint` or `Objective.constraint_dicts`, or SciPy's own

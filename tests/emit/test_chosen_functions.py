@@ -142,3 +142,24 @@ def test_the_command_takes_functions(tmp_path, capsys):
     ]  # fmt: skip
     assert generate_main([model, "-o", str(tmp_path / "b"), "--functions", "dynamic", "--no-compile"]) == 2
     assert "did you mean dynamics" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("chosen", ["initial_sensitivities", "state_rate_sensitivities", "closing_step"])
+def test_functions_bring_what_they_are_of_no_use_without(chosen, tmp_path):
+    """Derivatives of the initial state of loops are those of an assembled one."""
+    model = (EXAMPLES / "four_bar.yaml").read_text(encoding="utf-8").replace("{crank: 0.8,", "{crank: 0.8*base/1.1,")
+    codegen.generate(parse_model(model), tmp_path / "four_bar", "numpy", functions=(chosen,), compile=False)
+    solver = codegen.load(tmp_path / "four_bar")
+    brought = {
+        "initial_sensitivities": {"initial_sensitivities", "completion_sensitivities"},
+        "state_rate_sensitivities": {
+            "initial_sensitivities", "completion_sensitivities", "state_rates", "state_rate_sensitivities", "closing_step",
+        },
+        "closing_step": {"closing_step"},
+    }[chosen]  # fmt: skip
+    basic = {"closure", "conditions", "newton_step", "completion", "initial"}
+    assert set(solver._functions) - basic == brought
+    if "initial_sensitivities" in brought:
+        q, u, dq, _ = solver.initial_sensitivities(dp=np.eye(solver.np))
+        assert np.abs(solver.closure(q, u)[0]).max() < 1e-10
+        assert dq[solver.parameter_names.index("base"), 0] == pytest.approx(0.8 / 1.1, rel=1e-14)

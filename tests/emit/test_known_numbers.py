@@ -243,3 +243,20 @@ def test_mixed_mechanisms_share_kinds(tmp_path):
 @pytest.mark.filterwarnings("ignore")
 def test_many_mixed_mechanisms_share_kinds(tmp_path):
     agree(tmp_path, range(1000, 3000), 150)
+
+
+def test_an_inertia_of_one_about_the_axis_of_a_planar_loop(tmp_path: Path) -> None:
+    """Zero patterns know it for the number one, so the sums of squares of a symmetric inertia must not stand for it."""
+    text = """
+model: bar
+bodies:
+  a: {parent: ground, joint: {type: revolute, axis: y}, mass: 1, com: [0, 0, 0], inertia: {xx: 1, yy: 1, zz: 1}}
+  b: {parent: a, joint: {type: revolute, axis: y, at: [1, 0, 0]}, mass: 1, com: [0, 0, 0], inertia: {xx: 1.5, yy: 1, zz: 1}}
+  c: {parent: b, joint: {type: revolute, axis: y, at: [2, 0, 0]}, mass: 1, com: [0, 0, 0], inertia: {xx: 1, yy: 1, zz: 1}}
+loops:
+  foot: {joint: {type: revolute, axis: y}, from: {body: c, at: [1.5, 0, 0]}, to: {body: ground, at: [2.2, 0, 0]}}
+initial:
+  q: {a: 1.0, b: -0.8, c: -1.2}
+"""
+    report = codegen.generate(parse_model(text), tmp_path / "bar", target="numpy", check=True)
+    assert max(report.errors.values()) < 1e-12

@@ -20,7 +20,7 @@ from codegen.emit.solver import write_solver
 from codegen.mechanics.elements import LAWS as GENERATED
 from codegen.mechanics.elements.along_line import AlongLineLaw
 from codegen.model import parse_model
-from codegen.model.forces import ALONG_LINES, FORCES, line_laws, told_apart
+from codegen.model.forces import ALONG_LINES, FORCES, line_laws, other_words, told_apart
 from codegen.model.forces.along_line import element_of, entry_of
 from codegen.model.forces.line_law import Coefficient, LineLaw, LineLawError
 from codegen.model.forces.line_law_table import with_table
@@ -208,8 +208,8 @@ def test_what_is_wrong_in_an_entry_is_told(entry: str, path: str, message: str) 
 
 
 def added(monkeypatch: pytest.MonkeyPatch, *laws: LineLaw) -> None:
-    """Laws in all that is made of the folder's laws, as if each had a file."""
-    elements = [element_of(law) for law in laws]
+    """Laws in all that is made of the folder's laws, as if each had a file; those that have one are there."""
+    elements = [element_of(law) for law in laws if law.type not in LINE_LAWS]
     choice: Any = Annotated[Union[(*FORCES, *map(entry_of, elements))], Field(discriminator="type")]
     monkeypatch.setattr(section, "AnyForce", choice)
     for element in elements:
@@ -233,7 +233,7 @@ def of_contributing() -> LineLaw:
 
 
 ROPE = LineLaw(
-    "rope",
+    "rope_of_a_test",
     "Pulls only, with air around it; its keys are words that Pydantic uses.",
     {
         "copy": Coefficient("N/m", "stiffness"),
@@ -249,8 +249,8 @@ def test_the_law_that_contributing_writes_and_one_of_many_functions(
 ) -> None:
     added(monkeypatch, ROPE, of_contributing())
     elements = """
-    r: {type: rope, from: a, to: tip, copy: k*(2 + velocity.tip.x)}
-    s: {type: rope, from: top, to: d, copy: 1, power: 2}
+    r: {type: rope_of_a_test, from: a, to: tip, copy: k*(2 + velocity.tip.x)}
+    s: {type: rope_of_a_test, from: top, to: d, copy: 1, power: 2}
     c: {type: cube, from: top, to: tip, strength: 3*k}"""
     errors = tree_errors(elements, tmp_path / "m")
     assert max(errors.values()) < 1e-9, errors
@@ -258,11 +258,11 @@ def test_the_law_that_contributing_writes_and_one_of_many_functions(
 
 def test_numbers_for_which_a_formula_has_no_value_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
     coefficients = {"width": Coefficient("m", "of the well"), "depth": Coefficient("J", "of the well")}
-    added(monkeypatch, LineLaw("well", "A well.", coefficients, "depth*sqrt(1 - width)*distance/width"))
+    added(monkeypatch, LineLaw("well_of_a_test", "A well.", coefficients, "depth*sqrt(1 - width)*distance/width"))
     for width, message in (("0", "divides by zero"), ("2", "has no real value"), ("1 - 1", "divides by zero")):
-        (found,) = problems(f"s: {{type: well, from: a, to: tip, width: {width}, depth: k}}")
-        assert found.startswith("forces.s: well, depth*sqrt(1 - width)*distance/width: ") and message in found
-    assert not problems("s: {type: well, from: a, to: tip, width: 0.5, depth: k}")
+        (found,) = problems(f"s: {{type: well_of_a_test, from: a, to: tip, width: {width}, depth: k}}")
+        assert found.startswith("forces.s: well_of_a_test, depth*sqrt(1 - width)*distance/width: ") and message in found
+    assert not problems("s: {type: well_of_a_test, from: a, to: tip, width: 0.5, depth: k}")
 
 
 STIFFNESS = {"k": Coefficient("N/m", "stiffness")}
@@ -278,7 +278,9 @@ STIFFNESS = {"k": Coefficient("N/m", "stiffness")}
         ({"force": "-k*distance", "energy": "k*distance**2/2 + rate"}, "contains rate; names here: distance, k"),
         ({"force": "-distance"}, "k is not in the force '-distance'; use it there, or leave it out"),
         ({"type": "My law"}, "type 'My law' is no word; small letters, digits and _ are allowed"),
-        ({"coefficients": {"rate": Coefficient("N", "?")}}, "coefficient 'rate' has a meaning of its own; choose another name"),
+        ({"coefficients": {"rate": Coefficient("N", "?")}}, "coefficient 'rate' has a meaning of its own; taken are abs, acos, "),
+        ({"coefficients": {"k": "N/m"}}, "coefficient 'k' is 'N/m'; Coefficient(unit, meaning) is needed"),
+        ({"misspelt": {"stiffness": "kk"}}, "misspelt takes 'stiffness' for 'kk', which is no coefficient; there are k"),
         ({"coefficients": {"q": Coefficient("N", "?")}}, "coefficient 'q' has a meaning of its own"),
         ({"coefficients": {"k-1": Coefficient("N", "?")}}, "coefficient 'k-1' is no word of small letters"),
         ({"coefficients": {"k": Coefficient("N", "?", between=(2, 1))}}, "k is between 2 and 1; the lower one is needed first"),
@@ -293,9 +295,13 @@ def test_a_wrong_declaration_is_told(given: dict[str, Any], message: str) -> Non
 def test_a_word_that_is_taken_is_told() -> None:
     taken = entry_of(element_of(LineLaw("spring", "?", STIFFNESS, "-k*distance")))
     with pytest.raises(
-        LineLawError, match="two types of force elements are called 'spring'; call the law, and its file, otherwise"
+        LineLawError, match=r"two types of force elements are called 'spring'; call the law, .*taken are "
     ):
         told_apart(*FORCES, taken)
+    with pytest.raises(LineLawError, match="band: other_words has 'damper', which leads to 'spring' already"):
+        other_words({"band": LineLaw("band", "?", STIFFNESS, "-k*distance", other_words=("damper",))})
+    with pytest.raises(LineLawError, match="band: other_words has 'torque', which is a type"):
+        other_words({"band": LineLaw("band", "?", STIFFNESS, "-k*distance", other_words=("torque",))})
 
 
 def test_a_file_holds_one_law_that_is_called_like_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -17,6 +17,9 @@ from codegen.model.model import Model, Output, Parameter, Point
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
+TAME = ("actuator", "hardening_spring")
+"""Laws along a line under which points do not fall onto each other."""
+
 Array = np.ndarray
 Drawn = tuple[Model, Array | None, Array | None]
 
@@ -49,6 +52,7 @@ outputs:
   w: {value: u.stone}
   force: {value: push}
   cube: {value: (q.stone - 1)**3}
+  tiny: {value: 1e-12*q.stone}
 """
 """z = h + v t - g t^2/2 + push t^2/(2 m)."""
 
@@ -119,7 +123,7 @@ def tree(seed: int, n: int = 3, **options: Any) -> Drawn:
     rng = np.random.default_rng(seed)
     model = random_tree(rng, n, **options)
     q, _, p, *_ = random_state(rng, model)
-    return with_random_elements(rng, model), q, p
+    return with_random_elements(rng, model, laws=TAME), q, p
 
 
 def ball(seed: int) -> Drawn:

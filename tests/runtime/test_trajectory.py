@@ -3,6 +3,7 @@
 import builtins
 import json
 import os
+import pickle
 import re
 import subprocess
 import sys
@@ -14,7 +15,9 @@ import numpy as np
 import pytest
 
 import codegen
+from codegen.runtime import Event
 from codegen.runtime.standalone import trajectory_files, trajectory_html, trajectory_plot
+from codegen.runtime.standalone.motion_events import PARTS, Crossing
 from codegen.runtime.standalone.trajectory import ARRAYS, FINISHED, INTERRUPTED, WORDS, Trajectory, UnknownNameError
 from codegen.runtime.standalone.trajectory_files import TrajectoryFileError
 from codegen.runtime.standalone.trajectory_plot import PlotError
@@ -175,6 +178,25 @@ def test_drifts():
     assert make(nt=0).energy_drift == make(nt=0).closure_drift == 0.0
 
 
+def test_what_is_computed_when_it_is_asked_for():
+    asked = []
+
+    def later(name, value):
+        def compute():
+            asked.append(name)
+            return value
+
+        return compute
+
+    x = make(nt=2, energy=later("energy", [[1.0, 2.0], [1.5, 1.5]]), closure=later("closure", [0.0, 2e-9]))
+    assert not asked
+    assert x.closure_drift == x.closure.max() == 2e-9 and asked == ["closure"]
+    assert pickle.loads(pickle.dumps(x)).energy.tolist() == [[1.0, 2.0], [1.5, 1.5]]
+    assert x.energy_drift == 0.0 and asked == ["closure", "energy"]
+    with pytest.raises(ValueError, match=r"energy has shape \(2,\), expected \(2, 2\)"):
+        _ = make(nt=2, energy=lambda: [1.0, 2.0]).energy
+
+
 def test_what_it_shows():
     assert repr(make()).splitlines() == [
         "Trajectory of linkage: 51 times from 0 to 5 s",
@@ -278,6 +300,11 @@ def same_bits(a: Trajectory, b: Trajectory) -> None:
         if x is not None:
             assert x.shape == y.shape and x.dtype == y.dtype == np.float64, name
             assert x.tobytes() == y.tobytes(), name
+    assert [(c.event, c.t) for c in a.events] == [(c.event, c.t) for c in b.events]
+    for one, other in zip(a.events, b.events, strict=True):
+        for name in PARTS:
+            assert getattr(one, name).shape == getattr(other, name).shape, name
+            assert getattr(one, name).tobytes() == getattr(other, name).tobytes(), name
 
 
 def odd() -> Trajectory:
@@ -293,8 +320,23 @@ def odd() -> Trajectory:
     return x
 
 
+def stopped() -> Trajectory:
+    """With two events, one of which touches its level only."""
+    x = make()
+    nq, nu, no, k = (x.q.shape[1], x.u.shape[1], x.outputs.shape[1], len(x.dq))
+    rng = np.random.default_rng(5)
+    shapes = [(nq,), (nu,), (no,), (no,), (k,), (k, nq), (k, nu), (k, no)]
+    crossings = [[rng.normal(size=shape) for shape in shapes] for _ in range(2)]
+    for part in crossings[1][4:]:
+        part[...] = np.frombuffer(np.uint64(0xFFF8000000000001).tobytes())
+    events = Event(x.output_names[0], 0.1 + 0.2, "down", False), Event(x.output_names[1])
+    x.events = tuple(Crossing(e, 0.1 * i, *parts) for i, (e, parts) in enumerate(zip(events, crossings, strict=True)))
+    return x
+
+
 TRAJECTORIES = {
     "plain": make,
+    "events": stopped,
     "odd": odd,
     "no derivatives": lambda: make(by=()),
     "no outputs": lambda: make(noutputs=0),

@@ -13,7 +13,7 @@ from .contestant import Contestant, Ends
 if TYPE_CHECKING:
     from ...runtime import Solver
 
-METHODS = (("DOP853", (1e-6, 1e-8, 1e-10, 1e-12)), ("Radau", (1e-6, 1e-8)))
+METHODS = (("DOP853", (1e-6, 1e-8, 1e-10, 1e-12)), ("Radau", (1e-6,)))
 
 
 def contestants(problem: Motion, solver: Solver, stiff: bool) -> list[Contestant]:

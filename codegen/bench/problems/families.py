@@ -151,7 +151,7 @@ LADDER = Family(
     make=ladder,
     sizes=(3, 12, 100, 1000),
     quick=(3,),
-    within=1e-12,
+    within=1e-10,
 )
 HOOKE_LADDER = Family(
     name="hooke_ladder",

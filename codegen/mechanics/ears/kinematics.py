@@ -5,6 +5,7 @@ The dependent joints accelerate as closure asks. What links carry goes on from t
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 
 from ...program.block import Scope
@@ -40,6 +41,9 @@ def rotated_inertia(x: Scope, W: Matrix, J: Matrix, tag: str) -> Matrix:
         c, a = J[axis][axis], J[axis - 1][axis - 1]
         squares = [x.let("ee", v * v, tag) for v in e]
         across = [a * x.let("es", squares[i - 2] + squares[i - 1], tag) + c * squares[i] for i in range(3)]
+        for i, row in enumerate(W):
+            if (j := _kept_axis(row)) is not None:
+                across[i] = J[j][j]  # and not a sum of squares that is one: zero patterns have this number
         more = x.let("ca", c - a, tag)
         mixed = [more * x.let("ee", e[i] * e[j], tag) for i, j in ((0, 1), (0, 2), (1, 2))]
         return symmetric([x.let("J", v, tag) for v in (*across, *mixed)])
@@ -57,6 +61,12 @@ def _axis_of_symmetry(J: Matrix) -> int | None:
         if a == b and not is_zero(a):
             return axis
     return None
+
+
+def _kept_axis(row: Sequence[Value]) -> int | None:
+    """The axis of a link that is along, or against, an axis of the region in every state; None where there is none."""
+    places = [j for j, v in enumerate(row) if not is_zero(v)]
+    return places[0] if len(places) == 1 and row[places[0]] in (1, -1) else None
 
 
 def joint_bias(x: Scope, member: Member, w_before: Vector, speeds: Vector) -> tuple[Vector, Vector]:

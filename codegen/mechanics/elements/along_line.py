@@ -90,6 +90,11 @@ def check_energy(law: LineLaw) -> None:
             raise LineLawError(
                 f"{law.type}: at {where} the force at rest is {acting:.9g} N, but minus the derivative of its energy by the "
                 f"distance is {falling:.9g} N; force {law.force!r} and energy {law.energy!r} do not belong together"
+                + (
+                    "; the sign of one is wrong"
+                    if acting * falling < 0
+                    else "; change one of them, or leave energy out"
+                )
             )
         compared += 1
         if compared == POINTS:

@@ -8,9 +8,10 @@ from ...model.expressions import Expression
 from ...model.model import GROUND, Model
 from .graph import Region
 from .links import Link, links_of
-from .regions import Regions, find_regions
+from .regions import MOST_SOURCES, Regions, find_regions
 from .system import in_order_of_units
 
+_ALONE = f"a region of one ear, as its loops share links with more than {MOST_SOURCES} independent speeds (docs/theory.md, 4.3)"
 LINES = 12
 """So many regions are described; the others are counted."""
 
@@ -40,16 +41,20 @@ def _line(model: Model, links: list[Link], regions: Regions, region: Region) -> 
     if region.far:
         hanging = [ear.roots[-1 - p] for ear in ears for p in ear.parents if p < 0]
         counts = ", ".join(f"{hanging.count(i)} on {_name(links, i)}" for i in (region.base, *region.far))
-        why = (
-            f"of the moving links it starts from the one that most of its links hang on, of equals the first: {counts}"
-        )
+        why = f"{_ALONE}: of the moving links outside the one that most of its links hang on, of equals the first: {counts}"
         sources.append(f"the motion of {listed([_name(links, i) for i in region.far])} against the base")
     elif not region.rigid:
-        why = "the one moving link that it starts from; it closes on the ground too"
+        why = (
+            f"{_ALONE}: of the links outside that its links hang on, or its loops end on, the only one that moves; the other is "
+            f"the ground"
+        )
         sources.append("the motion of the base")
     else:
         why = "where the ways inward from the faces of its loops meet"
-    return f"region of {loops}: base {base}, {why}; moves with {' and '.join(sources) or 'nothing else'}"
+    moved = listed([_name(links, i) for ear in ears for i in ear.links])
+    return (
+        f"region of {loops} (links {moved}): base {base}, {why}; moves with {' and '.join(sources) or 'nothing else'}"
+    )
 
 
 def _name(links: list[Link], i: int) -> str:

@@ -6,14 +6,15 @@ element that it makes, and a place in this list; what it does stands in `referen
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Final, get_args
 
 from .along_line import ALONG_LINES, ENTRIES, AlongLine
-from .along_line import OTHER_WORDS as OTHER_WORDS_OF_LAWS
 from .force import Force, ForceOnBodyEntry
 from .force_element import ForceElement, ForceEntry
 from .joint_force import JointForce, JointForceEntry
-from .line_law import LineLawError
+from .line_law import LineLaw, LineLawError
+from .line_laws import LINE_LAWS
 from .spring import Spring, SpringEntry
 from .torque import Torque, TorqueEntry
 from .torsion import Torsion, TorsionEntry
@@ -30,6 +31,8 @@ __all__ = [
     "Spring",
     "Torque",
     "Torsion",
+    "other_words",
+    "told_apart",
 ]
 
 
@@ -45,8 +48,9 @@ def told_apart(*entries: type[ForceEntry]) -> tuple[type[ForceEntry], ...]:
     for entry in entries:
         (word,) = get_args(entry.model_fields["type"].annotation)
         if word in words:
+            taken = ", ".join(str(get_args(e.model_fields["type"].annotation)[0]) for e in entries)
             raise LineLawError(
-                f"two types of force elements are called {word!r}; call the law, and its file, otherwise"
+                f"two types of force elements are called {word!r}; call the law, and its file, otherwise; taken are {taken}"
             )
         words.add(word)
     return entries
@@ -61,13 +65,34 @@ FORCES: Final[tuple[type[ForceEntry], ...]] = told_apart(
     *ENTRIES,
 )
 
-OTHER_WORDS: Final = {
+_WORDS: Final = {
     "body": "force",
     "point": "force",
     "wrench": "force",
     "moment": "torque",
     "damper": "spring",
     "motor": "joint",
-    **OTHER_WORDS_OF_LAWS,
 }
+
+
+def other_words(laws: Mapping[str, LineLaw]) -> dict[str, str]:
+    """What some call types elsewhere, and what they are called here; with those of laws.
+
+    Raises
+    ------
+    LineLawError
+        One leads elsewhere already.
+    """
+    types = {str(get_args(e.model_fields["type"].annotation)[0]) for e in FORCES}
+    found = dict(_WORDS)
+    for law in laws.values():
+        for word in law.other_words:
+            if word in types or word in found:
+                where = "is a type" if word in types else f"leads to {found[word]!r} already"
+                raise LineLawError(f"{law.type}: other_words has {word!r}, which {where}; leave it out")
+            found[word] = law.type
+    return found
+
+
+OTHER_WORDS: Final = other_words(LINE_LAWS)
 """What some call them elsewhere, and what they are called here."""

@@ -98,6 +98,3 @@ ALONG_LINES: Final[dict[str, type[AlongLine]]] = {name: element_of(law) for name
 """The class of the elements of each type."""
 
 ENTRIES: Final[tuple[type[ForceEntry], ...]] = tuple(entry_of(element) for element in ALONG_LINES.values())
-
-OTHER_WORDS: Final = {word: law.type for law in LINE_LAWS.values() for word in law.other_words}
-"""What some call a type, and what it is called here."""

@@ -93,6 +93,10 @@ class LineLaw:
             raise LineLawError(f"type {self.type!r} is no word; small letters, digits and _ are allowed")
         for key, coefficient in self.coefficients.items():
             self._check_coefficient(key, coefficient)
+        for word, key in self.misspelt.items():
+            if key not in self.coefficients:
+                said = f"{self.type}: misspelt takes {word!r} for {key!r}, which is no coefficient"
+                raise LineLawError(f"{said}; there are {', '.join(self.coefficients)}")
         object.__setattr__(self, "formula", self._parsed("force", self.force, MEASURES))
         potential = self._parsed("energy", self.energy, ["distance"]) if self.energy else None
         object.__setattr__(self, "potential", potential)
@@ -104,8 +108,13 @@ class LineLaw:
 
     def _check_coefficient(self, key: str, coefficient: Coefficient) -> None:
         if not _WORD.fullmatch(key) or key in _TAKEN:
-            why = "has a meaning of its own" if key in _TAKEN else "is no word of small letters, digits and _"
-            raise LineLawError(f"{self.type}: coefficient {key!r} {why}; choose another name")
+            taken = f"has a meaning of its own; taken are {', '.join(sorted(_TAKEN))}"
+            why = taken if key in _TAKEN else "is no word of small letters, digits and _; choose another name"
+            raise LineLawError(f"{self.type}: coefficient {key!r} {why}")
+        if not isinstance(coefficient, Coefficient):
+            raise LineLawError(
+                f"{self.type}: coefficient {key!r} is {coefficient!r}; Coefficient(unit, meaning) is needed"
+            )
         low, high = coefficient.between
         if not low < high:
             raise LineLawError(f"{self.type}: {key} is between {low} and {high}; the lower one is needed first")

@@ -18,7 +18,7 @@ static size_t lay_out(ordernm_adjoint *a, const ordernm_problem *problem, ordern
     a->problem.ndirections = 0;
     a->problem.atol_directions = 0;
     a->gradients = g;
-    a->index = g->nfunctionals > 1 ? ORDERNM_WIDTHS - 1 : 0;
+    a->index = g->nfunctionals > 1 ? ORDERNM_EIGHT : 0;
     a->width = a->index ? LANES : 1;
     a->ngroups = (g->nfunctionals + a->width - 1)/a->width;
     a->n = s->nfree_q + s->nfree_u + problem->nintegrals;

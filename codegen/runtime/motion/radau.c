@@ -79,7 +79,7 @@ size_t ordernm_radau_layout(ordernm_motion *m, void *at)
     r->real = ordernm_numbers(&of, square), r->re = ordernm_numbers(&of, square), r->im = ordernm_numbers(&of, square);
     r->seeded = ordernm_numbers(&of, m->values + (long)n*LANES);
     r->seeded_rate = ordernm_numbers(&of, m->values + (long)(n + m->nx)*LANES);
-    const group columns = {LANES, ORDERNM_WIDTHS - 1, 0, 0, m->values, ordernm_numbers(&of, (long)s->np*LANES)};
+    const group columns = {LANES, ORDERNM_EIGHT, 0, 0, m->values, ordernm_numbers(&of, (long)s->np*LANES)};
     r->columns = columns;
     for (int i = 0; i < STAGES; ++i) {
         r->stage[i] = ordernm_numbers(&of, m->size);
@@ -92,7 +92,7 @@ size_t ordernm_radau_layout(ordernm_motion *m, void *at)
     r->slowness = r->sweep_slowness = 1.0;
     r->of_jacobian = ordernm_numbers(&of, m->values);
     if (at) m->radau = r;
-    if (r->formed) {
+    if (m->ngroups) {
         void *const stages = ordernm_take(&of, ordernm_radau_layout_stages(m, n, 0));
         if (at) ordernm_radau_layout_stages(m, n, stages);
     }
@@ -374,14 +374,10 @@ static int radau_step(ordernm_motion *m, double h, double *error)
     }
     const int refused = !(*error <= 1.0) && !(p->fixed && *error < INFINITY);
     const int closed = m->system->split ? 0 : KNOWN_CLOSED;
-    int formed = CONVERGED;
-    if (r->formed && !refused) {
-        r->formed_here = 0;
-        formed = ordernm_radau_form(m, h);
-    }
+    int formed = 0;
     for (int n = 0; n < m->ngroups && !refused; ++n) {
         const group *const g = m->groups + n;
-        status = formed != CONVERGED ? formed : r->formed ? ordernm_radau_along_formed(m, h, g) : ordernm_radau_sweep(m, h, g, closed);
+        status = ordernm_radau_along(m, h, g, closed, &formed);
         if (status == DIVERGED) {
             r->theta = 1.0;
             m->advice = r->jacobian_here ? 0.5 : 0.999;
@@ -481,5 +477,5 @@ static int radau_replay(ordernm_motion *m, const double *known, double *row)
     return ends(m, h);
 }
 
-const method ordernm_radau = {STAGES, STAGES + 1, 4, radau_step, radau_complete, radau_interpolate, 0, 0, 0, 1, radau_keep,
+const method ordernm_radau = {STAGES, STAGES + 1, 4, radau_step, radau_complete, radau_interpolate, 0, 0, 0, 1, 0.0, radau_keep,
     radau_replay, ordernm_radau_backwards};

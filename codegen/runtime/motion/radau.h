@@ -19,7 +19,7 @@ struct radau {
     reduction of_step, of_stages;
     double *column;           /* [order][count] of -J */
     double *jacobian;         /* [n][n] */
-    int formed;               /* Jacobians at the stages are */
+    int formed;               /* Jacobians at the stages are, in every step */
     double *at_stage[STAGES], *along[STAGES]; /* [n][n] then, and derivatives of rates along S, [n][LANES] */
     double *whole, *of_whole; /* [3 n][3 n] factors of the three stages' equations, [3 n][LANES] their solutions */
     int *whole_pivot;
@@ -67,8 +67,6 @@ void ordernm_radau_solve_stages(ordernm_motion *m, double h, long at, int width)
 void ordernm_radau_solve_transposed(const struct radau *r, double h, double *const *mu, int width);
 
 /* radau_sensitivities.c */
-int ordernm_radau_form(ordernm_motion *m, double h);
-int ordernm_radau_along_formed(ordernm_motion *m, double h, const group *g);
-int ordernm_radau_sweep(ordernm_motion *m, double h, const group *g, int closed);
+int ordernm_radau_along(ordernm_motion *m, double h, const group *g, int closed, int *formed);
 
 #endif

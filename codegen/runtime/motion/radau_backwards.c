@@ -27,7 +27,7 @@ enum {
 static const double FOUND = 1e-13;
 
 /* Of each kind: rounds in which changes fall by less than this want better factors; changes that rounding may keep from falling. */
-static const double SLOW[] = {0.1, 0.5, 0.5}, ROUNDED[] = {1e-12, 1e-12, 1e-9};
+static const double SLOW[] = {0.1, 0.5, 0.5}, ROUNDED[] = {1e-14, 1e-14, 1e-9};
 
 /* The size of a change relative to that of the solution that it leads to, the largest of all lanes, in coordinates and in speeds; `loose` the same,
  * where what is small beside the other, in the step's time, need not be known as well. Not a number if changes are none. */

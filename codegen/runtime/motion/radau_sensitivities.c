@@ -4,7 +4,8 @@
  * Jacobian at every stage. Of small systems these Jacobians are formed, and the equations of all three stages are factorised once
  * for all directions; the last Jacobian serves Newton's method in the next step too. Of large ones nobody forms them: the
  * equations are solved in sweeps, in which right sides are what the system's functions give along all directions of a group at
- * once, and the factors at hand correct dZ as they do Z. */
+ * once, and the factors at hand correct dZ as they do Z; where that fails, as those of small ones, so that steps are the same with
+ * and without directions. */
 #include "radau.h"
 
 #include <float.h>
@@ -14,7 +15,10 @@
 enum { SWEEPS = 15 };
 
 /* What is left of sensitivities' equations, relative to them; what rounding may leave of them, relative to their size. */
-static const double SWEPT = 1e-14, ROUNDED = 1e-9;
+static const double SWEPT = 1e-14, ROUNDED = 1e-12;
+
+/* Of sweeps, however fast others made changes fall: what is small may fall more slowly. */
+static const double LEAST_SLOWNESS = 1e-2;
 
 /* The largest change of a group's directions relative to their size, in coordinates and in speeds; `loose` the same, where what
  * is small beside the other, in the step's time, need not be known as well. Not a number if changes are none. */
@@ -47,7 +51,7 @@ static double change_of(const ordernm_motion *m, const group *g, double h, doubl
 }
 
 /* The Jacobians at the stages, and their equations' factors. */
-int ordernm_radau_form(ordernm_motion *m, double h)
+static int form(ordernm_motion *m, double h)
 {
     struct radau *const r = m->radau;
     for (int i = 0; i < STAGES; ++i) {
@@ -59,7 +63,7 @@ int ordernm_radau_form(ordernm_motion *m, double h)
 }
 
 /* The stages' derivatives along the directions of a group, by Jacobians that have been formed. */
-int ordernm_radau_along_formed(ordernm_motion *m, double h, const group *g)
+static int along_formed(ordernm_motion *m, double h, const group *g)
 {
     struct radau *const r = m->radau;
     for (int i = 0; i < STAGES; ++i) {
@@ -75,7 +79,7 @@ int ordernm_radau_along_formed(ordernm_motion *m, double h, const group *g)
 }
 
 /* The stages' derivatives along the directions of a group; they begin anywhere. */
-int ordernm_radau_sweep(ordernm_motion *m, double h, const group *g, int closed)
+static int sweep(ordernm_motion *m, double h, const group *g, int closed)
 {
     struct radau *const r = m->radau;
     double before = 0.0;
@@ -95,8 +99,24 @@ int ordernm_radau_sweep(ordernm_motion *m, double h, const group *g, int closed)
             if (!(theta < 0.5) && loose <= ROUNDED) return CONVERGED;
             if (theta > 2.0 && k > 3) return DIVERGED;
         }
-        if (r->sweep_slowness*size <= SWEPT) return CONVERGED;
+        if (fmax(r->sweep_slowness, LEAST_SLOWNESS)*size <= SWEPT) return CONVERGED;
         before = size;
     }
     return DIVERGED;
+}
+
+/* The stages' derivatives along the directions of a group. `formed` tells whether Jacobians are those at the stages of this step, as
+ * another group has left them. */
+int ordernm_radau_along(ordernm_motion *m, double h, const group *g, int closed, int *formed)
+{
+    struct radau *const r = m->radau;
+    int status = DIVERGED;
+    if (!r->formed && !*formed) status = sweep(m, h, g, closed);
+    if (status != DIVERGED) return status;
+    if (!*formed) {
+        r->formed_here = 0;
+        if ((status = form(m, h)) != CONVERGED) return status;
+        *formed = 1;
+    }
+    return along_formed(m, h, g);
 }

@@ -169,6 +169,7 @@ int ordernm_close_loops(ordernm_motion *m, ordernm_call *c)
     if (!s->closing_step) return 0;
     ordernm_function *closing_step = s->closing_step;
     double before = INFINITY;
+    m->precise = 0;
     c->step = m->newton;
     c->position = m->position;
     c->condition = m->condition;
@@ -178,7 +179,6 @@ int ordernm_close_loops(ordernm_motion *m, ordernm_call *c)
         const int singular = closing_step(c);
         if (singular) return singular;
         const double residual = largest_residual(m);
-        const int precise = closing_step == s->precise_closing_step;
         const int no_better = !(residual < 0.5*before);
         if (no_better && residual > ROUNDING) return -1;
         double step = 0.0;
@@ -192,9 +192,10 @@ int ordernm_close_loops(ordernm_motion *m, ordernm_call *c)
         if (condition > m->results->condition) m->results->condition = condition;
         m->results->condition_here = condition;
         before = residual;
-        if (condition > m->poor && !precise) {
-            if (s->precise_closing_step) {
-                closing_step = s->precise_closing_step;
+        if (condition > m->poor && !m->precise) {
+            if (s->precise) {
+                m->precise = 1;
+                closing_step = s->precise->closing_step;
                 before = INFINITY;
                 continue;
             }
@@ -207,6 +208,39 @@ int ordernm_close_loops(ordernm_motion *m, ordernm_call *c)
 
 /* ---- Rates. ---- */
 
+enum { HALF = LANES/2 };
+
+/* Rows of half as many lanes made whole, in place; the others are zero. */
+static void widen(double *x, long n)
+{
+    for (long i = n - 1; i >= 0; --i)
+        for (int l = LANES - 1; l >= 0; --l) x[i*LANES + l] = l < HALF ? x[i*HALF + l] : 0.0;
+}
+
+static void narrow(double *x, long n)
+{
+    for (long i = 0; i < n; ++i)
+        for (int l = 0; l < HALF; ++l) x[i*HALF + l] = x[i*LANES + l];
+}
+
+/* Rates along a group in long double, which has functions of one and of eight directions only. */
+static int precise_rates_along(ordernm_motion *m, const group *g, ordernm_call *c)
+{
+    const ordernm_system *s = m->system;
+    if (g->index != ORDERNM_FOUR) return s->precise->state_rate_sensitivities[g->index](c);
+    ordernm_call wide = *c;
+    memcpy(m->wide_dp, g->dp, s->np*HALF*sizeof(double));
+    wide.dp = m->wide_dp;
+    double *const given[] = {m->dq, m->du, m->dinputs, m->wide_dp};
+    const long count[] = {s->nq, s->nu, s->ninputs, s->np};
+    for (int i = 0; i < 4; ++i) widen(given[i], count[i]);
+    const int status = s->precise->state_rate_sensitivities[ORDERNM_EIGHT](&wide);
+    for (int i = 0; i < 4; ++i) narrow(given[i], count[i]);
+    narrow(m->dqdot, s->nq);
+    narrow(m->dudot, s->nu);
+    return status;
+}
+
 /* Time derivatives of z and of its derivatives along some groups; all coordinates, loops closed, are in m->q then. Loops that are
  * known to be closed are as predictions say. Returns 0, what a function returned, or -1 if loops do not close. */
 int ordernm_rates_of(ordernm_motion *m, double t, const double *z, double *rate, int ngroups, const group *groups, int what)
@@ -214,13 +248,16 @@ int ordernm_rates_of(ordernm_motion *m, double t, const double *z, double *rate,
     const ordernm_system *s = m->system;
     const ordernm_problem *p = m->problem;
     ordernm_call c = ordernm_arguments(m, t, z);
-    int status = what & KNOWN_CLOSED && !s->split ? 0 : ordernm_close_loops(m, &c);
+    const int closed = what & KNOWN_CLOSED && !s->split;
+    int status = closed ? 0 : ordernm_close_loops(m, &c);
     if (status) return status;
+    const int precise = !closed && m->precise;
+    ordernm_function *const state_rates = precise ? s->precise->state_rates : s->state_rates;
     const int rates = what & RATES, integrals = what & INTEGRALS && m->nx;
     if (rates) ++m->results->evaluations;
     c.qdot = m->identity ? rate : m->qdot;
     c.udot = m->identity ? rate + s->nq : m->udot;
-    if (rates && !ngroups && (status = s->state_rates(&c))) return status;
+    if (rates && !ngroups && (status = state_rates(&c))) return status;
     for (int n = 0; n < ngroups; ++n) {
         const group *g = groups + n;
         double *S = rate + g->at;
@@ -228,7 +265,8 @@ int ordernm_rates_of(ordernm_motion *m, double t, const double *z, double *rate,
         seeds(m, t, z, g, &c);
         c.dqdot = m->identity ? S : m->dqdot;
         c.dudot = m->identity ? S + s->nq*width : m->dudot;
-        if (rates && (status = s->state_rate_sensitivities[g->index](&c))) return status;
+        if (rates && (status = precise ? precise_rates_along(m, g, &c) : s->state_rate_sensitivities[g->index](&c)))
+            return status;
         if (rates && !m->identity) {
             for (int i = 0; i < s->nfree_q; ++i)
                 memcpy(S + i*width, m->dqdot + s->free_q[i]*width, width*sizeof(double));

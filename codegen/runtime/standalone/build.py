@@ -37,12 +37,15 @@ class Build:
         The model's name.
     sources : list of str
         C files; left out: ``<name>.c``, ``<name>_calls.c`` and, where there is one, ``<name>_motion.c``.
+    included : list of str
+        Further C files that these include.
     """
 
-    def __init__(self, folder: Path, name: str, sources: Sequence[str] = ()):
+    def __init__(self, folder: Path, name: str, sources: Sequence[str] = (), included: Sequence[str] = ()):
         self.folder = folder
         self.name = name
         self.sources = [folder / s for s in sources or [f"{name}.c", f"{name}_calls.c"]]
+        self.included = [folder / s for s in included]
         self.headers = "*.h" if sources else f"{name}*.h"
         motion = folder / f"{name}_motion.c"
         if not sources and motion.is_file():
@@ -60,7 +63,7 @@ class Build:
         """Beginning of the library's name; ``*`` for the compiler if there is none."""
         source = hashlib.sha256()
         headers = (*sorted(self.folder.glob(self.headers)), *sorted(self.folder.glob("motion/*.h")))
-        for file in (*self.sources, *headers):
+        for file in (*self.sources, *self.included, *headers):
             if file.name != f"{self.name}_model.h":  # defaults, which the library does not hold
                 source.update(file.read_bytes())
         machine = short_key(*STANDARD, *self.flags, processor())

@@ -14,7 +14,7 @@ from .arrays import Array
 from .rounding import UNIT
 
 ALL_DIGITS = -math.log10(UNIT)
-"""Of a double, 16."""
+"""Of a double: 15.95."""
 
 NEAR = 1e-4
 """A closure whose distance to rank loss is less than this is told as near: so many digits of the accelerations are lost."""
@@ -33,15 +33,15 @@ class MassCondition(NamedTuple):
     ----------
     condition : float
         Its largest eigenvalue over the smallest, in SI units.
-    scaled : float
-        The same with every row and column divided by the root of the diagonal entry: free of units, and of how
-        large masses are. Its inverse is the distance to a matrix that is singular, in parts of the largest eigenvalue.
+    left : float
+        What a speed feels of its inertia where all other joints are free, in parts of that where they are held, so a number
+        without unit; the least of all speeds. The sweeps lose at most about as many digits as it has zeros, and mostly far fewer.
     weakest : str
-        The speed that the motion with the least scaled inertia has most of.
+        The speed that has it.
     """
 
     condition: float
-    scaled: float
+    left: float
     weakest: str
 
 
@@ -116,7 +116,7 @@ class Diagnosis:
 
     @property
     def digits(self) -> Array:
-        """Decimal digits of each acceleration to trust, (nu,), from 0 to 16; of one that is zero but for rounding, those of the
+        """Decimal digits of each acceleration to trust, (nu,), up to 15.95; of one that is zero but for rounding, those of the
         largest."""
         return trusted(self.udot[None], self.udot_error[None])[0]
 
@@ -143,7 +143,7 @@ class Diagnosis:
         order = np.argsort(self.digits, kind="stable")[:SHOWN]
         rows = "".join(
             f"<tr><td style='text-align:left'>udot.{escape(self.speed_names[i])}</td><td>{self.udot[i]:.6g}</td>"
-            f"<td>{self.udot_error[i]:.1e}</td><td>{self.argument_error[i]:.1e}</td><td>{self.digits[i]:.0f}</td></tr>"
+            f"<td>{self.udot_error[i]:.1e}</td><td>{self.argument_error[i]:.1e}</td><td>{_whole(self.digits[i])}</td></tr>"
             for i in order
         )
         head = "".join(f"<th>{word}</th>" for word in ("", "value", "rounding", "by arguments", "digits"))
@@ -155,11 +155,7 @@ class Diagnosis:
         if not self.failure or np.isfinite(self.udot_error).all():
             yield from self._of_rounding()
         if self.mass is not None and self.mass.condition > 1.0:
-            m = self.mass
-            yield (
-                f"mass matrix: condition {_number(m.condition)}, {_number(m.scaled)} with speeds in units of their inertia, "
-                f"worst in {m.weakest}; by itself this costs no digits, since no mass matrix is formed"
-            )
+            yield self._of_inertia(self.mass)
         nearest = self.nearest
         if nearest is not None and self.gap > OPEN * nearest.distance:
             off = f"{self.gap / nearest.distance:.1g}" if nearest.distance > 0.0 else "any amount"
@@ -184,12 +180,12 @@ class Diagnosis:
             return
         i = int(np.argmin(digits))
         least = f"udot.{names[i]}, {self.udot[i]:.6g} but for {self.udot_error[i]:.1e}"
-        yield f"udot: about {digits[i]:.0f} digits to trust; least of {least}"
+        yield f"udot: about {_whole(digits[i])} digits to trust; least of {least}"
         if self.dudot.size:
             of = self.derivative_digits
             j, i = (int(x) for x in np.unravel_index(int(np.argmin(of)), of.shape))
             yield (
-                f"derivatives: about {of[j, i]:.0f} digits to trust; least of udot.{names[i]} by {self.direction_names[j]}, "
+                f"derivatives: about {_whole(of[j, i])} digits to trust; least of udot.{names[i]} by {self.direction_names[j]}, "
                 f"{self.dudot[j, i]:.6g} but for {self.dudot_error[j, i]:.1e}"
             )
         by_arguments = trusted(self.udot[None], np.fmax(self.argument_error, self.udot_error)[None])[0]
@@ -197,8 +193,18 @@ class Diagnosis:
             i = int(np.argmin(by_arguments))
             yield (
                 f"a unit in the last place of the arguments changes udot.{names[i]} by {self.argument_error[i]:.1e}: of "
-                f"arguments that are themselves rounded about {by_arguments[i]:.0f} digits follow"
+                f"arguments that are themselves rounded about {_whole(by_arguments[i])} digits follow"
             )
+
+    def _of_inertia(self, m: MassCondition) -> str:
+        """The mass matrix, and the joint whose inertia is the difference of large numbers."""
+        said = f"mass matrix: condition {_number(m.condition)}, which by itself costs no digits, since no mass matrix is formed"
+        if m.left > NEAR:
+            return said
+        return (
+            f"{said}; but {m.weakest} has {m.left:.1g} of its inertia where the other joints are free, and up to "
+            f"{min(-math.log10(m.left), ALL_DIGITS):.0f} digits may be lost: it carries, or holds, much heavier bodies"
+        )
 
     def _of_closures(self) -> Iterator[str]:
         worst = sorted(self.closures, key=lambda c: c.distance)
@@ -233,6 +239,11 @@ def trusted(values: Array, errors: Array) -> Array:
         found = -np.log10(errors / np.where(size > errors, size, most))
     found = np.where(errors == 0.0, ALL_DIGITS, found)
     return np.clip(np.nan_to_num(found, nan=0.0, posinf=ALL_DIGITS, neginf=0.0), 0.0, ALL_DIGITS)
+
+
+def _whole(digits: float) -> int:
+    """Whole digits, none too many."""
+    return math.floor(digits)
 
 
 def _number(x: float) -> str:

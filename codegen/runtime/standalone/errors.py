@@ -34,9 +34,14 @@ class SingularJointError(np.linalg.LinAlgError):
     """
 
     def __init__(self, link: str, where: str = "") -> None:
+        joint, _, axis = link.rpartition(".")
+        turned = (
+            f"; or this pose alone is to blame (gimbal lock: joint {joint} has turned what it carries into line with this axis), "
+            f"which a spherical joint passes"
+        )
         super().__init__(
             f"nothing outboard of joint {link} has inertia about it{where}, so its acceleration is not determined; "
-            f"give its body, or one that it carries, mass or inertia"
+            f"give its body, or one that it carries, mass or inertia{turned if joint and axis == '1' else ''}"
         )
         self.link = link
 

@@ -24,8 +24,9 @@ GRADIENTS = ("auto", "forward", "adjoint")
 MEMORY = 256 * 2**20
 """Bytes for the steps of a motion, for the adjoint; beyond it they are made a second time."""
 
-FORWARD_COST, ADJOINT_COST, ADJOINT_MORE = 3.0, 4.4, 9.0
-"""In motions without derivatives: eight directions; the gradient of one functional; of up to eight."""
+COSTS = {False: (0.0, 3.0, 4.4, 9.0), True: (1.3, 0.8, 2.5, 3.5)}
+"""In motions without derivatives, of explicit methods and of the implicit one: a motion with directions, and every eight of
+them; the gradient of one functional by the adjoint; of up to eight."""
 
 
 @dataclass(slots=True, eq=False)
@@ -102,7 +103,7 @@ class Judging(Simulation):
         problem.events = tuple(
             (self.output_names.index(e.output), e.level, CROSSINGS[e.direction], e.stop) for e in events
         )
-        way = self._way(method, len(wanted), directions.k)
+        way = self._way(method, len(wanted), directions.k, integrator)
         if way != "forward":
             dq, du, dinputs = problem.dq, problem.du, problem.dinputs
             problem.dq, problem.du, problem.dp, problem.dinputs = dq[:0], du[:0], problem.dp[:0], None
@@ -178,7 +179,7 @@ class Judging(Simulation):
                 case AtEvent():
                     c = crossings[f.event]
                     row, g = int(np.searchsorted(times, c.t)), self.output_names.index(f.event.output)
-                    speed = crossing_speed(c.rates, g)
+                    speed = crossing_speed(c.rates, c.pace, g)
                     if f.output == "t":
                         values[i] = c.t
                         by_output[i, row, g] = -1.0 / speed
@@ -250,14 +251,15 @@ class Judging(Simulation):
         return total
 
     @staticmethod
-    def _way(method: str, m: int, k: int) -> str:
+    def _way(method: str, m: int, k: int, integrator: str) -> str:
         """How gradients are computed."""
         if not k:
             return "none"
         if method != "auto":
             return method
-        forward = FORWARD_COST * -(-k // 8)
-        adjoint = ADJOINT_COST if m == 1 else ADJOINT_MORE * -(-m // 8)
+        some, every_eight, one, up_to_eight = COSTS[integrator == "radau"]
+        forward = some + every_eight * -(-k // 8)
+        adjoint = one if m == 1 else up_to_eight * -(-m // 8)
         return "forward" if forward <= adjoint else "adjoint"
 
     def _first_crossings(self, events: list[Event], problem: Problem, run: Run, k: int) -> dict[Event, Crossing]:

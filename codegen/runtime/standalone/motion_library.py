@@ -47,33 +47,49 @@ def motion_library(folder: Path) -> tuple[Any, Any]:
         return _opened[folder]
 
 
-_precise: dict[tuple[Path, str], tuple[Any, int]] = {}
+_apart: dict[tuple[Path, str, str], tuple[Any, Any]] = {}
 
 
-def precise_closure(folder: Path, name: str) -> int:
-    """The address of the function of ``NAME_precise.c``.
+def _library_apart(folder: Path, name: str, part: str, declaration: str, flags: list[str] | None) -> tuple[Any, Any]:
+    """The cffi interface and the library of ``NAME_<part>.c``, which includes ``NAME.c``: compiled when first asked for."""
+    from cffi import FFI
+
+    with _opening:
+        if (folder, name, part) not in _apart:
+            ffi = FFI()
+            ffi.cdef(declaration)
+            build = Build(folder, f"{name}_{part}", [f"{name}_{part}.c"], [f"{name}.c"])
+            if flags is not None and CFLAGS not in os.environ:
+                build.flags = flags
+            path = build.library()
+            try:
+                _apart[folder, name, part] = ffi, ffi.dlopen(str(path))
+            except OSError as error:
+                raise CompileError(f"{path} was compiled but cannot be opened: {error}") from None
+        return _apart[folder, name, part]
+
+
+def precise_functions(folder: Path, name: str) -> int:
+    """The address of the table of functions of ``NAME_precise.c``.
 
     Raises
     ------
     NoCompilerError, CompileError
     """
-    from cffi import FFI
+    # it is needed at once, and seldom called
+    ffi, library = _library_apart(folder, name, "precise", f"const void *{name}_precise(void);", ["-O0"])
+    return int(ffi.cast("intptr_t", getattr(library, f"{name}_precise")()))
 
-    with _opening:
-        if (folder, name) not in _precise:
-            ffi = FFI()
-            ffi.cdef(f"int {name}_precise_closing_step(const void *);")
-            build = Build(folder, f"{name}_precise", [f"{name}_precise.c"])
-            if CFLAGS not in os.environ:
-                build.flags = ["-O0"]  # it is needed at once, and seldom called
-            path = build.library()
-            try:
-                library = ffi.dlopen(str(path))
-            except OSError as error:
-                raise CompileError(f"{path} was compiled but cannot be opened: {error}") from None
-            function = getattr(library, f"{name}_precise_closing_step")
-            _precise[folder, name] = library, int(ffi.cast("intptr_t", function))
-        return _precise[folder, name][1]
+
+def four_lanes(folder: Path, name: str) -> int:
+    """The address of the function of ``NAME_four.c`` that gives a system its functions over four directions.
+
+    Raises
+    ------
+    NoCompilerError, CompileError
+    """
+    ffi, library = _library_apart(folder, name, "four", f"void {name}_four(void *);", None)
+    return int(ffi.cast("intptr_t", getattr(library, f"{name}_four")))
 
 
 def declarations(header: str) -> str:

@@ -15,13 +15,14 @@ import numpy as np
 
 from .arguments import Arguments
 from .arrays import Array, Shape
+from .c_target import CTarget
 from .directions import take_directions
 from .functions import ALONG, STATE, WITHOUT_ENTRIES, Function, function, shapes_of
 from .infinite import tell_infinite
 from .manifest import read_manifest
 from .results import empty, overlap, places, put
 from .short_calls import SHORT
-from .targets import Opened, Target, open_partition
+from .targets import Opened, Target, c_target, open_partition
 
 
 class Package:
@@ -71,6 +72,7 @@ class Package:
         self._initial = np.array(manifest["initial"]["q"], float), np.array(manifest["initial"]["u"], float)
         self._wanted: str = manifest.get("target", "c") if target is None else target
         self._made: dict[int, Opened] = {}
+        self._compiled: dict[int, CTarget] = {}
         self._making = threading.Lock()
         self._use(self._open(0))
 
@@ -81,6 +83,21 @@ class Package:
                 opened = open_partition(self.folder, self._manifest, partition, self._wanted, self._shapes)
                 self._made[partition] = opened
             return self._made[partition]
+
+    def _in_c(self, opened: Opened) -> CTarget:
+        """The compiled code of a partition, also where it computes with NumPy.
+
+        Raises
+        ------
+        PackageError, NoCompilerError, CompileError
+        """
+        if isinstance(opened.target, CTarget):
+            return opened.target
+        with self._making:
+            if opened.number not in self._compiled:
+                made = c_target(opened.folder, opened.package, opened.manifest, opened.functions, self._shapes)
+                self._compiled[opened.number] = made
+            return self._compiled[opened.number]
 
     def _use(self, opened: Opened) -> None:
         """Compute with a partition from now on."""

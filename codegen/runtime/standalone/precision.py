@@ -48,7 +48,7 @@ LEFT = 5
 SAME = 1e-13
 """What closing a loop in double precision changes by less, against one, it does not change."""
 
-REFUSED = ("simulate", "judge", "equilibrium", "linearize")
+REFUSED = ("simulate", "judge", "equilibrium", "linearize", "diagnose")
 """Members that compute in double precision only."""
 
 
@@ -418,8 +418,8 @@ class Precision(Package):
         Its members take what those of this solver take, and mpmath's numbers and decimal text too; floats count as exactly
         what they are. They return mpmath's numbers in arrays of objects, which keep these digits whatever ``mpmath.mp.dps``
         is; ``.astype(float)`` rounds an array to doubles. `assemble` closes loops to these digits; the other members take
-        coordinates as they are given, as everywhere. There are no ``out=``, `simulate`, `judge`, `equilibrium` and
-        `linearize`. Numbers that were computed from the model when it was generated are the doubles that stand in the
+        coordinates as they are given, as everywhere. There are no ``out=``, `simulate`, `judge`, `equilibrium`, `linearize`
+        and `diagnose`. Numbers that were computed from the model when it was generated are the doubles that stand in the
         package.
 
         Parameters

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from .arrays import Array, Numbers
-from .errors import SimulationError
+from .errors import SimulationError, SingularLoopError
 from .motion_directions import Directions, take_sensitivities
 from .motion_events import DIRECTIONS as CROSSINGS
 from .motion_events import Crossing, Event, crossing, take_events
 from .motion_inputs import take_inputs
 from .motion_problem import METHODS, Problem, Run
-from .motion_run import MotionRun, Progress, compiled
+from .motion_run import MotionRun, Progress
 from .package import seeds, state
 from .trajectory import FINISHED, INTERRUPTED, Trajectory
 from .warning import warn
@@ -31,6 +31,9 @@ SMALLEST_TOLERANCE = 1e-14
 
 HARDLY_DETERMINED = 1e6
 """Condition of loops from which on an early end is said to have to do with it."""
+
+BESIDE = 1e-5
+"""s, beside an event at a pose where a loop has lost rank: rates of outputs there are off by the square of this."""
 
 MEANINGLESS = 1e10
 """Changes, in parts of what changes per part of what it changes with, beyond which the motion is said to be chaotic."""
@@ -115,7 +118,7 @@ class Simulation(MotionRun):
             if on_failure == "raise":
                 raise SimulationError(message, trajectory)
             warn(message)
-        if run.counts["stiffness"] > 0:
+        if run.counts.get("stiffness", 0.0) > 0:
             warn(
                 f"stability, not accuracy, kept the steps of the explicit method {problem.method!r} small (step times largest "
                 f"eigenvalue: {run.counts['stiffness']:.1f}); method='radau' is for such models"
@@ -177,12 +180,13 @@ class Simulation(MotionRun):
             )
         spline = take_inputs(self.input_names, inputs)
         directions = take_sensitivities(self, sensitivities, dq0, du0, spline)
-        q_all, u_all = self._first_state(q, u, p_all)
         dq, du = directions.dq, directions.du
+        of_model = None
         if directions.k and not directions.given and (q is None or u is None):
-            _, _, dq_model, du_model = self.initial_sensitivities(p_all, dp=directions.dp)
-            dq = dq + (dq_model if q is None else 0.0)
-            du = du + (du_model if u is None else 0.0)
+            of_model = self.initial_sensitivities(p_all, dp=directions.dp)
+            dq = dq + (of_model[2] if q is None else 0.0)
+            du = du + (of_model[3] if u is None else 0.0)
+        q_all, u_all = of_model[:2] if of_model and q is None and u is None else self._first_state(q, u, p_all)
         allowed = _tolerances("atol", atol, (self.nq + self.nu,))
         allowed_directions = None
         if atol_sensitivities is not None:
@@ -232,10 +236,9 @@ class Simulation(MotionRun):
         )
         extra: dict[str, Any] = {}
         if "energies" in self._functions and nt:
-            extra["energy"] = np.stack(self._energies_over(t, q, u, problem), axis=-1)
+            extra["energy"] = lambda: self._energies_over(t, q, u, problem)
         if self.closure_names and nt:
-            gaps = np.abs(self.closure(q, u, problem.p)[0])
-            extra["closure"] = gaps[:, self._kept_conditions()].max(axis=1, initial=0.0)
+            extra["closure"] = lambda: self._gaps_over(q, u, problem.p)
         ended = {"end": FINISHED, "interrupted": INTERRUPTED, "event": "event"}.get(run.reason)
         stats = {"method": problem.method, "reason": ended or self._why_it_ended(problem, run)} | run.counts
         manifest = self._manifest
@@ -256,27 +259,38 @@ class Simulation(MotionRun):
         derivatives = [self._derivatives_of_rows(row, problem, k, i) for i in (1, 2, 3)]
         inputs = problem.inputs.at(t)
         given = (values[0], values[1], problem.p, inputs, t)
-        qdot, udot = (self._values(n, state(*given))[0] for n in ("coordinate_rates", "accelerations"))
-        _, rate = self._along(
-            "output_sensitivities", state(*given), seeds(qdot, udot, None, problem.inputs.rate(t), 1.0)
-        )
-        return crossing(event, self.output_names.index(event.output), t, values, derivatives, (qdot, udot, rate[0]))
+        plain = self.coordinate_names == self.speed_names  # so it goes where a loop has lost rank, too
+        qdot = values[1] if plain else self._values("coordinate_rates", state(*given))[0]
+        udot, pace = row[-self.nu - 1 : -1], float(row[-1])
 
-    def _energies_over(self, t: Array, q: Array, u: Array, problem: Problem) -> tuple[Array, Array]:
-        """Kinetic and potential energy over time."""
+        def rates_at(q: Array, u: Array) -> Array:
+            along = seeds(qdot, udot, None, problem.inputs.rate(t), 1.0)
+            found: Array = self._along("output_sensitivities", state(q, u, *given[2:]), along)[1]
+            return found
+
+        try:
+            rate = rates_at(values[0], values[1])
+        except SingularLoopError:  # a loop has lost rank there: the mean of both sides
+            sides = [rates_at(values[0] + s * qdot, values[1] + s * udot) for s in (-BESIDE, BESIDE)]
+            rate = 0.5 * (sides[0] + sides[1])
+        rates = (qdot, udot, rate[0])
+        return crossing(event, self.output_names.index(event.output), t, values, derivatives, rates, pace)
+
+    def _energies_over(self, t: Array, q: Array, u: Array, problem: Problem) -> Array:
+        """Kinetic and potential energy over time, (nt, 2)."""
         inputs = np.stack([problem.inputs.at(x) for x in t]) if self.ninputs else np.zeros((len(t), 0))
-        found: Array = self._values("energies", {"q": q, "u": u, "p": problem.p, "inputs": inputs, "t": t})[0]
-        return found[..., 0], found[..., 1]
+        return self._values("energies", {"q": q, "u": u, "p": problem.p, "inputs": inputs, "t": t})[0]
 
-    def _kept_conditions(self) -> Array:
-        """Conditions of closure that no others imply, as a mask."""
+    def _gaps_over(self, q: Array, u: Array, p: Array) -> Array:
+        """The largest scaled residual of closure over time, (nt,), of conditions that no others imply."""
         kept = np.ones(len(self.closure_names), bool)
         kept[self._opened.manifest.get("dropped", [])] = False
-        return kept
+        found: Array = np.abs(self.closure(q, u, p)[0])[:, kept].max(axis=1, initial=0.0)
+        return found
 
     def _why_it_ended(self, problem: Problem, run: Run) -> str:
         """The cause in words, with time and what was in the way."""
-        condition = run.counts["condition"] if self.closure_names else 0.0
+        condition = run.counts.get("condition", 0.0)
         if condition < HARDLY_DETERMINED:
             return self._cause(problem, run)
         way = (
@@ -300,7 +314,7 @@ class Simulation(MotionRun):
         entry = names[min(run.component, len(names) - 1)]
         match run.reason:
             case "singular":
-                error = compiled(run.opened).singular(run.singular, f" {at}")
+                error = self._in_c(run.opened).singular(run.singular, f" {at}")
                 return f"the motion ends {at}: {error}"
             case "open loop":
                 return (

@@ -83,9 +83,8 @@ def open_partition(
         return NumpyTarget(folder, manifest)
 
     def compiled() -> Target:
-        check_files(folder, package, (".c", ".h"))
         try:
-            target = CTarget(folder, manifest, functions, shapes)
+            target = c_target(folder, package, manifest, functions, shapes)
         except NoCompilerError as error:
             warn(f"{package['name']}: {error}. The NumPy target (target='numpy') serves instead: same numbers, slower")
             return plain()
@@ -94,6 +93,23 @@ def open_partition(
         return target
 
     return Opened(folder, package, number, manifest, functions, plain() if wanted == "numpy" else compiled())
+
+
+def c_target(
+    folder: Path,
+    package: Mapping[str, Any],
+    manifest: Mapping[str, Any],
+    functions: dict[str, Function],
+    shapes: Mapping[str, Shape],
+) -> CTarget:
+    """The compiled code of a partition.
+
+    Raises
+    ------
+    PackageError, NoCompilerError, CompileError
+    """
+    check_files(folder, package, (".c", ".h"))
+    return CTarget(folder, manifest, functions, shapes)
 
 
 def partitions_of(package: Mapping[str, Any]) -> list[Mapping[str, Any]]:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import difflib
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import astuple
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,12 @@ from .arrays import Array, Shape
 
 FINISHED, INTERRUPTED = "finished", "interrupted"
 """Reasons for which a simulation ends: it came to its last time, or somebody pressed Ctrl-C."""
+
+
+Later = ArrayLike | Callable[[], ArrayLike] | None
+
+LATER: dict[str, Shape] = {"energy": (2,), "closure": ()}
+"""What may be computed when it is first asked for, and its shape beside the times."""
 
 
 class UnknownNameError(KeyError):
@@ -55,9 +62,9 @@ class Trajectory:
         Design parameters of the motion.
     inputs : (ninputs,), optional
         Inputs, where they were constant.
-    energy : (nt, 2), optional
-        Kinetic and potential energy, J.
-    closure : (nt,), optional
+    energy : (nt, 2), or a function that gives it, optional
+        Kinetic and potential energy, J. A function is called when it is first asked for.
+    closure : (nt,), or a function that gives it, optional
         The largest scaled position residual of closed loops.
     stats : mapping, optional
         How it was computed: ``method``, ``steps``, ``evaluations``, ``seconds``, ``reason`` (`FINISHED`, `INTERRUPTED` or a
@@ -68,7 +75,7 @@ class Trajectory:
     t, q, u, dq, du, outputs, doutputs, p, inputs, energy, closure, stats
         As above; what was left out of dq, du, outputs and doutputs has no entries, other things are None.
     events : tuple of Crossing
-        What happened on the way; see `codegen.runtime.standalone.motion_events`. Files do not have them.
+        What happened on the way; see `codegen.runtime.standalone.motion_events`.
     model, coordinate_names, speed_names, output_names, parameter_names, input_names, sensitivity_names
         As above, tuples.
 
@@ -84,8 +91,8 @@ class Trajectory:
         speed_names: Sequence[str], output_names: Sequence[str] = (), parameter_names: Sequence[str] = (),
         input_names: Sequence[str] = (), sensitivity_names: Sequence[str] = (), coordinate_units: Sequence[str] = (),
         speed_units: Sequence[str] = (), output_units: Sequence[str] = (), parameter_units: Sequence[str] = (),
-        p: ArrayLike | None = None, inputs: ArrayLike | None = None, energy: ArrayLike | None = None,
-        closure: ArrayLike | None = None, stats: Mapping[str, Any] | None = None,
+        p: ArrayLike | None = None, inputs: ArrayLike | None = None, energy: Later = None, closure: Later = None,
+        stats: Mapping[str, Any] | None = None,
     ):  # fmt: skip
         self.model = str(model)
         self.coordinate_names, self.speed_names = tuple(coordinate_names), tuple(speed_names)
@@ -102,22 +109,22 @@ class Trajectory:
         self.doutputs: Array = _shaped("doutputs", doutputs, (k, nt, noutputs), may_lack=not k * noutputs)
         self.p = None if p is None else _shaped("p", p, (len(self.parameter_names),))
         self.inputs = None if inputs is None else _shaped("inputs", inputs, (len(self.input_names),))
-        self.energy = None if energy is None else _shaped("energy", energy, (nt, 2))
-        self.closure = None if closure is None else _shaped("closure", closure, (nt,))
+        self._later: dict[str, Later] = {"energy": energy, "closure": closure}
+        for name, x in self._later.items():
+            if not callable(x):
+                self._now(name)
         self.stats: dict[str, Any] = {str(name): _plain(f"stats[{name!r}]", x) for name, x in (stats or {}).items()}
         self.coordinate_units = _units("coordinate", coordinate_units, nq)
         self.speed_units = _units("speed", speed_units, nu)
         self.output_units = _units("output", output_units, noutputs)
         self.parameter_units = _units("parameter", parameter_units, len(self.parameter_names))
         self.events: tuple[Any, ...] = ()
-        self._series = {"t": self.t}
-        columns = [*self.q.T, *self.u.T, *self.outputs.T]
-        self._index = {name: i for i, name in enumerate(self.names)}
-        if len(self._index) < len(columns) or "t" in self._index:
-            raise ValueError(f"names of series must differ, and from t: {some(self.names)}")
+        names = self.names
+        self._index = {name: i for i, name in enumerate(names)}
+        if len(self._index) < len(names) or "t" in self._index:
+            raise ValueError(f"names of series must differ, and from t: {some(names)}")
         if len(set(self.sensitivity_names)) < k:
             raise ValueError(f"names of sensitivities must differ: {some(self.sensitivity_names)}")
-        self._series |= dict(zip(self.names, columns, strict=True))
 
     # -- series by name --------------------------------------------------------------------------------------------------
 
@@ -136,15 +143,16 @@ class Trajectory:
             raise UnknownNameError(
                 f"{name!r} is no name; trajectory['q.NAME'] is a series, trajectory.q[i] the coordinates at the i-th time"
             )
-        try:
-            return self._series[name]
-        except KeyError:
-            raise UnknownNameError(self._unknown(name)) from None
+        if name == "t":
+            return self.t
+        if name not in self._index:
+            raise UnknownNameError(self._unknown(name))
+        return self._column(name, self.q, self.u, self.outputs)
 
     __iter__ = None  # over times or over names? Python would try 0, 1, ... as names
 
     def __contains__(self, name: object) -> bool:
-        return name in self._series
+        return name == "t" or name in self._index
 
     def __len__(self) -> int:
         """The number of times."""
@@ -171,12 +179,16 @@ class Trajectory:
         if name not in self._index:
             raise UnknownNameError(self._unknown(name))
         direction = self._direction(by)
-        i, nq, nu = self._index[name], len(self.coordinate_names), len(self.speed_names)
-        if i < nq:
-            return self.dq[direction, :, i]
-        if i < nq + nu:
-            return self.du[direction, :, i - nq]
-        return self.doutputs[direction, :, i - nq - nu]
+        return self._column(name, self.dq[direction], self.du[direction], self.doutputs[direction])
+
+    def _column(self, name: str, q: Array, u: Array, outputs: Array) -> Array:
+        """A series of these, (nt, ...) each."""
+        i = self._index[name]
+        for x in (q, u):
+            if i < x.shape[1]:
+                return x[:, i]
+            i -= x.shape[1]
+        return outputs[:, i]
 
     def unit(self, name: str) -> str:
         """The unit of a series, a parameter or a sensitivity; ``""`` where it is not known."""
@@ -224,6 +236,26 @@ class Trajectory:
         near = [x for n in difflib.get_close_matches(str(name), meant, 1) for x in meant[n]]
         hint = f"; did you mean {' or '.join(map(repr, near))}?" if near else ""
         return f"no series {name!r} in the trajectory of {self.model}; there are t, {some(self.names)}{hint}"
+
+    # -- what is computed when it is asked for -------------------------------------------------------------------------------
+
+    @property
+    def energy(self) -> Array | None:
+        return self._now("energy")
+
+    @property
+    def closure(self) -> Array | None:
+        return self._now("closure")
+
+    def _now(self, name: str) -> Array | None:
+        x = self._later[name]
+        x = x() if callable(x) else x
+        found = None if x is None else _shaped(name, x, (len(self), *LATER[name]))
+        self._later[name] = found
+        return found
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_later": {name: self._now(name) for name in LATER}}
 
     # -- how it went -------------------------------------------------------------------------------------------------------
 
@@ -316,10 +348,15 @@ class Trajectory:
 
         `load` gives the same trajectory, bit for bit.
         """
+        from .motion_events import rows_of
         from .trajectory_files import write
 
         arrays = {name: x for name in ARRAYS if (x := getattr(self, name)) is not None}
-        write(path, {name: getattr(self, name) for name in WORDS}, arrays, self.columns())
+        words: dict[str, Any] = {name: getattr(self, name) for name in WORDS}
+        if self.events:
+            arrays["events"] = rows_of(self.events)
+            words["events"] = [astuple(c.event) for c in self.events]
+        write(path, words, arrays, self.columns())
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Trajectory:
@@ -330,11 +367,18 @@ class Trajectory:
         TrajectoryFileError
             A ValueError: another kind of file, or a damaged one.
         """
+        from .motion_events import crossings_of
         from .trajectory_files import TrajectoryFileError, damaged, read
 
         words, arrays = read(path)
+        events, rows = words.pop("events", ()), arrays.pop("events", np.empty((0, 0)))
         try:
-            return cls(**{**words, **arrays})
+            found = cls(**{**words, **arrays})
+            sizes = (
+                len(x) for x in (found.coordinate_names, found.speed_names, found.output_names, found.sensitivity_names)
+            )
+            found.events = crossings_of(rows, events, *sizes)
+            return found
         except (TypeError, ValueError) as error:
             raise TrajectoryFileError(damaged(path, error)) from None
 

@@ -1,8 +1,8 @@
 """Files of trajectories: NumPy's ``.npz`` and Apache Parquet, by suffix; names and statistics go along as JSON.
 
 An ``.npz`` holds the arrays as they are and the JSON as bytes, in an array ``header``; nothing in it is pickled. A ``.parquet``
-has a column of times and one for each series, which any reader of Parquet's understands, and the JSON in the metadata of its
-schema.
+has a column of times and one for each series, which any reader of Parquet's understands, and the JSON, with events as bytes, in
+the metadata of its schema.
 """
 
 from __future__ import annotations
@@ -27,6 +27,9 @@ SUFFIXES = (".npz", ".parquet")
 HEADER = "header"
 KEY = b"ordernm_trajectory"
 """Of the JSON in the metadata of a Parquet schema."""
+
+EVENTS = b"ordernm_events"
+"""Of the numbers of events there, as they are in memory: JSON would not keep every NaN."""
 
 EXTRA = {"energy": ("energy.kinetic", "energy.potential"), "closure": ("loops.closure",)}
 """Columns that only Parquet files have; no output has a dot in its name."""
@@ -67,6 +70,7 @@ def write(
     arrow, parquet = _arrow()
     # p and inputs are no series; JSON gives the same floats back
     header |= {name: arrays[name].tolist() for name in ("p", "inputs") if name in arrays}
+    metadata = {EVENTS: np.ascontiguousarray(arrays["events"]).tobytes()} if "events" in arrays else {}
     header |= {"extra": [name for name in EXTRA if name in arrays]}
     all_columns = {"t": arrays["t"], **columns}
     for name in header["extra"]:
@@ -74,7 +78,7 @@ def write(
     fields = [arrow.field(name, arrow.float64()) for name in all_columns]
     table = arrow.Table.from_arrays(
         [arrow.array(np.ascontiguousarray(x), from_pandas=False) for x in all_columns.values()],
-        schema=arrow.schema(fields, metadata={KEY: json.dumps(header).encode()}),
+        schema=arrow.schema(fields, metadata={KEY: json.dumps(header).encode(), **metadata}),
     )
     # a dictionary of values would take one NaN for another
     write_whole(Path(path), lambda file: parquet.write_table(table, file, use_dictionary=False))
@@ -135,7 +139,10 @@ def _read_parquet(path: str | os.PathLike[str]) -> tuple[Words, dict[str, Array]
         raise TrajectoryFileError(damaged(path, first)) from None
     header = _header(path, metadata[KEY])
     try:
-        return _unrolled(header, columns)
+        header, arrays = _unrolled(header, columns)
+        if EVENTS in metadata:
+            arrays["events"] = np.frombuffer(metadata[EVENTS]).reshape(len(header["events"]), -1)
+        return header, arrays
     except (KeyError, TypeError, ValueError, IndexError) as error:
         raise TrajectoryFileError(damaged(path, f"{type(error).__name__} {error}")) from None
 
