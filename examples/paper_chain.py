@@ -429,7 +429,7 @@ def main() -> None:
     arguments.levels = list(LEVELS)
     if arguments.small:
         arguments.n, arguments.closed_form_to, arguments.parameters, arguments.rods = [1, 2, 4], 2, [1, 2, 3, 9], 9
-        arguments.rounds, arguments.batches, arguments.levels = 1, 2, ["-O0"]
+        arguments.rounds, arguments.batches, arguments.levels = 1, 2, ["-O1"]
     use_one_core()
 
     fig3, lengths = kinetic_energy(arguments), parameters(arguments)

@@ -70,7 +70,7 @@ def test_a_tree_has_nothing_of_loops() -> None:
 
 def test_andrews_starts_as_published(tmp_path: Path) -> None:
     """IVP Test Set, andrews: initial accelerations with all digits printed there; recomputed values beside them agree."""
-    codegen.generate(EXAMPLES / "andrews.yaml", tmp_path / "andrews")
+    codegen.generate(EXAMPLES / "andrews.yaml", tmp_path / "andrews", functions=("accelerations",))
     solver = codegen.load(tmp_path / "andrews")
     udot = solver.accelerations(*solver.initial)
     assert abs(udot[0] - 14222.4439199541138705911625887) < 2e-9
@@ -98,7 +98,7 @@ def test_springs_on_trees(tmp_path: Path, seed: int) -> None:
 
 def test_a_lost_rank_is_an_error_that_names_the_loop(tmp_path: Path) -> None:
     model = example("ladder", L=1)
-    codegen.generate(model, tmp_path / "ladder")
+    codegen.generate(model, tmp_path / "ladder", functions=("accelerations", "sensitivities", "energies"))
     flat = np.array([np.pi / 2, -np.pi / 2, -np.pi / 2])
     for target in ("c", "numpy"):
         solver = codegen.load(tmp_path / "ladder", target=target)
@@ -126,7 +126,9 @@ def test_springs_of_one_kind_anywhere(tmp_path: Path) -> None:
         for i, (a, b) in enumerate(((2, 5), (1, 4), (3, 5), (1, 5), (4, 2)))
     )
     model = parse_model(f"model: m\nbodies:\n{bodies}forces:\n{springs}")
-    package = codegen.generate(model, tmp_path / "m", layout="kinds", compile=False).folder
+    package = codegen.generate(
+        model, tmp_path / "m", layout="kinds", compile=False, functions=("accelerations",)
+    ).folder
     rng = np.random.default_rng(1)
     q, u = rng.normal(size=model.nq), rng.normal(size=model.nu)
     udot = codegen.load(package, "numpy").accelerations(q, u)
@@ -141,7 +143,7 @@ bodies:
 forces:
   band: {type: spring, from: slide, to: ground, stiffness: 10, free_length: 1}
 """)
-    codegen.generate(model, tmp_path / "pulled", target="both")
+    codegen.generate(model, tmp_path / "pulled", target="both", functions=("accelerations",))
     for target in ("c", "numpy"):
         solver = codegen.load(tmp_path / "pulled", target=target)
         assert abs(solver.accelerations([0.5], [0.0])[0] - 5.0) < 1e-14
@@ -166,7 +168,7 @@ def test_a_direction_that_opens_a_redundant_condition_is_told(tmp_path: Path) ->
 
 
 def test_a_loop_out_of_reach_is_named_with_what_is_left(tmp_path: Path) -> None:
-    codegen.generate(EXAMPLES / "four_bar.yaml", tmp_path / "four_bar")
+    codegen.generate(EXAMPLES / "four_bar.yaml", tmp_path / "four_bar", functions=("accelerations",))
     solver = codegen.load(tmp_path / "four_bar")
     p = solver.parameters
     p[list(solver.parameter_names).index("rocker_length")] = 0.05
@@ -177,7 +179,7 @@ def test_a_loop_out_of_reach_is_named_with_what_is_left(tmp_path: Path) -> None:
 
 
 def test_assembly_moves_dependents_only(tmp_path: Path) -> None:
-    codegen.generate(EXAMPLES / "four_bar.yaml", tmp_path / "four_bar")
+    codegen.generate(EXAMPLES / "four_bar.yaml", tmp_path / "four_bar", functions=("accelerations",))
     solver = codegen.load(tmp_path / "four_bar")
     q0, u0 = solver.initial
     q, u = solver.assemble(q0 + [[0.2], [-0.3]], u0 + [1.0, 5.0, 7.0])
@@ -190,7 +192,7 @@ def test_assembly_moves_dependents_only(tmp_path: Path) -> None:
 
 
 def test_dependent_columns_are_exactly_zero(tmp_path: Path) -> None:
-    codegen.generate(example("ladder", L=2), tmp_path / "ladder")
+    codegen.generate(example("ladder", L=2), tmp_path / "ladder", functions=("jacobians",))
     solver = codegen.load(tmp_path / "ladder")
     J = solver.jacobians(*solver.initial)
     assert not J.q[:, 1:].any() and not J.u[:, 1:].any()
@@ -200,7 +202,8 @@ def test_dependent_columns_are_exactly_zero(tmp_path: Path) -> None:
 def test_a_solver_changes_its_independents_and_the_state_keeps_its_meaning(tmp_path: Path) -> None:
     """Bricard's mechanism with its second angle independent meets a dead point in every swing: change and go on."""
     model = dataclasses.replace(load_model(EXAMPLES / "bricard.yaml"), independent=("rod_2",))
-    codegen.generate(model, tmp_path / "bricard", partitions=2)
+    functions = ("accelerations", "coordinate_rates", "energies")
+    codegen.generate(model, tmp_path / "bricard", partitions=2, functions=functions)
     solver = codegen.load(tmp_path / "bricard")
     assert solver.partitions[0] == ("rod_2",) and len(solver.partitions) == 2
     q, u = solver.initial
@@ -234,7 +237,7 @@ def test_a_solver_changes_its_independents_and_the_state_keeps_its_meaning(tmp_p
 @pytest.mark.parametrize("name", ["four_bar", "bricard"])
 def test_reactions_are_those_of_the_dense_method(tmp_path: Path, name: str) -> None:
     model = load_model(EXAMPLES / f"{name}.yaml")
-    codegen.generate(model, tmp_path / name, target="both", reactions=True)
+    codegen.generate(model, tmp_path / name, target="both", reactions=True, functions=("reactions",))
     solver, engine = codegen.load(tmp_path / name), DenseEngine(model)
     q, u = solver.initial
     q, u = solver.assemble(q, u + 0.7)
@@ -252,7 +255,7 @@ gravity: [0, 0, -9.81]
 bodies:
   bob: {parent: ground, joint: {type: revolute, axis: y}, mass: 2, com: [0, 0, -1.5], inertia: {xx: 0.1, yy: 0.1, zz: 0.1}}
 """)
-    codegen.generate(model, tmp_path / "pendulum", target="both", reactions=True)
+    codegen.generate(model, tmp_path / "pendulum", target="both", reactions=True, functions=("reactions",))
     joints, loops = codegen.load(tmp_path / "pendulum").reactions([0.0], [3.0])
     assert loops.shape == (0, 6)
     for target in ("c", "numpy"):
@@ -307,7 +310,7 @@ initial: {q: {a: 0.5, b: 2}}
 def test_examples_agree_with_the_dense_method(tmp_path: Path, name: str) -> None:
     """Among them a cluster of two loops with linear and angular conditions, and characteristic lengths other than one."""
     model = load_model(EXAMPLES / f"{name}.yaml")
-    codegen.generate(model, tmp_path / name, target="numpy")
+    codegen.generate(model, tmp_path / name, target="numpy", functions=("sensitivities",))
     solver, engine = codegen.load(tmp_path / name, target="numpy"), DenseEngine(model)
     rng = np.random.default_rng(3)
     q, u = solver.initial

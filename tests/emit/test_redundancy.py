@@ -48,8 +48,10 @@ def crank(tilt: Any, joint: str = "type: revolute, axis: y", off: str = "0") -> 
     return parse_model(CRANK.format(tilt=tilt, joint=joint, off=off))
 
 
-def built(model: Model, folder: Path, target: str = "numpy") -> codegen.Solver:
-    codegen.generate(model, folder, target=target)
+def built(
+    model: Model, folder: Path, target: str = "numpy", functions: tuple[str, ...] | None = None
+) -> codegen.Solver:
+    codegen.generate(model, folder, target=target, functions=functions)
     return codegen.load(folder, target)
 
 
@@ -67,7 +69,11 @@ def test_a_nearly_planar_loop_turns_all_the_way_round_and_is_exact_for_what_it_i
     joint: str, tmp_path: Path
 ) -> None:
     tilt = 1e-5
-    planar, tilted = built(crank(0, joint), tmp_path / "planar"), built(crank(tilt, joint), tmp_path / "tilted")
+    asked = ("accelerations", "sensitivities")
+    planar, tilted = (
+        built(crank(angle, joint), tmp_path / name, functions=asked)
+        for name, angle in (("planar", 0), ("tilted", tilt))
+    )
     engines = [RecursiveEngine(crank(tilt, joint)), DenseEngine(crank(tilt, joint))]
     q, u = tilted.initial
     with warnings.catch_warnings():
@@ -165,7 +171,7 @@ def compared(seed: int, scene: str, by: float, folder: Path, loop_joints: tuple[
         return None
     model = opened(drawn, by, rng)
     try:
-        solver = built(model, folder)
+        solver = built(model, folder, functions=("sensitivities",))
     except ModelError:
         return None
     engines = [RecursiveEngine(model), DenseEngine(model)]
@@ -211,7 +217,7 @@ def test_assembly_steps_off_a_guess_where_rank_is_lost(target: str, tmp_path: Pa
     """All bars in one line: exactly flat, the loop has no rank; with the crank off the line closed states exist."""
     text = CRANK.format(tilt=0, joint="type: revolute, axis: y", off="0").replace("at: [1.1, 0, 0]", "at: [0.7, 0, 0]")
     text = text.replace("{a: -0.8, b: 0.4, c: 1.9}", "{a: 0.5, b: -0.5, c: -2.5}")
-    solver = built(parse_model(text), tmp_path / "m", target)
+    solver = built(parse_model(text), tmp_path / "m", target, ("accelerations",))
     flat = [0.0, 0.0, np.pi]  # 0.4 + 1.2 - 0.9 = 0.7
     assert np.abs(solver.closure(flat, np.zeros(3))[0]).max() < 1e-15
     for a in (0.1, -0.1, 0.02):

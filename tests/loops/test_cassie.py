@@ -202,7 +202,7 @@ def test_the_second_way_is_that_of_the_model(cassie):
 
 @pytest.mark.parametrize("ranges", RANGES)
 def test_nine_of_ten_random_states_are_assembled_if_they_can_be_closed_at_all(cassie, chosen, ranges):
-    q = drawn(cassie.coordinate_names, ranges, 15, seed=11)
+    q = drawn(cassie.coordinate_names, ranges, 25, seed=11)
     held = {cassie.coordinate_names[i] for i in chosen.independent_coordinates(cassie)}
     possible = can_close(cassie, held, q)
     assert 0.5 < np.mean(possible) < 0.9
