@@ -25,7 +25,7 @@ INTEGRATORS: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 
 MODELS = {
-    "tree": (tree, 2),
+    "tree": (tree, 7),
     "mechanism": (mechanism, 7),
     "split": (split, "rods_on_platform"),
     "four_bar": (example, "four_bar"),

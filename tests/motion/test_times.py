@@ -56,7 +56,7 @@ def test_any_beginning(four_bar: Any, made: Callable[..., Made]) -> None:
     for start in (5.0, -7.3, 1e4):
         later = four_bar.simulate(start + np.linspace(0, 1, 11), inputs=[0.3], sensitivities=WRT)
         same(zero, later, rtol=1e-8, atol=1e-8)
-    of = made(tree, 2)  # whose forces depend on t: a motion in two parts, the second from where the first has come to
+    of = made(tree, 7)  # whose forces depend on t: a motion in two parts, the second from where the first has come to
     t = np.linspace(0.0, 0.4, 5)
     tight = {"rtol": 1e-12, "atol": 1e-12}
     whole = of.solver.simulate(t, of.q, p=of.p, inputs=[0.4, -0.3], **tight)
