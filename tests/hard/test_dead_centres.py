@@ -76,9 +76,6 @@ def test_right_after_the_dead_centre(by_crank: Any, by_piston: Any) -> None:
     np.testing.assert_allclose(found.du[0, 1], expected.du[0, 1], rtol=0, atol=1e-9)
 
 
-@pytest.mark.xfail(
-    reason="passing poses goes on through this dead centre, and loses the energy without a word", strict=True
-)
 def test_with_one_choice_of_independents_it_ends_and_says_why(by_piston: Any, monkeypatch: Any) -> None:
     monkeypatch.setattr(by_piston, "_manifest", {k: x for k, x in by_piston._manifest.items() if k != "second"})
     with pytest.raises(SimulationError, match=r"--partitions 2") as caught:

@@ -79,6 +79,7 @@ static size_t lay_out(const ordernm_problem *p, void *at)
     for (int i = 0; i < m->method->all; ++i) m->rate[i] = ordernm_numbers(&of, m->size);
     double **states[] = {&m->z, &m->next, &m->trial, &m->zeros, m->error, m->error + 1, &m->at_pose};
     for (size_t i = 0; i < sizeof states/sizeof *states; ++i) *states[i] = ordernm_numbers(&of, m->size);
+    for (int i = 0; i < 4; ++i) m->probe[i] = ordernm_numbers(&of, m->nd ? m->values : 0);
     m->work = ordernm_numbers(&of, s->workspace);
     if (s->closing_step)
         m->precise_work = ordernm_take(&of, precise_numbers(s)*sizeof(long double));
@@ -566,7 +567,8 @@ static int accept(ordernm_motion *m, const trial *step)
     if (stop) return ORDERNM_EVENT;
     if (r->condition_here <= p->poor) m->looked_at = 0.0;
     const int poor = p->poor > 0.0 && r->condition_here > fmax(p->poor, LOOK_AGAIN*m->looked_at);
-    return poor && m->t < p->end ? ORDERNM_POOR : ORDERNM_ENDED;
+    if (poor && m->t < p->end) return ORDERNM_POOR;
+    return m->nd && r->condition_here > m->poor && ordernm_undetermined(m) ? ORDERNM_UNDETERMINED : ORDERNM_ENDED;
 }
 
 /* Whether results have room for what one step may give. */

@@ -113,6 +113,7 @@ struct ordernm_motion {
     double hopeless;          /* condition from which on results are those beside the pose */
     double *known_row, *beside; /* such a row, and those that it is made of */
     double *at_pose;          /* a state like that */
+    double *probe[4];         /* [values]; see ordernm_undetermined */
     int row_known;
     double pose;              /* when a loop will lose rank, as far as that is known; else -INFINITY */
     double looked_at;         /* see ordernm_problem */
@@ -166,6 +167,9 @@ size_t ordernm_radau_layout_stages(ordernm_motion *m, int n, void *at);
 
 /* radau_backwards.c */
 int ordernm_radau_backwards(ordernm_adjoint *a, const double *row);
+
+/* Whether errors that tolerances allow independent speeds turn into large ones of dependent speeds. */
+int ordernm_undetermined(ordernm_motion *m);
 
 /* poses.c */
 static const double LOST = 1e300; /* condition where rank is lost */

@@ -117,7 +117,8 @@ typedef struct {
 
 enum {
     ORDERNM_ENDED, ORDERNM_PAUSED, ORDERNM_FULL, ORDERNM_EVENT, ORDERNM_SINGULAR, ORDERNM_OPEN, ORDERNM_COLLAPSED,
-    ORDERNM_NOT_FINITE, ORDERNM_MANY_STEPS, ORDERNM_IMPRECISE, ORDERNM_POOR
+    ORDERNM_NOT_FINITE, ORDERNM_MANY_STEPS, ORDERNM_IMPRECISE, ORDERNM_POOR,
+    ORDERNM_UNDETERMINED /* dependent speeds are known far less exactly than rtol asks for, as at a dead point */
 };
 
 /* Rows of results: t, q, u, outputs, integrals, then dq [ndirections][nq], du, doutputs, dintegrals. */

@@ -16,7 +16,7 @@ METHODS = ("rk4", "dop853", "radau")
 
 REASONS = (
     "end", "paused", "full", "event", "singular", "open loop", "step collapsed", "not finite", "too many steps",
-    "imprecise", "poor",
+    "imprecise", "poor", "undetermined",
 )  # fmt: skip
 """Why a motion ended, in the order of the constants of ``motion.h``."""
 

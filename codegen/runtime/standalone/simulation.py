@@ -29,6 +29,9 @@ MOST_STEPS = 1_000_000
 SMALLEST_TOLERANCE = 1e-14
 """Relative errors below it are rounding."""
 
+UNDETERMINED = 1e-4
+"""The constant of that name in ``state.c``."""
+
 HARDLY_DETERMINED = 1e6
 """Condition of loops from which on an early end is said to have to do with it."""
 
@@ -291,7 +294,7 @@ class Simulation(MotionRun):
     def _why_it_ended(self, problem: Problem, run: Run) -> str:
         """The cause in words, with time and what was in the way."""
         condition = run.counts.get("condition", 0.0)
-        if condition < HARDLY_DETERMINED:
+        if condition < HARDLY_DETERMINED and run.reason != "undetermined":
             return self._cause(problem, run)
         way = (
             "a package with two partitions (generate with --partitions 2) changes to other independent coordinates before"
@@ -325,6 +328,11 @@ class Simulation(MotionRun):
                 return (
                     f"the motion ends {at}: steps have become too small to go on, because of {entry}; it may be without bounds "
                     f"there, jump, or be known less exactly than rtol and atol ask for"
+                )
+            case "undetermined":
+                return (
+                    f"the motion ends {at}: small errors of the independent speeds, as rounding, rtol and atol allow, change "
+                    f"dependent speeds by more than {UNDETERMINED:g} of themselves there"
                 )
             case "not finite":
                 return f"the motion ends {at}: the time derivative of {entry} is not finite"
