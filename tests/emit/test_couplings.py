@@ -24,6 +24,8 @@ COUPLED = {*BY_HAND} - {"chain_on_four_bar", "chain_on_slide", "chain_on_forward
 LIKE_ANOTHER = (
     "tip_on_own_link",
     "tip_on_own_link_spatial",
+    "tip_on_own_link_of_free_chain",
+    "platform_on_ground",
     "tips_joined",
     "tips_joined_spatial",
     "chain_on_forward_slide",

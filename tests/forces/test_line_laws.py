@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import pickle
 import re
 import textwrap
 from pathlib import Path
@@ -89,6 +90,12 @@ def test_of_a_damped_law_only_the_damper_takes_energy_away() -> None:
     q, u, p, *_ = state
     _, rate = engine.output_sensitivities(*state, dq=engine.coordinate_rates(q, u, p)[None])
     assert done - still == pytest.approx(-1.5 * rate[0, 1] ** 2, rel=1e-11)
+
+
+def test_models_with_every_law_go_from_one_process_to_another() -> None:
+    model = with_elements(TREE, EVERY)
+    again = pickle.loads(pickle.dumps(model))
+    assert [(type(e), e.name, e.values) for e in again.loads] == [(type(e), e.name, e.values) for e in model.loads]
 
 
 def test_without_hardening_it_is_a_spring() -> None:

@@ -76,9 +76,9 @@ def test_events_at_the_same_time_are_all_seen(falling: Any) -> None:
 
 
 def test_more_events_than_there_is_room_for_at_once(falling: Any) -> None:
-    found = falling.simulate(1.0, events=[passed(1.5)] * 700)
-    assert len(found.events) == 700
-    levels = np.linspace(1.9, -2, 600)
+    found = falling.simulate(1.0, events=[passed(1.5)] * 300)
+    assert len(found.events) == 300
+    levels = np.linspace(1.9, -2, 400)
     found = falling.simulate(1.0, events=[passed(x) for x in levels])
     assert [e.event.level for e in found.events] == list(levels)
 

@@ -38,7 +38,7 @@ def check(name, a, b, tolerance):
     assert error < tolerance, f"{name}: {error:.2e}"
 
 
-@pytest.mark.parametrize("first", [*range(3), *(pytest.param(i, marks=pytest.mark.campaign) for i in range(3, 6))])
+@pytest.mark.parametrize("first", [*range(2), *(pytest.param(i, marks=pytest.mark.campaign) for i in range(2, 6))])
 def test_the_engines_agree(first):
     for seed, m in random_mechanisms(5, 1000 * first):
         (one, two), seeds, cond = case(seed, m)
@@ -140,7 +140,7 @@ def test_derivatives_are_those_of_differences_of_assembled_systems(engine, scene
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_constraints_hold_in_velocity_and_acceleration(engine):
-    for seed, m in random_mechanisms(8, 300):
+    for seed, m in random_mechanisms(5, 300):
         engines, _, _ = case(seed, m)
         e, dense = engines[ENGINES.index(engine)], engines[1]
         state = dense._state(*m[1:])
@@ -154,7 +154,7 @@ def test_constraints_hold_in_velocity_and_acceleration(engine):
 @pytest.mark.parametrize("engine", ENGINES)
 def test_power_balance(engine):
     """The energy, the springs' included, changes by the power of the joint forces; without them it is kept."""
-    for seed, m in random_mechanisms(8, 400, forces=False):
+    for seed, m in random_mechanisms(5, 400, forces=False):
         undamped = tuple(dataclasses.replace(s, damping=expression(0)) for s in m.model.loads)
         m = m._replace(model=dataclasses.replace(m.model, loads=undamped))
         e = case(seed, m)[0][ENGINES.index(engine)]

@@ -34,6 +34,8 @@ class Package:
     """Builds that are only compiled, with all warnings being errors."""
     thorough: bool = False
     """Whether a second partition, which has the same templates, is built in more than the last way."""
+    second: bool = True
+    """Whether a second partition is looked at, if there is one."""
     singular: tuple[dict[str, float], ...] = ()
     """States to call everything in as well; see `Part.calls`."""
 
@@ -42,7 +44,7 @@ def examine(package: Package, folder: Path) -> list[str]:
     """What is wrong with a package: nothing, one hopes."""
     codegen.generate(package.model, folder, compile=False, **dict(package.options))
     complaints = []
-    for i, part in enumerate(parts(folder)):
+    for i, part in enumerate(parts(folder)[: 1 + package.second]):
         for build in filter(works, package.warned if not i else ()):
             complaints += warnings_of(part, build)
         calls = part.calls(np.random.default_rng(zlib.crc32(part.name.encode())), package.singular)

@@ -109,7 +109,7 @@ def packages() -> dict[str, Package]:
     warned = {3: WARNED[0:1], 9: WARNED[1:2]}  # optimising takes as long as all the rest of a package
     mixed = mixtures()
     found = [
-        Package(m.name, m.model, tuple(m.options.items()), builds, warned.get(i % 12, ()))
+        Package(m.name, m.model, tuple(m.options.items()), builds, warned.get(i % 12, ()), second=i % 3 == 0)
         for i, (m, builds) in enumerate(zip(mixed, shared_out(mixed), strict=True))
     ]
     for i, (name, (text, there)) in enumerate(SINGULAR.items()):

@@ -97,4 +97,8 @@ def entry_of(element: type[AlongLine]) -> type[AlongLineEntry]:
 ALONG_LINES: Final[dict[str, type[AlongLine]]] = {name: element_of(law) for name, law in LINE_LAWS.items()}
 """The class of the elements of each type."""
 
+globals().update(
+    {element.__name__: element for element in ALONG_LINES.values()}
+)  # by these names pickle finds them here
+
 ENTRIES: Final[tuple[type[ForceEntry], ...]] = tuple(entry_of(element) for element in ALONG_LINES.values())
