@@ -501,8 +501,11 @@ class CWriter(Writer):
                 for widths, of in context["lane_routines"]
                 if (functions := [*map(lines.routine, of), *(lines.function(f) for f in found if widest_first(f) == widths)])
             ],
-            "inclusions": inclusions(model.name, [w for w in used if w not in apart]),
-            "apart": inclusions(model.name, apart),
+            "inclusions": [
+                *(["#ifdef ORDERNM_APART", *inclusions(model.name, apart), "#else"] if apart else []),
+                *inclusions(model.name, [w for w in used if w not in apart]),
+            ],
+            "ends": ["#endif"] if apart else [],
             "sweep_files": [
                 *(["c/aligned.c.jinja"] if used or any(_reads_work(lines.laid_out(p)) for p in found) else []),
                 *(["c/lay_out.c.jinja"] if any(map(lays_out, found)) else []),

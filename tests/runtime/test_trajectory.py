@@ -330,7 +330,10 @@ def stopped() -> Trajectory:
     for part in crossings[1][4:]:
         part[...] = np.frombuffer(np.uint64(0xFFF8000000000001).tobytes())
     events = Event(x.output_names[0], 0.1 + 0.2, "down", False), Event(x.output_names[1])
-    x.events = tuple(Crossing(e, 0.1 * i, *parts) for i, (e, parts) in enumerate(zip(events, crossings, strict=True)))
+    x.events = tuple(
+        Crossing(e, 0.1 * i, *parts[:4], 2.5 + i, *parts[4:])
+        for i, (e, parts) in enumerate(zip(events, crossings, strict=True))
+    )
     return x
 
 
