@@ -11,7 +11,6 @@ import pytest
 SCRIPT = Path(__file__).parents[2] / "examples" / "paper_loops.py"
 
 
-@pytest.mark.campaign
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="the contestants are compiled with gcc")
 def test_the_small_mode_compares_the_methods_and_writes_its_tables(tmp_path):
     command = [sys.executable, SCRIPT, "--small", "--folder", tmp_path / "figures", "--cache", tmp_path / "cache"]
