@@ -75,7 +75,7 @@ def at_crank(solver: codegen.Solver, angle: float) -> tuple[np.ndarray, np.ndarr
 def test_errors_of_a_closed_loop_near_a_dead_point(
     solver_of: Callable[..., codegen.Solver], monkeypatch: pytest.MonkeyPatch, target: str
 ) -> None:
-    """From one unit of rounding to a few digits gone; estimates of largest entries within a factor of 30, of single ones mostly."""
+    """One unit of rounding to a few digits gone; estimates of largest entries within a factor of 30, most single ones too."""
     monkeypatch.setenv("ORDERNM_CFLAGS", "-O0 -march=native")
     solver, model = solver_of(FOUR_BAR, target), codegen.parse_model(FOUR_BAR)
     rng = np.random.default_rng(1)
