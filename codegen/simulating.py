@@ -126,14 +126,27 @@ def simulate(options: argparse.Namespace, status: StatusLine, remarks: list[str]
     sensitivities = tuple(name.strip() for name in options.sensitivities.split(",") if name.strip())
     rtol, atol = (_positive(f"--{name}", getattr(options, name)) for name in ("rtol", "atol"))
     writers = _writers(options)
-    with _remarks(remarks), solver_of(options.model, status) as solver:
+
+    def moved(solver: Solver) -> Trajectory:
         status("simulating", 0, 0)
         with _motion_errors():
-            trajectory = solver.simulate(
+            return solver.simulate(
                 times, p=p or None, inputs=inputs or None, sensitivities=sensitivities, method=options.method, rtol=rtol,
                 atol=atol, on_failure="return",
                 progress=lambda t, end: status.share(f"simulating, t = {t:.4g} of {end:.4g} s", t / end if end else 1.0),
             )  # fmt: skip
+
+    with contextlib.ExitStack() as stack:
+        with _remarks(remarks):
+            solver = stack.enter_context(solver_of(options.model, status))
+            trajectory = moved(solver)
+        if _met_dead_point(solver, trajectory) and Path(options.model).is_file():
+            remarks[:] = [
+                f"the dependent coordinates were hardly determined at t = {trajectory.stats['t']:.6g} s, as at a dead point: "
+                f"made a solver with a second choice of independent coordinates, and began again"
+            ]
+            with _remarks(remarks):
+                trajectory = moved(stack.enter_context(solver_of(options.model, status, partitions=2)))
         done = Run(trajectory, times[-1])
         for path, write in writers if len(trajectory) else ():
             status(f"writing {path}", 0, 0)
@@ -143,6 +156,16 @@ def simulate(options: argparse.Namespace, status: StatusLine, remarks: list[str]
             except (OSError, ValueError) as error:  # a model without coordinates cannot be drawn
                 done.failed = done.failed or error
     return done
+
+
+def _met_dead_point(solver: Solver, trajectory: Trajectory) -> bool:
+    """Whether the motion has ended where a second choice of independent coordinates may serve."""
+    from .runtime.standalone.simulation import HARDLY_DETERMINED
+    from .runtime.standalone.trajectory import FINISHED, INTERRUPTED
+
+    over = trajectory.ended in (FINISHED, INTERRUPTED, "event")
+    condition: float = trajectory.stats.get("condition", 0.0)
+    return not over and len(solver.partitions) == 1 and condition > HARDLY_DETERMINED
 
 
 @contextlib.contextmanager
@@ -264,7 +287,7 @@ def _writers(options: argparse.Namespace) -> list[tuple[Path, Callable[[Trajecto
 
 
 @contextlib.contextmanager
-def solver_of(model: str, status: StatusLine) -> Iterator[Solver]:
+def solver_of(model: str, status: StatusLine, partitions: int = 1) -> Iterator[Solver]:
     """The solver of a generated package, or of a model file: generated into a cache, where it is found again.
 
     A model that is no file (a pipe), and one for which there is no cache, is generated into a temporary folder.
@@ -282,15 +305,15 @@ def solver_of(model: str, status: StatusLine) -> Iterator[Solver]:
     for remark in read.warnings:
         warnings.warn(str(remark), RuntimeWarning, stacklevel=1)
     with contextlib.ExitStack() as stack:
-        folder = _cached(model, read.name) or Path(
+        folder = _cached(model, read.name, partitions) or Path(
             stack.enter_context(tempfile.TemporaryDirectory(prefix="ordernm-", ignore_cleanup_errors=True)), read.name
         )
-        _generate(read, folder, status)
+        _generate(read, folder, status, partitions)
         status("loading", 0, 0)
         yield load(folder)
 
 
-def _generate(model: Model, folder: Path, status: StatusLine) -> None:
+def _generate(model: Model, folder: Path, status: StatusLine, partitions: int) -> None:
     """Generate and compile the solver, unless it is there."""
     from .generation import generate
     from .runtime import PackageError
@@ -301,11 +324,11 @@ def _generate(model: Model, folder: Path, status: StatusLine) -> None:
         os.utime(folder)  # used just now, so it is kept
         return
     shutil.rmtree(folder, ignore_errors=True)  # one that is damaged would be refused
-    generate(model, folder, progress=status)
+    generate(model, folder, progress=status, partitions=partitions)
     _forget_old(folder.parent)
 
 
-def _cached(file: str, name: str) -> Path | None:
+def _cached(file: str, name: str, partitions: int) -> Path | None:
     """Where the package of a model file is kept; None if that cannot be known or written to."""
     from .runtime.standalone.build import user_cache
 
@@ -318,7 +341,11 @@ def _cached(file: str, name: str) -> Path | None:
         place.mkdir(parents=True, exist_ok=True)
     except (OSError, RuntimeError):  # a user without a home, or with one that cannot be written to
         return None
-    return place / f"{name}-{key.hexdigest()[:16]}" if os.access(place, os.W_OK | os.X_OK) else None
+    return (
+        place / f"{name}-{key.hexdigest()[:16]}{'-2' * (partitions == 2)}"
+        if os.access(place, os.W_OK | os.X_OK)
+        else None
+    )
 
 
 def _generator() -> bytes:

@@ -56,8 +56,8 @@ int main(void)
     };
 
     /* forward: there is room for three rows and eight steps at a time */
-    const long row = ordernm_row_size(&problem), step = ordernm_step_size(&problem);
-    double *const rows = numbers(ROOM*row), *const met = numbers(EVENTS*row);
+    const long row = ordernm_row_size(&problem), met_row = ordernm_event_size(&problem), step = ordernm_step_size(&problem);
+    double *const rows = numbers(ROOM*row), *const met = numbers(EVENTS*met_row);
     int which[EVENTS];
     double *const room = numbers(ordernm_room(&problem));
     ordernm_motion *const motion = ordernm_begin(&problem, room);
@@ -77,7 +77,7 @@ int main(void)
             printf("row %.17g %.17g %.17g %.17g\n", r[0], outputs[0], doutputs[0], doutputs[OUTPUTS]);
         }
         results.count = 0;
-        for (long i = 0; i < results.events_count; ++i) printf("event %.17g %d\n", met[i*row], which[i]);
+        for (long i = 0; i < results.events_count; ++i) printf("event %.17g %d\n", met[i*met_row], which[i]);
         results.events_count = 0;
         steps = results.steps_count;
         if (steps == room_for_steps) {

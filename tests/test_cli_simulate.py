@@ -253,6 +253,46 @@ def test_the_real_one(here, monkeypatch, capsys):
     assert kept.t[-1] == 2 and np.isfinite(kept.derivative("height", "length")).all()
 
 
+SLIDER = """\
+model: dead_points
+constants: {L: 0.3}
+bodies:
+  crank:
+    parent: ground
+    joint: {type: revolute, axis: y}
+    shape: {type: rod, axis: x, length: L, mass: 1.0, center: [L/2, 0, 0]}
+  rod:
+    parent: crank
+    joint: {type: revolute, axis: y, at: [L, 0, 0]}
+    shape: {type: rod, axis: x, length: 2*L, mass: 1.0, center: [L, 0, 0]}
+  slider:
+    parent: ground
+    joint: {type: prismatic, axis: x}
+    mass: 0.5
+    inertia: {xx: 1e-3, yy: 1e-3, zz: 1e-3}
+loops:
+  pin: {joint: {type: revolute, axis: y}, from: {body: rod, at: [2*L, 0, 0]}, to: slider}
+initial: {q: {crank: 0.6, rod: -0.9, slider: 0.8}, u: {slider: 2.0}}
+independent: [slider]
+outputs: {kinetic: kinetic_energy}
+"""
+"""The slider stands still at each end of its way: as independent coordinate it says nothing there."""
+
+
+def test_a_dead_point_makes_a_second_choice_of_independents(tmp_path, monkeypatch, capsys):
+    """The energy is that of the beginning after several turns of the crank."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    model = tmp_path / "dead_points.yaml"
+    model.write_text(SLIDER, encoding="utf-8")
+    assert run(model, "-t", "3", "--samples", "31", "-o", tmp_path / "run.npz") == 0
+    said = capsys.readouterr()
+    assert "as at a dead point: made a solver with a second choice of independent coordinates" in said.err
+    assert "hardly determined there" not in said.err
+    found = Trajectory.load(tmp_path / "run.npz")
+    assert np.ptp(found["q.crank"]) > 4 * np.pi
+    assert np.ptp(found["kinetic"]) < 1e-6 * found["kinetic"][0]
+
+
 def test_remarks_of_models_and_python_are_warnings(here, capsys, stand_in):
     Path("swing.yaml").write_text(MODEL.replace("inputs:", "  unused: 2\ninputs:"))
     stand_in.at_half = lambda: warnings.warn("a remark", RuntimeWarning, stacklevel=1)

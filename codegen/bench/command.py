@@ -25,7 +25,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("-o", "--output", metavar="FILE", help="write what was found as JSON, after every problem")
     parser.add_argument("--compare", metavar="OLD", help="print it beside an earlier run (JSON)")
-    parser.add_argument("--results", metavar="FILE", help="take an earlier run (JSON) in place of a new one")
+    parser.add_argument(
+        "--results",
+        metavar="FILE",
+        action="append",
+        help="take an earlier run (JSON) in place of a new one; several make one",
+    )
     parser.add_argument("--page", metavar="FILE", help="write it as a page of the manual (Markdown)")
 
 
@@ -47,7 +52,7 @@ def bench(options: argparse.Namespace, status: StatusLine) -> tuple[list[str], l
     from .catalogue import chosen
     from .lines import compare_lines, failures, list_lines, machine_line, peer_lines, problem_lines
     from .page import page_of
-    from .results import ResultsError, read_results, write_results
+    from .results import ResultsError, joined, read_results, write_results
 
     problems = chosen(options.names)
     if options.list:
@@ -59,7 +64,7 @@ def bench(options: argparse.Namespace, status: StatusLine) -> tuple[list[str], l
     if options.results is not None:
         if options.names or options.quick or options.peers:
             raise ResultsError("--results takes an earlier run; names, --quick and --peers are of a new one")
-        results = read_results(Path(options.results))
+        results = joined([(Path(file), read_results(Path(file))) for file in options.results])
     else:
 
         def keep(results: dict[str, Any]) -> None:

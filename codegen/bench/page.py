@@ -17,8 +17,8 @@ def _prose(text: str) -> str:
 
 
 ORIGIN = _prose("""
-Written by `ordernm bench --page`, from the figures of one run; do not edit. `ordernm bench` measures them anew, `ordernm bench
---compare OLD.json` puts two runs beside each other.
+Written by `ordernm bench --page`; do not edit. `ordernm bench` measures all of it anew, `ordernm bench --compare OLD.json` puts
+two runs beside each other.
 """)
 MACHINE = _prose("""
 **Machine.** One core of: {processor}, {instructions}; {compiler}, `{flags}`; {system}, Python {python}, NumPy {numpy}, ordernm
@@ -44,8 +44,8 @@ Errors are relative, the worst of the accelerations and all directions that were
 """)
 PEERS = _prose("""
 The same models and the same end, in the same run, taking turns, each at the best build and method that was found for it. Times
-are from Python, ours too. Where ours has derivatives by a parameter, its time is with them, under error control; beside it only
-CasADi's has derivatives.
+are CPU time from Python, ours too. Where ours has derivatives by a parameter, its time is with them, under error control; beside
+it only CasADi's has derivatives.
 """)
 
 

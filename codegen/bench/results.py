@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +47,30 @@ def read_results(path: Path) -> dict[str, Any]:
         return dict(found)
     except (KeyError, TypeError, AttributeError):
         raise ResultsError(f"{path} does not hold results of the benchmark; {hint}") from None
+
+
+def joined(parts: Sequence[tuple[Path, dict[str, Any]]]) -> dict[str, Any]:
+    """Runs of parts of the benchmark as one: of a problem that several measured, the last counts.
+
+    Raises
+    ------
+    ResultsError
+        They are of different machines, or some of them only are quick.
+    """
+    (first, whole), *others = parts
+    whole = {**whole, "problems": dict(whole["problems"])}
+    for path, part in others:
+        if differing := other_machine(part, whole):
+            raise ResultsError(
+                f"{path} and {first} are of different machines ({differing[0]}); give runs of one machine"
+            )
+        if part["quick"] != whole["quick"]:
+            raise ResultsError(f"one of {path} and {first} was measured with --quick; give runs of one kind")
+        whole["problems"] |= part["problems"]
+        if "peers" in part:
+            rows = {**whole.get("peers", {}).get("problems", {}), **part["peers"]["problems"]}
+            whole["peers"] = {"skipped": part["peers"]["skipped"], "problems": rows}
+    return whole
 
 
 def figures(results: dict[str, Any]) -> Iterator[tuple[tuple[str, str], float | None, int | None, float]]:

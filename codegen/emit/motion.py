@@ -89,9 +89,13 @@ PRECISE = (
 
 
 def write_precise(system: System, manifest: Mapping[str, Any]) -> str:
-    """The C of the closure in long double, of a model with loops."""
-    name = manifest["name"]
-    f = manifest["functions"]["closing_step"]
+    """The C of closure and rates in long double, of a model with loops."""
+    name, functions, model = manifest["name"], manifest["functions"], system.model
+    of_rates = [("state_rates", "", 0)]
+    along = "state_rate_sensitivities"
+    of_rates += [(along, f"_{w}", w) for w in WIDTHS if along in functions]
+    members = [f".{f} = precise_{f}" for f in ("closing_step", "state_rates")]
+    members += [f".{along} = {{{', '.join(f'precise_{along}_{w}' for w in WIDTHS)}}}"] if along in functions else []
     return render(
         "c/precise.c.jinja",
         {
@@ -99,9 +103,15 @@ def write_precise(system: System, manifest: Mapping[str, Any]) -> str:
             "NAME": name.upper(),
             "version": __version__,
             "functions": PRECISE,
-            "nclosure": len(system.model.closure_names),
-            "nloops": len(system.model.loops),
-            "call": called_with(f"{name}_closing_step(", [*f["arguments"], *f["results"], "work"]),
+            "nq": model.nq,
+            "nu": model.nu,
+            "np": len(model.parameters),
+            "ninputs": len(model.inputs),
+            "nclosure": len(model.closure_names),
+            "nloops": len(model.loops),
+            "closing_step": _call(name, "closing_step", functions["closing_step"], ""),
+            "rates": [(f"{f}{w}", width, _call(name, f, functions[f], w)) for f, w, width in of_rates],
+            "members": members,
         },
     )
 

@@ -12,10 +12,11 @@ from .speed_groups import speed_groups
 
 
 def second_partition(model: Model, first: Partition) -> Partition | None:
-    """The best conditioned partition whose independent speeds differ from the first one's.
+    """The partition that shares the fewest independent speeds with the first one; of several the best conditioned.
 
-    Each dependent speed in turn is asked to be independent instead of the hints; a loop at its dead point for one choice of
-    independents is seldom at one for another. None where no other choice closes the loops.
+    Each dependent speed in turn is asked to be independent instead of the hints, then each other one together with it, as long as
+    fewer are shared: a loop at its dead point for one choice of independents is seldom at one for another, and what both
+    choices share may be what fails. None where no other choice closes the loops.
 
     Parameters
     ----------
@@ -24,27 +25,42 @@ def second_partition(model: Model, first: Partition) -> Partition | None:
         Its independent speeds are to be avoided.
     """
     coordinate = _coordinate_of_speeds(model)
+    names = [coordinate[u] for ear in first.ears for u in ear.dependent if u in coordinate]
+    asked: tuple[str, ...] = ()
+    tried = 0
     best: Partition | None = None
-    for speed in (u for ear in first.ears for u in ear.dependent):
-        name = coordinate.get(speed)
-        if name is None:
-            continue
-        try:
-            found = partition(dataclasses.replace(model, independent=(name,)))
-        except (AssemblyError, PartitionError):
-            continue
-        if found.independent == first.independent:
-            continue
-        shared = len({*found.independent} & {*first.independent})
-        if best is None or (shared, worst(found)) < (len({*best.independent} & {*first.independent}), worst(best)):
-            best = found
-        if len(first.ears) > MANY:
+
+    def judged(found: Partition) -> tuple[int, float]:
+        return len({*found.independent} & {*first.independent}), worst(found)
+
+    while best is None or judged(best)[0]:
+        before = best
+        for name in names:
+            if name in asked:
+                continue
+            tried += 1
+            try:
+                found = partition(dataclasses.replace(model, independent=(*asked, name)))
+            except (AssemblyError, PartitionError):
+                continue
+            if found.independent == first.independent:
+                continue
+            if best is None or judged(found) < judged(best):
+                best, better = found, name
+            if len(first.ears) > MANY:
+                return best
+        if best is None or tried > MOST_TRIED or (before is not None and judged(best)[0] == judged(before)[0]):
             break
+        asked = (*asked, better)
     return best
 
 
 MANY = 20
 """With more ears than this the first other choice serves: each one costs a whole partition."""
+
+
+MOST_TRIED = 40
+"""No more speeds are asked for together after so many partitions."""
 
 
 def worst(chosen: Partition) -> float:

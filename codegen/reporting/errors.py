@@ -112,8 +112,8 @@ def errors(
     Returns
     -------
     records : list of dict
-        ``state``, ``udot``, ``derivatives`` (by direction), and at the first state ``jacobians`` (the worst column) and
-        ``gradient``, where the model is small enough.
+        ``state``, ``udot``, ``derivatives`` (by direction), ``estimate`` and ``estimates`` of these by `Solver.diagnose`; at
+        the first state ``jacobians`` (the worst column) and ``gradient``, where the model is small enough.
     exact : dict of str to (nu,) numbers
         Exact derivatives at the first state by direction.
     """
@@ -147,6 +147,7 @@ def errors(
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)
             udot, dudot = solver.sensitivities(*at, **seeds)
+        estimate, estimates = _estimates(solver, at, seeds)
         start = time.process_time()
         with mpmath.workdps(DIGITS):
             exact, dexact = engine.sensitivities(*at, **seeds)
@@ -154,6 +155,7 @@ def errors(
                 "state": state.name,
                 "udot": relative(udot, exact),
                 "derivatives": {n: relative(a, b) for n, a, b in zip(names, dudot, dexact, strict=True)},
+                "estimate": estimate, "estimates": dict(zip(names, estimates, strict=True)),
             })  # fmt: skip
         expected = time.process_time() - start
         spent += expected
@@ -167,6 +169,16 @@ def errors(
     else:
         skipped.append(Skipped("errors of Jacobians and of a gradient", f"they have {columns} columns", cost))
     return found, derivatives
+
+
+def _estimates(solver: Solver, at: Sequence[Any], seeds: dict[str, Any]) -> tuple[float, list[float]]:
+    """What `Solver.diagnose` takes the relative errors for, of udot and of each derivative."""
+    found = solver.diagnose(*at, **seeds)
+
+    def part(error: Array, of: Array) -> float:
+        return float(np.max(error, initial=0.0) / (np.max(np.abs(of), initial=0.0) or 1.0))
+
+    return part(found.udot_error, found.udot), [part(e, x) for e, x in zip(found.dudot_error, found.dudot, strict=True)]
 
 
 def _seconds_of_udot(model: Model, state: State, budget: float) -> float | None:

@@ -9,13 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from ..bench.machine import machine
 from ..generation import generate
 from ..model import Model, load_model
 from ..runtime import load
-from ..runtime.standalone.errors import SingularJointError
 from ..version import __version__
 from . import differences, errors, generated, motions, pages, roofline
 from .skipped import Skipped
@@ -127,15 +124,13 @@ def measure(model: Model, request: Request, progress: Progress) -> dict[str, Any
 
 
 def _condition(solver: Solver, state: State) -> float:
-    """Of the closures, or of the mass matrix of a tree."""
-    try:
-        if solver.closure_names:
-            return float(solver.condition(state.q).min())
-        if solver.nu > motions.LARGEST_MATRIX:
-            return 1.0
-        return float(np.linalg.cond(solver.mass_matrix(state.q)))
-    except SingularJointError:
-        return float("inf")
+    """Of the closures, the worst, or of the mass matrix of a tree."""
+    if solver.nu > motions.LARGEST_MATRIX:
+        return 1.0
+    found = solver.diagnose(state.q, state.u, None, state.inputs, state.t, derivatives=False)
+    if solver.closure_names:
+        return max((c.condition for c in found.closures), default=1.0)
+    return found.mass.condition if found.mass is not None else 1.0
 
 
 def _state(solver: Solver, state: State) -> dict[str, Any]:

@@ -166,7 +166,7 @@ def _fixed(solver: Solver, end: float, names: Sequence[str], best: Trajectory) -
 
 
 def conditions(solver: Solver, end: float, method: str, skipped: list[Skipped]) -> dict[str, Any] | None:
-    """Conditions along the motion: of the closures, and of the mass matrix of a tree.
+    """Conditions along the motion, as `Solver.diagnose` has them: of the closures, the worst, and of the mass matrix.
 
     Returns
     -------
@@ -176,14 +176,17 @@ def conditions(solver: Solver, end: float, method: str, skipped: list[Skipped]) 
     x = _motion(solver, end, (), method, 1e-9, times=np.linspace(0.0, end, SAMPLES))
     if isinstance(x, str):
         return None
+    if solver.nu > LARGEST_MATRIX:
+        start = time.process_time()
+        solver.diagnose(x.q[0], x.u[0], derivatives=False)
+        skipped.append(
+            Skipped("conditions along the motion", f"{solver.nu} speeds", (time.process_time() - start) * SAMPLES)
+        )
+        return None
+    along = [solver.diagnose(q, u, t=t, derivatives=False) for q, u, t in zip(x.q, x.u, x.t, strict=True)]
     found: dict[str, Any] = {"t": x.t.tolist()}
     if solver.closure_names:
-        found["closures"] = [float(c) for c in solver.condition(x.q).min(axis=-1)]
-    elif solver.nu <= LARGEST_MATRIX:
-        found["mass_matrix"] = [float(c) for c in np.linalg.cond(solver.mass_matrix(x.q))]
-    else:
-        start = time.perf_counter()
-        np.linalg.cond(np.eye(LARGEST_MATRIX))
-        seconds = (time.perf_counter() - start) * SAMPLES * (solver.nu / LARGEST_MATRIX) ** 3
-        skipped.append(Skipped("condition of the mass matrix along the motion", f"{solver.nu} speeds", seconds))
+        found["closures"] = [max((c.condition for c in d.closures), default=1.0) for d in along]
+    if all(d.mass is not None for d in along):
+        found["mass_matrix"] = [d.mass.condition for d in along if d.mass is not None]
     return found if len(found) > 1 else None

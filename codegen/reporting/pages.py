@@ -205,11 +205,24 @@ def _errors(data: dict[str, Any]) -> Section:
     rows = []
     for e in data["errors"]:
         by, worst = max(e["derivatives"].items(), key=lambda item: item[1])
-        figures_of = [number(x, 2) for x in (e["udot"], worst)]
+        figures_of = [number(x, 2) for x in (e["udot"], e["estimate"], worst, e["estimates"][by])]
         more = [number(e.get(name), 2) for name in ("jacobians", "gradient")]
-        rows.append([e["state"], number(conditions[e["state"]]), *figures_of, by, *more])
-    note = "largest difference over largest entry, of each direction; condition: of the closures, or of a tree's mass matrix"
-    head = ["state", "condition", "udot", "worst derivative", "by", "Jacobians, worst column", "gradient"]
+        rows.append([e["state"], number(conditions[e["state"]]), *figures_of[:2], by, *figures_of[2:], *more])
+    note = (
+        "largest difference over largest entry, of each direction (Jacobians: the worst column); estimated: by "
+        "solver.diagnose, which has no reference; condition: of the closures, or of a tree's mass matrix"
+    )
+    head = [
+        "state",
+        "condition",
+        "udot",
+        "estimated",
+        "worst derivative by",
+        "error",
+        "estimated",
+        "Jacobians",
+        "gradient",
+    ]
     text = "The generated C against the generic engine in numbers of 40 digits, both from the same doubles."
     return _section("Errors", [text], "errors", [_table("Relative errors", head, rows, note)])
 

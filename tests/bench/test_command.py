@@ -130,6 +130,24 @@ def test_the_list_has_every_problem(capsys):
     assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == list(PROBLEMS)
 
 
+def test_runs_of_parts_make_one(run, monkeypatch, capsys):
+    whole = run[2]
+    parts = [{**whole, "problems": {name: result}} for name, result in whole["problems"].items()]
+    for part, name in zip(parts, ("a", "b"), strict=True):
+        results.write_results(part, run[4] / f"{name}.json")
+    monkeypatch.chdir(run[4])
+    assert main(["bench", "--results", "a.json", "--results", "b.json", "-o", "whole.json"]) == 0
+    assert json.loads((run[4] / "whole.json").read_text()) == whole
+    for change, message in (
+        ({"quick": False}, "--quick"),
+        ({"machine": {**whole["machine"], "flags": "-O3"}}, "flags: "),
+    ):
+        results.write_results({**parts[1], **change}, run[4] / "b.json")
+        capsys.readouterr()
+        assert main(["bench", "--results", "a.json", "--results", "b.json"]) == 2
+        assert message in capsys.readouterr().err
+
+
 # -- work-precision diagrams -----------------------------------------------------------------------------------------------
 
 
@@ -147,6 +165,15 @@ def test_the_cheapest_and_the_fastest_setting_that_reach_an_error():
     assert work_precision.cheapest(DIAGRAM, 1e-5).evaluations == 200
     assert work_precision.fastest(DIAGRAM, 1e-7).seconds == 4e-3
     assert work_precision.cheapest(DIAGRAM, 1e-9) is None
+
+
+def test_an_interrupt_is_not_taken_for_a_motion_that_ends_early():
+    class Interrupted:
+        def simulate(self, *arguments, **options):
+            return type("Some", (), {"stats": {"reason": "interrupted"}})()
+
+    with pytest.raises(KeyboardInterrupt):
+        work_precision.integrate(Interrupted(), 1.0, Setting("dop853", 1e-6, 1e-6))
 
 
 def test_the_time_at_an_error_is_between_points_that_no_other_beats():

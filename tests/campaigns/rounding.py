@@ -75,9 +75,9 @@ def errors(
 
 
 def relative(x: Any, exact: Any) -> float:
-    """Largest difference over largest entry, in multiples of `UNIT`; nothing where all entries are zero."""
-    largest = max(map(abs, exact), default=0)
-    return float(max(map(abs, x - exact)) / largest) / UNIT if largest > 0 else 0.0
+    """Largest difference over largest entry, in multiples of `UNIT`; zero where both are zero."""
+    largest, difference = (max(map(abs, y), default=0) for y in (exact, x - exact))
+    return float(difference / largest) / UNIT if largest > 0 else float("inf") if difference > 0 else 0.0
 
 
 def trees(draws: int) -> Iterator[tuple[Any, tuple[Any, ...]]]:
@@ -120,11 +120,14 @@ def measured(model: Any, state: tuple[Any, ...], rng: np.random.Generator) -> di
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--draws", type=int, default=60, help="of trees, and of mechanisms")
+    parser.add_argument("--of", nargs="*", default=["trees", "loops"], choices=("trees", "loops"))
     parser.add_argument("--chains", type=int, nargs="*", default=[10, 100, 1000])
     parser.add_argument("--json", type=Path, help="where to write all errors")
     arguments = parser.parse_args()
     kept: dict[str, dict[str, list[float]]] = {}
     for name, drawn in (("trees", trees(arguments.draws)), ("loops", mechanisms(arguments.draws))):
+        if name not in arguments.of:
+            continue
         of_all, models = kept.setdefault(name, {}), 0
         for n, (model, state) in enumerate(drawn):
             found = measured(model, state, np.random.default_rng(n))

@@ -49,6 +49,7 @@ outputs:
   w: {value: u.stone}
   force: {value: push}
   cube: {value: (q.stone - 1)**3}
+  tiny: {value: 1e-12*q.stone}
 """
 """z = h + v t - g t^2/2 + push t^2/(2 m)."""
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import subprocess
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ import codegen
 from codegen.runtime import Event, Final, Integral
 
 WARNINGS = ("-Wall", "-Wextra", "-Werror")
+METHODS = ("dop853", "radau")
 SANITIZED = [
     GCC,
     pytest.param(CLANG, marks=pytest.mark.campaign),
@@ -32,11 +34,33 @@ def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def compiled(package: Path, folder: Path, build: Build, *flags: str) -> Path:
-    sources = [package / "four_bar.c", package / "four_bar_motion.c", *sorted((package / "motion").glob("*.c"))]
-    program = folder / "motion"
-    command = [build.compiler, *build.flags, *flags, "-I", str(package), str(EXAMPLES / "motion.c"), *map(str, sources)]
-    said = subprocess.run([*command, "-o", str(program), "-lm"], capture_output=True, text=True, check=False)
+@pytest.fixture(scope="module")
+def objects(package: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[..., list[str]]:
+    """Compiles a package and its integrators, once for each build."""
+    known: dict[Any, list[str]] = {}
+
+    def of(command: tuple[str, ...]) -> list[str]:
+        if command not in known:
+            folder = tmp_path_factory.mktemp("objects")
+            sources = [package / "four_bar.c", package / "four_bar_motion.c", *sorted((package / "motion").glob("*.c"))]
+            said = subprocess.run(
+                [*command, "-c", *map(str, sources)], cwd=folder, capture_output=True, text=True, check=False
+            )
+            assert not said.returncode, said.stderr[:3000]
+            known[command] = [str(x) for x in sorted(folder.glob("*.o"))]
+        return known[command]
+
+    return of
+
+
+def compiled(objects: Any, package: Path, folder: Path, build: Build, *flags: str, method: str = "dop853") -> Path:
+    command = (build.compiler, *build.flags, *flags)
+    own, program = folder / "own.c", folder / "motion"
+    text = (EXAMPLES / "motion.c").read_text()
+    assert text.count("ORDERNM_DOP853") == 1
+    own.write_text(text.replace("ORDERNM_DOP853", f"ORDERNM_{method.upper()}"))
+    linked = [*command, "-I", str(package), str(own), *objects(command), "-o", str(program), "-lm"]
+    said = subprocess.run(linked, capture_output=True, text=True, check=False)
     assert not said.returncode, said.stderr[:3000]
     return program
 
@@ -50,14 +74,14 @@ def run(*command: str) -> dict[str, list[list[float]]]:
     return found
 
 
-def check(package: Path, found: dict[str, list[list[float]]]) -> None:
+def check(package: Path, found: dict[str, list[list[float]]], method: str = "dop853") -> None:
     solver: Any = codegen.load(package)
     times = [0.0, 0.4, 0.5, 0.6, 2.0]
     event = Event("trace_z", 0.35, stop=False)
     wrt = ("crank_length", "base")
     options = {"inputs": [0.3], "events": event, "sensitivities": wrt}
     by_name = (*solver.parameter_names, "q0.crank", "u0.crank", "inputs.motor")
-    motion = solver.simulate(times, **options)
+    motion = solver.simulate(times, method=method, **options)
     expected = np.column_stack([motion.t, motion["trace_x"], *motion.doutputs[:, :, 0]])
     # the integral's error is looked at too there, so that steps differ
     np.testing.assert_allclose(found["row"], expected, rtol=1e-7, atol=1e-7)
@@ -71,22 +95,23 @@ def check(package: Path, found: dict[str, list[list[float]]]) -> None:
     np.testing.assert_allclose(found["gradient"][0][3], found["row"][-1][3], rtol=1e-11)
 
 
-def test_a_program_of_ones_own(package: Path, tmp_path: Path) -> None:
-    check(package, run(str(compiled(package, tmp_path, Build("cc", ("-O0",)), *WARNINGS))))
+def test_a_program_of_ones_own(objects: Any, package: Path, tmp_path: Path) -> None:
+    check(package, run(str(compiled(objects, package, tmp_path, Build("cc", ("-O0",)), *WARNINGS))))
 
 
 @pytest.mark.parametrize("build", SANITIZED, ids=str)
-def test_under_sanitizers(package: Path, tmp_path: Path, build: Build) -> None:
+@pytest.mark.parametrize("method", METHODS)
+def test_under_sanitizers(objects: Any, package: Path, tmp_path: Path, build: Build, method: str) -> None:
     if build.missing:
         pytest.skip(build.missing)
-    check(package, run(str(compiled(package, tmp_path, build, "-g1", *WARNINGS))))
+    check(package, run(str(compiled(objects, package, tmp_path, build, "-g1", *WARNINGS, method=method))), method)
 
 
 @pytest.mark.campaign
-def test_under_valgrind(package: Path, tmp_path: Path) -> None:
+def test_under_valgrind(objects: Any, package: Path, tmp_path: Path) -> None:
     if not shutil.which("valgrind"):
         pytest.skip("valgrind is not installed (Debian: apt-get install valgrind)")
-    program = compiled(package, tmp_path, Build("gcc", ("-O1", "-g")))
+    program = compiled(objects, package, tmp_path, Build("gcc", ("-O1", "-g")))
     check(package, run("valgrind", "-q", "--error-exitcode=3", "--leak-check=full", str(program)))
 
 

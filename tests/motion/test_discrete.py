@@ -5,13 +5,14 @@ And the motion itself converges to the continuous one at the orders of the metho
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from typing import Any
 
 import mpmath
 import numpy as np
 import pytest
-from motion.models import Made, ball, example, tree
+from motion.models import Made, ball, driven, example, tree
 
 from codegen.reference import RecursiveEngine
 from codegen.runtime import Final, Integral
@@ -156,6 +157,74 @@ def test_the_same_steps_in_forty_digits(made: Callable[..., Made], name: str, me
     back = solver.judge(0.3, Final(output), of.q, None, p, inputs, wrt=names, method="adjoint", **options)
     assert back.counts["steps"] == len(found) - 1
     assert abs(back.gradients[0] @ v - derivative[0]) < 1e-11 * np.abs(derivative).max()
+
+
+def radau() -> Any:
+    """The coefficients of Radau IIA of order 5 as they are defined: collocation at (4 -+ sqrt 6)/10 and 1."""
+    root = mpmath.sqrt(6)
+    c = [(4 - root) / 10, (4 + root) / 10, mpmath.mpf(1)]
+    moments = mpmath.matrix(3, 3)
+    for i in range(3):
+        for k in range(3):
+            moments[i, k] = c[i] ** (k + 1) / (k + 1)
+    powers = mpmath.matrix([[x**k for x in c] for k in range(3)])
+    return moments * powers.T**-1
+
+
+def van_der_pol(a: Any, z: Any, times: Array) -> Any:
+    """The end of implicit steps of q'' = 20 a (1 - q^2) q' - q, their stages by Newton's method to the last digit."""
+    A = radau()
+    for begins, ends in itertools.pairwise(times):
+        h = mpmath.mpf(float(ends)) - mpmath.mpf(float(begins))
+        Z = mpmath.matrix(6, 1)
+        for _ in range(30):
+            F, M = Z.copy(), mpmath.eye(6)
+            for j in range(3):
+                q, u = z[0] + Z[2 * j], z[1] + Z[2 * j + 1]
+                rate = (u, 20 * a * (1 - q * q) * u - q)
+                J = ((0, 1), (-40 * a * q * u - 1, 20 * a * (1 - q * q)))
+                for i in range(3):
+                    for row in range(2):
+                        F[2 * i + row] -= h * A[i, j] * rate[row]
+                        for column in range(2):
+                            M[2 * i + row, 2 * j + column] -= h * A[i, j] * J[row][column]
+            change = mpmath.lu_solve(M, -F)
+            Z += change
+            if mpmath.norm(change) < mpmath.mpf(10) ** -33:
+                break
+        z = (z[0] + Z[4], z[1] + Z[5])
+    return z
+
+
+def test_implicit_steps_in_forty_digits(made: Callable[..., Made]) -> None:
+    """A stiff oscillator at its own steps: values, sensitivities and gradients backwards against differences of 1e-15."""
+    solver = made(
+        driven,
+        "1",
+        "20*a*(1 - q.stone*q.stone)*u.stone - q.stone",
+        "q: {stone: 2.0}, u: {stone: 0.5}",
+        functions=("motion",),
+    ).solver
+    names, end, accuracy = ("a", "q0.stone", "u0.stone"), 8.0, {"rtol": 1e-8, "atol": 1e-8}
+    found = solver.simulate(end, sensitivities=names, method="radau", **accuracy)
+    assert 30 < len(found) < 200
+    v = np.array([0.7, -0.4, 0.9])
+    with mpmath.workdps(40):
+        ends = []
+        for sign in (1, -1):
+            a, q, u = (
+                mpmath.mpf(x) + sign * mpmath.mpf(10) ** -15 * mpmath.mpf(y)
+                for x, y in zip((1, 2, 0.5), v, strict=True)
+            )
+            ends.append(van_der_pol(a, (q, u), found.t))
+        value = [float((x + y) / 2) for x, y in zip(*ends, strict=True)]
+        derivative = np.array([float((x - y) / (2 * mpmath.mpf(10) ** -15)) for x, y in zip(*ends, strict=True)])
+    np.testing.assert_allclose(found.outputs[-1], value, rtol=1e-9)
+    np.testing.assert_allclose(v @ found.doutputs[:, -1], derivative, rtol=1e-8)
+    back = solver.judge(end, [Final("z"), Final("w")], wrt=names, method="adjoint", integrator="radau", **accuracy)
+    assert back.counts["steps"] == len(found) - 1
+    np.testing.assert_allclose(back.gradients @ v, derivative, rtol=1e-8)
+    np.testing.assert_allclose(back.gradients, found.doutputs[:, -1].T, rtol=1e-11)
 
 
 @pytest.mark.parametrize(("method", "order", "h"), [("rk4", 4, 0.00125), ("dop853", 8, 0.025)])

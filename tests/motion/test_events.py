@@ -125,6 +125,45 @@ def test_an_output_that_only_touches_its_level_has_no_derivative(falling: Any) -
         assert np.isfinite(judged.values).all()
 
 
+def test_what_grazing_is_has_no_unit(falling: Any) -> None:
+    """An output of tiny numbers among large ones crosses its level all the same."""
+    (crossed,) = falling.simulate(1.0, sensitivities=("h",), events=Event("tiny", 1e-12)).events
+    assert crossed.t == pytest.approx(np.sqrt(2 / G), rel=1e-12)
+    assert crossed.dt[0] == pytest.approx(1 / (G * crossed.t), rel=1e-10)
+    assert crossed.pace == pytest.approx(1e-12 * np.ptp([H, crossed.outputs[0]]), rel=10)
+
+
+@pytest.mark.parametrize("options", [{}, {"method": "rk4", "step": 1.5}], ids=["dop853", "rk4"])
+@pytest.mark.parametrize("below", [0.5, 0.2, 1e-2, 1e-4, 1e-6, 1e-8])
+def test_two_crossings_within_a_step(falling: Any, below: float, options: dict[str, Any]) -> None:
+    """A stone thrown up passes a level near its highest point twice; the whole flight is a step or two."""
+    top, at = H + 25 / (2 * G), 5 / G
+    apart = np.sqrt(2 * below / G)
+    events = [passed(top - below), passed(top - below, direction="up"), passed(top - below, direction="down")]
+    found = falling.simulate(1.5, u=[5.0], events=events, **options)
+    times = {e: [x.t for x in found.events if x.event == e] for e in events}
+    tolerance = 1e-13 + 1e-15 / apart
+    np.testing.assert_allclose(times[events[0]], [at - apart, at + apart], rtol=0, atol=tolerance)
+    np.testing.assert_allclose(times[events[1]], [at - apart], rtol=0, atol=tolerance)
+    np.testing.assert_allclose(times[events[2]], [at + apart], rtol=0, atol=tolerance)
+    assert not falling.simulate(1.5, u=[5.0], events=passed(top + below), **options).events
+    assert found.stats["steps"] < 30
+
+
+def test_two_crossings_that_only_the_interpolant_shows(four_bar: Any) -> None:
+    """Levels just within the range of a curve: each turn of it passes them twice, whatever the steps are."""
+    t = np.linspace(0, 4, 40001)
+    z = four_bar.simulate(t, inputs=[0.2])["trace_z"]
+    turns = [i for i in range(1, len(z) - 1) if (z[i] - z[i - 1]) * (z[i + 1] - z[i]) < 0]
+    assert len(turns) > 4
+    for i in turns:
+        top = z[i] > z[i - 1]
+        for depth in (1e-3, 1e-5):
+            level = float(z[i] - depth if top else z[i] + depth)
+            found = four_bar.simulate(4.0, inputs=[0.2], events=Event("trace_z", level, stop=False))
+            assert len(found.events) == len(np.flatnonzero(np.diff(np.sign(z - level))))
+
+
 def test_an_event_that_does_not_come(falling: Any) -> None:
     with pytest.warns(RuntimeWarning, match=r"the event z = -5 has not come until t = 1 s; the motion was not stopped"):
         found = falling.simulate(1.0, events=passed(-5.0, True))

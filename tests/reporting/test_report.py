@@ -61,6 +61,8 @@ def test_errors_are_those_of_the_dense_engine_too(numbers, solver):
         assert 0 <= record["udot"] < 1e-12
         assert all(e < 1e-11 for e in record["derivatives"].values())
         assert set(model.parameter_names) <= set(record["derivatives"])
+        estimates = [record["estimate"], *record["estimates"].values()]
+        assert len(estimates) == 1 + len(record["derivatives"]) and all(0 < e < 1e-10 for e in estimates)
     state = states["random 1"]
     at = [np.array(state[n]) for n in ("q", "u")]
     i = model.parameter_names.index("coupler_length")

@@ -42,7 +42,8 @@ def closures(x: Scope, kind: EarKind) -> FactorForm:
     dependents = ear.dependents()
     columns = [seen_by(ear, rows, ear.column(k, f), "E", tag) for k, f in dependents]
     kept = [i for i in range(len(rows)) if any(not is_zero(c[i]) for c in columns)]
-    f = factor(x, [[c[i] for i in kept] for c in columns], "Eq. 35")
+    length = float(kind.scale / kind.per_length)  # of linear conditions; 1 where they are divided by it
+    f = factor(x, [[c[i] for i in kept] for c in columns], "Eq. 35", length)
     form = f.store(kept, len(rows))
     kept_rows = [rows[i] for i in kept]
     rates: Vector = [0] * len(dependents)

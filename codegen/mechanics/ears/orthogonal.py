@@ -152,8 +152,8 @@ def _complement(x: Scope, q: list[Vector], tag: str) -> Vector:
     ]
 
 
-def factor(x: Scope, columns: list[Vector], tag: str) -> Factor:
-    """Factor a matrix given by its columns, the ones with fewest entries first."""
+def factor(x: Scope, columns: list[Vector], tag: str, size: float = 1.0) -> Factor:
+    """Factor a matrix given by its columns, the ones with fewest entries first; columns are of that size, but near rank loss."""
     let = x.let
     f = Factor(x)
     support = [[i for i, v in enumerate(c) if v != 0] for c in columns]
@@ -202,7 +202,7 @@ def factor(x: Scope, columns: list[Vector], tag: str) -> Factor:
             r = ANY
         f.inverse.append(let("rinv", 1 / r, tag))
         above = _sum(f.R[i, k] * f.R[i, k] for (i, k) in sorted(f.R) if k == j)
-        # conditions are numbers, so a column that is all but zero, of a joint that has come to move nothing, is told too
-        margin = let("margin", square - x.number(SMALLEST) * (1 + above), "rank")
+        # a column that is all but zero, of a joint that has come to move nothing, is told too
+        margin = let("margin", square - x.number(SMALLEST) * (x.number(size * size) + above), "rank")
         x.set_entry(RANK, j, margin)
     return f

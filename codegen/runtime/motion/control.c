@@ -11,8 +11,18 @@ enum { CLOCK_STEPS = 16 };    /* the clock is read once in so many steps */
 static const double LIMIT_OF_STABILITY = 6.1;
 enum { FAR_STEPS = 15, NEAR_STEPS = 6 };
 
-/* How far an output is from the level that it has just crossed: behind it, whatever rounding says. */
-static const double BEHIND = 1e-300;
+/* Conditions below it are not poor, whatever is asked for. */
+static const double LEAST_POOR = 10.0;
+
+static const double LEAST_HOPELESS = 1e3, LEAST_TOO_POOR = 1e4; /* the latter of constant steps */
+
+/* At conditions that are larger by this, other independents are looked at again. */
+static const double LOOK_AGAIN = 3.0;
+
+/* So often a step is made again because a stage is too near to a pose where a loop loses rank. */
+enum { MOST_MOVES = 3 };
+static const double AT_POSE = 0.005; /* in parts of the step: no stage but the last is as near */
+static const double LEAST_MOVE = 0.02; /* in parts of the step: less makes no difference */
 
 static const double SAFETY = 0.85, LEAST_CHANGE = 0.333, LARGEST_CHANGE = 6.0, AFTER_FAILURE = 0.25;
 
@@ -27,6 +37,13 @@ static long whole_lines(long n) { return (n + 7)/8*8; }
 static const method *method_of(const ordernm_problem *p)
 {
     return p->method == ORDERNM_RK4 ? &ordernm_rk4 : p->method == ORDERNM_RADAU ? &ordernm_radau : &ordernm_dop853;
+}
+
+/* Of long doubles: the workspace, and what NAME_precise.c has beside it. */
+static long precise_numbers(const ordernm_system *s)
+{
+    const long values = 3L*s->nq + 2L*s->nu + s->np + s->ninputs + s->nclosure + s->nloops;
+    return s->workspace + values + LANES*(2L*s->nq + 2L*s->nu + s->np + s->ninputs + 1);
 }
 
 /* Lays a motion out; m is 0 where only its size is asked for. */
@@ -60,11 +77,11 @@ static size_t lay_out(const ordernm_problem *p, void *at)
     }
     m->dependent = ordernm_take(&of, (m->nd + 1)*sizeof(int));
     for (int i = 0; i < m->method->all; ++i) m->rate[i] = ordernm_numbers(&of, m->size);
-    double **states[] = {&m->z, &m->next, &m->trial, &m->zeros, m->error, m->error + 1};
+    double **states[] = {&m->z, &m->next, &m->trial, &m->zeros, m->error, m->error + 1, &m->at_pose};
     for (size_t i = 0; i < sizeof states/sizeof *states; ++i) *states[i] = ordernm_numbers(&of, m->size);
     m->work = ordernm_numbers(&of, s->workspace);
     if (s->closing_step)
-        m->precise_work = ordernm_take(&of, (s->workspace + 2L*s->nq + s->np + s->nclosure + s->nloops)*sizeof(long double));
+        m->precise_work = ordernm_take(&of, precise_numbers(s)*sizeof(long double));
     double **of_q[] = {&m->q, &m->qdot, &m->newton}, **of_u[] = {&m->u, &m->udot};
     double **lanes_q[] = {&m->dq, &m->dqdot, &m->full_dq}, **lanes_u[] = {&m->du, &m->dudot, &m->full_du};
     const long wider = s->nq > s->nu ? s->nq : s->nu; /* qdot is the place of speeds too */
@@ -78,10 +95,14 @@ static size_t lay_out(const ordernm_problem *p, void *at)
     m->inputs = ordernm_numbers(&of, s->ninputs);
     m->dinputs = ordernm_numbers(&of, s->ninputs*LANES);
     m->dt = ordernm_numbers(&of, LANES);
-    m->row = ordernm_numbers(&of, ordernm_row_size(p));
+    const long described = ordernm_event_size(p);
+    double **rows[] = {&m->row, &m->known_row};
+    for (int i = 0; i < 2; ++i) *rows[i] = ordernm_numbers(&of, described);
+    m->beside = ordernm_numbers(&of, m->identity ? 0 : BESIDE*described);
     m->stages = ordernm_numbers(&of, ordernm_step_size(p));
-    double **of_events[] = {&m->crossing, &m->after, &m->within, &m->part};
-    for (int i = 0; i < 4; ++i) *of_events[i] = ordernm_numbers(&of, p->nevents);
+    double **of_events[] = {&m->crossing, &m->after, &m->within, &m->part, &m->happened, &m->paces, &m->at_first};
+    for (int i = 0; i < 7; ++i) *of_events[i] = ordernm_numbers(&of, p->nevents);
+    m->samples = ordernm_numbers(&of, (long)EVENT_SAMPLES*p->nevents);
     if (m->method == &ordernm_radau) {
         void *own = ordernm_take(&of, ordernm_radau_layout(m, 0));
         if (own) ordernm_radau_layout(m, own);
@@ -144,7 +165,14 @@ ordernm_motion *ordernm_begin(const ordernm_problem *p, double *room)
     }
     m->t = p->start;
     /* rounding of conditions moves dependents in proportion to the condition, and rates to its square */
-    m->poor = sqrt(0.01*p->rtol/2.2e-16);
+    const double rounding = fmax(1.0, s->nloops);
+    m->poor = fmax(sqrt(0.01*p->rtol/(2.2e-16*rounding)), LEAST_POOR);
+    /* in long double, where coordinates keep what is rounded, to its cube; predictions tell branches apart that differ by more */
+    const double by_rounding = fmax(m->poor, cbrt(0.01*p->rtol/(5.4e-20*rounding)));
+    m->too_poor = m->adaptive ? fmax(fmin(by_rounding, 0.03/p->rtol), LEAST_POOR) : fmax(by_rounding, LEAST_TOO_POOR);
+    m->hopeless = fmax(0.1*p->rtol/2.2e-16, LEAST_HOPELESS); /* speeds are off by rounding times the condition */
+    m->pose = -INFINITY;
+    m->looked_at = p->looked_at;
     return m;
 }
 
@@ -286,12 +314,13 @@ static int not_finite(ordernm_motion *m, const double *rate)
     return ORDERNM_NOT_FINITE;
 }
 
-/* Results at a state; the reason where there are none. */
+/* Results at a state; the reason where there are none. Those at a pose that a step ends at are known. */
 static int keep(ordernm_motion *m, double t, const double *z)
 {
-    const int status = ordernm_report(m, t, z, m->row);
+    const int known = m->row_known && m->known_row[0] == t;
+    const int status = known ? 0 : ordernm_report(m, t, z, m->row);
     if (status) return failed(m->results, status);
-    keep_row(m->results, m->row, ordernm_row_size(m->problem));
+    keep_row(m->results, known ? m->known_row : m->row, ordernm_row_size(m->problem));
     return ORDERNM_ENDED;
 }
 
@@ -314,138 +343,16 @@ static int sample(ordernm_motion *m, double end)
             z = m->trial;
             /* predictions between the ends of a step are as good as at its ends */
         }
-        const int reason = keep(m, t, z);
+        int reason = keep(m, t, z);
+        if (m->nd && t < end && (reason != ORDERNM_ENDED || m->results->condition_here > m->hopeless)
+            && !ordernm_beside_within(m, h, (t - m->t)/h, ordernm_row_size(p))) {
+            if (reason == ORDERNM_ENDED) --m->results->count;
+            keep_row(m->results, m->known_row, ordernm_row_size(p));
+            reason = ORDERNM_ENDED;
+        }
         if (reason != ORDERNM_ENDED) return reason;
         ++m->sampled;
     }
-    return ORDERNM_ENDED;
-}
-
-/* ---- Events. ---- */
-
-/* Outputs at a state, less the levels of events. Returns what a function returned. */
-static int crossings(ordernm_motion *m, double t, const double *z, double *g)
-{
-    const ordernm_problem *const p = m->problem;
-    ordernm_call c = ordernm_arguments(m, t, z);
-    int status = ordernm_close_loops(m, &c);
-    if (status) return status;
-    c.outputs = m->outputs;
-    if ((status = m->system->outputs(&c))) return status;
-    for (int i = 0; i < p->nevents; ++i) g[i] = m->outputs[p->events[i].output] - p->events[i].level;
-    return 0;
-}
-
-static int crosses(const ordernm_event *e, double before, double after)
-{
-    return (e->direction >= 0 && before < 0.0 && after >= 0.0) || (e->direction <= 0 && before > 0.0 && after <= 0.0);
-}
-
-/* The first event within the step that was made, as a part of it; 2 if there is none (A. Dekker's bisection and secants on the
- * interpolant, the Illinois way). */
-static int locate(ordernm_motion *m, double h, double *first, int *which)
-{
-    const ordernm_problem *const p = m->problem;
-    *first = 2.0;
-    for (int e = 0; e < p->nevents; ++e) {
-        m->part[e] = 2.0;
-        if (!crosses(p->events + e, m->crossing[e], m->after[e])) continue;
-        double low = 0.0, high = 1.0, g_low = m->crossing[e], g_high = m->after[e];
-        for (int n = 0; n < 60 && high - low > 1e-14; ++n) {
-            double at = n > 16 || n%8 == 7 ? 0.5*(low + high) : high - g_high*(high - low)/(g_high - g_low);
-            if (!(at > low && at < high)) at = 0.5*(low + high);
-            m->method->interpolate(m, h, at, m->trial);
-            const int status = crossings(m, m->t + at*h, m->trial, m->within);
-            if (status) return status;
-            const double g = m->within[e];
-            if (g == 0.0) {
-                low = high = at;
-            } else if ((g > 0.0) == (g_high > 0.0)) {
-                high = at;
-                g_high = g;
-                g_low *= 0.5;
-            } else {
-                low = at;
-                g_low = g;
-                g_high *= 0.5;
-            }
-        }
-        m->part[e] = high;
-        if (high < *first) *first = high, *which = e;
-    }
-    return 0;
-}
-
-/* A step to where an event may be; an implicit one may not be found, or not along directions. */
-static int step_of_size(ordernm_motion *m, double h)
-{
-    double error;
-    const int status = m->method->step(m, h, &error);
-    return !status && m->method->gives_rate && !(error <= 1.0) ? -1 : status;
-}
-
-/* Makes the step again so that it ends where an event happens: its size by secants on what steps of other sizes end at. */
-static int step_to_event(ordernm_motion *m, int e, double *h)
-{
-    const double whole = *h;
-    double size = *h, before = 0.0, g_before = m->crossing[e], best = INFINITY, found = *h;
-    for (int n = 0; n < 8; ++n) {
-        int status = step_of_size(m, size);
-        if (!status) status = crossings(m, m->t + size, m->next, m->within);
-        if (status) return status;
-        const double g = m->within[e];
-        if (!(fabs(g) < best)) break;
-        best = fabs(g);
-        found = size;
-        if (g == 0.0 || g == g_before) break;
-        const double next = size - g*(size - before)/(g - g_before);
-        before = size;
-        g_before = g;
-        if (!(next > 0.0 && next < 2.0*whole) || fabs(next - size) <= 2e-16*size) break;
-        size = next;
-    }
-    const int status = step_of_size(m, found);
-    *h = found;
-    return status;
-}
-
-/* Looks for events in the step that was made; if there is one, the step ends there. `which` is it, or -1. */
-static int look_for_events(ordernm_motion *m, double *h, int *which)
-{
-    const ordernm_problem *const p = m->problem;
-    *which = -1;
-    int status = crossings(m, m->t + *h, m->next, m->after);
-    if (status) return status;
-    int any = 0;
-    for (int e = 0; e < p->nevents; ++e) any |= crosses(p->events + e, m->crossing[e], m->after[e]);
-    if (!any) return 0;
-    double part;
-    if ((status = m->method->complete(m, *h))) return status;
-    if ((status = locate(m, *h, &part, which))) return status;
-    const double made = part**h;
-    *h = made;
-    if ((status = step_to_event(m, *which, h))) return status;
-    if (!m->method->gives_rate && (status = ordernm_rates(m, m->t + *h, m->next, m->rate[m->method->stages]))) return status;
-    if ((status = crossings(m, m->t + *h, m->next, m->after))) return status;
-    /* it is behind now, on whichever side rounding has left it, and so are others that happened at the same time; those that
-     * have happened just before stay behind */
-    for (int e = 0; e < p->nevents; ++e) {
-        if (m->part[e] <= part + 1e-13 || (m->after[e] == 0.0 && crosses(p->events + e, m->crossing[e], m->after[e])))
-            m->after[e] = m->crossing[e] < 0.0 ? BEHIND : -BEHIND;
-        else if (fabs(m->crossing[e]) == BEHIND && part < 1e-9)
-            m->after[e] = m->crossing[e];
-    }
-    return 0;
-}
-
-static int keep_event(ordernm_motion *m, double t, int which)
-{
-    ordernm_results *const r = m->results;
-    if (!r->events) return ORDERNM_ENDED;
-    const long size = ordernm_row_size(m->problem);
-    const int status = ordernm_report(m, t, m->next, r->events + r->events_count*size);
-    if (status) return failed(r, status);
-    r->which[r->events_count++] = which;
     return ORDERNM_ENDED;
 }
 
@@ -468,7 +375,8 @@ static int begin(ordernm_motion *m)
     const int status = ordernm_rates(m, m->t, m->z, m->rate[0]);
     if (status) return failed(m->results, status);
     if (!ordernm_all_finite(m->rate[0], m->size)) return not_finite(m, m->rate[0]);
-    const int unknown = p->nevents ? crossings(m, m->t, m->z, m->crossing) : 0;
+    m->conditions[0] = m->results->condition_here;
+    const int unknown = p->nevents ? ordernm_crossings(m, m->t, m->z, m->crossing) : 0;
     if (unknown) return failed(m->results, unknown);
     if (!p->ntimes || p->times[0] <= p->start) {
         const int reason = keep(m, m->t, m->z);
@@ -507,15 +415,6 @@ static void watch_stability(ordernm_motion *m, double h)
 
 /* ---- One step after the other. ---- */
 
-/* A step that is tried. */
-typedef struct {
-    double h, end;            /* its size, and the time at its end */
-    double wall, knot;        /* where it may not go beyond; the next knot of the inputs */
-    int to_wall;
-    double error;             /* in units of what is allowed */
-    int event;                /* that ends it; -1 for none */
-} trial;
-
 /* How far a step goes: not beyond the end, nor a knot of the inputs; what is left over is not tiny. */
 static int plan(ordernm_motion *m, trial *step)
 {
@@ -523,17 +422,32 @@ static int plan(ordernm_motion *m, trial *step)
     step->knot = ordernm_next_knot(m, m->t);
     step->wall = step->knot < p->end ? step->knot : p->end;
     step->h = p->largest_step > 0.0 && m->h > p->largest_step ? p->largest_step : m->h;
-    const double left = step->wall - m->t;
+    const double left = step->wall - m->t, wanted = step->h;
+    if (m->nd && m->method->gap > 0.0) step->h = ordernm_step_at_pose(m, step->h, step->wall);
+    step->to_pose = step->h != wanted;
+    step->again = 0;
     /* steps of one size add up to an end with rounding */
     step->to_wall = step->h >= left*(1.0 - 1e-9) || left - step->h <= 1e-15*fabs(step->wall);
     if (step->to_wall) step->h = left;
-    else if (m->adaptive && 2.0*step->h > left) step->h = 0.5*left;
+    else if (m->adaptive && !step->to_pose && 2.0*step->h > left) step->h = 0.5*left;
     step->end = step->to_wall ? step->wall : m->t + step->h;
     step->event = -1;
+    step->at_pose = 0;
     step->error = 0.0;
     if (step->h <= 4e-16*fabs(m->t) || !(step->h > 0.0)) return ORDERNM_COLLAPSED;
     ordernm_find_segment(m, m->t, step->h);
     return ORDERNM_ENDED;
+}
+
+/* A motion that ends where a loop has lost rank: what is there is found beside. Returns whether it is. */
+static int end_at_pose(ordernm_motion *m, trial *step)
+{
+    if (m->results->steps) return 0; /* it is not a step's end, and the adjoint would not know */
+    if (!step->to_wall || step->end != m->problem->end || !(fabs(m->pose - step->end) <= AT_POSE*step->h)) return 0;
+    step->at_pose = !ordernm_beside(m, step->h, ordernm_report, ordernm_row_size(m->problem));
+    if (step->at_pose) step->error = 0.0;
+    else m->row_known = 0;
+    return step->at_pose;
 }
 
 /* Tries a step. Returns what a function returned, -1 where loops do not close or close on another branch. */
@@ -543,17 +457,28 @@ static int attempt(ordernm_motion *m, trial *step)
     const method *const method = m->method;
     double *const rate = m->rate[method->stages];
     m->advice = 0.0;
+    m->row_known = m->complete = 0;
+    for (int i = 1; i < MOST_STAGES; ++i) m->conditions[i] = 0.0;
     int status = method->step(m, step->h, &step->error);
-    if (status) return status;
     if (p->fixed && step->error < INFINITY) step->error = 0.0;
-    if (!(step->error <= 1.0)) return 0;
-    if (!method->gives_rate && (status = ordernm_rates(m, step->end, m->next, rate))) return status;
+    int good = !status && step->error <= 1.0;
+    if (good && !method->gives_rate) {
+        status = ordernm_rates(m, step->end, m->next, rate);
+        m->conditions[method->stages] = status ? LOST : m->results->condition_here;
+    }
+    if (m->nd && method->gap > 0.0) {
+        ordernm_find_pose(m, step->h);
+        if (end_at_pose(m, step)) return 0;
+        const double elsewhere = ordernm_step_at_pose(m, step->h, step->wall);
+        step->again = (good || status) && m->moved < MOST_MOVES && fabs(elsewhere - step->h) > LEAST_MOVE*step->h;
+    }
+    if (status || step->again || !good) return status;
     if (m->nd && m->adaptive && ordernm_jumped(m, m->next)) return -1;
     if (!ordernm_all_finite(rate, m->values)) step->error = NAN;
     if (!p->nevents || !(step->error <= 1.0)) return 0;
     const double whole = step->h;
-    status = look_for_events(m, &step->h, &step->event);
-    if (step->event < 0) return status;
+    status = ordernm_look_for_events(m, step);
+    if (step->event < 0 || status) return status;
     step->to_wall = 0;
     step->end = m->t + step->h;
     if (fabs(step->wall - step->end) <= 1e-15*fabs(step->wall)) step->end = step->wall;
@@ -581,20 +506,6 @@ static int refuse(ordernm_motion *m, const trial *step, int status)
     return status ? failed(r, status) : ORDERNM_COLLAPSED;
 }
 
-/* Events that the step ends with, several if they happen at the same time; whether the motion stops there. */
-static int keep_events(ordernm_motion *m, const trial *step, int *stop)
-{
-    const ordernm_problem *const p = m->problem;
-    *stop = 0;
-    for (int e = 0; step->event >= 0 && e < p->nevents; ++e) {
-        if (!crosses(p->events + e, m->crossing[e], m->after[e])) continue;
-        const int reason = keep_event(m, step->end, e);
-        if (reason != ORDERNM_ENDED) return reason;
-        *stop |= p->events[e].stop;
-    }
-    return ORDERNM_ENDED;
-}
-
 /* The next step's size. */
 static void resize(ordernm_motion *m, const trial *step)
 {
@@ -605,7 +516,8 @@ static void resize(ordernm_motion *m, const trial *step)
     change = m->advice > 0.0 ? m->advice : fmax(change, LEAST_CHANGE);
     change = fmin(change, m->rejected_before ? 1.0 : LARGEST_CHANGE);
     m->rejected_before = 0;
-    if (m->adaptive && step->event < 0 && !(step->to_wall && change*step->h < m->h)) m->h = step->h*change;
+    const int shorter = step->to_wall || step->to_pose;
+    if (m->adaptive && step->event < 0 && !(shorter && change*step->h < m->h)) m->h = step->h*change;
 }
 
 static void exchange(double **one, double **other)
@@ -623,8 +535,9 @@ static int go_on(ordernm_motion *m, const trial *step)
     exchange(&m->crossing, &m->after);
     exchange(&m->z, &m->next);
     exchange(&m->rate[0], &m->rate[m->method->stages]);
-    const int changed = ordernm_settle(m, m->t, m->z);
+    const int changed = step->at_pose ? 0 : ordernm_settle(m, m->t, m->z);
     if (changed < 0) return failed(r, changed);
+    m->conditions[0] = r->condition_here;
     if (changed || ordernm_next_knot(m, m->t) != step->knot) {
         ordernm_find_segment(m, m->t, 1e-9*(1.0 + fabs(m->t)));
         const int failure = ordernm_rates(m, m->t, m->z, m->rate[0]);
@@ -640,16 +553,19 @@ static int accept(ordernm_motion *m, const trial *step)
     const ordernm_problem *const p = m->problem;
     ordernm_results *const r = m->results;
     int stop, reason;
-    m->complete = 0;
+    m->moved = 0;
     if (p->method == ORDERNM_DOP853 && step->event < 0) watch_stability(m, step->h); /* while the last stage is there */
     if (p->ntimes && (reason = sample(m, step->end)) != ORDERNM_ENDED) return reason;
     ++r->accepted;
     if (r->steps) keep_step(m, step->h);
-    if ((reason = keep_events(m, step, &stop)) != ORDERNM_ENDED) return reason;
+    const int unknown = ordernm_keep_events(m, step, &stop);
+    if (unknown) return failed(r, unknown);
     resize(m, step);
     if ((reason = go_on(m, step)) != ORDERNM_ENDED) return reason;
     if (stop) return ORDERNM_EVENT;
-    return p->poor > 0.0 && r->condition_here > p->poor && m->t < p->end ? ORDERNM_POOR : ORDERNM_ENDED;
+    if (r->condition_here <= p->poor) m->looked_at = 0.0;
+    const int poor = p->poor > 0.0 && r->condition_here > fmax(p->poor, LOOK_AGAIN*m->looked_at);
+    return poor && m->t < p->end ? ORDERNM_POOR : ORDERNM_ENDED;
 }
 
 /* Whether results have room for what one step may give. */
@@ -679,9 +595,14 @@ int ordernm_go(ordernm_motion *m, ordernm_results *r, double seconds)
         trial step;
         if ((reason = plan(m, &step)) != ORDERNM_ENDED) break;
         const int status = attempt(m, &step);
-        if (m->imprecise && !m->system->precise_closing_step && !r->as_is) {
+        if (m->imprecise && !m->system->precise && !r->as_is) {
             m->imprecise = 0;
             return ORDERNM_IMPRECISE;
+        }
+        if (step.again) {
+            ++r->rejected;
+            ++m->moved;
+            continue;
         }
         reason = status || !(step.error <= 1.0) ? refuse(m, &step, status) : accept(m, &step);
     }

@@ -74,6 +74,7 @@ static int dop853_step(ordernm_motion *m, double h, double *error)
     for (int i = 1; i < 12; ++i) {
         stage(m, dop853_rows + i, h, m->trial);
         const int status = ordernm_rates(m, m->t + dop853_times[i]*h, m->trial, m->rate[i]);
+        m->conditions[i] = status ? LOST : m->results->condition_here;
         if (status) return status;
         ordernm_keep_stage(m, i);
     }
@@ -121,7 +122,7 @@ static void dop853_interpolate(ordernm_motion *m, double h, double theta, double
 }
 
 const method ordernm_dop853 = {12, 16, 8, dop853_step, dop853_complete, dop853_interpolate, dop853_rows, dop853_times,
-    dop853_weights, 0, keep, ordernm_explicit_replay, ordernm_explicit_backwards};
+    dop853_weights, 0, 0.4667, keep, ordernm_explicit_replay, ordernm_explicit_backwards};
 
 /* ---- The classical method of order 4. ---- */
 
@@ -130,6 +131,7 @@ static int rk4_step(ordernm_motion *m, double h, double *error)
     for (int i = 1; i < 4; ++i) {
         stage(m, rk4_rows + i, h, m->trial);
         const int status = ordernm_rates(m, m->t + rk4_times[i]*h, m->trial, m->rate[i]);
+        m->conditions[i] = status ? LOST : m->results->condition_here;
         if (status) return status;
         ordernm_keep_stage(m, i);
     }
@@ -160,5 +162,5 @@ static void rk4_interpolate(ordernm_motion *m, double h, double theta, double *z
     ordernm_combine(m->size, z, m->z, h, 5, every, w, m->rate);
 }
 
-const method ordernm_rk4 = {4, 5, 5, rk4_step, rk4_complete, rk4_interpolate, rk4_rows, rk4_times, rk4_weights, 0, keep,
+const method ordernm_rk4 = {4, 5, 5, rk4_step, rk4_complete, rk4_interpolate, rk4_rows, rk4_times, rk4_weights, 0, 0.25, keep,
     ordernm_explicit_replay, ordernm_explicit_backwards};

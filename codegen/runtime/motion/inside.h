@@ -67,11 +67,24 @@ typedef struct {
     const double *times;      /* of stages, in steps */
     void (*weights)(double theta, double *factor); /* of all rates, at t + theta h */
     int gives_rate;           /* a step leaves the rate at its end in rate[stages] */
+    double gap;               /* the place in a step that is farthest from all stages; 0: conditions of stages are not kept */
     /* the way back: rows of steps, behind their states; a step made again; the adjoint before it from that behind it */
     void (*keep)(const ordernm_motion *m, double *row);
     int (*replay)(ordernm_motion *m, const double *known, double *row);
     int (*backwards)(ordernm_adjoint *a, const double *row);
 } method;
+
+/* A step that is tried. */
+typedef struct {
+    double h, end;            /* its size, and the time at its end */
+    double wall, knot;        /* where it may not go beyond; the next knot of the inputs */
+    int to_wall, to_pose;     /* it ends at the wall; it is shorter than it might be, because of a pose */
+    int again;                /* a stage was too near to a pose */
+    int at_pose;              /* it ends where a loop has lost rank, and so does the motion */
+    double error;             /* in units of what is allowed */
+    int event;                /* that ends it; -1 for none */
+    double event_time;        /* when that is */
+} trial;
 
 struct ordernm_motion {
     const ordernm_problem *problem;
@@ -92,7 +105,17 @@ struct ordernm_motion {
     double *row;
     double *stages;           /* states of the stages behind the first, of explicit methods: values, coordinates with loops closed */
     void *precise_work;
-    double poor;              /* condition from which on loops are closed in long double */
+    double poor;              /* condition from which on one computes in long double */
+    int precise;              /* loops were closed so last */
+    double too_poor;          /* condition that no stage should have: not even then is rounding less than what is allowed */
+    double conditions[MOST_STAGES]; /* of the stages of a step, and at its end */
+    double hopeless;          /* condition from which on results are those beside the pose */
+    double *known_row, *beside; /* such a row, and those that it is made of */
+    double *at_pose;          /* a state like that */
+    int row_known;
+    double pose;              /* when a loop will lose rank, as far as that is known; else -INFINITY */
+    double looked_at;         /* see ordernm_problem */
+    int moved;                /* how often a step has been made again with stages elsewhere */
     int imprecise;            /* that was wanted, and could not be done */
     /* where it is */
     double t, h;
@@ -101,6 +124,11 @@ struct ordernm_motion {
     int begun, adaptive, rejected_before, complete;
     double *crossing, *after, *within; /* [nevents] at the step's beginning, at its end, in between */
     double *part;             /* [nevents] of the step, at which an event happens */
+    double *happened, *paces; /* [nevents] 1.0 if the step ends there; how fast outputs change in the step on the whole */
+    double *at_first;         /* [nevents] outputs, as above, at the first event of the step */
+    double *samples;          /* outputs between the ends of the step, as above */
+    double around_event[2];   /* times in the step between which the event is that ends it */
+    double beside_event[2];   /* one of them, and the output there */
     ordernm_results *results;
     int far_steps, near_steps; /* in a row, in which an explicit method was at its limit of stability, and was not */
     double error_before;      /* of the step before, as a share of what is allowed; 0 at the beginning */
@@ -137,6 +165,21 @@ size_t ordernm_radau_layout_stages(ordernm_motion *m, int n, void *at);
 
 /* radau_backwards.c */
 int ordernm_radau_backwards(ordernm_adjoint *a, const double *row);
+
+/* poses.c */
+static const double LOST = 1e300; /* condition where rank is lost */
+typedef int ordernm_describing(ordernm_motion *m, double t, const double *z, double *row);
+enum { BESIDE = 6 };
+void ordernm_find_pose(ordernm_motion *m, double h);
+int ordernm_beside(ordernm_motion *m, double h, ordernm_describing *describe, long size);
+int ordernm_beside_within(ordernm_motion *m, double h, double part, long size);
+double ordernm_step_at_pose(const ordernm_motion *m, double h, double wall);
+
+/* events.c */
+enum { EVENT_SAMPLES = 4 };
+int ordernm_crossings(ordernm_motion *m, double t, const double *z, double *g);
+int ordernm_look_for_events(ordernm_motion *m, trial *step);
+int ordernm_keep_events(ordernm_motion *m, const trial *step, int *stop);
 
 /* control.c */
 double ordernm_error_norm(const ordernm_motion *m, const double *next, const double *error, const double *second);

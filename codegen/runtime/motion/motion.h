@@ -39,6 +39,11 @@ typedef int ordernm_function(const ordernm_call *call);
 /* Functions over one direction, eight and four at once; the last are 0 until NAME_four has set them. */
 enum { ORDERNM_ONE, ORDERNM_EIGHT, ORDERNM_FOUR, ORDERNM_WIDTHS };
 
+/* The same in long double, for poses near which a loop loses rank; NAME_precise.c. Rates close the loops themselves once more. */
+typedef struct {
+    ordernm_function *closing_step, *state_rates, *state_rate_sensitivities[ORDERNM_WIDTHS];
+} ordernm_precise;
+
 typedef struct {
     int nq, nu, np, ninputs, noutputs, nclosure, nloops;
     int plain_rates;                       /* the coordinates' time derivatives are the speeds */
@@ -51,7 +56,7 @@ typedef struct {
     const int *kept;                       /* conditions of closure that no others imply */
     int split;                             /* a joint has independent and dependent speeds */
     /* What has not been generated is 0. */
-    ordernm_function *precise_closing_step; /* NAME_precise.c; to be had when ordernm_go asks for it */
+    const ordernm_precise *precise;        /* to be had when ordernm_go asks for it */
     ordernm_function *state_rates, *closing_step, *completion, *outputs;
     ordernm_function *state_rate_sensitivities[ORDERNM_WIDTHS], *completion_sensitivities[ORDERNM_WIDTHS],
         *output_sensitivities[ORDERNM_WIDTHS];
@@ -98,6 +103,7 @@ typedef struct {
     double largest_step;      /* 0 for any */
     long most_steps;          /* 0 for any */
     double poor;              /* condition of loops above which the motion stops with ORDERNM_POOR, between steps; 0 for any */
+    double looked_at;         /* until it has been below that, it stops only beyond three times this one */
     double rtol;
     const double *atol;       /* [nfree_q + nfree_u + nintegrals] */
     const double *atol_directions; /* [ndirections]: errors of sensitivities count too; 0: those of the state only */
@@ -122,7 +128,8 @@ typedef struct {
      * the method knew before the first of them, ordernm_known_size doubles; not kept if known is 0. */
     double *steps, *known;
     long steps_capacity, steps_count;
-    /* Times at which events happened, and which; rows as above. Not kept if events is 0. */
+    /* Events that happened, and which; rows of ordernm_event_size: one as above, accelerations [nu], and how fast the output changed
+     * on the whole in the step that the event was in, units/s. Not kept if events is 0. */
     double *events;
     int *which;
     long events_capacity, events_count; /* as many as there are events may come at once */
@@ -130,7 +137,7 @@ typedef struct {
     int singular;             /* what the function returned that failed */
     int component;            /* which of the state's entries kept the step small, or was not finite */
     long accepted, rejected, evaluations, closing_steps, jacobians, factorizations;
-    int as_is;                /* set: there is no precise_closing_step */
+    int as_is;                /* set: there is nothing in long double */
     double condition;         /* the largest met, of the dependent coordinates by conditions */
     double condition_here;    /* at the last step's end */
     double next_step;         /* that would be tried there, s */
@@ -142,8 +149,9 @@ typedef struct ordernm_motion ordernm_motion;
 /* Doubles of memory that a motion needs. */
 long ordernm_room(const ordernm_problem *problem);
 
-/* Doubles of a row of results, of a row of steps, of what a method knows between two steps beside the state. */
+/* Doubles of a row of results, of a row of events, of a row of steps, of what a method knows between two steps beside the state. */
 long ordernm_row_size(const ordernm_problem *problem);
+long ordernm_event_size(const ordernm_problem *problem);
 long ordernm_step_size(const ordernm_problem *problem);
 long ordernm_known_size(const ordernm_problem *problem);
 
@@ -152,7 +160,7 @@ ordernm_motion *ordernm_begin(const ordernm_problem *problem, double *room);
 
 /* Goes on: to the end, for about so many seconds (0 for any time), or until results are full. After ORDERNM_FULL, give more
  * room and call again. After ORDERNM_IMPRECISE, which is near a pose where a loop loses rank, give the system its
- * precise_closing_step, or say in the results that there is none, and call again. */
+ * functions in long double, or say in the results that there are none, and call again. */
 int ordernm_go(ordernm_motion *motion, ordernm_results *results, double seconds);
 
 /* Where the motion is: independent coordinates and speeds, dependent coordinates, zero for dependent speeds. */

@@ -477,5 +477,5 @@ static int radau_replay(ordernm_motion *m, const double *known, double *row)
     return ends(m, h);
 }
 
-const method ordernm_radau = {STAGES, STAGES + 1, 4, radau_step, radau_complete, radau_interpolate, 0, 0, 0, 1, radau_keep,
+const method ordernm_radau = {STAGES, STAGES + 1, 4, radau_step, radau_complete, radau_interpolate, 0, 0, 0, 1, 0.0, radau_keep,
     radau_replay, ordernm_radau_backwards};

@@ -169,6 +169,7 @@ int ordernm_close_loops(ordernm_motion *m, ordernm_call *c)
     if (!s->closing_step) return 0;
     ordernm_function *closing_step = s->closing_step;
     double before = INFINITY;
+    m->precise = 0;
     c->step = m->newton;
     c->position = m->position;
     c->condition = m->condition;
@@ -178,7 +179,6 @@ int ordernm_close_loops(ordernm_motion *m, ordernm_call *c)
         const int singular = closing_step(c);
         if (singular) return singular;
         const double residual = largest_residual(m);
-        const int precise = closing_step == s->precise_closing_step;
         const int no_better = !(residual < 0.5*before);
         if (no_better && residual > ROUNDING) return -1;
         double step = 0.0;
@@ -192,9 +192,10 @@ int ordernm_close_loops(ordernm_motion *m, ordernm_call *c)
         if (condition > m->results->condition) m->results->condition = condition;
         m->results->condition_here = condition;
         before = residual;
-        if (condition > m->poor && !precise) {
-            if (s->precise_closing_step) {
-                closing_step = s->precise_closing_step;
+        if (condition > m->poor && !m->precise) {
+            if (s->precise) {
+                m->precise = 1;
+                closing_step = s->precise->closing_step;
                 before = INFINITY;
                 continue;
             }
@@ -214,13 +215,17 @@ int ordernm_rates_of(ordernm_motion *m, double t, const double *z, double *rate,
     const ordernm_system *s = m->system;
     const ordernm_problem *p = m->problem;
     ordernm_call c = ordernm_arguments(m, t, z);
-    int status = what & KNOWN_CLOSED && !s->split ? 0 : ordernm_close_loops(m, &c);
+    const int closed = what & KNOWN_CLOSED && !s->split;
+    int status = closed ? 0 : ordernm_close_loops(m, &c);
     if (status) return status;
+    const int precise = !closed && m->precise;
+    ordernm_function *const state_rates = precise ? s->precise->state_rates : s->state_rates;
+    ordernm_function *const *const along = precise ? s->precise->state_rate_sensitivities : s->state_rate_sensitivities;
     const int rates = what & RATES, integrals = what & INTEGRALS && m->nx;
     if (rates) ++m->results->evaluations;
     c.qdot = m->identity ? rate : m->qdot;
     c.udot = m->identity ? rate + s->nq : m->udot;
-    if (rates && !ngroups && (status = s->state_rates(&c))) return status;
+    if (rates && !ngroups && (status = state_rates(&c))) return status;
     for (int n = 0; n < ngroups; ++n) {
         const group *g = groups + n;
         double *S = rate + g->at;
@@ -228,7 +233,7 @@ int ordernm_rates_of(ordernm_motion *m, double t, const double *z, double *rate,
         seeds(m, t, z, g, &c);
         c.dqdot = m->identity ? S : m->dqdot;
         c.dudot = m->identity ? S + s->nq*width : m->dudot;
-        if (rates && (status = s->state_rate_sensitivities[g->index](&c))) return status;
+        if (rates && (status = along[g->index](&c))) return status;
         if (rates && !m->identity) {
             for (int i = 0; i < s->nfree_q; ++i)
                 memcpy(S + i*width, m->dqdot + s->free_q[i]*width, width*sizeof(double));

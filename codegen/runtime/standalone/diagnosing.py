@@ -167,12 +167,15 @@ class Diagnosing(Dynamics):
             return None
         if M is None or not np.isfinite(M).all() or not (np.diag(M) > 0.0).all():
             return None
-        scale = 1.0 / np.sqrt(np.diag(M))
-        sizes, vectors = np.linalg.eigh(scale[:, None] * M * scale)
-        # no more of a size is known than rounding leaves
-        left = 1.0 / (vectors**2 @ (1.0 / np.fmax(sizes, len(sizes) * UNIT * sizes[-1])))
+        sizes, scale = np.linalg.eigvalsh(M), 1.0 / np.sqrt(np.diag(M))
+        try:
+            with np.errstate(all="ignore"):
+                left = 1.0 / np.diag(np.linalg.inv(scale[:, None] * M * scale))
+        except np.linalg.LinAlgError:
+            left = np.zeros(len(M))
+        left = np.where(left > UNIT, left, UNIT)  # what rounding has made zero, or negative
         worst = int(np.argmin(left))
-        return MassCondition(_quotient(np.linalg.eigvalsh(M)), _quotient(sizes), float(left[worst]), names[worst])
+        return MassCondition(_quotient(sizes), float(left[worst]), names[worst])
 
     def _mass(self, arrays: Mapping[str, Any], independent: Sequence[int]) -> Array | None:
         """The mass matrix of the independent speeds: second derivatives of the kinetic energy, which is a square in them."""

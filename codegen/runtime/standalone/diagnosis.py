@@ -33,18 +33,14 @@ class MassCondition(NamedTuple):
     ----------
     condition : float
         Its largest eigenvalue over the smallest, in SI units.
-    scaled : float
-        The same with every row and column divided by the root of the diagonal entry: free of units, and of how
-        large masses are. Its inverse is the distance to a matrix that is singular, in parts of the largest eigenvalue.
     left : float
-        What a speed feels of its inertia where all other joints are free, in parts of that where they are held; the least of
-        all speeds. The sweeps lose at most about as many digits as it has zeros, and mostly far fewer.
+        What a speed feels of its inertia where all other joints are free, in parts of that where they are held, so a number
+        without unit; the least of all speeds. The sweeps lose at most about as many digits as it has zeros, and mostly far fewer.
     weakest : str
         The speed that has it.
     """
 
     condition: float
-    scaled: float
     left: float
     weakest: str
 

@@ -179,7 +179,7 @@ class Judging(Simulation):
                 case AtEvent():
                     c = crossings[f.event]
                     row, g = int(np.searchsorted(times, c.t)), self.output_names.index(f.event.output)
-                    speed = crossing_speed(c.rates, g)
+                    speed = crossing_speed(c.rates, c.pace, g)
                     if f.output == "t":
                         values[i] = c.t
                         by_output[i, row, g] = -1.0 / speed

@@ -15,7 +15,7 @@ from .arrays import Array
 DIRECTIONS = {"up": 1, "down": -1, "both": 0}
 
 GRAZING = 1e-8
-"""An output that crosses its level by less than this part of all outputs' rates touches it only: its time has no derivative."""
+"""An output that crosses its level at less than this part of its pace touches it only: its time has no derivative."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +51,8 @@ class Crossing:
         The state there, one of the integrator's own.
     rates : array (noutputs,)
         Time derivatives of the outputs there.
+    pace : float
+        How fast the event's own output changes on the whole in the step that the event was in: its range over the step's size.
     dt : array (k,)
         Derivatives of the time; NaN where the output only touches its level.
     dq, du, doutputs : array (k, nq), (k, nu), (k, noutputs)
@@ -63,6 +65,7 @@ class Crossing:
     u: Array
     outputs: Array
     rates: Array
+    pace: float
     dt: Array
     dq: Array
     du: Array
@@ -73,12 +76,12 @@ class Crossing:
 
 
 PARTS = ("q", "u", "outputs", "rates", "dt", "dq", "du", "doutputs")
-"""What a crossing has beside its event and its time."""
+"""What a crossing has beside its event, its time and its pace."""
 
 
 def rows_of(crossings: Sequence[Crossing]) -> Array:
-    """Crossings as rows of numbers, (n, row): the time, then `PARTS`."""
-    return np.array([np.concatenate([[c.t], *(getattr(c, name).ravel() for name in PARTS)]) for c in crossings])
+    """Crossings as rows of numbers, (n, row): time and pace, then `PARTS`."""
+    return np.array([np.concatenate([[c.t, c.pace], *(getattr(c, name).ravel() for name in PARTS)]) for c in crossings])
 
 
 def crossings_of(
@@ -92,13 +95,15 @@ def crossings_of(
         Rows of another length, or another number of them.
     """
     shapes = [(nq,), (nu,), (noutputs,), (noutputs,), (k,), (k, nq), (k, nu), (k, noutputs)]
-    ends = np.cumsum([1, *(math.prod(s) for s in shapes)])
+    ends = np.cumsum([2, *(math.prod(s) for s in shapes)])
     found = []
     for row, event in zip(rows, events, strict=True):
         if row.shape != (ends[-1],):
             raise ValueError(f"an event has {row.size} numbers, expected {ends[-1]}")
-        parts = [x.reshape(shape) for x, shape in zip(np.split(row[1:], ends[:-1] - 1)[1:], shapes, strict=True)]
-        found.append(Crossing(Event(*event), float(row[0]), *parts))
+        parts = {
+            name: x.reshape(shape) for name, x, shape in zip(PARTS, np.split(row, ends[:-1])[1:], shapes, strict=True)
+        }
+        found.append(Crossing(Event(*event), float(row[0]), pace=float(row[1]), **parts))
     return tuple(found)
 
 
@@ -123,15 +128,16 @@ def take_events(output_names: Sequence[str], given: Any) -> tuple[Event, ...]:
     return events
 
 
-def crossing_speed(rates: Array, index: int) -> float:
+def crossing_speed(rates: Array, pace: float, index: int) -> float:
     """The rate of an event's output among those of all, (noutputs,); NaN where it only touches its level."""
     speed = float(rates[index])
-    return speed if abs(speed) > GRAZING * float(np.abs(rates).max(initial=0.0)) else np.nan
+    return speed if abs(speed) > GRAZING * pace else np.nan
 
 
 def crossing(
-    event: Event, index: int, t: float, values: Sequence[Array], derivatives: Sequence[Array], rates: Sequence[Array]
-) -> Crossing:
+    event: Event, index: int, t: float, values: Sequence[Array], derivatives: Sequence[Array], rates: Sequence[Array],
+    pace: float,
+) -> Crossing:  # fmt: skip
     """An event with derivatives of its time and state (dt* = -dg/g', S* = S + f dt*).
 
     Parameters
@@ -140,10 +146,12 @@ def crossing(
         Of its output.
     values, rates : q, u, outputs and their time derivatives there
     derivatives : dq, du, doutputs at the fixed time, (k, ...)
+    pace : float
+        See `Crossing`.
     """
     q, u, outputs = values
     dq, du, doutputs = derivatives
-    dt = -doutputs[:, index] / crossing_speed(rates[2], index)
+    dt = -doutputs[:, index] / crossing_speed(rates[2], pace, index)
     moved = [d + dt[:, None] * r for d, r in zip((dq, du, doutputs), rates, strict=True)]
     moved[2][:, index] = np.where(np.isnan(dt), np.nan, 0.0)
-    return Crossing(event, t, q, u, outputs, rates[2], dt, *moved)
+    return Crossing(event, t, q, u, outputs, rates[2], pace, dt, *moved)

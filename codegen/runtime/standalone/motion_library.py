@@ -47,15 +47,15 @@ def motion_library(folder: Path) -> tuple[Any, Any]:
         return _opened[folder]
 
 
-_apart: dict[tuple[Path, str], tuple[Any, int]] = {}
+_apart: dict[tuple[Path, str, str], tuple[Any, Any]] = {}
 
 
-def _function_apart(folder: Path, name: str, part: str, symbol: str, declaration: str, flags: list[str] | None) -> int:
-    """The address of a function of ``NAME_<part>.c``, which includes ``NAME.c``: compiled when first asked for."""
+def _library_apart(folder: Path, name: str, part: str, declaration: str, flags: list[str] | None) -> tuple[Any, Any]:
+    """The cffi interface and the library of ``NAME_<part>.c``, which includes ``NAME.c``: compiled when first asked for."""
     from cffi import FFI
 
     with _opening:
-        if (folder, symbol) not in _apart:
+        if (folder, name, part) not in _apart:
             ffi = FFI()
             ffi.cdef(declaration)
             build = Build(folder, f"{name}_{part}", [f"{name}_{part}.c"], [f"{name}.c"])
@@ -63,23 +63,22 @@ def _function_apart(folder: Path, name: str, part: str, symbol: str, declaration
                 build.flags = flags
             path = build.library()
             try:
-                library = ffi.dlopen(str(path))
+                _apart[folder, name, part] = ffi, ffi.dlopen(str(path))
             except OSError as error:
                 raise CompileError(f"{path} was compiled but cannot be opened: {error}") from None
-            _apart[folder, symbol] = library, int(ffi.cast("intptr_t", getattr(library, symbol)))
-        return _apart[folder, symbol][1]
+        return _apart[folder, name, part]
 
 
-def precise_closure(folder: Path, name: str) -> int:
-    """The address of the function of ``NAME_precise.c``.
+def precise_functions(folder: Path, name: str) -> int:
+    """The address of the table of functions of ``NAME_precise.c``.
 
     Raises
     ------
     NoCompilerError, CompileError
     """
-    symbol = f"{name}_precise_closing_step"
     # it is needed at once, and seldom called
-    return _function_apart(folder, name, "precise", symbol, f"int {symbol}(const void *);", ["-O0"])
+    ffi, library = _library_apart(folder, name, "precise", f"const void *{name}_precise(void);", ["-O0"])
+    return int(ffi.cast("intptr_t", getattr(library, f"{name}_precise")()))
 
 
 def four_lanes(folder: Path, name: str) -> int:
@@ -89,7 +88,8 @@ def four_lanes(folder: Path, name: str) -> int:
     ------
     NoCompilerError, CompileError
     """
-    return _function_apart(folder, name, "four", f"{name}_four", f"void {name}_four(void *);", None)
+    ffi, library = _library_apart(folder, name, "four", f"void {name}_four(void *);", None)
+    return int(ffi.cast("intptr_t", getattr(library, f"{name}_four")))
 
 
 def declarations(header: str) -> str:

@@ -63,6 +63,7 @@ class Problem:
     largest_step: float = 0.0
     most_steps: int = 0
     poor: float = 0.0
+    looked_at: float = 0.0
     integrals: tuple[int, ...] = ()
     events: tuple[tuple[int, float, int, bool], ...] = ()
     fixed: bool = False
@@ -97,7 +98,7 @@ class Problem:
         free += [system.nq + system.free_u[i] for i in range(system.nfree_u)]
         counting = np.concatenate([self.atol[free], self.atol[system.nq + system.nu :]])
         c.rtol, c.atol, c.atol_directions = self.rtol, pointer(counting), pointer(self.atol_directions)
-        c.poor = self.poor
+        c.poor, c.looked_at = self.poor, self.looked_at
         integrals = ffi.new("int[]", list(self.integrals) or [0])
         self.kept.append(integrals)
         c.nintegrals, c.integrals = len(self.integrals), integrals

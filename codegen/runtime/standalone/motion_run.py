@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -10,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from .arrays import Array
-from .errors import CompileError, NoCompilerError
-from .motion_library import four_lanes, motion_library, precise_closure
+from .errors import CompileError, NoCompilerError, SingularLoopError
+from .motion_library import four_lanes, motion_library, precise_functions
 from .motion_problem import REASONS, Problem, Run, Segment
 from .partitions import Partitions
 from .states import States
@@ -88,9 +89,9 @@ class MotionRun(States, Partitions):
         wanted = {
             "state_rates": True, "closing_step": bool(self.closure_names), "outputs": outputs,
             "state_rate_sensitivities": along or jacobian,
-            "completion_sensitivities": along and bool(self.closure_names),
+            "completion_sensitivities": (along or "second" in self._manifest) and bool(self.closure_names),
             "output_sensitivities": (along and self._gives_outputs) or bool(problem.events),
-            "coordinate_rates": bool(problem.events), "accelerations": bool(problem.events),
+            "coordinate_rates": bool(problem.events),
             "sensitivities_transposed": backwards, "output_sensitivities_transposed": backwards,
             "coordinate_rate_sensitivities_transposed": backwards and self.coordinate_names != self.speed_names,
             "completion_sensitivities_transposed": backwards and bool(self.closure_names),
@@ -114,17 +115,30 @@ class MotionRun(States, Partitions):
         here, other = segment.condition, 1 - opened.number
         there = float(self.condition(q, problem.p)[other])
         t = segment.counts["t"]
-        poor = problem.poor
-        if there * BETTER < here:
-            opened, poor = self._open(other), POOR
-        else:
-            poor = 3.0 * here  # no use in asking before it is much worse
+        better = there * BETTER < here
+        if not better and there < here * BETTER:  # where a loop loses rank with any independents
+            fast, slow = self._growth(opened, q, problem.p), self._growth(self._open(other), q, problem.p)
+            better = slow * BETTER < fast
+        if better:
+            opened = self._open(other)
         left = replace(
-            problem, start=t, q=q, u=u, dq=dq, du=du, times=problem.times[problem.times > t], poor=poor, kept=[],
+            problem, start=t, q=q, u=u, dq=dq, du=du, times=problem.times[problem.times > t],
+            looked_at=0.0 if better else here, kept=[],
             step=problem.step if problem.fixed or problem.method == "rk4" else segment.next_step,
             most_steps=max(problem.most_steps - segment.counts["steps"] - segment.counts["rejected"], 1),
         )  # fmt: skip
         return opened, left
+
+    def _growth(self, opened: Opened, q: Array, p: Array) -> float:
+        """How fast the fastest speed is for independent ones of one; infinite where a loop has lost rank."""
+        f = self._find(opened, "completion_sensitivities")
+        free = [self.speed_names.index(n) for n in opened.manifest["independent_speed_names"]]
+        units = np.eye(self.nu)[free]
+        try:
+            *_, du = opened.target.along(f, {"q": q, "u": np.zeros(self.nu), "p": p}, {"du": units}, len(free), ())
+        except SingularLoopError:
+            return math.inf
+        return float(np.abs(du).max())
 
     def _carry_integrals(self, problem: Problem, before: Array | None, rows: list[Array], last: Array) -> None:
         """Integrals, which every segment begins at zero, go on from those of the segment before."""
@@ -178,7 +192,7 @@ class MotionRun(States, Partitions):
         heads: list[Array | None] = []
         events: list[tuple[int, Array]] = []
         most = max(memory // (4 * 8 * step_size), 1)  # rows of a part: two are whole at a time, others are let go
-        places = np.empty((ROWS + len(problem.events) if problem.events else 0, size))
+        places = np.empty((ROWS + len(problem.events) if problem.events else 0, library.ordernm_event_size(c)))
         which = ffi.new("int[]", max(len(places), 1))
 
         def more_rows() -> Array:
@@ -213,7 +227,7 @@ class MotionRun(States, Partitions):
             if reason == "imprecise":
                 address = _precise(opened)
                 r.as_is = not address
-                system.precise_closing_step = ffi.cast("ordernm_function *", address)
+                system.precise = ffi.cast("const ordernm_precise *", address)
             elif reason == "full":
                 if r.count == r.capacity:
                     full.append(rows)
@@ -267,10 +281,10 @@ def _new_events(before: list[tuple[int, Array]], segment: Segment) -> list[tuple
 
 
 def _precise(opened: Opened) -> int:
-    """The address of what closes loops in long double, compiled when first asked for; 0 where that fails."""
+    """The address of the functions in long double, compiled when first asked for; 0 where that fails."""
     name = opened.manifest["name"]
     try:
-        return precise_closure(opened.folder, name)
+        return precise_functions(opened.folder, name)
     except (CompileError, NoCompilerError) as error:
         warn(f"{name}: loops are closed with less accuracy near a pose where they lose rank: {error}")
         return 0

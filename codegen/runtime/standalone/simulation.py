@@ -256,11 +256,13 @@ class Simulation(MotionRun):
         derivatives = [self._derivatives_of_rows(row, problem, k, i) for i in (1, 2, 3)]
         inputs = problem.inputs.at(t)
         given = (values[0], values[1], problem.p, inputs, t)
-        qdot, udot = (self._values(n, state(*given))[0] for n in ("coordinate_rates", "accelerations"))
+        (qdot,) = self._values("coordinate_rates", state(*given))
+        udot, pace = row[-self.nu - 1 : -1], float(row[-1])
         _, rate = self._along(
             "output_sensitivities", state(*given), seeds(qdot, udot, None, problem.inputs.rate(t), 1.0)
         )
-        return crossing(event, self.output_names.index(event.output), t, values, derivatives, (qdot, udot, rate[0]))
+        rates = (qdot, udot, rate[0])
+        return crossing(event, self.output_names.index(event.output), t, values, derivatives, rates, pace)
 
     def _energies_over(self, t: Array, q: Array, u: Array, problem: Problem) -> Array:
         """Kinetic and potential energy over time, (nt, 2)."""

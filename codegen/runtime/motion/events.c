@@ -1,0 +1,315 @@
+/* Events: outputs that cross a level within a step, when they do, and a step that ends there. */
+#include "inside.h"
+
+#include <math.h>
+#include <string.h>
+
+/* How far an output is from the level that it has just crossed: behind it, whatever rounding says. */
+static const double BEHIND = 1e-300;
+
+/* A level that is crossed twice within a step shows at neither end: outputs are looked at in between, too, and where they come
+ * nearest to the level, if a parabola says that they may come so near. */
+enum { PARTS = EVENT_SAMPLES + 1, NEARER = 24 };
+static const double NEAR = 0.25;
+
+/* Beside a pose where a loop loses rank, in parts of the step. */
+static const double CUT_BEHIND = 0.1;
+
+long ordernm_event_size(const ordernm_problem *p)
+{
+    return ordernm_row_size(p) + p->system->nu + 1;
+}
+
+/* Outputs at a state, less the levels of events. Returns what a function returned. */
+int ordernm_crossings(ordernm_motion *m, double t, const double *z, double *g)
+{
+    const ordernm_problem *const p = m->problem;
+    ordernm_call c = ordernm_arguments(m, t, z);
+    int status = ordernm_close_loops(m, &c);
+    if (status) c = ordernm_arguments(m, t, z); /* where a loop has lost rank, as the step has predicted */
+    c.outputs = m->outputs;
+    if ((status = m->system->outputs(&c))) return status;
+    for (int i = 0; i < p->nevents; ++i) g[i] = m->outputs[p->events[i].output] - p->events[i].level;
+    return 0;
+}
+
+static int crosses(const ordernm_event *e, double before, double after)
+{
+    return (e->direction >= 0 && before < 0.0 && after >= 0.0) || (e->direction <= 0 && before > 0.0 && after <= 0.0);
+}
+
+static int within(ordernm_motion *m, double h, double part, double *g)
+{
+    m->method->interpolate(m, h, part, m->trial);
+    return ordernm_crossings(m, m->t + part*h, m->trial, g);
+}
+
+/* Where an output comes nearest to its level between three places, of which the middle one is nearest (R. Brent's way, shortened: the
+ * vertex of a parabola, or the larger part cut). It ends behind the level, if that is crossed. */
+static int nearest(ordernm_motion *m, double h, int e, double at[3], double g[3])
+{
+    const double sign = g[1] > 0.0 ? 1.0 : -1.0;
+    for (int n = 0; n < NEARER && sign*g[1] > 0.0 && at[2] - at[0] > 1e-9; ++n) {
+        const double a = (g[1] - g[0])/(at[1] - at[0]), b = (g[2] - g[1])/(at[2] - at[1]), bend = (b - a)/(at[2] - at[0]);
+        const double vertex = 0.5*(at[0] + at[1]) - 0.5*a/bend;
+        const double wide = at[2] - at[1] > at[1] - at[0] ? at[1] + 0.38*(at[2] - at[1]) : at[1] - 0.38*(at[1] - at[0]);
+        const double least = 1e-3*(at[2] - at[0]);
+        double next = vertex > at[0] + least && vertex < at[2] - least && n%4 != 3 ? vertex : wide;
+        if (fabs(next - at[1]) < 1e-9) next = at[1] + (at[2] - at[1] > at[1] - at[0] ? 1e-9 : -1e-9);
+        const int status = within(m, h, next, m->within);
+        if (status) return status;
+        const double of = m->within[e];
+        const int to_the_right = next > at[1], better = sign*of < sign*g[1];
+        const int replaced = better == to_the_right ? 0 : 2;
+        if (better) {
+            at[replaced] = at[1], g[replaced] = g[1];
+            at[1] = next, g[1] = of;
+        } else {
+            at[replaced] = next, g[replaced] = of;
+        }
+    }
+    return 0;
+}
+
+/* The first part of a step in which an output crosses its level: its ends, and outputs there. 0 if there is none; else 1, or what a
+ * function returned, less 1 where that is negative. */
+static int bracket(ordernm_motion *m, double h, int e, double at[2], double g[2], int *found)
+{
+    const ordernm_event *const of = m->problem->events + e;
+    const long n = m->problem->nevents;
+    double x[PARTS + 1], y[PARTS + 1];
+    for (int i = 0; i <= PARTS; ++i) {
+        x[i] = (double)i/PARTS;
+        y[i] = i == 0 ? m->crossing[e] : i == PARTS ? m->after[e] : m->samples[(i - 1)*n + e];
+    }
+    *found = 0;
+    for (int i = 0; i < PARTS && !*found; ++i) {
+        if (i > 0 && y[i]*y[i - 1] > 0.0 && y[i]*y[i + 1] > 0.0 && fabs(y[i]) <= fabs(y[i - 1]) && fabs(y[i]) <= fabs(y[i + 1])) {
+            double place[3] = {x[i - 1], x[i], x[i + 1]}, value[3] = {y[i - 1], y[i], y[i + 1]};
+            const double a = y[i] - y[i - 1], b = y[i + 1] - y[i], bend = b - a, slope = 0.5*(a + b);
+            const double vertex = bend != 0.0 ? y[i] - 0.5*slope*slope/bend : y[i];
+            if (vertex*y[i] <= NEAR*y[i]*y[i]) {
+                const int status = nearest(m, h, e, place, value);
+                if (status) return status;
+                if (value[1]*y[i] <= 0.0) { /* twice, the first time before its turn */
+                    const int first = crosses(of, value[0], value[1]);
+                    at[0] = place[first ? 0 : 1], g[0] = value[first ? 0 : 1];
+                    at[1] = place[first ? 1 : 2], g[1] = value[first ? 1 : 2];
+                    *found = crosses(of, g[0], g[1]);
+                    continue;
+                }
+            }
+        }
+        if (crosses(of, y[i], y[i + 1])) {
+            at[0] = x[i], at[1] = x[i + 1];
+            g[0] = y[i], g[1] = y[i + 1];
+            *found = 1;
+        }
+    }
+    return 0;
+}
+
+/* The first event within the step that was made, as a part of it; 2 if there is none (A. Dekker's bisection and secants on the
+ * interpolant, the Illinois way). */
+static int locate(ordernm_motion *m, double h, double *first, int *which)
+{
+    const ordernm_problem *const p = m->problem;
+    *first = 2.0;
+    for (int e = 0; e < p->nevents; ++e) {
+        double ends[2], values[2];
+        int found;
+        m->part[e] = 2.0;
+        int status = bracket(m, h, e, ends, values, &found);
+        if (status) return status;
+        if (!found || ends[0] > *first) continue;
+        if (*first < ends[1] && m->at_first[e]*values[0] > 0.0) continue; /* not crossed yet when the first one is */
+        double low = ends[0], high = ends[1], g_low = values[0], g_high = values[1];
+        for (int n = 0; n < 60 && high - low > 1e-14; ++n) {
+            const int halve = n > 16 || n%8 == 7 || fabs(g_low) <= BEHIND; /* of which the sign is known only */
+            double at = halve ? 0.5*(low + high) : high - g_high*(high - low)/(g_high - g_low);
+            if (!(at > low && at < high)) at = 0.5*(low + high);
+            if (within(m, h, at, m->within)) { /* a loop has lost rank there, and speeds have no value */
+                at += 0.3*(high - at);
+                if (within(m, h, at, m->within)) m->within[e] = 0.0;
+            }
+            const double g = m->within[e];
+            if (g == 0.0) {
+                low = high = at;
+            } else if ((g > 0.0) == (g_high > 0.0)) {
+                high = at;
+                g_high = g;
+                g_low *= 0.5;
+            } else {
+                low = at;
+                g_low = g;
+                g_high *= 0.5;
+            }
+        }
+        m->part[e] = high;
+        if (high < *first) {
+            if (within(m, h, high, m->at_first)) memset(m->at_first, 0, p->nevents*sizeof(double));
+            *first = high;
+            *which = e;
+            for (int i = 0; i < 2; ++i) m->around_event[i] = ends[i]*h;
+            const int far = fabs(values[1]) > fabs(values[0]); /* the nearer one may be known by its sign only */
+            m->beside_event[0] = m->around_event[far];
+            m->beside_event[1] = values[far];
+        }
+    }
+    return 0;
+}
+
+/* A step to where an event may be; an implicit one may not be found, or not along directions. */
+static int step_of_size(ordernm_motion *m, double h)
+{
+    double error;
+    const int status = m->method->step(m, h, &error);
+    return !status && m->method->gives_rate && !(error <= 1.0) ? -1 : status;
+}
+
+static int rates_at_end(ordernm_motion *m, double h)
+{
+    return m->method->gives_rate ? 0 : ordernm_rates(m, m->t + h, m->next, m->rate[m->method->stages]);
+}
+
+/* Makes the step again so that it ends where an event happens: its size by secants on what steps of other sizes end at. */
+static int step_to_event(ordernm_motion *m, int e, double *h)
+{
+    double size = *h, before = m->beside_event[0], g_before = m->beside_event[1], best = INFINITY, found = *h;
+    for (int n = 0; n < 8; ++n) {
+        int status = step_of_size(m, size);
+        if (!status) status = ordernm_crossings(m, m->t + size, m->next, m->within);
+        if (status) return status;
+        const double g = m->within[e];
+        if (!(fabs(g) < best)) break;
+        best = fabs(g);
+        found = size;
+        if (g == 0.0 || g == g_before) break;
+        const double next = size - g*(size - before)/(g - g_before);
+        before = size;
+        g_before = g;
+        if (!(next > m->around_event[0] && next <= m->around_event[1]) || fabs(next - size) <= 2e-16*size) break;
+        size = next;
+    }
+    const int status = step_of_size(m, found);
+    *h = found;
+    return status;
+}
+
+/* Outputs between the ends of the step. */
+static int take_samples(ordernm_motion *m, double h)
+{
+    int status = m->method->complete(m, h);
+    if (status) return status;
+    m->complete = 1;
+    for (int i = 1; i < PARTS; ++i)
+        if ((status = within(m, h, (double)i/PARTS, m->samples + (i - 1)*m->problem->nevents))) return status;
+    return 0;
+}
+
+/* How fast an event's output changes in the step, on the whole. */
+static double pace(const ordernm_motion *m, double h, int e)
+{
+    double low = m->crossing[e], high = low;
+    for (int i = 1; i < PARTS; ++i) {
+        const double g = m->samples[(i - 1)*m->problem->nevents + e];
+        low = fmin(low, g), high = fmax(high, g);
+    }
+    return (high - low)/h;
+}
+
+/* What is kept of an event at a state: a row of results, accelerations, and room for how fast the output changes otherwise. */
+static int describe(ordernm_motion *m, double t, const double *z, double *row)
+{
+    const ordernm_system *const s = m->system;
+    int status = ordernm_report(m, t, z, row);
+    if (!status) status = ordernm_rates_of(m, t, z, m->trial, 0, 0, RATES);
+    if (!status) memcpy(row + ordernm_row_size(m->problem), m->identity ? m->trial + s->nq : m->udot, s->nu*sizeof(double));
+    return status;
+}
+
+/* An event is where a loop has lost rank, and no step can end there. What it is, is found beside it; a motion that does not stop there
+ * makes its step to somewhere behind. */
+static int event_at_pose(ordernm_motion *m, double whole, double part, trial *step)
+{
+    const ordernm_problem *const p = m->problem;
+    step->h = part*whole;
+    step->event_time = m->t + step->h;
+    int stop = 0, status = ordernm_beside(m, step->h, describe, ordernm_event_size(p) - 1);
+    if (status) return status;
+    double cut = fmin(part + CUT_BEHIND, 1.0);
+    for (int e = 0; e < p->nevents; ++e) {
+        if (m->part[e] <= part + 1e-13) stop |= p->events[e].stop;
+        else if (m->part[e] < cut) cut = 0.5*(part + m->part[e]);
+    }
+    if (stop && m->results->steps) return -1; /* this end is not a step's, and the adjoint would not know */
+    step->at_pose = stop;
+    if (stop) return 0;
+    step->h = whole*cut;
+    if ((status = step_of_size(m, step->h))) return status;
+    if ((status = rates_at_end(m, step->h))) return status;
+    return ordernm_crossings(m, m->t + step->h, m->next, m->after);
+}
+
+/* Looks for events in the step that was made; if there is one, the step ends there. */
+int ordernm_look_for_events(ordernm_motion *m, trial *step)
+{
+    const ordernm_problem *const p = m->problem;
+    const double whole = step->h;
+    double part;
+    m->row_known = 0;
+    int status = ordernm_crossings(m, m->t + whole, m->next, m->after);
+    if (!status) status = take_samples(m, whole);
+    if (!status) status = locate(m, whole, &part, &step->event);
+    if (status || step->event < 0) return status;
+    for (int e = 0; e < p->nevents; ++e) m->paces[e] = pace(m, whole, e);
+    m->complete = 0;
+    status = within(m, whole, part, m->within);
+    if (m->nd && (status || m->results->condition_here > m->too_poor)) {
+        if ((status = event_at_pose(m, whole, part, step))) return status;
+    } else {
+        step->h = part*whole;
+        if ((status = step_to_event(m, step->event, &step->h))) return status;
+        step->event_time = m->t + step->h;
+        if ((status = rates_at_end(m, step->h))) return status;
+        if ((status = ordernm_crossings(m, m->t + step->h, m->next, m->after))) return status;
+    }
+    /* it is behind now, on whichever side rounding has left it, and so are others that happened at the same time; those that
+     * have happened just before stay behind */
+    for (int e = 0; e < p->nevents; ++e) {
+        if (m->part[e] <= part + 1e-13 || (m->after[e] == 0.0 && crosses(p->events + e, m->crossing[e], m->after[e]))) {
+            const double behind = p->events[e].direction ? p->events[e].direction : m->crossing[e] < 0.0 ? 1.0 : -1.0;
+            m->happened[e] = 1.0;
+            if (!(m->row_known && m->after[e]*behind > 0.0)) m->after[e] = behind*BEHIND;
+        } else {
+            m->happened[e] = 0.0;
+            if (fabs(m->crossing[e]) == BEHIND && part < 1e-9) m->after[e] = m->crossing[e];
+        }
+    }
+    for (int e = 0; e < p->nevents; ++e) /* events of other directions are on the same side */
+        for (int f = 0; m->happened[e] > 0.0 && f < p->nevents; ++f)
+            if (m->happened[f] == 0.0 && p->events[f].output == p->events[e].output && p->events[f].level == p->events[e].level)
+                m->after[f] = m->after[e];
+    return 0;
+}
+
+/* Events that the step ends with, several if they happen at the same time; whether the motion stops there. */
+int ordernm_keep_events(ordernm_motion *m, const trial *step, int *stop)
+{
+    const ordernm_problem *const p = m->problem;
+    ordernm_results *const r = m->results;
+    const long size = ordernm_event_size(p);
+    *stop = 0;
+    for (int e = 0; step->event >= 0 && e < p->nevents; ++e) {
+        if (m->happened[e] == 0.0) continue;
+        *stop |= p->events[e].stop;
+        if (!r->events) continue;
+        double *const row = r->events + r->events_count*size;
+        const int status = m->row_known ? 0 : describe(m, step->event_time, m->next, row);
+        if (status) return status;
+        if (m->row_known) memcpy(row, m->known_row, (size - 1)*sizeof(double));
+        row[size - 1] = m->paces[e];
+        r->which[r->events_count++] = e;
+    }
+    return 0;
+}

@@ -1,0 +1,126 @@
+/* Poses where a loop loses rank, such as a parallelogram's when it is flat: a motion passes them between the stages of a step.
+ *
+ * Near such a pose the closure's condition is as 1/|t - pose|, and rounding changes accelerations by its square or cube. A method's
+ * stages need not come near: the pose is found from the conditions that the stages of a tried step have, and the step is made again
+ * so that the pose lies in the widest gap between them. */
+#include "inside.h"
+
+#include <math.h>
+#include <string.h>
+
+/* What may be left of inverse conditions about a line where they are those beside a pose: poor ones that stay poor are not. */
+static const double STRAIGHT = 0.03;
+
+/* A straight line through so many points; where it is zero. Returns the squares of what is left, in units of the values. */
+static double zero_of_line(const double *t, const double *s, int n, double *zero)
+{
+    double mean_t = 0.0, mean_s = 0.0, tt = 0.0, ts = 0.0, ss = 0.0;
+    for (int i = 0; i < n; ++i) mean_t += t[i]/n, mean_s += s[i]/n;
+    for (int i = 0; i < n; ++i) {
+        tt += (t[i] - mean_t)*(t[i] - mean_t);
+        ts += (t[i] - mean_t)*(s[i] - mean_s);
+        ss += (s[i] - mean_s)*(s[i] - mean_s);
+    }
+    if (!(tt > 0.0) || ts == 0.0) return INFINITY;
+    *zero = mean_t - mean_s*tt/ts;
+    return (ss - ts*ts/tt)/ss;
+}
+
+/* After a step was tried: if one of its stages had too poor a condition, when the pose is that makes it so. There the inverse of the condition changes sign, which it does not show: each place for it next to the poorest stage
+ * is tried, and that one taken where the inverses are straightest. */
+void ordernm_find_pose(ordernm_motion *m, double h)
+{
+    const int end = m->method->stages;
+    double time[MOST_STAGES], inverse[MOST_STAGES];
+    int n = 0;
+    for (int i = 0; i <= end; ++i) {
+        if (!(m->conditions[i] > 0.0) || (i == end - 1 && m->conditions[end] > 0.0)) continue; /* both are at the end */
+        const double t = m->method->times[i]*h;
+        int at = n++;
+        for (; at > 0 && time[at - 1] > t; --at) time[at] = time[at - 1], inverse[at] = inverse[at - 1];
+        time[at] = t;
+        inverse[at] = 1.0/m->conditions[i];
+    }
+    int worst = 0;
+    for (int i = 1; i < n; ++i)
+        if (!(inverse[i] >= inverse[worst])) worst = i;
+    if (n < 3 || inverse[worst]*m->too_poor > 1.0) return;
+    const int first = worst > 2 ? worst - 2 : 0, last = worst + 2 < n ? worst + 2 : n - 1;
+    double straightest = STRAIGHT, found = -INFINITY;
+    for (int sign = worst; sign <= worst + 1; ++sign) { /* behind it the inverse is positive */
+        double s[5], zero = -INFINITY;
+        for (int i = first; i <= last; ++i) s[i - first] = i < sign ? -inverse[i] : inverse[i];
+        const double left = zero_of_line(time + first, s, last - first + 1, &zero);
+        if (left < straightest) straightest = left, found = zero;
+    }
+    if (found > -INFINITY) m->pose = m->t + found;
+}
+
+/* The size of a step that would be h, where a pose is near. A method of constant steps makes one that is shorter. */
+double ordernm_step_at_pose(const ordernm_motion *m, double h, double wall)
+{
+    const double gap = m->method->gap, left = m->pose - m->t, centred = left/gap;
+    if (!(left > 1e-3*h) || h < 0.6*left || m->pose > wall - 0.05*left) return h;
+    if (!m->adaptive) {
+        const double part = left/h;
+        if (fabs(part - gap) < 0.05 || fabs(part - 1.0 + gap) < 0.05) return h;
+        return part > gap + 0.1 ? left - gap*h : left/(1.0 - gap);
+    }
+    return centred <= 1.05*h && m->t + centred <= wall ? centred : 0.5*left;
+}
+
+/* ---- Results at such a pose. ---- */
+
+/* Places beside one, in parts of the step, and weights of what is there: of Lagrange's polynomials through all six and through the
+ * inner four. */
+static const double OFFSETS[BESIDE] = {-0.03, -0.02, -0.01, 0.01, 0.02, 0.03};
+static const double SIX[BESIDE] = {0.05, -0.3, 0.75, 0.75, -0.3, 0.05}, FOUR[BESIDE] = {0.0, -1.0/6, 4.0/6, 4.0/6, -1.0/6, 0.0};
+
+/* How far both may be apart, in parts of the value; derivatives that differ by more have none there. */
+static const double SAME = 1e-6;
+
+/* Of the rows and states beside the pose, those at it. Returns -1 if values have none. */
+static int at_pose(ordernm_motion *m, double t, long size)
+{
+    const ordernm_problem *const p = m->problem;
+    const long values = 1 + m->system->nq + m->system->nu + m->system->noutputs + m->nx, derivatives = ordernm_row_size(p);
+    for (long i = 0; i < size; ++i) {
+        double six = 0.0, four = 0.0;
+        for (int j = 0; j < BESIDE; ++j) six += SIX[j]*m->beside[j*size + i], four += FOUR[j]*m->beside[j*size + i];
+        const int same = fabs(six - four) <= SAME*(1.0 + fabs(six));
+        if (!same && i < values) return -1;
+        m->known_row[i] = same || i >= derivatives ? six : NAN;
+    }
+    m->known_row[0] = t;
+    m->row_known = 1;
+    return 0;
+}
+
+/* What a row, and the state, would be at the end of a step of size h: loops have lost rank there, but the motion is smooth, and it is
+ * known beside. Returns -1 too if those steps are too large. */
+int ordernm_beside(ordernm_motion *m, double h, ordernm_describing *describe, long size)
+{
+    memset(m->at_pose, 0, m->size*sizeof(double));
+    for (int j = 0; j < BESIDE; ++j) {
+        const double made = h*(1.0 + OFFSETS[j]);
+        double error;
+        int status = m->method->step(m, made, &error);
+        if (!status) status = describe(m, m->t + made, m->next, m->beside + j*size);
+        if (status || !(error <= 1.0 || m->problem->fixed)) return status ? status : -1;
+        for (long i = 0; i < m->size; ++i) m->at_pose[i] += SIX[j]*m->next[i];
+    }
+    memcpy(m->next, m->at_pose, m->size*sizeof(double));
+    return at_pose(m, m->t + h, size);
+}
+
+/* The same within the step that was made, which stays. */
+int ordernm_beside_within(ordernm_motion *m, double h, double part, long size)
+{
+    for (int j = 0; j < BESIDE; ++j) {
+        const double at = part + OFFSETS[j];
+        m->method->interpolate(m, h, at, m->trial);
+        const int status = ordernm_report(m, m->t + at*h, m->trial, m->beside + j*size);
+        if (status) return status;
+    }
+    return at_pose(m, m->t + part*h, size);
+}

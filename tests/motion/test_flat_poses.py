@@ -1,0 +1,135 @@
+"""Poses where loops lose rank: the N-four-bar A02 of the IFToMM library through the pose where all its links are in one line.
+
+Its motion is that of one pendulum, phi'' = c sin phi from the upright, so everything is known in closed form; numbers are
+those of Jacobi's functions in 40 digits.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from motion.models import EXAMPLES, Made, example, parsed
+
+from codegen.runtime import Event
+
+FLAT = (0.714355529292960472, 1.228159393314123211, 2.656870451900044156, 3.170674315921206895)
+"""When A02 of N = 2 is flat, s."""
+
+C = 9.81 * 3.5 / 3
+SPEED = np.sqrt(1 + 2 * C)
+"""Of all cranks when it is flat first, rad/s."""
+
+AT_TEN = 0.32845811154081538
+"""x of B0 at 10 s, N = 2."""
+
+AT_TWENTY = 0.41090115376294522
+"""x of B0 at 20 s, N = 40."""
+
+
+def turned(count: int, angles: tuple[float, float, float]) -> str:
+    """A02 with so many loops, its plane turned about z, x and z by angles, rad."""
+    text = (EXAMPLES / "n_four_bar.yaml").read_text(encoding="utf-8").replace("{N: 2}", f"{{N: {count}}}")
+    (ca, cb, cc), (sa, sb, sc) = np.cos(angles), np.sin(angles)
+    about_z = np.array([[ca, -sa, 0], [sa, ca, 0], [0, 0, 1]])
+    about_x = np.array([[1, 0, 0], [0, cb, -sb], [0, sb, cb]])
+    R = about_z @ about_x @ np.array([[cc, -sc, 0], [sc, cc, 0], [0, 0, 1]])
+    x, y = (", ".join(repr(float(e)) for e in R[:, i]) for i in (0, 1))
+    a, b, c = angles
+    rotate = f"rotate: [{{axis: z, angle: {a!r}}}, {{axis: x, angle: {b!r}}}, {{axis: z, angle: {c!r}}}]"
+    along = ", ".join(f"{float(e)!r}*k*length" for e in R[:, 0])
+    for old, new in (
+        ("joint: {type: revolute, axis: -z}\n    shape: {type: rod, axis: y, length: length, mass: mass_crank",
+         f"joint: {{type: revolute, axis: -z, {rotate}}}\n    shape: {{type: rod, axis: y, length: length, mass: mass_crank"),
+        ("at: [k*length, 0, 0]}", f"at: [{along}], {rotate}}}"),
+        ("gravity: [0, -g, 0]", f"gravity: [{', '.join(f'{-float(e)!r}*g' for e in R[:, 1])}]"),
+    ):  # fmt: skip
+        assert text.count(old) == 1
+        text = text.replace(old, new)
+    return text.replace("axis: x}\n  y", f"axis: [{x}]}}\n  y").replace("axis: y}\n  vx", f"axis: [{y}]}}\n  vx")
+
+
+def cranks(found: Any, row: int) -> np.ndarray:
+    """Speeds of cranks and, with the other sign, of couplers."""
+    return np.array(
+        [found[f"u.{n}"][row] for n in ("crank_0", "crank_1", "crank_2")]
+        + [-found[f"u.coupler_{k}"][row] for k in (1, 2)]
+    )
+
+
+@pytest.fixture(scope="module")
+def flat(made: Callable[..., Made]) -> Any:
+    return made(example, "n_four_bar").solver
+
+
+def test_no_tolerance_ends_on_another_branch(flat: Any) -> None:
+    """Errors at 10 s, after ten passages, follow the tolerance down to 1e-13."""
+    for tolerance in np.logspace(-5, -13, 33):
+        found = flat.simulate([0.0, 10.0], rtol=tolerance, atol=tolerance)
+        # a step of more than a radian may be off by a hundred times what it is allowed, here or in any pendulum
+        assert abs(found["x"][-1] - AT_TEN) < 1e4 * tolerance, tolerance
+        np.testing.assert_allclose(cranks(found, -1), found["u.crank_0"][-1], rtol=0, atol=1e-9)
+        assert found.stats["evaluations"] < 6000, tolerance
+    assert abs(flat.simulate([0.0, 10.0], rtol=1e-12, atol=1e-12)["x"][-1] - AT_TEN) < 1e-9
+
+
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-9, 1e-12])
+def test_an_event_at_the_pose(flat: Any, tolerance: float) -> None:
+    """The tip passes the height of the pivots as all links are in one line."""
+    found = flat.simulate(3.3, events=Event("y", 0.0, stop=False), rtol=tolerance, atol=tolerance)
+    np.testing.assert_allclose([e.t for e in found.events], FLAT, rtol=0, atol=100 * tolerance)
+    first = found.events[0]
+    np.testing.assert_allclose(np.abs(first.u), SPEED, rtol=0, atol=20 * tolerance)
+    assert first.rates[flat.output_names.index("y")] == pytest.approx(-SPEED, abs=20 * tolerance)
+    assert first.outputs[0] == pytest.approx(1.0, abs=1e-10)
+    (last,) = flat.simulate(3.3, events="y", sensitivities=("g", "v0"), rtol=tolerance, atol=tolerance).events
+    assert last.t == pytest.approx(FLAT[0], abs=20 * tolerance)
+    # speed^2 = v0^2 + 2 c cos, at the pose for any g and v0
+    np.testing.assert_allclose(last.du[:, 0], [C / 9.81 / SPEED, 1 / SPEED], rtol=0, atol=1e-7 + 3e3 * tolerance)
+
+
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-9, 1e-12])
+def test_results_at_the_pose(flat: Any, tolerance: float) -> None:
+    """As a time among others, and as the last one."""
+    for times in ([0.0, FLAT[0], 1.0], [0.0, FLAT[0]], FLAT[0]):
+        found = flat.simulate(times, rtol=tolerance, atol=tolerance)
+        at = int(np.flatnonzero(found.t == FLAT[0])[0])
+        np.testing.assert_allclose(cranks(found, at), SPEED, rtol=0, atol=20 * tolerance)
+        np.testing.assert_allclose(np.abs(found.q[at]), np.pi / 2, rtol=0, atol=20 * tolerance)
+        assert found.ended == "finished"
+    assert found.t[-1] == FLAT[0]
+
+
+@pytest.mark.parametrize("parts", [50, 100, 150])
+def test_constant_steps_that_meet_the_pose(flat: Any, parts: int) -> None:
+    """One step is shorter, so that no stage is at the pose."""
+    at_one = -0.19502030194943509
+    h = FLAT[0] / parts
+    found = flat.simulate(1.0, method="rk4", step=h, events=Event("y", stop=False))
+    assert found["x"][-1] == pytest.approx(at_one, abs=6 * h**4)
+    assert [e.t for e in found.events] == pytest.approx(FLAT[:1], abs=h**4)
+    sizes = np.diff(found.t[:-1])
+    assert np.sum(np.abs(sizes - h) > 1e-9) <= 3
+
+
+def test_radau_passes_too(flat: Any) -> None:
+    found = flat.simulate([0.0, 10.0], method="radau", rtol=1e-10, atol=1e-10)
+    assert abs(found["x"][-1] - AT_TEN) < 1e-6
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(("count", "end", "expected"), [(2, 10.0, AT_TEN), (40, 20.0, AT_TWENTY)])
+def test_in_random_orientations(made: Callable[..., Made], count: int, end: float, expected: float, seed: int) -> None:
+    """1e-8 in x at a tolerance of 1e-12; at others no branch but the right one."""
+    angles = tuple(float(a) for a in np.random.default_rng(seed).uniform(-3, 3, 3))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        solver = made(parsed, turned(count, angles)).solver
+    assert abs(solver.simulate([0.0, end], rtol=1e-12, atol=1e-12)["x"][-1] - expected) < 1e-8
+    for tolerance in np.logspace(-5, -13, 17):
+        found = solver.simulate([0.0, end], rtol=tolerance, atol=tolerance)
+        assert abs(found["x"][-1] - expected) < 1e-8 + (1e4 if count == 2 else 5e4) * tolerance, tolerance
