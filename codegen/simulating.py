@@ -160,12 +160,11 @@ def simulate(options: argparse.Namespace, status: StatusLine, remarks: list[str]
 
 def _met_dead_point(solver: Solver, trajectory: Trajectory) -> bool:
     """Whether the motion has ended where a second choice of independent coordinates may serve."""
-    from .runtime.standalone.simulation import HARDLY_DETERMINED
+    from .runtime.standalone.simulation import DEAD_POINT
     from .runtime.standalone.trajectory import FINISHED, INTERRUPTED
 
     over = trajectory.ended in (FINISHED, INTERRUPTED, "event")
-    condition: float = trajectory.stats.get("condition", 0.0)
-    return not over and len(solver.partitions) == 1 and condition > HARDLY_DETERMINED
+    return not over and len(solver.partitions) == 1 and DEAD_POINT in trajectory.ended
 
 
 @contextlib.contextmanager

@@ -32,6 +32,9 @@ SMALLEST_TOLERANCE = 1e-14
 UNDETERMINED = 1e-4
 """The constant of that name in ``state.c``."""
 
+DEAD_POINT = "as at a dead point"
+"""Words in the reason why a motion ended where other independent coordinates may serve."""
+
 HARDLY_DETERMINED = 1e6
 """Condition of loops from which on an early end is said to have to do with it."""
 
@@ -303,7 +306,7 @@ class Simulation(MotionRun):
         )
         return (
             f"{self._cause(problem, run)}. The dependent coordinates were hardly determined there (condition "
-            f"{condition:.2g}), as at a dead point: {way}"
+            f"{condition:.2g}), {DEAD_POINT}: {way}"
         )
 
     def _cause(self, problem: Problem, run: Run) -> str:
