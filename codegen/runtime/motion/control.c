@@ -79,7 +79,7 @@ static size_t lay_out(const ordernm_problem *p, void *at)
     for (int i = 0; i < m->method->all; ++i) m->rate[i] = ordernm_numbers(&of, m->size);
     double **states[] = {&m->z, &m->next, &m->trial, &m->zeros, m->error, m->error + 1, &m->at_pose};
     for (size_t i = 0; i < sizeof states/sizeof *states; ++i) *states[i] = ordernm_numbers(&of, m->size);
-    for (int i = 0; i < 4; ++i) m->probe[i] = ordernm_numbers(&of, m->nd ? m->values : 0);
+    for (int i = 0; i < 5; ++i) m->probe[i] = ordernm_numbers(&of, m->nd ? m->values : 0);
     m->work = ordernm_numbers(&of, s->workspace);
     if (s->closing_step)
         m->precise_work = ordernm_take(&of, precise_numbers(s)*sizeof(long double));

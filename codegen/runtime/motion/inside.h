@@ -113,7 +113,7 @@ struct ordernm_motion {
     double hopeless;          /* condition from which on results are those beside the pose */
     double *known_row, *beside; /* such a row, and those that it is made of */
     double *at_pose;          /* a state like that */
-    double *probe[4];         /* [values]; see ordernm_undetermined */
+    double *probe[5];         /* [values]; see ordernm_undetermined */
     int row_known;
     double pose;              /* when a loop will lose rank, as far as that is known; else -INFINITY */
     double looked_at;         /* see ordernm_problem */

@@ -365,9 +365,10 @@ int ordernm_jumped(const ordernm_motion *m, const double *z)
     return 0;
 }
 
-/* What may be left undetermined of dependent speeds, in parts of the largest; and errors of independent ones, in parts of 1 and of
- * themselves, that there are near such poses even where tolerances allow less, by rounding. */
-static const double UNDETERMINED = 1e-4, BY_ROUNDING = 1e-8;
+/* What may be left undetermined of dependent speeds, in parts of the largest, and by how much errors must have been made larger, for
+ * loose tolerances alone say nothing of poses; and errors of independent speeds, in parts of 1 and of themselves, that there are
+ * near such poses even where tolerances allow less, by rounding. */
+static const double UNDETERMINED = 1e-4, ENLARGED = 1e3, BY_ROUNDING = 1e-8;
 
 /* At a dead point of the independent coordinates their speeds vanish while dependent ones go on, and say nothing of these. Where a
  * loop itself loses rank dependent speeds follow the independent ones all the same. Which it is shows by how far dependents move if
@@ -376,13 +377,14 @@ int ordernm_undetermined(ordernm_motion *m)
 {
     const ordernm_problem *const p = m->problem;
     const ordernm_system *const s = m->system;
-    double *const z = m->probe[0], *const here = m->probe[1], *const there = m->probe[2], *const error = m->probe[3];
+    double *const z = m->probe[0], *const here = m->probe[1], *const there = m->probe[2], *const error = m->probe[3],
+        *const gain = m->probe[4];
     const long first = m->ny + m->nx;
     memcpy(z, m->z, m->values*sizeof(double));
     if (ordernm_rates_of(m, m->t, z, here, 0, 0, RATES | KNOWN_CLOSED)) return 0;
     double fastest = 0.0;
     for (int i = 0; i < m->nd; ++i) {
-        error[i] = 0.0;
+        error[i] = gain[i] = 0.0;
         if (fabs(here[first + i]) > fastest) fastest = fabs(here[first + i]);
     }
     for (int k = s->nfree_q; k < m->ny; ++k) {
@@ -391,10 +393,14 @@ int ordernm_undetermined(ordernm_motion *m)
         z[k] = m->z[k] + change;
         if (ordernm_rates_of(m, m->t, z, there, 0, 0, RATES | KNOWN_CLOSED)) return 0;
         z[k] = m->z[k];
-        for (int i = 0; i < m->nd; ++i) error[i] += fabs(there[first + i] - here[first + i])/change*allowed;
+        for (int i = 0; i < m->nd; ++i) {
+            const double moved = fabs(there[first + i] - here[first + i])/change;
+            error[i] += moved*allowed;
+            gain[i] += moved*size;
+        }
     }
     for (int i = 0; i < m->nd; ++i)
-        if (error[i] > UNDETERMINED*fastest) return 1;
+        if (error[i] > UNDETERMINED*fastest && gain[i] > ENLARGED*fastest) return 1;
     return 0;
 }
 
