@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from .model import Model, ModelBuilder, ModelError, load_model, parse_model
     from .reporting import report
     from .runtime import Solver, Trajectory, load, load_trajectory
+    from .runtime.design_sweep import Sweep, sweep
     from .runtime.fitting import Fit, fit
     from .runtime.load_cases import LoadCases, load_cases
     from .runtime.many_motions import Motions, simulate_many
@@ -27,9 +28,9 @@ if TYPE_CHECKING:
     from .summary import Report
 
 __all__ = [
-    "Fit", "LoadCases", "Model", "ModelBuilder", "ModelError", "Motions", "Objective", "Report", "Solver", "Trajectory",
-    "Variable", "__version__", "fit", "generate", "load", "load_cases", "load_model", "load_trajectory", "objective", "optimize",
-    "parse_model", "report", "simulate_many",
+    "Fit", "LoadCases", "Model", "ModelBuilder", "ModelError", "Motions", "Objective", "Report", "Solver", "Sweep",
+    "Trajectory", "Variable", "__version__", "fit", "generate", "load", "load_cases", "load_model", "load_trajectory",
+    "objective", "optimize", "parse_model", "report", "simulate_many", "sweep",
 ]  # fmt: skip
 
 _PLACES = {
@@ -39,7 +40,7 @@ _PLACES = {
     "Fit": "runtime.fitting", "fit": "runtime.fitting", "LoadCases": "runtime.load_cases", "load_cases": "runtime.load_cases",
     "Motions": "runtime.many_motions", "simulate_many": "runtime.many_motions", "Objective": "runtime.objective",
     "objective": "runtime.objective", "optimize": "runtime.optimizing", "report": "reporting",
-    "Variable": "runtime.variables",
+    "Sweep": "runtime.design_sweep", "sweep": "runtime.design_sweep", "Variable": "runtime.variables",
 }  # fmt: skip
 
 

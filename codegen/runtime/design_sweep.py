@@ -1,0 +1,253 @@
+"""Many designs over any number of workers: threads, processes, clusters; what was computed is kept, whatever dies on the way."""
+
+from __future__ import annotations
+
+import functools
+import os
+from collections import deque
+from collections.abc import Callable, Sequence
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    ThreadPoolExecutor,
+    wait,
+)
+from typing import Any
+
+from .many_motions import processors
+from .standalone.warning import warn
+from .sweep_cases import Case, key, listed
+from .sweep_journal import Journal, Row
+from .sweep_result import Sweep
+from .sweep_tasks import Bearer, run
+
+TASKS, LARGEST = 200, 50
+"""Cases are sent in about so many tasks, and in one task at most so many of them."""
+
+AHEAD = 64
+"""So many tasks wait at an executor or are computed there; the others wait here."""
+
+FEWER = 8
+"""Of a broken executor's tasks, so many times fewer are tried together, until the one that breaks it is alone."""
+
+NO_EXECUTOR = "executor is {!r}, expected one of concurrent.futures, or a callable that makes one"
+
+LOST = ("KilledWorker",)
+"""Errors of Dask's, which goes on without the worker."""
+
+IN_VAIN = 3
+"""So many executors that die of one case each, one behind the other without a result, are not the fault of cases."""
+
+SAME_ERROR = 8
+"""So many cases fail by errors in the measure, and none is measured, before a sweep is given up."""
+
+
+def sweep(
+    solver: Any, cases: Any, measure: Callable[[Any, Case], Any],
+    executor: Executor | Callable[[], Executor] | None = None, *,
+    journal: str | os.PathLike[str] | None = None, chunk: int | None = None, progress: Callable[[int, int], None] | None = None,
+) -> Sweep:  # fmt: skip
+    """Measure many cases of a model, by any executor.
+
+    Parameters
+    ----------
+    solver : Solver
+    cases : iterable of mappings, mapping of names to values or (n,), or pandas.DataFrame
+        Names with numbers, words or truth values; what they mean is up to `measure`. Cases that are the same are measured once.
+    measure : callable
+        ``measure(solver, case)`` gives a mapping of names to numbers, words, truth values or arrays of them, a few kilobytes at
+        most. For processes it has to be a function of a module, which the workers import.
+    executor : concurrent.futures.Executor, or callable that makes one, optional
+        Left out: threads, as many as processors. An executor that is given stays open; one that is made is closed, and made
+        anew when it dies: ``functools.partial(ProcessPoolExecutor, 8)``. Workers open the solver's package by its path.
+    journal : path, optional
+        A file to which every case that was computed is written at once. When it is there already, the cases in it are not
+        computed again.
+    chunk : int, optional
+        Cases that are sent together. Left out: the cases in 200 parts, at most 50 of them together.
+    progress : callable, optional
+        Called as ``progress(done, n)``; KeyboardInterrupt in it, or Ctrl-C, ends the sweep, and what was computed until then is
+        returned.
+
+    Returns
+    -------
+    Sweep
+        In the order of the cases. A case whose measure raises an error is recorded in ``failures``; so is one that ends the
+        process that computes it, found by trying fewer and fewer cases together, where `executor` is a callable. An executor
+        that was given and dies ends the sweep with a warning; the cases that were not computed are in ``left``.
+
+    Raises
+    ------
+    TypeError
+        Cases, or what the measure returns, of other kinds; a measure or results that cannot be sent to other processes.
+    ValueError, SweepJournalError, OSError
+    RuntimeError
+        No case was measured, and the first eight, or all, failed by errors in the measure: a word that is misspelt would fail
+        in every case.
+    """
+    if not callable(measure):
+        raise TypeError(f"measure is {type(measure).__name__}, expected a function of the solver and a case")
+    if chunk is not None and (not isinstance(chunk, int) or chunk < 1):
+        raise ValueError(f"chunk is {chunk!r}, expected a number of cases from 1 on")
+    if executor is not None and not callable(executor) and not hasattr(executor, "submit"):
+        raise TypeError(NO_EXECUTOR.format(executor))
+    wanted = listed(cases)
+    keys = [key(case) for case in wanted]
+    book = None if journal is None else Journal(journal, solver, measure)
+    try:
+        known = {} if book is None else {k: book.rows[k] for k in keys if k in book.rows}
+        todo = {k: case for k, case in zip(keys, wanted, strict=True) if k not in known}
+        crew = _Crew(solver, measure, todo, known, book, progress)
+        try:
+            crew.work(executor, chunk)
+        except KeyboardInterrupt:
+            crew.cancel()
+    finally:
+        if book is not None:
+            book.close()
+    rows = [known.get(k) for k in keys]
+    return Sweep(
+        wanted,
+        [None if row is None else row.values for row in rows],
+        {i: row.failure for i, row in enumerate(rows) if row is not None and row.failure is not None},
+        [i for i, row in enumerate(rows) if row is None],
+    )
+
+
+class _Crew:
+    """Cases on their way to workers, and rows on their way back into `known`."""
+
+    def __init__(
+        self, solver: Any, measure: Any, cases: dict[str, Case], known: dict[str, Row], book: Journal | None,
+        progress: Callable[[int, int], None] | None,
+    ):  # fmt: skip
+        self.bearer, self.measure = Bearer(solver), measure
+        self.cases, self.known, self.book, self.progress = cases, known, book, progress
+        self.n = len(cases) + len(known)
+        self.waiting: deque[list[str]] = deque()
+        self.flying: dict[Future[Any], list[str]] = {}
+        self.ahead, self.suspects = AHEAD, set[str]()
+        self.in_vain = 0
+        self.wrong: list[Row] | None = None if any(row.failure is None for row in known.values()) else []
+
+    def work(self, executor: Any, chunk: int | None) -> None:
+        """Go on until every case is known, or the executor is dead."""
+        size = chunk or max(1, min(LARGEST, -(-len(self.cases) // TASKS)))
+        todo = list(self.cases)
+        self.waiting.extend(todo[i : i + size] for i in range(0, len(todo), size))
+        self._tell()
+        given = hasattr(executor, "submit") and not isinstance(executor, type)
+        make = executor or functools.partial(ThreadPoolExecutor, processors())
+        while self.waiting:
+            pool = executor if given else make()
+            if not hasattr(pool, "submit"):
+                raise TypeError(
+                    f"executor is {pool!r}, expected one of concurrent.futures, or a callable that makes one"
+                )
+            try:
+                died = self._serve(pool)
+            finally:
+                if not given:
+                    pool.shutdown(wait=True, cancel_futures=True)
+            if died is not None and self.waiting and (given or self.in_vain >= IN_VAIN):
+                why = f"{type(died).__name__}: {died}" if str(died) else type(died).__name__
+                warn(
+                    f"the sweep ended early, its executor died ({why}); {len(self.known)} of {self.n} cases are there, the "
+                    f"others in `left`: with a journal they can be computed later; an executor that is a callable is made anew"
+                )
+                return
+
+    def cancel(self) -> None:
+        """Let nothing begin any more."""
+        for future in self.flying:
+            future.cancel()
+
+    def _serve(self, pool: Executor) -> BaseException | None:
+        """Send what waits and take what comes, until nothing is left, or the executor is dead: then what it died of."""
+        died: BaseException | None = None
+        lost: list[list[str]] = []
+        while self.flying or (self.waiting and died is None):
+            while self.waiting and died is None and len(self.flying) < self.ahead:
+                part = self.waiting.popleft()
+                try:
+                    future = pool.submit(run, self.bearer, self.measure, [self.cases[k] for k in part])
+                except RuntimeError as error:  # BrokenExecutor is one; so is that it was shut down
+                    self.waiting.appendleft(part)
+                    died = error
+                else:
+                    self.flying[future] = part
+            for future in wait(self.flying, return_when=FIRST_COMPLETED).done:
+                part = self.flying.pop(future)
+                why = CancelledError() if future.cancelled() else future.exception()
+                if why is None:
+                    self._take(future.result())
+                elif isinstance(why, (BrokenExecutor, CancelledError)):
+                    died = died or why
+                    lost.append(part)
+                elif type(why).__name__ in LOST:
+                    self._lost_alone(part)
+                else:
+                    raise TypeError(
+                        f"cases could not be sent to the executor's workers, or what was measured back: "
+                        f"{type(why).__name__}: {why}; for processes "
+                        f"measure has to be a function of a module that the workers can import"
+                    ) from why
+        if lost:
+            self._fewer(lost)
+        return died
+
+    def _take(self, came: Sequence[tuple[Row, bool]]) -> None:
+        """Keep what a task brought; but errors in the measure only when not all cases end in them."""
+        rows = [row for row, _ in came]
+        if self.wrong is not None:
+            self.wrong += rows
+            if any(of_case for _, of_case in came):
+                rows, self.wrong = self.wrong, None
+            elif len(self.wrong) < min(len(self.cases), SAME_ERROR):
+                return
+            else:
+                first = self.wrong[0]
+                raise RuntimeError(
+                    f"the measure fails in every case, so far {len(self.wrong)}: {first.failure}; the first was {first.case}"
+                )
+        self._keep(rows)
+
+    def _keep(self, rows: Sequence[Row]) -> None:
+        if self.book is not None:
+            self.book.add(rows)
+        self.known.update((key(row.case), row) for row in rows)
+        self.in_vain = 0
+        self.suspects -= self.known.keys()
+        if not self.suspects:
+            self.ahead = AHEAD
+        self._tell()
+
+    def _fewer(self, lost: list[list[str]]) -> None:
+        """After an executor died: the cases that it had are tried anew, fewer together; one that was alone is guilty."""
+        if len(lost) == 1 and len(lost[0]) == 1:
+            self._lost_alone(lost[0])
+            self.in_vain += 1
+            return
+        parts = [[k] for part in lost for k in part] if self.ahead == 1 else lost
+        self.waiting.extendleft(reversed(parts))
+        self.suspects.update(k for part in lost for k in part)
+        self.ahead = max(1, self.ahead // FEWER)
+
+    def _lost_alone(self, part: list[str]) -> None:
+        """A task ended its worker, and the executor lives on, or had nothing else."""
+        if len(part) > 1:
+            self.waiting.extendleft([k] for k in reversed(part))
+            return
+        before = self.in_vain
+        self._keep([Row(self.cases[part[0]], None, "the process that computed it ended")])
+        self.in_vain = before
+
+    def _tell(self) -> None:
+        if self.progress is not None:
+            self.progress(len(self.known), self.n)
+
+
+__all__ = ["Sweep", "sweep"]

@@ -1,0 +1,153 @@
+"""What a sweep found: a row for every case, as columns, as a table of pandas's, as a file."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .standalone.whole_file import suffix_among, write_whole
+from .sweep_cases import Case
+
+SUFFIXES = (".csv", ".parquet")
+FAILURE = "failure"
+"""Name of the column that says why a case failed."""
+
+
+@dataclass(slots=True, eq=False)
+class Sweep(Sequence[Case | None]):
+    """Results of a sweep; ``found["time"]`` is a column, ``found[3]`` what was measured of one case.
+
+    Attributes
+    ----------
+    cases : list of dict
+        In the order in which they were given.
+    values : list of (dict or None)
+        What was measured; None where a case failed or was not computed.
+    failures : dict of int to str
+        Why, by the case's number, from 0.
+    left : list of int
+        Cases that were not computed: Ctrl-C was pressed, or the executor died.
+    """
+
+    cases: list[Case]
+    values: list[Case | None]
+    failures: dict[int, str]
+    left: list[int]
+
+    def __len__(self) -> int:
+        return len(self.cases)
+
+    def __iter__(self) -> Iterator[Case | None]:
+        return iter(self.values)
+
+    def __getitem__(self, at: Any) -> Any:
+        """What was measured of the i-th case; of several for a slice; for a name its column, see `column`."""
+        return self.column(at) if isinstance(at, str) else self.values[at]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of what was measured."""
+        return tuple(dict.fromkeys(name for row in self.values if row is not None for name in row))
+
+    @property
+    def succeeded(self) -> Any:
+        """Which cases were measured, booleans (n,)."""
+        return np.array([row is not None for row in self.values], bool)
+
+    def column(self, name: str) -> Any:
+        """A column of `columns`, (n,); NaN where a number was not measured, None for words."""
+        places = self._places()
+        if name not in places:
+            raise KeyError(f"the sweep has no {name!r}; it has {', '.join(places) or 'no names'}")
+        rows, inner = places[name]
+        found = [None if row is None else row.get(inner) for row in rows]
+        seen = {type(x) for x in found if x is not None}
+        if None not in found and seen in ({bool}, {int}):
+            return np.array(found)
+        if seen <= {int, float, bool}:
+            return np.array([np.nan if x is None else x for x in found], float)
+        return np.array(found, object)
+
+    def columns(self) -> dict[str, Any]:
+        """Cases, then results, then failures: names with arrays (n,).
+
+        A result that is called as a value of the cases gets ``measured.`` before its name.
+        """
+        told = {**self.failures, **dict.fromkeys(self.left, "not computed")}
+        failures = np.array([told.get(i, "") for i in range(len(self))], object)
+        return {name: self.column(name) for name in self._places()} | {FAILURE: failures}
+
+    def _places(self) -> dict[str, tuple[Sequence[Case | None], str]]:
+        """Columns, each with the rows that it is of and its name in them."""
+        found: dict[str, tuple[Sequence[Case | None], str]] = {
+            name: (self.cases, name) for name in (self.cases[0] if self.cases else ())
+        }
+        for name in self.names:
+            found[f"measured.{name}" if name in found else name] = self.values, name
+        return found
+
+    def to_dataframe(self) -> Any:
+        """A pandas.DataFrame with a row for each case.
+
+        Raises
+        ------
+        ImportError
+            pandas is not installed; the message says how to.
+        """
+        try:
+            import pandas
+        except ImportError as error:
+            raise ImportError(
+                'to_dataframe needs pandas: pip install "ordernm[dataframe]", or pip install pandas'
+            ) from error
+        return pandas.DataFrame(self.columns())
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write a table, with a row for each case, by suffix: ``.csv``, or ``.parquet`` (needs pyarrow).
+
+        The file is there as a whole or not at all.
+
+        Raises
+        ------
+        ValueError
+            Another suffix.
+        ImportError
+        """
+        if suffix_among(path, SUFFIXES, ValueError, f"sweeps are kept in files {' or '.join(SUFFIXES)}") == ".parquet":
+            self._write_parquet(Path(path))
+            return
+        columns = self.columns()
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(columns)
+        writer.writerows(zip(*(x.tolist() for x in columns.values()), strict=True))
+        write_whole(Path(path), lambda file: file.write(text.getvalue().encode()))
+
+    def _write_parquet(self, path: Path) -> None:
+        try:
+            import pyarrow
+            import pyarrow.parquet
+        except ImportError as error:
+            raise ImportError(
+                'Parquet files need pyarrow: pip install "ordernm[parquet]", or pip install pyarrow; files .csv need nothing'
+            ) from error
+        table = pyarrow.table({name: pyarrow.array(x.tolist()) for name, x in self.columns().items()})
+        write_whole(path, lambda file: pyarrow.parquet.write_table(table, file))
+
+    def __repr__(self) -> str:
+        measured = f", measured: {', '.join(self.names)}" if self.names else ""
+        lines = [f"{len(self)} cases, {len(self.failures)} failed, {len(self.left)} not computed{measured}"]
+        lines += [f"  {i} {self.cases[i]}: {why}" for i, why in list(self.failures.items())[:5]]
+        if len(self.failures) > 5:
+            lines.append(f"  and {len(self.failures) - 5} more")
+        return "\n".join(lines)
+
+
+__all__ = ["Sweep"]
