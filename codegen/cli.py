@@ -19,6 +19,7 @@ from types import FrameType
 from typing import Any, NoReturn
 
 from .bench.command import add_arguments as add_bench_arguments
+from .folders import OTHERS
 from .simulating import add_arguments as add_simulate_arguments
 from .terminal import StatusLine, width, write_lines
 from .version import __version__
@@ -59,9 +60,9 @@ def _generate_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--partitions",
         type=int,
-        choices=(1, 2),
+        choices=range(1, len(OTHERS) + 2),
         default=1,
-        help="hold a second choice of independent coordinates, to change to at dead points",
+        help="hold other choices of independent coordinates, to change to at dead points",
     )
     parser.add_argument("--reactions", action="store_true", help="the solver also gives what joints and loops transmit")
     parser.add_argument(
@@ -71,7 +72,13 @@ def _generate_arguments(parser: argparse.ArgumentParser) -> None:
         "dynamics, rates, mass, forces, states, statics, simulate and motion (simulate and adjoints) stand for several",
     )
     parser.add_argument("--no-check", action="store_true", help="do not compare with the generic engine")
-    parser.add_argument("--no-compile", action="store_true", help="write the sources only")
+    compiling = parser.add_mutually_exclusive_group()
+    compiling.add_argument("--no-compile", action="store_true", help="write the sources only")
+    compiling.add_argument(
+        "--compile-all",
+        action="store_true",
+        help="compile all functions now; else those that are not called by nearly everybody are compiled when first called",
+    )
     parser.add_argument("-v", "--verbose", action="store_true", help="print passes and operations of every sweep")
 
 
@@ -112,7 +119,7 @@ def run_generate(options: argparse.Namespace, status: StatusLine) -> int:
             options.model, options.output, options.target, options.layout, partitions=options.partitions,
             reactions=options.reactions,
             functions=options.functions,
-            compile=not options.no_compile,
+            compile="all" if options.compile_all else not options.no_compile,
             check=not options.no_check and not options.no_compile,
             progress=status,
         )  # fmt: skip

@@ -24,8 +24,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-SECOND = "_second"
-"""What the names of files and C functions of a second partition have after the model's."""
+OTHERS = ("_second", "_third", "_fourth")
+"""What the names of files and C functions of further partitions have after the model's."""
 
 ATTEMPTS = 20
 """So often a place is tried for that other processes take meanwhile."""
@@ -63,8 +63,9 @@ def refuse_foreign(folder: Path) -> None:
         raise FolderError(
             f"{folder} holds something that generate did not write; choose another folder with -o, or empty this one"
         )
+    others = "|".join(OTHERS)
     own = re.compile(
-        rf"{re.escape(str(manifest.get('name')))}({SECOND})?(_precise|_four)?(-[0-9a-f-]+\.so|\.log)|motion/motion(-[0-9a-f-]+\.so|\.log)|ordernm_call-[0-9a-f-]+\.so|(.*/)?__pycache__|\.build-.*"
+        rf"{re.escape(str(manifest.get('name')))}({others})?(_precise|_four|_states)?(\.[a-z]+)?(-[0-9a-f-]+\.so|\.log)|motion/motion(-[0-9a-f-]+\.so|\.log)|ordernm_call-[0-9a-f-]+\.so|(.*/)?__pycache__|\.build-.*"
     )
     foreign = sorted(n for n in found if n not in listed and not own.fullmatch(n))
     if foreign:
@@ -72,6 +73,18 @@ def refuse_foreign(folder: Path) -> None:
             f"{folder} holds beside generated files {', '.join(foreign[:5])}{', ...' if len(foreign) > 5 else ''}, which "
             f"writing anew would lose; move that away, or choose another folder with -o"
         )
+
+
+def unwritable(file: Path) -> str | None:
+    """Why a file of that name cannot be written; None if nothing is known to stand in its way."""
+    folder = file.resolve().parent
+    if file.is_dir():
+        return f"{file} is a folder; give the name of a file"
+    if not folder.is_dir():
+        return f"cannot write {file}: there is no folder {folder}"
+    if not os.access(folder, os.W_OK | os.X_OK):
+        return f"cannot write {file}: no permission to write in {folder}"
+    return None
 
 
 def _names(folder: Path, own: set[str]) -> Iterator[str]:

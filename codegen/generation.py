@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from .folders import SECOND, FolderError, put_right, refuse_foreign, write_folder
+from .folders import OTHERS, FolderError, put_right, refuse_foreign, write_folder
 from .for_c import package_context
 from .listing import list_model
 from .model import Model, ModelError, load_model
@@ -40,7 +40,7 @@ def generate(
     partitions: int = 1,
     reactions: bool = False,
     functions: Sequence[str] | str | None = None,
-    compile: bool = True,
+    compile: bool | str = True,
     check: bool = False,
     progress: Progress | None = None,
 ) -> Report:
@@ -55,7 +55,7 @@ def generate(
         What the package's `Solver` uses. Both are always written.
     layout : {"auto", "kinds", "unrolled"}
         One C function per kind of link called in loops, or one per link; "auto" takes the second for small models.
-    partitions : {1, 2}
+    partitions : {1, 2, 3, 4}
         With 2, and where another choice of independent coordinates closes the loops, the package holds both; see
         `Solver.use_partition`.
     reactions : bool
@@ -64,8 +64,11 @@ def generate(
         The functions that the solver has: names of its members, such as ``("accelerations", "gradients")``, or ``"dynamics"``,
         ``"rates"``, ``"mass"``, ``"forces"``, ``"states"`` for several together. Left out: all. What makes states consistent
         is always there.
-    compile, check : bool
-        Compile now; compare with `codegen.reference.RecursiveEngine` at three random states.
+    compile : bool or "all"
+        Compile now what most calls need, accelerations and sensitivities; other functions are compiled when they are first
+        called. With "all" everything is compiled now, for a machine that has no compiler.
+    check : bool
+        Compare with `codegen.reference.RecursiveEngine` at three random states.
     progress : callable, optional
         Called as ``progress(stage, step, steps)`` whenever something else is begun: the stage in words, such as
         ``"expanding"``, and how far it has come, ``0, 0`` where that is not counted. What it raises ends the work; nothing is
@@ -94,8 +97,8 @@ def generate(
         functions = _names(functions)
     if layout not in LAYOUTS:
         raise ValueError(f"layout is {layout!r}; allowed are {', '.join(LAYOUTS)}")
-    if partitions not in (1, 2):
-        raise ValueError(f"partitions is {partitions!r}; allowed are 1 and 2")
+    if isinstance(partitions, bool) or partitions not in range(1, len(OTHERS) + 2):
+        raise ValueError(f"partitions is {partitions!r}; allowed are 1 to {len(OTHERS) + 1}")
     progress = progress or silent
     seconds: dict[str, float] = {}
     origin = None
@@ -120,9 +123,9 @@ def generate(
             raise
         raise ModelError([dataclasses.replace(p, file=str(file)) for p in error.problems]) from None
     seconds |= source.seconds
-    if partitions == 2 and source.chosen is not None:
-        with _timed(seconds, "second partition"):
-            add_second(model, layout, source, reactions, progress, functions)
+    if partitions > 1 and source.chosen is not None:
+        with _timed(seconds, "other partitions"):
+            add_others(model, layout, source, partitions, reactions, progress, functions)
     progress("writing", 0, 0)
     with _timed(seconds, "write"):
         source.manifest["description"] = [*list_model(model), *(f"  {line}" for line in source.choice)]
@@ -140,14 +143,15 @@ def generate(
     )  # fmt: skip
     if compile and target != "numpy":
         from .runtime import NoCompilerError
-        from .runtime.standalone.build import Build
+        from .runtime.standalone.build import builds
 
         with _timed(seconds, "compile"):
             try:
-                names = [model.name, *([f"{model.name}{SECOND}"] if "second" in source.manifest else [])]
-                for step, name in enumerate(names, 1):
-                    progress("compiling", step, len(names))
-                    Build(path, name).library()
+                parts = [source.manifest, *source.manifest.get("others", ())]
+                for step, part in enumerate(parts, 1):
+                    progress("compiling", step, len(parts))
+                    whole, *first = builds(path, part).values()
+                    (whole if compile == "all" or not first else first[0]).library()
                 report.compiled = True
             except NoCompilerError as error:
                 report.remarks.append(f"{error}; the NumPy target (--target numpy) serves until then, more slowly")
@@ -158,28 +162,33 @@ def generate(
     return report
 
 
-def add_second(
+def add_others(
     model: Model,
     layout: str,
     source: Any,
+    partitions: int,
     reactions: bool,
     progress: Progress = silent,
     functions: Sequence[str] | None = None,
 ) -> None:
-    """Add the solver of a second partition to the files and the manifest of the first."""
+    """Add the solvers of other partitions, as many as there are, to the files and the manifest of the first."""
     from .emit.solver import write_solver
-    from .loops.alternatives import second_partition
+    from .loops.alternatives import other_partition
 
-    progress("choosing other independent coordinates", 0, 0)
-    found = second_partition(model, source.chosen)
-    if found is None:
-        source.choice.append("no second partition: no other choice of independent coordinates closes the loops")
-        return
-    renamed = dataclasses.replace(model, name=f"{model.name}{SECOND}")
-    second = write_solver(renamed, layout, found, reactions, progress, functions)
-    source.files |= second.files
-    source.manifest["second"] = second.manifest
-    source.choice += ["second partition:", *second.choice]
+    known = [source.chosen]
+    for suffix in OTHERS[: partitions - 1]:
+        word = suffix.removeprefix("_")
+        progress("choosing other independent coordinates", 0, 0)
+        found = other_partition(model, known)
+        if found is None:
+            source.choice.append(f"no {word} partition: no other choice of independent coordinates closes the loops")
+            return
+        known.append(found)
+        renamed = dataclasses.replace(model, name=f"{model.name}{suffix}")
+        other = write_solver(renamed, layout, found, reactions, progress, functions)
+        source.files |= other.files
+        source.manifest.setdefault("others", []).append(other.manifest)
+        source.choice += [f"{word} partition:", *other.choice]
 
 
 @contextlib.contextmanager

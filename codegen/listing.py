@@ -251,16 +251,16 @@ def _code(folder: Path, manifest: Mapping[str, Any]) -> str:
     if manifest.get("target") == "numpy":
         return "NumPy computes"
     from .runtime import CompileError
-    from .runtime.standalone.build import Build
+    from .runtime.standalone.build import builds
 
     try:
-        build = Build(folder, manifest["name"], manifest.get("sources", ()))
-        key = build.key()
+        kept = [(build, build.key()) for build in list(builds(folder, manifest).values())[:2]]
     except (CompileError, OSError) as error:
         return f"C cannot be compiled: {error}"
-    for place in build.places:
-        for library in sorted(place.glob(f"{key}-*.so")):
-            return f"compiled C computes: {library.name}{_instructions([*build.compiler, *build.flags])}"
+    for build, key in kept:
+        for place in build.places:
+            for library in sorted(place.glob(f"{key}-*.so")):
+                return f"compiled C computes: {library.name}{_instructions([*build.compiler, *build.flags])}"
     if build.compiler:
         return f"C computes: {build.compiler[0]} compiles it when it is loaded first"
     return "NumPy computes, since there is no C compiler"

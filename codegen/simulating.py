@@ -19,6 +19,8 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from .choices import more_choices
+from .folders import unwritable
 from .terminal import StatusLine
 
 if TYPE_CHECKING:
@@ -140,13 +142,16 @@ def simulate(options: argparse.Namespace, status: StatusLine, remarks: list[str]
         with _remarks(remarks):
             solver = stack.enter_context(solver_of(options.model, status))
             trajectory = moved(solver)
-        if _met_dead_point(solver, trajectory) and Path(options.model).is_file():
+        held = 1
+        while Path(options.model).is_file() and (more := more_choices(solver, trajectory, held)):
+            held = more
             remarks[:] = [
                 f"the dependent coordinates were hardly determined at t = {trajectory.stats['t']:.6g} s, as at a dead point: "
-                f"made a solver with a second choice of independent coordinates, and began again"
+                f"made a solver with {held} choices of independent coordinates, and began again"
             ]
             with _remarks(remarks):
-                trajectory = moved(stack.enter_context(solver_of(options.model, status, partitions=2)))
+                solver = stack.enter_context(solver_of(options.model, status, partitions=held))
+                trajectory = moved(solver)
         done = Run(trajectory, times[-1])
         for path, write in writers if len(trajectory) else ():
             status(f"writing {path}", 0, 0)
@@ -156,15 +161,6 @@ def simulate(options: argparse.Namespace, status: StatusLine, remarks: list[str]
             except (OSError, ValueError) as error:  # a model without coordinates cannot be drawn
                 done.failed = done.failed or error
     return done
-
-
-def _met_dead_point(solver: Solver, trajectory: Trajectory) -> bool:
-    """Whether the motion has ended where a second choice of independent coordinates may serve."""
-    from .runtime.standalone.simulation import DEAD_POINT
-    from .runtime.standalone.trajectory import FINISHED, INTERRUPTED
-
-    over = trajectory.ended in (FINISHED, INTERRUPTED, "event")
-    return not over and len(solver.partitions) == 1 and DEAD_POINT in trajectory.ended
 
 
 @contextlib.contextmanager
@@ -272,13 +268,9 @@ def _writers(options: argparse.Namespace) -> list[tuple[Path, Callable[[Trajecto
     if options.plot is not None:
         found.append((Path(options.plot), lambda x: x.plot(path=options.plot)))
     for path, _ in found:
-        folder = path.resolve().parent
-        if path.is_dir():
-            raise RequestError(f"{path} is a folder; give the name of a file")
-        if not folder.is_dir():
-            raise RequestError(f"cannot write {path}: there is no folder {folder}")
-        if not os.access(folder, os.W_OK | os.X_OK):
-            raise RequestError(f"cannot write {path}: no permission to write in {folder}")
+        why_not = unwritable(path)
+        if why_not is not None:
+            raise RequestError(why_not)
     return found
 
 

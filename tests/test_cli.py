@@ -71,7 +71,7 @@ def test_generate_writes_compiles_and_checks(here, capsys):
     assert "1 body, 1 coordinate, 1 speed, 1 parameter;" in out and "target c" in out
     assert re.search(r"udot: \d+ operations .* per direction", out, re.S)
     assert re.search(r"relative error of udot \d\.\de[-+]\d\d, of its derivatives \d\.\de-\d\d", out)
-    assert list((here / "generated" / "rod").glob("rod-*.so"))
+    assert list((here / "generated" / "rod").glob("rod*.so"))
     # a second time nothing is made anew
     before = files(here / "generated")
     assert main(["generate", "rod.yaml"]) == 0
@@ -386,7 +386,8 @@ def test_show_a_package(here, capsys, monkeypatch):
     assert main(["show", "c"]) == 0
     line = capsys.readouterr().out.splitlines()[1]
     assert "target c" in line and "C computes" in line and "when it is loaded first" in line
-    library = codegen.load("c")._target.build.library()
+    codegen.load("c")
+    (library,) = Path("c").glob("press.*.so")  # of what nearly everybody calls
     assert main(["show", "c"]) == 0
     assert re.search(
         rf"compiled C computes: {re.escape(library.name)}(, (AVX-512|AVX2?|SSE2|NEON))?$",

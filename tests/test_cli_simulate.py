@@ -286,7 +286,7 @@ def test_a_dead_point_makes_a_second_choice_of_independents(tmp_path, monkeypatc
     model.write_text(SLIDER, encoding="utf-8")
     assert run(model, "-t", "3", "--samples", "31", "-o", tmp_path / "run.npz") == 0
     said = capsys.readouterr()
-    assert "as at a dead point: made a solver with a second choice of independent coordinates" in said.err
+    assert "as at a dead point: made a solver with 2 choices of independent coordinates" in said.err
     assert "hardly determined there" not in said.err
     found = Trajectory.load(tmp_path / "run.npz")
     assert np.ptp(found["q.crank"]) > 4 * np.pi

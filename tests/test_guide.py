@@ -149,10 +149,22 @@ def test_the_controller(run):
     assert np.linalg.eigvals(A - B @ gain).real.max() < -0.1
 
 
+def test_the_sweep(run):
+    found = piece(run, "heights.csv")["found"]
+    length, last, slope = found["length"], found["last"], found["by_length"]
+    assert found.succeeded.all() and len(last) == 200 and np.all(last >= -length)
+    means = (slope[1:] + slope[:-1]) / 2
+    assert np.sum(means * np.diff(length)) == pytest.approx(last[-1] - last[0], abs=1e-3), "the derivatives' integral"
+    assert len((run[0] / "heights.jsonl").read_text().splitlines()) == 201
+    assert (run[0] / "heights.csv").read_text().startswith("length,last,by_length,failure\n0.5,")
+
+
 def test_batches(run):
-    names = piece(run, "ThreadPoolExecutor")
+    names = piece(run, "batch_threads")
     assert names["udot"].shape == (10_000, 1)
-    np.testing.assert_array_equal(np.concatenate(names["parts"]), names["udot"])
+    many = names["many"][18:]  # the piece after it spoils one before
+    parts = [names["pendulum"].accelerations(part, names["u"]) for part in np.array_split(many, 4)]
+    np.testing.assert_allclose(np.concatenate(parts), names["udot"][18:], rtol=1e-14)
 
 
 def test_the_program_in_c(run):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-import os
+import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -48,6 +48,7 @@ def bench(options: argparse.Namespace, status: StatusLine) -> tuple[list[str], l
         Before the work.
     CompileError, NoCompilerError, OSError
     """
+    from ..folders import unwritable
     from ..terminal import width
     from .catalogue import chosen
     from .lines import compare_lines, failures, list_lines, machine_line, peer_lines, problem_lines
@@ -60,7 +61,9 @@ def bench(options: argparse.Namespace, status: StatusLine) -> tuple[list[str], l
     old = None if options.compare is None else read_results(Path(options.compare))
     for option, place in (("-o", options.output), ("--page", options.page)):
         if place is not None:
-            _writable(option, Path(place))
+            why_not = unwritable(Path(place))
+            if why_not is not None:
+                raise ResultsError(f"{option}: {why_not}")
     if options.results is not None:
         if options.names or options.quick or options.peers:
             raise ResultsError("--results takes an earlier run; names, --quick and --peers are of a new one")
@@ -76,7 +79,7 @@ def bench(options: argparse.Namespace, status: StatusLine) -> tuple[list[str], l
         write_results(results, Path(options.output))
     if options.page is not None:
         Path(options.page).write_text(page_of(results), encoding="utf-8")
-    columns = width(_stdout())
+    columns = width(sys.stdout)
     lines = [machine_line(results["machine"])]
     for name, result in results["problems"].items():
         lines += ["", *problem_lines(name, result, columns)]
@@ -110,21 +113,3 @@ def run(
 
             results["peers"] = compare_with_peers(problems, Path(folder), quick, status)
     return results
-
-
-def _stdout() -> Any:
-    import sys
-
-    return sys.stdout
-
-
-def _writable(option: str, path: Path) -> None:
-    from .results import ResultsError
-
-    folder = path.resolve().parent
-    if path.is_dir():
-        raise ResultsError(f"{option} {path} is a folder; give the name of a file")
-    if not folder.is_dir():
-        raise ResultsError(f"{option}: cannot write {path}: there is no folder {folder}")
-    if not os.access(folder, os.W_OK | os.X_OK):
-        raise ResultsError(f"{option}: cannot write {path}: no permission to write in {folder}")

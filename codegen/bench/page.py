@@ -36,8 +36,8 @@ with all derivatives:
 DIGITS = _prose("""
 Relative error of the accelerations and of each derivative: the largest difference over the largest entry, against {source}. Total
 length and mass are 1; speeds are 0.2 cos k. The mass matrix of the coiled chain has the condition 4e4, 4e8 and 3.9e12 with 10,
-100 and 1000 rods. The accelerations do not follow it: no mass matrix is factored. A derivative that is small beside the
-accelerations, as that by the middle joint of a coil, is the difference of larger terms and has fewer digits.
+100 and 1000 rods. The accelerations do not follow it: no mass matrix is factored. Nor do the derivatives, those that are
+small beside the accelerations among them, as that by the middle joint of a coil.
 """)
 FAMILIES = _prose("""
 Operations are additions and multiplications, for each coordinate; times are those of one evaluation called from C, one core.

@@ -17,6 +17,7 @@ from ..mechanics.stores import (
     BASE_LINK,
     COEFFICIENTS,
     COEFFICIENTS_LANE,
+    COLUMN,
     CONSTANT,
     COUPLING_BLOCK,
     EAR_RECORD,
@@ -60,7 +61,8 @@ from .memory import IndexTable, Layout
 
 REGIONS = {
     RECORD: "records", SLOT: "slots", LANE: "lanes", EAR_RECORD: "ears", REGION_RECORD: "regions",
-    REGION_LANE: "region_lanes", COUPLING_BLOCK: "couplings", KEPT[RECORD]: "kept", KEPT[REGION_RECORD]: "kept_regions",
+    REGION_LANE: "region_lanes", COLUMN: "columns",
+    COUPLING_BLOCK: "couplings", KEPT[RECORD]: "kept", KEPT[REGION_RECORD]: "kept_regions",
 }  # fmt: skip
 """Memory that is laid out, as the targets call it."""
 

@@ -7,37 +7,42 @@ of the header.
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
+from types import MappingProxyType
 from typing import Any
-
-from sympy import Symbol
 
 from ..mechanics import procedures
 from ..mechanics.expansion import Program
 from ..mechanics.fields import field_of, identifier
 from ..mechanics.formulas import FormulaKind
 from ..mechanics.outputs.outputs import RecordFormula, pivoted_outputs
-from ..mechanics.stores import KEPT, LANE, MARGIN, SLOT
+from ..mechanics.stores import KEPT, LANE, MARGIN, ME, SLOT
 from ..mechanics.structure.kinds import UnitKind
+from ..mechanics.sweeps import FALLING, SWEEP
 from ..model.model import Model
 from ..program.block import Block, symbols_of
+from ..program.expressions import Expr, Symbol
 from ..program.field import AnyField
+from ..program.parts import in_parts
 from ..program.passes import by_results
-from ..program.procedure import Columns, Own, Perform, Prepare, Procedure, Run
-from ..program.store import Store
+from ..program.procedure import AllColumns, Columns, Own, Perform, Prepare, Primitives, Procedure, Run, within
+from ..program.store import Memory, Owner, Store
 from . import c_functions
-from .c_functions import CFunctions
+from .c_functions import CFunctions, in_all
+from .columns import ColumnsInC
 from .function import COMMENT, Function, called_with, in_lines
+from .libraries import guard_of_width
 from .printer import C_FUNCTIONS, Printer
+from .states import over_states, states_context, write_states
 from .templates import render
-from .writer import Located, Place, Writer, widest_first
+from .writer import Located, Place, Writer, notes, widest_first
 
 TYPES = {
     "records": "link_record", "slots": "link_slot", "lanes": "link_lanes", "ears": "ear_record",
     "regions": "region_record", "region_lanes": "region_lanes", "couplings": "coupling_block", "kept": "link_kept",
-    "kept_regions": "region_kept",
+    "kept_regions": "region_kept", "columns": "link_columns",
 }  # fmt: skip
 """What a row of each region of memory is called."""
 
@@ -47,6 +52,7 @@ ABOUT = {
     "kept": "Scalars of a link that sweeps run backwards read again.",
     "kept_regions": "Scalars of a region that sweeps run backwards read again.",
     "lanes": "A link, for every direction.", "region_lanes": "A region of loops, for every direction.",
+    "columns": "A link, for every column of a matrix.",
     "slots": "What links tell their neighbours, for every direction: memory that every sweep uses anew.",
 }  # fmt: skip
 """What it is, for a comment."""
@@ -54,9 +60,12 @@ ABOUT = {
 ENERGIES = ("KINETIC", "POTENTIAL")
 """Places in the array of energies."""
 
-LANE_REGIONS = ("slots", "lanes", "region_lanes")
+LANE_REGIONS = ("slots", "lanes", "region_lanes", "columns")
 """Regions with a value for every direction."""
 
+
+NUMBER_TYPE = "number"
+"""What tables of numbers consist of: they are the same where a double holds several states."""
 
 UNUSED_WORK = ["(void)work;"]
 """Lines of a function that needs no memory."""
@@ -86,6 +95,10 @@ class Type:
     name: str
 
 
+HANDED_ON = Store("handed_on", Owner("function"), Memory("stack"))
+"""What parts of a long function hand on to later ones."""
+
+
 class CWriter(Writer):
     """C source of a program."""
 
@@ -99,12 +112,30 @@ class CWriter(Writer):
         super().__init__(program, formulas, records, asked)
         self.printer = Printer(C_FUNCTIONS)
         self.tables: list[tuple[str, list[str]]] = []
+        self.has_parts = False
+        """Whether a function is divided."""
         self.touched: dict[str, set[str]] = {}
         """By sweep: the regions of memory, arguments and results that it reads or writes."""
 
     # -- the language ----------------------------------------------------------------------------------------------
 
-    def lines(self, block: Block, place: Place, culprit: Callable[[str], str] | None = None) -> list[str]:
+    def each(self, kinds: Sequence[UnitKind], sweep: str) -> str:
+        groups = SWEEP[sweep].groups
+        if not groups:
+            return "EACH_VECTOR {"
+        rows = [self.addresses.of_links(kind, sweep, ME, "NUMBER") for kind in kinds]
+        link = self.addresses.expression(kinds, sweep, rows)
+        if groups == "rest":
+            return f"EACH_GROUP(a->all_groups & ~a->below_groups[{link}]) {{"
+        return f"EACH_GROUP(a->{groups}_groups[{link}]) {{"
+
+    def lines(
+        self,
+        block: Block,
+        place: Place,
+        culprit: Callable[[str], str] | None = None,
+        each: str = "EACH_VECTOR {",
+    ) -> list[str]:
         stored = {place(store, n) for store, n, _ in block.stores if store.memory is not MARGIN}
         written = {at.variable for at in stored}
         names = self.called_by(block, place)
@@ -129,7 +160,10 @@ class CWriter(Writer):
         for symbol, (store, name) in block.loads.items():
             first = symbol in shared or (not store.lanes and place(store, name) in stored)
             local = names.get(symbol.name, symbol.name)
-            line = f"const {'VECTOR' if store.lanes else 'double'} {local} = {access(store, name)};"
+            value = access(store, name)
+            if place(store, name).type == NUMBER_TYPE:
+                value = in_all(value)
+            line = f"const {'VECTOR' if store.lanes else 'double'} {local} = {value};"
             (body if first else passes).append(line)
         # blocks over directions keep their order: they gain nothing by another
         along = any(store.lanes for store, _, _ in block.stores)
@@ -138,22 +172,57 @@ class CWriter(Writer):
                 first = s.target in shared
                 comment = f" /* {s.tag} */" if s.tag and s.tag != tags[first] else ""
                 tags[first] = s.tag
+                text = in_all(printer(s.expression)) if _is_number(s.expression) else printer(s.expression)
                 (body if first else passes).append(
-                    f"const {'VECTOR' if s.lanes else 'double'} {s.target} = {printer(s.expression)};{comment}"
+                    f"const {'VECTOR' if s.lanes else 'double'} {s.target} = {text};{comment}"
                 )
             for store, name, value in stores:
                 text = printer(value)
                 if store.memory is MARGIN:
                     assert culprit is not None
-                    body.append(f"if (!a->singular && !({text} > 0.0)) a->singular = {culprit(name)} + 1;")
+                    text = in_all(text) if _is_number(value) else text
+                    body.append(f"REQUIRE({text} > 0.0, {culprit(name)} + 1);")
                     continue
                 if store.lanes and value.is_Number:
                     text = "(VECTOR){0}" if value == 0 else f"(VECTOR){{0}} + {text}"
+                elif _is_number(value):
+                    text = in_all(text)
                 line = f"{access(store, name)} {'+=' if store.adds else '='} {text};"
                 (passes if store.lanes else body).append(line)
         if passes:
-            passes = ["EACH_VECTOR {", *(f"    {line}" for line in passes), "}"]
+            passes = [each, *(f"    {line}" for line in passes), "}"]
         return [*pointers.values(), *body, *passes]
+
+    def link_functions(self, sweep: str, kinds: tuple[UnitKind, ...]) -> list[Function]:
+        block = self.program.blocks[sweep][kinds[0].index]
+        place = cache(partial(self.place, kinds, sweep))
+        stored = {place(store, n) for store, n, _ in block.stores if store.memory is not MARGIN}
+        if SWEEP[sweep].lanes or len(self.instances(kinds, sweep)) != 1:
+            return [self.link_function(sweep, kinds)]
+        parts, count = in_parts(block, lambda i: (HANDED_ON, str(i)), lambda at: place(*at) in stored)
+        if not count:
+            return [self.link_function(sweep, kinds)]
+        self.has_parts = True
+
+        def placed(store: Store, n: str) -> Located:
+            return Located("handed_on", "values", f"[{n}]", "double") if store is HANDED_ON else place(store, n)
+
+        name = f"{sweep}_{kinds[0].index}"
+        culprit = self.addresses.culprit(kinds, sweep)
+        functions = [
+            Function(
+                f"part {i} of {name}",
+                f"PART {name}_part_{i}(call *a, double *values)",
+                self.lines(part, placed, culprit),
+            )
+            for i, part in enumerate(parts, 1)
+        ]
+        calls = [f"{name}_part_{i}(a, values);" for i in range(1, 1 + len(parts))]
+        whole = Function(
+            f"{block.title}; {self.called(kinds)}", self.signature(name, False, False),
+            [f"double values[{count}];", *calls], notes(block),
+        )  # fmt: skip
+        return [*functions, whole]
 
     def signature(self, name: str, lanes: bool, indexed: bool) -> str:
         type_ = "DIRECTIONS(call)" if lanes else "call"
@@ -179,7 +248,7 @@ class CWriter(Writer):
         return [f"for (int i = 0; i < {count}; ++i) {_function(name, lanes)}(a, i);"]
 
     def add_table(self, name: str, rows: list[list[int]] | list[list[float]]) -> None:
-        type_ = "int" if isinstance(rows[0][0], int) else "double"
+        type_ = "int" if isinstance(rows[0][0], int) else NUMBER_TYPE
         head = f"static const {type_} {name}[{len(rows)}][{len(rows[0])}]"
         if head not in (h for h, _ in self.tables):
             self.tables.append((head, [", ".join(map(repr, row)) for row in rows]))
@@ -237,7 +306,7 @@ class CWriter(Writer):
         return self.layout.constant_offsets[index]
 
     def number_of_row(self, table: str, row: str, index: int) -> Located:
-        return Located("k", f"{table}[{row}]", f"[{index}]", "double")
+        return Located("k", f"{table}[{row}]", f"[{index}]", NUMBER_TYPE)
 
     def place(self, kinds: Sequence[UnitKind], sweep: str, store: Store, name: str) -> Located:
         at = self.addresses.placed(kinds, sweep, store, name)
@@ -248,7 +317,7 @@ class CWriter(Writer):
             return self.in_constants(at.variable, at.row, at.form, name)
         if at.region == "numbers":
             self.reads_numbers = True
-            return Located(at.variable, f"numbers + {at.row}", f"[{at.component}]", "double")
+            return Located(at.variable, f"numbers + {at.row}", f"[{at.component}]", NUMBER_TYPE)
         if at.region == "trig":
             return Located(at.variable, f"a->trig + {at.row}", "[COSINE]" if name == "cos" else "[SINE]", "double")
         type_ = "LANES" if store.lanes else "double"
@@ -283,10 +352,10 @@ class CWriter(Writer):
             else:
                 continue
             self.touched.setdefault(sweep or "", set()).add(region)
-            value = "0.0"
+            value = in_all("0.0")
             if name.endswith(("W.xx", "W.yy", "W.zz")):
-                value = "1.0"
-            elif name.removeprefix("t") in ("a.x", "a.y", "a.z"):
+                value = in_all("1.0")
+            elif name in self.system.fields_of_gravity:
                 value = f"a->gravity[{'xyz'.index(name[-1])}]"
                 self.touched[sweep or ""].add("gravity")
             lines.append(f"{place} = {value};")
@@ -300,7 +369,7 @@ class CWriter(Writer):
         lines = []
         for i, name in enumerate(("a.x", "a.y", "a.z")):
             value = self._gravity(g.shape.varying.get(name) or g.values.get(name, 0.0))
-            lines.append(f"a->gravity[{i}] = {value};")
+            lines.append(f"a->gravity[{i}] = {value if value.startswith('a->') else in_all(value)};")
         return lines
 
     def _gravity(self, value: float | str) -> str:
@@ -324,7 +393,8 @@ class CWriter(Writer):
         return lines, zero
 
     def _ground_slot(self) -> str:
-        return f"a->slots[0].{self.layout.slot_forms['balance_out']}"
+        forms = self.layout.slot_forms  # those of all these sweeps are alike
+        return f"a->slots[0].{next(forms[s] for s in FALLING if s in forms)}"
 
     def ground_transposed(self) -> list[str]:
         """Lines that add to adjoints of parameters what those of the ground's tangent give."""
@@ -348,12 +418,12 @@ class CWriter(Writer):
                 angle = "i" if angles == list(range(n)) else "angle_of[i]"
                 return [
                     f"for (int i = 0; i < {n}; ++i) a->trig[ANGLES + i] = a->q[{angle}];",
-                    f"for (int i = {n}; i < ANGLES; ++i) a->trig[ANGLES + i] = 0.0;",
-                    "sines_and_cosines(ANGLES, a->trig);",
+                    f"for (int i = {n}; i < ANGLES; ++i) a->trig[ANGLES + i] = {in_all('0.0')};",
+                    f"sines_and_cosines({n}, a->trig);",
                 ]
             case procedures.GROUND_AT_REST if self.system.gravity is not None:
                 record = [line for line in self.ground() if "gravity" in line]
-                return ["for (int i = 0; i < 3; ++i) a->gravity[i] = 0.0;", *record]
+                return [f"for (int i = 0; i < 3; ++i) a->gravity[i] = {in_all('0.0')};", *record]
             case procedures.GROUND_TANGENT:
                 return self.ground_tangent()[0]
             case procedures.GROUND_TANGENT_AT_REST:
@@ -364,7 +434,7 @@ class CWriter(Writer):
                 return [
                     f"for (long i = 0; i < {n}L; ++i) {f'((LANES *)a->{name})' if name in TYPES else f'a->{name}'}[i] = NOTHING;"
                     for name, lanes, n in self.regions()
-                    if lanes and (name != "lanes" or what == procedures.ADJOINTS)
+                    if lanes and name != "columns" and (name != "lanes" or what == procedures.ADJOINTS)
                 ]
         return []
 
@@ -385,6 +455,7 @@ class CWriter(Writer):
             ("trig", False, 2 * layout.angles_padded),
             ("tau", False, forced),
             *((name, False, n) for name, n in self.system.coefficient_counts.items()),
+            *self.columns.regions(len(layout.column), links),
             ("slots", True, layout.slot_size * self.system.slots),
             ("lanes", True, len(layout.lane) * links),
             ("region_lanes", True, len(layout.region_lane) * len(regions.regions)),
@@ -423,7 +494,7 @@ class CWriter(Writer):
         kept = {
             "records": layout.record, "ears": layout.ear, "regions": layout.region, "couplings": layout.coupling,
             "kept": layout.kept, "kept_regions": layout.kept_region, "lanes": layout.lane,
-            "region_lanes": layout.region_lane,
+            "region_lanes": layout.region_lane, "columns": layout.column,
         }  # fmt: skip
         for region, fields in kept.items():
             if fields and (region in LANE_REGIONS) == lanes:
@@ -459,6 +530,7 @@ class CWriter(Writer):
         places: dict[str, int] = {}
         at = 0
         memory = c_functions.memory(found)
+        _ = self.swept
         of_sweeps = self.regions()
         own = [("own", False, memory.size)] if memory.size else []
         # the call's own arrays before the lanes: behind them they would cost some functions a tenth
@@ -473,8 +545,10 @@ class CWriter(Writer):
                                                   {n: t for n, t in types.items() if kept[n]})  # fmt: skip
         in_workspace = {name: at for name, at in places.items() if not kept[name]}
         lines = CFunctions(model.name, memory, self.prepared, lambda p: self.laid_out(p, in_workspace))
-        used = sorted({w for widths in self.sets_of_widths for w in widths})
+        of_columns = self.columns.width
+        used = sorted({w for widths in self.sets_of_widths for w in widths}, key=lambda w: (w != of_columns, w))
         apart = sorted({w for f in found for w in f.apart})
+        states = over_states(found)
         of_width = [(f, w) for f in found for w in (f.widths or (None,))]
         return context | {
             "NAME": model.name.upper(),
@@ -488,29 +562,40 @@ class CWriter(Writer):
             ],
             "near_names": self.near_names(), "types": self.types(False), "lane_types": self.types(True),
             "workspace": self.workspace,
-            "fields": fields, "lane_fields": lane_fields,
+            "fields": fields, "lane_fields": [*lane_fields, *self.columns.members()], "columns": self.columns,
             "value_places": [(n, f"{_cast(n)}(work + {at})" if n in TYPES else f"work + {at}")
                              for n, at in in_workspace.items()],
+            "headers": ["string.h"] if self.columns.symmetric else [],
+            "column_types": ["c/column_types.c.jinja"] if self.columns.width else [],
             "lane_places": [(n, f"({types[n]} *)(work + {at})") for n, at in places.items() if kept[n]],
             "tables": [*self.flat_tables(), *((head, [f"{{{row}}}," for row in rows]) for head, rows in self.tables)],
+            "part_files": ["c/parts.c.jinja"] if self.has_parts else [],
             "sines": ["c/sincos.c.jinja"] if layout.angles and self.prepares(procedures.ANGLES) else [],
             "routines": [lines.routine(r) for r in context["routines"]],
             "lane_functions": [(*guard(widths, used), functions) for widths, functions in context["lane_functions"] if functions],
             "lane_routines": [
                 (*guard(widths, used), functions)
                 for widths, of in context["lane_routines"]
-                if (functions := [*map(lines.routine, of), *(lines.function(f) for f in found if widest_first(f) == widths)])
+                if (functions := [*map(lines.routine, of)])
             ],
-            "inclusions": [
-                *(["#ifdef ORDERNM_APART", *inclusions(model.name, apart), "#else"] if apart else []),
-                *inclusions(model.name, [w for w in used if w not in apart]),
+            "lane_interfaces": [
+                (*guard(widths, used), functions)
+                for widths in self.sets_of_widths
+                if (functions := [lines.function(f) for f in found if widest_first(f) == widths])
             ],
-            "ends": ["#endif"] if apart else [],
+            "inclusions": self.inclusions(used, apart, states),
+            "ends": ["#endif"] if apart or states else [],
+            "before_one_state": ["#ifndef ORDERNM_STATES"] if states else [],
+            "after_one_state": ["#endif"] if states else [],
+            **states_context(lines, states, self.workspace),
             "sweep_files": [
                 *(["c/aligned.c.jinja"] if used or any(_reads_work(lines.laid_out(p)) for p in found) else []),
                 *(["c/lay_out.c.jinja"] if any(map(lays_out, found)) else []),
             ],
-            "matrix_files": ["c/component.c.jinja"] if any(map(fills_lanes, found)) else [],
+            "matrix_files": [
+                *(["c/component.c.jinja"] if any(map(fills_lanes, found)) else []),
+                *(["c/columns.c.jinja"] if self.columns.width else []),
+            ],
             "header_functions": [lines.function(f) for f in found if not f.seeds],
             "prototypes": [
                 (
@@ -525,18 +610,46 @@ class CWriter(Writer):
                 if names
             ],
             "batches": [
-                Function("", c_functions.batch_signature(f, model.name, w), c_functions.batch_lines(f, model.name, w))
+                Function(
+                    "",
+                    c_functions.batch_signature(f, model.name, w),
+                    c_functions.batch_lines(f, model.name, w),
+                    guard=guard_of_width(f.name, w),
+                )
                 for f, w in of_width
             ],
         }  # fmt: skip
 
+    def inclusions(self, used: list[int], apart: list[int], states: list[Procedure]) -> list[str]:
+        """Lines that include the functions over directions, by what the file that includes this one wants."""
+        name, lines = self.model.name, []
+        if states:
+            lines += [
+                "#if defined(ORDERNM_STATES)",
+                *inclusions(name, [max(procedures.WIDTHS)] if any(f.seeds for f in states) else []),
+            ]
+        if apart:
+            lines += [f"#{'el' if lines else ''}if defined(ORDERNM_APART)", *inclusions(name, apart)]
+        lines += ["#else"] if lines else []
+        guards = {self.columns.width: self.columns.guard}
+        return [*lines, *inclusions(name, [w for w in used if w not in apart], guards)]
+
     def flat_tables(self) -> list[tuple[str, list[str]]]:
         """Declarations and lines of tables without rows: numbers; coordinates that are angles if they are not the first."""
         numbers, angles = [repr(v) for v in self.layout.numbers], self.layout.angles
-        found = [(f"static const double numbers[{len(numbers)}]", in_lines(numbers, 6))] if self.reads_numbers else []
+        found = (
+            [(f"static const {NUMBER_TYPE} numbers[{len(numbers)}]", in_lines(numbers, 6))]
+            if self.reads_numbers
+            else []
+        )
         if self.prepares(procedures.ANGLES) and angles != list(range(len(angles))):
             found.append((f"static const int angle_of[{len(angles)}]", in_lines(list(map(str, angles)), 16)))
-        return found
+        return found + self.columns.tables()
+
+    @cached_property
+    def columns(self) -> ColumnsInC:
+        """What computes all columns of matrices at once."""
+        return ColumnsInC(self.asked)
 
 
 def legend(model: Model, links: int) -> list[str]:
@@ -584,7 +697,12 @@ def legend(model: Model, links: int) -> list[str]:
 
 def lays_out(procedure: Procedure) -> bool:
     """Whether a function needs all of the workspace, not what a few sweeps keep."""
-    return any(isinstance(s, (Prepare, Perform, Own)) for s in procedure.steps)
+    return any(isinstance(s, (Prepare, Perform, Own, AllColumns)) for s in within(procedure.steps))
+
+
+def _is_number(e: Expr) -> bool:
+    """Whether an expression is the same for all states."""
+    return not e.free_symbols
 
 
 def _reads_work(lines: list[str]) -> bool:
@@ -594,22 +712,27 @@ def _reads_work(lines: list[str]) -> bool:
 
 def fills_lanes(procedure: Procedure) -> bool:
     """Whether a function computes several columns of a matrix at once."""
-    return any(isinstance(s, Columns) and s.unit.lanes for s in procedure.steps)
+    steps = within(procedure.steps)
+    return any((isinstance(s, Columns) and s.unit.lanes) or isinstance(s, Primitives) for s in steps)
 
 
 def guard(widths: tuple[int, ...], used: list[int]) -> tuple[list[str], list[str]]:
     """Lines around what only some widths need."""
-    if sorted(widths) == used:
+    if sorted(widths) == sorted(used):
         return [], []
     return [f"#if {' || '.join(f'WIDTH == {w}' for w in widths)}"], ["#endif"]
 
 
-def inclusions(name: str, used: list[int]) -> list[str]:
-    """Lines that include the functions over directions once for every width; the last one stays."""
+def inclusions(name: str, used: list[int], guards: Mapping[int, str] = MappingProxyType({})) -> list[str]:
+    """Lines that include the functions over directions once for every width; the last one stays.
+
+    Those of some widths are in libraries of their own, by the conditions of `guards`.
+    """
     lines = []
     for w in used:
         lines += ["#undef WIDTH"] if w != used[0] else []
-        lines += [f"#define WIDTH {w}", f'#include "{name}_directions.h"']
+        include = f'#include "{name}_directions.h"'
+        lines += [f"#define WIDTH {w}", *([f"#if {guards[w]}", include, "#endif"] if w in guards else [include])]
     return lines
 
 
@@ -658,9 +781,12 @@ def write_c(context: dict[str, Any]) -> dict[str, str]:
     """The C files of a solver, by name."""
     name = context["name"]
     files = {f"{name}.c": "c/module.c.jinja", f"{name}.h": "c/module.h.jinja"}
-    if context["inclusions"]:
+    if any(line.startswith("#include") for line in context["inclusions"]):
         files[f"{name}_directions.h"] = "c/directions.h.jinja"
-    return {file: render(template, context) for file, template in files.items()}
+    made = {file: render(template, context) for file, template in files.items()}
+    if context["functions_over_states"]:
+        made[f"{name}_states.c"] = write_states(context)
+    return made
 
 
 __all__ = ["CWriter", "write_c"]

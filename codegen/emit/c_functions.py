@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 
 from ..program.procedure import (
     AddEntry,
+    AllColumns,
     Array,
     Bind,
     Check,
@@ -20,14 +21,17 @@ from ..program.procedure import (
     CopyEntry,
     Formulas,
     Hold,
+    IfAsked,
     Own,
     Perform,
     Prepare,
+    Primitives,
     Procedure,
     Routine,
     Run,
     Single,
     Step,
+    Together,
     Tolerate,
     Zero,
     ZeroEntries,
@@ -35,7 +39,9 @@ from ..program.procedure import (
     stops,
     walk,
 )
+from .columns import all_columns, primitives
 from .function import Function, called_with
+from .libraries import guard
 
 
 def symbol(procedure: Procedure, width: int | None = None) -> str:
@@ -53,6 +59,11 @@ def parameters(procedure: Procedure) -> list[str]:
 def signature(procedure: Procedure, name: str) -> str:
     """Declaration under a name, without the semicolon."""
     return called_with(f"int {name}(", parameters(procedure))
+
+
+def in_all(number: str) -> str:
+    """A number for every state, where a double holds several."""
+    return f"ALL({number})"
 
 
 def batch_signature(procedure: Procedure, model: str, width: int | None = None) -> str:
@@ -149,6 +160,10 @@ def memory(procedures: tuple[Procedure, ...]) -> Memory:
                     for a, _ in (*step.reads, *step.writes):
                         found.lane_fields.setdefault(a.name, False)
                     written = [a for a, _ in step.writes]
+                case AllColumns():
+                    found.lane_fields |= {a.name: True for a in step.arrays}
+                case Primitives():
+                    found.lane_fields[step.of.name] = True
                 case _:
                     pass
             for a in written:
@@ -207,7 +222,7 @@ class CFunctions:
 
     def routine(self, routine: Routine) -> Function:
         """A routine as a function."""
-        inner = _Lines(self, None, routine.lanes)
+        inner = Lines(self, None, routine.lanes)
         lines = [line for step in routine.steps for line in inner.of(step)]
         status = any(map(stops, routine.steps))
         name = f"DIRECTIONS({routine.name})" if routine.lanes else routine.name
@@ -219,11 +234,12 @@ class CFunctions:
         """A function of the header; one over directions for the width at hand."""
         name = f"{self.model}_{procedure.name}"
         head = signature(procedure, f"DIRECTIONS({name})" if procedure.seeds else name)
-        return Function(procedure.doc, head, _Lines(self, procedure, False).function())
+        lines = Lines(self, procedure, False).function()
+        return Function(procedure.doc, head, lines, guard=guard(procedure.name, (*procedure.widths, *procedure.apart)))
 
 
-class _Lines:
-    """Writes the lines of one function."""
+class Lines:
+    """Writes the lines of one function, or of one routine."""
 
     def __init__(self, of: CFunctions, procedure: Procedure | None, lanes: bool):
         self.functions = of
@@ -269,10 +285,9 @@ class _Lines:
             if over_directions(step) and not self.opened:
                 body += self.open()
             body += self.of(step)
-        if not (p.steps and isinstance(p.steps[-1], Check)):
-            body.append("return 0;")
-        else:
-            body[-1] = f"return {self.base(p.steps[-1].lanes)}singular;"
+        if p.steps and isinstance(p.steps[-1], Check):
+            body.pop()
+        body += self.end()
         values = {**self.bound(p.arguments), **self.bound_results(False)}
         head = called_with("call c = {", [f".{name} = {value}" for name, value in values.items()] or ["0"], "};").split(
             "\n"
@@ -282,6 +297,13 @@ class _Lines:
         if any(isinstance(s, Single) for s in p.steps):
             head.append("call_1 one;")
         return [*head, *self.functions.laid_out(p), *body]
+
+    def end(self) -> list[str]:
+        """What a function of the header returns in the end."""
+        p = self.procedure
+        assert p is not None
+        last = p.steps[-1] if p.steps else None
+        return [f"return {self.base(last.lanes)}singular;" if isinstance(last, Check) else "return 0;"]
 
     def bound(self, given: tuple[Array, ...]) -> dict[str, str]:
         """What arrays of the call are: arguments, or seeds."""
@@ -327,6 +349,8 @@ class _Lines:
             case Perform():
                 return self.perform(step)
             case Check():
+                if self.procedure is None:
+                    return ["if (STOPPED(a)) return 1;"]
                 singular = f"{self.base(step.lanes)}singular"
                 return [f"if ({singular}) return {singular};"]
             case Tolerate():
@@ -354,6 +378,15 @@ class _Lines:
                 return self.single(step)
             case Columns():
                 return self.columns(step) if step.unit.lanes else self.columns_of_values(step)
+            case AllColumns():
+                return all_columns(step, self.array)
+            case Primitives():
+                return primitives(step, self.array, self.call(step.formulas.called, True))
+            case IfAsked():
+                asked = " || ".join(self.array(r) for r in step.results)
+                return [f"if ({asked}) {{", *(f"    {line}" for s in step.steps for line in self.of(s)), "}"]
+            case Together():
+                raise TypeError("which of the two is taken is said before, see procedure.for_target")
 
     def call(self, name: str, lanes: bool) -> str:
         return f"{f'DIRECTIONS({name})' if lanes else name}({self.passed(lanes)});"
@@ -446,4 +479,4 @@ class _Lines:
 
 
 def _nothing(a: Array) -> str:
-    return "NOTHING" if a.lanes else "0.0"
+    return "NOTHING" if a.lanes else in_all("0.0")

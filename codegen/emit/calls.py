@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from ..version import __version__
+from .libraries import guard_of_library
 from .templates import render
 
 ARGUMENTS = ("q", "u", "p", "inputs", "udot", "b")
@@ -66,8 +67,16 @@ def _defaults(f: Mapping[str, Any]) -> list[str]:
 def _value(model: str, name: str, f: Mapping[str, Any], sizes: Mapping[str, int]) -> dict[str, Any]:
     results = [f"x[RESULTS + {i}]" for i in range(len(f["results"]))]
     finite = [f"all_finite({r}, {sizes[n]}L)" for r, n in zip(results, f["results"], strict=True)]
+    if name == "jacobians":  # some may not be asked for
+        finite = [finite[0], *(f"(!{r} || {line})" for r, line in zip(results[1:], finite[1:], strict=True))]
     call = f"{model}_{name}({', '.join([*_given(f), *results, 'x[WORK]'])})"
-    return {"name": name, "given": _defaults(f), "call": call, "finite": [] if name in INTERNAL else finite}
+    return {
+        "name": name,
+        "given": _defaults(f),
+        "call": call,
+        "finite": [] if name in INTERNAL else finite,
+        "guard": guard_of_library(name),
+    }
 
 
 def _along(model: str, name: str, f: Mapping[str, Any], sizes: Mapping[str, int]) -> dict[str, Any]:
@@ -94,7 +103,7 @@ def _along(model: str, name: str, f: Mapping[str, Any], sizes: Mapping[str, int]
     given = ", ".join([*_given(f), *passed, "x[WORK]"])
     return {
         "name": name, "given": _defaults(f), "seeds": seeds, "derived": derived, "finite": finite, "width": width,
-        "calls": [(w, f"{model}_{name}_{w}({given})") for w in widths],
+        "calls": [(w, f"{model}_{name}_{w}({given})") for w in widths], "guard": guard_of_library(name),
     }  # fmt: skip
 
 

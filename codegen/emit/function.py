@@ -15,12 +15,23 @@ SIGNATURE = 115
 
 @dataclass(slots=True)
 class Function:
-    """A generated function: comment, signature, ready lines; further lines of the comment."""
+    """A generated function: comment, signature, ready lines; further lines of the comment, when it is compiled."""
 
     comment: str
     signature: str
     lines: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    guard: str = ""
+
+    @property
+    def begin(self) -> list[str]:
+        """Lines before it, if it is not compiled always."""
+        return [f"#if {self.guard}"] if self.guard else []
+
+    @property
+    def end(self) -> list[str]:
+        """Lines after it."""
+        return ["#endif"] if self.guard else []
 
     @property
     def head(self) -> list[str]:

@@ -16,6 +16,7 @@ from ..mechanics.sweeps import SWEEP
 from ..program.operations import Operations, count
 from ..program.procedure import Array, Formulas, Procedure, Single, counted, walk
 from .c_functions import batch_arrays
+from .libraries import libraries
 
 OUTSIDE = "start"
 """What constants, sines and cosines are called among the sweeps."""
@@ -118,6 +119,7 @@ def manifest(
         "workspace": workspace,
         "widths": list(WIDTHS),
         "functions": functions,
+        "libraries": libraries(functions),
         "batch": list(itertools.chain.from_iterable(batch_arrays(procedures))),
         "operations": operations,
         **_closures(system),

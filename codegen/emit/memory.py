@@ -3,7 +3,18 @@
 from __future__ import annotations
 
 from ..mechanics.expansion import Program
-from ..mechanics.stores import COUPLING_BLOCK, EAR_RECORD, KEPT, LANE, ME, RECORD, REGION_LANE, REGION_RECORD, UP
+from ..mechanics.stores import (
+    COLUMN,
+    COUPLING_BLOCK,
+    EAR_RECORD,
+    KEPT,
+    LANE,
+    ME,
+    RECORD,
+    REGION_LANE,
+    REGION_RECORD,
+    UP,
+)
 from ..mechanics.structure.kinds import EarKind
 from ..mechanics.structure.system import System
 
@@ -54,6 +65,7 @@ class Layout:
         self.ear = {name: i for i, name in enumerate(program.fields[EAR_RECORD])}
         self.region = {name: i for i, name in enumerate(program.fields[REGION_RECORD])}
         self.coupling = {name: i for i, name in enumerate(program.fields[COUPLING_BLOCK])}
+        self.column = {name: i for i, name in enumerate(program.fields[COLUMN])}
         self.region_lane = {name: i for i, name in enumerate(program.fields[REGION_LANE])}
         self.kept, self.kept_region = (
             {name: i for i, name in enumerate(program.fields.get(KEPT[m], ()))} for m in (RECORD, REGION_RECORD)

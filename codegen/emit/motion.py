@@ -9,6 +9,7 @@ from ..mechanics.procedures import ALONG_MOTIONS
 from ..mechanics.structure.system import System
 from ..version import __version__
 from .function import called_with
+from .libraries import FOUR, number_of
 from .templates import render
 
 VALUES = ("state_rates", "closing_step", "completion", "outputs")
@@ -67,14 +68,26 @@ def write_motion(system: System, manifest: Mapping[str, Any]) -> str:
         members.append(f".{counter} = {len(tables[table])}")
         members += [f".{table} = {table}"] if tables[table] else []
     members += [f".{f} = {f}" for f in VALUES if f in functions]
+    backwards = []
     for f in ALONG:
-        members += [f".{f} = {{{', '.join(f'{f}_{w}' for w in WIDTHS)}}}"] if f in functions else []
+        if f in functions:
+            symbols = [f"{f}_{w}" for w in WIDTHS]
+            if f.endswith("_transposed"):
+                backwards.append((f, symbols))
+            else:
+                members.append(f".{f} = {{{', '.join(symbols)}}}")
+    first, second = number_of("motion"), number_of("gradients")
+    parts: dict[int, list[tuple[str, str]]] = {first: [], second: []}
+    for symbol, call in calls:
+        parts[second if "_transposed" in symbol else first].append((symbol, call))
     return render(
         "c/motion.c.jinja",
         {
             "name": name,
             "version": __version__,
-            "functions": calls,
+            "parts": [(library, of) for library, of in parts.items() if of],
+            "first": first,
+            "backwards": [(second, backwards)] if backwards else [],
             "tables": [(table, numbers) for table, numbers in tables.items() if numbers],
             "members": [f"{m}," for m in members],
         },
@@ -104,6 +117,7 @@ def write_precise(system: System, manifest: Mapping[str, Any]) -> str:
             "name": name,
             "NAME": name.upper(),
             "version": __version__,
+            "library": number_of("motion"),
             "functions": PRECISE,
             "nq": model.nq,
             "nu": model.nu,
@@ -128,6 +142,7 @@ def write_four(manifest: Mapping[str, Any]) -> str:
         {
             "name": name,
             "version": __version__,
+            "library": number_of(FOUR),
             "functions": [(f"motion_{f}", _call(name, f, functions[f], "_4")) for f in found],
             "members": [(f, f"motion_{f}") for f in found],
         },

@@ -51,7 +51,9 @@ class NumpyWriter(Writer):
 
     # -- the language ----------------------------------------------------------------------------------------------
 
-    def lines(self, block: Block, place: Place, culprit: Callable[[str], str] | None = None) -> list[str]:
+    def lines(
+        self, block: Block, place: Place, culprit: Callable[[str], str] | None = None, each: str = ""
+    ) -> list[str]:
         names = self.called_by(block, place)
         printer = self.printer.calling(names)
         taken = {s.name for s in block.loads} | {s.target.name for s in block.statements} | set(names.values())

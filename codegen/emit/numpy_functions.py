@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 
 from ..program.procedure import (
     AddEntry,
+    AllColumns,
     Array,
     Bind,
     Check,
@@ -19,14 +20,17 @@ from ..program.procedure import (
     CopyEntry,
     Formulas,
     Hold,
+    IfAsked,
     Own,
     Perform,
     Prepare,
+    Primitives,
     Procedure,
     Routine,
     Run,
     Single,
     Step,
+    Together,
     Tolerate,
     Zero,
     ZeroEntries,
@@ -157,6 +161,8 @@ class _Lines:
                 return self.single(step)
             case Columns():
                 return self.columns(step)
+            case AllColumns() | Primitives() | IfAsked() | Together():
+                raise TypeError("NumPy takes columns one after the other, see procedure.for_target")
 
     def guarded(self, name: str) -> list[str]:
         """A call; what is divided by a zero pivot is told afterwards."""

@@ -1,4 +1,4 @@
-"""Prints sympy expressions of statements as C or NumPy source."""
+"""Prints expressions of statements as C or NumPy source."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from copy import copy
 from types import MappingProxyType
 from typing import Self
 
-from sympy import Expr
-
+from ..program.algebra import HALF, MINUS_ONE
 from ..program.digits import text_of
+from ..program.expressions import Expr, Function, Number, Pow
 
 SUM, PRODUCT, ATOM = 0, 1, 2
 
@@ -45,7 +45,7 @@ class Printer:
     def _print(self, e: Expr, level: int) -> str:
         if e.is_Symbol:
             return self.names.get(e.name, e.name)
-        if e.is_Number or e.is_NumberSymbol:
+        if isinstance(e, Number):
             text = self.number(e)
             return f"({text})" if level > SUM and text.startswith("-") else text
         if e.is_Add:
@@ -61,7 +61,7 @@ class Printer:
 
     def _sum(self, e: Expr, level: int) -> str:
         terms = [(self._is_negative(t), t) for t in e.args]
-        terms.sort(key=lambda item: item[0])  # a positive term first; stable, so the order is sympy's
+        terms.sort(key=lambda item: item[0])  # a positive term first; stable, so the others stay in their order
         text = ""
         for negative, t in terms:
             printed = self._print(-t if negative else t, PRODUCT)
@@ -73,14 +73,16 @@ class Printer:
 
     @staticmethod
     def _is_negative(t: Expr) -> bool:
-        return bool((t.is_Mul and t.args[0].is_Number and t.args[0] < 0) or (t.is_Number and t < 0))
+        first = t.args[0] if t.is_Mul else t
+        return isinstance(first, Number) and first < 0
 
     def _product(self, e: Expr, level: int) -> str:
         factors = list(e.args)
         sign = ""
-        if factors[0].is_Number and factors[0] < 0:
+        first = factors[0]
+        if isinstance(first, Number) and first < 0:
             sign = "-"
-            factors = ([] if factors[0] == -1 else [-factors[0]]) + factors[1:]
+            factors = ([] if first is MINUS_ONE else [-first]) + factors[1:]
         above = [f for f in factors if not self._is_reciprocal(f)]
         below = [1 / f for f in factors if self._is_reciprocal(f)]
         text = "*".join(self._print(f, ATOM) for f in above) or "1.0"
@@ -92,17 +94,18 @@ class Printer:
 
     @staticmethod
     def _is_reciprocal(f: Expr) -> bool:
-        return bool(f.is_Pow and f.exp.is_Number and f.exp < 0)
+        return isinstance(f, Pow) and f.exp < 0
 
     def _power(self, e: Expr, level: int) -> str:
-        base, exponent = e.args
-        if exponent.is_Number and exponent < 0:
+        assert isinstance(e, Pow)
+        base, exponent = e.base, e.exp
+        if exponent < 0:
             text = f"1.0/{self._print(1 / e, ATOM)}"
             return f"({text})" if level == ATOM else text
         if exponent.is_Integer and int(exponent) <= 16:
             text = self._multiply(self._print(base, ATOM), int(exponent))
             return f"({text})" if level == ATOM else text
-        if exponent.is_Rational and exponent.q == 2 and abs(exponent.p) == 1:
+        if exponent is HALF:
             return f"{self.functions['sqrt']}({self._print(base, SUM)})"
         return f"{self.functions['pow']}({self._print(base, SUM)}, {self._print(exponent, SUM)})"
 
@@ -115,16 +118,17 @@ class Printer:
         return f"{text}*{base}" if n % 2 else text
 
     def _call(self, e: Expr) -> str:
-        name = type(e).__name__
+        assert isinstance(e, Function)
+        name = e.name
         arguments = [self._print(a, SUM) for a in e.args]
         if name == "AtLeast":
             return self.at_least(*arguments)
         if name == "Sign" and "Sign" not in self.functions:
-            return f"(double)(({arguments[0]} > 0) - ({arguments[0]} < 0))"
+            return f"(TRUTH({arguments[0]} > 0.0) - TRUTH({arguments[0]} < 0.0))"
         return f"{self.functions[name]}({', '.join(arguments)})"
 
     def at_least(self, a: str, b: str) -> str:
-        return f"(double)({a} >= {b})"
+        return f"TRUTH({a} >= {b})"
 
 
 class NumpyPrinter(Printer):

@@ -33,18 +33,24 @@ from ..mechanics.transposition import transpose_sweeps
 from ..model.collector import collector_paused
 from ..model.errors import ModelError
 from ..model.model import GROUND, Model
+from ..program.algebra import expressions_kept
 from ..program.digits import long_numbers
 from ..program.operations import Operations
-from ..program.procedure import Formulas, Procedure, walk
+from ..program.procedure import Formulas, Procedure, for_target, walk
 from ..program.progress import Progress, silent
 from .c import CWriter, write_c
 from .calls import write_calls
 from .interface import manifest, operations
 from .motion import has_motion, write_four, write_motion, write_precise
 from .numpy import write_numpy
+from .states import arrays_of, over_states
 
 UNROLLED_LINKS = 8
 """Models of at most so many links get one function per link unless another layout is asked for."""
+
+DIFFERENT_LINKS, DIFFERENT = 12, 0.75
+"""The same for models of at most so many links of which such a part are of kinds of their own: to write each out takes little
+more code."""
 
 
 @dataclass(slots=True)
@@ -94,6 +100,7 @@ class Expanded:
     asked: tuple[Procedure, ...]
 
 
+@expressions_kept()
 @collector_paused()
 def write_solver(
     model: Model,
@@ -130,7 +137,6 @@ def write_solver(
 
     if not model.nu:
         raise ModelError([model.problem("bodies", "no joint has a freedom, so nothing can move")])
-    unrolled = is_unrolled(model, layout)
     if model.loops and chosen is None:
         progress("choosing dependent coordinates", 0, 0)
         try:
@@ -139,23 +145,29 @@ def write_solver(
             raise ModelError([model.problem("loops", str(error))]) from None
         lap("partition")
     progress("analysing", 0, 0)
-    system = analyse(model, unrolled, chosen)
+    system, unrolled = laid_out(model, layout, chosen, turning=not reactions)
     lap("analyse")
     e = _expanded(system, reactions, progress, functions)
     program, formulas, records, asked = e.program, e.formulas, e.records, e.asked
     lap("expand and simplify")
     progress("printing C", 0, 0)
-    writer = CWriter(program, formulas, records, asked)
+    writer = CWriter(program, formulas, records, tuple(for_target(p, True) for p in asked))
     context = writer.context()
     files = write_c(context)
     lap("print")
     progress("printing NumPy", 0, 0)
-    files[f"{model.name}_numpy.py"] = write_numpy(program, formulas, records, asked)
+    files[f"{model.name}_numpy.py"] = write_numpy(program, formulas, records, one_by_one(asked))
     lap("print NumPy")
     counts = operations(program, [*formulas, *records], writer.procedures)
     made = manifest(system, writer.procedures, writer.workspace, counts, chosen.q if chosen else ())
     if functions is not None:
         made["left_out"] = left_out(system, asked)
+    if over := over_states(writer.procedures):
+        made["over_states"] = {
+            "functions": [p.name for p in over],
+            "arrays": [name for names in arrays_of(over) for name in names],
+            "workspace": context["states_workspace"],
+        }
     files[f"{model.name}_calls.c"] = write_calls(made, {n: a.size for n, a in arrays(system).items()})
     if has_motion(made["functions"]):
         files[f"{model.name}_motion.c"] = write_motion(system, made)
@@ -176,9 +188,19 @@ def write_solver(
     )
 
 
-def is_unrolled(model: Model, layout: str) -> bool:
-    """Whether a layout has one function per link."""
-    return layout == "unrolled" or (layout == "auto" and len(model.bodies) <= UNROLLED_LINKS)
+def laid_out(model: Model, layout: str, chosen: Partition | None, turning: bool) -> tuple[System, bool]:
+    """A model analysed, and whether it has one function per link: chosen by links and kinds unless the layout says so.
+
+    Of `turning`, the ground may be turned; see `mechanics.structure.system.analyse`.
+    """
+    if layout == "unrolled":
+        return analyse(model, True, chosen, turning=turning), True
+    system = analyse(model, False, chosen, turning=turning)
+    links, kinds = len(system.links), len(system.kinds)
+    few = min(links, len(model.bodies)) <= UNROLLED_LINKS or (links <= DIFFERENT_LINKS and kinds >= DIFFERENT * links)
+    if layout == "auto" and few:
+        return analyse(model, True, chosen, turning=turning), True
+    return system, False
 
 
 def _expanded(
@@ -221,6 +243,7 @@ def _expanded(
     return Expanded(system, program, formulas, records, asked)
 
 
+@expressions_kept()
 @collector_paused()
 def write_long(
     model: Model,
@@ -232,8 +255,14 @@ def write_long(
 ) -> str:
     """The NumPy module of a solver with numbers of so many digits, where they are no doubles; see `write_solver`."""
     with long_numbers(digits):
-        e = _expanded(analyse(model, is_unrolled(model, layout), chosen), reactions, functions=functions)
-        return write_numpy(e.program, e.formulas, e.records, e.asked)
+        system, _ = laid_out(model, layout, chosen, turning=not reactions)
+        e = _expanded(system, reactions, functions=functions)
+        return write_numpy(e.program, e.formulas, e.records, one_by_one(e.asked))
+
+
+def one_by_one(asked: tuple[Procedure, ...]) -> tuple[Procedure, ...]:
+    """Functions as NumPy has them: columns of matrices one after the other."""
+    return tuple(for_target(p, False) for p in asked)
 
 
 def _read_by_formulas(system: System, records: list[RecordFormula]) -> set[MemoryPlace]:

@@ -18,20 +18,24 @@ from ..mechanics.fields import identifier
 from ..mechanics.formulas import FormulaKind
 from ..mechanics.outputs.outputs import RecordFormula
 from ..mechanics.procedures import CONSTANTS, SHAPES, WIDTHS
+from ..mechanics.procedures import sweeps as sweeps_run
 from ..mechanics.stores import CE_PARAMETER, CONSTANT, KEPT, LAID_OUT, MARGIN, NUMBER, PARAMETER, SHAPE, SUM, SUM_LANE
 from ..mechanics.structure.constants import Constants
 from ..mechanics.structure.element_kinds import ElementKind
 from ..mechanics.structure.kinds import EarKind, RegionKind, UnitKind
-from ..mechanics.sweeps import INWARD, SWEEP
+from ..mechanics.sweeps import FALLING, INWARD, SWEEP
 from ..model.model import GROUND
 from ..program.block import RESERVED, Block
 from ..program.digits import value_of
 from ..program.operations import count
 from ..program.procedure import (
+    AllColumns,
     Columns,
     Formulas,
+    IfAsked,
     Perform,
     Prepare,
+    Primitives,
     Procedure,
     Run,
     Single,
@@ -54,7 +58,7 @@ KEYWORDS = frozenset(keyword.kwlist) | frozenset(
     "auto break case char const continue default do double else enum extern float for goto if inline int long register restrict "
     "return short signed sizeof static struct switch typedef union unsigned void volatile while unit element call "
     "asm typeof typeof_unqual alignas alignof bool constexpr false nullptr static_assert thread_local true linux unix "
-    "i386".split()
+    "i386 number status".split()
 )
 """Names that variables cannot have in Python or C, to C23 and with what GNU C defines, or that tables have."""
 
@@ -138,8 +142,17 @@ class Writer(ABC):
     # -- the language ----------------------------------------------------------------------------------------------
 
     @abstractmethod
-    def lines(self, block: Block, place: Place, culprit: Callable[[str], str] | None = None) -> list[str]:
-        """Lines of a block; `culprit` gives the number of the link or loop to name where a pivot is zero."""
+    def lines(
+        self, block: Block, place: Place, culprit: Callable[[str], str] | None = None, each: str = ""
+    ) -> list[str]:
+        """Lines of a block; `culprit` gives the number of the link or loop to name where a pivot is zero.
+
+        `each` begins the loop over directions, where the language has one.
+        """
+
+    def each(self, kinds: Sequence[UnitKind], sweep: str) -> str:
+        """What begins the loop over directions in the function that kinds share."""
+        return ""
 
     @abstractmethod
     def signature(self, name: str, lanes: bool, indexed: bool) -> str:
@@ -257,7 +270,7 @@ class Writer(ABC):
         single = len(self.instances(kinds, sweep)) == 1
         signature = self.signature(f"{sweep}_{kinds[0].index}", SWEEP[sweep].lanes, not single)
         place = cache(partial(self.place, kinds, sweep))  # asked for several times for each component
-        lines = self.lines(block, place, self.addresses.culprit(kinds, sweep))
+        lines = self.lines(block, place, self.addresses.culprit(kinds, sweep), self.each(kinds, sweep))
         return Function(f"{block.title}; {self.called(kinds)}", signature, lines, notes(block))
 
     def called(self, kinds: tuple[UnitKind, ...]) -> str:
@@ -282,6 +295,8 @@ class Writer(ABC):
         shared = self.shared(sweep)
         first = {kind.index: kinds[0].index for kinds in shared for kind in kinds}
         kinds = [first.get(k.index, IDLE) for k in self.sequence(sweep)]
+        if spec.then and spec.then in self.blocks:
+            return self.loop_of_two(sweep, spec.then)
         single = {kinds[0].index: len(self.instances(kinds, sweep)) == 1 for kinds in shared}
         inward = spec.direction == INWARD
         f = Function(spec.title, self.signature(sweep, spec.lanes, False))
@@ -310,6 +325,37 @@ class Writer(ABC):
             f.lines += self.dispatch(len(kinds), inward, entry, cases)
         return f
 
+    def loop_of_two(self, sweep: str, then: str) -> Function:
+        """The loop over all links of two sweeps by turns."""
+        both: list[list[UnitKind | None]] = []
+        for name in (sweep, then):
+            of = {kind: kinds[0] for kinds in self.shared(name) for kind in kinds}
+            both.append([of.get(k) for k in self.sequence(name)])
+        numbers: dict[tuple[UnitKind | None, ...], int] = {}
+        sequence = [numbers.setdefault(pair, len(numbers)) for pair in zip(*both, strict=True)]
+        pairs = list(numbers)
+        single = {
+            (name, kinds[0]): len(self.instances(kinds, name)) == 1
+            for name in (sweep, then)
+            for kinds in self.shared(name)
+        }
+        lanes = SWEEP[sweep].lanes
+
+        def call(pair: int, i: str) -> list[str]:
+            return [
+                self.call(f"{name}_{kind.index}", lanes, None if single[name, kind] else i)
+                for name, kind in zip((sweep, then), pairs[pair], strict=True)
+                if kind is not None
+            ]
+
+        f = Function(SWEEP[sweep].title, self.signature(sweep, lanes, False))
+        for start, pattern, times in stretches(sequence):
+            places = [str(start + o) if times == 1 else f"i + {o}" if o else "i" for o in range(len(pattern))]
+            calls = [c for pair, i in zip(pattern, places, strict=True) for c in call(pair, i)]
+            step = len(pattern)
+            f.lines += calls if times == 1 else self.repeat(start, start + step * times, step, False, calls)
+        return f
+
     def sequence(self, sweep: str) -> list[UnitKind]:
         """Kinds of what a sweep goes over, one after the other."""
         spec, system = SWEEP[sweep], self.system
@@ -319,7 +365,14 @@ class Writer(ABC):
         return [*(system.unit_kind_of if spec.units else system.kind_of)]
 
     def sweep_functions(self, sweep: str) -> list[Function]:
-        return [*(self.link_function(sweep, kinds) for kinds in self.shared(sweep)), self.loop(sweep)]
+        functions = [f for kinds in self.shared(sweep) for f in self.link_functions(sweep, kinds)]
+        if any(spec.then == sweep for spec in SWEEP.values()):
+            return functions  # called by turns with another
+        return [*functions, self.loop(sweep)]
+
+    def link_functions(self, sweep: str, kinds: tuple[UnitKind, ...]) -> list[Function]:
+        """That of `link_function`, after the parts that it is made of."""
+        return [self.link_function(sweep, kinds)]
 
     # -- constants and formulas ------------------------------------------------------------------------------------
 
@@ -470,28 +523,27 @@ class Writer(ABC):
 
     def ground_values(self) -> list[tuple[str, float | str]]:
         """The ground's record, at rest and accelerating by -g: fields with a number or gravity's constant by name."""
-        g = self.system.gravity
+        g, of_gravity = self.system.gravity, self.system.fields_of_gravity
         found: list[tuple[str, float | str]] = []
         for name in sorted(self.program.ground_fields):
             value: float | str = 0.0
-            plain = name.removeprefix("t")
             if name.endswith(("W.xx", "W.yy", "W.zz")):
                 value = 1.0
-            elif g is not None and plain in g.shape.fields:
-                value = g.shape.varying.get(plain) or g.values.get(plain, 0.0)
+            elif g is not None and of_gravity.get(name) in g.shape.fields:
+                value = g.shape.varying.get(of_gravity[name]) or g.values.get(of_gravity[name], 0.0)
             found.append((name, value))
         return found
 
     def ground_accelerations(self) -> list[str]:
         """The fields of the ground's record that gravity sets."""
-        return [n for n in sorted(self.program.ground_fields) if n.startswith(("a.", "ta."))]
+        return sorted(self.program.ground_fields & self.system.fields_of_gravity.keys())
 
     def ground_tangents(self) -> list[tuple[str, list[tuple[float | str, int]]]]:
         """The ground's tangent where gravity depends on parameters: fields as sums of factor and parameter."""
         g = self.system.gravity
         found: list[tuple[str, list[tuple[float | str, int]]]] = []
         places = {n: k for k, n in enumerate(self.model.parameter_names)}
-        for name in self.program.slots.get("balance_out", ()):
+        for name in dict.fromkeys(n for s in FALLING for n in self.program.slots.get(s, ())):
             if g is None or name not in g.shape.varying:
                 continue
             terms: list[tuple[float | str, int]] = []
@@ -508,14 +560,18 @@ class Writer(ABC):
 
     @cached_property
     def blocks(self) -> dict[str, dict[int, Block]]:
-        """Blocks by sweep and kind, of the sweeps that have something to do."""
-        return {s: b for s, b in self.program.blocks.items() if any(block.stores for block in b.values())}
+        """Blocks by sweep and kind, of the sweeps that are run and have something to do."""
+        run = sweeps_run(self.asked)
+        found = self.program.blocks.items()
+        return {s: b for s, b in found if s in run and any(block.stores for block in b.values())}
 
     @cached_property
     def swept(self) -> dict[str, list[Function]]:
         """The functions of every sweep."""
         sets = self.sets_of_widths
-        order = sorted(self.blocks, key=lambda s: 1 + sets.index(self.widths[s]) if SWEEP[s].lanes else 0)
+        then = {SWEEP[s].then for s in self.blocks}  # called by others, so before them
+        ranks = {s: 1 + sets.index(self.widths[s]) if SWEEP[s].lanes else 0 for s in self.blocks}
+        order = sorted(self.blocks, key=lambda s: (ranks[s], s not in then))
         return {s: self.sweep_functions(s) for s in order}
 
     @cached_property
@@ -641,6 +697,12 @@ def called_for(procedure: Procedure) -> set[tuple[str, int]]:
                     found.update((step.routine.name, w) for w in widths if over_directions(step))
                     add(step.routine.steps, widths)
                 case Columns():
+                    add(step.steps, widths or (max(WIDTHS),))
+                case AllColumns():
+                    found.update((s.sweep, step.width) for s in step.steps if s.lanes)
+                case Primitives():
+                    found.add((_name(step.formulas), max(WIDTHS)))
+                case IfAsked():
                     add(step.steps, widths or (max(WIDTHS),))
                 case _:
                     pass

@@ -1,8 +1,9 @@
-"""A second partition of the speeds, for configurations where the first one is ill conditioned."""
+"""Other partitions of the speeds, for configurations where the first one is ill conditioned."""
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 
 from ..model.model import Model
 from .ears import Partition
@@ -11,27 +12,31 @@ from .partition import partition
 from .speed_groups import speed_groups
 
 
-def second_partition(model: Model, first: Partition) -> Partition | None:
-    """The partition that shares the fewest independent speeds with the first one; of several the best conditioned.
+def other_partition(model: Model, known: Sequence[Partition]) -> Partition | None:
+    """The partition that shares the fewest independent speeds with those that are known; of several the best conditioned.
 
     Each dependent speed in turn is asked to be independent instead of the hints, then each other one together with it, as long as
     fewer are shared: a loop at its dead point for one choice of independents is seldom at one for another, and what both
-    choices share may be what fails. None where no other choice closes the loops.
+    choices share may be what fails. Of several partitions that are known the one that it is nearest to
+    counts. None where no other choice closes the loops.
 
     Parameters
     ----------
     model : Model
-    first : Partition
-        Its independent speeds are to be avoided.
+    known : sequence of Partition
+        Their independent speeds are to be avoided.
     """
     coordinate = _coordinate_of_speeds(model)
-    names = [coordinate[u] for ear in first.ears for u in ear.dependent if u in coordinate]
+    names = list(
+        dict.fromkeys(coordinate[u] for k in known for ear in k.ears for u in ear.dependent if u in coordinate)
+    )
     asked: tuple[str, ...] = ()
     tried = 0
     best: Partition | None = None
 
-    def judged(found: Partition) -> tuple[int, float]:
-        return len({*found.independent} & {*first.independent}), worst(found)
+    def judged(found: Partition) -> tuple[int, int, float]:
+        shared = [len({*found.independent} & {*k.independent}) for k in known]
+        return max(shared), sum(shared), worst(found)
 
     while best is None or judged(best)[0]:
         before = best
@@ -43,13 +48,13 @@ def second_partition(model: Model, first: Partition) -> Partition | None:
                 found = partition(dataclasses.replace(model, independent=(*asked, name)))
             except (AssemblyError, PartitionError):
                 continue
-            if found.independent == first.independent:
+            if any(found.independent == k.independent for k in known):
                 continue
             if best is None or judged(found) < judged(best):
                 best, better = found, name
-            if len(first.ears) > MANY:
+            if len(known[0].ears) > MANY:
                 return best
-        if best is None or tried > MOST_TRIED or (before is not None and judged(best)[0] == judged(before)[0]):
+        if best is None or tried > MOST_TRIED or (before is not None and judged(best)[:2] == judged(before)[:2]):
             break
         asked = (*asked, better)
     return best

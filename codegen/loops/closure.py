@@ -187,7 +187,7 @@ class Cuts:
         g, self.loops = geometry, list(loops)
         rows = g.kept if rows is None else rows
         i = np.array(self.loops, dtype=int)
-        self.starts, self.ends = np.array(g.starts, dtype=int)[i], np.array(g.ends, dtype=int)[i]
+        self.starts, self.ends = (np.array([x[j] for j in self.loops], dtype=int) for x in (g.starts, g.ends))
         self.face_R, self.face_at = g.face_R[:, i], g.face_at[:, i]
         self.linear = g.linear[i] / g.lengths[i, None, None]
         self.angular, self.axis, self.end_axis = g.angular[i], g.axis[i], g.end_axis[i]

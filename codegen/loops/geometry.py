@@ -13,6 +13,7 @@ import numpy as np
 from ..model.expressions import Expression
 from ..model.model import GROUND, Kind, Model, Vector, coordinate_axis, least_along
 from ..model.motions import Ball, Displacement
+from .ancestry import Ancestry
 from .chains import Chain, speeds_of, step
 from .ears import Ear
 from .speed_groups import speed_groups
@@ -102,6 +103,7 @@ class Geometry:
         Angular velocity and velocity of the body's origin, relative to the parent in child components, of a unit speed; of
         motions that later ones of a joint change as they were without these. `still_w`, `still_v`: without such motions.
     all_joints : Joints
+    ancestry : Ancestry
     starts, ends : list of int
         The bodies of the loops' faces.
     face_R, face_at : (2, L, 3, 3), (2, L, 3) array
@@ -127,6 +129,7 @@ class Geometry:
         self._cycles: dict[int, tuple[list[int], list[int]]] = {}
         for k in model.outward:
             self.depth[k] = self.depth[self.parent[k]] + 1
+        self.ancestry = Ancestry(self.parent, self.depth, model.outward, n)
         self._joints()
         self._loops()
         points = [self.at, *self.face_at, self._vectors(b.com for b in model.bodies)]

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .ancestry import NewJoints
 from .dependents import choose_dependents, condition, divide, ranks, whole_joints
 from .errors import PartitionError
 from .geometry import Geometry
@@ -43,24 +44,21 @@ def loop_order(geometry: Geometry, held: set[int]) -> list[int]:
     So a loop next to one that is closed comes before one that is far from it, and hinted coordinates count as known.
     """
     freedoms = [sum(s not in held for s in speeds) for speeds in geometry.speeds]
-    cycles = [[k for side in geometry.cycle(i) for k in side] for i in range(len(geometry.starts))]
-    passing: list[list[int]] = [[] for _ in range(geometry.ground)]
-    for i, cycle in enumerate(cycles):
-        for k in cycle:
-            passing[k].append(i)
-    inmost = [min((geometry.depth[k] for k in cycle), default=0) for cycle in cycles]
-    left = np.array([sum(freedoms[k] for k in cycle) for cycle in cycles]) + np.array(inmost) / (
-        1 + max(geometry.depth)
-    )
+    cuts = list(zip(geometry.starts, geometry.ends, strict=True))
+    ancestry, depth = geometry.ancestry, geometry.depth
+    bases = [ancestry.meeting(a, b) for a, b in cuts]
+    inmost = [depth[base] + 1 if a != b else 0 for base, (a, b) in zip(bases, cuts, strict=True)]
+    sums = ancestry.sums(freedoms, geometry.model.outward)
+    left = np.array([sums[a] + sums[b] - 2 * sums[base] for base, (a, b) in zip(bases, cuts, strict=True)], dtype=float)
+    left += np.array(inmost) / (1 + max(depth))
+    passing, new = ancestry.passing(geometry.starts, geometry.ends), NewJoints(ancestry)
     order: list[int] = []
-    passed = set[int]()
-    while len(order) < len(cycles):
+    while len(order) < len(cuts):
         loop = int(np.argmin(left))
         order.append(loop)
-        for k in cycles[loop]:
-            if k not in passed:
-                passed.add(k)
-                left[passing[k]] -= freedoms[k]
+        for k in new.of(*cuts[loop]):
+            if freedoms[k]:
+                left[passing(k)] -= freedoms[k]
         left[loop] = np.inf
     return order
 

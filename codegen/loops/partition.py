@@ -418,8 +418,10 @@ def _partition(
 
 def check_cycles(geometry: Geometry) -> None:
     """Every loop needs a joint that moves."""
+    sums = geometry.ancestry.sums([len(speeds) for speeds in geometry.speeds], geometry.model.outward)
     for i, loop in enumerate(geometry.model.loops):
-        if not any(geometry.speeds[k] for side in geometry.cycle(i) for k in side):
+        start, end = geometry.starts[i], geometry.ends[i]
+        if sums[start] + sums[end] == 2 * sums[geometry.ancestry.meeting(start, end)]:
             names = [
                 geometry.model.bodies[k].name if k < geometry.ground else "ground"
                 for k in (geometry.starts[i], geometry.ends[i])
@@ -449,10 +451,13 @@ def hinted(geometry: Geometry) -> set[int]:
 def _ear(geometry: Geometry, draft: Draft, redundancy: Redundancy) -> Ear:
     path: list[int] = []
     chosen = set(draft.dependent)
-    bodies = {int(geometry.speed_body[s]) for s in chosen}
+    outward = sorted({int(geometry.speed_body[s]) for s in chosen}, key=geometry.depth.__getitem__)
+    ancestry = geometry.ancestry
     for loop in draft.loops:
-        for side in geometry.cycle(loop):
-            here = [k for k in reversed(side) if k in bodies]
+        start, end = geometry.starts[loop], geometry.ends[loop]
+        base = geometry.depth[ancestry.meeting(start, end)]
+        for side in (start, end):
+            here = [k for k in outward if geometry.depth[k] > base and ancestry.carries(k, side)]
             path += [s for k in here for s in geometry.speeds[k] if s in chosen and s not in path]
     length = float(geometry.lengths[draft.loops[0]])
     dropped = tuple((i, n) for i in draft.loops for n in redundancy.dropped.get(i, ()))

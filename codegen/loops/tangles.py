@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
+from .ancestry import NewJoints
 from .geometry import Geometry
 
 T = TypeVar("T")
@@ -28,12 +29,10 @@ def untangled(geometry: Geometry, ears: Sequence[tuple[int, ...]], dependent: se
     """
     ears = list(ears)
     while True:
-        owner: dict[int, int] = {}
-        for e, loops in enumerate(ears):
-            for i in loops:
-                for side in geometry.cycle(i):
-                    for k in side:
-                        owner.setdefault(k, e)
+        new = NewJoints(geometry.ancestry)
+        owner = {
+            k: e for e, loops in enumerate(ears) for i in loops for k in new.of(geometry.starts[i], geometry.ends[i])
+        }
         faces = [[k for i in loops for k in (geometry.starts[i], geometry.ends[i])] for loops in ears]
         outward = sorted(owner, key=lambda k: (geometry.depth[k], k))
         moved = {k for k in outward if dependent.intersection(geometry.speeds[k])}

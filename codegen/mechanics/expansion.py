@@ -1,7 +1,7 @@
 """From a system to blocks: zero patterns first, then statements, then passes.
 
 The zero pattern of what a link receives depends on its neighbours', so patterns are found by running the block-writing code on
-structural values until nothing changes; then every block is expanded once per kind with sympy, and passes are applied. What no
+structural values until nothing changes; then every block is expanded once per kind, and passes are applied. What no
 later block reads is removed, across blocks.
 """
 
@@ -12,12 +12,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import partial
 
-import sympy
-from sympy import Expr, Symbol
-from sympy.core.numbers import Number
-
 from ..model.model import GROUND
+from ..program import algebra
 from ..program.block import Block, Component, Expansion, FieldError, Scope, StructuralExpansion, symbols_of
+from ..program.expressions import Expr, Number, Symbol
 from ..program.field import AnyField
 from ..program.operations import Operations, count
 from ..program.passes import PASSES, drop_dead, propagate_copies
@@ -38,7 +36,7 @@ from .stores import (
 from .structure.kinds import EarKind, UnitKind
 from .structure.owners import owner_links
 from .structure.system import System
-from .sweeps import INWARD, SWEEPS, Sweep
+from .sweeps import FALLING, INWARD, SWEEPS, Sweep
 
 GROUND_KIND = -1
 MemoryKey = tuple[Memory, str]
@@ -155,11 +153,12 @@ class Patterns:
             record |= dict.fromkeys((f"{turned.name}.{ii}" for ii in ("xx", "yy", "zz")), 1)
         if gravity is None:
             return
-        for name, value in gravity.shape.fields.items():
-            if value != 0:
-                record |= {name: None, "t" + name: None}
+        given = gravity.shape.fields
+        record |= {name: None for name, of in self.system.fields_of_gravity.items() if given.get(of, 0) != 0}
+        for name in given:
             if name in gravity.shape.varying:
-                self.of((SLOT, "balance_out"), GROUND_KIND)[name] = None
+                for sweep in FALLING:
+                    self.of((SLOT, sweep), GROUND_KIND)[name] = None
 
     def of(self, memory: MemoryKey, kind: KindKey) -> dict[str, int | None]:
         """Fields that can differ from zero, and the number that they are, if any."""
@@ -187,7 +186,7 @@ class Patterns:
         if value is not None:
             return value
         known = self.known(kind, sweep, store, name)
-        return None if known is None else sympy.Integer(known)
+        return None if known is None else algebra.Number(known)
 
     def settle(self, sweep: Sweep) -> None:
         """Run a sweep's block-writing code on patterns until they do not grow.
@@ -439,8 +438,9 @@ def _drop_unread(program: Program, patterns: Patterns, sweeps: list[Sweep]) -> N
 def _lay_out(program: Program) -> None:
     """Order the fields of each memory by first use."""
     found: dict[Memory, dict[str, None]] = {m: {} for m in LAID_OUT if m is not SLOT}
+    falling: dict[str, None] = {}
     for sweep in SWEEPS:
-        slots: dict[str, None] = {}
+        slots: dict[str, None] = falling if sweep.name in FALLING else {}
         if sweep.name not in program.blocks:
             continue
         for kind in sweep.kinds(program.system):
@@ -450,6 +450,9 @@ def _lay_out(program: Program) -> None:
                     found.get(store.memory, slots)[name] = None
         if slots:
             program.slots[sweep.name] = list(slots)
+    program.slots |= {
+        s: list(falling) for s in FALLING if s in program.slots
+    }  # the ground's tangent is set for all of them
     program.fields = {memory: list(names) for memory, names in found.items()}
     program.transient = _transient(program)
 
@@ -460,6 +463,7 @@ def _transient(program: Program) -> dict[str, list[str]]:
     They need no place of their own in every link: memory for one path through the tree will do, and stays in the cache.
     """
     flows: dict[str, dict[str, set[str]]] = {}
+    of_links = {n for blocks in program.blocks.values() for b in blocks.values() for _, n, _ in b.stores}
     crossing: set[str] = {n for m, _, n in program.read_outside if m[0] is RECORD}
     for sweep, blocks in program.blocks.items():
         stored: set[str] = set()
@@ -475,7 +479,7 @@ def _transient(program: Program) -> dict[str, list[str]]:
             for store, name in b.loads.values():
                 if store.memory is RECORD:
                     (from_me if store.owner is LINK else from_others).add(name)
-        crossing |= (from_me | from_others) - stored - program.ground_fields
+        crossing |= (from_me | from_others) - stored - (program.ground_fields - of_links)
         crossing |= from_me - handed_in  # written by an earlier sweep
         for name in stored | from_me | from_others:
             flows.setdefault(name, {})[sweep] = {"stored"} if name in stored else set()

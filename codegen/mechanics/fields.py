@@ -131,7 +131,10 @@ moving = MotionFields(
     MatrixField("gB", "1/s^2", OWN, "alpha x + omega x omega x against the ground, for outputs"),
 )
 explicit_acceleration = AccelerationField(
-    "b", ACCELERATION, OWN, "the part of the accelerations that is explicit in udot: angular, of the origin"
+    "b",
+    ACCELERATION,
+    OWN,
+    "the part of the accelerations that is explicit in udot, or falls with the ground: angular, of the origin",
 )
 
 # -- forces on a link --------------------------------------------------------------------------------------------------
@@ -147,7 +150,6 @@ transmitted = SixField(
     OWN,
     "what joints outboard transmit with all accelerations known",
     handed_on=True,
-    unread="in long chains it is not summed up",
 )
 inverse_pivot = ScalarField("Dinv.{}", "1/(kg u^2)", "", "one over the inertia along a freedom (D of Eq. 47)")
 right_side = ScalarField("rD.{}", "u/s^2", "", "what drives a freedom, over the inertia along it (Eq. 53)")
@@ -156,6 +158,43 @@ gain = ScalarField(
     "1",
     OWN,
     "inertia over that along the freedom (Eq. 46), by freedom and component; after six, those of partners",
+)
+
+# -- columns of matrices -----------------------------------------------------------------------------------------------
+
+joint_force = SixField("phi.", WRENCH, OWN, "moment and force that the joint transmits, with all accelerations known")
+turning_moment = MatrixField(
+    "Tn", "N m s", OWN, "change of the articulated moment with the angular velocity", handed_on=True
+)
+turning_push = MatrixField(
+    "Tf", "N s", OWN, "change of the articulated force with the angular velocity", handed_on=True
+)
+all_turning_moment = MatrixField("Wn", "N m s", OWN, "the same, the link's own moment too")
+all_turning_push = MatrixField("Wf", "N s", OWN, "the same, the link's own force too")
+turning_gain = ScalarField(
+    "tg{}.{}", "1/s", OWN, "change of udot with the parent's angular velocity, by freedom and component"
+)
+column_force = SixField("P.", WRENCH, OWN, "articulated force of a column")
+column_drive = ScalarField(
+    "cD.{}", "u/s^2", "", "what drives a freedom in a column, over the inertia along it (Eq. 53)"
+)
+column_turning = VectorField("dw", "rad/s", OWN, "change of the angular velocity in a column")
+column_acceleration = AccelerationField("dA.", ACCELERATION, OWN, "change of the accelerations in a column")
+seed_turning = VectorField(
+    "ownw", "rad/s", OWN, "change of the angular velocity by the link's own coordinates and speeds"
+)
+seed_acceleration = AccelerationField(
+    "sA.", ACCELERATION, OWN, "change of the accelerations by the link's own coordinates and speeds, with udot held"
+)
+composite_mass = ScalarField("comp.m", "kg", "", "mass of the link and everything outboard", handed_on=True)
+composite_moment = VectorField(
+    "comp.h", "kg m", OWN, "first moment of the link and everything outboard", handed_on=True
+)
+composite_inertia = SymmetricField(
+    "comp.J", "kg m^2", OWN, "inertia of the link and everything outboard", handed_on=True
+)
+composite_force = SixField(
+    "F{}.", INERTIA, OWN, "force for a unit acceleration of a freedom and of everything outboard"
 )
 
 # -- energies ----------------------------------------------------------------------------------------------------------

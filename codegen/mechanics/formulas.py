@@ -5,19 +5,17 @@ Formulas of the same form share one block; which coordinates and numbers each re
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
-import sympy
-from sympy import Expr
-
 from ..model.errors import ModelError
 from ..model.expressions import Expression, Tree
 from ..model.model import Model
+from ..program import algebra
 from ..program.block import Block, Expansion
 from ..program.derivatives import Tangents
+from ..program.expressions import Expr
 from ..program.passes import simplify
 from ..program.store import Store
 from ..program.transpose import transposed
@@ -25,8 +23,6 @@ from .stores import MARGIN, NUMBER, argument
 from .structure.constants import Statements, to_slots
 from .structure.system import System
 
-_NO_VALUES = (sympy.zoo, sympy.oo, -sympy.oo, sympy.nan, sympy.I)
-_LARGEST = sympy.Float(sys.float_info.max)
 Row = tuple[int, list[int], list[float]]
 """Target index, indices for the slots, numbers."""
 
@@ -162,7 +158,7 @@ def _place(model: Model, target: str, index: int) -> str:
 def has_values(block: Block) -> bool:
     """Whether all numbers that stand in a block are real and finite."""
     expressions = [*(s.expression for s in block.statements), *(e for *_, e in block.stores)]
-    return not any(e.has(*_NO_VALUES) or any(abs(n) > _LARGEST for n in e.atoms(sympy.Number)) for e in expressions)
+    return all(n.is_finite for e in expressions for n in algebra.numbers_of(e))
 
 
 def _make(index: int, target: str, tree: Tree, places: list[tuple[str, int]]) -> FormulaKind:
@@ -186,7 +182,7 @@ def _make(index: int, target: str, tree: Tree, places: list[tuple[str, int]]) ->
     d = Tangents(y, seeds, {})
     for s in statements:
         d.statement(s)
-    y.set_entry(argument(f"d{target}", lanes=True), 0, sympy.sympify(d.value(value)))
+    y.set_entry(argument(f"d{target}", lanes=True), 0, algebra.expression(d.value(value)))
     return FormulaKind(index, target, simplify(x.finish()), simplify(y.finish()), slots)
 
 

@@ -13,8 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import partial
 
-import sympy
-
+from ..program import algebra
 from ..program.block import Block, Component
 from ..program.fusion import fused
 from ..program.store import Store
@@ -74,9 +73,9 @@ def run_together(program: Program, closed: bool, alone: bool) -> None:
         k, unit = kind.index, _Unit(system, kind, free if closed else None, set(shared))
         if k in solve:
             solve[k] = unit.run(solve[k].name, solve[k].title, [solve[k]], None)
-        outward = unit.run(f"{GRADIENT_OUT}_{k}", SWEEP[GRADIENT_OUT].title, parts_out[k], handed_out)
+        outward = unit.run(f"{GRADIENT_OUT}_{k}", SWEEP[GRADIENT_OUT].title, parts_out[k], handed_out, first=True)
         for a in unit.lanes:
-            outward.stores += [(a, n, sympy.S.Zero) for n in shared if (a, n) not in unit.stored]
+            outward.stores += [(a, n, algebra.ZERO) for n in shared if (a, n) not in unit.stored]
         inward = unit.run(f"{name_in}_{k}", SWEEP[name_in].title, parts_in[k], handed_in)
         unit.complete(inward)
         if alone:  # nobody comes to fetch what is kept of links
@@ -130,13 +129,14 @@ class _Unit:
         """What is kept per direction of the links."""
         return [MY_LANE if place is None else MY_LANE[place] for _, place in self.links]
 
-    def run(self, name: str, title: str, parts: list[Block], handed: _Handed | None) -> Block:
-        """One block of several."""
+    def run(self, name: str, title: str, parts: list[Block], handed: _Handed | None, first: bool = False) -> Block:
+        """One block of several; `first` if it comes before those of units that give something to lanes of this one."""
 
         def fresh(store: Store, component: str) -> bool:
             if store.memory is SLOT:
                 return handed is not None and handed.fresh(self.kind, store, component)
-            mine = store.memory is LANE and store.owner is LINK and component not in self.shared
+            own = component not in self.shared or (first and store.plain in self.lanes)
+            mine = store.memory is LANE and store.owner is LINK and own
             return (mine or store.name in (DQ.name, DU.name)) and (store, component) not in self.stored
 
         found = fused(name, title, parts, fresh)
@@ -159,7 +159,7 @@ class _Unit:
                     at_j = [(m.u if which else m.q) + j for m in members]
                     dependent = {self.free is not None and i not in self.free[which] for i in at_j}
                     assert len(dependent) == 1, "links of one kind depend on others in the same way"
-                    zero = (store, str(j), sympy.S.Zero)
+                    zero = (store, str(j), algebra.ZERO)
                     if (store, str(j)) in at and dependent == {True}:
                         block.stores[at[store, str(j)]] = zero
                     elif (store, str(j)) not in at and (dependent == {True} or (store, str(j)) not in self.stored):

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from sympy.core.numbers import Number
-
+from ..program.expressions import Number
 from ..program.scalar import Matrix, Value, Vector
 
 Components = Sequence[Value]

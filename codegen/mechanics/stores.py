@@ -16,8 +16,10 @@ SLOT = Memory("slot", lanes=True, life=Life.SWEEP)
 LANE = Memory("lane", lanes=True)
 EAR_RECORD, REGION_RECORD, COUPLING_BLOCK = Memory("ear"), Memory("region"), Memory("coupling")
 REGION_LANE = Memory("region lane", lanes=True)
+COLUMN = Memory("column", lanes=True)
+"""Columns of matrices that are computed all at once, a link on those that concern it."""
 
-LAID_OUT = (RECORD, SLOT, LANE, EAR_RECORD, REGION_RECORD, REGION_LANE, COUPLING_BLOCK)
+LAID_OUT = (RECORD, SLOT, LANE, EAR_RECORD, REGION_RECORD, REGION_LANE, COLUMN, COUPLING_BLOCK)
 """Memory whose fields the layout gives places to. Of everything else the place is known beforehand."""
 
 KEPT = {RECORD: Memory("kept record"), REGION_RECORD: Memory("kept region")}
@@ -67,6 +69,7 @@ MODEL = Owner("model")
 
 ME, LME, MY_LANE = Store("me", LINK, RECORD), Store("lme", LINK, SLOT), Store("lane", LINK, LANE)
 UP, LUP = Store("up", PARENT, RECORD), Store("lup", PARENT, SLOT)
+MY_COLUMNS, UP_COLUMNS = Store("columns", LINK, COLUMN), Store("upcolumns", PARENT, COLUMN)
 ROOTS, LROOTS, LANE_ROOTS = Store("root", ROOT, RECORD), Store("lroot", ROOT, SLOT), Store("laneroot", ROOT, LANE)
 BASE, LBASE, LANE_BASE = (
     Store("base", BASE_LINK, RECORD),

@@ -21,7 +21,16 @@ from .structure.element_kinds import ElementKind
 from .structure.factor_form import FactorForm
 from .structure.kinds import EarKind, LinkKind, RegionKind, UnitKind
 from .structure.system import System
-from .tree import back_substitution, balance, inverse_dynamics, kinematics, triangularization
+from .tree import (
+    back_substitution,
+    balance,
+    columns,
+    composite,
+    inverse_dynamics,
+    kinematics,
+    triangularization,
+    turning,
+)
 
 OUTWARD, INWARD = "outward", "inward"
 
@@ -48,6 +57,12 @@ class Sweep:
         Goes over units; the others go over links, in ears or not.
     element : callable (scope, kind), optional
         Goes over force elements; of energies, over those that have one.
+    groups : str
+        Of sweeps over all columns of a matrix at once, on which of them a link works: its ``own``, those of links ``below`` it
+        and its own, the ``rest``, those of links on the ``path`` from the ground to it, those that are ``still`` there, those of
+        its own that are ``fresh``: not its parent's.
+    then : str
+        Sweep whose function of a link is called after each of this one.
     closing : bool
         Only of use where there are loops; over plain links only where one closes on their motion.
     """
@@ -63,6 +78,8 @@ class Sweep:
     region: Callable[[Scope, RegionKind], None] | None = None
     units: bool = False
     closing: bool = False
+    groups: str = ""
+    then: str = ""
     element: Callable[[Scope, ElementKind], None] | None = None
     energy: bool = False
 
@@ -115,6 +132,10 @@ def _closed_on(kind: LinkKind) -> bool:
     return bool(kind.closed_on)
 
 
+def _carried_on(kind: LinkKind) -> bool:
+    return kind.carried_on
+
+
 def _never(kind: LinkKind) -> bool:
     return False
 
@@ -160,7 +181,7 @@ SWEEPS: tuple[Sweep, ...] = (
     Sweep("transmitted", "wrenches that joints and loops transmit (Eqs. 9, 45)", reactions.transmitted, INWARD, units=True,
           ear=reactions.ear_transmitted, region=reactions.region_transmitted),
     Sweep("balance_out", "balance, outward: tangent of the inverse dynamics at fixed udot (Eqs. 25-29)",
-          inverse_dynamics.newton_euler_outward, OUTWARD, lanes=True, tangents=True, units=True,
+          inverse_dynamics.balance_start, OUTWARD, lanes=True, tangents=True, units=True,
           ear=ear_balance.ear_balance_out, region=region_balance.region_balance_start),
     Sweep("balance_in", "balance, inward: transmitted forces and bias forces of the solve (Eqs. 9, 45, 50)",
           balance.balance_inward, INWARD, lanes=True, tangents=True, units=True, ear=ear_balance.ear_balance_in,
@@ -168,10 +189,34 @@ SWEEPS: tuple[Sweep, ...] = (
     Sweep("solve_in", "solve M x = b, inward (Eqs. 45, 53)", balance.solve_inward, INWARD, lanes=True),
     Sweep("balance_back", "balance, back substitution (Eqs. 53-55)", balance.balance_outward, OUTWARD, lanes=True, units=True,
           ear=ear_balance.ear_balance_back, region=region_balance.region_balance_back),
+    Sweep("inverse_out", "tangent of the inverse dynamics, outward (Eqs. 25-29)", inverse_dynamics.newton_euler_outward, OUTWARD,
+          lanes=True, tangents=True),
     Sweep("force_tangents", "tangent of the inverse dynamics, inward", inverse_dynamics.newton_euler_inward, INWARD,
           lanes=True, tangents=True),
     Sweep("mass_out", "product M x, outward (Eqs. 19, 23)", balance.mass_outward, OUTWARD, lanes=True),
     Sweep("mass_in", "product M x, inward", balance.mass_inward, INWARD, lanes=True),
+    Sweep("found_motion", "accelerations as the forward dynamics has found them, and the forces they need (Eqs. 19, 24)",
+          inverse_dynamics.balance_start, OUTWARD),
+    Sweep("turning", "response to turning, inward (derivatives of Eqs. 21, 24, 45)", turning.turning, INWARD),
+    Sweep("column_clear", "columns: no forces yet", columns.column_clear, OUTWARD, lanes=True, groups="below"),
+    Sweep("column_rest", "columns: what drives no freedoms", columns.column_rest, OUTWARD, lanes=True, groups="rest"),
+    Sweep("column_begin", "columns: links that do not turn", columns.column_begin, OUTWARD, lanes=True, groups="fresh",
+          applies=_carried_on),
+    Sweep("column_turns", "columns: rotation vectors of quaternions", columns.column_turns, OUTWARD, lanes=True, groups="own",
+          applies=_quaternion),
+    Sweep("column_seed", "columns: what coordinates and speeds change at their own links", columns.column_seed, OUTWARD,
+          lanes=True, tangents=True, groups="own"),
+    Sweep("column_unit", "columns: unit forces along freedoms", columns.column_unit, OUTWARD, lanes=True, groups="own"),
+    Sweep("column_in", "columns, inward: forces (Eqs. 45, 53)", columns.column_in, INWARD, lanes=True, groups="below"),
+    Sweep("column_back", "columns, back substitution on links that they do not turn (Eqs. 53-55)", columns.column_back, OUTWARD,
+          lanes=True, groups="still"),
+    Sweep("column_turn", "columns, back substitution on links that they turn (Eqs. 53-55)", columns.column_turn, OUTWARD,
+          lanes=True, groups="path", then="column_add"),
+    Sweep("column_add", "columns: changes at their own links", columns.column_add, OUTWARD, lanes=True, groups="own"),
+    Sweep("composite", "composite inertias (Eq. 23)", composite.composite, INWARD),
+    Sweep("composite_seed", "columns: forces for unit accelerations (Eq. 23)", columns.composite_seed, OUTWARD, lanes=True,
+          groups="own"),
+    Sweep("composite_in", "columns, inward: the mass matrix (Eq. 45)", columns.composite_in, INWARD, lanes=True, groups="below"),
     Sweep("rates", "time derivatives of the coordinates (Eq. 1)", kinematics.coordinate_rates, OUTWARD),
     Sweep("rate_tangents", "tangent of the time derivatives of the coordinates", kinematics.coordinate_rates, OUTWARD,
           lanes=True, tangents=True),
@@ -207,6 +252,9 @@ def backwards(sweep: Sweep) -> tuple[Sweep, Sweep]:
         replace(sweep, name=transpose_name(sweep.name), title=f"transpose of {sweep.title}", direction=turned),
     )
 
+
+FALLING = ("balance_out", "inverse_out")
+"""Sweeps that begin with the tangent of the ground's acceleration."""
 
 GRADIENT_OUT, GRADIENT_IN, GRADIENT_IN_CLOSED = "gradient_out", "gradient_in", "gradient_in_closed"
 """Sweeps of the balance's transpose that are run together; the last with the transpose of the completion of seeds."""

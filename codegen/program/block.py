@@ -4,7 +4,7 @@ A block is a list of assignments ``symbol = small expression of earlier symbols`
 (`Scope.load`) and writes fields (`Scope.store`); where a field lies in memory is decided later, by the layout.
 
 The functions in `codegen.mechanics` that write blocks are run twice: once with a `StructuralExpansion`, which only
-finds out which fields can differ from zero, and then with an `Expansion`, which writes the statements with sympy.
+finds out which fields can differ from zero, and then with an `Expansion`, which writes the statements.
 Supported: sums, products, integer powers, quotients and elementary functions. Not supported: branches, loops.
 """
 
@@ -13,14 +13,12 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass, field
-from functools import cache, lru_cache, partial
+from functools import partial
 from typing import TypeVar
 
-import sympy
-from sympy import Expr, Symbol
-from sympy.core.numbers import Number
-
+from . import algebra
 from .digits import number
+from .expressions import Expr, Number, Symbol
 from .field import XYZ, AnyField, Field, Readable
 from .functions import SYMBOLIC
 from .scalar import Value, Vector
@@ -32,16 +30,10 @@ Component = tuple[Store, str]
 """A component of a field, such as ``w.x``, and the store that it is in."""
 
 
-@cache
-def symbol_named(name: str) -> Symbol:
-    """sympy's own cache of symbols is too small for a program, and making one anew is slow."""
-    return Symbol(name)
-
-
-@lru_cache(maxsize=1 << 17)
 def symbols_of(e: Expr) -> frozenset[Symbol]:
-    """The symbols of an expression; sympy goes through it each time."""
-    return frozenset(e.free_symbols)
+    """The symbols of an expression."""
+    found: frozenset[Symbol] = e.free_symbols
+    return found
 
 
 def up_to_sign(e: Expr) -> Hashable:
@@ -97,7 +89,7 @@ class Block:
 
 RESERVED = frozenset(
     "a h i l acos asin atan atan2 cos cosh exp fabs fmax fmin log pow sin sinh sqrt tan tanh y0 y1 yn j0 j1 jn np "
-    "int double const static link numbers call".split()
+    "int double const static link numbers call values handed_on".split()
 )
 """Names that generated code uses for other things."""
 
@@ -166,7 +158,7 @@ class Scope(ABC):
     @property
     def half(self) -> Value:
         """One half."""
-        return self.number(sympy.S.Half)
+        return self.number(algebra.HALF)
 
     def let_vector(self, name: str, v: Sequence[Value], tag: str = "", lanes: bool = False) -> Vector:
         """Names for the three components of a vector."""
@@ -257,7 +249,7 @@ class Expansion(Scope):
             if number is not None:
                 value = number
             elif not self._nonzero(store, name):
-                value = sympy.S.Zero
+                value = algebra.ZERO
             else:
                 value = self._symbol(f"{store.label}_{name}")
                 self.block.loads[value] = key
@@ -265,18 +257,18 @@ class Expansion(Scope):
         return value
 
     def set_component(self, store: Store, name: str, value: Value) -> None:
-        self.block.stores.append((store, name, sympy.sympify(value)))
+        self.block.stores.append((store, name, algebra.expression(value)))
 
     # -- statements ------------------------------------------------------------------------------------------------
 
     def let(self, name: str, value: Value, tag: str = "", lanes: bool = False) -> Expr:
-        e: Expr = sympy.sympify(value)
+        e: Expr = algebra.expression(value)
         if e.is_Symbol or e.is_Number:
             return e
         known = self.find(e)
         if known is not None:
             return known
-        if e.is_Mul and len(e.args) == 2 and e.args[0] is sympy.S.NegativeOne and e.args[1].is_Symbol:
+        if e.is_Mul and len(e.args) == 2 and e.args[0] is algebra.MINUS_ONE and e.args[1].is_Symbol:
             return e
         symbol = self._symbol(name)
         self.block.statements.append(Statement(symbol, e, tag, lanes))
@@ -286,14 +278,14 @@ class Expansion(Scope):
 
     def name(self, name: str, value: Value, tag: str = "") -> Symbol:
         symbol = self._symbol(name)
-        self.block.statements.append(Statement(symbol, sympy.sympify(value), tag))
+        self.block.statements.append(Statement(symbol, algebra.expression(value), tag))
         return symbol
 
     def number(self, value: float | Number) -> Expr:
         return value if isinstance(value, Number) else number(value)
 
     def sqrt(self, value: Value) -> Expr:
-        return sympy.sqrt(value)
+        return algebra.sqrt(value)
 
     def call(self, function: str, *arguments: Value) -> Expr:
         result: Expr = SYMBOLIC[function](*arguments)
@@ -338,7 +330,7 @@ class Expansion(Scope):
             self._used[name] = self._used.get(name, 0) + 1
             unique = f"{name}_{self._used[name]}"
         self._taken.add(unique)
-        return symbol_named(unique)
+        return Symbol(unique)
 
 
 class Nonzero:

@@ -12,10 +12,9 @@ often a value that the block has named already.
 
 from __future__ import annotations
 
-import sympy
-from sympy import Expr, Symbol
-
+from . import algebra
 from .block import Expansion, Statement
+from .expressions import Expr, Symbol
 
 
 def partials(expression: Expr) -> dict[Symbol, Expr]:
@@ -24,7 +23,7 @@ def partials(expression: Expr) -> dict[Symbol, Expr]:
     terms = expression.args if expression.is_Add else (expression,)
     for term in terms:
         if term.is_Symbol:
-            _add(result, term, sympy.S.One)
+            _add(result, term, algebra.ONE)
             continue
         factors = term.args if term.is_Mul else (term,)
         for i, factor in enumerate(factors):
@@ -32,10 +31,10 @@ def partials(expression: Expr) -> dict[Symbol, Expr]:
                 continue
             rest = factors[:i] + factors[i + 1 :]
             if factor.is_Symbol:
-                _add(result, factor, sympy.Mul(*rest))
+                _add(result, factor, algebra.multiply(*rest))
             else:
                 for s in sorted(factor.free_symbols, key=str):
-                    _add(result, s, sympy.Mul(*rest, sympy.diff(factor, s)))
+                    _add(result, s, algebra.multiply(*rest, algebra.derivative(factor, s)))
     return result
 
 
@@ -86,7 +85,7 @@ class Tangents:
         for s, d in primitives.items():
             factor = self.expansion.let("d", d, "primitive")
             terms.append(factor * self.of[s])
-        return sympy.Add(*terms)
+        return algebra.add(*terms)
 
     def statement(self, statement: Statement) -> None:
         """Write the tangent of one statement, unless it is zero."""
@@ -97,4 +96,4 @@ class Tangents:
 
     def value(self, expression: Expr, name: str = "d") -> Expr:
         """Tangent of an expression of named values, as a symbol or number."""
-        return self.expansion.let(name, self.expression(sympy.sympify(expression)), "", lanes=self.lanes)
+        return self.expansion.let(name, self.expression(algebra.expression(expression)), "", lanes=self.lanes)

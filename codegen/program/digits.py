@@ -11,8 +11,8 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 
 import mpmath
-from sympy import Expr, Float, Integer
-from sympy.core.cache import clear_cache
+
+from .algebra import Expr, Number, value_of_number
 
 _digits: ContextVar[int] = ContextVar("digits", default=0)
 
@@ -20,14 +20,12 @@ _digits: ContextVar[int] = ContextVar("digits", default=0)
 @contextmanager
 def long_numbers(digits: int) -> Iterator[None]:
     """While this lasts, numbers are computed and printed with so many decimal digits."""
-    clear_cache()  # sympy may take two numbers for the same that differ in their digits alone
     token = _digits.set(digits)
     try:
         with mpmath.workdps(digits):
             yield
     finally:
         _digits.reset(token)
-        clear_cache()
 
 
 def are_long() -> bool:
@@ -35,12 +33,9 @@ def are_long() -> bool:
     return _digits.get() > 0
 
 
-def number(value: float) -> Expr:
-    """A sympy number that prints as the same double, or as the same long number."""
-    whole = isinstance(value, int) or (value == float(value) and float(value).is_integer() and abs(value) < 2**53)
-    if whole:
-        return Integer(int(value))
-    return Float(value, _digits.get()) if are_long() else Float(value)
+def number(value: float) -> Number:
+    """A number that prints as the same double, or as the same long number."""
+    return Number(mpmath.mpf(value) if are_long() and not isinstance(value, int) else value)
 
 
 def long_number(value: float) -> float:
@@ -52,18 +47,16 @@ def long_number(value: float) -> float:
 def value_of(e: Expr) -> float:
     """The value of a constant expression as a double, or as a long number of mpmath's."""
     if not are_long():
-        return float(e)
-    found: float = mpmath.mpf(e._to_mpmath(mpmath.mp.prec))
+        return float(value_of_number(e))
+    found: float = mpmath.mpf(value_of_number(e))
     return found
 
 
 def text_of(value: Expr | float) -> str:
     """A number as it stands in Python: as a double, or with all its digits where it is none."""
     if not are_long():
-        return repr(float(value))
+        return repr(value_of(value) if isinstance(value, Expr) else float(value))
     exact = value_of(value) if isinstance(value, Expr) else mpmath.mpf(value)
-    if isinstance(value, Float):
-        assert value._prec >= mpmath.mp.prec, f"{value} was computed with {value._prec} bits"
     nearest = float(exact)
     if nearest == exact or not math.isfinite(nearest):
         return repr(nearest)

@@ -1,87 +1,33 @@
-"""Elementary functions of expressions, as sympy functions that differentiate to printable ones."""
+"""Elementary functions of expressions, and their slopes."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import mpmath
-import sympy
-from sympy import Expr, Function, S
 
+from .algebra import (
+    MEANINGS,
+    MINUS_ONE,
+    ONE,
+    ZERO,
+    Expr,
+    Function,
+    Made,
+    Meaning,
+    Number,
+    coefficient,
+    expression,
+    function,
+    negative,
+    sqrt,
+)  # fmt: skip
 from .digits import are_long, number, value_of
 
-
-class AtLeast(Function):
-    """1 where the first argument is at least the second, else 0."""
-
-    nargs = 2
-
-    def fdiff(self, argindex: int = 1) -> Expr:
-        return S.Zero
-
-
-class Maximum(Function):
-    """The larger of two numbers; where they are equal, the derivative is the first one's."""
-
-    nargs = 2
-
-    def fdiff(self, argindex: int = 1) -> Expr:
-        a, b = self.args
-        return AtLeast(a, b) if argindex == 1 else 1 - AtLeast(a, b)
-
-
-class Minimum(Function):
-    """The smaller of two numbers; where they are equal, the derivative is the first one's."""
-
-    nargs = 2
-
-    def fdiff(self, argindex: int = 1) -> Expr:
-        a, b = self.args
-        return AtLeast(b, a) if argindex == 1 else 1 - AtLeast(b, a)
-
-
-class Sign(Function):
-    """-1, 0 or 1; its derivative is taken as zero."""
-
-    nargs = 1
-
-    def fdiff(self, argindex: int = 1) -> Expr:
-        return S.Zero
-
-
-class Absolute(Function):
-    """|x|; at zero the derivative is taken as zero."""
-
-    nargs = 1
-
-    def fdiff(self, argindex: int = 1) -> Expr:
-        return Sign(self.args[0])
-
-
-class Power(Function):
-    """base**exponent of numbers not known before: what sympy would multiply out, take apart or put together stays as written.
-
-    ``(2 q)**1000000000`` is no number of 300 million digits times a power of q, and ``(q**1000)**1000`` overflows where the
-    floats do.
-    """
-
-    nargs = 2
-
-    @classmethod
-    def eval(cls, base: Expr, exponent: Expr) -> Expr | None:
-        if exponent.is_Integer and abs(exponent) <= MULTIPLIED:
-            return base**exponent
-        if base.is_Number and exponent.is_Number:
-            power: Callable[[float, float], float] = mpmath.power if are_long() else math.pow
-            return computed(lambda: power(value_of(base), value_of(exponent)))
-        return None
-
-    def fdiff(self, argindex: int = 1) -> Expr:
-        base, exponent = self.args
-        return exponent * Power(base, exponent - 1) if argindex == 1 else Power(base, exponent) * sympy.log(base)
-
-
+ODD = ("sin", "tan", "asin", "atan", "sinh", "tanh")
+EVEN = ("cos", "cosh")
 MULTIPLIED = 16
 """Powers up to this one are written as products."""
 
@@ -90,15 +36,148 @@ def computed(compute: Callable[[], float]) -> Expr:
     """What is computed with numbers; nan where it has no value or is no float."""
     try:
         value = compute()
-        return number(value) if math.isfinite(value) else S.NaN
-    except (ArithmeticError, ValueError):
-        return S.NaN
+        return number(value) if math.isfinite(value) else Number(math.nan)
+    except (ArithmeticError, ValueError, TypeError):
+        return Number(math.nan)
 
 
-SYMBOLIC = {
-    "sin": sympy.sin, "cos": sympy.cos, "tan": sympy.tan, "asin": sympy.asin, "acos": sympy.acos,
-    "atan": sympy.atan, "atan2": sympy.atan2, "sinh": sympy.sinh, "cosh": sympy.cosh, "tanh": sympy.tanh,
-    "sqrt": sympy.sqrt, "exp": sympy.exp, "log": sympy.log, "abs": Absolute, "sign": Sign,
-    "min": Minimum, "max": Maximum,
+def value_of_function(name: str, values: Sequence[float]) -> float:
+    """The value of a function of numbers."""
+    a, b = values[0], values[-1]
+    match name:
+        case "AtLeast":
+            return int(a >= b)
+        case "Maximum":
+            return max(a, b)
+        case "Minimum":
+            return min(a, b)
+        case "Sign":
+            return (a > 0) - (a < 0)
+        case "Absolute":
+            return abs(a)
+        case "Power":
+            name = "power" if are_long() else "pow"
+    found: float = getattr(mpmath if are_long() else math, name)(*values)
+    return found
+
+
+def _elementary(name: str) -> Made:
+    """A function that has a value at once where it is of numbers, and without a sign in its argument where it is odd or even."""
+
+    def of(*arguments: object) -> Expr:
+        args = tuple(map(expression, arguments))
+        if all(a.is_Number for a in args):
+            return computed(lambda: value_of_function(name, [value_of(a) for a in args]))
+        if name in ODD or name in EVEN:
+            c, _ = coefficient(args[0])
+            if c < 0:
+                positive = function(name, negative(args[0]))
+                return negative(positive) if name in ODD else positive
+        return function(name, *args)
+
+    return of
+
+
+def _plain(name: str) -> Made:
+    return lambda *arguments: function(name, *map(expression, arguments))
+
+
+AtLeast = _plain("AtLeast")
+"""1 where the first argument is at least the second, else 0."""
+
+Maximum = _plain("Maximum")
+"""The larger of two numbers; where they are equal, the derivative is the first one's."""
+
+Minimum = _plain("Minimum")
+"""The smaller of two numbers; where they are equal, the derivative is the first one's."""
+
+Sign = _plain("Sign")
+"""-1, 0 or 1; its derivative is taken as zero."""
+
+Absolute = _plain("Absolute")
+"""|x|; at zero the derivative is taken as zero."""
+
+
+def Power(*arguments: object) -> Expr:
+    """base**exponent of numbers not known before: what could be multiplied out, taken apart or put together stays as written.
+
+    ``(2 q)**1000000000`` is no number of 300 million digits times a power of q, and ``(q**1000)**1000`` overflows where the
+    floats do.
+    """
+    b, n = map(expression, arguments)
+    if isinstance(n, Number) and isinstance(n.value, int) and abs(n.value) <= MULTIPLIED:
+        return b**n
+    if b.is_Number and n.is_Number:
+        power: Callable[[float, float], float] = mpmath.power if are_long() else math.pow
+        return computed(lambda: power(value_of(b), value_of(n)))
+    return function("Power", b, n)
+
+
+_TRANSCENDENTAL = (
+    "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "exp", "log",
+)  # fmt: skip
+sin, cos, tan, asin, acos, atan, atan2, sinh, cosh, tanh, exp, log = map(_elementary, _TRANSCENDENTAL)
+
+
+def _square_root(*arguments: object) -> Expr:
+    return sqrt(*arguments)
+
+
+SYMBOLIC: dict[str, Made] = {
+    "sin": sin, "cos": cos, "tan": tan, "asin": asin, "acos": acos, "atan": atan, "atan2": atan2, "sinh": sinh, "cosh": cosh,
+    "tanh": tanh, "sqrt": _square_root, "exp": exp, "log": log, "abs": Absolute, "sign": Sign, "min": Minimum, "max": Maximum,
 }  # fmt: skip
 """The functions of the model format."""
+
+
+def slope(e: Function, place: int) -> Expr:
+    """The derivative of a function by one of its arguments."""
+    x = e.args[0]
+    match e.name:
+        case "sin":
+            return cos(x)
+        case "cos":
+            return -sin(x)
+        case "tan":
+            return e**2 + 1
+        case "asin":
+            return 1 / sqrt(1 - x**2)
+        case "acos":
+            return -1 / sqrt(1 - x**2)
+        case "atan":
+            return 1 / (x**2 + 1)
+        case "atan2":
+            y, x = e.args
+            return x / (x**2 + y**2) if place == 0 else -y / (x**2 + y**2)
+        case "sinh":
+            return cosh(x)
+        case "cosh":
+            return sinh(x)
+        case "tanh":
+            return 1 - e**2
+        case "exp":
+            return e
+        case "log":
+            return 1 / x
+        case "Absolute":
+            return Sign(x)
+        case "Sign" | "AtLeast":
+            return ZERO
+        case "Maximum" | "Minimum":
+            a, b = e.args
+            first = AtLeast(a, b) if e.name == "Maximum" else AtLeast(b, a)
+            return first if place == 0 else ONE - first
+        case "Power":
+            base, exponent = e.args
+            return exponent * Power(base, exponent + MINUS_ONE) if place == 0 else e * log(base)
+    raise ValueError(f"{e.name} has no derivative here")
+
+
+MEANINGS |= {
+    name: Meaning(make, partial(value_of_function, name), slope)
+    for name, make in [
+        *((name, SYMBOLIC[name]) for name in _TRANSCENDENTAL),
+        *(("AtLeast", AtLeast), ("Maximum", Maximum), ("Minimum", Minimum), ("Sign", Sign), ("Absolute", Absolute)),
+        ("Power", Power),
+    ]
+}

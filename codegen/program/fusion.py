@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
-import sympy
-from sympy import Expr, Symbol
-
-from .block import Block, Component, Statement, symbol_named, symbols_of
+from . import algebra
+from .block import Block, Component, Statement, symbols_of
+from .expressions import Expr, Symbol
 from .store import Store
 
 
@@ -67,12 +66,12 @@ class _Fusion:
             )
             new[s.target] = target
         for store, name, e in block.stores:
-            self.store(store, name, sympy.sympify(e).xreplace(new))
+            self.store(store, name, algebra.expression(e).xreplace(new))
 
     def value(self, at: Component, symbol: Symbol) -> Expr:
         """What is in a place: loaded at most once."""
         if at not in self.known and at not in self.pending and self.zero(*at):
-            self.known[at] = sympy.S.Zero
+            self.known[at] = algebra.ZERO
         if at not in self.known:
             loaded: Expr = self.fresh(symbol.name)
             self.block.loads[loaded] = at
@@ -86,7 +85,7 @@ class _Fusion:
         """Replace what is in a place, or add to it."""
         at = store.plain, name
         if store.adds and at not in self.known and at not in self.pending and self.zero(*at):
-            self.known[at] = sympy.S.Zero
+            self.known[at] = algebra.ZERO
         if store.adds and at in self.known:
             e = self.known[at] + e
         elif store.adds:
@@ -110,7 +109,7 @@ class _Fusion:
             n += 1
             unique = f"{name}_b{n}"
         self.taken.add(unique)
-        return symbol_named(unique)
+        return Symbol(unique)
 
     def finish(self) -> Block:
         self.block.stores = [(s.sum if adds else s, n, e) for (s, n), (e, adds) in self.pending.items()]

@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import lru_cache
 
-import sympy
-from sympy import Expr
-
+from . import algebra
 from .block import Block
+from .expressions import Expr
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,15 +50,15 @@ def count_expression(e: Expr) -> Operations:
     if e.is_Add:
         additions = len(e.args) - 1
     elif e.is_Mul:
-        factors = [a for a in e.args if a is not sympy.S.NegativeOne]
-        below = [a for a in factors if a.is_Pow and a.exp.is_Integer and a.exp < 0]
+        factors = [a for a in e.args if a is not algebra.MINUS_ONE]
+        below = [a for a in factors if a.is_Pow and isinstance(a.exp.value, int) and a.exp < 0]
         if below:
             multiplications = max(0, len(factors) - len(below) - 1) + len(below) - 1
             divisions = 1 - len(below)  # their own are counted with them
         else:
             multiplications = len(factors) - 1
     elif e.is_Pow:
-        if e.exp.is_Integer:
+        if isinstance(e.exp.value, int):
             n = abs(int(e.exp))
             multiplications = bin(n).count("1") + n.bit_length() - 2
             divisions = int(bool(e.exp < 0))

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Hashable
 
-import sympy
-from sympy import Expr, Symbol
-
+from . import algebra
 from .block import Block, Statement, symbols_of, up_to_sign
+from .expressions import Expr, Symbol
 from .store import Store
 
 
@@ -60,8 +59,8 @@ def _terms(e: Expr) -> tuple[Expr, ...]:
 
 def _bare(term: Expr) -> Expr:
     """A product without its sign."""
-    if term.is_Mul and term.args[0] is sympy.S.NegativeOne:
-        return sympy.Mul(*term.args[1:])
+    if term.is_Mul and term.args[0] is algebra.MINUS_ONE:
+        return algebra.multiply(*term.args[1:])
     return term
 
 
@@ -106,7 +105,7 @@ def share_products(block: Block) -> Block:
                 changed = True
             else:
                 terms.append(term)
-        statements.append(Statement(s.target, sympy.Add(*terms), s.tag, s.lanes) if changed else s)
+        statements.append(Statement(s.target, algebra.add(*terms), s.tag, s.lanes) if changed else s)
     return Block(block.name, block.title, block.loads, statements, block.stores)
 
 
@@ -131,14 +130,14 @@ def _factor(e: Expr) -> Expr:
         return e
     best.sort(key=lambda t: (-t[0], t[1]))
     f = best[0][2]
-    inside = [sympy.Mul(*[a for a in t.args if a != f]) for t in e.args if t.is_Mul and f in t.args]
+    inside = [algebra.multiply(*[a for a in t.args if a != f]) for t in e.args if t.is_Mul and f in t.args]
     outside = [t for t in e.args if not (t.is_Mul and f in t.args)]
-    inner = sympy.Add(*inside)
+    inner = algebra.add(*inside)
     if not inner.is_Add:
         return e
-    rest = sympy.Add(*outside)
-    product = sympy.Mul(f, inner, evaluate=False)
-    return sympy.Add(product, rest, evaluate=False) if outside else product
+    rest = algebra.add(*outside)
+    product = algebra.raw_product(f, inner)
+    return algebra.raw_sum(product, rest) if outside else product
 
 
 def drop_dead(block: Block) -> Block:

@@ -232,6 +232,105 @@ class Columns:
     among: tuple[int, ...] | None = None
 
 
+@dataclass(frozen=True, slots=True)
+class AllColumns:
+    """Columns of matrices, all of them at once or as many as there is room for; a link works on those that concern it.
+
+    Attributes
+    ----------
+    units : tuple of (Array, int)
+        By column: the array and its entry that are one. A link's columns stand together, in the order of the links.
+    starts : tuple of int
+        By link, its first column; last, how many there are.
+    parents : tuple of int
+        By link, the one that carries it, or -1.
+    steps : tuple of Run
+    of : Array
+        What the steps give per column.
+    into : tuple of (Array, int)
+        By column: the matrix, and which of its columns it is.
+    weighted : tuple of Weighted
+        For each entry of `of`, columns of matrices that get its column, times a weight.
+    width : int
+        For how many columns there is room.
+    symmetric : bool
+        Columns of one symmetric matrix, of which each link works on those of later ones.
+    """
+
+    units: tuple[tuple[Array, int], ...]
+    starts: tuple[int, ...]
+    parents: tuple[int, ...]
+    steps: tuple[Run, ...]
+    of: Array
+    width: int
+    into: tuple[tuple[Array, int], ...] = ()
+    weighted: tuple[Weighted, ...] = ()
+    symmetric: bool = False
+
+    @property
+    def seeds(self) -> tuple[Array, ...]:
+        """The arrays that have ones."""
+        return tuple(dict.fromkeys(a for a, _ in self.units))
+
+    @property
+    def arrays(self) -> tuple[Array, ...]:
+        """The arrays that it needs, per column."""
+        return (*self.seeds, self.of)
+
+    @property
+    def matrices(self) -> tuple[Array, ...]:
+        """The matrices that it fills or adds to."""
+        return tuple(dict.fromkeys(a for a, _ in (*self.into, *((w.into, w.column) for w in self.weighted))))
+
+
+@dataclass(frozen=True, slots=True)
+class Weighted:
+    """A column of a matrix gets one of a symmetric matrix times the derivative of a formula by one of its arguments.
+
+    Attributes
+    ----------
+    entry : int
+        Number of the formula, and of the column.
+    into : Array
+    column : int
+    seed : Array
+        Along which the argument's derivative is taken; its entry is the column.
+    direction : int
+        Which of the directions has a one there: formulas that share no argument have the same ones.
+    """
+
+    entry: int
+    into: Array
+    column: int
+    seed: Array
+    direction: int
+
+
+@dataclass(frozen=True, slots=True)
+class Primitives:
+    """Derivatives of formulas by single arguments, for the weights of `AllColumns`: several formulas in one direction."""
+
+    formulas: Formulas
+    of: Array
+    weighted: tuple[Weighted, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Together:
+    """Steps of targets that compute columns all at once, and `otherwise` those of targets that take one after the other."""
+
+    steps: tuple[Step, ...]
+    otherwise: tuple[Step, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class IfAsked:
+    """Steps for some results only, that are not taken where none of these is asked for."""
+
+    results: tuple[Array, ...]
+    steps: tuple[Step, ...]
+
+
 Step = (
     Run
     | Formulas
@@ -250,6 +349,10 @@ Step = (
     | Perform
     | Single
     | Columns
+    | AllColumns
+    | Primitives
+    | Together
+    | IfAsked
 )
 
 
@@ -291,11 +394,13 @@ class Procedure:
     def written_apart(self) -> frozenset[str]:
         """Results that no sweep writes: steps of the procedure copy into them, or another array is their memory."""
         found: set[str] = set()
-        for step in self.steps:
+        for step in within(self.steps):
             if isinstance(step, Copy):
                 found.add(step.to.name)
             elif isinstance(step, Columns):
                 found.update(t.into.name for t in step.takes)
+            elif isinstance(step, AllColumns):
+                found.update(m.name for m in step.matrices)
             elif isinstance(step, Single):
                 found.update(to.name for _, to in step.writes)
             elif isinstance(step, Bind):
@@ -320,7 +425,11 @@ def over_directions(step: Step) -> bool:
             return step.routine.lanes
         case Columns():
             return step.unit.lanes or any(map(over_directions, step.steps))
-        case Single() | Tolerate():
+        case IfAsked() | Together():
+            return any(map(over_directions, step.steps))
+        case Primitives():
+            return True
+        case Single() | Tolerate() | AllColumns():
             return False
 
 
@@ -335,8 +444,44 @@ def walk(steps: tuple[Step, ...]) -> Iterator[Step]:
         yield step
         if isinstance(step, Perform):
             yield from walk(step.routine.steps)
-        elif isinstance(step, (Single, Columns)):
+        elif isinstance(step, (Single, Columns, AllColumns, IfAsked)):
             yield from walk(step.steps)
+        elif isinstance(step, Together):
+            yield from walk((*step.steps, *step.otherwise))
+        elif isinstance(step, Primitives):
+            yield step.formulas
+
+
+def within(steps: tuple[Step, ...]) -> Iterator[Step]:
+    """Steps, and those that are taken if something is asked for, in their order."""
+    for step in steps:
+        if isinstance(step, IfAsked):
+            yield from within(step.steps)
+        elif isinstance(step, Together):
+            yield from within((*step.steps, *step.otherwise))
+        else:
+            yield step
+
+
+def for_target(procedure: Procedure, together: bool) -> Procedure:
+    """A procedure as a target has it that computes all columns of matrices together, or one after the other.
+
+    What takes one after the other computes all results, whether asked for or not.
+    """
+
+    def chosen(steps: tuple[Step, ...]) -> tuple[Step, ...]:
+        found: list[Step] = []
+        for step in steps:
+            if isinstance(step, Together):
+                found += chosen(step.steps if together else step.otherwise)
+            elif isinstance(step, IfAsked):
+                inner = chosen(step.steps)
+                found += [replace(step, steps=inner)] if together else inner
+            else:
+                found.append(step)
+        return tuple(found)
+
+    return replace(procedure, steps=chosen(procedure.steps))
 
 
 def routines(procedures: tuple[Procedure, ...]) -> list[Routine]:
@@ -367,8 +512,10 @@ def pruned(procedure: Procedure, lives: Callable[[Run | Formulas | Prepare], boo
                 inner = kept(step.routine.steps)
                 if inner:
                     found.append(Perform(replace(step.routine, steps=inner)))
-            elif isinstance(step, Columns):
+            elif isinstance(step, (Columns, IfAsked)):
                 found.append(replace(step, steps=kept(step.steps)))
+            elif isinstance(step, AllColumns):
+                found.append(replace(step, steps=tuple(s for s in step.steps if lives(s))))
             else:
                 found.append(step)
         return tuple(found)
@@ -392,11 +539,12 @@ def counted(procedure: Procedure, outside: str) -> list[str]:
     matrices. A sweep that runs for values, over one direction, is called ``solve_in_1``. Values and tangents of formulas, as well
     as what is prepared, have one name.
     """
-    found = _names(procedure.steps, outside)
+    steps = tuple(within(procedure.steps))
+    found = _names(steps, outside)
     shared = {outside, *(s.name for s in walk(procedure.steps) if isinstance(s, Formulas))}
     of_columns: list[str] = []
-    for step in procedure.steps:
-        if isinstance(step, Columns):
+    for step in steps:
+        if isinstance(step, (Columns, AllColumns)):
             names = _names(step.steps, outside)
             for name in dict.fromkeys(names):
                 known = of_columns.count(name) + (found.count(name) if name in shared else 0)
@@ -420,6 +568,8 @@ def _names(steps: tuple[Step, ...], outside: str) -> list[str]:
                 found.append(outside)
             case Single():
                 found += [f"{s.sweep}_1" for s in step.steps]
+            case Primitives() if step.formulas.name not in found:
+                found.append(step.formulas.name)
             case _:
                 pass
     return found

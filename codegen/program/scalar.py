@@ -1,4 +1,4 @@
-"""What blocks compute with: symbols and numbers of sympy, or zero patterns, with the same operators."""
+"""What blocks compute with: expressions, or zero patterns, with the same operators."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Protocol
 
 
 class Scalar(Protocol):
-    """A sympy expression, or (`block.Nonzero`) a value of which only is known that it may differ from zero."""
+    """An expression, or (`block.Nonzero`) a value of which only is known that it may differ from zero."""
 
     def __add__(self, other: Scalar | float, /) -> Scalar | float: ...
     def __radd__(self, other: Scalar | float, /) -> Scalar | float: ...

@@ -15,10 +15,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import sympy
-from sympy import Expr, Symbol
-
+from . import algebra
 from .block import Block, Component, Expansion, symbols_of
+from .expressions import Expr, Symbol
 from .passes import drop_dead
 from .store import Store
 
@@ -40,7 +39,7 @@ def coefficients(e: Expr, lanes: set[Symbol]) -> dict[Symbol, Expr]:
         It is not linear in them.
     """
     if e in lanes:
-        return {e: sympy.S.One}
+        return {e: algebra.ONE}
     if e.is_Add:
         total: dict[Symbol, Expr] = {}
         for term in e.args:
@@ -54,7 +53,7 @@ def coefficients(e: Expr, lanes: set[Symbol]) -> dict[Symbol, Expr]:
     if e.is_Mul:
         inner = [f for f in e.args if symbols_of(f) & lanes]
         if len(inner) == 1:
-            rest = sympy.Mul(*(f for f in e.args if f is not inner[0]))
+            rest = algebra.multiply(*(f for f in e.args if f is not inner[0]))
             return {s: rest * c for s, c in coefficients(inner[0], lanes).items()}
     raise ValueError(f"{e} is not linear in values per direction")
 
@@ -140,7 +139,7 @@ def transposed(
         if statement.lanes and statement.target in bars:
             bar = x.let(
                 f"{statement.target.name}_bar",
-                sympy.Add(*bars[statement.target]),
+                algebra.add(*bars[statement.target]),
                 f"T {statement.tag}" if statement.tag else "",
                 lanes=True,
             )
@@ -150,7 +149,7 @@ def transposed(
     for symbol, (store, n) in block.loads.items():
         if not store.lanes:
             continue
-        bar = x.let(f"{symbol.name}_bar", sympy.Add(*bars.get(symbol, [])), lanes=True)
+        bar = x.let(f"{symbol.name}_bar", algebra.add(*bars.get(symbol, [])), lanes=True)
         done.add((store, n))
         if (store, n) in incoming:  # stored again: what was there is added to
             if bar != incoming[store, n]:
@@ -159,7 +158,7 @@ def transposed(
             stores.append((store.sum, n, bar))
     for store, n, _ in block.stores:
         if store.lanes and not store.adds and (store, n) not in done and cleared(store, n):
-            stores.append((store, n, sympy.S.Zero))
+            stores.append((store, n, algebra.ZERO))
     x.block.stores = stores
     return x.finish()
 

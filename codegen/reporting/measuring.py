@@ -117,7 +117,12 @@ def measure(model: Model, request: Request, progress: Progress) -> dict[str, Any
                 )
             )
         progress("integrating", 0, 0)
-        data["motions"] = motions.motions(model, solver, request.end, skipped)
+
+        def remade(partitions: int) -> Solver:
+            folder = Path(scratch) / f"{model.name}_{partitions}"
+            return load(generate(model, folder, check=False, progress=progress, partitions=partitions).folder)
+
+        data["motions"] = motions.motions(model, solver, request.end, skipped, remade)
     data["skipped"] = [{"what": s.what, "why": s.why, "seconds": s.seconds, "text": str(s)} for s in skipped]
     data["seconds"] = time.perf_counter() - begin
     return data

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..choices import more_choices
 from ..runtime.standalone.errors import AssemblyError, SimulationError, SingularJointError, SingularLoopError
 from .skipped import Skipped
 
@@ -48,23 +49,35 @@ ROUNDS = 3
 """A motion is timed so often; the least counts."""
 
 
-def motions(model: Model, solver: Solver, end: float, skipped: list[Skipped]) -> dict[str, Any] | None:
+def motions(
+    model: Model, solver: Solver, end: float, skipped: list[Skipped], remade: Callable[[int], Solver]
+) -> dict[str, Any] | None:
     """Work-precision diagrams, and conditions along the motion; None if the model does not move.
+
+    Parameters
+    ----------
+    remade : callable
+        Gives a solver with so many choices of independent coordinates, for motions through dead points.
 
     Returns
     -------
     dict
-        ``end``; ``ended``, why a motion is shorter than asked for; ``sensitivities``, names; ``reference_error``, of the state
+        ``end``; ``choices``, of independent coordinates; ``ended``, why a motion is shorter than asked for; ``sensitivities``,
+        names; ``reference_error``, of the state
         and of ``reference_error_sensitivities``; ``methods``: lists of points, each with ``setting``, ``error``,
         ``sensitivity_error``, ``evaluations``, ``seconds``, ``ended``; ``conditions``, see `conditions`.
     """
     names = list(model.parameter_names[:MOST_SENSITIVITIES])
     probe = _motion(solver, end, names, "dop853", 1e-6)
+    choices = 1
+    while not isinstance(probe, str) and (more := more_choices(solver, probe, choices)):
+        choices, solver = more, remade(more)
+        probe = _motion(solver, end, names, "dop853", 1e-6)
     if isinstance(probe, str):
         skipped.append(Skipped("motions", probe))
         return None
     reached = float(probe.t[-1])
-    found: dict[str, Any] = {"asked": end, "sensitivities": names}
+    found: dict[str, Any] = {"asked": end, "choices": choices, "sensitivities": names}
     if reached < end:
         found["ended"] = str(probe.stats["reason"])
         end = float(f"{0.8 * reached:.2g}")

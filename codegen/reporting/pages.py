@@ -251,6 +251,8 @@ def _motions(data: dict[str, Any]) -> list[Section]:
         f"{data['end']:g} s of motion{by}. Errors at the end are against {data['reference']}, itself right to about "
         f"{number(data['reference_error'], 2)}; grey: errors that the reference cannot tell."
     ]
+    if data["choices"] > 1:
+        text.append(f"The motion goes on past dead points with {data['choices']} choices of independent coordinates.")
     if data["end"] < data["asked"]:
         text.append(
             f"Shorter than the {data['asked']:g} s asked for" + (f": {data['ended']}." if "ended" in data else ".")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -51,12 +52,12 @@ def times(model: Model, solver: Solver, state: State, budget: float) -> dict[str
         n = max(1, min(BATCH, int(LARGEST / (8 * solver.nu * max(columns, 1)))))
         counts[name] = n
         one, many = _states(state, 1), _states(state, n)
-        runs[f"{name} call"] = lambda function=function, at=one: function(at)  # type: ignore[misc]
-        runs[f"{name} compiled"] = lambda function=function, at=many: function(at)  # type: ignore[misc]
+        runs[f"{name} call"] = partial(function, one)
+        runs[f"{name} compiled"] = partial(function, many)
     sizes = [n for n in BATCHES if 8 * n * (solver.nq + 2 * solver.nu) <= LARGEST]
     for n in sizes:
         many = _states(state, n)
-        runs[f"batch {n}"] = lambda at=many: solver.accelerations(*at)  # type: ignore[misc]
+        runs[f"batch {n}"] = partial(solver.accelerations, *many)
     with warnings.catch_warnings(), one_core():
         warnings.simplefilter("ignore", RuntimeWarning)
         taken = alternate({name: calibrated(run) for name, run in runs.items()}, budget)

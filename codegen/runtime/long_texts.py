@@ -42,12 +42,14 @@ class LongTexts:
     def __call__(self, partition: int) -> str:
         # the generator is imported when it is needed: loading a solver needs none
         from ..emit.solver import write_long
-        from ..loops.alternatives import second_partition
+        from ..loops.alternatives import other_partition
         from ..loops.partition import partition as choose
 
         chosen = choose(self.model) if self.model.loops else None
-        if partition and chosen is not None:
-            chosen = second_partition(self.model, chosen)
+        known: list[Any] = []
+        for _ in range(partition if chosen is not None else 0):
+            known.append(chosen)
+            chosen = other_partition(self.model, known)
         made = self.manifest["functions"]
         asked = [f.get("member", name) for name, f in made.items()] if "left_out" in self.manifest else None
         return write_long(self.model, self.digits + GUARD, self.manifest["layout"], chosen, "reactions" in made, asked)

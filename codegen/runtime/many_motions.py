@@ -139,7 +139,7 @@ def simulate_many(
     done = min(n, 1)
     if progress is not None and n:
         progress(done, n)
-    with ThreadPoolExecutor(threads or _processors()) as pool:
+    with ThreadPoolExecutor(threads or processors()) as pool:
         left: set[Future[None]] = {pool.submit(run, i) for i in range(1, n)}
         try:
             while left:
@@ -158,7 +158,8 @@ def simulate_many(
     return Motions(found, dict(sorted(failures.items())))
 
 
-def _processors() -> int:
+def processors() -> int:
+    """How many processors this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
@@ -201,4 +202,4 @@ def _rows(solver: Any, q: Numbers, u: Numbers, p: Numbers, inputs: Any) -> list[
     return [{name: row(name, i) for name in ("q", "u", "p", "inputs")} for i in range(n)]
 
 
-__all__ = ["Motions", "simulate_many"]
+__all__ = ["Motions", "processors", "simulate_many"]

@@ -42,7 +42,7 @@ ALWAYS = ("errors", "jacobians")
 
 def sections_of(manifest: Mapping[str, Any]) -> dict[str, str]:
     """The sections that a package needs, as classes and their modules, in the order of the classes of `Solver`."""
-    parts = (manifest, manifest.get("second", {}))
+    parts = (manifest, *manifest.get("others", ()))
     named = {key for m in parts for key in (*m, *m.get("functions", ()))}
     named |= {f.get("member", "") for m in parts for f in m.get("functions", {}).values()}
     left = set(manifest.get("left_out", ()))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -12,8 +11,8 @@ from numpy.typing import ArrayLike
 
 from .standalone.arguments import some
 from .standalone.arrays import Array, Numbers
-from .standalone.motion_directions import take_sensitivities
 from .standalone.motion_inputs import Inputs, take_inputs
+from .standalone.named_entries import Entry, look_up_all, names_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,8 +68,7 @@ class Variables:
         asked = _asked(wanted)
         groups = [self._expanded(name) for name in asked]
         self.names: tuple[str, ...] = tuple(n for g in groups for n in g)
-        self._check_names()
-        self._places = [self._place(name) for name in self.names]
+        self._places = self._looked_up()
         self._start_state = solver.assemble(self._q or None, self._u or None, self._p)
         given = np.array([self._value(place) for place in self._places])
         n = len(self.names)
@@ -183,34 +181,20 @@ class Variables:
         of = name.removeprefix("inputs.")
         return [f"{name}[{i}]" for i in range(count)] if of != name and of in self.solver.input_names else [name]
 
-    def _check_names(self) -> None:
+    def _looked_up(self) -> list[Entry]:
+        """What the names stand for; inputs, one value each."""
         if not self.names:
             raise ValueError("there are no variables; name some, such as a parameter, q0.NAME or inputs.NAME")
         try:
-            take_sensitivities(self.solver, self.names, None, None, self._inputs)
+            return look_up_all(names_of(self.solver), self.names, len(self._inputs.values))
         except ValueError as error:
             raise ValueError(str(error).replace("sensitivities", "variables", 1)) from None
 
-    def _place(self, name: str) -> tuple[str, int, int]:
-        """What a name stands for: p, q, u or i(nputs), its place in that, and of inputs the row."""
-        solver = self.solver
-        if name in solver.parameter_names:
-            return "p", solver.parameter_names.index(name), 0
-        kind, _, of = name.partition(".")
-        if kind == "q0":
-            return "q", solver.coordinate_names.index(of), 0
-        if kind == "u0":
-            return "u", solver.speed_names.index(of), 0
-        entry = re.fullmatch(r"inputs\.(.+)\[(\d+)\]", name)
-        assert entry is not None
-        return "i", solver.input_names.index(entry[1]), int(entry[2])
-
-    def _value(self, place: tuple[str, int, int]) -> float:
+    def _value(self, place: Entry) -> float:
         """Its value in the motion that was given."""
-        kind, at, row = place
-        if kind == "i":
-            return float(self._inputs.values[row, at])
-        return float({"p": self._p, "q": self._start_state[0], "u": self._start_state[1]}[kind][at])
+        if place.of == "inputs":
+            return float(self._inputs.values[place.row, place.at])
+        return float({"p": self._p, "q": self._start_state[0], "u": self._start_state[1]}[place.of][place.at])
 
     def _set(self, name: str, v: Variable, at: slice) -> None:
         """Bounds, scale and start of a variable, or of a whole input."""

@@ -93,7 +93,7 @@ def test_another_machine_and_other_figures_are_told(run):
         (["--compare", "list.json"], "bench: list.json does not hold results of the benchmark"),
         (["--compare", "later.json"], "bench: later.json has format 99, this version reads 1; measure again"),
         (["-o", "nowhere/new.json"], "bench: -o: cannot write nowhere/new.json: there is no folder"),
-        (["--page", "."], "bench: --page . is a folder; give the name of a file"),
+        (["--page", "."], "bench: --page: . is a folder; give the name of a file"),
         (["--results", "later.json", "--quick"], "bench: --results takes an earlier run"),
     ],
 )

@@ -301,8 +301,14 @@ def angles_and_exact_values() -> tuple[Any, Any, Any]:
 
 @pytest.mark.parametrize("flags", [["-march=native"], ["-march=native", "-mno-avx512f"], [], ["-DORDERNM_PLAIN_C"]])
 def test_sines_and_cosines_below_one_unit_in_the_last_place(tmp_path: Path, flags: list[str]) -> None:
-    prelude = """#include <math.h>
+    angles, exact, rest = angles_and_exact_values()
+    n = len(angles)
+    prelude = (
+        f"enum {{ ANGLES = {n} }};"
+        + """
+#include <math.h>
 #include <stdint.h>
+typedef double number;
 #if defined(__GNUC__) && !defined(ORDERNM_PLAIN_C)
 #define ORDERNM_VECTORS 1
 #if defined(__AVX512F__)
@@ -315,6 +321,7 @@ enum { VECTOR_8 = 2 };
 typedef double vector_8 __attribute__((vector_size(8*VECTOR_8), aligned(8), may_alias));
 #endif
 """
+    )
     text = (
         prelude + render("c/sincos.c.jinja", {}) + "\nvoid run(int n, double *trig) { sines_and_cosines(n, trig); }\n"
     )
@@ -322,8 +329,6 @@ typedef double vector_8 __attribute__((vector_size(8*VECTOR_8), aligned(8), may_
     command = [shutil.which("cc") or "cc", "-O2", *flags, "-fPIC", "-shared", "sc.c", "-o", "sc.so", "-lm"]
     subprocess.run(command, cwd=tmp_path, check=True)
     library = ctypes.CDLL(str(tmp_path / "sc.so"))
-    angles, exact, rest = angles_and_exact_values()
-    n = len(angles)
     trig = np.concatenate([np.zeros(n), angles])
     otherwise = {}  # with every operation rounded up or down
     for way in DIRECTED:

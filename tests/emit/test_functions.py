@@ -41,7 +41,7 @@ def test_a_procedure_in_c() -> None:
     p = procedure(checked, ALONG, seeds=(U.tangent(),), results=(A, A.tangent()), widths=(8,))
     printer = CFunctions("model", memory((p,)), lambda what: [], lambda p: ["lay_out(&c, work);"])
     assert printer.routine(checked.routine).signature == "static int forward(call *a)"
-    assert printer.routine(checked.routine).lines == ["out(a);", "if (a->singular) return a->singular;", "return 0;"]
+    assert printer.routine(checked.routine).lines == ["out(a);", "if (STOPPED(a)) return 1;", "return 0;"]
     assert printer.function(p).lines == [
         "call c = {.u = u, .a = a};",
         "DIRECTIONS(call) d;",

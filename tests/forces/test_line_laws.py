@@ -19,7 +19,7 @@ from random_models import random_state
 import codegen
 from codegen.emit.solver import write_solver
 from codegen.mechanics.elements import LAWS as GENERATED
-from codegen.mechanics.elements.along_line import AlongLineLaw
+from codegen.mechanics.elements.along_line import AlongLineLaw, check_energy
 from codegen.model import parse_model
 from codegen.model.forces import ALONG_LINES, FORCES, line_laws, other_words, told_apart
 from codegen.model.forces.along_line import element_of, entry_of
@@ -333,16 +333,28 @@ def test_an_energy_that_is_not_the_forces_is_told(energy: str) -> None:
     with pytest.raises(
         LineLawError, match=r"law: at distance = .*, k = .* the force at rest is -.* do not belong together"
     ):
-        AlongLineLaw(law)
+        check_energy(law)
 
 
 def test_an_energy_that_belongs_to_the_force_is_found_to() -> None:
-    AlongLineLaw(LineLaw("law", "?", STIFFNESS, "-k*max(0, distance - 1) - rate", "k*max(0, distance - 1)**2/2"))
-    AlongLineLaw(LineLaw("law", "?", STIFFNESS, "-k*sin(distance)/cosh(k)", "-k*cos(distance)/cosh(k)"))
+    check_energy(LineLaw("law", "?", STIFFNESS, "-k*max(0, distance - 1) - rate", "k*max(0, distance - 1)**2/2"))
+    check_energy(LineLaw("law", "?", STIFFNESS, "-k*sin(distance)/cosh(k)", "-k*cos(distance)/cosh(k)"))
     with pytest.raises(
         LineLawError, match="have values in 0 of 100 places only; let `between` of its coefficients say where"
     ):
-        AlongLineLaw(LineLaw("law", "?", STIFFNESS, "-k*acos(distance + 5)", "k*acos(distance + 5)"))
+        check_energy(LineLaw("law", "?", STIFFNESS, "-k*acos(distance + 5)", "k*acos(distance + 5)"))
+
+
+@pytest.mark.parametrize("name", sorted(LINE_LAWS))
+def test_the_force_of_every_law_belongs_to_its_energy(name: str) -> None:
+    check_energy(LINE_LAWS[name])
+
+
+def test_a_law_whose_energy_is_another_ones_generates_nothing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    added(monkeypatch, LineLaw("odd_of_a_test", "?", STIFFNESS, "-k*distance", "k*distance**2"))
+    with pytest.raises(LineLawError, match=r"odd_of_a_test: at distance = .* do not belong together"):
+        codegen.generate(with_elements(TREE, "odd: {type: odd_of_a_test, from: a, to: tip, k: 2}"), tmp_path / "odd")
+    assert not (tmp_path / "odd").exists()
 
 
 def test_the_table_of_the_page_is_that_of_the_laws() -> None:

@@ -77,7 +77,7 @@ def test_right_after_the_dead_centre(by_crank: Any, by_piston: Any) -> None:
 
 
 def test_with_one_choice_of_independents_it_ends_and_says_why(by_piston: Any, monkeypatch: Any) -> None:
-    monkeypatch.setattr(by_piston, "_manifest", {k: x for k, x in by_piston._manifest.items() if k != "second"})
+    monkeypatch.setattr(by_piston, "_manifest", {k: x for k, x in by_piston._manifest.items() if k != "others"})
     with pytest.raises(SimulationError, match=r"--partitions 2") as caught:
         by_piston.simulate(2.0, u={"piston": -4.0})
     reached = caught.value.trajectory

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import sympy
 from numeric_scope import Numbers
 from scipy.spatial.transform import Rotation
 
@@ -20,6 +19,7 @@ from codegen.mechanics.ears.motions import Twist
 from codegen.mechanics.stores import LOOP_CONSTANTS, ROOTS
 from codegen.mechanics.structure.kinds import ClosureKind, EarKind
 from codegen.model.joints import JOINTS, Closure
+from codegen.program.algebra import Number
 
 Array = np.ndarray[Any, Any]
 CLOSURES = {name: joint.closure for name, joint in JOINTS.items() if joint.closure}
@@ -102,7 +102,7 @@ class Mechanism:
             None, self.holds, self.axis, self.end_axis, ((), ()), (0, 1), (-1, -2), gaps, (),  # type: ignore[arg-type]
             gaps or self.holds.linear < 3,
         )  # fmt: skip
-        scale = sympy.Float(1 / LENGTH)
+        scale = Number(1 / LENGTH)
         self.kind = EarKind(
             0, [], [], ["frame", "link"], [-1, -1], [True, True], [], [closure], [], [], 1, 1, True, True, scale, scale, True,
         )  # fmt: skip

@@ -35,8 +35,8 @@ def test_no_value_is_an_error_of_the_model(value: str) -> None:
 
 @pytest.mark.parametrize(
     ("value", "text"),
-    [("q.arm*acos(u.arm - u.arm)", "3.141592653589793"), ("exp(1 + t - t)*q.arm", "2.718281828459045")],
+    [("q.arm*acos(u.arm - u.arm)", "1.5707963267948966"), ("exp(1 + t - t)*q.arm", "2.718281828459045")],
 )
-def test_constants_of_sympy_are_numbers(value: str, text: str) -> None:
+def test_functions_of_numbers_are_numbers(value: str, text: str) -> None:
     files = write_solver(driven(value)).files
     assert text in files["driven.c"] and text in files["driven_numpy.py"]

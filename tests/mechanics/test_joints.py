@@ -18,6 +18,7 @@ from codegen.mechanics.stores import CONSTANTS, COORDINATES, DP, DQ, SPEEDS, TRI
 from codegen.mechanics.structure.links import parts_of
 from codegen.model.joints import JOINTS
 from codegen.model.motions import Displacement, Slide, Turn
+from codegen.program.algebra import Number
 from codegen.program.block import Scope
 from codegen.program.field import XYZ
 
@@ -50,7 +51,7 @@ class Formulas(Scope):
         return value
 
     def number(self, value):
-        return sympy.sympify(value)
+        return sympy.sympify(value.value if isinstance(value, Number) else value)
 
     def sqrt(self, value):
         return sympy.sqrt(value)

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import sympy
 from coupled_mechanisms import by_hand
 from numeric_scope import Numbers
 from scipy.spatial.transform import Rotation
@@ -29,6 +28,7 @@ from codegen.mechanics.stores import (
 )
 from codegen.mechanics.structure.kinds import EarKind
 from codegen.mechanics.structure.system import analyse
+from codegen.program.algebra import ONE
 
 RNG = np.random.default_rng(5)
 SOURCES, FAR = 2, 1
@@ -44,7 +44,7 @@ def kind(role: str, *, rigid: bool = True, carried: bool = True, first: bool = T
     total = SOURCES + (6 * (FAR + 1) if role == "far" else 0 if rigid else 6)
     return EarKind(
         0, [], [], [role], [FAR if role == "far" else -1], [first], [], [], [], [], SOURCES, total, carried, rigid,
-        sympy.S.One, sympy.S.One, True,
+        ONE, ONE, True,
     )  # fmt: skip
 
 

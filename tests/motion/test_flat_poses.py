@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from motion.models import EXAMPLES, Made, example, parsed
 
-from codegen.runtime import Event
+from codegen.runtime import Event, SimulationError
 
 FLAT = (0.714355529292960472, 1.228159393314123211, 2.656870451900044156, 3.170674315921206895)
 """When A02 of N = 2 is flat, s."""
@@ -128,6 +128,48 @@ def test_derivatives_of_any_number_pass(flat: Any, names: tuple[str, ...]) -> No
 def test_radau_passes_too(flat: Any) -> None:
     found = flat.simulate([0.0, 10.0], method="radau", rtol=1e-10, atol=1e-10)
     assert abs(found["x"][-1] - AT_TEN) < 1e-6
+
+
+@pytest.fixture(scope="module", params=["bearings", "off by rounding"])
+def inexact(made: Callable[..., Made], request: pytest.FixtureRequest) -> Any:
+    """A02 askew in the world by the angles of seed 1 below; A02 whose bearings are off by two last places."""
+    if request.param == "bearings":
+        angles = tuple(float(a) for a in np.random.default_rng(1).uniform(-3, 3, 3))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return made(parsed, turned(2, angles)).solver
+    text = (EXAMPLES / "n_four_bar.yaml").read_text(encoding="utf-8")
+    assert text.count("at: [k*length, 0, 0]") == 1
+    return made(parsed, text.replace("at: [k*length, 0, 0]", "at: [1.0000000000000004*k*length, 0, 0]")).solver
+
+
+def test_no_tolerance_collapses_askew_or_off_by_rounding(inexact: Any) -> None:
+    """Through ten poses, on the right branch, with errors that follow the tolerance as far as the lengths do."""
+    for tolerance in np.logspace(-5, -13, 17):
+        found = inexact.simulate([0.0, 10.0], rtol=tolerance, atol=tolerance)
+        assert abs(found["x"][-1] - AT_TEN) < 1e-7 + 1e4 * tolerance, tolerance
+        np.testing.assert_allclose(cranks(found, -1), found["u.crank_0"][-1], rtol=0, atol=1e-8)
+        assert found.stats["evaluations"] < 6000, tolerance
+    found = inexact.simulate([0.0, 10.0], rtol=1e-12, atol=1e-12)
+    assert abs(found["x"][-1] - AT_TEN) < 1e-8
+
+
+def test_a_motion_that_stands_still_ends(made: Callable[..., Made]) -> None:
+    """At a force that jumps back and forth steps stay small; a million of them, which are allowed, would not come far."""
+    text = """
+model: sliding
+bodies:
+  mass: {parent: ground, joint: {type: prismatic, axis: x}, mass: 1, inertia: {xx: 0.1, yy: 0.1, zz: 0.1}}
+forces:
+  rub: {type: joint, joint: mass, value: -1000*sign(u.mass) + 1e-3*sin(1e9*q.mass)}
+initial: {u: {mass: 1.0}}
+"""
+    solver = made(parsed, text).solver
+    with pytest.raises(
+        SimulationError, match=r"t = 0\.00\d+ s: steps have become too small to go on, because of u.m"
+    ) as caught:
+        solver.simulate(1e3, rtol=1e-12, atol=1e-12)
+    assert caught.value.trajectory.stats["steps"] < 100_000
 
 
 @pytest.mark.campaign

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import sympy
-from sympy import Symbol
 
+from codegen.program import algebra
+from codegen.program.algebra import Symbol
 from codegen.program.block import Block, Component, Expansion
+from codegen.program.digits import number
+from codegen.program.functions import sin
 from codegen.program.fusion import fused
 from codegen.program.passes import simplify
 from codegen.program.store import Life, Memory, Owner, Store
@@ -28,14 +30,18 @@ def always(store: Store, name: str) -> bool:
 State = dict[Component, float]
 
 
+def evaluated(e: algebra.Expr, values: dict[Symbol, float]) -> float:
+    return algebra.value_of_number(e.xreplace({s: number(v) for s, v in values.items()}))
+
+
 def run(block: Block, state: State) -> State:
     """The memory after a block; what it does not load does not matter to it."""
     found: dict[Symbol, float] = {s: state.get(at, 0.0) for s, at in block.loads.items()}
     for t in block.statements:
-        found[t.target] = float(t.expression.subs(found))
+        found[t.target] = evaluated(t.expression, found)
     after = dict(state)
     for store, name, e in block.stores:
-        value = float(sympy.sympify(e).subs(found))
+        value = evaluated(algebra.expression(e), found)
         at = store.plain, name
         after[at] = after.get(at, 0.0) + value if store.adds else value
     return after
@@ -57,7 +63,7 @@ def random_block(rng: np.random.Generator, adds: bool) -> Block:
         x.set_component(B.sum if adds and i else B, str(i), lanes[-1 - i])
     x.set_component(A, "1", lanes[-5] + lanes[1])
     x.set_component(A, "9", lanes[-2])  # stored again
-    x.set_component(A, "9", sympy.S.Zero)
+    x.set_component(A, "9", algebra.ZERO)
     return x.finish()
 
 
@@ -88,7 +94,7 @@ def test_transposed_is_transposed(seed, adds, simplified):
 def test_scalars_that_a_block_stores_are_kept_and_not_computed_again():
     x = Expansion("b", "", lambda store, name: True)
     a, v = x.component(S, "up"), x.component(A, "v")
-    mine = x.let("mine", sympy.sin(a) * a)
+    mine = x.let("mine", sin(a) * a)
     x.set_component(S, "me", mine)
     x.set_component(B, "w", x.let("w", mine * v, lanes=True))
     kept = Kept(lambda store, name: store is S, lambda store: KEPT, lambda store: True)
@@ -98,13 +104,13 @@ def test_scalars_that_a_block_stores_are_kept_and_not_computed_again():
     back = simplify(transposed(x.finish(), "back", "", always, kept))
     assert (KEPT, "me") in back.loads.values()
     assert (KEPT, "up") not in back.loads.values()
-    assert not any(t.expression.has(sympy.sin) for t in back.statements)
+    assert not any("sin" in str(t.expression) for t in back.statements)
 
 
 def test_what_is_not_linear_is_refused():
-    a, b, c = sympy.symbols("a b c")
+    a, b, c = map(Symbol, "abc")
     assert coefficients(c * (a - 2 * b) + a, {a, b}) == {a: c + 1, b: -2 * c}
-    for wrong in (a * b, sympy.sin(a), a + c, a**2, a / b):
+    for wrong in (a * b, sin(a), a + c, a**2, a / b):
         with pytest.raises(ValueError):
             coefficients(wrong, {a, b})
 

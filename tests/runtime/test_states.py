@@ -326,3 +326,26 @@ def test_conditions_leave_the_partition_alone(two_partitions):
     for other in (copy.copy(solver), copy.deepcopy(solver), pickle.loads(pickle.dumps(solver))):
         assert (other.partition, other.independent_names) == (1, independent)
         np.testing.assert_array_equal(other.accelerations(q, 2 * u), solver.accelerations(q, 2 * u))
+
+
+def test_as_many_partitions_as_there_are(tmp_path):
+    """A four-bar has three choices, and all say the same."""
+    report = codegen.generate(EXAMPLE, tmp_path / "four_bar", partitions=4, functions="dynamics")
+    assert "no fourth partition: no other choice of independent coordinates closes the loops" in report.loops
+    solver = codegen.load(tmp_path / "four_bar")
+    assert sorted(solver.partitions) == sorted((name,) for name in solver.coordinate_names)
+    assert (tmp_path / "four_bar" / "four_bar_third.c").exists()
+    q, u = solver.initial
+    udot = solver.accelerations(q, u)
+    exact = solver.in_precision(30, EXAMPLE)
+    for k in (1, 2):
+        solver.use_partition(k)
+        np.testing.assert_allclose(solver.accelerations(q, u), udot, rtol=1e-11)
+        exact.use_partition(k)
+        np.testing.assert_allclose(np.array(exact.accelerations(q, u), float), udot, rtol=1e-11)
+    assert solver.condition(q).shape == (3,)
+    codegen.generate(EXAMPLE, tmp_path / "four_bar", partitions=1, compile=False)
+    assert not (tmp_path / "four_bar" / "four_bar_third.c").exists(), "written anew, libraries and all"
+    for wrong in (0, 5, True, "2"):
+        with pytest.raises(ValueError, match="allowed are 1 to 4"):
+            codegen.generate(EXAMPLE, tmp_path / "four_bar", partitions=wrong)

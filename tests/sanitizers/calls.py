@@ -23,6 +23,9 @@ Array = np.ndarray
 
 STATES = 3
 DIRECTIONS = 8
+MORE = 4
+"""Functions over several states at once get so many times as many, less one: vectors full and not."""
+
 TOLERANCE = 1e-10
 """Largest relative difference to the NumPy module, per result and state, or per direction."""
 
@@ -65,11 +68,26 @@ class Prototype:
             unused = "    (void)step, (void)count, (void)failed;\n"
             return f"{head}{unused}    return {self.symbol}({', '.join([*given, 'work'])});\n}}\n"
         lines = [f"b.{name}.at = a[{at}], b.{name}.step = step[{at}];" for at, name in enumerate(names)]
+        if self.over_states:
+            lines = [line for at, name in enumerate(names) for line in self._strided(at, name)]
+            lines += [f"b.directions = {self.width};"] if self.width else []
         lines = [
             f"{self.batch} b = {{ .count = count, .failed = *failed, .work = work }};", *lines,
             f"const int status = {self.symbol}(&b);", "*failed = b.failed;", "return status;",
         ]  # fmt: skip
         return head + "".join(f"    {line}\n" for line in lines) + "}\n"
+
+    @property
+    def over_states(self) -> bool:
+        """Whether several states are worked on at once."""
+        return self.batch.endswith("_states")
+
+    def _strided(self, at: int, name: str) -> list[str]:
+        """Lines that say where an array is: along directions it has the direction as last index."""
+        along = bool(self.width) and name.startswith("d")
+        steps = {"at": f"a[{at}]", "state": f"step[{at}]", "direction": "1" if along else "0"}
+        steps["entry"] = str(self.width) if along else "1"
+        return [f"b.{name}.{member} = {value};" for member, value in steps.items()]
 
 
 @dataclass
@@ -113,6 +131,10 @@ class Part:
 
     def _prototype(self, symbol: str, declared: str) -> Prototype:
         stem = symbol.removeprefix(f"{self.name}_")
+        if stem.endswith("_states"):
+            stem = stem.removesuffix("_states")
+            single = next(f for f in self.prototypes if f.function == stem and f.width in (0, DIRECTIONS))
+            return replace(single, symbol=symbol, batch=declared.split("*")[0].strip())
         if stem.endswith("_batch"):
             single = next(f for f in self.prototypes if f.symbol == symbol.removesuffix("_batch"))
             type, name = declared.split("*")
@@ -208,10 +230,13 @@ class Part:
                 self.call(f, {a: states[a][shift % STATES] for a in f.arguments}, shift=shift) for shift in range(8)
             ]
         else:
-            own = {a: states[a] for a in f.arguments}
+            times = MORE if f.over_states else 1
+            own = {a: np.concatenate([states[a]] * times)[: max(STATES, times * STATES - 1)] for a in f.arguments}
             odd = {a: x[0] if i % 2 else x for i, (a, x) in enumerate(own.items())}
             even = {a: x if i % 2 else x[0] for i, (a, x) in enumerate(own.items())}
-            calls = [self.call(f, x, STATES, shift) for shift, x in enumerate((own, odd, even))]
+            calls = [
+                self.call(f, x, max(STATES, times * STATES - 1), shift) for shift, x in enumerate((own, odd, even))
+            ]
             calls.append(self.call(f, {a: x[:0] for a, x in own.items()}, 0))
         wild = [np.nan, np.inf, -np.inf, 1e308, -1e200, 1e-320, 0.0]
         for i, x in enumerate(wild):
@@ -255,7 +280,7 @@ class Part:
 
     def expected(self, f: Prototype, arguments: list[Array]) -> list[Array] | int:
         """What the NumPy module computes, laid out as in C: results, or the number of what is singular."""
-        key = f.symbol.removesuffix("_batch"), *(x.tobytes() for x in arguments)
+        key = (f.function, f.width), *(x.tobytes() for x in arguments)
         if key not in self.known:
             self.known[key] = self._expected(f, arguments)
         return self.known[key]
@@ -297,11 +322,12 @@ class Part:
 
     def header(self) -> str:
         """calls.h of the harness."""
+        kind = "STATES_" if any(f.over_states for f in self.prototypes) else ""  # which is the larger one
         table = [
             f'    {{"{f.symbol}", call_{f.symbol}, {len(f.arguments)}, {len(f.results)}}},\n' for f in self.prototypes
         ]
         return (
-            f'#include "{self.name}.h"\n\nenum {{ WORKSPACE = {self.name.upper()}_WORKSPACE }};\n\n'
+            f'#include "{self.name}.h"\n\nenum {{ WORKSPACE = {self.name.upper()}_{kind}WORKSPACE }};\n\n'
             "typedef struct {\n    const char *name;\n"
             "    int (*call)(double *const *a, const long *step, long count, long *failed, double *work);\n"
             "    int arguments, results;\n} function;\n\n"
@@ -358,4 +384,4 @@ class Part:
 def parts(folder: Path) -> list[Part]:
     """The headers of a package."""
     manifest = read_manifest(folder)
-    return [Part(folder, m) for m in (manifest, manifest.get("second")) if m]
+    return [Part(folder, m) for m in (manifest, *manifest.get("others", ()))]

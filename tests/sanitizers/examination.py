@@ -66,14 +66,18 @@ def works(build: Build) -> bool:
 
 
 def warnings_of(part: Part, build: Build) -> list[str]:
-    command = [build.compiler, *build.flags, *WARNINGS, "-c", f"{part.name}.c", "-o", "warned.o"]
-    said = subprocess.run(command, cwd=part.folder, capture_output=True, text=True, check=False)
-    return [f"{part.name}, {build}: {said.stderr[:1000]}"] if said.returncode else []
+    found = []
+    for source in sorted({f"{part.name}.c", f"{part.name}_states.c"} & {file.name for file in part.folder.iterdir()}):
+        command = [build.compiler, *build.flags, *WARNINGS, "-c", source, "-o", "warned.o"]
+        said = subprocess.run(command, cwd=part.folder, capture_output=True, text=True, check=False)
+        found += [f"{source}, {build}: {said.stderr[:1000]}"] if said.returncode else []
+    return found
 
 
 def run(part: Part, build: Build) -> str:
     """Compile and run the harness; what was said if that failed."""
-    sources = [f"{part.name}.c", str(HARNESS)]
+    states = f"{part.name}_states.c"
+    sources = [f"{part.name}.c", *([states] if (part.folder / states).is_file() else []), str(HARNESS)]
     command = [build.compiler, *build.flags, "-g1", *WARNINGS, "-I.", *sources, "-o", "examined", "-lm"]
     for step in (command, ["./examined", "in", "out"]):
         said = subprocess.run(

@@ -12,9 +12,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import partial
 
-from sympy import Symbol
-
 from ...program.block import Scope
+from ...program.expressions import Symbol
 from ...program.scalar import Value, Vector
 from .. import fields
 from ..joints import Column

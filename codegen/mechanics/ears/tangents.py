@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from sympy import Expr, Symbol, sympify
-
+from ...program import algebra
 from ...program.block import ANY, Expansion, symbols_of
 from ...program.derivatives import Tangents
+from ...program.expressions import Expr, Symbol
 from ...program.field import XYZ
 from ...program.scalar import Value, Vector
 from ...program.store import Store
@@ -30,7 +30,7 @@ def tangents_of(values: Vector, tangents: Vector) -> dict[Symbol, Value]:
         elif isinstance(value, Expr) and isinstance(-value, Symbol):
             found[-value] = -moved
         else:
-            assert value is ANY or sympify(value).is_number, f"{value} has no name"
+            assert value is ANY or not algebra.expression(value).free_symbols, f"{value} has no name"
     return found
 
 

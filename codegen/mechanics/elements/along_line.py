@@ -5,8 +5,6 @@ from __future__ import annotations
 import random
 from collections.abc import Sequence
 
-import sympy
-
 from ...model.expressions import Expression, Tree, bind, functions_for
 from ...model.forces.line_law import LineLaw, LineLawError
 from ...program.scalar import Value, Vector
@@ -23,17 +21,17 @@ TRIES = 100
 class AlongLineLaw(Law):
     """A law as statements: its formulas, with distance and rate of the line between the ends.
 
-    Raises
-    ------
-    LineLawError
-        The law's force does not belong to its energy.
+    Before the first ones are written it is checked that the force belongs to the energy.
     """
 
     def __init__(self, law: LineLaw):
-        check_energy(law)
         self.law = law
+        self._checked = False
 
     def wrenches(self, e: Element) -> Sequence[Wrench]:
+        if not self._checked:
+            check_energy(self.law)
+            self._checked = True
         line, length = e.line()
         formula = bind(self.law.formula, e.absent)  # what is multiplied by zero is not asked for
         known = {"distance": length}
@@ -73,6 +71,8 @@ def check_energy(law: LineLaw) -> None:
     """
     if law.potential is None:
         return
+    import sympy  # statements need none, and it takes longer to import than most models to generate
+
     functions = functions_for(sympy)
     names = {name: sympy.Symbol(name, real=True) for name in ("distance", "rate", *law.coefficients)}
     force = law.formula.evaluate({**names, "rate": sympy.Integer(0)}, functions)

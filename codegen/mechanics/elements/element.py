@@ -10,9 +10,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Sequence
 from typing import NamedTuple
 
-import sympy
-
 from ...model.expressions import Tree
+from ...program import algebra
 from ...program.block import Expansion, FieldError, Scope
 from ...program.scalar import Matrix, Value, Vector
 from ...program.store import Store
@@ -224,7 +223,7 @@ class Element:
         if not isinstance(self.x, Expansion):
             return self._pattern(tree, leaf)
         x = self.x
-        value: Value = x.let("value", Statements(x, lambda name: sympy.sympify(leaf(name))).write(tree))
+        value: Value = x.let("value", Statements(x, lambda name: algebra.expression(leaf(name))).write(tree))
         return value
 
     def _leaf(self, tree: Tree) -> Value:

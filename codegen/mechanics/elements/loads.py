@@ -6,10 +6,9 @@ kinematic sweep takes off the force that the link's motion needs. What a type do
 
 from __future__ import annotations
 
-from sympy import Symbol
-
 from ...program.block import Expansion, Scope
 from ...program.derivatives import Tangents
+from ...program.expressions import Symbol
 from ...program.scalar import Value
 from .. import fields, handing_on
 from ..formulas import has_values

@@ -12,9 +12,10 @@ from typing import ClassVar
 from ...program.block import Scope
 from ...program.field import XYZ
 from ...program.scalar import Matrix, Value, Vector
+from ...program.store import Store
 from .. import fields
 from ..spatial import cross
-from ..stores import CONSTANTS, DQ, SPEEDS, TRIG, TURNS
+from ..stores import CONSTANTS, DQ, MY_LANE, SPEEDS, TRIG, TURNS
 from .link_joint import LinkJoint, Primitives
 
 
@@ -202,6 +203,6 @@ class Axial(LinkJoint):
         return {c: {angle: -s}, s: {angle: c}}
 
     @classmethod
-    def turn_seed(cls, x: Scope, component: str) -> Value:
+    def turn_seed(cls, x: Scope, component: str, store: Store = MY_LANE) -> Value:
         assert cls.angle is not None
         return x.entry(DQ, cls.angle)

@@ -41,6 +41,10 @@ class Free(QuaternionJoint):
         sweep = self.x.let_vector("sweep", [turn[i] + 2 * carried[i] for i in range(3)], "Eq. 21")
         return cross(carried, turn), cross(sweep, self._slide_speeds())
 
+    def bias_change(self, change: Vector) -> tuple[Vector, Vector]:
+        twice = [2 * speed for speed in self._slide_speeds()]
+        return cross(change, self._turn_speeds()), cross(change, twice)
+
     def rates(self) -> Vector:
         turned = super().rates()
         return matvec(self.matrix, self._slide_speeds()) + turned

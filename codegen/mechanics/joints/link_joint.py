@@ -19,9 +19,10 @@ from ...model.motions import Motion
 from ...program.block import Scope
 from ...program.field import XYZ
 from ...program.scalar import Matrix, Value, Vector
+from ...program.store import Store
 from .. import fields
 from ..spatial import add, matmul, matvec, transpose
-from ..stores import CONSTANTS, DQ, SPEEDS
+from ..stores import CONSTANTS, DQ, MY_LANE, SPEEDS
 from .column import Column
 from .inertia import rotate_all
 
@@ -183,6 +184,10 @@ class LinkJoint(ABC):
     def bias(self, carried: Vector) -> tuple[Vector, Vector]:
         """Angular and linear acceleration that the joint adds with udot = 0, the parent turning with `carried`. Eqs. 20, 21."""
 
+    def bias_change(self, change: Vector) -> tuple[Vector, Vector]:
+        """The change of `bias` with one of the parent's angular velocity: of most joints it is linear in that."""
+        return self.bias(change)
+
     def rates(self) -> Vector:
         """Time derivatives of the coordinates. Eq. 1."""
         return [self.x.entry(SPEEDS, i) for i in range(self.freedoms)]
@@ -208,6 +213,6 @@ class LinkJoint(ABC):
         return {}
 
     @classmethod
-    def turn_seed(cls, x: Scope, component: str) -> Value:
-        """Tangent of a component of that rotation, of a joint that turns."""
+    def turn_seed(cls, x: Scope, component: str, store: Store = MY_LANE) -> Value:
+        """Tangent of a component of that rotation, of a joint that turns; `store` has those of quaternions."""
         raise TypeError(f"{cls.__name__} does not turn: nothing is named after {component}")

@@ -9,6 +9,7 @@ from typing import ClassVar
 from ...program.block import Scope
 from ...program.field import XYZ
 from ...program.scalar import Matrix, Value, Vector
+from ...program.store import Store
 from .. import fields
 from ..spatial import add, cross, matmul, matvec, transpose
 from ..stores import COORDINATES, DQ, ME, MY_LANE, SPEEDS, TURNS
@@ -93,8 +94,8 @@ class QuaternionJoint(LinkJoint):
         return result
 
     @classmethod
-    def turn_seed(cls, x: Scope, component: str) -> Value:
-        return x.load(MY_LANE, fields.turn(component))
+    def turn_seed(cls, x: Scope, component: str, store: Store = MY_LANE) -> Value:
+        return x.load(store, fields.turn(component))
 
     # -- blocks of their own ---------------------------------------------------------------------------------------
 
@@ -112,7 +113,7 @@ class QuaternionJoint(LinkJoint):
         named = [[x.let(f"Q_{XYZ[a]}{XYZ[b]}", Q[a][b], tag) for b in range(3)] for a in range(3)]
         x.store(ME, fields.quaternion_matrix, named)
 
-    def write_turn(self) -> None:
+    def write_turn(self, store: Store = MY_LANE) -> None:
         """Rotation vector, in the link's axes, of a quaternion's tangent: ``2 e* de / |e|^2``, a radial one is zero."""
         x = self.x
         w, i, j, k = (x.entry(COORDINATES, self.quaternion + m) for m in range(4))
@@ -126,4 +127,4 @@ class QuaternionJoint(LinkJoint):
             w * dk - k * dw - i * dj + j * di,
         )
         for m in range(3):
-            x.store(MY_LANE, fields.turn(m), x.let("turn", turn[m], tag, lanes=True))
+            x.store(store, fields.turn(m), x.let("turn", turn[m], tag, lanes=True))

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from sympy import Expr, Symbol
-
 from ...program.block import Expansion, Scope
+from ...program.expressions import Expr, Symbol
 from .. import fields
 from ..stores import DUDOT, LME, ME, MY_LANE, UDOT
 from ..structure.kinds import LinkKind

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from sympy import Symbol
-
 from ...program.block import Expansion, Scope
+from ...program.expressions import Symbol
 from ...program.scalar import Value
 from .. import fields
 from ..handing_on import accumulate

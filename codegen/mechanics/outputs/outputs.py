@@ -9,13 +9,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 
-import sympy
-from sympy import Expr, Symbol
-
 from ...model.expressions import Expression, Tree
 from ...model.model import GROUND, Model, Output
+from ...program import algebra
 from ...program.block import Block, Expansion
 from ...program.derivatives import Tangents
+from ...program.expressions import Expr, Symbol
 from ...program.functions import SYMBOLIC
 from ...program.passes import simplify
 from ...program.scalar import Vector
@@ -117,7 +116,7 @@ def _both(write: Callable[[Expansion, bool], Expr], index: int, target: str, tit
     x = Expansion(f"{target}_{index}", title, lambda a, f: True)
     x.set_entry(argument(target), 0, write(x, False))
     y = Expansion(f"d{target}_{index}", f"tangent of {title}", lambda a, f: True)
-    value = sympy.sympify(write(y, True))
+    value = algebra.expression(write(y, True))
     seeds: dict[Symbol, Expr] = {}
     for s, (a, n) in list(y.block.loads.items()):
         if a.memory is RECORD:

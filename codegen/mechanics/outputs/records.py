@@ -8,15 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import sympy
-from sympy import Expr
-
 from ...model.axes import Vector as ExpressionVector
 from ...model.expressions import Expression, Tree
 from ...model.model import GROUND
 from ...model.outputs import Output
 from ...model.places import Point
+from ...program import algebra
 from ...program.block import Expansion
+from ...program.expressions import Expr
 from ...program.functions import SYMBOLIC
 from ...program.scalar import Matrix, Value, Vector
 from ...program.store import Store
@@ -78,7 +77,8 @@ class Records:
         """A unit vector."""
         assert axis is not None
         v = self.vector(axis)
-        if any(a.free_symbols for a in map(sympy.sympify, v)) or sum(abs(sympy.sympify(a)) for a in v) != 1:
+        known = [a for a in map(algebra.expression, v) if isinstance(a, algebra.Number)]
+        if len(known) < len(v) or sum(map(abs, known), algebra.ZERO) != 1:
             v = unit(v, SYMBOLIC["sqrt"], self.x.let)
         return v
 
@@ -191,7 +191,7 @@ def grounded(system: System) -> tuple[int, ...]:
 
 def carrier(system: System, body: int) -> tuple[int, tuple[Placement, ...], Frame]:
     """The link that carries a body, the way from its body's frame, and how that lies in the link."""
-    link, steps = (GROUND, ()) if body == GROUND else system.carriers[body]
+    link, steps = (GROUND, system.way_of_ground) if body == GROUND else system.carriers[body]
     return link, steps, BODY_FRAME if link == GROUND else system.links[link].frame
 
 
@@ -227,4 +227,4 @@ def structure_of(system: System, bodies: tuple[int, ...], links: tuple[int, ...]
 
 def value_of(value: Value) -> Expr:
     """A value as an expression."""
-    return sympy.sympify(value)
+    return algebra.expression(value)

@@ -10,13 +10,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import mpmath
-import sympy
-from sympy import Expr, Symbol
 
 from ...model.expressions import FLOAT_FUNCTIONS, Expression, Tree, functions_for
+from ...program import algebra
 from ...program.block import Block, Expansion
 from ...program.derivatives import Tangents
 from ...program.digits import are_long, number, value_of
+from ...program.expressions import Expr, Number, Symbol
 from ...program.functions import SYMBOLIC, Power, computed
 from ...program.passes import simplify
 from ...program.scalar import Value
@@ -86,7 +86,6 @@ class Statements:
         if kind == "call":
             arguments = [self.named(a) for a in tree[2:]]
             if all(a.is_Number for a in arguments) and not all(-_LARGE < float(a) < _LARGE for a in arguments):
-                # sympy would compute exp(1e300)
                 functions = functions_for(mpmath) if are_long() else FLOAT_FUNCTIONS
                 return computed(lambda: functions[tree[1]](*map(value_of, arguments)))
             function = SYMBOLIC[tree[1]]
@@ -108,7 +107,7 @@ class Statements:
             return a * b
         if kind == "/":
             return a / b
-        if not (b.is_Integer and abs(b) <= 2):
+        if not (isinstance(b, Number) and b.is_Integer and abs(b) <= 2):
             a = self.let(a)  # a power of a product stays one: its factors' powers overflow where it does not
         return self.let(Power(a, b))
 
@@ -164,7 +163,7 @@ def make_shape(index: int, slots: Slots, write: Callable[[Expansion, Leaf], dict
     def leaf(tree: Tree) -> Expr:
         return x.entry(NUMBER if tree[0] == "slot" else PARAMETER, tree[1])
 
-    fields = {name: sympy.sympify(value) for name, value in write(x, leaf).items()}
+    fields = {name: algebra.expression(value) for name, value in write(x, leaf).items()}
     parameters = [x.entry(PARAMETER, j) for j in range(len(slots.parameters))]
     # which symbols depend on a parameter
     depends: set[Symbol] = set(parameters)
@@ -181,7 +180,7 @@ def make_shape(index: int, slots: Slots, write: Callable[[Expansion, Leaf], dict
             if varying[name] == name:
                 x.set_component(SHAPE, name, value)
     for j, p in enumerate(parameters):
-        d = Tangents(x, {p: sympy.S.One}, {}, lanes=False)
+        d = Tangents(x, {p: algebra.ONE}, {}, lanes=False)
         for s in statements:
             d.statement(s)
         for name, same in list(varying.items()):

@@ -11,8 +11,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
-from sympy import Expr
-
 from ...model.axes import Vector as Axis
 from ...model.errors import ModelError
 from ...model.expressions import Expression, Tree
@@ -20,6 +18,7 @@ from ...model.forces import ForceElement
 from ...model.model import Model
 from ...model.places import GROUND, Face, Point
 from ...program.block import Expansion
+from ...program.expressions import Expr
 from ...program.field import XYZ
 from ...program.functions import SYMBOLIC
 from ...program.scalar import Value
@@ -206,6 +205,7 @@ def placed_elements(
     model: Model,
     links: Sequence[Link],
     carriers: Sequence[Carrier],
+    way_of_ground: tuple[Placement, ...],
     evaluate: NumberOf,
     shapes: dict[object, Shape],
     constants: list[Constants],
@@ -213,6 +213,7 @@ def placed_elements(
     """The force elements on bodies in their order; shapes and constants that are new are appended."""
     found = []
     known: dict[object, Constants] = {}
+    carriers = [*carriers, (GROUND, way_of_ground)]  # which is the one at `GROUND`
     first = {True: 0, False: 0}
     for element in model.loads:
         e = _placed(element, links, carriers, evaluate, first[element.has_energy])
@@ -236,7 +237,7 @@ def _placed(
     on: list[int] = []
     steps: list[tuple[Placement, ...]] = []
     for at in places:
-        link, way = (GROUND, ()) if at.body == GROUND else carriers[at.body]
+        link, way = carriers[at.body]
         on.append(link)
         steps.append((*way, (at.at, at.rotation if isinstance(at, Face) else ())))
     distinct = tuple(dict.fromkeys(on))

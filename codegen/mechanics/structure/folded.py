@@ -6,11 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import mpmath
-import sympy
-from sympy import Expr
 
+from ...program import algebra
 from ...program.block import Expansion
 from ...program.digits import number
+from ...program.expressions import Expr
 from ...program.scalar import Value
 from .constants import Constants, Leaf, Shape, Slots, make_shape
 
@@ -44,7 +44,7 @@ class Folded:
         if name in self.shape.fixed:
             return self.shape.fixed[name]
         if "/" in name:
-            return sympy.S.Zero
+            return algebra.ZERO
         return self.literal.get(name)
 
     def fold(self, owned: list[Constants]) -> None:

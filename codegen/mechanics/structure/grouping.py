@@ -8,9 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import sympy
-
 from ...model.model import GROUND
+from ...program import algebra
 from ...program.digits import long_number, number
 from .constants import Constants
 from .folded import pattern
@@ -19,13 +18,6 @@ from .kinds import ClosureKind, EarKind, LinkKind, RegionKind, UnitKind
 from .links import Link, LoopFaces
 from .neighbours import Neighbours
 from .regions import Regions
-
-LONG = 120
-"""Links in a row from which on rounding in sums of their forces is kept out of derivatives.
-
-It grows with the square of their number and more: errors of a coiled chain of 100 rods are 5e-14 to 1.4e-13, of 200 3e-13 and
-of 1000 2e-11; with twelve operations more for each planar hinge they are 1e-14 to 4e-14 at any length.
-"""
 
 
 def find_link_kinds(
@@ -51,7 +43,6 @@ def find_link_kinds(
     last_child: dict[int, int] = {}
     for i, link in enumerate(links):
         last_child[link.parent] = i
-    long = longest_chain(links) >= LONG
     kinds: dict[object, LinkKind] = {}
     kind_of: list[LinkKind] = []
     for i, link in enumerate(links):
@@ -76,21 +67,13 @@ def find_link_kinds(
         if kind is None:
             kind = kinds[signature] = LinkKind(
                 c.shape, len(kinds), link.joint, link.axis, aligned, first, first_unit, link.parent != GROUND,
-                *order.role_of(i), i in pulled, forced, long, order.partners_of_link(i),
+                *order.role_of(i), i in pulled, forced, order.partners_of_link(i),
             )  # fmt: skip
         kind.members.append(i)
         kind_of.append(kind)
     for kind in kinds.values():
         kind.fold([constants_of[i] for i in kind.members])
     return list(kinds.values()), kind_of
-
-
-def longest_chain(links: Sequence[Link]) -> int:
-    """How many links lie between the ground and the furthest tip."""
-    depth: list[int] = []
-    for link in links:
-        depth.append(1 if link.parent == GROUND else depth[link.parent] + 1)
-    return max(depth, default=0)
 
 
 def total_sources(region: Region) -> int:
@@ -202,7 +185,7 @@ def _ear_kind(
             index, [kind_of[i] for i in ear.links], ear.parents, list(order.roles(e)), list(order.far(e)),
             [order.first_follower.get(root) == n for root in ear.roots], [i in order.first_follower for i in ear.links],
             closures, ear.dependent, ear.columns, r, total_sources(region), region.carried,
-            region.rigid, inverse if angular else sympy.S.One, inverse,
+            region.rigid, inverse if angular else algebra.ONE, inverse,
             region.carried or order.slides(region), order.partners[n],
         )  # fmt: skip
     assert isinstance(kind, EarKind)

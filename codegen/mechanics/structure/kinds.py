@@ -8,10 +8,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from sympy import Expr
-from sympy.core.numbers import Number
-
 from ...model.joints import Closure
+from ...program.expressions import Expr, Number
 from ...program.store import Store
 from ..joints import LinkJoint
 from ..stores import CONSTANT, CONSTANTS, LINK
@@ -46,8 +44,6 @@ class LinkKind(Folded):
         Force elements act on it.
     forced : tuple of bool
         Which freedoms have a force of the model.
-    long : bool
-        Some chain of the model is so long that what joints transmit is not summed up (see `tree.balance.handed_force`).
     partners : Partners
         Coupled links, of the first member; the structure is that of all.
     members : list of int
@@ -67,7 +63,6 @@ class LinkKind(Folded):
     closed_on: str
     pulled: bool
     forced: tuple[bool, ...]
-    long: bool
     partners: Partners = NOBODY
     members: list[int] = field(default_factory=list)
     units: list[int] = field(default_factory=list)
@@ -123,7 +118,7 @@ class EarKind:
         Independent speeds of the region; with the six components of a base whose motion the loops close on, or of far links.
     carried, rigid : bool
         See `structure.Region`.
-    scale, per_length : sympy number
+    scale, per_length : Number
         One over the characteristic length; the former 1 where there are no angular conditions to weigh linear ones against.
     positions : bool
         The faces of some joint of the region may be apart, so positions are needed.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import mpmath
@@ -10,14 +11,20 @@ from ...loops.partition import Partition
 from ...model.expressions import Expression, functions_for
 from ...model.model import GROUND, JointForce, Model
 from ...program.digits import are_long, long_number
+from ...program.field import XYZ
+from ..fields import explicit_acceleration, remainder, total
 from .constants import Constants, Shape
 from .element_kinds import ElementKind, PlacedElement, find_element_kinds, placed_elements
 from .grouping import find_link_kinds, find_unit_kinds
 from .kinds import LinkKind, UnitKind
-from .links import Carrier, Link, LoopFaces, links_of, loop_faces
+from .links import Carrier, Link, LoopFaces, Placement, links_of, loop_faces
 from .model_constants import ModelConstants
 from .neighbours import Neighbours
 from .regions import Regions, find_regions
+from .world import turned_ground
+
+LONG = 16
+"""Links in a row from which on gravity begins the explicit part."""
 
 
 @dataclass(slots=True, eq=False)
@@ -57,6 +64,8 @@ class System:
         Joint forces by body.
     partition : Partition or None
         Of models with loops.
+    way_of_ground : tuple of Placement
+        From the axes in which all is computed to those of the model's ground; see `world`.
     """
 
     model: Model
@@ -79,6 +88,7 @@ class System:
     gravity: Constants | None
     force_of: dict[int, list[JointForce]]
     partition: Partition | None
+    way_of_ground: tuple[Placement, ...] = ()
 
     @property
     def coefficient_counts(self) -> dict[str, int]:
@@ -87,6 +97,21 @@ class System:
         for e in self.elements:
             counts["coefficient" if e.element.has_energy else "drive"] += len(e.parts)
         return {name: n for name, n in counts.items() if n}
+
+    @property
+    def fields_of_gravity(self) -> dict[str, str]:
+        """What of the ground's record gravity sets, by component: which of gravity's.
+
+        It begins the part of the accelerations that is solved for: far out on a chain that part has become small where links
+        fall freely, and nothing large is left to cancel. Where loops close on the ground, or couple links, of which the ground
+        feels nothing, it is in the remainders.
+        """
+        if self.gravity is None:
+            return {}
+        touched = [*((r.base, *r.far) for r in self.regions.regions), *(ear.roots for ear in self.regions.ears)]
+        closed = self.regions.elimination.slots > 0 or any(GROUND in links for links in touched)
+        start = remainder.a if closed or longest_chain(self.links) < LONG else explicit_acceleration.linear
+        return {f"{v.name}.{i}": f"{remainder.a.name}.{i}" for v in (start, total.a) for i in XYZ}
 
     @property
     def independent_links(self) -> bool:
@@ -116,8 +141,12 @@ class System:
         return any(r.far or (r.carried and not r.rigid) for r in self.regions.regions)
 
 
-def analyse(model: Model, unrolled: bool, partition: Partition | None = None) -> System:
-    """Find links, constants and kinds. No symbolic work but one expansion per form of constants."""
+def analyse(model: Model, unrolled: bool, partition: Partition | None = None, turning: bool = True) -> System:
+    """Find links, constants and kinds. No symbolic work but one expansion per form of constants.
+
+    Without `turning` the ground keeps the axes that it has in the model.
+    """
+    model, way_of_ground = turned_ground(model) if turning else (model, ())
     defaults = {name: long_number(value) for name, value in model.defaults.items()}
     functions = functions_for(mpmath) if are_long() else None
 
@@ -134,7 +163,7 @@ def analyse(model: Model, unrolled: bool, partition: Partition | None = None) ->
     constants_of = [constants.of_link(link) for link in links]
     faces = [loop_faces(loop, links, carriers, evaluate) for loop in model.loops]
     closure_constants = [constants.of_faces(f) for f in faces]
-    elements = placed_elements(model, links, carriers, evaluate, constants.shapes, constants.found)
+    elements = placed_elements(model, links, carriers, way_of_ground, evaluate, constants.shapes, constants.found)
     force_of: dict[int, list[JointForce]] = {}
     for force in model.forces:
         force_of.setdefault(force.body, []).append(force)
@@ -149,7 +178,7 @@ def analyse(model: Model, unrolled: bool, partition: Partition | None = None) ->
     return System(
         model, links, carriers, kinds, kind_of, constants_of, constants.found, list(constants.shapes.values()),
         regions, unit_kinds, unit_kind_of, faces, closure_constants, element_kinds,
-        elements, slot_of, slots, gravity, force_of, partition,
+        elements, slot_of, slots, gravity, force_of, partition, way_of_ground,
     )  # fmt: skip
 
 
@@ -169,3 +198,11 @@ def in_order_of_units(links: list[Link], carriers: list[Carrier], regions: Regio
     renumbered = sorted(range(len(links)), key=new.__getitem__)
     found = [replace(links[i], parent=new[links[i].parent]) for i in renumbered]
     return found, [(new[link], steps) for link, steps in carriers]
+
+
+def longest_chain(links: Sequence[Link]) -> int:
+    """How many links lie between the ground and the furthest tip."""
+    depth: list[int] = []
+    for link in links:
+        depth.append(1 if link.parent == GROUND else depth[link.parent] + 1)
+    return max(depth, default=0)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ...program.block import Scope
-from ...program.scalar import Value, Vector
+from ...program.scalar import Vector
 from .. import fields
 from ..couplings import hand_force, others
 from ..elimination import OF_FREEDOMS, eliminate_force
@@ -19,7 +19,7 @@ from ..stores import CONSTANTS, DFORCE, DTAU, DUDOT, LME, LUP, ME, MY_LANE, RIGH
 from ..structure.kinds import LinkKind
 from .back_substitution import carry, joint_accelerations
 from .inverse_dynamics import hand_on_lanes, transfer
-from .triangularization import articulated_parts, constants_of_inertia, force_to_parent, labels_of, unknowns_left
+from .triangularization import constants_of_inertia, force_to_parent, labels_of, unknowns_left
 
 
 def eliminate(x: Scope, kind: LinkKind, columns: Sequence[Column], P: Vector, forces: Vector) -> dict[int, Vector]:
@@ -39,7 +39,7 @@ def balance_inward(x: Scope, kind: LinkKind) -> None:
     columns = joint.columns
     P: Vector = []
     phi: Vector = []
-    for i, handed in enumerate(handed_force(x, kind)):
+    for i, handed in enumerate(x.load(ME, fields.transmitted)):
         own, of_children = fields.needed.scalars()[i], fields.articulated_force.scalars()[i]
         P.append(x.let("P", x.load(MY_LANE, own) + x.load(LME, of_children), "d Eq. 45", lanes=True))
         phi.append(x.load(ME, fields.total_needed.scalars()[i]) + handed)
@@ -54,32 +54,6 @@ def balance_inward(x: Scope, kind: LinkKind) -> None:
         for j, s in enumerate(columns):
             phi[s.lead] = s.completed(phi, x.entry(TAU, j) if kind.forced[j] else 0)
         transfer(x, kind, joint, phi, P, of_partners.get(kind.partners.base))
-
-
-def handed_force(x: Scope, kind: LinkKind) -> Vector:
-    """The force that a link needs for what it carries, with all accelerations known.
-
-    It is the sum of what the joints outboard transmit. In long chains that has the rounding of all accelerations in it, which
-    derivatives amplify (by 2e-11 for a coiled one of 1000 rods). There it is found as the forward dynamics has it, from the
-    articulated inertia of what the link carries, its acceleration and the articulated force (4e-14).
-    """
-    if kind.partners.links or not kind.long:
-        return x.load(ME, fields.transmitted)
-    J, H, M, moment, force = articulated_parts(x)
-    al, a = x.load(ME, fields.explicit_acceleration.angular), x.load(ME, fields.explicit_acceleration.linear)
-    for i in range(3):
-        for j in range(i):
-            J[i][j], M[i][j] = J[j][i], M[j][i]
-    n = [_sum([moment[i], *(J[i][j] * al[j] for j in range(3)), *(H[i][j] * a[j] for j in range(3))]) for i in range(3)]
-    f = [_sum([force[i], *(H[j][i] * al[j] for j in range(3)), *(M[i][j] * a[j] for j in range(3))]) for i in range(3)]
-    return [x.let("handed", e, "Eq. 45") for e in (*n, *f)]
-
-
-def _sum(terms: Vector) -> Value:
-    total = terms[0]
-    for e in terms[1:]:
-        total = total + e
-    return total
 
 
 def solve_inward(x: Scope, kind: LinkKind) -> None:

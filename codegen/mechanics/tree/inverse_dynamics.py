@@ -7,10 +7,13 @@ side is minus the tangent of the inverse dynamics at the acceleration just found
 from __future__ import annotations
 
 from ...program.block import Scope
-from ...program.scalar import Vector
+from ...program.expressions import Symbol
+from ...program.scalar import Value, Vector
+from ...program.store import Store
 from .. import fields
 from ..handing_on import accumulate_force
 from ..joints import LinkJoint
+from ..spatial import add, is_zero
 from ..stores import DFORCE, FORCE, LME, LUP, ME, MY_LANE, UDOT, UP
 from ..structure.kinds import LinkKind
 from .kinematics import accelerate, acceleration_matrix, angular_velocity, body_force, less_external, own_inertia
@@ -28,10 +31,45 @@ def joint_acceleration(x: Scope, joint: LinkJoint, al: Vector, a: Vector) -> tup
 
 
 def newton_euler_outward(x: Scope, kind: LinkKind) -> None:
-    """Total accelerations and the force each link's inertia needs. Eqs. 19, 24."""
+    """Total accelerations and the force each link's inertia needs, from given udot. Eqs. 19, 24."""
+    outward(x, kind, False)
+
+
+def balance_start(x: Scope, kind: LinkKind) -> None:
+    """The same of the udot of the forward dynamics; links that carry others accelerate as it has found."""
+    outward(x, kind, kind.carries)
+
+
+def found_acceleration(x: Scope, store: Store, al: Vector, a: Vector) -> tuple[Vector, Vector, dict[Symbol, Value]]:
+    """The accelerations of a link as the forward dynamics has found them, and what they are the same as: `al` and `a`.
+
+    It solves for udot and accelerations together. Those that are summed up from udot alone have the errors of every udot inboard,
+    which have grown against what is left of them far out on a long chain.
+    """
+    same: dict[Symbol, Value] = {}
+    found: list[Vector] = []
+    parts = (
+        (al, fields.remainder.al, fields.explicit_acceleration.angular),
+        (a, fields.remainder.a, fields.explicit_acceleration.linear),
+    )
+    for v, rest, explicit in parts:
+        found.append([])
+        for computed, e in zip(v, add(x.load(store, rest), x.load(store, explicit)), strict=True):
+            value = e if is_zero(e) else x.name("A", e, "Eq. 19")
+            if isinstance(value, Symbol):
+                same[value] = computed
+            found[-1].append(value)
+    return found[0], found[1], same
+
+
+def outward(x: Scope, kind: LinkKind, found: bool) -> None:
+    """Both of them."""
     joint = kind.joint(x, kind)
     carried, w = angular_velocity(x, joint)
     al, a = joint_acceleration(x, joint, *accelerate(x, joint, carried, fields.total))
+    same: dict[Symbol, Value] = {}
+    if found:
+        al, a, same = found_acceleration(x, ME, al, a)
     B = acceleration_matrix(x, w, al)
     moment, force = needed = body_force(x, w, al, a, B, own_inertia(x))
     x.recall(ME, fields.parents_velocity, carried)
@@ -42,7 +80,7 @@ def newton_euler_outward(x: Scope, kind: LinkKind) -> None:
     left = less_external(x, kind, needed)
     x.store(ME, fields.total_needed, [*left[0], *left[1]])
     if x.tangents:
-        d = differentiate(x, kind, joint)
+        d = differentiate(x, kind, joint, same=same)
         motion = fields.remainder
         for field, v in ((motion.w, w), (motion.al, al), (motion.a, a)):
             store_tangent(x, d, (LME,), field, v)

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
-from sympy import Expr, Symbol
+from collections.abc import Iterable, Mapping
 
 from ...program.block import Expansion, Scope
 from ...program.derivatives import Tangents
+from ...program.expressions import Expr, Symbol
 from ...program.field import VectorField
 from ...program.scalar import Value, Vector
 from ...program.store import Store
 from .. import fields
 from ..joints import LinkJoint
-from ..stores import CONSTANTS, DP, LUP, PARAMETER, TANGENT_OF, TURNS, UP
+from ..stores import CONSTANTS, COORDINATES, DP, LUP, MY_COLUMNS, MY_LANE, PARAMETER, SPEEDS, TANGENT_OF, TURNS, UP
 from ..structure.kinds import LinkKind
 
 
@@ -49,18 +48,24 @@ UP_TANGENTS = {
 """Fields of the parent that have a tangent, and the name of it."""
 
 
-def seeds(x: Expansion, kind: LinkKind) -> dict[Symbol, Expr]:
-    """Tangents of everything that the block has loaded."""
+OWN_SEEDS = (COORDINATES, SPEEDS, TURNS)
+"""Whose tangents are those of a link's own coordinates and speeds."""
+
+
+def seeds(x: Expansion, kind: LinkKind, own: bool = False) -> dict[Symbol, Expr]:
+    """Tangents of everything that the block has loaded; of the `own` coordinates and speeds only."""
     result: dict[Symbol, Expr] = {}
     for symbol, (store, name) in list(x.block.loads.items()):
         stem, _, component = name.partition(".")
+        if own and store not in OWN_SEEDS:
+            continue
         if store is UP and stem in UP_TANGENTS:
             result[symbol] = x.component(LUP, f"{UP_TANGENTS[stem]}.{component}")
         elif store in TANGENT_OF:
             result[symbol] = x.component(TANGENT_OF[store], name)
         elif store is TURNS:
-            result[symbol] = kind.joint.turn_seed(x, name)
-    for j in range(kind.parameters):
+            result[symbol] = kind.joint.turn_seed(x, name, MY_COLUMNS if own else MY_LANE)
+    for j in range(0 if own else kind.parameters):
         result[x.entry(PARAMETER, j)] = x.entry(DP, j)
     return {s: v for s, v in result.items() if v != 0}
 
@@ -77,18 +82,29 @@ def constants_transparent(x: Expansion, kind: LinkKind) -> dict[Symbol, dict[Sym
 
 
 def differentiate(
-    x: Scope, kind: LinkKind, joint: LinkJoint | None, extra: dict[Symbol, Expr] | None = None
+    x: Scope,
+    kind: LinkKind,
+    joint: LinkJoint | None,
+    extra: dict[Symbol, Expr] | None = None,
+    same: Mapping[Symbol, Value] | None = None,
+    own: bool = False,
 ) -> Tangents | None:
-    """Append the tangents of all statements so far, but for values whose tangents are given (`extra`). None on zero patterns."""
+    """Append the tangents of all statements so far, but for values whose tangents are given (`extra`). None on zero patterns.
+
+    What is the `same` as a value that was computed before has its tangent. Of `own`: along the link's own coordinates and speeds
+    only.
+    """
     if not isinstance(x, Expansion):
         return None
     statements = list(x.block.statements)
     transparent = joint.transparent() if joint else {}
     transparent |= constants_transparent(x, kind)
-    extra = extra or {}
+    extra, same = extra or {}, same or {}
     given = {s: v for s, v in extra.items() if v != 0}
-    d = Tangents(x, seeds(x, kind) | given, transparent)
+    d = Tangents(x, seeds(x, kind, own) | given, transparent)
     for statement in statements:
-        if statement.target not in extra:
+        if statement.target in same:
+            d.of[statement.target] = d.value(same[statement.target])
+        elif statement.target not in extra:
             d.statement(statement)
     return d

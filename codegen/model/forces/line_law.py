@@ -75,7 +75,7 @@ class LineLaw:
     ------
     LineLawError
         Of what is said here, something does not hold. That the force belongs to the energy is checked where sympy is at
-        hand: when laws are made ready to be generated (`mechanics.elements.along_line`).
+        hand: when a model that uses the law is generated (`mechanics.elements.along_line`).
     """
 
     type: str

@@ -7,6 +7,10 @@
 
 enum { CLOCK_STEPS = 16 };    /* the clock is read once in so many steps */
 
+/* A motion that comes no farther than such a part of its time in so many steps will not end. */
+enum { STUCK_STEPS = 2000 };
+static const double STUCK = 1e-9;
+
 /* Of DOP853. Steps at the limit that are too many, and steps away from it after which they are forgotten. */
 static const double LIMIT_OF_STABILITY = 6.1;
 enum { FAR_STEPS = 15, NEAR_STEPS = 6 };
@@ -24,7 +28,12 @@ enum { MOST_MOVES = 3 };
 static const double AT_POSE = 0.005; /* in parts of the step: no stage but the last is as near */
 static const double LEAST_MOVE = 0.02; /* in parts of the step: less makes no difference */
 
-static const double SAFETY = 0.85, LEAST_CHANGE = 0.333, LARGEST_CHANGE = 6.0, AFTER_FAILURE = 0.25;
+/* Steps before a dead point end short of it by a tenth of the way, and from such a condition on there are no more; so often one is
+ * made again. */
+static const double SHORT = 0.9, NEAR_ENOUGH = 100.0;
+enum { MOST_REFUSED = 8 };
+
+static const double SAFETY = 0.9, LEAST_CHANGE = 0.333, LARGEST_CHANGE = 6.0, AFTER_FAILURE = 0.25;
 
 /* How much of a step's size follows from the error of the step before: with it, and SAFETY, a third as many steps are made in vain
  * as without, and an error takes 7 % fewer evaluations (K. Gustafsson; Hairer, Wanner, Solving ODE II, IV.2). */
@@ -76,6 +85,8 @@ static size_t lay_out(const ordernm_problem *p, void *at)
         if (at) m->groups[n] = g;
     }
     m->dependent = ordernm_take(&of, (m->nd + 1)*sizeof(int));
+    m->turned = ordernm_take(&of, (s->nquaternions + 1)*sizeof(int));
+    m->lengths = ordernm_numbers(&of, s->nquaternions);
     for (int i = 0; i < m->method->all; ++i) m->rate[i] = ordernm_numbers(&of, m->size);
     double **states[] = {&m->z, &m->next, &m->trial, &m->zeros, m->error, m->error + 1, &m->at_pose};
     for (size_t i = 0; i < sizeof states/sizeof *states; ++i) *states[i] = ordernm_numbers(&of, m->size);
@@ -83,13 +94,15 @@ static size_t lay_out(const ordernm_problem *p, void *at)
     m->work = ordernm_numbers(&of, s->workspace);
     if (s->closing_step)
         m->precise_work = ordernm_take(&of, precise_numbers(s)*sizeof(long double));
-    double **of_q[] = {&m->q, &m->qdot, &m->newton}, **of_u[] = {&m->u, &m->udot};
+    double **of_q[] = {&m->q, &m->qdot, &m->newton, &m->closed}, **of_u[] = {&m->u, &m->udot};
     double **lanes_q[] = {&m->dq, &m->dqdot, &m->full_dq}, **lanes_u[] = {&m->du, &m->dudot, &m->full_du};
     const long wider = s->nq > s->nu ? s->nq : s->nu; /* qdot is the place of speeds too */
-    for (int i = 0; i < 3; ++i) *of_q[i] = ordernm_numbers(&of, wider);
+    for (int i = 0; i < 4; ++i) *of_q[i] = ordernm_numbers(&of, wider);
     for (int i = 0; i < 2; ++i) *of_u[i] = ordernm_numbers(&of, s->nu);
     for (int i = 0; i < 3; ++i) *lanes_q[i] = ordernm_numbers(&of, s->nq*LANES), *lanes_u[i] = ordernm_numbers(&of, s->nu*LANES);
     m->position = ordernm_numbers(&of, s->nclosure);
+    const long loops = m->identity ? 0 : s->nloops;
+    m->ranks = ordernm_numbers(&of, MOST_STAGES*loops), m->ranks_between = ordernm_numbers(&of, RANKS_BETWEEN*loops);
     m->condition = ordernm_numbers(&of, s->nloops);
     m->outputs = ordernm_numbers(&of, s->noutputs);
     m->doutputs = ordernm_numbers(&of, s->noutputs*LANES);
@@ -151,6 +164,8 @@ ordernm_motion *ordernm_begin(const ordernm_problem *p, double *room)
         if (free < s->nfree_q && s->free_q[free] == i) ++free;
         else m->dependent[n++] = i;
     }
+    for (int i = 0; i < m->nd; ++i)
+        for (int k = 0; k < s->nquaternions; ++k) m->turned[k] |= m->dependent[i] == s->quaternion[k];
     for (int i = 0; i < s->nfree_q; ++i) m->z[i] = p->q[s->free_q[i]];
     for (int i = 0; i < s->nfree_u; ++i) m->z[s->nfree_q + i] = p->u[s->free_u[i]];
     for (int i = 0; i < m->nd; ++i) m->z[m->ny + m->nx + i] = p->q[m->dependent[i]];
@@ -172,8 +187,11 @@ ordernm_motion *ordernm_begin(const ordernm_problem *p, double *room)
     /* in long double, where coordinates keep what is rounded, to its cube; predictions tell branches apart that differ by more */
     const double by_rounding = fmax(m->poor, cbrt(0.01*p->rtol/(5.4e-20*rounding)));
     m->too_poor = m->adaptive ? fmax(fmin(by_rounding, 0.03/p->rtol), LEAST_POOR) : fmax(by_rounding, LEAST_TOO_POOR);
+    /* constants are doubles: lengths that ought to be the same are off by so much where they were turned */
+    m->telling = fmax(cbrt(0.01*p->rtol/(2.2e-16*rounding)), LEAST_POOR);
     m->hopeless = fmax(0.1*p->rtol/2.2e-16, LEAST_HOPELESS); /* speeds are off by rounding times the condition */
-    m->pose = -INFINITY;
+    m->pose = m->refused_pose = -INFINITY;
+    m->mark = p->start;
     m->looked_at = p->looked_at;
     return m;
 }
@@ -377,7 +395,7 @@ static int begin(ordernm_motion *m)
     const int status = ordernm_rates(m, m->t, m->z, m->rate[0]);
     if (status) return failed(m->results, status);
     if (!ordernm_all_finite(m->rate[0], m->size)) return not_finite(m, m->rate[0]);
-    m->conditions[0] = m->results->condition_here;
+    ordernm_note_condition(m, 0, 0);
     const int unknown = p->nevents ? ordernm_crossings(m, m->t, m->z, m->crossing) : 0;
     if (unknown) return failed(m->results, unknown);
     if (!p->ntimes || p->times[0] <= p->start) {
@@ -424,6 +442,7 @@ static int plan(ordernm_motion *m, trial *step)
     step->knot = ordernm_next_knot(m, m->t);
     step->wall = step->knot < p->end ? step->knot : p->end;
     step->h = p->largest_step > 0.0 && m->h > p->largest_step ? p->largest_step : m->h;
+    if (m->shorter > 0.0 && step->h > m->shorter) step->h = m->shorter;
     const double left = step->wall - m->t, wanted = step->h;
     if (m->nd && m->method->gap > 0.0) step->h = ordernm_step_at_pose(m, step->h, step->wall);
     step->to_pose = step->h != wanted;
@@ -435,6 +454,7 @@ static int plan(ordernm_motion *m, trial *step)
     step->end = step->to_wall ? step->wall : m->t + step->h;
     step->event = -1;
     step->at_pose = 0;
+    step->dead = 0.0;
     step->error = 0.0;
     if (step->h <= 4e-16*fabs(m->t) || !(step->h > 0.0)) return ORDERNM_COLLAPSED;
     ordernm_find_segment(m, m->t, step->h);
@@ -447,9 +467,15 @@ static int end_at_pose(ordernm_motion *m, trial *step)
     if (m->results->steps) return 0; /* it is not a step's end, and the adjoint would not know */
     if (!step->to_wall || step->end != m->problem->end || !(fabs(m->pose - step->end) <= AT_POSE*step->h)) return 0;
     step->at_pose = !ordernm_beside(m, step->h, ordernm_report, ordernm_row_size(m->problem));
-    if (step->at_pose) step->error = 0.0;
-    else m->row_known = 0;
-    return step->at_pose;
+    if (step->at_pose) {
+        step->error = 0.0;
+        return 1;
+    }
+    m->row_known = 0; /* steps of other sizes stand where this one was */
+    const method *const method = m->method;
+    const int status = method->step(m, step->h, &step->error);
+    if (!status && step->error <= 1.0 && !method->gives_rate) ordernm_rates_at_end(m, step->end, m->rate[method->stages]);
+    return 0;
 }
 
 /* Tries a step. Returns what a function returned, -1 where loops do not close or close on another branch. */
@@ -459,25 +485,31 @@ static int attempt(ordernm_motion *m, trial *step)
     const method *const method = m->method;
     double *const rate = m->rate[method->stages];
     m->advice = 0.0;
-    m->row_known = m->complete = 0;
+    m->row_known = m->complete = m->closed_known = 0;
     for (int i = 1; i < MOST_STAGES; ++i) m->conditions[i] = 0.0;
     int status = method->step(m, step->h, &step->error);
     if (p->fixed && step->error < INFINITY) step->error = 0.0;
+    if (!method->gives_rate && !status && step->error > 1.0 && step->error < INFINITY && ordernm_rounded_at_pose(m, step->h, step->error))
+        step->error = 1.0;
     int good = !status && step->error <= 1.0;
     if (good && !method->gives_rate) {
-        status = ordernm_rates(m, step->end, m->next, rate);
-        m->conditions[method->stages] = status ? LOST : m->results->condition_here;
+        status = ordernm_rates_at_end(m, step->end, rate);
+        ordernm_note_condition(m, method->stages, status);
     }
     if (m->nd && method->gap > 0.0) {
-        ordernm_find_pose(m, step->h);
+        const int too_near = ordernm_find_pose(m, step->h);
         if (end_at_pose(m, step)) return 0;
         const double elsewhere = ordernm_step_at_pose(m, step->h, step->wall);
-        step->again = (good || status) && m->moved < MOST_MOVES && fabs(elsewhere - step->h) > LEAST_MOVE*step->h;
+        /* what the end of an implicit step is like its last stage says */
+        const int moves = method->gives_rate ? good || status : too_near;
+        step->again = moves && m->moved < MOST_MOVES && fabs(elsewhere - step->h) > LEAST_MOVE*step->h;
     }
     if (status || step->again || !good) return status;
     if (m->nd && m->adaptive && ordernm_jumped(m, m->next)) return -1;
     if (!ordernm_all_finite(rate, m->values)) step->error = NAN;
-    if (!p->nevents || !(step->error <= 1.0)) return 0;
+    if (!(step->error <= 1.0)) return 0;
+    if (m->nd && (step->dead = ordernm_dead_point_within(m, step->h)) > 0.0) return 0;
+    if (!p->nevents) return 0;
     const double whole = step->h;
     status = ordernm_look_for_events(m, step);
     if (step->event < 0 || status) return status;
@@ -486,6 +518,30 @@ static int attempt(ordernm_motion *m, trial *step)
     if (fabs(step->wall - step->end) <= 1e-15*fabs(step->wall)) step->end = step->wall;
     m->h = whole; /* the step behind it is like the one that it has cut */
     return status;
+}
+
+/* A step over a dead point is made again so that it ends before it, where other independents may be taken; the reason if it is as
+ * near as steps should come. */
+static int end_short(ordernm_motion *m, const trial *step)
+{
+    ++m->results->rejected;
+    if (m->conditions[0] > NEAR_ENOUGH || ++m->refused > MOST_REFUSED) return ORDERNM_UNDETERMINED;
+    m->shorter = SHORT*step->dead*step->h;
+    if (m->adaptive) m->h = m->shorter;
+    m->rejected_before = 1;
+    return ORDERNM_ENDED;
+}
+
+/* Steps of one size do not become smaller where conditions are poor: other independents are looked at before such a step. */
+static int passes_poor_poses(ordernm_motion *m)
+{
+    const ordernm_problem *const p = m->problem;
+    double worst = 0.0;
+    if (!(p->poor > 0.0)) return 0;
+    for (int i = 1; i <= m->method->stages; ++i) worst = fmax(worst, m->conditions[i]);
+    if (!(worst > fmax(p->poor, LOOK_AGAIN*m->looked_at))) return 0;
+    m->results->condition_here = worst;
+    return 1;
 }
 
 /* After a step that failed, or whose error is too large: the size of the next one; the reason if there is none. */
@@ -502,8 +558,14 @@ static int refuse(ordernm_motion *m, const trial *step, int status)
     r->component = worst_entry(m);
     double change = AFTER_FAILURE;
     if (!status && step->error == step->error) change = fmax(LEAST_CHANGE, SAFETY*pow(step->error, -1.0/method->order));
-    m->h = step->h*(m->advice > 0.0 ? m->advice : change);
+    /* advice that is not to refuse the step is of a method that has not seen why it is refused */
+    m->h = step->h*(m->advice > 0.0 && m->advice < 1.0 ? m->advice : change);
     m->rejected_before = 1;
+    if (!status && m->pose > m->t && m->pose < step->end) {
+        m->refused_pose = m->pose;
+        m->refused_step = step->h;
+        m->refused_error = step->error;
+    }
     if (m->h > 1e-15*fmax(fabs(m->t), fabs(p->end - p->start))) return ORDERNM_ENDED;
     return status ? failed(r, status) : ORDERNM_COLLAPSED;
 }
@@ -539,7 +601,7 @@ static int go_on(ordernm_motion *m, const trial *step)
     exchange(&m->rate[0], &m->rate[m->method->stages]);
     const int changed = step->at_pose ? 0 : ordernm_settle(m, m->t, m->z);
     if (changed < 0) return failed(r, changed);
-    m->conditions[0] = r->condition_here;
+    ordernm_note_condition(m, 0, 0);
     if (changed || ordernm_next_knot(m, m->t) != step->knot) {
         ordernm_find_segment(m, m->t, 1e-9*(1.0 + fabs(m->t)));
         const int failure = ordernm_rates(m, m->t, m->z, m->rate[0]);
@@ -555,7 +617,8 @@ static int accept(ordernm_motion *m, const trial *step)
     const ordernm_problem *const p = m->problem;
     ordernm_results *const r = m->results;
     int stop, reason;
-    m->moved = 0;
+    m->moved = m->refused = 0;
+    m->shorter = 0.0;
     if (p->method == ORDERNM_DOP853 && step->event < 0) watch_stability(m, step->h); /* while the last stage is there */
     if (p->ntimes && (reason = sample(m, step->end)) != ORDERNM_ENDED) return reason;
     ++r->accepted;
@@ -580,6 +643,19 @@ static int is_full(const ordernm_motion *m)
            || (r->events && r->events_count + p->nevents > r->events_capacity);
 }
 
+/* Whether steps have become so small that the motion stands still. */
+static int is_stuck(ordernm_motion *m)
+{
+    ordernm_results *const r = m->results;
+    const long made = r->accepted + r->rejected;
+    if (made == 0 || made%STUCK_STEPS || made == m->marked) return 0;
+    const int stuck = m->t - m->mark < STUCK*(m->problem->end - m->problem->start);
+    m->mark = m->t;
+    m->marked = made;
+    if (stuck) r->component = worst_entry(m);
+    return stuck;
+}
+
 int ordernm_go(ordernm_motion *m, ordernm_results *r, double seconds)
 {
     const ordernm_problem *const p = m->problem;
@@ -594,6 +670,7 @@ int ordernm_go(ordernm_motion *m, ordernm_results *r, double seconds)
     for (long n = 1; reason == ORDERNM_ENDED && m->t < p->end; ++n) {
         if (is_full(m)) return ORDERNM_FULL;
         if (p->most_steps && r->accepted + r->rejected >= p->most_steps) return ORDERNM_MANY_STEPS;
+        if (is_stuck(m)) return ORDERNM_COLLAPSED;
         if (n%CLOCK_STEPS == 0 && seconds_now() > deadline) return ORDERNM_PAUSED;
         trial step;
         if ((reason = plan(m, &step)) != ORDERNM_ENDED) break;
@@ -605,6 +682,14 @@ int ordernm_go(ordernm_motion *m, ordernm_results *r, double seconds)
         if (step.again) {
             ++r->rejected;
             ++m->moved;
+            continue;
+        }
+        if (!m->adaptive && passes_poor_poses(m)) {
+            ++r->rejected;
+            return ORDERNM_POOR;
+        }
+        if (step.dead > 0.0) {
+            reason = end_short(m, &step);
             continue;
         }
         reason = status || !(step.error <= 1.0) ? refuse(m, &step, status) : accept(m, &step);

@@ -7,10 +7,10 @@
 /* How far an output is from the level that it has just crossed: behind it, whatever rounding says. */
 static const double BEHIND = 1e-300;
 
-/* A level that is crossed twice within a step shows at neither end: outputs are looked at in between, too, and where they come
- * nearest to the level, if a parabola says that they may come so near. */
-enum { PARTS = EVENT_SAMPLES + 1, NEARER = 24 };
-static const double NEAR = 0.25;
+/* A level that is crossed twice within a step shows at neither end: outputs are looked at in between, too, and where they turn, if they
+ * may turn behind the level. */
+enum { PARTS = EVENT_SAMPLES + 1, NEARER = 24, MOST_PLACES = PARTS + 1 + EVENT_SAMPLES };
+static const double SAME_PLACE = 1e-7; /* in parts of the step */
 
 /* Beside a pose where a loop loses rank, in parts of the step. */
 static const double CUT_BEHIND = 0.1;
@@ -71,40 +71,51 @@ static int nearest(ordernm_motion *m, double h, int e, double at[3], double g[3]
     return 0;
 }
 
+/* An output where it may turn, and it is searched how near it comes to its level, among n places of which is known what it is there;
+ * returns what a function returned. */
+static int look_at_turn(ordernm_motion *m, double h, int e, double turn, double *x, double *y, int *n)
+{
+    int status, i = 1; /* the place behind it */
+    while (i < *n - 1 && x[i] < turn) ++i;
+    if (i > 1 && turn - x[i - 1] < SAME_PLACE) {
+        --i;
+    } else if (!(i < *n - 1 && x[i] - turn < SAME_PLACE)) {
+        if ((status = within(m, h, turn, m->within))) return status;
+        memmove(x + i + 1, x + i, (*n - i)*sizeof(double));
+        memmove(y + i + 1, y + i, (*n - i)*sizeof(double));
+        x[i] = turn, y[i] = m->within[e];
+        ++*n;
+    }
+    for (int k = -1; k <= 1; k += 2) /* it may turn beside, where the polynomial is not the output */
+        if (i + k > 0 && i + k < *n - 1 && fabs(y[i + k]) < fabs(y[i])) i += k;
+    if (!(y[i]*y[i - 1] > 0.0 && y[i]*y[i + 1] > 0.0 && fabs(y[i]) <= fabs(y[i - 1]) && fabs(y[i]) <= fabs(y[i + 1]))) return 0;
+    double place[3] = {x[i - 1], x[i], x[i + 1]}, value[3] = {y[i - 1], y[i], y[i + 1]};
+    status = nearest(m, h, e, place, value);
+    x[i] = place[1], y[i] = value[1];
+    return status;
+}
+
 /* The first part of a step in which an output crosses its level: its ends, and outputs there. 0 if there is none; else 1, or what a
  * function returned, less 1 where that is negative. */
 static int bracket(ordernm_motion *m, double h, int e, double at[2], double g[2], int *found)
 {
-    const ordernm_event *const of = m->problem->events + e;
-    const long n = m->problem->nevents;
-    double x[PARTS + 1], y[PARTS + 1];
+    const long events = m->problem->nevents;
+    double x[MOST_PLACES], y[MOST_PLACES], turn[EVENT_SAMPLES];
     for (int i = 0; i <= PARTS; ++i) {
-        x[i] = (double)i/PARTS;
-        y[i] = i == 0 ? m->crossing[e] : i == PARTS ? m->after[e] : m->samples[(i - 1)*n + e];
+        x[i] = ordernm_event_point(i);
+        y[i] = i == 0 ? m->crossing[e] : i == PARTS ? m->after[e] : m->samples[(i - 1)*events + e];
+    }
+    int n = PARTS + 1;
+    const int turns = ordernm_extremes(y, turn);
+    for (int i = 0; i < turns; ++i) {
+        const int status = look_at_turn(m, h, e, turn[i], x, y, &n);
+        if (status) return status;
     }
     *found = 0;
-    for (int i = 0; i < PARTS && !*found; ++i) {
-        if (i > 0 && y[i]*y[i - 1] > 0.0 && y[i]*y[i + 1] > 0.0 && fabs(y[i]) <= fabs(y[i - 1]) && fabs(y[i]) <= fabs(y[i + 1])) {
-            double place[3] = {x[i - 1], x[i], x[i + 1]}, value[3] = {y[i - 1], y[i], y[i + 1]};
-            const double a = y[i] - y[i - 1], b = y[i + 1] - y[i], bend = b - a, slope = 0.5*(a + b);
-            const double vertex = bend != 0.0 ? y[i] - 0.5*slope*slope/bend : y[i];
-            if (vertex*y[i] <= NEAR*y[i]*y[i]) {
-                const int status = nearest(m, h, e, place, value);
-                if (status) return status;
-                if (value[1]*y[i] <= 0.0) { /* twice, the first time before its turn */
-                    const int first = crosses(of, value[0], value[1]);
-                    at[0] = place[first ? 0 : 1], g[0] = value[first ? 0 : 1];
-                    at[1] = place[first ? 1 : 2], g[1] = value[first ? 1 : 2];
-                    *found = crosses(of, g[0], g[1]);
-                    continue;
-                }
-            }
-        }
-        if (crosses(of, y[i], y[i + 1])) {
-            at[0] = x[i], at[1] = x[i + 1];
-            g[0] = y[i], g[1] = y[i + 1];
-            *found = 1;
-        }
+    for (int i = 0; i < n - 1 && !*found; ++i) {
+        *found = crosses(m->problem->events + e, y[i], y[i + 1]);
+        at[0] = x[i], at[1] = x[i + 1];
+        g[0] = y[i], g[1] = y[i + 1];
     }
     return 0;
 }
@@ -169,7 +180,7 @@ static int step_of_size(ordernm_motion *m, double h)
 
 static int rates_at_end(ordernm_motion *m, double h)
 {
-    return m->method->gives_rate ? 0 : ordernm_rates(m, m->t + h, m->next, m->rate[m->method->stages]);
+    return m->method->gives_rate ? 0 : ordernm_rates_at_end(m, m->t + h, m->rate[m->method->stages]);
 }
 
 /* Makes the step again so that it ends where an event happens: its size by secants on what steps of other sizes end at. */
@@ -203,7 +214,7 @@ static int take_samples(ordernm_motion *m, double h)
     if (status) return status;
     m->complete = 1;
     for (int i = 1; i < PARTS; ++i)
-        if ((status = within(m, h, (double)i/PARTS, m->samples + (i - 1)*m->problem->nevents))) return status;
+        if ((status = within(m, h, ordernm_event_point(i), m->samples + (i - 1)*m->problem->nevents))) return status;
     return 0;
 }
 

@@ -23,23 +23,35 @@ typedef double vector __attribute__((vector_size(8*WIDE), aligned(8*WIDE), may_a
 #else
 typedef double vector;
 #endif
-enum { LINE = 8/WIDE };
 
-/* out = z + h*sum(factor*rate[which]); n is a multiple of 8, arrays begin at cache lines. */
+/* out = z + h*sum(factor*rate[which]); n is a multiple of 8, arrays begin at cache lines. Four vectors at a time, each with a name of
+ * its own: sums in arrays would go through memory at -O2. */
 void ordernm_combine(long n, double *out, const double *z, double h, int count, const int *which, const double *factor,
     double *const *rate)
 {
-    for (long i = 0; i < n; i += 8) {
+    double by[MOST_STAGES];
+    for (int j = 0; j < count; ++j) by[j] = h*factor[j];
+    long i = 0;
+    for (; i + 4*WIDE <= n; i += 4*WIDE) {
         const vector *const from = (const vector *)(z + i);
         vector *const to = (vector *)(out + i);
-        vector sum[LINE];
-        for (int l = 0; l < LINE; ++l) sum[l] = from[l];
+        vector first = from[0], second = from[1], third = from[2], fourth = from[3];
         for (int j = 0; j < count; ++j) {
             const vector *const of = (const vector *)(rate[which[j]] + i);
-            const double by = h*factor[j];
-            for (int l = 0; l < LINE; ++l) sum[l] += by*of[l];
+            first += by[j]*of[0];
+            second += by[j]*of[1];
+            third += by[j]*of[2];
+            fourth += by[j]*of[3];
         }
-        for (int l = 0; l < LINE; ++l) to[l] = sum[l];
+        to[0] = first;
+        to[1] = second;
+        to[2] = third;
+        to[3] = fourth;
+    }
+    for (; i < n; i += WIDE) {
+        vector sum = *(const vector *)(z + i);
+        for (int j = 0; j < count; ++j) sum += by[j]**(const vector *)(rate[which[j]] + i);
+        *(vector *)(out + i) = sum;
     }
 }
 
@@ -74,7 +86,7 @@ static int dop853_step(ordernm_motion *m, double h, double *error)
     for (int i = 1; i < 12; ++i) {
         stage(m, dop853_rows + i, h, m->trial);
         const int status = ordernm_rates(m, m->t + dop853_times[i]*h, m->trial, m->rate[i]);
-        m->conditions[i] = status ? LOST : m->results->condition_here;
+        ordernm_note_condition(m, i, status);
         if (status) return status;
         ordernm_keep_stage(m, i);
     }
@@ -131,7 +143,7 @@ static int rk4_step(ordernm_motion *m, double h, double *error)
     for (int i = 1; i < 4; ++i) {
         stage(m, rk4_rows + i, h, m->trial);
         const int status = ordernm_rates(m, m->t + rk4_times[i]*h, m->trial, m->rate[i]);
-        m->conditions[i] = status ? LOST : m->results->condition_here;
+        ordernm_note_condition(m, i, status);
         if (status) return status;
         ordernm_keep_stage(m, i);
     }

@@ -81,6 +81,7 @@ typedef struct {
     int to_wall, to_pose;     /* it ends at the wall; it is shorter than it might be, because of a pose */
     int again;                /* a stage was too near to a pose */
     int at_pose;              /* it ends where a loop has lost rank, and so does the motion */
+    double dead;              /* where in it the independent coordinates have a dead point, in parts of it; else 0 */
     double error;             /* in units of what is allowed */
     int event;                /* that ends it; -1 for none */
     double event_time;        /* when that is */
@@ -96,6 +97,8 @@ struct ordernm_motion {
     int ngroups;
     group *groups;
     int *dependent;           /* [nd] coordinates */
+    int *turned;              /* [nquaternions] whether one is dependent */
+    double *lengths;          /* [nquaternions] before loops are closed */
     double *z, *next;         /* at the step's beginning and end */
     double *rate[MOST_STAGES];
     double *trial, *zeros, *error[2];
@@ -109,13 +112,24 @@ struct ordernm_motion {
     double poor;              /* condition from which on one computes in long double */
     int precise;              /* loops were closed so last */
     double too_poor;          /* condition that no stage should have: not even then is rounding less than what is allowed */
+    double telling;           /* condition from which on a stage should not be near to the pose that makes it so */
+    double *closed;           /* [nq] coordinates at the end of the step that was tried, loops closed, if that is known */
+    double closed_condition;
+    int closed_known;
     double conditions[MOST_STAGES]; /* of the stages of a step, and at its end */
+    double *ranks;            /* [MOST_STAGES][nloops] the same of each loop: inverse conditions */
+    double *ranks_between;    /* as above, at places between them */
+    double shorter;           /* the next step's size, where it is to end before a dead point; else 0 */
+    int refused;              /* how often a step has been made again because of a dead point */
     double hopeless;          /* condition from which on results are those beside the pose */
     double *known_row, *beside; /* such a row, and those that it is made of */
     double *at_pose;          /* a state like that */
     double *probe[5];         /* [values]; see ordernm_undetermined */
     int row_known;
     double pose;              /* when a loop will lose rank, as far as that is known; else -INFINITY */
+    double refused_pose, refused_step, refused_error; /* of the last step across a pose whose error was too large */
+    double mark;              /* where it was some steps ago */
+    long marked;              /* how many it had made then */
     double looked_at;         /* see ordernm_problem */
     int moved;                /* how often a step has been made again with stages elsewhere */
     int imprecise;            /* that was wanted, and could not be done */
@@ -142,12 +156,12 @@ struct ordernm_motion {
 enum { RATES = 1, INTEGRALS = 2, KNOWN_CLOSED = 4 }; /* of the state; of integrals; loops are known to be closed */
 int ordernm_rates_of(ordernm_motion *m, double t, const double *z, double *rate, int ngroups, const group *groups, int what);
 int ordernm_rates(ordernm_motion *m, double t, const double *z, double *rate);
+int ordernm_rates_at_end(ordernm_motion *m, double t, double *rate);
 ordernm_call ordernm_arguments(ordernm_motion *m, double t, const double *z);
 int ordernm_close_loops(ordernm_motion *m, ordernm_call *c);
 long ordernm_b_splines(const ordernm_motion *m, double t, double *value);
 void ordernm_keep_stage(ordernm_motion *m, int stage);
 int ordernm_settle(ordernm_motion *m, double t, double *z);
-int ordernm_jumped(const ordernm_motion *m, const double *z);
 int ordernm_report(ordernm_motion *m, double t, const double *z, double *row);
 void ordernm_find_segment(ordernm_motion *m, double t, double h);
 double ordernm_next_knot(const ordernm_motion *m, double t);
@@ -168,23 +182,32 @@ size_t ordernm_radau_layout_stages(ordernm_motion *m, int n, void *at);
 /* radau_backwards.c */
 int ordernm_radau_backwards(ordernm_adjoint *a, const double *row);
 
-/* Whether errors that tolerances allow independent speeds turn into large ones of dependent speeds. */
+/* dead_points.c */
+enum { RANKS_BETWEEN = 35 }; /* places that are looked at together */
+int ordernm_jumped(const ordernm_motion *m, const double *z);
 int ordernm_undetermined(ordernm_motion *m);
+void ordernm_note_condition(ordernm_motion *m, int stage, int status);
+double ordernm_dead_point_within(ordernm_motion *m, double h);
 
 /* poses.c */
 static const double LOST = 1e300; /* condition where rank is lost */
 typedef int ordernm_describing(ordernm_motion *m, double t, const double *z, double *row);
 enum { BESIDE = 6 };
-void ordernm_find_pose(ordernm_motion *m, double h);
+int ordernm_find_pose(ordernm_motion *m, double h);
+int ordernm_rounded_at_pose(const ordernm_motion *m, double h, double error);
 int ordernm_beside(ordernm_motion *m, double h, ordernm_describing *describe, long size);
 int ordernm_beside_within(ordernm_motion *m, double h, double part, long size);
 double ordernm_step_at_pose(const ordernm_motion *m, double h, double wall);
 
 /* events.c */
-enum { EVENT_SAMPLES = 4 };
+enum { EVENT_SAMPLES = 7 };  /* between the ends of a step */
 int ordernm_crossings(ordernm_motion *m, double t, const double *z, double *g);
 int ordernm_look_for_events(ordernm_motion *m, trial *step);
 int ordernm_keep_events(ordernm_motion *m, const trial *step, int *stop);
+
+/* extremes.c */
+double ordernm_event_point(int i);
+int ordernm_extremes(const double *value, double *where);
 
 /* control.c */
 double ordernm_error_norm(const ordernm_motion *m, const double *next, const double *error, const double *second);

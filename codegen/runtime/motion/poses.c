@@ -11,6 +11,10 @@
 /* What may be left of inverse conditions about a line where they are those beside a pose: poor ones that stay poor are not. */
 static const double STRAIGHT = 0.03;
 
+/* In parts of the step: no stage, nor its end, should be as near to a pose. The widest gap has twice as much on either side; and a
+ * step that begins as near can only be tiny. */
+static const double NEAR = 0.1;
+
 /* A straight line through so many points; where it is zero. Returns the squares of what is left, in units of the values. */
 static double zero_of_line(const double *t, const double *s, int n, double *zero)
 {
@@ -26,9 +30,10 @@ static double zero_of_line(const double *t, const double *s, int n, double *zero
     return (ss - ts*ts/tt)/ss;
 }
 
-/* After a step was tried: if one of its stages had too poor a condition, when the pose is that makes it so. There the inverse of the condition changes sign, which it does not show: each place for it next to the poorest stage
- * is tried, and that one taken where the inverses are straightest. */
-void ordernm_find_pose(ordernm_motion *m, double h)
+/* After a step was tried: if one of its stages had a poor condition, when the pose is that makes it so. There the inverse of the
+ * condition changes sign, which it does not show: each place for it next to the poorest stage is tried, and that one taken where
+ * the inverses are straightest. Returns whether a stage is too near to it. */
+int ordernm_find_pose(ordernm_motion *m, double h)
 {
     const int end = m->method->stages;
     double time[MOST_STAGES], inverse[MOST_STAGES];
@@ -44,7 +49,8 @@ void ordernm_find_pose(ordernm_motion *m, double h)
     int worst = 0;
     for (int i = 1; i < n; ++i)
         if (!(inverse[i] >= inverse[worst])) worst = i;
-    if (n < 3 || inverse[worst]*m->too_poor > 1.0) return;
+    const int too_poor = n > 2 && inverse[worst]*m->too_poor <= 1.0;
+    if (n < 3 || !(too_poor || (m->adaptive && !m->method->gives_rate && inverse[worst]*m->telling <= 1.0))) return 0;
     const int first = worst > 2 ? worst - 2 : 0, last = worst + 2 < n ? worst + 2 : n - 1;
     double straightest = STRAIGHT, found = -INFINITY;
     for (int sign = worst; sign <= worst + 1; ++sign) { /* behind it the inverse is positive */
@@ -53,20 +59,42 @@ void ordernm_find_pose(ordernm_motion *m, double h)
         const double left = zero_of_line(time + first, s, last - first + 1, &zero);
         if (left < straightest) straightest = left, found = zero;
     }
-    if (found > -INFINITY) m->pose = m->t + found;
+    if (!(found > -INFINITY)) return 0;
+    m->pose = m->t + found;
+    return too_poor || fabs(time[worst] - found) < NEAR*h;
+}
+
+/* What doubles as constants change in errors at most, in units of their rounding times condition^3; by how much an error that comes
+ * of the step's size gets smaller with it, at least. */
+static const double BY_CONSTANTS = 128*2.2e-16, SMALLER = 0.9, LESS = 0.5;
+
+/* Whether a step across a pose has an error that comes of rounding: of one that was smaller it is not less, and constants that are
+ * doubles explain it. Smaller steps would only come nearer to the pose. */
+int ordernm_rounded_at_pose(const ordernm_motion *m, double h, double error)
+{
+    if (!(m->pose > m->t && m->pose < m->t + h && fabs(m->pose - m->refused_pose) < h)) return 0;
+    if (!(h < SMALLER*m->refused_step && error > LESS*m->refused_error)) return 0;
+    double condition = 0.0, rate = 0.0, size = 0.0;
+    for (int i = 0; i < m->method->stages; ++i)
+        if (m->conditions[i] < LOST) condition = fmax(condition, m->conditions[i]);
+    for (int i = 0; i < m->ny; ++i) rate = fmax(rate, fabs(m->rate[0][i])), size = fmax(size, fabs(m->z[i]));
+    const double loops = fmax(1.0, m->system->nloops), rounded = BY_CONSTANTS*loops*condition*condition*condition*h*rate;
+    return error*(m->problem->atol[0] + m->problem->rtol*size) < rounded;
 }
 
 /* The size of a step that would be h, where a pose is near. A method of constant steps makes one that is shorter. */
 double ordernm_step_at_pose(const ordernm_motion *m, double h, double wall)
 {
-    const double gap = m->method->gap, left = m->pose - m->t, centred = left/gap;
+    const double gap = m->method->gap, left = m->pose - m->t, centred = left/gap, before = left - gap*h;
     if (!(left > 1e-3*h) || h < 0.6*left || m->pose > wall - 0.05*left) return h;
     if (!m->adaptive) {
         const double part = left/h;
         if (fabs(part - gap) < 0.05 || fabs(part - 1.0 + gap) < 0.05) return h;
         return part > gap + 0.1 ? left - gap*h : left/(1.0 - gap);
     }
-    return centred <= 1.05*h && m->t + centred <= wall ? centred : 0.5*left;
+    if (centred <= 1.05*h && m->t + centred <= wall) return centred;
+    /* the step behind it may then have its size, and the pose in its gap */
+    return before > h ? 0.5*before : before > 0.0 && m->t + before + h <= wall ? before : 0.5*left;
 }
 
 /* ---- Results at such a pose. ---- */

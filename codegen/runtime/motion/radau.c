@@ -114,8 +114,9 @@ int ordernm_radau_rates(ordernm_motion *m, double h, int i, const group *g, int 
     }
     const int status = ordernm_rates_of(m, ordernm_time_of_stage(m->t, h, i), m->trial, m->rate[i + 1], g != 0, g, what);
     if (status) return status;
-    if (!(what & KNOWN_CLOSED))
-        for (int k = 0; k < m->nd; ++k) r->stage[i][predicted + k] = m->q[m->dependent[k]] - m->z[predicted + k];
+    if (what & KNOWN_CLOSED) return 0;
+    ordernm_note_condition(m, i + 1, 0);
+    for (int k = 0; k < m->nd; ++k) r->stage[i][predicted + k] = m->q[m->dependent[k]] - m->z[predicted + k];
     return 0;
 }
 
@@ -424,6 +425,8 @@ static void radau_interpolate(ordernm_motion *m, double h, double theta, double 
     ordernm_combine(m->size, z, m->z, 1.0, STAGES, every, w, m->radau->stage);
 }
 
+static const double TIMES[] = {0.0, 0.15505102572168219018, 0.64494897427831780982, 1.0};
+
 /* ---- Steps that are kept, and made again. ---- */
 
 /* What decides where Newton's method ends: whether J was made here, how fast it was expected to be; then the stages. Before the
@@ -477,5 +480,5 @@ static int radau_replay(ordernm_motion *m, const double *known, double *row)
     return ends(m, h);
 }
 
-const method ordernm_radau = {STAGES, STAGES + 1, 4, radau_step, radau_complete, radau_interpolate, 0, 0, 0, 1, 0.0, radau_keep,
+const method ordernm_radau = {STAGES, STAGES + 1, 4, radau_step, radau_complete, radau_interpolate, 0, TIMES, 0, 1, 0.4, radau_keep,
     radau_replay, ordernm_radau_backwards};

@@ -9,9 +9,6 @@ enum { CLOSING_STEPS = 12 };
 /* What one more of Newton's steps leaves: its square, times the condition of the closure. */
 static const double CLOSED = 1e-15;
 
-/* Tolerances by which dependent coordinates may differ from what a step predicts. */
-static const double JUMP = 1e3;
-
 /* Scaled residual that rounding may leave. */
 static const double ROUNDING = 1e-13;
 
@@ -109,6 +106,43 @@ static double *input_directions(ordernm_motion *m, double t, const group *g)
     return m->dinputs;
 }
 
+/* ---- Quaternions. ---- */
+
+static double length_of(const double *e)
+{
+    return sqrt(e[0]*e[0] + e[1]*e[1] + e[2]*e[2] + e[3]*e[3]);
+}
+
+/* Gives a quaternion length one, and its derivatives along so many directions what they are then. */
+static void normalise(double *e, double *de, int width)
+{
+    const double length = length_of(e);
+    for (int i = 0; i < 4; ++i) e[i] /= length;
+    for (int l = 0; l < width; ++l) {
+        double along = 0.0;
+        for (int i = 0; i < 4; ++i) {
+            de[i*width + l] /= length;
+            along += e[i]*de[i*width + l];
+        }
+        for (int i = 0; i < 4; ++i) de[i*width + l] -= e[i]*along;
+    }
+}
+
+/* Newton's method turns along tangents, so it makes quaternions longer, and predictions are of any length: dependent ones have length
+ * one. What a joint shares with independent entries keeps the length that these have, `before`. */
+static void keep_lengths(ordernm_motion *m, const double *before)
+{
+    const ordernm_system *const s = m->system;
+    for (int i = 0; i < s->nquaternions; ++i) {
+        double *const e = m->q + s->quaternion[i];
+        if (m->turned[i]) normalise(e, 0, 0);
+        else if (s->split) {
+            const double by = before[i]/length_of(e);
+            for (int k = 0; k < 4; ++k) e[k] *= by;
+        }
+    }
+}
+
 /* ---- The state of the system. ---- */
 
 /* All coordinates and speeds, the dependent ones as predicted; m->q and m->u unless z has them as they are. */
@@ -131,6 +165,14 @@ ordernm_call ordernm_arguments(ordernm_motion *m, double t, const double *z)
     return c;
 }
 
+/* A row of as many numbers as there are lanes; sizes that compilers know cost no call. */
+static inline void copy_lanes(double *to, const double *from, int width)
+{
+    if (width == 1) *to = *from;
+    else if (width == LANES) memcpy(to, from, LANES*sizeof(double));
+    else memcpy(to, from, LANES/2*sizeof(double));
+}
+
 /* Seeds of a group. */
 static void seeds(ordernm_motion *m, double t, const double *z, const group *g, ordernm_call *c)
 {
@@ -144,9 +186,8 @@ static void seeds(ordernm_motion *m, double t, const double *z, const group *g, 
         c->du = S + s->nq*width;
         return;
     }
-    for (int i = 0; i < s->nfree_q; ++i) memcpy(m->dq + s->free_q[i]*width, S + i*width, width*sizeof(double));
-    for (int i = 0; i < s->nfree_u; ++i)
-        memcpy(m->du + s->free_u[i]*width, S + (s->nfree_q + i)*width, width*sizeof(double));
+    for (int i = 0; i < s->nfree_q; ++i) copy_lanes(m->dq + s->free_q[i]*width, S + i*width, width);
+    for (int i = 0; i < s->nfree_u; ++i) copy_lanes(m->du + s->free_u[i]*width, S + (s->nfree_q + i)*width, width);
     c->dq = m->dq;
     c->du = m->du;
 }
@@ -174,6 +215,8 @@ int ordernm_close_loops(ordernm_motion *m, ordernm_call *c)
     c->position = m->position;
     c->condition = m->condition;
     c->precise_work = m->precise_work;
+    for (int i = 0; i < s->nquaternions; ++i) m->lengths[i] = length_of(m->q + s->quaternion[i]);
+    keep_lengths(m, m->lengths);
     for (int n = 0; n < CLOSING_STEPS; ++n) {
         ++m->results->closing_steps;
         const int singular = closing_step(c);
@@ -186,6 +229,7 @@ int ordernm_close_loops(ordernm_motion *m, ordernm_call *c)
             m->q[i] += m->newton[i];
             if (!(fabs(m->newton[i]) <= step)) step = fabs(m->newton[i]);
         }
+        keep_lengths(m, m->lengths);
         double condition = 1.0;
         for (int i = 0; i < s->nloops; ++i)
             if (!(m->condition[i] <= condition)) condition = m->condition[i];
@@ -268,17 +312,16 @@ int ordernm_rates_of(ordernm_motion *m, double t, const double *z, double *rate,
         if (rates && (status = precise ? precise_rates_along(m, g, &c) : s->state_rate_sensitivities[g->index](&c)))
             return status;
         if (rates && !m->identity) {
-            for (int i = 0; i < s->nfree_q; ++i)
-                memcpy(S + i*width, m->dqdot + s->free_q[i]*width, width*sizeof(double));
+            for (int i = 0; i < s->nfree_q; ++i) copy_lanes(S + i*width, m->dqdot + s->free_q[i]*width, width);
             for (int i = 0; i < s->nfree_u; ++i)
-                memcpy(S + (s->nfree_q + i)*width, m->dudot + s->free_u[i]*width, width*sizeof(double));
+                copy_lanes(S + (s->nfree_q + i)*width, m->dudot + s->free_u[i]*width, width);
         }
         if (integrals) {
             c.outputs = m->outputs;
             c.doutputs = m->doutputs;
             if ((status = s->output_sensitivities[g->index](&c))) return status;
             for (int i = 0; i < m->nx; ++i)
-                memcpy(S + (m->ny + i)*width, m->doutputs + p->integrals[i]*width, width*sizeof(double));
+                copy_lanes(S + (m->ny + i)*width, m->doutputs + p->integrals[i]*width, width);
         }
     }
     if (integrals) {
@@ -302,27 +345,18 @@ int ordernm_rates(ordernm_motion *m, double t, const double *z, double *rate)
     return ordernm_rates_of(m, t, z, rate, m->ngroups, m->groups, RATES | INTEGRALS);
 }
 
+/* The same at a step's end, from which the next one begins: its loops need not be closed a second time. */
+int ordernm_rates_at_end(ordernm_motion *m, double t, double *rate)
+{
+    const int status = ordernm_rates(m, t, m->next, rate);
+    if (status || m->identity) return status;
+    memcpy(m->closed, m->q, m->system->nq*sizeof(double));
+    m->closed_condition = m->results->condition_here;
+    m->closed_known = 1;
+    return 0;
+}
+
 /* ---- Between steps. ---- */
-
-static double length_of(const double *e)
-{
-    return sqrt(e[0]*e[0] + e[1]*e[1] + e[2]*e[2] + e[3]*e[3]);
-}
-
-/* Gives a quaternion length one, and its derivatives along so many directions what they are then. */
-static void normalise(double *e, double *de, int width)
-{
-    const double length = length_of(e);
-    for (int i = 0; i < 4; ++i) e[i] /= length;
-    for (int l = 0; l < width; ++l) {
-        double along = 0.0;
-        for (int i = 0; i < 4; ++i) {
-            de[i*width + l] /= length;
-            along += e[i]*de[i*width + l];
-        }
-        for (int i = 0; i < 4; ++i) de[i*width + l] -= e[i]*along;
-    }
-}
 
 /* What is done with a state between two steps: predictions become what closure asks for, and so do independent entries that a
  * joint shares with dependent ones. Returns 1 if more than predictions has changed: rates are computed anew then; -1 if loops do
@@ -332,7 +366,13 @@ int ordernm_settle(ordernm_motion *m, double t, double *z)
     const ordernm_system *s = m->system;
     if (m->identity) return 0;
     ordernm_call c = ordernm_arguments(m, t, z);
-    if (ordernm_close_loops(m, &c)) return -1;
+    if (m->closed_known) {
+        memcpy(m->q, m->closed, s->nq*sizeof(double));
+        m->results->condition_here = m->closed_condition;
+        m->closed_known = 0;
+    } else if (ordernm_close_loops(m, &c)) {
+        return -1;
+    }
     double *predicted = z + m->ny + m->nx;
     for (int i = 0; i < m->nd; ++i) predicted[i] = m->q[m->dependent[i]];
     if (!s->split) return 0;
@@ -346,62 +386,9 @@ int ordernm_settle(ordernm_motion *m, double t, double *z)
         c.dfull_q = m->full_dq;
         c.dfull_u = m->full_du;
         if (s->completion_sensitivities[g->index](&c)) return -1;
-        for (int i = 0; i < s->nfree_q; ++i)
-            memcpy(S + i*width, m->full_dq + s->free_q[i]*width, width*sizeof(double));
+        for (int i = 0; i < s->nfree_q; ++i) copy_lanes(S + i*width, m->full_dq + s->free_q[i]*width, width);
     }
     return 1;
-}
-
-/* Whether the dependent coordinates that loops have been closed with last are others than a step has led to: on another branch,
- * of those that meet where a loop loses rank. */
-int ordernm_jumped(const ordernm_motion *m, const double *z)
-{
-    const ordernm_problem *p = m->problem;
-    const double *predicted = z + m->ny + m->nx;
-    for (int i = 0; i < m->nd; ++i) {
-        const double q = m->q[m->dependent[i]];
-        if (!(fabs(q - predicted[i]) <= JUMP*(p->atol[0] + p->rtol*(1.0 + fabs(q))) + 1e-9)) return 1;
-    }
-    return 0;
-}
-
-/* What may be left undetermined of dependent speeds, in parts of the largest, and by how much errors must have been made larger, for
- * loose tolerances alone say nothing of poses; and errors of independent speeds, in parts of 1 and of themselves, that there are
- * near such poses even where tolerances allow less, by rounding. */
-static const double UNDETERMINED = 1e-4, ENLARGED = 1e3, BY_ROUNDING = 1e-8;
-
-/* At a dead point of the independent coordinates their speeds vanish while dependent ones go on, and say nothing of these. Where a
- * loop itself loses rank dependent speeds follow the independent ones all the same. Which it is shows by how far dependents move if
- * independent speeds do; the map is linear. */
-int ordernm_undetermined(ordernm_motion *m)
-{
-    const ordernm_problem *const p = m->problem;
-    const ordernm_system *const s = m->system;
-    double *const z = m->probe[0], *const here = m->probe[1], *const there = m->probe[2], *const error = m->probe[3],
-        *const gain = m->probe[4];
-    const long first = m->ny + m->nx;
-    memcpy(z, m->z, m->values*sizeof(double));
-    if (ordernm_rates_of(m, m->t, z, here, 0, 0, RATES | KNOWN_CLOSED)) return 0;
-    double fastest = 0.0;
-    for (int i = 0; i < m->nd; ++i) {
-        error[i] = gain[i] = 0.0;
-        if (fabs(here[first + i]) > fastest) fastest = fabs(here[first + i]);
-    }
-    for (int k = s->nfree_q; k < m->ny; ++k) {
-        const double change = 1e-3*(1.0 + fabs(m->z[k])), size = 1.0 + fabs(m->z[k]);
-        const double allowed = fmax(p->atol[k] + p->rtol*fabs(m->z[k]), BY_ROUNDING*size);
-        z[k] = m->z[k] + change;
-        if (ordernm_rates_of(m, m->t, z, there, 0, 0, RATES | KNOWN_CLOSED)) return 0;
-        z[k] = m->z[k];
-        for (int i = 0; i < m->nd; ++i) {
-            const double moved = fabs(there[first + i] - here[first + i])/change;
-            error[i] += moved*allowed;
-            gain[i] += moved*size;
-        }
-    }
-    for (int i = 0; i < m->nd; ++i)
-        if (error[i] > UNDETERMINED*fastest && gain[i] > ENLARGED*fastest) return 1;
-    return 0;
 }
 
 /* ---- Results. ---- */

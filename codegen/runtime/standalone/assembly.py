@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
-from .arrays import Array, normalise
+from .arrays import Array, Indices, normalise
+from .closing_together import solve_together
 from .errors import AssemblyError, SingularLoopError
 from .newton import Newton, Part
 from .targets import Opened
@@ -39,6 +42,11 @@ def allowed_gaps(opened: Opened) -> Array:
     allowed = np.zeros(len(opened.manifest["closure_names"]))
     allowed[opened.manifest.get("dropped", [])] = ALLOWED * opened.manifest.get("loop_tolerance", 0.0)
     return allowed
+
+
+def _named(state: Sequence[int]) -> str:
+    """Which state of a batch, for messages."""
+    return f" (state {list(state)} of the batch)" if state else ""
 
 
 class Assembly:
@@ -82,6 +90,21 @@ class Assembly:
             raise failure
         return self._closed(found, p, state)
 
+    def close_together(self, q: Array, p: Array, states: tuple[Indices, ...], into: Array) -> NDArray[np.bool_]:
+        """Close many states (n, nq) of a batch, and put those that Newton's method closes into their places; which these are.
+
+        The others are left to `close`, which tries other guesses, and tells what is wrong.
+        """
+        found, gaps, flat = solve_together(self.newton, q, p)
+        closed: NDArray[np.bool_] = np.logical_not(flat) & (np.abs(gaps).max(axis=1, initial=0.0) <= CLOSED)
+        into[tuple(i[closed] for i in states)] = found[closed]
+        if len(self.kept) < len(self.names) and closed.any():
+            at = [i[closed] for i in states]
+            open_by = self.newton.all_gaps(found[closed], p[closed])
+            for n in np.flatnonzero(((self.allowed > 0) & (np.abs(open_by) > self.allowed)).any(axis=1)):
+                self._warn_of_gaps(open_by[n], _named([int(i[n]) for i in at]))
+        return closed
+
     def follow(self, q: Array, p: Array) -> Array:
         """What Newton's method makes of a guess that is near a closed state; no others are tried.
 
@@ -95,7 +118,7 @@ class Assembly:
         """What Newton's method makes of a guess, as exact as it can be."""
         q, gaps = self.newton.solve(q, p, [self.all], 0.0)
         size = self.all.largest(gaps)
-        where = f" (state {list(state)} of the batch)" if state else ""
+        where = _named(state)
         if not size <= CLOSED:
             raise AssemblyError(self.loops[int(np.argmax(np.abs(gaps)))], size, where)
         if len(self.kept) < len(self.names):

@@ -8,8 +8,9 @@ import os
 import shlex
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from .compiler import COMMAND, STANDARD, compiler_version, find_compiler, optimization, processor, run_all
 from .errors import CompileError, NoCompilerError
@@ -39,11 +40,27 @@ class Build:
         C files; left out: ``<name>.c``, ``<name>_calls.c`` and, where there is one, ``<name>_motion.c``.
     included : list of str
         Further C files that these include.
+    part : str
+        The library of some functions, where it is not to have all.
+    number, units
+        What it is called in C, and its units, which are compiled side by side; see ``libraries`` of ``model.json``.
     """
 
-    def __init__(self, folder: Path, name: str, sources: Sequence[str] = (), included: Sequence[str] = ()):
+    def __init__(
+        self,
+        folder: Path,
+        name: str,
+        sources: Sequence[str] = (),
+        included: Sequence[str] = (),
+        part: str = "",
+        number: int = 0,
+        units: Sequence[int] = (),
+    ):
         self.folder = folder
         self.name = name
+        self.part = part
+        self.number = number
+        self.units = units
         self.sources = [folder / s for s in sources or [f"{name}.c", f"{name}_calls.c"]]
         self.included = [folder / s for s in included]
         self.headers = "*.h" if sources else f"{name}*.h"
@@ -68,7 +85,18 @@ class Build:
                 source.update(file.read_bytes())
         machine = short_key(*STANDARD, *self.flags, processor())
         compiler = short_key(*self.compiler, compiler_version(tuple(self.compiler))) if self.compiler else "*"
-        return f"{self.name}-{source.hexdigest()[:16]}-{machine}-{compiler}"
+        part = f".{self.part}" if self.part else ""
+        return f"{self.name}{part}-{source.hexdigest()[:16]}-{machine}-{compiler}"
+
+    def found(self, key: str = "") -> Path | None:
+        """The library if it exists; one that is damaged is removed."""
+        for place in self.places:
+            for found in sorted(place.glob(f"{key or self.key()}-*.so")):
+                with contextlib.suppress(OSError):
+                    if found.stem.endswith(f"-{digest(found)}"):
+                        return found
+                    found.unlink()
+        return None
 
     def library(self, rebuild: bool = False) -> Path:
         """The library; compiled unless it exists.
@@ -78,12 +106,9 @@ class Build:
         NoCompilerError, CompileError
         """
         key = self.key()
-        for place in () if rebuild else self.places:
-            for found in sorted(place.glob(f"{key}-*.so")):
-                with contextlib.suppress(OSError):
-                    if found.stem.endswith(f"-{digest(found)}"):
-                        return found
-                    found.unlink()
+        found = None if rebuild else self.found(key)
+        if found is not None:
+            return found
         if not self.compiler:
             raise self.complaint
         refusals = []
@@ -129,15 +154,27 @@ class Build:
         common = [*self.compiler, *STANDARD, *flags]
         if len(self.sources) == 1:
             return run_all([[*common, "-o", str(output), str(self.sources[0]), "-lm"]])
-        objects = [output.with_name(f"{s.stem}.o") for s in self.sources]
+        library = [f"-DORDERNM_LIBRARY={self.number}"] if self.part else []
+        first, *others = self.sources
+        tasks = [(first, f"{first.stem}_{n}", [*library, f"-DORDERNM_UNIT={n}"]) for n in self.units]
+        tasks = (tasks or [(first, first.stem, library)]) + [(s, s.stem, library) for s in others]
+        objects = [output.with_name(f"{stem}.o") for _, stem, _ in tasks]
         parts = [
-            [*(f for f in common if f != "-shared"), "-c", "-o", str(o), str(s)]
-            for s, o in zip(self.sources, objects, strict=True)
+            [*(f for f in common if f != "-shared"), *defined, "-c", "-o", str(o), str(s)]
+            for (s, _, defined), o in zip(tasks, objects, strict=True)
         ]
         refused, log = run_all(parts)
         if refused:
             return refused, log
         return run_all([[*common, "-o", str(output), *map(str, objects), "-lm"]])
+
+
+def builds(folder: Path, manifest: Mapping[str, Any]) -> dict[str, Build]:
+    """What a package is compiled to, by name: under "" all of it; and libraries of some functions, the first first."""
+    name, sources = manifest["name"], manifest.get("sources", ())
+    parts = manifest.get("libraries", {})
+    found = {part: Build(folder, name, part=part, number=x["number"], units=x["units"]) for part, x in parts.items()}
+    return {"": Build(folder, name, sources)} | found
 
 
 def digest(file: Path) -> str:

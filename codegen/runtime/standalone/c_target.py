@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from .arrays import Array, Shape
-from .build import Build
+from .batches import Batches, Failed, spoil
+from .build import Build, builds
 from .caller import TAKES, find_caller
 from .errors import (
     CompileError,
@@ -29,13 +30,6 @@ from .short_calls import ARRAY_HEAD, Desk
 
 SLOT = {n: i for i, n in enumerate((*ARGUMENTS, *SEEDS, "default_p", "default_inputs", "work", "lanes", "results"))}
 """Places in the table of pointers that the functions of ``NAME_calls.c`` take."""
-
-
-BATCH = """
-typedef struct {{ double *at; long step; }} rows;
-typedef struct {{ long count, failed; rows {}; double *work; }} batch;
-"""
-"""The struct that functions over a batch work on, as the package's header declares it."""
 
 
 class CTarget:
@@ -69,27 +63,57 @@ class CTarget:
         self.functions = functions
         self.shapes = shapes
         self.defaults = np.array(manifest["parameters"], float), np.zeros(len(manifest["input_names"]))
-        self.build = Build(folder, self.model, manifest.get("sources", ()))
-        self.library = self._open()
+        self.builds = builds(folder, manifest)
+        self._part_of = {f: part for part, x in manifest.get("libraries", {}).items() for f in x["functions"]}
+        self._libraries: dict[str, Any] = {}
+        self._kept: list[Any] = []
+        self._opening = threading.Lock()
+        if len(self.builds) == 1 or self.builds[""].found() is not None:
+            self._part_of = {}
+        self._library(next(iter(manifest["libraries"])) if self._part_of else "")
         caller = find_caller(folder)
         self.mode = "abi" if caller is None else "api"
         self._caller = caller
         self.ffi.cdef(ARRAY_HEAD)
         self._doubles = self.ffi.typeof("double[]")
         self._calls: dict[str, Any] = {}
-        self._batches: dict[tuple[str, int], Callable[[Any], int]] = {}
-        self._batch_arrays: list[str] = manifest["batch"]
+        self.batches = Batches(weakref.proxy(self), folder, manifest)
         self._addresses: dict[str, int] = {}
         self._lock = threading.Lock()
         self._zeros = self.pointer(np.zeros(8))
+        self._blank = [self.ffi.NULL] * SLOT["default_p"]
+        self._default_pointers = [self.pointer(a) for a in self.defaults]
         self.desk = Desk(weakref.proxy(self))
 
-    def _open(self) -> Any:
-        path = self.build.library()
+    @property
+    def threads(self) -> int:
+        """How many work on a batch."""
+        return self.batches.threads
+
+    @threads.setter
+    def threads(self, threads: int) -> None:
+        self.batches.threads = threads
+
+    def _library(self, part: str) -> Any:
+        """A library of the package; compiled when first asked for."""
+        library = self._libraries.get(part)
+        if library is None:
+            with self._opening:
+                if part not in self._libraries:
+                    self._libraries[part] = self._open(self.builds[part])
+                library = self._libraries[part]
+        return library
+
+    def library_of(self, function: str) -> Any:
+        """The library that has a function."""
+        return self._library(self._part_of.get(function, ""))
+
+    def _open(self, build: Build) -> Any:
+        path = build.library()
         try:
             return self._opened(path)
         except OSError:  # damaged, or of another machine
-            path = self.build.library(rebuild=True)
+            path = build.library(rebuild=True)
         try:
             return self._opened(path)
         except OSError as error:
@@ -101,29 +125,42 @@ class CTarget:
         except UnicodeEncodeError:  # a name that is no text in the user's locale: cffi takes texts only
             import ctypes
 
-            self._ctypes_library = ctypes.CDLL(str(path))
-            return self.ffi.dlopen(self.ffi.cast("void *", self._ctypes_library._handle))
+            self._kept.append(ctypes.CDLL(str(path)))
+            return self.ffi.dlopen(self.ffi.cast("void *", self._kept[-1]._handle))
 
-    def pointer(self, x: Array) -> Any:
-        """Where an array begins; keeps it alive."""
-        return self.ffi.from_buffer(self._doubles, x)
+    def pointer(self, x: Array | None) -> Any:
+        """Where an array begins; keeps it alive. Nowhere, for a result that is not asked for."""
+        return self.ffi.NULL if x is None else self.ffi.from_buffer(self._doubles, x)
 
-    def address(self, symbol: str) -> int:
-        """What a function of the library without arguments returns: the address of a struct."""
+    def motion_system(self) -> int:
+        """The address of what integrators are told of the model, an ``ordernm_system``."""
+        symbol = f"{self.model}_motion"
+        library = self.library_of("state_rates")
         with self._lock:
             if symbol not in self._addresses:
                 self.ffi.cdef(f"void *{symbol}(void);", override=True)
-                self._addresses[symbol] = int(self.ffi.cast("intptr_t", getattr(self.library, symbol)()))
+                self._addresses[symbol] = int(self.ffi.cast("intptr_t", getattr(library, symbol)()))
             return self._addresses[symbol]
+
+    def run_backwards(self, system: Any) -> None:
+        """Give an ``ordernm_system`` the functions that run motions backwards, where they are a library of their own."""
+        if "sensitivities_transposed" not in self._part_of:
+            return
+        symbol = f"{self.model}_backwards"
+        library = self.library_of("sensitivities_transposed")
+        with self._lock:
+            self.ffi.cdef(f"void {symbol}(void *);", override=True)
+        getattr(library, symbol)(self.ffi.cast("void *", system))
 
     def _function(self, f: Function) -> Any:
         """The C function with the one signature of all; declared when first called, which keeps loading quick."""
         call = self._calls.get(f.name)
         if call is None:
             symbol = f"{self.model}_call_{f.name}"
+            library = self.library_of(f.name)
             with self._lock:
                 self.ffi.cdef(f"int {symbol}(double **, long, double, long);", override=True)
-                call = self._calls[f.name] = getattr(self.library, symbol)
+                call = self._calls[f.name] = getattr(library, symbol)
         return call
 
     def take(self, kind: str, f: Function, desk: Any) -> Callable[..., int]:
@@ -132,21 +169,9 @@ class CTarget:
         desk.function = self.ffi.cast("void *", self._function(f))
         with self._lock:
             self.ffi.cdef(f"int {symbol}(void *, {TAKES[kind]});", override=True)
-            take: Callable[..., int] = getattr(self.library, symbol)
+            take: Callable[..., int] = getattr(self.library_of(f.name), symbol)
         desk.take = self.ffi.cast("void *", take)
         return take if self._caller is None else getattr(self._caller, f"ordernm_{kind}")
-
-    def _batch_function(self, f: Function, width: int) -> Callable[[Any], int]:
-        """The C function that loops over a batch."""
-        call = self._batches.get((f.name, width))
-        if call is None:
-            symbol = f"{self.model}_{f.name}" + (f"_{width}" if width else "") + "_batch"
-            with self._lock:
-                if not self._batches:
-                    self.ffi.cdef(BATCH.format(", ".join(self._batch_arrays)), override=True)
-                self.ffi.cdef(f"int {symbol}(batch *);", override=True)
-                call = self._batches[f.name, width] = getattr(self.library, symbol)
-        return call
 
     def _nothing(self, size: int) -> Any:
         """So many zeros: a seed that was left out."""
@@ -160,17 +185,14 @@ class CTarget:
     def table(self, f: Function, given: Mapping[str, Array], results: Sequence[Array], work: Any) -> tuple[Any, Any]:
         """The pointers of a call, and what must live as long as they."""
         derived = sum(math.prod(s) for s, d in zip(f.shapes, f.derived, strict=True) if d)
-        lanes = np.empty((sum(f.seeds.values()) + derived) * max(f.widths, default=0))  # of the widest call
-        pointers = {n: self.pointer(a) for n, a in given.items()}
-        pointers |= {n: self.pointer(a) for n, a in zip(("default_p", "default_inputs"), self.defaults, strict=True)}
-        pointers |= {"work": work, "lanes": self.pointer(lanes)}
-        x = self.ffi.new("double *[]", SLOT["results"] + len(results))
-        for name, pointer in pointers.items():
-            x[SLOT[name]] = pointer
+        widest = max(f.widths, default=0)
+        lanes = self.pointer(np.empty((sum(f.seeds.values()) + derived) * widest))
+        of_given = {n: self.pointer(a) for n, a in given.items()}
         of_results = [self.pointer(r) for r in results]
-        for i, pointer in enumerate(of_results):
-            x[SLOT["results"] + i] = pointer
-        return x, (pointers, of_results)
+        x = self.ffi.new("double *[]", [*self._blank, *self._default_pointers, work, lanes, *of_results])
+        for name, pointer in of_given.items():
+            x[SLOT[name]] = pointer
+        return x, (of_given, lanes, of_results)
 
     def _single(
         self, f: Function, arrays: Mapping[str, Any], seeds: Mapping[str, Array], k: int, results: Sequence[Array]
@@ -187,14 +209,29 @@ class CTarget:
 
     # -- any number of states ------------------------------------------------------------------------------------------
 
-    def values(self, f: Function, arrays: Mapping[str, Any], batch: Shape, out: Sequence[Array] = ()) -> list[Array]:
+    def values(
+        self,
+        f: Function,
+        arrays: Mapping[str, Any],
+        batch: Shape,
+        out: Sequence[Array] = (),
+        failed: dict[int, SingularJointError] | None = None,
+    ) -> list[Array]:
         """Results (*batch, *shape) of a function without directions, in `out` if there is one.
 
-        `arrays` hold (..., n), with leading axes that broadcast to the batch; ``t`` is a float or (...).
+        `arrays` hold (..., n), with leading axes that broadcast to the batch; ``t`` is a float or (...). States of a batch that
+        fail go to `failed`, if that is there, and have NaN; else they are an error.
         """
         results = list(out) or [empty(shape) for shape in f.whole_shapes(batch)]
         if batch:
-            self.run_batch(f, 0, [self._row(arrays[a], batch, a == "t") for a in f.arguments], results, batch)
+            count = math.prod(batch)
+            given = [self._row(arrays[a], batch, a == "t") for a in f.arguments]
+            if self.batches.takes(f, count):
+                with_steps = {a: (at, step, 0) for a, (at, step) in zip(f.arguments, given, strict=True)}
+                found = self.batches.states(f, with_steps, results, count, 0)
+            else:
+                found = self.batches.rows(f, 0, given, results, count, failed is not None)
+            self._tell(f, found, failed, results, batch)
         else:
             self._single(f, arrays, {}, 0, results)
         return results
@@ -218,10 +255,12 @@ class CTarget:
         k: int,
         batch: Shape,
         out: Sequence[Array] = (),
+        failed: dict[int, SingularJointError] | None = None,
     ) -> list[Array]:
         """Results of a function over directions: (*batch, *shape), derivatives (k, *batch, *shape), in `out` if there is one.
 
-        `seeds` hold (k, ..., n) with as many batch axes as the batch, ``dt`` (k, ..., 1); missing ones are zero.
+        `seeds` hold (k, ..., n) with as many batch axes as the batch, ``dt`` (k, ..., 1); missing ones are zero. For `failed` see
+        `values`.
         """
         results = list(out) or [empty(shape) for shape in f.whole_shapes(batch, k)]
         if not batch:
@@ -229,6 +268,12 @@ class CTarget:
             return results
         count = math.prod(batch)
         arguments = [self._row(arrays[a], batch, a == "t") for a in f.arguments]
+        if self.batches.takes(f, count, k):
+            with_steps = {a: (at, step, 0) for a, (at, step) in zip(f.arguments, arguments, strict=True)}
+            with_steps |= {s: self._rows(seeds[s], k, batch, count) for s in f.seeds if s in seeds}
+            self._tell(f, self.batches.states(f, with_steps, results, count, k), failed, results, batch)
+            return results
+        found: Failed = {}
         start = 0
         for width in split(k, f.widths) or [min(f.widths)]:  # without directions there are values still
             end = min(start + width, k)
@@ -246,27 +291,38 @@ class CTarget:
                     lanes.append((taken[-1], result[start:end]))
                 else:
                     taken.append(result[start] if derived else result)
-            self.run_batch(f, width, given, taken, batch)
+            found |= self.batches.rows(f, width, given, taken, count, failed is not None)
+            if found and failed is None:
+                break
             for lane, part in lanes:
                 part[...] = np.moveaxis(lane[..., : end - start], -1, 0).reshape(part.shape)
             start = end
+        self._tell(f, found, failed, results, batch)
         return results
+
+    def _tell(
+        self,
+        f: Function,
+        found: Failed,
+        failed: dict[int, SingularJointError] | None,
+        results: Sequence[Array],
+        batch: Shape,
+    ) -> None:
+        """States that have failed: an error about the first, or NaN."""
+        if not found:
+            return
+        if failed is None:
+            number = min(found)
+            state = ", ".join(str(int(j)) for j in np.unravel_index(number, batch))
+            raise self.singular(found[number], f" (state [{state}] of the batch)")
+        failed |= {number: self.singular(code) for number, code in found.items()}
+        spoil(results, f, found, batch)
 
     def run_batch(
         self, f: Function, width: int, given: Sequence[tuple[Any, int]], results: Sequence[Array], batch: Shape
     ) -> None:
         """Run over the states of a batch, in C; given are pointers and their steps from state to state, in doubles."""
-        count = math.prod(batch)
-        call = self._batch_function(f, width)
-        b = self.ffi.new("batch *", {"count": count, "work": self.desk.work})
-        sizes = [math.prod(s) * (width if d and width else 1) for s, d in zip(f.shapes, f.derived, strict=True)]
-        taken = [(self.pointer(r), n) for r, n in zip(results, sizes, strict=True)]
-        for name, rows in zip((*f.arguments, *f.seeds, *f.results), (*given, *taken), strict=True):
-            setattr(b, name, rows)
-        status = call(b)
-        if status:
-            state = ", ".join(str(int(j)) for j in np.unravel_index(b.failed, batch))
-            raise self.singular(status, f" (state [{state}] of the batch)")
+        self._tell(f, self.batches.rows(f, width, given, results, math.prod(batch)), None, results, batch)
 
     def _row(self, x: Any, batch: Shape, scalar: bool) -> tuple[Any, int]:
         """Where an argument begins, and its step from state to state."""
@@ -278,6 +334,13 @@ class CTarget:
             return self.pointer(x), 0
         n = x.shape[-1]
         return self.pointer(np.ascontiguousarray(np.broadcast_to(x, (*batch, n)))), n
+
+    def _rows(self, seed: Array, k: int, batch: Shape, count: int) -> tuple[Any, int, int]:
+        """Where a seed begins, and its steps from state to state and from direction to direction."""
+        n = seed.shape[-1]
+        if seed.size == len(seed) * n:  # the same for all states
+            return self.pointer(np.ascontiguousarray(seed)), 0, n if len(seed) == k else 0
+        return self.pointer(np.ascontiguousarray(np.broadcast_to(seed, (k, *batch, n)))), n, count * n
 
     def _lanes(self, part: Array, width: int, batch: Shape, count: int) -> tuple[Any, int]:
         """Some directions of a seed, direction last, and the step; lanes beyond its end are zero."""

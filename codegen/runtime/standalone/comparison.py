@@ -48,6 +48,8 @@ def compare(
                     f"{manifest['name']}, {f.name}: only one of C and NumPy finds a singular joint"
                 )
             continue
+        if f.name == "jacobians" and not (np.isfinite(ours[0]).all() or np.isfinite(theirs[0]).all()):
+            continue  # accelerations without a value have no derivatives; C, which asks for less of them, may find some zero
         # what is left open by seeds that were completed is rounding, grown with the condition of the closure matrices
         floor = 1e-9 if f.name == "closure_sensitivities" else 1e-12
         for name, derived, a, b in zip(f.results, f.derived, ours, theirs, strict=True):

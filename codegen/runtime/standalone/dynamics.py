@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from .arrays import Array, Numbers, Times, all_finite
 from .infinite import tell_infinite
-from .jacobians import JACOBIANS, Jacobians
+from .jacobians import Jacobians, asked_for, jacobians_of
 from .package import Package, seeds, state
 from .results import empty, overlap, places, put
 
@@ -48,30 +50,35 @@ class Dynamics(Package):
         inputs: Numbers = None,
         t: Times = 0.0,
         *,
+        wrt: str | Sequence[str] | None = None,
         out: Jacobians | None = None,
     ) -> Jacobians:
-        """Every partial derivative of udot."""
-        quick: Jacobians | None = self._desk.jacobians(q, u, p, inputs, t, out)
+        """The partial derivatives of udot, or those by what `wrt` names, ``"q, u"``; the others are not computed, and None."""
+        asked = asked_for(wrt)
+        quick: Jacobians | None = self._desk.jacobians(q, u, p, inputs, t, out, asked)
         if quick is not None:
             return quick
         opened, given = self._opened, state(q, u, p, inputs, t)
         f = self._find(opened, "jacobians")
         arrays, batch = self._arguments.take(given, self._left_out)
-        if opened.manifest.get("opening"):
+        if opened.manifest.get("opening") and "p" in asked:
             self._look_at_directions(opened, f, given, {"dp": np.eye(self.np)})
-        shapes = {f"J_{n}": batch + self._shapes[f"J_{n}"] for n in JACOBIANS}
+        shapes = {f"J_{n}": batch + self._shapes[f"J_{n}"] for n in asked}
         if out is not None and not isinstance(out, Jacobians):
             raise ValueError(f"out is {type(out).__name__}, expected Jacobians, such as those of an earlier call")
-        J = Jacobians(*map(empty, shapes.values())) if out is None else out
-        taken = places([getattr(J, n) for n in JACOBIANS], [f"J.{n}" for n in JACOBIANS], list(shapes.values()))
+        J = out
+        if J is None:
+            J = jacobians_of({n: empty(shapes[f"J_{n}"]) for n in asked})
+        taken = places([getattr(J, n) for n in asked], [f"J.{n}" for n in asked], list(shapes.values()))
         named = dict(zip(shapes, taken, strict=True))
         # udot, which is computed beside them, has no place
-        wanted = [named[r] if r in named else empty(s) for r, s in zip(f.results, f.whole_shapes(batch), strict=True)]
+        whole = f.whole_shapes(batch)
+        wanted: list[Any] = [empty(s) if r == "udot" else named.get(r) for r, s in zip(f.results, whole, strict=True)]
         if out is not None and overlap(taken, arrays):
             put(opened.target.values(f, arrays, batch), wanted)
         else:
             opened.target.values(f, arrays, batch, wanted)
-        if not all(map(all_finite, wanted)):
+        if not all(all_finite(x) for x in wanted if x is not None):
             sizes = {f"d{n}": math.prod(self._shapes[n]) for n in f.arguments}
             every, ends = np.eye(sum(sizes.values())), itertools.accumulate(sizes.values())
             units = {s: every[:, end - n : end] for (s, n), end in zip(sizes.items(), ends, strict=True)}

@@ -32,7 +32,7 @@ def tell_infinite(
     if f.name in QUIET:
         return
     for name, x, derived in zip(f.results, results, f.derived, strict=True):
-        if all_finite(x):
+        if x is None or all_finite(x):
             continue
         state = np.argwhere(~np.isfinite(x))[0][derived : derived + len(batch)]
         at = tuple(int(i) for i in state)

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from .arrays import Array
 
 
 @dataclass(slots=True, eq=False, repr=False)
 class Jacobians:
-    """Partial derivatives of udot.
+    """Partial derivatives of udot; None in the place of those that were not asked for.
 
     Attributes
     ----------
@@ -27,9 +30,36 @@ class Jacobians:
     t: Array
 
     def __repr__(self) -> str:
-        shapes = ", ".join(f"{n} {getattr(self, n).shape}" for n in JACOBIANS)
+        shapes = ", ".join(f"{n} {getattr(self, n).shape}" for n in JACOBIANS if getattr(self, n) is not None)
         return f"<Jacobians of udot: {shapes}>"
 
 
 JACOBIANS = ("q", "u", "p", "inputs", "t")
 """What udot is differentiated in, in the order of `Jacobians`."""
+
+
+def jacobians_of(matrices: Mapping[str, Array]) -> Jacobians:
+    """Those of some of `JACOBIANS`; the others were not asked for."""
+    found: list[Any] = [matrices.get(n) for n in JACOBIANS]
+    return Jacobians(*found)
+
+
+def asked_for(wrt: str | Iterable[str] | None) -> tuple[str, ...]:
+    """What derivatives are asked for: names of `JACOBIANS`, in a list or with commas between them; all if left out.
+
+    Raises
+    ------
+    ValueError
+        A name is not among them, or there is none.
+    """
+    if wrt is None:
+        return JACOBIANS
+    names = [n.strip() for n in wrt.split(",")] if isinstance(wrt, str) else list(wrt)
+    for name in names:
+        if name not in JACOBIANS:
+            near = difflib.get_close_matches(str(name), JACOBIANS, 1, 0.4)
+            hint = f"; did you mean {near[0]!r}?" if near else ""
+            raise ValueError(f"wrt: udot is not differentiated by {name!r}{hint}; it may be by {', '.join(JACOBIANS)}")
+    if not names:
+        raise ValueError(f"wrt: nothing is asked for; it may be {', '.join(JACOBIANS)}, or be left out for all")
+    return tuple(n for n in JACOBIANS if n in names)

@@ -228,8 +228,10 @@ class Judging(Simulation):
         for number, segment in reversed(list(enumerate(run.segments))):
             after = weights.times > segment.problem.start if number else np.ones(len(weights.times), bool)
             within = after & (weights.times <= segment.counts["t"])
+            motion = self._motion(segment.opened)
+            self._in_c(segment.opened).run_backwards(motion[2])
             found = segment_backwards(
-                self._motion(segment.opened), segment, weights.times[within], weights.outputs[:, within], weights.integrals,
+                motion, segment, weights.times[within], weights.outputs[:, within], weights.integrals,
                 end_q, end_u,
             )  # fmt: skip
             if total is not None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from .arrays import Array, Numbers, Shape
 from .assembly import ROUNDING, Assembly
+from .closing_together import FEW
 from .states import States
 from .targets import Opened
 
@@ -26,8 +27,14 @@ class Loops(States):
             return q_new
         assembly = self._assembly
         gaps = np.abs(assembly.newton.gaps(q_new, arrays["p"])).max(axis=-1)
+        if (gaps <= ROUNDING).all():
+            return q_new
         p = np.broadcast_to(arrays["p"], (*batch, self.np))
-        for found in zip(*np.nonzero(np.atleast_1d(~(gaps <= ROUNDING))), strict=True):
+        open_ones = np.nonzero(np.atleast_1d(~(gaps <= ROUNDING)))
+        if batch and len(open_ones[0]) >= FEW and q_new.dtype == np.float64:
+            closed = assembly.close_together(q_new[open_ones], p[open_ones], open_ones, q_new)
+            open_ones = tuple(i[~closed] for i in open_ones)
+        for found in zip(*open_ones, strict=True):
             at = tuple(int(i) for i in found[: len(batch)])
             q_new[at] = assembly.close(q_new[at].copy(), p[at].copy(), at)
         return q_new

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -13,6 +11,7 @@ import numpy as np
 from .arguments import some
 from .arrays import Array, Numbers
 from .motion_inputs import Inputs
+from .named_entries import Entry, look_up_all, names_of
 
 
 @dataclass(slots=True)
@@ -56,18 +55,26 @@ def take_sensitivities(
     given = dq0 is not None or du0 is not None
     if not wanted and given:
         rows = len(np.atleast_2d(np.asarray(dq0 if dq0 is not None else du0, float)))
-        wanted = tuple(f"direction {i}" for i in range(rows))
-        unnamed = True
+        wanted, entries = tuple(f"direction {i}" for i in range(rows)), list[Entry]()
     else:
-        unnamed = False
+        entries = look_up_all(names_of(solver), wanted, len(inputs.values))
     k = len(wanted)
-    if len(set(wanted)) < k:
-        raise ValueError(f"sensitivities name something twice: {some(wanted)}")
     found = Directions(
         wanted, np.zeros((k, solver.nq)), np.zeros((k, solver.nu)), np.zeros((k, solver.np)), None, given
     )
-    for row, name in enumerate([] if unnamed else wanted):
-        _set(solver, found, row, name, inputs)
+    if any(entry.of == "inputs" for entry in entries):
+        found.dinputs = np.zeros((k, len(inputs.values), solver.ninputs))
+    for row, entry in enumerate(entries):
+        match entry.of:
+            case "p":
+                found.dp[row, entry.at] = 1.0
+            case "q":
+                found.dq[row, entry.at] = 1.0
+            case "u":
+                found.du[row, entry.at] = 1.0
+            case _:
+                assert found.dinputs is not None
+                found.dinputs[row, slice(None) if entry.row is None else entry.row, entry.at] = 1.0
     for label, value, place in (("dq0", dq0, "dq"), ("du0", du0, "du")):
         if value is not None:
             array = solver._arguments.array(label, value, place[1:])
@@ -77,40 +84,3 @@ def take_sensitivities(
                 raise ValueError(f"{label} has shape {array.shape}, expected {shape}: a row for each of {some(wanted)}")
             setattr(found, place, array)
     return found
-
-
-def _set(solver: Any, found: Directions, row: int, name: Any, inputs: Inputs) -> None:
-    if not isinstance(name, str):
-        raise ValueError(f"sensitivities hold {name!r}; names are needed, such as 'length' or 'q0.crank'")
-    if name in solver.parameter_names:
-        found.dp[row, solver.parameter_names.index(name)] = 1.0
-        return
-    kind, _, of = name.partition(".")
-    for word, place, names, independent in (
-        ("q0", found.dq, solver.coordinate_names, solver.independent_names),
-        ("u0", found.du, solver.speed_names, solver.independent_speed_names),
-    ):
-        if kind == word and of in names:
-            if of not in independent:
-                raise ValueError(
-                    f"sensitivities: {name} is dependent, it follows from {some(independent)}; name one of these"
-                )
-            place[row, names.index(of)] = 1.0
-            return
-    entry = re.fullmatch(r"inputs\.(.+?)(?:\[(\d+)\])?", name)
-    if entry and entry[1] in solver.input_names:
-        count = len(inputs.values)
-        if found.dinputs is None:
-            found.dinputs = np.zeros((found.k, count, solver.ninputs))
-        if entry[2] is not None and int(entry[2]) >= count:
-            raise ValueError(f"sensitivities: {name}: the inputs have {count} values, counted from 0")
-        at = slice(None) if entry[2] is None else int(entry[2])
-        found.dinputs[row, at, solver.input_names.index(entry[1])] = 1.0
-        return
-    known = [
-        *solver.parameter_names, *(f"q0.{n}" for n in solver.independent_names),
-        *(f"u0.{n}" for n in solver.independent_speed_names), *(f"inputs.{n}" for n in solver.input_names),
-    ]  # fmt: skip
-    near = difflib.get_close_matches(name, known, 1)
-    hint = f"; did you mean {near[0]!r}?" if near else ""
-    raise ValueError(f"sensitivities: {name!r} is not known; expected is any of {some(known)}{hint}")

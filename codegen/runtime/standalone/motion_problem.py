@@ -94,9 +94,12 @@ class Problem:
         c.start, c.end = self.start, self.end
         c.ntimes, c.times = len(self.times), pointer(self.times)
         c.step, c.fixed, c.largest_step, c.most_steps = self.step, self.fixed, self.largest_step, self.most_steps
-        free = [system.free_q[i] for i in range(system.nfree_q)]
-        free += [system.nq + system.free_u[i] for i in range(system.nfree_u)]
-        counting = np.concatenate([self.atol[free], self.atol[system.nq + system.nu :]])
+        free = [
+            *(ffi.unpack(system.free_q, system.nfree_q) if system.nfree_q else ()),
+            *(system.nq + i for i in (ffi.unpack(system.free_u, system.nfree_u) if system.nfree_u else ())),
+            *range(system.nq + system.nu, len(self.atol)),
+        ]
+        counting = self.atol[free]
         c.rtol, c.atol, c.atol_directions = self.rtol, pointer(counting), pointer(self.atol_directions)
         c.poor, c.looked_at = self.poor, self.looked_at
         integrals = ffi.new("int[]", list(self.integrals) or [0])

@@ -40,7 +40,7 @@ class MotionRun(States, Partitions):
     def _motion(self, opened: Opened) -> tuple[Any, Any, Any]:
         """The library of integrators, its cffi object, and a partition as they know it; integrators run compiled code only."""
         try:
-            address = self._in_c(opened).address(f"{opened.manifest['name']}_motion")
+            address = self._in_c(opened).motion_system()
             library, ffi = motion_library(self.folder)
         except NoCompilerError as error:
             raise NoCompilerError(f"motions are integrated in compiled code, and {error}") from None
@@ -52,7 +52,7 @@ class MotionRun(States, Partitions):
         """Run a motion to its end; keep its steps in so many bytes, or what it takes to make them again."""
         self._ask_for_functions(problem, keep_steps)
         opened, began = self._opened, time.perf_counter()
-        several = "second" in self._manifest
+        several = len(self.partitions) > 1
         run = Run(np.empty((0, 0)), "", {})
         rows: list[Array] = []
         left = replace(problem, poor=POOR if several else 0.0)
@@ -63,9 +63,12 @@ class MotionRun(States, Partitions):
             run.events.extend(_new_events(run.events, segment))
             rows.append(found[1:] if before is not None and not len(left.times) else found)
             run.segments.append(segment)
-            if segment.reason != "poor":
+            if segment.reason != "poor" and not (several and segment.reason == "undetermined"):
                 break
-            opened, left, before = *self._go_on(opened, left, segment, last), last
+            other, left = self._go_on(opened, left, segment, last)
+            if other is opened and segment.reason != "poor":
+                break
+            opened, before = other, last
         run.rows = np.concatenate(rows) if len(rows) > 1 else rows[0]
         run.reason, run.singular, run.component = segment.reason, segment.singular, segment.component
         counts = [s.counts for s in run.segments]
@@ -89,7 +92,7 @@ class MotionRun(States, Partitions):
         wanted = {
             "state_rates": True, "closing_step": bool(self.closure_names), "outputs": outputs,
             "state_rate_sensitivities": along or jacobian,
-            "completion_sensitivities": (along or "second" in self._manifest) and bool(self.closure_names),
+            "completion_sensitivities": (along or len(self.partitions) > 1) and bool(self.closure_names),
             "output_sensitivities": (along and self._gives_outputs) or bool(problem.events),
             "coordinate_rates": bool(problem.events),
             "sensitivities_transposed": backwards, "output_sensitivities_transposed": backwards,
@@ -112,13 +115,16 @@ class MotionRun(States, Partitions):
         k = len(problem.dp)
         q, u = (self._of_rows(last, i).copy() for i in (1, 2))
         dq, du = (self._derivatives_of_rows(last, problem, k, i).copy() for i in (1, 2))
-        here, other = segment.condition, 1 - opened.number
-        there = float(self.condition(q, problem.p)[other])
+        conditions = self.condition(q, problem.p)
+        conditions[opened.number] = math.inf
+        other = int(np.argmin(conditions))
+        here, there = segment.condition, float(conditions[other])
         t = segment.counts["t"]
         better = there * BETTER < here
         if not better and there < here * BETTER:  # where a loop loses rank with any independents
-            fast, slow = self._growth(opened, q, problem.p), self._growth(self._open(other), q, problem.p)
-            better = slow * BETTER < fast
+            growth = [self._growth(self._open(k), q, problem.p) for k in range(len(conditions))]
+            other = int(np.argmin(growth))
+            better = growth[other] * BETTER < growth[opened.number]
         if better:
             opened = self._open(other)
         left = replace(
@@ -164,12 +170,8 @@ class MotionRun(States, Partitions):
         """Their derivatives, (..., k, n); a view."""
         sizes = self._sizes(problem)
         start = sum(sizes) + k * sum(sizes[1:part])
-        found = rows[..., start : start + k * sizes[part]]
-        return np.lib.stride_tricks.as_strided(
-            found,
-            (*rows.shape[:-1], k, sizes[part]),
-            (*rows.strides[:-1], sizes[part] * rows.strides[-1], rows.strides[-1]),
-        )
+        found: Array = rows[..., start : start + k * sizes[part]].reshape(*rows.shape[:-1], k, sizes[part])
+        return found
 
     # -- one partition -------------------------------------------------------------------------------------------------
 
@@ -247,7 +249,7 @@ class MotionRun(States, Partitions):
             steps.append(kept[: r.steps_count])
             heads.append(None)
         last = np.zeros(size)
-        if reason == "poor":
+        if reason in ("poor", "undetermined"):
             library.ordernm_row(motion, r, ffi.from_buffer("double[]", last))
         counts = {
             "t": r.t, "steps": r.accepted, "rejected": r.rejected, "evaluations": r.evaluations,

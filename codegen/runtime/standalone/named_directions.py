@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from .arguments import some
 from .arrays import Array
+from .named_entries import Names, look_up
 
 
 class Directions(NamedTuple):
@@ -36,12 +35,8 @@ def named_directions(asked: str | Sequence[str], parameters: Sequence[str], inpu
         A name is not known; tells the nearest one.
     """
     names = (asked,) if isinstance(asked, str) else tuple(asked)
-    known = [*parameters, *(f"inputs.{n}" for n in inputs)]
-    units = np.zeros((len(names), len(known)))
-    for row, name in zip(units, names, strict=True):
-        if name not in known:
-            near = difflib.get_close_matches(str(name), known, 1)
-            hint = f"; did you mean {near[0]!r}?" if near else ""
-            raise ValueError(f"sensitivities: {name!r} is not known; expected is any of {some(known)}{hint}")
-        row[known.index(name)] = 1.0
-    return Directions(names, units[:, : len(parameters)], units[:, len(parameters) :])
+    entries = [look_up(Names(parameters, inputs), name) for name in names]
+    found = Directions(names, np.zeros((len(names), len(parameters))), np.zeros((len(names), len(inputs))))
+    for row, entry in enumerate(entries):
+        (found.p if entry.of == "p" else found.inputs)[row, entry.at] = 1.0
+    return found

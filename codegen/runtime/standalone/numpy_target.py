@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .arrays import Array, Shape
+from .arrays import Array, Shape, of_state
 from .errors import SingularForceError, SingularJointError, SingularLoopError, SingularOutputError, singular_forces
 from .functions import Function
 from .results import put
@@ -23,6 +23,7 @@ class NumpyTarget:
 
     def __init__(self, folder: Path, manifest: Mapping[str, Any]):
         self.desk: Any = NO_DESK
+        self.threads = 1
         self.singular_forces = dict(singular_forces(manifest))
         module = f"{manifest['name']}_numpy"
         self.module: Any = self._load(module, folder / f"{module}.py")
@@ -35,9 +36,21 @@ class NumpyTarget:
         spec.loader.exec_module(module)
         return module
 
-    def values(self, f: Function, arrays: Mapping[str, Any], batch: Shape, out: Sequence[Array] = ()) -> list[Array]:
+    def values(
+        self,
+        f: Function,
+        arrays: Mapping[str, Any],
+        batch: Shape,
+        out: Sequence[Array] = (),
+        failed: dict[int, SingularJointError] | None = None,
+    ) -> list[Array]:
         """See `CTarget.values`."""
-        return self._call(f, [arrays[a] for a in f.arguments], f.whole_shapes(batch), out)
+        try:
+            return self._call(f, [arrays[a] for a in f.arguments], f.whole_shapes(batch), out)
+        except SingularJointError:
+            if failed is None:
+                raise
+        return self._one_by_one(f, arrays, {}, 0, batch, out, failed)
 
     def along(
         self,
@@ -47,8 +60,52 @@ class NumpyTarget:
         k: int,
         batch: Shape,
         out: Sequence[Array] = (),
+        failed: dict[int, SingularJointError] | None = None,
     ) -> list[Array]:
         """See `CTarget.along`."""
+        try:
+            return self._along(f, arrays, seeds, k, batch, out)
+        except SingularJointError:
+            if failed is None:
+                raise
+        return self._one_by_one(f, arrays, seeds, k, batch, out, failed)
+
+    def _one_by_one(
+        self,
+        f: Function,
+        arrays: Mapping[str, Any],
+        seeds: Mapping[str, Array],
+        k: int,
+        batch: Shape,
+        out: Sequence[Array],
+        failed: dict[int, SingularJointError],
+    ) -> list[Array]:
+        """Each state of a batch alone: some of them cannot be computed."""
+        results = list(out) or [np.full(shape, np.nan) for shape in f.whole_shapes(batch, k)]
+        for number, at in enumerate(np.ndindex(*batch)):
+            alone = {
+                n: float(np.broadcast_to(a, batch)[at]) if n == "t" else of_state(a, batch, at, 0)
+                for n, a in arrays.items()
+            }
+            along = {s: of_state(a, batch, at, 1) for s, a in seeds.items()}
+            try:
+                found = self._along(f, alone, along, k, (), ()) if f.seeds else self.values(f, alone, ())
+            except SingularJointError as error:
+                failed[number] = error
+                continue
+            for r, x, derived in zip(results, found, f.derived, strict=True):
+                r[(slice(None), *at) if derived else at] = x
+        return results
+
+    def _along(
+        self,
+        f: Function,
+        arrays: Mapping[str, Any],
+        seeds: Mapping[str, Array],
+        k: int,
+        batch: Shape,
+        out: Sequence[Array],
+    ) -> list[Array]:
         given = [seeds[s] if s in seeds else np.zeros((k, *(1,) * len(batch), n)) for s, n in f.seeds.items()]
         given = [x[..., 0] if s == "dt" else x for s, x in zip(f.seeds, given, strict=True)]
         return self._call(f, [*(arrays[a] for a in f.arguments), *given], f.whole_shapes(batch, k), out)

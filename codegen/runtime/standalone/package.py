@@ -15,8 +15,11 @@ import numpy as np
 
 from .arguments import Arguments
 from .arrays import Array, Shape
+from .batches import spoil
+from .batching import BAD_STATES, Lenient, spread, tell_bad
 from .c_target import CTarget
 from .directions import take_directions
+from .errors import SingularJointError
 from .functions import ALONG, STATE, WITHOUT_ENTRIES, Function, function, shapes_of
 from .infinite import tell_infinite
 from .manifest import read_manifest
@@ -54,6 +57,9 @@ class Package:
     shorter than 1e-6. Methods that solve for accelerations raise `SingularJointError`.
     """
 
+    _threads = 1
+    _bad_states = "error"
+
     def __init__(self, folder: str | os.PathLike[str], target: str | None = None):
         self.folder = Path(folder).absolute()
         self._manifest = manifest = read_manifest(self.folder)
@@ -81,6 +87,7 @@ class Package:
         with self._making:
             if partition not in self._made:
                 opened = open_partition(self.folder, self._manifest, partition, self._wanted, self._shapes)
+                opened.target.threads = self._threads
                 self._made[partition] = opened
             return self._made[partition]
 
@@ -107,13 +114,14 @@ class Package:
         """The short ways of a partition."""
         return opened.target.desk
 
-    def __getstate__(self) -> tuple[str, str, int]:
+    def __getstate__(self) -> tuple[str, str, int, int, str]:
         # a pool of processes sends solvers by pickle: the package is opened anew where they arrive
-        return str(self.folder), self.target, self._opened.number
+        return str(self.folder), self.target, self._opened.number, self._threads, self._bad_states
 
-    def __setstate__(self, state: tuple[str, str, int]) -> None:
-        folder, target, partition = state
+    def __setstate__(self, state: tuple[str, str, int, int, str]) -> None:
+        folder, target, partition, threads, bad_states = state
         Package.__init__(self, folder, target)
+        self.batch_threads, self.bad_states = threads, bad_states
         if partition:
             self._use(self._open(partition))
 
@@ -134,6 +142,32 @@ class Package:
     def parameters(self) -> Array:
         """Default design parameters, (np,)."""
         return self._arguments.defaults["p"].copy()
+
+    @property
+    def batch_threads(self) -> int:
+        """On how many threads the C works on a batch; one if not set. Small batches take fewer."""
+        return self._threads
+
+    @batch_threads.setter
+    def batch_threads(self, threads: int) -> None:
+        if isinstance(threads, bool) or not isinstance(threads, (int, np.integer)) or threads < 1:
+            raise ValueError(f"batch_threads is {threads!r}, expected a number of threads, at least 1")
+        self._threads = int(threads)
+        with self._making:
+            for opened in self._made.values():
+                opened.target.threads = self._threads
+
+    @property
+    def bad_states(self) -> str:
+        """What becomes of states of a batch that cannot be computed, such as singular ones and those with NaN: ``error``, unless
+        set to ``nan``; then their results are NaN, a warning names them, and the others are computed."""
+        return self._bad_states
+
+    @bad_states.setter
+    def bad_states(self, wanted: str) -> None:
+        if wanted not in BAD_STATES:
+            raise ValueError(f"bad_states is {wanted!r}; allowed are {' and '.join(map(repr, BAD_STATES))}")
+        self._bad_states = wanted
 
     @property
     def independent_names(self) -> tuple[str, ...]:
@@ -172,22 +206,23 @@ class Package:
         """Results of a function without directions, in `out` if there is one."""
         opened = self._opened
         f = self._find(opened, name)
-        arrays, batch = self._arguments.take(given, self._left_out)
+        arrays, batch, bad = self._taken(given)
         taken = [] if out is None else places([out], f.results, f.whole_shapes(batch))
         if name in SHORT and not batch and not taken:
             # what came as lists, by name or of another type is plain now
             found = getattr(self._desk, name)(*(arrays[n] for n in STATE))
             if found is not None:
                 return [found]
-        return self._compute(opened, f, arrays, batch, {}, 0, taken)
+        return self._compute(opened, f, arrays, batch, {}, 0, taken, bad)
 
     def _along(self, name: str, given: Mapping[str, Any], seeds: Mapping[str, Any], out: Any = None) -> Any:
         """Results of a function over directions."""
         opened = self._opened
         f = self._find(opened, name)
         self._look_at_directions(opened, f, given, seeds)
-        arrays, batch = self._arguments.take(given, self._left_out)
-        directions, k, batch = take_directions(self._arguments, seeds, arrays, batch)
+        arrays, batch, bad = self._taken(given)
+        of, (directions, k, batch) = batch, take_directions(self._arguments, seeds, arrays, batch)
+        bad = bad if batch == of else spread(bad, of, batch)
         taken = [] if out is None else places(out, f.results, f.whole_shapes(batch, k))
         if name in SHORT and not batch and not taken:
             dt = directions["dt"][..., 0] if "dt" in directions else None
@@ -195,7 +230,13 @@ class Package:
             found = getattr(self._desk, name)(*(arrays[n] for n in STATE), along)
             if found is not None:
                 return found
-        return tuple(self._compute(opened, f, arrays, batch, directions, k, taken))
+        return tuple(self._compute(opened, f, arrays, batch, directions, k, taken, bad))
+
+    def _taken(self, given: Mapping[str, Any]) -> tuple[dict[str, Any], Shape, dict[int, str]]:
+        """Checked arguments, the shape of their batch, and what is bad of which of its states, where that is no error."""
+        if self._bad_states == "error":
+            return *self._arguments.take(given, self._left_out), {}
+        return Lenient(self._manifest, self._arguments).without_bad(given, self._left_out)
 
     def _compute(
         self,
@@ -206,18 +247,25 @@ class Package:
         seeds: Mapping[str, Array],
         k: int,
         taken: list[Array],
+        bad: Mapping[int, str] | None = None,
     ) -> list[Array]:
-        """Results for arguments that have been checked, told where they are not finite."""
+        """Results for arguments that have been checked, told where they are not finite; NaN for states that are bad."""
         if not f.has_entries():
             return taken or [empty(shape) for shape in f.whole_shapes(batch, k)]
         # results that would be written over what is read are moved in the end
         place: list[Array] = [] if overlap(taken, {**arrays, **seeds}) else taken
+        failed: dict[int, SingularJointError] | None = {} if batch and self._bad_states == "nan" else None
         if seeds:
-            results = opened.target.along(f, arrays, seeds, k, batch, place)
+            results = opened.target.along(f, arrays, seeds, k, batch, place, failed)
         else:
-            results = opened.target.values(f, arrays, batch, place)
+            results = opened.target.values(f, arrays, batch, place, failed)
         results = results if place else put(results, taken)
-        tell_infinite(opened, f, results, arrays, batch, seeds, k)
+        if failed or bad:
+            told = {n: str(error) for n, error in (failed or {}).items()} | dict(bad or {})
+            spoil(results, f, told, batch)
+            tell_bad(self.name, dict(sorted(told.items())), batch)
+        else:
+            tell_infinite(opened, f, results, arrays, batch, seeds, k)
         return results
 
     def _has(self, name: str) -> bool:

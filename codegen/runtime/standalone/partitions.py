@@ -17,7 +17,7 @@ class Partitions(Package):
 
     @property
     def partitions(self) -> tuple[tuple[str, ...], ...]:
-        """Names of the independent coordinates of each partition that the package holds; one, or two."""
+        """Names of the independent coordinates of each partition that the package holds, one to four."""
         return tuple(tuple(m.get("independent_names", self.coordinate_names)) for m in partitions_of(self._manifest))
 
     @property

@@ -26,7 +26,7 @@ from .arguments import Arguments
 from .arrays import Array, Numbers, Shape, Times, normalise
 from .errors import AssemblyError
 from .functions import Function
-from .jacobians import JACOBIANS, Jacobians
+from .jacobians import JACOBIANS, Jacobians, asked_for, jacobians_of
 from .manifest import check_files
 from .numpy_target import NumpyTarget
 from .package import Package, state
@@ -315,6 +315,7 @@ class Extended(Package):
         seeds: Mapping[str, Array],
         k: int,
         taken: list[Array],
+        bad: Mapping[int, str] | None = None,
     ) -> list[Array]:
         if taken:
             raise ValueError(
@@ -333,16 +334,18 @@ class Extended(Package):
         inputs: Numbers = None,
         t: Times = 0.0,
         *,
+        wrt: str | Sequence[str] | None = None,
         out: Jacobians | None = None,
     ) -> Jacobians:
-        """Every partial derivative of udot."""
+        """The partial derivatives of udot, or those by what `wrt` names."""
+        asked = asked_for(wrt)
         f = self._find(self._opened, "jacobians")
         arrays, batch = self._arguments.take(state(q, u, p, inputs, t), self._left_out)
-        taken = [] if out is None else [out.q]
+        taken = [] if out is None else [np.empty(0)]
         found = dict(zip(f.results, self._compute(self._opened, f, arrays, batch, {}, 0, taken), strict=True))
         zero = self._digits.mpf(0)
         shapes = {n: batch + self._shapes[f"J_{n}"] for n in JACOBIANS}
-        return Jacobians(*(found.get(f"J_{n}", np.full(shapes[n], zero, object)) for n in JACOBIANS))
+        return jacobians_of({n: found.get(f"J_{n}", np.full(shapes[n], zero, object)) for n in asked})
 
     def _filled(self, found: Mapping[str, Array], k: int, batch: Shape) -> Any:
         gradients = super()._filled(found, k, batch)  # type: ignore[misc]

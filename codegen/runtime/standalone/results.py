@@ -51,8 +51,9 @@ def overlap(taken: Sequence[Array], arrays: Mapping[str, Any]) -> bool:
     return any(np.may_share_memory(a, b) for a, b in itertools.chain(among, given))
 
 
-def put(results: list[Array], out: Sequence[Array]) -> list[Array]:
-    """Results in the arrays of the caller's, if there are any."""
+def put(results: list[Array], out: Sequence[Any]) -> list[Any]:
+    """Results in the arrays of the caller's, if there are any; there is none for what is not asked for."""
     for place, result in zip(out, results, strict=False):
-        place[...] = result
+        if place is not None:
+            place[...] = result
     return list(out) or results

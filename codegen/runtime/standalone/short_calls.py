@@ -13,7 +13,7 @@ import numpy as np
 
 from .arrays import Shape
 from .functions import Function
-from .jacobians import JACOBIANS, Jacobians
+from .jacobians import JACOBIANS, Jacobians, jacobians_of
 
 SHORT = (
     "accelerations", "sensitivities", "jacobians", "coordinate_rates", "coordinate_rate_sensitivities", "energies",
@@ -137,10 +137,19 @@ def _short_jacobians(
     names = [f"J_{n}" for n in JACOBIANS]
     new_q, new_u, new_p, new_inputs, new_t = (np.empty if n in computed else np.zeros for n in names)
     q_shape, u_shape, p_shape, inputs_shape, t_shape = (shapes[n] for n in names)
+    new = {n: (np.empty if f"J_{n}" in computed else np.zeros, shapes[f"J_{n}"]) for n in JACOBIANS}
 
-    def short(q: Any, u: Any, p: Any, inputs: Any, t: Any, out: Any = None) -> Any:
+    def some(q: int, u: int, p: int, inputs: int, t: float, asked: tuple[str, ...]) -> Any:
+        """Some of the matrices, no others."""
+        found = {n: new[n][0](new[n][1]) for n in asked}
+        status = call(desk, q, u, p, inputs, t, *(id(found[n]) if n in found else 0 for n in JACOBIANS))
+        return None if status else jacobians_of(found)
+
+    def short(q: Any, u: Any, p: Any, inputs: Any, t: Any, out: Any = None, asked: tuple[str, ...] = JACOBIANS) -> Any:
         if out is not None or (type(t) is not float and not isinstance(t, float)):
             return None
+        if asked is not JACOBIANS:
+            return some(id(q), id(u), 0 if p is None else id(p), 0 if inputs is None else id(inputs), t, asked)
         J_q, J_u, J_p = new_q(q_shape), new_u(u_shape), new_p(p_shape)
         J_inputs, J_t = new_inputs(inputs_shape), new_t(t_shape)
         p = 0 if p is None else id(p)

@@ -29,9 +29,6 @@ MOST_STEPS = 1_000_000
 SMALLEST_TOLERANCE = 1e-14
 """Relative errors below it are rounding."""
 
-UNDETERMINED = 1e-4
-"""The constant of that name in ``state.c``."""
-
 DEAD_POINT = "as at a dead point"
 """Words in the reason why a motion ended where other independent coordinates may serve."""
 
@@ -134,7 +131,7 @@ class Simulation(MotionRun):
         return trajectory
 
     def _largest_growth(self, trajectory: Trajectory, directions: Directions, problem: Problem) -> float:
-        """The largest change of an independent entry, in parts of its size, per part of what it changes with.
+        """The largest change of an independent entry, in parts of its size, per part of what it changes with; or a bound of it.
 
         Its size is the largest in the motion of all with its unit; so the same motion in other units of length, mass and time
         has the same growth. Dependent entries are left out: they have no derivatives where a loop loses rank.
@@ -142,11 +139,18 @@ class Simulation(MotionRun):
         if not directions.k:
             return 0.0
         q, u = np.abs(trajectory.q).max(axis=0), np.abs(trajectory.u).max(axis=0)
+        bound = 0.0 if directions.given else _bound_of_growth(trajectory, problem, [*q.tolist(), *u.tolist()])
+        if 0.0 < bound < MEANINGLESS:
+            return bound
         by, q, u = self._sizes_of_directions(directions, q, u, problem)
-        free_q = [self.coordinate_names.index(n) for n in self.independent_names]
-        free_u = [self.speed_names.index(n) for n in self.independent_speed_names]
-        changes = (trajectory.dq[..., free_q], q[free_q]), (trajectory.du[..., free_u], u[free_u])
-        return max(float((np.abs(x).max(axis=1) * by[:, None] / size).max(initial=0.0)) for x, size in changes)
+        growth = 0.0
+        for free, derivatives, size in (
+            (places(self.independent_names, self.coordinate_names), trajectory.dq, q),
+            (places(self.independent_speed_names, self.speed_names), trajectory.du, u),
+        ):
+            changes = np.abs(derivatives).max(axis=1)[:, free] * by[:, None] / size[free]
+            growth = max(growth, float(changes.max(initial=0.0)))
+        return growth
 
     def _sizes_of_directions(
         self, directions: Directions, q: Array, u: Array, problem: Problem
@@ -301,8 +305,8 @@ class Simulation(MotionRun):
             return self._cause(problem, run)
         way = (
             "a package with two partitions (generate with --partitions 2) changes to other independent coordinates before"
-            if len(self._manifest.get("second", ())) == 0
-            else "neither of the package's two choices of independent coordinates serves there"
+            if len(self.partitions) == 1
+            else f"none of the package's {len(self.partitions)} choices of independent coordinates serves there"
         )
         return (
             f"{self._cause(problem, run)}. The dependent coordinates were hardly determined there (condition "
@@ -334,8 +338,8 @@ class Simulation(MotionRun):
                 )
             case "undetermined":
                 return (
-                    f"the motion ends {at}: small errors of the independent speeds, as rounding, rtol and atol allow, change "
-                    f"dependent speeds by more than {UNDETERMINED:g} of themselves there"
+                    f"the motion ends {at}: there, or just behind, small errors of the independent speeds, as rounding, rtol "
+                    f"and atol allow, become large ones of dependent speeds"
                 )
             case "not finite":
                 return f"the motion ends {at}: the time derivative of {entry} is not finite"
@@ -365,20 +369,36 @@ def largest_of_unit(sizes: Array, units: Sequence[str]) -> Array:
     return np.array([largest[unit] or 1.0 for unit in units])
 
 
+def _bound_of_growth(trajectory: Trajectory, problem: Problem, entries: list[float]) -> float:
+    """What growth is no larger than where directions are named, so of length one, in a tenth of its time; 0 if not known.
+
+    `entries` are the largest sizes of coordinates and speeds over time: those of a unit are no less, unless all are zero.
+    """
+    sizes = [x for x in entries if x > 0.0]
+    others = [float(np.abs(x).max(initial=0.0)) for x in (problem.p, problem.inputs.values)]
+    largest = max(1.0, *sizes, *others)
+    changed = max(float(np.abs(x).max(initial=0.0)) for x in (trajectory.dq, trajectory.du))
+    return changed * largest / min([1.0, *sizes])
+
+
+def places(names: Sequence[str], among: Sequence[str]) -> list[int]:
+    """Where names stand among others."""
+    at = {name: i for i, name in enumerate(among)}
+    return [at[name] for name in names]
+
+
 def direction_sizes(directions: Directions, sizes: tuple[Array, Array, Array, Array]) -> Array:
     """(k,): how large a step along each direction is that changes what it is with respect to by all of itself.
 
     `sizes` are those of q, u, p, and of the inputs' control points (count, ninputs); zeros are taken as 1.
     """
     seeds = (directions.dq, directions.du, directions.dp, directions.dinputs)
-    found = np.full(directions.k, np.inf)
+    moved = np.zeros(directions.k)
     for seed, size in zip(seeds, sizes, strict=True):
-        if seed is None or not seed.size:
-            continue
-        parts = np.abs(seed) / np.where(size == 0.0, 1.0, np.abs(size))
-        moved = parts.reshape(directions.k, -1).max(axis=1)
-        found = np.minimum(found, np.divide(1.0, moved, where=moved > 0.0, out=np.full(directions.k, np.inf)))
-    return np.where(np.isfinite(found), found, 0.0)
+        if seed is not None and seed.any():
+            parts = np.abs(seed) / np.where(size == 0.0, 1.0, np.abs(size))
+            moved = np.maximum(moved, parts.reshape(directions.k, -1).max(axis=1))
+    return np.divide(1.0, moved, where=moved > 0.0, out=np.zeros(directions.k))
 
 
 def _interval(t: Any) -> tuple[float, float, Array]:
@@ -395,13 +415,15 @@ def _interval(t: Any) -> tuple[float, float, Array]:
         if times <= 0:
             raise ValueError(f"t is {float(times):g} s, expected a positive number, or times (nt,)")
         return 0.0, float(times), np.empty(0)
-    if len(times) < 2 or (np.diff(times) <= 0).any():
+    if len(times) < 2 or not (times[1:] > times[:-1]).all():
         raise ValueError("t: times must rise, from the beginning of the motion to its end; at least two are needed")
     return float(times[0]), float(times[-1]), times
 
 
 def _tolerances(name: str, given: Any, shape: tuple[int, ...]) -> Array:
     """One tolerance, or one for each."""
+    if type(given) is float and 0.0 < given < math.inf:
+        return np.full(shape, given)
     try:
         found = np.broadcast_to(np.asarray(given, float), shape).copy()
     except (TypeError, ValueError):

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 from .arrays import Array, Shape
 from .c_target import CTarget
 from .comparison import compare
-from .errors import NoCompilerError
+from .errors import NoCompilerError, SingularJointError
 from .functions import Function, functions_of
 from .manifest import check_files
 from .numpy_target import NumpyTarget
@@ -22,9 +22,15 @@ class Target(Protocol):
 
     name: str
     desk: Any
+    threads: int
 
     def values(
-        self, f: Function, arrays: Mapping[str, Any], batch: Shape, out: Sequence[Array] = ()
+        self,
+        f: Function,
+        arrays: Mapping[str, Any],
+        batch: Shape,
+        out: Sequence[Array] = (),
+        failed: dict[int, SingularJointError] | None = None,
     ) -> list[Array]: ...
 
     def along(
@@ -35,6 +41,7 @@ class Target(Protocol):
         k: int,
         batch: Shape,
         out: Sequence[Array] = (),
+        failed: dict[int, SingularJointError] | None = None,
     ) -> list[Array]: ...
 
 
@@ -51,7 +58,7 @@ class Opened:
     number : int
         The partition.
     manifest : dict
-        Of the partition: that of the package, or its part about the second one.
+        Of the partition: that of the package, or its part about another one.
     functions : dict of str to Function
     target : Target
     """
@@ -114,4 +121,4 @@ def c_target(
 
 def partitions_of(package: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     """What a manifest says of each partition."""
-    return [package, *([package["second"]] if "second" in package else [])]
+    return [package, *package.get("others", ())]

@@ -15,6 +15,27 @@
 #pragma GCC optimize ("no-tree-slp-vectorize")
 #endif
 
+#ifndef ORDERNM_STATES
+/* Where a double holds several states, these say what a number for all of them is, and what a condition is that some do not meet. */
+typedef double number;
+typedef int status;
+#define ALL(x) (x)
+#define TRUTH(condition) ((double)(condition))
+#define REQUIRE(condition, code) if (!a->singular && !(condition)) a->singular = code
+#define STOPPED(a) (a)->singular
+#define MORE_OF_A_CALL
+#endif
+
+/* All functions of the header are here, unless a library of some of them, or a unit of one, is compiled: see model.json. */
+#ifndef ORDERNM_LIBRARY
+#define ORDERNM_LIBRARY 0
+#endif
+#ifndef ORDERNM_UNIT
+#define ORDERNM_UNIT 0
+#endif
+#define ORDERNM_HAS(library, unit) \
+    (!ORDERNM_LIBRARY || (ORDERNM_LIBRARY == (library) && (!ORDERNM_UNIT || ORDERNM_UNIT == (unit))))
+
 /* One value per direction, as vectors of the width that the machine works on at once; plain C has vectors of one. */
 #if !defined(__GNUC__) || defined(ORDERNM_PLAIN_C)
 enum { VECTOR_8 = 1, VECTOR_2 = 1 };
@@ -58,7 +79,9 @@ enum {
 #define DIRECTIONS(name) ORDERNM_JOIN(name, WIDTH)
 #define LANES DIRECTIONS(lanes)
 #define VECTOR DIRECTIONS(vector)
+#ifndef EACH_VECTOR
 #define EACH_VECTOR for (int h = 0; h < DIRECTIONS(VECTORS); ++h)
+#endif
 #define NOTHING (LANES){0}
 
 /* Places in near. In kinematics. */
@@ -106,23 +129,24 @@ typedef struct {
     double *constants;
     double *trig;
     double *tau;
-    int singular;
+    status singular;
 } call;
 
-static const double numbers_of_constants_0[1][9] = {
+static const number numbers_of_constants_0[1][9] = {
     {2700.0, 0.0012566370614359175, 2700.0, 0.0012566370614359175, 0.0001, 12.0, 2700.0, 0.0012566370614359175, 0.0002},
 };
 
-/* Sines and cosines of n angles (a multiple of 8), below one unit in the last place: trig[i] becomes the cosine of
- * trig[n + i], which becomes its sine.
+/* Sines and cosines of n angles (what vectors have beyond these is worked out too), below one unit in the last place: trig[i]
+ * becomes the cosine of trig[ANGLES + i], which becomes its sine.
  * Reduction by pi/2 in three parts (exact products up to 2^20 quarter turns), minimax polynomials on [-pi/4, pi/4];
  * larger or non-finite angles go to the C library, and so do those that a rounding mode other than to nearest has left
  * outside of it. */
 static void sines_and_cosines(int n, double *trig)
 {
-    double *const cosine = trig, *const sine = trig + n;
+    double *const cosine = trig, *const sine = trig + ANGLES;
 #ifdef ORDERNM_VECTORS
-    typedef long long bits __attribute__((vector_size(8*VECTOR_8), aligned(8), may_alias));
+    typedef long long bits __attribute__((vector_size(sizeof(vector_8)), aligned(8), may_alias));
+    enum { LANES_AT_ONCE = sizeof(vector_8)/sizeof(number) };
     const vector_8 zero = {0.0};
     for (int i = 0; i < n; i += VECTOR_8) {
         const vector_8 x = *(const vector_8 *)(sine + i);
@@ -148,16 +172,23 @@ static void sines_and_cosines(int n, double *trig)
         const bits c_sign = ((quarter + 1) & 2) << 62;
         const bits inside = (bits)((x > zero - 1.0e6) & (x < zero + 1.0e6) & (z < zero + 0.62));
         long long all = inside[0];
-        for (int l = 1; l < VECTOR_8; ++l) all &= inside[l];
-        if (!all) {
-            for (int j = i; j < i + VECTOR_8; ++j) {
-                cosine[j] = cos(sine[j]);
-                sine[j] = sin(sine[j]);
-            }
+        for (int l = 1; l < LANES_AT_ONCE; ++l) all &= inside[l];
+        const bits sin_x = (((bits)s & ~odd) | ((bits)c & odd)) ^ s_sign;
+        const bits cos_x = (((bits)c & ~odd) | ((bits)s & odd)) ^ c_sign;
+        bits *const to_sine = (bits *)(sine + i), *const to_cosine = (bits *)(cosine + i);
+        if (all) {
+            *to_sine = sin_x;
+            *to_cosine = cos_x;
             continue;
         }
-        *(vector_8 *)(sine + i) = (vector_8)((((bits)s & ~odd) | ((bits)c & odd)) ^ s_sign);
-        *(vector_8 *)(cosine + i) = (vector_8)((((bits)c & ~odd) | ((bits)s & odd)) ^ c_sign);
+        number *const angles = (number *)(sine + i), *const cosines = (number *)(cosine + i);
+        for (int l = 0; l < LANES_AT_ONCE; ++l)
+            if (!inside[l]) {
+                cosines[l] = (cos)(angles[l]);
+                angles[l] = (sin)(angles[l]);
+            }
+        *to_sine = (sin_x & inside) | (*to_sine & ~inside);
+        *to_cosine = (cos_x & inside) | (*to_cosine & ~inside);
     }
 #else
     for (int i = 0; i < n; ++i) {
@@ -171,19 +202,19 @@ static void sines_and_cosines(int n, double *trig)
  * in: numbers; p. out: c: mass, inertia, first_moment. operations: 6 additions, 26 multiplications, 2 divisions */
 static void constants_0(call *a)
 {
-    const double *restrict k = numbers_of_constants_0[0];
+    const number *restrict k = numbers_of_constants_0[0];
     const double *restrict p = a->p;
     constants_of_shape_0 *restrict c = (constants_of_shape_0 *)(a->constants + 0);
-    const double k_0 = k[0];
-    const double k_1 = k[1];
+    const double k_0 = ALL(k[0]);
+    const double k_1 = ALL(k[1]);
     const double length = p[0];
-    const double k_2 = k[2];
-    const double k_3 = k[3];
-    const double k_4 = k[4];
-    const double k_5 = k[5];
-    const double k_6 = k[6];
-    const double k_7 = k[7];
-    const double k_8 = k[8];
+    const double k_2 = ALL(k[2]);
+    const double k_3 = ALL(k[3]);
+    const double k_4 = ALL(k[4]);
+    const double k_5 = ALL(k[5]);
+    const double k_6 = ALL(k[6]);
+    const double k_7 = ALL(k[7]);
+    const double k_8 = ALL(k[8]);
     const double m = k_0*k_1*length;
     c->mass = m;
     const double e = k_4 + (length*length)/k_5;
@@ -215,7 +246,7 @@ static void pose_0(call *a)
     const double *restrict trig = a->trig + 0;
     link_record *restrict me = &a->records[0];
     const double trig_cos = trig[COSINE];
-    me->position_z = 0.0;
+    me->position_z = ALL(0.0);
     me->attitude_zz = trig_cos;
 }
 
@@ -263,7 +294,7 @@ static void triangularize_0(call *a)
     const double tau_rod = tau[0];
     const double scale = c_J_zz + 2.0*c_J_xx; /* zero pivot */
     const double margin = c_J_xx - 2e-15*scale;
-    if (!a->singular && !(margin > 0.0)) a->singular = 0 + 1;
+    REQUIRE(margin > 0.0, 0 + 1);
     const double Dinv = 1.0/c_J_xx; /* Eq. 47 */
     me->inverse_pivot_0 = Dinv;
     const double r = tau_rod - me_n_y; /* Eq. 53 */
@@ -347,20 +378,20 @@ static void lay_out(call *a, double *work)
     a->constants = work + 40;
     a->trig = work + 48;
     a->tau = work + 64;
-    a->singular = 0;
+    a->singular = (status){0};
 }
 
 /* Computes what depends on no other link: constants, sines and cosines, rotation matrices. */
 static void start(call *a)
 {
     constants_0(a);
-    a->gravity[0] = 0.0;
-    a->gravity[1] = 0.0;
-    a->gravity[2] = 9.81;
+    a->gravity[0] = ALL(0.0);
+    a->gravity[1] = ALL(0.0);
+    a->gravity[2] = ALL(9.81);
     a->records[LINKS].total_acceleration_z = a->gravity[2];
     for (int i = 0; i < 1; ++i) a->trig[ANGLES + i] = a->q[i];
-    for (int i = 1; i < ANGLES; ++i) a->trig[ANGLES + i] = 0.0;
-    sines_and_cosines(ANGLES, a->trig);
+    for (int i = 1; i < ANGLES; ++i) a->trig[ANGLES + i] = ALL(0.0);
+    sines_and_cosines(1, a->trig);
 }
 
 /* Forward dynamics: the three sweeps. */
@@ -369,11 +400,15 @@ static int forward(call *a)
     joint_forces(a);
     kinematics(a);
     triangularize(a);
-    if (a->singular) return a->singular;
+    if (STOPPED(a)) return 1;
     back_substitute(a);
     return 0;
 }
 
+#if defined(ORDERNM_STATES)
+#define WIDTH 8
+#include "pendulum_directions.h"
+#else
 #define WIDTH 1
 #include "pendulum_directions.h"
 #undef WIDTH
@@ -390,6 +425,7 @@ static int forward(call *a)
 
 /* ---- Functions of the header without directions; columns of matrices are computed WIDTH at a time. ---- */
 
+#if ORDERNM_HAS(1, 1)
 /* Forward dynamics (Eqs. 18-24, 42-56). */
 int pendulum_accelerations(const double *q, const double *u, const double *p, double *udot, double *work)
 {
@@ -399,7 +435,9 @@ int pendulum_accelerations(const double *q, const double *u, const double *p, do
     if (forward(&c)) return c.singular;
     return 0;
 }
+#endif
 
+#if ORDERNM_HAS(5, 1) || ORDERNM_HAS(8, 1)
 /* The outputs of the model. */
 int pendulum_outputs(const double *q, const double *u, const double *p, double *outputs, double *work)
 {
@@ -410,6 +448,7 @@ int pendulum_outputs(const double *q, const double *u, const double *p, double *
     output_formulas(&c);
     return 0;
 }
+#endif
 
 /* ---- The same over a batch of states. ---- */
 
@@ -425,39 +464,54 @@ int pendulum_outputs(const double *q, const double *u, const double *p, double *
     } \
     return 0
 
+#if ORDERNM_HAS(1, 1)
 int pendulum_accelerations_batch(pendulum_batch *b)
 {
     EACH_STATE(pendulum_accelerations(AT(q), AT(u), AT(p), AT(udot), b->work));
 }
+#endif
 
+#if ORDERNM_HAS(1, 2)
 int pendulum_sensitivities_8_batch(pendulum_batch *b)
 {
     EACH_STATE(pendulum_sensitivities_8(AT(q), AT(u), AT(p), AT(dq), AT(du), AT(dp), AT(udot), AT(dudot), b->work));
 }
+#endif
 
+#if ORDERNM_HAS(1, 2)
 int pendulum_sensitivities_2_batch(pendulum_batch *b)
 {
     EACH_STATE(pendulum_sensitivities_2(AT(q), AT(u), AT(p), AT(dq), AT(du), AT(dp), AT(udot), AT(dudot), b->work));
 }
+#endif
 
+#if ORDERNM_HAS(1, 1)
 int pendulum_sensitivities_1_batch(pendulum_batch *b)
 {
     EACH_STATE(pendulum_sensitivities_1(AT(q), AT(u), AT(p), AT(dq), AT(du), AT(dp), AT(udot), AT(dudot), b->work));
 }
+#endif
 
+#if ORDERNM_HAS(5, 1) || ORDERNM_HAS(8, 1)
 int pendulum_outputs_batch(pendulum_batch *b)
 {
     EACH_STATE(pendulum_outputs(AT(q), AT(u), AT(p), AT(outputs), b->work));
 }
+#endif
 
+#if ORDERNM_HAS(7, 2)
 int pendulum_sensitivities_transposed_8_batch(pendulum_batch *b)
 {
     EACH_STATE(pendulum_sensitivities_transposed_8(AT(q), AT(u), AT(p), AT(dudot), AT(udot), AT(dq), AT(du), AT(dp),
         b->work));
 }
+#endif
 
+#if ORDERNM_HAS(7, 1)
 int pendulum_sensitivities_transposed_1_batch(pendulum_batch *b)
 {
     EACH_STATE(pendulum_sensitivities_transposed_1(AT(q), AT(u), AT(p), AT(dudot), AT(udot), AT(dq), AT(du), AT(dp),
         b->work));
 }
+#endif
+#endif

@@ -27,6 +27,7 @@ enum {
     PENDULUM_NP = 1,
     PENDULUM_NINPUTS = 0,
     PENDULUM_NOUTPUTS = 1,
+    PENDULUM_STATES_WORKSPACE = 1128,
     PENDULUM_WORKSPACE = 104
 };
 
@@ -78,6 +79,33 @@ int pendulum_sensitivities_1_batch(pendulum_batch *b);
 int pendulum_outputs_batch(pendulum_batch *b);
 int pendulum_sensitivities_transposed_8_batch(pendulum_batch *b);
 int pendulum_sensitivities_transposed_1_batch(pendulum_batch *b);
+
+/* The same for several states at once, in vectors; compile pendulum_states.c with pendulum.c. Of an array, entry i along
+ * direction k of state s is at[s*state + k*direction + i*entry]; steps of 0 are one for all, of what is only read, and seeds
+ * that are not there are zero. */
+typedef struct {
+    const double *at;
+    long state, direction, entry;
+} pendulum_seen;
+typedef struct {
+    double *at;
+    long state, direction, entry;
+} pendulum_filled;
+
+/* A batch of count states. Where something is singular, results are NaN; the first such state goes to failed (-1: none), what was
+ * singular there to code, which is returned, and that of every state to codes, if they are there. */
+typedef struct {
+    long count, directions, failed;
+    int code, *codes;
+    pendulum_seen
+        q, u, p, dq, du, dp;
+    pendulum_filled
+        udot, dudot;
+    double *work; /* PENDULUM_STATES_WORKSPACE doubles */
+} pendulum_states;
+
+int pendulum_accelerations_states(pendulum_states *b);
+int pendulum_sensitivities_states(pendulum_states *b);
 
 #ifdef __cplusplus
 }

@@ -25,7 +25,8 @@ typedef struct {
     LANES *dudot;
     DIRECTIONS(link_lanes) *lanes;
     LANES *dtau;
-    int singular;
+    status singular;
+    MORE_OF_A_CALL
 } DIRECTIONS(call);
 
 /* balance, outward: tangent of the inverse dynamics at fixed udot (Eqs. 25-29); rod
@@ -248,7 +249,7 @@ static void DIRECTIONS(open)(DIRECTIONS(call) *d, const call *c, double *work)
     d->tau = c->tau;
     d->lanes = (DIRECTIONS(link_lanes) *)(work + 72);
     d->dtau = (LANES *)(work + 88);
-    d->singular = 0;
+    d->singular = (status){0};
 }
 
 /* From seeds to dudot, with the factors and accelerations of the forward dynamics at hand. */
@@ -260,6 +261,21 @@ static void DIRECTIONS(balance)(DIRECTIONS(call) *a)
     DIRECTIONS(balance_back)(a);
 }
 
+#if WIDTH == 8 || WIDTH == 1
+/* The steps of sensitivities over directions, backwards. */
+static void DIRECTIONS(sensitivities_backwards)(DIRECTIONS(call) *a)
+{
+    for (long i = 0; i < 1L; ++i) a->dtau[i] = NOTHING;
+    for (int i = 0; i < 1; ++i) a->dp[i] = NOTHING;
+    DIRECTIONS(balance_back_transposed)(a);
+    DIRECTIONS(gradient_out)(a);
+    DIRECTIONS(gradient_in)(a);
+    DIRECTIONS(joint_forces_transposed)(a);
+}
+
+#endif
+#ifndef ORDERNM_STATES
+#if (WIDTH == 8 || WIDTH == 2) ? (ORDERNM_HAS(1, 2)) : (ORDERNM_HAS(1, 1))
 /* Forward dynamics and its total derivative along seeds (Eqs. 9, 10, by the balance). */
 int DIRECTIONS(pendulum_sensitivities)(const double *q, const double *u, const double *p, const double *dq,
     const double *du, const double *dp, double *udot, double *dudot, double *work)
@@ -277,19 +293,10 @@ int DIRECTIONS(pendulum_sensitivities)(const double *q, const double *u, const d
     DIRECTIONS(balance)(&d);
     return 0;
 }
+#endif
 
 #if WIDTH == 8 || WIDTH == 1
-/* The steps of sensitivities over directions, backwards. */
-static void DIRECTIONS(sensitivities_backwards)(DIRECTIONS(call) *a)
-{
-    for (long i = 0; i < 1L; ++i) a->dtau[i] = NOTHING;
-    for (int i = 0; i < 1; ++i) a->dp[i] = NOTHING;
-    DIRECTIONS(balance_back_transposed)(a);
-    DIRECTIONS(gradient_out)(a);
-    DIRECTIONS(gradient_in)(a);
-    DIRECTIONS(joint_forces_transposed)(a);
-}
-
+#if (WIDTH == 8) ? (ORDERNM_HAS(7, 2)) : (ORDERNM_HAS(7, 1))
 /* Forward dynamics (Eqs. 18-24, 42-56), and gradients of their weighted sums (the transpose of sensitivities). */
 int DIRECTIONS(pendulum_sensitivities_transposed)(const double *q, const double *u, const double *p,
     const double *dudot, double *udot, double *dq, double *du, double *dp, double *work)
@@ -307,5 +314,7 @@ int DIRECTIONS(pendulum_sensitivities_transposed)(const double *q, const double 
     DIRECTIONS(sensitivities_backwards)(&d);
     return 0;
 }
+#endif
 
+#endif
 #endif

@@ -1,0 +1,35 @@
+"""How many choices of independent coordinates a motion needs: one, until it meets a dead point."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .runtime import Solver, Trajectory
+
+PARTITIONS = (2, 4)
+"""So many choices of independent coordinates are generated when a motion meets a dead point with fewer."""
+
+
+def more_choices(solver: Solver, trajectory: Trajectory, held: int) -> int | None:
+    """So many choices may take a motion further; None where it has not ended at a dead point, or there are no more choices.
+
+    Parameters
+    ----------
+    solver : Solver
+        Of which `held` choices were asked for.
+    trajectory : Trajectory
+        What it has simulated.
+    """
+    if not _met_dead_point(trajectory) or len(solver.partitions) < held:
+        return None
+    return next((n for n in PARTITIONS if n > held), None)
+
+
+def _met_dead_point(trajectory: Trajectory) -> bool:
+    """Whether the motion has ended where another choice of independent coordinates may serve."""
+    from .runtime.standalone.simulation import DEAD_POINT
+    from .runtime.standalone.trajectory import FINISHED, INTERRUPTED
+
+    over = trajectory.ended in (FINISHED, INTERRUPTED, "event")
+    return not over and DEAD_POINT in trajectory.ended

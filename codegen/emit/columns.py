@@ -1,0 +1,233 @@
+"""Columns of matrices computed all at once, in C: which groups of columns links work on, seeds, and where columns go.
+
+Columns are taken four at a time: a group. A link works on groups by the bits of integers, which are found anew for every call,
+or, of matrices with more columns than there is room for, for as many as there is.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from itertools import accumulate
+
+from ..mechanics.sweeps import SWEEP
+from ..program.procedure import AllColumns, Array, Primitives, Procedure, walk
+from .function import in_lines
+from .libraries import guard
+
+GROUP = 4
+"""Columns in a group."""
+
+MASKS = ("own", "below", "path", "still", "fresh")
+"""What is known of every link: see `mechanics.sweeps.Sweep.groups`."""
+
+Written = Callable[[Array], str]
+"""How an array is written."""
+
+
+class ColumnsInC:
+    """What the functions of a solver that compute all columns of matrices have in common."""
+
+    masks, group = MASKS, GROUP
+
+    def __init__(self, procedures: tuple[Procedure, ...]):
+        found = [s for p in procedures for s in walk(p.steps)]
+        self.steps = list(dict.fromkeys(s for s in found if isinstance(s, AllColumns)))
+        self.primitives = list(dict.fromkeys(s for s in found if isinstance(s, Primitives)))
+        self.width = max((s.width for s in self.steps), default=0)
+        self.weighted_whole = any(s.weighted and fits(s) for s in self.steps)
+        self.weighted_apart = any(s.weighted and not fits(s) for s in self.steps)
+        self.symmetric = self.weighted_whole or any(s.symmetric and s.into for s in self.steps)
+        self.taken = any(s.into and not s.symmetric for s in self.steps)
+        self.found_anew = not all(map(fits, self.steps))
+        self.guard = " || ".join(
+            dict.fromkeys(guard(p.name) for p in procedures if any(isinstance(s, AllColumns) for s in walk(p.steps)))
+        )
+        self.regular = all(map(one_by_link, self.steps))
+        self.serial = all(s.parents == tuple(range(-1, len(s.parents) - 1)) for s in self.steps)
+
+    @property
+    def parent(self) -> str:
+        """The parent of link i, as the preprocessor says it."""
+        return "((i) - 1)" if self.serial else "parent_of[i]"
+
+    @property
+    def files(self) -> list[str]:
+        """Templates of what calls over columns need."""
+        wanted = {
+            "regular": self.regular, "irregular": not self.regular, "groups": self.found_anew, "take": self.taken,
+            "symmetric": self.symmetric, "weighted": self.weighted_whole, "weighted_apart": self.weighted_apart,
+        }  # fmt: skip
+        return [f"c/columns_{name}.c.jinja" for name, needed in wanted.items() if needed]
+
+    def regions(self, fields: int, links: int) -> list[tuple[str, bool, int]]:
+        """Memory: what links keep per column, rows of seeds and results, what is known of links, weights."""
+        if not self.steps:
+            return []
+        rows = max(sum(a.size for a in (*(() if fits(s) else s.seeds), s.of)) for s in self.steps)
+        return [
+            ("column_rows", False, rows * self.width),
+            ("masks", False, 0 if all(map(fits, self.steps)) else len(MASKS) * links),
+            ("inverse", False, max((s.of.size**2 for s in self.steps if s.weighted and fits(s)), default=0)),
+            ("weights", False, max((len(s.weighted) for s in self.primitives), default=0)),
+            ("columns", True, -(-fields * links * self.width // 8)),
+        ]
+
+    def members(self) -> list[tuple[str, str]]:
+        """Types and names of what calls over columns have beside."""
+        return (
+            [*(("const groups *", f"{name}_groups") for name in MASKS), ("groups ", "all_groups")] if self.steps else []
+        )
+
+    def tables(self) -> list[tuple[str, list[str]]]:
+        """Declarations and lines of tables."""
+        found: dict[str, list[str]] = {}
+        for step in self.steps:
+            name = name_of(step)
+            if reads_starts(step) and not self.regular:
+                _add(found, f"{name}_starts", list(step.starts))
+            if fits(step):
+                for mask, values in groups_of_links(step).items():
+                    head = f"static const groups {name}_{mask}[{len(values)}]"
+                    found[head] = in_lines([f"{v:#x}" for v in values], 12)
+                places, at = {}, 0
+                for a in step.seeds:
+                    places[a] = at
+                    at += a.size
+                ones = [f"[{places[a] + i}][{j}] = 1.0" for j, (a, i) in enumerate(step.units)]
+                found[f"static const number {name}_units[{at}][{step.width}]"] = in_lines(ones, 6)
+            elif not self.serial:
+                _add(found, "parent_of", list(step.parents))
+            if not self.regular:
+                arrays = step.seeds
+                _add_rows(found, f"{name}_columns", [(arrays.index(a), i) for a, i in step.units])
+            if step.weighted:
+                matrices = step.matrices
+                counts = Counter(w.entry for w in step.weighted)
+                _add(found, "weighted_starts", [*accumulate((counts[i] for i in range(step.of.size)), initial=0)])
+                _add_rows(found, "weighted", [(matrices.index(w.into), w.column) for w in step.weighted])
+        for of in self.primitives:
+            units, seeds = _units(of)
+            _add_rows(found, "primitive_units", [(seeds.index(seed), entry, d) for seed, entry, d in units])
+            _add_rows(found, "primitives", [(w.entry, w.direction) for w in of.weighted])
+        return list(found.items())
+
+
+def _add(tables: dict[str, list[str]], name: str, values: list[int]) -> None:
+    tables[f"static const int {name}[{len(values)}]"] = in_lines(list(map(str, values)), 16)
+
+
+def _add_rows(tables: dict[str, list[str]], name: str, rows: list[tuple[int, ...]]) -> None:
+    head = f"static const int {name}[{len(rows)}][{len(rows[0])}]"
+    tables[head] = in_lines([f"{{{', '.join(map(str, row))}}}" for row in rows], 8)
+
+
+def reads_starts(step: AllColumns) -> bool:
+    """Whether it matters to the call where the columns of each link begin."""
+    return step.symmetric or not fits(step)
+
+
+def one_by_link(step: AllColumns) -> bool:
+    """Whether every link has one entry of each array, that of its number: then columns need no tables."""
+    links = range(len(step.parents))
+    return step.units == tuple((a, i) for i in links for a in step.seeds)
+
+
+def fits(step: AllColumns) -> bool:
+    """Whether there is room for all columns: then what links work on is known beforehand."""
+    return step.starts[-1] <= step.width
+
+
+def groups_of_links(step: AllColumns) -> dict[str, list[int]]:
+    """For each link the groups of columns that it works on, as bits, by mask; see `mechanics.sweeps.Sweep.groups`."""
+    every = (1 << -(-step.starts[-1] // GROUP)) - 1
+    found: dict[str, list[int]] = {mask: [] for mask in MASKS}
+    for parent, begin, end in zip(step.parents, step.starts, step.starts[1:], strict=False):
+        before = (1 << begin // GROUP) - 1
+        own = ((1 << -(-end // GROUP)) - 1) & ~before if begin < end else 0
+        inboard = found["path"][parent] if parent >= 0 else 0
+        found["own"].append(own)
+        found["below"].append(own)
+        found["path"].append(own | inboard)
+        found["fresh"].append(own & ~inboard)
+        found["still"].append(every & ~(before if step.symmetric else own | inboard))
+    for i in reversed(range(len(step.parents))):
+        if step.parents[i] >= 0:
+            found["below"][step.parents[i]] |= found["below"][i]
+    return found
+
+
+def name_of(step: AllColumns) -> str:
+    """What its tables are called: by what is one, ``dq_du``."""
+    return "_".join(a.name for a in step.seeds)
+
+
+def all_columns(step: AllColumns, array: Written) -> list[str]:
+    """Lines that compute columns and put them where they belong."""
+    width, count, name, once = step.width, step.starts[-1], name_of(step), fits(step)
+    lines = [f"call_{width} e;", f"open_{width}(&e, &c, work);"]
+    at = 0
+    for a in step.seeds:
+        rows = f"{name}_units" if once else "c.column_rows"
+        lines.append(f"e.{a.name} = (lanes_{width} *){rows} + {at};")
+        at += a.size
+    lines.append(f"e.{step.of.name} = (lanes_{width} *)c.column_rows{'' if once else f' + {at}'};")
+    if once:
+        lines += [f"e.{mask}_groups = {name}_{mask};" for mask in MASKS]
+        lines.append(f"e.all_groups = FIRST_GROUPS({-(-count // GROUP)});")
+    matrices = step.matrices
+    if not once:
+        lines.append(f"lanes_{width} *const units[] = {{{', '.join(f'e.{a.name}' for a in step.seeds)}}};")
+    lines += [
+        f"double *const matrices[] = {{{', '.join(map(array, matrices))}}};",
+        f"static const long sizes[] = {{{', '.join(str(a.size // step.of.size) for a in matrices)}}};",
+    ]
+    starts = f"{name}_starts" if reads_starts(step) else "0"
+    lines += ["columns_of of;", f"SET_COLUMNS(of, {len(step.seeds)}, {starts}, {name}_columns);"]
+    then = {SWEEP[s.sweep].then for s in step.steps}
+    body = [f"const int m = {count} - j < {width} ? {count} - j : {width};"]
+    if not once:
+        body.append(f"groups_of_links(&e, of, j, {int(step.symmetric)});")
+        body.append("unit_columns(&e, units, of, j);")
+    body += [
+        *(f"{s.sweep}_{width}(&e);" for s in step.steps if s.sweep not in then),
+    ]
+    rows = f"(const double *)e.{step.of.name}"
+    mask = f"e.{SWEEP[step.steps[-1].sweep].groups}_groups"
+    if step.weighted and once:
+        size = step.of.size
+        body.append(f"take_symmetric({rows}, {mask}, of, j, m, c.inverse, {size});")
+        body.append(f"add_weighted(c.inverse, {size}, c.weights, matrices, sizes);")
+    elif step.weighted:
+        body.append(f"weigh_columns({rows}, {mask}, of, j, m, c.weights, matrices, sizes);")
+    elif step.symmetric:
+        body.append(f"take_symmetric({rows}, {mask}, of, j, m, matrices[0], sizes[0]);")
+    else:
+        body.append(f"take_columns({rows}, {step.of.size}, of, j, m, matrices, sizes);")
+    if once:
+        lines += [f"const int j = 0, m = {count};", *body[1:]]
+    else:
+        lines += [f"for (int j = 0; j < {count}; j += {width}) {{", *(f"    {line}" for line in body), "}"]
+    return ["{", *(f"    {line}" for line in lines), "}"]
+
+
+def _units(step: Primitives) -> tuple[list[tuple[Array, int, int]], list[Array]]:
+    """Entries of seeds that are one, with their directions; and the seeds."""
+    units = list(dict.fromkeys((w.seed, w.column, w.direction) for w in step.weighted))
+    return units, list(dict.fromkeys(seed for seed, _, _ in units))
+
+
+def primitives(step: Primitives, array: Written, call: str) -> list[str]:
+    """Lines that find the weights: all formulas along as many directions as it takes to tell their arguments apart."""
+    units, seeds = _units(step)
+    n, of = len(units), "primitive_units[i]"
+    entry = f"seeds[{of}[0]] + {of}[1]"
+    lines = [
+        f"LANES *const seeds[] = {{{', '.join(map(array, seeds))}}};",
+        f"for (int i = 0; i < {n}; ++i) *component({entry}, {of}[2]) = 1.0;",
+        call,
+        f"for (int i = 0; i < {len(step.weighted)}; ++i)",
+        f"    c.weights[i] = *component({array(step.of)} + primitives[i][0], primitives[i][1]);",
+        f"for (int i = 0; i < {n}; ++i) *({entry}) = NOTHING;",
+    ]
+    return ["{", *(f"    {line}" for line in lines), "}"]

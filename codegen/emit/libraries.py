@@ -1,0 +1,99 @@
+"""Which functions are compiled together, and when: those of nearly everybody at first, others when they are called.
+
+The C stays one file, and compiled by hand it has everything. With the macro ``ORDERNM_LIBRARY`` it has the functions of one
+library only, with ``ORDERNM_UNIT`` beside it a part of these: parts are compiled side by side and linked. Sweeps are static, so
+each library has those that it needs and compilers drop the others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+LIBRARIES = ("dynamics", "jacobians", "mass", "forces", "outputs", "states", "gradients", "motion", "four")
+"""Their names; the number in C is the place here and one. The first is compiled when a package is generated or loaded."""
+
+FOUR = "four"
+"""Functions for four directions, which motions call: ``NAME_four.c`` has them."""
+
+_OF = {
+    "accelerations": "dynamics", "sensitivities": "dynamics", "coordinate_rates": "dynamics", "closure": "dynamics",
+    "conditions": "dynamics", "newton_step": "dynamics", "closing_step": "dynamics", "completion": "dynamics",
+    "jacobians": "jacobians", "state_rates": "motion", "state_rate_sensitivities": "motion", "inverse_dynamics": "forces",
+    "inverse_dynamics_sensitivities": "forces", "energies": "outputs", "energy_sensitivities": "outputs", "outputs": "outputs",
+    "output_sensitivities": "outputs",
+}  # fmt: skip
+
+_MOTION = ("closing_step", "completion", "completion_sensitivities", "outputs", "output_sensitivities")
+"""Functions that motions call, and which are in another library too."""
+
+
+def library_of(function: str) -> str:
+    """The library that has a function as Python calls it."""
+    if function in _OF:
+        return _OF[function]
+    if function.endswith("_transposed"):
+        return "gradients"
+    return "mass" if "mass" in function else "states"
+
+
+def _places(function: str, width: int | None) -> list[tuple[int, int]]:
+    """Libraries and units, by number, that have a function for so many directions."""
+    if width == 4:
+        return [(number_of(FOUR), 1)]
+    unit = 1 if width in (None, 1) else 2
+    found = [(number_of(library_of(function)), unit)]
+    return [*found, (number_of("motion"), unit)] if function in _MOTION else found
+
+
+def number_of(library: str) -> int:
+    """What a library is called in C."""
+    return LIBRARIES.index(library) + 1
+
+
+def guard(function: str, widths: Sequence[int] = ()) -> str:
+    """The condition of the preprocessor under which a function is compiled; over directions by the macro ``WIDTH``."""
+
+    def condition(width: int | None) -> str:
+        return " || ".join(f"ORDERNM_HAS({n}, {u})" for n, u in _places(function, width))
+
+    if not widths:
+        return condition(None)
+    found: dict[str, list[int]] = {}
+    for w in widths:
+        found.setdefault(condition(w), []).append(w)
+    *first, (last, _) = found.items()
+    text = last
+    for c, of in reversed(first):
+        text = f"({' || '.join(f'WIDTH == {w}' for w in of)}) ? ({c}) : ({text})"
+    return text
+
+
+def guard_of_width(function: str, width: int | None) -> str:
+    """The same for one width."""
+    return guard(function, (width,) if width else ())
+
+
+def guard_of_library(function: str) -> str:
+    """The condition under which ``NAME_calls.c`` has the call of a function."""
+    return f"ORDERNM_HAS({number_of(library_of(function))}, 0)"
+
+
+def libraries(functions: Mapping[str, Any]) -> dict[str, Any]:
+    """What the manifest says: of each library its number, how many units it has, and its functions."""
+    found: dict[str, dict[str, Any]] = {}
+    units: dict[int, set[int]] = {}
+    for name, f in functions.items():
+        library = library_of(name)
+        found.setdefault(library, {"number": number_of(library), "units": [], "functions": []})["functions"].append(
+            name
+        )
+        for w in f.get("widths", (None,)):
+            for number, unit in _places(name, w):
+                units.setdefault(number, set()).add(unit)
+    for entry in found.values():
+        entry["units"] = sorted(units[entry["number"]])
+    return {name: found[name] for name in LIBRARIES if name in found}
+
+
+__all__ = ["FOUR", "LIBRARIES", "guard", "guard_of_library", "guard_of_width", "libraries", "library_of", "number_of"]

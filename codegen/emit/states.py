@@ -1,0 +1,142 @@
+"""Writes ``NAME_states.c``: functions over a batch with several states at once, in the lanes of vectors.
+
+It includes ``NAME.c`` with vectors in the place of doubles, so that every statement is that of one state. What this needs of
+``NAME.c`` are the few words that ``states_of_one.c.jinja`` defines for one state and ``states.c.jinja`` for several.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from ..program.procedure import Array, Check, Procedure, Step
+from .c_functions import CFunctions, Lines, parameters
+from .function import Function, called_with
+from .motion import PRECISE
+from .templates import render
+
+OVER_STATES = ("accelerations", "sensitivities")
+"""Functions that are to be had for several states at once."""
+
+DIRECTIONS = 8
+"""So many directions are worked on together, one after the other in each statement."""
+
+OF_TWO = ("atan2", "fmax", "fmin", "pow")
+"""Functions of the C library with two arguments."""
+
+MOST_LANES = 8
+"""As many states as vectors hold at most."""
+
+
+def over_states(procedures: Iterable[Procedure]) -> list[Procedure]:
+    """Those of the functions of a solver."""
+    return [p for p in procedures if p.name in OVER_STATES]
+
+
+class StateLines(Lines):
+    """Writes the lines of one function for several states."""
+
+    def of(self, step: Step) -> list[str]:
+        if isinstance(step, Check):
+            base = self.base(step.lanes)
+            return [f"if (STOPPED(&{base[0]})) return {self.found()};"]
+        return super().of(step)
+
+    def open(self) -> list[str]:
+        return [*super().open(), "d.directions = directions;"]
+
+    def function(self) -> list[str]:
+        lines = super().function()
+        each = next((i for i, line in enumerate(lines) if "EACH_VECTOR" in line), None)
+        if each is not None:
+            lines.insert(each, "DIRECTIONS(call) *const a = &d;")
+        return lines
+
+    def found(self) -> str:
+        """What is returned: for every state 0, or the number of what was singular first."""
+        return "FIRST(c.singular, d.singular)" if self.opened else "c.singular"
+
+    def end(self) -> list[str]:
+        return [f"return {self.found()};"]
+
+
+@dataclass(frozen=True, slots=True)
+class StateArray:
+    """An array of a function: its name, its entries, and where its states lie in the workspace, in vectors."""
+
+    name: str
+    size: int
+    at: int
+
+
+def states_context(lines: CFunctions, procedures: list[Procedure], workspace: int) -> dict[str, Any]:
+    """What ``NAME_states.c`` and its part of the header are rendered with; nothing where no function is over states."""
+    found = []
+    room = 0
+    for p in procedures:
+        at = 0
+        placed: dict[str, list[StateArray]] = {}
+        for role, arrays in (("arguments", p.arguments), ("seeds", p.seeds), ("results", p.results)):
+            placed[role] = []
+            for a in arrays:
+                placed[role].append(StateArray(a.name, a.size, at))
+                at += a.size * (DIRECTIONS if a.lanes else 1)
+        room = max(room, at)
+        passed = [f"*{a.name}" if not a.shape and not a.lanes else a.name for a in (*p.arguments, *p.seeds, *p.results)]
+        found.append(
+            {
+                "name": p.name, "doc": p.doc, "seeds": placed["seeds"], "arguments": placed["arguments"],
+                "found": [a for a, r in zip(placed["results"], p.results, strict=True) if not r.lanes],
+                "derived": [a for a, r in zip(placed["results"], p.results, strict=True) if r.lanes],
+                "inner": Function(
+                    p.doc,
+                    called_with(
+                        f"static status {p.name}_of_states(",
+                        [*parameters(p), *(["int directions"] if p.seeds else [])],
+                    ),
+                    StateLines(lines, p, False).function(),
+                ),
+                "call": f"{p.name}_of_states({', '.join([*passed, 'work', *(['m'] if p.seeds else [])])})",
+                "room": [
+                    "states *const room = (states *)(((uintptr_t)b->work + 63) & ~(uintptr_t)63);",
+                    *(f"states *const {a.name} = room + {a.at};" for of in placed.values() for a in of),
+                    f"states *const work = room + {at};",
+                    "b->failed = -1;",
+                    "b->code = 0;",
+                ],
+            }
+        )  # fmt: skip
+    return {
+        "functions_over_states": found,
+        "states_workspace": MOST_LANES * (room + workspace) + MOST_LANES,
+        "state_structs": [
+            [
+                (type_, called_with("", names, ";").split("\n"))
+                for type_, names in zip(("seen", "filled"), arrays_of(procedures), strict=True)
+            ]
+        ]
+        if procedures
+        else [],
+        "of_one": [f for f in PRECISE if f not in OF_TWO],
+        "of_two": OF_TWO,
+        "directions": DIRECTIONS,
+        "states_of_values": [f for f in found if not f["seeds"]],
+        "states_along": [f for f in found if f["seeds"]],
+        "along": [f for f in found if f["seeds"]][:1],
+    }
+
+
+def arrays_of(procedures: Iterable[Procedure]) -> tuple[list[str], list[str]]:
+    """What the struct of a batch over states has: what is read, and what is written."""
+    procedures = list(procedures)
+    given: dict[str, Array] = {a.name: a for p in procedures for a in (*p.arguments, *p.seeds)}
+    return list(given), list({r.name: r for p in procedures for r in p.results if r.name not in given})
+
+
+def write_states(context: dict[str, Any]) -> str:
+    """The C of the functions over states."""
+    return render("c/states.c.jinja", context)
+
+
+__all__ = ["OVER_STATES", "arrays_of", "over_states", "states_context", "write_states"]

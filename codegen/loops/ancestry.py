@@ -1,0 +1,118 @@
+"""Ways in the tree without walking them: where two bodies' ways inward meet, and which loops pass a joint.
+
+Cycles of a ladder's loops are as long as the ladder is, all together its length squared; so what is asked about every cycle is
+answered here without them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+
+from .vectors import Array
+
+
+class Ancestry:
+    """The tree of bodies, for questions about cycles.
+
+    Parameters
+    ----------
+    parent : sequence of int
+        Of every body; that of the outermost is `ground`.
+    depth : sequence of int
+        Of bodies and, last, of the ground.
+    outward : sequence of int
+        Bodies, parents first.
+    ground : int
+    """
+
+    def __init__(self, parent: Sequence[int], depth: Sequence[int], outward: Sequence[int], ground: int):
+        self.parent, self.depth, self.ground = parent, depth, ground
+        # of every body one further inward: a jump is as long as the two before it together if those are as long as each other
+        self._jump = [ground] * (ground + 1)
+        inside = [1] * (ground + 1)
+        for k in outward:
+            a, b = parent[k], self._jump[parent[k]]
+            even = depth[a] - depth[b] == depth[b] - depth[self._jump[b]]
+            self._jump[k] = self._jump[b] if even else a
+        for k in reversed(outward):
+            inside[parent[k]] += inside[k]
+        # places in an order in which everything that a body carries stands behind it
+        self._first = [0] * (ground + 1)
+        free = [1] * (ground + 1)
+        for k in outward:
+            self._first[k] = free[parent[k]]
+            free[parent[k]] += inside[k]
+            free[k] = self._first[k] + 1
+        self._end = [f + n for f, n in zip(self._first, inside, strict=True)]
+
+    def meeting(self, a: int, b: int) -> int:
+        """The body, or the ground, where the ways inward from two bodies meet."""
+        depth, parent, jump = self.depth, self.parent, self._jump
+        while depth[a] > depth[b]:
+            a = jump[a] if depth[jump[a]] >= depth[b] else parent[a]
+        while depth[b] > depth[a]:
+            b = jump[b] if depth[jump[b]] >= depth[a] else parent[b]
+        while a != b:
+            a, b = (jump[a], jump[b]) if jump[a] != jump[b] else (parent[a], parent[b])
+        return a
+
+    def carries(self, a: int, b: int) -> bool:
+        """Whether a body is another, or inward of it."""
+        return self._first[a] <= self._first[b] < self._end[a]
+
+    def sums(self, values: Sequence[int], outward: Sequence[int]) -> list[int]:
+        """Of bodies, and of the ground, the sum of some values of all joints from there inward."""
+        found = [0] * (self.ground + 1)
+        for k in outward:
+            found[k] = found[self.parent[k]] + values[k]
+        return found
+
+    def passing(self, starts: Sequence[int], ends: Sequence[int]) -> Callable[[int], Array]:
+        """What tells which of the cycles between bodies pass a joint: of those that end beyond it once."""
+        first = np.array(self._first)
+        places = [first[np.array(x, dtype=int)] for x in (starts, ends)]
+        orders = [np.argsort(x, kind="stable") for x in places]
+        in_order = [x[order] for x, order in zip(places, orders, strict=True)]
+
+        def of(joint: int) -> Array:
+            low, high = self._first[joint], self._end[joint]
+            found = []
+            for mine, order, others in zip(in_order, orders, reversed(places), strict=True):
+                here = order[np.searchsorted(mine, low) : np.searchsorted(mine, high)]
+                other = others[here]
+                found.append(here[(other < low) | (other >= high)])
+            return np.concatenate(found)
+
+        return of
+
+
+class NewJoints:
+    """Joints of cycles that no earlier cycle has passed; each is passed once, however long the cycles are."""
+
+    def __init__(self, ancestry: Ancestry):
+        self.ancestry = ancestry
+        self._next = list(range(ancestry.ground + 1))
+        """Of a body, one from which on inward a joint may be new."""
+
+    def of(self, start: int, end: int) -> Iterator[int]:
+        """Those between two bodies, from the cut inward, first on the one side, then on the other."""
+        depth = self.ancestry.depth
+        base = depth[self.ancestry.meeting(start, end)]
+        for k in (start, end):
+            k = self._from(k)
+            while depth[k] > base:
+                yield k
+                self._next[k] = self.ancestry.parent[k]
+                k = self._from(k)
+
+    def _from(self, k: int) -> int:
+        found = self._next
+        while found[k] != k:
+            found[k] = found[found[k]]
+            k = found[k]
+        return k
+
+
+__all__ = ["Ancestry", "NewJoints"]

@@ -1,0 +1,96 @@
+"""What each function of a solver does, step by step: a file for each group of functions.
+
+This is the list to read for what runs when; what the sweeps compute stands in `codegen.mechanics.sweeps`. An argument that a
+model does not use does not exist: no ``inputs`` without inputs, no ``t`` without time, no ``p`` without parameters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import replace
+
+from ...program.procedure import Procedure
+from ..structure.system import System
+from .choice import UnknownFunctionError, chosen
+from .closing import closing, initial
+from .dynamics import dynamics, jacobians, rates, state_rates
+from .mass import inverse_dynamics, mass
+from .measures import energies, outputs, reactions_of
+from .shared import Shared
+from .swept import checked_backwards, sweeps, swept_backwards, swept_together
+from .transposed import backwards
+from .words import (
+    ADJOINTS,
+    ANGLES,
+    CONSTANTS,
+    GROUND,
+    GROUND_AT_REST,
+    GROUND_TANGENT,
+    GROUND_TANGENT_AT_REST,
+    GROUND_TANGENT_TRANSPOSED,
+    OTHER_WIDTHS,
+    OUTPUTS,
+    PASSING_ADJOINTS,
+    SHAPES,
+    WIDTHS,
+    arrays,
+)  # fmt: skip
+
+__all__ = [
+    "ADJOINTS", "ALONG_MOTIONS", "ANGLES", "CONSTANTS", "GROUND", "GROUND_AT_REST", "GROUND_TANGENT", "GROUND_TANGENT_AT_REST",
+    "GROUND_TANGENT_TRANSPOSED", "OTHER_WIDTHS", "OUTPUTS", "PASSING_ADJOINTS", "SHAPES", "WIDTHS", "UnknownFunctionError",
+    "arrays", "checked_backwards", "left_out", "procedures", "sweeps", "swept_backwards", "swept_together",
+]  # fmt: skip
+
+FOUR = (4,)
+"""Beside them, for motions with two to four directions, of the functions that integration calls."""
+
+ALONG_MOTIONS = ("state_rate_sensitivities", "completion_sensitivities", "output_sensitivities")
+"""These functions."""
+
+
+def procedures(
+    system: System, reactions: bool = False, functions: Collection[str] | None = None
+) -> tuple[Procedure, ...]:
+    """The functions that a solver has, in the order of its header.
+
+    Parameters
+    ----------
+    reactions : bool
+        Reactions are among them.
+    functions : collection of str, optional
+        Those that are wanted, by their names, by those of members of a solver, or by `GROUPS`; left out: all, without reactions.
+
+    Raises
+    ------
+    UnknownFunctionError
+    """
+    found = every(Shared(system), reactions or "reactions" in (functions or ()))
+    if functions is not None:
+        found = chosen(found, [*functions, *(["reactions"] if reactions else [])])
+    if all(p.name != ALONG_MOTIONS[0] for p in found):
+        return found
+    return tuple(replace(p, apart=FOUR) if p.name in ALONG_MOTIONS else p for p in found)
+
+
+def left_out(system: System, kept: tuple[Procedure, ...]) -> list[str]:
+    """What users call the functions that a solver could have but for the choice, reactions apart."""
+    names = {p.name for p in kept}
+    return [p.called for p in every(Shared(system), False) if p.name not in names]
+
+
+def every(w: Shared, reactions: bool) -> tuple[Procedure, ...]:
+    """All functions that a solver of the system can have."""
+    found = [*dynamics(w), jacobians(w), *rates(w), *state_rates(w)]
+    if not w.loops:
+        found += [*mass(w), *inverse_dynamics(w)]
+    found += energies(w)
+    if reactions:
+        found.append(reactions_of(w))
+    if w.loops:
+        found += closing(w)
+    if w.system.model.initial_depends_on_parameters:
+        found += initial(w)
+    if w.system.model.outputs:
+        found += outputs(w)
+    return (*found, *backwards(w, found))

@@ -1,0 +1,72 @@
+"""Which functions a solver has: all, or those that are chosen."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Collection
+
+from ...program.procedure import (
+    Procedure,
+)
+
+GROUPS: dict[str, tuple[str, ...]] = {
+    "dynamics": ("accelerations", "sensitivities", "jacobians"),
+    "rates": ("coordinate_rates", "coordinate_rate_sensitivities"),
+    "mass": ("mass_matrix", "mass_matrix_sensitivities", "solve_mass", "solve_mass_sensitivities"),
+    "forces": ("inverse_dynamics", "inverse_dynamics_sensitivities"),
+    "states": ("assemble_sensitivities", "closure_sensitivities", "initial_sensitivities"),
+    "statics": (
+        "accelerations", "sensitivities", "coordinate_rates", "coordinate_rate_sensitivities", "assemble_sensitivities",
+    ),
+    "simulate": (
+        "state_rates", "state_rate_sensitivities", "closing_step", "initial_sensitivities", "assemble_sensitivities", "outputs",
+        "output_sensitivities", "coordinate_rates", "accelerations",
+    ),
+}  # fmt: skip
+GROUPS["motion"] = (
+    *GROUPS["simulate"], "gradients", "coordinate_rate_gradients", "output_gradients", "assemble_gradients",
+)  # fmt: skip
+"""Words for several functions that may be chosen together."""
+
+ALSO = {
+    "bias_force": "inverse_dynamics", "bias_force_sensitivities": "inverse_dynamics_sensitivities", "assemble": "completion",
+    "initial_state": "initial",
+}  # fmt: skip
+"""Members of a solver, with the functions that they call beside those that they are called like."""
+
+
+NEEDED = {
+    "state_rates": {"state_rate_sensitivities"},
+    "closing_step": {"state_rates", "state_rate_sensitivities"},
+    "initial_sensitivities": {"state_rate_sensitivities"},
+    "completion_sensitivities": {"initial_sensitivities", "state_rate_sensitivities"},
+}
+"""Functions that are there wherever others are, which are of no use without them: no motion of closed loops without closing
+them, no derivatives of one without those of the state that it begins with."""
+
+
+class UnknownFunctionError(ValueError):
+    """A function was chosen that a solver of the model cannot have."""
+
+
+def chosen(found: tuple[Procedure, ...], functions: Collection[str]) -> tuple[Procedure, ...]:
+    """The procedures that functions name, and those that every solver has."""
+    wanted: set[str] = set()
+    known = [p.called for p in found if not p.basic]
+    known += [word for word, name in ALSO.items() if any(name in (p.name, p.called) for p in found)]
+    together = [word for word, names in GROUPS.items() if not {p.called for p in found}.isdisjoint(names)]
+    for word in functions:
+        names = {ALSO.get(n, n) for n in GROUPS.get(word, (word,))}
+        of_word = {p.name for p in found if p.name in names or p.called in names}
+        if not of_word:
+            near = difflib.get_close_matches(word, [*known, *together], 1)
+            raise UnknownFunctionError(
+                f"functions: the model has no function {word!r}{f'; did you mean {near[0]}?' if near else ''}; it may have "
+                f"{', '.join(known)}, or together {', '.join(together)}"
+            )
+        wanted |= of_word | {f for f, others in NEEDED.items() if not others.isdisjoint(of_word)}
+    if not wanted:
+        raise UnknownFunctionError(
+            f"functions: none are named; the model may have {', '.join(known)}, or together {', '.join(together)}"
+        )
+    return tuple(p for p in found if p.basic or p.name in wanted)

@@ -1,0 +1,116 @@
+"""Closed loops: how far they are open, how they are closed; and initial values."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ...program.procedure import (
+    Bind,
+    Copy,
+    Own,
+    Procedure,
+    Step,
+    Tolerate,
+    Zero,
+)
+from ..quantities import run
+from .shared import Shared
+from .words import INITIAL, OTHER_WIDTHS
+
+
+def closing(w: Shared) -> list[Procedure]:
+    u, full_u, dfull_q, dfull_u, dq, du = w.of("u", "full_u", "dfull_q", "dfull_u", "dq", "du")
+    position, velocity, dposition, step = w.of("position", "velocity", "dposition", "step")
+    condition = w.one("condition")
+    given = u.called("given_u")
+    state, seeds = w.of("q", "u", *w.p), w.of("dq", "du", *(["dp"] if w.p else []))
+    places = w.of("q", *w.p)
+    return [
+        Procedure(
+            "closure",
+            "Scaled residuals of all loops, of position and velocity.",
+            state,
+            (position, velocity),
+            (Tolerate(), w.start, *run("residuals")),
+            basic=True,
+        ),
+        Procedure(
+            "conditions",
+            "Condition number of the closure matrix that each loop belongs to.",
+            places,
+            (condition,),
+            (Own(given), Zero(given), *w.begin, *run("condition_numbers")),
+            basic=True,
+        ),
+        Procedure(
+            "newton_step",
+            "Newton's step of the dependent coordinates towards closure.",
+            places,
+            (step,),
+            (Zero(step), Own(given), Zero(given), *w.begin, *run("correct")),
+            basic=True,
+        ),
+        Procedure(
+            "closing_step",
+            "The same, the scaled residuals of position before it, and the condition numbers.",
+            places,
+            (step, position, condition),
+            (
+                *(Zero(step), Own(given), Zero(given), *w.begin, Own(velocity)),
+                *run("residuals", "correct", "condition_numbers"),
+            ),
+        ),
+        Procedure(
+            "completion",
+            "Speeds, the dependent ones as velocity closure asks.",
+            state,
+            (full_u,),
+            (*w.begin, Copy(full_u, u)),
+            basic=True,
+        ),
+        Procedure(
+            "completion_sensitivities",
+            "Speeds and seeds, the dependent ones as closure asks.",
+            state,
+            (full_u, dfull_q, dfull_u),
+            (*w.begin, *w.along, Copy(full_u, u), Copy(dfull_q, dq), Copy(dfull_u, du)),
+            seeds,
+            OTHER_WIDTHS,
+            "assemble_sensitivities",
+        ),
+        Procedure(
+            "closure_sensitivities",
+            "How far loops are open in position, and by how much complete seeds open them.",
+            state,
+            (position, dposition),
+            (
+                *w.begin,
+                Own(velocity),
+                *run("residuals"),
+                *w.along,
+                Zero(dposition),
+                *run("seed_residuals"),
+            ),
+            seeds,
+            OTHER_WIDTHS,
+            basic=bool(w.system.partition and w.system.partition.opening),
+        ),
+    ]
+
+
+def initial(w: Shared) -> list[Procedure]:
+    results = w.of("q", "u")
+    bound: tuple[Step, ...] = tuple(Bind(r.called(f"initial_{r.name}"), r) for r in results)
+    along: tuple[Step, ...] = tuple(Bind(r.tangent(f"dinitial_{r.name}"), r.tangent()) for r in results)
+    values, tangents = w.pair(
+        ("initial", "initial_sensitivities"),
+        (
+            "Initial values, as the model file gives them: loops not closed yet.",
+            "Initial values and their total derivative along seeds.",
+        ),
+        ["p"],
+        ["q", "u"],
+        (*bound, INITIAL),
+        (*bound, *along, INITIAL, INITIAL.tangents()),
+    )
+    return [replace(values, basic=True), tangents]

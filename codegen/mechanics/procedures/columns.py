@@ -1,0 +1,131 @@
+"""Matrices of trees whose columns are computed all at once: derivatives by the state and by what drives joints, mass matrices.
+
+Force elements and loops make everything depend on everything: where a model has any, columns are taken one after the other.
+"""
+
+from __future__ import annotations
+
+from ...program.procedure import AllColumns, Array, Primitives, Run, Weighted
+from ..structure.system import System
+from .shared import Shared
+from .words import JOINT_FORCES, WIDTHS
+
+MOST_COLUMNS = 64
+"""More columns than this are not computed at once: what links keep of them would leave the fast caches."""
+
+MOST_LINKS = 256
+"""In larger trees columns are taken a few at a time: what links keep of more would be most of a call's memory."""
+
+LEAST_COLUMNS = 12
+"""Room for fewer would have the size of other functions over directions."""
+
+Entries = tuple[tuple[Array, int], ...]
+
+
+def applies(system: System) -> bool:
+    """Whether columns of a system can be computed at once."""
+    return not system.model.loops and not system.elements and len(system.links) <= MOST_LINKS
+
+
+def room(system: System) -> int:
+    """For how many columns there is room: those of the whole state, in groups of four, or as many as stay in fast caches."""
+    model = system.model
+    return max(LEAST_COLUMNS, min(-(-(model.nq + model.nu) // 4) * 4, MOST_COLUMNS))
+
+
+def by_link(system: System, *of: tuple[Array, str]) -> tuple[Entries, tuple[int, ...]]:
+    """Entries of arrays that belong to links, one link after the other, and where those of each begin.
+
+    `of` are arrays with what they have entries for: coordinates (``q``) or speeds (``u``).
+    """
+    entries: list[tuple[Array, int]] = []
+    starts = [0]
+    for link in system.links:
+        for array, what in of:
+            first, count = (link.q, link.joint.coordinates) if what == "q" else (link.u, link.joint.freedoms)
+            entries += [(array, first + i) for i in range(count)]
+        starts.append(len(entries))
+    return tuple(entries), tuple(starts)
+
+
+def lanes(*names: str) -> tuple[Run, ...]:
+    return tuple(Run(name, True) for name in names)
+
+
+def parents(system: System) -> tuple[int, ...]:
+    return tuple(max(link.parent, -1) for link in system.links)
+
+
+def by_state(w: Shared) -> AllColumns:
+    """Derivatives of udot by coordinates and speeds, but for what joint forces depend on them."""
+    dq, du, dudot, J_q, J_u = w.of("dq", "du", "dudot", "J_q", "J_u")
+    units, starts = by_link(w.system, (dq, "q"), (du, "u"))
+    turns = ("column_turns",) if any(link.joint.quaternion is not None for link in w.system.links) else ()
+    return AllColumns(
+        units,
+        starts,
+        parents(w.system),
+        lanes("column_clear", *turns, "column_seed", "column_in", "column_rest", "column_begin", "column_back", "column_turn",
+              "column_add"),
+        dudot,
+        room(w.system),
+        tuple((J_q if a is dq else J_u, i) for a, i in units),
+    )  # fmt: skip
+
+
+UNIT_FORCES = ("column_clear", "column_unit", "column_in", "column_rest", "column_back")
+"""Sweeps that give columns of the inverse mass matrix."""
+
+
+def by_forces(w: Shared, weighted: tuple[Weighted, ...]) -> AllColumns:
+    """What joint forces add to derivatives: columns of the inverse mass matrix, times derivatives of the forces."""
+    b, dudot = w.one("b").tangent("b"), w.one("dudot")
+    units, starts = by_link(w.system, (b, "u"))
+    return AllColumns(
+        units, starts, parents(w.system), lanes(*UNIT_FORCES), dudot, room(w.system), (), weighted, symmetric=True
+    )
+
+
+def mass(w: Shared) -> AllColumns:
+    """The mass matrix, from composite inertias."""
+    b, dforce, M = w.one("b").tangent("b"), w.one("dforce"), w.one("M")
+    units, starts = by_link(w.system, (b, "u"))
+    taken = tuple((M, i) for _, i in units)
+    steps = lanes("column_clear", "composite_seed", "composite_in")
+    return AllColumns(units, starts, parents(w.system), steps, dforce, room(w.system), taken, symmetric=True)
+
+
+def force_primitives(w: Shared) -> Primitives | None:
+    """Derivatives of joint forces by coordinates, speeds and inputs, several forces along one direction.
+
+    Two arguments of one force are in different directions; None where that takes more directions than there are.
+    """
+    model, system = w.system.model, w.system
+    places = {f"q.{n}": ("q", i) for i, n in enumerate(model.coordinate_names)}
+    places |= {f"u.{n}": ("u", i) for i, n in enumerate(model.speed_names)}
+    places |= {n: ("inputs", i) for i, n in enumerate(model.inputs)}
+    arguments: dict[int, set[tuple[str, int]]] = {}
+    for body, forces in system.force_of.items():
+        start = model.coordinate_slices[body][1].start
+        for force in forces:
+            for j, value in enumerate(force.values):
+                of = {places[n] for n in value.names if n in places}
+                if of:
+                    arguments.setdefault(start + j, set()).update(of)
+    users: dict[tuple[str, int], list[int]] = {}
+    for i, of in arguments.items():
+        for a in of:
+            users.setdefault(a, []).append(i)
+    taken: dict[int, set[int]] = {i: set() for i in arguments}
+    weighted: list[Weighted] = []
+    for a in sorted(users):
+        busy = set[int]().union(*(taken[i] for i in users[a]))
+        direction = next((d for d in range(max(WIDTHS)) if d not in busy), None)
+        if direction is None:
+            return None
+        name, entry = a
+        for i in users[a]:
+            taken[i].add(direction)
+            weighted.append(Weighted(i, w.one(f"J_{name}"), entry, w.one(f"d{name}"), direction))
+    weighted.sort(key=lambda x: (x.entry, x.seed.name, x.column))
+    return Primitives(JOINT_FORCES.tangents(), w.one("dtau"), tuple(weighted))

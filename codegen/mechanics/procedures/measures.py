@@ -1,0 +1,91 @@
+"""What is measured in a state: energies, outputs, reactions."""
+
+from __future__ import annotations
+
+from ...program.procedure import (
+    Check,
+    CopyEntry,
+    Own,
+    Procedure,
+    Step,
+    Zero,
+)
+from ..outputs import EnergyMeasure, RecordMeasure
+from ..quantities import ENERGIES, POSE, measured, missing, run
+from .shared import Shared
+from .words import OUTPUTS
+
+
+def energies(w: Shared) -> list[Procedure]:
+    model = w.system.model
+    energy, denergy = w.of("energy", "denergy")
+    quantities = measured(w.system, (), range(len(ENERGIES)))
+    values, tangents = w.measuring(quantities)
+    read = set[str]().union(*(e.names for x in model.loads if x.has_energy for e in x.coefficients))
+    more = [*(["inputs"] if read & set(model.inputs) else []), *(["t"] if "t" in read else [])]
+    check = (Check(True),) if any(q.pivots for q in quantities) else ()
+    return w.pair(
+        ("energies", "energy_sensitivities"),
+        ("Kinetic and potential energy.", "Energies and their total derivative along seeds."),
+        ["q", "u", *w.p, *more],
+        ["energy"],
+        (Zero(energy), *w.begin, *values),
+        (Zero(energy), *w.begin, Zero(denergy), *w.along, *w.turns, *tangents, *check),
+    )
+
+
+def outputs(w: Shared) -> list[Procedure]:
+    outputs, doutputs, energy, denergy, udot = w.of("outputs", "doutputs", "energy", "denergy", "udot")
+    read: set[str] = set()
+    for o, m in zip(w.system.model.outputs, w.measures, strict=True):
+        if isinstance(m, RecordMeasure):
+            read |= {*m.reads, *m.also(o)}
+    quantities = measured(w.system, read, {m.entry for m in w.measures if isinstance(m, EnergyMeasure)})
+    sums = [energy] if any(q.energy for q in quantities) else []
+    sums += [w.one(name) for q in quantities for name in q.sums]
+    zero = tuple(step for a in sums for step in (Own(a), Zero(a)))
+    zero_along = tuple(step for a in sums for step in (Own(a.tangent()), Zero(a.tangent())))
+    before: tuple[Step, ...] = w.begin
+    along: tuple[Step, ...] = (*w.along, *w.turns)
+    if any(q.dynamics for q in quantities):
+        before = (*before, Own(udot), *w.forward)
+        along = (*w.along, Own(udot.tangent()), w.balance)
+    values, tangents = w.measuring(quantities, before, along)
+    copies: list[Step] = []
+    copies_along: list[Step] = []
+    for i, measure in enumerate(w.measures):
+        if isinstance(measure, EnergyMeasure):
+            copies.append(CopyEntry(outputs, i, energy, measure.entry))
+            copies_along.append(CopyEntry(doutputs, i, denergy, measure.entry))
+    check = (Check(True),) if w.formula_pivots or any(q.pivots for q in quantities) else ()
+    return w.pair(
+        ("outputs", "output_sensitivities"),
+        ("The outputs of the model.", "Outputs and their total derivative along seeds."),
+        w.state,
+        ["outputs"],
+        (*zero, *before, *values, OUTPUTS, *copies),
+        (
+            *zero,
+            *before,
+            *zero_along,
+            *along,
+            *tangents,
+            OUTPUTS,
+            OUTPUTS.tangents(),
+            *copies,
+            *copies_along,
+            *check,
+        ),
+    )
+
+
+def reactions_of(w: Shared) -> Procedure:
+    wrenches = w.of("reaction", *(["loop_reaction"] if w.loops else []))
+    before: tuple[Step, ...] = (*w.begin, Own(w.one("udot")), *w.forward)
+    return Procedure(
+        "reactions",
+        "Wrenches on links at their joints and on loops' end faces: moment, force; ground frame.",
+        w.of(*w.state),
+        wrenches,
+        (*map(Zero, wrenches[1:]), *before, *missing((POSE,), before), *run("motion", "transmitted")),
+    )

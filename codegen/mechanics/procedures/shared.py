@@ -1,0 +1,192 @@
+"""Steps and routines that the procedures of one system share."""
+
+from __future__ import annotations
+
+from ...program.procedure import (
+    Array,
+    Check,
+    Formulas,
+    Hold,
+    Own,
+    Perform,
+    Prepare,
+    Procedure,
+    Routine,
+    Step,
+    Zero,
+    walk,
+)
+from ..outputs import MEASURES, RecordMeasure
+from ..quantities import COEFFICIENTS, DRIVES, POSE, VELOCITY, Quantity, run
+from ..structure.system import System
+from .words import (
+    ANGLES,
+    CONSTANTS,
+    GROUND,
+    GROUND_AT_REST,
+    GROUND_TANGENT,
+    GROUND_TANGENT_AT_REST,
+    JOINT_FORCES,
+    OTHER_WIDTHS,
+    arrays,
+)
+
+
+class Shared:
+    """What the procedures of a system are made of: its arrays, and routines."""
+
+    def __init__(self, system: System):
+        model = system.model
+        self.system = system
+        self.array = arrays(system)
+        names = set().union(*(e.names for e in model.expressions())) if model.bodies else set()
+        self.p = ["p"] if model.parameters else []
+        self.rest = self.p + (["inputs"] if model.inputs else []) + (["t"] if "t" in names else [])
+        self.state = ["q", "u", *self.rest]
+        self.loops = bool(model.loops)
+        self.forces: tuple[Formulas, ...] = (JOINT_FORCES,) if model.forces else ()
+        self.elements = bool(system.elements)
+        self.measures = [MEASURES[o.measure] for o in model.outputs]
+        self.formula_pivots = any(isinstance(m, RecordMeasure) and m.pivots for m in self.measures)
+        self._routines()
+
+    def of(self, *names: str) -> tuple[Array, ...]:
+        """Arrays by name; seeds and derivatives begin with d."""
+        return tuple(self.array[n] if n in self.array else self.array[n[1:]].tangent() for n in names)
+
+    def one(self, name: str) -> Array:
+        return self.of(name)[0]
+
+    def pair(
+        self,
+        names: tuple[str, str],
+        docs: tuple[str, str],
+        arguments: list[str],
+        results: list[str],
+        steps: tuple[Step, ...],
+        along: tuple[Step, ...],
+        widths: tuple[int, ...] = OTHER_WIDTHS,
+    ) -> list[Procedure]:
+        """A function and its derivative along seeds of all arguments."""
+        given, found = self.of(*arguments), self.of(*results)
+        return [
+            Procedure(names[0], docs[0], given, found, steps),
+            Procedure(
+                names[1],
+                docs[1],
+                given,
+                (*found, *(r.tangent() for r in found)),
+                along,
+                tuple(a.tangent() for a in given),
+                widths,
+            ),
+        ]
+
+    # -- what procedures share -------------------------------------------------------------------------------------
+
+    def _routines(self) -> None:
+        u, dq, du = self.of("u", "dq", "du")
+        held: tuple[Step, ...] = (Hold(u, u.called("given_u")), *run("closures")) if self.loops else ()
+        start = Routine(
+            "start",
+            "Computes what depends on no other link: constants, sines and cosines, rotation matrices.",
+            (Prepare(CONSTANTS), Prepare(GROUND), Prepare(ANGLES), *run("rotations"), *held),
+        )
+        self.start = Perform(start)
+        self.begin: tuple[Step, ...] = (self.start, Check()) if self.loops else (self.start,)
+        close = Routine(
+            "close",
+            "Completes the seeds: those of dependent coordinates and speeds follow from the others.",
+            (
+                Hold(dq, dq.called("given_dq")),
+                Hold(du, du.called("given_du")),
+                *run("turns", "complete"),
+            ),
+        )
+        self.along: tuple[Step, ...] = (Perform(close),) if self.loops else ()
+        self.turns = () if self.loops else run("turns")  # what closes loops begins with them
+        coefficients = [c for c in (COEFFICIENTS, DRIVES) if {*c.targets} & self.system.coefficient_counts.keys()]
+        known = (POSE, VELOCITY)
+        self.applied: tuple[Step, ...] = ()
+        self.applied_tangents: tuple[Step, ...] = ()
+        if self.elements:
+            applied: tuple[Step, ...] = (*coefficients, *(s for x in known for s in x.values), *run("clear", "loads"))
+            self.applied = (
+                Perform(Routine("applied_forces", "Forces of force elements on links.", applied)),
+                Check(),
+            )
+            tangents: list[Step] = [c.tangents() for c in coefficients]
+            tangents += [s for x in known for s in x.tangents]
+            tangents += run("clear_tangents", "load_tangents")
+            self.applied_tangents = (
+                Perform(Routine("applied_force_tangents", "Their tangents along the seeds.", tuple(tangents))),
+            )
+        self.forward: tuple[Step, ...] = (
+            Perform(
+                Routine(
+                    "forward",
+                    "Forward dynamics: the three sweeps.",
+                    (
+                        *self.forces,
+                        *self.applied[:1],
+                        *run("kinematics", "triangularize"),
+                        Check(),
+                        *run("back_substitute"),
+                    ),
+                )
+            ),
+        )
+        self.ground_tangent = Perform(
+            Routine("ground_tangent", "The tangent of gravity.", (Prepare(GROUND_TANGENT, True),))
+        )
+        self.balance = Perform(
+            Routine(
+                "balance",
+                "From seeds to dudot, with the factors and accelerations of the forward dynamics at hand.",
+                (
+                    *(f.tangents() for f in self.forces),
+                    self.ground_tangent,
+                    *self.turns,
+                    *self.applied_tangents,
+                    *run("balance_out", "balance_in", "balance_back"),
+                ),
+            )
+        )
+        tau = self.one("tau")
+        self.at_rest = Perform(
+            Routine(
+                "at_rest",
+                "Takes speeds, gravity and joint forces away: what is left of the dynamics is the mass matrix.",
+                (
+                    Own(u),
+                    Zero(u),
+                    *([Zero(tau)] if self.forces else []),
+                    Prepare(GROUND_AT_REST),
+                    *(run("clear") if self.elements else ()),
+                ),
+            )
+        )
+        self.mass_tangent = Perform(
+            Routine(
+                "mass_tangent",
+                "Tangent of M x along dq and dp at fixed x = udot; force becomes M x.",
+                (
+                    Prepare(GROUND_TANGENT_AT_REST, True),
+                    *(run("clear_tangents") if self.elements else ()),
+                    *run("inverse_out", "force_tangents"),
+                ),
+            )
+        )
+
+    def measuring(
+        self, quantities: list[Quantity], before: tuple[Step, ...] = (), along: tuple[Step, ...] = ()
+    ) -> tuple[tuple[Step, ...], tuple[Step, ...]]:
+        """Steps for quantities, and for them with their tangents, that were not taken before.
+
+        `before` are steps for values, `along` those over directions that follow them.
+        """
+        taken = set(walk(before))
+        values = tuple(s for q in quantities for s in q.values if s not in taken)
+        taken |= set(walk(along))
+        tangents = tuple(s for q in quantities for s in q.tangents if s not in taken)
+        return values, tangents

@@ -1,0 +1,43 @@
+"""Which sweeps procedures run."""
+
+from __future__ import annotations
+
+from ...program.procedure import (
+    Check,
+    Prepare,
+    Procedure,
+    Run,
+    walk,
+)
+from ..sweeps import GRADIENT_IN_CLOSED, GRADIENT_OUT, SWEEPS, transpose_name
+from .transposed import ALONE
+from .words import PASSING_ADJOINTS
+
+
+def sweeps(found: tuple[Procedure, ...]) -> set[str]:
+    """Sweeps that procedures run."""
+    return {s.sweep for p in found for s in walk(p.steps) if isinstance(s, Run)}
+
+
+def checked_backwards(found: tuple[Procedure, ...]) -> set[str]:
+    """Sweeps over directions that meet pivots which values do not meet."""
+    checking = [p for p in found if any(isinstance(s, Check) and s.lanes for s in p.steps)]
+    return {s.sweep for p in checking for s in walk(p.steps) if isinstance(s, Run) and s.lanes}
+
+
+def swept_backwards(found: tuple[Procedure, ...]) -> list[str]:
+    """Sweeps whose transposes procedures run."""
+    run = sweeps(found)
+    if GRADIENT_OUT in run:
+        run |= {transpose_name(s) for s in ("balance_out", "balance_in")}
+    if GRADIENT_IN_CLOSED in run:
+        run.add(transpose_name("complete"))
+    return [s.name for s in SWEEPS if s.lanes and transpose_name(s.name) in run]
+
+
+def swept_together(found: tuple[Procedure, ...]) -> tuple[set[str], bool]:
+    """Sweeps of the balance's transpose that procedures run, and whether no others come after them."""
+    run = sweeps(found)
+    assert not {GRADIENT_OUT, transpose_name("balance_in")} <= run, "what runs as one is no longer there one by one"
+    alone = any(s == Prepare(PASSING_ADJOINTS, True) for p in found for s in walk(p.steps))
+    return run & ALONE if GRADIENT_OUT in run else set(), alone

@@ -1,0 +1,137 @@
+"""Functions run backwards: the transposes of functions over directions."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+from ...program.procedure import (
+    AddEntry,
+    Check,
+    Combine,
+    Copy,
+    CopyEntry,
+    Formulas,
+    Hold,
+    Own,
+    Perform,
+    Prepare,
+    Procedure,
+    Routine,
+    Run,
+    Step,
+    Zero,
+    ZeroEntries,
+    flat,
+    over_directions,
+)
+from ..sweeps import GRADIENT_IN, GRADIENT_IN_CLOSED, GRADIENT_OUT, transpose_name, values_name
+from .shared import Shared
+from .words import ADJOINTS, GROUND_TANGENT, GROUND_TANGENT_TRANSPOSED, OTHER_WIDTHS, OUTPUTS, PASSING_ADJOINTS
+
+TRANSPOSED = {
+    "accelerations": "sensitivities", "coordinate_rates": "coordinate_rate_sensitivities", "energies": "energy_sensitivities",
+    "outputs": "output_sensitivities", "completion": "completion_sensitivities",
+}  # fmt: skip
+"""Functions that have a transpose, with those that give their derivatives."""
+
+GRADIENTS = {
+    "accelerations": "gradients", "coordinate_rates": "coordinate_rate_gradients", "energies": "energy_gradients",
+    "outputs": "output_gradients", "completion": "assemble_gradients",
+}  # fmt: skip
+"""What a solver calls these transposes, by the functions of values."""
+
+ALONE = {transpose_name("balance_back"), GRADIENT_OUT, GRADIENT_IN, GRADIENT_IN_CLOSED}
+"""The sweeps of the balance's transpose. Where no others come after them, what they kept needs no clearing."""
+
+
+def backwards(w: Shared, found: list[Procedure]) -> list[Procedure]:
+    """The transposes of functions over directions, for those in `TRANSPOSED`."""
+    by_name = {p.name: p for p in found}
+    pairs = [(by_name.get(values), by_name.get(along)) for values, along in TRANSPOSED.items()]
+    both = [(values, along) for values, along in pairs if values and along]
+    # outputs that read accelerations give adjoints of their own before the balance runs backwards
+    once = sum(Run("balance_in", True) in flat(along.steps) for _, along in both) == 1
+    return [transposed(w, values, along, once) for values, along in both]
+
+
+def transposed(w: Shared, values: Procedure, along: Procedure, once: bool) -> Procedure:
+    """From weights of the derivatives of a function's results to the gradients of what they weigh.
+
+    The weights have the names of the derivatives, the gradients those of the seeds: adjoints are kept where the directions of
+    the function over directions are. `once`: no other function runs the balance backwards, so its sweeps may run as two.
+    """
+    steps = [s for s in flat(along.steps) if over_directions(s)]
+    swept = [s.sweep for s in steps if isinstance(s, Run)]
+    assert len(set(swept)) == len(swept), "a sweep that runs twice does not leave adjoints as it should"
+    together = run_together(w, steps) if once and along.name == TRANSPOSED["accelerations"] else {}
+    scalars = tuple(Run(values_name(s)) for s in swept if values_name(s) not in together)
+    weights = tuple(r for r in along.results if r.lanes)
+    own = [s.array for s in steps if isinstance(s, Own)]
+    stored = {"dq", "du"} if together else set()
+    back: list[Step] = [Zero(s) for s in along.seeds if s.name not in stored]
+    back += [step for a in own if a not in along.seeds for step in (Own(a), Zero(a))]
+    for step in reversed(steps):
+        match step:
+            case Run():
+                name = transpose_name(step.sweep)
+                back += [Run(s, True) for s in (together.get(name, name),) if s]
+            case Formulas():
+                back.append(step.transpose())
+            case Prepare():
+                back.append(Prepare(GROUND_TANGENT_TRANSPOSED, True))
+            case Copy():
+                back.append(Combine(step.of, (step.of, step.to)))
+            case CopyEntry():
+                back.append(AddEntry(step.of, step.entry, step.to, step.index))
+            case Own() | Zero() | Hold() | Check():  # memory, which is zero at the beginning here
+                pass
+            case _:
+                raise TypeError(f"{along.name}: a {type(step).__name__} cannot be run backwards")
+    dependent: dict[str, tuple[int, ...]] = {}
+    if w.loops:
+        independent = dict(zip(("q", "u"), w.system.independent, strict=True))
+        dependent = {n: tuple(sorted(set(range(w.array[n].size)) - set(free))) for n, free in independent.items()}
+    runs = {s.sweep for s in back if isinstance(s, Run)}
+    if all(link.joint.quaternion is None for link in w.system.links):
+        runs.discard(transpose_name("turns"))  # has nothing to do
+    back.insert(0, Prepare(PASSING_ADJOINTS if together and runs <= ALONE else ADJOINTS, True))
+    for seed in along.seeds:
+        if GRADIENT_IN_CLOSED in runs and seed.name in stored:
+            continue
+        if dependent.get(seed.name[1:]):
+            back.append(ZeroEntries(seed, dependent[seed.name[1:]]))
+    name = along.name.removesuffix("_sensitivities")
+    return Procedure(
+        f"{along.name}_transposed",
+        f"{values.doc.rstrip('.')}, and gradients of their weighted sums (the transpose of {along.name}).",
+        along.arguments,
+        (*(r for r in along.results if not r.lanes), *along.seeds),
+        (
+            *values.steps,
+            Perform(Routine(f"{name}_scalars", "Scalars that sweeps over directions hand on.", scalars)),
+            *([Check()] if any(isinstance(s, Check) for s in steps) else []),
+            Perform(
+                Routine(f"{name}_backwards", f"The steps of {along.name} over directions, backwards.", tuple(back))
+            ),
+            *([Check(True)] if w.formula_pivots and OUTPUTS.tangents() in steps else []),
+        ),
+        weights,
+        OTHER_WIDTHS,
+        GRADIENTS[values.name],
+    )
+
+
+def run_together(w: Shared, steps: list[Step]) -> dict[str, str]:
+    """Sweeps that run in others, with the sweep that is run at their place, if any: see `sweeps.GRADIENT_OUT`.
+
+    The completion of seeds is among them where nothing but gravity comes between it and the balance.
+    """
+    runs = [s.sweep if isinstance(s, Run) else "" for s in steps if s != Prepare(GROUND_TANGENT, True)]
+    closed = ("complete", "balance_out") in pairwise(runs)
+    found = {
+        values_name("balance_out"): "",
+        values_name("balance_in"): "",
+        transpose_name("balance_in"): GRADIENT_OUT,
+        transpose_name("balance_out"): GRADIENT_IN_CLOSED if closed else GRADIENT_IN,
+    }
+    return found | ({transpose_name("complete"): ""} if closed else {})

@@ -1,0 +1,54 @@
+"""What procedures share of words: how many directions they take, what is prepared, formulas, arguments and results."""
+
+from __future__ import annotations
+
+from ...program.procedure import (
+    Array,
+    Formulas,
+)
+from ..structure.system import System
+
+WIDTHS = (8, 2, 1)
+"""How many directions one call of the sensitivities takes."""
+
+OTHER_WIDTHS = (8, 1)
+"""The same for all other functions: two widths less to compile, and they are called less often."""
+
+CONSTANTS, ANGLES = "constants", "angles"
+GROUND, GROUND_AT_REST = "ground", "ground at rest"
+GROUND_TANGENT, GROUND_TANGENT_AT_REST = "tangent of the ground", "tangent of the ground at rest"
+GROUND_TANGENT_TRANSPOSED, ADJOINTS = "transpose of the ground's tangent", "adjoints"
+PASSING_ADJOINTS = "adjoints that are handed on"
+"""What is prepared outside of the sweeps: constants from parameters; sines and cosines; what links read of the ground, which
+accelerates by -g or, for the mass matrix, not at all; memory of directions, which is zero before sweeps run backwards."""
+
+JOINT_FORCES = Formulas("joint_forces", ("tau",))
+OUTPUTS = Formulas("output_formulas", ("outputs",))
+INITIAL = Formulas("initial_values", ("initial_q", "initial_u"))
+
+SHAPES: dict[str, tuple[str, ...]] = {
+    "q": ("nq",), "u": ("nu",), "p": ("np",), "inputs": ("ninputs",), "t": (), "udot": ("nu",), "qdot": ("nq",),
+    "M": ("nu", "nu"), "b": ("nu",), "x": ("nu",), "force": ("nu",), "energy": ("2",), "outputs": ("noutputs",),
+    "J_q": ("nu", "nq"), "J_u": ("nu", "nu"), "J_p": ("nu", "np"), "J_inputs": ("nu", "ninputs"), "J_t": ("nu",),
+    "position": ("nclosure",), "velocity": ("nclosure",), "condition": ("nloops",), "reaction": ("6*nlinks",),
+    "loop_reaction": ("6*nloops",), "step": ("nq",), "full_q": ("nq",), "full_u": ("nu",), "tau": ("nu",),
+    "masses": ("4",), "momenta": ("6",),
+}  # fmt: skip
+"""Axes of arguments and results."""
+
+
+def arrays(system: System) -> dict[str, Array]:
+    """Arguments and results by name, and the joint forces."""
+    model = system.model
+    counts = {
+        "nq": model.nq, "nu": model.nu, "np": len(model.parameters), "ninputs": len(model.inputs), "2": 2, "4": 4, "6": 6,
+        "noutputs": len(model.outputs), "nclosure": len(model.closure_names), "nloops": len(model.loops),
+        "6*nlinks": 6 * len(system.links), "6*nloops": 6 * len(model.loops),
+    }  # fmt: skip
+    found = {}
+    for name, shape in SHAPES.items():
+        size = 1
+        for axis in shape:
+            size *= counts[axis]
+        found[name] = Array(name, shape, size)
+    return found

@@ -1,0 +1,216 @@
+"""Columns of Jacobians and mass matrices, all of them at once: every link works on those that concern it only.
+
+A column belongs to a coordinate or a speed of one link. With the factors of the triangularization and the response to turning
+(`turning`) at hand, nothing of the inverse dynamics is differentiated along it:
+
+    inward    from its own link on, the force P that it brings: r = -P^T P_k, handed on as in Eq. 45
+    outward   on links that it does not turn, ``d udot = r/D - G . (X dA_pr)``, as for any right side (Eqs. 53-55)
+    outward   on its own link and those outboard, ``- t . dw_pr`` too, and ``dA = X dA_pr + C dw_pr + P d udot``
+
+What a coordinate or a speed of a link changes in its own motion, with udot held, is the tangent of the kinematics of that link
+alone; of the force, ``I dA + W dw``, and on the parent the turning of what the joint transmits.
+"""
+
+from __future__ import annotations
+
+from ...program.block import Scope
+from ...program.scalar import Vector
+from ...program.store import Store
+from .. import fields
+from ..elimination import OF_FREEDOMS
+from ..joints import LinkJoint
+from ..joints.quaternion import QuaternionJoint
+from ..spatial import ZERO, add, cross, is_zero
+from ..stores import DFORCE, DUDOT, ME, MY_COLUMNS, RIGHT_SIDE, UP_COLUMNS
+from ..structure.kinds import LinkKind
+from .inverse_dynamics import joint_acceleration
+from .kinematics import accelerate, angular_velocity
+from .tangents import differentiate, tangent
+from .triangularization import articulated_inertia, force_to_parent
+from .turning import _sum_of_products, carried_change
+
+
+def column_clear(x: Scope, kind: LinkKind) -> None:
+    """No force yet."""
+    nothing: Vector = [0] * 6
+    x.store(MY_COLUMNS, fields.column_force, nothing)
+
+
+def column_rest(x: Scope, kind: LinkKind) -> None:
+    """Nothing drives the freedoms of links that are not inboard of a column's own."""
+    for j in range(kind.joint.freedoms):
+        x.store(MY_COLUMNS, fields.column_drive(j), 0)
+
+
+def column_begin(x: Scope, kind: LinkKind) -> None:
+    """The parent does not turn with a column of the link."""
+    x.store(UP_COLUMNS, fields.column_turning, ZERO)
+
+
+def column_turns(x: Scope, kind: LinkKind) -> None:
+    """Rotation vector of a quaternion's seed."""
+    joint = kind.joint(x, kind)
+    assert isinstance(joint, QuaternionJoint)
+    joint.write_turn(MY_COLUMNS)
+
+
+def column_seed(x: Scope, kind: LinkKind) -> None:
+    """What the link's own coordinates and speeds change in its motion, and the forces that this brings."""
+    joint = kind.joint(x, kind)
+    carried, w = angular_velocity(x, joint)
+    al, a = joint_acceleration(x, joint, *accelerate(x, joint, carried, fields.total))
+    x.recall(ME, fields.parents_velocity, carried)
+    x.recall(ME, fields.angular_velocity, w)
+    moved: Vector = []
+    if kind.carried_on:
+        phi = x.load(ME, fields.joint_force)
+        n, f = force_to_parent(x, joint, joint.offset(), phi[:3], phi[3:], "Eq. 45")
+        moved = [*n, *f]
+    d = differentiate(x, kind, joint, own=True)
+    turned = [tangent(d, e) for e in w]
+    dA = [tangent(d, e) for e in (*al, *a)]
+    x.store(MY_COLUMNS, fields.seed_turning, turned)
+    x.store(MY_COLUMNS, fields.seed_acceleration, dA)
+    W = [*x.load(ME, fields.all_turning_moment), *x.load(ME, fields.all_turning_push)]
+    P = [
+        x.let("P", _sum_of_products(row, dA) + _sum_of_products(turns, turned), "d Eq. 45", lanes=True)
+        for row, turns in zip(articulated_inertia(x), W, strict=True)
+    ]
+    _add(x, MY_COLUMNS, P)
+    if kind.carried_on:
+        _add(x, UP_COLUMNS, [tangent(d, e) for e in moved])
+
+
+def column_unit(x: Scope, kind: LinkKind) -> None:
+    """A unit force along each freedom: a wrench on the link, and the opposite one on its parent."""
+    joint = kind.joint(x, kind, lanes=True)
+    wrench: Vector = [0] * 6
+    for j, s in enumerate(joint.columns):
+        wrench[s.lead] = wrench[s.lead] - x.entry(RIGHT_SIDE, j)
+    _add(x, MY_COLUMNS, wrench)
+    if kind.carried_on:
+        n, f = force_to_parent(x, joint, joint.offset(), [-e for e in wrench[:3]], [-e for e in wrench[3:]], "Eq. 45")
+        _add(x, UP_COLUMNS, [*n, *f])
+
+
+def column_in(x: Scope, kind: LinkKind) -> None:
+    """The force of a column at one joint, and what is handed on. Eqs. 45, 53."""
+    joint = kind.joint(x, kind, lanes=True)
+    P = x.load(MY_COLUMNS, fields.column_force)
+    for j in reversed(range(joint.freedoms)):
+        s = joint.columns[j]
+        r = x.let("r", -s.along(P), "d Eq. 53", lanes=True)
+        driven = x.let("rD", r * x.load(ME, OF_FREEDOMS.inverse(j)), "d Eq. 53", lanes=True)
+        x.store(MY_COLUMNS, fields.column_drive(j), driven)
+        if not (kind.carried_on or j):
+            return
+        for i in range(6):
+            if i != s.lead:
+                G = x.load(ME, OF_FREEDOMS.gain(j, i))
+                P[i] = x.let("P", P[i] + G * r, "d Eq. 45", lanes=True)
+        P[s.lead] = x.let("P", s.completed(P), "d Eq. 45", lanes=True)
+    if kind.carried_on:
+        n, f = force_to_parent(x, joint, joint.offset(), P[:3], P[3:], "Eq. 45")
+        _add(x, UP_COLUMNS, [*n, *f])
+
+
+def column_back(x: Scope, kind: LinkKind) -> None:
+    """Back substitution on links that a column does not turn. Eqs. 53-55."""
+    joint = kind.joint(x, kind, lanes=True)
+    A = _carried(x, joint)
+    drive = [x.load(MY_COLUMNS, fields.column_drive(j)) for j in range(joint.freedoms)]
+    found = _substitute(x, joint, A, drive)
+    x.store(MY_COLUMNS, fields.column_acceleration, _moved(x, joint, A, found))
+
+
+def column_turn(x: Scope, kind: LinkKind) -> None:
+    """The same on links that a column turns."""
+    joint = kind.joint(x, kind, lanes=True)
+    A = _carried(x, joint)
+    drive = [x.load(MY_COLUMNS, fields.column_drive(j)) for j in range(joint.freedoms)]
+    turned: Vector = [0, 0, 0]
+    if kind.carried_on:
+        turned = joint.to_child(x.load(UP_COLUMNS, fields.column_turning), "dw", "d Eq. 18")
+        for j in range(joint.freedoms):
+            gain = [x.load(ME, fields.turning_gain(j, k)) for k in range(3)]
+            drive[j] = drive[j] + _sum_of_products(gain, turned)
+    found = _substitute(x, joint, A, drive)
+    if kind.carried_on:
+        values = kind.joint(x, kind)
+        C = carried_change(x, values, x.load(ME, fields.parents_velocity))
+        A = [x.let("A", e + _sum_of_products(row, turned), "d Eq. 21", lanes=True) for e, row in zip(A, C, strict=True)]
+    x.store(MY_COLUMNS, fields.column_turning, turned)
+    x.store(MY_COLUMNS, fields.column_acceleration, _moved(x, joint, A, found))
+
+
+def column_add(x: Scope, kind: LinkKind) -> None:
+    """The link's own changes, which its joint's freedoms have answered already."""
+    for field, seed in (
+        (fields.column_turning, fields.seed_turning),
+        (fields.column_acceleration, fields.seed_acceleration),
+    ):
+        for part, of in zip(field.scalars(), seed.scalars(), strict=True):
+            x.store(
+                MY_COLUMNS,
+                part,
+                x.let("own", x.load(MY_COLUMNS, part) + x.load(MY_COLUMNS, of), "d Eq. 21", lanes=True),
+            )
+
+
+def composite_seed(x: Scope, kind: LinkKind) -> None:
+    """The force that everything outboard needs for a unit acceleration of a freedom."""
+    freedoms = range(kind.joint.freedoms)
+    forces = [x.load(ME, fields.composite_force(j)) for j in freedoms]
+    units = [x.entry(RIGHT_SIDE, j) for j in freedoms]
+    _add(x, MY_COLUMNS, [_sum_of_products(list(of), units) for of in zip(*forces, strict=True)])
+
+
+def composite_in(x: Scope, kind: LinkKind) -> None:
+    """Components of that force along the freedoms of links inboard: the mass matrix."""
+    joint = kind.joint(x, kind, lanes=True)
+    P = x.load(MY_COLUMNS, fields.column_force)
+    for j, s in enumerate(joint.columns):
+        x.set_entry(DFORCE, j, s.along(P))
+    if kind.carried_on:
+        n, f = force_to_parent(x, joint, joint.offset(), P[:3], P[3:], "Eq. 45")
+        _add(x, UP_COLUMNS, [*n, *f])
+
+
+def _add(x: Scope, store: Store, value: Vector) -> None:
+    """Add to the force of columns; what is not there yet is zero."""
+    for part, e in zip(fields.column_force.scalars(), value, strict=True):
+        if not is_zero(e):
+            x.store(store, part, x.let("P", x.load(store, part) + e, "d Eq. 45", lanes=True))
+
+
+def _carried(x: Scope, joint: LinkJoint) -> Vector:
+    """``X dA_pr``: the parent's change of accelerations, in the link's frame."""
+    A = x.load(UP_COLUMNS, fields.column_acceleration)
+    moved = add(A[3:], cross(A[:3], joint.offset()))
+    return joint.to_child(A[:3], "dal", "d Eq. 54") + joint.to_child(moved, "da", "d Eq. 54")
+
+
+def _substitute(x: Scope, joint: LinkJoint, A: Vector, drive: Vector) -> Vector:
+    """Accelerations of the freedoms, the one eliminated last first. Eq. 53."""
+    a = list(A)
+    found: Vector = []
+    for j, s in enumerate(joint.columns):
+        # s . G = 1, so a along s counts once, and the other components what is left of them
+        value = drive[j]
+        for i in range(6):
+            gain = 1 if i == s.lead else x.load(ME, OF_FREEDOMS.gain(j, i))
+            value = value - gain * s.remaining(x, i, a, True)
+        found.append(x.let("udot", value, "d Eq. 53", lanes=True))
+        x.set_entry(DUDOT, j, found[j])
+        for i, moved in s.added(a, found[j]).items():
+            a[i] = x.let("A", moved, "d Eq. 54", lanes=True)
+    return found
+
+
+def _moved(x: Scope, joint: LinkJoint, A: Vector, found: Vector) -> Vector:
+    """Accelerations with those of the freedoms."""
+    a = list(A)
+    for s, value in zip(joint.columns, found, strict=True):
+        for i, moved in s.added(a, value).items():
+            a[i] = x.let("A", moved, "d Eq. 54", lanes=True)
+    return a

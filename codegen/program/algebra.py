@@ -1,0 +1,682 @@
+"""Expressions of statements: sums, products, powers and functions of symbols and numbers, each kept once.
+
+Statements are short, and there are many: a general algebra system takes most of the time of generation to find out about every
+product that it is commutative. What is needed here is little: terms and factors in one order, equal ones put together, zeros and
+ones left out. Two expressions that are equal are the same object, so comparing them and finding them in tables is quick.
+
+Rules, those of sympy where it has one: terms of a sum that differ in their number are one term; powers of one base are one power;
+a number times a sum is put into the sum, when it is all that it is multiplied with; otherwise nothing is multiplied out. What
+`raw_sum` and `raw_product` make stays as written until something is put into it.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import ClassVar, Protocol
+
+import mpmath
+
+Real = int | Fraction | float
+"""What a number is: whole, a fraction, or a double; with more digits an ``mpmath.mpf`` in the place of the last."""
+
+_SYMBOL, _POWER, _PRODUCT, _SUM, _FUNCTION = range(13, 18)
+
+
+class Expr:
+    """An expression.
+
+    Attributes
+    ----------
+    args : tuple of Expr
+    key : tuple
+        Its place in the order of terms and factors.
+    free_symbols : frozenset of Symbol
+    """
+
+    __slots__ = ("args", "free_symbols", "key")
+    is_Symbol: ClassVar[bool] = False
+    is_Number: ClassVar[bool] = False
+    is_Add: ClassVar[bool] = False
+    is_Mul: ClassVar[bool] = False
+    is_Pow: ClassVar[bool] = False
+    is_Function: ClassVar[bool] = False
+    args: tuple[Expr, ...]
+    key: tuple[object, ...]
+    free_symbols: frozenset[Symbol]
+
+    def __add__(self, other: object) -> Expr:
+        return add(self, expression(other))
+
+    __radd__ = __add__
+
+    def __sub__(self, other: object) -> Expr:
+        return add(self, negative(expression(other)))
+
+    def __rsub__(self, other: object) -> Expr:
+        return add(expression(other), negative(self))
+
+    def __mul__(self, other: object) -> Expr:
+        return multiply(self, expression(other))
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: object) -> Expr:
+        return multiply(self, power(expression(other), MINUS_ONE))
+
+    def __rtruediv__(self, other: object) -> Expr:
+        return multiply(expression(other), power(self, MINUS_ONE))
+
+    def __pow__(self, other: object) -> Expr:
+        return power(self, expression(other))
+
+    def __neg__(self) -> Expr:
+        return negative(self)
+
+    def __repr__(self) -> str:
+        return _text(self)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        raise TypeError("expressions are of one process")
+
+    def xreplace(self, rule: Mapping[Symbol, Expr]) -> Expr:
+        """The expression with other expressions in the place of symbols."""
+        if self.free_symbols.isdisjoint(rule):
+            return self
+        args = [a.xreplace(rule) for a in self.args]
+        return self if all(a is b for a, b in zip(args, self.args, strict=True)) else self.rebuilt(args)
+
+    def rebuilt(self, args: list[Expr]) -> Expr:
+        """The same operation of other operands."""
+        raise NotImplementedError
+
+
+class Symbol(Expr):
+    """A name; there is one symbol of each."""
+
+    __slots__ = ("name",)
+    is_Symbol = True
+    name: str
+
+    def __new__(cls, name: str) -> Symbol:
+        found = _symbols.get(name)
+        if found is None:
+            found = object.__new__(cls)
+            found.name, found.args, found.key = name, (), (_SYMBOL, "", 0, name)
+            found.free_symbols = frozenset((found,))
+            found = _symbols.setdefault(name, found)
+        return found
+
+    def xreplace(self, rule: Mapping[Symbol, Expr]) -> Expr:
+        return rule.get(self, self)
+
+    def __str__(self) -> str:
+        return self.name
+
+
+class Number(Expr):
+    """A number. Doubles that are whole are the whole numbers."""
+
+    __slots__ = ("value",)
+    is_Number = True
+    value: Real
+
+    def __new__(cls, value: object) -> Number:
+        number = value if type(value) is int else _plain(value)
+        entry = type(number), number
+        found = _numbers.get(entry)
+        if found is None:
+            found = object.__new__(cls)
+            found.value, found.args, found.free_symbols = number, (), _NONE
+            found.key = _number_key(number)
+            found = _numbers.setdefault(entry, found)
+        return found
+
+    @property
+    def is_Integer(self) -> bool:
+        return isinstance(self.value, int)
+
+    @property
+    def is_Rational(self) -> bool:
+        """Whether it is whole or a fraction."""
+        return isinstance(self.value, (int, Fraction))
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether it is a number that a double can be."""
+        try:
+            return math.isfinite(float(self.value))
+        except OverflowError:
+            return False
+
+    def __eq__(self, other: object) -> bool:
+        if isinstance(other, Number):
+            return self is other or self.value == other.value
+        return self.value == other if isinstance(other, (int, float, Fraction, mpmath.mpf)) else NotImplemented
+
+    __hash__ = object.__hash__
+
+    def __float__(self) -> float:
+        return float(self.value)
+
+    def __int__(self) -> int:
+        return int(self.value)
+
+    def __bool__(self) -> bool:
+        return self.value != 0
+
+    def __abs__(self) -> Number:
+        return Number(abs(self.value))
+
+    def __lt__(self, other: object) -> bool:
+        return bool(self.value < _value(other))
+
+    def __le__(self, other: object) -> bool:
+        return bool(self.value <= _value(other))
+
+    def __gt__(self, other: object) -> bool:
+        return bool(self.value > _value(other))
+
+    def __ge__(self, other: object) -> bool:
+        return bool(self.value >= _value(other))
+
+    def xreplace(self, rule: Mapping[Symbol, Expr]) -> Expr:
+        return self
+
+
+class Add(Expr):
+    """A sum."""
+
+    __slots__ = ()
+    is_Add = True
+
+    def rebuilt(self, args: list[Expr]) -> Expr:
+        return add(*args)
+
+
+class Mul(Expr):
+    """A product; a number among its factors is the first."""
+
+    __slots__ = ()
+    is_Mul = True
+
+    def rebuilt(self, args: list[Expr]) -> Expr:
+        return multiply(*args)
+
+
+class Pow(Expr):
+    """A power by a number."""
+
+    __slots__ = ()
+    is_Pow = True
+
+    @property
+    def base(self) -> Expr:
+        return self.args[0]
+
+    @property
+    def exp(self) -> Number:
+        found = self.args[1]
+        assert isinstance(found, Number)
+        return found
+
+    def rebuilt(self, args: list[Expr]) -> Expr:
+        return power(*args)
+
+
+class Function(Expr):
+    """The value of an elementary function."""
+
+    __slots__ = ("name",)
+    is_Function = True
+    name: str
+
+    def rebuilt(self, args: list[Expr]) -> Expr:
+        return MEANINGS[self.name].make(*args)
+
+
+class Made(Protocol):
+    """What makes the value of a function, of expressions or numbers."""
+
+    def __call__(self, *arguments: object) -> Expr: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Meaning:
+    """What a function is.
+
+    Attributes
+    ----------
+    make : callable
+        Its value of expressions or numbers.
+    value : callable (numbers) -> number
+    slope : callable (Function, int) -> Expr
+        Its derivative by one of its arguments.
+    """
+
+    make: Made
+    value: Callable[[Sequence[float]], float]
+    slope: Callable[[Function, int], Expr]
+
+
+MEANINGS: dict[str, Meaning] = {}
+"""Functions by their names; `functions` has them."""
+
+_NONE: frozenset[Symbol] = frozenset()
+_symbols: dict[str, Symbol] = {}
+_numbers: dict[tuple[type, object], Number] = {}
+_made: dict[tuple[object, ...], Expr] = {}
+"""Sums, products, powers and functions by what they are of; and what sums and products of some operands have come to."""
+_users, _changing = 0, threading.Lock()
+
+
+@contextmanager
+def expressions_kept() -> Iterator[None]:
+    """While this lasts equal expressions are the same; when nobody needs that any longer, they are let go."""
+    global _users
+    with _changing:
+        _users += 1
+    try:
+        yield
+    finally:
+        with _changing:
+            _users -= 1
+            if not _users:
+                _made.clear()
+                _numbers.clear()
+                _numbers.update({(type(n.value), n.value): n for n in _COMMON})
+
+
+def _plain(value: object) -> Real:
+    if isinstance(value, Number):
+        return value.value
+    if isinstance(value, bool):
+        return int(value)
+    if isinstance(value, int):
+        return int(value)
+    if isinstance(value, Fraction):
+        return int(value) if value.denominator == 1 else value
+    if isinstance(value, mpmath.mpf):
+        whole = mpmath.isint(value) and abs(value) < 2**53
+        found: Real = int(value) if whole else value
+        return found
+    if not isinstance(value, float):
+        raise TypeError(f"{value!r} is no number")
+    return int(value) if value.is_integer() and abs(value) < 2**53 else float(value)
+
+
+def _value(other: object) -> float:
+    found: float = other.value if isinstance(other, Number) else other  # type: ignore[assignment]
+    return found
+
+
+def _number_key(value: Real) -> tuple[object, ...]:
+    """The place of a number in the order."""
+    place = (
+        {0: 0, 1: 1, Fraction(1, 2): 2, -1: 5}.get(value) if not isinstance(value, float) or value == value else None
+    )
+    if place is not None:
+        return (place, "", 0)
+    if isinstance(value, int):
+        return (7, "", 2, value, 1)
+    if isinstance(value, Fraction):
+        return (8, "", 2, value.numerator, value.denominator)
+    if not math.isfinite(value):
+        return (10, "", 1, str(value))
+    return (9, "", 1, mpmath.mpf(value)._mpf_)
+
+
+def _node(kind: type[Expr], rank: int, args: tuple[Expr, ...]) -> Expr:
+    entry = (rank, *args)
+    found: Expr | None = _made.get(entry)
+    if found is None:
+        found = object.__new__(kind)
+        found.args = args
+        found.key = (rank, "", len(args), *[a.key for a in args])
+        found.free_symbols = _NONE.union(*[a.free_symbols for a in args])
+        found = _made.setdefault(entry, found)
+    return found
+
+
+def function(name: str, *args: Expr) -> Expr:
+    """The value of a function, as it stands."""
+    entry = (_FUNCTION, name, *args)
+    found = _made.get(entry)
+    if found is None:
+        made = object.__new__(Function)
+        made.name, made.args = name, args
+        made.key = (_FUNCTION, name, len(args), *[a.key for a in args])
+        made.free_symbols = _NONE.union(*[a.free_symbols for a in args])
+        found = _made.setdefault(entry, made)
+    return found
+
+
+def expression(value: object) -> Expr:
+    """An expression, of one or of a number."""
+    if isinstance(value, Expr):
+        return value
+    if isinstance(value, (int, float, Fraction, mpmath.mpf)):
+        return Number(value)
+    raise TypeError(f"{value!r} is no expression")
+
+
+def _key(e: Expr) -> tuple[object, ...]:
+    return e.key
+
+
+def raw_sum(*args: Expr) -> Expr:
+    """A sum of terms in their order, as it stands."""
+    return _node(Add, _SUM, args)
+
+
+def raw_product(*args: Expr) -> Expr:
+    """A product of factors in their order, as it stands."""
+    return _node(Mul, _PRODUCT, args)
+
+
+def coefficient(e: Expr) -> tuple[Number, Expr]:
+    """The number that an expression is multiplied with, and the rest."""
+    if isinstance(e, Number):
+        return e, ONE
+    if e.is_Mul:
+        first = e.args[0]
+        if isinstance(first, Number):
+            rest = e.args[1:]
+            return first, rest[0] if len(rest) == 1 else raw_product(*rest)
+    return ONE, e
+
+
+def add(*args: Expr) -> Expr:
+    """A sum."""
+    args = tuple([a for a in args if a is not ZERO])
+    if len(args) < 2:
+        return args[0] if args else ZERO
+    entry = ("+", *args)
+    found: Expr | None = _made.get(entry)
+    if found is None:
+        found = _made[entry] = _sum(args)
+    return found
+
+
+def _sum(args: tuple[Expr, ...]) -> Expr:
+    terms: dict[Expr, Real] = {}
+    number: Real = 0
+    waiting = list(args)
+    for e in waiting:
+        if isinstance(e, Number):
+            number = _with_digits(number, e.value, add=True)
+        elif e.is_Add:
+            waiting.extend(e.args)
+        else:
+            c, rest = coefficient(e)
+            terms[rest] = _with_digits(terms[rest], c.value, add=True) if rest in terms else c.value
+    found = []
+    for rest, times in terms.items():
+        if times == 0:
+            continue
+        if times == 1:
+            found.append(rest)
+        elif rest.is_Mul:
+            found.append(raw_product(Number(times), *rest.args))
+        elif rest.is_Add:
+            found.append(raw_product(Number(times), rest))
+        else:
+            found.append(multiply(Number(times), rest))
+    found.sort(key=_key)
+    if number != 0:
+        found.insert(0, Number(number))
+    if len(found) < 2:
+        return found[0] if found else ZERO
+    return raw_sum(*found)
+
+
+def _with_digits(a: Real, b: Real, add: bool) -> Real:
+    """Sum or product of numbers; a fraction beside a double becomes one."""
+    if isinstance(a, (float, mpmath.mpf)) and isinstance(b, (Fraction, int)):
+        b = _as_double(b, a)
+    elif isinstance(b, (float, mpmath.mpf)) and isinstance(a, (Fraction, int)):
+        a = _as_double(a, b)
+    found = a + b if add else a * b
+    return _plain(found)
+
+
+def _as_double(value: Fraction | int, like: Real) -> Real:
+    if isinstance(like, mpmath.mpf):
+        quotient: float = mpmath.mpf(value.numerator) / value.denominator
+        return quotient
+    try:
+        return float(value)
+    except OverflowError:
+        return math.copysign(math.inf, value)
+
+
+def negative(e: Expr) -> Expr:
+    """Minus an expression."""
+    if isinstance(e, Number):
+        return Number(-e.value)
+    if e.is_Add:
+        return multiply(MINUS_ONE, e)
+    if not e.is_Mul:
+        return raw_product(MINUS_ONE, e)
+    c, rest = coefficient(e)
+    c = Number(-c.value)
+    if c is ONE:
+        return rest
+    if rest.is_Add:
+        return multiply(c, rest)
+    return raw_product(c, *(rest.args if rest.is_Mul else (rest,)))
+
+
+def multiply(*args: Expr) -> Expr:
+    """A product."""
+    args = tuple([a for a in args if a is not ONE])
+    if len(args) < 2:
+        return args[0] if args else ONE
+    entry = ("*", *args)
+    found: Expr | None = _made.get(entry)
+    if found is None:
+        found = _made[entry] = _product(args)
+    return found
+
+
+def _keep(c: Number, e: Expr) -> Expr:
+    """A number times a term of a sum."""
+    if isinstance(e, Number):
+        return Number(_with_digits(c.value, e.value, add=False))
+    if c is MINUS_ONE:
+        return negative(e)
+    if e.is_Add:
+        return raw_product(c, e)
+    if e.is_Mul:
+        of, rest = coefficient(e)
+        c = Number(_with_digits(c.value, of.value, add=False))
+        factors = rest.args if rest.is_Mul else (rest,)
+        return raw_product(c, *factors) if c is not ONE else rest
+    return multiply(c, e)
+
+
+def _product(args: tuple[Expr, ...]) -> Expr:
+    if len(args) == 2:
+        a, b = args
+        if isinstance(b, Number):
+            a, b = b, a
+        if isinstance(a, Number) and a is not ZERO:
+            c, rest = coefficient(b)
+            if rest.is_Add:
+                if c is not ONE:
+                    both = Number(_with_digits(a.value, c.value, add=False))
+                    return rest if both is ONE else raw_product(both, rest)
+                return add(*[_keep(a, term) for term in rest.args])
+    number: Real = 1
+    powers: dict[Expr, Real] = {}
+    waiting = list(args)
+    for e in waiting:
+        if isinstance(e, Number):
+            number = _with_digits(number, e.value, add=False)
+        elif e.is_Mul:
+            waiting.extend(e.args)
+        elif isinstance(e, Pow):
+            powers[e.base] = powers.get(e.base, 0) + e.exp.value
+        else:
+            powers[e] = powers.get(e, 0) + 1
+    if number == 0:
+        return ZERO
+    factors: list[Expr] = []
+    again = False
+    for base, exponent in powers.items():
+        if exponent == 0:
+            continue
+        p = base if exponent == 1 else power(base, Number(exponent))
+        if isinstance(p, Number):
+            number = _with_digits(number, p.value, add=False)
+            continue
+        again = again or p.is_Mul or (isinstance(p, Pow) and p.base is not base)
+        factors.append(p)
+    if again:
+        return multiply(Number(number), *factors)
+    factors.sort(key=_key)
+    c = Number(number)
+    if c is not ONE:
+        factors.insert(0, c)
+    if len(factors) < 2:
+        return factors[0] if factors else ONE
+    if len(factors) == 2 and c is not ONE and factors[1].is_Add and c.is_finite:
+        return add(*[multiply(c, term) for term in factors[1].args])
+    return raw_product(*factors)
+
+
+def power(base: Expr, exponent: Expr) -> Expr:
+    """A power by a number."""
+    if not isinstance(exponent, Number):
+        raise TypeError(f"{base}**{exponent}: exponents are numbers")
+    n = exponent.value
+    if n == 0:
+        return ONE
+    if n == 1 or base is ONE:
+        return base
+    if isinstance(base, Number):
+        return _power_of_number(base, exponent)
+    if isinstance(base, Pow):
+        inner: Real = base.exp.value
+        if isinstance(n, int) or -1 < inner < 1:
+            return power(base.base, Number(inner * n))
+    elif base.is_Mul:
+        if isinstance(n, int):
+            return multiply(*[power(f, exponent) for f in base.args])
+        c, rest = coefficient(base)
+        if c is not ONE and c.value > 0:
+            return multiply(power(c, exponent), power(rest, exponent))
+    return _node(Pow, _POWER, (base, exponent))
+
+
+def _power_of_number(base: Number, exponent: Number) -> Expr:
+    a, n = base.value, exponent.value
+    if a == 0:
+        return ZERO if n > 0 else Number(math.inf)
+    if isinstance(n, int) and isinstance(a, (int, Fraction)):
+        return Number(Fraction(a) ** n)
+    if isinstance(n, Fraction) and isinstance(a, (int, Fraction)) and a > 0:
+        root = Fraction(a) ** n.numerator
+        parts = (
+            [round(x ** (1 / n.denominator)) for x in (root.numerator, root.denominator)]
+            if root.numerator < 2**52
+            else []
+        )
+        if parts and parts[0] ** n.denominator == root.numerator and parts[1] ** n.denominator == root.denominator:
+            return Number(Fraction(*parts))
+        return _node(Pow, _POWER, (base, exponent))
+    if a < 0 and not isinstance(n, int):
+        return Number(math.nan)
+    try:
+        if isinstance(a, mpmath.mpf) or isinstance(n, mpmath.mpf):
+            return Number(mpmath.mpf(a) ** n)
+        if n == -1:
+            return Number(1.0 / a)
+        if n == Fraction(1, 2):
+            return Number(math.sqrt(a))
+        with mpmath.workprec(53):
+            return Number(float(mpmath.mpf(a) ** (n if isinstance(n, int) else float(n))))
+    except OverflowError:
+        return Number(math.inf)
+
+
+def numbers_of(e: Expr) -> Iterator[Number]:
+    """The numbers that stand in an expression."""
+    if isinstance(e, Number):
+        yield e
+    for a in e.args:
+        yield from numbers_of(a)
+
+
+def value_of_number(e: Expr) -> float:
+    """The value of an expression without symbols; with the digits of ``mpmath`` where these are more than a double's."""
+    long = mpmath.mp.prec > 53
+    if isinstance(e, Number):
+        if long and isinstance(e.value, Fraction):
+            quotient: float = mpmath.mpf(e.value.numerator) / e.value.denominator
+            return quotient
+        return e.value if isinstance(e.value, (int, mpmath.mpf)) else float(e.value)
+    values = [value_of_number(a) for a in e.args]
+    if e.is_Add:
+        return sum(values)
+    if e.is_Mul:
+        return math.prod(values)
+    if isinstance(e, Pow):
+        a, n = values
+        if e.exp is HALF:
+            root: float = mpmath.sqrt(a) if long else math.sqrt(a)
+            return root
+        power: float = (mpmath.mpf(a) if long else float(a)) ** n
+        return power
+    assert isinstance(e, Function)
+    return MEANINGS[e.name].value(values)
+
+
+def sqrt(e: object) -> Expr:
+    """A square root."""
+    return power(expression(e), HALF)
+
+
+def derivative(e: Expr, by: Symbol) -> Expr:
+    """The derivative of an expression by one of its symbols."""
+    if by not in e.free_symbols:
+        return ZERO
+    if e is by:
+        return ONE
+    if e.is_Add:
+        return add(*[derivative(a, by) for a in e.args])
+    if e.is_Mul:
+        terms = []
+        for i, a in enumerate(e.args):
+            d = derivative(a, by)
+            if d is not ZERO:
+                product: Expr = ONE
+                for f in (*e.args[:i], d, *e.args[i + 1 :]):
+                    product = multiply(product, f)
+                terms.append(product)
+        return add(*terms)
+    if isinstance(e, Pow):
+        return e * (derivative(e.base, by) * e.exp / e.base)
+    assert isinstance(e, Function)
+    slope = MEANINGS[e.name].slope
+    return add(*[slope(e, i) * derivative(a, by) for i, a in enumerate(e.args) if by in a.free_symbols])
+
+
+def _text(e: Expr) -> str:
+    """As it is written in Python, for messages and tests."""
+    if isinstance(e, Number):
+        return f"({e.value})" if isinstance(e.value, Fraction) or e.value < 0 else str(e.value)
+    if isinstance(e, Symbol):
+        return e.name
+    inside = [_text(a) if not a.args else f"({_text(a)})" for a in e.args]
+    if isinstance(e, Function):
+        return f"{e.name}({', '.join(map(_text, e.args))})"
+    return {Add: " + ", Mul: "*", Pow: "**"}[type(e)].join(inside)
+
+
+ZERO, ONE, MINUS_ONE, HALF = Number(0), Number(1), Number(-1), Number(Fraction(1, 2))
+_COMMON = (ZERO, ONE, MINUS_ONE, HALF)

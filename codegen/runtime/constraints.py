@@ -1,0 +1,63 @@
+"""Bounds of functionals as the constraints that SciPy's optimisers take."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .judged_points import JudgedPoints
+from .standalone.arrays import Array
+
+
+def bounds_of(count: int, lower: ArrayLike, upper: ArrayLike) -> tuple[Array, Array]:
+    """Bounds (count,) of so many functionals, checked.
+
+    Raises
+    ------
+    ValueError
+    """
+    try:
+        low, high = (np.broadcast_to(np.asarray(b, float), (count,)).copy() for b in (lower, upper))
+    except ValueError:
+        raise ValueError(f"constraint: {count} functionals, and bounds {lower!r} and {upper!r}") from None
+    if np.isnan([low, high]).any() or (low > high).any() or np.isinf([low, high]).all(axis=0).any():
+        raise ValueError(
+            f"constraint: bounds are {lower!r} and {upper!r}; lower must not be above upper, one be finite"
+        )
+    return low, high
+
+
+def nonlinear(points: JudgedPoints, at: slice, low: Array, high: Array) -> Any:
+    """low <= functionals that stand there <= high, a `scipy.optimize.NonlinearConstraint`."""
+    from scipy.optimize import NonlinearConstraint
+
+    return NonlinearConstraint(
+        lambda x: points.safe(x).functionals[at].copy(), low, high, jac=lambda x: points.safe(x).gradients[at].copy()
+    )
+
+
+def dictionaries(points: JudgedPoints, at: slice, low: Array, high: Array) -> list[dict[str, Any]]:
+    """The same as dictionaries of SLSQP's: equations, and inequalities that are to be positive."""
+    places = np.arange(at.start, at.stop)
+    found = []
+    for kind, chosen, sign, level in (
+        ("eq", low == high, 1.0, low),
+        ("ineq", (low != high) & np.isfinite(low), 1.0, low),
+        ("ineq", (low != high) & np.isfinite(high), -1.0, high),
+    ):
+        if chosen.any():
+            found.append(_dictionary(points, kind, places[chosen], sign, level[chosen]))
+    return found
+
+
+def _dictionary(points: JudgedPoints, kind: str, places: Any, sign: float, level: Array) -> dict[str, Any]:
+    return {
+        "type": kind,
+        "fun": lambda x: sign * (points.safe(x).functionals[places] - level),
+        "jac": lambda x: sign * points.safe(x).gradients[places],
+    }
+
+
+__all__ = ["bounds_of", "dictionaries", "nonlinear"]

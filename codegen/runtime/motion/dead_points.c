@@ -1,0 +1,199 @@
+/* Where independent coordinates do not determine the others: branches that meet where a loop loses rank, and dead points.
+ *
+ * At a dead point of the independent coordinates their speeds vanish while dependent ones go on, and say nothing of these; what is
+ * small in them is large behind it. The closure's rank is lost there, so its condition is as 1/|t - dead point|, and the inverse of
+ * the condition changes sign, which it does not show. A step that goes over such a point is smooth all the same, and its error
+ * estimate tells nothing; so every step is looked at. */
+#include "inside.h"
+
+#include <math.h>
+#include <string.h>
+
+/* ---- Branches. ---- */
+
+/* Tolerances by which dependent coordinates may differ from what a step predicts. */
+static const double JUMP = 1e3;
+
+/* Whether the dependent coordinates that loops have been closed with last are others than a step has led to: on another branch,
+ * of those that meet where a loop loses rank. */
+int ordernm_jumped(const ordernm_motion *m, const double *z)
+{
+    const ordernm_problem *p = m->problem;
+    const double *predicted = z + m->ny + m->nx;
+    for (int i = 0; i < m->nd; ++i) {
+        const double q = m->q[m->dependent[i]];
+        if (!(fabs(q - predicted[i]) <= JUMP*(p->atol[0] + p->rtol*(1.0 + fabs(q))) + 1e-9)) return 1;
+    }
+    return 0;
+}
+
+/* ---- At a dead point. ---- */
+
+/* What may be left undetermined of dependent speeds, in parts of the largest, and by how much errors must have been made larger, for
+ * loose tolerances alone say nothing of poses; and errors of independent speeds, in parts of 1 and of themselves, that there are
+ * near such poses even where tolerances allow less, by rounding. */
+static const double UNDETERMINED = 1e-4, ENLARGED = 1e3, BY_ROUNDING = 1e-8;
+
+/* At a dead point of the independent coordinates their speeds vanish while dependent ones go on, and say nothing of these. Where a
+ * loop itself loses rank dependent speeds follow the independent ones all the same. Which it is shows by how far dependents move if
+ * independent speeds do; the map is linear. */
+int ordernm_undetermined(ordernm_motion *m)
+{
+    const ordernm_problem *const p = m->problem;
+    const ordernm_system *const s = m->system;
+    double *const z = m->probe[0], *const here = m->probe[1], *const there = m->probe[2], *const error = m->probe[3],
+        *const gain = m->probe[4];
+    const long first = m->ny + m->nx;
+    memcpy(z, m->z, m->values*sizeof(double));
+    if (ordernm_rates_of(m, m->t, z, here, 0, 0, RATES | KNOWN_CLOSED)) return 0;
+    double fastest = 0.0;
+    for (int i = 0; i < m->nd; ++i) {
+        error[i] = gain[i] = 0.0;
+        if (fabs(here[first + i]) > fastest) fastest = fabs(here[first + i]);
+    }
+    for (int k = s->nfree_q; k < m->ny; ++k) {
+        const double change = 1e-3*(1.0 + fabs(m->z[k])), size = 1.0 + fabs(m->z[k]);
+        const double allowed = fmax(p->atol[k] + p->rtol*fabs(m->z[k]), BY_ROUNDING*size);
+        z[k] = m->z[k] + change;
+        if (ordernm_rates_of(m, m->t, z, there, 0, 0, RATES | KNOWN_CLOSED)) return 0;
+        z[k] = m->z[k];
+        for (int i = 0; i < m->nd; ++i) {
+            const double moved = fabs(there[first + i] - here[first + i])/change;
+            error[i] += moved*allowed;
+            gain[i] += moved*size;
+        }
+    }
+    for (int i = 0; i < m->nd; ++i)
+        if (error[i] > UNDETERMINED*fastest && gain[i] > ENLARGED*fastest) return 1;
+    return 0;
+}
+
+/* ---- Steps over dead points. ---- */
+
+enum { PARTS = 8, LEVELS = RANKS_BETWEEN/(PARTS - 1) };
+
+/* Two ends of an interval may have this many times what inverse conditions are seen to change by in it. */
+static const double STEEPER = 2.0;
+
+/* In parts of the step: places are not told apart that are nearer, where closed loops have a condition that rounding and the
+ * interpolation limit. */
+static const double FINE = 2e-3;
+
+/* How far the two places are from lost rank, in parts of the way there, that tell by how much dependent speeds grow; and the least that
+ * they grow by at a dead point, where it is the quotient of the distances. */
+static const double FAR = 0.16, NEAR = 0.01, GROWN = 4.0;
+
+/* What loops are by their condition at a stage of a step, or at its end. */
+void ordernm_note_condition(ordernm_motion *m, int stage, int status)
+{
+    const int n = m->system->nloops;
+    m->conditions[stage] = status ? LOST : m->results->condition_here;
+    if (m->identity) return;
+    for (int i = 0; i < n; ++i) m->ranks[stage*n + i] = status ? 0.0 : 1.0/m->condition[i];
+}
+
+/* The first interval from `from` on, of those between n times, in which a loop may lose rank, by how inverse conditions at the times change from
+ * one to the next: smooth functions but for their sign. The number of intervals if there is none. */
+static int suspicious(const ordernm_motion *m, int n, const double *t, const double *const *rank, int from)
+{
+    const int nloops = m->system->nloops;
+    int first = n - 1;
+    for (int loop = 0; loop < nloops; ++loop) {
+        double steepest = 0.0;
+        for (int k = 0; k + 1 < n; ++k) steepest = fmax(steepest, fabs(rank[k + 1][loop] - rank[k][loop])/(t[k + 1] - t[k]));
+        for (int k = from; k < first; ++k)
+            if (!(rank[k][loop] + rank[k + 1][loop] > STEEPER*steepest*(t[k + 1] - t[k]))) first = k;
+    }
+    return first;
+}
+
+/* The place in a step, from a to b, at which a loop loses rank; INFINITY if none does. */
+static double lost_between(ordernm_motion *m, double h, double a, double b, const double *at_a, const double *at_b, int level)
+{
+    const int nloops = m->system->nloops;
+    double *const own = m->ranks_between + (long)level*(PARTS - 1)*nloops, t[PARTS + 1];
+    const double *rank[PARTS + 1] = {at_a};
+    if (level == LEVELS || b - a < FINE) return 0.5*(a + b);
+    for (int j = 0; j <= PARTS; ++j) t[j] = a + (b - a)*j/PARTS;
+    rank[PARTS] = at_b;
+    for (int j = 1; j < PARTS; ++j) {
+        double *const here = own + (long)(j - 1)*nloops;
+        m->method->interpolate(m, h, t[j], m->trial);
+        ordernm_call c = ordernm_arguments(m, m->t + t[j]*h, m->trial);
+        if (ordernm_close_loops(m, &c)) return t[j];
+        for (int i = 0; i < nloops; ++i) here[i] = 1.0/m->condition[i];
+        rank[j] = here;
+    }
+    for (int k = 0; (k = suspicious(m, PARTS + 1, t, rank, k)) < PARTS; ++k) {
+        const double found = lost_between(m, h, t[k], t[k + 1], rank[k], rank[k + 1], level + 1);
+        if (found < INFINITY) return found;
+    }
+    return INFINITY;
+}
+
+/* The largest dependent speed that an independent one of 1 makes, at a place in the step; INFINITY where it cannot be had. */
+static double growth(ordernm_motion *m, double h, double part)
+{
+    const ordernm_system *const s = m->system;
+    double largest = 0.0;
+    m->method->interpolate(m, h, part, m->trial);
+    ordernm_call c = ordernm_arguments(m, m->t + part*h, m->trial);
+    if (ordernm_close_loops(m, &c)) return INFINITY;
+    c.full_u = m->qdot; /* as long as it is needed, and not needed itself */
+    for (int i = 0; i < s->nfree_u; ++i) m->u[s->free_u[i]] = 0.0;
+    for (int i = 0; i < s->nfree_u; ++i) {
+        m->u[s->free_u[i]] = 1.0;
+        if (s->completion(&c)) return INFINITY;
+        m->u[s->free_u[i]] = 0.0;
+        for (int k = 0; k < s->nu; ++k) largest = fmax(largest, fabs(m->qdot[k]));
+    }
+    return largest;
+}
+
+/* Where a loop itself loses rank, as in a flattened linkage, dependents follow all the same, and the motion passes. */
+static int is_dead(ordernm_motion *m, double h, double part)
+{
+    const double way = part > 0.5 ? -part : 1.0 - part;
+    const double far = growth(m, h, part + FAR*way), near = growth(m, h, part + NEAR*way);
+    return !(near < GROWN*far);
+}
+
+/* Where in the step that was made, in parts of it, a dead point of the independent coordinates is; 0 if there is none. */
+double ordernm_dead_point_within(ordernm_motion *m, double h)
+{
+    const method *const method = m->method;
+    const int nloops = m->system->nloops;
+    double time[MOST_STAGES];
+    const double *rank[MOST_STAGES];
+    int n = 0;
+    for (int i = 0; i <= method->stages; ++i) {
+        const double t = method->times[i];
+        if (i == method->stages - 1 && t == method->times[i + 1]) continue; /* both are at the end */
+        int at = n++;
+        for (; at > 0 && time[at - 1] > t; --at) time[at] = time[at - 1], rank[at] = rank[at - 1];
+        time[at] = t, rank[at] = m->ranks + (long)i*nloops;
+    }
+    int other = 0; /* the same time as before: the later stage knows more */
+    for (int i = 1; i < n; ++i) {
+        if (time[i] > time[other]) ++other;
+        time[other] = time[i], rank[other] = rank[i];
+    }
+    n = other + 1;
+    int k = suspicious(m, n, time, rank, 0);
+    if (k >= n - 1) return 0.0;
+    if (!m->complete) {
+        if (method->complete(m, h)) return 0.0;
+        m->complete = 1;
+    }
+    /* Nothing that is done here is part of the motion. */
+    const double poor = m->poor, condition = m->results->condition, here = m->results->condition_here;
+    double found = 0.0;
+    m->poor = INFINITY;
+    for (; k < n - 1 && found == 0.0; k = suspicious(m, n, time, rank, k + 1)) {
+        const double part = lost_between(m, h, time[k], time[k + 1], rank[k], rank[k + 1], 0);
+        if (part < INFINITY && is_dead(m, h, part)) found = part;
+    }
+    m->poor = poor;
+    m->results->condition = condition, m->results->condition_here = here;
+    return found;
+}

@@ -1,0 +1,108 @@
+"""What derivatives are with respect to, by name: a parameter, an initial value, an input or one of its values."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from .arguments import some
+
+
+class Entry(NamedTuple):
+    """What a name stands for.
+
+    Attributes
+    ----------
+    of : {"p", "q", "u", "inputs"}
+        Parameters, initial coordinates and speeds, inputs.
+    at : int
+        Its place there.
+    row : int or None
+        Which of an input's values; None for all of them, and for what is no input.
+    """
+
+    of: str
+    at: int
+    row: int | None = None
+
+
+class Names(NamedTuple):
+    """What there are names of; without coordinates and speeds there are no initial values to name."""
+
+    parameters: Sequence[str]
+    inputs: Sequence[str]
+    coordinates: Sequence[str] = ()
+    speeds: Sequence[str] = ()
+    independent: Sequence[str] = ()
+    independent_speeds: Sequence[str] = ()
+
+
+def names_of(solver: Any) -> Names:
+    """What sensitivities of a motion may be with respect to."""
+    return Names(
+        solver.parameter_names, solver.input_names, solver.coordinate_names, solver.speed_names,
+        solver.independent_names, solver.independent_speed_names,
+    )  # fmt: skip
+
+
+def look_up(names: Names, asked: Any, values: int | None = None) -> Entry:
+    """What a name stands for: a parameter's, ``q0.NAME``, ``u0.NAME``, ``inputs.NAME``, ``inputs.NAME[i]``.
+
+    `values` is how many values inputs have, None where they have no names.
+
+    Raises
+    ------
+    ValueError
+        It stands for nothing; tells the nearest one.
+    """
+    if asked in names.parameters:
+        return Entry("p", names.parameters.index(asked))
+    found = _initial_or_input(names, asked, values) if isinstance(asked, str) else None
+    if found is not None:
+        return found
+    known = [
+        *names.parameters, *(f"q0.{n}" for n in names.independent), *(f"u0.{n}" for n in names.independent_speeds),
+        *(f"inputs.{n}" for n in names.inputs),
+    ]  # fmt: skip
+    near = difflib.get_close_matches(str(asked), known, 1)
+    hint = f"; did you mean {near[0]!r}?" if near else ""
+    raise ValueError(f"sensitivities: {asked!r} is not known; expected is any of {some(known)}{hint}")
+
+
+def _initial_or_input(names: Names, asked: str, values: int | None) -> Entry | None:
+    kind, _, of = asked.partition(".")
+    for word, place, among, independent in (
+        ("q0", "q", names.coordinates, names.independent),
+        ("u0", "u", names.speeds, names.independent_speeds),
+    ):
+        if kind == word and of in among:
+            if of not in independent:
+                raise ValueError(
+                    f"sensitivities: {asked} is dependent, it follows from {some(independent)}; name one of these"
+                )
+            return Entry(place, among.index(of))
+    entry = re.fullmatch(r"inputs\.(.+?)(?:\[(\d+)\])?", asked)
+    if not entry or entry[1] not in names.inputs or (entry[2] is not None and values is None):
+        return None
+    if entry[2] is not None and values is not None and int(entry[2]) >= values:
+        raise ValueError(f"sensitivities: {asked}: the inputs have {values} values, counted from 0")
+    return Entry("inputs", names.inputs.index(entry[1]), None if entry[2] is None else int(entry[2]))
+
+
+def look_up_all(names: Names, asked: Sequence[Any], values: int) -> list[Entry]:
+    """The same of names that must differ.
+
+    Raises
+    ------
+    ValueError
+    """
+    if len(set(asked)) < len(asked):
+        raise ValueError(f"sensitivities name something twice: {some(asked)}")
+    found = []
+    for name in asked:
+        if not isinstance(name, str):
+            raise ValueError(f"sensitivities hold {name!r}; names are needed, such as 'length' or 'q0.crank'")
+        found.append(look_up(names, name, values))
+    return found

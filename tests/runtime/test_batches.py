@@ -1,0 +1,243 @@
+"""Batches: several states at once, on threads, with states that cannot be computed, and assembled together."""
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+from random_mechanisms import random_mechanisms
+from random_models import random_seeds, random_state, random_tree
+
+import codegen
+from codegen.runtime import CompileError
+from codegen.runtime.standalone import batches, closing_together, loops
+from codegen.runtime.standalone.errors import SingularForceError, SingularJointError
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+SAME_ROUNDING = "-O2 -march=native -ffp-contract=off"
+"""Where products are not rounded together with sums, which compilers may do otherwise in vectors."""
+
+ROPE = """
+model: rope
+parameters: {m: 2.0, k: 10.0}
+inputs: [push]
+bodies:
+  cart: {parent: ground, joint: {type: prismatic, axis: x}, mass: m}
+  bob: {parent: cart, joint: {type: prismatic, axis: z}, mass: 1}
+forces:
+  rope: {type: spring, from: bob, to: ground, stiffness: k, damping: 0.1, free_length: 0.5}
+  held: {type: joint, joint: cart, value: "push + 0.1*abs(q.cart) + sqrt(1 + q.cart**2) + atan2(q.cart, 2) - max(u.cart, 0)**1.5"}
+initial: {q: {cart: 1.0, bob: 1.0}}
+"""
+
+FUNCTIONS = ["accelerations", "sensitivities", "energies"]
+
+
+def model_of(name):
+    rng = np.random.default_rng(3)
+    if name == "rope":
+        return codegen.parse_model(ROPE)
+    if name == "tree":
+        return random_tree(rng, 6)
+    if name == "mechanism":
+        return next(random_mechanisms(1))[1].model
+    return codegen.load_model(EXAMPLES / f"{name}.yaml")
+
+
+@pytest.fixture(scope="module", params=["rope", "tree", "mechanism", "four_bar"])
+def package(request, tmp_path_factory):
+    """A package with few functions, and its model; all that is compiled rounds every operation."""
+    model = model_of(request.param)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ORDERNM_CFLAGS", SAME_ROUNDING)
+        folder = tmp_path_factory.mktemp("batches") / request.param
+        codegen.generate(model, folder, functions=FUNCTIONS, check=False)
+        yield folder, model
+
+
+@pytest.fixture
+def at_once(monkeypatch):
+    """Functions over several states are compiled at the first batch."""
+    monkeypatch.setattr(batches, "WORTH_COMPILING", 0)
+
+
+def load(folder, **options):
+    """A solver of this checkout's run time, which tests can change."""
+    return codegen.load(folder, **options)
+
+
+def draw(solver, model, n):
+    """n states and three directions, one of each for every state."""
+    rng = np.random.default_rng(n)
+    drawn = [random_state(rng, model) for _ in range(n)]
+    q, u, p, inputs, t = (np.array([getattr(s, name) for s in drawn]) for name in ("q", "u", "p", "inputs", "t"))
+    if solver.closure_names:
+        q0, u0 = solver.initial
+        q, p = q0 + 0.01 * rng.normal(size=q.shape), np.tile(solver.parameters, (n, 1))
+        q, u = solver.assemble(q, u0 + rng.normal(size=u.shape))
+    seeds = [random_seeds(rng, model, 3) for _ in range(n)]
+    return (q, u, p, inputs, t), {s: np.stack([x[s] for x in seeds], axis=1) for s in seeds[0]}
+
+
+def same(a, b):
+    for x, y in zip(a, b, strict=True):
+        np.testing.assert_array_equal(x, y)
+
+
+@pytest.mark.parametrize("n", [8, 13, 32])
+def test_several_states_at_once_give_the_bits_of_one(package, at_once, n):
+    folder, model = package
+    solver = load(folder)
+    state, seeds = draw(solver, model, n)
+    udot = solver.accelerations(*state)
+    both = solver.sensitivities(*state, **seeds)
+    assert solver._target.batches._library
+    one = load(folder)
+    singles = [[x[i] if np.ndim(x) > 1 else float(x[i]) for x in state] for i in range(n)]
+    np.testing.assert_array_equal(udot, [one.accelerations(*s) for s in singles])
+    for i, s in enumerate(singles):
+        found = one.sensitivities(*s, **{name: x[:, i] for name, x in seeds.items()})
+        same((both[0][i], both[1][:, i]), found)
+
+
+@pytest.mark.parametrize("k", [1, 8, 11])
+def test_directions_and_what_states_share(package, at_once, monkeypatch, k):
+    folder, model = package
+    solver = load(folder)
+    (q, u, p, _, _), _ = draw(solver, model, 21)
+    rng = np.random.default_rng(k)
+    given = {"dp": rng.normal(size=(k, solver.np)), "dq": rng.normal(size=(k, 21, solver.nq))}
+    found = solver.sensitivities(q, u, p[0], t=0.5, **given)
+    only = solver.sensitivities(q[0], u, p[0], dp=given["dp"])
+    grid = solver.accelerations(q[:, None], u[None, :4])
+    monkeypatch.setattr(batches, "WORTH_COMPILING", np.inf)
+    other = load(folder)
+    same(found, other.sensitivities(q, u, p[0], t=0.5, **given))
+    same(only, other.sensitivities(q[0], u, p[0], dp=given["dp"]))
+    same([grid], [other.accelerations(q[:, None], u[None, :4])])
+    assert other._target.batches._library is None
+
+
+@pytest.mark.parametrize("package", ["tree"], indirect=True)
+def test_one_angle_beyond_the_reduction_changes_no_other_state(package, at_once):
+    folder, model = package
+    solver = load(folder)
+    (q, u, p, inputs, t), _ = draw(solver, model, 16)
+    before = solver.accelerations(q, u, p, inputs, t)
+    turns = [i for i, unit in enumerate(model.coordinate_units) if unit == "rad"]
+    assert turns
+    q[5, turns] += 3e6
+    after = solver.accelerations(q, u, p, inputs, t)
+    others = np.arange(16) != 5
+    same([after[others]], [before[others]])
+    same([after[5]], [solver.accelerations(q[5], u[5], p[5], inputs[5], float(t[5]))])
+
+
+@pytest.mark.parametrize("package", ["rope"], indirect=True)
+@pytest.mark.parametrize("worth", [0, np.inf])
+@pytest.mark.parametrize("target", ["c", "numpy"])
+def test_a_bad_state_is_an_error_or_nan(package, monkeypatch, worth, target):
+    monkeypatch.setattr(batches, "WORTH_COMPILING", worth)
+    folder, model = package
+    solver = load(folder, target=target)
+    (q, u, p, inputs, t), seeds = draw(solver, model, 12)
+    good = solver.sensitivities(q, u, p, inputs, t, **seeds)
+    q[3], u[7, 1], p[9, 0] = 0.0, np.nan, np.inf
+    with pytest.raises(ValueError, match=r"u\[7, 1\] \(bob\) is nan"):
+        solver.accelerations(q, u, p, inputs, t)
+    finite = np.where(np.isfinite(u), u, 0.0), np.where(np.isfinite(p), p, 1.0)
+    with pytest.raises(SingularForceError, match=r"rope" if target == "numpy" else r"state \[3\] of the batch"):
+        solver.accelerations(q, *finite, inputs, t)
+    solver.bad_states = "nan"
+    with pytest.warns(RuntimeWarning) as told:
+        found = solver.sensitivities(q, u, p, inputs, t, **seeds)
+    (message,) = (str(w.message) for w in told)
+    assert "3 of 12 states are NaN: state [3]: " in message and "rope" in message
+    assert "state [7]: u[1] (bob) is nan; state [9]: p[0] (m) is inf" in message
+    bad, left = [3, 7, 9], [i for i in range(12) if i not in (3, 7, 9)]
+    assert np.isnan(found[0][bad]).all() and np.isnan(found[1][:, bad]).all()
+    same((found[0][left], found[1][:, left]), (good[0][left], good[1][:, left]))
+    with pytest.warns(RuntimeWarning, match="3 of 12 states"):
+        udot = solver.accelerations(
+            q.reshape(3, 4, 2), u.reshape(3, 4, 2), p.reshape(3, 4, 2), inputs.reshape(3, 4, 1), 0.0
+        )
+    assert np.argwhere(np.isnan(udot).all(axis=-1)).tolist() == [[0, 3], [1, 3], [2, 1]]
+    with pytest.warns(RuntimeWarning, match=r"2 of 12 states are NaN: state \[3\].*state \[7\]|1 of 12"):
+        solver.energies(q, u, finite[1])
+    with pytest.raises(ValueError, match="is nan"):  # what all states share
+        solver.accelerations(q, np.full(2, np.nan))
+    with pytest.raises(SingularJointError):  # one state alone
+        solver.accelerations(np.zeros(2), np.zeros(2))
+
+
+def test_options_say_what_is_allowed(package):
+    solver = load(package[0])
+    for wrong in (0, -1, 1.5, "two", True, None):
+        with pytest.raises(ValueError, match="at least 1"):
+            solver.batch_threads = wrong
+    with pytest.raises(ValueError, match="'error' and 'nan'"):
+        solver.bad_states = "skip"
+    assert (solver.batch_threads, solver.bad_states) == (1, "error")
+
+
+@pytest.mark.parametrize("package", ["rope"], indirect=True)
+@pytest.mark.parametrize("worth", [0, np.inf])
+def test_threads_give_the_same(package, monkeypatch, worth):
+    monkeypatch.setattr(batches, "WORTH_COMPILING", worth)
+    folder, _ = package
+    solver = load(folder)
+    rng = np.random.default_rng(0)
+    q, u = 1.0 + rng.uniform(size=(1001, 2)), rng.normal(size=(1001, 2))
+    dq = rng.normal(size=(3, 1001, 2))
+    one = solver.accelerations(q, u), *solver.sensitivities(q, u, dq=dq), *solver.energies(q, u)
+    solver.batch_threads = 3
+    assert len(solver._target.batches._parts(1001)) == 3 and len(solver._target.batches._parts(100)) == 1
+    same(one, (solver.accelerations(q, u), *solver.sensitivities(q, u, dq=dq), *solver.energies(q, u)))
+    q[[700, 900]] = 0.0
+    with pytest.raises(SingularForceError, match=r"state \[700\] of the batch"):
+        solver.accelerations(q, u)
+    solver.bad_states = "nan"
+    with pytest.warns(RuntimeWarning, match=r"2 of 1001 states are NaN: state \[700\].*state \[900\]"):
+        assert np.argwhere(np.isnan(solver.accelerations(q, u)).any(axis=1)).ravel().tolist() == [700, 900]
+
+
+@pytest.mark.parametrize("package", ["rope"], indirect=True)
+def test_without_a_library_states_come_one_after_the_other(package, at_once, monkeypatch):
+    folder, model = package
+
+    def refuses(*arguments):
+        raise CompileError("no room")
+
+    monkeypatch.setattr(batches, "Build", refuses)
+    solver = load(folder)
+    (q, u, *_), _ = draw(solver, model, 16)
+    with pytest.warns(RuntimeWarning, match="one after the other: no room"):
+        found = solver.accelerations(q, u)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        same([found], [solver.accelerations(q, u)])
+
+
+@pytest.mark.parametrize("package", ["mechanism", "four_bar"], indirect=True)
+def test_states_that_are_assembled_together_are_those_of_one(package, monkeypatch):
+    solver = load(package[0])
+    q0, u0 = solver.initial
+    rng = np.random.default_rng(5)
+    q, u = q0 + 0.05 * rng.normal(size=(40, solver.nq)), u0 + rng.normal(size=(40, solver.nu))
+    called = []
+    together = closing_together.solve_together
+    monkeypatch.setattr(
+        "codegen.runtime.standalone.assembly.solve_together", lambda *a: called.append(1) or together(*a)
+    )
+    found = solver.assemble(q, u)
+    assert called and np.abs(solver.closure(*found)[0]).max() < 1e-10
+    monkeypatch.setattr(loops, "FEW", 10**9)
+    for x, y in zip(found, solver.assemble(q, u), strict=True):
+        np.testing.assert_allclose(x, y, rtol=1e-11, atol=1e-11)
+    assert len(called) == 1
+
+
+def test_who_asks_for_neither_gets_no_functions_over_states(tmp_path):
+    codegen.generate(codegen.parse_model(ROPE), tmp_path / "rope", functions=["energies"], compile=False)
+    assert not (tmp_path / "rope" / "rope_states.c").exists()
+    assert "_states" not in (tmp_path / "rope" / "rope.h").read_text()

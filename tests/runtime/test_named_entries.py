@@ -1,0 +1,51 @@
+"""What names of sensitivities stand for, in motions and in states of rest: looked up in one place."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import pytest
+
+from codegen.runtime.standalone.named_directions import named_directions
+from codegen.runtime.standalone.named_entries import Entry, Names, look_up, look_up_all
+
+NAMES = Names(("mass", "length"), ("motor", "brake"), ("a", "b", "c"), ("a", "b", "c"), ("a",), ("a", "c"))
+
+
+@pytest.mark.parametrize(
+    ("name", "entry"),
+    [
+        ("length", Entry("p", 1)), ("q0.a", Entry("q", 0)), ("u0.c", Entry("u", 2)), ("inputs.brake", Entry("inputs", 1)),
+        ("inputs.brake[2]", Entry("inputs", 1, 2)),
+    ],
+)  # fmt: skip
+def test_names_stand_for_entries(name: str, entry: Entry) -> None:
+    assert look_up(NAMES, name, 3) == entry
+
+
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        (("mass", "mass"), "sensitivities name something twice: mass, mass"),
+        ((4,), "sensitivities hold 4; names are needed, such as 'length' or 'q0.crank'"),
+        (("q0.b",), "sensitivities: q0.b is dependent, it follows from a; name one of these"),
+        (("u0.b",), "sensitivities: u0.b is dependent, it follows from a, c; name one of these"),
+        (("inputs.motor[3]",), "sensitivities: inputs.motor[3]: the inputs have 3 values, counted from 0"),
+        (("lenght",), "expected is any of mass, length, q0.a, u0.a, u0.c, inputs.motor, inputs.brake; did you mean 'length'?"),
+    ],
+)  # fmt: skip
+def test_others_are_refused(asked: tuple[Any, ...], message: str) -> None:
+    with pytest.raises(ValueError, match=re.escape(message)):
+        look_up_all(NAMES, asked, 3)
+
+
+def test_a_state_of_rest_has_whole_inputs_only() -> None:
+    along = named_directions(("inputs.brake", "mass"), NAMES.parameters, NAMES.inputs)
+    assert along.p.tolist() == [[0.0, 0.0], [1.0, 0.0]]
+    assert along.inputs.tolist() == [[0.0, 1.0], [0.0, 0.0]]
+    for name in ("inputs.brake[0]", "q0.a"):
+        with pytest.raises(
+            ValueError, match=re.escape(f"{name!r} is not known; expected is any of mass, length, inputs.motor")
+        ):
+            named_directions(name, NAMES.parameters, NAMES.inputs)
