@@ -93,7 +93,7 @@ def test_values_alone_have_no_directions():
         "mass_matrix",
         "jacobians",
         "inverse_mass_matrix",
-    ],  # fmt: skip
+    ],
 )
 def test_chosen_functions_leave_nothing_unused(functions, tmp_path):
     """Static functions and tables that nobody uses would be warned of."""
