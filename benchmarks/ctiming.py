@@ -96,6 +96,8 @@ class Contestant:
         Optimisation levels to compile at.
     libraries : sequence of Path
         Shared libraries to link with, compiled elsewhere.
+    instructions : str
+        Which of the machine's instructions it may use, of `INSTRUCTIONS`, beside what everybody may not.
     """
 
     name: str
@@ -105,6 +107,7 @@ class Contestant:
     arrays: Sequence[np.ndarray]
     levels: Sequence[str] = LEVELS
     libraries: Sequence[Path] = ()
+    instructions: str = "native"
 
 
 @dataclass
@@ -135,10 +138,10 @@ class Variant:
 
 
 def compile_objects(
-    files: dict[str, str], level: str, cache: Path, compiler: str, version: str
+    files: dict[str, str], level: str, cache: Path, compiler: str, version: str, flags: Sequence[str]
 ) -> tuple[list[Path], float]:
     """Objects of a contestant's sources, and the seconds that took; those of an earlier contestant if it had the same."""
-    digest = hashlib.sha256(repr((sorted(files.items()), level, FLAGS, version)).encode()).hexdigest()[:20]
+    digest = hashlib.sha256(repr((sorted(files.items()), level, flags, version)).encode()).hexdigest()[:20]
     folder, took = cache / f"objects-{digest}", 0.0
     sources = [name for name in files if name.endswith(".c")]
     if not folder.exists():
@@ -147,7 +150,7 @@ def compile_objects(
             (unfinished / name).write_text(text)
         begin = time.perf_counter()
         for source in sources:
-            command = [compiler, level, *FLAGS[:-1], "-c", source, "-o", f"{source}.o"]
+            command = [compiler, level, *flags, "-c", source, "-o", f"{source}.o"]
             subprocess.run(command, check=True, cwd=unfinished)
         took = time.perf_counter() - begin
         unfinished.rename(folder)
@@ -159,17 +162,18 @@ def compile_variant(contestant: Contestant, level: str, cache: Path, compiler: s
     clock = CLOCK.format(declarations=contestant.declarations, call=contestant.call)
     version = subprocess.run([compiler, "--version"], capture_output=True, text=True, check=True).stdout
     linked = [str(path) for path in contestant.libraries]
-    what = (sorted(contestant.files.items()), clock, level, FLAGS, version, linked)
+    flags = [*FLAGS[:-1], *INSTRUCTIONS[contestant.instructions]]
+    what = (sorted(contestant.files.items()), clock, level, flags, version, linked)
     folder = cache / hashlib.sha256(repr(what).encode()).hexdigest()[:20]
     library, took = folder / "contestant.so", 0.0
     if not library.exists():
         folder.mkdir(parents=True, exist_ok=True)
-        objects, took = compile_objects(contestant.files, level, cache, compiler, version)
+        objects, took = compile_objects(contestant.files, level, cache, compiler, version, flags)
         for name, text in contestant.files.items():
             if name.endswith(".h"):
                 (folder / name).write_text(text)
         (folder / "clock.c").write_text(clock)
-        subprocess.run([compiler, "-O2", *FLAGS[:-1], "-c", "clock.c", "-o", "clock.o"], check=True, cwd=folder)
+        subprocess.run([compiler, "-O2", *flags, "-c", "clock.c", "-o", "clock.o"], check=True, cwd=folder)
         linked += [f"-Wl,-rpath,{path.parent}" for path in contestant.libraries]
         command = [compiler, "-shared", *map(str, objects), "clock.o", *linked, "-o", "unfinished.so", "-lm"]
         subprocess.run(command, check=True, cwd=folder)

@@ -442,6 +442,8 @@ class CWriter(Writer):
         """What sweeps keep in the workspace: name, whether per direction, number of entries."""
         layout, model, regions = self.layout, self.model, self.system.regions
         links, forced = len(self.system.links), model.nu if model.forces else 0
+        # sweeps that only NumPy runs, column by column, have no slots here
+        slot_size = max((len(of) for sweep, of in layout.slots.items() if sweep in self.blocks), default=0)
         found = [
             ("records", False, len(layout.record) * (links + 1)),
             ("near", False, layout.near_size * self.system.slots),
@@ -456,7 +458,7 @@ class CWriter(Writer):
             ("tau", False, forced),
             *((name, False, n) for name, n in self.system.coefficient_counts.items()),
             *self.columns.regions(len(layout.column), links),
-            ("slots", True, layout.slot_size * self.system.slots),
+            ("slots", True, slot_size * self.system.slots),
             ("lanes", True, len(layout.lane) * links),
             ("region_lanes", True, len(layout.region_lane) * len(regions.regions)),
             ("dtau", True, forced),

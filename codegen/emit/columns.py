@@ -52,6 +52,12 @@ class ColumnsInC:
         return "((i) - 1)" if self.serial else "parent_of[i]"
 
     @property
+    def entry(self) -> str:
+        """Row and column j of symmetric matrices, as the preprocessor says it: j, where links stand in the order of speeds."""
+        symmetric = [s for s in self.steps if s.symmetric]
+        return "(j)" if all(i == j for s in symmetric for j, (_, i) in enumerate(s.units)) else "ENTRY(of, j)"
+
+    @property
     def files(self) -> list[str]:
         """Templates of what calls over columns need."""
         wanted = {

@@ -72,7 +72,6 @@ class Layout:
         )
         self.slots = {sweep: {name: i for i, name in enumerate(fields)} for sweep, fields in program.slots.items()}
         self.slot_forms, self.near_forms = _first_with(self.slots), _first_with(self.near)
-        self.slot_size = max((len(f) for f in program.slots.values()), default=0)
         self._constants(system)
         self.trig_of, count = [], 0
         for link in system.links:

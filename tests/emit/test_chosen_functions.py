@@ -85,7 +85,15 @@ def test_values_alone_have_no_directions():
 
 
 @pytest.mark.parametrize(
-    "functions", ["coordinate_rates", "solve_mass,mass_matrix,jacobians", "outputs,energy_gradients"]
+    "functions",
+    [
+        "coordinate_rates",
+        "solve_mass,mass_matrix,jacobians",
+        "outputs,energy_gradients",
+        "mass_matrix",
+        "jacobians",
+        "inverse_mass_matrix",
+    ],
 )
 def test_chosen_functions_leave_nothing_unused(functions, tmp_path):
     """Static functions and tables that nobody uses would be warned of."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import mpmath
 import numpy as np
 import pytest
 
@@ -35,6 +36,10 @@ def test_random_trees_agree_with_the_dense_method(seed: int, tmp_path: Path) -> 
             assert relative_error(getattr(J, name), getattr(exact, name)) < ACCURACY, name
         M = engine.mass_matrix(state.q, state.p)
         assert relative_error(solver.mass_matrix(state.q, state.p), M) < ACCURACY
+        inverse = solver.inverse_mass_matrix(state.q, state.p)
+        solved = np.stack([engine.solve_mass(state.q, b, state.p) for b in np.eye(model.nu)], axis=1)
+        assert relative_error(inverse, solved) < ACCURACY
+        assert np.array_equal(inverse, inverse.T)
 
 
 def chain(n: int) -> codegen.Model:
@@ -61,6 +66,34 @@ def test_more_columns_than_there_is_room_for(long_chain: codegen.Solver) -> None
     assert np.array_equal(M, M.T)
     b = long_chain.inverse_dynamics(q, np.zeros(n), x) - long_chain.inverse_dynamics(q, np.zeros(n), np.zeros(n))
     assert np.abs(M @ x - b).max() < 1e-12 * np.abs(b).max()
+
+
+def test_the_inverse_of_the_mass_matrix_keeps_its_digits(long_chain: codegen.Solver) -> None:
+    """The condition of M is 1e7 here; the factors of forward dynamics do not know it."""
+    q = 0.3 * np.sin(np.arange(1, 41))
+    exact = long_chain.in_precision(40)
+    inverse = long_chain.inverse_mass_matrix(q)
+    with mpmath.workdps(40):
+        M = mpmath.matrix(exact.mass_matrix(q).tolist())
+        of = np.array((M**-1).tolist())
+        assert float(np.abs(inverse - of).max() / np.abs(of).max()) < 2e-14
+        assert float(np.abs(exact.inverse_mass_matrix(q) - of).max() / np.abs(of).max()) < 1e-25
+    assert np.array_equal(inverse, inverse.T)
+    many = np.stack([q, -q])
+    assert np.array_equal(long_chain.inverse_mass_matrix(many)[0], inverse)
+
+
+def test_the_inverse_where_force_elements_act_is_that_of_the_tree(tmp_path: Path) -> None:
+    """Columns are taken one after the other there."""
+    spring = (
+        "  spring: {type: spring, from: {body: c, at: [0, 0.1, 0]}, to: {body: ground, at: [1, 0, 0]}, stiffness: 3}"
+    )
+    model = parse_model(COUPLED.rstrip() + "\n" + spring + "\n")
+    solver, engine = made(model, tmp_path), DenseEngine(model)
+    q = [0.3, -0.7, 0.2]
+    solved = np.stack([engine.solve_mass(q, b) for b in np.eye(3)], axis=1)
+    assert relative_error(solver.inverse_mass_matrix(q), solved) < ACCURACY
+    assert relative_error(solver.inverse_mass_matrix(q) @ engine.mass_matrix(q), np.eye(3)) < ACCURACY
 
 
 def test_only_what_is_asked_for(long_chain: codegen.Solver) -> None:

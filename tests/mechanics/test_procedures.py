@@ -52,7 +52,7 @@ outputs:
 """
 NAMES = ("double_pendulum", "arm", "satellite", "four_bar", "stewart", "bricard", "sprung")
 LOOP_SWEEPS = {"closures", "residuals", "correct", "condition_numbers", "complete", "seed_residuals"}
-TREE_FUNCTIONS = {"mass_matrix", "solve_mass", "inverse_dynamics"}
+TREE_FUNCTIONS = {"mass_matrix", "inverse_mass_matrix", "solve_mass", "inverse_dynamics"}
 TARGETS = {"tau", "coefficient", "outputs", "energy", "initial_q", "initial_u"}
 
 

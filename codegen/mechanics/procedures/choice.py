@@ -12,7 +12,7 @@ from ...program.procedure import (
 GROUPS: dict[str, tuple[str, ...]] = {
     "dynamics": ("accelerations", "sensitivities", "jacobians"),
     "rates": ("coordinate_rates", "coordinate_rate_sensitivities"),
-    "mass": ("mass_matrix", "mass_matrix_sensitivities", "solve_mass", "solve_mass_sensitivities"),
+    "mass": ("mass_matrix", "mass_matrix_sensitivities", "inverse_mass_matrix", "solve_mass", "solve_mass_sensitivities"),
     "forces": ("inverse_dynamics", "inverse_dynamics_sensitivities"),
     "states": ("assemble_sensitivities", "closure_sensitivities", "initial_sensitivities"),
     "statics": (

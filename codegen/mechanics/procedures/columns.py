@@ -86,6 +86,16 @@ def by_forces(w: Shared, weighted: tuple[Weighted, ...]) -> AllColumns:
     )
 
 
+def inverse_mass(w: Shared) -> AllColumns:
+    """The inverse of the mass matrix, from the factors of the triangularization."""
+    b, dudot, inverse = w.one("b").tangent("b"), w.one("dudot"), w.one("inverse_M")
+    units, starts = by_link(w.system, (b, "u"))
+    taken = tuple((inverse, i) for _, i in units)
+    return AllColumns(
+        units, starts, parents(w.system), lanes(*UNIT_FORCES), dudot, room(w.system), taken, symmetric=True
+    )
+
+
 def mass(w: Shared) -> AllColumns:
     """The mass matrix, from composite inertias."""
     b, dforce, M = w.one("b").tangent("b"), w.one("dforce"), w.one("M")

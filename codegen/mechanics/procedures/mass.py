@@ -24,7 +24,7 @@ from .words import JOINT_FORCES
 
 def mass(w: Shared) -> list[Procedure]:
     udot, force, du, dforce, b, x = w.of("udot", "force", "du", "dforce", "b", "x")
-    dM, M, dx, db, dudot = w.of("dM", "M", "dx", "db", "dudot")
+    dM, M, dx, db, dudot, inverse = w.of("dM", "M", "dx", "db", "dudot", "inverse_M")
     right = b.tangent("b")  # the sweeps that solve take right sides and give solutions per direction
     resting: tuple[Step, ...] = (w.start, w.at_rest, *run("kinematics"))
     factors: tuple[Step, ...] = (*resting, *run("triangularize"), Check())
@@ -37,8 +37,16 @@ def mass(w: Shared) -> list[Procedure]:
         Columns(right, run("mass_out", "mass_in"), (Take(M, dforce, symmetric=True),)),
     )
     all_at_once: tuple[Step, ...] = one_by_one
+    inverse_one_by_one: tuple[Step, ...] = (
+        Own(right),
+        Zero(right),
+        Own(dudot),
+        Columns(right, solve, (Take(inverse, dudot, symmetric=True),)),
+    )
+    inverse_at_once: tuple[Step, ...] = inverse_one_by_one
     if columns.applies(w.system):
         all_at_once = (Together((*run("composite"), columns.mass(w)), one_by_one),)
+        inverse_at_once = (Together((columns.inverse_mass(w),), inverse_one_by_one),)
     return [
         *w.pair(
             ("mass_matrix", "mass_matrix_sensitivities"),
@@ -54,6 +62,13 @@ def mass(w: Shared) -> list[Procedure]:
                 *at_rest,
                 Columns(udot, (w.mass_tangent,), (Take(M, force), Take(dM, dforce))),
             ),
+        ),
+        Procedure(
+            "inverse_mass_matrix",
+            "Inverse of the mass matrix in O(n^2), row by row.",
+            w.of("q", *w.p),
+            (inverse,),
+            (*factors, *inverse_at_once),
         ),
         *w.pair(
             ("solve_mass", "solve_mass_sensitivities"),

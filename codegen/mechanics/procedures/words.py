@@ -28,7 +28,8 @@ INITIAL = Formulas("initial_values", ("initial_q", "initial_u"))
 
 SHAPES: dict[str, tuple[str, ...]] = {
     "q": ("nq",), "u": ("nu",), "p": ("np",), "inputs": ("ninputs",), "t": (), "udot": ("nu",), "qdot": ("nq",),
-    "M": ("nu", "nu"), "b": ("nu",), "x": ("nu",), "force": ("nu",), "energy": ("2",), "outputs": ("noutputs",),
+    "M": ("nu", "nu"), "inverse_M": ("nu", "nu"), "b": ("nu",), "x": ("nu",),
+    "force": ("nu",), "energy": ("2",), "outputs": ("noutputs",),
     "J_q": ("nu", "nq"), "J_u": ("nu", "nu"), "J_p": ("nu", "np"), "J_inputs": ("nu", "ninputs"), "J_t": ("nu",),
     "position": ("nclosure",), "velocity": ("nclosure",), "condition": ("nloops",), "reaction": ("6*nlinks",),
     "loop_reaction": ("6*nloops",), "step": ("nq",), "full_q": ("nq",), "full_u": ("nu",), "tau": ("nu",),

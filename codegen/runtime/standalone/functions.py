@@ -72,6 +72,7 @@ def shapes_of(manifest: Mapping[str, Any]) -> dict[str, Shape]:
     return {
         "q": (nq,), "u": (nu,), "p": (n_p,), "inputs": (ninputs,), "t": (), "udot": (nu,), "b": (nu,),
         "qdot": (nq,), "x": (nu,), "force": (nu,), "energy": (2,), "outputs": (noutputs,), "M": (nu, nu),
+        "inverse_M": (nu, nu),
         "J_q": (nu, nq), "J_u": (nu, nu), "J_p": (nu, n_p), "J_inputs": (nu, ninputs), "J_t": (nu,),
         "position": (nclosure,), "velocity": (nclosure,), "step": (nq,), "condition": (nloops,),
         "full_q": (nq,), "full_u": (nu,), "reaction": (6 * len(manifest["links"]),), "loop_reaction": (6 * nloops,),

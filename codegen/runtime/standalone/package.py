@@ -346,7 +346,8 @@ class Absent:
 
 
 for _name in (
-    "energies", "energy_sensitivities", "mass_matrix", "mass_matrix_sensitivities", "solve_mass", "solve_mass_sensitivities",
+    "energies", "energy_sensitivities", "mass_matrix", "mass_matrix_sensitivities", "inverse_mass_matrix", "solve_mass",
+    "solve_mass_sensitivities",
     "inverse_dynamics", "inverse_dynamics_sensitivities", "bias_force", "bias_force_sensitivities", "reactions", "outputs",
     "output_sensitivities", "gradients", "coordinate_rate_gradients", "energy_gradients", "output_gradients",
     "assemble_gradients", "equilibrium", "linearize", "simulate", "judge", "diagnose",

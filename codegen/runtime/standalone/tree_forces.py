@@ -30,6 +30,10 @@ class TreeForces(Package):
         """M (..., nu, nu) and its total derivative (k, ..., nu, nu) along the seeds."""
         return self._along("mass_matrix_sensitivities", {"q": q, "p": p}, {"dq": dq, "dp": dp}, out)
 
+    def inverse_mass_matrix(self, q: Numbers, p: Numbers = None, *, out: Array | None = None) -> Array:
+        """The inverse of the mass matrix, (..., nu, nu), in O(n^2): M is not formed. Its columns are those of `solve_mass`."""
+        return self._values("inverse_mass_matrix", {"q": q, "p": p}, out)[0]
+
     def solve_mass(self, q: Numbers, b: Numbers, p: Numbers = None, *, out: Array | None = None) -> Array:
         """The solution x (..., nu) of M x = b for generalised forces b (..., nu), in O(n)."""
         return self._values("solve_mass", {"q": q, "b": b, "p": p}, out)[0]

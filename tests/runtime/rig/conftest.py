@@ -65,6 +65,7 @@ VALUES = {
     "jacobians": "q u p inputs t",
     "coordinate_rates": "q u p inputs t",
     "mass_matrix": "q p",
+    "inverse_mass_matrix": "q p",
     "solve_mass": "q b p",
     "inverse_dynamics": "q u udot p inputs t",
     "bias_force": "q u p inputs t",

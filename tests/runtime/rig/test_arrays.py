@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-VALUES = ["accelerations", "jacobians", "coordinate_rates", "mass_matrix", "solve_mass", "inverse_dynamics", "bias_force",
-          "energies", "outputs", "closure", "assemble"]  # fmt: skip
+VALUES = ["accelerations", "jacobians", "coordinate_rates", "mass_matrix", "inverse_mass_matrix", "solve_mass",
+          "inverse_dynamics", "bias_force", "energies", "outputs", "closure", "assemble"]  # fmt: skip
 ALONG = ["sensitivities", "coordinate_rate_sensitivities", "mass_matrix_sensitivities", "solve_mass_sensitivities",
          "inverse_dynamics_sensitivities", "bias_force_sensitivities", "energy_sensitivities", "output_sensitivities",
          "assemble_sensitivities"]  # fmt: skip

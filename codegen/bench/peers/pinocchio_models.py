@@ -1,0 +1,150 @@
+"""Trees that Pinocchio and ours have alike: chains, and robots whose URDF Pinocchio reads."""
+
+from __future__ import annotations
+
+import os
+import sysconfig
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...model import Model, ModelBuilder
+from ..problem import Array
+
+
+class Robot(NamedTuple):
+    """A file below the folder ``robots`` of example-robot-data, and whether the robot moves freely."""
+
+    file: str
+    free: bool
+
+
+ROBOTS = {
+    "UR5": Robot("ur_description/urdf/ur5_robot.urdf", False),
+    "Panda": Robot("panda_description/urdf/panda.urdf", False),
+    "Solo12": Robot("solo_description/robots/solo12.urdf", True),
+    "ANYmal": Robot("anymal_b_simple_description/robots/anymal.urdf", True),
+    "G1": Robot("g1_description/urdf/g1_29dof_rev_1_0.urdf", True),
+    "Talos": Robot("talos_data/robots/talos_reduced.urdf", True),
+}
+"""Arms, quadrupeds and humanoids."""
+
+
+def robots_folder() -> Path:
+    """Where the package example-robot-data keeps its robots, in this interpreter's packages or where CMEEL_PREFIX says."""
+    prefix = Path(os.environ.get("CMEEL_PREFIX", Path(sysconfig.get_path("purelib")) / "cmeel.prefix"))
+    return prefix / "share" / "example-robot-data" / "robots"
+
+
+def chain(n: int) -> Any:
+    """Pinocchio's model of CHAIN(n): uniform rods, hinges about y and x by turns."""
+    import pinocchio as pin
+
+    model = pin.Model()
+    inertia = pin.Inertia(1.0, np.array([0, 0, -0.5]), np.diag([(3 * 0.05**2 + 1) / 12] * 2 + [0.05**2 / 2]))
+    for k in range(n):
+        joint = pin.JointModelRY() if k % 2 == 0 else pin.JointModelRX()
+        at = pin.SE3(np.eye(3), np.array([0.0, 0.0, -1.0 if k else 0.0]))
+        model.appendBodyToJoint(model.addJoint(k, joint, at, f"link{k}"), inertia, pin.SE3.Identity())
+    return model
+
+
+def robot(folder: Path, name: str) -> Any:
+    """A URDF, read by Pinocchio; joints that turn without end as others that turn."""
+    import pinocchio as pin
+
+    file = str(folder / ROBOTS[name].file)
+    read = (
+        pin.buildModelFromUrdf(file, pin.JointModelFreeFlyer()) if ROBOTS[name].free else pin.buildModelFromUrdf(file)
+    )
+    model = pin.Model()
+    for i in range(1, read.njoints):
+        joint = read.joints[i]
+        kind = joint.shortname().removeprefix("JointModel")
+        if kind.startswith("RUB"):
+            joint = {"X": pin.JointModelRX, "Y": pin.JointModelRY, "Z": pin.JointModelRZ}[kind[3]]()
+        model.addJoint(read.parents[i], joint, read.jointPlacements[i], read.names[i])
+        model.appendBodyToJoint(i, read.inertias[i], pin.SE3.Identity())
+    return model
+
+
+REVOLUTE, PRISMATIC, FREE = range(3)
+TYPES = ("revolute", "prismatic", "free")
+
+
+def axis_of(joint: Any) -> tuple[int, Array]:
+    """Type and axis of a joint."""
+    name = joint.shortname().removeprefix("JointModel")
+    if name == "FreeFlyer":
+        return FREE, np.zeros(3)
+    if name in ("RX", "RY", "RZ", "PX", "PY", "PZ"):
+        return (PRISMATIC if name[0] == "P" else REVOLUTE), np.eye(3)["XYZ".index(name[1])]
+    data = joint.createData()
+    joint.calc(data, np.zeros(joint.nq))
+    motion = np.asarray(data.S).ravel()
+    linear, angular = motion[:3], motion[3:]
+    return (REVOLUTE, angular) if np.abs(angular).max() > 0 else (PRISMATIC, linear)
+
+
+def ours(theirs: Any, name: str) -> Model:
+    """The same model here, with a force along every freedom as an input."""
+    import pinocchio as pin
+
+    builder = ModelBuilder(name, gravity=[0, 0, -9.81])
+    entries = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
+    for i in range(1, theirs.njoints):
+        type_, axis = axis_of(theirs.joints[i])
+        at, body = theirs.jointPlacements[i], theirs.inertias[i]
+        turned = not np.array_equal(at.rotation, np.eye(3))
+        builder.body(
+            f"b{i}", "ground" if theirs.parents[i] == 0 else f"b{theirs.parents[i]}", TYPES[type_],
+            **({} if type_ == FREE else {"axis": axis.tolist()}), at=at.translation.tolist(),
+            **({"rpy": pin.rpy.matrixToRpy(at.rotation).tolist()} if turned else {}),
+            mass=float(body.mass), com=body.lever.tolist(),
+            inertia={n: float(body.inertia[place]) for n, place in entries.items()},
+        )  # fmt: skip
+        inputs = [builder.input(f"tau{i}_{k}") for k in range(6 if type_ == FREE else 1)]
+        builder.joint_force(f"drive{i}", f"b{i}", inputs if len(inputs) > 1 else inputs[0])
+    return builder.build()
+
+
+class State(NamedTuple):
+    """A state on both sides.
+
+    Attributes
+    ----------
+    theirs, ours : (q, u)
+    order : (nu,)
+        Where each of Pinocchio's speeds stands in ours.
+    rates : (nq, nu)
+        How our coordinates change along our speeds.
+    """
+
+    theirs: tuple[Array, Array]
+    ours: tuple[Array, Array]
+    order: Array
+    rates: Array
+
+
+def usual_state(theirs: Any) -> State:
+    """q_k = 0.3 sin k, u_k = 0.2 cos k, quaternions of length one."""
+    import pinocchio as pin
+
+    q, u = 0.3 * np.sin(np.arange(1, theirs.nq + 1)), 0.2 * np.cos(np.arange(1, theirs.nv + 1))
+    of_q, of_u = np.arange(theirs.nq), np.arange(theirs.nv)
+    rates = np.zeros((theirs.nq, theirs.nv))
+    for joint in list(theirs.joints)[1:]:
+        i, v = joint.idx_q, joint.idx_v
+        if joint.nv == 1:
+            rates[i, v] = 1.0
+            continue
+        e = q[i + 3 : i + 7] + [0, 0, 0, 1]
+        x, y, z, w = q[i + 3 : i + 7] = e / np.linalg.norm(e)
+        of_q[i : i + 7] = i + np.array([0, 1, 2, 4, 5, 6, 3])
+        of_u[v : v + 6] = v + np.array([3, 4, 5, 0, 1, 2])
+        rates[i + 3 : i + 7, v : v + 3] = 0.5 * np.array([[-x, -y, -z], [w, -z, y], [z, w, -x], [-y, x, w]])
+        rates[i : i + 3, v + 3 : v + 6] = pin.Quaternion(w, x, y, z).matrix()
+    here = np.empty_like(q), np.empty_like(u)
+    here[0][of_q], here[1][of_u] = q, u
+    return State((q, u), here, of_u, rates)
