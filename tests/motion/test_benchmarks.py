@@ -143,8 +143,9 @@ def test_examples_for_a_second(made: Callable[..., Made], name: str) -> None:
 @pytest.mark.parametrize(
     ("name", "partitions"),
     [
-        ("andrews", 1), ("bricard", 1), ("closed_chain", 4), ("four_bar", 1), ("hooke_ladder", 2), ("ladder", 1),
-        ("n_four_bar", 1), ("pinned_chain", 4), ("planar_3rrr", 2), ("slider_crank", 1), ("stewart", 1),
+        ("andrews", 1), ("bricard", 1), ("closed_chain", 4), ("coupler", 1), ("double_wishbone", 1), ("excavator", 1),
+        ("four_bar", 1), ("hooke_ladder", 2), ("ladder", 1), ("n_four_bar", 1), ("pinned_chain", 4), ("planar_3rrr", 2),
+        ("screw_jack", 1), ("slider_crank", 1), ("stewart", 1),
     ],
 )  # fmt: skip
 def test_loops_stay_closed_for_a_minute(made: Callable[..., Made], name: str, partitions: int) -> None:
