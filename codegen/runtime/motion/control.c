@@ -142,8 +142,8 @@ long ordernm_step_size(const ordernm_problem *p)
     const ordernm_system *s = p->system;
     const method *const method = method_of(p);
     const long state = s->nq + s->nfree_u + p->nintegrals;
-    /* with the stages that are not its beginning; explicit ones with coordinates for which loops are closed */
-    const long stages = method->rows ? (method->stages - 1)*(state + (s->closing_step ? s->nq : 0)) : method->stages*state;
+    /* with the stages that are not its beginning; explicit ones with coordinates for which loops are closed, and the first rate */
+    const long stages = method->rows ? (method->stages - 1)*(state + (s->closing_step ? s->nq : 0)) + state : method->stages*state;
     return ORDERNM_STEP_HEAD + state + stages;
 }
 

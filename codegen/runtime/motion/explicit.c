@@ -72,9 +72,10 @@ void ordernm_keep_stage(ordernm_motion *m, int i)
 
 static void keep(const ordernm_motion *m, double *row)
 {
-    const long begins = ORDERNM_STEP_HEAD + m->ny + m->nx + m->nd;
+    const long state = m->ny + m->nx + m->nd, begins = ORDERNM_STEP_HEAD + state, ends = ordernm_step_size(m->problem) - state;
     row[2] = row[3] = 0.0;
-    memcpy(row + begins, m->stages, (ordernm_step_size(m->problem) - begins)*sizeof(double));
+    memcpy(row + begins, m->stages, (ends - begins)*sizeof(double));
+    memcpy(row + ends, m->rate[0], state*sizeof(double));
 }
 
 static const int every[16] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};

@@ -9,12 +9,25 @@
 
 #include <string.h>
 
+/* The first rate of a step, from the end of its row: made again it would differ by rounding, which is much near a pose where a
+ * loop loses rank. */
+static void first_rate(ordernm_motion *m, const double *step)
+{
+    const long state = m->ny + m->nx + m->nd;
+    memcpy(m->rate[0], step + ordernm_step_size(m->problem) - state, state*sizeof(double));
+}
+
 /* The stages of a step, as they were, and their rates: where something else than the step's end is a sum of them. */
-static int stages(ordernm_adjoint *a, double h, int count)
+static int stages(ordernm_adjoint *a, const double *step, int count)
 {
     ordernm_motion *const m = a->motion;
     const method *const method = m->method;
-    for (int i = 0; i < count; ++i) {
+    const double h = step[1];
+    first_rate(m, step);
+    ordernm_arguments(m, m->t, m->z); /* loops are closed between steps */
+    memcpy(a->stage[0], m->z, m->values*sizeof(double));
+    if (!m->identity) memcpy(a->q[0], m->q, m->system->nq*sizeof(double));
+    for (int i = 1; i < count; ++i) {
         const row *const r = method->rows + i;
         ordernm_combine(m->values, a->stage[i], m->z, h, r->count, r->which, r->factor, m->rate);
         const double t = m->t + method->times[i]*h;
@@ -80,7 +93,7 @@ int ordernm_explicit_backwards(ordernm_adjoint *a, const double *step)
     int within = 0, status;
     for (int n = 0; n < a->ngroups; ++n) within |= ordernm_samples_left(a, n);
     if (within || m->system->split) {
-        if ((status = stages(a, h, within ? m->method->all : m->method->stages))) return status;
+        if ((status = stages(a, step, within ? m->method->all : m->method->stages))) return status;
     } else {
         ordernm_arguments(m, m->t, m->z); /* of the first stage, whose loops are closed between steps */
         stages_kept(a, step);
@@ -95,18 +108,19 @@ int ordernm_explicit_backwards(ordernm_adjoint *a, const double *step)
     return 0;
 }
 
-int ordernm_explicit_replay(ordernm_motion *m, const double *known, double *step)
+int ordernm_explicit_replay(ordernm_motion *m, const double *known, int first, double *step)
 {
     (void)known;
+    if (first) first_rate(m, step);
     const method *const method = m->method;
     const row *const end = method->rows + method->stages;
     const double h = step[1];
-    for (int i = 0; i < method->stages; ++i) {
+    for (int i = 1; i < method->stages; ++i) {
         const row *const r = method->rows + i;
         ordernm_combine(m->size, m->trial, m->z, h, r->count, r->which, r->factor, m->rate);
         const int status = ordernm_rates(m, m->t + method->times[i]*h, m->trial, m->rate[i]);
         if (status) return status;
-        if (i) ordernm_keep_stage(m, i);
+        ordernm_keep_stage(m, i);
     }
     ordernm_combine(m->size, m->next, m->z, h, end->count, end->which, end->factor, m->rate);
     return 0;

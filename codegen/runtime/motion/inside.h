@@ -70,7 +70,7 @@ typedef struct {
     double gap;               /* the place in a step that is farthest from all stages; 0: conditions of stages are not kept */
     /* the way back: rows of steps, behind their states; a step made again; the adjoint before it from that behind it */
     void (*keep)(const ordernm_motion *m, double *row);
-    int (*replay)(ordernm_motion *m, const double *known, double *row);
+    int (*replay)(ordernm_motion *m, const double *known, int first, double *row);
     int (*backwards)(ordernm_adjoint *a, const double *row);
 } method;
 
@@ -171,7 +171,7 @@ int ordernm_all_finite(const double *x, long n);
 extern const method ordernm_rk4, ordernm_dop853;
 void ordernm_combine(long n, double *out, const double *z, double h, int count, const int *which, const double *factor,
     double *const *rate);
-int ordernm_explicit_replay(ordernm_motion *m, const double *known, double *row);
+int ordernm_explicit_replay(ordernm_motion *m, const double *known, int first, double *row);
 int ordernm_explicit_backwards(ordernm_adjoint *a, const double *row);
 
 /* radau.c */

@@ -450,8 +450,9 @@ static void radau_keep(const ordernm_motion *m, double *row)
     for (int i = 0; i < STAGES; ++i) memcpy(known + 4 + (1 + i)*m->values, r->last[i], m->values*sizeof(double));
 }
 
-static int radau_replay(ordernm_motion *m, const double *known, double *row)
+static int radau_replay(ordernm_motion *m, const double *known, int first, double *row)
 {
+    (void)first;
     struct radau *const r = m->radau;
     const double h = row[1];
     int status;

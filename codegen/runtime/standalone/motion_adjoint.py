@@ -49,6 +49,8 @@ def segment_backwards(
     """
     library, ffi, system = motion
     problem, m = segment.problem, len(weights)
+    # steps that are made again are made as they were
+    system.precise = ffi.cast("const ordernm_precise *", segment.precise)
     c = problem.in_c(ffi, system)
     shapes = [(m, system.nq), (m, system.nu), (m, system.np), (m, len(problem.inputs.values), system.ninputs)]
     found = [np.zeros(s) for s in shapes]

@@ -133,6 +133,8 @@ class Segment:
         Which one, and a row of results.
     condition, next_step : float
         Of the loops at the end, and the step that would be tried there.
+    precise : int
+        The address of the functions in long double, where the motion came near a pose at which a loop loses rank; else 0.
     """
 
     opened: Opened
@@ -147,6 +149,7 @@ class Segment:
     events: list[tuple[int, Array]]
     condition: float
     next_step: float
+    precise: int
 
 
 @dataclass(slots=True, eq=False)

@@ -270,6 +270,7 @@ class MotionRun(States, Partitions):
             events,
             r.condition_here,
             r.next_step,
+            int(ffi.cast("intptr_t", system.precise)),
         )
         return segment, found, last
 
