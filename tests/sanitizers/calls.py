@@ -170,7 +170,8 @@ class Part:
         given = {"q": nq, "u": nu, "p": len(m["parameter_names"]), "inputs": len(m["input_names"]), "t": 1}
         closure = len(m["closure_names"])
         return given | {f"J_{n}": nu * size for n, size in given.items()} | {
-            "udot": nu, "qdot": nq, "b": nu, "x": nu, "M": nu * nu, "force": nu, "energy": 2, "outputs": len(m["output_names"]),
+            "udot": nu, "qdot": nq, "b": nu, "x": nu, "M": nu * nu, "inverse_M": nu * nu,
+            "force": nu, "energy": 2, "outputs": len(m["output_names"]),
             "position": closure, "velocity": closure, "condition": loops, "step": nq, "full_q": nq, "full_u": nu,
             "reaction": 6 * links, "loop_reaction": 6 * loops,
         }  # fmt: skip
