@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -14,10 +13,6 @@ from ...program.digits import number
 from ...program.expressions import Expr
 from ...program.scalar import Value
 from .constants import Constants, Leaf, Shape, Slots, make_shape
-from .links import ROUNDED
-
-_ROTATION = re.compile(r"(?:[A-Z]\.)?[RF]\.[xyz]{2}")
-"""Names of the entries of rotation matrices."""
 
 
 @dataclass(slots=True, eq=False)
@@ -70,16 +65,6 @@ def pattern(c: Constants) -> tuple[str, ...]:
     return tuple(sorted(n for n, v in c.values.items() if v != 0))
 
 
-def without_dust(entry: float) -> float:
-    """An entry of a rotation matrix; 0, 1 or -1 if only rounding kept it from being that.
-
-    Frames that were turned by quarters, in numbers: cos(1.5707963267948966) is 6e-17, and such entries would make a full rotation
-    of what is a change of axes.
-    """
-    whole = round(entry)
-    return float(whole) if abs(entry - whole) <= ROUNDED else entry
-
-
 def make_constants(
     shapes: dict[object, Shape],
     structure: object,
@@ -99,5 +84,5 @@ def make_constants(
     for name, v in values().items():
         if name not in shape.varying and shape.fields[name] != 0:
             assert isinstance(v, (int, float, mpmath.mpf))
-            numeric[name] = without_dust(v) if _ROTATION.fullmatch(name) else float(v) if isinstance(v, int) else v
+            numeric[name] = float(v) if isinstance(v, int) else v
     return Constants(shape, tuple(slots.parameters), tuple(slots.numbers), numeric, index)

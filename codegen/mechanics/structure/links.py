@@ -37,10 +37,6 @@ Carrier = tuple[int, tuple[Placement, ...]]
 """A link, and the way from its body's frame to another."""
 
 
-ROUNDED = 8 * 2.0**-52
-"""What rounding has made of a vector's components, in parts of its length."""
-
-
 @dataclass(slots=True, eq=False)
 class Frame:
     """A link's frame relative to its body's: the axis it turns or slides along becomes a coordinate axis.

@@ -22,12 +22,15 @@ from ...model.forces.on_body import OnBody
 from ...model.model import GROUND, Body, Face, Loop, Model, Output, Vector
 from ...program.scalar import Matrix
 from ..spatial import transpose
-from .links import ORIGIN, ROUNDED, Placement, place
+from .links import ORIGIN, Placement, place
 
 Rotation = tuple[tuple[Vector, Expression], ...]
 
 DIGITS = 50
 """With which vectors are turned."""
+
+ROUNDED = 8 * 2.0**-52
+"""What rounding has made of a vector's components, in parts of its length."""
 
 BY_CHANCE = 1e-3
 """How likely a number is that near to a decimal without being it, at most."""
