@@ -142,7 +142,7 @@ def measure(
         setattr(type(solver), of, method)
     least_of = {n: min(x) for n, x in times.items()} | {"backwards": min(in_c["_backwards"])}
     state = solver.nq + len(solver.independent_speed_names)
-    stages = 3 * state if integrator == "radau" else 11 * (state + (solver.nq if solver.closure_names else 0))
+    stages = 3 * state if integrator == "radau" else 11 * (state + (solver.nq if solver.closure_names else 0)) + state
     error = np.abs(adjoint.gradients - forward.gradients).max() / np.abs(forward.gradients).max()
     back = (least_of["motion in C"] + least_of["backwards"]) / least_of["motion in C"]
     called = least_of["adjoint"] / least_of["motion"]

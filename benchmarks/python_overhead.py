@@ -44,7 +44,7 @@ def contestants(solver: Any, mode: str, n: int) -> dict[str, tuple[Callable[[], 
             np.empty((LOOP, math.prod(s) * (width if d else 1))) for s, d in zip(f.shapes, f.derived, strict=True)
         ]
         given = [(target.pointer(x), 0) for x in (q, u, p, *lanes)]
-        return lambda: target.run_batch(f, width, given, results, (LOOP,))
+        return lambda: target.batches.rows(f, width, given, results, LOOP)
 
     return {
         f"{mode}: accelerations(q, u)": (lambda: solver.accelerations(q, u), loop("accelerations")),

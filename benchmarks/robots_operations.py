@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from ctiming import table
-from jacobians_against_pinocchio import ROBOTS, chain, ours, robot
 
+from codegen.bench.peers.pinocchio_models import chain, ours, robot
 from codegen.emit.solver import write_solver
 
 
@@ -36,11 +36,7 @@ def main() -> None:
     arguments = parser.parse_args()
     rows = []
     for name in arguments.names:
-        if name.startswith("CHAIN("):
-            theirs = chain(int(name[6:-1]))
-        else:
-            file, free = ROBOTS[name]
-            theirs = robot(arguments.robots / file, free)
+        theirs = chain(int(name[6:-1])) if name.startswith("CHAIN(") else robot(arguments.robots, name)
         model = ours(theirs, name.lower().replace("(", "").replace(")", ""))
         manifest = write_solver(model, arguments.layout).manifest
         udot, _ = counted(manifest, "accelerations")

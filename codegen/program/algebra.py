@@ -141,11 +141,6 @@ class Number(Expr):
         return isinstance(self.value, int)
 
     @property
-    def is_Rational(self) -> bool:
-        """Whether it is whole or a fraction."""
-        return isinstance(self.value, (int, Fraction))
-
-    @property
     def is_finite(self) -> bool:
         """Whether it is a number that a double can be."""
         try:

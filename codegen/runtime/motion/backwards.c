@@ -3,7 +3,6 @@
  * The step sizes are constants of differentiation. */
 #include "backwards.h"
 
-#include <math.h>
 #include <string.h>
 
 /* Lays an adjoint out; a is 0 where only the size is asked for. */
@@ -281,31 +280,6 @@ void ordernm_adjoint_end(ordernm_adjoint *a)
 
 /* ---- Steps that were not kept, again. ---- */
 
-static void exchange(double **one, double **other)
-{
-    double *const kept = *one;
-    *one = *other;
-    *other = kept;
-}
-
-/* From the end of a step to the next one's beginning, in the order in which it was done first: rounding is the same then. */
-static int go_on(ordernm_motion *m, double end)
-{
-    const method *const method = m->method;
-    const double knot = ordernm_next_knot(m, m->t);
-    m->closed_known = 0;
-    if (method->rows && ordernm_rates_at_end(m, end, m->rate[method->stages])) return ORDERNM_SINGULAR;
-    exchange(&m->z, &m->next);
-    exchange(&m->rate[0], &m->rate[method->stages]);
-    const int changed = ordernm_settle(m, end, m->z);
-    if (changed < 0) return ORDERNM_OPEN;
-    if (method->rows && (changed || ordernm_next_knot(m, end) != knot)) {
-        ordernm_find_segment(m, end, 1e-9*(1.0 + fabs(end)));
-        if (ordernm_rates(m, end, m->z, m->rate[0])) return ORDERNM_SINGULAR;
-    }
-    return ORDERNM_ENDED;
-}
-
 int ordernm_replay(ordernm_motion *m, const double *known, double *steps, long count)
 {
     const long size = ordernm_step_size(m->problem);
@@ -321,7 +295,11 @@ int ordernm_replay(ordernm_motion *m, const double *known, double *steps, long c
         ordernm_find_segment(m, m->t, step[1]);
         if (m->method->replay(m, k ? 0 : known, !k, step)) return ORDERNM_SINGULAR;
         m->method->keep(m, step);
-        if (k + 1 < count && (status = go_on(m, step[size]))) return status;
+        if (k + 1 == count) break;
+        const double end = step[size], knot = ordernm_next_knot(m, m->t);
+        m->closed_known = 0;
+        if (!m->method->gives_rate && ordernm_rates_at_end(m, end, m->rate[m->method->stages])) return ORDERNM_SINGULAR;
+        if ((status = ordernm_next_step(m, end, knot, 0))) return status < 0 ? ORDERNM_OPEN : ORDERNM_SINGULAR;
     }
     return ORDERNM_ENDED;
 }

@@ -591,22 +591,28 @@ static void exchange(double **one, double **other)
     *other = kept;
 }
 
-/* The end of a step that is good becomes the beginning of the next one. */
+/* The end of a step, before which the next knot of the inputs was that one, becomes the beginning of the next step; a state
+ * at a pose is settled. Steps that are made again go this way too, for rounding to be the same. */
+int ordernm_next_step(ordernm_motion *m, double end, double knot, int settled)
+{
+    m->t = end;
+    exchange(&m->z, &m->next);
+    exchange(&m->rate[0], &m->rate[m->method->stages]);
+    const int changed = settled ? 0 : ordernm_settle(m, m->t, m->z);
+    if (changed < 0) return changed;
+    ordernm_note_condition(m, 0, 0);
+    if (!changed && ordernm_next_knot(m, m->t) == knot) return 0;
+    ordernm_find_segment(m, m->t, 1e-9*(1.0 + fabs(m->t)));
+    return ordernm_rates(m, m->t, m->z, m->rate[0]);
+}
+
 static int go_on(ordernm_motion *m, const trial *step)
 {
     ordernm_results *const r = m->results;
-    m->t = r->t = step->end;
+    r->t = step->end;
     exchange(&m->crossing, &m->after);
-    exchange(&m->z, &m->next);
-    exchange(&m->rate[0], &m->rate[m->method->stages]);
-    const int changed = step->at_pose ? 0 : ordernm_settle(m, m->t, m->z);
-    if (changed < 0) return failed(r, changed);
-    ordernm_note_condition(m, 0, 0);
-    if (changed || ordernm_next_knot(m, m->t) != step->knot) {
-        ordernm_find_segment(m, m->t, 1e-9*(1.0 + fabs(m->t)));
-        const int failure = ordernm_rates(m, m->t, m->z, m->rate[0]);
-        if (failure) return failed(r, failure);
-    }
+    const int failure = ordernm_next_step(m, step->end, step->knot, step->at_pose);
+    if (failure) return failed(r, failure);
     r->next_step = m->h;
     return m->problem->ntimes ? ORDERNM_ENDED : keep(m, m->t, m->z);
 }

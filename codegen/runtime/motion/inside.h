@@ -210,6 +210,7 @@ double ordernm_event_point(int i);
 int ordernm_extremes(const double *value, double *where);
 
 /* control.c */
+int ordernm_next_step(ordernm_motion *m, double end, double knot, int settled);
 double ordernm_error_norm(const ordernm_motion *m, const double *next, const double *error, const double *second);
 
 #endif

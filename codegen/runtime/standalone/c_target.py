@@ -318,12 +318,6 @@ class CTarget:
         failed |= {number: self.singular(code) for number, code in found.items()}
         spoil(results, f, found, batch)
 
-    def run_batch(
-        self, f: Function, width: int, given: Sequence[tuple[Any, int]], results: Sequence[Array], batch: Shape
-    ) -> None:
-        """Run over the states of a batch, in C; given are pointers and their steps from state to state, in doubles."""
-        self._tell(f, self.batches.rows(f, width, given, results, math.prod(batch)), None, results, batch)
-
     def _row(self, x: Any, batch: Shape, scalar: bool) -> tuple[Any, int]:
         """Where an argument begins, and its step from state to state."""
         if scalar:
