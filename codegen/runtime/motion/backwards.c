@@ -139,7 +139,7 @@ int ordernm_rates_transposed(ordernm_adjoint *a, int n, double t, const double *
         memcpy(a->weights_u + s->free_u[i]*width, kappa + (s->nfree_q + i)*width, entry);
     clear(a, &c);
     c.dudot = a->weights_u;
-    if ((status = s->sensitivities_transposed[index](&c))) return status;
+    if ((status = ORDERNM_OF(m, sensitivities_transposed[index])(&c))) return status;
     add(a, n, &c, t, nu);
     if (s->plain_rates) {
         for (int i = 0; i < s->nfree_q; ++i)
@@ -148,7 +148,7 @@ int ordernm_rates_transposed(ordernm_adjoint *a, int n, double t, const double *
         for (int i = 0; i < s->nfree_q; ++i) memcpy(a->weights_q + s->free_q[i]*width, kappa + i*width, entry);
         clear(a, &c);
         c.dqdot = a->weights_q;
-        if ((status = s->coordinate_rate_sensitivities_transposed[index](&c))) return status;
+        if ((status = ORDERNM_OF(m, coordinate_rate_sensitivities_transposed[index])(&c))) return status;
         add(a, n, &c, t, nu);
     }
     return 0;
@@ -168,7 +168,7 @@ int ordernm_integrals_transposed(ordernm_adjoint *a, int n, double t, const doub
     clear(a, &c);
     c.outputs = m->outputs;
     c.doutputs = a->weights;
-    const int status = s->output_sensitivities_transposed[a->index](&c);
+    const int status = ORDERNM_OF(m, output_sensitivities_transposed[a->index])(&c);
     if (!status) add(a, n, &c, t, nu);
     return status;
 }
@@ -196,7 +196,7 @@ int ordernm_sample_transposed(ordernm_adjoint *a, int n, double t, const double 
     clear(a, &c);
     c.outputs = m->outputs;
     c.doutputs = a->weights;
-    if ((status = s->output_sensitivities_transposed[a->index](&c))) return status;
+    if ((status = ORDERNM_OF(m, output_sensitivities_transposed[a->index])(&c))) return status;
     add(a, n, &c, t, nu);
     return 0;
 }
@@ -218,7 +218,7 @@ static int transposed_settling(ordernm_adjoint *a, int n, double t, const double
         memcpy(a->weights_q + s->free_q[i]*width, lambda + i*width, width*sizeof(double));
     memset(a->weights_u, 0, s->nu*width*sizeof(double));
     c.dfull_q = a->weights_q, c.dfull_u = a->weights_u;
-    if ((status = s->completion_sensitivities_transposed[a->index](&c))) return status;
+    if ((status = ORDERNM_OF(m, completion_sensitivities_transposed[a->index])(&c))) return status;
     memset(lambda, 0, s->nfree_q*width*sizeof(double));
     add(a, n, &c, t, lambda);
     memset(a->weights_q, 0, s->nq*width*sizeof(double));
@@ -244,6 +244,7 @@ int ordernm_backwards(ordernm_adjoint *a, const double *steps, long count)
         m->t = step[0];
         memcpy(m->z, step + ORDERNM_STEP_HEAD, (m->ny + m->nx + m->nd)*sizeof(double));
         ordernm_find_segment(m, m->t, step[1]);
+        ordernm_take_derivatives(m, step[4]);
         const int status = m->method->backwards(a, step);
         if (!status) continue;
         a->gradients->singular = status;
@@ -293,6 +294,7 @@ int ordernm_replay(ordernm_motion *m, const double *known, double *steps, long c
         m->t = step[0];
         memcpy(step + ORDERNM_STEP_HEAD, m->z, state);
         ordernm_find_segment(m, m->t, step[1]);
+        ordernm_take_derivatives(m, step[4]);
         if (m->method->replay(m, k ? 0 : known, !k, step)) return ORDERNM_SINGULAR;
         m->method->keep(m, step);
         if (k + 1 == count) break;

@@ -39,9 +39,14 @@ typedef int ordernm_function(const ordernm_call *call);
 /* Functions over one direction, eight and four at once; the last are 0 until NAME_four has set them. */
 enum { ORDERNM_ONE, ORDERNM_EIGHT, ORDERNM_FOUR, ORDERNM_WIDTHS };
 
-/* The same in long double, for poses near which a loop loses rank; NAME_precise.c. Rates close the loops themselves once more. */
+/* The same in long double, for poses near which a loop loses rank; NAME_precise.c. But for closing_step they close the loops
+ * themselves once more. What the package has not is 0. */
 typedef struct {
-    ordernm_function *closing_step, *state_rates, *state_rate_sensitivities[ORDERNM_WIDTHS];
+    ordernm_function *closing_step, *state_rates, *completion, *outputs;
+    ordernm_function *state_rate_sensitivities[ORDERNM_WIDTHS], *completion_sensitivities[ORDERNM_WIDTHS],
+        *output_sensitivities[ORDERNM_WIDTHS];
+    ordernm_function *sensitivities_transposed[ORDERNM_WIDTHS], *coordinate_rate_sensitivities_transposed[ORDERNM_WIDTHS],
+        *completion_sensitivities_transposed[ORDERNM_WIDTHS], *output_sensitivities_transposed[ORDERNM_WIDTHS];
 } ordernm_precise;
 
 typedef struct {
@@ -197,7 +202,7 @@ void ordernm_adjoint_end(ordernm_adjoint *adjoint);
 
 /* Makes steps again that were kept: from the first row of steps, whose state is there, from the first ORDERNM_STEP_HEAD numbers
  * of all rows, and from what was known before the first. */
-enum { ORDERNM_STEP_HEAD = 4 };
+enum { ORDERNM_STEP_HEAD = 5 };
 int ordernm_replay(ordernm_motion *motion, const double *known, double *steps, long count);
 
 #ifdef __cplusplus
