@@ -52,33 +52,6 @@ long ordernm_adjoint_room(const ordernm_problem *problem, const ordernm_gradient
     return 8 + (long)(lay_out(0, problem, (ordernm_gradients *)gradients)/sizeof(double)) + ordernm_room(&alone);
 }
 
-ordernm_adjoint *ordernm_adjoint_begin(const ordernm_problem *problem, ordernm_gradients *g, double *room)
-{
-    ordernm_adjoint *const a = ordernm_line(room);
-    const size_t used = lay_out(0, problem, g);
-    memset(a, 0, used);
-    lay_out(a, problem, g);
-    a->motion = ordernm_begin(&a->problem, (double *)((char *)a + used));
-    a->motion->results = &a->none;
-    if (a->of_stages) ordernm_radau_layout_stages(a->motion, a->motion->ny, a->of_stages);
-    for (int n = 0; n < a->ngroups; ++n) {
-        a->sampled[n] = g->ntimes;
-        double *const lambda = a->lambda + (long)n*a->n*a->width;
-        const ordernm_system *const s = problem->system;
-        for (int l = 0; l < a->width && n*a->width + l < g->nfunctionals; ++l) {
-            const long f = n*a->width + l;
-            for (int i = 0; g->end_q && i < s->nfree_q; ++i) lambda[i*a->width + l] = g->end_q[f*s->nq + s->free_q[i]];
-            for (int i = 0; g->end_u && i < s->nfree_u; ++i)
-                lambda[(s->nfree_q + i)*a->width + l] = g->end_u[f*s->nu + s->free_u[i]];
-        }
-        for (int i = 0; g->integral_weights && i < problem->nintegrals; ++i)
-            for (int l = 0; l < a->width && n*a->width + l < g->nfunctionals; ++l)
-                a->lambda[((long)n*a->n + a->motion->ny + i)*a->width + l] =
-                    g->integral_weights[(long)(n*a->width + l)*problem->nintegrals + i];
-    }
-    return a;
-}
-
 /* ---- One state. ---- */
 
 /* Adds what transposes gave, c->dq and so on, to an adjoint of the state and to the gradients of a group. */
@@ -233,7 +206,60 @@ int ordernm_settling_transposed(ordernm_adjoint *a, double t, const double *z)
     return status;
 }
 
-/* ---- Steps. ---- */
+/* Of weights of all entries of the state at the end, which was completed there, those of its independent entries. */
+static int transposed_completion(ordernm_adjoint *a, int n, double *lambda)
+{
+    ordernm_motion *const m = a->motion;
+    const ordernm_system *const s = m->system;
+    const ordernm_gradients *const g = a->gradients;
+    const int width = a->width;
+    ordernm_call c = ordernm_arguments(m, m->t, m->z);
+    c.q = g->whole_q, c.u = g->whole_u;
+    clear(a, &c);
+    for (int l = 0; l < width; ++l) {
+        const long f = (long)n*width + l;
+        for (int i = 0; i < s->nq; ++i) a->weights_q[i*width + l] = f < g->nfunctionals ? g->end_q[f*s->nq + i] : 0.0;
+        for (int i = 0; i < s->nu; ++i) a->weights_u[i*width + l] = f < g->nfunctionals ? g->end_u[f*s->nu + i] : 0.0;
+    }
+    c.full_u = m->udot;
+    c.dfull_q = a->weights_q, c.dfull_u = a->weights_u;
+    m->precise = s->precise != 0; /* conditions are poor where independents change */
+    const int status = ORDERNM_OF(m, completion_sensitivities_transposed[a->index])(&c);
+    if (!status) add(a, n, &c, m->t, lambda);
+    memset(a->weights_q, 0, s->nq*width*sizeof(double));
+    memset(a->weights_u, 0, s->nu*width*sizeof(double));
+    return status;
+}
+
+/* ---- From the end to the beginning. ---- */
+
+ordernm_adjoint *ordernm_adjoint_begin(const ordernm_problem *problem, ordernm_gradients *g, double *room)
+{
+    ordernm_adjoint *const a = ordernm_line(room);
+    const size_t used = lay_out(0, problem, g);
+    memset(a, 0, used);
+    lay_out(a, problem, g);
+    a->motion = ordernm_begin(&a->problem, (double *)((char *)a + used));
+    a->motion->results = &a->none;
+    if (a->of_stages) ordernm_radau_layout_stages(a->motion, a->motion->ny, a->of_stages);
+    for (int n = 0; n < a->ngroups; ++n) {
+        a->sampled[n] = g->ntimes;
+        double *const lambda = a->lambda + (long)n*a->n*a->width;
+        const ordernm_system *const s = problem->system;
+        for (int l = 0; l < a->width && n*a->width + l < g->nfunctionals && !g->whole_q; ++l) {
+            const long f = n*a->width + l;
+            for (int i = 0; g->end_q && i < s->nfree_q; ++i) lambda[i*a->width + l] = g->end_q[f*s->nq + s->free_q[i]];
+            for (int i = 0; g->end_u && i < s->nfree_u; ++i)
+                lambda[(s->nfree_q + i)*a->width + l] = g->end_u[f*s->nu + s->free_u[i]];
+        }
+        for (int i = 0; g->integral_weights && i < problem->nintegrals; ++i)
+            for (int l = 0; l < a->width && n*a->width + l < g->nfunctionals; ++l)
+                a->lambda[((long)n*a->n + a->motion->ny + i)*a->width + l] =
+                    g->integral_weights[(long)(n*a->width + l)*problem->nintegrals + i];
+        if (g->whole_q && !g->singular) g->singular = transposed_completion(a, n, lambda);
+    }
+    return a;
+}
 
 int ordernm_backwards(ordernm_adjoint *a, const double *steps, long count)
 {

@@ -185,6 +185,7 @@ typedef struct {
     const double *weights;            /* [nfunctionals][ntimes][noutputs]; 0 for none */
     const double *integral_weights;   /* [nfunctionals][nintegrals]; 0 for none */
     const double *end_q, *end_u;      /* [nfunctionals][nq], [nu]: of independent entries of the state at the end; 0 for none */
+    const double *whole_q, *whole_u;  /* [nq], [nu]: that state, where they are of all its entries, as where independents change; else 0 */
     /* Gradients by the independent entries of the initial state, by parameters, by the inputs' values. Begin with zeros. */
     double *q, *u, *p, *inputs;       /* [nfunctionals][nq], [nu], [np], [count][ninputs] */
     long evaluations, transposes;
@@ -193,8 +194,9 @@ typedef struct {
 
 typedef struct ordernm_adjoint ordernm_adjoint;
 
-/* Doubles of memory that gradients need; beginning; and going through steps that ordernm_go has kept, given from the last part
- * to the first one, each with its steps in their order. The motion's problem may have no directions. */
+/* Doubles of memory that gradients need; beginning, which says in `singular` if weights of a whole state cannot be taken; and going
+ * through steps that ordernm_go has kept, given from the last part to the first one, each with its steps in their order. The
+ * motion's problem may have no directions. */
 long ordernm_adjoint_room(const ordernm_problem *problem, const ordernm_gradients *gradients);
 ordernm_adjoint *ordernm_adjoint_begin(const ordernm_problem *problem, ordernm_gradients *gradients, double *room);
 int ordernm_backwards(ordernm_adjoint *adjoint, const double *steps, long count);
