@@ -8,33 +8,34 @@ so that the others are still read.
 from __future__ import annotations
 
 from .entries import seen
-from .errors import ModelError, Problem, nearest
+from .errors import ModelError, Problem
 from .forces import JointForce
 from .model import GROUND, Model
 from .positions import Document
-from .reading import Reader, TooManyProblems, some
+from .reading import Reader, TooManyProblems
 from .repetition import CannotGoOn
-from .schema import LATER_SECTIONS, SECTIONS
+from .schema import SECTIONS
 from .sections.bodies import check_freedoms, read_bodies
+from .sections.files import check_given, read_files
 from .sections.forces import read_forces
 from .sections.independent import read_independent
 from .sections.initial import read_initial
 from .sections.loops import read_loops
 from .sections.outputs import read_outputs
 from .sections.points import read_points
-from .sections.quantities import model_name, read_constants, read_gravity, read_inputs, read_parameters
+from .sections.quantities import model_name, read_gravity, read_inputs, read_parameters
 from .sections.tolerance import read_loop_tolerance
 
 
-def assemble(document: Document) -> Model:
-    """The model that a document describes.
+def assemble(document: Document, folder: str | None = None) -> Model:
+    """The model that a document describes; its other files stand in the folder.
 
     Raises
     ------
     ModelError
         With all problems.
     """
-    reader = Reader(document)
+    reader = Reader(document, folder)
     model = None
     try:
         model = _model(reader)
@@ -44,7 +45,8 @@ def assemble(document: Document) -> Model:
         reader.problems.append(Problem(document.file, 1, 1, "", "expressions nested too deeply"))
     errors = [p for p in reader.problems if p.severity == "error"]
     if errors or model is None:
-        order = sorted(errors, key=lambda p: (p.line or 0, p.column or 0))
+        files = list(dict.fromkeys([document.file, *(p.file for p in errors)]))
+        order = sorted(errors, key=lambda p: (files.index(p.file), p.line or 0, p.column or 0))
         raise ModelError([*order, *(p for p in reader.problems if p.severity != "error")])
     return model
 
@@ -56,18 +58,13 @@ def _model(reader: Reader) -> Model | None:
         start = None if reader.document.file == "builder" else 1
         reader.add(Problem(reader.document.file, start, start, "", message))
         return None
-    for key in root:
-        if key in LATER_SECTIONS:
-            reader.report(reader.top(key), (), f"section {key!r} is not supported yet by this version", key=True)
-        elif key not in SECTIONS:
-            hint = nearest(key, SECTIONS)
-            reader.report(reader.top(key), (), f"unknown key {key!r}; keys here: {some(SECTIONS)}{hint}", key=True)
     name = model_name(reader)
-    read_constants(reader)
+    read_files(reader)
     parameters = read_parameters(reader)
+    reader.allowed["inputs"] = {**dict.fromkeys(reader.defaults), "t": None}
     read_inputs(reader)
-    reader.allowed["parameters"] = dict.fromkeys(reader.defaults)
-    reader.allowed["inputs"] = dict.fromkeys([*reader.defaults, *reader.inputs, "t"])
+    reader.allowed["inputs"]["t"] = reader.allowed["inputs"].pop("t")  # printed last
+    check_given(reader)
     reader.allowed["motion"] = dict(reader.allowed["inputs"])  # and what moves, once the bodies are read
     gravity = read_gravity(reader)
     bodies = read_bodies(reader)
@@ -108,4 +105,5 @@ def _model(reader: Reader) -> Model | None:
         loop_tolerance=loop_tolerance,
         file=reader.document.file,
         places=reader.places,
+        files=tuple(reader.files.names),
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from os import PathLike, fspath
 
 from .assembly import assemble
@@ -29,10 +30,10 @@ def load_model(path: str | PathLike[str]) -> Model:
         With every problem of the file, each with its place.
     """
     name = fspath(path)
-    return parse_model(read_file(name), name)
+    return parse_model(read_file(name), name, os.path.dirname(name) or ".")
 
 
-def parse_model(text: str, filename: str = "<string>") -> Model:
+def parse_model(text: str, filename: str = "<string>", folder: str | PathLike[str] | None = None) -> Model:
     """Read a model from YAML text; like `load_model`.
 
     Parameters
@@ -40,9 +41,11 @@ def parse_model(text: str, filename: str = "<string>") -> Model:
     text : str
     filename : str
         Name for messages.
+    folder : str or path, optional
+        Where the files are that the text includes or uses; it may name none where this is left out.
     """
     if not text.strip():
         message = "the file is empty; a model has at least the keys model and bodies"
         raise ModelError([Problem(filename, 1, 1, "", message)])
     with collector_paused():
-        return assemble(compose(text, filename))
+        return assemble(compose(text, filename), None if folder is None else fspath(folder))

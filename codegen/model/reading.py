@@ -16,9 +16,10 @@ from .axes import Vector
 from .entries import RESERVED, ZERO, Entry, Expr, parse_name, seen
 from .errors import Problem, nearest, with_article, within_a_line
 from .explaining import explain, repaired, validate
-from .expressions import MEASURED, Binder, Expression, ExpressionError, Number, Numbers, Scope
+from .expressions import MEASURED, Expression, ExpressionError, Numbers, Scope
+from .parts import Files, Instance, Part
 from .positions import Document, Path_, show_path
-from .repetition import Instance, Repetition, labels, name_of
+from .repetition import Counter, Repetition, labels, name_of
 
 MAX_PROBLEMS: Final = 200
 MAX_ERRORS: Final = 10_000
@@ -46,13 +47,15 @@ def is_measured(name: str) -> bool:
 
 
 class Reader:
-    """One reading of one document.
+    """One reading of one model.
 
     Attributes
     ----------
     problems : list of Problem
-    constants : dict of str to number
-        With the labels of repetitions, see `labels`.
+    parts : list of Part
+        The files that it is read from: its own first, each before those that it uses.
+    own : Part
+        Its own file.
     defaults : dict of str to float
         Values of the parameters.
     inputs : list of str
@@ -72,12 +75,14 @@ class Reader:
         what was read is sound.
     """
 
-    def __init__(self, document: Document) -> None:
+    def __init__(self, document: Document, folder: str | None = None) -> None:
         self.document = document
+        self.files = Files(document, folder)
         self.problems: list[Problem] = list(document.problems)
-        self.constants: dict[str, Number | str] = dict(labels(document.root))
-        self.binder = Binder(self.constants)
-        self.repetition = Repetition(document, self.add, self.constants)
+        self._counter = Counter()
+        self._repetitions: dict[int, Repetition] = {}
+        self.parts: list[Part] = []
+        self.own = self.added(Part(document))
         self.defaults: dict[str, float] = {}
         self.inputs: list[str] = []
         self.used: set[str] = set()
@@ -87,16 +92,27 @@ class Reader:
         self.broken: set[str] = set()
         self.points: list[Mapping[str, Any]] = []
         self.errors = 0
-        self.places: dict[str, dict[str, tuple[int | None, int | None]]] = {}
-        self._key_places: dict[tuple[int, str], tuple[int | None, int | None]] = {}
+        self.places: dict[str, dict[str, tuple[str, int | None, int | None]]] = {}
+        self._key_places: dict[tuple[int, str], tuple[str, int | None, int | None]] = {}
         self._reported: set[tuple[Any, ...]] = set()
         self._specs: dict[tuple[int, int], Any] = {}
-        self.bound_once: dict[tuple[int, Path_], dict[Path_, Expression]] = {}
+        self.bound_once: dict[tuple[int, int, Path_], dict[Path_, Expression]] = {}
         """Bound expressions of validated entries that no repeat index changes; see `placement.bound_expressions`."""
         self._repaired: set[int] = set()  # ids of specs with placeholders
         self._keep: list[Entry] = []  # keeps those ids valid
         self._checked: set[tuple[Expression, str]] = set()
         self._values: dict[Expression, float | str] = {}
+
+    def added(self, part: Part) -> Part:
+        """A file that is read from now on, too."""
+        part.constants.update(labels(part.document.root))
+        self._repetitions[id(part)] = Repetition(part, self.add, self._counter)
+        self.parts.append(part)
+        return part
+
+    def expand(self, part: Part, section: dict[str, Any], path: Path_) -> Iterator[Instance]:
+        """Entries of a section of a file, those of repeat blocks one repetition after the other."""
+        return self._repetitions[id(part)].expand(section, path)
 
     # --- problems -----------------------------------------------------------------------------------------------
 
@@ -124,20 +140,22 @@ class Reader:
         self.errors += severity == "error"
         path = (at.key, *sub)
         shown = show_path((*at.section, *self._existing(at.container, path)))
-        line, column = self.document.place(at.container, path, key=key, inside=inside)
+        document = at.part.document
+        line, column = document.place(at.container, path, key=key, inside=inside)
         if self.errors > MAX_ERRORS:
             message = f"more than {MAX_ERRORS} mistakes with those that repetitions repeat; mend these first"
-            self.problems.append(Problem(self.document.file, line, column, shown, message))
+            self.problems.append(Problem(document.file, line, column, shown, message))
             raise TooManyProblems
-        if at.indices:
-            mark = (line, column, shown, severity)
+        if at.indices or at.part.is_submodel:
+            mark = (document.file, line, column, shown, severity)
             if mark in self._reported:
                 return
             self._reported.add(mark)
         text = message if isinstance(message, str) else message()
         if at.indices:
             text += " (" + ", ".join(f"{k} = {v}" for k, v in at.indices.items()) + ")"
-        self.add(Problem(self.document.file, line, column, shown, within_a_line(text), severity))
+        text += at.part.where
+        self.add(Problem(document.file, line, column, shown, within_a_line(text), severity))
 
     @staticmethod
     def _existing(container: Any, path: Path_) -> Path_:
@@ -157,7 +175,7 @@ class Reader:
         if expression.tree[0] == "number":
             return expression
         try:
-            result = self.binder(expression, at.indices)
+            result = at.part.bound(expression, at.indices)
         except ExpressionError as error:
             text = str(expression)
             prefix = "" if error.message.startswith(text) else f"{text}: "
@@ -183,7 +201,7 @@ class Reader:
                 continue
             if is_measured(name) and scope == "measured" and ("point", name.split(".")[1]) in self.first_seen:
                 continue  # a point that is there but wrong has been reported
-            self.report(at, sub, partial(self._unknown, name, scope), inside=self._column(at, sub, name))
+            self.report(at, sub, partial(self._unknown, name, scope, at), inside=self._column(at, sub, name))
         if unknown:
             return False
         if not moving and result.names <= self.defaults.keys():
@@ -199,6 +217,7 @@ class Reader:
             value = value[part]
         if not isinstance(value, str):
             return None
+        name = at.part.written(name)
         start = value.find(name)
         while start >= 0:  # no regular expression: compiling one for each of many names takes longest
             end = start + len(name)
@@ -208,7 +227,7 @@ class Reader:
             start = value.find(name, end)
         return None
 
-    def _unknown(self, name: str, scope: str) -> str:
+    def _unknown(self, name: str, scope: str, at: Instance) -> str:
         everything = self.allowed["motion"]
         if name.lower() in ("nan", "inf", "infinity"):
             return f"{name} is no finite number; only finite numbers are allowed"
@@ -231,7 +250,9 @@ class Reader:
             hint = self.loop_hint(name[2:]) or nearest(name, names)
             return f"unknown {what} {name!r}; the joints of this model have {some(names)}{hint}"
         those = self.allowed["motion" if scope == "measured" else scope]
-        known = [*(n for n in self.constants if n[0] != "'"), *(n for n in those if n[1:2] != ".")]
+        known = [n for n in at.part.constants if n[0] != "'"]
+        known += at.part.own(n for n in those if n[1:2] != ".")
+        name = at.part.written(name)
         which = "constants written before it" if scope == "constants" else "known here"
         return f"unknown name {name!r}; {which}: {some(known)}{nearest(name, known)}"
 
@@ -294,7 +315,7 @@ class Reader:
     def key_name(self, at: Instance, what: str, space: str) -> str | None:
         """Name of an entry from its key, registered."""
         try:
-            name = name_of(parse_name(at.key), self.numbers(at))
+            name = at.part.name(self.local_name(at))
         except PydanticCustomError as error:
             self.report(at, (), str(error.message()), key=True)
         except ExpressionError as error:
@@ -305,55 +326,99 @@ class Reader:
                 return name
         return None
 
-    def _key_place(self, at: Instance) -> tuple[int | None, int | None]:
-        """Place of an entry's key; one object for all its repetitions."""
+    def local_name(self, at: Instance) -> str:
+        """Name of an entry from its key, as the entry's file has it.
+
+        Raises
+        ------
+        PydanticCustomError, ExpressionError
+            If it is none.
+        """
+        return name_of(parse_name(at.key), self.numbers(at))
+
+    def _key_place(self, at: Instance) -> tuple[str, int | None, int | None]:
+        """File and place of an entry's key; one object for all its repetitions."""
         key = id(at.container), at.key
         found = self._key_places.get(key)
         if found is None:
-            found = self._key_places[key] = self.document.place(at.container, (at.key,), key=True)
+            document = at.part.document
+            found = self._key_places[key] = (document.file, *document.place(at.container, (at.key,), key=True))
         return found
+
+    def given(self, at: Instance, name: str, scope: str) -> Expression | None:
+        """What stands in the place of a submodel's own number, because the model that uses it says so; else None."""
+        given = at.part.given.get(name)
+        if given is None:
+            return None
+        given.used = True
+        found = self.scalar(given.at, ("with", given.key), given.value, scope) or ZERO
+        at.part.values[name] = found.tree
+        return found
+
+    def given_entry(self, at: Instance, scope: str) -> Expression | None:
+        """The same of an entry, by its key."""
+        if not at.part.given:
+            return None
+        try:
+            return self.given(at, self.local_name(at), scope)
+        except (PydanticCustomError, ExpressionError):
+            return None  # reported where the name is read
 
     def numbers(self, at: Instance) -> Numbers:
         """The constants and repeat indices that an entry may use."""
-        return Scope(at.indices, self.constants) if at.indices else self.constants
+        return Scope(at.indices, at.part.constants) if at.indices else at.part.constants
 
     def reference(self, expression: Expression, at: Instance, sub: Path_) -> str | None:
         try:
-            return name_of(expression.tree, self.numbers(at))
+            return at.part.referred(name_of(expression.tree, self.numbers(at)))
         except ExpressionError as error:
             self.report(at, sub, error.message)
             return None
 
     # --- entries ------------------------------------------------------------------------------------------------
 
-    def section(self, name: str) -> Iterator[Instance]:
-        value = self.document.root.get(name)
-        if value is None:
-            return
-        if not isinstance(value, dict):
-            self.report(self.top(name), (), f"{seen(value)}; a mapping of names is needed")
-            return
-        yield from self.repetition.expand(value, (name,))
+    def section(self, name: str, parts: Iterable[Part] | None = None) -> Iterator[Instance]:
+        """The entries of a section in all files, or in some."""
+        for part in self.parts if parts is None else parts:
+            value = part.document.root.get(name)
+            if value is None:
+                continue
+            if not isinstance(value, dict):
+                self.report(part.entry(name), (), f"{seen(value)}; a mapping of names is needed")
+                continue
+            yield from self.expand(part, value, (name,))
 
     def listed(self, name: str, example: str) -> Iterator[tuple[Instance, Path_, Any]]:
         """The names of a section that is a list: where to report each, with the path there, and what is written."""
-        value = self.document.root.get(name)
-        if value is None:
-            return
-        if not isinstance(value, (list, tuple)):
-            self.report(self.top(name), (), f"{seen(value)}; a list of names is needed: {example}")
-            return
-        for i, item in enumerate(value):
-            if not isinstance(item, dict):
-                yield self.top(name), (i,), item
+        for part in self.parts:
+            value = part.document.root.get(name)
+            if value is None:
                 continue
-            for at in self.repetition.expand(item, (name, i)):
-                if at.value is not None:
-                    self.report(at, (), f"{seen(at.value)} after a name; the names of this list have no value")
-                yield at, (), at.key
+            if not isinstance(value, (list, tuple)):
+                self.report(part.entry(name), (), f"{seen(value)}; a list of names is needed: {example}")
+                continue
+            for i, item in enumerate(value):
+                if not isinstance(item, dict):
+                    yield part.entry(name), (i,), item
+                    continue
+                for at in self.expand(part, item, (name, i)):
+                    if at.value is not None:
+                        self.report(at, (), f"{seen(at.value)} after a name; the names of this list have no value")
+                    yield at, (), at.key
+
+    def only(self, name: str) -> Instance | None:
+        """A key of the top level that one file has for all: the model's own, or one that it includes."""
+        found = [
+            part.entry(name) for part in self.parts if not part.is_submodel and part.document.root.get(name) is not None
+        ]
+        for at in found[1:]:
+            self.report(
+                at, (), f"{name} stands in {found[0].part.document.file} already; one file may have it", key=True
+            )
+        return found[0] if found else None
 
     def top(self, name: str) -> Instance:
-        return Instance(name, self.document.root.get(name), self.document.root, (), {})
+        return self.own.entry(name)
 
     def spec(self, cls: Any, at: Instance) -> Any:
         """The validated structure of an entry, once for all its repetitions; None after problems."""

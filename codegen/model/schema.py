@@ -28,14 +28,15 @@ from .entries import (
     written,
 )
 from .errors import with_article
+from .expressions import Expression
 from .forces import FORCES, ForceEntry
 from .joints import JOINTS, JointType
 from .joints.fixed import Fixed
 from .outputs import MEASURES, Measure
 
 SECTIONS: Final = (
-    *("model", "gravity", "constants", "parameters", "inputs"),
-    *("bodies", "points", "loops", "loop_tolerance", "forces", "initial", "independent", "outputs"),
+    *("model", "include", "gravity", "constants", "parameters", "inputs"),
+    *("bodies", "submodels", "points", "loops", "loop_tolerance", "forces", "initial", "independent", "outputs"),
 )
 LATER_SECTIONS: Final = ("motion",)
 
@@ -78,6 +79,12 @@ else:
         ],
         Field(discriminator="type"),
     ]
+
+
+def _check_path(value: Any) -> str:
+    if not isinstance(value, str) or not value:
+        raise complaint(f"{seen(value)}; a file is needed, by its path from this one: parts/leg.yaml")
+    return value
 
 
 class ShapeEntry(Entry):
@@ -172,6 +179,16 @@ class ParameterEntry(Entry):
     unit: str = ""
     min: OptionalExpr = None
     max: OptionalExpr = None
+
+
+class SubmodelEntry(PlacedEntry):
+    """A file that is read once more, and where its ground stands."""
+
+    placeholders: ClassVar[dict[str, Any]] = {"use": ""}
+
+    use: Annotated[str, PlainValidator(_check_path)]
+    on: Reference = Expression(("name", "ground"))
+    given: dict[str, Any] = Field(default={}, alias="with")
 
 
 class LoopEntry(Entry):

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from ..model import Loop, Point, Vector
+from ..parts import Instance
 from ..reading import Reader
-from ..repetition import Instance
 from ..schema import LoopEntry, LoopJoint
 from .bodies import BodySection
 from .digits import check_axis

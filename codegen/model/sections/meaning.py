@@ -12,9 +12,9 @@ from ..entry_reader import NamedJoint
 from ..errors import nearest
 from ..expressions import Expression
 from ..model import joint_coordinates
+from ..parts import Instance
 from ..places import GROUND, Face, Point
 from ..reading import Reader, is_measured, some
-from ..repetition import Instance
 from .bodies import BodySection, body_index
 from .points import face_at, held_together, point_at, point_named, unmoved
 

@@ -8,9 +8,9 @@ from .. import checks
 from ..entries import ZERO, FaceEntry, PointEntry
 from ..errors import nearest
 from ..model import GROUND, Face, Point
+from ..parts import Instance
 from ..positions import Path_
 from ..reading import Reader, some
-from ..repetition import Instance
 from .bodies import BodySection, body_index
 from .placement import bound_expressions, rotation, vector
 

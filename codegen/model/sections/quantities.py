@@ -5,6 +5,7 @@ from __future__ import annotations
 import keyword
 import re
 import sys
+from collections.abc import Iterable
 from typing import Final
 
 from pydantic_core import PydanticCustomError
@@ -13,8 +14,9 @@ from ..entries import RESERVED, ZERO, parse_name, seen
 from ..errors import with_article
 from ..expressions import ExpressionError
 from ..model import Parameter, Vector
+from ..parts import Instance, Part
 from ..reading import Reader
-from ..repetition import Instance, name_of
+from ..repetition import name_of
 from ..schema import ParameterEntry
 
 _MODULES: Final = frozenset({"cffi", "codegen", "generated", "numpy", "stdint"})
@@ -38,8 +40,13 @@ def model_name(reader: Reader) -> str:
     return str(name)
 
 
-def read_constants(reader: Reader) -> None:
-    for at in reader.section("constants"):
+def read_constants(reader: Reader, parts: Iterable[Part]) -> None:
+    """Read the constants of some files; those that a submodel is given stand in the place of its own."""
+    for at in reader.section("constants", parts):
+        given = reader.given_entry(at, "constants")
+        if given is not None:
+            at.part.constants[reader.local_name(at)] = given.value
+            continue
         name = reader.key_name(at, "constant", "value")
         many = isinstance(at.value, (list, tuple))
         for i, value in enumerate(at.value if many else [at.value]):
@@ -48,12 +55,15 @@ def read_constants(reader: Reader) -> None:
                 continue
             entry = f"{name}_{i + 1}" if many else name
             if not many or reader.new_name(at, entry, "value", "constant"):
-                reader.constants[entry] = result.value
+                at.part.constants[at.part.written(entry)] = result.value
 
 
 def read_parameters(reader: Reader) -> list[tuple[Parameter, Instance]]:
     result = []
     for at in reader.section("parameters"):
+        given = reader.given_entry(at, "parameters")
+        if given is not None:
+            continue
         name = reader.key_name(at, "parameter", "value")
         if isinstance(at.value, dict):
             spec = reader.spec(ParameterEntry, at)
@@ -74,6 +84,7 @@ def read_parameters(reader: Reader) -> list[tuple[Parameter, Instance]]:
             message = f"value {value:g} is outside min {_limit(low)} and max {_limit(high)}"
             reader.report(at, ("value",), message, severity="warning")
         reader.defaults[name] = value
+        reader.allowed["parameters"][name] = None
         result.append((Parameter(name, value, unit, low, high), at))
     return result
 
@@ -81,13 +92,16 @@ def read_parameters(reader: Reader) -> list[tuple[Parameter, Instance]]:
 def read_inputs(reader: Reader) -> None:
     for at, sub, item in reader.listed("inputs", "[motor, brake]"):
         try:
-            name = name_of(parse_name(item), reader.numbers(at))
+            local = name_of(parse_name(item), reader.numbers(at))
         except PydanticCustomError as error:
             reader.report(at, sub, str(error.message()))
             continue
         except ExpressionError as error:
             reader.report(at, sub, error.message)
             continue
+        if reader.given(at, local, "inputs") is not None:
+            continue
+        name = at.part.name(local)
         if name in RESERVED:
             reader.report(at, sub, f"{name!r} is reserved and cannot name an input; choose another name")
         elif ("value", name) in reader.first_seen:
@@ -96,13 +110,14 @@ def read_inputs(reader: Reader) -> None:
         else:
             reader.first_seen["value", name] = "input"
             reader.inputs.append(name)
+            reader.allowed["inputs"][name] = None
 
 
 def read_gravity(reader: Reader) -> Vector | None:
-    value = reader.document.root.get("gravity")
-    if value is None:
+    at = reader.only("gravity")
+    if at is None:
         return None
-    at = reader.top("gravity")
+    value = at.value
     if not isinstance(value, (list, tuple)) or len(value) != 3:
         reader.report(at, (), f"{seen(value)}; three numbers are needed: [x, y, z], m/s^2 in the ground frame")
         return None
