@@ -9,8 +9,10 @@ Names are those of parameters and inputs, ``t``, ``q.NAME`` and ``u.NAME``, and,
 ``velocity.POINT.x``; constants and repeat indices have become
 numbers, ``pi`` too. Whole numbers below 2**53 are Python ints (exact in every arithmetic), all others are floats.
 
-Two more nodes exist between `parse` and `bind` only, because they are settled while a model is loaded:
-``("indexed", name, indices, suffix)`` for a name with repeat indices such as ``q.link(k-1)`` and ``("%", a, b)``.
+Four more nodes exist between `parse` and `bind` only, because they are settled while a model is loaded:
+``("indexed", name, indices, suffix)`` for a name with repeat indices such as ``q.link(k-1)``, ``("%", a, b)``,
+``("quantity", value, dimension, text)`` for a number with a unit, and ``("component", a, k, wanted)`` for one of the three of an
+expression that stands in the place of a vector.
 
 Expressions are interned: equal trees are one object, so structure repeated in a model is recognised by identity.
 """
@@ -21,12 +23,14 @@ import math
 import operator
 import re
 from collections.abc import Callable, Mapping
+from fractions import Fraction
 from functools import lru_cache
 from types import ModuleType
 from typing import Any, Final, NoReturn, Protocol
 from weakref import WeakValueDictionary
 
 from .errors import nearest
+from .units import UnitError, unit_at
 
 Tree = tuple[Any, ...]
 Number = int | float
@@ -190,9 +194,21 @@ def _collect(tree: Tree, found: set[str]) -> None:
     elif kind == "indexed":
         for index in tree[2]:
             _collect(index, found)
-    elif kind != "number":
+    elif kind == "component":
+        _collect(tree[1], found)
+    elif kind not in ("number", "quantity"):
         for argument in tree[1:]:
             _collect(argument, found)
+
+
+def has_units(tree: Tree) -> bool:
+    """Whether a number of a parsed tree has a unit."""
+    kind = tree[0]
+    if kind == "component":
+        return has_units(tree[1])
+    if kind in ("number", "name", "indexed", "quantity"):
+        return bool(kind == "quantity")
+    return any(has_units(a) for a in tree[2 if kind == "call" else 1 :])
 
 
 # --- values -----------------------------------------------------------------------------------------------------
@@ -301,6 +317,10 @@ def _print(tree: Tree, around: int) -> str:
         return f"{tree[1]}({', '.join(_print(a, 0) for a in tree[2:])})"
     if kind == "indexed":
         return str(tree[1]) + "".join(f"({_print(i, 0)})" for i in tree[2]) + str(tree[3])
+    if kind == "quantity":
+        return str(tree[3])
+    if kind == "component":
+        return _print(tree[1], around)
     own = _PRECEDENCE[kind]
     if kind == "neg":
         text = "-" + _print(tree[1], own)
@@ -493,6 +513,13 @@ def _bind(tree: Tree, numbers: Numbers) -> Tree:
     kind = tree[0]
     if kind == "number":
         return tree
+    if kind == "quantity":
+        return ("number", tree[1])
+    if kind == "component":
+        found, is_vector = _component(tree[1], tree[2], numbers)
+        if not is_vector:
+            raise ExpressionError(f"{_print(tree[1], 0)!r} is no {tree[3]}")
+        return found
     if kind == "name":
         value = numbers.get(tree[1])
         if value is None:
@@ -511,6 +538,37 @@ def _bind(tree: Tree, numbers: Numbers) -> Tree:
             ) from None
         return _bind(("name", name), numbers)
     return combine(kind, *[_bind(a, numbers) for a in tree[1:]])
+
+
+def vector_key(name: str) -> str:
+    """Key under which `numbers` says that a name is a vector: ``NAME.x``, ``NAME.y``, ``NAME.z``."""
+    return f"'{name}.'"  # no name has a quote
+
+
+def component_of(tree: Tree, k: int, wanted: str) -> Tree:
+    """One of the three components of an expression that stands where a vector is wanted."""
+    return ("component", tree, k, wanted)
+
+
+def _component(tree: Tree, k: int, numbers: Numbers) -> tuple[Tree, bool]:
+    """A component of what is a vector, bound, and True; or what is a number, bound, and False."""
+    kind = tree[0]
+    if kind == "indexed" and not tree[3]:
+        tree = ("name", "_".join([tree[1], *[index_text(i, numbers) for i in tree[2]]]))
+        kind = "name"
+    if kind == "name" and numbers.get(vector_key(tree[1])) is not None:
+        return _bind(("name", f"{tree[1]}.{'xyz'[k]}"), numbers), True
+    if kind == "neg":
+        inner, is_vector = _component(tree[1], k, numbers)
+        return combine("neg", inner), is_vector
+    if kind not in ("+", "-", "*", "/"):
+        return _bind(tree, numbers), False
+    (a, left), (b, right) = (_component(x, k, numbers) for x in tree[1:])
+    if kind in ("+", "-") and left != right:
+        raise ExpressionError(f"{_print(tree, 0)} adds a number and a vector; both are to be vectors")
+    if (kind == "*" and left and right) or (kind == "/" and right):
+        raise ExpressionError(f"{_print(tree, 0)} multiplies or divides by a vector; a vector takes numbers as factors")
+    return combine(kind, a, b), left or right
 
 
 class Binder:
@@ -650,7 +708,7 @@ class _Parser:
         start, token = self.start, self.token
         if self.kind == "number":
             self.advance()
-            return self.number(token, start), 1
+            return (self.quantity(token, start) if self.kind == "name" else self.number(token, start)), 1
         if self.kind == "name":
             self.advance()
             if self.token == "(" and self.kind == "operator":
@@ -683,6 +741,22 @@ class _Parser:
             return ("number", int(value))  # exact, and int(token) refuses some thousands of leading zeros
         return ("number", _canonical(value))
 
+    def quantity(self, token: str, start: int) -> Tree:
+        """A number and the unit that follows it."""
+        try:
+            size, dimension, end = unit_at(self.text, self.start)
+        except UnitError as error:
+            self.fail(f"an operator + - * / ** is missing between the number and {self.token!r}; {error}")
+        try:
+            value = float(Fraction(token) * size)
+        except OverflowError:
+            value = math.inf
+        if math.isinf(value):
+            self.fail(f"{self.text[start:end][:30]} is too large; numbers up to 1.8e308 are allowed", start)
+        self.end = end
+        self.advance()
+        return ("quantity", _canonical(value), dimension, self.text[start:end])
+
     def name(self, name: str, start: int) -> Tree:
         if name == "pi":
             return ("number", math.pi)
@@ -690,9 +764,10 @@ class _Parser:
         if dot and first in MEASURED:
             if not re.fullmatch(r"[A-Za-z_]\w*\.[xyz]", rest):
                 self.fail(f"name {name}; write {first}.POINT.x, .y or .z with the name of a point or a body", start)
-        elif dot and (first not in ("q", "u") or rest[0].isdigit()):
+        elif dot and rest not in ("x", "y", "z") and (first not in ("q", "u") or rest[0].isdigit()):
             self.fail(
-                f"name {name}; only coordinates q.NAME, speeds u.NAME, position.POINT.x and velocity.POINT.x have a dot",
+                f"name {name}; only coordinates q.NAME, speeds u.NAME, position.POINT.x and velocity.POINT.x have a dot, "
+                f"and components NAME.x, .y and .z of vectors",
                 start,
             )
         if name in ("q", "u"):

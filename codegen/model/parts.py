@@ -15,6 +15,7 @@ from typing import Any, Final
 from .errors import ModelError, Problem, nearest
 from .expressions import MEASURED, Binder, Expression, Number, Tree, combine
 from .positions import Document, Path_, compose, read_file
+from .units import Dimension
 
 MAX_PARTS: Final = 20_000
 """Uses of files in a model; so many are read within seconds."""
@@ -91,6 +92,8 @@ class Part:
         Numbers of a submodel that come from outside, by their names in it.
     values : dict of str to tuple
         The trees that stand in the place of names which are given.
+    dimensions : dict of str to Dimension
+        Of constants, parameters and given numbers that are written with a unit.
     """
 
     document: Document
@@ -101,6 +104,7 @@ class Part:
     constants: dict[str, Number | str] = field(default_factory=dict)
     given: dict[str, Given] = field(default_factory=dict)
     values: dict[str, Tree] = field(default_factory=dict)
+    dimensions: dict[str, Dimension] = field(default_factory=dict)
     binder: Binder = field(init=False)
     _renamed: dict[Expression, Expression] = field(default_factory=dict, init=False)
 
@@ -109,7 +113,9 @@ class Part:
 
     def including(self, document: Document) -> Part:
         """A file that is read as if it stood in this one."""
-        part = Part(document, self, self.prefix, None, self.ground, self.constants, self.given, self.values)
+        part = Part(
+            document, self, self.prefix, None, self.ground, self.constants, self.given, self.values, self.dimensions
+        )
         part.binder, part._renamed = self.binder, self._renamed
         return part
 

@@ -12,20 +12,24 @@ from typing import Any, Final
 from pydantic import TypeAdapter, ValidationError
 from pydantic_core import PydanticCustomError
 
+from . import entries
 from .axes import Vector
 from .entries import RESERVED, ZERO, Entry, Expr, parse_name, seen
 from .errors import Problem, nearest, with_article, within_a_line
 from .explaining import explain, repaired, validate
-from .expressions import MEASURED, Expression, ExpressionError, Numbers, Scope
+from .expressions import MEASURED, Expression, ExpressionError, Numbers, Scope, has_units, vector_key
 from .parts import Files, Instance, Part
 from .positions import Document, Path_, show_path
 from .repetition import Counter, Repetition, labels, name_of
+from .units import Dimension, DimensionError, dimension_of, in_words
+from .wanted_units import dimension_of_unit, unit_wanted
 
 MAX_PROBLEMS: Final = 200
 MAX_ERRORS: Final = 10_000
 """So many errors are counted, those of repetitions that are not said again included."""
 
 _EXPRESSION: Final = TypeAdapter(Expr)
+_VECTOR: Final = TypeAdapter(entries.Vector)
 
 
 ALLOWED: Final = {
@@ -66,6 +70,8 @@ class Reader:
         or ``motion`` (coordinates and speeds too). A scope ``measured`` has, beside the last, positions and velocities of points.
     points : list of mapping
         What is a point, by name, once points are read.
+    units_of_motion : dict of (str, str) to tuple of str
+        Units of coordinates (``q``) and speeds (``u``) of a joint, or of a single one, by name.
     broken : set of str
         Bodies that were reported; their coordinates are not known.
     places : dict of str to dict of str to (int, int)
@@ -90,6 +96,7 @@ class Reader:
         # dicts used as ordered sets: names are printed in the order of the file
         self.allowed: dict[str, dict[str, None]] = {"constants": {}, "parameters": {}, "inputs": {}, "motion": {}}
         self.broken: set[str] = set()
+        self.units_of_motion: dict[tuple[str, str], tuple[str, ...]] = {}
         self.points: list[Mapping[str, Any]] = []
         self.errors = 0
         self.places: dict[str, dict[str, tuple[str, int | None, int | None]]] = {}
@@ -178,8 +185,11 @@ class Reader:
             result = at.part.bound(expression, at.indices)
         except ExpressionError as error:
             text = str(expression)
-            prefix = "" if error.message.startswith(text) else f"{text}: "
-            self.report(at, sub, prefix + error.message, inside=error.column)
+            prefix = "" if error.message.startswith((text, repr(text))) else f"{text}: "
+            if not _is_said(expression):
+                self.report(at, sub, prefix + error.message, inside=error.column)
+            return ZERO
+        if (has_units(expression.tree) or at.part.dimensions) and not self._fits(expression, at, sub):
             return ZERO
         if result.tree[0] != "number" and (result, scope) not in self._checked:
             if not self._check(result, expression, at, sub, scope):
@@ -187,6 +197,43 @@ class Reader:
             self._checked.add((result, scope))
             self.used |= result.names
         return result
+
+    def _fits(self, expression: Expression, at: Instance, sub: Path_) -> bool:
+        """Whether what an expression is, by the units in it, may stand where it stands."""
+        found = self.dimension(expression, at, sub)
+        wanted = self.unit_wanted(at, sub)
+        if found is None or wanted is None or found == wanted:
+            return True
+        message = f"{expression} is {in_words(found)}; {in_words(wanted)} is needed"
+        if not has_units(expression.tree) or expression.tree[0] != "quantity":
+            message += "; a number without a unit counts as a factor, give it its own"
+        if not _is_said(expression):
+            self.report(at, sub, message)
+        return False
+
+    def dimension(self, expression: Expression, at: Instance, sub: Path_) -> Dimension | None:
+        """What an expression is, as far as units in it tell; None after a problem too."""
+        try:
+            return dimension_of(expression.tree, at.part.dimensions)
+        except DimensionError as error:
+            if not _is_said(expression):
+                self.report(at, sub, f"{expression}: {error}")
+            return None
+
+    def unit_wanted(self, at: Instance, sub: Path_) -> Dimension | None:
+        """The dimension of the number at a path."""
+        section = str(at.section[0]) if at.section else at.key
+        if section == "initial":
+            unit = self.units_of_motion.get((str(at.section[1]), at.part.name(at.key)), ())
+            place = sub[0] if sub and isinstance(sub[0], int) else 0
+            return dimension_of_unit(unit[place] or "rad") if place < len(unit) else None
+        if section == "forces" and isinstance(at.value, dict) and at.value.get("type") == "joint":
+            speeds = self.units_of_motion.get(("u", at.part.name(str(at.value.get("joint")))), ())
+            place = sub[1] if len(sub) > 1 and isinstance(sub[1], int) else 0
+            if place >= len(speeds):
+                return None
+            return dimension_of_unit({"rad/s": "N*m", "m/s": "N"}[speeds[place]])
+        return unit_wanted(section, sub, at.value)
 
     def _check(self, result: Expression, written: Expression, at: Instance, sub: Path_, scope: str) -> bool:
         moving = scope in ("motion", "measured")
@@ -196,7 +243,7 @@ class Reader:
             unknown = [
                 n for n in unknown if not (is_measured(n) and any(n.split(".")[1] in known for known in self.points))
             ]
-        for name in unknown:
+        for name in [] if _is_said(written) else unknown:
             if name[:2] in ("q.", "u.") and moving and name.split(".")[1] in self.broken:
                 continue
             if is_measured(name) and scope == "measured" and ("point", name.split(".")[1]) in self.first_seen:
@@ -250,8 +297,8 @@ class Reader:
             hint = self.loop_hint(name[2:]) or nearest(name, names)
             return f"unknown {what} {name!r}; the joints of this model have {some(names)}{hint}"
         those = self.allowed["motion" if scope == "measured" else scope]
-        known = [n for n in at.part.constants if n[0] != "'"]
-        known += at.part.own(n for n in those if n[1:2] != ".")
+        known = [n for n in at.part.constants if n[0] != "'" and "." not in n]
+        known += at.part.own(n for n in those if n[:2] not in ("q.", "u."))
         name = at.part.written(name)
         which = "constants written before it" if scope == "constants" else "known here"
         return f"unknown name {name!r}; {which}: {some(known)}{nearest(name, known)}"
@@ -345,17 +392,39 @@ class Reader:
             found = self._key_places[key] = (document.file, *document.place(at.container, (at.key,), key=True))
         return found
 
-    def given(self, at: Instance, name: str, scope: str) -> Expression | None:
-        """What stands in the place of a submodel's own number, because the model that uses it says so; else None."""
+    def given(self, at: Instance, name: str, scope: str) -> tuple[Expression, ...] | None:
+        """What stands in the place of a submodel's own number, because the model that uses it says so; else None.
+
+        One expression, or three for a vector.
+        """
         given = at.part.given.get(name)
         if given is None:
             return None
         given.used = True
-        found = self.scalar(given.at, ("with", given.key), given.value, scope) or ZERO
-        at.part.values[name] = found.tree
-        return found
+        path = ("with", given.key)
+        is_vector = isinstance(at.value, (list, tuple)) or (
+            isinstance(at.value, dict) and isinstance(at.value.get("value"), list)
+        )
+        if scope != "inputs" and is_vector:
+            found = self.vector(given.at, path, given.value, scope, "[x, y, z], as the submodel has it") or (
+                ZERO,
+                ZERO,
+                ZERO,
+            )
+            at.part.constants[vector_key(name)] = name
+            at.part.values.update({f"{name}.{c}": e.tree for c, e in zip("xyz", found, strict=True)})
+            return found
+        one = self.scalar(given.at, path, given.value, scope) or ZERO
+        at.part.values[name] = one.tree
+        try:
+            dimension = dimension_of(_EXPRESSION.validate_python(given.value).tree, given.at.part.dimensions)
+        except (ValidationError, DimensionError):
+            dimension = None  # reported where it was bound
+        if dimension is not None:
+            at.part.dimensions[name] = dimension
+        return (one,)
 
-    def given_entry(self, at: Instance, scope: str) -> Expression | None:
+    def given_entry(self, at: Instance, scope: str) -> tuple[Expression, ...] | None:
         """The same of an entry, by its key."""
         if not at.part.given:
             return None
@@ -451,6 +520,40 @@ class Reader:
             self.report(at, sub, str(context.get("message", error)), inside=context.get("column"))
             return None
 
+    def numbers_at(self, at: Instance, sub: Path_, value: Any) -> list[tuple[Path_, Expression]]:
+        """The expression at a path, or the three of a vector, with their paths; as written."""
+        listed = [((*sub, i), v) for i, v in enumerate(value)] if isinstance(value, (list, tuple)) else [(sub, value)]
+        if len(listed) not in (1, 3) or (len(listed) == 1 and isinstance(value, (list, tuple))):
+            self.report(at, sub, f"{seen(value)}; a number, or three for a vector, is needed")
+            return []
+        found = []
+        for path, one in listed:
+            try:
+                found.append((path, _EXPRESSION.validate_python(one)))
+            except ValidationError as error:
+                context = error.errors()[0].get("ctx", {})
+                self.report(at, path, str(context.get("message", error)), inside=context.get("column"))
+                found.append((path, ZERO))
+        return found
+
+    def vector(
+        self, at: Instance, sub: Path_, value: Any, scope: str, wanted: str
+    ) -> tuple[Expression, Expression, Expression] | None:
+        """The three bound expressions of a vector that is written as a list, or as an expression of vectors."""
+        if isinstance(value, str):
+            try:
+                parts = _VECTOR.validate_python(value)
+            except ValidationError:
+                parts = None
+            if parts is not None:
+                x, y, z = (self.bound(e, at, sub, scope) for e in parts)
+                return x, y, z
+        if not isinstance(value, (list, tuple)) or len(value) != 3:
+            self.report(at, sub, f"{seen(value)}; three numbers are needed: {wanted}")
+            return None
+        x, y, z = (self.scalar(at, (*sub, i), v, scope) or ZERO for i, v in enumerate(value))
+        return x, y, z
+
     def direction(self, axis: Vector, at: Instance, sub: Path_) -> None:
         """Report an axis that is zero, or whose length cannot be computed."""
         largest = max(abs(self.numeric(e)) for e in axis)
@@ -463,6 +566,11 @@ class Reader:
                 f"only its direction counts: give it a length between 1e-100 and 1e100"
             )
             self.report(at, sub, message)
+
+
+def _is_said(expression: Expression) -> bool:
+    """Whether what is wrong with names was reported for the first of three components."""
+    return bool(expression.tree[0] == "component" and expression.tree[2] > 0)
 
 
 def some(names: Iterable[str]) -> str:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal, Union
 
-from pydantic import Field, PlainValidator, WrapValidator, create_model, model_validator
+from pydantic import Field, PlainValidator, TypeAdapter, WrapValidator, create_model, model_validator
 
 from .entries import (
     ZERO,
@@ -174,11 +174,23 @@ class BodyEntry(Entry):
         return self
 
 
+def _number_or_vector(value: Any) -> Any:
+    return _three.validate_python(value) if isinstance(value, (list, tuple)) else _one.validate_python(value)
+
+
+_one: Final = TypeAdapter(Expr)
+_three: Final = TypeAdapter(tuple[Expr, Expr, Expr])
+Numbers = Annotated[Any, PlainValidator(_number_or_vector)]
+"""An expression, or three: a vector."""
+
+
 class ParameterEntry(Entry):
-    value: Expr
+    """A parameter with all that may be said of it. Of a vector, a bound that is one number holds for all three."""
+
+    value: Numbers
     unit: str = ""
-    min: OptionalExpr = None
-    max: OptionalExpr = None
+    min: Numbers = None
+    max: Numbers = None
 
 
 class SubmodelEntry(PlacedEntry):

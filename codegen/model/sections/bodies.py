@@ -85,7 +85,11 @@ def read_bodies(reader: Reader) -> BodySection:
     _build(reader, section)
     for spec, name in zip(section.specs, section.names, strict=True):
         if spec is not None:
-            for prefix, group in zip("qu", joint_coordinates(name, spec.joint.type), strict=True):
+            groups = joint_coordinates(name, spec.joint.type)
+            all_units = (spec.joint.coordinate_units, spec.joint.speed_units)
+            for prefix, group, units in zip("qu", groups, all_units, strict=True):
+                reader.units_of_motion[prefix, name] = units
+                reader.units_of_motion.update({(prefix, n): (u,) for n, u in zip(group, units, strict=True)})
                 reader.allowed["motion"].update(dict.fromkeys(f"{prefix}.{n}" for n in group))
         if not reader.is_whole(spec):
             reader.broken.add(name)
