@@ -211,6 +211,15 @@ def has_units(tree: Tree) -> bool:
     return any(has_units(a) for a in tree[2 if kind == "call" else 1 :])
 
 
+def has_factors(tree: Tree) -> bool:
+    """Whether a plain number multiplies something in a parsed tree, or is divided by it."""
+    kind = tree[0]
+    if kind in ("number", "name", "indexed", "quantity"):
+        return False
+    inner = tree[1:2] if kind == "component" else tree[2 if kind == "call" else 1 :]
+    return (kind in ("*", "/") and any(a[0] == "number" for a in inner)) or any(has_factors(a) for a in inner)
+
+
 # --- values -----------------------------------------------------------------------------------------------------
 
 

@@ -215,8 +215,9 @@ class Files:
     def __init__(self, document: Document, folder: str | None) -> None:
         self.first = document
         self.folder = None if folder is None else os.path.realpath(folder)
-        self.opened: dict[str, Document] = {}
+        self.opened: dict[str, Document] = {os.path.realpath(document.file): document}
         self.names: list[str] = []
+        self.is_wanting = False  # whether one could not be had
         self._paths: dict[int, str] = {id(document): os.path.realpath(document.file)}
 
     def open(self, text: str, writer: Document, add: Callable[[Problem], None]) -> Document | str:

@@ -17,7 +17,7 @@ from .axes import Vector
 from .entries import RESERVED, ZERO, Entry, Expr, parse_name, seen
 from .errors import Problem, nearest, with_article, within_a_line
 from .explaining import explain, repaired, validate
-from .expressions import MEASURED, Expression, ExpressionError, Numbers, Scope, has_units, vector_key
+from .expressions import MEASURED, Expression, ExpressionError, Numbers, Scope, has_factors, has_units, vector_key
 from .parts import Files, Instance, Part
 from .positions import Document, Path_, show_path
 from .repetition import Counter, Repetition, labels, name_of
@@ -146,7 +146,10 @@ class Reader:
         """
         self.errors += severity == "error"
         path = (at.key, *sub)
-        shown = show_path((*at.section, *self._existing(at.container, path)))
+        existing = self._existing(at.container, path)
+        if at.section == ("submodels",):  # where such an entry has the keys of a joint, see `files._frame`
+            existing = tuple("on" if key == "parent" else key for key in existing if key != "joint")
+        shown = show_path((*at.section, *existing))
         document = at.part.document
         line, column = document.place(at.container, path, key=key, inside=inside)
         if self.errors > MAX_ERRORS:
@@ -205,7 +208,7 @@ class Reader:
         if found is None or wanted is None or found == wanted:
             return True
         message = f"{expression} is {in_words(found)}; {in_words(wanted)} is needed"
-        if not has_units(expression.tree) or expression.tree[0] != "quantity":
+        if has_factors(expression.tree):
             message += "; a number without a unit counts as a factor, give it its own"
         if not _is_said(expression):
             self.report(at, sub, message)

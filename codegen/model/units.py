@@ -56,7 +56,7 @@ _NAMES: Final = {
     Dimension(2): ("an area", "m**2"),
     Dimension(0, 1): ("a mass", "kg"),
     Dimension(0, 0, 1): ("a time", "s"),
-    Dimension(0, 0, -1): ("a rate", "rad/s or Hz"),
+    Dimension(0, 0, -1): ("a rate", "rad/s"),
     Dimension(1, 0, -1): ("a velocity", "m/s"),
     Dimension(1, 0, -2): ("an acceleration", "m/s**2"),
     Dimension(2, 1): ("a moment of inertia", "kg*m**2"),
@@ -121,7 +121,7 @@ def in_words(dimension: Dimension) -> str:
 
 def in_units(dimension: Dimension) -> str:
     """The SI unit of a dimension, ``kg*m**2/s``."""
-    if dimension in _NAMES and " " not in _NAMES[dimension][1]:
+    if dimension in _NAMES:
         return "" if dimension == NONE else _NAMES[dimension][1]
     exponents = [("kg", dimension.mass), ("m", dimension.length), ("s", dimension.time)]
     parts = [unit if e == 1 else f"{unit}**{e}" for unit, e in exponents if e > 0]

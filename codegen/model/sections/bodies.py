@@ -160,7 +160,7 @@ def body_index(reader: Reader, reference: Expression, at: Instance, sub: Path_, 
 
         def message() -> str:
             hint = nearest(name, frames)
-            if at.indices and sub == ("parent",):
+            if at.indices and sub == ("parent",) and at.section == ("bodies",):
                 hint = "; for the first repetition write first: {parent: ground}"
             return (
                 f"unknown body {name!r}; ground or one of {some(n for n in frames if n != 'ground')} is allowed{hint}"

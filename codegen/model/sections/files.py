@@ -20,6 +20,7 @@ from .quantities import read_constants
 def read_files(reader: Reader) -> None:
     """Open all files, with their constants, which may say how often a submodel is used."""
     waiting = [reader.own]
+    before = reader.errors
     while waiting:
         part = waiting.pop(0)
         reader.parts.remove(part)
@@ -35,6 +36,8 @@ def read_files(reader: Reader) -> None:
                     message = f"more than {MAX_PARTS} uses of files; reading them would take too long: use fewer"
                     reader.report(at, (), message, key=True)
                     raise CannotGoOn
+    if reader.errors > before and reader.files.is_wanting:
+        raise CannotGoOn  # what stands in a file that is not there is missed elsewhere
 
 
 def check_given(reader: Reader) -> None:
@@ -48,7 +51,8 @@ def check_given(reader: Reader) -> None:
 
 
 def _not_there(reader: Reader, part: Part, name: str) -> str:
-    known = [n for n in part.constants if n[0] != "'"] + part.own([*reader.defaults, *reader.inputs])
+    names = [n for n in part.constants if n[0] != "'" and "." not in n] + part.own([*reader.defaults, *reader.inputs])
+    known = list(dict.fromkeys(names))
     return (
         f"{part.document.file} has no constant, parameter or input {name!r}; it has {some(known)}{nearest(name, known)}"
     )
@@ -79,6 +83,7 @@ def _with_included(reader: Reader, part: Part) -> list[Part]:
 
 def _opened(reader: Reader, at: Instance, path: tuple[str | int, ...], text: object) -> Document | None:
     """The file of that path, or None after a problem."""
+    wanting, reader.files.is_wanting = reader.files.is_wanting, True
     if not isinstance(text, str):
         reader.report(at, path, f"{seen(text)}; a file is needed, by its path from this one: parts/leg.yaml")
         return None
@@ -93,6 +98,7 @@ def _opened(reader: Reader, at: Instance, path: tuple[str | int, ...], text: obj
             at, path, f"files that read each other in a circle, {' -> '.join([*circle, found.file])}; leave one out"
         )
         return None
+    reader.files.is_wanting = wanting
     return found
 
 
@@ -100,6 +106,7 @@ def _submodel(reader: Reader, at: Instance) -> Part | None:
     """The file of an entry of ``submodels`` in this use, or None after a problem."""
     spec = reader.spec(SubmodelEntry, at)
     if not reader.is_whole(spec):
+        reader.files.is_wanting = True
         return None
     document = _opened(reader, at, ("use",), spec.use)
     if document is None:

@@ -15,10 +15,11 @@ from ..errors import with_article
 from ..expressions import Expression, ExpressionError, parse, vector_key
 from ..model import Parameter, Vector
 from ..parts import Instance, Part
+from ..positions import Path_
 from ..reading import Reader
 from ..repetition import name_of
 from ..schema import ParameterEntry
-from ..units import DimensionError, dimension_of, in_units, in_words, unit_of
+from ..units import Dimension, DimensionError, dimension_of, in_units, in_words, unit_of
 
 _MODULES: Final = frozenset({"cffi", "codegen", "generated", "numpy", "stdint"})
 _C_KEYWORDS: Final = frozenset(
@@ -79,7 +80,8 @@ def read_parameters(reader: Reader) -> list[tuple[Parameter, Instance]]:
         if reader.given_entry(at, "parameters") is not None:
             continue
         name = reader.key_name(at, "parameter", "value")
-        unit, written = "", {}  # type: str, dict[str, list[tuple[Path_, Expression]]]
+        unit = ""
+        written: dict[str, list[tuple[Path_, Expression]]] = {}
         if isinstance(at.value, dict):
             spec = reader.spec(ParameterEntry, at)
             unit = spec.unit if spec is not None else ""
@@ -122,7 +124,7 @@ def _parameter(reader: Reader, at: Instance, name: str, numbers: dict[str, float
 
 def _unit(reader: Reader, at: Instance, local: str, text: str, values: list[Expression]) -> str:
     """The unit of a parameter for people: what the file says, or that of its value."""
-    dimensions = {reader.dimension(e, at, ("value",)) for e in values} - {None}
+    dimensions = {_dimension(at, e) for e in values} - {None}
     if len(dimensions) > 1:
         reader.report(at, ("value",), "components of different units; those of a vector are of one kind")
     known = unit_of(text) if text else None
@@ -149,11 +151,19 @@ def _unit(reader: Reader, at: Instance, local: str, text: str, values: list[Expr
 def _note_dimension(reader: Reader, at: Instance, local: str, value: object) -> None:
     """Of a constant that is written with a unit."""
     try:
-        found = dimension_of(parse(value).tree, at.part.dimensions) if isinstance(value, str) else None
-    except (ExpressionError, DimensionError):
+        found = _dimension(at, parse(value)) if isinstance(value, str) else None
+    except ExpressionError:
         return  # reported where it is read
     if found is not None:
         at.part.dimensions[local] = found
+
+
+def _dimension(at: Instance, expression: Expression) -> Dimension | None:
+    """What units make an expression; None also where they do not fit, which is reported where it is read."""
+    try:
+        return dimension_of(expression.tree, at.part.dimensions)
+    except DimensionError:
+        return None
 
 
 def read_inputs(reader: Reader) -> None:
