@@ -19,7 +19,7 @@ from .sections.bodies import check_freedoms, read_bodies
 from .sections.files import check_given, read_files
 from .sections.forces import read_forces
 from .sections.independent import read_independent
-from .sections.initial import read_initial
+from .sections.initial import is_at_rest, read_initial
 from .sections.loops import read_loops
 from .sections.outputs import read_outputs
 from .sections.points import read_points
@@ -100,6 +100,7 @@ def _model(reader: Reader) -> Model | None:
         outputs=tuple(outputs),
         initial_q=initial["q"],
         initial_u=initial["u"],
+        initial_at_rest=is_at_rest(reader),
         independent=independent,
         warnings=tuple(str(p) for p in reader.problems if p.severity == "warning"),
         loop_tolerance=loop_tolerance,

@@ -220,9 +220,12 @@ class ModelBuilder:
         self,
         q: Mapping[str, Scalar | Sequence[Scalar]] | None = None,
         u: Mapping[str, Scalar | Sequence[Scalar]] | None = None,
+        equilibrium: bool | None = None,
     ) -> None:
-        """Initial coordinates and speeds; may be called several times."""
+        """Initial coordinates and speeds, and whether to begin at rest near them; may be called several times."""
         initial = self._root.setdefault("initial", {})
+        if equilibrium is not None:
+            initial["equilibrium"] = equilibrium
         for key, values in (("q", q), ("u", u)):
             if values is not None and not isinstance(values, Mapping):
                 problem = f"{type(values).__name__}; a mapping from names to values is needed"

@@ -189,6 +189,8 @@ class Model:
         In file order after ``repeat``; arrays q and u follow it.
     initial_q, initial_u : dict of str to Expression
         Initial values by coordinate and speed name (missing: 0, unit quaternion); guesses where loops decide.
+    initial_at_rest : bool
+        Whether the model begins in the equilibrium that the initial coordinates lead to.
     independent : tuple of str
         Coordinates that the model asks to be independent: a hint, may be fewer than the freedoms.
     forces : tuple of JointForce
@@ -216,6 +218,7 @@ class Model:
     outputs: tuple[Output, ...] = ()
     initial_q: dict[str, Expression] = field(default_factory=dict)
     initial_u: dict[str, Expression] = field(default_factory=dict)
+    initial_at_rest: bool = False
     independent: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     loop_tolerance: float = LOOP_TOLERANCE

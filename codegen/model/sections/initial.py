@@ -38,8 +38,10 @@ def read_initial(reader: Reader, bodies: BodySection) -> dict[str, dict[str, Exp
             continue
         for part, section in initial.items():
             at = Instance(part, section, initial, ("initial",), {}, file)
-            if part not in result:
-                reader.report(at, (), f"unknown key {part!r}; keys here: q, u", key=True)
+            if part == "equilibrium":
+                _check_rest(reader, at, initial)
+            elif part not in result:
+                reader.report(at, (), f"unknown key {part!r}; keys here: q, u, equilibrium", key=True)
             elif section is not None and not isinstance(section, dict):
                 reader.report(at, (), f"{seen(section)}; a mapping of joints to values is needed")
             elif section is not None:
@@ -48,6 +50,22 @@ def read_initial(reader: Reader, bodies: BodySection) -> dict[str, dict[str, Exp
     for name in quaternions:
         _normalise(reader, name, result["q"], places)
     return result
+
+
+def is_at_rest(reader: Reader) -> bool:
+    """Whether the model begins in equilibrium; what a submodel says of itself is its own."""
+    files = [part.document.root.get("initial") for part in reader.parts if not part.is_submodel]
+    return any(isinstance(initial, dict) and initial.get("equilibrium") in _YES for initial in files)
+
+
+_YES, _NO = ("true", True), ("false", False)
+
+
+def _check_rest(reader: Reader, at: Instance, initial: dict[str, Any]) -> None:
+    if at.value not in (*_YES, *_NO):
+        reader.report(at, (), f"{seen(at.value)}; true or false is allowed: whether the model begins in equilibrium")
+    elif at.value in _YES and initial.get("u"):
+        reader.report(at, (), "equilibrium beside initial speeds; a state of rest has none, leave u out", key=True)
 
 
 def _initial_value(
