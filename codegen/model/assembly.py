@@ -18,12 +18,13 @@ from .schema import SECTIONS
 from .sections.bodies import check_freedoms, read_bodies
 from .sections.files import check_given, read_files
 from .sections.forces import read_forces
+from .sections.gravity import is_constant, read_gravity, weights
 from .sections.independent import read_independent
 from .sections.initial import is_at_rest, read_initial
 from .sections.loops import read_loops
 from .sections.outputs import read_outputs
 from .sections.points import read_points
-from .sections.quantities import model_name, read_gravity, read_inputs, read_parameters
+from .sections.quantities import model_name, read_inputs, read_parameters
 from .sections.tolerance import read_loop_tolerance
 
 
@@ -76,6 +77,10 @@ def _model(reader: Reader) -> Model | None:
         faces = [face for loop in loops for face in (loop.start, loop.end)]
         check_freedoms(reader, bodies, {face.body for face in faces if face.body != GROUND})
     elements = read_forces(reader, bodies, points)
+    if gravity is not None and not is_constant(reader, gravity):
+        if bodies.is_sound:
+            elements += weights(gravity, bodies)
+        gravity = None
     outputs = read_outputs(reader, bodies, points)
     initial = read_initial(reader, bodies)
     independent = read_independent(reader, bodies)

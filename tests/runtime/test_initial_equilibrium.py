@@ -41,7 +41,8 @@ points: {end: {body: rocker, at: [0, 0, length]}}
 loops:
   foot: {joint: {type: revolute, axis: y}, from: end, to: {body: ground, at: [1.2*length, 0, 0]}}
 forces:
-  back: {type: spring, from: {body: crank, at: [0, 0, length]}, to: {body: ground, at: [-0.5, 0, 2]}, stiffness: k, free_length: 0.8}
+  back:
+    {type: spring, from: coupler, to: {body: ground, at: [-0.5, 0, 2]}, stiffness: k, free_length: 0.8}
 initial: {q: {crank: 0.3, coupler: 1.27, rocker: 1.87}, equilibrium: true}
 independent: [crank]
 outputs: {height: {position: coupler, axis: z}}
@@ -119,5 +120,5 @@ def test_mistakes(old: str, new: str, expected: str) -> None:
 
 def test_what_is_missing_is_said(tmp_path: Path) -> None:
     codegen.generate(parse_model(HANG), tmp_path / "hang", functions="accelerations", target="numpy")
-    with pytest.raises(AttributeError, match="generated without sensitivities, .* which equilibrium needs"):
+    with pytest.raises(AttributeError, match=r"generated without sensitivities, .* which equilibrium needs"):
         _ = codegen.load(tmp_path / "hang").initial

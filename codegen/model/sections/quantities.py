@@ -1,4 +1,4 @@
-"""The name of the model and its numbers: constants, parameters, inputs and gravity."""
+"""The name of the model and its numbers: constants, parameters and inputs."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from typing import Final
 
 from pydantic_core import PydanticCustomError
 
-from ..entries import RESERVED, ZERO, parse_name, seen
+from ..entries import RESERVED, parse_name, seen
 from ..errors import with_article
 from ..expressions import Expression, ExpressionError, parse, vector_key
-from ..model import Parameter, Vector
+from ..model import Parameter
 from ..parts import Instance, Part
 from ..positions import Path_
 from ..reading import Reader
@@ -188,17 +188,6 @@ def read_inputs(reader: Reader) -> None:
             reader.first_seen["value", name] = "input"
             reader.inputs.append(name)
             reader.allowed["inputs"][name] = None
-
-
-def read_gravity(reader: Reader) -> Vector | None:
-    at = reader.only("gravity")
-    if at is None:
-        return None
-    vector = reader.vector(at, (), at.value, "parameters", "[x, y, z], m/s^2 in the ground frame")
-    if vector is None:
-        return None
-    x, y, z = vector
-    return None if x is ZERO and y is ZERO and z is ZERO else (x, y, z)
 
 
 def _limit(value: float | None) -> str:

@@ -119,7 +119,8 @@ class States(Package):
             )
         along = np.atleast_2d(self._arguments.array("dp", dp, "p"))
         moving = np.flatnonzero(along.any(axis=0))
-        found = self.equilibrium(self.assemble(p=at)[0], at, sensitivities=[self.parameter_names[i] for i in moving])
+        statics: Any = self  # a section of its own
+        found = statics.equilibrium(self.assemble(p=at)[0], at, sensitivities=[self.parameter_names[i] for i in moving])
         return found.q, np.zeros(self.nu), along[:, moving] @ found.dq, np.zeros((len(along), self.nu))
 
     def _initial_values(self, p: Numbers) -> tuple[Array, Array]:
