@@ -22,6 +22,7 @@ from .sections.gravity import is_constant, read_gravity, weights
 from .sections.independent import read_independent
 from .sections.initial import is_at_rest, read_initial
 from .sections.loops import read_loops
+from .sections.named_expressions import check_named_expressions, read_named_expressions, warn_of_unused
 from .sections.outputs import read_outputs
 from .sections.points import read_points
 from .sections.quantities import model_name, read_inputs, read_parameters
@@ -66,11 +67,13 @@ def _model(reader: Reader) -> Model | None:
     read_inputs(reader)
     reader.allowed["inputs"]["t"] = reader.allowed["inputs"].pop("t")  # printed last
     check_given(reader)
+    named = read_named_expressions(reader)
     reader.allowed["motion"] = dict(reader.allowed["inputs"])  # and what moves, once the bodies are read
     gravity = read_gravity(reader)
     bodies = read_bodies(reader)
     points = read_points(reader, bodies)
     reader.points = [points, bodies.frames]
+    check_named_expressions(reader, named)
     before = reader.errors
     loops = read_loops(reader, bodies, points)
     if reader.errors == before:  # a loop that could not be read may hold what seems to move no mass
@@ -85,6 +88,7 @@ def _model(reader: Reader) -> Model | None:
     initial = read_initial(reader, bodies)
     independent = read_independent(reader, bodies)
     loop_tolerance = read_loop_tolerance(reader)
+    warn_of_unused(reader, named)
     if any(p.severity == "error" for p in reader.problems):
         return None
     for parameter, at in parameters:

@@ -82,6 +82,11 @@ class ModelBuilder:
         self._root.setdefault("inputs", []).append(_plain(name))
         return Name(name)
 
+    def expression(self, name: str, value: Scalar) -> Name:
+        """A name for an expression that several entries have in common."""
+        self._put("expressions", name, _plain(value))
+        return Name(name)
+
     def body(
         self,
         name: str,

@@ -91,7 +91,9 @@ class Part:
     given : dict of str to Given
         Numbers of a submodel that come from outside, by their names in it.
     values : dict of str to tuple
-        The trees that stand in the place of names which are given.
+        The trees that stand in the place of names: of those which are given, and of named expressions.
+    asked : set of str
+        Names that have been looked up.
     dimensions : dict of str to Dimension
         Of constants, parameters and given numbers that are written with a unit.
     """
@@ -106,6 +108,7 @@ class Part:
     values: dict[str, Tree] = field(default_factory=dict)
     dimensions: dict[str, Dimension] = field(default_factory=dict)
     binder: Binder = field(init=False)
+    asked: set[str] = field(default_factory=set, init=False)
     _renamed: dict[Expression, Expression] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
@@ -116,8 +119,13 @@ class Part:
         part = Part(
             document, self, self.prefix, None, self.ground, self.constants, self.given, self.values, self.dimensions
         )
-        part.binder, part._renamed = self.binder, self._renamed
+        part.binder, part._renamed, part.asked = self.binder, self._renamed, self.asked
         return part
+
+    def stands_for(self, name: str, tree: Tree) -> None:
+        """From here on the tree stands in the place of a name."""
+        self.values[name] = tree
+        self._renamed.clear()
 
     def chain(self) -> list[Document]:
         """The files that lead here, this one first."""
@@ -159,7 +167,7 @@ class Part:
     def own(self, names: Iterable[str]) -> list[str]:
         """Those of names of the model that the file knows, as it writes them."""
         if not self.prefix:
-            return list(names)
+            return [*names, *self.values]
         cut = len(self.prefix)
         return [*(n[cut:] for n in names if n.startswith(self.prefix)), *self.values]
 
@@ -172,7 +180,7 @@ class Part:
             As `bind`.
         """
         result = self.binder(expression, indices)
-        if not self.prefix or result.is_number:
+        if result.is_number or not (self.prefix or self.values):
             return result
         known = self._renamed.get(result)
         if known is None:
@@ -198,6 +206,7 @@ class Part:
         if dot and first in MEASURED:
             point, _, component = rest.partition(".")
             return ("name", f"{first}.{self.referred(point)}.{component}")
+        self.asked.add(name)
         return self.values.get(name, ("name", self.prefix + name))
 
 

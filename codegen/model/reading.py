@@ -17,7 +17,17 @@ from .axes import Vector
 from .entries import RESERVED, ZERO, Entry, Expr, parse_name, seen
 from .errors import Problem, nearest, with_article, within_a_line
 from .explaining import explain, repaired, validate
-from .expressions import MEASURED, Expression, ExpressionError, Numbers, Scope, has_factors, has_units, vector_key
+from .expressions import (
+    MEASURED,
+    Expression,
+    ExpressionError,
+    Numbers,
+    Scope,
+    compares,
+    has_factors,
+    has_units,
+    vector_key,
+)
 from .parts import Files, Instance, Part
 from .positions import Document, Path_, show_path
 from .repetition import Counter, Repetition, labels, name_of
@@ -199,6 +209,12 @@ class Reader:
                 return ZERO
             self._checked.add((result, scope))
             self.used |= result.names
+            if at.section != ("expressions",) and compares(result.tree):
+                message = (
+                    f"{expression} changes from one branch to the other at once; derivatives are those of the branch taken, "
+                    f"and a motion takes small steps there; step(x, from, to) is smooth"
+                )
+                self.report(at, sub, message, severity="warning")
         return result
 
     def _fits(self, expression: Expression, at: Instance, sub: Path_) -> bool:
@@ -246,6 +262,9 @@ class Reader:
             unknown = [
                 n for n in unknown if not (is_measured(n) and any(n.split(".")[1] in known for known in self.points))
             ]
+        if scope != "measured":  # one that may not stand here stands for all of them
+            several = [n for n in unknown if is_measured(n)]
+            unknown = [n for n in unknown if n not in several[1:]]
         for name in [] if _is_said(written) else unknown:
             if name[:2] in ("q.", "u.") and moving and name.split(".")[1] in self.broken:
                 continue
@@ -515,13 +534,20 @@ class Reader:
         """Whether a structure is there and was right as written, without placeholders for what was wrong."""
         return spec is not None and id(spec) not in self._repaired
 
-    def scalar(self, at: Instance, sub: Path_, value: Any, scope: str) -> Expression | None:
+    def parsed(self, at: Instance, sub: Path_, value: Any) -> Expression | None:
+        """The expression that is written at a path, or None after a problem."""
         try:
-            return self.bound(_EXPRESSION.validate_python(value), at, sub, scope)
+            found: Expression = _EXPRESSION.validate_python(value)
+            return found
         except ValidationError as error:
             context = error.errors()[0].get("ctx", {})
             self.report(at, sub, str(context.get("message", error)), inside=context.get("column"))
             return None
+
+    def scalar(self, at: Instance, sub: Path_, value: Any, scope: str) -> Expression | None:
+        """The bound expression that is written at a path, or None after a problem."""
+        found = self.parsed(at, sub, value)
+        return None if found is None else self.bound(found, at, sub, scope)
 
     def numbers_at(self, at: Instance, sub: Path_, value: Any) -> list[tuple[Path_, Expression]]:
         """The expression at a path, or the three of a vector, with their paths; as written."""
@@ -529,15 +555,7 @@ class Reader:
         if len(listed) not in (1, 3) or (len(listed) == 1 and isinstance(value, (list, tuple))):
             self.report(at, sub, f"{seen(value)}; a number, or three for a vector, is needed")
             return []
-        found = []
-        for path, one in listed:
-            try:
-                found.append((path, _EXPRESSION.validate_python(one)))
-            except ValidationError as error:
-                context = error.errors()[0].get("ctx", {})
-                self.report(at, path, str(context.get("message", error)), inside=context.get("column"))
-                found.append((path, ZERO))
-        return found
+        return [(path, self.parsed(at, path, one) or ZERO) for path, one in listed]
 
     def vector(
         self, at: Instance, sub: Path_, value: Any, scope: str, wanted: str

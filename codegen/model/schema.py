@@ -35,7 +35,7 @@ from .joints.fixed import Fixed
 from .outputs import MEASURES, Measure
 
 SECTIONS: Final = (
-    *("model", "include", "gravity", "constants", "parameters", "inputs"),
+    *("model", "include", "gravity", "constants", "parameters", "inputs", "expressions"),
     *("bodies", "submodels", "points", "loops", "loop_tolerance", "forces", "initial", "independent", "outputs"),
 )
 LATER_SECTIONS: Final = ("motion",)

@@ -197,8 +197,10 @@ def _whole(tree: Any) -> Fraction | None:
 
 
 def _alike(a: Any, b: Any, what: str) -> Any:
-    if a in (_PLAIN, None) or b in (_PLAIN, None):
-        return b if a in (_PLAIN, None) and b is not None else a if a is not None else None
+    """What a sum is: that of either which is known."""
+    for one, other in ((a, b), (b, a)):
+        if one is None or one == _PLAIN:
+            return other if one == _PLAIN or other != _PLAIN else one
     if a != b:
         raise DimensionError(f"{in_words(b)} is {what} {in_words(a)}")
     return a
