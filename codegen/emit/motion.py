@@ -95,10 +95,13 @@ def write_motion(system: System, manifest: Mapping[str, Any]) -> str:
 
 
 PRECISE = (
-    "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "exp", "log", "sqrt", "fabs", "fmax", "fmin",
+    "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "exp", "log", "sqrt", "fabs", "fmax", "fmin",
     "pow",
 )  # fmt: skip
-"""Functions of the C library in generated code, which has it in long double, but for sines and cosines."""
+"""Functions of the C library in generated code."""
+
+OWN = ("sin", "cos")
+"""Those that ``NAME_precise.c`` has of its own."""
 
 
 def write_precise(system: System, manifest: Mapping[str, Any]) -> str:
@@ -141,7 +144,7 @@ def write_precise(system: System, manifest: Mapping[str, Any]) -> str:
             "NAME": name.upper(),
             "version": __version__,
             "library": " || ".join(f"(library) == {number_of(x)}" for x in ("motion", "gradients")),
-            "renamed": PRECISE,
+            "renamed": [f for f in PRECISE if f not in OWN],
             "nq": model.nq,
             "given": [(a, sizes[a]) for a in ("q", "u", "p", "inputs")],
             "nclosure": len(model.closure_names),
