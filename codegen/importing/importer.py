@@ -135,6 +135,34 @@ def import_model(path: str | os.PathLike[str], **options: Any) -> Imported:
     return imported(_read(root, files, chosen), chosen, os.path.basename(file))
 
 
+def from_pinocchio(model: Any, **options: Any) -> Imported:
+    """Make a model of an object of Pinocchio's.
+
+    Parameters
+    ----------
+    model : pinocchio.Model
+    **options
+        Those of `import_model` that are not about files.
+    """
+    from .pinocchio import read_pinocchio
+
+    return imported(read_pinocchio(model), Options(**options), f"a model of Pinocchio, {model.name}")
+
+
+def from_mujoco(model: Any, **options: Any) -> Imported:
+    """Make a model of an object of MuJoCo's.
+
+    Parameters
+    ----------
+    model : mujoco.MjModel
+    **options
+        Those of `import_model` that are not about files.
+    """
+    from .mjcf import read_mujoco
+
+    return imported(read_mujoco(model), Options(**options), "a model of MuJoCo")
+
+
 def _read(root: Element, files: Files, options: Options) -> Robot:
     if root.tag == "robot":
         from .urdf import read_urdf
@@ -165,6 +193,9 @@ def imported(robot: Robot, options: Options, source: str) -> Imported:
     problems += _mimic(robot, options)
     problems += fix_massless(robot, held, options.repair)
     bodies = merged_bodies(robot, options.keep_fixed, side.links)
+    if not bodies.all:
+        message = "everything is fixed to the ground, nothing moves; --base free lets the root of a URDF move"
+        problems.append(Problem(robot.file, None, None, "", message))
     problems += check_inertias(robot, bodies, options.repair)
     parameters = Parameters()
     problems += parameters.ask(requested_words(options.parameterize), bodies, names, robot.file)
@@ -192,10 +223,10 @@ def _mimic(robot: Robot, options: Options) -> list[Problem]:
     found = []
     for coupling in robot.couplings:
         what = f"joint {shortened(coupling.joint)} follows {shortened(coupling.of)}"
-        if coupling.of not in robot.joints:
-            found.append(coupling.place.problem(f"{what}, which is no joint of this file; name one of it"))
-        elif options.free_mimic:
+        if options.free_mimic:
             robot.leave_out("<mimic>", coupling.place.line, "the joints are independent, --free-mimic")
+        elif coupling.of not in robot.joints:
+            found.append(coupling.place.problem(f"{what}, which is no joint of this file; name one of it"))
         else:
             found.append(
                 coupling.place.problem(
