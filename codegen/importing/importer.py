@@ -170,8 +170,18 @@ def _read(root: Element, files: Files, options: Options) -> Robot:
         robot = read_urdf(root, files)
         put_on_ground(robot, options.base or "fixed")
         return robot
+    if root.tag in ("mujoco", "mujocoinclude"):
+        from .mjcf import read_mjcf
+
+        _refuse_base(root, options)
+        return read_mjcf(root, Path(root.file))
     expected = ", ".join(f"<{tag}> ({name})" for tag, name in FORMATS.items())
     raise ModelError([root.problem(f"the root is <{root.tag}>; {expected} are read")])
+
+
+def _refuse_base(root: Element, options: Options) -> None:
+    if options.base is not None:
+        raise ModelError([root.problem(f"--base {options.base}: this format says itself what stands on the ground; leave it out")])
 
 
 def imported(robot: Robot, options: Options, source: str) -> Imported:

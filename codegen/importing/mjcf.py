@@ -173,7 +173,7 @@ class _Reader:
             self.robot.leave_out(f"stiffness of a {joint.type} joint", place.line)
         end = dof + {_FREE: 6, _BALL: 3}.get(type_, 1)
         if np.any(model.dof_armature[dof:end]):
-            leave_out_armature(self.robot, place)
+            self.robot.leave_out_armature(place.line)
         if np.any(model.dof_frictionloss[dof:end]):
             self.robot.leave_out("frictionloss of a joint", place.line)
         if model.jnt_limited[k]:
@@ -273,11 +273,6 @@ class _Reader:
             robot.leave_out("gravcomp of bodies")
         if np.any(model.body_mocapid >= 0):
             robot.leave_out("mocap of bodies", remark="they stand still")
-
-
-def leave_out_armature(robot: Robot, place: Place) -> None:
-    """Reflected inertia of rotors, for which the model format has no word."""
-    robot.leave_out("armature", place.line, "reflected inertia of rotors")
 
 
 def _frame(at: Any, quaternion: Any) -> Placement:

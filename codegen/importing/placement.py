@@ -82,7 +82,7 @@ class Placement:
 
 def plus(a: Any, b: Any) -> Three:
     """a + b, where the decimals of both are taken for exact: 0.1 + 0.2 is 0.3."""
-    x, y, z = (_sum(float(i), float(j)) for i, j in zip(a, b, strict=True))
+    x, y, z = (exact_sum(float(i), float(j)) for i, j in zip(a, b, strict=True))
     return x, y, z
 
 
@@ -98,7 +98,8 @@ def turned(rotation: Array, x: Any) -> Three:
     return result[0], result[1], result[2]
 
 
-def _sum(a: float, b: float) -> float:
+def exact_sum(a: float, b: float) -> float:
+    """a + b, the decimals of both taken for exact."""
     if a == 0 or b == 0:
         return a + b
     return float(Decimal(repr(a)) + Decimal(repr(b)))

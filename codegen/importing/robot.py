@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..model.errors import Problem
-from .placement import Array, Placement, Three
+from .placement import Array, Placement, Three, exact_sum
 
 WORLD = ""
 """The parent of what stands on the ground."""
@@ -70,7 +70,7 @@ class Inertia:
             return self
         if self.is_nothing:
             return other
-        mass = self.mass + other.mass
+        mass = exact_sum(self.mass, other.mass)
         if mass == 0:
             return Inertia(0.0, self.com, self.matrix + other.matrix)
         a, b = np.array(self.com), np.array(other.com)
@@ -257,8 +257,6 @@ class Robot:
     left_out : dict of str to LeftOut
         By what it is.
     warnings : list of Problem
-    independent : list of str
-        Joints.
     """
 
     name: str
@@ -279,6 +277,10 @@ class Robot:
             entry.lines.append(line)
         if remark:
             entry.remark = remark
+
+    def leave_out_armature(self, line: int | None = None) -> None:
+        """Remember a rotor that turns with a joint: the model format has no word for its reflected inertia."""
+        self.leave_out("armature", line, "reflected inertia of rotors")
 
     def children(self) -> dict[str, list[RobotJoint]]:
         """For every link the joints that it carries, in the order of the file."""

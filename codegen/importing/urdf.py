@@ -94,7 +94,7 @@ class _Reader(Values):
         if allowed is not None:
             for key in element.attributes:
                 if key not in allowed:
-                    hint = nearest(key, sorted(allowed))
+                    hint = nearest(key, sorted(allowed)) if element.tag != "limit" else ""
                     self.robot.leave_out(f"attribute {shortened(key)} of <{element.tag}>{hint}", element.line)
 
     def origin(self, element: Element) -> Placement:
