@@ -31,7 +31,8 @@ if TYPE_CHECKING:
 __all__ = [
     "Fit", "Imported", "LoadCases", "Model", "ModelBuilder", "ModelError", "Motions", "Objective", "Report", "Solver",
     "Sweep", "Trajectory", "Variable", "__version__", "fit", "from_mujoco", "from_pinocchio", "generate", "import_model",
-    "load", "load_cases", "load_model", "load_trajectory", "objective", "optimize", "parse_model", "report", "simulate_many", "sweep",
+    "load", "load_cases", "load_model", "load_trajectory", "objective", "optimize", "parse_model", "report",
+    "simulate_many", "sweep",
 ]  # fmt: skip
 
 _PLACES = {

@@ -18,7 +18,9 @@ class ExistsError(Exception):
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of ``ordernm import``."""
     parser.add_argument("file", help="robot: URDF, MJCF or SDF")
-    parser.add_argument("-o", "--output", metavar="FILE", help="model file to write (default: ./NAME.yaml); - prints it")
+    parser.add_argument(
+        "-o", "--output", metavar="FILE", help="model file to write (default: ./NAME.yaml); - prints it"
+    )
     parser.add_argument("--force", action="store_true", help="replace a model file that differs")
     parser.add_argument("--name", help="name of the model (default: the robot's)")
     parser.add_argument("--base", choices=BASES, help="how the root of a URDF stands on the ground (default: fixed)")

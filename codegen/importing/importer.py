@@ -146,7 +146,7 @@ def from_pinocchio(model: Any, **options: Any) -> Imported:
     """
     from .pinocchio import read_pinocchio
 
-    return imported(read_pinocchio(model), Options(**options), f"a model of Pinocchio, {model.name}")
+    return imported(read_pinocchio(model), Options(**options), "A model of Pinocchio")
 
 
 def from_mujoco(model: Any, **options: Any) -> Imported:
@@ -160,7 +160,7 @@ def from_mujoco(model: Any, **options: Any) -> Imported:
     """
     from .mjcf import read_mujoco
 
-    return imported(read_mujoco(model), Options(**options), "a model of MuJoCo")
+    return imported(read_mujoco(model), Options(**options), "A model of MuJoCo")
 
 
 def _read(root: Element, files: Files, options: Options) -> Robot:
@@ -175,13 +175,20 @@ def _read(root: Element, files: Files, options: Options) -> Robot:
 
         _refuse_base(root, options)
         return read_mjcf(root, Path(root.file))
+    if root.tag == "sdf":
+        from .sdf import read_sdf
+
+        _refuse_base(root, options)
+        return read_sdf(root, files)
     expected = ", ".join(f"<{tag}> ({name})" for tag, name in FORMATS.items())
     raise ModelError([root.problem(f"the root is <{root.tag}>; {expected} are read")])
 
 
 def _refuse_base(root: Element, options: Options) -> None:
     if options.base is not None:
-        raise ModelError([root.problem(f"--base {options.base}: this format says itself what stands on the ground; leave it out")])
+        raise ModelError(
+            [root.problem(f"--base {options.base}: this format says itself what stands on the ground; leave it out")]
+        )
 
 
 def imported(robot: Robot, options: Options, source: str) -> Imported:
@@ -195,7 +202,9 @@ def imported(robot: Robot, options: Options, source: str) -> Imported:
         What it was read from, for the comment at the head.
     """
     if options.base not in (None, *BASES):
-        raise ModelError([Problem(robot.file, None, None, "base", f"{options.base!r}; {' or '.join(BASES)} is allowed")])
+        raise ModelError(
+            [Problem(robot.file, None, None, "base", f"{options.base!r}; {' or '.join(BASES)} is allowed")]
+        )
     problems: list[Problem] = []
     names = names_for(robot.links)
     side = read_side_file(options.loops, robot, names) if options.loops is not None else SideFile()
@@ -223,7 +232,9 @@ def imported(robot: Robot, options: Options, source: str) -> Imported:
         left_out=tuple(str(entry) for entry in robot.left_out.values()),
         warnings=tuple(str(p) for p in robot.warnings),
         bodies={link: writer.names[holder] for link, (holder, _) in bodies.holders.items() if link},
-        joints={b.joint.name: names[link] for link, b in bodies.all.items() if b.joint.name and b.joint.type != "fixed"},
+        joints={
+            b.joint.name: names[link] for link, b in bodies.all.items() if b.joint.name and b.joint.type != "fixed"
+        },
         renamed={link: new for link, new in names.items() if link != new},
     )
 
@@ -232,9 +243,12 @@ def _mimic(robot: Robot, options: Options) -> list[Problem]:
     """What becomes of joints that follow others."""
     found = []
     for coupling in robot.couplings:
-        what = f"joint {shortened(coupling.joint)} follows {shortened(coupling.of)}"
+        what = f"joint {shortened(coupling.joint)} {coupling.unreadable or f'follows {shortened(coupling.of)}'}"
         if options.free_mimic:
-            robot.leave_out("<mimic>", coupling.place.line, "the joints are independent, --free-mimic")
+            kind = "gears" if coupling.unreadable else "<mimic>"
+            robot.leave_out(kind, coupling.place.line, "the joints are independent, --free-mimic")
+        elif coupling.unreadable:
+            found.append(coupling.place.problem(f"{what}, which is not read; --free-mimic leaves it out"))
         elif coupling.of not in robot.joints:
             found.append(coupling.place.problem(f"{what}, which is no joint of this file; name one of it"))
         else:
@@ -278,7 +292,9 @@ def _checked(text: str, robot: Robot, bodies: Bodies, names: Mapping[str, str], 
             name = rest.partition(".")[0]
             if problem.path.startswith(("bodies.", "forces.")) and name in by_name:
                 place = by_name[name].link.place
-                found.append(place.problem(f"link {shortened(by_name[name].link.name)}: {problem.message}", problem.severity))
+                found.append(
+                    place.problem(f"link {shortened(by_name[name].link.name)}: {problem.message}", problem.severity)
+                )
             elif section in side.sections:
                 found.append(side.problem(problem))
             else:

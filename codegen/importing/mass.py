@@ -80,7 +80,9 @@ def check_inertias(robot: Robot, bodies: Bodies, repair: bool) -> list[Problem]:
             body.comments.append(f"repaired: {message}")
             found.append(body.link.place.problem(f"{message}; repaired", "warning"))
         else:
-            found.append(body.link.place.problem(f"{message}; kept as it is: --repair makes it that of a body", "warning"))
+            found.append(
+                body.link.place.problem(f"{message}; kept as it is: --repair makes it that of a body", "warning")
+            )
     return found
 
 

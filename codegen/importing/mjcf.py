@@ -57,7 +57,9 @@ def read_mujoco(model: Any) -> Robot:
     """The robot of an `mujoco.MjModel`."""
     mujoco = _mujoco()
     if not isinstance(model, mujoco.MjModel):
-        raise TypeError(f"from_mujoco takes a mujoco.MjModel, not {type(model).__name__}; such as MjModel.from_xml_path(...)")
+        raise TypeError(
+            f"from_mujoco takes a mujoco.MjModel, not {type(model).__name__}; such as MjModel.from_xml_path(...)"
+        )
     return _Reader(model, "MjModel", None).read()
 
 
@@ -244,9 +246,8 @@ class _Reader:
             self.problems.append(place.problem(f"{what} is held at a value by an equality; take the joint out instead"))
         elif np.any(data[2:5]):
             coefficients = " ".join(f"{v:g}" for v in data[:5])
-            self.problems.append(place.problem(
-                f"{what} follows {shortened(self.joint_names[second])} by a polynomial, polycoef {coefficients}; a model may say a line"
-            ))  # fmt: skip
+            by = f"by a polynomial, polycoef {coefficients}; a line, of which the last three are 0, is read"
+            self.problems.append(place.problem(f"{what} follows {shortened(self.joint_names[second])} {by}"))
         else:
             names = self.joint_names[first], self.joint_names[second]
             self.robot.couplings.append(Coupling(name, place, *names, float(data[1]), float(data[0])))
@@ -258,7 +259,7 @@ class _Reader:
             _leave_out_elements(robot, self.root)
         else:
             for what, count in (
-                ("sites", model.nsite), ("tendons", model.ntendon), ("actuators", model.nactuator if hasattr(model, "nactuator") else model.nu),
+                ("sites", model.nsite), ("tendons", model.ntendon), ("actuators", len(model.actuator_trntype)),
                 ("sensors", model.nsensor), ("keyframes", model.nkey), ("cameras", model.ncam), ("plugins", model.nplugin),
                 ("flexible bodies", model.nflex),
             ):  # fmt: skip
@@ -266,7 +267,11 @@ class _Reader:
                     robot.leave_out(what)
         if np.any(model.geom_contype) and np.any(model.geom_conaffinity):
             robot.leave_out("contacts of geoms")
-        for name, value in (("density", model.opt.density), ("viscosity", model.opt.viscosity), ("wind", model.opt.wind)):
+        for name, value in (
+            ("density", model.opt.density),
+            ("viscosity", model.opt.viscosity),
+            ("wind", model.opt.wind),
+        ):
             if np.any(value):
                 robot.leave_out(f"{name} of the medium")
         if np.any(model.body_gravcomp):
@@ -301,7 +306,11 @@ def _leave_out_elements(robot: Robot, root: Element) -> None:
         if element.tag == "default":
             continue
         if element.tag in _LISTED:
-            listed = element.children if element.tag in ("tendon", "actuator", "sensor", "contact", "keyframe") else [element]
+            listed = (
+                element.children
+                if element.tag in ("tendon", "actuator", "sensor", "contact", "keyframe")
+                else [element]
+            )
             for child in listed:
                 robot.leave_out(f"<{element.tag}>", child.line, _LISTED[element.tag])
             continue

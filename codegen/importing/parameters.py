@@ -125,12 +125,15 @@ class Parameters:
             if len(children) != 1:
                 listed = [names[c.link.name] for c in children]
                 carries = f"carries {', '.join(listed[:5])}" if children else "carries no body"
-                return f"{link!r} {carries}: a length is that to an only one; {'CHILD:at has the place of one joint' if children else 'it has none'}"
+                instead = "; CHILD:at is the place of one joint" if children else ""
+                return (
+                    f"{link!r} {carries}; a length is that to the joint of the only body that a body carries{instead}"
+                )
             if not any(children[0].frame.at):
-                return f"the joint of {names[children[0].link.name]!r} stands in that of {link!r}: there is no direction of a length"
+                child = names[children[0].link.name]
+                return f"the joint of {child!r} stands where that of {link!r} stands: a length has no direction"
             self._lengths[id(body)] = names[body.link.name]
         if word == "damping" and not body.joint.damping:
             return f"the joint of {link!r} has no damping in this file"
         body.words.add(word)
         return None
-

@@ -8,12 +8,13 @@ import numpy as np
 
 from ..model import ModelError
 from ..model.errors import Problem
-from ..model.positions import shortened
 from .naming import free_name
 from .placement import Array, Placement, Three
 from .robot import WORLD, Coupling, Inertia, Link, Place, Robot, RobotJoint, as_three
 
 _FILE: Final = "pinocchio.Model"
+_NOTHING: Final = 1e-200
+"""Below, entries are none; memory that was never written."""
 _BASE: Final[dict[str, Three]] = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
 
 
@@ -114,16 +115,17 @@ class _Reader:
 
     def steps(self, joint: Any, name: str) -> list[_Step]:
         """The joints of ours that a joint is."""
+        inner = joint.extract() if hasattr(joint, "extract") else joint  # without it only what all types have
         kind, here = joint.shortname().removeprefix("JointModel"), Placement()
         if kind == "Composite":
-            parts = zip(joint.joints, joint.jointPlacements, strict=True)
+            parts = zip(inner.joints, inner.jointPlacements, strict=True)
             found = []
             for part, placement in parts:
                 first, *rest = self.steps(part, name)
                 found += [first._replace(frame=_placement(placement) @ first.frame), *rest]
             return found
-        if kind == "Mimic" or hasattr(joint, "scaling"):
-            return self.mimic(joint, name)
+        if kind == "Mimic":
+            return self.mimic(joint, inner, name)
         whole = {
             "FreeFlyer": ["free"], "Spherical": ["spherical"],
             "Planar": ["planar:Z"], "Translation": ["prismatic:X", "prismatic:Y", "prismatic:Z"],
@@ -132,26 +134,29 @@ class _Reader:
         if kind in whole:
             return [_Step(here, t.partition(":")[0], _axes(t.partition(":")[2])) for t in whole[kind]]
         if kind == "Universal":
-            first, second = _columns(joint)[:, 3:]
-            return [_Step(here, "universal", (as_three(first), as_three(second)))]
+            return [_Step(here, "universal", (as_three(inner.axis1), as_three(inner.axis2)))]
         if joint.nv == 1:  # turns, slides, or both
             (column,) = _columns(joint)
             along, about = column[:3], column[3:]
             if not np.any(about):
                 return [_Step(here, "prismatic", (as_three(along),))]
-            pitch = float(along @ about / (about @ about))
+            pitch = float(getattr(inner, "pitch", along @ about))
             return [_Step(here, "screw" if pitch else "revolute", (as_three(about),), pitch)]
-        self.problems.append(Problem(_FILE, None, None, name, f"a joint of type {kind}, which the model format has not"))
+        self.problems.append(
+            Problem(_FILE, None, None, name, f"a joint of type {kind}, which the model format has not")
+        )
         return [_Step(here, "fixed")]
 
-    def mimic(self, joint: Any, name: str) -> list[_Step]:
+    def mimic(self, joint: Any, inner: Any, name: str) -> list[_Step]:
         """A joint that follows another."""
         other = self.model.mimicked_joints[list(self.model.mimicking_joints).index(joint.id)]
-        motion = np.array(joint.createData().S).ravel() / joint.scaling
+        (motion,) = _columns(joint, int(self.model.nqs[other])) / inner.scaling
         of = str(self.model.names[other])
-        self.robot.couplings.append(Coupling(name, Place(_FILE), name, of, float(joint.scaling), float(joint.offset)))
+        self.robot.couplings.append(Coupling(name, Place(_FILE), name, of, float(inner.scaling), float(inner.offset)))
         turns = bool(np.any(motion[3:]))
-        return [_Step(Placement(), "revolute" if turns else "prismatic", (as_three(motion[3:] if turns else motion[:3]),))]
+        return [
+            _Step(Placement(), "revolute" if turns else "prismatic", (as_three(motion[3:] if turns else motion[:3]),))
+        ]
 
 
 def _is_body(frame: Any) -> bool:
@@ -164,13 +169,14 @@ def _axes(letter: str) -> tuple[Three, ...]:
     return (_BASE[letter],) if letter else ()
 
 
-def _columns(joint: Any) -> Array:
+def _columns(joint: Any, nq: int | None = None) -> Array:
     """Partial velocities (nv, 6), along and about, where the coordinates are zero."""
-    data, q = joint.createData(), np.zeros(joint.nq)
-    if joint.nq == joint.nv + 1:
+    data, q = joint.createData(), np.zeros(joint.nq if nq is None else nq)
+    if len(q) == 2 and joint.nv < 2:
         q[0] = 1.0  # cosine and sine
     joint.calc(data, q)
-    return np.array(data.S, dtype=float).reshape(6, -1).T + 0.0
+    columns = np.array(data.S, dtype=float).reshape(6, -1).T
+    return np.where(np.abs(columns) < _NOTHING, 0.0, columns)
 
 
 def _placement(placement: Any) -> Placement:

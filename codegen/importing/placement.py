@@ -180,3 +180,24 @@ def pi_text(angle: float) -> str | None:
     above, below = abs(count) // common, 12 // common
     text = ("-" if count < 0 else "") + (f"{above}*pi" if above != 1 else "pi")
     return text + (f"/{below}" if below != 1 else "")
+
+
+def to_quaternion(rotation: Array) -> tuple[float, float, float, float]:
+    """w, x, y, z of a rotation, w >= 0; from the largest of the four, so that none loses digits."""
+    r = rotation
+    squares = [
+        1 + r[0, 0] + r[1, 1] + r[2, 2], 1 + r[0, 0] - r[1, 1] - r[2, 2],
+        1 - r[0, 0] + r[1, 1] - r[2, 2], 1 - r[0, 0] - r[1, 1] + r[2, 2],
+    ]  # fmt: skip
+    k = int(np.argmax(squares))
+    products = np.array(
+        [
+            [squares[0], r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]],
+            [r[2, 1] - r[1, 2], squares[1], r[1, 0] + r[0, 1], r[0, 2] + r[2, 0]],
+            [r[0, 2] - r[2, 0], r[1, 0] + r[0, 1], squares[2], r[2, 1] + r[1, 2]],
+            [r[1, 0] - r[0, 1], r[0, 2] + r[2, 0], r[2, 1] + r[1, 2], squares[3]],
+        ]
+    )
+    e = products[k] / np.linalg.norm(products[k])
+    w, x, y, z = (float(v) + 0.0 for v in (e if e[0] >= 0 else -e))
+    return w, x, y, z

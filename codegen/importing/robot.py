@@ -202,7 +202,18 @@ class Closing:
 
 @dataclass(frozen=True, slots=True)
 class Coupling:
-    """q_joint = ratio q_of + offset, of two joints of one freedom."""
+    """q_joint = ratio q_of + offset, of two joints of one freedom.
+
+    Attributes
+    ----------
+    name : str
+    place : Place
+    joint, of : str
+        Joints.
+    ratio, offset : float
+    unreadable : str
+        What it is, where it cannot be read as such a line.
+    """
 
     name: str
     place: Place
@@ -210,6 +221,7 @@ class Coupling:
     of: str
     ratio: float
     offset: float
+    unreadable: str = ""
 
 
 @dataclass(slots=True)

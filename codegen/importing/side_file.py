@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -12,6 +13,8 @@ from ..model.errors import Problem, nearest
 from ..model.positions import Document, compose, read_file
 from .robot import Robot
 
+_PLAIN: Final = re.compile(r"[A-Za-z0-9_.(+-][^,\[\]{}#&*!|>'\"%@`:?\n\t\\]*|[A-Za-z0-9_.(+-][A-Za-z0-9_.()+*/ -]*")
+"""What needs no quotes in YAML."""
 SECTIONS: Final = ("points", "loops", "loop_tolerance", "initial", "independent")
 
 
@@ -102,7 +105,8 @@ def _flow(value: Any) -> str:
     if value is None:
         return ""
     text = str(value)
-    plain = text and not set(text) & set(",[]{}#&*!|>'\"%@`:?\n") and text.strip() == text and text[0] not in "-"
-    if plain or (text.startswith("-") and len(text) > 1 and text[1] not in " -" and not set(text) & set(",[]{}#&*!|>'\"%@`:?\n")):
+    if _PLAIN.fullmatch(text) and text.strip() == text and not text.startswith("- "):
         return text
-    return "'" + text.replace("'", "''").replace("\n", " ") + "'" if "\n" not in text else '"' + text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n") + '"'
+    for old, new in (("\\", "\\\\"), ('"', '\\"'), ("\n", "\\n"), ("\t", "\\t")):
+        text = text.replace(old, new)
+    return f'"{text}"'

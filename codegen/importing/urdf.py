@@ -12,7 +12,7 @@ from ..model.errors import nearest
 from ..model.positions import shortened
 from .files import Files
 from .placement import Placement, Three
-from .robot import Coupling, Inertia, Link, Robot, RobotJoint, Solid, as_three, symmetric
+from .robot import Coupling, Inertia, Link, Place, Robot, RobotJoint, Solid, as_three, symmetric
 from .xml_reading import Element
 from .xml_values import Values, place_of
 
@@ -63,7 +63,8 @@ class _Reader(Values):
             for element in self.root.all(f"xacro:{tag}"):
                 self.wrong(element, f"<xacro:{tag}>: this file is a xacro; expand it first: xacro FILE > robot.urdf")
                 return
-        links, joints = {}, {}
+        links: dict[str, Place] = {}
+        joints: dict[str, Place] = {}
         for element in self.root.children:
             if element.tag == "link":
                 name = self.new_name(element, links, "link")
@@ -131,7 +132,9 @@ class _Reader(Values):
             if value < 0:
                 self.wrong(mass, f"the mass is {value:g}; at least 0 kg is needed")
         if inertia is None:
-            self.wrong(element, '<inertial> has no inertia; <inertia ixx="..." iyy="..." izz="..."/> in kg m^2 is needed')
+            self.wrong(
+                element, '<inertial> has no inertia; <inertia ixx="..." iyy="..." izz="..."/> in kg m^2 is needed'
+            )
         else:
             self.leave_out_rest(inertia, set())
             six = [self.number(inertia, key, None) for key in ("ixx", "iyy", "izz")]
@@ -178,7 +181,8 @@ class _Reader(Values):
         type_ = self.name(element, "type")
         if type_ is not None and type_ not in TYPES:
             self.wrong(
-                element, f"joint {shortened(name)} is {shortened(type_)}; {', '.join(TYPES)} are joints{nearest(type_, TYPES)}"
+                element,
+                f"joint {shortened(name)} is {shortened(type_)}; {', '.join(TYPES)} are joints{nearest(type_, TYPES)}",
             )
         ends = []
         for tag in ("parent", "child"):
@@ -250,7 +254,7 @@ class _Reader(Values):
             joint = next(iter(robot.joints.values()))
             circle = self.circle(joint.child, carried)
             self.problems.append(carried[circle[0]].place.problem(
-                f"every link is carried by another one: {' -> '.join(map(shortened, [*circle, circle[0]]))}; one link must be the root"
+                f"every link is carried by another one: {_around(circle)}; one link must be the root"
             ))  # fmt: skip
             return
         for name in roots[1:]:
@@ -269,7 +273,7 @@ class _Reader(Values):
         if lost is not None:
             circle = self.circle(lost, carried)
             self.problems.append(robot.links[circle[0]].place.problem(
-                f"links carry each other in a circle: {' -> '.join(map(shortened, [*circle, circle[0]]))}; "
+                f"links carry each other in a circle: {_around(circle)}; "
                 f"one of them must be the child of a link that leads to the root {shortened(roots[0])}"
             ))  # fmt: skip
 
@@ -279,3 +283,7 @@ class _Reader(Values):
             seen.append(start)
             start = carried[start].parent
         return seen[seen.index(start) :][:8]
+
+
+def _around(circle: list[str]) -> str:
+    return " -> ".join(map(shortened, [*circle, circle[0]]))

@@ -266,9 +266,12 @@ def _shape_entry(solid: Solid, mass: float, com: Three) -> str:
         keys.append(f"radius: {number(solid.sizes[0])}")
     else:
         x, y, z = (abs(v) if abs(v) == 1 else v for v in solid.frame.vector((0, 0, 1)))
-        keys += [f"axis: {axis_text((x, y, z))}", f"length: {number(solid.sizes[1])}", f"radius: {number(solid.sizes[0])}"]
+        keys += [
+            f"axis: {axis_text((x, y, z))}",
+            f"length: {number(solid.sizes[1])}",
+            f"radius: {number(solid.sizes[0])}",
+        ]
     keys.append(f"mass: {number(mass)}")
     if any(com):
         keys.append(f"center: {vector(com)}")
     return f"{{{', '.join(keys)}}}"
-

@@ -45,7 +45,9 @@ class Values:
             value = float(part) if len(part) <= _LONGEST and _NUMBER.fullmatch(part) else math.nan
             if not math.isfinite(value):
                 hint = "; expand the file with xacro first" if "${" in text else ""
-                self.wrong(element, f"{named} holds {shortened(part)}; a finite number such as 0.5 or 1e-3 is needed{hint}")
+                self.wrong(
+                    element, f"{named} holds {shortened(part)}; a finite number such as 0.5 or 1e-3 is needed{hint}"
+                )
                 return None
             found.append(value)
         return tuple(found)
@@ -61,7 +63,7 @@ class Values:
     def number(self, element: Element, key: str, default: float | None = 0.0) -> float:
         """A number of an attribute; without default it is obligatory."""
         if default is None and key not in element.attributes:
-            self.wrong(element, f"<{element.tag}> has no {key}; {key}=\"...\" is needed")
+            self.wrong(element, f'<{element.tag}> has no {key}; {key}="..." is needed')
             return 0.0
         return self.attribute(element, key, 1, (default or 0.0,))[0]
 
@@ -76,7 +78,7 @@ class Values:
         """A name in an attribute, or None after a problem."""
         text = element.attributes.get(key, "").strip()
         if not text:
-            self.wrong(element, f"<{element.tag}> has no {key}; {key}=\"...\" is needed")
+            self.wrong(element, f'<{element.tag}> has no {key}; {key}="..." is needed')
             return None
         return text
 
@@ -87,7 +89,9 @@ class Values:
             return None
         if name in known:
             where = f" in line {known[name].line}" if known[name].line else ""
-            self.wrong(element, f"{what} {shortened(name)} is there already{where}; every {what} needs a name of its own")
+            self.wrong(
+                element, f"{what} {shortened(name)} is there already{where}; every {what} needs a name of its own"
+            )
             return None
         known[name] = place_of(element)
         return name
@@ -96,7 +100,9 @@ class Values:
         """The child of a tag that may stand once."""
         found = list(element.all(tag))
         for other in found[1:]:
-            self.wrong(other, f"a second <{tag}> in <{element.tag}>; one is allowed, the first is in line {found[0].line}")
+            self.wrong(
+                other, f"a second <{tag}> in <{element.tag}>; one is allowed, the first is in line {found[0].line}"
+            )
         return found[0] if found else None
 
     def unknown(self, element: Element, what: str, name: str, known: Sequence[str]) -> None:

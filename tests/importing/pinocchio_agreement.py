@@ -82,5 +82,9 @@ def errors(file: str, imported: codegen.Imported, solver: Any, seeds: int = 3) -
         wanted = np.random.default_rng(seed + 1).normal(size=theirs.nv)
         turned = np.zeros(theirs.nv)
         turned[order] = wanted
-        note("inverse dynamics", solver.inverse_dynamics(*here, turned)[order], pin.rnea(theirs, data, q, u, wanted) + damping * u)
+        note(
+            "inverse dynamics",
+            solver.inverse_dynamics(*here, turned)[order],
+            pin.rnea(theirs, data, q, u, wanted) + damping * u,
+        )
     return found
