@@ -28,6 +28,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--loops", metavar="FILE", help="YAML with a section loops in the model format, which is added")
     parser.add_argument("--motors", action="store_true", help="an input for the force along every freedom of a joint")
     parser.add_argument(
+        "--exact-angles", action="store_true", help="1.5708 means pi/2: axes are parallel to all digits"
+    )
+    parser.add_argument(
         "--parameterize", metavar="LINK:WORD,...",
         help="make parameters of numbers: mass, com, inertia, at, length, damping",
     )  # fmt: skip
@@ -51,7 +54,17 @@ def run(options: argparse.Namespace) -> tuple[Imported, Path | None]:
     """
     chosen: dict[str, Any] = {
         key: getattr(options, key)
-        for key in ("name", "base", "keep_fixed", "loops", "motors", "parameterize", "repair", "free_mimic")
+        for key in (
+            "name",
+            "base",
+            "keep_fixed",
+            "loops",
+            "motors",
+            "parameterize",
+            "repair",
+            "free_mimic",
+            "exact_angles",
+        )
     }
     found = import_model(options.file, package_paths=options.package_path, **chosen)
     if options.output == "-":

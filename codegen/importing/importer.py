@@ -38,6 +38,7 @@ class Options:
     repair: bool = False
     free_mimic: bool = False
     motors: bool = False
+    exact_angles: bool = False
     parameterize: str | Mapping[str, Iterable[str] | str] | Iterable[str] | None = None
     loops: str | os.PathLike[str] | None = None
     package_paths: Sequence[str | os.PathLike[str]] = ()
@@ -111,6 +112,8 @@ def import_model(path: str | os.PathLike[str], **options: Any) -> Imported:
         Leave joints that mimic others independent.
     motors : bool
         Make an input of the force along every freedom of joints.
+    exact_angles : bool
+        Take angles of a URDF or SDF that are multiples of pi/12 but for missing digits for these: 1.5708 for pi/2.
     parameterize : str, mapping or list of str, optional
         Numbers that become parameters: ``"arm:length,forearm:mass"``, or ``{"arm": ["length"]}``.
     loops : str or path, optional
@@ -167,7 +170,7 @@ def _read(root: Element, files: Files, options: Options) -> Robot:
     if root.tag == "robot":
         from .urdf import read_urdf
 
-        robot = read_urdf(root, files)
+        robot = read_urdf(root, files, options.exact_angles)
         put_on_ground(robot, options.base or "fixed")
         return robot
     if root.tag in ("mujoco", "mujocoinclude"):
@@ -179,7 +182,7 @@ def _read(root: Element, files: Files, options: Options) -> Robot:
         from .sdf import read_sdf
 
         _refuse_base(root, options)
-        return read_sdf(root, files)
+        return read_sdf(root, files, options.exact_angles)
     expected = ", ".join(f"<{tag}> ({name})" for tag, name in FORMATS.items())
     raise ModelError([root.problem(f"the root is <{root.tag}>; {expected} are read")])
 
@@ -267,9 +270,9 @@ def _head(robot: Robot, bodies: Bodies, names: Mapping[str, str], source: str, o
     if bodies.grounded and any(not link.inertia.is_nothing for link, _ in bodies.grounded):
         mass = sum(link.inertia.mass for link, _ in bodies.grounded)
         lines.append(f"Fixed to the ground: {_listed(link.name for link, _ in bodies.grounded)}, {number(mass)} kg.")
-    renamed = [f"{names[link]} is {one_line(link)}" for link in robot.links if names[link] != link]
+    renamed = sum(names[link] != link for link in robot.links)
     if renamed:
-        lines.append(f"Renamed: {'; '.join(renamed)}.")
+        lines.append(f"Renamed: {renamed} of {len(names)} links, their own names stand beside them.")
     if robot.left_out:
         lines.append("Left out:")
         lines += [f"  {one_line(str(entry))}" for entry in robot.left_out.values()]

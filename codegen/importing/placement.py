@@ -69,7 +69,9 @@ class Placement:
     def inverse(self) -> Placement:
         """The outer frame in the inner one."""
         back = Placement(rotation=self.rotation.T)
-        return Placement([-v for v in back.point(self.at)], self.rotation.T)
+        one_turn = self._rpy is not None and np.count_nonzero(self._rpy) == 1
+        rpy = [-v for v in self._rpy] if one_turn and self._rpy is not None else None
+        return Placement([-v for v in back.point(self.at)], self.rotation.T, rpy)
 
     def point(self, x: Any) -> Three:
         """Coordinates of a point in the outer frame, m."""
@@ -127,7 +129,10 @@ def to_rpy(rotation: Array) -> Three:
     c, s = math.cos(yaw), math.sin(yaw)
     pitch = math.atan2(-r[2, 0], c * r[0, 0] + s * r[1, 0])
     roll = math.atan2(s * r[0, 2] - c * r[1, 2], c * r[1, 1] - s * r[0, 1])
-    return _whole(roll), _whole(pitch), _whole(yaw)
+    one = _whole(roll), _whole(pitch), _whole(yaw)
+    other = tuple(_whole(a - math.copysign(math.pi, a)) for a in one)
+    other = other[0], -other[1], other[2]  # half a turn further about x and z, and back about y
+    return min(one, other, key=lambda angles: sum(map(abs, angles)))
 
 
 def of_quaternion(w: float, x: float, y: float, z: float) -> Array:

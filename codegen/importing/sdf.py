@@ -54,15 +54,15 @@ class _Joint:
     rest: float = 0.0
 
 
-def read_sdf(root: Element, files: Files) -> Robot:
-    """The robot of an SDF file, or of a world with one model.
+def read_sdf(root: Element, files: Files, exact_angles: bool = False) -> Robot:
+    """The robot of an SDF file, or of a world with one model; with `exact_angles`, 1.5708 means pi/2.
 
     Raises
     ------
     ModelError
         With every problem of the file.
     """
-    reader = _Reader(root, files)
+    reader = _Reader(root, files, exact_angles)
     reader.read()
     if reader.problems:
         raise ModelError(sorted(reader.problems, key=lambda p: (p.line or 0, p.column or 0)))
@@ -70,8 +70,8 @@ def read_sdf(root: Element, files: Files) -> Robot:
 
 
 class _Reader(Values):
-    def __init__(self, root: Element, files: Files) -> None:
-        super().__init__()
+    def __init__(self, root: Element, files: Files, exact_angles: bool) -> None:
+        super().__init__(exact_angles)
         self.root = root
         self.files = files
         self.robot = Robot("robot", root.file)
@@ -319,7 +319,7 @@ class _Reader(Values):
             return Placement()
         six = self.content(element, 6, (0,) * 6)
         rpy = np.radians(six[3:]) if element.attributes.get("degrees") in ("1", "true") else six[3:]
-        return Placement(six[:3], rpy=rpy)
+        return Placement(six[:3], rpy=self.angles([float(a) for a in rpy]))
 
     def frame(self, name: str, asked: Element) -> Placement:
         """A frame in that of the model."""

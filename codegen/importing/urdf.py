@@ -35,15 +35,15 @@ _ATTRIBUTES: Final = {
 }  # fmt: skip
 
 
-def read_urdf(root: Element, files: Files) -> Robot:
-    """The robot of a URDF.
+def read_urdf(root: Element, files: Files, exact_angles: bool = False) -> Robot:
+    """The robot of a URDF; with `exact_angles`, 1.5708 means pi/2.
 
     Raises
     ------
     ModelError
         With every problem of the file.
     """
-    reader = _Reader(root, files)
+    reader = _Reader(root, files, exact_angles)
     reader.read()
     if reader.problems:
         raise ModelError(sorted(reader.problems, key=lambda p: (p.line or 0, p.column or 0)))
@@ -51,8 +51,8 @@ def read_urdf(root: Element, files: Files) -> Robot:
 
 
 class _Reader(Values):
-    def __init__(self, root: Element, files: Files) -> None:
-        super().__init__()
+    def __init__(self, root: Element, files: Files, exact_angles: bool) -> None:
+        super().__init__(exact_angles)
         self.root = root
         self.files = files
         self.robot = Robot(root.attributes.get("name", "").strip() or "robot", root.file)
@@ -105,7 +105,7 @@ class _Reader(Values):
             return Placement()
         self.leave_out_rest(found, set())
         xyz = self.attribute(found, "xyz", 3, (0, 0, 0))
-        return Placement(xyz, rpy=self.attribute(found, "rpy", 3, (0, 0, 0)))
+        return Placement(xyz, rpy=self.angles(self.attribute(found, "rpy", 3, (0, 0, 0))))
 
     def link(self, element: Element, name: str) -> Link:
         link = Link(name, place_of(element))

@@ -96,8 +96,9 @@ class ModelWriter:
         name = self.names[body.link.name]
         at = self.parameters.at(name, body.frame.at, words, parent)
         keys += _place_keys(body.frame, at)
-        lines = [f"{name}:", f"  parent: {self.names[body.parent]}", f"  joint: {{{', '.join(keys)}}}"]
-        if joint.name and joint.name != name:
+        title = f"{name}:" + (f"  # {one_line(body.link.name)}" if body.link.name != name else "")
+        lines = [title, f"  parent: {self.names[body.parent]}", f"  joint: {{{', '.join(keys)}}}"]
+        if joint.name and joint.name not in (name, body.link.name):
             lines[-1] += f"  # {one_line(joint.name)}"
         lines += [f"  # {part}" for comment in body.comments for part in wrapped(comment, WIDTH - 6)]
         return lines + [f"  {line}" for line in self.mass(body, name)]
@@ -131,7 +132,9 @@ class ModelWriter:
             at = frame.point(link.origin.at)
             if holder != WORLD or any(at):
                 place = f", at: {vector(at)}" if any(at) else ""
-                lines.append(f"{self.names[link.name]}: {{body: {self.names[holder]}{place}}}")
+                name = self.names[link.name]
+                meant = f"  # {one_line(link.name)}" if link.name != name else ""
+                lines.append(f"{name}: {{body: {self.names[holder]}{place}}}{meant}")
         return lines
 
     def closing(self, closing: Closing) -> list[str]:

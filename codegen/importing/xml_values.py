@@ -9,6 +9,8 @@ from typing import Final
 
 from ..model.errors import Problem, nearest
 from ..model.positions import shortened
+from ..model.sections.digits import cut_twelfths
+from .placement import pi_multiple
 from .robot import Place
 from .xml_reading import Element
 
@@ -23,10 +25,16 @@ class Values:
     Attributes
     ----------
     problems : list of Problem
+
+    Parameters
+    ----------
+    exact_angles : bool
+        Whether 1.5708 means pi/2.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, exact_angles: bool = False) -> None:
         self.problems: list[Problem] = []
+        self.exact_angles = exact_angles
 
     def wrong(self, element: Element, message: str) -> None:
         """Something wrong with an element."""
@@ -59,6 +67,10 @@ class Values:
             return tuple(default)
         found = self.numbers(element, key, text, count)
         return tuple(default) if found is None else found
+
+    def angles(self, values: Sequence[float]) -> tuple[float, ...]:
+        """Angles, those that are parts of pi but for missing digits made exact if that is wanted."""
+        return tuple(pi_multiple(cut_twelfths(v)) or v for v in values) if self.exact_angles else tuple(values)
 
     def number(self, element: Element, key: str, default: float | None = 0.0) -> float:
         """A number of an attribute; without default it is obligatory."""
