@@ -10,7 +10,7 @@ from ..model.errors import Problem, nearest
 from ..model.positions import shortened
 from .bodies import Bodies, ImportedBody
 from .placement import Three
-from .robot import WORLD
+from .robot import WORLD, RobotJoint
 from .words import number, vector
 
 WORDS: Final = {
@@ -81,6 +81,12 @@ class Parameters:
             sign = "-" if value[along[0]] < 0 else ""
             return f"[{', '.join(sign + name if i in along else '0' for i in range(3))}]"
         return f"[{', '.join(f'{number(v / length)}*{name}' if v else '0' for v in value)}]"
+
+    def damping(self, body: str, joint: RobotJoint, words: set[str]) -> str | None:
+        """The name of a damping that is a parameter."""
+        if "damping" not in words:
+            return None
+        return self._new(f"{body}_damping", joint.damping, "N s/m" if joint.type == "prismatic" else "N m s/rad", 0.0)
 
     def _three(self, name: str, value: Three) -> str:
         return f"[{', '.join(self._new(f'{name}_{axis}', v, 'm') for axis, v in zip('xyz', value, strict=True))}]"

@@ -148,6 +148,13 @@ def of_quaternion(w: float, x: float, y: float, z: float) -> Array:
     )
 
 
+def without_dirt(x: Any) -> Three:
+    """The vector without components that rounding has left."""
+    v = np.asarray(x, dtype=float)
+    v = np.where(np.abs(v) < _NEAR * np.abs(v).max(), 0.0, v)
+    return float(v[0]), float(v[1]), float(v[2])
+
+
 def direction(x: Any) -> Three:
     """A unit vector; components that rounding has left are none."""
     v = np.asarray(x, dtype=float)

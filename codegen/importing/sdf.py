@@ -18,7 +18,7 @@ from ..model.errors import nearest
 from ..model.positions import shortened
 from .files import Files
 from .naming import made_name
-from .placement import Placement, Three, to_quaternion
+from .placement import Placement, Three, to_quaternion, without_dirt
 from .robot import WORLD, Closing, Coupling, Inertia, Link, Place, Robot, RobotJoint, Solid, as_three, symmetric
 from .spanning import Edge, spanning_tree
 from .xml_reading import Element, parse_xml, read_bytes
@@ -366,7 +366,7 @@ class _Reader(Values):
             pass
         else:
             value = self.frame(joint.name, joint.element).vector(value)
-        return child.inverse().vector(value)
+        return without_dirt(child.inverse().vector(value))
 
     # ---- the tree ------------------------------------------------------------------------------------------------------
 

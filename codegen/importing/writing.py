@@ -162,16 +162,17 @@ class ModelWriter:
             motors = [f"tau_{f.replace('.', '_')}" for f in freedoms] if self.motors and body.joint.name else []
             inputs += [f"- {motor}" for motor in motors]
             values = []
+            damping = self.parameters.damping(name, joint, body.words)
             for k, freedom in enumerate(freedoms):
                 terms = motors[k : k + 1]
                 if joint.stiffness:
                     q = f"q.{freedom}"
                     if joint.rest:
                         q = f"({q} {'-' if joint.rest > 0 else '+'} {angle(abs(joint.rest))})"
-                    terms.append(f"-{number(joint.stiffness)}*{q}")
+                    terms.append(_times(-joint.stiffness, q))
                 if joint.damping:
-                    terms.append(f"-{number(joint.damping)}*u.{freedom}")
-                values.append(" + ".join(terms).replace("+ --", "+ ").replace("+ -", "- ").removeprefix("--"))
+                    terms.append(f"-{damping}*u.{freedom}" if damping else _times(-joint.damping, f"u.{freedom}"))
+                values.append(" + ".join(terms).replace("+ -", "- "))
             if any(values):
                 value = values[0] if len(values) == 1 else f"[{', '.join(values)}]"
                 forces.append(f"{name}: {{type: joint, joint: {name}, value: {value}}}")
@@ -187,6 +188,11 @@ class ModelWriter:
             value = angle(start[0]) if len(start) == 1 else f"[{', '.join(map(number, start))}]"
             entries.append(f"{self.names[link]}: {value}")
         return [f"q: {{{', '.join(entries)}}}"] if entries else []
+
+
+def _times(factor: float, what: str) -> str:
+    """``-2*x``, ``-x``."""
+    return what if factor == 1 else f"-{what}" if factor == -1 else f"{number(factor)}*{what}"
 
 
 def _unit(count: int) -> tuple[float, ...]:
