@@ -189,9 +189,8 @@ def _read(root: Element, files: Files, options: Options) -> Robot:
 
 def _refuse_base(root: Element, options: Options) -> None:
     if options.base is not None:
-        raise ModelError(
-            [root.problem(f"--base {options.base}: this format says itself what stands on the ground; leave it out")]
-        )
+        message = f"--base {options.base} is for URDF; {FORMATS.get(root.tag, root.tag)} says itself what stands on the ground"
+        raise ModelError([root.problem(message)])
 
 
 def imported(robot: Robot, options: Options, source: str) -> Imported:

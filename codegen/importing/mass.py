@@ -77,6 +77,7 @@ def check_inertias(robot: Robot, bodies: Bodies, repair: bool) -> list[Problem]:
         if repair:
             before = body.inertia.matrix
             body.inertia.matrix = nearest_inertia(before) if before.any() else _ball(body.inertia.mass)
+            body.tolerated = False
             body.comments.append(f"repaired: {message}")
             found.append(body.link.place.problem(f"{message}; repaired", "warning"))
         else:

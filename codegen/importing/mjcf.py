@@ -48,7 +48,7 @@ def read_mjcf(root: Element, path: Path) -> Robot:
     mujoco = _mujoco()
     try:
         model = mujoco.MjModel.from_xml_path(str(path))
-    except ValueError as error:
+    except (ValueError, RuntimeError, mujoco.FatalError) as error:
         raise ModelError([_said(file, str(error))]) from None
     return _Reader(model, file, root).read()
 
@@ -232,7 +232,7 @@ class _Reader:
                 first, second = Placement(data[0:3]), Placement(data[3:6])
             else:
                 bodies = ids
-                first, second = _frame(data[3:6], data[6:10]), Placement()
+                first, second = _frame(data[3:6], data[6:10]), Placement(data[0:3])
             if type_ == _CONNECT:
                 first, second = Placement(first.at), Placement(second.at)
             ends = [(self.links[b], self.origin(b) @ f) for b, f in zip(bodies, (first, second), strict=True)]

@@ -8,7 +8,6 @@ from pinocchio_agreement import errors
 import codegen
 from codegen.model import load_model, parse_model
 
-
 LIMIT = '<limit lower="-2" upper="2" effort="10" velocity="1"/>'
 
 
