@@ -16,7 +16,7 @@ from ..model.positions import shortened
 from .bodies import BASES, Bodies, merged_bodies, put_on_ground
 from .files import Files
 from .mass import check_inertias, fix_massless
-from .naming import model_name, names_for
+from .naming import model_name, names_a_model, names_for
 from .parameters import Parameters, requested_words
 from .robot import Robot
 from .side_file import SideFile, read_side_file
@@ -207,6 +207,9 @@ def imported(robot: Robot, options: Options, source: str) -> Imported:
         raise ModelError(
             [Problem(robot.file, None, None, "base", f"{options.base!r}; {' or '.join(BASES)} is allowed")]
         )
+    if options.name is not None and not names_a_model(options.name):
+        message = f"{options.name!r} cannot name a model; a lower-case identifier such as four_bar can"
+        raise ModelError([Problem(robot.file, None, None, "--name", message)])
     problems: list[Problem] = []
     names = names_for(robot.links)
     side = read_side_file(options.loops, robot, names) if options.loops is not None else SideFile()
@@ -224,7 +227,7 @@ def imported(robot: Robot, options: Options, source: str) -> Imported:
         raise ModelError(sorted(problems, key=lambda p: (p.severity != "error", p.line or 0)))
     robot.warnings += problems
     head = _head(robot, bodies, names, source, options)
-    name = options.name if options.name is not None else model_name(robot.name)
+    name = model_name(robot.name) if options.name is None else options.name
     writer = ModelWriter(robot, bodies, name, names, parameters, head, side.sections, options.motors)
     text = writer.text()
     model = _checked(text, robot, bodies, names, side)

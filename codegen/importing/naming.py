@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import keyword
 import re
 from collections.abc import Iterable
 from typing import Final
@@ -65,10 +64,11 @@ def model_name(text: str) -> str:
     name = made_name(text).lower().strip("_") or "robot"
     if name[0].isdigit():
         name = f"robot_{name}"
-    return name if not keyword.iskeyword(name) and _names_a_model(name) else f"{name}_robot"
+    return name if names_a_model(name) else f"{name}_robot"
 
 
-def _names_a_model(name: str) -> bool:
+def names_a_model(name: str) -> bool:
+    """Whether a model, and so a package, may be called so."""
     builder = ModelBuilder(name)
     builder.body("link", mass=1, axis="x", inertia={"xx": 1, "yy": 1, "zz": 1})
     try:
