@@ -25,7 +25,7 @@ ROBOTS = [
 """Arms, hands, quadrupeds, humanoids, and how their bases stand."""
 TOLERANCE = 1e-9
 ILL_CONDITIONED = {"icub": 1e-8}
-"""iCub's links of 1e-6 kg leave 1e7 between the largest and smallest inertia along its arms; Pinocchio loses as much."""
+"""The condition of iCub's mass matrix is up to 2e9 in these states, with which rounding alone may change derivatives by 4e-7."""
 
 
 def folder():
