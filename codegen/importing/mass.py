@@ -92,7 +92,7 @@ def _doubt(body: ImportedBody, dirt: float) -> str | None:
     matrix = body.inertia.matrix
     scale = float(np.abs(matrix).max())
     name = f"the inertia of link {shortened(body.link.name)}"
-    if body.merged:
+    if any(not link.inertia.is_nothing for link, _ in body.merged):
         name += " and those fixed to it"
     if scale == 0:
         if body.inertia.mass == 0 or body.joint.type in ("fixed", "prismatic") or body.merged:

@@ -82,7 +82,10 @@ class ModelWriter:
         known = dict(parts)
         for key in (*known, *(k for k in self.sections if k not in known)):
             content = [*known.get(key, ()), *self.sections.get(key, ())]
-            if content:
+            inline = f"{key}: [{', '.join(line[2:] for line in content)}]"
+            if content and all(line.startswith("- ") for line in content) and len(inline) <= WIDTH:
+                lines += ["", inline]
+            elif content:
                 lines += ["", f"{key}:", *(f"  {line}" if line else "" for line in content)]
         return "\n".join(lines) + "\n"
 

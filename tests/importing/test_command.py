@@ -49,7 +49,7 @@ def test_another_file_is_replaced_on_request_only(here, capsys):
 def test_it_is_printed_on_request(here, capsys):
     assert main(["import", "arm.urdf", "-o", "-", "--name", "mine", "--base", "free", "--motors"]) == 0
     out, err = capsys.readouterr()
-    assert "\nmodel: mine\n" in out and "joint: {type: free}" in out and "- tau_forearm" in out
+    assert "\nmodel: mine\n" in out and "joint: {type: free}" in out and "inputs: [tau_upper_arm, tau_forearm]" in out
     assert err.startswith("left out: ")
     assert not list(here.glob("*.yaml"))
 
