@@ -218,7 +218,7 @@ def imported(robot: Robot, options: Options, source: str) -> Imported:
     problems += fix_massless(robot, held, options.repair)
     bodies = merged_bodies(robot, options.keep_fixed, side.links)
     if not bodies.all:
-        message = "everything is fixed to the ground, nothing moves; --base free lets the root of a URDF move"
+        message = "everything is fixed to the ground, nothing moves; give a link a joint, or --base free to the root of a URDF"
         problems.append(Problem(robot.file, None, None, "", message))
     problems += check_inertias(robot, bodies, options.repair)
     parameters = Parameters()

@@ -1,6 +1,7 @@
 """MJCF through MuJoCo: every type of joint moves as `mj_forward` says, loops as MuJoCo's own matrices say."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -116,6 +117,39 @@ def test_every_type_of_joint_moves_as_mujoco_says(tmp_path):
         q, u, T = of_mujoco(model, data, found, solver)
         right = ours_of(model, data, T, data.qacc)
         assert np.abs(solver.accelerations(q, u) - right).max() < 1e-11 * np.abs(right).max()
+
+
+def test_mujocos_own_model_moves_as_mujoco_says(tmp_path):
+    """The model that its package carries: what the model format cannot say is taken out of it on both sides."""
+    path = Path(mujoco.__file__).parent / "testdata" / "model.xml"
+    if not path.is_file():
+        pytest.skip("this MuJoCo carries no testdata/model.xml")
+    text = re.sub(r' armature="[0-9.]*"', "", path.read_text())
+    model = mujoco.MjModel.from_xml_string(text)
+    off = mujoco.mjtDisableBit
+    model.opt.disableflags |= off.mjDSBL_CONTACT | off.mjDSBL_CONSTRAINT | off.mjDSBL_ACTUATION
+    model.opt.density = model.opt.viscosity = 0
+    for array in (
+        model.dof_armature,
+        model.body_gravcomp,
+        model.eq_active0,
+        model.tendon_stiffness,
+        model.tendon_damping,
+    ):
+        array[...] = 0
+    ball = model.jnt_type == mujoco.mjtJoint.mjJNT_BALL
+    model.jnt_stiffness[ball] = 0
+    found = codegen.from_mujoco(model)
+    assert found.model.nu == model.nv > 15
+    solver, data, rng = solver_of(found, tmp_path), mujoco.MjData(model), np.random.default_rng(4)
+    for _ in range(3):
+        data.qpos[:] = model.qpos0
+        mujoco.mj_integratePos(model, data.qpos, rng.normal(size=model.nv), 0.5)
+        data.qvel[:] = rng.normal(size=model.nv)
+        mujoco.mj_forward(model, data)
+        q, u, T = of_mujoco(model, data, found, solver)
+        right = ours_of(model, data, T, data.qacc)
+        assert np.abs(solver.accelerations(q, u) - right).max() < 1e-9 * np.abs(right).max()
 
 
 def test_a_body_of_several_joints_is_a_chain(tmp_path):

@@ -64,7 +64,7 @@ WRONG = [
     (robot(BASE, re.sub("<inertia .*?/>", "", A), joint("j", "base", "a")), "<inertial> has no inertia; <inertia ixx="),
     (robot(BASE, A.replace('iyy="0.1"', ""), joint("j", "base", "a")), '<inertia> has no iyy; iyy="..." is needed'),
     (robot(BASE, '<link name="a"/>\n', joint("j", "base", "a")), "robot.urdf:4:1: joint 'j' moves nothing: link 'a' and all"),
-    (robot(BASE, A, joint("j", "base", "a", "fixed")), "everything is fixed to the ground, nothing moves; --base free"),
+    (robot(BASE, A, joint("j", "base", "a", "fixed")), "everything is fixed to the ground, nothing moves; give a link a joint"),
     (robot(BASE, link("a", 1, (0, 0, 0)), joint("j", "base", "a")), "no inertia about the axis|point mass in its centre"),
     (
         robot(BASE, A, joint("j", "base", "a", more='<mimic joint="k"/>')),
