@@ -129,16 +129,8 @@ def test_mujocos_own_model_moves_as_mujoco_says(tmp_path):
     off = mujoco.mjtDisableBit
     model.opt.disableflags |= off.mjDSBL_CONTACT | off.mjDSBL_CONSTRAINT | off.mjDSBL_ACTUATION
     model.opt.density = model.opt.viscosity = 0
-    for array in (
-        model.dof_armature,
-        model.body_gravcomp,
-        model.eq_active0,
-        model.tendon_stiffness,
-        model.tendon_damping,
-    ):
+    for array in (model.body_gravcomp, model.eq_active0, model.tendon_stiffness, model.tendon_damping):
         array[...] = 0
-    ball = model.jnt_type == mujoco.mjtJoint.mjJNT_BALL
-    model.jnt_stiffness[ball] = 0
     found = codegen.from_mujoco(model)
     assert found.model.nu == model.nv > 15
     solver, data, rng = solver_of(found, tmp_path), mujoco.MjData(model), np.random.default_rng(4)
