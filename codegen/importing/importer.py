@@ -10,12 +10,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
+
 from ..model import Model, ModelError, parse_model
 from ..model.errors import Problem
 from ..model.positions import shortened
 from .bodies import BASES, Bodies, merged_bodies, put_on_ground
 from .files import Files
-from .mass import check_inertias, fix_massless
+from .mass import check_finite, check_inertias, fix_massless
 from .naming import model_name, names_a_model, names_for
 from .parameters import Parameters, requested_words
 from .robot import Robot
@@ -216,11 +218,13 @@ def imported(robot: Robot, options: Options, source: str) -> Imported:
     held = {link for closing in robot.closings for link, _ in (closing.start, closing.end)} | side.links
     problems += _mimic(robot, options)
     problems += fix_massless(robot, held, options.repair)
-    bodies = merged_bodies(robot, options.keep_fixed, side.links)
+    with np.errstate(over="ignore", invalid="ignore"):  # judged below
+        bodies = merged_bodies(robot, options.keep_fixed, side.links)
     if not bodies.all:
         message = "everything is fixed to the ground, nothing moves; give a link a joint, or --base free to the root of a URDF"
         problems.append(Problem(robot.file, None, None, "", message))
-    problems += check_inertias(robot, bodies, options.repair)
+    too_large = check_finite(bodies)
+    problems += too_large or check_inertias(robot, bodies, options.repair)
     parameters = Parameters()
     problems += parameters.ask(requested_words(options.parameterize), bodies, names, robot.file)
     if any(p.severity == "error" for p in problems):

@@ -15,6 +15,8 @@ from .bodies import Bodies, ImportedBody
 from .placement import Array
 from .robot import Robot, RobotJoint
 
+_LARGEST: Final = 1e150
+"""Of numbers whose squares are still numbers."""
 _WATER: Final = 1000.0
 """Density of the balls that points with mass become, kg/m^3."""
 
@@ -60,6 +62,21 @@ def fix_massless(robot: Robot, held: Collection[str], repair: bool) -> list[Prob
 
 def _named(joint: RobotJoint) -> str:
     return f"joint {shortened(joint.name)}" if joint.name else f"the free joint of link {shortened(joint.child)}"
+
+
+def check_finite(bodies: Bodies) -> list[Problem]:
+    """Find bodies whose numbers became too large for this machine as fixed links were put together."""
+    found = []
+    for body in bodies.all.values():
+        inertia, frame = body.inertia, body.frame
+        with np.errstate(over="ignore", invalid="ignore"):
+            size = np.abs(
+                [inertia.mass, *inertia.com, *inertia.matrix.ravel(), *frame.at, *frame.rotation.ravel()]
+            ).max()
+        if not size < _LARGEST:
+            what = f"the numbers of link {shortened(body.link.name)} and what is fixed to it are not finite together"
+            found.append(body.link.place.problem(f"{what}, or above {_LARGEST:g}; smaller ones are needed"))
+    return found
 
 
 def check_inertias(robot: Robot, bodies: Bodies, repair: bool) -> list[Problem]:

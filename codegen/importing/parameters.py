@@ -109,13 +109,15 @@ class Parameters:
         for link, word in pairs:
             wrong = self._ask(link, word, by_name, bodies, names)
             if wrong is not None:
-                found.append(Problem(file, None, None, f"--parameterize {link}:{word}", wrong))
+                found.append(Problem(file, None, None, f"--parameterize {link}{':' if link else ''}{word}", wrong))
         return found
 
     def _ask(
         self, link: str, word: str, known: Mapping[str, ImportedBody], bodies: Bodies, names: Mapping[str, str]
     ) -> str | None:
         body = known.get(link)
+        if not link:
+            return "names no link or no word; LINK:WORD is needed, such as arm:length"
         if word not in WORDS:
             return f"{shortened(word)} is no number of a body; {', '.join(WORDS)} are{nearest(word, WORDS)}"
         if body is None:

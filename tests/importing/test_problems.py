@@ -65,6 +65,10 @@ WRONG = [
     (robot(BASE, A.replace('iyy="0.1"', ""), joint("j", "base", "a")), '<inertia> has no iyy; iyy="..." is needed'),
     (robot(BASE, '<link name="a"/>\n', joint("j", "base", "a")), "robot.urdf:4:1: joint 'j' moves nothing: link 'a' and all"),
     (robot(BASE, A, joint("j", "base", "a", "fixed")), "everything is fixed to the ground, nothing moves; give a link a joint"),
+    (
+        robot(BASE, A, B, joint("j", "base", "a"), joint("k", "a", "b", "fixed", at="1e200 0 0")),
+        "the numbers of link 'a' and what is fixed to it are not finite together, or above 1e+150",
+    ),
     (robot(BASE, link("a", 1, (0, 0, 0)), joint("j", "base", "a")), "no inertia about the axis|point mass in its centre"),
     (
         robot(BASE, A, joint("j", "base", "a", more='<mimic joint="k"/>')),
