@@ -137,7 +137,8 @@ def import_model(path: str | os.PathLike[str], **options: Any) -> Imported:
     data = read_bytes(file)
     root = parse_xml(data, file)
     files = Files(Path(file), chosen.package_paths)
-    return imported(_read(root, files, chosen), chosen, os.path.basename(file))
+    with np.errstate(all="ignore"):  # `check_finite` judges
+        return imported(_read(root, files, chosen), chosen, os.path.basename(file))
 
 
 def from_pinocchio(model: Any, **options: Any) -> Imported:
@@ -151,7 +152,8 @@ def from_pinocchio(model: Any, **options: Any) -> Imported:
     """
     from .pinocchio import read_pinocchio
 
-    return imported(read_pinocchio(model), Options(**options), "A model of Pinocchio")
+    with np.errstate(all="ignore"):  # `check_finite` judges
+        return imported(read_pinocchio(model), Options(**options), "A model of Pinocchio")
 
 
 def from_mujoco(model: Any, **options: Any) -> Imported:
@@ -165,7 +167,8 @@ def from_mujoco(model: Any, **options: Any) -> Imported:
     """
     from .mjcf import read_mujoco
 
-    return imported(read_mujoco(model), Options(**options), "A model of MuJoCo")
+    with np.errstate(all="ignore"):  # `check_finite` judges
+        return imported(read_mujoco(model), Options(**options), "A model of MuJoCo")
 
 
 def _read(root: Element, files: Files, options: Options) -> Robot:
@@ -218,12 +221,11 @@ def imported(robot: Robot, options: Options, source: str) -> Imported:
     held = {link for closing in robot.closings for link, _ in (closing.start, closing.end)} | side.links
     problems += _mimic(robot, options)
     problems += fix_massless(robot, held, options.repair)
-    with np.errstate(over="ignore", invalid="ignore"):  # judged below
-        bodies = merged_bodies(robot, options.keep_fixed, side.links)
+    bodies = merged_bodies(robot, options.keep_fixed, side.links)
     if not bodies.all:
         message = "everything is fixed to the ground, nothing moves; give a link a joint, or --base free to the root of a URDF"
         problems.append(Problem(robot.file, None, None, "", message))
-    too_large = check_finite(bodies)
+    too_large = check_finite(robot, bodies)
     problems += too_large or check_inertias(robot, bodies, options.repair)
     parameters = Parameters()
     problems += parameters.ask(requested_words(options.parameterize), bodies, names, robot.file)

@@ -64,15 +64,27 @@ def _named(joint: RobotJoint) -> str:
     return f"joint {shortened(joint.name)}" if joint.name else f"the free joint of link {shortened(joint.child)}"
 
 
-def check_finite(bodies: Bodies) -> list[Problem]:
-    """Find bodies whose numbers became too large for this machine as fixed links were put together."""
+def check_finite(robot: Robot, bodies: Bodies) -> list[Problem]:
+    """Find bodies and loops whose numbers became too large for this machine as they were put together."""
     found = []
+    for closing in robot.closings:
+        faces = [v for _, f in (closing.start, closing.end) for v in (*f.at, *f.rotation.ravel())]
+        if not np.abs(faces + [v for axis in closing.axes for v in axis]).max() < _LARGEST:
+            what = f"the numbers of loop {shortened(closing.name)} are not finite"
+            found.append(closing.place.problem(f"{what}, or above {_LARGEST:g}; smaller ones are needed"))
     for body in bodies.all.values():
         inertia, frame = body.inertia, body.frame
-        with np.errstate(over="ignore", invalid="ignore"):
-            size = np.abs(
-                [inertia.mass, *inertia.com, *inertia.matrix.ravel(), *frame.at, *frame.rotation.ravel()]
-            ).max()
+        joint = body.joint
+        numbers = [inertia.mass, *inertia.com, *inertia.matrix.ravel(), *frame.at, *frame.rotation.ravel()]
+        numbers += [
+            joint.damping,
+            joint.stiffness,
+            joint.rest,
+            joint.pitch,
+            *joint.start,
+            *(v for a in joint.axes for v in a),
+        ]
+        size = np.abs(numbers).max()
         if not size < _LARGEST:
             what = f"the numbers of link {shortened(body.link.name)} and what is fixed to it are not finite together"
             found.append(body.link.place.problem(f"{what}, or above {_LARGEST:g}; smaller ones are needed"))

@@ -46,11 +46,18 @@ def read_mjcf(root: Element, path: Path) -> Robot:
     """
     file = root.file
     mujoco = _mujoco()
+    said: list[str] = []
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(said.append)  # which else go to a file in the working directory
     try:
         model = mujoco.MjModel.from_xml_path(str(path))
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
         raise ModelError([_said(file, str(error))]) from None
-    return _Reader(model, file, root).read()
+    finally:
+        mujoco.set_mju_user_warning(before)
+    robot = _Reader(model, file, root).read()
+    robot.warnings += [Problem(file, None, None, "", f"MuJoCo says: {' '.join(w.split())}", "warning") for w in said]
+    return robot
 
 
 def read_mujoco(model: Any) -> Robot:

@@ -45,8 +45,8 @@ class Values:
         parts = text.split()
         named = f"{what} of <{element.tag}>"
         if len(parts) != count:
-            numbers = "1 number" if count == 1 else f"{count} numbers"
-            self.wrong(element, f"{named} is {shortened(text.strip())}; {numbers} with blanks between them are needed")
+            needed = "a number is needed" if count == 1 else f"{count} numbers with blanks between them are needed"
+            self.wrong(element, f"{named} is {shortened(text.strip())}; {needed}")
             return None
         found = []
         for part in parts:

@@ -312,6 +312,18 @@ def test_what_mujoco_refuses_is_told_with_its_line(tmp_path, text, message):
     assert message in str(error.value) and str(path) in str(error.value)
 
 
+def test_what_mujoco_warns_of_is_told_and_no_file_is_left(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    heavy = '<inertial pos="0 0 0" mass="1" diaginertia="{0} {0} {0}"/>'.format
+    body = f"<body><freejoint/>{heavy('1e30')}<body><joint/>{heavy('1e-14')}</body></body>"
+    (tmp_path / "robot.xml").write_text(world(body))
+    found = codegen.import_model("robot.xml")
+    assert (
+        len(found.warnings) == 1 and "robot.xml: warning: MuJoCo says: Inertia matrix is too close" in found.warnings[0]
+    )
+    assert [p.name for p in tmp_path.iterdir()] == ["robot.xml"]
+
+
 def test_the_base_of_mjcf_is_in_the_file(tmp_path):
     path = tmp_path / "robot.xml"
     path.write_text(JOINTS)

@@ -218,6 +218,29 @@ def damaged(text: str, rng: random.Random) -> str:
     return text
 
 
+NUMBERS = ["0", "-1", "1e-300", "1e308", "-1e160", "1e149", "1e-16", "3.14159", "7", "", "-0", "123456789"]
+
+
+@pytest.mark.parametrize("source", [ARM, SDF], ids=["urdf", "sdf"])
+@pytest.mark.filterwarnings("error")
+def test_numbers_of_any_size_are_read_or_refused(tmp_path, source):
+    rng = random.Random(8)
+    path, read = tmp_path / "robot.urdf", 0
+    places = list(re.finditer(r"(?<![\w.])-?\d+\.?\d*(?![\w.])", source))
+    for k in range(300):
+        text = source
+        for place in sorted(rng.sample(places, rng.randint(1, 4)), key=lambda p: -p.start()):
+            text = text[: place.start()] + rng.choice(NUMBERS) + text[place.end() :]
+        path.write_text(text)
+        try:
+            codegen.import_model(path, repair=k % 2 == 0, keep_fixed=k % 3 == 0, exact_angles=k % 5 == 0)
+        except codegen.ModelError as error:
+            assert all(p.message for p in error.problems)
+        else:
+            read += 1
+    assert 50 < read < 280  # both happen
+
+
 @pytest.mark.parametrize("source", [ARM, SDF], ids=["urdf", "sdf"])
 def test_damaged_files_are_read_or_refused(tmp_path, source):
     rng = random.Random(7)
