@@ -72,7 +72,6 @@ class ModelWriter:
             ("bodies", bodies),
             ("points", self.points()),
             ("loops", [line for closing in self.robot.closings for line in self.closing(closing)]),
-            ("couplings", self.couplings()),
             ("forces", forces),
             ("initial", self.initial()),
         ]
@@ -149,10 +148,6 @@ class ModelWriter:
             face = place @ frame
             lines.append(f"  {key}: {{{', '.join([f'body: {self.names[holder]}', *_place_keys(face)])}}}")
         return lines
-
-    def couplings(self) -> list[str]:
-        """The entries of coordinates that follow others."""
-        return []
 
     def forces(self) -> tuple[list[str], list[str]]:
         """Inputs, and forces in joints: dampers, springs, motors."""

@@ -314,9 +314,9 @@ def test_what_mujoco_refuses_is_told_with_its_line(tmp_path, text, message):
 
 def test_what_mujoco_warns_of_is_told_and_no_file_is_left(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    heavy = '<inertial pos="0 0 0" mass="1" diaginertia="{0} {0} {0}"/>'.format
-    body = f"<body><freejoint/>{heavy('1e30')}<body><joint/>{heavy('1e-14')}</body></body>"
-    (tmp_path / "robot.xml").write_text(world(body))
+    twice = '<body name="b"><joint/><joint/><geom size="1"/></body>'  # the same freedom two times: singular
+    held = '<equality><connect body1="b" anchor="1 0 0"/></equality>'
+    (tmp_path / "robot.xml").write_text(world(twice, held))
     found = codegen.import_model("robot.xml")
     assert (
         len(found.warnings) == 1 and "robot.xml: warning: MuJoCo says: Inertia matrix is too close" in found.warnings[0]
