@@ -55,11 +55,16 @@ def states(theirs: Any, imported: codegen.Imported, solver: Any, seed: int) -> S
     return Sides((q, u), (here_q, here_u), order, rates)
 
 
-def errors(file: str, imported: codegen.Imported, solver: Any, seeds: int = 3) -> dict[str, float]:
-    """Largest relative difference of every function, in the norm of the largest entry."""
+def errors(
+    file: str, imported: codegen.Imported, solver: Any, seeds: int = 3, free: bool | None = None
+) -> dict[str, float]:
+    """Largest relative difference of every function, in the norm of the largest entry.
+
+    The base is free where our first body is, or as `free` says.
+    """
     import pinocchio as pin
 
-    free = imported.model.bodies[0].joint.type == "free"
+    free = imported.model.bodies[0].joint.type == "free" if free is None else free
     theirs = pin.buildModelFromUrdf(file, pin.JointModelFreeFlyer()) if free else pin.buildModelFromUrdf(file)
     assert theirs.nv == imported.model.nu
     data, found = theirs.createData(), {}

@@ -81,6 +81,19 @@ def test_skewed_unbounded_and_sliding_joints_move_as_pinocchio_says(tmp_path):
     assert max(worst.values()) < 1e-12, worst
 
 
+def test_a_floating_joint_moves_as_pinocchio_says(tmp_path):
+    pytest.importorskip("pinocchio", reason="compares with Pinocchio: pip install pin")
+    text = robot(
+        link("base"), link("a", 2, (0.3, 0.2, 0.25)), link("b"),
+        joint("j", "base", "a", "floating", rpy="0.3 0.4 -0.5"), joint("k", "a", "b", "continuous", "1 1 0"),
+    )  # fmt: skip
+    found = imported(tmp_path, text)
+    codegen.generate(found.model, tmp_path / "package", target="numpy")
+    solver, path = codegen.load(tmp_path / "package"), tmp_path / "robot.urdf"
+    worst = errors(str(path), found, solver, free=False)
+    assert max(worst.values()) < 1e-12, worst
+
+
 def test_all_types_of_joints_are_those_of_the_format(tmp_path):
     types = {
         "revolute": "revolute",
