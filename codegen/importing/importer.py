@@ -7,6 +7,7 @@ import os
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import reduce
 from pathlib import Path
 from typing import Any, Final
 
@@ -17,9 +18,10 @@ from ..model.errors import Problem
 from ..model.positions import shortened
 from .bodies import BASES, Bodies, merged_bodies, put_on_ground
 from .files import Files
-from .mass import check_finite, check_inertias, fix_massless
+from .mass import FIXED, check_finite, check_inertias, fix_massless
 from .naming import model_name, names_a_model, names_for
 from .parameters import Parameters, requested_words
+from .placement import exact_sum
 from .robot import Robot
 from .side_file import SideFile, read_side_file
 from .words import number, one_line, wrapped
@@ -232,7 +234,7 @@ def imported(robot: Robot, options: Options, source: str) -> Imported:
     if any(p.severity == "error" for p in problems):
         raise ModelError(sorted(problems, key=lambda p: (p.severity != "error", p.line or 0)))
     robot.warnings += problems
-    head = _head(robot, bodies, names, source, options)
+    head = _head(robot, bodies, names, source)
     name = model_name(robot.name) if options.name is None else options.name
     writer = ModelWriter(robot, bodies, name, names, parameters, head, side.sections, options.motors)
     text = writer.text()
@@ -272,19 +274,28 @@ def _mimic(robot: Robot, options: Options) -> list[Problem]:
     return found
 
 
-def _head(robot: Robot, bodies: Bodies, names: Mapping[str, str], source: str, options: Options) -> list[str]:
+def _head(robot: Robot, bodies: Bodies, names: Mapping[str, str], source: str) -> list[str]:
     """The comment at the head of the file: what it was, and what of it is not here."""
     lines = [f"{one_line(source)}, imported by ordernm."]
     if bodies.grounded and any(not link.inertia.is_nothing for link, _ in bodies.grounded):
-        mass = sum(link.inertia.mass for link, _ in bodies.grounded)
+        mass = reduce(exact_sum, (link.inertia.mass for link, _ in bodies.grounded))
         lines.append(f"Fixed to the ground: {_listed(link.name for link, _ in bodies.grounded)}, {number(mass)} kg.")
     renamed = sum(names[link] != link for link in robot.links)
     if renamed:
         lines.append(f"Renamed: {renamed} of {len(names)} links, their own names stand beside them.")
+    fixed = [w.message for w in robot.warnings if w.message.endswith(FIXED)]
+    if fixed:
+        lines.append("Repaired:")
+        lines += _entries(fixed)
     if robot.left_out:
         lines.append("Left out:")
-        lines += [f"  {one_line(str(entry))}" for entry in robot.left_out.values()]
+        lines += _entries(map(str, robot.left_out.values()))
     return [part for line in lines for part in (wrapped(line) if not line.startswith(" ") else [line])]
+
+
+def _entries(texts: Iterable[str]) -> list[str]:
+    """Lines of a list."""
+    return [f"  {part}" for text in texts for part in wrapped(one_line(text, 1000))]
 
 
 def _listed(names: Iterable[str]) -> str:

@@ -15,6 +15,7 @@ from .bodies import Bodies, ImportedBody
 from .placement import Array
 from .robot import Robot, RobotJoint
 
+FIXED: Final = "; repaired: the joint is fixed"
 _LARGEST: Final = 1e150
 """Of numbers whose squares are still numbers."""
 _WATER: Final = 1000.0
@@ -49,7 +50,7 @@ def fix_massless(robot: Robot, held: Collection[str], repair: bool) -> list[Prob
             continue
         what = f"{_named(joint)} moves nothing: link {shortened(joint.child)} and all beyond it have neither mass nor inertia"
         if repair:
-            found.append(joint.place.problem(f"{what}; repaired: the joint is fixed", "warning"))
+            found.append(joint.place.problem(f"{what}{FIXED}", "warning"))
             joint.type, joint.axes, joint.damping, joint.stiffness, joint.start = "fixed", (), 0.0, 0.0, ()
         else:
             found.append(joint.place.problem(f"{what}; give it mass and inertia, or --repair fixes the joint"))

@@ -43,10 +43,10 @@ def axis_text(axis: Three) -> str:
     return vector(axis)
 
 
-def one_line(text: str) -> str:
-    """A name of a file in a comment."""
+def one_line(text: str, longest: int = 80) -> str:
+    """A text of a file in a comment."""
     text = text if text.isprintable() else repr(text)[1:-1]
-    return text if len(text) <= 80 else text[:77] + "..."
+    return text if len(text) <= longest else text[: longest - 3] + "..."
 
 
 def wrapped(text: str, width: int = WIDTH) -> list[str]:

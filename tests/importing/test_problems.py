@@ -160,6 +160,7 @@ def test_joints_that_move_nothing_are_fixed_on_request(tmp_path):
     assert len(said) == 2 and "--repair fixes the joint" in said[0]
     found = codegen.import_model(path, repair=True)
     assert [b.name for b in found.model.bodies] == ["a"] and len(found.warnings) == 2
+    assert "# Repaired:\n#   joint 'k' moves nothing: link 'finger' and all beyond" in found.text
     assert found.bodies["tip"] == "a" and "tip: {body: a, at: [0, 0, 1]}" in found.text
 
 
