@@ -7,6 +7,7 @@ import pytest
 from codegen.bench import lines, page
 from codegen.bench.measuring import measure
 from codegen.bench.peers import pinocchio_models
+from codegen.bench.plots import write_plots
 from codegen.bench.problems.robots import ROBOTS
 from codegen.bench.results import figures
 
@@ -43,3 +44,16 @@ def test_robots_that_are_not_there_are_named(tmp_path, monkeypatch):
     found = measure(alone, tmp_path, False, lambda text: None, 0.01)
     assert found["skipped"] == {"UR5": "pinocchio is not installed (pip install ordernm[peers])"}
     assert "## Robots" not in page.page_of({"machine": MACHINE, "quick": True, "problems": {"robots": found}})
+
+
+def test_pictures_have_families_with_their_exponents_and_robots(tmp_path):
+    pytest.importorskip("matplotlib")
+    sizes = [{"bodies": n, "seconds": {"udot": 1e-8 * n, "udot + 8": 2e-8 * n * n}} for n in (10, 100, 1000)]
+    row = {"model": "UR5", "speeds": 6, "seconds": {"udot": 1e-6, "M": 2e-6}, "theirs": {"udot": 2e-6, "M": 2e-6}}
+    problems = {"chain": {"kind": "family", "sizes": sizes}, "robots": {"kind": "robots", "rows": [row]}}
+    written = write_plots({"problems": problems}, tmp_path / "new")
+    assert [p.name for p in written] == ["time_by_size.svg", "robots.svg"]
+    texts = [p.read_text() for p in written]
+    assert "chain, exponent 1.00" in texts[0] and "chain, exponent 2.00" in texts[0] and "UR5, 6" in texts[1]
+    assert texts == [p.read_text() for p in write_plots({"problems": problems}, tmp_path / "again")]
+    assert write_plots({"problems": {}}, tmp_path / "none") == []
