@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal, Union
 
-from pydantic import Field, PlainValidator, WrapValidator, create_model, model_validator
+from pydantic import Field, PlainValidator, TypeAdapter, WrapValidator, create_model, model_validator
 
 from .entries import (
     ZERO,
@@ -28,14 +28,15 @@ from .entries import (
     written,
 )
 from .errors import with_article
+from .expressions import Expression
 from .forces import FORCES, ForceEntry
 from .joints import JOINTS, JointType
 from .joints.fixed import Fixed
 from .outputs import MEASURES, Measure
 
 SECTIONS: Final = (
-    *("model", "gravity", "constants", "parameters", "inputs"),
-    *("bodies", "points", "loops", "loop_tolerance", "forces", "initial", "independent", "outputs"),
+    *("model", "include", "gravity", "constants", "parameters", "inputs", "expressions"),
+    *("bodies", "submodels", "points", "loops", "loop_tolerance", "forces", "initial", "independent", "outputs"),
 )
 LATER_SECTIONS: Final = ("motion",)
 
@@ -78,6 +79,12 @@ else:
         ],
         Field(discriminator="type"),
     ]
+
+
+def _check_path(value: Any) -> str:
+    if not isinstance(value, str) or not value:
+        raise complaint(f"{seen(value)}; a file is needed, by its path from this one: parts/leg.yaml")
+    return value
 
 
 class ShapeEntry(Entry):
@@ -167,11 +174,33 @@ class BodyEntry(Entry):
         return self
 
 
+def _number_or_vector(value: Any) -> Any:
+    return _three.validate_python(value) if isinstance(value, (list, tuple)) else _one.validate_python(value)
+
+
+_one: Final = TypeAdapter(Expr)
+_three: Final = TypeAdapter(tuple[Expr, Expr, Expr])
+Numbers = Annotated[Any, PlainValidator(_number_or_vector)]
+"""An expression, or three: a vector."""
+
+
 class ParameterEntry(Entry):
-    value: Expr
+    """A parameter with all that may be said of it. Of a vector, a bound that is one number holds for all three."""
+
+    value: Numbers
     unit: str = ""
-    min: OptionalExpr = None
-    max: OptionalExpr = None
+    min: Numbers = None
+    max: Numbers = None
+
+
+class SubmodelEntry(PlacedEntry):
+    """A file that is read once more, and where its ground stands."""
+
+    placeholders: ClassVar[dict[str, Any]] = {"use": ""}
+
+    use: Annotated[str, PlainValidator(_check_path)]
+    on: Reference = Expression(("name", "ground"))
+    given: dict[str, Any] = Field(default={}, alias="with")
 
 
 class LoopEntry(Entry):

@@ -212,7 +212,7 @@ class Simulation(MotionRun):
         """A consistent initial state."""
         if q is None and u is None:
             return self.initial_state(p)
-        first = self._initial_values(p) if q is None or u is None else (q, u)
+        first = self._first_values(p) if q is None or u is None else (q, u)
         given = {"q": first[0] if q is None else q, "u": first[1] if u is None else u, "p": p}
         arrays, batch = self._arguments.take(given, self._left_out)
         if batch:
