@@ -108,7 +108,7 @@ def manifest(
         "closure_names": list(model.closure_names),
         "independent_names": [model.coordinate_names[i] for i in independent_q],
         "independent_speed_names": [model.speed_names[i] for i in independent_u],
-        "prescribed_names": [],
+        "prescribed_names": list(model.prescribed_names),
         "initial": {"q": list(assembled) or q0, "u": u0},
         "quaternions": quaternions,
         "links": [link.name for link in system.links],

@@ -160,6 +160,19 @@ gain = ScalarField(
     "inertia over that along the freedom (Eq. 46), by freedom and component; after six, those of partners",
 )
 
+driving_gain = ScalarField(
+    "dG{}",
+    "[kg m^2, kg m] or [kg m, kg]",
+    OWN,
+    "inertia along a prescribed coordinate, by component of the acceleration; after six, those of partners",
+)
+driving_rest = ScalarField(
+    "drive",
+    "N m or N",
+    "",
+    "force along a prescribed coordinate that is needed with the explicit accelerations at zero",
+)
+
 # -- columns of matrices -----------------------------------------------------------------------------------------------
 
 joint_force = SixField("phi.", WRENCH, OWN, "moment and force that the joint transmits, with all accelerations known")

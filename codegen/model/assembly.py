@@ -1,8 +1,8 @@
 """From the plain data of a file or the builder to a checked `Model`, with every problem on the way.
 
 One pass over the sections in the order in which they need each other: constants, parameters, inputs, gravity, bodies,
-points, loops, forces, outputs, initial values, independent coordinates. A section that is wrong is reported and left out,
-so that the others are still read.
+prescribed motion, points, loops, forces, outputs, initial values, independent coordinates. A section that is wrong is
+reported and left out, so that the others are still read.
 """
 
 from __future__ import annotations
@@ -14,12 +14,13 @@ from .model import GROUND, Model
 from .positions import Document
 from .reading import Reader, TooManyProblems, some
 from .repetition import CannotGoOn
-from .schema import LATER_SECTIONS, SECTIONS
+from .schema import SECTIONS
 from .sections.bodies import check_freedoms, read_bodies
 from .sections.forces import read_forces
 from .sections.independent import read_independent
 from .sections.initial import read_initial
 from .sections.loops import read_loops
+from .sections.motion import read_motion
 from .sections.outputs import read_outputs
 from .sections.points import read_points
 from .sections.quantities import model_name, read_constants, read_gravity, read_inputs, read_parameters
@@ -57,9 +58,7 @@ def _model(reader: Reader) -> Model | None:
         reader.add(Problem(reader.document.file, start, start, "", message))
         return None
     for key in root:
-        if key in LATER_SECTIONS:
-            reader.report(reader.top(key), (), f"section {key!r} is not supported yet by this version", key=True)
-        elif key not in SECTIONS:
+        if key not in SECTIONS:
             hint = nearest(key, SECTIONS)
             reader.report(reader.top(key), (), f"unknown key {key!r}; keys here: {some(SECTIONS)}{hint}", key=True)
     name = model_name(reader)
@@ -71,13 +70,14 @@ def _model(reader: Reader) -> Model | None:
     reader.allowed["motion"] = dict(reader.allowed["inputs"])  # and what moves, once the bodies are read
     gravity = read_gravity(reader)
     bodies = read_bodies(reader)
+    motion = read_motion(reader, bodies)
     points = read_points(reader, bodies)
     reader.points = [points, bodies.frames]
     before = reader.errors
     loops = read_loops(reader, bodies, points)
     if reader.errors == before:  # a loop that could not be read may hold what seems to move no mass
         faces = [face for loop in loops for face in (loop.start, loop.end)]
-        check_freedoms(reader, bodies, {face.body for face in faces if face.body != GROUND})
+        check_freedoms(reader, bodies, {face.body for face in faces if face.body != GROUND}, motion)
     elements = read_forces(reader, bodies, points)
     outputs = read_outputs(reader, bodies, points)
     initial = read_initial(reader, bodies)
@@ -101,6 +101,7 @@ def _model(reader: Reader) -> Model | None:
         forces=tuple(e for e in elements if isinstance(e, JointForce)),
         loads=tuple(e for e in elements if not isinstance(e, JointForce)),
         outputs=tuple(outputs),
+        motion=motion,
         initial_q=initial["q"],
         initial_u=initial["u"],
         independent=independent,

@@ -16,8 +16,9 @@ from .axes import Vector
 from .entries import RESERVED, ZERO, Entry, Expr, parse_name, seen
 from .errors import Problem, nearest, with_article, within_a_line
 from .explaining import explain, repaired, validate
-from .expressions import MEASURED, Binder, Expression, ExpressionError, Number, Numbers, Scope
+from .expressions import MEASURED, Binder, Expression, ExpressionError, Number, Numbers, Scope, Tree
 from .positions import Document, Path_, show_path
+from .rates import with_names_replaced
 from .repetition import Instance, Repetition, labels, name_of
 
 MAX_PROBLEMS: Final = 200
@@ -63,6 +64,8 @@ class Reader:
         or ``motion`` (coordinates and speeds too). A scope ``measured`` has, beside the last, positions and velocities of points.
     points : list of mapping
         What is a point, by name, once points are read.
+    prescribed : dict of str to Tree
+        What is put in the place of coordinates and speeds that are prescribed: functions of time.
     broken : set of str
         Bodies that were reported; their coordinates are not known.
     places : dict of str to dict of str to (int, int)
@@ -85,6 +88,7 @@ class Reader:
         # dicts used as ordered sets: names are printed in the order of the file
         self.allowed: dict[str, dict[str, None]] = {"constants": {}, "parameters": {}, "inputs": {}, "motion": {}}
         self.broken: set[str] = set()
+        self.prescribed: dict[str, Tree] = {}
         self.points: list[Mapping[str, Any]] = []
         self.errors = 0
         self.places: dict[str, dict[str, tuple[int | None, int | None]]] = {}
@@ -168,7 +172,7 @@ class Reader:
                 return ZERO
             self._checked.add((result, scope))
             self.used |= result.names
-        return result
+        return with_names_replaced(result, self.prescribed) if self.prescribed else result
 
     def _check(self, result: Expression, written: Expression, at: Instance, sub: Path_, scope: str) -> bool:
         moving = scope in ("motion", "measured")

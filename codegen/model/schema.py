@@ -35,9 +35,8 @@ from .outputs import MEASURES, Measure
 
 SECTIONS: Final = (
     *("model", "gravity", "constants", "parameters", "inputs"),
-    *("bodies", "points", "loops", "loop_tolerance", "forces", "initial", "independent", "outputs"),
+    *("bodies", "motion", "points", "loops", "loop_tolerance", "forces", "initial", "independent", "outputs"),
 )
-LATER_SECTIONS: Final = ("motion",)
 
 
 class JointEntry(PlacedEntry):

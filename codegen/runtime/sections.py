@@ -24,7 +24,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
     "Energies": ("energies", "energy_sensitivities"), "Outputs": ("outputs", "output_sensitivities"),
     "TreeForces": ("mass_matrix", "mass_matrix_sensitivities", "inverse_mass_matrix", "solve_mass", "solve_mass_sensitivities",
                    "inverse_dynamics", "inverse_dynamics_sensitivities"),
-    "Judging": ("state_rates",),
+    "Judging": ("state_rates",), "DrivingForces": ("driving_forces", "driving_force_sensitivities"),
     "Reactions": ("reactions",), "Loops": ("closure",), "States": (), "Redundancy": ("opening",), "Partitions": (),
     "Precision": (),
 }  # fmt: skip

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from .long_texts import LongTexts
 from .standalone.diagnosing import Diagnosing
+from .standalone.driving_forces import DrivingForces
 from .standalone.dynamics import Dynamics
 from .standalone.energies import Energies
 from .standalone.judging import Judging
@@ -34,6 +35,7 @@ class Solver(
     Outputs,
     TreeForces,
     Judging,
+    DrivingForces,
     Reactions,
     Loops,
     Redundancy,

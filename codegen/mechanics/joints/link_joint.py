@@ -39,10 +39,13 @@ class Jointed(Protocol):
         The coordinate axis of the link's frame that the joint turns about or slides along.
     aligned : bool
         The link's axes are its parent's at q = 0.
+    moves : tuple of bool
+        Of a coordinate that is prescribed: whether it, its rate and its acceleration can differ from zero.
     """
 
     axis: int
     aligned: bool
+    moves: tuple[bool, ...]
 
     @property
     def parameters(self) -> int:
@@ -71,6 +74,8 @@ class LinkJoint(ABC):
         Where a quaternion begins among the coordinates.
     swings : bool
         Whether the joint's own turning changes the direction in which it slides.
+    driven : bool
+        Its coordinate is prescribed.
     """
 
     motion: ClassVar[tuple[Motion, ...]]
@@ -79,6 +84,7 @@ class LinkJoint(ABC):
     angle: ClassVar[int | None] = None
     quaternion: ClassVar[int | None] = None
     swings: ClassVar[bool] = False
+    driven: ClassVar[bool] = False
 
     def __init__(self, x: Scope, kind: Jointed, lanes: bool = False):
         self.x = x
@@ -104,6 +110,11 @@ class LinkJoint(ABC):
     @abstractmethod
     def columns(self) -> Sequence[Column]:
         """Partial velocities of the freedoms."""
+
+    @property
+    def driven_column(self) -> Column:
+        """The partial velocity of a coordinate that is prescribed."""
+        raise TypeError(f"{type(self).__name__} is not prescribed")
 
     # -- place and attitude ----------------------------------------------------------------------------------------
 

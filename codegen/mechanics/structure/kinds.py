@@ -46,6 +46,10 @@ class LinkKind(Folded):
         Which freedoms have a force of the model.
     partners : Partners
         Coupled links, of the first member; the structure is that of all.
+    moves : tuple of bool
+        See `Link`.
+    held : bool
+        A coordinate that is prescribed has a force of the model.
     members : list of int
         Links, in outward order.
     units : list of int
@@ -64,6 +68,8 @@ class LinkKind(Folded):
     pulled: bool
     forced: tuple[bool, ...]
     partners: Partners = NOBODY
+    moves: tuple[bool, ...] = ()
+    held: bool = False
     members: list[int] = field(default_factory=list)
     units: list[int] = field(default_factory=list)
 
