@@ -161,7 +161,7 @@ gain = ScalarField(
 )
 
 driving_gain = ScalarField(
-    "dG{}",
+    "drive.{}",
     "[kg m^2, kg m] or [kg m, kg]",
     OWN,
     "inertia along a prescribed coordinate, by component of the acceleration; after six, those of partners",
@@ -312,6 +312,13 @@ region_force = SixField("", WRENCH, REGION, "force of a region that its base car
 source_inverse_pivot = ScalarField("Dinv{}", "1/(kg u^2)", "", "one over the inertia along a source (Eq. 47)")
 source_right_side = ScalarField("rD{}", "u/s^2", "", "what drives a source, over the inertia along it (Eq. 53)")
 source_gain = ScalarField("G{}.{}", "1", "", "inertia over that along the source (Eq. 46)")
+source_driving_gain = ScalarField(
+    "dG{}.{}", "kg u [m, 1]", "", "inertia over a prescribed source and what is known when the region's own are found"
+)
+source_driving_rest = ScalarField(
+    "dr{}", "kg u^2/s^2", "", "force along a prescribed source that is needed with those accelerations at zero"
+)
+source_driving = ScalarField("drive{}", "kg u^2/s^2", "", "force that a prescribed source takes")
 source_acceleration = ScalarField("a{}", "u/s^2", "", "acceleration of a source")
 source_tangent_force = ScalarField("r{}", "kg u^2/s^2", "", "right side of the balance along a source")
 region_transmitted = SixField("t.", WRENCH, "the base", "what ears hand to the base with all accelerations known")

@@ -49,6 +49,16 @@ class Driven(Axial):
     def columns(self) -> Sequence[Column]:
         return ()
 
+    @property
+    def all_columns(self) -> Sequence[Column]:
+        return (self.driven_column,)
+
+    def speed(self, j: int) -> Value:
+        return self.known(RATE)
+
+    def along_freedom(self, j: int) -> Value:
+        return self.change()
+
     # -- in the place of coordinate, speed and seed ----------------------------------------------------------------
 
     def own_coordinate(self) -> Value:

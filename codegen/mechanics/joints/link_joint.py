@@ -86,6 +86,11 @@ class LinkJoint(ABC):
     swings: ClassVar[bool] = False
     driven: ClassVar[bool] = False
 
+    @classmethod
+    def speeds(cls) -> int:
+        """How many it has, a prescribed one too."""
+        return cls.freedoms + cls.driven
+
     def __init__(self, x: Scope, kind: Jointed, lanes: bool = False):
         self.x = x
         self.kind = kind
@@ -110,6 +115,11 @@ class LinkJoint(ABC):
     @abstractmethod
     def columns(self) -> Sequence[Column]:
         """Partial velocities of the freedoms."""
+
+    @property
+    def all_columns(self) -> Sequence[Column]:
+        """The same, and that of a coordinate that is prescribed."""
+        return self.columns
 
     @property
     def driven_column(self) -> Column:
@@ -202,6 +212,10 @@ class LinkJoint(ABC):
     def rates(self) -> Vector:
         """Time derivatives of the coordinates. Eq. 1."""
         return [self.x.entry(SPEEDS, i) for i in range(self.freedoms)]
+
+    def speed(self, j: int) -> Value:
+        """Of a freedom, or of the joint if it is prescribed."""
+        return self.x.entry(SPEEDS, j)
 
     # -- displacements along directions ----------------------------------------------------------------------------
 

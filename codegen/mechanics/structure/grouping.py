@@ -109,7 +109,8 @@ def find_unit_kinds(
             r, partners = len(region.freedoms), order.partners[n]
             far = tuple(-1 if i == GROUND else partners.links.index(i) for i in region.far)
             key: object = (
-                "region", r, region.carried, region.rigid, first, far, partners.structure(), unit.number if unrolled else 0,
+                "region", r, region.carried, region.rigid, first, far, partners.structure(), order.locked(region),
+                unit.number if unrolled else 0,
             )  # fmt: skip
             kind = found.setdefault(
                 key,
@@ -122,6 +123,7 @@ def find_unit_kinds(
                     first,
                     far,
                     partners,
+                    order.locked(region),
                 ),
             )
             kind.members.append(unit.number)
@@ -189,7 +191,7 @@ def _ear_kind(
             [order.first_follower.get(root) == n for root in ear.roots], [i in order.first_follower for i in ear.links],
             closures, ear.dependent, ear.columns, r, total_sources(region), region.carried,
             region.rigid, inverse if angular else algebra.ONE, inverse,
-            region.carried or order.slides(region), order.partners[n],
+            region.carried or order.slides(region), order.partners[n], locked=order.locked(region),
         )  # fmt: skip
     assert isinstance(kind, EarKind)
     kind.members.append(e)

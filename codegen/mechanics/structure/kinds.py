@@ -134,6 +134,8 @@ class EarKind:
         Ears.
     form : FactorForm
         Of the factored closure matrix; the expansion of the closures gives it.
+    locked : tuple of int
+        Sources that are prescribed: their speeds are known, and their accelerations are in the remainders.
     """
 
     index: int
@@ -157,6 +159,7 @@ class EarKind:
     members: list[int] = field(default_factory=list)
     units: list[int] = field(default_factory=list)
     form: FactorForm = NO_FORM
+    locked: tuple[int, ...] = ()
 
     role = "ear"
 
@@ -196,10 +199,16 @@ class RegionKind:
     first: bool
     far: tuple[int, ...] = ()
     partners: Partners = NOBODY
+    locked: tuple[int, ...] = ()
     members: list[int] = field(default_factory=list)
     units: list[int] = field(default_factory=list)
 
     role = "region"
+
+    @property
+    def free(self) -> list[int]:
+        """Sources whose accelerations are unknown."""
+        return [c for c in range(self.sources) if c not in self.locked]
 
     def number_of(self, store: Store, name: str) -> Expr | None:
         """A region has no constants."""

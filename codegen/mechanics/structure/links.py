@@ -81,6 +81,8 @@ class Link:
         Number of the coordinate among those that are prescribed; -1 where none is.
     moves : tuple of bool
         Whether that, its rate and its acceleration can differ from zero.
+    speed : int
+        Where its speeds begin in `Model.released`, where those that are prescribed have places too.
     members : list of (Body, tuple of Placement)
         Bodies that move with the link, with the way from its body frame to theirs.
     """
@@ -97,6 +99,7 @@ class Link:
     factors: tuple[Expression, ...] = ()
     driven: int = -1
     moves: tuple[bool, ...] = ()
+    speed: int = -1
     members: list[tuple[Body, tuple[Placement, ...]]] = field(default_factory=list)
 
     def key(self) -> tuple[object, ...]:
@@ -160,7 +163,7 @@ def parts_of(chain: Sequence[Motion], triad: bool = False, held: Collection[int]
     """A chain of motions as joints of links, each of which takes as much of it as it can.
 
     `triad` tells that its axes are a right-handed frame: only then a link's joint may have several. Coordinates that are `held`,
-    prescribed, have links of their own, and what is not is numbered without them.
+    prescribed, have links of their own.
 
     Raises
     ------
@@ -174,9 +177,6 @@ def parts_of(chain: Sequence[Motion], triad: bool = False, held: Collection[int]
             of_joint = chain[: len(joint.motion)]
             part = _share(joint, of_joint, triad)
             if part is not None and all(_is_held(m, held) == held_first for m in of_joint):
-                if held and not held_first:
-                    before = sum(i < part.q for i in held)
-                    part = part._replace(q=part.q - before, u=part.u - before)
                 found.append(part)
                 chain = chain[len(joint.motion) :]
                 break
@@ -251,7 +251,10 @@ def links_of(model: Model, evaluate: NumberOf) -> tuple[list[Link], list[Carrier
             name = body.name if len(parts) == 1 else f"{body.name}.{n}"
             frame, axis = _frame_of(joint, part, evaluate)
             factors = tuple(joint.factors[i] for i in part.factors)
-            link = Link(name, parent, part.joint, q + part.q, u + part.u, steps, parent_frame, frame, axis, factors)
+            before = sum(i < part.q for i in held.get(k, ()))  # all coordinates of such a joint are scalars
+            places = q + part.q - before, u + part.u - before
+            link = Link(name, parent, part.joint, *places, steps, parent_frame, frame, axis, factors)
+            link.speed = model.released.coordinate_slices[k][1].start + part.u
             if part.joint.driven:
                 link.driven = held[k][part.q]
                 link.moves = tuple(e.tree != ("number", 0) for e in model.prescribed[link.driven].values)

@@ -285,8 +285,11 @@ class Package:
         """Why there is no function of that name."""
         if name.startswith("driving_force") and not self.prescribed_names:
             return f"{self.name} has no prescribed motion (section motion of the model file), so nothing is driven"
-        if not self.nu and not self.closure_names:
-            return f"{self.name} has no {name!r}: all its motion is prescribed; outputs and driving_forces tell of it at any t"
+        if self.prescribed_names and not self.independent_speed_names:
+            where = (
+                "assemble, outputs and driving_forces tell" if self.closure_names else "outputs and driving_forces tell"
+            )
+            return f"{self.name} has no {name!r}: all its motion is prescribed; {where} of it at any t"
         if name == "reactions":
             return f"{self.name} was generated without reactions: generate it with --reactions"
         left_out = self._manifest.get("left_out", ())
