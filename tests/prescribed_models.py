@@ -8,9 +8,52 @@ from typing import Any
 import numpy as np
 from random_models import expression
 
+from codegen.loops.partition import partition
+from codegen.model import parse_model
 from codegen.model.expressions import Expression
 from codegen.model.model import Model, Output, joint_coordinates
 from codegen.model.rates import rate, with_names_replaced
+
+BARS = """
+model: bars
+gravity: [0, 0, -9.81]
+parameters: {length: 1.0, w: 2.0, a: 0.3}
+bodies:
+BASE
+  crank:
+    parent: FRAME
+    joint: {type: revolute, axis: y}
+    shape: &bar {type: cylinder, axis: z, length: length, radius: 0.02, mass: 0.8, center: [0, 0, length/2]}
+  coupler: {parent: crank, joint: {type: revolute, axis: y, at: [0, 0, length]}, shape: *bar}
+  rocker: {parent: coupler, joint: {type: revolute, axis: y, at: [0, 0, length]}, shape: *bar}
+LOAD
+loops:
+  foot:
+    joint: {type: revolute, axis: y}
+    from: {body: rocker, at: [0, 0, length]}
+    to: {body: FRAME, at: [1.2*length, 0, 0]}
+MOTION
+forces:
+  seal: {type: joint, joint: rocker, value: -0.3*u.rocker + 0.1*t}
+  bearing: {type: joint, joint: crank, value: CRANK}
+initial:
+  q: {coupler: 1.27, rocker: 1.87}
+outputs:
+  kinetic: kinetic_energy
+  potential: potential_energy
+"""
+LOAD = "  load: {parent: coupler, joint: {type: revolute, axis: y, at: [0, 0, length/2]}, shape: *bar}"
+DRIVEN = "motion: {crank: 0.3 + a*sin(w*t)}"
+
+
+def bars(frame: str = "ground", load: bool = False, motion: str = DRIVEN, crank: str = "-0.3*u.crank") -> Model:
+    """A four-bar whose crank is driven, on the ground or on a ``cart``, with or without a pendulum on its coupler."""
+    base = "  cart: {parent: ground, joint: {type: prismatic, axis: x}, mass: 3, inertia: {yy: 0.2}}"
+    text = (
+        BARS.replace("BASE\n", f"{base}\n" if frame == "cart" else "").replace("FRAME", frame).replace("MOTION", motion)
+    )
+    text = text.replace("CRANK", crank)
+    return parse_model(text.replace("LOAD\n", f"{LOAD}\n" if load else ""))
 
 
 def with_prescribed(rng: np.random.Generator, model: Model, share: float = 0.4) -> Model:
@@ -25,6 +68,28 @@ def with_prescribed(rng: np.random.Generator, model: Model, share: float = 0.4) 
         return model
     chosen = [n for n in names if rng.random() < share] or [str(rng.choice(names))]
     return prescribed(model, {n: expression(function(rng, model)) for n in chosen})
+
+
+def with_prescribed_at(rng: np.random.Generator, drawn: Any, share: float = 0.5) -> Any:
+    """A mechanism of `random_mechanisms` with some of its independent coordinates prescribed, in the state that was drawn."""
+    model = drawn.model
+    at = dict(zip(model.parameter_names, drawn.p, strict=True)) | {"t": drawn.t}
+    at |= dict(zip(model.inputs, drawn.inputs, strict=True))
+    names, place = [], {n: i for i, n in enumerate(model.coordinate_names)}
+    free = {model.speed_names[i] for i in partition(model).independent}
+    for b in model.bodies:
+        if not b.joint.kind.quaternions:
+            names += [n for n in joint_coordinates(b.name, b.joint.type)[0] if n in free]
+    if not names:
+        return None
+    motion = {}
+    for n in [n for n in names if rng.random() < share] or [str(rng.choice(names))]:
+        e = expression(function(rng, model))
+        motion[n] = expression(f"{e} + ({float(drawn.q[place[n]] - e.evaluate(at))!r})")
+    found = prescribed(model, motion)
+    q = [x for n, x in zip(model.coordinate_names, drawn.q, strict=True) if n not in motion]
+    u = [x for n, x in zip(model.speed_names, drawn.u, strict=True) if n not in motion]
+    return drawn._replace(model=found, q=np.array(q), u=np.array(u))
 
 
 def function(rng: np.random.Generator, model: Model) -> str:

@@ -83,11 +83,12 @@ def partition(model: Model) -> Partition:
         return _found(model, geometry, guess)
     except PartitionError as error:
         asked = [n for n in prescribed if n in str(error)]
-        if not asked or "cannot be independent" not in str(error):
+        if not asked or "be independent" not in str(error):
             raise
         raise PartitionError(
-            f"{listed(asked)} cannot be prescribed: the loops determine too much of it, or of all that is prescribed together; "
-            f"take it from `motion`, or give the loops one more freedom"
+            f"{str(error).partition(':')[0]}: {listed(asked)} cannot be prescribed{' together' if len(asked) > 1 else ''}, since "
+            f"closure determines too much of that; take {'one of them' if len(asked) > 1 else 'it'} from `motion`, or give "
+            f"the loop one more freedom"
         ) from None
     except np.linalg.LinAlgError:  # of matrices that are not finite
         widest = int(np.argmax(geometry.own_lengths))

@@ -197,8 +197,10 @@ class Simulation(MotionRun):
             dq = dq + (of_model[2] if q is None else 0.0)
             du = du + (of_model[3] if u is None else 0.0)
         first = {"p": p_all, "inputs": spline.at(start), "t": start}
-        known = of_model and q is None and u is None and not self.prescribed_names
-        q_all, u_all = of_model[:2] if known else self._first_state(q, u, first)
+        if of_model and q is None and u is None and not self.prescribed_names:
+            q_all, u_all = of_model[:2]
+        else:
+            q_all, u_all = self._first_state(q, u, first)
         allowed = _tolerances("atol", atol, (self.nq + self.nu,))
         allowed_directions = None
         if atol_sensitivities is not None:
