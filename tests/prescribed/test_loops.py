@@ -149,7 +149,7 @@ SOME = (
         ("motion: {amr: t}", "unknown joint or coordinate 'amr'; allowed are arm, hand, .*did you mean 'arm'"),
         ("motion: {arm: 2*q.arm}", "'q.arm', which changes with the motion, is not allowed here; only numbers, constants, "),
         ("motion: {ball: t}", "the spherical joint 'ball' has a quaternion, which cannot be prescribed; give the body joints"),
-        ("motion: {hand: t}", "one value; joint 'hand' has 2: hand.1, hand.2; give a list, or single ones by name"),
+        ("motion: {hand: t}", "1 value; joint 'hand' has 2: hand.1, hand.2; give a list, or single ones by name"),
         ("motion: {arm: log(t)}", r"log\(t\) has no finite value at t = 0, the default parameters"),
         ("motion: {arm: sqrt(t)}", r"sqrt\(t\) has no finite rate at t = 0"),
         ("motion: {hand.1: t, hand: [t, t]}", "coordinate 'hand.1' is prescribed already"),
