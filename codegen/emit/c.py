@@ -416,7 +416,7 @@ class CWriter(Writer):
                 return self.gravity() + self.ground()
             case procedures.ANGLES if n:
                 angle = "i" if angles == list(range(free)) else "angle_of[i]"
-                places = f"a->trig[ANGLES + {free} + i] = a->motion[driven_angle_of[i]];"
+                places = f"a->trig[ANGLES + {free} + i] = a->prescribed[driven_angle_of[i]];"
                 return [
                     *([f"for (int i = 0; i < {free}; ++i) a->trig[ANGLES + i] = a->q[{angle}];"] if angles else []),
                     *([f"for (int i = 0; i < {n - free}; ++i) {places}"] if driven else []),

@@ -165,7 +165,7 @@ class NumpyWriter(Writer):
                 place = f":{len(angles)}" if angles == list(range(len(angles))) else "angle_of"
                 free = [f"*a.q[{place}], "] if angles else []
                 return [
-                    f"angles = [{''.join(free)}*(a.motion[i] for i in driven_angle_of)]",
+                    f"angles = [{''.join(free)}*(a.prescribed[i] for i in driven_angle_of)]",
                     "a.cos, a.sin = [np.cos(x) for x in angles], [np.sin(x) for x in angles]",
                 ]
             case procedures.ANGLES if angles:

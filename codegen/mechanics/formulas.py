@@ -210,7 +210,7 @@ def motion_formulas(model: Model) -> list[FormulaKind]:
             if e.tree != ("number", 0):
                 found.append((3 * n + order, e.tree))
                 places[3 * n + order] = f"motion.{x.name}"
-    return formula_kinds(model, "motion", found, places)
+    return formula_kinds(model, "prescribed", found, places)
 
 
 def coefficient_formulas(system: System) -> list[FormulaKind]:

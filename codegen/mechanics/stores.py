@@ -114,7 +114,7 @@ UDOT, DUDOT = Store("udot", LINK, PER_SPEED), Store("dudot", LINK, PER_SPEED_LAN
 TAU, DTAU = Store("tau", LINK, PER_SPEED), Store("dtau", LINK, PER_SPEED_LANE)
 FORCE, DFORCE = Store("force", LINK, PER_SPEED), Store("dforce", LINK, PER_SPEED_LANE)
 RIGHT_SIDE = Store("b", LINK, PER_SPEED_LANE)
-MOTION, DMOTION = Store("motion", LINK, PER_MOTION), Store("dmotion", LINK, PER_MOTION_LANE)
+MOTION, DMOTION = Store("prescribed", LINK, PER_MOTION), Store("dprescribed", LINK, PER_MOTION_LANE)
 """Of a coordinate that is prescribed: itself, its rate, its acceleration."""
 DRIVING, DDRIVING = Store("driving", LINK, PER_DRIVE), Store("ddriving", LINK, PER_DRIVE_LANE)
 """The generalised force that this takes."""

@@ -91,6 +91,17 @@ def test_the_driving_torque_is_that_of_the_free_mechanism_with_its_acceleration_
     assert error(udot, np.insert(solver.accelerations(q, u, P, t=T), place, acceleration)) < 1e-12
 
 
+def test_loops_transmit_what_the_dense_method_has_and_more_digits_agree(tmp_path: Path) -> None:
+    model = bars("cart", True)
+    solver = made(model, tmp_path / "bars", reactions=True)
+    q, u = solver.assemble(p=P, t=T)
+    state = (q, u, P, None, T)
+    assert error(solver.reactions(*state)[1], DenseEngine(model).reactions(*state)) < 1e-13
+    more = solver.in_precision(30)
+    assert error(solver.driving_forces(*state), more.driving_forces(*state)) < 1e-14
+    assert np.abs(more.closure(*more.assemble(*state), P, t=T)[0]).max() < 1e-27
+
+
 def test_energy_changes_by_the_power_of_all_forces(tmp_path: Path) -> None:
     solver = made(bars("cart", True), tmp_path / "driven")
     model = bars("cart", True)

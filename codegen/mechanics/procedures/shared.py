@@ -95,7 +95,7 @@ class Shared:
     # -- what procedures share -------------------------------------------------------------------------------------
 
     def _routines(self) -> None:
-        u, dq, du, motion = self.of("u", "dq", "du", "motion")
+        u, dq, du, motion = self.of("u", "dq", "du", "prescribed")
         held: tuple[Step, ...] = (Hold(u, u.called("given_u")), *run("closures")) if self.loops else ()
         start = Routine(
             "start",

@@ -25,7 +25,7 @@ accelerates by -g or, for the mass matrix, not at all; memory of directions, whi
 JOINT_FORCES = Formulas("joint_forces", ("tau",))
 OUTPUTS = Formulas("output_formulas", ("outputs",))
 HELD_FORCES = Formulas("held_forces", ("held_force",))
-MOTIONS = Formulas("prescribed_motion", ("motion",))
+MOTIONS = Formulas("prescribed_motion", ("prescribed",))
 INITIAL = Formulas("initial_values", ("initial_q", "initial_u"))
 
 SHAPES: dict[str, tuple[str, ...]] = {
@@ -36,7 +36,7 @@ SHAPES: dict[str, tuple[str, ...]] = {
     "position": ("nclosure",), "velocity": ("nclosure",), "condition": ("nloops",), "reaction": ("6*nlinks",),
     "loop_reaction": ("6*nloops",), "step": ("nq",), "full_q": ("nq",), "full_u": ("nu",), "tau": ("nu",),
     "masses": ("4",), "momenta": ("6",),
-    "motion": ("3*nprescribed",), "driving": ("nprescribed",), "actuation": ("nprescribed",), "held_force": ("nprescribed",),
+    "prescribed": ("3*nprescribed",), "driving": ("nprescribed",), "actuation": ("nprescribed",), "held_force": ("nprescribed",),
 }  # fmt: skip
 """Axes of arguments and results."""
 

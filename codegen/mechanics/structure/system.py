@@ -102,7 +102,7 @@ class System:
     def arrays(self) -> dict[str, int]:
         """Arrays that are found before sweeps, or by them, for one call, and their sizes: coefficients, prescribed motion."""
         n = len(self.model.prescribed)
-        of_motion = {"motion": 3 * n, "held_force": n * bool(self.held), "driving": n}
+        of_motion = {"prescribed": 3 * n, "held_force": n * bool(self.held), "driving": n}
         return self.coefficient_counts | {name: size for name, size in of_motion.items() if size}
 
     @property
