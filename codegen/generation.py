@@ -17,6 +17,7 @@ from .folders import OTHERS, FolderError, put_right, refuse_foreign, write_folde
 from .for_c import package_context
 from .listing import list_model
 from .model import Model, ModelError, load_model
+from .model.loading import digest_of_files
 from .program.progress import Progress, silent
 from .summary import Report
 from .version import __version__
@@ -109,7 +110,7 @@ def generate(
             model = load_model(file)
             origin = {"file": file.name}
             if file.is_file():  # what comes from a pipe is read once
-                origin["sha256"] = hashlib.sha256(file.read_bytes()).hexdigest()
+                origin["sha256"] = digest_of_files(file, model)
     path = (Path("generated") / model.name if folder is None else Path(folder)).absolute()
     put_right(path)
     refuse_foreign(path)

@@ -438,7 +438,7 @@ def judge(text: str, limit: float = 10.0) -> Verdict:
     try:
         with warnings.catch_warnings(), time_limit(limit):
             warnings.simplefilter("error")
-            model = parse_model(text, FILE)
+            model = parse_model(text, FILE, ROOT / "examples")
     except ModelError as error:
         seconds = time.process_time() - start
         bad = [line for line in str(error).split("\n") if not re.match(rf"{FILE}:[1-9]\d*:[1-9]\d*: \S", line)]

@@ -110,6 +110,7 @@ def manifest(
         "independent_speed_names": [model.speed_names[i] for i in independent_u],
         "prescribed_names": list(model.prescribed_names),
         "initial": {"q": _of_free(system, assembled) or q0, "u": u0},
+        **({"initial_at_rest": True} if model.initial_at_rest else {}),
         "quaternions": quaternions,
         "links": [link.name for link in system.links],
         "loops": [loop.name for loop in model.loops],

@@ -8,34 +8,38 @@ reported and left out, so that the others are still read.
 from __future__ import annotations
 
 from .entries import seen
-from .errors import ModelError, Problem, nearest
+from .errors import ModelError, Problem
 from .forces import JointForce
 from .model import GROUND, Model
 from .positions import Document
-from .reading import Reader, TooManyProblems, some
+from .reading import Reader, TooManyProblems
 from .repetition import CannotGoOn
 from .schema import SECTIONS
 from .sections.bodies import check_freedoms, read_bodies
+from .sections.files import check_given, read_files
 from .sections.forces import read_forces
+from .sections.gravity import is_constant, read_gravity, weights
 from .sections.independent import read_independent
-from .sections.initial import read_initial
+from .sections.initial import is_at_rest, read_initial
 from .sections.loops import read_loops
 from .sections.motion import read_motion
+from .sections.named_expressions import check_named_expressions, read_named_expressions, warn_of_unused
 from .sections.outputs import read_outputs
 from .sections.points import read_points
-from .sections.quantities import model_name, read_constants, read_gravity, read_inputs, read_parameters
+from .sections.quantities import model_name, read_inputs, read_parameters
+from .sections.tables import read_tables, warn_of_unused_tables
 from .sections.tolerance import read_loop_tolerance
 
 
-def assemble(document: Document) -> Model:
-    """The model that a document describes.
+def assemble(document: Document, folder: str | None = None) -> Model:
+    """The model that a document describes; its other files stand in the folder.
 
     Raises
     ------
     ModelError
         With all problems.
     """
-    reader = Reader(document)
+    reader = Reader(document, folder)
     model = None
     try:
         model = _model(reader)
@@ -45,7 +49,8 @@ def assemble(document: Document) -> Model:
         reader.problems.append(Problem(document.file, 1, 1, "", "expressions nested too deeply"))
     errors = [p for p in reader.problems if p.severity == "error"]
     if errors or model is None:
-        order = sorted(errors, key=lambda p: (p.line or 0, p.column or 0))
+        files = list(dict.fromkeys([document.file, *(p.file for p in errors)]))
+        order = sorted(errors, key=lambda p: (files.index(p.file), p.line or 0, p.column or 0))
         raise ModelError([*order, *(p for p in reader.problems if p.severity != "error")])
     return model
 
@@ -57,32 +62,38 @@ def _model(reader: Reader) -> Model | None:
         start = None if reader.document.file == "builder" else 1
         reader.add(Problem(reader.document.file, start, start, "", message))
         return None
-    for key in root:
-        if key not in SECTIONS:
-            hint = nearest(key, SECTIONS)
-            reader.report(reader.top(key), (), f"unknown key {key!r}; keys here: {some(SECTIONS)}{hint}", key=True)
     name = model_name(reader)
-    read_constants(reader)
+    read_files(reader)
     parameters = read_parameters(reader)
+    reader.allowed["inputs"] = {**dict.fromkeys(reader.defaults), "t": None}
     read_inputs(reader)
-    reader.allowed["parameters"] = dict.fromkeys(reader.defaults)
-    reader.allowed["inputs"] = dict.fromkeys([*reader.defaults, *reader.inputs, "t"])
+    reader.allowed["inputs"]["t"] = reader.allowed["inputs"].pop("t")  # printed last
+    check_given(reader)
+    tables = read_tables(reader)
+    named = read_named_expressions(reader)
     reader.allowed["motion"] = dict(reader.allowed["inputs"])  # and what moves, once the bodies are read
     gravity = read_gravity(reader)
     bodies = read_bodies(reader)
     motion = read_motion(reader, bodies)
     points = read_points(reader, bodies)
     reader.points = [points, bodies.frames]
+    check_named_expressions(reader, named)
     before = reader.errors
     loops = read_loops(reader, bodies, points)
     if reader.errors == before:  # a loop that could not be read may hold what seems to move no mass
         faces = [face for loop in loops for face in (loop.start, loop.end)]
         check_freedoms(reader, bodies, {face.body for face in faces if face.body != GROUND}, motion)
     elements = read_forces(reader, bodies, points)
+    if gravity is not None and not is_constant(reader, gravity):
+        if bodies.is_sound:
+            elements += weights(gravity, bodies)
+        gravity = None
     outputs = read_outputs(reader, bodies, points)
     initial = read_initial(reader, bodies)
     independent = read_independent(reader, bodies)
     loop_tolerance = read_loop_tolerance(reader)
+    warn_of_unused(reader, named)
+    warn_of_unused_tables(reader, tables)
     if any(p.severity == "error" for p in reader.problems):
         return None
     for parameter, at in parameters:
@@ -104,9 +115,11 @@ def _model(reader: Reader) -> Model | None:
         motion=motion,
         initial_q=initial["q"],
         initial_u=initial["u"],
+        initial_at_rest=is_at_rest(reader),
         independent=independent,
         warnings=tuple(str(p) for p in reader.problems if p.severity == "warning"),
         loop_tolerance=loop_tolerance,
         file=reader.document.file,
         places=reader.places,
+        files=tuple(reader.files.names),
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from os import PathLike, fspath
 from typing import Any
 
 from .assembly import assemble
@@ -13,6 +14,8 @@ from .positions import Document
 
 Scalar = str | int | float | Expression
 """A number, or an expression as the format writes it."""
+Vector3 = str | Sequence[Scalar]
+"""Three of them, or an expression of vectors."""
 
 
 class ModelBuilder:
@@ -28,6 +31,8 @@ class ModelBuilder:
         m/s^2 in the ground frame.
     loop_tolerance : number, optional
         See `Model.loop_tolerance`.
+    folder : str or path, optional
+        Where the files of submodels, and included ones, are.
 
     Examples
     --------
@@ -41,8 +46,13 @@ class ModelBuilder:
     """
 
     def __init__(
-        self, name: str, gravity: Sequence[Scalar] | None = None, loop_tolerance: Scalar | None = None
+        self,
+        name: str,
+        gravity: Vector3 | None = None,
+        loop_tolerance: Scalar | None = None,
+        folder: str | PathLike[str] | None = None,
     ) -> None:
+        self._folder = None if folder is None else fspath(folder)
         self._root: dict[str, Any] = {"model": name}
         if gravity is not None:
             self._root["gravity"] = _plain(gravity)
@@ -58,12 +68,12 @@ class ModelBuilder:
     def parameter(
         self,
         name: str,
-        value: Scalar,
+        value: Scalar | Sequence[Scalar],
         unit: str = "",
-        min: Scalar | None = None,
-        max: Scalar | None = None,
+        min: Scalar | Sequence[Scalar] | None = None,
+        max: Scalar | Sequence[Scalar] | None = None,
     ) -> Name:
-        """A design parameter; the result may be used in expressions as it is or by its name."""
+        """A design parameter, or a vector of three; the result may be used in expressions as it is or by its name."""
         self._put("parameters", name, _given(value=value, unit=unit, min=min, max=max))
         return Name(name)
 
@@ -71,6 +81,15 @@ class ModelBuilder:
         """A run-time input."""
         self._root.setdefault("inputs", []).append(_plain(name))
         return Name(name)
+
+    def expression(self, name: str, value: Scalar) -> Name:
+        """A name for an expression that several entries have in common."""
+        self._put("expressions", name, _plain(value))
+        return Name(name)
+
+    def table(self, name: str, x: Sequence[Scalar], y: Sequence[Scalar], outside: str, kind: str = "linear") -> None:
+        """A function of one number by its points, called in expressions by its name: ``torque(u.wheel)``."""
+        self._put("tables", name, _given(x=x, y=y, outside=outside, kind=kind))
 
     def body(
         self,
@@ -82,11 +101,11 @@ class ModelBuilder:
         axes: Sequence[str | Sequence[Scalar]] | None = None,
         normal: str | Sequence[Scalar] | None = None,
         pitch: Scalar | None = None,
-        at: Sequence[Scalar] | None = None,
+        at: Vector3 | None = None,
         rotate: Sequence[Mapping[str, Any]] | None = None,
-        rpy: Sequence[Scalar] | None = None,
+        rpy: Vector3 | None = None,
         mass: Scalar | None = None,
-        com: Sequence[Scalar] | None = None,
+        com: Vector3 | None = None,
         inertia: Mapping[str, Scalar] | None = None,
         shape: Mapping[str, Any] | None = None,
     ) -> str:
@@ -107,7 +126,40 @@ class ModelBuilder:
         self._put("bodies", name, entry)
         return name
 
-    def point(self, name: str, body: str, at: Sequence[Scalar] = (0, 0, 0)) -> str:
+    def submodel(
+        self,
+        name: str,
+        use: str,
+        on: str = "ground",
+        *,
+        at: Vector3 | None = None,
+        rotate: Sequence[Mapping[str, Any]] | None = None,
+        rpy: Vector3 | None = None,
+        given: Mapping[str, Scalar | Sequence[Scalar]] | None = None,
+    ) -> str:
+        """A model file that is read once more, its names behind ``NAME_``; the result is the body that its ground is.
+
+        Parameters
+        ----------
+        name : str
+        use : str
+            The file, by its path from the folder of the builder.
+        on : str
+            The body that its ground is fixed to, `at` and turned by `rotate` or `rpy` there.
+        given : mapping
+            Numbers that stand in the place of the file's own constants, parameters and inputs: ``with`` in a file.
+        """
+        entry = _given(use=use, on=on, at=at, rotate=rotate, rpy=rpy)
+        if given:
+            entry["with"] = _plain(given)
+        self._put("submodels", name, entry)
+        return name
+
+    def include(self, file: str) -> None:
+        """Read the sections of another file too, as if they stood here."""
+        self._root.setdefault("include", []).append(_plain(file))
+
+    def point(self, name: str, body: str, at: Vector3 = (0, 0, 0)) -> str:
         """A named point fixed in a body."""
         self._put("points", name, {"body": body, "at": _plain(at)})
         return name
@@ -181,9 +233,12 @@ class ModelBuilder:
         self,
         q: Mapping[str, Scalar | Sequence[Scalar]] | None = None,
         u: Mapping[str, Scalar | Sequence[Scalar]] | None = None,
+        equilibrium: bool | None = None,
     ) -> None:
-        """Initial coordinates and speeds; may be called several times."""
+        """Initial coordinates and speeds, and whether to begin at rest near them; may be called several times."""
         initial = self._root.setdefault("initial", {})
+        if equilibrium is not None:
+            initial["equilibrium"] = equilibrium
         for key, values in (("q", q), ("u", u)):
             if values is not None and not isinstance(values, Mapping):
                 problem = f"{type(values).__name__}; a mapping from names to values is needed"
@@ -202,7 +257,7 @@ class ModelBuilder:
         """
         document = Document("builder", self._root)
         document.problems.extend(self._problems)
-        return assemble(document)
+        return assemble(document, self._folder)
 
     def _put(self, section: str, name: str, value: Any) -> None:
         self._put_into(self._root.setdefault(section, {}), section, name, value)

@@ -12,7 +12,7 @@ from typing import Annotated, Any, ClassVar, Final
 from pydantic import BaseModel, ConfigDict, PlainValidator, WrapValidator, model_validator
 from pydantic_core import PydanticCustomError
 
-from .expressions import FUNCTIONS, Expression, ExpressionError, parse
+from .expressions import FUNCTIONS, Expression, ExpressionError, component_of, parse
 
 ZERO: Final = Expression.number(0)
 ONE: Final = Expression.number(1)
@@ -91,12 +91,30 @@ _LETTERS: Final = {
 }
 
 
+NO_AXIS: Final = "axis; x, y, z, -x, -y, -z or a vector [x, y, z] is allowed"
+_NO_VECTOR: Final = (
+    "vector; three numbers are needed, [x, y, z], or the name of a parameter or constant that is a vector"
+)
+
+
 def _axis(value: Any, handler: Callable[[Any], Any]) -> Any:
-    if isinstance(value, str):
-        if value not in _LETTERS:
-            raise complaint(f"{seen(value)} is no axis; x, y, z, -x, -y, -z or a vector [x, y, z] is allowed")
-        return _LETTERS[value]
+    if type(value) is str:
+        return _LETTERS[value] if value in _LETTERS else _by_name(value, NO_AXIS)
     return handler(value)
+
+
+def _vector(value: Any, handler: Callable[[Any], Any]) -> Any:
+    if isinstance(value, (str, Expression)):
+        found = _expression(value)
+        if found.names:  # what has none is a number, which the handler knows
+            return _by_name(found, _NO_VECTOR)
+    return handler(value)
+
+
+def _by_name(value: Any, wanted: str) -> Any:
+    """The components of an expression that is written where a vector is wanted."""
+    tree = _expression(value).tree
+    return tuple(Expression(component_of(tree, k, wanted)) for k in range(3))
 
 
 def list_or_one(value: Any, handler: Callable[[Any], Any]) -> Any:
@@ -113,8 +131,8 @@ def written(value: Any, handler: Callable[[Any], Any]) -> Any:
 Expr = Annotated[Expression, PlainValidator(_expression)]
 OptionalExpr = Annotated[Expression | None, PlainValidator(_expression)]
 Reference = Annotated[Expression, PlainValidator(_reference)]
-Vector = tuple[Expr, Expr, Expr]
-Axis = Annotated[Vector, WrapValidator(_axis)]
+Vector = Annotated[tuple[Expr, Expr, Expr], WrapValidator(_vector)]
+Axis = Annotated[tuple[Expr, Expr, Expr], WrapValidator(_axis)]
 OptionalVector = Annotated[Vector | None, WrapValidator(written)]
 Origin: Final = (ZERO, ZERO, ZERO)
 

@@ -9,8 +9,10 @@ Names are those of parameters and inputs, ``t``, ``q.NAME`` and ``u.NAME``, and,
 ``velocity.POINT.x``; constants and repeat indices have become
 numbers, ``pi`` too. Whole numbers below 2**53 are Python ints (exact in every arithmetic), all others are floats.
 
-Two more nodes exist between `parse` and `bind` only, because they are settled while a model is loaded:
-``("indexed", name, indices, suffix)`` for a name with repeat indices such as ``q.link(k-1)`` and ``("%", a, b)``.
+Four more nodes exist between `parse` and `bind` only, because they are settled while a model is loaded:
+``("indexed", name, indices, suffix)`` for a name with repeat indices such as ``q.link(k-1)``, ``("%", a, b)``,
+``("quantity", value, dimension, text)`` for a number with a unit, and ``("component", a, k, wanted)`` for one of the three of an
+expression that stands in the place of a vector.
 
 Expressions are interned: equal trees are one object, so structure repeated in a model is recognised by identity.
 """
@@ -21,12 +23,14 @@ import math
 import operator
 import re
 from collections.abc import Callable, Mapping
+from fractions import Fraction
 from functools import lru_cache
 from types import ModuleType
 from typing import Any, Final, NoReturn, Protocol
 from weakref import WeakValueDictionary
 
 from .errors import nearest
+from .units import UnitError, unit_at
 
 Tree = tuple[Any, ...]
 Number = int | float
@@ -37,6 +41,13 @@ FUNCTIONS: Final[dict[str, int]] = {
 }  # fmt: skip
 """Functions of the grammar and how many arguments they take (``min`` and ``max``: at least so many)."""
 
+AT_LEAST: Final = "at_least"
+"""Of trees alone: 1 where the first argument is at least the second, else 0. Comparisons are made of it."""
+
+WRITTEN_OUT: Final = {"if": "if(condition, x, y)", "step": "step(x, from, to)", "distance": "distance(POINT, POINT)",
+                      "rate": "rate(POINT, POINT)"}  # fmt: skip
+"""What is written as a function and becomes an expression of others, and how."""
+
 _OTHER_LANGUAGES: Final = {
     "ln": "log", "arcsin": "asin", "arccos": "acos", "arctan": "atan", "arctan2": "atan2", "fabs": "abs", "sgn": "sign",
     "signum": "sign", "sqr": "sqrt", "fmin": "min", "fmax": "max", "minimum": "min", "maximum": "max",
@@ -46,12 +57,13 @@ _OTHER_LANGUAGES: Final = {
 def functions(name: str) -> str:
     """``functions are sin, cos, ...; did you mean 'log'?`` for a name that is none."""
     other = {
-        "step": "; a step is (1 + sign(x))/2", "heaviside": "; a step is (1 + sign(x))/2", "pow": "; a power is written a**b",
+        "heaviside": "; a step is if(x > 0, 1, 0), a smooth one step(x, from, to)", "pow": "; a power is written a**b",
         "log10": "; write log(x)/log(10)", "log2": "; write log(x)/log(2)", "cbrt": "; write x**(1/3)",
     }.get(name.lower())  # fmt: skip
     if other is None and name.lower() in _OTHER_LANGUAGES:
         other = f"; did you mean {_OTHER_LANGUAGES[name.lower()]!r}?"
-    return f"functions are {', '.join(FUNCTIONS)}{other or nearest(name, FUNCTIONS)}"
+    every = [*FUNCTIONS, *WRITTEN_OUT]
+    return f"functions are {', '.join(every)}{other or nearest(name, every)}"
 
 
 MEASURED: Final = ("position", "velocity")
@@ -190,9 +202,42 @@ def _collect(tree: Tree, found: set[str]) -> None:
     elif kind == "indexed":
         for index in tree[2]:
             _collect(index, found)
-    elif kind != "number":
+    elif kind == "component":
+        _collect(tree[1], found)
+    elif kind not in ("number", "quantity"):
         for argument in tree[1:]:
             _collect(argument, found)
+
+
+def has_units(tree: Tree) -> bool:
+    """Whether a number of a parsed tree has a unit."""
+    kind = tree[0]
+    if kind == "component":
+        return has_units(tree[1])
+    if kind in ("number", "name", "indexed", "quantity"):
+        return bool(kind == "quantity")
+    return any(has_units(a) for a in tree[2 if kind == "call" else 1 :])
+
+
+def has_factors(tree: Tree) -> bool:
+    """Whether a plain number multiplies something in a parsed tree, or is divided by it."""
+    kind = tree[0]
+    if kind in ("number", "name", "indexed", "quantity"):
+        return False
+    inner = tree[1:2] if kind == "component" else tree[2 if kind == "call" else 1 :]
+    return (kind in ("*", "/") and any(a[0] == "number" for a in inner)) or any(has_factors(a) for a in inner)
+
+
+def compares(tree: Tree) -> bool:
+    """Whether a bound tree compares numbers that move, or time: where they are equal it jumps or has a kink."""
+    kind = tree[0]
+    if kind in ("number", "name"):
+        return False
+    if kind == "call" and tree[1] == AT_LEAST:
+        found: set[str] = set()
+        _collect(tree, found)
+        return any(n == "t" or n.startswith(("q.", "u.", "position.", "velocity.")) for n in found)
+    return any(compares(a) for a in tree[2 if kind == "call" else 1 :])
 
 
 # --- values -----------------------------------------------------------------------------------------------------
@@ -213,6 +258,7 @@ FLOAT_FUNCTIONS: Final[dict[str, Callable[..., Any]]] = {
     "sign": _float_sign,
     "min": min,
     "max": max,
+    AT_LEAST: lambda a, b: float(a >= b),
     "number": float,
     "**": _float_power,
 }
@@ -254,6 +300,8 @@ def functions_for(module: ModuleType | Any) -> dict[str, Callable[..., Any]]:
         if found is None:
             raise TypeError(f"{root} has no function for {name!r}; numpy, mpmath, sympy and math do")
         functions[name] = found
+    number = functions["number"]
+    functions[AT_LEAST] = lambda a, b: number(1 if a >= b else 0)
     return functions
 
 
@@ -297,10 +345,16 @@ def _print(tree: Tree, around: int) -> str:
         return f"({text})" if text.startswith("-") and around > 1 else text
     if kind == "name":
         return str(tree[1])
+    if kind == "call" and tree[1] == AT_LEAST:
+        return f"({_print(tree[2], 0)} >= {_print(tree[3], 0)})"
     if kind == "call":
         return f"{tree[1]}({', '.join(_print(a, 0) for a in tree[2:])})"
     if kind == "indexed":
         return str(tree[1]) + "".join(f"({_print(i, 0)})" for i in tree[2]) + str(tree[3])
+    if kind == "quantity":
+        return str(tree[3])
+    if kind == "component":
+        return _print(tree[1], around)
     own = _PRECEDENCE[kind]
     if kind == "neg":
         text = "-" + _print(tree[1], own)
@@ -378,7 +432,7 @@ def combine(kind: str, *arguments: Tree) -> Tree:
             raise ExpressionError(f"{_print(_node(kind, arguments), 0)} has no real value") from None
     if kind == "neg":
         return arguments[0][1] if arguments[0][0] == "neg" else ("neg", arguments[0])
-    if kind in FUNCTIONS:
+    if kind in FUNCTIONS or kind == AT_LEAST:
         return ("call", kind, *arguments)
     a, b = arguments
     if kind == "*":
@@ -414,7 +468,7 @@ def combine(kind: str, *arguments: Tree) -> Tree:
 
 
 def _node(kind: str, arguments: tuple[Tree, ...]) -> Tree:
-    return ("call", kind, *arguments) if kind in FUNCTIONS else (kind, *arguments)
+    return ("call", kind, *arguments) if kind in FUNCTIONS or kind == AT_LEAST else (kind, *arguments)
 
 
 # --- binding ----------------------------------------------------------------------------------------------------
@@ -493,6 +547,13 @@ def _bind(tree: Tree, numbers: Numbers) -> Tree:
     kind = tree[0]
     if kind == "number":
         return tree
+    if kind == "quantity":
+        return ("number", tree[1])
+    if kind == "component":
+        found, is_vector = _component(tree[1], tree[2], numbers)
+        if not is_vector:
+            raise ExpressionError(f"{_print(tree[1], 0)!r} is no {tree[3]}")
+        return found
     if kind == "name":
         value = numbers.get(tree[1])
         if value is None:
@@ -511,6 +572,37 @@ def _bind(tree: Tree, numbers: Numbers) -> Tree:
             ) from None
         return _bind(("name", name), numbers)
     return combine(kind, *[_bind(a, numbers) for a in tree[1:]])
+
+
+def vector_key(name: str) -> str:
+    """Key under which `numbers` says that a name is a vector: ``NAME.x``, ``NAME.y``, ``NAME.z``."""
+    return f"'{name}.'"  # no name has a quote
+
+
+def component_of(tree: Tree, k: int, wanted: str) -> Tree:
+    """One of the three components of an expression that stands where a vector is wanted."""
+    return ("component", tree, k, wanted)
+
+
+def _component(tree: Tree, k: int, numbers: Numbers) -> tuple[Tree, bool]:
+    """A component of what is a vector, bound, and True; or what is a number, bound, and False."""
+    kind = tree[0]
+    if kind == "indexed" and not tree[3]:
+        tree = ("name", "_".join([tree[1], *[index_text(i, numbers) for i in tree[2]]]))
+        kind = "name"
+    if kind == "name" and numbers.get(vector_key(tree[1])) is not None:
+        return _bind(("name", f"{tree[1]}.{'xyz'[k]}"), numbers), True
+    if kind == "neg":
+        inner, is_vector = _component(tree[1], k, numbers)
+        return combine("neg", inner), is_vector
+    if kind not in ("+", "-", "*", "/"):
+        return _bind(tree, numbers), False
+    (a, left), (b, right) = (_component(x, k, numbers) for x in tree[1:])
+    if kind in ("+", "-") and left != right:
+        raise ExpressionError(f"{_print(tree, 0)} adds a number and a vector; both are to be vectors")
+    if (kind == "*" and left and right) or (kind == "/" and right):
+        raise ExpressionError(f"{_print(tree, 0)} multiplies or divides by a vector; a vector takes numbers as factors")
+    return combine(kind, a, b), left or right
 
 
 class Binder:
@@ -543,11 +635,22 @@ _TOKEN = re.compile(
     r"(?P<space>[ \t\r\n]+)"
     r"|(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)"
     r"|(?P<name>[A-Za-z_][A-Za-z0-9_]*(?:\.[A-Za-z0-9_]+)*)"
-    r"|(?P<operator>\*\*|[-+*/%(),])"
+    r"|(?P<operator>\*\*|[<>]=?|[-+*/%(),])"
 )
 _SUFFIX = re.compile(r"(?:\.[A-Za-z0-9_]+)+")
 _BINARY = {"+": 1, "-": 1, "*": 2, "/": 2, "%": 2, "**": 4}
 _UNARY = 3
+_COMPARED = ("<", "<=", ">", ">=")
+_WORDS = ("and", "or", "not")
+
+
+def _gap(what: str, start: Tree, end: Tree, c: str) -> Tree:
+    """A component of the way from one point to another, or of its rate."""
+    a, b = (
+        ("name", f"{what}.{p[1]}.{c}") if p[0] == "name" else ("indexed", f"{what}.{p[1]}", p[2], f".{c}")
+        for p in (start, end)
+    )
+    return ("-", b, a)
 
 
 @lru_cache(maxsize=4096)
@@ -650,7 +753,11 @@ class _Parser:
         start, token = self.start, self.token
         if self.kind == "number":
             self.advance()
-            return self.number(token, start), 1
+            return (
+                self.quantity(token, start)
+                if self.kind == "name" and self.token not in _WORDS
+                else self.number(token, start)
+            ), 1
         if self.kind == "name":
             self.advance()
             if self.token == "(" and self.kind == "operator":
@@ -683,6 +790,24 @@ class _Parser:
             return ("number", int(value))  # exact, and int(token) refuses some thousands of leading zeros
         return ("number", _canonical(value))
 
+    def quantity(self, token: str, start: int) -> Tree:
+        """A number and the unit that follows it."""
+        try:
+            size, dimension, end = unit_at(self.text, self.start)
+        except UnitError as error:
+            self.fail(f"an operator + - * / ** is missing between the number and {self.token!r}; {error}")
+        value = float(token)
+        if 0 < value < math.inf:
+            try:  # of more digits than floats have not all count, and they take time
+                value = float((Fraction(token) if len(token) <= 60 else Fraction(value)) * size)
+            except OverflowError:
+                value = math.inf
+        if math.isinf(value):
+            self.fail(f"{self.text[start:end][:30]} is too large; numbers up to 1.8e308 are allowed", start)
+        self.end = end
+        self.advance()
+        return ("quantity", _canonical(value), dimension, self.text[start:end])
+
     def name(self, name: str, start: int) -> Tree:
         if name == "pi":
             return ("number", math.pi)
@@ -690,9 +815,10 @@ class _Parser:
         if dot and first in MEASURED:
             if not re.fullmatch(r"[A-Za-z_]\w*\.[xyz]", rest):
                 self.fail(f"name {name}; write {first}.POINT.x, .y or .z with the name of a point or a body", start)
-        elif dot and (first not in ("q", "u") or rest[0].isdigit()):
+        elif dot and rest not in ("x", "y", "z") and (first not in ("q", "u") or rest[0].isdigit()):
             self.fail(
-                f"name {name}; only coordinates q.NAME, speeds u.NAME, position.POINT.x and velocity.POINT.x have a dot",
+                f"name {name}; only coordinates q.NAME, speeds u.NAME, position.POINT.x and velocity.POINT.x have a dot, "
+                f"and components NAME.x, .y and .z of vectors",
                 start,
             )
         if name in ("q", "u"):
@@ -702,6 +828,8 @@ class _Parser:
         return ("name", name)
 
     def call(self, name: str, start: int, nesting: int) -> tuple[Tree, int]:
+        if name in WRITTEN_OUT:
+            return getattr(self, f"_{name}")(start, nesting)
         if name not in FUNCTIONS:
             return self.indexed(name, start, nesting)
         opened = self.start
@@ -728,6 +856,131 @@ class _Parser:
         for tree, depth in arguments[1:]:  # min(a, b, c) is min(min(a, b), c): every walker then knows two arguments
             result = self.node(("call", name, result[0], tree), 1 + max(result[1], depth))
         return result
+
+    def _if(self, start: int, nesting: int) -> tuple[Tree, int]:
+        """``if(a < b, x, y)``: x times the condition, which is 0 or 1, and y times what is left of 1."""
+        opened = self.start
+        self.advance()
+        (holds, fails), deep = self.condition(nesting + 1)
+        others = []
+        for _ in range(2):
+            if self.token != ",":
+                self.fail(f"{self.token or 'the end'!r} where a comma is needed; write {WRITTEN_OUT['if']}", start)
+            self.advance()
+            others.append(self.expression(1, nesting + 1))
+        self.close(opened)
+        (x, of_x), (y, of_y) = others
+        return self.node(("+", ("*", holds, x), ("*", fails, y)), 2 + max(deep, of_x, of_y))
+
+    def condition(self, nesting: int) -> tuple[tuple[Tree, Tree], int]:
+        """Two trees, of which one is 1 and the other 0: the first where the condition here holds. Comparisons with ``not``,
+        ``and`` and ``or``."""
+        (holds, fails), depth = self.conjunction(nesting)
+        while self.token == "or":
+            self.advance()
+            (other, also), deep = self.conjunction(nesting)
+            depth = 1 + max(depth, deep)
+            holds, fails = ("call", "max", holds, other), self.node(("*", fails, also), depth)[0]
+        return (holds, fails), depth
+
+    def conjunction(self, nesting: int) -> tuple[tuple[Tree, Tree], int]:
+        (holds, fails), depth = self.comparison(nesting)
+        while self.token == "and":
+            self.advance()
+            (other, also), deep = self.comparison(nesting)
+            depth = 1 + max(depth, deep)
+            holds, fails = self.node(("*", holds, other), depth)[0], ("call", "max", fails, also)
+        return (holds, fails), depth
+
+    def comparison(self, nesting: int) -> tuple[tuple[Tree, Tree], int]:
+        if nesting > MAX_NESTING:
+            self.fail(f"more than {MAX_NESTING} levels of parentheses or signs; split the expression")
+        if self.token == "not":
+            self.advance()
+            (holds, fails), depth = self.comparison(nesting + 1)
+            return (fails, holds), depth
+        inner = self.enclosed(nesting) if self.token == "(" else None
+        if inner is not None:
+            return inner
+        left, depth = self.expression(1, nesting)
+        sign = self.token
+        if sign not in _COMPARED:
+            self.fail(
+                f"{sign or 'the end'!r} where one of {' '.join(_COMPARED)} is needed; a condition compares two numbers"
+            )
+        self.advance()
+        right, deep = self.expression(1, nesting)
+        a, b = (left, right) if sign in (">=", "<") else (right, left)
+        tree: Tree = ("call", AT_LEAST, a, b)
+        self.node(tree, depth := 2 + max(depth, deep))
+        rest: Tree = ("-", _ONE, tree)
+        return ((rest, tree) if sign in ("<", ">") else (tree, rest)), depth
+
+    def enclosed(self, nesting: int) -> tuple[tuple[Tree, Tree], int] | None:
+        """A condition in parentheses; None where these are part of a number, which is then read from where they begin."""
+        here = self.end, self.start, self.kind, self.token
+        self.advance()
+        try:
+            found = self.condition(nesting + 1)
+            if self.token == ")":
+                self.advance()
+                if self.token in (",", ")", "and", "or"):
+                    return found
+        except ExpressionError:
+            pass  # said again, from where a number is expected
+        self.end, self.start, self.kind, self.token = here
+        return None
+
+    def _step(self, start: int, nesting: int) -> tuple[Tree, int]:
+        """``step(x, a, b)``: 0 below a, 1 above b, between them ``s^3 (10 - 15 s + 6 s^2)``, smooth to the second derivative."""
+        (x, low, high), depth = self.arguments("step", 3, start, nesting)
+        s = ("call", "min", ("call", "max", ("/", ("-", x, low), ("-", high, low)), _ZERO), _ONE)
+        inner = ("+", ("-", ("number", 10), ("*", ("number", 15), s)), ("*", ("number", 6), ("**", s, ("number", 2))))
+        return self.node(("*", ("**", s, ("number", 3)), inner), depth + 7)
+
+    def _distance(self, start: int, nesting: int) -> tuple[Tree, int]:
+        """``distance(a, b)``: of two points, m."""
+        del nesting
+        one, other = self.points("distance", start)
+        squares = [("**", _gap("position", one, other, c), ("number", 2)) for c in "xyz"]
+        return ("call", "sqrt", ("+", ("+", squares[0], squares[1]), squares[2])), 6
+
+    def _rate(self, start: int, nesting: int) -> tuple[Tree, int]:
+        """``rate(a, b)``: of the distance of two points by time, m/s."""
+        del nesting
+        one, other = self.points("rate", start)
+        squares = [("**", _gap("position", one, other, c), ("number", 2)) for c in "xyz"]
+        far = ("call", "sqrt", ("+", ("+", squares[0], squares[1]), squares[2]))
+        products = [("*", _gap("position", one, other, c), _gap("velocity", one, other, c)) for c in "xyz"]
+        return ("/", ("+", ("+", products[0], products[1]), products[2]), far), 7
+
+    def points(self, name: str, start: int) -> tuple[Tree, Tree]:
+        """Two names in parentheses, each perhaps with repeat indices."""
+        found = []
+        opened = self.start
+        for k in range(2):
+            self.advance()
+            at = self.start
+            tree = self.operand(0) if self.kind == "name" else (_ZERO, 1)
+            if tree[0][0] not in ("name", "indexed") or "." in tree[0][1]:
+                self.fail(f"a point is needed, by its name or that of a body; write {WRITTEN_OUT[name]}", at)
+            found.append(tree[0])
+            if k == 0 and self.token != ",":
+                self.fail(f"{name} of one point; write {WRITTEN_OUT[name]}", start)
+        self.close(opened)
+        return found[0], found[1]
+
+    def arguments(self, name: str, count: int, start: int, nesting: int) -> tuple[list[Tree], int]:
+        """So many expressions in parentheses, and the depth of the deepest."""
+        opened = self.start
+        found: list[tuple[Tree, int]] = []
+        while not found or self.token == ",":
+            self.advance()
+            found.append(self.expression(1, nesting + 1))
+        self.close(opened)
+        if len(found) != count:
+            self.fail(f"{name} with {len(found)} arguments; write {WRITTEN_OUT[name]}", start)
+        return [tree for tree, _ in found], max(depth for _, depth in found)
 
     def indexed(self, name: str, start: int, nesting: int) -> tuple[Tree, int]:
         first, dot, rest = name.partition(".")

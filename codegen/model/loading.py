@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
+import os
 from os import PathLike, fspath
+from pathlib import Path
 
 from .assembly import assemble
 from .collector import collector_paused
@@ -29,10 +32,26 @@ def load_model(path: str | PathLike[str]) -> Model:
         With every problem of the file, each with its place.
     """
     name = fspath(path)
-    return parse_model(read_file(name), name)
+    return parse_model(read_file(name), name, os.path.dirname(name) or ".")
 
 
-def parse_model(text: str, filename: str = "<string>") -> Model:
+def digest_of_files(path: str | PathLike[str], model: Model) -> str:
+    """SHA-256 of a model's file, with those that it includes or uses.
+
+    Parameters
+    ----------
+    path : str or path
+        The model's own file.
+    model : Model
+        What was read from it.
+    """
+    digest = hashlib.sha256(Path(path).read_bytes())
+    for name in model.files:
+        digest.update(hashlib.sha256(Path(name).read_bytes()).digest())
+    return digest.hexdigest()
+
+
+def parse_model(text: str, filename: str = "<string>", folder: str | PathLike[str] | None = None) -> Model:
     """Read a model from YAML text; like `load_model`.
 
     Parameters
@@ -40,9 +59,11 @@ def parse_model(text: str, filename: str = "<string>") -> Model:
     text : str
     filename : str
         Name for messages.
+    folder : str or path, optional
+        Where the files are that the text includes or uses; it may name none where this is left out.
     """
     if not text.strip():
         message = "the file is empty; a model has at least the keys model and bodies"
         raise ModelError([Problem(filename, 1, 1, "", message)])
     with collector_paused():
-        return assemble(compose(text, filename))
+        return assemble(compose(text, filename), None if folder is None else fspath(folder))

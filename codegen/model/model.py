@@ -214,6 +214,8 @@ class Model:
         In file order after ``repeat``; arrays q and u follow it.
     initial_q, initial_u : dict of str to Expression
         Initial values by coordinate and speed name (missing: 0, unit quaternion); guesses where loops decide.
+    initial_at_rest : bool
+        Whether the model begins in the equilibrium that the initial coordinates lead to.
     independent : tuple of str
         Coordinates that the model asks to be independent: a hint, may be fewer than the freedoms.
     forces : tuple of JointForce
@@ -226,8 +228,10 @@ class Model:
     warnings : tuple of str
     file : str
         Where the model was read, for messages: ``<string>`` and ``builder`` too.
-    places : dict of str to dict of str to (int, int)
-        Line and column of entries by section and name.
+    places : dict of str to dict of str to (str, int, int)
+        File, line and column of entries by section and name.
+    files : tuple of str
+        The other files that it was read from: included ones and those of submodels.
     """
 
     name: str
@@ -242,17 +246,19 @@ class Model:
     motion: dict[str, Expression] = field(default_factory=dict)
     initial_q: dict[str, Expression] = field(default_factory=dict)
     initial_u: dict[str, Expression] = field(default_factory=dict)
+    initial_at_rest: bool = False
     independent: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     loop_tolerance: float = LOOP_TOLERANCE
     file: str = "builder"
-    places: dict[str, dict[str, tuple[int | None, int | None]]] = field(default_factory=dict, repr=False)
+    places: dict[str, dict[str, tuple[str, int | None, int | None]]] = field(default_factory=dict, repr=False)
+    files: tuple[str, ...] = ()
 
     def problem(self, path: str, message: str) -> Problem:
         """A problem found after loading, such as a force without a value, at the entry that a path leads to."""
         section, _, rest = path.partition(".")
-        line, column = self.places.get(section, {}).get(rest.partition(".")[0], (None, None))
-        return Problem(self.file, line, column, path, message)
+        file, line, column = self.places.get(section, {}).get(rest.partition(".")[0], (self.file, None, None))
+        return Problem(file, line, column, path, message)
 
     def __repr__(self) -> str:
         return (

@@ -98,19 +98,23 @@ class Document:
     def merged(self, base: dict[str, Any], over: Mapping[str, Any], drop: tuple[str, ...] = ()) -> dict[str, Any]:
         """`base` without the keys `drop`, overlaid with `over`: mappings are merged, everything else is replaced."""
         result = {k: v for k, v in base.items() if k not in drop}
-        places = {k: v for k, v in self._of_mapping(base).items() if k not in drop}
-        over_places = self._of_mapping(over)
+        places = {k: v for k, v in self.places_of(base).items() if k not in drop}
+        over_places = self.places_of(over)
         for key, value in over.items():
             if key in over_places:
                 places[key] = over_places[key]
             old = result.get(key)
             both = isinstance(old, dict) and isinstance(value, Mapping)
             result[key] = self.merged(old, value) if both and old is not None else value
-        self._places[id(result)] = places
-        self._kept.append(result)
-        return result
+        return self.made(result, places)
 
-    def _of_mapping(self, mapping: Mapping[str, Any]) -> dict[str, int]:
+    def made(self, mapping: dict[str, Any], places: dict[str, int]) -> dict[str, Any]:
+        """A mapping that stands in no file, with the places of what its keys were made from."""
+        self._places[id(mapping)] = places
+        self._kept.append(mapping)
+        return mapping
+
+    def places_of(self, mapping: Mapping[str, Any]) -> dict[str, int]:
         places = self._places.get(id(mapping))
         return places if isinstance(places, dict) else {}
 
@@ -301,7 +305,7 @@ class _Composer:
                 if not isinstance(one, dict):
                     self.note(frame.event, "<< is followed by something else than a mapping or a list of mappings")
                     continue
-                known = self.document._of_mapping(one)
+                known = self.document.places_of(one)
                 for key, value in one.items():
                     if key not in frame.data:
                         frame.data[key] = value

@@ -1,14 +1,14 @@
 """Derivatives of expressions by one name, as expressions: what the rate of a prescribed coordinate is.
 
-They are exact: rules of differentiation, operation by operation, with what is zero left out. At the kinks of `abs`, `sign`, `min`
-and `max`, where there is no derivative, the expression has the value that these rules give there.
+They are exact: rules of differentiation, operation by operation, with what is zero left out. At the kinks of `abs`, `sign`,
+`min`, `max` and where comparisons change, where there is no derivative, the expression has the value that these rules give there.
 """
 
 from __future__ import annotations
 
 from functools import lru_cache
 
-from .expressions import Expression, Tree, combine
+from .expressions import AT_LEAST, Expression, Tree, combine
 
 ZERO: Tree = ("number", 0)
 ONE: Tree = ("number", 1)
@@ -55,7 +55,7 @@ def derivative(tree: Tree, name: str) -> Tree:
 
 def _of_call(function: str, of: tuple[Tree, ...], d: tuple[Tree, ...]) -> Tree:
     """The derivative of a function's value from those of its arguments."""
-    if all(x == ZERO for x in d):
+    if function == AT_LEAST or all(x == ZERO for x in d):
         return ZERO
     if function in ("min", "max"):  # (a + b -+ |a - b|)/2
         (a, b), (da, db) = of, d

@@ -12,20 +12,36 @@ from typing import Any, Final
 from pydantic import TypeAdapter, ValidationError
 from pydantic_core import PydanticCustomError
 
+from . import entries
 from .axes import Vector
 from .entries import RESERVED, ZERO, Entry, Expr, parse_name, seen
 from .errors import Problem, nearest, with_article, within_a_line
 from .explaining import explain, repaired, validate
-from .expressions import MEASURED, Binder, Expression, ExpressionError, Number, Numbers, Scope, Tree
+from .expressions import (
+    MEASURED,
+    Expression,
+    ExpressionError,
+    Numbers,
+    Scope,
+    Tree,
+    compares,
+    has_factors,
+    has_units,
+    vector_key,
+)
+from .parts import Files, Instance, Part
 from .positions import Document, Path_, show_path
 from .rates import with_names_replaced
-from .repetition import Instance, Repetition, labels, name_of
+from .repetition import Counter, Repetition, labels, name_of
+from .units import Dimension, DimensionError, dimension_of, in_words
+from .wanted_units import IN_JOINTS, dimension_of_unit, unit_wanted
 
 MAX_PROBLEMS: Final = 200
 MAX_ERRORS: Final = 10_000
 """So many errors are counted, those of repetitions that are not said again included."""
 
 _EXPRESSION: Final = TypeAdapter(Expr)
+_VECTOR: Final = TypeAdapter(entries.Vector)
 
 
 ALLOWED: Final = {
@@ -47,13 +63,15 @@ def is_measured(name: str) -> bool:
 
 
 class Reader:
-    """One reading of one document.
+    """One reading of one model.
 
     Attributes
     ----------
     problems : list of Problem
-    constants : dict of str to number
-        With the labels of repetitions, see `labels`.
+    parts : list of Part
+        The files that it is read from: its own first, each before those that it uses.
+    own : Part
+        Its own file.
     defaults : dict of str to float
         Values of the parameters.
     inputs : list of str
@@ -66,6 +84,8 @@ class Reader:
         What is a point, by name, once points are read.
     prescribed : dict of str to Tree
         What is put in the place of coordinates and speeds that are prescribed: functions of time.
+    units_of_motion : dict of (str, str) to tuple of str
+        Units of coordinates (``q``) and speeds (``u``) of a joint, or of a single one, by name.
     broken : set of str
         Bodies that were reported; their coordinates are not known.
     places : dict of str to dict of str to (int, int)
@@ -75,12 +95,14 @@ class Reader:
         what was read is sound.
     """
 
-    def __init__(self, document: Document) -> None:
+    def __init__(self, document: Document, folder: str | None = None) -> None:
         self.document = document
+        self.files = Files(document, folder)
         self.problems: list[Problem] = list(document.problems)
-        self.constants: dict[str, Number | str] = dict(labels(document.root))
-        self.binder = Binder(self.constants)
-        self.repetition = Repetition(document, self.add, self.constants)
+        self._counter = Counter()
+        self._repetitions: dict[int, Repetition] = {}
+        self.parts: list[Part] = []
+        self.own = self.added(Part(document))
         self.defaults: dict[str, float] = {}
         self.inputs: list[str] = []
         self.used: set[str] = set()
@@ -89,18 +111,30 @@ class Reader:
         self.allowed: dict[str, dict[str, None]] = {"constants": {}, "parameters": {}, "inputs": {}, "motion": {}}
         self.broken: set[str] = set()
         self.prescribed: dict[str, Tree] = {}
+        self.units_of_motion: dict[tuple[str, str], tuple[str, ...]] = {}
         self.points: list[Mapping[str, Any]] = []
         self.errors = 0
-        self.places: dict[str, dict[str, tuple[int | None, int | None]]] = {}
-        self._key_places: dict[tuple[int, str], tuple[int | None, int | None]] = {}
+        self.places: dict[str, dict[str, tuple[str, int | None, int | None]]] = {}
+        self._key_places: dict[tuple[int, str], tuple[str, int | None, int | None]] = {}
         self._reported: set[tuple[Any, ...]] = set()
         self._specs: dict[tuple[int, int], Any] = {}
-        self.bound_once: dict[tuple[int, Path_], dict[Path_, Expression]] = {}
+        self.bound_once: dict[tuple[int, int, Path_], dict[Path_, Expression]] = {}
         """Bound expressions of validated entries that no repeat index changes; see `placement.bound_expressions`."""
         self._repaired: set[int] = set()  # ids of specs with placeholders
         self._keep: list[Entry] = []  # keeps those ids valid
         self._checked: set[tuple[Expression, str]] = set()
         self._values: dict[Expression, float | str] = {}
+
+    def added(self, part: Part) -> Part:
+        """A file that is read from now on, too."""
+        part.constants.update(labels(part.document.root))
+        self._repetitions[id(part)] = Repetition(part, self.add, self._counter)
+        self.parts.append(part)
+        return part
+
+    def expand(self, part: Part, section: dict[str, Any], path: Path_) -> Iterator[Instance]:
+        """Entries of a section of a file, those of repeat blocks one repetition after the other."""
+        return self._repetitions[id(part)].expand(section, path)
 
     # --- problems -----------------------------------------------------------------------------------------------
 
@@ -127,21 +161,26 @@ class Reader:
         """
         self.errors += severity == "error"
         path = (at.key, *sub)
-        shown = show_path((*at.section, *self._existing(at.container, path)))
-        line, column = self.document.place(at.container, path, key=key, inside=inside)
+        existing = self._existing(at.container, path)
+        if at.section == ("submodels",):  # where such an entry has the keys of a joint, see `files._frame`
+            existing = tuple("on" if key == "parent" else key for key in existing if key != "joint")
+        shown = show_path((*at.section, *existing))
+        document = at.part.document
+        line, column = document.place(at.container, path, key=key, inside=inside)
         if self.errors > MAX_ERRORS:
             message = f"more than {MAX_ERRORS} mistakes with those that repetitions repeat; mend these first"
-            self.problems.append(Problem(self.document.file, line, column, shown, message))
+            self.problems.append(Problem(document.file, line, column, shown, message))
             raise TooManyProblems
-        if at.indices:
-            mark = (line, column, shown, severity)
+        if at.indices or at.part.is_submodel:
+            mark = (document.file, line, column, shown, severity)
             if mark in self._reported:
                 return
             self._reported.add(mark)
         text = message if isinstance(message, str) else message()
         if at.indices:
             text += " (" + ", ".join(f"{k} = {v}" for k, v in at.indices.items()) + ")"
-        self.add(Problem(self.document.file, line, column, shown, within_a_line(text), severity))
+        text += at.part.where
+        self.add(Problem(document.file, line, column, shown, within_a_line(text), severity))
 
     @staticmethod
     def _existing(container: Any, path: Path_) -> Path_:
@@ -161,18 +200,66 @@ class Reader:
         if expression.tree[0] == "number":
             return expression
         try:
-            result = self.binder(expression, at.indices)
+            result = at.part.bound(expression, at.indices)
         except ExpressionError as error:
             text = str(expression)
-            prefix = "" if error.message.startswith(text) else f"{text}: "
-            self.report(at, sub, prefix + error.message, inside=error.column)
+            prefix = "" if error.message.startswith((text, repr(text))) else f"{text}: "
+            if not _is_said(expression):
+                self.report(at, sub, prefix + error.message, inside=error.column)
+            return ZERO
+        if (has_units(expression.tree) or at.part.dimensions) and not self._fits(expression, at, sub):
             return ZERO
         if result.tree[0] != "number" and (result, scope) not in self._checked:
             if not self._check(result, expression, at, sub, scope):
                 return ZERO
             self._checked.add((result, scope))
             self.used |= result.names
+            if at.section != ("expressions",) and compares(result.tree):
+                message = (
+                    f"{expression} changes from one branch to the other at once; derivatives are those of the branch taken, "
+                    f"and a motion takes small steps there; step(x, from, to) is smooth"
+                )
+                self.report(at, sub, message, severity="warning")
         return with_names_replaced(result, self.prescribed) if self.prescribed else result
+
+    def _fits(self, expression: Expression, at: Instance, sub: Path_) -> bool:
+        """Whether what an expression is, by the units in it, may stand where it stands."""
+        found = self.dimension(expression, at, sub)
+        wanted = self.unit_wanted(at, sub)
+        if found is None or wanted is None or found == wanted:
+            return True
+        message = f"{expression} is {in_words(found)}; {in_words(wanted)} is needed"
+        if has_factors(expression.tree):
+            message += "; a number without a unit counts as a factor, give it its own"
+        if not _is_said(expression):
+            self.report(at, sub, message)
+        return False
+
+    def dimension(self, expression: Expression, at: Instance, sub: Path_) -> Dimension | None:
+        """What an expression is, as far as units in it tell; None after a problem too."""
+        try:
+            return dimension_of(expression.tree, at.part.dimensions)
+        except DimensionError as error:
+            if not _is_said(expression):
+                self.report(at, sub, f"{expression}: {error}")
+            return None
+
+    def unit_wanted(self, at: Instance, sub: Path_) -> Dimension | None:
+        """The dimension of the number at a path."""
+        section = str(at.section[0]) if at.section else at.key
+        if section in ("initial", "motion"):
+            part = str(at.section[1]) if section == "initial" else "q"
+            unit = self.units_of_motion.get((part, at.part.name(at.key)), ())
+            place = sub[0] if sub and isinstance(sub[0], int) else 0
+            return dimension_of_unit(unit[place] or "rad") if place < len(unit) else None
+        if section == "forces" and isinstance(at.value, dict) and str(at.value.get("type")) in IN_JOINTS:
+            speeds = self.units_of_motion.get(("u", at.part.name(str(at.value.get("joint")))), ())
+            place = sub[1] if len(sub) > 1 and isinstance(sub[1], int) else 0
+            units = IN_JOINTS[at.value["type"]].get(str(sub[0]))
+            if units is None or place >= len(speeds):
+                return None
+            return dimension_of_unit(units[speeds[place] == "m/s"])
+        return unit_wanted(section, sub, at.value)
 
     def _check(self, result: Expression, written: Expression, at: Instance, sub: Path_, scope: str) -> bool:
         moving = scope in ("motion", "measured")
@@ -182,12 +269,15 @@ class Reader:
             unknown = [
                 n for n in unknown if not (is_measured(n) and any(n.split(".")[1] in known for known in self.points))
             ]
-        for name in unknown:
+        if scope != "measured":  # one that may not stand here stands for all of them
+            several = [n for n in unknown if is_measured(n)]
+            unknown = [n for n in unknown if n not in several[1:]]
+        for name in [] if _is_said(written) else unknown:
             if name[:2] in ("q.", "u.") and moving and name.split(".")[1] in self.broken:
                 continue
             if is_measured(name) and scope == "measured" and ("point", name.split(".")[1]) in self.first_seen:
                 continue  # a point that is there but wrong has been reported
-            self.report(at, sub, partial(self._unknown, name, scope), inside=self._column(at, sub, name))
+            self.report(at, sub, partial(self._unknown, name, scope, at), inside=self._column(at, sub, name))
         if unknown:
             return False
         if not moving and result.names <= self.defaults.keys():
@@ -203,6 +293,7 @@ class Reader:
             value = value[part]
         if not isinstance(value, str):
             return None
+        name = at.part.written(name)
         start = value.find(name)
         while start >= 0:  # no regular expression: compiling one for each of many names takes longest
             end = start + len(name)
@@ -212,7 +303,7 @@ class Reader:
             start = value.find(name, end)
         return None
 
-    def _unknown(self, name: str, scope: str) -> str:
+    def _unknown(self, name: str, scope: str, at: Instance) -> str:
         everything = self.allowed["motion"]
         if name.lower() in ("nan", "inf", "infinity"):
             return f"{name} is no finite number; only finite numbers are allowed"
@@ -235,7 +326,9 @@ class Reader:
             hint = self.loop_hint(name[2:]) or nearest(name, names)
             return f"unknown {what} {name!r}; the joints of this model have {some(names)}{hint}"
         those = self.allowed["motion" if scope == "measured" else scope]
-        known = [*(n for n in self.constants if n[0] != "'"), *(n for n in those if n[1:2] != ".")]
+        known = [n for n in at.part.constants if n[0] != "'" and "." not in n]
+        known += at.part.own(n for n in those if n[:2] not in ("q.", "u."))
+        name = at.part.written(name)
         which = "constants written before it" if scope == "constants" else "known here"
         return f"unknown name {name!r}; {which}: {some(known)}{nearest(name, known)}"
 
@@ -298,66 +391,132 @@ class Reader:
     def key_name(self, at: Instance, what: str, space: str) -> str | None:
         """Name of an entry from its key, registered."""
         try:
-            name = name_of(parse_name(at.key), self.numbers(at))
+            name = at.part.name(self.local_name(at))
         except PydanticCustomError as error:
             self.report(at, (), str(error.message()), key=True)
         except ExpressionError as error:
             self.report(at, (), error.message, key=True)
         else:
             if self.new_name(at, name, space, what):
-                self.places.setdefault(str(at.section[0]), {})[name] = self._key_place(at)
+                self.places.setdefault(str(at.section[0]), {})[name] = self.key_place(at)
                 return name
         return None
 
-    def _key_place(self, at: Instance) -> tuple[int | None, int | None]:
-        """Place of an entry's key; one object for all its repetitions."""
+    def local_name(self, at: Instance) -> str:
+        """Name of an entry from its key, as the entry's file has it.
+
+        Raises
+        ------
+        PydanticCustomError, ExpressionError
+            If it is none.
+        """
+        return name_of(parse_name(at.key), self.numbers(at))
+
+    def key_place(self, at: Instance) -> tuple[str, int | None, int | None]:
+        """File and place of an entry's key; one object for all its repetitions."""
         key = id(at.container), at.key
         found = self._key_places.get(key)
         if found is None:
-            found = self._key_places[key] = self.document.place(at.container, (at.key,), key=True)
+            document = at.part.document
+            found = self._key_places[key] = (document.file, *document.place(at.container, (at.key,), key=True))
         return found
+
+    def given(self, at: Instance, name: str, scope: str) -> tuple[Expression, ...] | None:
+        """What stands in the place of a submodel's own number, because the model that uses it says so; else None.
+
+        One expression, or three for a vector.
+        """
+        given = at.part.given.get(name)
+        if given is None:
+            return None
+        given.used = True
+        path = ("with", given.key)
+        is_vector = isinstance(at.value, (list, tuple)) or (
+            isinstance(at.value, dict) and isinstance(at.value.get("value"), list)
+        )
+        if scope != "inputs" and is_vector:
+            found = self.vector(given.at, path, given.value, scope, "[x, y, z], as the submodel has it") or (
+                ZERO,
+                ZERO,
+                ZERO,
+            )
+            at.part.constants[vector_key(name)] = name
+            at.part.values.update({f"{name}.{c}": e.tree for c, e in zip("xyz", found, strict=True)})
+            return found
+        one = self.scalar(given.at, path, given.value, scope) or ZERO
+        at.part.values[name] = one.tree
+        try:
+            dimension = dimension_of(_EXPRESSION.validate_python(given.value).tree, given.at.part.dimensions)
+        except (ValidationError, DimensionError):
+            dimension = None  # reported where it was bound
+        if dimension is not None:
+            at.part.dimensions[name] = dimension
+        return (one,)
+
+    def given_entry(self, at: Instance, scope: str) -> tuple[Expression, ...] | None:
+        """The same of an entry, by its key."""
+        if not at.part.given:
+            return None
+        try:
+            return self.given(at, self.local_name(at), scope)
+        except (PydanticCustomError, ExpressionError):
+            return None  # reported where the name is read
 
     def numbers(self, at: Instance) -> Numbers:
         """The constants and repeat indices that an entry may use."""
-        return Scope(at.indices, self.constants) if at.indices else self.constants
+        return Scope(at.indices, at.part.constants) if at.indices else at.part.constants
 
     def reference(self, expression: Expression, at: Instance, sub: Path_) -> str | None:
         try:
-            return name_of(expression.tree, self.numbers(at))
+            return at.part.referred(name_of(expression.tree, self.numbers(at)))
         except ExpressionError as error:
             self.report(at, sub, error.message)
             return None
 
     # --- entries ------------------------------------------------------------------------------------------------
 
-    def section(self, name: str) -> Iterator[Instance]:
-        value = self.document.root.get(name)
-        if value is None:
-            return
-        if not isinstance(value, dict):
-            self.report(self.top(name), (), f"{seen(value)}; a mapping of names is needed")
-            return
-        yield from self.repetition.expand(value, (name,))
+    def section(self, name: str, parts: Iterable[Part] | None = None) -> Iterator[Instance]:
+        """The entries of a section in all files, or in some."""
+        for part in self.parts if parts is None else parts:
+            value = part.document.root.get(name)
+            if value is None:
+                continue
+            if not isinstance(value, dict):
+                self.report(part.entry(name), (), f"{seen(value)}; a mapping of names is needed")
+                continue
+            yield from self.expand(part, value, (name,))
 
     def listed(self, name: str, example: str) -> Iterator[tuple[Instance, Path_, Any]]:
         """The names of a section that is a list: where to report each, with the path there, and what is written."""
-        value = self.document.root.get(name)
-        if value is None:
-            return
-        if not isinstance(value, (list, tuple)):
-            self.report(self.top(name), (), f"{seen(value)}; a list of names is needed: {example}")
-            return
-        for i, item in enumerate(value):
-            if not isinstance(item, dict):
-                yield self.top(name), (i,), item
+        for part in self.parts:
+            value = part.document.root.get(name)
+            if value is None:
                 continue
-            for at in self.repetition.expand(item, (name, i)):
-                if at.value is not None:
-                    self.report(at, (), f"{seen(at.value)} after a name; the names of this list have no value")
-                yield at, (), at.key
+            if not isinstance(value, (list, tuple)):
+                self.report(part.entry(name), (), f"{seen(value)}; a list of names is needed: {example}")
+                continue
+            for i, item in enumerate(value):
+                if not isinstance(item, dict):
+                    yield part.entry(name), (i,), item
+                    continue
+                for at in self.expand(part, item, (name, i)):
+                    if at.value is not None:
+                        self.report(at, (), f"{seen(at.value)} after a name; the names of this list have no value")
+                    yield at, (), at.key
+
+    def only(self, name: str) -> Instance | None:
+        """A key of the top level that one file has for all: the model's own, or one that it includes."""
+        found = [
+            part.entry(name) for part in self.parts if not part.is_submodel and part.document.root.get(name) is not None
+        ]
+        for at in found[1:]:
+            self.report(
+                at, (), f"{name} stands in {found[0].part.document.file} already; one file may have it", key=True
+            )
+        return found[0] if found else None
 
     def top(self, name: str) -> Instance:
-        return Instance(name, self.document.root.get(name), self.document.root, (), {})
+        return self.own.entry(name)
 
     def spec(self, cls: Any, at: Instance) -> Any:
         """The validated structure of an entry, once for all its repetitions; None after problems."""
@@ -382,13 +541,46 @@ class Reader:
         """Whether a structure is there and was right as written, without placeholders for what was wrong."""
         return spec is not None and id(spec) not in self._repaired
 
-    def scalar(self, at: Instance, sub: Path_, value: Any, scope: str) -> Expression | None:
+    def parsed(self, at: Instance, sub: Path_, value: Any) -> Expression | None:
+        """The expression that is written at a path, or None after a problem."""
         try:
-            return self.bound(_EXPRESSION.validate_python(value), at, sub, scope)
+            found: Expression = _EXPRESSION.validate_python(value)
+            return found
         except ValidationError as error:
             context = error.errors()[0].get("ctx", {})
             self.report(at, sub, str(context.get("message", error)), inside=context.get("column"))
             return None
+
+    def scalar(self, at: Instance, sub: Path_, value: Any, scope: str) -> Expression | None:
+        """The bound expression that is written at a path, or None after a problem."""
+        found = self.parsed(at, sub, value)
+        return None if found is None else self.bound(found, at, sub, scope)
+
+    def numbers_at(self, at: Instance, sub: Path_, value: Any) -> list[tuple[Path_, Expression]]:
+        """The expression at a path, or the three of a vector, with their paths; as written."""
+        listed = [((*sub, i), v) for i, v in enumerate(value)] if isinstance(value, (list, tuple)) else [(sub, value)]
+        if len(listed) not in (1, 3) or (len(listed) == 1 and isinstance(value, (list, tuple))):
+            self.report(at, sub, f"{seen(value)}; a number, or three for a vector, is needed")
+            return []
+        return [(path, self.parsed(at, path, one) or ZERO) for path, one in listed]
+
+    def vector(
+        self, at: Instance, sub: Path_, value: Any, scope: str, wanted: str
+    ) -> tuple[Expression, Expression, Expression] | None:
+        """The three bound expressions of a vector that is written as a list, or as an expression of vectors."""
+        if isinstance(value, str):
+            try:
+                parts = _VECTOR.validate_python(value)
+            except ValidationError:
+                parts = None
+            if parts is not None:
+                x, y, z = (self.bound(e, at, sub, scope) for e in parts)
+                return x, y, z
+        if not isinstance(value, (list, tuple)) or len(value) != 3:
+            self.report(at, sub, f"{seen(value)}; three numbers are needed: {wanted}")
+            return None
+        x, y, z = (self.scalar(at, (*sub, i), v, scope) or ZERO for i, v in enumerate(value))
+        return x, y, z
 
     def direction(self, axis: Vector, at: Instance, sub: Path_) -> None:
         """Report an axis that is zero, or whose length cannot be computed."""
@@ -402,6 +594,11 @@ class Reader:
                 f"only its direction counts: give it a length between 1e-100 and 1e100"
             )
             self.report(at, sub, message)
+
+
+def _is_said(expression: Expression) -> bool:
+    """Whether what is wrong with names was reported for the first of three components."""
+    return bool(expression.tree[0] == "component" and expression.tree[2] > 0)
 
 
 def some(names: Iterable[str]) -> str:

@@ -14,7 +14,8 @@ from typing import Any, Final
 from .entries import RESERVED
 from .errors import Problem
 from .expressions import ExpressionError, Number, Numbers, Scope, bind, index_text, label_key, parse
-from .positions import Document, Path_, shortened, show_path
+from .parts import Instance, Part
+from .positions import Path_, shortened, show_path
 
 MAX_REPETITIONS: Final = 400_000
 """Entries that the repeat blocks of a model may stand for; so many are read within seconds."""
@@ -24,54 +25,36 @@ _LABEL = re.compile(r"[A-Za-z0-9_]+")
 _FORM = "write 'repeat k in 1..n:', 'repeat k in 1..n step 2:' or 'repeat leg in left, right:'"
 
 
-@dataclass(slots=True)
-class Instance:
-    """One entry of a section after repetition.
-
-    Attributes
-    ----------
-    key : str
-        As written, such as ``link(k)``.
-    value : Any
-        The entry's plain data; the same object for all repetitions that mean the same.
-    container : dict
-        Where `key` stands, for places in messages.
-    section : tuple of str
-        Path to print before the key.
-    indices : dict of str to int or str
-        Values of the repeat indices here.
-    """
-
-    key: str
-    value: Any
-    container: dict[str, Any]
-    section: Path_
-    indices: dict[str, int | str]
-
-
 class CannotGoOn(Exception):
     """What has been reported would bring forth mistakes that are none, or take too long."""
 
 
+@dataclass(slots=True)
+class Counter:
+    """How many entries the repeat blocks of a model have stood for."""
+
+    repeated: int = 0
+
+
 class Repetition:
-    """Expands the sections of one model.
+    """Expands the sections of one file.
 
     Parameters
     ----------
-    document : Document
+    part : Part
+        The file. Its constants are read when a range is; they may still grow.
     report : callable
         Takes a `Problem`.
-    constants : mapping of str to number
-        With the labels of the document, see `labels`. Read when a range is; may still grow.
+    counter : Counter
+        Of the whole model.
     """
 
-    def __init__(
-        self, document: Document, report: Callable[[Problem], None], constants: Mapping[str, Number | str]
-    ) -> None:
-        self.document = document
+    def __init__(self, part: Part, report: Callable[[Problem], None], counter: Counter) -> None:
+        self.part = part
+        self.document = part.document
         self.report = report
-        self.constants = constants
-        self.count = 0
+        self.constants: Mapping[str, Number | str] = part.constants
+        self.counter = counter
         self._variants: dict[tuple[int, bool, bool], tuple[Any, dict[str, Any]]] = {}
 
     def expand(self, section: dict[str, Any], path: Path_) -> Iterator[Instance]:
@@ -85,19 +68,19 @@ class Repetition:
             if key != "repeat" and not key.startswith("repeat "):
                 if indices and isinstance(value, dict) and ("first" in value or "last" in value):
                     value, holder = self._variant(container, key, first, last, path)
-                    yield Instance(key, value, holder, path, indices)
+                    yield Instance(key, value, holder, path, indices, self.part)
                 else:
-                    yield Instance(key, value, container, path, indices)
+                    yield Instance(key, value, container, path, indices, self.part)
                 continue
             header = self._header(container, key, path, indices)
             if header is None:
                 continue
             index, values = header
-            self.count += _length(values) * max(1, sum(not k.startswith("repeat") for k in value))
-            if self.count > MAX_REPETITIONS:
+            self.counter.repeated += _length(values) * max(1, sum(not k.startswith("repeat") for k in value))
+            if self.counter.repeated > MAX_REPETITIONS:
                 message = (
-                    f"with this block the model has {self.count} repeated entries; up to {MAX_REPETITIONS} are allowed, "
-                    f"since reading more would take too long"
+                    f"with this block the model has {self.counter.repeated} repeated entries; "
+                    f"up to {MAX_REPETITIONS} are allowed, since reading more would take too long"
                 )
                 self._problem(container, (key,), path, message)
                 raise CannotGoOn

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal, Union
 
-from pydantic import Field, PlainValidator, WrapValidator, create_model, model_validator
+from pydantic import Field, PlainValidator, TypeAdapter, WrapValidator, create_model, model_validator
 
 from .entries import (
     ZERO,
@@ -28,14 +28,27 @@ from .entries import (
     written,
 )
 from .errors import with_article
+from .expressions import Expression
 from .forces import FORCES, ForceEntry
 from .joints import JOINTS, JointType
 from .joints.fixed import Fixed
 from .outputs import MEASURES, Measure
+from .tables import KINDS, OUTSIDE
 
 SECTIONS: Final = (
-    *("model", "gravity", "constants", "parameters", "inputs"),
-    *("bodies", "motion", "points", "loops", "loop_tolerance", "forces", "initial", "independent", "outputs"),
+    *("model", "include", "gravity", "constants", "parameters", "inputs", "tables", "expressions"),
+    *(
+        "bodies",
+        "motion",
+        "submodels",
+        "points",
+        "loops",
+        "loop_tolerance",
+        "forces",
+        "initial",
+        "independent",
+        "outputs",
+    ),
 )
 
 
@@ -77,6 +90,12 @@ else:
         ],
         Field(discriminator="type"),
     ]
+
+
+def _check_path(value: Any) -> str:
+    if not isinstance(value, str) or not value:
+        raise complaint(f"{seen(value)}; a file is needed, by its path from this one: parts/leg.yaml")
+    return value
 
 
 class ShapeEntry(Entry):
@@ -166,11 +185,53 @@ class BodyEntry(Entry):
         return self
 
 
+def _number_or_vector(value: Any) -> Any:
+    return _three.validate_python(value) if isinstance(value, (list, tuple)) else _one.validate_python(value)
+
+
+_one: Final = TypeAdapter(Expr)
+_three: Final = TypeAdapter(tuple[Expr, Expr, Expr])
+Numbers = Annotated[Any, PlainValidator(_number_or_vector)]
+"""An expression, or three: a vector."""
+
+
 class ParameterEntry(Entry):
-    value: Expr
+    """A parameter with all that may be said of it. Of a vector, a bound that is one number holds for all three."""
+
+    value: Numbers
     unit: str = ""
-    min: OptionalExpr = None
-    max: OptionalExpr = None
+    min: Numbers = None
+    max: Numbers = None
+
+
+class SubmodelEntry(PlacedEntry):
+    """A file that is read once more, and where its ground stands."""
+
+    placeholders: ClassVar[dict[str, Any]] = {"use": ""}
+
+    use: Annotated[str, PlainValidator(_check_path)]
+    on: Reference = Expression(("name", "ground"))
+    given: dict[str, Any] = Field(default={}, alias="with")
+
+
+def _one_of(choices: tuple[str, ...], what: str) -> Any:
+    def check(value: Any) -> str:
+        if value not in choices:
+            raise complaint(f"{seen(value)}; {' or '.join(choices)} is allowed: {what}")
+        return str(value)
+
+    return PlainValidator(check)
+
+
+class TableEntry(Entry):
+    """Points of a function of one number."""
+
+    placeholders: ClassVar[dict[str, Any]] = {"x": ["0", "1"], "y": ["0", "0"], "outside": "constant"}
+
+    x: tuple[Expr, ...]
+    y: tuple[Expr, ...]
+    kind: Annotated[str, _one_of(KINDS, "what lies between the points")] = "linear"
+    outside: Annotated[str, _one_of(OUTSIDE, "what lies beyond the first and last point")]
 
 
 class LoopEntry(Entry):

@@ -126,6 +126,7 @@ def _square_root(*arguments: object) -> Expr:
 SYMBOLIC: dict[str, Made] = {
     "sin": sin, "cos": cos, "tan": tan, "asin": asin, "acos": acos, "atan": atan, "atan2": atan2, "sinh": sinh, "cosh": cosh,
     "tanh": tanh, "sqrt": _square_root, "exp": exp, "log": log, "abs": Absolute, "sign": Sign, "min": Minimum, "max": Maximum,
+    "at_least": AtLeast,
 }  # fmt: skip
 """The functions of the model format."""
 
@@ -140,10 +141,10 @@ def slope(e: Function, place: int) -> Expr:
             return -sin(x)
         case "tan":
             return e**2 + 1
-        case "asin":
-            return 1 / sqrt(1 - x**2)
+        case "asin":  # two factors: 1 - x**2 loses digits where x is near 1
+            return 1 / sqrt((1 - x) * (1 + x))
         case "acos":
-            return -1 / sqrt(1 - x**2)
+            return -1 / sqrt((1 - x) * (1 + x))
         case "atan":
             return 1 / (x**2 + 1)
         case "atan2":
@@ -154,7 +155,7 @@ def slope(e: Function, place: int) -> Expr:
         case "cosh":
             return sinh(x)
         case "tanh":
-            return 1 - e**2
+            return 1 / cosh(x) ** 2  # 1 - e**2 loses all digits where e is near 1
         case "exp":
             return e
         case "log":

@@ -152,6 +152,8 @@ class Pairs:
             return result
         if name == "atan2":
             return self._atan2(*arguments)
+        if name == "at_least":
+            return self.number(1 if arguments[0].value >= arguments[1].value else 0)
         (a,) = arguments
         x, f = a.value, self.arithmetic.function
         value = f(name)(x)

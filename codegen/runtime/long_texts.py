@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -57,16 +56,18 @@ class LongTexts:
 
 def _read(model: Any, manifest: Mapping[str, Any]) -> Model:
     from ..model import Model, load_model
+    from ..model.loading import digest_of_files
 
     if isinstance(model, Model):
         return model
     file = Path(model)
     known = (manifest.get("origin") or {}).get("sha256")
-    if known and file.is_file() and hashlib.sha256(file.read_bytes()).hexdigest() != known:
+    read = load_model(file)
+    if known and file.is_file() and digest_of_files(file, read) != known:
         raise ValueError(
             f"model: {file} is not what the package was generated from, or was changed since; generate the package again"
         )
-    return load_model(file)
+    return read
 
 
 def _named(model: Model) -> dict[str, Any]:

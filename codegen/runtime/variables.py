@@ -162,9 +162,13 @@ class Variables:
         for i, (kind, at, _) in enumerate(self._places):
             if kind == "p":
                 dp[i, at] = 1.0
-        if solver._has("initial_sensitivities"):
-            _, _, dq, du = solver._along("initial_sensitivities", {"p": p}, {"dp": dp})
-            dq, du = dq.copy(), du.copy()
+        found = None
+        if "initial_at_rest" in solver._manifest:
+            found = solver.initial_sensitivities(p, dp=dp)
+        elif solver._has("initial_sensitivities"):
+            found = solver._along("initial_sensitivities", {"p": p}, {"dp": dp})
+        if found is not None:
+            dq, du = found[2].copy(), found[3].copy()
             dq[:, [solver.coordinate_names.index(name) for name in given_q]] = 0.0
             du[:, [solver.speed_names.index(name) for name in given_u]] = 0.0
         for i, (kind, at, _) in enumerate(self._places):

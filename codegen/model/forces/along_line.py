@@ -88,6 +88,7 @@ def entry_of(element: type[AlongLine]) -> type[AlongLineEntry]:
         fields[_field(key)] = (Expr, Field(default, alias=key))
     made = create_model(f"{element.__name__}Entry", __base__=AlongLineEntry, __module__=__name__, **fields)
     made.element = element
+    made.units = {key: c.unit for key, c in law.coefficients.items()}
     made.misspelt = dict(law.misspelt)
     needed = {key: "1" for key, c in law.coefficients.items() if c.default is None}
     made.placeholders = {"from": "ground", "to": "ground", **needed}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
@@ -17,6 +18,7 @@ class Force(OnBody):
 
 class ForceOnBodyEntry(OnBodyEntry):
     misspelt: ClassVar[dict[str, str]] = {"at": "on", "point": "on", "body": "on", "force": "value"}
+    units: ClassVar[Mapping[str, str]] = {"value": "N"}
     element: ClassVar[type[OnBody]] = Force
 
     type: Literal["force"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar
 
@@ -89,7 +89,15 @@ AxesOf = Annotated[str, PlainValidator(_axes)]
 
 
 class ForceEntry(Entry):
-    """The entry of a force element; a subclass has a field for each key."""
+    """The entry of a force element; a subclass has a field for each key.
+
+    Attributes
+    ----------
+    units : mapping of str to str
+        Of its numbers, by key, for those that are written with a unit.
+    """
+
+    units: ClassVar[Mapping[str, str]] = {}
 
     @abstractmethod
     def read(self, x: EntryReader) -> ForceElement | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from ..entries import Expr, PointOrName
+from ..entries import PointOrName, Vector
 from ..entry_reader import EntryReader
 from ..expressions import Expression
 from ..places import Face, Point
@@ -46,7 +46,7 @@ class OnBodyEntry(ForceEntry):
     element: ClassVar[type[OnBody]]
 
     on: PointOrName
-    value: tuple[Expr, Expr, Expr]
+    value: Vector
     axes: AxesOf = "ground"
 
     def read(self, x: EntryReader) -> OnBody | None:

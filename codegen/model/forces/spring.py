@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
@@ -44,6 +45,8 @@ class Spring(ForceElement):
 
 class SpringEntry(ForceEntry):
     placeholders: ClassVar[dict[str, Any]] = {"from": "ground", "to": "ground", "stiffness": "0"}
+
+    units: ClassVar[Mapping[str, str]] = {"stiffness": "N/m", "damping": "N*s/m", "free_length": "m"}
 
     type: Literal["spring"]
     start: PointOrName = Field(alias="from")

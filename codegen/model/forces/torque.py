@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
@@ -17,6 +18,7 @@ class Torque(OnBody):
 
 class TorqueEntry(OnBodyEntry):
     misspelt: ClassVar[dict[str, str]] = {"body": "on", "torque": "value", "moment": "value"}
+    units: ClassVar[Mapping[str, str]] = {"value": "N*m"}
     element: ClassVar[type[OnBody]] = Torque
 
     type: Literal["torque"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
@@ -58,6 +59,8 @@ class Torsion(ForceElement):
 class TorsionEntry(ForceEntry):
     placeholders: ClassVar[dict[str, Any]] = {"from": "ground", "to": "ground", "axis": "x", "stiffness": "0"}
     misspelt: ClassVar[dict[str, str]] = {"free_length": "free_angle"}
+
+    units: ClassVar[Mapping[str, str]] = {"stiffness": "N*m/rad", "damping": "N*m*s/rad", "free_angle": "rad"}
 
     type: Literal["torsion"]
     start: FaceOrName = Field(alias="from")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -11,9 +11,10 @@ from ..entries import ZERO
 from ..errors import nearest
 from ..expressions import Expression, ExpressionError
 from ..model import GROUND, Body, Joint, Vector, joint_coordinates
+from ..parts import Instance
 from ..positions import Path_
 from ..reading import Reader, TooManyProblems, some
-from ..repetition import CannotGoOn, Instance
+from ..repetition import CannotGoOn
 from ..schema import BodyEntry, BodyJoint
 from ..shapes import Inertia, mass_properties
 from .digits import check_axis
@@ -65,7 +66,7 @@ class BodySection:
 def read_bodies(reader: Reader) -> BodySection:
     """Read the bodies; coordinates and speeds of their joints are allowed in expressions of the motion from now on."""
     section = BodySection()
-    for at in reader.section("bodies"):
+    for at in _entries(reader):
         if len(section.names) == MAX_BODIES:
             reader.report(at, (), f"more than {MAX_BODIES} bodies; reading them would take too long: repeat less")
             raise CannotGoOn
@@ -84,11 +85,23 @@ def read_bodies(reader: Reader) -> BodySection:
     _build(reader, section)
     for spec, name in zip(section.specs, section.names, strict=True):
         if spec is not None:
-            for prefix, group in zip("qu", joint_coordinates(name, spec.joint.type), strict=True):
+            groups = joint_coordinates(name, spec.joint.type)
+            all_units = (spec.joint.coordinate_units, spec.joint.speed_units)
+            for prefix, group, units in zip("qu", groups, all_units, strict=True):
+                reader.units_of_motion[prefix, name] = units
+                reader.units_of_motion.update({(prefix, n): (u,) for n, u in zip(group, units, strict=True)})
                 reader.allowed["motion"].update(dict.fromkeys(f"{prefix}.{n}" for n in group))
         if not reader.is_whole(spec):
             reader.broken.add(name)
     return section
+
+
+def _entries(reader: Reader) -> Iterator[Instance]:
+    """The bodies of all files; before those of a submodel the one that its ground is."""
+    for part in reader.parts:
+        if part.frame is not None:
+            yield part.frame
+        yield from reader.section("bodies", [part])
 
 
 def _build(reader: Reader, section: BodySection) -> None:
@@ -157,7 +170,7 @@ def body_index(reader: Reader, reference: Expression, at: Instance, sub: Path_, 
 
         def message() -> str:
             hint = nearest(name, frames)
-            if at.indices and sub == ("parent",):
+            if at.indices and sub == ("parent",) and at.section == ("bodies",):
                 hint = "; for the first repetition write first: {parent: ground}"
             return (
                 f"unknown body {name!r}; ground or one of {some(n for n in frames if n != 'ground')} is allowed{hint}"
@@ -172,21 +185,23 @@ class _PartsReader:
 
     def __init__(self, reader: Reader) -> None:
         self.reader = reader
-        self._plans: dict[int, tuple[dict[Path_, Expression], _Listed, bool]] = {}
+        self._plans: dict[tuple[int, int], tuple[dict[Path_, Expression], _Listed, bool]] = {}
         self._parts: dict[tuple[Any, ...], _Parts] = {}
 
     def of(self, spec: BodyEntry, at: Instance) -> _Parts:
         """Joint, mass properties and whether they are sound; the same objects where all expressions become equal."""
         reader = self.reader
         before = reader.errors
-        plan = self._plans.get(id(spec))
+        plan = self._plans.get((id(spec), id(at.part)))
         if plan is None:
             listed = list(expressions_of(spec))
-            fixed = {
-                s: reader.bound(e, at, s, "parameters") for s, e in listed if at.indices.keys().isdisjoint(e.names)
-            }
+            fixed = {}
+            if not at.part.is_submodel:  # the numbers of these may differ from use to use
+                fixed = {
+                    s: reader.bound(e, at, s, "parameters") for s, e in listed if at.indices.keys().isdisjoint(e.names)
+                }
             plan = fixed, [(s, e) for s, e in listed if s not in fixed], reader.errors == before
-            self._plans[id(spec)] = plan
+            self._plans[id(spec), id(at.part)] = plan
         fixed, varying, sound = plan
         before = reader.errors
         bound = {sub: reader.bound(e, at, sub, "parameters") for sub, e in varying}

@@ -12,9 +12,9 @@ from typing import Final
 
 from ..expressions import Expression
 from ..model import Vector
+from ..parts import Instance
 from ..positions import Path_
 from ..reading import Reader
-from ..repetition import Instance
 
 _PART: Final = math.pi / 12
 _EXACT: Final = 1e-13

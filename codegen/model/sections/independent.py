@@ -13,9 +13,10 @@ from ..errors import nearest
 from ..expressions import ExpressionError
 from ..joints import JointType
 from ..model import joint_coordinates
+from ..parts import Instance
 from ..positions import Path_
 from ..reading import Reader, some
-from ..repetition import Instance, name_of
+from ..repetition import name_of
 from .bodies import BodySection
 
 
@@ -71,7 +72,7 @@ def _unknown(reader: Reader, name: str, joints: Mapping[str, tuple[type[JointTyp
 def _name(reader: Reader, at: Instance, sub: Path_, item: Any) -> str | None:
     """The name that an item means, with its indices in place."""
     try:
-        return name_of(parse_name(item, prefix="q."), reader.numbers(at))[2:]
+        return at.part.name(name_of(parse_name(item, prefix="q."), reader.numbers(at))[2:])
     except PydanticCustomError as error:
         reader.report(at, sub, str(error.message()))
     except ExpressionError as error:

@@ -11,20 +11,15 @@ from ..entries import parse_name, seen
 from ..errors import count_of_values, nearest
 from ..expressions import Expression, ExpressionError, combine
 from ..model import joint_coordinates
+from ..parts import Instance
 from ..positions import Path_
 from ..reading import Reader, some
-from ..repetition import Instance, name_of
+from ..repetition import name_of
 from .bodies import BodySection
 
 
 def read_initial(reader: Reader, bodies: BodySection) -> dict[str, dict[str, Expression]]:
     result: dict[str, dict[str, Expression]] = {"q": {}, "u": {}}
-    initial = reader.document.root.get("initial")
-    if initial is None:
-        return result
-    if not isinstance(initial, dict):
-        reader.report(reader.top("initial"), (), f"{seen(initial)}; a mapping with the keys q, u is needed")
-        return result
     groups = {"q": {}, "u": {}}  # type: dict[str, dict[str, tuple[str, ...]]]
     quaternions = []
     for spec, name in zip(bodies.specs, bodies.names, strict=True):
@@ -34,19 +29,43 @@ def read_initial(reader: Reader, bodies: BodySection) -> dict[str, dict[str, Exp
             if f"{name}.qw" in q:
                 quaternions.append(name)
     places: dict[str, tuple[Instance, Path_]] = {}
-    for part, section in initial.items():
-        if part not in result:
-            at = Instance(part, section, initial, ("initial",), {})
-            reader.report(at, (), f"unknown key {part!r}; keys here: q, u", key=True)
-        elif section is not None and not isinstance(section, dict):
-            at = Instance(part, section, initial, ("initial",), {})
-            reader.report(at, (), f"{seen(section)}; a mapping of joints to values is needed")
-        elif section is not None:
-            for at in reader.repetition.expand(section, ("initial", part)):
-                _initial_value(reader, at, part, groups[part], result[part], places)
+    for file in reader.parts:
+        initial = file.document.root.get("initial")
+        if initial is None:
+            continue
+        if not isinstance(initial, dict):
+            reader.report(file.entry("initial"), (), f"{seen(initial)}; a mapping with the keys q, u is needed")
+            continue
+        for part, section in initial.items():
+            at = Instance(part, section, initial, ("initial",), {}, file)
+            if part == "equilibrium":
+                _check_rest(reader, at, initial)
+            elif part not in result:
+                reader.report(at, (), f"unknown key {part!r}; keys here: q, u, equilibrium", key=True)
+            elif section is not None and not isinstance(section, dict):
+                reader.report(at, (), f"{seen(section)}; a mapping of joints to values is needed")
+            elif section is not None:
+                for at in reader.expand(file, section, ("initial", part)):
+                    _initial_value(reader, at, part, groups[part], result[part], places)
     for name in quaternions:
         _normalise(reader, name, result["q"], places)
     return result
+
+
+def is_at_rest(reader: Reader) -> bool:
+    """Whether the model begins in equilibrium; what a submodel says of itself is its own."""
+    files = [part.document.root.get("initial") for part in reader.parts if not part.is_submodel]
+    return any(isinstance(initial, dict) and initial.get("equilibrium") in _YES for initial in files)
+
+
+_YES, _NO = ("true", True), ("false", False)
+
+
+def _check_rest(reader: Reader, at: Instance, initial: dict[str, Any]) -> None:
+    if at.value not in (*_YES, *_NO):
+        reader.report(at, (), f"{seen(at.value)}; true or false is allowed: whether the model begins in equilibrium")
+    elif at.value in _YES and initial.get("u"):
+        reader.report(at, (), "equilibrium beside initial speeds; a state of rest has none, leave u out", key=True)
 
 
 def _initial_value(
@@ -59,7 +78,7 @@ def _initial_value(
 ) -> None:
     what = "coordinate" if part == "q" else "speed"
     try:
-        name = name_of(parse_name(at.key, prefix=f"{part}."), reader.numbers(at))[2:]
+        name = at.part.name(name_of(parse_name(at.key, prefix=f"{part}."), reader.numbers(at))[2:])
     except PydanticCustomError as error:
         reader.report(at, (), str(error.message()), key=True)
         return

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from ..model import Loop, Point, Vector
+from ..parts import Instance
 from ..reading import Reader
-from ..repetition import Instance
 from ..schema import LoopEntry, LoopJoint
 from .bodies import BodySection
 from .digits import check_axis
@@ -31,10 +31,13 @@ def read_loops(reader: Reader, bodies: BodySection, points: dict[str, Point]) ->
 
 
 def _axes(reader: Reader, spec: LoopJoint, at: Instance) -> tuple[Vector, ...]:
+    before = reader.errors
     bound = bound_expressions(reader, spec, at, ("joint",))
     places = [("joint", *key) for key in spec.axis_keys]
     axes = tuple(vector(bound, *sub) for sub in places)
     for axis, sub in zip(axes, places, strict=True):
+        if reader.errors > before:
+            break
         reader.direction(axis, at, sub)
         check_axis(reader, axis, at, sub)
     return axes

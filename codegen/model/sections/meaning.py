@@ -12,9 +12,9 @@ from ..entry_reader import NamedJoint
 from ..errors import nearest
 from ..expressions import Expression
 from ..model import joint_coordinates
+from ..parts import Instance
 from ..places import GROUND, Face, Point
 from ..reading import Reader, is_measured, some
-from ..repetition import Instance
 from .bodies import BodySection, body_index
 from .points import face_at, held_together, point_at, point_named, unmoved
 
@@ -36,8 +36,10 @@ class Meaning:
         return self.reader.bound(expression, self.at, path, scope)
 
     def direction(self, axis: Vector, key: str) -> Vector:
+        before = self.reader.errors
         x, y, z = (self.reader.bound(e, self.at, (key, i), "parameters") for i, e in enumerate(axis))
-        self.reader.direction((x, y, z), self.at, (key,))
+        if self.reader.errors == before:
+            self.reader.direction((x, y, z), self.at, (key,))
         return x, y, z
 
     def point(self, point: Any, key: str | tuple[str | int, ...], name: str) -> Point | None:

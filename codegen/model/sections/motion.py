@@ -11,9 +11,10 @@ from ..errors import count_of_values, nearest
 from ..expressions import Expression, ExpressionError
 from ..joints import JointType
 from ..model import joint_coordinates
+from ..parts import Instance
 from ..rates import rate
 from ..reading import Reader, some
-from ..repetition import Instance, name_of
+from ..repetition import name_of
 from .bodies import BodySection
 
 Groups = dict[str, tuple[type[JointType], tuple[str, ...]]]
@@ -30,7 +31,7 @@ def read_motion(reader: Reader, bodies: BodySection) -> dict[str, Expression]:
     found: dict[str, Expression] = {}
     for at in reader.section("motion"):
         try:
-            name = name_of(parse_name(at.key, prefix="q."), reader.numbers(at))[2:]
+            name = at.part.name(name_of(parse_name(at.key, prefix="q."), reader.numbers(at))[2:])
         except PydanticCustomError as error:
             reader.report(at, (), str(error.message()), key=True)
             continue
@@ -100,7 +101,8 @@ def _read_values(
         if missing:
             reader.report(at, sub, f"{expression} {missing}")
             continue
-        reader.places.setdefault("motion", {})[coordinate] = reader.document.place(at.container, (at.key,), key=True)
+        place = reader.key_place(at)
+        reader.places.setdefault("motion", {})[coordinate] = place
         found[coordinate] = expression
 
 

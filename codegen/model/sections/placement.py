@@ -8,9 +8,9 @@ from typing import Any, Final
 from ..entries import ZERO, Entry, PlacedEntry
 from ..expressions import Expression
 from ..model import Vector
+from ..parts import Instance
 from ..positions import Path_
 from ..reading import Reader
-from ..repetition import Instance
 from .digits import check_angle, check_axis
 
 Bound = Mapping[Path_, Expression]
@@ -39,14 +39,14 @@ def _expressions_in(value: Any, sub: Path_) -> Iterator[tuple[Path_, Expression]
 
 def bound_expressions(reader: Reader, entry: Entry, at: Instance, sub: Path_) -> dict[Path_, Expression]:
     """The expressions of a validated entry by their paths, bound to parameters; once for all repetitions that mean the same."""
-    same = reader.bound_once.get((id(entry), sub))
+    same = reader.bound_once.get((id(at.part), id(entry), sub))
     if same is not None:
         return same
     listed = list(expressions_of(entry, sub))
     errors = reader.errors
     bound = {path: reader.bound(e, at, path, "parameters") for path, e in listed}
     if reader.errors == errors and not any(index in e.names for index in at.indices for _, e in listed):
-        reader.bound_once[id(entry), sub] = bound
+        reader.bound_once[id(at.part), id(entry), sub] = bound
     return bound
 
 

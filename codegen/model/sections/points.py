@@ -8,9 +8,9 @@ from .. import checks
 from ..entries import ZERO, FaceEntry, PointEntry
 from ..errors import nearest
 from ..model import GROUND, Face, Point
+from ..parts import Instance
 from ..positions import Path_
 from ..reading import Reader, some
-from ..repetition import Instance
 from .bodies import BodySection, body_index
 from .placement import bound_expressions, rotation, vector
 
@@ -85,7 +85,7 @@ def unmoved(reader: Reader, what: str, body: int, at: Instance, key: str, bodies
     if body == GROUND:
         reader.report(at, (key,), f"{what} acts on the ground, which it cannot move; a body is needed")
         return True
-    if not bodies.is_tree or reader.broken or _rigid_parts(bodies)[body] != _rigid_parts(bodies)[GROUND]:
+    if not bodies.is_tree or reader.broken or rigid_parts(bodies)[body] != rigid_parts(bodies)[GROUND]:
         return False
     name = bodies.names[body]
     message = f"{what} acts on {name!r}, which fixed joints hold to the ground, so it moves nothing; give such a joint a freedom"
@@ -93,7 +93,7 @@ def unmoved(reader: Reader, what: str, body: int, at: Instance, key: str, bodies
     return True
 
 
-def _rigid_parts(bodies: BodySection) -> list[int]:
+def rigid_parts(bodies: BodySection) -> list[int]:
     """For each body, and last for the ground, a number that those have in common that cannot move against each other."""
     if bodies.rigid_parts is None:
         bodies.rigid_parts = [*checks.rigid_parts(bodies.bodies), GROUND]  # the ground's index, -1, is the last
@@ -112,7 +112,7 @@ def held_together(
     elif not bodies.is_tree or reader.broken:
         return False
     else:
-        if _rigid_parts(bodies)[start] != _rigid_parts(bodies)[end]:
+        if rigid_parts(bodies)[start] != rigid_parts(bodies)[end]:
             return False
         path = checks.fixed_path(start, end, bodies.bodies)
         one, other = ("the ground" if k == GROUND else repr(bodies.names[k]) for k in (start, end))

@@ -1,21 +1,25 @@
-"""The name of the model and its numbers: constants, parameters, inputs and gravity."""
+"""The name of the model and its numbers: constants, parameters and inputs."""
 
 from __future__ import annotations
 
 import keyword
 import re
 import sys
+from collections.abc import Iterable
 from typing import Final
 
 from pydantic_core import PydanticCustomError
 
-from ..entries import RESERVED, ZERO, parse_name, seen
+from ..entries import RESERVED, parse_name, seen
 from ..errors import with_article
-from ..expressions import ExpressionError
-from ..model import Parameter, Vector
+from ..expressions import Expression, ExpressionError, parse, vector_key
+from ..model import Parameter
+from ..parts import Instance, Part
+from ..positions import Path_
 from ..reading import Reader
-from ..repetition import Instance, name_of
+from ..repetition import name_of
 from ..schema import ParameterEntry
+from ..units import Dimension, DimensionError, dimension_of, in_units, in_words, unit_of
 
 _MODULES: Final = frozenset({"cffi", "codegen", "generated", "numpy", "stdint"})
 _C_KEYWORDS: Final = frozenset(
@@ -38,56 +42,143 @@ def model_name(reader: Reader) -> str:
     return str(name)
 
 
-def read_constants(reader: Reader) -> None:
-    for at in reader.section("constants"):
+def read_constants(reader: Reader, parts: Iterable[Part]) -> None:
+    """Read the constants of some files; those that a submodel is given stand in the place of its own."""
+    for at in reader.section("constants", parts):
+        given = reader.given_entry(at, "constants")
+        if given is not None:
+            local = reader.local_name(at)
+            if len(given) == 1:
+                at.part.constants[local] = given[0].value
+            for i, e in enumerate(given if len(given) > 1 else ()):
+                at.part.constants[f"{local}_{i + 1}"] = at.part.constants[f"{local}.{'xyz'[i]}"] = e.value
+            continue
         name = reader.key_name(at, "constant", "value")
         many = isinstance(at.value, (list, tuple))
+        values = []
         for i, value in enumerate(at.value if many else [at.value]):
             result = reader.scalar(at, (i,) if many else (), value, "constants")
+            values.append(0 if result is None else result.value)
             if name is None or result is None:
                 continue
             entry = f"{name}_{i + 1}" if many else name
             if not many or reader.new_name(at, entry, "value", "constant"):
-                reader.constants[entry] = result.value
+                at.part.constants[at.part.written(entry)] = result.value
+        if name is None:
+            continue
+        local = at.part.written(name)
+        if many and len(values) == 3:
+            at.part.constants[vector_key(local)] = local
+            at.part.constants.update({f"{local}.{c}": v for c, v in zip("xyz", values, strict=True)})
+        _note_dimension(reader, at, local, at.value[0] if many and values else at.value)
 
 
 def read_parameters(reader: Reader) -> list[tuple[Parameter, Instance]]:
+    """Read the parameters; of a vector there are three, called after its components."""
     result = []
     for at in reader.section("parameters"):
+        if reader.given_entry(at, "parameters") is not None:
+            continue
         name = reader.key_name(at, "parameter", "value")
+        unit = ""
+        written: dict[str, list[tuple[Path_, Expression]]] = {}
         if isinstance(at.value, dict):
             spec = reader.spec(ParameterEntry, at)
             unit = spec.unit if spec is not None else ""
-            fields = {k: e for k in ("value", "min", "max") if (e := getattr(spec, k, None)) is not None}
-            numbers = {k: reader.bound(e, at, (k,), "constants").value for k, e in fields.items()}
+            for key in ("value", "min", "max"):
+                found = getattr(spec, key, None)
+                if found is not None:
+                    listed = found if isinstance(found, tuple) else (found,)
+                    written[key] = [((key, i) if len(listed) > 1 else (key,), e) for i, e in enumerate(listed)]
         else:
-            unit = ""
-            expression = reader.scalar(at, (), at.value, "constants")
-            numbers = {} if expression is None else {"value": expression.value}
+            written["value"] = reader.numbers_at(at, (), at.value)
+        numbers = {k: [float(reader.bound(e, at, sub, "constants").value) for sub, e in v] for k, v in written.items()}
         if name is None:
             continue
-        value = float(numbers.get("value", 0.0))
-        low, high = (float(numbers[k]) if k in numbers else None for k in ("min", "max"))
-        if low is not None and high is not None and low > high:
-            reader.report(at, ("min",), f"min {low:g} is above max {high:g}; min may be at most max")
-        elif (low is not None and value < low) or (high is not None and value > high):
-            message = f"value {value:g} is outside min {_limit(low)} and max {_limit(high)}"
-            reader.report(at, ("value",), message, severity="warning")
-        reader.defaults[name] = value
-        result.append((Parameter(name, value, unit, low, high), at))
+        local, size = at.part.written(name), len(numbers.get("value", [0.0]))
+        unit = _unit(reader, at, local, unit, [e for _, e in written.get("value", [])])
+        if size == 3:
+            at.part.constants[vector_key(local)] = local
+        for bound in ("min", "max"):
+            if len(numbers.get(bound, ())) > size:
+                reader.report(at, (bound,), f"three bounds of one number; {bound} is a number as the value is")
+                del numbers[bound]
+        for i in range(size):
+            one = {k: v[i if len(v) > 1 else 0] for k, v in numbers.items()}
+            suffix = f".{'xyz'[i]}" if size > 1 else ""
+            result.append((_parameter(reader, at, name + suffix, one, unit), at))
     return result
+
+
+def _parameter(reader: Reader, at: Instance, name: str, numbers: dict[str, float], unit: str) -> Parameter:
+    value, low, high = numbers.get("value", 0.0), numbers.get("min"), numbers.get("max")
+    if low is not None and high is not None and low > high:
+        reader.report(at, ("min",), f"min {low:g} is above max {high:g}; min may be at most max")
+    elif (low is not None and value < low) or (high is not None and value > high):
+        message = f"value {value:g} is outside min {_limit(low)} and max {_limit(high)}"
+        reader.report(at, ("value",), message, severity="warning")
+    reader.defaults[name] = value
+    reader.allowed["parameters"][name] = None
+    return Parameter(name, value, unit, low, high)
+
+
+def _unit(reader: Reader, at: Instance, local: str, text: str, values: list[Expression]) -> str:
+    """The unit of a parameter for people: what the file says, or that of its value."""
+    dimensions = {_dimension(at, e) for e in values} - {None}
+    if len(dimensions) > 1:
+        reader.report(at, ("value",), "components of different units; those of a vector are of one kind")
+    known = unit_of(text) if text else None
+    if not dimensions:
+        if known is not None and known[0] != 1:
+            message = (
+                f"unit {text} says how the value is read to people only, and numbers are SI; write value: {values[0]} {text}, "
+                f"or give the value in {in_units(known[1]) or 'rad'}"
+                if values
+                else f"unit {text}; numbers are SI"
+            )
+            reader.report(at, ("unit",), message, severity="warning")
+        return text
+    (dimension,) = list(dimensions)[:1]
+    assert dimension is not None
+    at.part.dimensions[local] = dimension
+    if known is not None and known[1] != dimension:
+        reader.report(
+            at, ("unit",), f"unit {text} is {in_words(known[1])}, the value {in_words(dimension)}; write one of them"
+        )
+    return text if known is not None and known[0] == 1 else in_units(dimension)
+
+
+def _note_dimension(reader: Reader, at: Instance, local: str, value: object) -> None:
+    """Of a constant that is written with a unit."""
+    try:
+        found = _dimension(at, parse(value)) if isinstance(value, str) else None
+    except ExpressionError:
+        return  # reported where it is read
+    if found is not None:
+        at.part.dimensions[local] = found
+
+
+def _dimension(at: Instance, expression: Expression) -> Dimension | None:
+    """What units make an expression; None also where they do not fit, which is reported where it is read."""
+    try:
+        return dimension_of(expression.tree, at.part.dimensions)
+    except DimensionError:
+        return None
 
 
 def read_inputs(reader: Reader) -> None:
     for at, sub, item in reader.listed("inputs", "[motor, brake]"):
         try:
-            name = name_of(parse_name(item), reader.numbers(at))
+            local = name_of(parse_name(item), reader.numbers(at))
         except PydanticCustomError as error:
             reader.report(at, sub, str(error.message()))
             continue
         except ExpressionError as error:
             reader.report(at, sub, error.message)
             continue
+        if reader.given(at, local, "inputs") is not None:
+            continue
+        name = at.part.name(local)
         if name in RESERVED:
             reader.report(at, sub, f"{name!r} is reserved and cannot name an input; choose another name")
         elif ("value", name) in reader.first_seen:
@@ -96,18 +187,7 @@ def read_inputs(reader: Reader) -> None:
         else:
             reader.first_seen["value", name] = "input"
             reader.inputs.append(name)
-
-
-def read_gravity(reader: Reader) -> Vector | None:
-    value = reader.document.root.get("gravity")
-    if value is None:
-        return None
-    at = reader.top("gravity")
-    if not isinstance(value, (list, tuple)) or len(value) != 3:
-        reader.report(at, (), f"{seen(value)}; three numbers are needed: [x, y, z], m/s^2 in the ground frame")
-        return None
-    x, y, z = (reader.scalar(at, (i,), v, "parameters") or ZERO for i, v in enumerate(value))
-    return None if x is ZERO and y is ZERO and z is ZERO else (x, y, z)
+            reader.allowed["inputs"][name] = None
 
 
 def _limit(value: float | None) -> str:

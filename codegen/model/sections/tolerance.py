@@ -12,11 +12,10 @@ _LARGEST: Final = 0.01
 
 def read_loop_tolerance(reader: Reader) -> float:
     """A number from 0 to 0.01."""
-    given = reader.document.root.get("loop_tolerance")
-    if given is None:
+    at = reader.only("loop_tolerance")
+    if at is None:
         return LOOP_TOLERANCE
-    at = reader.top("loop_tolerance")
-    expression = reader.scalar(at, (), given, "constants")
+    expression = reader.scalar(at, (), at.value, "constants")
     if expression is None:
         return LOOP_TOLERANCE
     value = float(expression.value)

@@ -116,6 +116,7 @@ class Arguments:
         if of not in self.names:
             raise ValueError(f"{name} is a mapping, expected numbers of shape (...)")
         names = self.names[of]
+        given = self._single(name, given, names)
         unknown = [n for n in given if n not in names]
         if unknown:
             near = difflib.get_close_matches(str(unknown[0]), names, 1)
@@ -131,6 +132,22 @@ class Arguments:
         result[...] = rest
         for n, x in columns.items():
             result[..., names.index(n)] = x
+        return result
+
+    def _single(self, name: str, given: Mapping[str, Any], names: Sequence[str]) -> dict[str, Any]:
+        """The entries with those apart that are given together: of a joint of several freedoms, or of a vector."""
+        result: dict[str, Any] = {}
+        for n, x in given.items():
+            group = [] if n in names else [m for m in names if m.startswith(f"{n}.")]
+            if not group:
+                result[n] = x
+                continue
+            numbers = self._numbers(f"{name}[{n!r}]", x)
+            if numbers.shape[-1:] != (len(group),):
+                raise ValueError(
+                    f"{name}[{n!r}] has shape {numbers.shape}, expected (..., {len(group)}): {', '.join(group)}"
+                )
+            result.update({m: numbers[..., i] for i, m in enumerate(group)})
         return result
 
     def _numbers(self, name: str, value: Any) -> Array:

@@ -301,7 +301,7 @@ class Package:
                 f"--functions {','.join([*have, *called])}, or without --functions for all"
             )
         if self.closure_names:
-            return f"{self.name} has closed loops: {name!r} is defined for trees only"
+            return f"{self.name} has closed loops: {name!r} is defined for trees only" + _ON_INDEPENDENTS.get(name, "")
         return f"{self.name} was generated without the function {name!r}; it has {', '.join(self._functions)}"
 
     def _left_out(self, name: str, given: Mapping[str, Any]) -> Array | float:
@@ -314,6 +314,10 @@ class Package:
         """Warn of directions that have no derivative; `Redundancy` does, where there may be any."""
 
 
+_ON_INDEPENDENTS = dict.fromkeys(
+    ("solve_mass", "solve_mass_sensitivities", "inverse_mass_matrix"),
+    "; mass_matrix is there, on the independent speeds",
+)
 MEMBERS = {
     "sensitivities_transposed": "gradients", "output_sensitivities_transposed": "output_gradients",
     "energy_sensitivities_transposed": "energy_gradients", "completion_sensitivities_transposed": "assemble_gradients",

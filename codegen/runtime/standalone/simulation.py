@@ -217,7 +217,7 @@ class Simulation(MotionRun):
         p = rest["p"]
         if q is None and u is None and not self.prescribed_names:
             return self.initial_state(p)
-        first = self._initial_values(p) if q is None or u is None else (q, u)
+        first = self._first_values(p) if q is None or u is None else (q, u)
         given = {"q": first[0] if q is None else q, "u": first[1] if u is None else u, **rest}
         arrays, batch = self._arguments.take(given, self._left_out)
         if batch:

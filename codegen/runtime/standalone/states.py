@@ -23,7 +23,12 @@ class States(Package):
         return self.initial_state()
 
     def initial_state(self, p: Numbers = None) -> tuple[Array, Array]:
-        """The model's initial state (q, u) at some parameters, assembled: initial values may be expressions of them."""
+        """The model's initial state (q, u) at some parameters, assembled: initial values may be expressions of them.
+
+        Of a model that begins in equilibrium it is the state of rest that the initial values lead to, inputs of zero, t = 0.
+        """
+        if "initial_at_rest" in self._manifest:
+            return self._at_rest(p, np.zeros(self.np))[:2]
         return self.assemble(p=p)
 
     def initial_sensitivities(self, p: Numbers = None, *, dp: Numbers) -> tuple[Array, Array, Array, Array]:
@@ -31,6 +36,8 @@ class States(Package):
 
         Where initial values depend on parameters, theirs are part of it, and loops stay closed.
         """
+        if "initial_at_rest" in self._manifest:
+            return self._at_rest(p, dp)
         q, u = self._initial_values(p)
         dq = du = None
         if self._has("initial_sensitivities"):
@@ -104,6 +111,19 @@ class States(Package):
 
     # -- how -----------------------------------------------------------------------------------------------------------
 
+    def _at_rest(self, p: Numbers, dp: Numbers) -> tuple[Array, Array, Array, Array]:
+        """The equilibrium that the initial values lead to, and its derivatives along dp: q, u, dq (k, nq), du (k, nu)."""
+        at: Array = self._arguments.take({"p": p}, self._left_out)[0]["p"]
+        if at.ndim != 1:
+            raise ValueError(
+                f"p has shape {at.shape}, expected ({self.np},): an equilibrium is found for one set of parameters"
+            )
+        along = np.atleast_2d(self._arguments.array("dp", dp, "p"))
+        moving = np.flatnonzero(along.any(axis=0))
+        statics: Any = self  # a section of its own
+        found = statics.equilibrium(self.assemble(p=at)[0], at, sensitivities=[self.parameter_names[i] for i in moving])
+        return found.q, np.zeros(self.nu), along[:, moving] @ found.dq, np.zeros((len(along), self.nu))
+
     def _initial_values(self, p: Numbers) -> tuple[Array, Array]:
         """The initial values at some parameters, as a guess for assembly.
 
@@ -119,10 +139,16 @@ class States(Package):
         )
         return q, u
 
+    def _first_values(self, p: Numbers) -> tuple[Array, Array]:
+        """Where a motion begins that is given other coordinates or speeds: the initial values, or the state of rest."""
+        return self.initial_state(p) if "initial_at_rest" in self._manifest else self._initial_values(p)
+
     def _left_out(self, name: str, given: Mapping[str, Any]) -> Array | float:
         """What a mapping leaves out: the initial state at the given parameters, default parameters, else zeros."""
         if name not in ("q", "u"):
             return super()._left_out(name, given)
+        if "initial_at_rest" in self._manifest:
+            return self.initial_state(given.get("p"))[name == "u"]
         p = given.get("p")
         if p is not None and self.closure_names:
             # what the mapping says may close where the initial independent coordinates do not

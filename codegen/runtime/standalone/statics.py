@@ -175,7 +175,7 @@ class Statics(Dynamics, States):
 
     def _point(self, q: Numbers, u: Any, p: Numbers, inputs: Numbers, t: Times) -> Point:
         """One state, assembled; u may be 0.0 for rest."""
-        q = self.initial_state(p)[0] if q is None else q
+        q = self.assemble(p=p)[0] if q is None else q
         u = np.zeros(self.nu) if isinstance(u, float) else u
         arrays, batch = self._arguments.take(state(q, u, p, inputs, t), self._left_out)
         if batch:

@@ -1,0 +1,318 @@
+"""The files that a model is read from: its own, those that it includes, and one for each submodel.
+
+An included file is read as if it stood in the file that includes it. A submodel is a file read once more: its names have
+a prefix, its ground is a frame on a body of the model that uses it, and its numbers may be given from there. What an entry of
+such a file means is settled here, where its names are; everything else reads entries without knowing of files.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+from .errors import ModelError, Problem, nearest
+from .expressions import MEASURED, Binder, Expression, Number, Tree, combine
+from .positions import Document, Path_, compose, read_file
+from .tables import Table
+from .units import Dimension
+
+MAX_PARTS: Final = 20_000
+"""Uses of files in a model; so many are read within seconds."""
+
+
+@dataclass(slots=True)
+class Instance:
+    """One entry of a section after repetition.
+
+    Attributes
+    ----------
+    key : str
+        As written, such as ``link(k)``.
+    value : Any
+        The entry's plain data; the same object for all repetitions that mean the same.
+    container : dict
+        Where `key` stands, for places in messages.
+    section : tuple of str
+        Path to print before the key.
+    indices : dict of str to int or str
+        Values of the repeat indices here.
+    part : Part
+        The file that it stands in, in one of its uses.
+    """
+
+    key: str
+    value: Any
+    container: dict[str, Any]
+    section: Path_
+    indices: dict[str, int | str]
+    part: Part
+
+
+@dataclass(eq=False)
+class Given:
+    """A number that a model gives to a submodel.
+
+    Attributes
+    ----------
+    value : Any
+        As written, in names of the file that uses the submodel.
+    at : Instance
+        The entry there.
+    key : str
+        Its name there, under ``with``.
+    used : bool
+        Whether the submodel has such a name.
+    """
+
+    value: Any
+    at: Instance
+    key: str
+    used: bool = False
+
+
+@dataclass(eq=False)
+class Part:
+    """A file in one of its uses.
+
+    Attributes
+    ----------
+    document : Document
+    outer : Part or None
+        The file that includes or uses this one.
+    prefix : str
+        Stands before each name of a submodel; empty otherwise.
+    frame : Instance or None
+        Of a submodel: the entry of the body without mass that its ground is.
+    ground : str
+        What the file's ``ground`` is: that body, or the ground.
+    constants : dict of str to number
+        With the labels of repetitions; an included file has those of the one that includes it.
+    given : dict of str to Given
+        Numbers of a submodel that come from outside, by their names in it.
+    values : dict of str to tuple
+        The trees that stand in the place of names: of those which are given, and of named expressions.
+    tables : dict of str to Table
+        By their names in the file.
+    asked : set of str
+        Names that have been looked up.
+    dimensions : dict of str to Dimension
+        Of constants, parameters and given numbers that are written with a unit.
+    """
+
+    document: Document
+    outer: Part | None = None
+    prefix: str = ""
+    frame: Instance | None = None
+    ground: str = "ground"
+    constants: dict[str, Number | str] = field(default_factory=dict)
+    given: dict[str, Given] = field(default_factory=dict)
+    values: dict[str, Tree] = field(default_factory=dict)
+    dimensions: dict[str, Dimension] = field(default_factory=dict)
+    tables: dict[str, Table] = field(default_factory=dict)
+    binder: Binder = field(init=False)
+    asked: set[str] = field(default_factory=set, init=False)
+    _renamed: dict[Expression, Expression] = field(default_factory=dict, init=False)
+    _written_out: dict[Expression, Expression] = field(default_factory=dict, init=False)
+
+    def __post_init__(self) -> None:
+        self.binder = Binder(self.constants)
+
+    def including(self, document: Document) -> Part:
+        """A file that is read as if it stood in this one."""
+        part = Part(
+            document, self, self.prefix, None, self.ground, self.constants, self.given, self.values, self.dimensions
+        )
+        part.binder, part._renamed, part.asked = self.binder, self._renamed, self.asked
+        return part
+
+    def stands_for(self, name: str, tree: Tree) -> None:
+        """From here on the tree stands in the place of a name."""
+        self.values[name] = tree
+        self._renamed.clear()
+
+    def chain(self) -> list[Document]:
+        """The files that lead here, this one first."""
+        found, part = [], self  # type: list[Document], Part | None
+        while part is not None:
+            found.append(part.document)
+            part = part.outer
+        return found
+
+    @property
+    def is_submodel(self) -> bool:
+        """Whether its names have a prefix."""
+        return bool(self.prefix)
+
+    @property
+    def where(self) -> str:
+        """`` (in NAME)`` for messages about what stands in the file of a submodel."""
+        return f" (in {self.prefix[:-1]})" if self.prefix else ""
+
+    def entry(self, key: str) -> Instance:
+        """A key of the file's top level, for problems with it."""
+        return Instance(key, self.document.root.get(key), self.document.root, (), {}, self)
+
+    def name(self, name: str) -> str:
+        """What a body, loop, point, force, output, parameter or input of the file is called in the model."""
+        return self.prefix + name
+
+    def referred(self, name: str) -> str:
+        """The body or point that a name in the file means."""
+        return self.ground if name == "ground" else self.prefix + name
+
+    def written(self, name: str) -> str:
+        """A name of the model as the file writes it."""
+        first, dot, rest = name.partition(".")
+        if dot and first in ("q", "u", *MEASURED):
+            return f"{first}.{rest.removeprefix(self.prefix)}"
+        return name.removeprefix(self.prefix)
+
+    def own(self, names: Iterable[str]) -> list[str]:
+        """Those of names of the model that the file knows, as it writes them."""
+        if not self.prefix:
+            return [*names, *self.values]
+        cut = len(self.prefix)
+        return [*(n[cut:] for n in names if n.startswith(self.prefix)), *self.values]
+
+    def bound(self, expression: Expression, indices: Mapping[str, int | str]) -> Expression:
+        """With constants and indices as numbers, in names of the whole model.
+
+        Raises
+        ------
+        ExpressionError
+            As `bind`.
+        """
+        if self.tables:
+            expression = self._with_tables(expression)
+        result = self.binder(expression, indices)
+        if result.is_number or not (self.prefix or self.values):
+            return result
+        known = self._renamed.get(result)
+        if known is None:
+            known = self._renamed[result] = Expression(self._tree(result.tree))
+        return known
+
+    def _with_tables(self, expression: Expression) -> Expression:
+        """The expression with tables written out."""
+        found = self._written_out.get(expression)
+        if found is None:
+            tree = self._of_tables(expression.tree)
+            found = expression if tree is expression.tree else Expression(tree)
+            self._written_out[expression] = found
+        return found
+
+    def _of_tables(self, tree: Tree) -> Tree:
+        kind = tree[0]
+        if kind in ("number", "name", "quantity"):
+            return tree
+        if kind == "indexed":
+            if tree[1] not in self.tables or tree[3] or len(tree[2]) != 1:
+                return tree
+            self.asked.add(tree[1])
+            return self.tables[tree[1]].at(self._of_tables(tree[2][0]))
+        parts = tuple(
+            self._of_tables(a) if isinstance(a, tuple) and a and isinstance(a[0], str) else a for a in tree[1:]
+        )
+        return tree if all(a is b for a, b in zip(parts, tree[1:], strict=True)) else (kind, *parts)
+
+    def _tree(self, tree: Tree) -> Tree:
+        kind = tree[0]
+        if kind == "number":
+            return tree
+        if kind == "name":
+            return self._name(tree[1])
+        if kind == "call":
+            return combine(tree[1], *[self._tree(a) for a in tree[2:]])
+        return combine(kind, *[self._tree(a) for a in tree[1:]])
+
+    def _name(self, name: str) -> Tree:
+        if name == "t":
+            return ("name", name)
+        first, dot, rest = name.partition(".")
+        if dot and first in ("q", "u"):
+            return ("name", f"{first}.{self.prefix + rest}")
+        if dot and first in MEASURED:
+            point, _, component = rest.partition(".")
+            return ("name", f"{first}.{self.referred(point)}.{component}")
+        self.asked.add(name)
+        return self.values.get(name, ("name", self.prefix + name))
+
+
+class Files:
+    """Opens the files of a model, each once, none outside the folder of the first.
+
+    Parameters
+    ----------
+    document : Document
+        The first.
+    folder : str or None
+        Where its files are; None for a text, which has no folder.
+    """
+
+    def __init__(self, document: Document, folder: str | None) -> None:
+        self.first = document
+        self.folder = None if folder is None else os.path.realpath(folder)
+        self.opened: dict[str, Document] = {os.path.realpath(document.file): document}
+        self.names: list[str] = []
+        self.is_wanting = False  # whether one could not be had
+        self._paths: dict[int, str] = {id(document): os.path.realpath(document.file)}
+
+    def open(self, text: str, writer: Document, add: Callable[[Problem], None]) -> Document | str:
+        """The document of a path as it is written in another one, or what is wrong with the path.
+
+        What is wrong with the file itself is added to the problems, and its document is then empty.
+        """
+        if self.folder is None:
+            return (
+                f"file {text!r} of a model that comes from no file; "
+                "load the model from a file, or say with folder=... where its files are"
+            )
+        if os.path.isabs(text) or "\\" in text or "\0" in text:
+            return f"{text!r} is no path within the model's folder; write it from this file on, with /: parts/leg.yaml"
+        own = self._paths.get(id(writer), "")
+        start = os.path.dirname(own) if writer is not self.first else self.folder
+        path = os.path.realpath(os.path.join(start, text))
+        if os.path.commonpath((path, self.folder)) != self.folder:
+            return f"{text!r} leaves the model's folder; the files of a model stand in its folder or in folders there"
+        found = self.opened.get(path)
+        if found is None:
+            if not os.path.isfile(path):
+                return f"no file {text!r}; {_there(path, text)}"
+            shown = os.path.join(os.path.dirname(self.first.file), os.path.relpath(path, self.folder))
+            try:
+                found = compose(_text(path, shown), shown)
+            except ModelError as error:
+                found = Document(shown, {})
+                found.problems.extend(error.problems)
+            if not isinstance(found.root, dict):
+                if not found.problems:
+                    message = "a file of a model is a mapping with sections such as bodies and parameters"
+                    found.problems.append(Problem(shown, 1, 1, "", message))
+                found.root = {}
+            for problem in found.problems:
+                add(problem)
+            self.opened[path] = found
+            self.names.append(shown)
+            self._paths[id(found)] = path
+        return found
+
+
+def _text(path: str, shown: str) -> str:
+    try:
+        return read_file(path)
+    except ModelError as error:
+        raise ModelError([Problem(shown, p.line, p.column, p.path, p.message) for p in error.problems]) from None
+
+
+def _there(path: str, text: str) -> str:
+    """Which files there are instead."""
+    folder = os.path.dirname(path)
+    if not os.path.isdir(folder):
+        return "its folder does not exist; a path begins at the folder of the file that it stands in"
+    names = sorted(n for n in os.listdir(folder) if n.endswith((".yaml", ".yml")))
+    if not names:
+        return "its folder holds no YAML files"
+    some = ", ".join(names[:12]) + (", ..." if len(names) > 12 else "")
+    return f"in its folder there are {some}{nearest(os.path.basename(text), names)}"

@@ -1,0 +1,139 @@
+"""The other files of a model: those that it includes, and submodels, which are files read once more under a prefix."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from pydantic_core import PydanticCustomError
+
+from ..entries import parse_name, seen
+from ..errors import nearest
+from ..expressions import ExpressionError
+from ..parts import MAX_PARTS, Given, Instance, Part
+from ..positions import Document
+from ..reading import Reader, some
+from ..repetition import CannotGoOn, name_of
+from ..schema import SECTIONS, SubmodelEntry
+from .quantities import read_constants
+
+
+def read_files(reader: Reader) -> None:
+    """Open all files, with their constants, which may say how often a submodel is used."""
+    waiting = [reader.own]
+    before = reader.errors
+    while waiting:
+        part = waiting.pop(0)
+        reader.parts.remove(part)
+        parts = _with_included(reader, part)
+        for one in parts:
+            _check_keys(reader, one)
+        read_constants(reader, parts)
+        for at in reader.section("submodels", parts):
+            submodel = _submodel(reader, at)
+            if submodel is not None:
+                waiting.append(reader.added(submodel))
+                if len(reader.parts) > MAX_PARTS:
+                    message = f"more than {MAX_PARTS} uses of files; reading them would take too long: use fewer"
+                    reader.report(at, (), message, key=True)
+                    raise CannotGoOn
+    if reader.errors > before and reader.files.is_wanting:
+        raise CannotGoOn  # what stands in a file that is not there is missed elsewhere
+
+
+def check_given(reader: Reader) -> None:
+    """Report numbers for submodels that have none of their name."""
+    for part in reader.parts:
+        if part.frame is None:
+            continue
+        for name, given in part.given.items():
+            if not given.used:
+                reader.report(given.at, ("with", given.key), partial(_not_there, reader, part, name), key=True)
+
+
+def _not_there(reader: Reader, part: Part, name: str) -> str:
+    names = [n for n in part.constants if n[0] != "'" and "." not in n] + part.own([*reader.defaults, *reader.inputs])
+    known = list(dict.fromkeys(names))
+    return (
+        f"{part.document.file} has no constant, parameter or input {name!r}; it has {some(known)}{nearest(name, known)}"
+    )
+
+
+def _check_keys(reader: Reader, part: Part) -> None:
+    for key in part.document.root:
+        if key not in SECTIONS:
+            hint = nearest(key, SECTIONS)
+            reader.report(part.entry(key), (), f"unknown key {key!r}; keys here: {some(SECTIONS)}{hint}", key=True)
+
+
+def _with_included(reader: Reader, part: Part) -> list[Part]:
+    """The files that a file includes, and those that these include, and then itself; each is read from now on."""
+    found: list[Part] = []
+    at = part.entry("include")
+    if at.value is not None and not isinstance(at.value, (list, tuple)):
+        reader.report(at, (), f"{seen(at.value)}; a list of files is needed: [materials.yaml]")
+    elif at.value is not None:
+        for i, item in enumerate(at.value):
+            document = _opened(reader, at, (i,), item)
+            if document is not None:
+                found += _with_included(reader, part.including(document))
+    return [*found, reader.added(part)]
+
+
+def _opened(reader: Reader, at: Instance, path: tuple[str | int, ...], text: object) -> Document | None:
+    """The file of that path, or None after a problem."""
+    wanting, reader.files.is_wanting = reader.files.is_wanting, True
+    if not isinstance(text, str):
+        reader.report(at, path, f"{seen(text)}; a file is needed, by its path from this one: parts/leg.yaml")
+        return None
+    found = reader.files.open(text, at.part.document, reader.add)
+    if isinstance(found, str):
+        reader.report(at, path, found)
+        return None
+    chain = at.part.chain()
+    if found in chain:
+        circle = [d.file for d in reversed(chain[: chain.index(found) + 1])]
+        reader.report(
+            at, path, f"files that read each other in a circle, {' -> '.join([*circle, found.file])}; leave one out"
+        )
+        return None
+    reader.files.is_wanting = wanting
+    return found
+
+
+def _submodel(reader: Reader, at: Instance) -> Part | None:
+    """The file of an entry of ``submodels`` in this use, or None after a problem."""
+    spec = reader.spec(SubmodelEntry, at)
+    if not reader.is_whole(spec):
+        reader.files.is_wanting = True
+        return None
+    document = _opened(reader, at, ("use",), spec.use)
+    if document is None:
+        return None
+    try:
+        name = at.part.name(reader.local_name(at))
+    except (PydanticCustomError, ExpressionError) as error:
+        message = error.message() if isinstance(error, PydanticCustomError) else error.message
+        reader.report(at, (), str(message), key=True)
+        return None
+    given = {}
+    for key, value in spec.given.items():
+        try:
+            given[name_of(parse_name(key), reader.numbers(at))] = Given(value, at, key)
+        except (PydanticCustomError, ExpressionError) as error:
+            message = error.message() if isinstance(error, PydanticCustomError) else error.message
+            reader.report(at, ("with", key), str(message), key=True)
+    return Part(document, at.part, f"{name}_", _frame(at), name, given=given)
+
+
+def _frame(at: Instance) -> Instance:
+    """The body without mass that a submodel's ground is: fixed where the entry says."""
+    document = at.part.document
+    places = document.places_of(at.value)
+    joint = document.merged(at.value, {}, drop=("use", "on", "with"))
+    joint["type"] = "fixed"
+    value = {"parent": at.value.get("on", "ground"), "joint": joint}
+    document.made(value, {"parent": places["on"]} if "on" in places else {})
+    container = document.made(
+        {at.key: value}, {k: v for k, v in document.places_of(at.container).items() if k == at.key}
+    )
+    return Instance(at.key, value, container, at.section, at.indices, at.part)

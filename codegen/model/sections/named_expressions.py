@@ -1,0 +1,69 @@
+"""Named expressions: what several entries have in common, written once. A name stands for its expression wherever it is used."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from ..entries import ZERO
+from ..expressions import Expression, ExpressionError
+from ..parts import Instance
+from ..reading import Reader
+
+MAX_SIZE: Final = 20_000
+"""Names and operations of an expression with those that it names written out."""
+
+
+def read_named_expressions(reader: Reader) -> list[tuple[Instance, Expression]]:
+    """Read the section: from here on the names may stand in expressions. They are checked where all names are known."""
+    found = []
+    for at in reader.section("expressions"):
+        name = reader.key_name(at, "expression", "value")
+        expression = reader.parsed(at, (), at.value)
+        if name is None or expression is None:
+            continue
+        local = at.part.written(name)
+        try:
+            tree = at.part.bound(expression, at.indices).tree
+        except ExpressionError as error:
+            reader.report(at, (), error.message, inside=error.column)
+            continue
+        if _size(tree, MAX_SIZE) > MAX_SIZE:
+            message = (
+                f"with the expressions that it names written out it has more than {MAX_SIZE} names and operations; "
+                f"a name stands for its whole expression each time, so let fewer be named several times"
+            )
+            reader.report(at, (), message)
+            continue
+        at.part.stands_for(local, tree)
+        dimension = reader.dimension(expression, at, ())
+        if dimension is not None:
+            at.part.dimensions[local] = dimension
+        found.append((at, expression))
+    return found
+
+
+def check_named_expressions(reader: Reader, found: list[tuple[Instance, Expression]]) -> None:
+    """Report names in them that are not known, once coordinates and points are."""
+    for at, expression in found:
+        before = reader.errors
+        reader.bound(expression, at, (), "measured")
+        if reader.errors > before:
+            at.part.stands_for(reader.local_name(at), ZERO.tree)  # it has been said
+
+
+def warn_of_unused(reader: Reader, found: list[tuple[Instance, Expression]]) -> None:
+    """Warn of those that nothing names."""
+    for at, _ in found:
+        name = reader.local_name(at)
+        if name not in at.part.asked:
+            reader.report(at, (), f"expression {name!r} is not used", key=True, severity="warning")
+
+
+def _size(tree: Any, most: int) -> int:
+    """How many nodes a tree has, counted no further than beyond `most`."""
+    count, waiting = 0, [tree]
+    while waiting and count <= most:
+        node = waiting.pop()
+        count += 1
+        waiting.extend(a for a in node[1:] if isinstance(a, tuple))
+    return count

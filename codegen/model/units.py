@@ -1,0 +1,222 @@
+"""Units that numbers of a model file may carry: ``30 mm``, ``200 N/m``, ``15 deg``.
+
+A number with a unit is its value in SI, exact to rounding, and has a dimension, by which it is checked where it stands.
+Plain numbers are SI and fit everywhere.
+"""
+
+from __future__ import annotations
+
+import re
+from fractions import Fraction
+from typing import Any, Final, NamedTuple
+
+from .errors import nearest
+
+PI: Final = Fraction("3.14159265358979323846264338327950288419716939937510582097494459230781640628620899")
+
+
+class Dimension(NamedTuple):
+    """Exponents of metre, kilogram and second. Angles have none."""
+
+    length: Fraction | int = 0
+    mass: Fraction | int = 0
+    time: Fraction | int = 0
+
+    def times(self, other: Dimension, power: Fraction | int = 1) -> Dimension:
+        """That of a product with a power of something else."""
+        return Dimension(*(a + power * b for a, b in zip(self, other, strict=True)))
+
+
+NONE: Final = Dimension()
+_FORCE, _ENERGY, _POWER = Dimension(1, 1, -2), Dimension(2, 1, -2), Dimension(2, 1, -3)
+
+_SIZES: Final[dict[Dimension, dict[str, str | int | Fraction]]] = {
+    Dimension(1): {"m": 1, "mm": "0.001", "cm": "0.01", "dm": "0.1", "km": 1000, "um": "1e-6",
+                   "inch": "0.0254", "ft": "0.3048"},
+    Dimension(0, 1): {"kg": 1, "g": "0.001", "mg": "1e-6", "lb": "0.45359237"},
+    Dimension(0, 0, 1): {"s": 1, "ms": "0.001", "us": "1e-6", "minute": 60, "h": 3600},
+    Dimension(0, 0, -1): {"Hz": 1, "rpm": PI / 30},
+    _FORCE: {"N": 1, "kN": 1000, "MN": 10**6, "mN": "0.001", "lbf": "4.4482216152605"},
+    _ENERGY: {"J": 1, "kJ": 1000, "MJ": 10**6, "mJ": "0.001", "Nm": 1, "kNm": 1000},
+    _POWER: {"W": 1, "kW": 1000, "MW": 10**6, "mW": "0.001"},
+    Dimension(-1, 1, -2): {"Pa": 1, "kPa": 1000, "MPa": 10**6, "GPa": 10**9, "bar": 10**5},
+    NONE: {"rad": 1, "mrad": "0.001", "deg": PI / 180, "rev": 2 * PI},
+}  # fmt: skip
+UNITS: Final[dict[str, tuple[Fraction, Dimension]]] = {
+    name: (Fraction(size), dimension) for dimension, names in _SIZES.items() for name, size in names.items()
+}
+"""Size in SI and dimension of every unit."""
+
+_FACTOR = r"[A-Za-z]+(?:(?:\*\*|\^)-?[0-9]+)?"
+_UNIT = re.compile(rf"{_FACTOR}(?:[*/]{_FACTOR})*")
+_PART = re.compile(r"([*/]?)([A-Za-z]+)(?:(?:\*\*|\^)(-?[0-9]+))?")
+_NAMES: Final = {
+    NONE: ("no unit, or an angle", "rad"),
+    Dimension(1): ("a length", "m"),
+    Dimension(2): ("an area", "m**2"),
+    Dimension(0, 1): ("a mass", "kg"),
+    Dimension(0, 0, 1): ("a time", "s"),
+    Dimension(0, 0, -1): ("a rate", "rad/s"),
+    Dimension(1, 0, -1): ("a velocity", "m/s"),
+    Dimension(1, 0, -2): ("an acceleration", "m/s**2"),
+    Dimension(2, 1): ("a moment of inertia", "kg*m**2"),
+    Dimension(-3, 1): ("a density", "kg/m**3"),
+    Dimension(-1, 1): ("a mass by length", "kg/m"),
+    _FORCE: ("a force", "N"),
+    _ENERGY: ("a torque or an energy", "N*m"),
+    _POWER: ("a power", "W"),
+    Dimension(0, 1, -2): ("a stiffness", "N/m"),
+    Dimension(0, 1, -1): ("a damping", "N*s/m"),
+    Dimension(2, 1, -1): ("a damping of turns", "N*m*s/rad"),
+}
+
+
+class UnitError(ValueError):
+    """A text that is no unit."""
+
+
+def unit_at(text: str, start: int) -> tuple[Fraction, Dimension, int]:
+    """The unit that begins at a place of a text: its size, dimension and where it ends.
+
+    It reaches as far as known units follow without a space, joined by ``*`` or ``/``.
+
+    Raises
+    ------
+    UnitError
+        If no known unit is there.
+    """
+    match = _UNIT.match(text, start)
+    size, dimension, end = Fraction(1), NONE, start
+    for part in _PART.finditer(match.group() if match else ""):
+        sign, name, power = part.groups()
+        if name not in UNITS:
+            break
+        exponent = int(power or 1) * (-1 if sign == "/" else 1)
+        if abs(exponent) > 9:
+            raise UnitError(f"{name}**{power}; powers of units go up to 9")
+        own, of = UNITS[name]
+        size, dimension, end = size * own**exponent, dimension.times(of, exponent), start + part.end()
+    if end == start:
+        name = re.compile(r"\w*").match(text, start).group()  # type: ignore[union-attr]
+        raise UnitError(f"{name!r} is no unit; units are {', '.join(UNITS)}{nearest(name, UNITS)}")
+    return size, dimension, end
+
+
+def unit_of(text: str) -> tuple[Fraction, Dimension] | None:
+    """The unit that a text is, or None where it is a text for people alone."""
+    try:
+        size, dimension, end = unit_at(text, 0)
+    except UnitError:
+        return None
+    return (size, dimension) if end == len(text) else None
+
+
+def in_words(dimension: Dimension) -> str:
+    """``a length (m)``."""
+    if dimension in _NAMES:
+        what, unit = _NAMES[dimension]
+        return f"{what} ({unit})"
+    return f"something in {in_units(dimension)}"
+
+
+def in_units(dimension: Dimension) -> str:
+    """The SI unit of a dimension, ``kg*m**2/s``."""
+    if dimension in _NAMES:
+        return "" if dimension == NONE else _NAMES[dimension][1]
+    exponents = [("kg", dimension.mass), ("m", dimension.length), ("s", dimension.time)]
+    parts = [unit if e == 1 else f"{unit}**{e}" for unit, e in exponents if e > 0]
+    below = [f"/{unit}" if e == -1 else f"/{unit}**{-e}" for unit, e in exponents if e < 0]
+    return ("*".join(parts) or "1") + "".join(below)
+
+
+class DimensionError(ValueError):
+    """Dimensions that do not fit each other."""
+
+
+_PURE: Final = frozenset({"sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "exp", "log"})
+_PLAIN: Final = "plain"
+"""What a number without a unit is: nothing in a product, and anything in a sum."""
+
+
+def dimension_of(tree: Any, known: Any) -> Dimension | None:
+    """The dimension of an expression; None where it is not known, since something in it has none.
+
+    Parameters
+    ----------
+    tree : tuple
+        Of an `Expression` as parsed.
+    known : mapping of str to Dimension
+        Of names.
+
+    Raises
+    ------
+    DimensionError
+        Where dimensions are added, or calculated with, that do not fit.
+    """
+    found = _dimension(tree, known)
+    return None if found == _PLAIN else found
+
+
+def _dimension(tree: Any, known: Any) -> Any:
+    kind = tree[0]
+    if kind == "number":
+        return _PLAIN
+    if kind == "quantity":
+        return tree[2]
+    if kind == "name":
+        return known.get(tree[1].partition(".")[0])
+    if kind == "component" or kind == "neg":
+        return _dimension(tree[1], known)
+    if kind == "indexed" or kind == "%":
+        return None
+    if kind == "call":
+        return _of_call(tree[1], [_dimension(a, known) for a in tree[2:]])
+    a, b = (_dimension(x, known) for x in tree[1:])
+    if kind in ("+", "-"):
+        return _alike(a, b, "added to" if kind == "+" else "subtracted from")
+    if kind == "**":
+        if b not in (_PLAIN, None) and b != NONE:
+            raise DimensionError(f"an exponent that is {in_words(b)}; exponents have no unit")
+        if a in (_PLAIN, None):
+            return a
+        exponent = _whole(tree[2])
+        return a if a == NONE else None if exponent is None else NONE.times(a, exponent)
+    if a is None or b is None:
+        return None
+    if a == _PLAIN and b == _PLAIN:
+        return _PLAIN
+    return (NONE if a == _PLAIN else a).times(NONE if b == _PLAIN else b, 1 if kind == "*" else -1)
+
+
+def _whole(tree: Any) -> Fraction | None:
+    """The exponent that a tree is, if it is a number."""
+    if tree[0] == "neg":
+        inner = _whole(tree[1])
+        return None if inner is None else -inner
+    return Fraction(tree[1]) if tree[0] == "number" else None
+
+
+def _alike(a: Any, b: Any, what: str) -> Any:
+    """What a sum is: that of either which is known."""
+    for one, other in ((a, b), (b, a)):
+        if one is None or one == _PLAIN:
+            return other if one == _PLAIN or other != _PLAIN else one
+    if a != b:
+        raise DimensionError(f"{in_words(b)} is {what} {in_words(a)}")
+    return a
+
+
+def _of_call(function: str, arguments: list[Any]) -> Any:
+    if function in _PURE:
+        if arguments[0] not in (_PLAIN, None) and arguments[0] != NONE:
+            raise DimensionError(f"{function} of {in_words(arguments[0])}; it takes an angle or a plain number")
+        return _PLAIN if arguments[0] == _PLAIN else None if arguments[0] is None else NONE
+    if function == "sqrt":
+        a = arguments[0]
+        return a if a in (_PLAIN, None) else NONE.times(a, Fraction(1, 2))
+    if function == "sign":
+        return NONE
+    if function == "abs":
+        return arguments[0]
+    both = _alike(arguments[0], arguments[1], "compared with")
+    return NONE if function == "atan2" else both

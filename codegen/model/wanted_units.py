@@ -1,0 +1,54 @@
+"""Which unit the number at a place of a model file has: the dimension that it is checked by where it is written with one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final, get_args
+
+from .forces import FORCES, InJointEntry
+from .positions import Path_
+from .units import Dimension, unit_of
+
+_BY_KEY: Final = {
+    **dict.fromkeys(("at", "com", "center", "size", "length", "radius"), "m"),
+    **dict.fromkeys(("xx", "yy", "zz", "xy", "xz", "yz"), "kg*m**2"),
+    **dict.fromkeys(("rpy", "angle"), "rad"),
+    **{"mass": "kg", "pitch": "m/rad", "gravity": "m/s**2"},
+}
+_BY_FORCE: Final[dict[str, Mapping[str, str]]] = {
+    str(get_args(entry.model_fields["type"].annotation)[0]): entry.units for entry in FORCES
+}
+IN_JOINTS: Final[dict[str, Mapping[str, tuple[str, str]]]] = {
+    "joint": {"value": ("N*m", "N")},
+    **{
+        str(get_args(entry.model_fields["type"].annotation)[0]): entry.units_in_joint
+        for entry in FORCES
+        if issubclass(entry, InJointEntry)
+    },
+}
+"""Units of the numbers of forces that act in joints, by type and key: in one that turns, and in one that slides."""
+
+
+def unit_wanted(section: str, path: Path_, entry: Any) -> Dimension | None:
+    """The dimension of the number at a path of an entry; None where any, or none that is known, may stand."""
+    keys = [k for k in path if isinstance(k, str)]
+    key = keys[-1] if keys else section
+    type_ = entry.get("type") if isinstance(entry, dict) else None
+    if section == "forces" and len(keys) == 1:
+        unit = _BY_FORCE.get(str(type_), {}).get(key)
+    elif key == "density":
+        shape = entry.get("shape") if isinstance(entry, dict) else None
+        unit = "kg/m" if isinstance(shape, dict) and shape.get("type") == "rod" else "kg/m**3"
+    else:
+        unit = (
+            _BY_KEY.get(key)
+            if section not in ("parameters", "constants", "submodels") or keys[:1] != ["with"]
+            else None
+        )
+    return None if unit is None else dimension_of_unit(unit)
+
+
+def dimension_of_unit(text: str) -> Dimension | None:
+    """Of a unit as the program's own texts write it: ``N s/m``, ``N/m^3``."""
+    found = unit_of(text.replace(" ", "*"))
+    return None if found is None else found[1]
