@@ -661,7 +661,17 @@ class Writer(ABC):
         }  # fmt: skip
 
 
-FORMULA_ORDER = ("tau", "outputs", "energy", "coefficient", "drive", "initial_q", "initial_u")
+FORMULA_ORDER = (
+    "tau",
+    "outputs",
+    "energy",
+    "coefficient",
+    "drive",
+    "prescribed",
+    "held_force",
+    "initial_q",
+    "initial_u",
+)
 """The order in which the tables of formulas stand."""
 
 

@@ -24,6 +24,8 @@ accelerates by -g or, for the mass matrix, not at all; memory of directions, whi
 
 JOINT_FORCES = Formulas("joint_forces", ("tau",))
 OUTPUTS = Formulas("output_formulas", ("outputs",))
+HELD_FORCES = Formulas("held_forces", ("held_force",))
+MOTIONS = Formulas("prescribed_motion", ("prescribed",))
 INITIAL = Formulas("initial_values", ("initial_q", "initial_u"))
 
 SHAPES: dict[str, tuple[str, ...]] = {
@@ -34,6 +36,7 @@ SHAPES: dict[str, tuple[str, ...]] = {
     "position": ("nclosure",), "velocity": ("nclosure",), "condition": ("nloops",), "reaction": ("6*nlinks",),
     "loop_reaction": ("6*nloops",), "step": ("nq",), "full_q": ("nq",), "full_u": ("nu",), "tau": ("nu",),
     "masses": ("4",), "momenta": ("6",),
+    "prescribed": ("3*nprescribed",), "driving": ("nprescribed",), "actuation": ("nprescribed",), "held_force": ("nprescribed",),
 }  # fmt: skip
 """Axes of arguments and results."""
 
@@ -45,6 +48,7 @@ def arrays(system: System) -> dict[str, Array]:
         "nq": model.nq, "nu": model.nu, "np": len(model.parameters), "ninputs": len(model.inputs), "2": 2, "4": 4, "6": 6,
         "noutputs": len(model.outputs), "nclosure": len(model.closure_names), "nloops": len(model.loops),
         "6*nlinks": 6 * len(system.links), "6*nloops": 6 * len(model.loops),
+        "nprescribed": len(model.prescribed), "3*nprescribed": 3 * len(model.prescribed),
     }  # fmt: skip
     found = {}
     for name, shape in SHAPES.items():
