@@ -210,7 +210,7 @@ class Package:
         taken = [] if out is None else places([out], f.results, f.whole_shapes(batch))
         if name in SHORT and not batch and not taken:
             # what came as lists, by name or of another type is plain now
-            names = ("q", "p") if name in OF_COORDINATES else STATE
+            names = ("q", "p", "inputs", "t") if name in OF_COORDINATES else STATE
             found = getattr(self._desk, name)(*(arrays[n] for n in names))
             if found is not None:
                 return [found]

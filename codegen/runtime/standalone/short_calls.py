@@ -22,7 +22,7 @@ SHORT = (
 """Functions that have a short way: those of a state and its seeds."""
 
 OF_COORDINATES = ("mass_matrix", "inverse_mass_matrix")
-"""Those whose short way takes coordinates and parameters only."""
+"""Those whose short way takes no speeds: coordinates, parameters, and what prescribed motion depends on."""
 
 ARRAY_HEAD = """\
 typedef struct { char *data; int dimensions; intptr_t *shape, *strides; void *base, *type; int flags; } ordernm_array;
@@ -136,17 +136,21 @@ def _short_values(call: Callable[..., int], desk: Any, shape: Shape) -> Callable
 
 
 def _short_of_coordinates(call: Callable[..., int], desk: Any, shape: Shape) -> Callable[..., Any]:
-    """The short way of a function of coordinates and parameters only."""
+    """The short way of a function without speeds."""
     empty, ndarray = np.empty, np.ndarray
 
-    def short(q: Any, p: Any, out: Any = None) -> Any:
+    def short(q: Any, p: Any, inputs: Any, t: Any, out: Any = None) -> Any:
+        if type(t) is not float and not isinstance(t, float):
+            return None
         if out is None:
             result = empty(shape)
         elif type(out) is ndarray and out.shape == shape:
             result = out
         else:
             return None
-        return None if call(desk, id(q), 0, 0 if p is None else id(p), 0, 0.0, id(result)) else result
+        p = 0 if p is None else id(p)
+        inputs = 0 if inputs is None else id(inputs)
+        return None if call(desk, id(q), 0, p, inputs, t, id(result)) else result
 
     return short
 
