@@ -25,7 +25,9 @@ SECTIONS: dict[str, tuple[str, ...]] = {
     "TreeForces": ("mass_matrix", "mass_matrix_sensitivities", "inverse_mass_matrix", "solve_mass", "solve_mass_sensitivities",
                    "inverse_dynamics", "inverse_dynamics_sensitivities"),
     "Judging": ("state_rates",),
-    "Reactions": ("reactions",), "Loops": ("closure",), "States": (), "Redundancy": ("opening",), "Partitions": (),
+    "Reactions": ("reactions",),
+    "Frames": ("frames", "frame_sensitivities", "frame_accelerations", "frame_acceleration_sensitivities"),
+    "Loops": ("closure",), "States": (), "Redundancy": ("opening",), "Partitions": (),
     "Precision": (),
 }  # fmt: skip
 """Sections of `Solver`, and what a manifest names, among its functions or beside them, where they are needed."""

@@ -9,6 +9,7 @@ from .long_texts import LongTexts
 from .standalone.diagnosing import Diagnosing
 from .standalone.dynamics import Dynamics
 from .standalone.energies import Energies
+from .standalone.frames import Frames
 from .standalone.judging import Judging
 from .standalone.loops import Loops
 from .standalone.outputs import Outputs
@@ -35,6 +36,7 @@ class Solver(
     TreeForces,
     Judging,
     Reactions,
+    Frames,
     Loops,
     Redundancy,
     Partitions,

@@ -68,7 +68,7 @@ def shapes_of(manifest: Mapping[str, Any]) -> dict[str, Shape]:
     nq, nu, n_p, ninputs, noutputs, nclosure = (
         len(manifest[f"{n}_names"]) for n in ("coordinate", "speed", "parameter", "input", "output", "closure")
     )
-    nloops = len(manifest.get("loops", ()))
+    nloops, nbodies = len(manifest.get("loops", ())), len(manifest["joint_links"])
     return {
         "q": (nq,), "u": (nu,), "p": (n_p,), "inputs": (ninputs,), "t": (), "udot": (nu,), "b": (nu,),
         "qdot": (nq,), "x": (nu,), "force": (nu,), "energy": (2,), "outputs": (noutputs,), "M": (nu, nu),
@@ -76,6 +76,7 @@ def shapes_of(manifest: Mapping[str, Any]) -> dict[str, Shape]:
         "J_q": (nu, nq), "J_u": (nu, nu), "J_p": (nu, n_p), "J_inputs": (nu, ninputs), "J_t": (nu,),
         "position": (nclosure,), "velocity": (nclosure,), "step": (nq,), "condition": (nloops,),
         "full_q": (nq,), "full_u": (nu,), "reaction": (6 * len(manifest["links"]),), "loop_reaction": (6 * nloops,),
+        "frames": (18 * nbodies,), "frame_accelerations": (6 * nbodies,), "point_places": (3 * len(manifest.get("points", ())),),
     }  # fmt: skip
 
 
