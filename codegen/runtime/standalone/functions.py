@@ -68,7 +68,7 @@ def shapes_of(manifest: Mapping[str, Any]) -> dict[str, Shape]:
     nq, nu, n_p, ninputs, noutputs, nclosure = (
         len(manifest[f"{n}_names"]) for n in ("coordinate", "speed", "parameter", "input", "output", "closure")
     )
-    nloops, nbodies = len(manifest.get("loops", ())), len(manifest["joint_links"])
+    nloops, nbodies = len(manifest.get("loops", ())), len(manifest.get("joint_links", ()))
     return {
         "q": (nq,), "u": (nu,), "p": (n_p,), "inputs": (ninputs,), "t": (), "udot": (nu,), "b": (nu,),
         "qdot": (nq,), "x": (nu,), "force": (nu,), "energy": (2,), "outputs": (noutputs,), "M": (nu, nu),
