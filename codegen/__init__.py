@@ -15,6 +15,7 @@ from .version import __version__
 
 if TYPE_CHECKING:
     from .generation import generate
+    from .importing import Imported, from_mujoco, from_pinocchio, import_model
     from .model import Model, ModelBuilder, ModelError, load_model, parse_model
     from .reporting import report
     from .runtime import Solver, Trajectory, load, load_trajectory
@@ -28,13 +29,15 @@ if TYPE_CHECKING:
     from .summary import Report
 
 __all__ = [
-    "Fit", "LoadCases", "Model", "ModelBuilder", "ModelError", "Motions", "Objective", "Report", "Solver", "Sweep",
-    "Trajectory", "Variable", "__version__", "fit", "generate", "load", "load_cases", "load_model", "load_trajectory",
-    "objective", "optimize", "parse_model", "report", "simulate_many", "sweep",
+    "Fit", "Imported", "LoadCases", "Model", "ModelBuilder", "ModelError", "Motions", "Objective", "Report", "Solver",
+    "Sweep", "Trajectory", "Variable", "__version__", "fit", "from_mujoco", "from_pinocchio", "generate", "import_model",
+    "load", "load_cases", "load_model", "load_trajectory", "objective", "optimize", "parse_model", "report",
+    "simulate_many", "sweep",
 ]  # fmt: skip
 
 _PLACES = {
     "generate": "generation", "Report": "summary",
+    "Imported": "importing", "from_mujoco": "importing", "from_pinocchio": "importing", "import_model": "importing",
     "Model": "model", "ModelBuilder": "model", "ModelError": "model", "load_model": "model", "parse_model": "model",
     "Solver": "runtime", "Trajectory": "runtime", "load": "runtime", "load_trajectory": "runtime",
     "Fit": "runtime.fitting", "fit": "runtime.fitting", "LoadCases": "runtime.load_cases", "load_cases": "runtime.load_cases",

@@ -20,6 +20,7 @@ from typing import Any, NoReturn
 
 from .bench.command import add_arguments as add_bench_arguments
 from .folders import OTHERS
+from .importing.command import add_arguments as add_import_arguments
 from .simulating import add_arguments as add_simulate_arguments
 from .terminal import StatusLine, width, write_lines
 from .version import __version__
@@ -251,6 +252,31 @@ def run_new(options: argparse.Namespace, status: StatusLine) -> int:
     return OK
 
 
+def run_import(options: argparse.Namespace, status: StatusLine) -> int:
+    """``ordernm import``: a robot's file becomes a model file; what is left out is listed."""
+    from .importing.command import ExistsError, run
+    from .summary import counted
+
+    status("reading", 0, 0)
+    try:
+        found, target = run(options)
+    except ExistsError as error:
+        raise Failure(USAGE, f"import: {error}") from None
+    except ImportError as error:
+        raise Failure(USAGE, f"import: {error}") from None
+    status.close()
+    for warning in found.warnings:
+        _problem(warning)
+    left = [f"  left out: {what}" for what in found.left_out]
+    if target is None:
+        print(found.text, end="")
+        write_lines([line.strip() for line in left], sys.stderr)
+        return OK
+    sizes = ", ".join((counted(len(found.model.bodies), "body", "bodies"), counted(found.model.nu, "speed")))
+    write_lines([f"wrote {target}: {sizes}; now: generate {target}", *left], sys.stdout, ["bold"])
+    return OK
+
+
 def run_simulate(options: argparse.Namespace, status: StatusLine) -> int:
     """``ordernm simulate``: a motion, its table, its file and its picture; Ctrl-C leaves what was computed until then."""
     from .runtime import CompileError, NoCompilerError, PackageError, SingularJointError, TargetsDifferError
@@ -472,6 +498,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     simulated = commands.add_parser("simulate", help="compute a motion, with derivatives by parameters")
     add_simulate_arguments(simulated)
     simulated.set_defaults(run=run_simulate)
+    imports = commands.add_parser("import", help="make a model file of a robot's: URDF, MJCF, SDF")
+    add_import_arguments(imports)
+    imports.set_defaults(run=run_import)
     reported = commands.add_parser(
         "report", help="measure a model's speed and errors: a page with figures, and its numbers"
     )

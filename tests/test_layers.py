@@ -16,6 +16,7 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 FLOORS = {
     "version": set(),
     "model": {"version"},
+    "importing": {"model", "version"},  # robots of other formats
     "program": {"version"},  # knows no mechanics
     "loops": {"model", "version"},  # graph, assembly and partition, on floats
     "mechanics": {"loops", "model", "program", "version"},  # knows no C and no files
@@ -231,6 +232,8 @@ def test_tracked_files_name_no_path_of_a_machine():
         ("mechanics/tree/x.py", "from .. import spatial, ears"),
         ("mechanics/ears/x.py", "from ..outputs import energy"),
         ("reference/x.py", "from codegen.program.block import Block"),
+        ("importing/x.py", "from ..loops import ears"),
+        ("model/x.py", "from ..importing import import_model"),
         ("model/x.py", "import codegen"),
         ("emit/x.py", "from ..cli import main"),
         ("emit/c/x.py", "from ...runtime import load"),

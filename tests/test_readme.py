@@ -59,7 +59,7 @@ def test_the_crank_rocker(here, capsys):
 
 
 def test_commands_that_are_named_exist(capsys):
-    for command in ("generate", "simulate", "report", "bench"):
+    for command in ("generate", "simulate", "import", "report", "bench"):
         with pytest.raises(SystemExit):
             main([command, "--help"])
     options = set(re.findall(r"\B--[a-z][a-z-]+", capsys.readouterr().out))

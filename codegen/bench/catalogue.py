@@ -5,12 +5,34 @@ from __future__ import annotations
 import difflib
 from collections.abc import Sequence
 
-from .problem import Motion, Problem
-from .problems import andrews, bricard, cart_pole, chain_motion, families, flyball, four_bars, pendulum, planar_chains
+from .problem import Family, Motion, Problem
+from .problems import (
+    andrews,
+    bricard,
+    cart_pole,
+    chain_motion,
+    families,
+    flyball,
+    four_bars,
+    pendulum,
+    planar_chains,
+    robots,
+)
 
 PROBLEMS: dict[str, Problem] = {
     p.name: p
-    for module in (pendulum, four_bars, andrews, bricard, flyball, cart_pole, chain_motion, families, planar_chains)
+    for module in (
+        pendulum,
+        four_bars,
+        andrews,
+        bricard,
+        flyball,
+        cart_pole,
+        chain_motion,
+        families,
+        planar_chains,
+        robots,
+    )
     for p in module.PROBLEMS
 }
 
@@ -32,7 +54,7 @@ def chosen(names: Sequence[str]) -> list[Problem]:
     wanted: set[str] = set()
     for name in names:
         if name in KINDS:
-            wanted |= {n for n, p in PROBLEMS.items() if isinstance(p, Motion) == (name == "motions")}
+            wanted |= {n for n, p in PROBLEMS.items() if isinstance(p, Motion if name == "motions" else Family)}
         elif name in PROBLEMS:
             wanted.add(name)
         else:

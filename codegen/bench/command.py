@@ -31,6 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         help="take an earlier run (JSON) in place of a new one; several make one",
     )
+    parser.add_argument("--plots", metavar="FOLDER", help="draw what grows how, and robots beside Pinocchio (SVG)")
     parser.add_argument("--page", metavar="FILE", help="write it as a page of the manual (Markdown)")
 
 
@@ -64,6 +65,13 @@ def bench(options: argparse.Namespace, status: StatusLine) -> tuple[list[str], l
             why_not = unwritable(Path(place))
             if why_not is not None:
                 raise ResultsError(f"{option}: {why_not}")
+    if options.plots is not None:
+        from ..runtime.standalone.trajectory_plot import need
+
+        try:
+            need()
+        except ImportError as error:
+            raise ResultsError(f"--plots: {error}") from None
     if options.results is not None:
         if options.names or options.quick or options.peers:
             raise ResultsError("--results takes an earlier run; names, --quick and --peers are of a new one")
@@ -77,6 +85,10 @@ def bench(options: argparse.Namespace, status: StatusLine) -> tuple[list[str], l
         results = run(problems, options.quick, options.peers, status, keep)
     if options.output is not None:
         write_results(results, Path(options.output))
+    if options.plots is not None:
+        from .plots import write_plots
+
+        write_plots(results, Path(options.plots))
     if options.page is not None:
         Path(options.page).write_text(page_of(results), encoding="utf-8")
     columns = width(sys.stdout)

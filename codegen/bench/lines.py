@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from ..summary import table
@@ -37,7 +37,7 @@ def machine_line(machine: dict[str, str]) -> str:
 
 def problem_lines(name: str, result: dict[str, Any], width: int | None) -> list[str]:
     """A problem's title, its table and what was asked of it."""
-    body = motion_lines(result, width) if result["kind"] == "motion" else family_lines(result, width)
+    body = LINES[result["kind"]](result, width)
     return [f"{name}: {result['title']}", f"  reference: {result['source']}", *body]
 
 
@@ -108,6 +108,33 @@ def family_lines(result: dict[str, Any], width: int | None) -> list[str]:
     if result["failed"]:
         lines.append(f"  failed: error above {result['within']:.0e} with {', '.join(result['failed'])}")
     return lines
+
+
+def robot_head(rows: Sequence[dict[str, Any]]) -> list[str]:
+    """What stands above `robot_row`."""
+    return ["", "speeds", "difference", *(x for what in rows[0]["seconds"] for x in (what, "Pinocchio", "ratio"))]
+
+
+def robot_row(row: dict[str, Any]) -> list[str]:
+    """A robot: ours, theirs and their ratio by function."""
+    found = [row["model"], str(row["speeds"]), size(row["error"])]
+    for what, seconds in row["seconds"].items():
+        found += [time(seconds), time(row["theirs"][what]), f"{seconds / row['theirs'][what]:.2f}"]
+    return found
+
+
+def robot_lines(result: dict[str, Any], width: int | None) -> list[str]:
+    lines = [f"  {name}: not measured, {why}" for name, why in result["skipped"].items()]
+    if result["rows"]:
+        lines += table(robot_head(result["rows"]), [robot_row(r) for r in result["rows"]], width)
+    if result["failed"]:
+        lines.append(f"  failed: difference above {result['within']:.0e} of {', '.join(result['failed'])}")
+    return lines
+
+
+LINES: dict[str, Callable[[dict[str, Any], int | None], list[str]]] = {
+    "motion": motion_lines, "family": family_lines, "robots": robot_lines,
+}  # fmt: skip
 
 
 def peer_lines(peers: dict[str, Any], width: int | None) -> list[str]:

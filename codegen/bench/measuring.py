@@ -17,7 +17,8 @@ from ..model import parse_model
 from ..runtime import Solver, load
 from ..runtime.standalone.manifest import read_manifest
 from .c_clock import Clock
-from .problem import Array, Evaluation, Family, Goal, Motion, Problem, Reference, Setting
+from .peers.robots import measure_robots
+from .problem import Array, Evaluation, Family, Goal, Motion, Problem, Reference, Robots, Setting
 from .timing import alternate
 from .work_precision import Point, cheapest, diagram, error_at_end, fastest, integrate
 
@@ -36,7 +37,7 @@ def measure(problem: Problem, folder: Path, quick: bool, progress: Progress, bud
 
     Parameters
     ----------
-    problem : Motion or Family
+    problem : Motion, Family or Robots
     folder : Path
         For generated packages.
     quick : bool
@@ -48,6 +49,8 @@ def measure(problem: Problem, folder: Path, quick: bool, progress: Progress, bud
     """
     if isinstance(problem, Motion):
         return _motion(problem, folder, quick, progress, budget)
+    if isinstance(problem, Robots):
+        return measure_robots(problem, folder, quick, progress, budget)
     return _family(problem, folder, quick, progress, budget)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from .lines import PEER_HEAD, peer_row, plain, setting, size, time
+from .lines import PEER_HEAD, peer_row, plain, robot_head, robot_row, setting, size, time
 from .measuring import exponent
 
 TITLE = "How accurate, how fast"
@@ -43,6 +43,12 @@ FAMILIES = _prose("""
 Operations are additions and multiplications, for each coordinate; times are those of one evaluation called from C, one core.
 Errors are relative, the worst of the accelerations and all directions that were compared.
 """)
+ROBOTS = _prose("""
+Times of one call from Python, one core, ours and Pinocchio's as it is installed, in turns: accelerations, their derivatives by
+coordinates, speeds and a force along every freedom, mass matrix and its inverse; of a batch of 1024 states, the time a state (for
+Pinocchio calls one after the other). Difference: the largest of all of these, over the largest entry. Reference: {source}. In C,
+with Pinocchio compiled for the machine, they are in [benchmarks.md](benchmarks.md).
+""")
 PEERS = _prose("""
 The same models and the same end, in the same run, taking turns, each at the best build and method that was found for it. Times
 are CPU time from Python, ours too. Where ours has derivatives by a parameter, its time is with them, under error control; beside
@@ -63,6 +69,10 @@ def page_of(results: dict[str, Any]) -> str:
         parts += ["## Digits of long chains", *_digits(named)]
     if families:
         parts += ["## Time and operations by size", *_families(families)]
+    for r in problems.values():
+        if r["kind"] == "robots" and r["rows"]:
+            parts += ["## Robots beside Pinocchio", ROBOTS.format(source=r["source"]),
+                      markdown(robot_head(r["rows"]), [robot_row(row) for row in r["rows"]])]  # fmt: skip
     if "peers" in results:
         parts += ["## Other programs", *_peers(results["peers"])]
     return "\n\n".join(parts) + "\n"

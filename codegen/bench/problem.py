@@ -179,4 +179,24 @@ class Family:
     within: float
 
 
-Problem = Motion | Family
+@dataclass(frozen=True)
+class Robots:
+    """Robots that another program reads and computes too, which is their reference.
+
+    Attributes
+    ----------
+    name, title, source : str
+    models, quick : tuple of str
+    within : float
+        The relative difference that every robot keeps.
+    """
+
+    name: str
+    title: str
+    source: str
+    models: tuple[str, ...]
+    quick: tuple[str, ...]
+    within: float
+
+
+Problem = Motion | Family | Robots

@@ -79,6 +79,10 @@ def figures(results: dict[str, Any]) -> Iterator[tuple[tuple[str, str], float | 
         if problem["kind"] == "motion":
             for p in problem["points"]:
                 yield (name, f"{p['method']} {p['rtol']:.2g}"), p["error"], p["evaluations"], p["seconds"]
+        elif problem["kind"] == "robots":
+            for row in problem["rows"]:
+                for function, seconds in row["seconds"].items():
+                    yield (name, f"{row['model']}, {function}"), row["error"], None, seconds
         else:
             for row in problem["sizes"]:
                 for function, seconds in row["seconds"].items():

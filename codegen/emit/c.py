@@ -27,13 +27,13 @@ from ..program.expressions import Expr, Symbol
 from ..program.field import AnyField
 from ..program.parts import in_parts
 from ..program.passes import by_results
-from ..program.procedure import AllColumns, Columns, Own, Perform, Prepare, Primitives, Procedure, Run, within
+from ..program.procedure import AllColumns, Columns, Own, Perform, Prepare, Primitives, Procedure, Run, walk, within
 from ..program.store import Memory, Owner, Store
 from . import c_functions
 from .c_functions import CFunctions, in_all
 from .columns import ColumnsInC
 from .function import COMMENT, Function, called_with, in_lines
-from .libraries import guard_of_width
+from .libraries import guard_of_width, sharing
 from .printer import C_FUNCTIONS, Printer
 from .states import over_states, states_context, write_states
 from .templates import render
@@ -95,6 +95,9 @@ class Type:
     name: str
 
 
+SHARES = {1: 3, 2: 2}
+"""How many of the parts of long functions each unit of a library compiles: the second has more functions over directions."""
+
 HANDED_ON = Store("handed_on", Owner("function"), Memory("stack"))
 """What parts of a long function hand on to later ones."""
 
@@ -114,6 +117,8 @@ class CWriter(Writer):
         self.tables: list[tuple[str, list[str]]] = []
         self.has_parts = False
         """Whether a function is divided."""
+        self.lines_of_units = dict.fromkeys(SHARES, 0)
+        """Lines of parts that each unit of a library compiles for both."""
         self.touched: dict[str, set[str]] = {}
         """By sweep: the regions of memory, arguments and results that it reads or writes."""
 
@@ -209,20 +214,37 @@ class CWriter(Writer):
 
         name = f"{sweep}_{kinds[0].index}"
         culprit = self.addresses.culprit(kinds, sweep)
-        functions = [
-            Function(
-                f"part {i} of {name}",
-                f"PART {name}_part_{i}(call *a, double *values)",
-                self.lines(part, placed, culprit),
-            )
-            for i, part in enumerate(parts, 1)
+        shared = self.shared_by_units(sweep)
+        before = [
+            "#undef PART",
+            f"#if {shared}",
+            "#define PART SHARED_PART",
+            "#else",
+            "#define PART STATIC_PART",
+            "#endif",
         ]
+        functions = []
+        for i, part in enumerate(parts, 1):
+            lines = self.lines(part, placed, culprit)
+            unit = min(SHARES, key=lambda n: (self.lines_of_units[n] / SHARES[n], n))
+            self.lines_of_units[unit] += len(lines)
+            functions.append(
+                Function(
+                    f"part {i} of {name}", f"PART {name}_part_{i}(call *a, double *values)", lines,
+                    guard=f"!{shared} || ORDERNM_UNIT == {unit}", declared=True, before=before if i == 1 else [],
+                )
+            )  # fmt: skip
         calls = [f"{name}_part_{i}(a, values);" for i in range(1, 1 + len(parts))]
         whole = Function(
             f"{block.title}; {self.called(kinds)}", self.signature(name, False, False),
             [f"double values[{count}];", *calls], notes(block),
         )  # fmt: skip
         return [*functions, whole]
+
+    def shared_by_units(self, sweep: str) -> str:
+        """The condition under which units of a library share the parts of a sweep."""
+        users = [p for p in self.asked if any(isinstance(s, Run) and s.sweep == sweep for s in walk(p.steps))]
+        return sharing({p.name: p.widths for p in users}, {p.name: p.widths for p in self.asked})
 
     def signature(self, name: str, lanes: bool, indexed: bool) -> str:
         type_ = "DIRECTIONS(call)" if lanes else "call"

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from itertools import accumulate
+from itertools import accumulate, pairwise
 
 from ..mechanics.sweeps import SWEEP
 from ..program.procedure import AllColumns, Array, Primitives, Procedure, walk
@@ -37,13 +37,14 @@ class ColumnsInC:
         self.width = max((s.width for s in self.steps), default=0)
         self.weighted_whole = any(s.weighted and fits(s) for s in self.steps)
         self.weighted_apart = any(s.weighted and not fits(s) for s in self.steps)
-        self.symmetric = self.weighted_whole or any(s.symmetric and s.into for s in self.steps)
         self.taken = any(s.into and not s.symmetric for s in self.steps)
         self.found_anew = not all(map(fits, self.steps))
         self.guard = " || ".join(
             dict.fromkeys(guard(p.name) for p in procedures if any(isinstance(s, AllColumns) for s in walk(p.steps)))
         )
         self.regular = all(map(one_by_link, self.steps))
+        symmetric = [in_blocks(s) for s in self.steps if into_symmetric(s)]
+        self.in_blocks, self.symmetric = any(symmetric), not all(symmetric)
         self.serial = all(s.parents == tuple(range(-1, len(s.parents) - 1)) for s in self.steps)
 
     @property
@@ -62,7 +63,8 @@ class ColumnsInC:
         """Templates of what calls over columns need."""
         wanted = {
             "regular": self.regular, "irregular": not self.regular, "groups": self.found_anew, "take": self.taken,
-            "symmetric": self.symmetric, "weighted": self.weighted_whole, "weighted_apart": self.weighted_apart,
+            "symmetric": self.symmetric, "blocks": self.in_blocks, "weighted": self.weighted_whole,
+            "weighted_apart": self.weighted_apart,
         }  # fmt: skip
         return [f"c/columns_{name}.c.jinja" for name, needed in wanted.items() if needed]
 
@@ -102,9 +104,13 @@ class ColumnsInC:
                     at += a.size
                 ones = [f"[{places[a] + i}][{j}] = 1.0" for j, (a, i) in enumerate(step.units)]
                 found[f"static const number {name}_units[{at}][{step.width}]"] = in_lines(ones, 6)
+                if in_blocks(step):
+                    known = known_rows(step)
+                    head = f"static const unsigned char {known_of(step)}[{len(known)}]"
+                    found[head] = in_lines(list(map(str, known)), 16)
             elif not self.serial:
                 _add(found, "parent_of", list(step.parents))
-            if not self.regular:
+            if not self.regular and not in_blocks(step):
                 arrays = step.seeds
                 _add_rows(found, f"{name}_columns", [(arrays.index(a), i) for a, i in step.units])
             if step.weighted:
@@ -130,7 +136,7 @@ def _add_rows(tables: dict[str, list[str]], name: str, rows: list[tuple[int, ...
 
 def reads_starts(step: AllColumns) -> bool:
     """Whether it matters to the call where the columns of each link begin."""
-    return step.symmetric or not fits(step)
+    return (step.symmetric and not in_blocks(step)) or not fits(step)
 
 
 def one_by_link(step: AllColumns) -> bool:
@@ -163,6 +169,33 @@ def groups_of_links(step: AllColumns) -> dict[str, list[int]]:
     return found
 
 
+def into_symmetric(step: AllColumns) -> bool:
+    """Whether its columns are put into a symmetric matrix."""
+    return bool(step.symmetric and step.into) or bool(step.weighted and fits(step))
+
+
+def in_blocks(step: AllColumns) -> bool:
+    """Whether it fills a symmetric matrix of whose blocks each is a group of columns: all are there, in the order of rows."""
+    return into_symmetric(step) and fits(step) and all(i == j for j, (_, i) in enumerate(step.units))
+
+
+def known_of(step: AllColumns) -> str:
+    """What the table of `known_rows` is called."""
+    return f"{name_of(step)}_{SWEEP[step.steps[-1].sweep].groups}_known"
+
+
+def known_rows(step: AllColumns) -> list[int]:
+    """Which rows of blocks on or above the diagonal of a symmetric matrix links work on, as bits, block row by block row."""
+    worked = groups_of_links(step)[SWEEP[step.steps[-1].sweep].groups]
+    by_row = [worked[i] for i, (begin, end) in enumerate(pairwise(step.starts)) for _ in range(begin, end)]
+    count = -(-len(by_row) // GROUP)
+    return [
+        sum((rows >> column & 1) << k for k, rows in enumerate(by_row[GROUP * row : GROUP * (row + 1)]))
+        for row in range(count)
+        for column in range(row, count)
+    ]
+
+
 def name_of(step: AllColumns) -> str:
     """What its tables are called: by what is one, ``dq_du``."""
     return "_".join(a.name for a in step.seeds)
@@ -188,8 +221,9 @@ def all_columns(step: AllColumns, array: Written) -> list[str]:
         f"double *const matrices[] = {{{', '.join(map(array, matrices))}}};",
         f"static const long sizes[] = {{{', '.join(str(a.size // step.of.size) for a in matrices)}}};",
     ]
-    starts = f"{name}_starts" if reads_starts(step) else "0"
-    lines += ["columns_of of;", f"SET_COLUMNS(of, {len(step.seeds)}, {starts}, {name}_columns);"]
+    if not in_blocks(step):
+        starts = f"{name}_starts" if reads_starts(step) else "0"
+        lines += ["columns_of of;", f"SET_COLUMNS(of, {len(step.seeds)}, {starts}, {name}_columns);"]
     then = {SWEEP[s.sweep].then for s in step.steps}
     body = [f"const int m = {count} - j < {width} ? {count} - j : {width};"]
     if not once:
@@ -200,17 +234,19 @@ def all_columns(step: AllColumns, array: Written) -> list[str]:
     ]
     rows = f"(const double *)e.{step.of.name}"
     mask = f"e.{SWEEP[step.steps[-1].sweep].groups}_groups"
-    if step.weighted and once:
-        size = step.of.size
-        body.append(f"take_symmetric({rows}, {mask}, of, j, m, c.inverse, {size});")
-        body.append(f"add_weighted(c.inverse, {size}, c.weights, matrices, sizes);")
+    if into_symmetric(step):
+        into = f"c.inverse, {step.of.size}" if step.weighted else "matrices[0], sizes[0]"
+        of_blocks = f"take_blocks({rows}, {known_of(step)}, {count}, {into});"
+        body.append(of_blocks if in_blocks(step) else f"take_symmetric({rows}, {mask}, of, j, m, {into});")
+        if step.weighted:
+            body.append(f"add_weighted(c.inverse, {step.of.size}, c.weights, matrices, sizes);")
     elif step.weighted:
         body.append(f"weigh_columns({rows}, {mask}, of, j, m, c.weights, matrices, sizes);")
-    elif step.symmetric:
-        body.append(f"take_symmetric({rows}, {mask}, of, j, m, matrices[0], sizes[0]);")
     else:
         body.append(f"take_columns({rows}, {step.of.size}, of, j, m, matrices, sizes);")
-    if once:
+    if in_blocks(step):
+        lines += body[1:]
+    elif once:
         lines += [f"const int j = 0, m = {count};", *body[1:]]
     else:
         lines += [f"for (int j = 0; j < {count}; j += {width}) {{", *(f"    {line}" for line in body), "}"]

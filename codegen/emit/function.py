@@ -15,23 +15,28 @@ SIGNATURE = 115
 
 @dataclass(slots=True)
 class Function:
-    """A generated function: comment, signature, ready lines; further lines of the comment, when it is compiled."""
+    """A generated function: comment, signature, ready lines; further lines of the comment; when it is compiled, and declared."""
 
     comment: str
     signature: str
     lines: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     guard: str = ""
+    declared: bool = False
+    """Whether it is declared where it is not compiled."""
+    before: list[str] = field(default_factory=list)
+    """Lines before it in any case."""
 
     @property
     def begin(self) -> list[str]:
-        """Lines before it, if it is not compiled always."""
-        return [f"#if {self.guard}"] if self.guard else []
+        """Lines before it: when it is compiled, if not always."""
+        return [*self.before, *([f"#if {self.guard}"] if self.guard else [])]
 
     @property
     def end(self) -> list[str]:
         """Lines after it."""
-        return ["#endif"] if self.guard else []
+        declaration = ["#else", f"{self.signature};"] if self.declared else []
+        return [*declaration, "#endif"] if self.guard else []
 
     @property
     def head(self) -> list[str]:

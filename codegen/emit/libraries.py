@@ -2,7 +2,8 @@
 
 The C stays one file, and compiled by hand it has everything. With the macro ``ORDERNM_LIBRARY`` it has the functions of one
 library only, with ``ORDERNM_UNIT`` beside it a part of these: parts are compiled side by side and linked. Sweeps are static, so
-each library has those that it needs and compilers drop the others.
+each library has those that it needs and compilers drop the others. Of sweeps that are so long that they stand in parts, each
+part is compiled in one unit and the other calls it: twice the same would be most of the time.
 """
 
 from __future__ import annotations
@@ -79,6 +80,25 @@ def guard_of_width(function: str, width: int | None) -> str:
     return guard(function, (width,) if width else ())
 
 
+def sharing(users: Mapping[str, Sequence[int]], all_functions: Mapping[str, Sequence[int]]) -> str:
+    """The condition under which two units of a library share parts of a sweep, by functions that run it and all, with widths.
+
+    Elsewhere these parts are static: compilers drop them where nobody runs the sweep.
+    """
+    units = _units(all_functions)
+    return f"ORDERNM_SHARED({sum(1 << n for n in _units(users) if len(units[n]) > 1):#x})"
+
+
+def _units(functions: Mapping[str, Sequence[int]]) -> dict[int, set[int]]:
+    """Units of each library, by number, that have some of these functions."""
+    found: dict[int, set[int]] = {}
+    for name, widths in functions.items():
+        for w in widths or (None,):
+            for number, unit in _places(name, w):
+                found.setdefault(number, set()).add(unit)
+    return found
+
+
 def guard_of_library(function: str) -> str:
     """The condition under which ``NAME_calls.c`` has the call of a function."""
     return f"ORDERNM_HAS({number_of(library_of(function))}, 0)"
@@ -87,28 +107,18 @@ def guard_of_library(function: str) -> str:
 def libraries(functions: Mapping[str, Any]) -> dict[str, Any]:
     """What the manifest says: of each library its number, how many units it has, and its functions."""
     found: dict[str, dict[str, Any]] = {}
-    units: dict[int, set[int]] = {}
-    for name, f in functions.items():
+    units = _units({name: f.get("widths", ()) for name, f in functions.items()})
+    for name in functions:
         library = library_of(name)
         found.setdefault(library, {"number": number_of(library), "units": [], "functions": []})["functions"].append(
             name
         )
-        for w in f.get("widths", (None,)):
-            for number, unit in _places(name, w):
-                units.setdefault(number, set()).add(unit)
     for entry in found.values():
         entry["units"] = sorted(units[entry["number"]])
     return {name: found[name] for name in LIBRARIES if name in found}
 
 
 __all__ = [
-    "FOUR",
-    "FRAMES",
-    "LIBRARIES",
-    "guard",
-    "guard_of_library",
-    "guard_of_width",
-    "libraries",
-    "library_of",
-    "number_of",
-]
+    "FOUR", "FRAMES", "LIBRARIES", "guard", "guard_of_library", "guard_of_width", "libraries", "library_of", "number_of",
+    "sharing",
+]  # fmt: skip

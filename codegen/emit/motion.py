@@ -100,34 +100,57 @@ PRECISE = (
 )  # fmt: skip
 """Functions of the C library in generated code."""
 
+OWN = ("sin", "cos")
+"""Those that ``NAME_precise.c`` has of its own."""
+
 
 def write_precise(system: System, manifest: Mapping[str, Any]) -> str:
-    """The C of closure and rates in long double, of a model with loops."""
+    """The C of closure, rates and outputs, their derivatives and transposes, in long double, of a model with loops."""
     name, functions, model = manifest["name"], manifest["functions"], system.model
-    of_rates, lanes, along = [("state_rates", "")], [("state_rates", 0, 0, "state_rates")], "state_rate_sensitivities"
-    members = [f".{f} = precise_{f}" for f in ("closing_step", "state_rates")]
-    if along in functions:
-        of_rates += [(along, f"_{w}") for w in WIDTHS]
-        lanes += [(f"{along}_{w}", w, w, f"{along}_{w}") for w in WIDTHS]
-        lanes.append((f"{along}_4", 4, 8, f"{along}_8"))  # four in the lanes of eight: it is seldom called
-        members.append(f".{along} = {{{', '.join(f'precise_{along}_{w}' for w in (*WIDTHS, 4))}}}")
+    sizes = {
+        "q": model.nq, "u": model.nu, "p": len(model.parameters), "inputs": len(model.inputs), "qdot": model.nq, "udot": model.nu,
+        "outputs": len(model.outputs), "full_q": model.nq, "full_u": model.nu, "t": 1,
+    }  # fmt: skip
+
+    def function(f: str, lanes: int, width: int) -> dict[str, Any]:
+        """A function over so many directions of the caller's in so many lanes; 0, 0 of one without."""
+        seeds, results = (functions[f].get(key, ()) for key in ("seeds", "results"))
+        along = [r for r in results if r.removeprefix("d") in sizes and r not in sizes]
+        return {
+            "symbol": f"precise_{f}_{lanes}" if lanes else f"precise_{f}",
+            "call": _call(name, f, functions[f], f"_{width}" if width else "", "x."),
+            "lanes": lanes,
+            "width": width,
+            "seeds": [(a, sizes[a[1:]]) for a in seeds],
+            "values": [(r, sizes[r]) for r in results if r not in along],
+            "along": [(r, sizes[r[1:]]) for r in along],
+        }
+
+    members, called = [".closing_step = precise_closing_step"], []
+    for f in VALUES:
+        if f in functions and f != "closing_step":
+            called.append(function(f, 0, 0))
+            members.append(f".{f} = precise_{f}")
+    for f in ALONG:
+        if f in functions:
+            # four in the lanes of eight: it is seldom called
+            widths = [(w, w) for w in WIDTHS] + ([] if f.endswith("_transposed") else [(4, 8)])
+            called += [function(f, lanes, width) for lanes, width in widths]
+            members.append(f".{f} = {{{', '.join(f'precise_{f}_{lanes}' for lanes, _ in widths)}}}")
     return render(
         "c/precise.c.jinja",
         {
             "name": name,
             "NAME": name.upper(),
             "version": __version__,
-            "library": number_of("motion"),
-            "functions": PRECISE,
+            "library": " || ".join(f"(library) == {number_of(x)}" for x in ("motion", "gradients")),
+            "renamed": [f for f in PRECISE if f not in OWN],
             "nq": model.nq,
-            "nu": model.nu,
-            "np": len(model.parameters),
-            "ninputs": len(model.inputs),
+            "given": [(a, sizes[a]) for a in ("q", "u", "p", "inputs")],
             "nclosure": len(model.closure_names),
             "nloops": len(model.loops),
-            "closing_step": _call(name, "closing_step", functions["closing_step"], ""),
-            "rates": [(f"{f}{w}", _call(name, f, functions[f], w)) for f, w in of_rates],
-            "lanes": lanes,
+            "closing_step": _call(name, "closing_step", functions["closing_step"], "", "x->"),
+            "functions": called,
             "members": members,
         },
     )
@@ -149,9 +172,9 @@ def write_four(manifest: Mapping[str, Any]) -> str:
     )
 
 
-def _call(model: str, name: str, function: Mapping[str, Any], width: str) -> str:
+def _call(model: str, name: str, function: Mapping[str, Any], width: str, of: str = "c->") -> str:
     arguments = [*function["arguments"], *function.get("seeds", ()), *function["results"], "work"]
-    return called_with(f"{model}_{name}{width}(", [f"c->{a}" for a in arguments])
+    return called_with(f"{model}_{name}{width}(", [f"{of}{a}" for a in arguments])
 
 
 __all__ = ["has_motion", "write_four", "write_motion", "write_precise"]

@@ -26,6 +26,7 @@ from .sections.named_expressions import check_named_expressions, read_named_expr
 from .sections.outputs import read_outputs
 from .sections.points import read_points
 from .sections.quantities import model_name, read_inputs, read_parameters
+from .sections.tables import read_tables, warn_of_unused_tables
 from .sections.tolerance import read_loop_tolerance
 
 
@@ -67,6 +68,7 @@ def _model(reader: Reader) -> Model | None:
     read_inputs(reader)
     reader.allowed["inputs"]["t"] = reader.allowed["inputs"].pop("t")  # printed last
     check_given(reader)
+    tables = read_tables(reader)
     named = read_named_expressions(reader)
     reader.allowed["motion"] = dict(reader.allowed["inputs"])  # and what moves, once the bodies are read
     gravity = read_gravity(reader)
@@ -89,6 +91,7 @@ def _model(reader: Reader) -> Model | None:
     independent = read_independent(reader, bodies)
     loop_tolerance = read_loop_tolerance(reader)
     warn_of_unused(reader, named)
+    warn_of_unused_tables(reader, tables)
     if any(p.severity == "error" for p in reader.problems):
         return None
     for parameter, at in parameters:

@@ -87,6 +87,10 @@ class ModelBuilder:
         self._put("expressions", name, _plain(value))
         return Name(name)
 
+    def table(self, name: str, x: Sequence[Scalar], y: Sequence[Scalar], outside: str, kind: str = "linear") -> None:
+        """A function of one number by its points, called in expressions by its name: ``torque(u.wheel)``."""
+        self._put("tables", name, _given(x=x, y=y, outside=outside, kind=kind))
+
     def body(
         self,
         name: str,

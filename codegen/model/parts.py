@@ -15,6 +15,7 @@ from typing import Any, Final
 from .errors import ModelError, Problem, nearest
 from .expressions import MEASURED, Binder, Expression, Number, Tree, combine
 from .positions import Document, Path_, compose, read_file
+from .tables import Table
 from .units import Dimension
 
 MAX_PARTS: Final = 20_000
@@ -92,6 +93,8 @@ class Part:
         Numbers of a submodel that come from outside, by their names in it.
     values : dict of str to tuple
         The trees that stand in the place of names: of those which are given, and of named expressions.
+    tables : dict of str to Table
+        By their names in the file.
     asked : set of str
         Names that have been looked up.
     dimensions : dict of str to Dimension
@@ -107,9 +110,11 @@ class Part:
     given: dict[str, Given] = field(default_factory=dict)
     values: dict[str, Tree] = field(default_factory=dict)
     dimensions: dict[str, Dimension] = field(default_factory=dict)
+    tables: dict[str, Table] = field(default_factory=dict)
     binder: Binder = field(init=False)
     asked: set[str] = field(default_factory=set, init=False)
     _renamed: dict[Expression, Expression] = field(default_factory=dict, init=False)
+    _written_out: dict[Expression, Expression] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
         self.binder = Binder(self.constants)
@@ -179,6 +184,8 @@ class Part:
         ExpressionError
             As `bind`.
         """
+        if self.tables:
+            expression = self._with_tables(expression)
         result = self.binder(expression, indices)
         if result.is_number or not (self.prefix or self.values):
             return result
@@ -186,6 +193,29 @@ class Part:
         if known is None:
             known = self._renamed[result] = Expression(self._tree(result.tree))
         return known
+
+    def _with_tables(self, expression: Expression) -> Expression:
+        """The expression with tables written out."""
+        found = self._written_out.get(expression)
+        if found is None:
+            tree = self._of_tables(expression.tree)
+            found = expression if tree is expression.tree else Expression(tree)
+            self._written_out[expression] = found
+        return found
+
+    def _of_tables(self, tree: Tree) -> Tree:
+        kind = tree[0]
+        if kind in ("number", "name", "quantity"):
+            return tree
+        if kind == "indexed":
+            if tree[1] not in self.tables or tree[3] or len(tree[2]) != 1:
+                return tree
+            self.asked.add(tree[1])
+            return self.tables[tree[1]].at(self._of_tables(tree[2][0]))
+        parts = tuple(
+            self._of_tables(a) if isinstance(a, tuple) and a and isinstance(a[0], str) else a for a in tree[1:]
+        )
+        return tree if all(a is b for a, b in zip(parts, tree[1:], strict=True)) else (kind, *parts)
 
     def _tree(self, tree: Tree) -> Tree:
         kind = tree[0]

@@ -32,7 +32,7 @@ from .parts import Files, Instance, Part
 from .positions import Document, Path_, show_path
 from .repetition import Counter, Repetition, labels, name_of
 from .units import Dimension, DimensionError, dimension_of, in_words
-from .wanted_units import dimension_of_unit, unit_wanted
+from .wanted_units import IN_JOINTS, dimension_of_unit, unit_wanted
 
 MAX_PROBLEMS: Final = 200
 MAX_ERRORS: Final = 10_000
@@ -246,12 +246,13 @@ class Reader:
             unit = self.units_of_motion.get((str(at.section[1]), at.part.name(at.key)), ())
             place = sub[0] if sub and isinstance(sub[0], int) else 0
             return dimension_of_unit(unit[place] or "rad") if place < len(unit) else None
-        if section == "forces" and isinstance(at.value, dict) and at.value.get("type") == "joint":
+        if section == "forces" and isinstance(at.value, dict) and str(at.value.get("type")) in IN_JOINTS:
             speeds = self.units_of_motion.get(("u", at.part.name(str(at.value.get("joint")))), ())
             place = sub[1] if len(sub) > 1 and isinstance(sub[1], int) else 0
-            if place >= len(speeds):
+            units = IN_JOINTS[at.value["type"]].get(str(sub[0]))
+            if units is None or place >= len(speeds):
                 return None
-            return dimension_of_unit({"rad/s": "N*m", "m/s": "N"}[speeds[place]])
+            return dimension_of_unit(units[speeds[place] == "m/s"])
         return unit_wanted(section, sub, at.value)
 
     def _check(self, result: Expression, written: Expression, at: Instance, sub: Path_, scope: str) -> bool:

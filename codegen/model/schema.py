@@ -33,9 +33,10 @@ from .forces import FORCES, ForceEntry
 from .joints import JOINTS, JointType
 from .joints.fixed import Fixed
 from .outputs import MEASURES, Measure
+from .tables import KINDS, OUTSIDE
 
 SECTIONS: Final = (
-    *("model", "include", "gravity", "constants", "parameters", "inputs", "expressions"),
+    *("model", "include", "gravity", "constants", "parameters", "inputs", "tables", "expressions"),
     *("bodies", "submodels", "points", "loops", "loop_tolerance", "forces", "initial", "independent", "outputs"),
 )
 LATER_SECTIONS: Final = ("motion",)
@@ -201,6 +202,26 @@ class SubmodelEntry(PlacedEntry):
     use: Annotated[str, PlainValidator(_check_path)]
     on: Reference = Expression(("name", "ground"))
     given: dict[str, Any] = Field(default={}, alias="with")
+
+
+def _one_of(choices: tuple[str, ...], what: str) -> Any:
+    def check(value: Any) -> str:
+        if value not in choices:
+            raise complaint(f"{seen(value)}; {' or '.join(choices)} is allowed: {what}")
+        return str(value)
+
+    return PlainValidator(check)
+
+
+class TableEntry(Entry):
+    """Points of a function of one number."""
+
+    placeholders: ClassVar[dict[str, Any]] = {"x": ["0", "1"], "y": ["0", "0"], "outside": "constant"}
+
+    x: tuple[Expr, ...]
+    y: tuple[Expr, ...]
+    kind: Annotated[str, _one_of(KINDS, "what lies between the points")] = "linear"
+    outside: Annotated[str, _one_of(OUTSIDE, "what lies beyond the first and last point")]
 
 
 class LoopEntry(Entry):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final, get_args
 
-from .forces import FORCES
+from .forces import FORCES, InJointEntry
 from .positions import Path_
 from .units import Dimension, unit_of
 
@@ -18,6 +18,15 @@ _BY_KEY: Final = {
 _BY_FORCE: Final[dict[str, Mapping[str, str]]] = {
     str(get_args(entry.model_fields["type"].annotation)[0]): entry.units for entry in FORCES
 }
+IN_JOINTS: Final[dict[str, Mapping[str, tuple[str, str]]]] = {
+    "joint": {"value": ("N*m", "N")},
+    **{
+        str(get_args(entry.model_fields["type"].annotation)[0]): entry.units_in_joint
+        for entry in FORCES
+        if issubclass(entry, InJointEntry)
+    },
+}
+"""Units of the numbers of forces that act in joints, by type and key: in one that turns, and in one that slides."""
 
 
 def unit_wanted(section: str, path: Path_, entry: Any) -> Dimension | None:

@@ -29,7 +29,7 @@ ROUNDING = float(np.finfo(float).eps) / 2
 
 
 @contextmanager
-def _figure(width: float, height: float, columns: int = 1) -> Iterator[tuple[Any, Sequence[Any], list[str]]]:
+def drawing(width: float, height: float, columns: int = 1) -> Iterator[tuple[Any, Sequence[Any], list[str]]]:
     """A figure and its axes; its SVG text is left in the list."""
     import matplotlib
     from matplotlib.backends.backend_svg import FigureCanvasSVG
@@ -79,7 +79,7 @@ def figures(data: dict[str, Any]) -> dict[str, str]:
 def times(data: dict[str, Any]) -> str:
     """Bars: microseconds per state in C, and of a single call from Python."""
     names = list(data["functions"])
-    with _figure(7.2, 0.9 + 0.42 * len(names)) as (_, (ax,), text):
+    with drawing(7.2, 0.9 + 0.42 * len(names)) as (_, (ax,), text):
         y = np.arange(len(names))[::-1]
         for shift, kind, label, face, hatch in ((0.18, "compiled", "in C, per state of a batch", "#333333", ""),
                                                 (-0.18, "call", "one call from Python", "#ffffff", "////")):  # fmt: skip
@@ -97,7 +97,7 @@ def times(data: dict[str, Any]) -> str:
 
 def errors(data: list[dict[str, Any]]) -> str:
     """Dots: relative errors of udot and of every derivative, state by state."""
-    with _figure(7.2, 0.9 + 0.36 * len(data)) as (_, (ax,), text):
+    with drawing(7.2, 0.9 + 0.36 * len(data)) as (_, (ax,), text):
         for y, record in zip(range(len(data))[::-1], data, strict=True):
             derivatives = np.maximum(list(record["derivatives"].values()), ROUNDING)
             ax.plot(derivatives, np.full(len(derivatives), y - 0.12), "o", markersize=4, markerfacecolor="none", color="#000000",
@@ -119,7 +119,7 @@ def errors(data: list[dict[str, Any]]) -> str:
 def work_precision(data: dict[str, Any]) -> str:
     """Time against error: of the state on the left, of the sensitivities on the right."""
     sensitive = bool(data["sensitivities"])
-    with _figure(7.2 if sensitive else 4.2, 3.6, 2 if sensitive else 1) as (_, axes, text):
+    with drawing(7.2 if sensitive else 4.2, 3.6, 2 if sensitive else 1) as (_, axes, text):
         for ax, key, floor, title in zip(axes, ("error", "sensitivity_error"),
                                          ("reference_error", "reference_error_sensitivities"),
                                          ("state", "sensitivities, the worst"), strict=False):  # fmt: skip
@@ -141,7 +141,7 @@ def work_precision(data: dict[str, Any]) -> str:
 
 def differences(data: dict[str, Any]) -> str:
     """The V of finite differences, and the exact derivative as a line that needs no step."""
-    with _figure(6.2, 3.6) as (_, (ax,), text):
+    with drawing(6.2, 3.6) as (_, (ax,), text):
         for kind, marker, dashes, label in (("forward", "s", (0, (1, 1.2)), "one-sided differences"),
                                             ("central", "^", (0, (5, 2)), "central differences")):  # fmt: skip
             shown = [(h, e) for h, e in zip(data["steps"], data[kind], strict=True) if e is not None]
@@ -162,7 +162,7 @@ def differences(data: dict[str, Any]) -> str:
 
 def conditions(data: dict[str, Any]) -> str:
     """Condition numbers over time."""
-    with _figure(6.2, 2.8) as (_, (ax,), text):
+    with drawing(6.2, 2.8) as (_, (ax,), text):
         for key, dashes, label in (
             ("closures", "-", "closures, the worst"),
             ("mass_matrix", (0, (5, 2)), "mass matrix"),
@@ -181,7 +181,7 @@ def conditions(data: dict[str, Any]) -> str:
 def roofline(data: dict[str, Any]) -> str:
     """Operations per second over operations per byte, under what the core can do."""
     peaks = data["peaks"]
-    with _figure(7.2, 3.6) as (_, (ax,), text):
+    with drawing(7.2, 3.6) as (_, (ax,), text):
         x = np.logspace(-2, 2, 200)
         for name, dashes in (("first cache", "-"), ("memory", (0, (5, 2)))):
             ax.plot(x, np.minimum(x * peaks[name], peaks["vectors"]) / 1e9, color="#000000", linewidth=1.2, linestyle=dashes,

@@ -24,6 +24,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
     "Energies": ("energies", "energy_sensitivities"), "Outputs": ("outputs", "output_sensitivities"),
     "TreeForces": ("mass_matrix", "mass_matrix_sensitivities", "inverse_mass_matrix", "solve_mass", "solve_mass_sensitivities",
                    "inverse_dynamics", "inverse_dynamics_sensitivities"),
+    "LoopForces": ("closure", "accelerations", "sensitivities", "energy_sensitivities"),
     "Judging": ("state_rates",),
     "Reactions": ("reactions",),
     "Frames": ("frames", "frame_sensitivities", "frame_accelerations", "frame_acceleration_sensitivities"),
@@ -32,7 +33,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
 }  # fmt: skip
 """Sections of `Solver`, and what a manifest names, among its functions or beside them, where they are needed."""
 
-TOGETHER = ("Statics",)
+TOGETHER = ("Statics", "LoopForces")
 """Sections that need all of what is named there, and not any."""
 
 ANYWAY = ("WeightedGradients", "Outputs")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import os
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from .long_texts import LongTexts
@@ -11,6 +13,7 @@ from .standalone.dynamics import Dynamics
 from .standalone.energies import Energies
 from .standalone.frames import Frames
 from .standalone.judging import Judging
+from .standalone.loop_forces import LoopForces
 from .standalone.loops import Loops
 from .standalone.outputs import Outputs
 from .standalone.package import Package
@@ -34,6 +37,7 @@ class Solver(
     Energies,
     Outputs,
     TreeForces,
+    LoopForces,
     Judging,
     Reactions,
     Frames,
@@ -55,6 +59,21 @@ class Solver(
 
         Returns""",
     )
+
+
+def _of_model(name: str) -> Callable[..., Any]:
+    """The member of trees, or that of mechanisms with loops."""
+
+    @functools.wraps(getattr(TreeForces, name))
+    def member(self: Solver, *given: Any, **named: Any) -> Any:
+        return getattr(LoopForces if self.closure_names else TreeForces, name)(self, *given, **named)
+
+    return member
+
+
+for _name in vars(LoopForces):
+    if not _name.startswith("_"):
+        setattr(Solver, _name, _of_model(_name))
 
 
 __all__ = ["Solver"]

@@ -7,13 +7,15 @@ from codegen.bench.machine import machine
 from codegen.bench.measuring import measure
 from codegen.bench.problem import Motion
 
+ELSEWHERE = ("robots",)
+"""In test_robots.py: what they need is not everywhere."""
 LARGE = ("four_bars_5", "four_bars_10", "four_bars_20", "four_bars_40", "long_pendulum")
 """Left to the campaign: a model or a motion that takes seconds, and a small one like it is here."""
 
 MEASURED: dict[str, dict] = {}
 
 
-@pytest.mark.parametrize("name", [n for n in PROBLEMS if n not in LARGE])
+@pytest.mark.parametrize("name", [n for n in PROBLEMS if n not in LARGE + ELSEWHERE])
 def test_a_problem_keeps_its_error_at_a_cheap_setting(name, tmp_path, monkeypatch):
     monkeypatch.setenv("ORDERNM_CFLAGS", "-O0")
     told = []

@@ -19,8 +19,11 @@ ACCURACY = 1e-11
 MATRICES = ("q", "u", "p", "inputs", "t")
 
 
-def made(model: codegen.Model, folder: Path) -> codegen.Solver:
-    codegen.generate(model, folder / model.name, check=False)
+BY_COLUMNS = ("jacobians", "mass_matrix", "inverse_mass_matrix")
+
+
+def made(model: codegen.Model, folder: Path, functions: tuple[str, ...] | None = None) -> codegen.Solver:
+    codegen.generate(model, folder / model.name, check=False, functions=functions)
     return codegen.load(folder / model.name)
 
 
@@ -28,7 +31,7 @@ def made(model: codegen.Model, folder: Path) -> codegen.Solver:
 def test_random_trees_agree_with_the_dense_method(seed: int, tmp_path: Path) -> None:
     rng = np.random.default_rng(seed)
     model = random_tree(rng, 6 + seed % 5, joints=EVERY)
-    solver, engine = made(model, tmp_path), DenseEngine(model)
+    solver, engine = made(model, tmp_path, BY_COLUMNS), DenseEngine(model)
     for _ in range(3):
         state = random_state(rng, model)
         J, exact = solver.jacobians(*state), engine.jacobians(*state)
@@ -117,6 +120,37 @@ def test_only_what_is_asked_for(long_chain: codegen.Solver) -> None:
 def test_unknown_names_are_told(long_chain: codegen.Solver, wrt: object, told: str) -> None:
     with pytest.raises(ValueError, match=told):
         long_chain.jacobians(np.zeros(40), np.zeros(40), wrt=wrt)  # type: ignore[arg-type]
+
+
+LEGS = """
+model: legs
+bodies:
+  trunk: {parent: ground, joint: {type: free}, mass: 3, inertia: {xx: 0.1, yy: 0.2, zz: 0.3}, com: [0.1, 0, 0.2]}
+  repeat k in 1..3:
+    thigh(k): {parent: trunk, joint: {type: revolute, axis: x, at: [0.3*k, 0.1, 0]}, mass: 1,
+               inertia: {xx: 0.1, yy: 0.2, zz: 0.1}, com: [0.1, 0, -0.5]}
+    shank(k): {parent: thigh(k), joint: {type: revolute, axis: y, at: [0, 0, -0.7]}, mass: 1,
+               inertia: {xx: 0.1, yy: 0.2, zz: 0.1}, com: [0, 0.1, -0.5]}
+    foot(k): {parent: shank(k), joint: {type: prismatic, axis: z, at: [0, 0, -0.7]}, mass: 0.3,
+              inertia: {xx: 0.01, yy: 0.02, zz: 0.01}, com: [0, 0.1, -0.1]}
+"""
+
+
+def test_what_legs_have_nothing_to_do_with_is_zero(tmp_path: Path) -> None:
+    """Blocks of four rows and columns of which links know all, some and no rows, and a last one that is not whole."""
+    model = parse_model(LEGS)
+    solver, engine = made(model, tmp_path, BY_COLUMNS), DenseEngine(model)
+    assert "take_blocks(" in (tmp_path / "legs" / "legs.c").read_text()
+    q = np.array([0.1, -0.2, 0.3, 0.8, 0.1, -0.5, 0.3, 0.3, -0.7, 0.2, 0.5, 0.4, -0.1, 0.9, 0.6, 0.15])
+    q[3:7] /= np.linalg.norm(q[3:7])
+    inverse = solver.inverse_mass_matrix(q)  # leaves its rows behind
+    M = solver.mass_matrix(q)
+    assert relative_error(M, engine.mass_matrix(q)) < ACCURACY
+    assert relative_error(inverse @ M, np.eye(15)) < ACCURACY
+    assert np.array_equal(M, M.T) and np.array_equal(inverse, inverse.T)
+    leg = np.repeat([0, 1, 2, 3], [6, 3, 3, 3])
+    apart = (leg[:, None] != leg) & (leg[:, None] > 0) & (leg > 0)
+    assert not M[apart].any()
 
 
 LEANING = """

@@ -1,5 +1,7 @@
 """Long functions stand in parts, which compute what the whole does."""
 
+import shutil
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +34,36 @@ def test_parts_compute_what_the_whole_does(tmp_path, monkeypatch, small):
     assert np.array_equal(divided.initial[0], q)
     for speed in (0.0, 1.0, -3.0):
         np.testing.assert_array_equal(divided.accelerations(q, u + speed), whole.accelerations(q, u + speed))
+
+
+def test_units_of_a_library_share_the_parts(tmp_path, monkeypatch, small):
+    """Each is compiled in one of them; the others call it. Without units all are there."""
+    monkeypatch.setenv("ORDERNM_CFLAGS", "-O0 -ffp-contract=off")
+    model = codegen.load_model(EXAMPLE)
+    asked = ["accelerations", "sensitivities", "energies"]
+    codegen.generate(model, tmp_path / "parts", compile=False, functions=asked)
+    monkeypatch.setattr(parts, "LONGEST", 10**9)
+    codegen.generate(model, tmp_path / "whole", compile=False, functions=asked)
+    divided, whole = codegen.load(tmp_path / "parts"), codegen.load(tmp_path / "whole")
+    q, u = whole.initial
+    dq = np.random.default_rng(0).normal(size=(3, model.nq))
+    for directions in (dq[0], dq):  # of unit 1 and of unit 2
+        found, of = divided.sensitivities(q, u, dq=directions), whole.sensitivities(q, u, dq=directions)
+        np.testing.assert_array_equal(found[1], of[1])
+    np.testing.assert_array_equal(divided.energies(q, u), whole.energies(q, u))
+    gcc = shutil.which("gcc") or "cc"
+
+    def parts_in(*flags):
+        out = tmp_path / "of_a_unit.o"
+        subprocess.run([gcc, "-c", *flags, "-o", out, tmp_path / "parts" / f"{model.name}.c"], check=True)
+        names = subprocess.run(["nm", out], check=True, capture_output=True, text=True).stdout.split("\n")
+        return {line.split()[-1] for line in names if "_part_" in line and " T " in line}
+
+    first, second = (parts_in("-DORDERNM_LIBRARY=1", f"-DORDERNM_UNIT={n}") for n in (1, 2))
+    assert first and second and not first & second
+    assert not parts_in()  # static
+    text = (tmp_path / "parts" / f"{model.name}.c").read_text()
+    assert len(first | second) == sum(line.startswith("PART ") and line.endswith(")") for line in text.split("\n"))
 
 
 def test_what_is_loaded_and_stored_again_is_loaded_first(small):

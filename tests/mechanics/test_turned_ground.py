@@ -133,12 +133,22 @@ def test_gravity_places_and_axes_become_what_they_were() -> None:
     assert len(way) == 1
 
 
-@pytest.mark.parametrize("target", ["numpy", "c"])
-def test_all_along_the_axes_of_the_ground_stays_what_it_is(tmp_path: Path, target: str) -> None:
-    """Values and derivatives of accelerations, energies and outputs are those of both engines, which turn nothing."""
+@pytest.fixture(scope="module")
+def everything(tmp_path_factory: pytest.TempPathFactory) -> tuple[Model, Path]:
+    """The model of everything, and its package, of what the tests call."""
     model = parse_model(EVERYTHING)
+    functions = (
+        "accelerations", "sensitivities", "energies", "energy_sensitivities", "outputs", "output_sensitivities",
+        "output_gradients",
+    )  # fmt: skip
+    return model, codegen.generate(model, tmp_path_factory.mktemp("turned") / "out", "c", functions=functions).folder
+
+
+@pytest.mark.parametrize("target", ["numpy", "c"])
+def test_all_along_the_axes_of_the_ground_stays_what_it_is(everything: tuple[Model, Path], target: str) -> None:
+    """Values and derivatives of accelerations, energies and outputs are those of both engines, which turn nothing."""
+    model, package = everything
     assert len(common_rotation(model)) == 3
-    package = codegen.generate(model, tmp_path / "out", target).folder
     solver = codegen.load(package, target)
     rng = np.random.default_rng(5)
     q, u = solver.assemble(*solver.initial)

@@ -14,7 +14,7 @@ from codegen.runtime.standalone import batches, closing_together, loops
 from codegen.runtime.standalone.errors import SingularForceError, SingularJointError
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
-SAME_ROUNDING = "-O2 -march=native -ffp-contract=off"
+SAME_ROUNDING = "-O1 -march=native -ffp-contract=off"
 """Where products are not rounded together with sums, which compilers may do otherwise in vectors."""
 
 ROPE = """

@@ -232,3 +232,22 @@ def test_wrong_places_are_told(either):
     J.u = J.u.T
     with pytest.raises(ValueError, match=r"out \(J\.u\) is read-only, not contiguous"):
         either.jacobians(q, u, *rest, out=J)
+
+
+@pytest.mark.parametrize("name", ["mass_matrix", "inverse_mass_matrix"])
+def test_matrices_of_coordinates_have_a_short_way_and_a_long_one(double_pendulum, name):
+    of, (q, _) = getattr(double_pendulum, name), double_pendulum.initial
+    p = np.array(double_pendulum.parameters)
+    M = of(q)
+    short = getattr(double_pendulum._desk, name)
+    np.testing.assert_array_equal(short(q, None), M)
+    np.testing.assert_array_equal(short(q, p), M)
+    assert short(list(q), None) is None and short(q[:1], None) is None and short(q.astype(np.float32), None) is None
+    for given in (list(q), np.repeat(q, 2)[::2], q[None][0]):
+        np.testing.assert_array_equal(of(given), M)
+    out = np.empty_like(M)
+    assert of(q, p, out=out) is out
+    np.testing.assert_array_equal(out, M)
+    np.testing.assert_array_equal(of(q[None], 1.1 * p)[0], of(q, 1.1 * p))
+    with pytest.raises(ValueError, match="q"):
+        of(q + np.nan)

@@ -80,7 +80,7 @@ def example(path: Path) -> Model:
     for long, short in ((r"\bn: 12\b", "n: 4"), (r"\bL: 3\b", "L: 2")):
         if path.stem in ("chain", "ladder", "hooke_ladder"):
             text = re.sub(long, short, text)
-    return parse_model(text, path.name)
+    return parse_model(text, path.name, path.parent)
 
 
 # what differs with the vectors' width takes turns

@@ -12,6 +12,7 @@ from typing import Final, get_args
 from .along_line import ALONG_LINES, ENTRIES, AlongLine
 from .force import Force, ForceOnBodyEntry
 from .force_element import ForceElement, ForceEntry
+from .in_joint import FrictionEntry, InJointEntry, LimitEntry
 from .joint_force import JointForce, JointForceEntry
 from .line_law import LineLaw, LineLawError
 from .line_laws import LINE_LAWS
@@ -27,6 +28,7 @@ __all__ = [
     "Force",
     "ForceElement",
     "ForceEntry",
+    "InJointEntry",
     "JointForce",
     "Spring",
     "Torque",
@@ -62,6 +64,8 @@ FORCES: Final[tuple[type[ForceEntry], ...]] = told_apart(
     ForceOnBodyEntry,
     TorqueEntry,
     TorsionEntry,
+    FrictionEntry,
+    LimitEntry,
     *ENTRIES,
 )
 

@@ -23,19 +23,24 @@ _MOST: Final = 48
 
 
 def check_angle(reader: Reader, angle: Expression, at: Instance, sub: Path_) -> None:
-    """Warn of an angle that is a multiple of pi/12 but for its missing digits.
-
-    With two decimals that is taken for meant at multiples of pi/2 only: 0.52 may be just that.
-    """
+    """Warn of an angle that is a multiple of pi/12 but for its missing digits."""
     value = _number(angle)
-    if value is None or abs(value) > (_MOST + 0.5) * _PART:
-        return
-    decimals = _decimals(value)
-    count = round(value / _PART)
-    if count and decimals >= (2 if count % 6 == 0 else 3) and _is_cut(value, count, decimals):
+    if value is not None and (count := cut_twelfths(value)):
         off = abs(value - count * _PART)
         message = f"{value!r} is {_multiple(count)} but for {off:.1e} rad; write {_multiple(count)}, so that axes are parallel"
         reader.report(at, sub, message, severity="warning")
+
+
+def cut_twelfths(value: float) -> int:
+    """How many twelfths of pi a number is but for its missing digits; 0 if none.
+
+    With two decimals that is taken for meant at multiples of pi/2 only: 0.52 may be just that.
+    """
+    if not abs(value) <= (_MOST + 0.5) * _PART:
+        return 0
+    decimals = _decimals(value)
+    count = round(value / _PART)
+    return count if count and decimals >= (2 if count % 6 == 0 else 3) and _is_cut(value, count, decimals) else 0
 
 
 def check_axis(reader: Reader, axis: Vector, at: Instance, sub: Path_) -> None:

@@ -52,33 +52,6 @@ long ordernm_adjoint_room(const ordernm_problem *problem, const ordernm_gradient
     return 8 + (long)(lay_out(0, problem, (ordernm_gradients *)gradients)/sizeof(double)) + ordernm_room(&alone);
 }
 
-ordernm_adjoint *ordernm_adjoint_begin(const ordernm_problem *problem, ordernm_gradients *g, double *room)
-{
-    ordernm_adjoint *const a = ordernm_line(room);
-    const size_t used = lay_out(0, problem, g);
-    memset(a, 0, used);
-    lay_out(a, problem, g);
-    a->motion = ordernm_begin(&a->problem, (double *)((char *)a + used));
-    a->motion->results = &a->none;
-    if (a->of_stages) ordernm_radau_layout_stages(a->motion, a->motion->ny, a->of_stages);
-    for (int n = 0; n < a->ngroups; ++n) {
-        a->sampled[n] = g->ntimes;
-        double *const lambda = a->lambda + (long)n*a->n*a->width;
-        const ordernm_system *const s = problem->system;
-        for (int l = 0; l < a->width && n*a->width + l < g->nfunctionals; ++l) {
-            const long f = n*a->width + l;
-            for (int i = 0; g->end_q && i < s->nfree_q; ++i) lambda[i*a->width + l] = g->end_q[f*s->nq + s->free_q[i]];
-            for (int i = 0; g->end_u && i < s->nfree_u; ++i)
-                lambda[(s->nfree_q + i)*a->width + l] = g->end_u[f*s->nu + s->free_u[i]];
-        }
-        for (int i = 0; g->integral_weights && i < problem->nintegrals; ++i)
-            for (int l = 0; l < a->width && n*a->width + l < g->nfunctionals; ++l)
-                a->lambda[((long)n*a->n + a->motion->ny + i)*a->width + l] =
-                    g->integral_weights[(long)(n*a->width + l)*problem->nintegrals + i];
-    }
-    return a;
-}
-
 /* ---- One state. ---- */
 
 /* Adds what transposes gave, c->dq and so on, to an adjoint of the state and to the gradients of a group. */
@@ -139,7 +112,7 @@ int ordernm_rates_transposed(ordernm_adjoint *a, int n, double t, const double *
         memcpy(a->weights_u + s->free_u[i]*width, kappa + (s->nfree_q + i)*width, entry);
     clear(a, &c);
     c.dudot = a->weights_u;
-    if ((status = s->sensitivities_transposed[index](&c))) return status;
+    if ((status = ORDERNM_OF(m, sensitivities_transposed[index])(&c))) return status;
     add(a, n, &c, t, nu);
     if (s->plain_rates) {
         for (int i = 0; i < s->nfree_q; ++i)
@@ -148,7 +121,7 @@ int ordernm_rates_transposed(ordernm_adjoint *a, int n, double t, const double *
         for (int i = 0; i < s->nfree_q; ++i) memcpy(a->weights_q + s->free_q[i]*width, kappa + i*width, entry);
         clear(a, &c);
         c.dqdot = a->weights_q;
-        if ((status = s->coordinate_rate_sensitivities_transposed[index](&c))) return status;
+        if ((status = ORDERNM_OF(m, coordinate_rate_sensitivities_transposed[index])(&c))) return status;
         add(a, n, &c, t, nu);
     }
     return 0;
@@ -168,7 +141,7 @@ int ordernm_integrals_transposed(ordernm_adjoint *a, int n, double t, const doub
     clear(a, &c);
     c.outputs = m->outputs;
     c.doutputs = a->weights;
-    const int status = s->output_sensitivities_transposed[a->index](&c);
+    const int status = ORDERNM_OF(m, output_sensitivities_transposed[a->index])(&c);
     if (!status) add(a, n, &c, t, nu);
     return status;
 }
@@ -196,7 +169,7 @@ int ordernm_sample_transposed(ordernm_adjoint *a, int n, double t, const double 
     clear(a, &c);
     c.outputs = m->outputs;
     c.doutputs = a->weights;
-    if ((status = s->output_sensitivities_transposed[a->index](&c))) return status;
+    if ((status = ORDERNM_OF(m, output_sensitivities_transposed[a->index])(&c))) return status;
     add(a, n, &c, t, nu);
     return 0;
 }
@@ -218,7 +191,7 @@ static int transposed_settling(ordernm_adjoint *a, int n, double t, const double
         memcpy(a->weights_q + s->free_q[i]*width, lambda + i*width, width*sizeof(double));
     memset(a->weights_u, 0, s->nu*width*sizeof(double));
     c.dfull_q = a->weights_q, c.dfull_u = a->weights_u;
-    if ((status = s->completion_sensitivities_transposed[a->index](&c))) return status;
+    if ((status = ORDERNM_OF(m, completion_sensitivities_transposed[a->index])(&c))) return status;
     memset(lambda, 0, s->nfree_q*width*sizeof(double));
     add(a, n, &c, t, lambda);
     memset(a->weights_q, 0, s->nq*width*sizeof(double));
@@ -233,7 +206,60 @@ int ordernm_settling_transposed(ordernm_adjoint *a, double t, const double *z)
     return status;
 }
 
-/* ---- Steps. ---- */
+/* Of weights of all entries of the state at the end, which was completed there, those of its independent entries. */
+static int transposed_completion(ordernm_adjoint *a, int n, double *lambda)
+{
+    ordernm_motion *const m = a->motion;
+    const ordernm_system *const s = m->system;
+    const ordernm_gradients *const g = a->gradients;
+    const int width = a->width;
+    ordernm_call c = ordernm_arguments(m, m->t, m->z);
+    c.q = g->whole_q, c.u = g->whole_u;
+    clear(a, &c);
+    for (int l = 0; l < width; ++l) {
+        const long f = (long)n*width + l;
+        for (int i = 0; i < s->nq; ++i) a->weights_q[i*width + l] = f < g->nfunctionals ? g->end_q[f*s->nq + i] : 0.0;
+        for (int i = 0; i < s->nu; ++i) a->weights_u[i*width + l] = f < g->nfunctionals ? g->end_u[f*s->nu + i] : 0.0;
+    }
+    c.full_u = m->udot;
+    c.dfull_q = a->weights_q, c.dfull_u = a->weights_u;
+    m->precise = s->precise != 0; /* conditions are poor where independents change */
+    const int status = ORDERNM_OF(m, completion_sensitivities_transposed[a->index])(&c);
+    if (!status) add(a, n, &c, m->t, lambda);
+    memset(a->weights_q, 0, s->nq*width*sizeof(double));
+    memset(a->weights_u, 0, s->nu*width*sizeof(double));
+    return status;
+}
+
+/* ---- From the end to the beginning. ---- */
+
+ordernm_adjoint *ordernm_adjoint_begin(const ordernm_problem *problem, ordernm_gradients *g, double *room)
+{
+    ordernm_adjoint *const a = ordernm_line(room);
+    const size_t used = lay_out(0, problem, g);
+    memset(a, 0, used);
+    lay_out(a, problem, g);
+    a->motion = ordernm_begin(&a->problem, (double *)((char *)a + used));
+    a->motion->results = &a->none;
+    if (a->of_stages) ordernm_radau_layout_stages(a->motion, a->motion->ny, a->of_stages);
+    for (int n = 0; n < a->ngroups; ++n) {
+        a->sampled[n] = g->ntimes;
+        double *const lambda = a->lambda + (long)n*a->n*a->width;
+        const ordernm_system *const s = problem->system;
+        for (int l = 0; l < a->width && n*a->width + l < g->nfunctionals && !g->whole_q; ++l) {
+            const long f = n*a->width + l;
+            for (int i = 0; g->end_q && i < s->nfree_q; ++i) lambda[i*a->width + l] = g->end_q[f*s->nq + s->free_q[i]];
+            for (int i = 0; g->end_u && i < s->nfree_u; ++i)
+                lambda[(s->nfree_q + i)*a->width + l] = g->end_u[f*s->nu + s->free_u[i]];
+        }
+        for (int i = 0; g->integral_weights && i < problem->nintegrals; ++i)
+            for (int l = 0; l < a->width && n*a->width + l < g->nfunctionals; ++l)
+                a->lambda[((long)n*a->n + a->motion->ny + i)*a->width + l] =
+                    g->integral_weights[(long)(n*a->width + l)*problem->nintegrals + i];
+        if (g->whole_q && !g->singular) g->singular = transposed_completion(a, n, lambda);
+    }
+    return a;
+}
 
 int ordernm_backwards(ordernm_adjoint *a, const double *steps, long count)
 {
@@ -244,6 +270,7 @@ int ordernm_backwards(ordernm_adjoint *a, const double *steps, long count)
         m->t = step[0];
         memcpy(m->z, step + ORDERNM_STEP_HEAD, (m->ny + m->nx + m->nd)*sizeof(double));
         ordernm_find_segment(m, m->t, step[1]);
+        ordernm_take_derivatives(m, step[4]);
         const int status = m->method->backwards(a, step);
         if (!status) continue;
         a->gradients->singular = status;
@@ -293,6 +320,7 @@ int ordernm_replay(ordernm_motion *m, const double *known, double *steps, long c
         m->t = step[0];
         memcpy(step + ORDERNM_STEP_HEAD, m->z, state);
         ordernm_find_segment(m, m->t, step[1]);
+        ordernm_take_derivatives(m, step[4]);
         if (m->method->replay(m, k ? 0 : known, !k, step)) return ORDERNM_SINGULAR;
         m->method->keep(m, step);
         if (k + 1 == count) break;

@@ -18,6 +18,12 @@ enum { FAR_STEPS = 15, NEAR_STEPS = 6 };
 /* Conditions below it are not poor, whatever is asked for. */
 static const double LEAST_POOR = 10.0;
 
+/* Where derivatives are wanted, forward or on the way back. Near a pose rounding changes them by its size times condition^3, times
+ * some tens or hundreds, and both ways are to agree to rounding. A condition that is poor all the time comes of a mechanism's
+ * proportions and does no such harm, so what is poor is as many times the best that has been met, by how long steps are: of the
+ * method of order 8, of others; or this one in any case. And what no stage should have. */
+static const double WORSE_IN_LONG_STEPS = 3.0, WORSE = 6.0, POOR_IN_ANY_CASE = 30.0, TOO_POOR_FOR_DERIVATIVES = 100.0;
+
 static const double LEAST_HOPELESS = 1e3, LEAST_TOO_POOR = 1e4; /* the latter of constant steps */
 
 /* At conditions that are larger by this, other independents are looked at again. */
@@ -51,8 +57,8 @@ static const method *method_of(const ordernm_problem *p)
 /* Of long doubles: the workspace, and what NAME_precise.c has beside it. */
 static long precise_numbers(const ordernm_system *s)
 {
-    const long values = 3L*s->nq + 2L*s->nu + s->np + s->ninputs + s->nclosure + s->nloops;
-    return s->workspace + values + LANES*(2L*s->nq + 2L*s->nu + s->np + s->ninputs + 1);
+    const long values = 3L*s->nq + 3L*s->nu + s->np + s->ninputs + s->noutputs + s->nclosure + s->nloops;
+    return s->workspace + values + LANES*(3L*s->nq + 3L*s->nu + s->np + s->ninputs + s->noutputs + 1);
 }
 
 /* Lays a motion out; m is 0 where only its size is asked for. */
@@ -109,7 +115,6 @@ static size_t lay_out(const ordernm_problem *p, void *at)
     m->inputs = ordernm_numbers(&of, s->ninputs);
     m->dinputs = ordernm_numbers(&of, s->ninputs*LANES);
     m->dt = ordernm_numbers(&of, LANES);
-    m->wide_dp = ordernm_numbers(&of, s->np*LANES);
     const long described = ordernm_event_size(p);
     double **rows[] = {&m->row, &m->known_row};
     for (int i = 0; i < 2; ++i) *rows[i] = ordernm_numbers(&of, described);
@@ -183,7 +188,7 @@ ordernm_motion *ordernm_begin(const ordernm_problem *p, double *room)
     m->t = p->start;
     /* rounding of conditions moves dependents in proportion to the condition, and rates to its square */
     const double rounding = fmax(1.0, s->nloops);
-    m->poor = fmax(sqrt(0.01*p->rtol/(2.2e-16*rounding)), LEAST_POOR);
+    m->poor = m->poor_rates = fmax(sqrt(0.01*p->rtol/(2.2e-16*rounding)), LEAST_POOR);
     /* in long double, where coordinates keep what is rounded, to its cube; predictions tell branches apart that differ by more */
     const double by_rounding = fmax(m->poor, cbrt(0.01*p->rtol/(5.4e-20*rounding)));
     m->too_poor = m->adaptive ? fmax(fmin(by_rounding, 0.03/p->rtol), LEAST_POOR) : fmax(by_rounding, LEAST_TOO_POOR);
@@ -194,6 +199,24 @@ ordernm_motion *ordernm_begin(const ordernm_problem *p, double *room)
     m->mark = p->start;
     m->looked_at = p->looked_at;
     return m;
+}
+
+/* From here on derivatives are taken, of this motion or of steps that it keeps; `best` is the least condition at the beginning of
+ * the steps so far. */
+void ordernm_take_derivatives(ordernm_motion *m, double best)
+{
+    const double worse = m->method == &ordernm_dop853 ? WORSE_IN_LONG_STEPS : WORSE;
+    m->best = best;
+    m->derived = 1;
+    m->poor_rates = fmin(m->poor, fmin(worse*best, POOR_IN_ANY_CASE));
+    m->too_poor = fmin(m->too_poor, TOO_POOR_FOR_DERIVATIVES);
+}
+
+/* What is known of conditions where a step begins. */
+static void note_best(ordernm_motion *m)
+{
+    const double best = fmin(m->best, m->conditions[0]);
+    if (m->derived && best < m->best) ordernm_take_derivatives(m, best);
 }
 
 void ordernm_state(const ordernm_motion *m, double *q, double *u)
@@ -334,11 +357,20 @@ static int not_finite(ordernm_motion *m, const double *rate)
     return ORDERNM_NOT_FINITE;
 }
 
+/* Whether something was to be computed in long double that has not been compiled yet; it is once. */
+static int wants_precise(ordernm_motion *m)
+{
+    const int wanted = m->imprecise && !m->system->precise && !m->results->as_is;
+    m->imprecise = 0;
+    return wanted;
+}
+
 /* Results at a state; the reason where there are none. Those at a pose that a step ends at are known. */
 static int keep(ordernm_motion *m, double t, const double *z)
 {
     const int known = m->row_known && m->known_row[0] == t;
     const int status = known ? 0 : ordernm_report(m, t, z, m->row);
+    if (wants_precise(m)) return ORDERNM_IMPRECISE;
     if (status) return failed(m->results, status);
     keep_row(m->results, known ? m->known_row : m->row, ordernm_row_size(m->problem));
     return ORDERNM_ENDED;
@@ -364,6 +396,7 @@ static int sample(ordernm_motion *m, double end)
             /* predictions between the ends of a step are as good as at its ends */
         }
         int reason = keep(m, t, z);
+        if (reason == ORDERNM_IMPRECISE) return reason;
         if (m->nd && t < end && (reason != ORDERNM_ENDED || m->results->condition_here > m->hopeless)
             && !ordernm_beside_within(m, h, (t - m->t)/h, ordernm_row_size(p))) {
             if (reason == ORDERNM_ENDED) --m->results->count;
@@ -382,6 +415,7 @@ static void keep_step(const ordernm_motion *m, double h)
     double *const row = r->steps + r->steps_count*ordernm_step_size(m->problem);
     row[0] = m->t;
     row[1] = h;
+    row[4] = m->best;
     memcpy(row + ORDERNM_STEP_HEAD, m->z, (m->ny + m->nx + m->nd)*sizeof(double));
     m->method->keep(m, row);
     ++r->steps_count;
@@ -392,7 +426,11 @@ static int begin(ordernm_motion *m)
     const ordernm_problem *const p = m->problem;
     ordernm_find_segment(m, m->t, 1e-12*(1.0 + fabs(m->t)));
     if (ordernm_settle(m, m->t, m->z) < 0) return failed(m->results, -1);
+    ordernm_note_condition(m, 0, 0);
+    note_best(m);
     const int status = ordernm_rates(m, m->t, m->z, m->rate[0]);
+    ordernm_note_precise(m, 0);
+    if (wants_precise(m)) return ORDERNM_IMPRECISE;
     if (status) return failed(m->results, status);
     if (!ordernm_all_finite(m->rate[0], m->size)) return not_finite(m, m->rate[0]);
     ordernm_note_condition(m, 0, 0);
@@ -598,12 +636,17 @@ int ordernm_next_step(ordernm_motion *m, double end, double knot, int settled)
     m->t = end;
     exchange(&m->z, &m->next);
     exchange(&m->rate[0], &m->rate[m->method->stages]);
+    m->precise = m->precise_at_end;
+    ordernm_note_precise(m, 0);
     const int changed = settled ? 0 : ordernm_settle(m, m->t, m->z);
     if (changed < 0) return changed;
     ordernm_note_condition(m, 0, 0);
+    note_best(m);
     if (!changed && ordernm_next_knot(m, m->t) == knot) return 0;
     ordernm_find_segment(m, m->t, 1e-9*(1.0 + fabs(m->t)));
-    return ordernm_rates(m, m->t, m->z, m->rate[0]);
+    const int status = ordernm_rates(m, m->t, m->z, m->rate[0]);
+    ordernm_note_precise(m, 0);
+    return status;
 }
 
 static int go_on(ordernm_motion *m, const trial *step)
@@ -670,6 +713,7 @@ int ordernm_go(ordernm_motion *m, ordernm_results *r, double seconds)
     m->results = r;
     r->t = m->t;
     if (!m->begun) {
+        if (m->ngroups || r->steps) ordernm_take_derivatives(m, INFINITY);
         if (r->capacity < 1) return ORDERNM_FULL;
         reason = begin(m);
     }
@@ -681,10 +725,7 @@ int ordernm_go(ordernm_motion *m, ordernm_results *r, double seconds)
         trial step;
         if ((reason = plan(m, &step)) != ORDERNM_ENDED) break;
         const int status = attempt(m, &step);
-        if (m->imprecise && !m->system->precise && !r->as_is) {
-            m->imprecise = 0;
-            return ORDERNM_IMPRECISE;
-        }
+        if (wants_precise(m)) return ORDERNM_IMPRECISE;
         if (step.again) {
             ++r->rejected;
             ++m->moved;

@@ -186,14 +186,14 @@ double ordernm_dead_point_within(ordernm_motion *m, double h)
         m->complete = 1;
     }
     /* Nothing that is done here is part of the motion. */
-    const double poor = m->poor, condition = m->results->condition, here = m->results->condition_here;
+    const double poor = m->poor, poor_rates = m->poor_rates, condition = m->results->condition, here = m->results->condition_here;
     double found = 0.0;
-    m->poor = INFINITY;
+    m->poor = m->poor_rates = INFINITY;
     for (; k < n - 1 && found == 0.0; k = suspicious(m, n, time, rank, k + 1)) {
         const double part = lost_between(m, h, time[k], time[k + 1], rank[k], rank[k + 1], 0);
         if (part < INFINITY && is_dead(m, h, part)) found = part;
     }
-    m->poor = poor;
+    m->poor = poor, m->poor_rates = poor_rates;
     m->results->condition = condition, m->results->condition_here = here;
     return found;
 }

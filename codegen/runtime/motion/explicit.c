@@ -64,6 +64,7 @@ static void stage(ordernm_motion *m, const row *r, double h, double *z)
 void ordernm_keep_stage(ordernm_motion *m, int i)
 {
     if (!m->results->steps) return;
+    ordernm_note_precise(m, i);
     const long state = m->ny + m->nx + m->nd, nq = m->identity ? 0 : m->system->nq;
     double *const at = m->stages + (i - 1)*(state + nq);
     memcpy(at, m->trial, state*sizeof(double));
@@ -73,7 +74,8 @@ void ordernm_keep_stage(ordernm_motion *m, int i)
 static void keep(const ordernm_motion *m, double *row)
 {
     const long state = m->ny + m->nx + m->nd, begins = ORDERNM_STEP_HEAD + state, ends = ordernm_step_size(m->problem) - state;
-    row[2] = row[3] = 0.0;
+    row[2] = m->precise_stages;
+    row[3] = 0.0;
     memcpy(row + begins, m->stages, (ends - begins)*sizeof(double));
     memcpy(row + ends, m->rate[0], state*sizeof(double));
 }

@@ -33,6 +33,7 @@ static int stages(ordernm_adjoint *a, const double *step, int count)
         const double t = m->t + method->times[i]*h;
         const int status = ordernm_rates(m, t, a->stage[i], m->rate[i]);
         if (status) return status;
+        ordernm_note_precise(m, i);
         if (!m->identity) memcpy(a->q[i], m->q, m->system->nq*sizeof(double));
     }
     return 0;
@@ -78,6 +79,7 @@ static int group_backwards(ordernm_adjoint *a, int n, double h, int within)
         if (!ordernm_any(a->kappa[i], size)) continue;
         const row *const r = method->rows + i;
         const double t = m->t + method->times[i]*h;
+        m->precise = m->precise_stages >> i & 1u;
         if ((status = ordernm_rates_transposed(a, n, t, a->stage[i], a->q[i], a->kappa[i], a->nu))) return status;
         if ((status = ordernm_integrals_transposed(a, n, t, a->stage[i], a->q[i], a->kappa[i], a->nu))) return status;
         ordernm_accumulate(lambda, 1.0, a->nu, size);
@@ -91,6 +93,7 @@ int ordernm_explicit_backwards(ordernm_adjoint *a, const double *step)
     ordernm_motion *const m = a->motion;
     const double h = step[1];
     int within = 0, status;
+    m->precise_stages = (unsigned)step[2];
     for (int n = 0; n < a->ngroups; ++n) within |= ordernm_samples_left(a, n);
     if (within || m->system->split) {
         if ((status = stages(a, step, within ? m->method->all : m->method->stages))) return status;
@@ -111,7 +114,10 @@ int ordernm_explicit_backwards(ordernm_adjoint *a, const double *step)
 int ordernm_explicit_replay(ordernm_motion *m, const double *known, int first, double *step)
 {
     (void)known;
-    if (first) first_rate(m, step);
+    if (first) {
+        first_rate(m, step);
+        m->precise_stages = (unsigned)step[2];
+    }
     const method *const method = m->method;
     const row *const end = method->rows + method->stages;
     const double h = step[1];

@@ -74,6 +74,9 @@ typedef struct {
     int (*backwards)(ordernm_adjoint *a, const double *row);
 } method;
 
+/* A function of a system, as it is to be called at the state whose loops were closed last. */
+#define ORDERNM_OF(m, function) ((m)->precise ? (m)->system->precise->function : (m)->system->function)
+
 /* A step that is tried. */
 typedef struct {
     double h, end;            /* its size, and the time at its end */
@@ -104,13 +107,17 @@ struct ordernm_motion {
     double *trial, *zeros, *error[2];
     double *work, *q, *u, *qdot, *udot, *newton, *position, *condition, *outputs, *inputs;
     double *dq, *du, *dqdot, *dudot, *full_dq, *full_du, *doutputs, *dinputs;
-    double *wide_dp;          /* [np][LANES]; of four directions, where only functions of eight are to be had */
     double *dt;               /* [LANES]; of seeds zeros, for time has no derivative here; transposes write there */
     double *row;
     double *stages;           /* states of the stages behind the first, of explicit methods: values, coordinates with loops closed */
     void *precise_work;
-    double poor;              /* condition from which on one computes in long double */
-    int precise;              /* loops were closed so last */
+    double poor;              /* condition from which on loops are closed in long double ... */
+    double poor_rates;        /* ... and from which on rates, outputs and their derivatives are computed so */
+    int derived;              /* derivatives are taken, of this motion or of steps that it keeps ... */
+    double best;              /* ... and the least condition at the beginning of a step so far */
+    int precise;              /* they are at the state whose loops were closed last */
+    int precise_at_end;       /* they were at the end of the step that was tried */
+    unsigned precise_stages;  /* they were at the stages of a step, a bit for each */
     double too_poor;          /* condition that no stage should have: not even then is rounding less than what is allowed */
     double telling;           /* condition from which on a stage should not be near to the pose that makes it so */
     double *closed;           /* [nq] coordinates at the end of the step that was tried, loops closed, if that is known */
@@ -152,8 +159,13 @@ struct ordernm_motion {
     struct radau *radau;      /* what that method has of its own, else 0 */
 };
 
+static inline void ordernm_note_precise(ordernm_motion *m, int stage)
+{
+    m->precise_stages = (m->precise_stages & ~(1u << stage)) | (unsigned)m->precise << stage;
+}
+
 /* state.c */
-enum { RATES = 1, INTEGRALS = 2, KNOWN_CLOSED = 4 }; /* of the state; of integrals; loops are known to be closed */
+enum { RATES = 1, INTEGRALS = 2, KNOWN_CLOSED = 4, PRECISE = 8 }; /* of the state; of integrals; loops are known to be closed, and poor */
 int ordernm_rates_of(ordernm_motion *m, double t, const double *z, double *rate, int ngroups, const group *groups, int what);
 int ordernm_rates(ordernm_motion *m, double t, const double *z, double *rate);
 int ordernm_rates_at_end(ordernm_motion *m, double t, double *rate);
@@ -211,6 +223,7 @@ int ordernm_extremes(const double *value, double *where);
 
 /* control.c */
 int ordernm_next_step(ordernm_motion *m, double end, double knot, int settled);
+void ordernm_take_derivatives(ordernm_motion *m, double best);
 double ordernm_error_norm(const ordernm_motion *m, const double *next, const double *error, const double *second);
 
 #endif

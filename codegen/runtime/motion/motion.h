@@ -39,9 +39,14 @@ typedef int ordernm_function(const ordernm_call *call);
 /* Functions over one direction, eight and four at once; the last are 0 until NAME_four has set them. */
 enum { ORDERNM_ONE, ORDERNM_EIGHT, ORDERNM_FOUR, ORDERNM_WIDTHS };
 
-/* The same in long double, for poses near which a loop loses rank; NAME_precise.c. Rates close the loops themselves once more. */
+/* The same in long double, for poses near which a loop loses rank; NAME_precise.c. But for closing_step they close the loops
+ * themselves once more. What the package has not is 0. */
 typedef struct {
-    ordernm_function *closing_step, *state_rates, *state_rate_sensitivities[ORDERNM_WIDTHS];
+    ordernm_function *closing_step, *state_rates, *completion, *outputs;
+    ordernm_function *state_rate_sensitivities[ORDERNM_WIDTHS], *completion_sensitivities[ORDERNM_WIDTHS],
+        *output_sensitivities[ORDERNM_WIDTHS];
+    ordernm_function *sensitivities_transposed[ORDERNM_WIDTHS], *coordinate_rate_sensitivities_transposed[ORDERNM_WIDTHS],
+        *completion_sensitivities_transposed[ORDERNM_WIDTHS], *output_sensitivities_transposed[ORDERNM_WIDTHS];
 } ordernm_precise;
 
 typedef struct {
@@ -180,6 +185,7 @@ typedef struct {
     const double *weights;            /* [nfunctionals][ntimes][noutputs]; 0 for none */
     const double *integral_weights;   /* [nfunctionals][nintegrals]; 0 for none */
     const double *end_q, *end_u;      /* [nfunctionals][nq], [nu]: of independent entries of the state at the end; 0 for none */
+    const double *whole_q, *whole_u;  /* [nq], [nu]: that state, where they are of all its entries, as where independents change; else 0 */
     /* Gradients by the independent entries of the initial state, by parameters, by the inputs' values. Begin with zeros. */
     double *q, *u, *p, *inputs;       /* [nfunctionals][nq], [nu], [np], [count][ninputs] */
     long evaluations, transposes;
@@ -188,8 +194,9 @@ typedef struct {
 
 typedef struct ordernm_adjoint ordernm_adjoint;
 
-/* Doubles of memory that gradients need; beginning; and going through steps that ordernm_go has kept, given from the last part
- * to the first one, each with its steps in their order. The motion's problem may have no directions. */
+/* Doubles of memory that gradients need; beginning, which says in `singular` if weights of a whole state cannot be taken; and going
+ * through steps that ordernm_go has kept, given from the last part to the first one, each with its steps in their order. The
+ * motion's problem may have no directions. */
 long ordernm_adjoint_room(const ordernm_problem *problem, const ordernm_gradients *gradients);
 ordernm_adjoint *ordernm_adjoint_begin(const ordernm_problem *problem, ordernm_gradients *gradients, double *room);
 int ordernm_backwards(ordernm_adjoint *adjoint, const double *steps, long count);
@@ -197,7 +204,7 @@ void ordernm_adjoint_end(ordernm_adjoint *adjoint);
 
 /* Makes steps again that were kept: from the first row of steps, whose state is there, from the first ORDERNM_STEP_HEAD numbers
  * of all rows, and from what was known before the first. */
-enum { ORDERNM_STEP_HEAD = 4 };
+enum { ORDERNM_STEP_HEAD = 5 };
 int ordernm_replay(ordernm_motion *motion, const double *known, double *steps, long count);
 
 #ifdef __cplusplus

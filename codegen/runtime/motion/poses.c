@@ -39,8 +39,9 @@ int ordernm_find_pose(ordernm_motion *m, double h)
     double time[MOST_STAGES], inverse[MOST_STAGES];
     int n = 0;
     for (int i = 0; i <= end; ++i) {
-        if (!(m->conditions[i] > 0.0) || (i == end - 1 && m->conditions[end] > 0.0)) continue; /* both are at the end */
         const double t = m->method->times[i]*h;
+        const int at_end = i == end - 1 && m->method->times[i] == m->method->times[end]; /* an explicit method's last stage */
+        if (!(m->conditions[i] > 0.0) || (at_end && m->conditions[end] > 0.0)) continue;
         int at = n++;
         for (; at > 0 && time[at - 1] > t; --at) time[at] = time[at - 1], inverse[at] = inverse[at - 1];
         time[at] = t;

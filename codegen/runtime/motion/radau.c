@@ -112,9 +112,11 @@ int ordernm_radau_rates(ordernm_motion *m, double h, int i, const group *g, int 
         const long end = g->at + (long)predicted*g->width;
         for (long k = g->at; k < end; ++k) m->trial[k] = beginning ? m->z[k] : m->z[k] + r->stage[i][k];
     }
+    if (m->precise_stages >> i & 1u) what |= PRECISE; /* which tells something of loops that are known to be closed only */
     const int status = ordernm_rates_of(m, ordernm_time_of_stage(m->t, h, i), m->trial, m->rate[i + 1], g != 0, g, what);
     if (status) return status;
     if (what & KNOWN_CLOSED) return 0;
+    ordernm_note_precise(m, i);
     ordernm_note_condition(m, i + 1, 0);
     for (int k = 0; k < m->nd; ++k) r->stage[i][predicted + k] = m->q[m->dependent[k]] - m->z[predicted + k];
     return 0;
@@ -151,7 +153,7 @@ static void extrapolate(ordernm_motion *m, double h)
 static int renew(ordernm_motion *m)
 {
     struct radau *const r = m->radau;
-    const int status = r->formed_here ? 0 : ordernm_radau_differentiate(m, m->t, m->z, r->jacobian);
+    const int status = r->formed_here ? 0 : ordernm_radau_differentiate(m, m->t, m->z, r->jacobian, 0);
     if (status) return status;
     if (r->formed_here) memcpy(r->jacobian, r->at_stage[2], (long)r->n*r->n*sizeof(double));
     ordernm_radau_take_jacobian(r);
@@ -429,13 +431,13 @@ static const double TIMES[] = {0.0, 0.15505102572168219018, 0.644948974278317809
 
 /* ---- Steps that are kept, and made again. ---- */
 
-/* What decides where Newton's method ends: whether J was made here, how fast it was expected to be; then the stages. Before the
- * first step of some, what it began with: the stages of the step before, and J, as the state that it was made at. */
+/* What decides where Newton's method ends: whether J was made here, how fast it was expected to be; with the former, what stages
+ * are in long double; then the stages. Before the first step of some, what it began with: the stages of the step before, and J, as the state that it was made at. */
 static void radau_keep(const ordernm_motion *m, double *row)
 {
     const struct radau *const r = m->radau;
     const long state = m->ny + m->nx + m->nd;
-    row[2] = r->jacobian_here;
+    row[2] = r->jacobian_here + 2.0*m->precise_stages;
     row[3] = r->slowness_before;
     double *to = row + ORDERNM_STEP_HEAD + state;
     for (int i = 0; i < STAGES; ++i)
@@ -462,7 +464,7 @@ static int radau_replay(ordernm_motion *m, const double *known, int first, doubl
         const long segment = m->segment;
         m->segment = (long)known[3];
         memcpy(r->of_jacobian, known + 4, m->values*sizeof(double));
-        if ((status = ordernm_radau_differentiate(m, known[2], r->of_jacobian, r->jacobian))) return status;
+        if ((status = ordernm_radau_differentiate(m, known[2], r->of_jacobian, r->jacobian, 0))) return status;
         m->segment = segment;
         ordernm_radau_take_jacobian(r);
         for (int i = 0; i < STAGES; ++i) memcpy(r->last[i], known + 4 + (1 + i)*m->values, m->values*sizeof(double));
@@ -471,7 +473,7 @@ static int radau_replay(ordernm_motion *m, const double *known, int first, doubl
     }
     r->h_tried = h;
     r->jacobian_here = 0;
-    if (row[2] != 0.0 && (status = renew(m))) return status;
+    if ((unsigned)row[2] & 1u && (status = renew(m))) return status;
     if (r->h_factored != h && ordernm_radau_factorise(m, h)) return -1;
     r->slowness = row[3];
     double limit, usual;

@@ -56,7 +56,7 @@ void ordernm_radau_weights(double theta, double *w);
 int ordernm_radau_rates(ordernm_motion *m, double h, int i, const group *g, int beginning, int what);
 
 /* radau_equations.c */
-int ordernm_radau_differentiate(ordernm_motion *m, double t, const double *z, double *jacobian);
+int ordernm_radau_differentiate(ordernm_motion *m, double t, const double *z, double *jacobian, int precise);
 void ordernm_radau_take_jacobian(struct radau *r);
 int ordernm_radau_factorise(ordernm_motion *m, double h);
 void ordernm_radau_solve_real(const struct radau *r, double *b, int width);

@@ -68,7 +68,7 @@ static int solve(ordernm_adjoint *a, double h, int factors, double *const *right
     const double t = m->t;
     if (factors == FORMED) {
         for (int i = 0; i < STAGES && !r->formed_here; ++i) {
-            const int status = ordernm_radau_differentiate(m, ordernm_time_of_stage(t, h, i), a->stage[i], r->at_stage[i]);
+            const int status = ordernm_radau_differentiate(m, ordernm_time_of_stage(t, h, i), a->stage[i], r->at_stage[i], 0);
             if (status) return status;
         }
         if (!r->formed_here && ordernm_radau_factorise_stages(r, h)) return DIVERGED;
@@ -78,7 +78,7 @@ static int solve(ordernm_adjoint *a, double h, int factors, double *const *right
         return 0;
     }
     if (!r->accepted || (factors == FRESH && !r->jacobian_here)) {
-        const int status = ordernm_radau_differentiate(m, ordernm_time_of_stage(t, h, 1), a->stage[1], r->jacobian);
+        const int status = ordernm_radau_differentiate(m, ordernm_time_of_stage(t, h, 1), a->stage[1], r->jacobian, 0);
         if (status) return status;
         ordernm_radau_take_jacobian(r);
         r->accepted = r->jacobian_here = 1;
@@ -115,6 +115,7 @@ static int equations_transposed(ordernm_adjoint *a, int n, double h, double *con
             for (int j = 0; j < STAGES; ++j) ordernm_accumulate(right[i], -A_INVERSE[j][i]/h, change[j], size);
         for (int i = 0; i < STAGES; ++i) {
             const double t = ordernm_time_of_stage(m->t, h, i);
+            m->precise = m->precise_stages >> i & 1u;
             if ((status = ordernm_rates_transposed(a, n, t, a->stage[i], a->q[i], change[i], a->nu))) return status;
             ordernm_accumulate(right[i], 1.0, a->nu, size);
             ordernm_accumulate(lambda, 1.0, a->nu, size);
@@ -147,6 +148,7 @@ static int group_backwards(ordernm_adjoint *a, int n, double h)
         ordernm_accumulate(gamma + size, h*A[STAGES - 1][i], lambda + size, all - size);
         memset(a->nu, 0, all*sizeof(double));
         const double t = ordernm_time_of_stage(m->t, h, i);
+        m->precise = m->precise_stages >> i & 1u;
         if ((status = ordernm_integrals_transposed(a, n, t, a->stage[i], a->q[i], gamma, a->nu))) return status;
         ordernm_accumulate(right[i], 1.0, a->nu, size);
         ordernm_accumulate(lambda, 1.0, a->nu, size);
@@ -163,6 +165,7 @@ int ordernm_radau_backwards(ordernm_adjoint *a, const double *row)
     const double h = row[1];
     int status;
     m->radau->jacobian_here = m->radau->formed_here = 0;
+    m->precise_stages = (unsigned)row[2] >> 1;
     for (int i = 0; i < STAGES; ++i) {
         double *const stage = a->stage[i];
         memcpy(stage, row + ORDERNM_STEP_HEAD + (1 + i)*state, state*sizeof(double));

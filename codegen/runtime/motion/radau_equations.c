@@ -6,8 +6,8 @@
 
 /* ---- Jacobians. ---- */
 
-/* The Jacobian at a state whose loops are closed: so many columns at a time. Returns what a function returned. */
-int ordernm_radau_differentiate(ordernm_motion *m, double t, const double *z, double *jacobian)
+/* The Jacobian at a state whose loops are closed, by long doubles or not: so many columns at a time. Returns what a function returned. */
+int ordernm_radau_differentiate(ordernm_motion *m, double t, const double *z, double *jacobian, int precise)
 {
     struct radau *const r = m->radau;
     const int n = r->n;
@@ -19,7 +19,8 @@ int ordernm_radau_differentiate(ordernm_motion *m, double t, const double *z, do
         const int count = n - first < LANES ? n - first : LANES;
         memset(seed, 0, (long)n*LANES*sizeof(double));
         for (int l = 0; l < count; ++l) seed[(long)(first + l)*LANES + l] = 1.0;
-        const int status = ordernm_rates_of(m, t, r->seeded, r->seeded_rate, 1, &r->columns, RATES | KNOWN_CLOSED);
+        const int status = ordernm_rates_of(m, t, r->seeded, r->seeded_rate, 1, &r->columns,
+            RATES | KNOWN_CLOSED | (precise ? PRECISE : 0));
         if (status) return status;
         for (int i = 0; i < n; ++i)
             for (int l = 0; l < count; ++l) jacobian[(long)i*n + first + l] = rate[(long)i*LANES + l];

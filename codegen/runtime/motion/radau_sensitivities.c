@@ -56,7 +56,8 @@ static int form(ordernm_motion *m, double h)
     struct radau *const r = m->radau;
     for (int i = 0; i < STAGES; ++i) {
         for (long k = 0; k < m->values; ++k) m->trial[k] = m->z[k] + r->stage[i][k];
-        const int status = ordernm_radau_differentiate(m, ordernm_time_of_stage(m->t, h, i), m->trial, r->at_stage[i]);
+        const double t = ordernm_time_of_stage(m->t, h, i);
+        const int status = ordernm_radau_differentiate(m, t, m->trial, r->at_stage[i], m->precise_stages >> i & 1u);
         if (status) return status;
     }
     return ordernm_radau_factorise_stages(r, h) ? DIVERGED : CONVERGED;

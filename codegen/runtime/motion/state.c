@@ -149,7 +149,7 @@ static void keep_lengths(ordernm_motion *m, const double *before)
 ordernm_call ordernm_arguments(ordernm_motion *m, double t, const double *z)
 {
     const ordernm_system *s = m->system;
-    ordernm_call c = {.p = m->problem->p, .t = t, .dt = m->dt, .work = m->work};
+    ordernm_call c = {.p = m->problem->p, .t = t, .dt = m->dt, .work = m->work, .precise_work = m->precise_work};
     c.inputs = inputs_at(m, t);
     if (m->identity) {
         c.q = z;
@@ -203,18 +203,18 @@ static double largest_residual(const ordernm_motion *m)
 }
 
 /* Closes the loops of m->q by Newton's method, in long double where rounding of the conditions would move the dependent
- * coordinates by too much. Returns 0, what the function returned, or -1 if they do not close. */
+ * coordinates by too much, and says in m->precise whether what is computed of them is to be, too. Returns 0, what the function
+ * returned, or -1 if they do not close. */
 int ordernm_close_loops(ordernm_motion *m, ordernm_call *c)
 {
     const ordernm_system *s = m->system;
     if (!s->closing_step) return 0;
     ordernm_function *closing_step = s->closing_step;
     double before = INFINITY;
-    m->precise = 0;
+    int precisely = m->precise = 0;
     c->step = m->newton;
     c->position = m->position;
     c->condition = m->condition;
-    c->precise_work = m->precise_work;
     for (int i = 0; i < s->nquaternions; ++i) m->lengths[i] = length_of(m->q + s->quaternion[i]);
     keep_lengths(m, m->lengths);
     for (int n = 0; n < CLOSING_STEPS; ++n) {
@@ -236,14 +236,13 @@ int ordernm_close_loops(ordernm_motion *m, ordernm_call *c)
         if (condition > m->results->condition) m->results->condition = condition;
         m->results->condition_here = condition;
         before = residual;
-        if (condition > m->poor && !m->precise) {
-            if (s->precise) {
-                m->precise = 1;
-                closing_step = s->precise->closing_step;
-                before = INFINITY;
-                continue;
-            }
-            m->imprecise = 1;
+        m->precise = condition > m->poor_rates || precisely;
+        if (m->precise && !s->precise) m->imprecise = 1, m->precise = 0;
+        if (condition > m->poor && !precisely && s->precise) {
+            precisely = 1;
+            closing_step = s->precise->closing_step;
+            before = INFINITY;
+            continue;
         }
         if (no_better || step*step*condition <= CLOSED) return 0;
     }
@@ -251,39 +250,6 @@ int ordernm_close_loops(ordernm_motion *m, ordernm_call *c)
 }
 
 /* ---- Rates. ---- */
-
-enum { HALF = LANES/2 };
-
-/* Rows of half as many lanes made whole, in place; the others are zero. */
-static void widen(double *x, long n)
-{
-    for (long i = n - 1; i >= 0; --i)
-        for (int l = LANES - 1; l >= 0; --l) x[i*LANES + l] = l < HALF ? x[i*HALF + l] : 0.0;
-}
-
-static void narrow(double *x, long n)
-{
-    for (long i = 0; i < n; ++i)
-        for (int l = 0; l < HALF; ++l) x[i*HALF + l] = x[i*LANES + l];
-}
-
-/* Rates along a group in long double, which has functions of one and of eight directions only. */
-static int precise_rates_along(ordernm_motion *m, const group *g, ordernm_call *c)
-{
-    const ordernm_system *s = m->system;
-    if (g->index != ORDERNM_FOUR) return s->precise->state_rate_sensitivities[g->index](c);
-    ordernm_call wide = *c;
-    memcpy(m->wide_dp, g->dp, s->np*HALF*sizeof(double));
-    wide.dp = m->wide_dp;
-    double *const given[] = {m->dq, m->du, m->dinputs, m->wide_dp};
-    const long count[] = {s->nq, s->nu, s->ninputs, s->np};
-    for (int i = 0; i < 4; ++i) widen(given[i], count[i]);
-    const int status = s->precise->state_rate_sensitivities[ORDERNM_EIGHT](&wide);
-    for (int i = 0; i < 4; ++i) narrow(given[i], count[i]);
-    narrow(m->dqdot, s->nq);
-    narrow(m->dudot, s->nu);
-    return status;
-}
 
 /* Time derivatives of z and of its derivatives along some groups; all coordinates, loops closed, are in m->q then. Loops that are
  * known to be closed are as predictions say. Returns 0, what a function returned, or -1 if loops do not close. */
@@ -295,13 +261,12 @@ int ordernm_rates_of(ordernm_motion *m, double t, const double *z, double *rate,
     const int closed = what & KNOWN_CLOSED && !s->split;
     int status = closed ? 0 : ordernm_close_loops(m, &c);
     if (status) return status;
-    const int precise = !closed && m->precise;
-    ordernm_function *const state_rates = precise ? s->precise->state_rates : s->state_rates;
+    if (closed) m->precise = (what & PRECISE) != 0;
     const int rates = what & RATES, integrals = what & INTEGRALS && m->nx;
     if (rates) ++m->results->evaluations;
     c.qdot = m->identity ? rate : m->qdot;
     c.udot = m->identity ? rate + s->nq : m->udot;
-    if (rates && !ngroups && (status = state_rates(&c))) return status;
+    if (rates && !ngroups && (status = ORDERNM_OF(m, state_rates)(&c))) return status;
     for (int n = 0; n < ngroups; ++n) {
         const group *g = groups + n;
         double *S = rate + g->at;
@@ -309,8 +274,7 @@ int ordernm_rates_of(ordernm_motion *m, double t, const double *z, double *rate,
         seeds(m, t, z, g, &c);
         c.dqdot = m->identity ? S : m->dqdot;
         c.dudot = m->identity ? S + s->nq*width : m->dudot;
-        if (rates && (status = precise ? precise_rates_along(m, g, &c) : s->state_rate_sensitivities[g->index](&c)))
-            return status;
+        if (rates && (status = ORDERNM_OF(m, state_rate_sensitivities[g->index])(&c))) return status;
         if (rates && !m->identity) {
             for (int i = 0; i < s->nfree_q; ++i) copy_lanes(S + i*width, m->dqdot + s->free_q[i]*width, width);
             for (int i = 0; i < s->nfree_u; ++i)
@@ -319,7 +283,7 @@ int ordernm_rates_of(ordernm_motion *m, double t, const double *z, double *rate,
         if (integrals) {
             c.outputs = m->outputs;
             c.doutputs = m->doutputs;
-            if ((status = s->output_sensitivities[g->index](&c))) return status;
+            if ((status = ORDERNM_OF(m, output_sensitivities[g->index])(&c))) return status;
             for (int i = 0; i < m->nx; ++i)
                 copy_lanes(S + (m->ny + i)*width, m->doutputs + p->integrals[i]*width, width);
         }
@@ -327,7 +291,7 @@ int ordernm_rates_of(ordernm_motion *m, double t, const double *z, double *rate,
     if (integrals) {
         if (!ngroups) {
             c.outputs = m->outputs;
-            if ((status = s->outputs(&c))) return status;
+            if ((status = ORDERNM_OF(m, outputs)(&c))) return status;
         }
         for (int i = 0; i < m->nx; ++i) rate[m->ny + i] = m->outputs[p->integrals[i]];
     }
@@ -349,6 +313,7 @@ int ordernm_rates(ordernm_motion *m, double t, const double *z, double *rate)
 int ordernm_rates_at_end(ordernm_motion *m, double t, double *rate)
 {
     const int status = ordernm_rates(m, t, m->next, rate);
+    m->precise_at_end = m->precise;
     if (status || m->identity) return status;
     memcpy(m->closed, m->q, m->system->nq*sizeof(double));
     m->closed_condition = m->results->condition_here;
@@ -369,6 +334,7 @@ int ordernm_settle(ordernm_motion *m, double t, double *z)
     if (m->closed_known) {
         memcpy(m->q, m->closed, s->nq*sizeof(double));
         m->results->condition_here = m->closed_condition;
+        m->precise = m->precise_at_end;
         m->closed_known = 0;
     } else if (ordernm_close_loops(m, &c)) {
         return -1;
@@ -385,7 +351,7 @@ int ordernm_settle(ordernm_motion *m, double t, double *z)
         seeds(m, t, z, g, &c);
         c.dfull_q = m->full_dq;
         c.dfull_u = m->full_du;
-        if (s->completion_sensitivities[g->index](&c)) return -1;
+        if (ORDERNM_OF(m, completion_sensitivities[g->index])(&c)) return -1;
         for (int i = 0; i < s->nfree_q; ++i) copy_lanes(S + i*width, m->full_dq + s->free_q[i]*width, width);
     }
     return 1;
@@ -410,11 +376,11 @@ int ordernm_report(ordernm_motion *m, double t, const double *z, double *row)
     for (int i = 0; i < s->nquaternions; ++i) normalise(q + s->quaternion[i], 0, 0);
     if (!m->identity) {
         c.full_u = u;
-        if ((status = s->completion(&c))) return status;
+        if ((status = ORDERNM_OF(m, completion)(&c))) return status;
     }
     if (s->noutputs && s->outputs) {
         c.outputs = outputs;
-        if ((status = s->outputs(&c))) return status;
+        if ((status = ORDERNM_OF(m, outputs)(&c))) return status;
     }
     for (int i = 0; i < m->nx; ++i) integrals[i] = z[m->ny + i];
     for (int n = 0; n < m->ngroups; ++n) {
@@ -427,7 +393,7 @@ int ordernm_report(ordernm_motion *m, double t, const double *z, double *row)
             c.full_u = m->qdot;
             c.dfull_q = of_q = m->full_dq;
             c.dfull_u = of_u = m->full_du;
-            if ((status = s->completion_sensitivities[g->index](&c))) return status;
+            if ((status = ORDERNM_OF(m, completion_sensitivities[g->index])(&c))) return status;
         } else if (s->nquaternions) {
             memcpy(m->full_dq, of_q, s->nq*width*sizeof(double));
             of_q = m->full_dq;
@@ -440,7 +406,7 @@ int ordernm_report(ordernm_motion *m, double t, const double *z, double *row)
         if (s->noutputs && s->output_sensitivities[g->index]) {
             c.outputs = m->outputs;
             c.doutputs = m->doutputs;
-            if ((status = s->output_sensitivities[g->index](&c))) return status;
+            if ((status = ORDERNM_OF(m, output_sensitivities[g->index])(&c))) return status;
         }
         for (int l = 0; l < g->used; ++l) {
             const long k = g->first + l;

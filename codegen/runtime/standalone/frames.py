@@ -56,7 +56,7 @@ class Frames(Package):
             In the ground frame.
         """
         chosen, names, single = self._bodies(bodies)
-        found = self._frames(state(q, self._speeds(u), p, inputs, t), accelerations, chosen, names)
+        found = self._frames(state(q, self._moving_at(u), p, inputs, t), accelerations, chosen, names)
         return alone(found) if single else found
 
     def frame_sensitivities(
@@ -73,7 +73,7 @@ class Frames(Package):
             Derivatives, with the k directions first: ``rotation (k, ..., n, 3, 3)``, ``position (k, ..., n, 3)`` and so on.
         """
         chosen, names, single = self._bodies(bodies)
-        given, along = state(q, self._speeds(u), p, inputs, t), seeds(dq, du, dp, dinputs, dt)
+        given, along = state(q, self._moving_at(u), p, inputs, t), seeds(dq, du, dp, dinputs, dt)
         values, tangents = self._frames_along(given, along, accelerations, chosen, names)
         return (alone(values), alone(tangents)) if single else (values, tangents)
 
@@ -117,7 +117,7 @@ class Frames(Package):
             In the ground frame.
         """
         chosen = _Chosen(self, points)
-        given = state(q, self._speeds(u), p, inputs, t)
+        given = state(q, self._moving_at(u), p, inputs, t)
         frames = self._frames(given, accelerations, chosen.bodies, chosen.names)
         found = points_on(chosen.carriers(frames, False), chosen.places(p), chosen.names)
         return alone(found) if chosen.single else found
@@ -139,7 +139,7 @@ class Frames(Package):
             Derivatives, with the k directions first: ``position (k, ..., n, 3)`` and so on.
         """
         chosen = _Chosen(self, points)
-        given, along = state(q, self._speeds(u), p, inputs, t), seeds(dq, du, dp, dinputs, dt)
+        given, along = state(q, self._moving_at(u), p, inputs, t), seeds(dq, du, dp, dinputs, dt)
         values, tangents = self._frames_along(given, along, accelerations, chosen.bodies, chosen.names)
         frames, moved = chosen.carriers(values, False), chosen.carriers(tangents, True)
         r = chosen.places(p)
@@ -167,7 +167,8 @@ class Frames(Package):
 
     # -- what these are made of ----------------------------------------------------------------------------------------
 
-    def _speeds(self, u: Numbers) -> Numbers:
+    def _moving_at(self, u: Numbers) -> Numbers:
+        """Speeds, zero where they are left out."""
         return np.zeros(self.nu) if u is None else u
 
     def _bodies(self, bodies: Bodies) -> tuple[list[int], tuple[str, ...], bool]:

@@ -225,6 +225,7 @@ class Judging(Simulation):
         m = len(weights.outputs)
         end_q, end_u = np.zeros((m, self.nq)), np.zeros((m, self.nu))
         total: Adjoint | None = None
+        whole: tuple[Array, Array] | None = None
         for number, segment in reversed(list(enumerate(run.segments))):
             after = weights.times > segment.problem.start if number else np.ones(len(weights.times), bool)
             within = after & (weights.times <= segment.counts["t"])
@@ -232,23 +233,15 @@ class Judging(Simulation):
             self._in_c(segment.opened).run_backwards(motion[2])
             found = segment_backwards(
                 motion, segment, weights.times[within], weights.outputs[:, within], weights.integrals,
-                end_q, end_u,
+                end_q, end_u, whole,
             )  # fmt: skip
             if total is not None:
                 found.p += total.p
                 found.inputs += total.inputs
                 found.counts = {name: n + total.counts[name] for name, n in found.counts.items()}
             total = found
-            if number:
-                # the state at the change has been completed by the partition before
-                start = {"q": segment.problem.q, "u": segment.problem.u, "p": segment.problem.p}
-                opened = run.segments[number - 1].opened
-                f = self._find(opened, "completion_sensitivities_transposed")
-                back = opened.target.along(f, start, {"dfull_q": found.q, "dfull_u": found.u}, m, ())
-                by = dict(zip(f.results, back, strict=True))
-                end_q, end_u = by["dq"], by["du"]
-                if "dp" in by:
-                    total.p += by["dp"]
+            # the state at a change has been completed by the partition before
+            end_q, end_u, whole = found.q, found.u, (segment.problem.q, segment.problem.u)
         assert total is not None
         return total
 

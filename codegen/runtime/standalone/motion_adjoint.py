@@ -33,7 +33,7 @@ class Adjoint:
 
 def segment_backwards(
     motion: tuple[Any, Any, Any], segment: Segment, times: Array, weights: Array, integral_weights: Array, end_q: Array,
-    end_u: Array,
+    end_u: Array, whole: tuple[Array, Array] | None = None,
 ) -> Adjoint:  # fmt: skip
     """Gradients of m functionals by what a segment of a motion, whose steps have been kept, begins with and depends on.
 
@@ -45,7 +45,9 @@ def segment_backwards(
         Of outputs at these times, all of them within the segment.
     integral_weights : array (m, nintegrals)
     end_q, end_u : array (m, nq), (m, nu)
-        Of independent entries of the state at the segment's end.
+        Of independent entries of the state at the segment's end; of all of them, where there is a `whole`.
+    whole : (array (nq,), array (nu,)), optional
+        The state at the segment's end, from which others are independent.
     """
     library, ffi, system = motion
     problem, m = segment.problem, len(weights)
@@ -55,12 +57,15 @@ def segment_backwards(
     shapes = [(m, system.nq), (m, system.nu), (m, system.np), (m, len(problem.inputs.values), system.ninputs)]
     found = [np.zeros(s) for s in shapes]
     g = ffi.new("ordernm_gradients *")
-    held = [np.ascontiguousarray(x, float) for x in (times, weights, integral_weights, end_q, end_u)]
+    state = whole or (np.zeros(0), np.zeros(0))
+    held = [np.ascontiguousarray(x, float) for x in (times, weights, integral_weights, end_q, end_u, *state)]
     pointers = [ffi.from_buffer("double[]", x) if x.size else ffi.NULL for x in (*held, *found)]
     g.nfunctionals, g.ntimes = m, len(times)
-    g.times, g.weights, g.integral_weights, g.end_q, g.end_u, g.q, g.u, g.p, g.inputs = pointers
+    g.times, g.weights, g.integral_weights, g.end_q, g.end_u, g.whole_q, g.whole_u, g.q, g.u, g.p, g.inputs = pointers
     room = ffi.from_buffer("double[]", np.empty(library.ordernm_adjoint_room(c, g)))
     adjoint = library.ordernm_adjoint_begin(c, g, room)
+    if g.singular:
+        raise RuntimeError(f"the adjoint could not complete a state that the motion had completed ({g.singular})")
     parts = zip(segment.steps, segment.known, segment.heads, strict=True)
     for part, known, heads in reversed(list(parts)):
         rows = part if heads is None else made_again(library, ffi, c, part, known, heads)

@@ -24,7 +24,7 @@ from .functions import ALONG, STATE, WITHOUT_ENTRIES, Function, function, shapes
 from .infinite import tell_infinite
 from .manifest import read_manifest
 from .results import empty, overlap, places, put
-from .short_calls import SHORT
+from .short_calls import OF_COORDINATES, SHORT
 from .targets import Opened, Target, c_target, open_partition
 
 
@@ -210,7 +210,8 @@ class Package:
         taken = [] if out is None else places([out], f.results, f.whole_shapes(batch))
         if name in SHORT and not batch and not taken:
             # what came as lists, by name or of another type is plain now
-            found = getattr(self._desk, name)(*(arrays[n] for n in STATE))
+            names = ("q", "p") if name in OF_COORDINATES else STATE
+            found = getattr(self._desk, name)(*(arrays[n] for n in names))
             if found is not None:
                 return [found]
         return self._compute(opened, f, arrays, batch, {}, 0, taken, bad)
@@ -296,7 +297,7 @@ class Package:
                 f"--functions {','.join([*have, *called])}, or without --functions for all"
             )
         if self.closure_names:
-            return f"{self.name} has closed loops: {name!r} is defined for trees only"
+            return f"{self.name} has closed loops: {name!r} is defined for trees only" + _ON_INDEPENDENTS.get(name, "")
         return f"{self.name} was generated without the function {name!r}; it has {', '.join(self._functions)}"
 
     def _left_out(self, name: str, given: Mapping[str, Any]) -> Array | float:
@@ -309,6 +310,10 @@ class Package:
         """Warn of directions that have no derivative; `Redundancy` does, where there may be any."""
 
 
+_ON_INDEPENDENTS = dict.fromkeys(
+    ("solve_mass", "solve_mass_sensitivities", "inverse_mass_matrix"),
+    "; mass_matrix is there, on the independent speeds",
+)
 MEMBERS = {
     "sensitivities_transposed": "gradients", "output_sensitivities_transposed": "output_gradients",
     "energy_sensitivities_transposed": "energy_gradients", "completion_sensitivities_transposed": "assemble_gradients",

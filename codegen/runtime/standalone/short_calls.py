@@ -17,9 +17,12 @@ from .jacobians import JACOBIANS, Jacobians, jacobians_of
 
 SHORT = (
     "accelerations", "sensitivities", "jacobians", "coordinate_rates", "coordinate_rate_sensitivities", "energies",
-    "energy_sensitivities", "outputs", "output_sensitivities",
+    "energy_sensitivities", "outputs", "output_sensitivities", "mass_matrix", "inverse_mass_matrix",
 )  # fmt: skip
 """Functions that have a short way: those of a state and its seeds."""
+
+OF_COORDINATES = ("mass_matrix", "inverse_mass_matrix")
+"""Those whose short way takes coordinates and parameters only."""
 
 ARRAY_HEAD = """\
 typedef struct { char *data; int dimensions; intptr_t *shape, *strides; void *base, *type; int flags; } ordernm_array;
@@ -98,6 +101,8 @@ class Desk(threading.local):
             return _short_along(target.take("along", f, desk), desk, f.shapes[0], f.shapes[1])
         if f.name == "jacobians":
             return _short_jacobians(target.take("matrices", f, desk), desk, target.shapes, f.results[1:])
+        if f.name in OF_COORDINATES:
+            return _short_of_coordinates(target.take("values", f, desk), desk, f.shapes[0])
         return _short_values(target.take("values", f, desk), desk, f.shapes[0])
 
 
@@ -126,6 +131,22 @@ def _short_values(call: Callable[..., int], desk: Any, shape: Shape) -> Callable
         p = 0 if p is None else id(p)
         inputs = 0 if inputs is None else id(inputs)
         return None if call(desk, id(q), id(u), p, inputs, t, id(result)) else result
+
+    return short
+
+
+def _short_of_coordinates(call: Callable[..., int], desk: Any, shape: Shape) -> Callable[..., Any]:
+    """The short way of a function of coordinates and parameters only."""
+    empty, ndarray = np.empty, np.ndarray
+
+    def short(q: Any, p: Any, out: Any = None) -> Any:
+        if out is None:
+            result = empty(shape)
+        elif type(out) is ndarray and out.shape == shape:
+            result = out
+        else:
+            return None
+        return None if call(desk, id(q), 0, 0 if p is None else id(p), 0, 0.0, id(result)) else result
 
     return short
 

@@ -16,7 +16,8 @@ class TreeForces(Package):
 
     def mass_matrix(self, q: Numbers, p: Numbers = None, *, out: Array | None = None) -> Array:
         """The mass matrix M of Eq. 4, (..., nu, nu)."""
-        return self._values("mass_matrix", {"q": q, "p": p}, out)[0]
+        found: Array | None = self._desk.mass_matrix(q, p, out)
+        return self._values("mass_matrix", {"q": q, "p": p}, out)[0] if found is None else found
 
     def mass_matrix_sensitivities(
         self,
@@ -32,7 +33,8 @@ class TreeForces(Package):
 
     def inverse_mass_matrix(self, q: Numbers, p: Numbers = None, *, out: Array | None = None) -> Array:
         """The inverse of the mass matrix, (..., nu, nu), in O(n^2): M is not formed. Its columns are those of `solve_mass`."""
-        return self._values("inverse_mass_matrix", {"q": q, "p": p}, out)[0]
+        found: Array | None = self._desk.inverse_mass_matrix(q, p, out)
+        return self._values("inverse_mass_matrix", {"q": q, "p": p}, out)[0] if found is None else found
 
     def solve_mass(self, q: Numbers, b: Numbers, p: Numbers = None, *, out: Array | None = None) -> Array:
         """The solution x (..., nu) of M x = b for generalised forces b (..., nu), in O(n)."""

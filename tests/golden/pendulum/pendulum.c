@@ -33,8 +33,10 @@ typedef int status;
 #ifndef ORDERNM_UNIT
 #define ORDERNM_UNIT 0
 #endif
+#ifndef ORDERNM_HAS
 #define ORDERNM_HAS(library, unit) \
     (!ORDERNM_LIBRARY || (ORDERNM_LIBRARY == (library) && (!ORDERNM_UNIT || ORDERNM_UNIT == (unit))))
+#endif
 
 /* One value per direction, as vectors of the width that the machine works on at once; plain C has vectors of one. */
 #if !defined(__GNUC__) || defined(ORDERNM_PLAIN_C)

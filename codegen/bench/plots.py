@@ -1,0 +1,78 @@
+"""Pictures of what the benchmark found, SVG, to be read in black and white: what grows how, and robots beside Pinocchio."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from ..reporting.figures import drawing
+from .measuring import exponent
+
+STYLES: tuple[dict[str, Any], ...] = (
+    {"color": "#000000", "marker": "o", "linestyle": "-"},
+    {"color": "#0072b2", "marker": "^", "linestyle": (0, (5, 2))},
+    {"color": "#8a8a8a", "marker": "s", "linestyle": (0, (1, 1.2))},
+    {"color": "#d55e00", "marker": "D", "linestyle": (0, (5, 1, 1, 1))},
+    {"color": "#000000", "marker": "x", "linestyle": (0, (8, 3))},
+    {"color": "#0072b2", "marker": "v", "linestyle": (0, (3, 1, 1, 1, 1, 1))},
+)
+"""They differ by marker and dashes, not by colour alone."""
+
+
+def write_plots(results: dict[str, Any], folder: Path) -> list[Path]:
+    """Write pictures of what there are figures for into a folder, which is made where it is not there; and which they are."""
+    folder.mkdir(parents=True, exist_ok=True)
+    written = []
+    for name, svg in plots(results).items():
+        written.append(folder / f"{name}.svg")
+        written[-1].write_text(svg, encoding="utf-8")
+    return written
+
+
+def plots(results: dict[str, Any]) -> dict[str, str]:
+    """SVG text by name."""
+    problems = results["problems"]
+    families = {n: r for n, r in problems.items() if r["kind"] == "family" and len(r["sizes"]) > 1}
+    found = {"time_by_size": time_by_size(families)} if families else {}
+    for r in problems.values():
+        if r["kind"] == "robots" and r["rows"]:
+            found["robots"] = robots(r["rows"])
+    return found
+
+
+def time_by_size(families: dict[str, Any]) -> str:
+    """Microseconds of an evaluation against the number of coordinates, with the exponent of time, by family."""
+    functions = list(next(iter(families.values()))["sizes"][0]["seconds"])
+    with drawing(7.2, 3.8, len(functions)) as (_, axes, text):
+        for ax, function in zip(axes, functions, strict=True):
+            for (name, r), style in zip(families.items(), STYLES, strict=False):
+                sizes = [row["bodies"] for row in r["sizes"]]
+                seconds = [row["seconds"][function] for row in r["sizes"]]
+                label = f"{name}, exponent {exponent(sizes, seconds):.2f}"
+                ax.plot(sizes, [1e6 * s for s in seconds], label=label, markersize=4, linewidth=1, **style)
+            ax.set_xscale("log")
+            ax.set_yscale("log")
+            ax.set_xlabel("coordinates")
+            ax.set_title(f"{function} directions" if "+" in function else function, fontsize=9)
+            ax.legend(loc="upper left", fontsize=7)
+        axes[0].set_ylabel("microseconds, in C")
+    return text[0]
+
+
+def robots(rows: list[dict[str, Any]]) -> str:
+    """Of each robot: its times over those of Pinocchio, by function."""
+    functions = list(rows[0]["seconds"])
+    with drawing(7.2, 0.9 + 0.36 * len(rows)) as (_, (ax,), text):
+        places = range(len(rows))[::-1]
+        for function, style in zip(functions, STYLES, strict=False):
+            ratios = [row["seconds"][function] / row["theirs"][function] for row in rows]
+            ax.plot(ratios, places, linestyle="none", markersize=5, label=function, marker=style["marker"], color=style["color"],
+                    markerfacecolor="none")  # fmt: skip
+        ax.axvline(1.0, color="#000000", linewidth=0.8, linestyle=(0, (5, 2)))
+        ax.set_yticks(places, [f"{row['model']}, {row['speeds']}" for row in rows])
+        ax.set_ylim(-0.6, len(rows) - 0.4)
+        ax.set_xscale("log")
+        ax.set_xlabel("time over Pinocchio's, both from Python (dashed: equal); beside names the number of speeds")
+        ax.grid(False, axis="y")
+        ax.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=len(functions), borderaxespad=0, fontsize=8)
+    return text[0]

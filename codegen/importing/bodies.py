@@ -1,0 +1,110 @@
+"""Links that fixed joints hold together become one body."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, field
+from typing import Final
+
+from .placement import Placement
+from .robot import WORLD, Inertia, Link, Robot, RobotJoint
+
+BASES: Final = ("fixed", "free")
+
+
+@dataclass(slots=True)
+class ImportedBody:
+    """A body of the model.
+
+    Attributes
+    ----------
+    link : Link
+        The innermost of its links, whose frame is the body's.
+    joint : RobotJoint
+    parent : str
+        Link of the body that carries it, or `WORLD`.
+    frame : Placement
+        Of the joint, in the parent's body.
+    inertia : Inertia
+        Of all links together, in the body's frame.
+    merged : list of (Link, Placement)
+        The others, and where the frames stand that are used for them.
+    words : set of str
+        Which of its numbers become parameters.
+    comments : list of str
+    tolerated : bool
+        Whether its inertia is impossible and kept.
+    """
+
+    link: Link
+    joint: RobotJoint
+    parent: str
+    frame: Placement
+    inertia: Inertia
+    merged: list[tuple[Link, Placement]] = field(default_factory=list)
+    words: set[str] = field(default_factory=set)
+    comments: list[str] = field(default_factory=list)
+    tolerated: bool = False
+
+
+@dataclass(slots=True)
+class Bodies:
+    """The bodies of a robot.
+
+    Attributes
+    ----------
+    all : dict of str to ImportedBody
+        By their links, each parent before its children.
+    holders : dict of str to (str, Placement)
+        For every link the link of its body, or `WORLD`, and where its frame stands in that.
+    grounded : list of (Link, Placement)
+        Links that became part of the ground.
+    """
+
+    all: dict[str, ImportedBody] = field(default_factory=dict)
+    holders: dict[str, tuple[str, Placement]] = field(default_factory=dict)
+    grounded: list[tuple[Link, Placement]] = field(default_factory=list)
+
+    def children(self, link: str) -> list[ImportedBody]:
+        """The bodies that a body carries."""
+        return [body for body in self.all.values() if body.parent == link]
+
+
+def put_on_ground(robot: Robot, base: str) -> None:
+    """Give every link that no joint carries one to the ground, fixed or free."""
+    carried = {joint.child for joint in robot.joints.values()}
+    before = {}
+    for link in robot.links.values():
+        if link.name not in carried:
+            before[f" {link.name}"] = RobotJoint("", link.place, base, WORLD, link.name)
+    robot.joints = {**before, **robot.joints}  # blanks cannot begin a name of a file
+
+
+def merged_bodies(robot: Robot, keep_fixed: bool = False, kept: Collection[str] = ()) -> Bodies:
+    """The bodies of a robot whose links all lead to the ground.
+
+    Parameters
+    ----------
+    robot : Robot
+    keep_fixed : bool
+        Keep links on fixed joints as bodies of their own.
+    kept : collection of str
+        Links that stay bodies in any case.
+    """
+    bodies = Bodies(holders={WORLD: (WORLD, Placement())})
+    for joint in robot.depth_first():
+        link = robot.links[joint.child]
+        holder, place = bodies.holders[joint.parent]
+        frame = place @ joint.frame
+        if joint.type != "fixed" or keep_fixed or link.name in kept:
+            bodies.all[link.name] = ImportedBody(link, joint, holder, frame, link.inertia)
+            bodies.holders[link.name] = link.name, Placement()
+            continue
+        bodies.holders[link.name] = holder, frame
+        if holder == WORLD:
+            bodies.grounded.append((link, frame))
+        else:
+            body = bodies.all[holder]
+            body.merged.append((link, frame))
+            body.inertia = body.inertia + link.inertia.seen_from(frame)
+    return bodies

@@ -1,0 +1,77 @@
+"""``ordernm import``: what it may be asked for, and what it says."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from pathlib import Path
+from typing import Any
+
+from .bodies import BASES
+from .importer import Imported, import_model
+
+
+class ExistsError(Exception):
+    """Something else stands where the model is to be written."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of ``ordernm import``."""
+    parser.add_argument("file", help="robot: URDF, MJCF or SDF")
+    parser.add_argument(
+        "-o", "--output", metavar="FILE", help="model file to write (default: ./NAME.yaml); - prints it"
+    )
+    parser.add_argument("--force", action="store_true", help="replace a model file that differs")
+    parser.add_argument("--name", help="name of the model (default: the robot's)")
+    parser.add_argument("--base", choices=BASES, help="how the root of a URDF stands on the ground (default: fixed)")
+    parser.add_argument("--keep-fixed", action="store_true", help="keep links on fixed joints as bodies of their own")
+    parser.add_argument("--loops", metavar="FILE", help="YAML with a section loops in the model format, which is added")
+    parser.add_argument("--motors", action="store_true", help="an input for the force along every freedom of a joint")
+    parser.add_argument(
+        "--exact-angles", action="store_true", help="1.5708 means pi/2: axes are parallel to all digits"
+    )
+    parser.add_argument(
+        "--parameterize", metavar="LINK:WORD,...",
+        help="make parameters of numbers: mass, com, inertia, at, length, damping",
+    )  # fmt: skip
+    parser.add_argument(
+        "--repair", action="store_true", help="mend inertias that no body has, and fix joints that move nothing"
+    )
+    parser.add_argument("--free-mimic", action="store_true", help="leave joints that mimic others independent")
+    parser.add_argument(
+        "--package-path", action="append", default=[], metavar="DIR",
+        help="where packages are that package:// names, beside ROS_PACKAGE_PATH and the folders above the file",
+    )  # fmt: skip
+
+
+def run(options: argparse.Namespace) -> tuple[Imported, Path | None]:
+    """Read the robot and write the model; also where, or None if it is to be printed.
+
+    Raises
+    ------
+    ModelError
+    ExistsError
+    """
+    chosen: dict[str, Any] = {
+        key: getattr(options, key)
+        for key in (
+            "name",
+            "base",
+            "keep_fixed",
+            "loops",
+            "motors",
+            "parameterize",
+            "repair",
+            "free_mimic",
+            "exact_angles",
+        )
+    }
+    found = import_model(options.file, package_paths=options.package_path, **chosen)
+    if options.output == "-":
+        return found, None
+    target = Path(options.output if options.output is not None else f"{found.model.name}.yaml")
+    if os.path.lexists(target) and not options.force:
+        if target.is_file() and target.read_bytes() == found.text.encode("utf-8"):
+            return found, target
+        raise ExistsError(f"{target} exists and is something else; choose another file with -o, or --force")
+    return found, found.save(target)

@@ -1,0 +1,324 @@
+"""From a robot's file, or an object of another program, to a model: the whole way."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import tempfile
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import reduce
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from ..model import Model, ModelError, parse_model
+from ..model.errors import Problem
+from ..model.positions import shortened
+from .bodies import BASES, Bodies, merged_bodies, put_on_ground
+from .files import Files
+from .mass import FIXED, check_finite, check_inertias, fix_massless
+from .naming import model_name, names_a_model, names_for
+from .parameters import Parameters, requested_words
+from .placement import exact_sum
+from .robot import Robot
+from .side_file import SideFile, read_side_file
+from .words import number, one_line, wrapped
+from .writing import ModelWriter
+from .xml_reading import Element, parse_xml, read_bytes
+
+FORMATS: Final = {"robot": "URDF", "mujoco": "MJCF", "sdf": "SDF"}
+"""Formats by the root of their files."""
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """What an import may be asked for; see `import_model`."""
+
+    name: str | None = None
+    base: str | None = None
+    keep_fixed: bool = False
+    repair: bool = False
+    free_mimic: bool = False
+    motors: bool = False
+    exact_angles: bool = False
+    parameterize: str | Mapping[str, Iterable[str] | str] | Iterable[str] | None = None
+    loops: str | os.PathLike[str] | None = None
+    package_paths: Sequence[str | os.PathLike[str]] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Imported:
+    """What an import gives.
+
+    Attributes
+    ----------
+    text : str
+        The model file.
+    model : Model
+    left_out : tuple of str
+        What the file says and the model does not, with the lines where it stands.
+    warnings : tuple of str
+        What is doubtful, and what was repaired.
+    bodies : dict of str to str
+        For every link of the file the body of the model that it is part of, or ``ground``.
+    joints : dict of str to str
+        For every joint of the file that moves the body that it carries, whose name its coordinates have.
+    renamed : dict of str to str
+        New names by those of the file.
+    """
+
+    text: str
+    model: Model
+    left_out: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+    bodies: dict[str, str] = field(default_factory=dict)
+    joints: dict[str, str] = field(default_factory=dict)
+    renamed: dict[str, str] = field(default_factory=dict)
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the model file, as a whole or not at all; what stands there is replaced."""
+        target = Path(path)
+        handle, temporary = tempfile.mkstemp(prefix=f".{target.name}-", dir=target.parent)
+        try:
+            with open(handle, "w", encoding="utf-8") as file:
+                file.write(self.text)
+            mask = os.umask(0)
+            os.umask(mask)
+            os.chmod(temporary, 0o666 & ~mask)
+            os.replace(temporary, target)
+        except BaseException:
+            with contextlib.suppress(OSError):
+                os.unlink(temporary)
+            raise
+        return target
+
+    def __repr__(self) -> str:
+        return f"<Imported {self.model.name}: {len(self.model.bodies)} bodies, {self.model.nu} speeds>"
+
+
+def import_model(path: str | os.PathLike[str], **options: Any) -> Imported:
+    """Read a robot's file: URDF, MJCF or SDF.
+
+    Parameters
+    ----------
+    path : str or path
+    name : str, optional
+        Of the model; left out: from the file.
+    base : {"fixed", "free"}, optional
+        How the root of a URDF stands on the ground; left out: fixed. SDF and MJCF say it themselves.
+    keep_fixed : bool
+        Keep links on fixed joints as bodies; otherwise they become part of the body that carries them.
+    repair : bool
+        Give inertias that no body has the nearest possible values, and fix joints that move nothing.
+    free_mimic : bool
+        Leave joints that mimic others independent.
+    motors : bool
+        Make an input of the force along every freedom of joints.
+    exact_angles : bool
+        Take angles of a URDF or SDF that are multiples of pi/12 but for missing digits for these: 1.5708 for pi/2.
+    parameterize : str, mapping or list of str, optional
+        Numbers that become parameters: ``"arm:length,forearm:mass"``, or ``{"arm": ["length"]}``.
+    loops : str or path, optional
+        A model file with a section ``loops`` that is added.
+    package_paths : sequence of str or path
+        Where packages are that the file names by ``package://``.
+
+    Returns
+    -------
+    Imported
+
+    Raises
+    ------
+    ModelError
+        With every problem of the file, each with its line.
+    """
+    chosen = Options(**options)
+    file = os.fspath(path)
+    data = read_bytes(file)
+    root = parse_xml(data, file)
+    files = Files(Path(file), chosen.package_paths)
+    with np.errstate(all="ignore"):  # `check_finite` judges
+        return imported(_read(root, files, chosen), chosen, os.path.basename(file))
+
+
+def from_pinocchio(model: Any, **options: Any) -> Imported:
+    """Make a model of an object of Pinocchio's.
+
+    Parameters
+    ----------
+    model : pinocchio.Model
+    **options
+        Those of `import_model` that are not about files.
+    """
+    from .pinocchio import read_pinocchio
+
+    with np.errstate(all="ignore"):  # `check_finite` judges
+        return imported(read_pinocchio(model), Options(**options), "A model of Pinocchio")
+
+
+def from_mujoco(model: Any, **options: Any) -> Imported:
+    """Make a model of an object of MuJoCo's.
+
+    Parameters
+    ----------
+    model : mujoco.MjModel
+    **options
+        Those of `import_model` that are not about files.
+    """
+    from .mjcf import read_mujoco
+
+    with np.errstate(all="ignore"):  # `check_finite` judges
+        return imported(read_mujoco(model), Options(**options), "A model of MuJoCo")
+
+
+def _read(root: Element, files: Files, options: Options) -> Robot:
+    if root.tag == "robot":
+        from .urdf import read_urdf
+
+        robot = read_urdf(root, files, options.exact_angles)
+        put_on_ground(robot, options.base or "fixed")
+        return robot
+    if root.tag in ("mujoco", "mujocoinclude"):
+        from .mjcf import read_mjcf
+
+        _refuse_base(root, options)
+        return read_mjcf(root, Path(root.file))
+    if root.tag == "sdf":
+        from .sdf import read_sdf
+
+        _refuse_base(root, options)
+        return read_sdf(root, files, options.exact_angles)
+    expected = ", ".join(f"<{tag}> ({name})" for tag, name in FORMATS.items())
+    raise ModelError([root.problem(f"the root is <{root.tag}>; {expected} are read")])
+
+
+def _refuse_base(root: Element, options: Options) -> None:
+    if options.base is not None:
+        message = f"--base {options.base} is for URDF; {FORMATS.get(root.tag, root.tag)} says itself what stands on the ground"
+        raise ModelError([root.problem(message)])
+
+
+def imported(robot: Robot, options: Options, source: str) -> Imported:
+    """The model of a robot whose links all lead to the ground.
+
+    Parameters
+    ----------
+    robot : Robot
+    options : Options
+    source : str
+        What it was read from, for the comment at the head.
+    """
+    if options.base not in (None, *BASES):
+        raise ModelError(
+            [Problem(robot.file, None, None, "base", f"{options.base!r}; {' or '.join(BASES)} is allowed")]
+        )
+    if options.name is not None and not names_a_model(options.name):
+        message = f"{options.name!r} cannot name a model; a lower-case identifier such as four_bar can"
+        raise ModelError([Problem(robot.file, None, None, "--name", message)])
+    problems: list[Problem] = []
+    names = names_for(robot.links)
+    side = read_side_file(options.loops, robot, names) if options.loops is not None else SideFile()
+    held = {link for closing in robot.closings for link, _ in (closing.start, closing.end)} | side.links
+    problems += _mimic(robot, options)
+    problems += fix_massless(robot, held, options.repair)
+    bodies = merged_bodies(robot, options.keep_fixed, side.links)
+    if not bodies.all:
+        message = "everything is fixed to the ground, nothing moves; give a link a joint, or --base free to the root of a URDF"
+        problems.append(Problem(robot.file, None, None, "", message))
+    too_large = check_finite(robot, bodies)
+    problems += too_large or check_inertias(robot, bodies, options.repair)
+    parameters = Parameters()
+    problems += parameters.ask(requested_words(options.parameterize), bodies, names, robot.file)
+    if any(p.severity == "error" for p in problems):
+        raise ModelError(sorted(problems, key=lambda p: (p.severity != "error", p.line or 0)))
+    robot.warnings += problems
+    head = _head(robot, bodies, names, source)
+    name = model_name(robot.name) if options.name is None else options.name
+    writer = ModelWriter(robot, bodies, name, names, parameters, head, side.sections, options.motors)
+    text = writer.text()
+    model = _checked(text, robot, bodies, names, side)
+    return Imported(
+        text=text,
+        model=model,
+        left_out=tuple(str(entry) for entry in robot.left_out.values()),
+        warnings=tuple(str(p) for p in robot.warnings),
+        bodies={link: writer.names[holder] for link, (holder, _) in bodies.holders.items() if link},
+        joints={
+            b.joint.name: names[link] for link, b in bodies.all.items() if b.joint.name and b.joint.type != "fixed"
+        },
+        renamed={link: new for link, new in names.items() if link != new},
+    )
+
+
+def _mimic(robot: Robot, options: Options) -> list[Problem]:
+    """What becomes of joints that follow others."""
+    found = []
+    for coupling in robot.couplings:
+        what = f"joint {shortened(coupling.joint)} {coupling.unreadable or f'follows {shortened(coupling.of)}'}"
+        if options.free_mimic:
+            kind = "gears" if coupling.unreadable else "<mimic>"
+            robot.leave_out(kind, coupling.place.line, "the joints are independent, --free-mimic")
+        elif coupling.unreadable:
+            found.append(coupling.place.problem(f"{what}, which is not read; --free-mimic leaves it out"))
+        elif coupling.of not in robot.joints:
+            found.append(coupling.place.problem(f"{what}, which is no joint of this file; name one of it"))
+        else:
+            found.append(
+                coupling.place.problem(
+                    f"{what}, which model files cannot say yet; --free-mimic leaves such joints independent"
+                )
+            )
+    robot.couplings = []
+    return found
+
+
+def _head(robot: Robot, bodies: Bodies, names: Mapping[str, str], source: str) -> list[str]:
+    """The comment at the head of the file: what it was, and what of it is not here."""
+    lines = [f"{one_line(source)}, imported by ordernm."]
+    if bodies.grounded and any(not link.inertia.is_nothing for link, _ in bodies.grounded):
+        mass = reduce(exact_sum, (link.inertia.mass for link, _ in bodies.grounded))
+        lines.append(f"Fixed to the ground: {_listed(link.name for link, _ in bodies.grounded)}, {number(mass)} kg.")
+    renamed = sum(names[link] != link for link in robot.links)
+    if renamed:
+        lines.append(f"Renamed: {renamed} of {len(names)} links, their own names stand beside them.")
+    fixed = [w.message for w in robot.warnings if w.message.endswith(FIXED)]
+    if fixed:
+        lines.append("Repaired:")
+        lines += _entries(fixed)
+    if robot.left_out:
+        lines.append("Left out:")
+        lines += _entries(map(str, robot.left_out.values()))
+    return [part for line in lines for part in (wrapped(line) if not line.startswith(" ") else [line])]
+
+
+def _entries(texts: Iterable[str]) -> list[str]:
+    """Lines of a list."""
+    return [f"  {part}" for text in texts for part in wrapped(one_line(text, 1000))]
+
+
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(one_line(name) for name in names)
+
+
+def _checked(text: str, robot: Robot, bodies: Bodies, names: Mapping[str, str], side: SideFile) -> Model:
+    """The model of the text; what is wrong with it is said of the file that it was imported from."""
+    try:
+        return parse_model(text, robot.file)
+    except ModelError as error:
+        by_name = {names[link]: body for link, body in bodies.all.items()}
+        found = []
+        for problem in error.problems:
+            section, _, rest = problem.path.partition(".")
+            name = rest.partition(".")[0]
+            if problem.path.startswith(("bodies.", "forces.")) and name in by_name:
+                place = by_name[name].link.place
+                found.append(
+                    place.problem(f"link {shortened(by_name[name].link.name)}: {problem.message}", problem.severity)
+                )
+            elif section in side.sections:
+                found.append(side.problem(problem))
+            else:
+                found.append(Problem(robot.file, None, None, problem.path, problem.message, problem.severity))
+        raise ModelError(found) from None

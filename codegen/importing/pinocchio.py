@@ -1,0 +1,183 @@
+"""A `pinocchio.Model`: its joints, placements and inertias."""
+
+from __future__ import annotations
+
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from ..model import ModelError
+from ..model.errors import Problem
+from .naming import free_name
+from .placement import Array, Placement, Three
+from .robot import WORLD, Coupling, Inertia, Link, Place, Robot, RobotJoint, as_three
+
+_FILE: Final = "pinocchio.Model"
+_NOTHING: Final = 1e-200
+"""Below, entries are none; memory that was never written."""
+_BASE: Final[dict[str, Three]] = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
+
+
+class _Step(NamedTuple):
+    """A joint of ours, in the one before it."""
+
+    frame: Placement
+    type: str
+    axes: tuple[Three, ...] = ()
+    pitch: float = 0.0
+
+
+def read_pinocchio(model: Any) -> Robot:
+    """The robot of a `pinocchio.Model`; its frames of bodies become points.
+
+    Raises
+    ------
+    ModelError
+        For joints that the model format has not.
+    """
+    try:
+        import pinocchio
+    except ImportError as error:
+        raise ImportError(f"Pinocchio is not installed ({error}); pip install pin") from None
+    if not isinstance(model, pinocchio.Model):
+        raise TypeError(f"from_pinocchio takes a pinocchio.Model, not {type(model).__name__}")
+    return _Reader(model).read()
+
+
+class _Reader:
+    def __init__(self, model: Any) -> None:
+        self.model = model
+        self.robot = Robot(str(model.name) or "robot", _FILE, as_three(model.gravity.linear))
+        self.problems: list[Problem] = []
+        self.links = [WORLD]
+
+    def read(self) -> Robot:
+        model, place = self.model, Place(_FILE)
+        bodies = self.bodies()
+        for i in range(1, model.njoints):
+            joint, name = model.joints[i], str(model.names[i])
+            steps = self.steps(joint, name)
+            link = free_name(bodies.get(i, name), self.robot.links)
+            above = self.links[model.parents[i]]
+            frame = _placement(model.jointPlacements[i])
+            self.links.append(link)
+            for k, step in enumerate(steps):
+                last = k == len(steps) - 1
+                child = link if last else free_name(f"{link}_{k + 1}", self.robot.links)
+                self.robot.links[child] = Link(child, place)
+                own = name if len(steps) == 1 else f"{name}.{k + 1}"
+                self.robot.joints[own] = RobotJoint(
+                    own, place, step.type, above, child, frame @ step.frame, step.axes, step.pitch
+                )
+                above, frame = child, Placement()
+            inertia = model.inertias[i]
+            self.robot.links[link].inertia = Inertia(
+                float(inertia.mass), as_three(inertia.lever), np.array(inertia.inertia, dtype=float)
+            )
+            self.strengths(i, self.robot.joints[own])
+        self.frames()
+        if self.problems:
+            raise ModelError(self.problems)
+        return self.robot
+
+    def bodies(self) -> dict[int, str]:
+        """Names of bodies that have the frames of joints."""
+        found: dict[int, str] = {}
+        for frame in self.model.frames:
+            if _is_body(frame) and _placement(frame.placement).is_identity:
+                found.setdefault(int(frame.parentJoint), str(frame.name))
+        return found
+
+    def frames(self) -> None:
+        """Frames of bodies elsewhere, as links without mass."""
+        for frame in self.model.frames:
+            name, parent = str(frame.name), int(frame.parentJoint)
+            if _is_body(frame) and parent and name not in self.robot.links:
+                self.robot.links[name] = Link(name, Place(_FILE))
+                self.robot.joints[f" {name}"] = RobotJoint(
+                    "", Place(_FILE), "fixed", self.links[parent], name, _placement(frame.placement)
+                )
+
+    def strengths(self, i: int, joint: RobotJoint) -> None:
+        """Damping, and what has no place here."""
+        model = self.model
+        first, count = int(model.idx_vs[i]), int(model.nvs[i])
+        damping = np.array(model.damping[first : first + count])
+        if count and np.all(damping == damping[0]):
+            joint.damping = float(damping[0])
+        elif np.any(damping):
+            self.robot.leave_out("damping that differs along the freedoms of a joint")
+        if np.any(model.armature[first : first + count]):
+            self.robot.leave_out_armature()
+        friction = getattr(model, "upperDryFrictionLimit", getattr(model, "friction", np.zeros(0)))
+        if np.any(friction[first : first + count]):
+            self.robot.leave_out("dry friction of joints")
+
+    def steps(self, joint: Any, name: str) -> list[_Step]:
+        """The joints of ours that a joint is."""
+        inner = joint.extract() if hasattr(joint, "extract") else joint  # without it only what all types have
+        kind, here = joint.shortname().removeprefix("JointModel"), Placement()
+        if kind == "Composite":
+            parts = zip(inner.joints, inner.jointPlacements, strict=True)
+            found = []
+            for part, placement in parts:
+                first, *rest = self.steps(part, name)
+                found += [first._replace(frame=_placement(placement) @ first.frame), *rest]
+            return found
+        if kind == "Mimic":
+            return self.mimic(joint, inner, name)
+        whole = {
+            "FreeFlyer": ["free"], "Spherical": ["spherical"],
+            "Planar": ["planar:Z"], "Translation": ["prismatic:X", "prismatic:Y", "prismatic:Z"],
+            "SphericalZYX": ["revolute:Z", "revolute:Y", "revolute:X"],
+        }  # fmt: skip
+        if kind in whole:
+            return [_Step(here, t.partition(":")[0], _axes(t.partition(":")[2])) for t in whole[kind]]
+        if kind == "Universal":
+            return [_Step(here, "universal", (as_three(inner.axis1), as_three(inner.axis2)))]
+        if joint.nv == 1:  # turns, slides, or both
+            (column,) = _columns(joint)
+            along, about = column[:3], column[3:]
+            if not np.any(about):
+                return [_Step(here, "prismatic", (as_three(along),))]
+            pitch = float(getattr(inner, "pitch", along @ about))
+            return [_Step(here, "screw" if pitch else "revolute", (as_three(about),), pitch)]
+        self.problems.append(
+            Problem(_FILE, None, None, name, f"a joint of type {kind}, which the model format has not")
+        )
+        return [_Step(here, "fixed")]
+
+    def mimic(self, joint: Any, inner: Any, name: str) -> list[_Step]:
+        """A joint that follows another."""
+        other = self.model.mimicked_joints[list(self.model.mimicking_joints).index(joint.id)]
+        (motion,) = _columns(joint, int(self.model.nqs[other])) / inner.scaling
+        of = str(self.model.names[other])
+        self.robot.couplings.append(Coupling(name, Place(_FILE), name, of, float(inner.scaling), float(inner.offset)))
+        turns = bool(np.any(motion[3:]))
+        return [
+            _Step(Placement(), "revolute" if turns else "prismatic", (as_three(motion[3:] if turns else motion[:3]),))
+        ]
+
+
+def _is_body(frame: Any) -> bool:
+    import pinocchio
+
+    return bool(frame.type == pinocchio.FrameType.BODY)
+
+
+def _axes(letter: str) -> tuple[Three, ...]:
+    return (_BASE[letter],) if letter else ()
+
+
+def _columns(joint: Any, nq: int | None = None) -> Array:
+    """Partial velocities (nv, 6), along and about, where the coordinates are zero."""
+    data, q = joint.createData(), np.zeros(joint.nq if nq is None else nq)
+    if len(q) == 2 and joint.nv < 2:
+        q[0] = 1.0  # cosine and sine
+    joint.calc(data, q)
+    columns = np.array(data.S, dtype=float).reshape(6, -1).T
+    return np.where(np.abs(columns) < _NOTHING, 0.0, columns)
+
+
+def _placement(placement: Any) -> Placement:
+    return Placement(placement.translation, np.array(placement.rotation, dtype=float))

@@ -1,0 +1,215 @@
+"""Where a frame stands in another one; sums and quarter turns keep the digits that a file has."""
+
+from __future__ import annotations
+
+import math
+from decimal import Decimal
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Three = tuple[float, float, float]
+
+_PART: Final = math.pi / 12
+_NEAR: Final = 1e-15
+"""Entries of a rotation and angles so near whole ones are meant to be these: rounding has left the rest."""
+
+
+class Placement:
+    """A frame in another one: x_outer = rotation x_inner + at.
+
+    Parameters
+    ----------
+    at : three float
+        Its origin in the outer frame, m.
+    rotation : (3, 3) array_like, optional
+        Turns components in the inner frame into components in the outer one; left out: from `rpy`.
+    rpy : three float, optional
+        Roll, pitch, yaw about the outer frame's fixed x, y, z axes, rad; kept as they are written.
+    """
+
+    __slots__ = ("_rpy", "at", "rotation")
+
+    def __init__(self, at: Any = (0.0, 0.0, 0.0), rotation: Any = None, rpy: Any = None) -> None:
+        x, y, z = (float(v) for v in at)
+        self.at: Three = (x, y, z)
+        self._rpy: Three | None = None if rpy is None else (float(rpy[0]), float(rpy[1]), float(rpy[2]))
+        if rotation is None:
+            rotation = np.eye(3) if self._rpy is None else of_rpy(*self._rpy)
+        self.rotation: Array = _clean(np.array(rotation, dtype=float))
+
+    @property
+    def rpy(self) -> Three:
+        """Roll, pitch, yaw: as written, or of the rotation."""
+        if self._rpy is None:
+            self._rpy = to_rpy(self.rotation)
+        return self._rpy
+
+    @property
+    def is_turned(self) -> bool:
+        """Whether the axes differ."""
+        return not np.array_equal(self.rotation, np.eye(3))
+
+    @property
+    def is_identity(self) -> bool:
+        """Whether the frames coincide."""
+        return self.at == (0.0, 0.0, 0.0) and not self.is_turned
+
+    def __matmul__(self, inner: Placement) -> Placement:
+        """A frame in the inner frame, seen from the outer one."""
+        at = self.point(inner.at)
+        if not self.is_turned:
+            return Placement(at, inner.rotation, inner._rpy)
+        if not inner.is_turned:
+            return Placement(at, self.rotation, self._rpy)
+        return Placement(at, self.rotation @ inner.rotation)
+
+    def inverse(self) -> Placement:
+        """The outer frame in the inner one."""
+        back = Placement(rotation=self.rotation.T)
+        one_turn = self._rpy is not None and np.count_nonzero(self._rpy) == 1
+        rpy = [-v for v in self._rpy] if one_turn and self._rpy is not None else None
+        return Placement([-v for v in back.point(self.at)], self.rotation.T, rpy)
+
+    def point(self, x: Any) -> Three:
+        """Coordinates of a point in the outer frame, m."""
+        return plus(self.at, turned(self.rotation, x))
+
+    def vector(self, x: Any) -> Three:
+        """Components of a vector in the outer frame."""
+        return turned(self.rotation, x)
+
+
+def plus(a: Any, b: Any) -> Three:
+    """a + b, where the decimals of both are taken for exact: 0.1 + 0.2 is 0.3."""
+    x, y, z = (exact_sum(float(i), float(j)) for i, j in zip(a, b, strict=True))
+    return x, y, z
+
+
+def turned(rotation: Array, x: Any) -> Three:
+    """rotation x; quarter turns keep the digits."""
+    result = []
+    for row in rotation:
+        if np.all((row == 0) | (np.abs(row) == 1)):
+            k = int(np.argmax(np.abs(row)))
+            result.append(float(row[k]) * float(x[k]) + 0.0)
+        else:
+            result.append(float(row @ np.asarray(x, dtype=float)) + 0.0)
+    return result[0], result[1], result[2]
+
+
+def exact_sum(a: float, b: float) -> float:
+    """a + b, the decimals of both taken for exact."""
+    if a == 0 or b == 0:
+        return a + b
+    return float(Decimal(repr(a)) + Decimal(repr(b)))
+
+
+def of_rpy(roll: float, pitch: float, yaw: float) -> Array:
+    """R = Rz(yaw) Ry(pitch) Rx(roll)."""
+    (cr, cp, cy), (sr, sp, sy) = (tuple(f(a) for a in (roll, pitch, yaw)) for f in (math.cos, math.sin))
+    return np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )
+
+
+def to_rpy(rotation: Array) -> Three:
+    """Roll, pitch, yaw of a rotation; yaw is 0 where pitch is a quarter turn.
+
+    Roll is that of what yaw leaves, so that both together are right where yaw alone is ill determined.
+    """
+    r = rotation
+    yaw = math.atan2(r[1, 0], r[0, 0]) if math.hypot(r[0, 0], r[1, 0]) > _NEAR else 0.0
+    c, s = math.cos(yaw), math.sin(yaw)
+    pitch = math.atan2(-r[2, 0], c * r[0, 0] + s * r[1, 0])
+    roll = math.atan2(s * r[0, 2] - c * r[1, 2], c * r[1, 1] - s * r[0, 1])
+    one = _whole(roll), _whole(pitch), _whole(yaw)
+    other = tuple(_whole(a - math.copysign(math.pi, a)) for a in one)
+    other = other[0], -other[1], other[2]  # half a turn further about x and z, and back about y
+    return min(one, other, key=lambda angles: sum(map(abs, angles)))
+
+
+def of_quaternion(w: float, x: float, y: float, z: float) -> Array:
+    """The rotation of a quaternion, which is normalised."""
+    e = np.array([w, x, y, z], dtype=float)
+    w, x, y, z = (float(v) for v in e / np.linalg.norm(e))
+    return np.array(
+        [
+            [w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z],
+        ]
+    )
+
+
+def without_dirt(x: Any) -> Three:
+    """The vector without components that rounding has left."""
+    v = np.asarray(x, dtype=float)
+    v = np.where(np.abs(v) < _NEAR * np.abs(v).max(), 0.0, v)
+    return float(v[0]), float(v[1]), float(v[2])
+
+
+def direction(x: Any) -> Three:
+    """A unit vector; components that rounding has left are none."""
+    v = np.asarray(x, dtype=float)
+    v = v / np.abs(v).max()
+    v = v / np.linalg.norm(v)
+    near = np.round(v)
+    v = np.where(np.abs(v - near) < _NEAR, near, v) + 0.0
+    return float(v[0]), float(v[1]), float(v[2])
+
+
+def _clean(rotation: Array) -> Array:
+    near = np.round(rotation)
+    return np.where(np.abs(rotation - near) < _NEAR, near, rotation) + 0.0
+
+
+def _whole(angle: float) -> float:
+    """The angle, or the multiple of pi/12 that it is but for rounding."""
+    count = round(angle / _PART)
+    whole = pi_multiple(count)
+    return whole if abs(angle - whole) <= 4 * _NEAR else angle + 0.0
+
+
+def pi_multiple(twelfths: int) -> float:
+    """So many twelfths of pi, as the expression that `pi_text` writes has it."""
+    common = math.gcd(twelfths, 12)
+    return twelfths // common * math.pi / (12 // common) if twelfths else 0.0
+
+
+def pi_text(angle: float) -> str | None:
+    """``3*pi/4`` for an angle that is exactly the value of that; None for others."""
+    count = round(angle / _PART) if abs(angle) < 1e3 else 0
+    if not count or pi_multiple(count) != angle:
+        return None
+    common = math.gcd(count, 12)
+    above, below = abs(count) // common, 12 // common
+    text = ("-" if count < 0 else "") + (f"{above}*pi" if above != 1 else "pi")
+    return text + (f"/{below}" if below != 1 else "")
+
+
+def to_quaternion(rotation: Array) -> tuple[float, float, float, float]:
+    """w, x, y, z of a rotation, w >= 0; from the largest of the four, so that none loses digits."""
+    r = rotation
+    squares = [
+        1 + r[0, 0] + r[1, 1] + r[2, 2], 1 + r[0, 0] - r[1, 1] - r[2, 2],
+        1 - r[0, 0] + r[1, 1] - r[2, 2], 1 - r[0, 0] - r[1, 1] + r[2, 2],
+    ]  # fmt: skip
+    k = int(np.argmax(squares))
+    products = np.array(
+        [
+            [squares[0], r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]],
+            [r[2, 1] - r[1, 2], squares[1], r[1, 0] + r[0, 1], r[0, 2] + r[2, 0]],
+            [r[0, 2] - r[2, 0], r[1, 0] + r[0, 1], squares[2], r[2, 1] + r[1, 2]],
+            [r[1, 0] - r[0, 1], r[0, 2] + r[2, 0], r[2, 1] + r[1, 2], squares[3]],
+        ]
+    )
+    e = products[k] / np.linalg.norm(products[k])
+    w, x, y, z = (float(v) + 0.0 for v in (e if e[0] >= 0 else -e))
+    return w, x, y, z

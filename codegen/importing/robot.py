@@ -1,0 +1,321 @@
+"""What every format says of a robot: links, joints between them, masses, and what has no place here."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ..model.errors import Problem
+from .placement import Array, Placement, Three, exact_sum
+
+WORLD = ""
+"""The parent of what stands on the ground."""
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where something stands in a file.
+
+    Attributes
+    ----------
+    file : str
+    line, column : int or None
+        None where there is no text: an object of another program.
+    """
+
+    file: str
+    line: int | None = None
+    column: int | None = None
+
+    def problem(self, message: str, severity: str = "error") -> Problem:
+        """Something wrong there."""
+        return Problem(self.file, self.line, self.column, "", message, severity)
+
+
+@dataclass(slots=True)
+class Inertia:
+    """Mass properties of a link.
+
+    Attributes
+    ----------
+    mass : float
+        kg.
+    com : three float
+        Centre of mass in the link's frame, m.
+    matrix : (3, 3) array
+        Inertia about the centre of mass, in the link's axes, kg m^2.
+    """
+
+    mass: float = 0.0
+    com: Three = (0.0, 0.0, 0.0)
+    matrix: Array = field(default_factory=lambda: np.zeros((3, 3)))
+
+    @property
+    def is_nothing(self) -> bool:
+        """Neither mass nor inertia."""
+        return self.mass == 0 and not self.matrix.any()
+
+    def seen_from(self, frame: Placement) -> Inertia:
+        """The same in the frame in which `frame` stands."""
+        if not frame.is_turned:
+            return Inertia(self.mass, frame.point(self.com), self.matrix)
+        return Inertia(self.mass, frame.point(self.com), turned_matrix(frame.rotation, self.matrix))
+
+    def __add__(self, other: Inertia) -> Inertia:
+        """Both as one body; both are in the same frame."""
+        if other.is_nothing:
+            return self
+        if self.is_nothing:
+            return other
+        mass = exact_sum(self.mass, other.mass)
+        if mass == 0:
+            return Inertia(0.0, self.com, self.matrix + other.matrix)
+        a, b = np.array(self.com), np.array(other.com)
+        com = (self.mass * a + other.mass * b) / mass
+        apart = b - a
+        shift = self.mass * other.mass / mass * (apart @ apart * np.eye(3) - np.outer(apart, apart))
+        return Inertia(mass, (float(com[0]), float(com[1]), float(com[2])), self.matrix + other.matrix + shift)
+
+
+def turned_matrix(rotation: Array, matrix: Array) -> Array:
+    """R I R^T, symmetric; quarter turns keep the digits."""
+    if np.all((rotation == 0) | (np.abs(rotation) == 1)):
+        order = np.argmax(np.abs(rotation), axis=1)
+        signs = rotation[np.arange(3), order]
+        exact: Array = matrix[np.ix_(order, order)] * np.outer(signs, signs) + 0.0
+        return exact
+    full = rotation @ matrix @ rotation.T
+    return 0.5 * (full + full.T)
+
+
+@dataclass(frozen=True, slots=True)
+class Solid:
+    """A primitive shape of a link, to be seen or to collide.
+
+    Attributes
+    ----------
+    type : str
+        ``box``, ``cylinder``, ``capsule`` or ``sphere``, with its axis along z.
+    sizes : tuple of float
+        Edges of a box; radius and length; radius; m.
+    frame : Placement
+        Of its middle, in the link.
+    """
+
+    type: str
+    sizes: tuple[float, ...]
+    frame: Placement
+
+
+@dataclass(slots=True)
+class Link:
+    """A link.
+
+    Attributes
+    ----------
+    name : str
+        As the file has it.
+    place : Place
+    inertia : Inertia
+    solids : list of Solid
+    origin : Placement
+        Of the link's frame of the file in the frame used here, whose origin is that of the joint.
+    """
+
+    name: str
+    place: Place
+    inertia: Inertia = field(default_factory=Inertia)
+    solids: list[Solid] = field(default_factory=list)
+    origin: Placement = field(default_factory=Placement)
+
+    def moved_to(self, frame: Placement) -> None:
+        """Use another frame, which stands in the present one."""
+        back = frame.inverse()
+        self.inertia = self.inertia.seen_from(back)
+        self.solids = [Solid(s.type, s.sizes, back @ s.frame) for s in self.solids]
+        self.origin = back @ self.origin
+
+
+@dataclass(slots=True)
+class RobotJoint:
+    """A joint between two links; the child's frame is the joint's where its coordinates are zero.
+
+    Attributes
+    ----------
+    name : str
+    place : Place
+    type : str
+        A type of the model format.
+    parent, child : str
+        Links; the parent `WORLD` is the ground.
+    frame : Placement
+        In the parent.
+    axes : tuple of three float
+        One, the two of a universal joint, or none.
+    pitch : float
+        Of a screw, m/rad.
+    damping, stiffness, rest : float
+        A torque -stiffness (q - rest) - damping u, on every freedom.
+    start : tuple of float
+        Initial coordinates, of all freedoms or none.
+    """
+
+    name: str
+    place: Place
+    type: str
+    parent: str
+    child: str
+    frame: Placement = field(default_factory=Placement)
+    axes: tuple[Three, ...] = ()
+    pitch: float = 0.0
+    damping: float = 0.0
+    stiffness: float = 0.0
+    rest: float = 0.0
+    start: tuple[float, ...] = ()
+
+
+@dataclass(slots=True)
+class Closing:
+    """A joint that closes a loop.
+
+    Attributes
+    ----------
+    name : str
+    place : Place
+    type : str
+    start, end : tuple of str and Placement
+        A link, or `WORLD`, and the face in it.
+    axes : tuple of three float
+        In both faces.
+    """
+
+    name: str
+    place: Place
+    type: str
+    start: tuple[str, Placement]
+    end: tuple[str, Placement]
+    axes: tuple[Three, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Coupling:
+    """q_joint = ratio q_of + offset, of two joints of one freedom.
+
+    Attributes
+    ----------
+    name : str
+    place : Place
+    joint, of : str
+        Joints.
+    ratio, offset : float
+    unreadable : str
+        What it is, where it cannot be read as such a line.
+    """
+
+    name: str
+    place: Place
+    joint: str
+    of: str
+    ratio: float
+    offset: float
+    unreadable: str = ""
+
+
+@dataclass(slots=True)
+class LeftOut:
+    """Something of the file that the model does not say.
+
+    Attributes
+    ----------
+    what : str
+    lines : list of int
+        Where it stands.
+    remark : str
+    """
+
+    what: str
+    lines: list[int] = field(default_factory=list)
+    count: int = 0
+    remark: str = ""
+
+    def __str__(self) -> str:
+        shown = ", ".join(map(str, self.lines[:3]))
+        if self.lines:
+            more = f" and {len(self.lines) - 3} more" if len(self.lines) > 3 else ""
+            shown = f" (line{'s' * (len(self.lines) > 1)} {shown}{more})"
+        else:
+            shown = f" ({self.count})" if self.count > 1 else ""
+        return f"{self.what}{shown}" + (f": {self.remark}" if self.remark else "")
+
+
+@dataclass(slots=True)
+class Robot:
+    """A robot, as read.
+
+    Attributes
+    ----------
+    name : str
+    file : str
+        As messages name it.
+    gravity : three float
+    links : dict of str to Link
+    joints : dict of str to RobotJoint
+        One for each link but the root of a URDF.
+    closings : list of Closing
+    couplings : list of Coupling
+    left_out : dict of str to LeftOut
+        By what it is.
+    warnings : list of Problem
+    """
+
+    name: str
+    file: str
+    gravity: Three = (0.0, 0.0, -9.81)
+    links: dict[str, Link] = field(default_factory=dict)
+    joints: dict[str, RobotJoint] = field(default_factory=dict)
+    closings: list[Closing] = field(default_factory=list)
+    couplings: list[Coupling] = field(default_factory=list)
+    left_out: dict[str, LeftOut] = field(default_factory=dict)
+    warnings: list[Problem] = field(default_factory=list)
+
+    def leave_out(self, what: str, line: int | None = None, remark: str = "") -> None:
+        """Remember something that the model will not say."""
+        entry = self.left_out.setdefault(what, LeftOut(what))
+        entry.count += 1
+        if line is not None and (not entry.lines or entry.lines[-1] != line):
+            entry.lines.append(line)
+        if remark:
+            entry.remark = remark
+
+    def leave_out_armature(self, line: int | None = None) -> None:
+        """Remember a rotor that turns with a joint: the model format has no word for its reflected inertia."""
+        self.leave_out("armature", line, "reflected inertia of rotors")
+
+    def children(self) -> dict[str, list[RobotJoint]]:
+        """For every link the joints that it carries, in the order of the file."""
+        found: dict[str, list[RobotJoint]] = {}
+        for joint in self.joints.values():
+            found.setdefault(joint.parent, []).append(joint)
+        return found
+
+    def depth_first(self) -> Iterable[RobotJoint]:
+        """The joints from the ground outwards, a branch after the other, each parent before its children."""
+        children = self.children()
+        stack = list(reversed(children.get(WORLD, [])))
+        while stack:
+            joint = stack.pop()
+            yield joint
+            stack.extend(reversed(children.get(joint.child, [])))
+
+
+def symmetric(xx: float, yy: float, zz: float, xy: float, xz: float, yz: float) -> Array:
+    """The matrix of six entries."""
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def as_three(x: Any) -> Three:
+    """Three floats."""
+    return float(x[0]), float(x[1]), float(x[2])

@@ -1,0 +1,112 @@
+"""Loops that a robot's file cannot say, from a small file beside it in the model format."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+from ..model import ModelError
+from ..model.errors import Problem, nearest
+from ..model.positions import Document, compose, read_file
+from .robot import Robot
+
+_PLAIN: Final = re.compile(r"[A-Za-z0-9_.(+-][^,\[\]{}#&*!|>'\"%@`:?\n\t\\]*|[A-Za-z0-9_.(+-][A-Za-z0-9_.()+*/ -]*")
+"""What needs no quotes in YAML."""
+SECTIONS: Final = ("points", "loops", "loop_tolerance", "initial", "independent")
+
+
+@dataclass(slots=True)
+class SideFile:
+    """What a side file adds.
+
+    Attributes
+    ----------
+    sections : dict of str to list of str
+        Lines of each of its sections.
+    links : set of str
+        Links that it names: these stay bodies.
+    document : Document, optional
+    """
+
+    sections: dict[str, list[str]] = field(default_factory=dict)
+    links: set[str] = field(default_factory=set)
+    document: Document | None = None
+
+    def problem(self, problem: Problem) -> Problem:
+        """A problem of the model at its place in the side file."""
+        assert self.document is not None
+        line, column = self.document.place(self.document.root, tuple(problem.path.split(".")))
+        return Problem(self.document.file, line, column, problem.path, problem.message, problem.severity)
+
+
+def read_side_file(path: str | os.PathLike[str], robot: Robot, names: Mapping[str, str]) -> SideFile:
+    """Read a side file; links have the names of the robot's file or those of the model.
+
+    Raises
+    ------
+    ModelError
+        If it is no YAML, or has other sections than these.
+    """
+    file = os.fspath(path)
+    document = compose(read_file(file), file)
+    side = SideFile(document=document)
+    problems = list(document.problems)
+    root = document.root
+    if not isinstance(root, dict) or "loops" not in root:
+        problems.append(Problem(file, 1, 1, "", f"no section loops; it may hold {', '.join(SECTIONS)}"))
+        raise ModelError(problems)
+    for key in root:
+        if key not in SECTIONS:
+            line, column = document.place(root, (key,), key=True)
+            message = f"{key!r} has no place here; {', '.join(SECTIONS)} have{nearest(key, SECTIONS)}"
+            problems.append(Problem(file, line, column, "", message))
+    if problems:
+        raise ModelError(problems)
+    new = {**{n: n for n in names.values()}, **names}
+    by_new = {n: link for link, n in names.items()}
+    for section in ("points", "loops"):
+        for value in _mappings(root.get(section)):
+            for key in ("body", "from", "to"):
+                if isinstance(value.get(key), str) and value[key] in new:
+                    value[key] = new[value[key]]
+                    side.links.add(by_new[value[key]])
+    for key, value in root.items():
+        if isinstance(value, dict):
+            side.sections[key] = [f"{_flow(k)}: {_flow(v)}" for k, v in value.items()]
+        elif isinstance(value, list):
+            side.sections[key] = [f"- {_flow(v)}" for v in value]
+        elif value is not None:
+            side.sections[key] = [_flow(value)]
+    return side
+
+
+def _mappings(value: Any) -> list[dict[str, Any]]:
+    """All mappings in a value."""
+    found, stack = [], [value]
+    while stack:
+        one = stack.pop()
+        if isinstance(one, dict):
+            found.append(one)
+            stack.extend(one.values())
+        elif isinstance(one, list):
+            stack.extend(one)
+    return found
+
+
+def _flow(value: Any) -> str:
+    """A value in the flow style of YAML."""
+    if isinstance(value, dict):
+        return f"{{{', '.join(f'{_flow(k)}: {_flow(v)}' for k, v in value.items())}}}"
+    if isinstance(value, list):
+        return f"[{', '.join(map(_flow, value))}]"
+    if value is None:
+        return ""
+    text = str(value)
+    if _PLAIN.fullmatch(text) and text.strip() == text and not text.startswith("- "):
+        return text
+    for old, new in (("\\", "\\\\"), ('"', '\\"'), ("\n", "\\n"), ("\t", "\\t")):
+        text = text.replace(old, new)
+    return f'"{text}"'

@@ -1,0 +1,54 @@
+"""Numbers, vectors and comments as a model file has them."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterable
+from typing import Final
+
+from .placement import Three, pi_text
+
+WIDTH: Final = 118
+"""Characters of a comment."""
+
+
+def number(value: float) -> str:
+    """The shortest text that is read as the same number; whole ones without point."""
+    if value == 0:
+        return "0"
+    if value == int(value) and abs(value) < 1e15:
+        return str(int(value))
+    text = repr(float(value))
+    if "e" in text:
+        digits, exponent = text.split("e")
+        text = f"{digits}e{int(exponent)}"
+    return text
+
+
+def angle(value: float) -> str:
+    """A number, as a part of pi where it is exactly one."""
+    return pi_text(value) or number(value)
+
+
+def vector(values: Iterable[float]) -> str:
+    """``[0, 0, 0.5]``."""
+    return f"[{', '.join(map(number, values))}]"
+
+
+def axis_text(axis: Three) -> str:
+    """``x``, ``-z``, or a vector."""
+    along = [i for i in range(3) if axis[i] != 0]
+    if len(along) == 1:
+        return ("-" if axis[along[0]] < 0 else "") + "xyz"[along[0]]
+    return vector(axis)
+
+
+def one_line(text: str, longest: int = 80) -> str:
+    """A text of a file in a comment."""
+    text = text if text.isprintable() else repr(text)[1:-1]
+    return text if len(text) <= longest else text[: longest - 3] + "..."
+
+
+def wrapped(text: str, width: int = WIDTH) -> list[str]:
+    """Lines of a comment; what follows the first is indented."""
+    return textwrap.wrap(text, width, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False) or [""]

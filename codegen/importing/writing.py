@@ -1,0 +1,284 @@
+"""The text of a model, as a person would have written it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+
+from .bodies import Bodies, ImportedBody
+from .parameters import Parameters
+from .placement import Placement, Three
+from .robot import WORLD, Closing, Robot, Solid
+from .words import WIDTH, angle, axis_text, number, one_line, vector, wrapped
+
+_AGREES: Final = 1e-9
+"""So nearly, relative to the largest, the numbers of a shape must be those of the file."""
+_COORDINATES: Final = {
+    "cylindrical": ("1", "2"), "planar": ("1", "2", "3"), "universal": ("1", "2"),
+    "spherical": ("wx", "wy", "wz"), "free": ("wx", "wy", "wz", "vx", "vy", "vz"),
+}  # fmt: skip
+"""What stands behind the name in the speeds of joints with several freedoms."""
+
+
+class ModelWriter:
+    """Writes the text of a model.
+
+    Parameters
+    ----------
+    robot : Robot
+    bodies : Bodies
+    name : str
+        Of the model.
+    names : dict of str to str
+        Of links, in the model.
+    parameters : Parameters
+    head : sequence of str
+        Lines of the comment at the head.
+    sections : dict of str to sequence of str
+        Lines of sections that come from elsewhere.
+    motors : bool
+        Whether every freedom of joints, but not of the base, has an input.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        bodies: Bodies,
+        name: str,
+        names: Mapping[str, str],
+        parameters: Parameters,
+        head: Sequence[str] = (),
+        sections: Mapping[str, Sequence[str]] | None = None,
+        motors: bool = False,
+    ) -> None:
+        self.robot = robot
+        self.bodies = bodies
+        self.name = name
+        self.names = {**names, WORLD: "ground"}
+        self.parameters = parameters
+        self.head = head
+        self.sections = dict(sections or {})
+        self.motors = motors
+
+    def text(self) -> str:
+        """The whole file."""
+        bodies = [line for body in self.bodies.all.values() for line in self.body(body)]  # may need parameters
+        inputs, forces = self.forces()
+        parts: list[tuple[str, Sequence[str]]] = [
+            ("parameters", self.parameters.lines()),
+            ("inputs", inputs),
+            ("bodies", bodies),
+            ("points", self.points()),
+            ("loops", [line for closing in self.robot.closings for line in self.closing(closing)]),
+            ("forces", forces),
+            ("initial", self.initial()),
+        ]
+        lines = [*(f"# {line}".rstrip() for line in self.head), f"model: {self.name}"]
+        if any(self.robot.gravity):
+            lines.append(f"gravity: {vector(self.robot.gravity)}")
+        known = dict(parts)
+        for key in (*known, *(k for k in self.sections if k not in known)):
+            content = [*known.get(key, ()), *self.sections.get(key, ())]
+            inline = f"{key}: [{', '.join(line[2:] for line in content)}]"
+            if content and all(line.startswith("- ") for line in content) and len(inline) <= WIDTH:
+                lines += ["", inline]
+            elif content:
+                lines += ["", f"{key}:", *(f"  {line}" if line else "" for line in content)]
+        return "\n".join(lines) + "\n"
+
+    def body(self, body: ImportedBody) -> list[str]:
+        """The entry of a body."""
+        joint, words = body.joint, body.words
+        keys = [f"type: {joint.type}", *_axis_keys(joint.type, joint.axes)]
+        if joint.pitch:
+            keys.append(f"pitch: {number(joint.pitch)}")
+        parent = self.bodies.all.get(body.parent)
+        name = self.names[body.link.name]
+        at = self.parameters.at(name, body.frame.at, words, parent)
+        keys += _place_keys(body.frame, at)
+        title = f"{name}:" + (f"  # {one_line(body.link.name)}" if body.link.name != name else "")
+        lines = [title, f"  parent: {self.names[body.parent]}", f"  joint: {{{', '.join(keys)}}}"]
+        if joint.name and joint.name not in (name, body.link.name):
+            lines[-1] += f"  # {one_line(joint.name)}"
+        lines += [f"  # {part}" for comment in body.comments for part in wrapped(comment, WIDTH - 6)]
+        return lines + [f"  {line}" for line in self.mass(body, name)]
+
+    def mass(self, body: ImportedBody, name: str) -> list[str]:
+        """Mass, com and inertia of a body, or a shape that has them."""
+        mass, com, matrix = body.inertia.mass, body.inertia.com, body.inertia.matrix
+        shape = None if body.words & {"mass", "com", "inertia"} else shape_of(body)
+        if shape is not None:
+            return [f"shape: {shape}"]
+        lines = []
+        if mass or "mass" in body.words:
+            lines.append(f"mass: {self.parameters.mass(name, mass, body.words)}")
+        if any(com) or "com" in body.words:
+            lines.append(f"com: {self.parameters.com(name, com, body.words)}")
+        entries = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
+        six = {key: float(matrix[place]) for key, place in entries.items()}
+        written = self.parameters.inertia(name, six, body.words)
+        if body.tolerated:
+            written["check"] = "warn"
+        if any(six.values()) or "inertia" in body.words:
+            lines.append(f"inertia: {{{', '.join(f'{k}: {v}' for k, v in written.items())}}}")
+        return lines
+
+    def points(self) -> list[str]:
+        """Links that are no bodies, as points."""
+        lines = []
+        every = [(WORLD, link, frame) for link, frame in self.bodies.grounded]
+        every += [(name, link, frame) for name, body in self.bodies.all.items() for link, frame in body.merged]
+        for holder, link, frame in every:
+            at = frame.point(link.origin.at)
+            if holder != WORLD or any(at):
+                place = f", at: {vector(at)}" if any(at) else ""
+                name = self.names[link.name]
+                meant = f"  # {one_line(link.name)}" if link.name != name else ""
+                lines.append(f"{name}: {{body: {self.names[holder]}{place}}}{meant}")
+        return lines
+
+    def closing(self, closing: Closing) -> list[str]:
+        """The entry of a loop."""
+        keys = [f"type: {closing.type}", *_axis_keys(closing.type, closing.axes)]
+        lines = [f"{closing.name}:", f"  joint: {{{', '.join(keys)}}}"]
+        for key, (link, frame) in (("from", closing.start), ("to", closing.end)):
+            holder, place = self.bodies.holders[link]
+            face = place @ frame
+            lines.append(f"  {key}: {{{', '.join([f'body: {self.names[holder]}', *_place_keys(face)])}}}")
+        return lines
+
+    def forces(self) -> tuple[list[str], list[str]]:
+        """Inputs, and forces in joints: dampers, springs, motors."""
+        inputs, forces = [], []
+        for link, body in self.bodies.all.items():
+            joint, name = body.joint, self.names[link]
+            if joint.type == "fixed":
+                continue
+            freedoms = [f"{name}.{part}" for part in _COORDINATES.get(joint.type, ())] or [name]
+            motors = [f"tau_{f.replace('.', '_')}" for f in freedoms] if self.motors and body.joint.name else []
+            inputs += [f"- {motor}" for motor in motors]
+            values = []
+            damping = self.parameters.damping(name, joint, body.words)
+            for k, freedom in enumerate(freedoms):
+                terms = motors[k : k + 1]
+                if joint.stiffness:
+                    q = f"q.{freedom}"
+                    if joint.rest:
+                        q = f"({q} {'-' if joint.rest > 0 else '+'} {angle(abs(joint.rest))})"
+                    terms.append(_times(-joint.stiffness, q))
+                if joint.damping:
+                    terms.append(f"-{damping}*u.{freedom}" if damping else _times(-joint.damping, f"u.{freedom}"))
+                values.append(" + ".join(terms).replace("+ -", "- "))
+            if any(values):
+                value = values[0] if len(values) == 1 else f"[{', '.join(values)}]"
+                forces.append(f"{name}: {{type: joint, joint: {name}, value: {value}}}")
+        return inputs, forces
+
+    def initial(self) -> list[str]:
+        """Coordinates in which the robot begins."""
+        entries = []
+        for link, body in self.bodies.all.items():
+            start = body.joint.start
+            if not any(start) or (len(start) > 3 and start == _unit(len(start))):
+                continue
+            value = angle(start[0]) if len(start) == 1 else f"[{', '.join(map(number, start))}]"
+            entries.append(f"{self.names[link]}: {value}")
+        return [f"q: {{{', '.join(entries)}}}"] if entries else []
+
+
+def _times(factor: float, what: str) -> str:
+    """``-2*x``, ``-x``."""
+    return what if factor == 1 else f"-{what}" if factor == -1 else f"{number(factor)}*{what}"
+
+
+def _unit(count: int) -> tuple[float, ...]:
+    """The coordinates of a free or spherical joint that has not moved."""
+    return tuple(1.0 if k == count - 4 else 0.0 for k in range(count))
+
+
+def _axis_keys(type_: str, axes: Sequence[Three]) -> list[str]:
+    if not axes:
+        return []
+    if len(axes) == 1:
+        return [f"{'normal' if type_ == 'planar' else 'axis'}: {axis_text(axes[0])}"]
+    return [f"axes: [{', '.join(map(axis_text, axes))}]"]
+
+
+def _place_keys(frame: Placement, at: str | None = None) -> list[str]:
+    keys = []
+    if at or any(frame.at):
+        keys.append(f"at: {at or vector(frame.at)}")
+    if frame.is_turned:
+        keys.append(f"rpy: [{', '.join(map(angle, frame.rpy))}]")
+    return keys
+
+
+def shape_of(body: ImportedBody) -> str | None:
+    """The primitive of a body whose mass properties are the body's, as an entry."""
+    inertia = body.inertia
+    if inertia.mass <= 0:
+        return None
+    for solid in body.link.solids:
+        if _agrees(solid, inertia.mass, inertia.com, inertia.matrix):
+            return _shape_entry(solid, inertia.mass, inertia.com)
+    return None
+
+
+def _agrees(solid: Solid, mass: float, com: Three, matrix: Any) -> bool:
+    """Whether the homogeneous solid of this mass has these mass properties."""
+    if min(solid.sizes) <= 0 or (solid.type == "box" and _box_axes(solid.frame) is None):
+        return False
+    own = mass * np.diag(_moments(solid))
+    turned = solid.frame.rotation @ own @ solid.frame.rotation.T
+    largest = max(solid.sizes)
+    return bool(
+        np.abs(turned - matrix).max() <= _AGREES * np.abs(matrix).max()
+        and np.abs(np.subtract(solid.frame.at, com)).max() <= _AGREES * largest
+    )
+
+
+def _moments(solid: Solid) -> list[float]:
+    """Moments about the middle along the solid's axes, of 1 kg."""
+    if solid.type == "box":
+        a, b, c = (s * s / 12 for s in solid.sizes)
+        return [b + c, a + c, a + b]
+    r = solid.sizes[0]
+    if solid.type == "sphere":
+        return [0.4 * r * r] * 3
+    length = solid.sizes[1]
+    if solid.type == "cylinder":
+        across = r * r / 4 + length * length / 12
+        return [across, across, r * r / 2]
+    ball = 4 * r / 3 / (length + 4 * r / 3)  # its part of the mass
+    ends = 0.4 * r * r + length * length / 4 + 3 * length * r / 8
+    across = (1 - ball) * (r * r / 4 + length * length / 12) + ball * ends
+    return [across, across, (1 - ball) * r * r / 2 + ball * 0.4 * r * r]
+
+
+def _box_axes(frame: Placement) -> list[int] | None:
+    """Which edge of a box is along each axis of the body; None if they stand askew."""
+    size = np.abs(frame.rotation)
+    return [int(i) for i in np.argmax(size, axis=1)] if np.all((size == 0) | (size == 1)) else None
+
+
+def _shape_entry(solid: Solid, mass: float, com: Three) -> str:
+    keys = [f"type: {solid.type}"]
+    if solid.type == "box":
+        order = _box_axes(solid.frame)
+        assert order is not None
+        keys.append(f"size: {vector(solid.sizes[i] for i in order)}")
+    elif solid.type == "sphere":
+        keys.append(f"radius: {number(solid.sizes[0])}")
+    else:
+        x, y, z = (abs(v) if abs(v) == 1 else v for v in solid.frame.vector((0, 0, 1)))
+        keys += [
+            f"axis: {axis_text((x, y, z))}",
+            f"length: {number(solid.sizes[1])}",
+            f"radius: {number(solid.sizes[0])}",
+        ]
+    keys.append(f"mass: {number(mass)}")
+    if any(com):
+        keys.append(f"center: {vector(com)}")
+    return f"{{{', '.join(keys)}}}"

@@ -1,0 +1,130 @@
+"""Numbers and names in attributes and text of XML, with what is wrong with them."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from typing import Final
+
+from ..model.errors import Problem, nearest
+from ..model.positions import shortened
+from ..model.sections.digits import cut_twelfths
+from .placement import pi_multiple
+from .robot import Place
+from .xml_reading import Element
+
+_NUMBER: Final = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+_LONGEST: Final = 400
+"""Characters of a number."""
+
+
+class Values:
+    """Reads values of elements and gathers what is wrong.
+
+    Attributes
+    ----------
+    problems : list of Problem
+
+    Parameters
+    ----------
+    exact_angles : bool
+        Whether 1.5708 means pi/2.
+    """
+
+    def __init__(self, exact_angles: bool = False) -> None:
+        self.problems: list[Problem] = []
+        self.exact_angles = exact_angles
+
+    def wrong(self, element: Element, message: str) -> None:
+        """Something wrong with an element."""
+        self.problems.append(element.problem(message))
+
+    def numbers(self, element: Element, what: str, text: str, count: int) -> tuple[float, ...] | None:
+        """So many numbers of a text, or None after a problem."""
+        parts = text.split()
+        named = f"{what} of <{element.tag}>"
+        if len(parts) != count:
+            needed = "a number is needed" if count == 1 else f"{count} numbers with blanks between them are needed"
+            self.wrong(element, f"{named} is {shortened(text.strip())}; {needed}")
+            return None
+        found = []
+        for part in parts:
+            value = float(part) if len(part) <= _LONGEST and _NUMBER.fullmatch(part) else math.nan
+            if not math.isfinite(value):
+                hint = "; expand the file with xacro first" if "${" in text else ""
+                self.wrong(
+                    element, f"{named} holds {shortened(part)}; a finite number such as 0.5 or 1e-3 is needed{hint}"
+                )
+                return None
+            found.append(value)
+        return tuple(found)
+
+    def attribute(self, element: Element, key: str, count: int, default: Sequence[float]) -> tuple[float, ...]:
+        """Numbers of an attribute; the default where it is left out or wrong."""
+        text = element.attributes.get(key)
+        if text is None:
+            return tuple(default)
+        found = self.numbers(element, key, text, count)
+        return tuple(default) if found is None else found
+
+    def angles(self, values: Sequence[float]) -> tuple[float, ...]:
+        """Angles, those that are parts of pi but for missing digits made exact if that is wanted."""
+        return tuple(pi_multiple(cut_twelfths(v)) or v for v in values) if self.exact_angles else tuple(values)
+
+    def number(self, element: Element, key: str, default: float | None = 0.0) -> float:
+        """A number of an attribute; without default it is obligatory."""
+        if default is None and key not in element.attributes:
+            self.wrong(element, f'<{element.tag}> has no {key}; {key}="..." is needed')
+            return 0.0
+        return self.attribute(element, key, 1, (default or 0.0,))[0]
+
+    def content(self, element: Element | None, count: int, default: Sequence[float]) -> tuple[float, ...]:
+        """Numbers between an element's tags; the default where it is None or wrong."""
+        if element is None:
+            return tuple(default)
+        found = self.numbers(element, "the text", element.text, count)
+        return tuple(default) if found is None else found
+
+    def name(self, element: Element, key: str = "name") -> str | None:
+        """A name in an attribute, or None after a problem."""
+        text = element.attributes.get(key, "").strip()
+        if not text:
+            self.wrong(element, f'<{element.tag}> has no {key}; {key}="..." is needed')
+            return None
+        return text
+
+    def new_name(self, element: Element, known: dict[str, Place], what: str) -> str | None:
+        """A name that none of `known` has, which is added to them; None after a problem."""
+        name = self.name(element)
+        if name is None:
+            return None
+        if name in known:
+            where = f" in line {known[name].line}" if known[name].line else ""
+            self.wrong(
+                element, f"{what} {shortened(name)} is there already{where}; every {what} needs a name of its own"
+            )
+            return None
+        known[name] = place_of(element)
+        return name
+
+    def one(self, element: Element, tag: str) -> Element | None:
+        """The child of a tag that may stand once."""
+        found = list(element.all(tag))
+        for other in found[1:]:
+            self.wrong(
+                other, f"a second <{tag}> in <{element.tag}>; one is allowed, the first is in line {found[0].line}"
+            )
+        return found[0] if found else None
+
+    def unknown(self, element: Element, what: str, name: str, known: Sequence[str]) -> None:
+        """A name that means nothing."""
+        shown = ", ".join(known[:8]) + (", ..." if len(known) > 8 else "")
+        self.wrong(
+            element, f"{what} {shortened(name)} is not in this file; known are {shown or 'none'}{nearest(name, known)}"
+        )
+
+
+def place_of(element: Element) -> Place:
+    """Where an element stands."""
+    return Place(element.file, element.line, element.column)

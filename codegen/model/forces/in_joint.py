@@ -1,0 +1,132 @@
+"""What acts in a joint of one freedom, by laws that are written out as its force: friction and limits."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping
+from typing import Any, ClassVar, Literal
+
+from ..entries import ZERO, Expr, OptionalExpr, Reference
+from ..entry_reader import EntryReader
+from ..expressions import Expression, Tree, combine
+from .force_element import ForceEntry
+from .joint_force import JointForce
+
+_NUMBER = {n: Expression.number(n).tree for n in (0, 1, 2)}
+
+
+class InJointEntry(ForceEntry):
+    """Reads one; a subclass has its numbers as fields and says what they make.
+
+    Attributes
+    ----------
+    units_in_joint : mapping of str to (str, str)
+        Units of its numbers in a joint that turns, and in one that slides.
+    divides : tuple of str
+        Those that its law divides by.
+    """
+
+    placeholders: ClassVar[dict[str, Any]] = {"joint": "ground"}
+    units_in_joint: ClassVar[Mapping[str, tuple[str, str]]] = {}
+    divides: ClassVar[tuple[str, ...]] = ()
+
+    type: str
+    joint: Reference
+
+    @abstractmethod
+    def law(self, x: EntryReader, numbers: Mapping[str, Tree], q: Tree, u: Tree) -> Tree | None:
+        """The force of the joint by its coordinate and speed, or None after a problem."""
+
+    def read(self, x: EntryReader) -> JointForce | None:
+        given = {key: e for key in type(self).units_in_joint if (e := getattr(self, key)) is not None}
+        numbers = {key: x.bound(e, key, scope="inputs").tree for key, e in given.items()}
+        for key in self.divides:
+            if numbers.get(key) == _NUMBER[0]:
+                if given[key] == ZERO:  # else it stands for what was reported
+                    x.report((key,), f"{key} is 0; the law divides by it, a small number is what is meant")
+                return None
+        joint = x.joint(self.joint, "joint", self)
+        if joint is None or not x.is_whole(self):
+            return None
+        if len(joint.speeds) != 1:
+            has = f"{len(joint.speeds)}: {', '.join(joint.speeds)}" if joint.speeds else "none"
+            message = (
+                f"{self.type} acts in a joint of one freedom, and the {joint.type} joint {joint.name!r} has {has}; "
+                f"write its force as an expression, {{type: joint, joint: {joint.name}, value: [...]}}"
+            )
+            x.report(("joint",), message)
+            return None
+        value = self.law(x, numbers, ("name", f"q.{joint.name}"), ("name", f"u.{joint.name}"))
+        return None if value is None else JointForce(x.name, joint.body, (Expression(value),))
+
+
+class FrictionEntry(InJointEntry):
+    """Dry and viscous friction: ``-coulomb tanh(u / velocity) - viscous u``, smooth where the motion turns back."""
+
+    units_in_joint: ClassVar[Mapping[str, tuple[str, str]]] = {
+        "coulomb": ("N*m", "N"), "viscous": ("N*m*s/rad", "N*s/m"), "velocity": ("rad/s", "m/s"),
+    }  # fmt: skip
+    misspelt: ClassVar[dict[str, str]] = {"damping": "viscous", "dry": "coulomb", "speed": "velocity"}
+
+    divides: ClassVar[tuple[str, ...]] = ("velocity",)
+
+    type: Literal["friction"]
+    coulomb: Expr = ZERO
+    viscous: Expr = ZERO
+    velocity: OptionalExpr = None
+
+    def law(self, x: EntryReader, numbers: Mapping[str, Tree], q: Tree, u: Tree) -> Tree | None:
+        dry = numbers["coulomb"]
+        value = combine("neg", combine("*", numbers["viscous"], u))
+        if dry == _NUMBER[0]:
+            return value
+        if "velocity" not in numbers:
+            x.report(
+                ("coulomb",),
+                "coulomb without velocity; add velocity: the speed at which dry friction has 3/4 of itself",
+            )
+            return None
+        return combine("-", value, combine("*", dry, combine("tanh", combine("/", u, numbers["velocity"]))))
+
+
+class LimitEntry(InJointEntry):
+    """Stops at both ends of a joint's way, or at one: springs with dampers that begin softly, over a width."""
+
+    placeholders: ClassVar[dict[str, Any]] = {"joint": "ground", "stiffness": "1", "width": "1"}
+    units_in_joint: ClassVar[Mapping[str, tuple[str, str]]] = {
+        "lower": ("rad", "m"), "upper": ("rad", "m"), "width": ("rad", "m"), "stiffness": ("N*m/rad", "N/m"),
+        "damping": ("N*m*s/rad", "N*s/m"),
+    }  # fmt: skip
+    misspelt: ClassVar[dict[str, str]] = {"min": "lower", "max": "upper"}
+
+    divides: ClassVar[tuple[str, ...]] = ("width",)
+
+    type: Literal["limit"]
+    lower: OptionalExpr = None
+    upper: OptionalExpr = None
+    stiffness: Expr
+    damping: Expr = ZERO
+    width: Expr
+
+    def law(self, x: EntryReader, numbers: Mapping[str, Tree], q: Tree, u: Tree) -> Tree | None:
+        ways = []
+        if "lower" in numbers:
+            ways.append((1, combine("-", numbers["lower"], q)))
+        if "upper" in numbers:
+            ways.append((-1, combine("-", q, numbers["upper"])))
+        if not ways:
+            x.report((), "a limit with neither lower nor upper; one of them is needed")
+            return None
+        k, c, width = numbers["stiffness"], numbers["damping"], numbers["width"]
+        value = _NUMBER[0]
+        for sign, way in ways:
+            # s^2 / (2 width) up to the width, then width / 2 and what is beyond it
+            beyond = combine("max", _NUMBER[0], way)
+            s = combine("min", beyond, width)
+            soft = combine("/", combine("**", s, _NUMBER[2]), combine("*", _NUMBER[2], width))
+            depth = combine("+", soft, combine("-", beyond, s))
+            push = combine("*", k, depth)
+            value = combine("+" if sign > 0 else "-", value, push)
+            if c != _NUMBER[0]:
+                value = combine("-", value, combine("*", combine("*", c, combine("/", s, width)), u))
+        return value

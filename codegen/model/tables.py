@@ -1,0 +1,115 @@
+"""Tables of a model file as expressions: linear between their points, or a cubic spline through them.
+
+On a segment of length h that begins at x_i, ``s_i = min(max(0, x - x_i), h)`` is how far x has come in it. With polynomials
+p_i that begin at zero, ``y_0 + sum p_i(s_i)`` is the table: what lies behind is passed altogether, what lies ahead not yet. That
+is an expression of the grammar, so every engine knows it, and its derivatives. Of equal arguments the derivative is that of the
+first, so exactly on a point it is the slope on its left.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+from .expressions import Expression, Tree, combine
+
+MAX_POINTS: Final = 200
+"""More would make expressions of thousands of operations."""
+
+KINDS: Final = ("linear", "cubic")
+OUTSIDE: Final = ("constant", "linear")
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Points and what lies between and beyond them.
+
+    Attributes
+    ----------
+    x : tuple of float
+        Growing.
+    y : tuple of Expression
+        Of parameters where it is linear, else numbers.
+    kind : str
+        ``linear``, or ``cubic``: the natural spline, whose second derivative is continuous, and zero at both ends.
+    outside : str
+        ``constant`` or ``linear``: beyond the first and last point.
+    """
+
+    x: tuple[float, ...]
+    y: tuple[Expression, ...]
+    kind: str
+    outside: str
+
+    def at(self, argument: Tree) -> Tree:
+        """The expression of the table at an argument."""
+        n = len(self.x) - 1
+        y = [e.tree for e in self.y]
+        slopes = self._slopes()
+        result = y[0]
+        for i in range(n):
+            h = self.x[i + 1] - self.x[i]
+            s = combine("min", combine("max", _number(0), combine("-", argument, _number(self.x[i]))), _number(h))
+            if self.kind == "linear":
+                part = combine("*", combine("/", combine("-", y[i + 1], y[i]), _number(h)), s)
+            else:
+                a, b, c = self._cubic(i, h)
+                inner = combine("+", _number(b), combine("*", _number(c), s))
+                part = combine("*", s, combine("+", _number(a), combine("*", s, inner)))
+            result = combine("+", result, part)
+        if self.outside == "linear":
+            below = combine("min", combine("-", argument, _number(self.x[0])), _number(0))
+            above = combine("max", _number(0), combine("-", argument, _number(self.x[n])))
+            for slope, beyond in zip(slopes, (below, above), strict=True):
+                result = combine("+", result, combine("*", slope, beyond))
+        return result
+
+    def _slopes(self) -> tuple[Tree, Tree]:
+        """At the first and last point."""
+        x, y, n = self.x, [e.tree for e in self.y], len(self.x) - 1
+        if self.kind == "linear":
+            first, last = (combine("/", combine("-", y[i + 1], y[i]), _number(x[i + 1] - x[i])) for i in (0, n - 1))
+            return first, last
+        h = x[n] - x[n - 1]
+        a, b, c = self._cubic(n - 1, h)
+        return _number(self._cubic(0, x[1] - x[0])[0]), _number(a + h * (2 * b + 3 * c * h))
+
+    @cached_property
+    def _values(self) -> list[float]:
+        return [float(e.value) for e in self.y]
+
+    @cached_property
+    def _bends(self) -> list[float]:
+        return natural_spline(self.x, self._values)
+
+    def _cubic(self, i: int, h: float) -> tuple[float, float, float]:
+        """Coefficients of s, s^2 and s^3 on a segment."""
+        y, bend = self._values, self._bends
+        slope = (y[i + 1] - y[i]) / h
+        return slope - h * (2 * bend[i] + bend[i + 1]) / 6, bend[i] / 2, (bend[i + 1] - bend[i]) / (6 * h)
+
+
+def natural_spline(x: Sequence[float], y: Sequence[float]) -> list[float]:
+    """Second derivatives, at its points, of the cubic spline that has none at the ends.
+
+    [C. de Boor, A Practical Guide to Splines, 1978, chapter IV.]
+    """
+    n = len(x) - 1
+    bend = [0.0] * (n + 1)
+    h = [x[i + 1] - x[i] for i in range(n)]
+    rise = [(y[i + 1] - y[i]) / h[i] for i in range(n)]
+    diagonal = [2 * (h[i] + h[i + 1]) for i in range(n - 1)]
+    right = [6 * (rise[i + 1] - rise[i]) for i in range(n - 1)]
+    for i in range(1, n - 1):
+        factor = h[i] / diagonal[i - 1]
+        diagonal[i] -= factor * h[i]
+        right[i] -= factor * right[i - 1]
+    for i in reversed(range(n - 1)):
+        bend[i + 1] = (right[i] - h[i + 1] * bend[i + 2]) / diagonal[i]
+    return bend
+
+
+def _number(value: float) -> Tree:
+    return Expression.number(value).tree

@@ -1,0 +1,164 @@
+"""Mass matrix and inverse dynamics of mechanisms with loops, on their independent speeds.
+
+Joint forces of a loop are not unique; those of the joints whose speeds are independent, with none at the others, are. The kinetic
+energy of speeds x, to which the dependent ones are completed, is ``T(x) = x^T M x / 2``. Its derivative along a change y of them
+is ``x^T M y``, and its derivative along a change of configuration gives that of M, by ``4 x^T dM y = (x + y)^T dM (x + y) - (x -
+y)^T dM (x - y)``: no difference of neighbouring states, exact to rounding.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from .arrays import Array, Numbers, Times
+from .package import Package, seeds
+
+
+class LoopForces(Package):
+    """Mass matrix and inverse dynamics on independent speeds; n is their number."""
+
+    def mass_matrix(self, q: Numbers, p: Numbers = None, *, out: Array | None = None) -> Array:
+        """The mass matrix M (..., n, n) on the independent speeds, in O(n^2)."""
+        M = self._independent_mass(self._configuration(q, p))
+        return _placed(M, out)
+
+    def mass_matrix_sensitivities(
+        self, q: Numbers, p: Numbers = None, *, dq: Numbers = None, dp: Numbers = None,
+        out: tuple[Array, Array] | None = None,
+    ) -> tuple[Array, Array]:  # fmt: skip
+        """M (..., n, n) and its total derivative (k, ..., n, n) along the seeds, in O(n^3)."""
+        at, along = self._configuration(q, p), {"dq": dq, "dp": dp}
+        M = self._independent_mass(at)
+        n = M.shape[-1]
+        size = np.sqrt(np.diagonal(M, axis1=-2, axis2=-1))
+        columns = [
+            self._mass_along(at, np.eye(n)[j] / size[..., j : j + 1], size, along) * size[..., j, None]
+            for j in range(n)
+        ]
+        dM = np.stack(columns, axis=-1)
+        found = M, 0.5 * (dM + np.swapaxes(dM, -1, -2))
+        return found if out is None else (_placed(found[0], out[0]), _placed(found[1], out[1]))
+
+    def inverse_dynamics(
+        self, q: Numbers, u: Numbers, udot: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
+        out: Array | None = None,
+    ) -> Array:  # fmt: skip
+        """The forces (..., n) of the independent speeds' joints that udot needs beside the model's own.
+
+        Of udot (..., nu) the independent entries are read; no force acts on the dependent ones.
+        """
+        functions: Any = self  # those of other sections
+        missing = self._missing(udot, functions.accelerations(q, u, p, inputs, t))
+        M = self._independent_mass(self._configuration(q, p))
+        return _placed((M @ missing[..., None])[..., 0], out)
+
+    def inverse_dynamics_sensitivities(
+        self, q: Numbers, u: Numbers, udot: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
+        dq: Numbers = None, du: Numbers = None, dudot: Numbers = None, dp: Numbers = None, dinputs: Numbers = None,
+        dt: Times | None = None, out: tuple[Array, Array] | None = None,
+    ) -> tuple[Array, Array]:  # fmt: skip
+        """The forces of `inverse_dynamics` and their total derivative (k, ..., n); ``dudot (k, ..., nu)``."""
+        given = seeds(dq, du, dp, dinputs, dt)
+        if all(x is None for x in given.values()):
+            if dudot is None:
+                raise ValueError("no seed is given; give at least one of dq, du, dudot, dp, dinputs, dt")
+            given["du"] = np.zeros(self.nu)
+        functions: Any = self
+        free, changed = functions.sensitivities(q, u, p, inputs, t, **given)
+        at = self._configuration(q, p)
+        M, missing = self._independent_mass(at), self._missing(udot, free)
+        more = self._missing(0.0 if dudot is None else self._arguments.array("dudot", dudot, "u"), changed)
+        size = np.sqrt(np.diagonal(M, axis1=-2, axis2=-1))
+        dtau = (M @ more[..., None])[..., 0]
+        if dq is not None or dp is not None:
+            largest = np.abs(missing * size).max(axis=-1, keepdims=True, initial=0.0)
+            unit = missing / np.where(largest > 0.0, largest, 1.0)
+            dtau = dtau + largest * self._mass_along(at, unit, size, {"dq": dq, "dp": dp})
+        found = (M @ missing[..., None])[..., 0], dtau
+        return found if out is None else (_placed(found[0], out[0]), _placed(found[1], out[1]))
+
+    def bias_force(
+        self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
+        out: Array | None = None,
+    ) -> Array:  # fmt: skip
+        """The forces (..., n) that hold the independent accelerations at zero: M udot + bias_force = 0."""
+        return self.inverse_dynamics(q, u, np.zeros(self.nu), p, inputs, t, out=out)
+
+    def bias_force_sensitivities(
+        self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, dq: Numbers = None,
+        du: Numbers = None, dp: Numbers = None, dinputs: Numbers = None, dt: Times | None = None,
+        out: tuple[Array, Array] | None = None,
+    ) -> tuple[Array, Array]:  # fmt: skip
+        """The forces of `bias_force` and their total derivative (k, ..., n) along the seeds."""
+        return self.inverse_dynamics_sensitivities(
+            q, u, np.zeros(self.nu), p, inputs, t, dq=dq, du=du, dp=dp, dinputs=dinputs, dt=dt, out=out
+        )
+
+    # -- from the kinetic energy ---------------------------------------------------------------------------------------
+
+    @property
+    def _free_speeds(self) -> list[int]:
+        """Where the independent speeds stand in u."""
+        return [self.speed_names.index(name) for name in self.independent_speed_names]
+
+    def _configuration(self, q: Numbers, p: Numbers) -> Mapping[str, Array]:
+        """q and p as arrays."""
+        found: Mapping[str, Array] = self._arguments.take({"q": q, "p": p}, self._left_out)[0]
+        return found
+
+    def _speeds(self, x: Array) -> Array:
+        """Speeds (..., nu) whose independent entries are x (..., n)."""
+        u = np.zeros((*x.shape[:-1], self.nu))
+        u[..., self._free_speeds] = x
+        return u
+
+    def _independent_mass(self, at: Mapping[str, Array]) -> Array:
+        """M, (..., n, n): row by row the derivatives of T at a unit speed along unit changes of speeds."""
+        q, p = at["q"], at["p"]
+        n = len(self._free_speeds)
+        batch = np.broadcast_shapes(q.shape[:-1], p.shape[:-1])
+        rows = self._speeds(np.eye(n)).reshape(n, *(1,) * len(batch), self.nu)
+        along = rows.reshape(n, *(1,) * (1 + len(batch)), self.nu)
+        functions: Any = self
+        dT = functions.energy_sensitivities(q, np.broadcast_to(rows, (n, *batch, self.nu)), p, du=along)[1][0]
+        M = np.moveaxis(dT, (0, 1), (-2, -1))
+        return 0.5 * (M + np.swapaxes(M, -1, -2))
+
+    def _mass_along(self, at: Mapping[str, Array], y: Array, size: Array, along: Mapping[str, Any]) -> Array:
+        """dM y along seeds, (k, ..., n), for y (..., n) about as large as 1/size."""
+        q, p = at["q"], at["p"]
+        n = size.shape[-1]
+        units = np.moveaxis(np.eye(n) / size[..., None], -2, 0)  # (n, ..., n): unit speeds of unit energy
+        functions: Any = self
+        same = {}  # (k, 1, ..., m): the same for all n states
+        for name, x in along.items():
+            seed = None if x is None else self._arguments.array(name, x, name[1:])
+            same[name] = seed if seed is None or seed.ndim < 2 else seed[:, None]
+        total, difference = (
+            functions.energy_sensitivities(q, self._speeds(units + sign * y), p, **same)[1][0] for sign in (1.0, -1.0)
+        )
+        return np.moveaxis(0.5 * (total - difference), 1, -1) * size
+
+    def _missing(self, udot: Any, free: Array) -> Array:
+        """By how much accelerations differ from those wanted, at independent speeds."""
+        wanted = np.asarray(udot, np.float64)
+        if wanted.ndim and wanted.shape[-1] != self.nu:
+            raise ValueError(f"udot has shape {wanted.shape}, expected (..., {self.nu}); independent entries are read")
+        return np.asarray((wanted - free)[..., self._free_speeds])
+
+
+def _placed(value: Array, out: Array | None) -> Array:
+    if out is None:
+        return value
+    if (
+        not isinstance(out, np.ndarray)
+        or out.shape != value.shape
+        or out.dtype != np.float64
+        or not out.flags.writeable
+    ):
+        raise ValueError(f"out: expected a writeable float64 array of shape {value.shape}")
+    out[...] = value
+    return out

@@ -1,0 +1,59 @@
+"""Robots beside Pinocchio: everything is computed by both and agrees; who cannot be read is said."""
+
+import json
+
+import pytest
+
+from codegen.bench import lines, page
+from codegen.bench.measuring import measure
+from codegen.bench.peers import pinocchio_models
+from codegen.bench.plots import write_plots
+from codegen.bench.problems.robots import ROBOTS
+from codegen.bench.results import figures
+
+MACHINE = dict.fromkeys(("processor", "instructions", "compiler", "flags", "system", "python", "numpy", "ordernm"), "x")
+
+
+def test_matrices_and_batches_agree_with_pinocchio(tmp_path, monkeypatch):
+    pytest.importorskip("pinocchio")
+    monkeypatch.setenv("ORDERNM_CFLAGS", "-O0")
+    found = measure(ROBOTS, tmp_path, True, lambda text: None, 0.01)
+    assert found == json.loads(json.dumps(found)) and not found["failed"] and not found["skipped"]
+    (row,) = found["rows"]
+    assert row["model"] == "CHAIN(7)" and row["speeds"] == 7 and 0 < row["error"] < 1e-12
+    assert list(row["seconds"]) == list(row["theirs"]) == ["udot", "Jacobians", "M", "M^-1", "udot of a batch"]
+    results = {"machine": MACHINE, "quick": True, "problems": {"robots": found}}
+    assert len(list(figures(results))) == 5
+    printed = lines.problem_lines("robots", found, None)
+    assert any("CHAIN(7)" in line for line in printed)
+    text = page.page_of(results)
+    assert "## Robots beside Pinocchio" in text and "| CHAIN(7) | 7 |" in text
+    found["rows"][0]["error"] = 1e-3
+    found["failed"] = ["CHAIN(7)"]
+    assert lines.robot_lines(found, None)[-1] == "  failed: difference above 1e-09 of CHAIN(7)"
+
+
+def test_robots_that_are_not_there_are_named(tmp_path, monkeypatch):
+    monkeypatch.setattr(pinocchio_models, "robots_folder", lambda: tmp_path)
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: object())
+    alone = type(ROBOTS)(**{**vars(ROBOTS), "models": ("UR5",)})
+    found = measure(alone, tmp_path, False, lambda text: None, 0.01)
+    assert found["skipped"]["UR5"].endswith("is not there (pip install example-robot-data)") and not found["rows"]
+    assert lines.robot_lines(found, None)[0].startswith("  UR5: not measured, ur_description/")
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    found = measure(alone, tmp_path, False, lambda text: None, 0.01)
+    assert found["skipped"] == {"UR5": "pinocchio is not installed (pip install ordernm[peers])"}
+    assert "## Robots" not in page.page_of({"machine": MACHINE, "quick": True, "problems": {"robots": found}})
+
+
+def test_pictures_have_families_with_their_exponents_and_robots(tmp_path):
+    pytest.importorskip("matplotlib")
+    sizes = [{"bodies": n, "seconds": {"udot": 1e-8 * n, "udot + 8": 2e-8 * n * n}} for n in (10, 100, 1000)]
+    row = {"model": "UR5", "speeds": 6, "seconds": {"udot": 1e-6, "M": 2e-6}, "theirs": {"udot": 2e-6, "M": 2e-6}}
+    problems = {"chain": {"kind": "family", "sizes": sizes}, "robots": {"kind": "robots", "rows": [row]}}
+    written = write_plots({"problems": problems}, tmp_path / "new")
+    assert [p.name for p in written] == ["time_by_size.svg", "robots.svg"]
+    texts = [p.read_text() for p in written]
+    assert "chain, exponent 1.00" in texts[0] and "chain, exponent 2.00" in texts[0] and "UR5, 6" in texts[1]
+    assert texts == [p.read_text() for p in write_plots({"problems": problems}, tmp_path / "again")]
+    assert write_plots({"problems": {}}, tmp_path / "none") == []

@@ -1,0 +1,127 @@
+"""Objects of Pinocchio's as models: every type of joint, composites, mimic joints."""
+
+import numpy as np
+import pytest
+from imported_robots import ARM, joint, link, robot
+from pinocchio_agreement import errors
+
+import codegen
+
+pin = pytest.importorskip("pinocchio", reason="compares with Pinocchio: pip install pin")
+
+
+def random_inertia(rng):
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    a, b, c = rng.uniform(0.1, 0.3, 3)
+    return pin.Inertia(rng.uniform(1, 2), rng.normal(size=3) * 0.1, turn @ np.diag([b + c, a + c, a + b]) @ turn.T)
+
+
+def random_place(rng):
+    return pin.SE3(pin.rpy.rpyToMatrix(*rng.normal(size=3)), rng.normal(size=3) * 0.3)
+
+
+def chain(joints, rng):
+    model, last = pin.Model(), 0
+    for k, one in enumerate(joints):
+        last = model.addJoint(last, one, random_place(rng), f"j{k}")
+        model.appendBodyToJoint(last, random_inertia(rng), random_place(rng))
+    return model
+
+
+def composite(rng):
+    found = pin.JointModelComposite()
+    found.addJoint(pin.JointModelRX(), random_place(rng))
+    found.addJoint(pin.JointModelPrismaticUnaligned(np.array([0, 0.6, 0.8])), random_place(rng))
+    return found
+
+
+AXIS = np.array([0.6, 0.0, -0.8])
+PLANAR = "planar"
+KINDS = {
+    "RX": lambda rng: pin.JointModelRX(), "PZ": lambda rng: pin.JointModelPZ(), "RUBY": lambda rng: pin.JointModelRUBY(),
+    "unaligned": lambda rng: pin.JointModelRevoluteUnaligned(AXIS), "slide": lambda rng: pin.JointModelPrismaticUnaligned(AXIS),
+    "HY": lambda rng: pin.JointModelHY(0.05), "screw": lambda rng: pin.JointModelHelicalUnaligned(AXIS, -0.1),
+    "universal": lambda rng: pin.JointModelUniversal(np.array([1.0, 0, 0]), np.array([0, 1.0, 0])),
+    "spherical": lambda rng: pin.JointModelSpherical(), "angles": lambda rng: pin.JointModelSphericalZYX(),
+    "translation": lambda rng: pin.JointModelTranslation(), PLANAR: lambda rng: pin.JointModelPlanar(),
+    "free": lambda rng: pin.JointModelFreeFlyer(), "composite": composite,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_type_of_joint_moves_as_pinocchio_says(tmp_path, kind):
+    rng = np.random.default_rng(list(KINDS).index(kind))
+    model = chain([KINDS[kind](rng), pin.JointModelRZ(), KINDS[kind](rng)], rng)
+    found = codegen.from_pinocchio(model)
+    assert found.model.nu == model.nv
+    codegen.generate(found.model, tmp_path / "package", target="numpy")
+    solver, data = codegen.load(tmp_path / "package"), model.createData()
+    for _ in range(3):
+        q, v = pin.randomConfiguration(model, -np.ones(model.nq), np.ones(model.nq)), rng.normal(size=model.nv)
+        ours, u, T, rate = state(model, found, solver, q, v)
+        right = T @ pin.aba(model, data, q, v, np.zeros(model.nv)) + rate
+        assert np.abs(solver.accelerations(ours, u) - right).max() < 1e-11 * np.abs(right).max()
+
+
+def state(model, found, solver, q, v):
+    """Our state of a chain, T with u = T v, and Tdot v."""
+    ours = np.array(solver.initial[0], float)
+    T, rate = np.zeros((model.nv, model.nv)), np.zeros(model.nv)
+    names_q, names_u = list(solver.coordinate_names), list(solver.speed_names)
+    for k in range(1, model.njoints):
+        one, name = model.joints[k], model.names[k]
+        i, d = one.idx_q, one.idx_v
+        bodies = [found.joints[j] for j in found.joints if j == name or j.startswith(f"{name}.")]
+        at = [a for b in bodies for a, n in enumerate(names_q) if n.partition(".")[0] == b]
+        to = [a for b in bodies for a, n in enumerate(names_u) if n.partition(".")[0] == b]
+        values = q[i : i + one.nq]
+        matrix = np.eye(one.nv)
+        if one.shortname().startswith("JointModelRUB"):
+            values = [np.arctan2(values[1], values[0])]
+        elif one.shortname() == "JointModelPlanar":
+            x, y, c, s = values
+            values = [x, y, np.arctan2(s, c)]
+            matrix[:2, :2] = [[c, -s], [s, c]]
+            rate[to[:2]] = v[d + 2] * np.array([[-s, -c], [c, -s]]) @ v[d : d + 2]
+        elif one.shortname() == "JointModelSpherical":
+            values = values[[3, 0, 1, 2]]
+        elif one.shortname() == "JointModelFreeFlyer":
+            values = values[[0, 1, 2, 6, 3, 4, 5]]
+            matrix = matrix[[3, 4, 5, 0, 1, 2]]
+        ours[at] = values
+        T[np.ix_(to, range(d, d + one.nv))] = matrix
+    return ours, T @ v, T, rate
+
+
+def test_a_file_and_what_pinocchio_reads_of_it_are_one_robot(tmp_path):
+    path = tmp_path / "robot.urdf"
+    path.write_text(ARM)
+    found = codegen.from_pinocchio(pin.buildModelFromUrdf(str(path), pin.JointModelFreeFlyer()))
+    assert "tool0: {body: forearm, at: [0.1, 0, 0.3]}" in found.text
+    assert [b.name for b in found.model.bodies] == ["base", "upper_arm", "forearm"]
+    codegen.generate(found.model, tmp_path / "package", target="numpy")
+    worst = errors(str(path), found, codegen.load(tmp_path / "package"))
+    assert max(worst.values()) < 1e-12, worst
+
+
+def test_mimic_joints_and_what_has_no_place_are_told(tmp_path):
+    text = robot(
+        link("base"), link("a"), link("b"), joint("j", "base", "a", more=LIMIT),
+        joint("k", "a", "b", axis="0 1 0", more=f'{LIMIT}<mimic joint="j" multiplier="2" offset="0.3"/>'),
+    )  # fmt: skip
+    model = pin.buildModelFromXML(text, mimic=True)
+    with pytest.raises(codegen.ModelError, match="joint 'k' follows 'j'"):
+        codegen.from_pinocchio(model)
+    found = codegen.from_pinocchio(model, free_mimic=True)
+    assert "joint: {type: revolute, axis: y, at: [0, 0, 0.5]}  # k" in found.text
+    model = chain([pin.JointModelRX(), pin.JointModelRY()], np.random.default_rng(0))
+    model.armature = np.array([0.1, 0.2])
+    model.damping = np.array([0.0, 0.5])
+    found = codegen.from_pinocchio(model)
+    assert found.left_out == ("armature (2): reflected inertia of rotors",)
+    assert "j1: {type: joint, joint: j1, value: -0.5*u.j1}" in found.text
+    with pytest.raises(TypeError, match=r"takes a pinocchio\.Model, not str"):
+        codegen.from_pinocchio("robot.urdf")
+
+
+LIMIT = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
