@@ -20,6 +20,7 @@ from random_models import random_seeds, random_state, random_tree, vector
 
 import codegen
 from codegen.loops.partition import partition
+from codegen.mechanics.structure.world import common_rotation
 from codegen.model import parse_model
 from codegen.model.model import GROUND, Model, Output, Point
 from codegen.reference import DenseEngine
@@ -43,16 +44,16 @@ bodies:
           inertia: {xx: 0.1, yy: 0.1, zz: 0.1}}
   rod: {parent: crank, joint: {type: revolute, axis: z, at: [a, 0, 0]}, mass: 1, com: [b/2, 0, 0],
         inertia: {xx: 0.1, yy: 0.1, zz: 0.1}}
-  rocker: {parent: ground, joint: {type: revolute, axis: z, at: AT, ROTATE}, mass: 1, com: [0.4, 0, 0],
+  rocker: {parent: rod, joint: {type: revolute, axis: z, at: [b, 0, 0]}, mass: 1, com: [0.4, 0, 0],
            inertia: {xx: 0.1, yy: 0.1, zz: 0.1}}
   block: {parent: ground, joint: {type: fixed, at: [a, 1, 2]}}
 loops:
-  close: {joint: {type: revolute, axis: z}, from: {body: rod, at: [b, 0, 0]}, to: {body: rocker, at: [0.8, 0, 0]}}
+  close: {joint: {type: revolute, axis: z}, from: {body: rocker, at: [0.8, 0, 0]}, to: {body: ground, at: AT, ROTATE}}
 points:
   pin: {body: rod, at: [b/2, 0, 0.1]}
   mark: {body: ground, at: [a, 2, 3]}
 initial:
-  q: {crank: 0.9, rod: -0.6, rocker: 1.2}
+  q: {crank: 0.9, rod: -0.6, rocker: -1.8}
 """
 """A four-bar whose bearings stand askew in the world: what is computed has other axes than the ground."""
 
@@ -60,7 +61,9 @@ initial:
 def askew() -> Model:
     text = SKEW.replace("ROTATE", "rotate: [{axis: x, angle: 0.4}, {axis: y, angle: -0.3}]")
     turned = _rotation(0.4, -0.3) @ [1.0, 0, 0]
-    return parse_model(text.replace("AT", str([float(x) for x in turned])))
+    model = parse_model(text.replace("AT", str([float(x) for x in turned])))
+    assert common_rotation(model)
+    return model
 
 
 def _rotation(a: float, b: float) -> Any:
