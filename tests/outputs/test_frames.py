@@ -288,6 +288,13 @@ def test_frames_alone_several_and_in_batches(solver: codegen.Solver) -> None:
     )
     model = solver.points(q[0])
     assert model.names == ("tip", "rim")
+    assert solver.frames(q, bodies=[]).rotation.shape == (4, 0, 3, 3) and solver.points(
+        q, points=[]
+    ).velocity.shape == (4, 0, 3)
+    ground = solver.points(q, points="ground", accelerations=True)
+    assert ground.position.shape == (4, 3) and not ground.position.any() and not ground.acceleration.any()
+    driven = solver.frame_sensitivities(q, u, p, inputs, t, dinputs=np.ones(1), bodies="arm", accelerations=True)[1]
+    assert not driven.velocity.any() and driven.angular_acceleration.any(axis=-1).all()
 
 
 def test_a_place_that_depends_on_parameters_counts(solver: codegen.Solver) -> None:
@@ -339,6 +346,8 @@ def test_more_digits(solver: codegen.Solver) -> None:
         ("points", {"points": ("ring", [1, 2, np.nan])}, "expected finite numbers"),
         ("points", {"points": [3.0]}, "3.0 is no point; expected the name of a point"),
         ("frame_sensitivities", {}, "no seed given"),
+        ("frames", {"bodies": 3}, "bodies is 3, expected a name, or a list"),
+        ("points", {"points": 3}, "points is 3, expected a name, or a list"),
     ],
 )
 def test_errors_teach(solver: codegen.Solver, member: str, asked: dict[str, Any], said: str) -> None:

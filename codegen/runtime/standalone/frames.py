@@ -176,7 +176,7 @@ class Frames(Package):
         known = self._known_bodies("frames")
         if bodies is None:
             return list(range(len(known))), tuple(known), False
-        names = (bodies,) if isinstance(bodies, str) else tuple(bodies)
+        names = (bodies,) if isinstance(bodies, str) else tuple(_several(bodies, "bodies"))
         return [_place(n, known, "bodies") for n in names], names, isinstance(bodies, str)
 
     def _known_bodies(self, member: str) -> list[str]:
@@ -240,7 +240,7 @@ class _Chosen:
         self.made: list[dict[str, Any]] = solver._manifest.get("points", [])
         names = [point["name"] for point in self.made]
         self.single = isinstance(points, str) or _is_pair(points)
-        asked = names if points is None else [points] if self.single else list(points)
+        asked = names if points is None else [points] if self.single else _several(points, "points")
         self.of_model: list[int] = []
         carriers: list[int] = []
         places: list[Any] = []
@@ -302,6 +302,14 @@ class _Chosen:
             for i, n in enumerate(self.of_model)
         ]
         return np.stack(parts, axis=-2)
+
+
+def _several(given: Any, what: str) -> list[Any]:
+    """What is given as a list."""
+    try:
+        return list(given)
+    except TypeError:
+        raise ValueError(f"{what} is {given!r}, expected a name, or a list of those that are wanted") from None
 
 
 def _is_pair(point: Any) -> bool:
