@@ -170,7 +170,7 @@ def _program(model: Model, manifest: Mapping[str, Any]) -> list[str]:
     """A whole C program: a closed state where there are loops, its accelerations, and one derivative of them."""
     name, NAME = model.name, model.name.upper()
     functions, shown = manifest["functions"], _shown(manifest)
-    if not shown:
+    if not shown or not model.nq:
         return [f"/* {name}.h lists the functions. */"]
     given = list(functions[shown]["arguments"])
     along = "sensitivities" if shown == "accelerations" and "sensitivities" in functions else ""
@@ -179,7 +179,8 @@ def _program(model: Model, manifest: Mapping[str, Any]) -> list[str]:
     size = math.prod(shapes_of(manifest)[result])
     sizes = {"q": "NQ", "u": "NU", "p": "NP", "inputs": "NINPUTS"}
     state = [f"q[{NAME}_NQ]", f"u[{NAME}_NU]", *([f"full_u[{NAME}_NU]"] if model.loops else [])]
-    state += [f"inputs[{NAME}_NINPUTS]"] if "inputs" in given else []
+    called = [shown, *(n for n in ("closure", "newton_step", "completion") if n in functions)]
+    state += [f"inputs[{NAME}_NINPUTS]"] if any("inputs" in functions[n]["arguments"] for n in called) else []
     count = f"{NAME}_NU" if result == "udot" else str(size)
     arrays = [
         state,
@@ -199,9 +200,8 @@ def _program(model: Model, manifest: Mapping[str, Any]) -> list[str]:
     ]
     if model.loops:
         lines += _assembly(model, manifest)
-    call = ", ".join("0.0" if a == "t" else a for a in given)
-    independent = manifest["independent_names"][0]
-    turned = f"q[{_index(model, 'Q', model.coordinate_names, independent)}]"
+    call = _arguments(manifest, shown)
+    turned = [f"q[{_index(model, 'Q', model.coordinate_names, n)}]" for n in manifest["independent_names"][:1]]
     p_is_read = "p" in given or (model.loops and model.parameters)
     lines += ["int main(void)", "{", *([f"    const double *p = {NAME}_PARAMETERS;"] if p_is_read else [])]
     if model.nq <= NUMBERS:
@@ -209,8 +209,9 @@ def _program(model: Model, manifest: Mapping[str, Any]) -> list[str]:
     if model.loops:
         p = ", p" if model.parameters else ""
         lines += [
-            f"    {turned} += 0.001;    /* the dependent coordinates follow */",
-            f"    if (!(assemble(q{p}) < 1e-9) || {name}_completion(q, u{p}, full_u, work)) {{    /* and so do the speeds */",
+            *(f"    {q} += 0.001;    /* the dependent coordinates follow */" for q in turned),
+            f"    if (!(assemble(q{p}) < 1e-9) || {name}_completion({_arguments(manifest, 'completion')}, full_u, work)) {{"
+            "    /* and so do the speeds */",
             '        fprintf(stderr, "the loops cannot be closed there\\n");',
             "        return 1;",
             "    }",
@@ -221,7 +222,7 @@ def _program(model: Model, manifest: Mapping[str, Any]) -> list[str]:
         if "p" in given:
             seed = f"dp[{_index(model, 'P', model.parameter_names, model.parameter_names[0])}]"
         else:
-            seed = "d" + turned
+            seed = "d" + turned[0] if turned else "dt[0]"
         lines += [
             f"    {seed} = 1.0;    /* the direction of the derivative */",
             f"    if (!code) code = {name}_{along}_1({call}, {', '.join(seeds)}, {result}, d{result}, work);",
@@ -236,10 +237,15 @@ def _program(model: Model, manifest: Mapping[str, Any]) -> list[str]:
     ]
 
 
+def _arguments(manifest: Mapping[str, Any], function: str) -> str:
+    """What a function is called with, at time zero."""
+    return ", ".join("0.0" if a == "t" else a for a in manifest["functions"][function]["arguments"])
+
+
 def _assembly(model: Model, manifest: Mapping[str, Any]) -> list[str]:
     """A C function that closes the loops of q."""
     name, NAME = model.name, model.name.upper()
-    p, pass_p = (", const double *p", ", p") if model.parameters else ("", "")
+    p = ", const double *p" if model.parameters else ""
     conditions = len(model.closure_names)
     quaternions = manifest["quaternions"]
     lines = [
@@ -249,10 +255,10 @@ def _assembly(model: Model, manifest: Mapping[str, Any]) -> list[str]:
         f"    static double position[{conditions}], velocity[{conditions}], step[{NAME}_NQ];",
         "    double left = 0.0;",
         "    for (int round = 0; round < 30; ++round) {",
-        f"        {name}_closure(q, u{pass_p}, position, velocity, work);",
+        f"        {name}_closure({_arguments(manifest, 'closure')}, position, velocity, work);",
         "        left = 0.0;",
         f"        for (int i = 0; i < {conditions}; ++i) left = fmax(left, fabs(position[i]));",
-        f"        if (left < 1e-13 || {name}_newton_step(q{pass_p}, step, work)) break;",
+        f"        if (left < 1e-13 || {name}_newton_step({_arguments(manifest, 'newton_step')}, step, work)) break;",
         f"        for (int i = 0; i < {NAME}_NQ; ++i) q[i] += step[i];",
     ]
     if quaternions:

@@ -285,13 +285,13 @@ def check_solver(model: Model, report: Report) -> None:
     for _ in range(CHECK_DRAWS):
         q = q0 + (0.05 if model.loops else 0.5) * rng.normal(size=solver.nq)
         u = u0 + rng.normal(size=solver.nu)
+        inputs, t = rng.normal(size=solver.ninputs), float(rng.uniform(0.1, 1.0))
         if model.loops:
             try:
-                q, u = solver.assemble(q, u)
+                q, u = solver.assemble(q, u, None, inputs, t)
             except (AssemblyError, SingularLoopError) as open_loop:
                 why = f"none of them can be assembled, the last because {open_loop}"
                 continue
-        inputs, t = rng.normal(size=solver.ninputs), float(rng.uniform(0.1, 1.0))
         sizes = {"dq": solver.nq, "du": solver.nu, "dp": solver.np, "dinputs": solver.ninputs}
         seeds: dict[str, Any] = {name: rng.normal(size=(3, n)) for name, n in sizes.items()} | {
             "dt": rng.normal(size=3)

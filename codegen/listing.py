@@ -24,7 +24,7 @@ LONG = 32
 
 
 def list_model(model: Model, verbose: bool = False) -> list[str]:
-    """The sections of a model: parameters, bodies with their joints, loops, forces, initial values, outputs.
+    """The sections of a model: parameters, bodies with their joints, loops, forces, motion, initial values, outputs.
 
     Parameters
     ----------
@@ -77,6 +77,7 @@ class _Listing:
         )
         for type_ in dict.fromkeys(e.type for e in model.loads):
             lines += self.section(type_, [self.element(e) for e in model.loads if e.type == type_])
+        lines += self.section("motion", [f"{x.name} = {self.long(x.value)}" for x in model.prescribed])
         lines += self.row("initial q", self.initial(model.initial_q))
         lines += self.row("initial u", self.initial(model.initial_u))
         lines += self.row("independent, as the model asks", model.independent)

@@ -84,7 +84,7 @@ def compare(
     q, u, p, inputs, t = random_state(rng, model)
     seeds = random_seeds(rng, model, k)
     seeds = dict(seeds) if isinstance(seeds, dict) else seeds._asdict()
-    dq, du, dp = seeds["dq"], seeds["du"], seeds["dp"]
+    dq, du = seeds["dq"], seeds["du"]
     found: dict[str, float] = {}
 
     def both(name: str, arguments: tuple[Any, ...], **directions: Any) -> None:
@@ -97,14 +97,17 @@ def compare(
     found["accelerations"] = error(solver.accelerations(q, u, p, inputs, t), engine.accelerations(q, u, p, inputs, t))
     both("sensitivities", (q, u, p, inputs, t), **seeds)
     both("coordinate_rate_sensitivities", (q, u, p, inputs, t), dq=dq, du=du)
-    both("mass_matrix_sensitivities", (q, p), dq=dq, dp=dp)
+    still = {name: seed for name, seed in seeds.items() if name != "du"}
+    both("mass_matrix_sensitivities", (q, p, inputs, t), **still)
     b, db = rng.normal(size=model.nu), rng.normal(size=(k, model.nu))
-    both("solve_mass_sensitivities", (q, b, p), dq=dq, dp=dp, db=db)
+    both("solve_mass_sensitivities", (q, b, p, inputs, t), db=db, **still)
     udot, dudot = rng.normal(size=model.nu), rng.normal(size=(k, model.nu))
     both("inverse_dynamics_sensitivities", (q, u, udot, p, inputs, t), dudot=dudot, **seeds)
-    both("energy_sensitivities", (q, u, p, inputs, t), dq=dq, du=du, dp=dp)
+    both("energy_sensitivities", (q, u, p, inputs, t), **seeds)
     both("output_sensitivities", (q, u, p, inputs, t), **seeds)
-    found["mass_matrix"] = error(solver.mass_matrix(q, p), engine.mass_matrix(q, p))
+    found["mass_matrix"] = error(solver.mass_matrix(q, p, inputs, t), engine.mass_matrix(q, p, inputs, t))
+    if model.motion:
+        both("driving_force_sensitivities", (q, u, p, inputs, t), **seeds)
     ours, theirs = solver.jacobians(q, u, p, inputs, t), engine.jacobians(q, u, p, inputs, t)
     for name in ("q", "u", "p", "inputs"):
         found[f"J.{name}"] = worst(getattr(ours, name).T, np.asarray(getattr(theirs, name), dtype=float).T)

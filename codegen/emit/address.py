@@ -37,7 +37,11 @@ from ..mechanics.stores import (
     PER_CONDITION_LANE,
     PER_COORDINATE,
     PER_COORDINATE_LANE,
+    PER_DRIVE,
+    PER_DRIVE_LANE,
     PER_LOOP,
+    PER_MOTION,
+    PER_MOTION_LANE,
     PER_PARAMETER_LANE,
     PER_SPEED,
     PER_SPEED_LANE,
@@ -280,6 +284,10 @@ class Addresses:
             row = self.of_links(kind, sweep, store, "Q", [link.q for link in system.links])
         elif memory in (PER_SPEED, PER_SPEED_LANE):
             row = self.of_links(kind, sweep, store, "U", [link.u for link in system.links])
+        elif memory in (PER_MOTION, PER_MOTION_LANE):
+            row = self.of_links(kind, sweep, store, "MOTION", [3 * link.driven for link in system.links])
+        elif memory in (PER_DRIVE, PER_DRIVE_LANE):
+            row = self.of_links(kind, sweep, store, "DRIVEN", [link.driven for link in system.links])
         elif memory is WRENCH:
             if store.owner is LOOP:
                 row = self.of_loops(kind, store, "_WRENCH", [6 * n for n in range(len(system.model.loops))])

@@ -429,17 +429,19 @@ class CWriter(Writer):
     # -- the files -------------------------------------------------------------------------------------------------
 
     def prepared(self, what: str) -> list[str]:
-        angles = self.layout.angles
-        n = len(angles)
+        angles, driven = self.layout.angles, self.layout.driven_angles
+        free, n = len(angles), len(angles) + len(driven)
         match what:
             case procedures.CONSTANTS:
                 return self.constants[1]
             case procedures.GROUND:
                 return self.gravity() + self.ground()
-            case procedures.ANGLES if angles:
-                angle = "i" if angles == list(range(n)) else "angle_of[i]"
+            case procedures.ANGLES if n:
+                angle = "i" if angles == list(range(free)) else "angle_of[i]"
+                places = f"a->trig[ANGLES + {free} + i] = a->prescribed[driven_angle_of[i]];"
                 return [
-                    f"for (int i = 0; i < {n}; ++i) a->trig[ANGLES + i] = a->q[{angle}];",
+                    *([f"for (int i = 0; i < {free}; ++i) a->trig[ANGLES + i] = a->q[{angle}];"] if angles else []),
+                    *([f"for (int i = 0; i < {n - free}; ++i) {places}"] if driven else []),
                     f"for (int i = {n}; i < ANGLES; ++i) a->trig[ANGLES + i] = {in_all('0.0')};",
                     f"sines_and_cosines({n}, a->trig);",
                 ]
@@ -478,13 +480,13 @@ class CWriter(Writer):
             ("constants", False, layout.constants_size),
             ("trig", False, 2 * layout.angles_padded),
             ("tau", False, forced),
-            *((name, False, n) for name, n in self.system.coefficient_counts.items()),
+            *((name, False, n) for name, n in self.system.arrays.items()),
             *self.columns.regions(len(layout.column), links),
             ("slots", True, slot_size * self.system.slots),
             ("lanes", True, len(layout.lane) * links),
             ("region_lanes", True, len(layout.region_lane) * len(regions.regions)),
             ("dtau", True, forced),
-            *((f"d{name}", True, n) for name, n in self.system.coefficient_counts.items()),
+            *((f"d{name}", True, n) for name, n in self.system.arrays.items()),
         ]
         return [r for r in found if r[2]]
 
@@ -581,7 +583,7 @@ class CWriter(Writer):
             "sizes_in_c": [
                 ("LINKS", len(self.system.links)),
                 *([("NEAR_SIZE", layout.near_size)] if layout.near_size else []),
-                *((("ANGLES", layout.angles_padded), ("COSINE", 0), ("SINE", "ANGLES")) if layout.angles else ()),
+                *((("ANGLES", layout.angles_padded), ("COSINE", 0), ("SINE", "ANGLES")) if layout.angles_padded else ()),
                 *((name, i) for i, name in enumerate(ENERGIES) if "energy" in memory.fields),
             ],
             "near_names": self.near_names(), "types": self.types(False), "lane_types": self.types(True),
@@ -594,7 +596,7 @@ class CWriter(Writer):
             "lane_places": [(n, f"({types[n]} *)(work + {at})") for n, at in places.items() if kept[n]],
             "tables": [*self.flat_tables(), *((head, [f"{{{row}}}," for row in rows]) for head, rows in self.tables)],
             "part_files": ["c/parts.c.jinja"] if self.has_parts else [],
-            "sines": ["c/sincos.c.jinja"] if layout.angles and self.prepares(procedures.ANGLES) else [],
+            "sines": ["c/sincos.c.jinja"] if layout.angles_padded and self.prepares(procedures.ANGLES) else [],
             "routines": [lines.routine(r) for r in context["routines"]],
             "lane_functions": [(*guard(widths, used), functions) for widths, functions in context["lane_functions"] if functions],
             "lane_routines": [
@@ -668,6 +670,8 @@ class CWriter(Writer):
         )
         if self.prepares(procedures.ANGLES) and angles != list(range(len(angles))):
             found.append((f"static const int angle_of[{len(angles)}]", in_lines(list(map(str, angles)), 16)))
+        if self.prepares(procedures.ANGLES) and (driven := self.layout.driven_angles):
+            found.append((f"static const int driven_angle_of[{len(driven)}]", in_lines(list(map(str, driven)), 16)))
         return found + self.columns.tables()
 
     @cached_property

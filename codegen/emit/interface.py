@@ -110,8 +110,8 @@ def manifest(
         "closure_names": list(model.closure_names),
         "independent_names": [model.coordinate_names[i] for i in independent_q],
         "independent_speed_names": [model.speed_names[i] for i in independent_u],
-        "prescribed_names": [],
-        "initial": {"q": list(assembled) or q0, "u": u0},
+        "prescribed_names": list(model.prescribed_names),
+        "initial": {"q": _of_free(system, assembled) or q0, "u": u0},
         **({"initial_at_rest": True} if model.initial_at_rest else {}),
         "quaternions": quaternions,
         "links": [link.name for link in system.links],
@@ -157,12 +157,23 @@ def _singular_outputs(system: System) -> dict[str, Any]:
     return {"singular_outputs": found} if found else {}
 
 
+def _of_free(system: System, q: tuple[float, ...]) -> list[float]:
+    """Of coordinates of the model with nothing prescribed, those that are not."""
+    model = system.model
+    return [x for x, name in zip(q, model.released.coordinate_names, strict=False) if name not in model.motion]
+
+
 def _closures(system: System) -> dict[str, Any]:
     """Loops that are closed together, the speeds that they make dependent, and their characteristic lengths, m."""
     if system.partition is None:
         return {}
     ears = system.partition.ears
-    return {"closures": [{"loops": e.loops, "dependent": e.dependent, "length": e.length} for e in ears]}
+    place = {link.speed + j: link.u + j for link in system.links for j in range(link.joint.freedoms)}
+    return {
+        "closures": [
+            {"loops": e.loops, "dependent": tuple(place[i] for i in e.dependent), "length": e.length} for e in ears
+        ]
+    }
 
 
 def _redundancy(system: System) -> dict[str, Any]:

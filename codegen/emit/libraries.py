@@ -24,7 +24,8 @@ _OF = {
     "accelerations": "dynamics", "sensitivities": "dynamics", "coordinate_rates": "dynamics", "closure": "dynamics",
     "conditions": "dynamics", "newton_step": "dynamics", "closing_step": "dynamics", "completion": "dynamics",
     "jacobians": "jacobians", "state_rates": "motion", "state_rate_sensitivities": "motion", "inverse_dynamics": "forces",
-    "inverse_dynamics_sensitivities": "forces", "energies": "outputs", "energy_sensitivities": "outputs", "outputs": "outputs",
+    "inverse_dynamics_sensitivities": "forces", "driving_forces": "forces", "driving_force_sensitivities": "forces",
+    "energies": "outputs", "energy_sensitivities": "outputs", "outputs": "outputs",
     "output_sensitivities": "outputs",
 }  # fmt: skip
 

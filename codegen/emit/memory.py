@@ -46,6 +46,8 @@ class Layout:
         Constants that differ within a kind but depend on no parameter, and where each link's, loop's and force element's begin.
     angles, trig_of
         Coordinates that are angles, and for each link the number of its angle.
+    driven_angles
+        What of prescribed motion is an angle; these have the numbers after the others.
     """
 
     def __init__(self, program: Program):
@@ -73,12 +75,15 @@ class Layout:
         self.slots = {sweep: {name: i for i, name in enumerate(fields)} for sweep, fields in program.slots.items()}
         self.slot_forms, self.near_forms = _first_with(self.slots), _first_with(self.near)
         self._constants(system)
-        self.trig_of, count = [], 0
+        turning = [link for link in system.links if link.joint.angle is not None]
+        free, driven = ([link for link in turning if link.joint.driven is is_driven] for is_driven in (False, True))
+        self.angles = [link.q + link.joint.angle for link in free if link.joint.angle is not None]
+        self.driven_angles = [3 * link.driven for link in driven]
+        self.trig_of, counts = [], [0, len(self.angles)]
         for link in system.links:
-            self.trig_of.append(count)
-            count += link.joint.angle is not None
-        self.angles = [link.q + link.joint.angle for link in system.links if link.joint.angle is not None]
-        self.angles_padded = -(-len(self.angles) // 8) * 8
+            self.trig_of.append(counts[link.joint.driven])
+            counts[link.joint.driven] += link.joint.angle is not None
+        self.angles_padded = -(-len(turning) // 8) * 8
 
     def _constants(self, system: System) -> None:
         self.constant_fields = {

@@ -155,12 +155,19 @@ class NumpyWriter(Writer):
         return [*lines, "a.kept[GROUND] = a.records[GROUND]"] if self.layout.kept else lines
 
     def prepared(self, what: str) -> list[str]:
-        angles = self.layout.angles
+        angles, driven = self.layout.angles, self.layout.driven_angles
         match what:
             case procedures.CONSTANTS:
                 return self.constants[1]
             case procedures.GROUND:
                 return self.ground()
+            case procedures.ANGLES if driven:
+                place = f":{len(angles)}" if angles == list(range(len(angles))) else "angle_of"
+                free = [f"*a.q[{place}], "] if angles else []
+                return [
+                    f"angles = [{''.join(free)}*(a.prescribed[i] for i in driven_angle_of)]",
+                    "a.cos, a.sin = [np.cos(x) for x in angles], [np.sin(x) for x in angles]",
+                ]
             case procedures.ANGLES if angles:
                 place = f":{len(angles)}" if angles == list(range(len(angles))) else "angle_of"
                 return [f"angles = a.q[{place}]", "a.cos, a.sin = np.cos(angles), np.sin(angles)"]
@@ -187,7 +194,7 @@ class NumpyWriter(Writer):
             lines.append("a.region_lanes = [Adjoints() for _ in a.region_lanes]")
         model = self.model
         lines += ["a.dtau = [0.0] * NU"] if model.forces else []
-        return lines + [f"a.d{name} = [0.0] * {n}" for name, n in self.system.coefficient_counts.items()]
+        return lines + [f"a.d{name} = [0.0] * {n}" for name, n in self.system.arrays.items()]
 
     def _along(self, terms: list[tuple[float | str, int]]) -> str:
         return " + ".join(f"{self._gravity(factor)}*a.dp[{p}]" for factor, p in terms) or "0.0"
@@ -218,7 +225,7 @@ class NumpyWriter(Writer):
         lines = [f"self.{name} = [{{}} for _ in range({n})]" for name, n in kept.items() if n]
         arrays = {a.name: numpy_functions.count(a) for a in numpy_functions.made(self.procedures)}
         arrays |= {n: "NU" for n in ("tau", "dtau") if model.forces}
-        arrays |= {d + name: str(n) for name, n in system.coefficient_counts.items() for d in ("", "d")}
+        arrays |= {d + name: str(n) for name, n in system.arrays.items() for d in ("", "d")}
         return [*lines, *(f"self.{name} = [0.0] * {n}" for name, n in arrays.items())]
 
     def flat_tables(self) -> list[tuple[str, list[str], str]]:
@@ -232,6 +239,8 @@ class NumpyWriter(Writer):
         angles = self.layout.angles
         if self.prepares(procedures.ANGLES) and angles != list(range(len(angles))):
             found.append(("angle_of = [", in_lines(list(map(str, angles)), 16), "]"))
+        if self.prepares(procedures.ANGLES) and (driven := self.layout.driven_angles):
+            found.append(("driven_angle_of = [", in_lines(list(map(str, driven)), 16), "]"))
         return found
 
     def context(self) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from ..mechanics.ears.orthogonal import RankLossError
 from ..mechanics.elimination import ZeroPivotError
 from ..mechanics.expansion import Place as MemoryPlace
 from ..mechanics.expansion import Program, expand
-from ..mechanics.formulas import FormulaKind, coefficient_formulas, force_formulas, initial_formulas
+from ..mechanics.formulas import FormulaKind, coefficient_formulas, force_formulas, initial_formulas, motion_formulas
 from ..mechanics.outputs.frames import SIZES, frame_formulas, place_formulas
 from ..mechanics.outputs.outputs import RecordFormula, output_formulas, potential_formula
 from ..mechanics.procedures import (
@@ -139,7 +139,7 @@ def write_solver(
         seconds[stage] = now - clock
         clock = now
 
-    if not model.nu:
+    if not model.nu and not model.prescribed:
         raise ModelError([model.problem("bodies", "no joint has a freedom, so nothing can move")])
     if model.loops and chosen is None:
         progress("choosing dependent coordinates", 0, 0)
@@ -187,7 +187,7 @@ def write_solver(
         "unrolled" if unrolled else "kinds",
         seconds,
         program.report,
-        describe(model, chosen) if chosen else [],
+        describe(model.released, chosen) if chosen else [],
         chosen,
     )
 
@@ -241,13 +241,8 @@ def _expanded(
         body = system.links[error.kind.members[0]].name.partition(".")[0]
         message = f"nothing outboard of the joint of {body!r} has inertia about it in any state; give it mass or fix the joint"
         raise ModelError([model.problem(f"bodies.{body}.joint", message)]) from None
-    formulas = [
-        *force_formulas(system),
-        *coefficient_formulas(system),
-        *values,
-        *initial_formulas(model),
-        *place_formulas(model),
-    ]
+    formulas = [*force_formulas(system), *coefficient_formulas(system), *motion_formulas(model), *values]
+    formulas += [*initial_formulas(model), *place_formulas(model)]
     formulas = [f for f in formulas if f.target in read]
     tangents = [*(f.tangent for f in formulas), *(r.tangent for r in records)]
     # pivots are met whether the function that says so is among those asked for or not

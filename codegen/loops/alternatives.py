@@ -26,7 +26,7 @@ def other_partition(model: Model, known: Sequence[Partition]) -> Partition | Non
     known : sequence of Partition
         Their independent speeds are to be avoided.
     """
-    coordinate = _coordinate_of_speeds(model)
+    coordinate = _coordinate_of_speeds(model.released)
     names = list(
         dict.fromkeys(coordinate[u] for k in known for ear in k.ears for u in ear.dependent if u in coordinate)
     )

@@ -69,13 +69,27 @@ def partition(model: Model) -> Partition:
         A loop cannot be closed.
     PartitionError
         A hint cannot be honoured, a loop has no freedom to close with, or no freedom is left at all.
+
+    Notes
+    -----
+    What is prescribed moves on its own: it is independent, and speeds are those of `Model.released`.
     """
+    prescribed, model = model.prescribed_names, model.released
     guess = padded(initial_configuration(model)[0])
     if not model.loops:
         return Partition((), tuple(range(model.nu)), tuple(float(x) for x in guess[0, : model.nq]))
     geometry = Geometry(model)
     try:
         return _found(model, geometry, guess)
+    except PartitionError as error:
+        asked = [n for n in prescribed if n in str(error)]
+        if not asked or "be independent" not in str(error):
+            raise
+        raise PartitionError(
+            f"{str(error).partition(':')[0]}: {listed(asked)} cannot be prescribed{' together' if len(asked) > 1 else ''}, since "
+            f"closure determines too much of that; take {'one of them' if len(asked) > 1 else 'it'} from `motion`, or give "
+            f"the loop one more freedom"
+        ) from None
     except np.linalg.LinAlgError:  # of matrices that are not finite
         widest = int(np.argmax(geometry.own_lengths))
         name, length = model.loops[widest].name, geometry.own_lengths[widest]

@@ -160,6 +160,19 @@ gain = ScalarField(
     "inertia over that along the freedom (Eq. 46), by freedom and component; after six, those of partners",
 )
 
+driving_gain = ScalarField(
+    "drive.{}",
+    "[kg m^2, kg m] or [kg m, kg]",
+    OWN,
+    "inertia along a prescribed coordinate, by component of the acceleration; after six, those of partners",
+)
+driving_rest = ScalarField(
+    "drive",
+    "N m or N",
+    "",
+    "force along a prescribed coordinate that is needed with the explicit accelerations at zero",
+)
+
 # -- columns of matrices -----------------------------------------------------------------------------------------------
 
 joint_force = SixField("phi.", WRENCH, OWN, "moment and force that the joint transmits, with all accelerations known")
@@ -299,6 +312,13 @@ region_force = SixField("", WRENCH, REGION, "force of a region that its base car
 source_inverse_pivot = ScalarField("Dinv{}", "1/(kg u^2)", "", "one over the inertia along a source (Eq. 47)")
 source_right_side = ScalarField("rD{}", "u/s^2", "", "what drives a source, over the inertia along it (Eq. 53)")
 source_gain = ScalarField("G{}.{}", "1", "", "inertia over that along the source (Eq. 46)")
+source_driving_gain = ScalarField(
+    "dG{}.{}", "kg u [m, 1]", "", "inertia over a prescribed source and what is known when the region's own are found"
+)
+source_driving_rest = ScalarField(
+    "dr{}", "kg u^2/s^2", "", "force along a prescribed source that is needed with those accelerations at zero"
+)
+source_driving = ScalarField("drive{}", "kg u^2/s^2", "", "force that a prescribed source takes")
 source_acceleration = ScalarField("a{}", "u/s^2", "", "acceleration of a source")
 source_tangent_force = ScalarField("r{}", "kg u^2/s^2", "", "right side of the balance along a source")
 region_transmitted = SixField("t.", WRENCH, "the base", "what ears hand to the base with all accelerations known")

@@ -21,7 +21,7 @@ from ..program.store import Store
 from ..program.transpose import transposed
 from .stores import MARGIN, NUMBER, argument
 from .structure.constants import Statements, to_slots
-from .structure.system import System
+from .structure.system import System, speeds_with_forces
 
 Row = tuple[int, list[int], list[float]]
 """Target index, indices for the slots, numbers."""
@@ -148,6 +148,9 @@ def _place(model: Model, target: str, index: int) -> str:
     """Path in the model file of the formula with a target index."""
     if target == "outputs":
         return f"outputs.{model.outputs[index].name}.value"
+    if target == "held_force":
+        body = model.prescribed[index].body
+        return next(f"forces.{f.name}.value" for f in model.forces if f.body == body)
     if target != "tau":
         names = model.coordinate_names if target == "initial_q" else model.speed_names
         return f"initial.{target[-1]}.{names[index]}"
@@ -189,14 +192,25 @@ def _make(index: int, target: str, tree: Tree, places: list[tuple[str, int]]) ->
 def force_formulas(system: System) -> list[FormulaKind]:
     """Joint forces, summed per freedom; the target index is that of the speed."""
     trees: dict[int, Tree] = {}
-    for body, forces in system.force_of.items():
-        start = system.model.coordinate_slices[body][1].start
+    for forces in system.force_of.values():
         for f in forces:
-            for j, value in enumerate(f.values):
-                if value.tree != ("number", 0):
-                    i = start + j
-                    trees[i] = ("+", trees[i], value.tree) if i in trees else value.tree
-    return formula_kinds(system.model, "tau", sorted(trees.items()))
+            for i, value in speeds_with_forces(system.model, f):
+                trees[i] = ("+", trees[i], value.tree) if i in trees else value.tree
+    on_speeds = [(i, tree) for i, tree in sorted(trees.items()) if i >= 0]
+    held = [(-1 - i, tree) for i, tree in sorted(trees.items()) if i < 0]
+    return formula_kinds(system.model, "tau", on_speeds) + formula_kinds(system.model, "held_force", held)
+
+
+def motion_formulas(model: Model) -> list[FormulaKind]:
+    """Prescribed coordinates, their rates and accelerations, as functions of time, parameters and inputs."""
+    found: list[tuple[int, Tree]] = []
+    places: dict[int, str] = {}
+    for n, x in enumerate(model.prescribed):
+        for order, e in enumerate(x.values):
+            if e.tree != ("number", 0):
+                found.append((3 * n + order, e.tree))
+                places[3 * n + order] = f"motion.{x.name}"
+    return formula_kinds(model, "prescribed", found, places)
 
 
 def coefficient_formulas(system: System) -> list[FormulaKind]:

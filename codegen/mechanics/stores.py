@@ -33,6 +33,8 @@ PER_COORDINATE, PER_COORDINATE_LANE = (
 PER_SPEED, PER_SPEED_LANE = Memory("speeds", life=Life.OUTSIDE), Memory("speeds", True, Life.OUTSIDE)
 PER_ANGLE = Memory("sines and cosines")
 TURN = Memory("rotations", True)
+PER_MOTION, PER_MOTION_LANE = Memory("prescribed motion"), Memory("prescribed motion", True)
+PER_DRIVE, PER_DRIVE_LANE = Memory("driving forces"), Memory("driving forces", True)
 PER_PARAMETER, PER_PARAMETER_LANE = Memory("parameters", life=Life.OUTSIDE), Memory("parameters", True, Life.OUTSIDE)
 ENERGY, ENERGY_LANE = Memory("energies", life=Life.OUTSIDE), Memory("energies", True, Life.OUTSIDE)
 SUM, SUM_LANE = Memory("sums"), Memory("sums", True)
@@ -112,6 +114,12 @@ UDOT, DUDOT = Store("udot", LINK, PER_SPEED), Store("dudot", LINK, PER_SPEED_LAN
 TAU, DTAU = Store("tau", LINK, PER_SPEED), Store("dtau", LINK, PER_SPEED_LANE)
 FORCE, DFORCE = Store("force", LINK, PER_SPEED), Store("dforce", LINK, PER_SPEED_LANE)
 RIGHT_SIDE = Store("b", LINK, PER_SPEED_LANE)
+MOTION, DMOTION = Store("prescribed", LINK, PER_MOTION), Store("dprescribed", LINK, PER_MOTION_LANE)
+"""Of a coordinate that is prescribed: itself, its rate, its acceleration."""
+DRIVING, DDRIVING = Store("driving", LINK, PER_DRIVE), Store("ddriving", LINK, PER_DRIVE_LANE)
+"""The generalised force that this takes."""
+HELD, DHELD = Store("held_force", LINK, PER_DRIVE), Store("dheld_force", LINK, PER_DRIVE_LANE)
+"""Joint forces along what is prescribed."""
 TRIG = Store("trig", LINK, PER_ANGLE)
 TURNS = Store("turn", LINK, TURN)
 """Rotation vector of a joint: no memory, but what sines, cosines and rotation matrices are differentiated by."""
@@ -139,7 +147,15 @@ COEFFICIENT, DCOEFFICIENT = (
 DRIVE, DDRIVE = Store("drive", ELEMENT, COEFFICIENTS), Store("ddrive", ELEMENT, COEFFICIENTS_LANE)
 """Coefficients of the others."""
 
-TANGENT_OF = {SPEEDS: DU, COORDINATES: DQ, COEFFICIENT: DCOEFFICIENT, DRIVE: DDRIVE, MASSES: DMASSES, MOMENTA: DMOMENTA}
+TANGENT_OF = {
+    SPEEDS: DU,
+    COORDINATES: DQ,
+    MOTION: DMOTION,
+    COEFFICIENT: DCOEFFICIENT,
+    DRIVE: DDRIVE,
+    MASSES: DMASSES,
+    MOMENTA: DMOMENTA,
+}
 """Where the seeds of arguments and the tangents of sums are."""
 
 

@@ -136,6 +136,10 @@ def _carried_on(kind: LinkKind) -> bool:
     return kind.carried_on
 
 
+def _is_free(kind: LinkKind) -> bool:
+    return kind.joint.freedoms > 0
+
+
 def _never(kind: LinkKind) -> bool:
     return False
 
@@ -215,7 +219,7 @@ SWEEPS: tuple[Sweep, ...] = (
     Sweep("column_add", "columns: changes at their own links", columns.column_add, OUTWARD, lanes=True, groups="own"),
     Sweep("composite", "composite inertias (Eq. 23)", composite.composite, INWARD),
     Sweep("composite_seed", "columns: forces for unit accelerations (Eq. 23)", columns.composite_seed, OUTWARD, lanes=True,
-          groups="own"),
+          groups="own", applies=_is_free),
     Sweep("composite_in", "columns, inward: the mass matrix (Eq. 45)", columns.composite_in, INWARD, lanes=True, groups="below"),
     Sweep("rates", "time derivatives of the coordinates (Eq. 1)", kinematics.coordinate_rates, OUTWARD),
     Sweep("rate_tangents", "tangent of the time derivatives of the coordinates", kinematics.coordinate_rates, OUTWARD,

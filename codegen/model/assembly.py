@@ -1,8 +1,8 @@
 """From the plain data of a file or the builder to a checked `Model`, with every problem on the way.
 
 One pass over the sections in the order in which they need each other: constants, parameters, inputs, gravity, bodies,
-points, loops, forces, outputs, initial values, independent coordinates. A section that is wrong is reported and left out,
-so that the others are still read.
+prescribed motion, points, loops, forces, outputs, initial values, independent coordinates. A section that is wrong is
+reported and left out, so that the others are still read.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from .sections.gravity import is_constant, read_gravity, weights
 from .sections.independent import read_independent
 from .sections.initial import is_at_rest, read_initial
 from .sections.loops import read_loops
+from .sections.motion import read_motion
 from .sections.named_expressions import check_named_expressions, read_named_expressions, warn_of_unused
 from .sections.outputs import read_outputs
 from .sections.points import read_points
@@ -73,6 +74,7 @@ def _model(reader: Reader) -> Model | None:
     reader.allowed["motion"] = dict(reader.allowed["inputs"])  # and what moves, once the bodies are read
     gravity = read_gravity(reader)
     bodies = read_bodies(reader)
+    motion = read_motion(reader, bodies)
     points = read_points(reader, bodies)
     reader.points = [points, bodies.frames]
     check_named_expressions(reader, named)
@@ -80,7 +82,7 @@ def _model(reader: Reader) -> Model | None:
     loops = read_loops(reader, bodies, points)
     if reader.errors == before:  # a loop that could not be read may hold what seems to move no mass
         faces = [face for loop in loops for face in (loop.start, loop.end)]
-        check_freedoms(reader, bodies, {face.body for face in faces if face.body != GROUND})
+        check_freedoms(reader, bodies, {face.body for face in faces if face.body != GROUND}, motion)
     elements = read_forces(reader, bodies, points)
     if gravity is not None and not is_constant(reader, gravity):
         if bodies.is_sound:
@@ -110,6 +112,7 @@ def _model(reader: Reader) -> Model | None:
         forces=tuple(e for e in elements if isinstance(e, JointForce)),
         loads=tuple(e for e in elements if not isinstance(e, JointForce)),
         outputs=tuple(outputs),
+        motion=motion,
         initial_q=initial["q"],
         initial_u=initial["u"],
         initial_at_rest=is_at_rest(reader),

@@ -193,6 +193,10 @@ class ModelBuilder:
         """Coordinates that shall be independent, or joints for all of theirs; may be called several times."""
         self._root.setdefault("independent", []).extend(_plain(names))
 
+    def motion(self, name: str, value: Scalar | Sequence[Scalar]) -> None:
+        """Prescribe a coordinate, or all of a joint, as a function of ``t``, parameters and inputs."""
+        self._put("motion", name, value)
+
     def joint_force(self, name: str, joint: str, value: Scalar | Sequence[Scalar]) -> None:
         """A generalised force on the freedoms of a joint, positive where it raises u."""
         self._put("forces", name, {"type": "joint", "joint": joint, "value": _plain(value)})

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
+from types import MappingProxyType
 
 import numpy as np
 
 from .expressions import Expression
-from .mobility import Value, placement, singular_joint
+from .mobility import Driven, Value, placement, singular_joint
 from .model import GROUND, Body
 from .motions import Ball, Displacement, Slide, Turn
 
@@ -194,7 +195,12 @@ def _parallel(c: np.ndarray) -> np.ndarray:
     return c @ c * np.eye(3) - np.outer(c, c)
 
 
-def check_freedoms(bodies: Sequence[Body], value: Value, held: Collection[int] = ()) -> Iterator[Finding]:
+def check_freedoms(
+    bodies: Sequence[Body],
+    value: Value,
+    held: Collection[int] = (),
+    driven: Driven = MappingProxyType({}),
+) -> Iterator[Finding]:
     """Joints that move nothing at the default parameters: their accelerations would be a division by zero.
 
     Parameters
@@ -203,6 +209,8 @@ def check_freedoms(bodies: Sequence[Body], value: Value, held: Collection[int] =
         A tree.
     value : callable
         Value of an expression at the default parameters.
+    driven : mapping of int to list of int
+        Coordinates that are prescribed, by body and place in its joint: they need no inertia.
     held : collection of int
         Bodies that a loop joins to another one. Their joints move what is beyond the loop too, and the loop may take
         their freedoms, so they need no mass of their own.
@@ -235,6 +243,8 @@ def check_freedoms(bodies: Sequence[Body], value: Value, held: Collection[int] =
         parent = bodies[k].parent
         inside[k] = parent != GROUND and inside[parent]
         type_ = bodies[k].joint.type
+        if k in driven:  # what is left of its joint is judged with all others
+            continue
         if light[k] and not inside[k] and not bodies[k].joint.is_fixed:
             inside[k] = True
             beyond = " and everything beyond it" if children[k] else ""
@@ -250,7 +260,7 @@ def check_freedoms(bodies: Sequence[Body], value: Value, held: Collection[int] =
                 sound = False
                 yield k, ("joint",), message, "error"
     if sound and not held:
-        singular = singular_joint(bodies, order, mass, inertia, value)
+        singular = singular_joint(bodies, order, mass, inertia, value, driven)
         if singular is not None:
             type_ = bodies[singular].joint.type
             message = (

@@ -61,6 +61,9 @@ class EntryReader(Protocol):
     def joint(self, reference: Expression, key: str, entry: Entry) -> NamedJoint | None:
         """The joint that is named, or None after a problem with it or with the entry."""
 
+    def prescribed(self, reference: Expression, key: str) -> tuple[str, str] | None:
+        """The prescribed coordinate that is named, and the unit of a force along it, or None after a problem."""
+
     def held_together(self, what: str, start: Point | Face, end: Point | Face, useless: str) -> bool:
         """Whether two bodies cannot move against each other, which is reported."""
 

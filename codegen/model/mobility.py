@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -12,6 +12,8 @@ from .motions import Ball, Slide, Turn
 
 Value = Callable[[Expression], float]
 """Value of an expression at the default parameters."""
+Driven = Mapping[int, Sequence[int]]
+"""Coordinates that are prescribed, by body and place in its joint."""
 
 MAX_BODIES = 1000
 """Larger systems are not looked at: the sweep is written for clarity."""
@@ -36,7 +38,12 @@ def placement(joint: Joint, value: Value) -> tuple[np.ndarray, np.ndarray]:
 
 
 def singular_joint(
-    bodies: Sequence[Body], order: Sequence[int], mass: np.ndarray, inertia: np.ndarray, value: Value
+    bodies: Sequence[Body],
+    order: Sequence[int],
+    mass: np.ndarray,
+    inertia: np.ndarray,
+    value: Value,
+    driven: Driven,
 ) -> int | None:
     """The first body, outward, whose joint has an articulated inertia of zero at random configurations; or None.
 
@@ -48,29 +55,31 @@ def singular_joint(
         Parents before children.
     mass, inertia : (n,) and (n, 3, 3) arrays
         At the default parameters, about the centres of mass.
+    driven : mapping of int to sequence of int
+        Coordinates that are prescribed, by body and place in its joint: they do not move by themselves.
     """
     if len(bodies) > MAX_BODIES and len({id(b.joint) for b in bodies}) > MAX_BODIES:
         return None
     resists: dict[tuple[int, ...], bool] = {}  # repeated bodies share their expressions
     for k, b in enumerate(bodies):
-        key = id(b.joint), id(b.mass), id(b.com), id(b.inertia)
+        key = id(b.joint), id(b.mass), id(b.com), id(b.inertia), *driven.get(k, ())
         if key not in resists:
-            resists[key] = _resists(b, mass[k], inertia[k], value)
+            resists[key] = _resists(b, mass[k], inertia[k], value, driven.get(k, ()))
     if all(resists.values()) or len(bodies) > MAX_BODIES:
         return None
     rng = np.random.default_rng(1)
     with np.errstate(all="ignore"):
-        found = [_singular_at(rng, bodies, order, mass, inertia, value) for _ in range(_STATES)]
+        found = [_singular_at(rng, bodies, order, mass, inertia, value, driven) for _ in range(_STATES)]
     common = set(found[0]).intersection(*found[1:])
     return next((k for k in order if k in common), None)
 
 
-def _resists(body: Body, mass: float, inertia: np.ndarray, value: Value) -> bool:
+def _resists(body: Body, mass: float, inertia: np.ndarray, value: Value, driven: Sequence[int]) -> bool:
     """Whether the body's own inertia is enough for every freedom of its joint."""
-    if body.joint.is_fixed:
+    if len(driven) == len(body.joint.kind.speeds):
         return True
     with np.errstate(all="ignore"):
-        s = _freedoms(body.joint, np.random.default_rng(2), value)[2]
+        s = np.delete(_freedoms(body.joint, np.random.default_rng(2), value)[2], driven, axis=1)
         own = _spatial(mass, np.array([value(e) for e in body.com]), inertia)
         pivot = s.T @ own @ s
         scale = float(np.abs(pivot).max())
@@ -86,12 +95,14 @@ def _singular_at(
     mass: np.ndarray,
     inertia: np.ndarray,
     value: Value,
+    driven: Driven,
 ) -> list[int]:
     """Bodies whose joints have a singular articulated inertia at one random configuration."""
     shift, freedoms, articulated, composite = {}, {}, {}, {}
     for k in order:
         at, turn = placement(bodies[k].joint, value)
-        own_turn, own_at, freedoms[k] = _freedoms(bodies[k].joint, rng, value)
+        own_turn, own_at, columns = _freedoms(bodies[k].joint, rng, value)
+        freedoms[k] = np.delete(columns, driven.get(k, ()), axis=1) if k in driven else columns
         at, turn = at + turn @ own_at, turn @ own_turn
         # motion of the parent's frame to motion of the body's: angular part first, body components
         shift[k] = np.zeros((6, 6))

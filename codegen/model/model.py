@@ -8,7 +8,7 @@ lines of a ``repeat`` hold the same `Expression` objects, and the generator reco
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from .axes import Vector, coordinate_axis, least_along
@@ -18,6 +18,7 @@ from .forces import ForceElement, JointForce
 from .joints import JOINTS, Closure, JointType
 from .outputs import MEASURES, Output
 from .places import GROUND, Face, Point
+from .rates import rate
 
 __all__ = [
     "CLOSURE_ROWS",
@@ -177,6 +178,30 @@ def joint_coordinates(name: str, type: str) -> tuple[tuple[str, ...], tuple[str,
     return tuple([f"{name}.{s}" for s in kind.coordinates]), tuple([f"{name}.{s}" for s in kind.speeds])
 
 
+@dataclass(frozen=True, slots=True)
+class Prescribed:
+    """A coordinate that is a function of time, parameters and inputs; it is none of q, nor is its rate one of u.
+
+    Attributes
+    ----------
+    name : str
+    body, index : int
+        Whose joint's coordinate it is, and which of that.
+    values : tuple of Expression
+        The coordinate, its rate and its acceleration.
+    """
+
+    name: str
+    body: int
+    index: int
+    values: tuple[Expression, Expression, Expression]
+
+    @property
+    def value(self) -> Expression:
+        """The coordinate."""
+        return self.values[0]
+
+
 @dataclass(frozen=True, eq=False)
 class Model:
     """A checked multibody model. Made by `codegen.load_model` or `codegen.ModelBuilder`, never by hand.
@@ -196,6 +221,8 @@ class Model:
     forces : tuple of JointForce
     loads : tuple of ForceElement
         What acts on bodies; both in the order of the file.
+    motion : dict of str to Expression
+        Coordinates that are prescribed, by name, as functions of t, parameters and inputs.
     loop_tolerance : float
         Conditions of loops that follow from others but for this part of them are taken to follow.
     warnings : tuple of str
@@ -218,6 +245,7 @@ class Model:
     forces: tuple[JointForce, ...] = ()
     loads: tuple[ForceElement, ...] = ()
     outputs: tuple[Output, ...] = ()
+    motion: dict[str, Expression] = field(default_factory=dict)
     initial_q: dict[str, Expression] = field(default_factory=dict)
     initial_u: dict[str, Expression] = field(default_factory=dict)
     initial_at_rest: bool = False
@@ -243,20 +271,66 @@ class Model:
 
     @cached_property
     def coordinate_names(self) -> tuple[str, ...]:
-        return tuple(q for b in self.bodies for q in joint_coordinates(b.name, b.joint.type)[0])
+        """Those of q: of all joints, but for what is prescribed."""
+        every = (q for b in self.bodies for q in joint_coordinates(b.name, b.joint.type)[0])
+        return tuple(q for q in every if q not in self.motion)
 
     @cached_property
     def speed_names(self) -> tuple[str, ...]:
-        return tuple(u for b in self.bodies for u in joint_coordinates(b.name, b.joint.type)[1])
+        every = (u for b in self.bodies for u in joint_coordinates(b.name, b.joint.type)[1])
+        return tuple(u for u in every if u not in self.motion)
+
+    @cached_property
+    def prescribed(self) -> tuple[Prescribed, ...]:
+        """What is prescribed, body by body."""
+        found = []
+        for k, b in enumerate(self.bodies) if self.motion else ():
+            for i, name in enumerate(joint_coordinates(b.name, b.joint.type)[0]):
+                if name in self.motion:
+                    value = self.motion[name]
+                    found.append(Prescribed(name, k, i, (value, rate(value), rate(rate(value)))))
+        return tuple(found)
+
+    @property
+    def prescribed_names(self) -> tuple[str, ...]:
+        """Coordinates that are prescribed, in array order."""
+        return tuple(x.name for x in self.prescribed)
+
+    @cached_property
+    def places_of_prescribed(self) -> dict[tuple[int, int], int]:
+        """The number of what is prescribed, by body and coordinate of its joint."""
+        return {(x.body, x.index): n for n, x in enumerate(self.prescribed)}
+
+    @cached_property
+    def released(self) -> Model:
+        """The model with nothing prescribed: what was is among q and u, wanted as independent, and begins as at t = 0."""
+        if not self.motion:
+            return self
+        start = self.defaults | dict.fromkeys(self.inputs, 0.0) | {"t": 0.0}
+        known = [Expression.number(float(x.values[i].evaluate(start))) for i in (0, 1) for x in self.prescribed]
+        n, names = len(self.prescribed), self.prescribed_names
+        return replace(
+            self,
+            motion={},
+            initial_q=self.initial_q | dict(zip(names, known[:n], strict=True)),
+            initial_u=self.initial_u | dict(zip(names, known[n:], strict=True)),
+            independent=(*self.independent, *names) if self.loops else self.independent,
+        )
 
     @cached_property
     def coordinate_units(self) -> tuple[str, ...]:
         """Empty for the entries of quaternions."""
-        return tuple(unit for b in self.bodies for unit in b.joint.kind.coordinate_units)
+        return self._free("coordinate_units")
 
     @cached_property
     def speed_units(self) -> tuple[str, ...]:
-        return tuple(unit for b in self.bodies for unit in b.joint.kind.speed_units)
+        return self._free("speed_units")
+
+    def _free(self, units: str) -> tuple[str, ...]:
+        """Of what is not prescribed."""
+        held = self.places_of_prescribed
+        every = enumerate(getattr(b.joint.kind, units) for b in self.bodies)
+        return tuple(unit for k, of in every for i, unit in enumerate(of) if (k, i) not in held)
 
     @cached_property
     def output_units(self) -> tuple[str, ...]:
@@ -306,9 +380,9 @@ class Model:
         """For each body, where its joint's coordinates stand in q and its speeds in u."""
         result, i, j = [], 0, 0
         for b in self.bodies:
-            q, u = joint_coordinates(b.name, b.joint.type)
-            result.append((slice(i, i + len(q)), slice(j, j + len(u))))
-            i, j = i + len(q), j + len(u)
+            q, u = (sum(n not in self.motion for n in of) for of in joint_coordinates(b.name, b.joint.type))
+            result.append((slice(i, i + q), slice(j, j + u)))
+            i, j = i + q, j + u
         return tuple(result)
 
     @cached_property
@@ -361,3 +435,5 @@ class Model:
             yield from element.expressions()
         for output in self.outputs:
             yield from output.expressions()
+        for x in self.prescribed:
+            yield from x.values

@@ -23,6 +23,7 @@ from .expressions import (
     ExpressionError,
     Numbers,
     Scope,
+    Tree,
     compares,
     has_factors,
     has_units,
@@ -30,6 +31,7 @@ from .expressions import (
 )
 from .parts import Files, Instance, Part
 from .positions import Document, Path_, show_path
+from .rates import with_names_replaced
 from .repetition import Counter, Repetition, labels, name_of
 from .units import Dimension, DimensionError, dimension_of, in_words
 from .wanted_units import IN_JOINTS, dimension_of_unit, unit_wanted
@@ -80,6 +82,8 @@ class Reader:
         or ``motion`` (coordinates and speeds too). A scope ``measured`` has, beside the last, positions and velocities of points.
     points : list of mapping
         What is a point, by name, once points are read.
+    prescribed : dict of str to Tree
+        What is put in the place of coordinates and speeds that are prescribed: functions of time.
     units_of_motion : dict of (str, str) to tuple of str
         Units of coordinates (``q``) and speeds (``u``) of a joint, or of a single one, by name.
     broken : set of str
@@ -106,6 +110,7 @@ class Reader:
         # dicts used as ordered sets: names are printed in the order of the file
         self.allowed: dict[str, dict[str, None]] = {"constants": {}, "parameters": {}, "inputs": {}, "motion": {}}
         self.broken: set[str] = set()
+        self.prescribed: dict[str, Tree] = {}
         self.units_of_motion: dict[tuple[str, str], tuple[str, ...]] = {}
         self.points: list[Mapping[str, Any]] = []
         self.errors = 0
@@ -215,7 +220,7 @@ class Reader:
                     f"and a motion takes small steps there; step(x, from, to) is smooth"
                 )
                 self.report(at, sub, message, severity="warning")
-        return result
+        return with_names_replaced(result, self.prescribed) if self.prescribed else result
 
     def _fits(self, expression: Expression, at: Instance, sub: Path_) -> bool:
         """Whether what an expression is, by the units in it, may stand where it stands."""
@@ -242,8 +247,9 @@ class Reader:
     def unit_wanted(self, at: Instance, sub: Path_) -> Dimension | None:
         """The dimension of the number at a path."""
         section = str(at.section[0]) if at.section else at.key
-        if section == "initial":
-            unit = self.units_of_motion.get((str(at.section[1]), at.part.name(at.key)), ())
+        if section in ("initial", "motion"):
+            part = str(at.section[1]) if section == "initial" else "q"
+            unit = self.units_of_motion.get((part, at.part.name(at.key)), ())
             place = sub[0] if sub and isinstance(sub[0], int) else 0
             return dimension_of_unit(unit[place] or "rad") if place < len(unit) else None
         if section == "forces" and isinstance(at.value, dict) and str(at.value.get("type")) in IN_JOINTS:
@@ -392,7 +398,7 @@ class Reader:
             self.report(at, (), error.message, key=True)
         else:
             if self.new_name(at, name, space, what):
-                self.places.setdefault(str(at.section[0]), {})[name] = self._key_place(at)
+                self.places.setdefault(str(at.section[0]), {})[name] = self.key_place(at)
                 return name
         return None
 
@@ -406,7 +412,7 @@ class Reader:
         """
         return name_of(parse_name(at.key), self.numbers(at))
 
-    def _key_place(self, at: Instance) -> tuple[str, int | None, int | None]:
+    def key_place(self, at: Instance) -> tuple[str, int | None, int | None]:
         """File and place of an entry's key; one object for all its repetitions."""
         key = id(at.container), at.key
         found = self._key_places.get(key)

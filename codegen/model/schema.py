@@ -37,9 +37,19 @@ from .tables import KINDS, OUTSIDE
 
 SECTIONS: Final = (
     *("model", "include", "gravity", "constants", "parameters", "inputs", "tables", "expressions"),
-    *("bodies", "submodels", "points", "loops", "loop_tolerance", "forces", "initial", "independent", "outputs"),
+    *(
+        "bodies",
+        "motion",
+        "submodels",
+        "points",
+        "loops",
+        "loop_tolerance",
+        "forces",
+        "initial",
+        "independent",
+        "outputs",
+    ),
 )
-LATER_SECTIONS: Final = ("motion",)
 
 
 class JointEntry(PlacedEntry):

@@ -58,8 +58,10 @@ class DenseEngine(Engine):
         """
         pairs, nu = state.pairs, self.model.nu
         M, K = self._mass_matrix(state), self._right_side(state)
+        held = pairs.constant(np.eye(nu, dtype=int)[self.held])
+        given = self._prescribed_accelerations(pairs)
         if not self.model.loops:
-            return self._solve(M, K), pairs.constant(np.zeros((0, 1), int))
+            return self._accelerated(M, K, held, given)[:nu], pairs.constant(np.zeros((0, 1), int))
         known = self._conditions(state)
         J = known.jacobian.value
         C = self.arithmetic.eye(len(J))[self._subset(J)] if subset else self._combinations(J)
@@ -67,12 +69,29 @@ class DenseEngine(Engine):
         inverse = LeftInverse(self.arithmetic, (C @ J).T)
         W = pairs.constant(inverse(inverse.Q).T @ C)
         Phi_q, B = W @ known.jacobian, W @ known.remainder
-        zero = pairs.constant(np.zeros((len(C), len(C)), int))
-        x = self._solve(pairs.block([[M, Phi_q.mT], [Phi_q, zero]]), pairs.block([[K], [-B]]))
-        return x[:nu], W.mT @ x[nu:]
+        x = self._accelerated(M, K, pairs.block([[Phi_q], [held]]), pairs.block([[-B], [given]]))
+        return x[:nu], W.mT @ x[nu : nu + len(C)]
+
+    def _accelerated(self, M: Pair, K: Pair, rows: Pair, given: Pair) -> Pair:
+        """udot and the multipliers of conditions ``rows udot = given``: those of loops, and what is prescribed (Eq. 5)."""
+        n = len(rows.value)
+        if not n:
+            return self._solve(M, K)
+        none = self.arithmetic.zeros(n, n)
+        zero = Pair(none, self.arithmetic.zeros(len(M.tangent), n, n))
+        A = Pair(
+            np.block([[M.value, rows.value.mT], [rows.value, zero.value]]),
+            np.block([[M.tangent, rows.tangent.mT], [rows.tangent, zero.tangent]]),
+        )
+        B = Pair(np.concatenate([K.value, given.value]), np.concatenate([K.tangent, given.tangent], axis=1))
+        return self._solve(A, B)
 
     def _solve_mass(self, state: State, b: Pair) -> Pair:
-        return self._solve(self._mass_matrix(state), b)
+        free = self.free_u
+        part = self._solve(self._mass_matrix(state)[np.ix_(free, free)], b[free])
+        whole = state.pairs.constant(np.zeros((self.model.nu, 1), int))
+        whole.value[free], whole.tangent[:, free] = part.value, part.tangent
+        return whole
 
     def _solve(self, A: Pair, B: Pair) -> Pair:
         """X = A^-1 B, (n, m), and dX = A^-1 (dB - dA X); A is square."""

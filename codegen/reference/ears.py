@@ -9,6 +9,7 @@ is resolved alone; its end is its parent.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 
@@ -38,8 +39,8 @@ class Group:
     independent: tuple[int, ...]
 
 
-def groups(model: Model, partition: Partition) -> tuple[Group, ...]:
-    """All bodies in groups, in outward order: a group comes after those of its ends."""
+def groups(model: Model, partition: Partition, held: Sequence[int] = ()) -> tuple[Group, ...]:
+    """All bodies in groups, in outward order: a group comes after those of its ends. Speeds that are `held` are of none."""
     together = _Together(len(model.bodies))
     loops_at: list[tuple[int, tuple[int, ...]]] = []  # a member of each ear, and the loops it closes
     for ear in partition.ears:
@@ -64,7 +65,7 @@ def groups(model: Model, partition: Partition) -> tuple[Group, ...]:
         members_of.setdefault(together.of(k), []).append(k)
     result = []
     for g in order:
-        speeds = [i for k in members_of[g] for i in _speeds(model, k)]
+        speeds = [i for k in members_of[g] for i in _speeds(model, k) if i not in held]
         result.append(
             Group(
                 tuple(members_of[g]),

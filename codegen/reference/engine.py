@@ -93,7 +93,13 @@ class Engine(ABC):
 
     Attributes
     ----------
+    given : Model
+    model : Model
+        The same with nothing prescribed: within an engine prescribed coordinates are coordinates, whose accelerations are given.
+    held : array of int
+        Speeds of `model` that are prescribed; `free_u` are the others, `free_q` the coordinates that are not.
     partition : Partition
+        Of `model`.
     dependent, dependent_coordinates : array of int
         Indices of the dependent speeds, and of the coordinates that only they move.
     split : list of SpeedGroup
@@ -122,10 +128,18 @@ class Engine(ABC):
     """
 
     def __init__(self, model: Model, numbers: str = "float64", partition: Partition | None = None) -> None:
-        self.model = model
+        self.given = model
+        model = self.model = model.released
+        self.held = np.array(
+            [model.coordinate_slices[x.body][1].start + x.index for x in self.given.prescribed], dtype=int
+        )
+        held_q = [model.coordinate_slices[x.body][0].start + x.index for x in self.given.prescribed]
+        self.free_q, self.free_u = (
+            np.setdiff1d(np.arange(n), held) for n, held in ((model.nq, held_q), (model.nu, self.held))
+        )
         self.arithmetic = Arithmetic(numbers)
         if partition is None:
-            partition = choose_partition(model) if model.loops else Partition((), tuple(range(model.nu)))
+            partition = choose_partition(self.given) if model.loops else Partition((), tuple(range(model.nu)))
         self.partition = partition
         self.dependent = np.array(sorted(i for ear in partition.ears for i in ear.dependent), dtype=int)
         self.dependent_coordinates = np.array(coordinates_of(model, set(self.dependent.tolist()))[0], dtype=int)
@@ -145,7 +159,7 @@ class Engine(ABC):
 
     def accelerations(self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> Array:
         """The derivatives of the speeds, udot (nu,)."""
-        return _flat(self._accelerations(self._state(q, u, p, inputs, t)))[0]
+        return self._of_free(self._accelerations(self._state(q, u, p, inputs, t)))[0]
 
     def sensitivities(
         self,
@@ -163,7 +177,7 @@ class Engine(ABC):
     ) -> tuple[Array, Array]:
         """udot (nu,) and its total derivatives along the seeds, (k, nu)."""
         seeds = self._seeds(dq=dq, du=du, dp=dp, dinputs=dinputs, dt=dt)
-        return _flat(self._accelerations(self._state(q, u, p, inputs, t, **seeds)))
+        return self._of_free(self._accelerations(self._state(q, u, p, inputs, t, **seeds)))
 
     def jacobians(self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> Jacobians:
         """Every partial derivative of udot."""
@@ -171,7 +185,7 @@ class Engine(ABC):
 
     def _partials(self, along: Callable[..., Array]) -> Jacobians:
         """Every partial derivative of a function, from its derivatives along unit seeds, (k, n)."""
-        sizes = (self.model.nq, self.model.nu, len(self.model.parameters), len(self.model.inputs), 1)
+        sizes = (self.given.nq, self.given.nu, len(self.model.parameters), len(self.model.inputs), 1)
         start = np.cumsum((0, *sizes))
         seeds = [np.eye(start[-1], dtype=int)[:, a:b] for a, b in pairwise(start)]
         dq, du, dp, dinputs, dt = seeds
@@ -207,33 +221,54 @@ class Engine(ABC):
         along = self._partials(lambda **seeds: self.coordinate_rate_sensitivities(q, u, p, inputs, t, **seeds)[1])
         return _weighted(weights, along)
 
-    def mass_matrix(self, q: Any, p: Any = None) -> Array:
+    def mass_matrix(self, q: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> Array:
         """The mass matrix M of Eq. 4 over all speeds of the tree, (nu, nu); loops do not enter."""
-        M: Array = self._mass_matrix(self._state(q, None, p, None, 0.0)).value
+        M: Array = self._mass_matrix(self._state(q, None, p, inputs, t))[np.ix_(self.free_u, self.free_u)].value
         return M
 
     def mass_matrix_sensitivities(
-        self, q: Any, p: Any = None, *, dq: Any = None, dp: Any = None
+        self,
+        q: Any,
+        p: Any = None,
+        inputs: Any = None,
+        t: Any = 0.0,
+        *,
+        dq: Any = None,
+        dp: Any = None,
+        dinputs: Any = None,
+        dt: Any = None,
     ) -> tuple[Array, Array]:
         """M (nu, nu) and its total derivatives, (k, nu, nu)."""
-        result = self._mass_matrix(self._state(q, None, p, None, 0.0, **self._seeds(dq=dq, dp=dp)))
+        seeds = self._seeds(dq=dq, dp=dp, dinputs=dinputs, dt=dt)
+        result = self._mass_matrix(self._state(q, None, p, inputs, t, **seeds))[np.ix_(self.free_u, self.free_u)]
         return result.value, result.tangent
 
-    def solve_mass(self, q: Any, b: Any, p: Any = None) -> Array:
+    def solve_mass(self, q: Any, b: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> Array:
         """M^-1 b, (nu,), for generalised forces b (nu,). Trees only."""
         self._trees_only("solve_mass")
-        state = self._state(q, None, p, None, 0.0)
-        return _flat(self._solve_mass(state, self._pair("b", b, self.model.nu, None, 0)))[0]
+        state = self._state(q, None, p, inputs, t)
+        return self._of_free(self._solve_mass(state, self._of_speeds("b", b, None, state.pairs)))[0]
 
     def solve_mass_sensitivities(
-        self, q: Any, b: Any, p: Any = None, *, dq: Any = None, db: Any = None, dp: Any = None
+        self,
+        q: Any,
+        b: Any,
+        p: Any = None,
+        inputs: Any = None,
+        t: Any = 0.0,
+        *,
+        dq: Any = None,
+        db: Any = None,
+        dp: Any = None,
+        dinputs: Any = None,
+        dt: Any = None,
     ) -> tuple[Array, Array]:
         """M^-1 b (nu,) and its total derivatives, (k, nu); ``db (k, nu)``. Trees only."""
         self._trees_only("solve_mass_sensitivities")
-        seeds = self._seeds(dq=dq, db=db, dp=dp)
+        seeds = self._seeds(dq=dq, db=db, dp=dp, dinputs=dinputs, dt=dt)
         db = seeds.pop("db")
-        state = self._state(q, None, p, None, 0.0, **seeds)
-        return _flat(self._solve_mass(state, self._pair("b", b, self.model.nu, db, len(db))))
+        state = self._state(q, None, p, inputs, t, **seeds)
+        return self._of_free(self._solve_mass(state, self._of_speeds("b", b, db, state.pairs)))
 
     def inverse_dynamics(self, q: Any, u: Any, udot: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> Array:
         """The joint forces needed in addition to the model's own for the accelerations udot: M udot - K, (nu,).
@@ -242,7 +277,7 @@ class Engine(ABC):
         """
         self._trees_only("inverse_dynamics")
         state = self._state(q, u, p, inputs, t)
-        return _flat(self._inverse_dynamics(state, self._udot(state, udot, None)))[0]
+        return self._of_free(self._inverse_dynamics(state, self._udot(state, udot, None)))[0]
 
     def inverse_dynamics_sensitivities(
         self,
@@ -266,7 +301,42 @@ class Engine(ABC):
         dudot = seeds.pop("dudot")
         state = self._state(q, u, p, inputs, t, **seeds)
         result = self._inverse_dynamics(state, self._udot(state, udot, dudot))
-        return _flat(result)
+        return self._of_free(result)
+
+    def driving_forces(self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> Array:
+        """The generalised forces that prescribed motion takes, (nprescribed,), N m or N."""
+        return _flat(self._driving_forces(self._state(q, u, p, inputs, t)))[0]
+
+    def driving_force_sensitivities(
+        self,
+        q: Any,
+        u: Any,
+        p: Any = None,
+        inputs: Any = None,
+        t: Any = 0.0,
+        *,
+        dq: Any = None,
+        du: Any = None,
+        dp: Any = None,
+        dinputs: Any = None,
+        dt: Any = None,
+    ) -> tuple[Array, Array]:
+        """`driving_forces` (nprescribed,) and their total derivatives, (k, nprescribed)."""
+        seeds = self._seeds(dq=dq, du=du, dp=dp, dinputs=dinputs, dt=dt)
+        return _flat(self._driving_forces(self._state(q, u, p, inputs, t, **seeds)))
+
+    def _driving_forces(self, state: State) -> Pair:
+        """``b^T (M udot - K)``, (n, 1), b all speeds of the tree for a unit of a prescribed one: loops do no work along it."""
+        pairs, model = state.pairs, self.model
+        left_over = self._inverse_dynamics(state, self._accelerations(state))
+        found = []
+        for i in self.held:
+            unit = pairs.constant(np.eye(model.nu, dtype=int)[:, i : i + 1])
+            if model.loops:
+                closed = self._closed_speeds(state.moved(model, state.q, unit))
+                unit.value[self.dependent], unit.tangent[:, self.dependent] = closed.value, closed.tangent
+            found.append(pairs.dot(unit, left_over))
+        return pairs.column(found)
 
     def energies(self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> tuple[Any, Any]:
         """Kinetic and potential energy, J. The potential of gravity is zero at the ground's origin."""
@@ -296,7 +366,7 @@ class Engine(ABC):
 
     def coordinate_rates(self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> Array:
         """The derivatives of the coordinates, Eq. 1, (nq,)."""
-        return _flat(self._coordinate_rates(self._state(q, u, p, inputs, t)))[0]
+        return _flat(self._coordinate_rates(self._state(q, u, p, inputs, t))[self.free_q])[0]
 
     def coordinate_rate_sensitivities(
         self,
@@ -314,7 +384,7 @@ class Engine(ABC):
     ) -> tuple[Array, Array]:
         """qdot (nq,) and its total derivatives, (k, nq)."""
         seeds = self._seeds(dq=dq, du=du, dp=dp, dinputs=dinputs, dt=dt)
-        return _flat(self._coordinate_rates(self._state(q, u, p, inputs, t, **seeds)))
+        return _flat(self._coordinate_rates(self._state(q, u, p, inputs, t, **seeds))[self.free_q])
 
     def outputs(self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> Array:
         """The model's named outputs, (noutputs,)."""
@@ -352,13 +422,25 @@ class Engine(ABC):
         return position.value[:, 0], velocity.value[:, 0]
 
     def complete(
-        self, q: Any, u: Any, p: Any = None, *, dq: Any = None, du: Any = None, dp: Any = None
+        self,
+        q: Any,
+        u: Any,
+        p: Any = None,
+        inputs: Any = None,
+        t: Any = 0.0,
+        *,
+        dq: Any = None,
+        du: Any = None,
+        dp: Any = None,
+        dinputs: Any = None,
+        dt: Any = None,
     ) -> tuple[Array, Array, Array]:
         """Speeds u (nu,) that close the loops, and seeds dq (k, nq), du (k, nu) that keep them closed."""
-        given = {"dq": dq, "du": du, "dp": dp}
+        given = {"dq": dq, "du": du, "dp": dp, "dinputs": dinputs, "dt": dt}
         seeds = self._seeds(**given) if any(x is not None for x in given.values()) else {}
-        state = self._state(q, u, p, None, 0.0, **seeds)
-        return state.u.value[:, 0], state.q.tangent[..., 0], state.u.tangent[..., 0]
+        state = self._state(q, u, p, inputs, t, **seeds)
+        (_, dq), (u, du) = _flat(state.q[self.free_q]), _flat(state.u[self.free_u])
+        return u, dq, du
 
     def _trees_only(self, name: str) -> None:
         if self.model.loops:
@@ -430,7 +512,7 @@ class Engine(ABC):
 
     @abstractmethod
     def _accelerations(self, state: State) -> Pair:
-        """udot, (nu, 1)."""
+        """udot, (nu, 1), of prescribed speeds too."""
 
     @abstractmethod
     def _mass_matrix(self, state: State) -> Pair:
@@ -569,8 +651,9 @@ class Engine(ABC):
         model, k = self.model, len(dq) if dq is not None else 0
         if p is None:
             p = [x.value for x in model.parameters]
-        q = self._pair("q", q, model.nq, dq, k)
-        u = self._pair("u", np.zeros(model.nu, int) if u is None else u, model.nu, du, k)
+        nq, nu = self.given.nq, self.given.nu
+        q = self._pair("q", q, nq, dq, k)
+        u = self._pair("u", np.zeros(nu, int) if u is None else u, nu, du, k)
         p = self._pair("p", p, len(model.parameters), dp, k)
         inputs = self._pair(
             "inputs", np.zeros(len(model.inputs), int) if inputs is None else inputs, len(model.inputs), dinputs, k
@@ -579,6 +662,7 @@ class Engine(ABC):
         environment = {"t": time[0, 0]}
         environment |= {name: p[i, 0] for i, name in enumerate(model.parameter_names)}
         environment |= {name: inputs[i, 0] for i, name in enumerate(model.inputs)}
+        q, u = self._with_prescribed(q, u, Pairs(self.arithmetic, k, environment))
         for body, place in model.quaternions:
             e = q.value[place, 0]
             if not e @ e >= SMALLEST_QUATERNION**2:
@@ -600,7 +684,7 @@ class Engine(ABC):
 
     def _seeds(self, **seeds: Any) -> dict[str, Array]:
         """All seeds with the same k in front; those that are missing become zeros."""
-        n = {"dq": self.model.nq, "du": self.model.nu, "dudot": self.model.nu, "db": self.model.nu}
+        n = {"dq": self.given.nq} | dict.fromkeys(("du", "dudot", "db"), self.given.nu)
         n |= {"dp": len(self.model.parameters), "dinputs": len(self.model.inputs)}
         arrays: dict[str, Array] = {}
         for name, seed in seeds.items():
@@ -622,7 +706,48 @@ class Engine(ABC):
         return arrays
 
     def _udot(self, state: State, udot: Any, dudot: Any) -> Pair:
-        return self._pair("udot", udot, self.model.nu, dudot, state.pairs.k)
+        found = self._of_speeds("udot", udot, dudot, state.pairs)
+        return self._with_accelerations(found, state.pairs)
+
+    # --- what is prescribed -----------------------------------------------------------------------------------------
+
+    def _with_prescribed(self, q: Pair, u: Pair, pairs: Pairs) -> tuple[Pair, Pair]:
+        """All coordinates and speeds from those that are free."""
+        if not self.given.motion:
+            return q, u
+        held_q = np.setdiff1d(np.arange(self.model.nq), self.free_q)
+        found = []
+        for of, n, free, held, order in (
+            (q, self.model.nq, self.free_q, held_q, 0), (u, self.model.nu, self.free_u, self.held, 1),
+        ):  # fmt: skip
+            whole = pairs.constant(np.zeros((n, 1), int))
+            given = pairs.vector([x.values[order] for x in self.given.prescribed])
+            for rows, part in ((free, of), (held, given)):
+                whole.value[rows], whole.tangent[:, rows] = part.value, part.tangent
+            found.append(whole)
+        return found[0], found[1]
+
+    def _prescribed_accelerations(self, pairs: Pairs) -> Pair:
+        """Of what is prescribed, (n, 1)."""
+        return pairs.vector([x.values[2] for x in self.given.prescribed])
+
+    def _with_accelerations(self, udot: Pair, pairs: Pairs) -> Pair:
+        """The accelerations of all speeds, those that are prescribed put in their places."""
+        if len(self.held):
+            given = self._prescribed_accelerations(pairs)
+            udot.value[self.held], udot.tangent[:, self.held] = given.value, given.tangent
+        return udot
+
+    def _of_speeds(self, name: str, value: Any, seed: Any, pairs: Pairs) -> Pair:
+        """An argument for the free speeds, (nu, 1) with zeros for the others."""
+        part = self._pair(name, value, self.given.nu, seed, pairs.k)
+        whole = pairs.constant(np.zeros((self.model.nu, 1), int))
+        whole.value[self.free_u], whole.tangent[:, self.free_u] = part.value, part.tangent
+        return whole
+
+    def _of_free(self, column: Pair) -> tuple[Array, Array]:
+        """Of the free speeds: a column's value (nu,) and derivatives (k, nu)."""
+        return _flat(column[self.free_u])
 
 
 class _Seen:
@@ -656,6 +781,13 @@ class _Seen:
 
     def bodies(self) -> list[Moving]:
         return self._bodies
+
+    @cached_property
+    def _driving_forces(self) -> Pair:
+        return self.engine._driving_forces(self.state)
+
+    def driving_force(self, name: str) -> Pair:
+        return self._driving_forces[self.engine.given.prescribed_names.index(name), 0]
 
     def energies(self) -> tuple[Pair, Pair]:
         kinetic, potential = self.engine._energies(self.state, self.motion)

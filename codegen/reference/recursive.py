@@ -79,10 +79,18 @@ class RecursiveEngine(Engine):
 
     def __init__(self, model: Model, numbers: str = "float64", partition: Partition | None = None) -> None:
         super().__init__(model, numbers, partition)
-        self.groups = groups(model, self.partition)
+        self.groups = groups(self.model, self.partition, self.held.tolist())
+        held = set(self.held.tolist())
+        self.free = [
+            [j for j, i in enumerate(range(u.start, u.stop)) if i not in held] for _, u in self.model.coordinate_slices
+        ]
 
     def _accelerations(self, state: State) -> Pair:
         """udot, (nu, 1): kinematic sweep, elimination of loops, triangularization, back substitution."""
+        return self._with_accelerations(self._explicit_accelerations(state), state.pairs)
+
+    def _explicit_accelerations(self, state: State) -> Pair:
+        """The same, zero for what is prescribed: that is in the remainders."""
         bodies = self._motion(state)
         if not self.model.loops:
             return self._back_substitution(bodies, self._triangularization(bodies))
@@ -110,7 +118,7 @@ class RecursiveEngine(Engine):
         U = self.arithmetic.eye(6)
         for k in reversed(self.model.outward):
             b, art, pr = bodies[k], articulated[k], articulated[self.model.bodies[k].parent]
-            S, dS, P, dP, tau, dtau = b.S, b.dS, b.P, b.dP, b.tau, b.dtau
+            S, dS, P, dP, tau, dtau = b.S, b.dS, *self._freedoms(k, b)
             I_hat, dI_hat, F_hat, dF_hat = art.I_hat, art.dI_hat, art.F_hat, art.dF_hat
 
             M = P.mT @ I_hat @ P  # Eq. 47
@@ -141,21 +149,29 @@ class RecursiveEngine(Engine):
         A_bar = [zeros(6, 1) for _ in bodies]  # Eq. 56: the ground's stays zero
         dA_bar = [zeros(k_directions, 6, 1) for _ in bodies]
         for k in model.outward:
-            b, art, pr, rows = bodies[k], articulated[k], model.bodies[k].parent, model.coordinate_slices[k][1]
-            S, dS, P, dP = b.S, b.dS, b.P, b.dP
+            b, art, pr, place = bodies[k], articulated[k], model.bodies[k].parent, model.coordinate_slices[k][1]
+            S, dS, P, dP, tau, dtau = b.S, b.dS, *self._freedoms(k, b)
+            rows = [place.start + j for j in self.free[k]]
 
             A = S.mT @ A_bar[pr]
             dA = dS.mT @ A_bar[pr] + S.mT @ dA_bar[pr]
             f = art.F_hat - art.I_hat @ A
             df = art.dF_hat - art.dI_hat @ A - art.I_hat @ dA
-            r = P.mT @ f + b.tau
-            dr = dP.mT @ f + P.mT @ df + b.dtau
+            r = P.mT @ f + tau
+            dr = dP.mT @ f + P.mT @ df + dtau
             udot_k = art.M_inverse @ r  # Eq. 53, and the joint force
             dudot_k = art.dM_inverse @ r + art.M_inverse @ dr  # Eq. 55, first line
             A_bar[k] = A + P @ udot_k  # Eq. 54 with S^T
             dA_bar[k] = dA + dP @ udot_k + P @ dudot_k  # Eq. 55, second line, with S^T
             udot[rows], dudot[:, rows] = udot_k, dudot_k
         return Pair(udot, dudot)
+
+    def _freedoms(self, k: int, b: Terms) -> tuple[Array, Array, Array, Array]:
+        """P, dP, tau and dtau of what of a joint is not prescribed."""
+        free = self.free[k]
+        if len(free) == len(b.tau):
+            return b.P, b.dP, b.tau, b.dtau
+        return b.P[:, free], b.dP[:, :, free], b.tau[free], b.dtau[:, free]
 
     def _motion(self, state: State) -> list[Terms]:
         """The kinematic sweep (outward), Eqs. 12 to 29: one `Terms` a body, the ground's last (index -1)."""
@@ -164,6 +180,8 @@ class RecursiveEngine(Engine):
         gravity = self._gravity(pairs)
         g, dg = gravity.value, gravity.tangent
         on_speeds = self._forces_on_speeds(pairs)
+        given = pairs.constant(np.zeros((model.nu, 1), int))
+        given = self._with_accelerations(given, pairs)
         for k in model.outward:
             body = model.bodies[k]
             q_rows, u_rows = model.coordinate_slices[k]
@@ -185,7 +203,7 @@ class RecursiveEngine(Engine):
             S, dS = shift(C, dC, gamma, dgamma)
             I, dI = generalised_inertia(body, pairs)
 
-            # Velocity: V_t is zero as no joint is prescribed (Eqs. 20, 25), so all of V is V_bar.
+            # Velocity: V_t (Eqs. 20, 25) is what prescribed speeds, which are among the u here, add to V_bar.
             v, dv = P @ u, dP @ u + P @ du  # relative to the parent
             V = S.mT @ pr.V + v  # Eq. 18
             dV = dS.mT @ pr.V + S.mT @ pr.dV + dv
@@ -200,10 +218,12 @@ class RecursiveEngine(Engine):
             dangular = dOx @ w + Ox @ dw
             dlinear = (dOx @ Ox @ gamma + Ox @ dOx @ gamma + Ox @ Ox @ dgamma
                        + 2 * dOx @ l + 2 * Ox @ dl + dwx @ l + wx @ dl)  # fmt: skip
-            A_t = S.mT @ pr.A_t + remainder  # Eq. 21
+            a, da = given[u_rows].value, given[u_rows].tangent  # of what is prescribed; all others are zero
+            A_t = S.mT @ pr.A_t + remainder + P @ a  # Eq. 21
             dA_t = (  # Eq. 26
                 dS.mT @ pr.A_t + S.mT @ pr.dA_t + np.concatenate([dangular, dlinear], axis=1) + Pdot_u.tangent
-            )
+                + dP @ a + P @ da
+            )  # fmt: skip
 
             # Generalised force.
             N_C = pr.N_C @ C
@@ -285,7 +305,7 @@ class RecursiveEngine(Engine):
 
     def _inverse_dynamics(self, state: State, udot: Pair) -> Pair:
         """M udot - K, (nu, 1): Eqs. 19 outward, the balance of every body inward."""
-        model, zeros = self.model, self.arithmetic.zeros
+        model, zeros, udot = self.model, self.arithmetic.zeros, self._explicit(udot)
         bodies = self._motion(state)
         A_bar = [zeros(6, 1) for _ in bodies]
         dA_bar = [zeros(state.pairs.k, 6, 1) for _ in bodies]
@@ -306,6 +326,13 @@ class RecursiveEngine(Engine):
             Phi[pr] = Phi[pr] + b.S @ Phi[k]
             dPhi[pr] = dPhi[pr] + b.dS @ Phi[k] + b.S @ dPhi[k]
         return Pair(result, dresult)
+
+    def _explicit(self, udot: Pair) -> Pair:
+        """Without what is prescribed, which the remainders have."""
+        found = Pair(udot.value.copy(), udot.tangent.copy())
+        found.value[self.held] *= 0
+        found.tangent[:, self.held] *= 0
+        return found
 
     def _mass_matrix(self, state: State) -> Pair:
         """M, (nu, nu), by composite inertias: M_jk = (P_j^j)^T jS^k I_composite^k P_k^k for j inboard of k."""
@@ -362,7 +389,7 @@ class RecursiveEngine(Engine):
 
         A point of a body adds ``alpha x r + omega x (omega x r)``.
         """
-        pairs, zero = state.pairs, state.pairs.constant(np.zeros((6, 1), int))
+        pairs, zero, udot = state.pairs, state.pairs.constant(np.zeros((6, 1), int)), self._explicit(udot)
         explicit = [zero for _ in motion]
         for k in self.model.outward:
             b, rows = motion[k], self.model.coordinate_slices[k][1]

@@ -25,7 +25,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
     "TreeForces": ("mass_matrix", "mass_matrix_sensitivities", "inverse_mass_matrix", "solve_mass", "solve_mass_sensitivities",
                    "inverse_dynamics", "inverse_dynamics_sensitivities"),
     "LoopForces": ("closure", "accelerations", "sensitivities", "energy_sensitivities"),
-    "Judging": ("state_rates",),
+    "Judging": ("state_rates",), "DrivingForces": ("driving_forces", "driving_force_sensitivities"),
     "Reactions": ("reactions",),
     "Frames": ("frames", "frame_sensitivities", "frame_accelerations", "frame_acceleration_sensitivities"),
     "Loops": ("closure",), "States": (), "Redundancy": ("opening",), "Partitions": (),
@@ -51,6 +51,8 @@ def sections_of(manifest: Mapping[str, Any]) -> dict[str, str]:
     left = set(manifest.get("left_out", ()))
 
     def needed(name: str, members: tuple[str, ...]) -> bool:
+        if name == "LoopForces" and manifest.get("prescribed_names"):
+            return False  # energies of unit speeds would have those of the motion in them
         if name in TOGETHER:
             return named.issuperset(members)
         return not members or not named.isdisjoint(members) or (name in ANYWAY and left.isdisjoint(members))

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from .long_texts import LongTexts
 from .standalone.diagnosing import Diagnosing
+from .standalone.driving_forces import DrivingForces
 from .standalone.dynamics import Dynamics
 from .standalone.energies import Energies
 from .standalone.frames import Frames
@@ -39,6 +40,7 @@ class Solver(
     TreeForces,
     LoopForces,
     Judging,
+    DrivingForces,
     Reactions,
     Frames,
     Loops,

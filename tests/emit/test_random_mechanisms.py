@@ -47,31 +47,31 @@ def compare(drawn: Mechanism, solver: codegen.Solver, engine: Any, rng: np.rando
     """Relative errors of values and of derivatives at the drawn, assembled state."""
     model, q, u, p, inputs, t = drawn[:6]
     seeds = consistent_seeds(engine, drawn, rng)
-    dq, du, dp = seeds["dq"], seeds["du"], seeds["dp"]
+    dp = seeds["dp"]
     found = {"udot": error(solver.accelerations(q, u, p, inputs, t), engine.accelerations(q, u, p, inputs, t))}
     pairs = [
         ("sensitivities", (q, u, p, inputs, t), seeds),
         ("output_sensitivities", (q, u, p, inputs, t), seeds),
-        ("coordinate_rate_sensitivities", (q, u, p, inputs, t), {"dq": dq, "du": du, "dp": dp}),
+        ("coordinate_rate_sensitivities", (q, u, p, inputs, t), seeds),
     ]
     for name, arguments, directions in pairs:
         a, da = getattr(solver, name)(*arguments, **directions)
         b, db = getattr(engine, name)(*arguments, **directions)
         found[f"{name}, values"], found[name] = error(a, b), worst(da, db)
-    (T, V), (dT, dV) = solver.energy_sensitivities(q, u, p, inputs, t, dq=dq, du=du, dp=dp)
-    (T_, V_), (dT_, dV_) = engine.energy_sensitivities(q, u, p, inputs, t, dq=dq, du=du, dp=dp)
+    (T, V), (dT, dV) = solver.energy_sensitivities(q, u, p, inputs, t, **seeds)
+    (T_, V_), (dT_, dV_) = engine.energy_sensitivities(q, u, p, inputs, t, **seeds)
     found["energies"], found["energy_sensitivities"] = error([T, V], [T_, V_]), worst([dT, dV], [dT_, dV_])
     ours, theirs = solver.jacobians(q, u, p, inputs, t), engine.jacobians(q, u, p, inputs, t)
     for name in ("q", "u", *(["p"] if np.any(dp) else []), "inputs"):
         found[f"J.{name}"] = worst(getattr(ours, name).T, np.asarray(getattr(theirs, name), dtype=float).T)
     # what is closed: given speeds are completed, seeds too; position and velocity residuals vanish
-    _, full_u, full_dq, full_du = solver.assemble_sensitivities(q, u, p, dq=dq, du=du, dp=dp)
-    expected = engine.complete(q, u, p, dq=dq, du=du, dp=dp)
+    _, full_u, full_dq, full_du = solver.assemble_sensitivities(q, u, p, inputs, t, **seeds)
+    expected = engine.complete(q, u, p, inputs, t, **seeds)
     found["u"], found["du"] = error(full_u, expected[0]), worst(full_du, expected[2])
     # assembly makes quaternions unit and their seeds tangent to that, the engine leaves both as given
     plain = [i for i, n in enumerate(model.coordinate_names) if n.rpartition(".")[2] not in ("qw", "qx", "qy", "qz")]
     found["dq"] = worst(full_dq[:, plain], np.asarray(expected[1], dtype=float)[:, plain])
-    position, velocity = solver.closure(q, full_u, p)
+    position, velocity = solver.closure(q, full_u, p, inputs, t)
     found["closure"] = max(float(np.abs(position).max()), float(np.abs(velocity).max()))
     return found
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 from coupled_mechanisms import by_hand
+from prescribed_models import bars
 from random_mechanisms import random_mechanisms
 
 import codegen
@@ -27,7 +28,7 @@ from codegen.program.procedure import Run
 EXAMPLES = Path(__file__).parents[2] / "examples"
 MODELS = (
     "four_bar", "satellite", "arm", "closed_chain", "stewart", "planar_3rrr", "sprung_tips", "platform_on_ground",
-    "chain_on_slide", "tips_slide", "random",
+    "chain_on_slide", "tips_slide", "random", "shaken_pendulum", "driven_bars",
 )  # fmt: skip
 """Between them they have every kind of link, ear, region and spring."""
 
@@ -42,6 +43,8 @@ def system(name: str) -> System:
     file = EXAMPLES / f"{name}.yaml"
     if name == "random":
         model = next(m.model for seed, m in random_mechanisms(1, first=3))
+    elif name == "driven_bars":
+        model = bars("cart")
     else:
         model = codegen.load_model(file) if file.exists() else by_hand(name).model
     return analyse(model, False, partition(model) if model.loops else None)

@@ -91,7 +91,6 @@ def test_the_model_the_others_are_made_from_is_good():
         ("position: hand", "position: tip", "m.yaml:20:22: outputs.height.position: unknown point 'tip'*"),
         (", axis: z}", "}", "m.yaml:20:11: outputs.height: position without axis*"),
         ("type: revolute", "type: planar", "m.yaml:9:*: bodies.arm.joint.axis: unknown key 'axis'; keys here: at, rotate, rpy, type, normal; did you mean 'normal'*"),
-        ("outputs:", "motion: {}\noutputs:", "m.yaml:19:1: motion: section 'motion' is not supported yet by this version"),
         ("outputs:", "ouputs:", "m.yaml:19:1: ouputs: unknown key 'ouputs'; * did you mean 'outputs'?"),
         ("gravity: [0, 0, -9.81]", "gravity: -9.81", "m.yaml:2:10: gravity: '-9.81'; three numbers are needed*"),
         ("    mass: 2*L", "    mass:", "m.yaml:10:10: bodies.arm.mass: nothing; a number or an expression is needed"),

@@ -443,3 +443,26 @@ def test_against_pinocchio(tmp_path: Path) -> None:
         s = pose.rotation @ np.array(place)
         moved = expected[3:] + np.cross(expected[:3], s, axisa=0, axisc=0)
         assert np.abs(J_points[k] - np.concatenate([expected[:3], moved])).max() < 1e-14
+
+
+def test_prescribed_motion_moves_frames_along_time(tmp_path: Path) -> None:
+    """A base that is moved: its place, its velocity and acceleration in closed form, and their derivatives by t and p."""
+    model = parse_model("""
+model: driven
+gravity: [0, 0, -9.81]
+parameters: {a: 0.7}
+bodies:
+  base: {parent: ground, joint: {type: prismatic, axis: x}, mass: 1}
+  arm: {parent: base, joint: {type: revolute, axis: y, at: [0, 0, a]}, mass: 1, com: [0, 0, -0.5],
+        inertia: {xx: 0.1, yy: 0.1, zz: 0.1}}
+motion:
+  base: 0.3*a*sin(2*t)
+""")
+    found = codegen.load(codegen.generate(model, tmp_path / "m", "numpy", functions=("frames",)).folder)
+    seeds = {"dt": [1.0, 0.0], "dp": [[0.0], [1.0]]}
+    base, along = found.frame_sensitivities([0.2], [0.5], t=0.4, bodies="base", accelerations=True, **seeds)
+    size, s, c = 0.3 * 0.7, np.sin(0.8), np.cos(0.8)
+    x = size * np.array([s, 2 * c, -4 * s, -8 * c])
+    for i, name in enumerate(VECTORS):
+        assert error(getattr(base, name), [x[i], 0, 0]) < 1e-15
+        assert error(getattr(along, name), [[x[i + 1], 0, 0], [x[i] / 0.7, 0, 0]]) < 1e-15

@@ -171,7 +171,7 @@ class Part:
         closure = len(m["closure_names"])
         return given | {f"J_{n}": nu * size for n, size in given.items()} | {
             "udot": nu, "qdot": nq, "b": nu, "x": nu, "M": nu * nu, "inverse_M": nu * nu,
-            "force": nu, "energy": 2, "outputs": len(m["output_names"]),
+            "force": nu, "actuation": len(m["prescribed_names"]), "energy": 2, "outputs": len(m["output_names"]),
             "position": closure, "velocity": closure, "condition": loops, "step": nq, "full_q": nq, "full_u": nu,
             "reaction": 6 * links, "loop_reaction": 6 * loops,
             **{n: size * len(m.get("bodies", ())) for n, size in (("frames", 18), ("frame_accelerations", 6))},

@@ -59,7 +59,7 @@ def residuals(x: Scope, kind: EarKind) -> None:
     ear = EarGeometry(x, kind, positions=fields.measured_position)
     gaps = face_differences(x, ear)
     roots = [root.measured_velocity() for root in ear.roots]
-    speeds = [[m.view.entry(GIVEN_U, f.index) for f in m.freedoms] for m in ear.members]
+    speeds = [m.speeds if m.joint.driven else [m.view.entry(GIVEN_U, f.index) for f in m.freedoms] for m in ear.members]
     velocities = ear.walk(roots, speeds, "g", "Eq. 30")
     rates = ear.face_difference(velocities, roots)
     for c in range(len(kind.closures)):

@@ -13,7 +13,7 @@ from ..couplings import others, partner_acceleration
 from ..elimination import OF_SOURCES, substitute
 from ..joints import Column
 from ..spatial import add, cross, matvec, rotate, scale, transpose
-from ..stores import BASE, EAR, LBASE, LME, LREGION, ME, REGION, UDOT
+from ..stores import BASE, DRIVING, EAR, LBASE, LME, LREGION, ME, REGION, UDOT
 from ..structure.kinds import EarKind, RegionKind
 from .closures import own_sources
 from .geometry import EarGeometry
@@ -54,7 +54,12 @@ def find_sources(x: Scope, kind: RegionKind, store: Store, lanes: bool) -> None:
     """Back substitution among the sources, and the relative accelerations of far links; all are kept."""
     outer = outer_accelerations(x, kind, lanes)
     a: Vector = [outer.get(i, 0) for i in range(unknowns(kind))]
-    for j in range(kind.sources):
+    for c in kind.locked:
+        force = x.load(store, fields.source_driving_rest(c))
+        for i in range(kind.sources, len(a)):
+            force = force + x.load(REGION, fields.source_driving_gain(c, i)) * a[i]
+        x.store(store, fields.source_driving(c), x.let("driving", force, "Eq. 53", lanes=lanes))
+    for j in kind.free:
         substitute(x, OF_SOURCES, store, j, Column(j), a, "a", lanes)
     for c in range(kind.total if kind.far else kind.sources):
         x.store(store, fields.source_acceleration(c), a[c])
@@ -74,7 +79,10 @@ def ear_back_substitute(x: Scope, kind: EarKind) -> None:
     a = source_accelerations(x, kind, False)
     own = own_sources(kind)
     for c, (k, j) in own.items():
-        x.set_entry(UDOT[k], j, a[c])
+        if c in kind.locked:
+            x.set_entry(DRIVING[k], 0, x.load(REGION, fields.source_driving(c)))
+        else:
+            x.set_entry(UDOT[k], j, a[c])
     dependents = [(k, j) for k in range(len(kind.links)) for j in kind.dependent[k]]
     for d, (k, j) in enumerate(dependents):
         value = x.load(EAR, fields.dependent_remainder(d))

@@ -18,7 +18,7 @@ from ...program.scalar import Value, Vector
 from .. import fields
 from ..joints import Column
 from ..spatial import SIX, UNIT, add, cross, matvec, minus, transpose
-from ..stores import DTAU, DUDOT, EAR, LME, LREGION, ME, MY_LANE, TAU
+from ..stores import DDRIVING, DHELD, DTAU, DUDOT, EAR, LME, LREGION, ME, MY_LANE, TAU
 from ..structure.kinds import EarKind, LinkKind
 from ..tree.inverse_dynamics import joint_acceleration
 from ..tree.kinematics import accelerated, acceleration_matrix, body_force, less_external, own_inertia
@@ -216,7 +216,7 @@ def ear_balance_in(x: Scope, kind: EarKind) -> None:
     handed += transmit(x, ear, phi, d_phi, d)
 
     def missing(k: int, j: int) -> Value:
-        dtau = x.entry(DTAU[k], j) if kind.links[k].forced[j] else 0
+        dtau = own_force_tangent(x, kind, k, j)
         s = column_of(ear, k, j)
         change = s.change(ear.members[k].view, phi[k])
         return x.let("dgamma", s.along(d_phi[k]) + change - dtau, "d Eq. 53", lanes=True)
@@ -238,7 +238,15 @@ def dependents(kind: EarKind) -> list[tuple[int, int]]:
 
 def column_of(ear: EarGeometry, k: int, j: int) -> Column:
     """Partial velocity of a freedom, in its link's axes."""
-    return ear.members[k].joint.columns[j]
+    return ear.members[k].joint.all_columns[j]
+
+
+def own_force_tangent(x: Scope, kind: EarKind, k: int, j: int) -> Value:
+    """The tangent of the model's own force along a freedom, or along what is prescribed."""
+    link = kind.links[k]
+    if link.joint.driven:
+        return x.entry(DHELD[k], 0) if link.held else 0
+    return x.entry(DTAU[k], j) if link.forced[j] else 0
 
 
 def tau(x: Scope, kind: EarKind, k: int, j: int) -> Value:
@@ -371,7 +379,10 @@ def ear_balance_back(x: Scope, kind: EarKind) -> None:
     """Outward block over directions: tangents of the accelerations of the ear's joints. Eq. 55."""
     a = source_accelerations(x, kind, True)
     for c, (k, j) in own_sources(kind).items():
-        x.set_entry(DUDOT[k], j, a[c])
+        if c in kind.locked:
+            x.set_entry(DDRIVING[k], 0, x.load(LREGION, fields.source_driving(c)))
+        else:
+            x.set_entry(DUDOT[k], j, a[c])
     for n, (k, j) in enumerate(dependents(kind)):
         value = x.load(MY_LANE[k], fields.dependent_acceleration(j))
         for c in range(kind.total):

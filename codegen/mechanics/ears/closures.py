@@ -19,6 +19,7 @@ from ..structure.links import identity
 from ..tree.kinematics import angular_velocity, origin_velocity
 from .conditions import counted_conditions, seen_by
 from .geometry import EarGeometry
+from .members import MemberView
 from .motions import Twist
 from .orthogonal import Factor, factor, load_factor
 
@@ -106,7 +107,7 @@ def member_velocities(x: Scope, ear: EarGeometry, rates: Vector) -> list[Twist]:
     """Velocities of an ear's links against the origin, in region axes."""
     kind = ear.kind
     roots = root_velocities(ear)
-    speeds = ear.coefficients(rates, lambda k, j: ear.members[k].view.entry(SPEEDS, j))
+    speeds = ear.coefficients(rates, lambda k, j: ear.members[k].joint.speed(j))
     found = ear.walk(roots, speeds, "m", "Eq. 18")
     if not (kind.carried and kind.rigid):
         return found
@@ -145,7 +146,8 @@ def named_root_velocities(ear: EarGeometry) -> list[Twist]:
 def source_speed(x: Scope, kind: EarKind, c: int, own: tuple[int, int] | None) -> Value:
     """The speed that a source stands for."""
     if own is not None:
-        return x.entry(SPEEDS[own[0]], own[1])
+        k, j = own
+        return kind.links[k].joint(MemberView(x, k), kind.links[k]).speed(j)
     if c < kind.sources:
         return x.load(REGION, fields.source_speed(c))
     far, i = divmod(c - kind.sources, 6)

@@ -85,7 +85,8 @@ class EarGeometry:
         else:
             W = view.load(ME, fields.ear_attitude)
         freedoms = [
-            Freedom(self._in_region(W, s.angular), self._in_region(W, s.linear), j) for j, s in enumerate(joint.columns)
+            Freedom(self._in_region(W, s.angular), self._in_region(W, s.linear), j)
+            for j, s in enumerate(joint.all_columns)
         ]
         return Member(view, kind, joint, W, rho, r, freedoms, parent)
 

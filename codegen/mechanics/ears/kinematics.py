@@ -79,13 +79,14 @@ def joint_bias(x: Scope, member: Member, w_before: Vector, speeds: Vector) -> tu
 
 
 def member_motion(x: Scope, member: Member, before: Motion, extra: Vector | None = None) -> Motion:
-    """Motion of a link from its parent's; `extra` are the joint's udot, none if left out."""
+    """Motion of a link from its parent's; `extra` are the joint's udot, none if left out; a prescribed joint has its own."""
     speeds = member.speeds
     turning, _ = joint_motion(member.freedoms, speeds)
     w = x.let_vector("w", add(before.w, turning or ZERO), "Eq. 18")
     al_bias, a_bias = joint_bias(x, member, before.w, speeds)
     al = add(before.al, al_bias)
     a = add(before.at(member.rho), a_bias)
+    extra = member.given_accelerations or extra
     if extra is not None:
         turning, sliding = joint_motion(member.freedoms, extra)
         al, a = add(al, turning or ZERO), add(a, sliding or ZERO)

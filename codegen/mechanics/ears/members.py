@@ -11,8 +11,8 @@ from ...program.field import Field, Readable
 from ...program.scalar import Matrix, Value, Vector
 from ...program.store import Store
 from ..joints import LinkJoint
+from ..joints.driven import ACCELERATION, Driven
 from ..spatial import add, dot, is_zero, scale
-from ..stores import SPEEDS
 from ..structure.kinds import LinkKind
 
 
@@ -124,5 +124,10 @@ class Member:
 
     @property
     def speeds(self) -> Vector:
-        """Of the joint's freedoms."""
-        return [self.view.entry(SPEEDS, f.index) for f in self.freedoms]
+        """Of the joint's freedoms, or of a joint that is prescribed."""
+        return [self.joint.speed(f.index) for f in self.freedoms]
+
+    @property
+    def given_accelerations(self) -> Vector | None:
+        """Of a joint that is prescribed."""
+        return [self.joint.known(ACCELERATION)] if isinstance(self.joint, Driven) else None

@@ -82,7 +82,7 @@ def ear_motion(x: Scope, kind: EarKind) -> None:
     motions: list[Motion] = []
     for k, member in enumerate(ear.members):
         before = motions[member.parent] if member.parent >= 0 else roots[-1 - member.parent]
-        udot = [x.entry(UDOT[k], f.index) for f in member.freedoms]
+        udot = [] if member.joint.driven else [x.entry(UDOT[k], f.index) for f in member.freedoms]
         motions.append(member_motion(x, member, before, udot))
     for k, m in enumerate(motions):
         me = ME[k]

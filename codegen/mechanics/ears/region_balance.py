@@ -48,8 +48,10 @@ def region_balance_in(x: Scope, kind: RegionKind) -> None:
     g += [0] * (unknowns(kind) - len(g))
     for i in range(6 if kind.carried else 0):
         g[at + i] = g[at + i] + x.load(LREGION, fields.region_balance.scalars()[i])
-    for j in reversed(range(kind.sources)):
+    for j in reversed(kind.free):
         eliminate_force(x, OF_SOURCES, LREGION, j, Column(j), g, 0, [""] * len(g))
+    for c in kind.locked:
+        x.store(LREGION, fields.source_driving_rest(c), g[c])
     transmitted: dict[int, Vector] = {m: [0] * 6 for m in others(kind)}
     for f, m in enumerate(kind.far):
         s = kind.sources + 6 * f

@@ -102,11 +102,12 @@ def region_triangularize(x: Scope, kind: RegionKind) -> None:
     Eqs. 44-47.
     """
     system = region_system(x, kind)
-    for j in reversed(range(kind.sources)):
+    for j in reversed(kind.free):
         # what is left is measured against what the source's own inertia was before others were eliminated
         system.eliminate(j, Column(j), 0, x.load(REGION, fields.source_inertia(j, j)))
     Q, g = system.Q, system.p
     at = place_of_base(kind)
+    keep_driving(x, kind, Q, g)
     if kind.far:
         absolute_motions(x, kind, Q, g)
     where = places_of_partners(kind)
@@ -128,6 +129,14 @@ def region_triangularize(x: Scope, kind: RegionKind) -> None:
         accumulate(x, BASE, M, Q[at + 3 + i][at + 3 + j], kind.first, "Eq. 44")
     H = [row[at + 3 : at + 6] for row in Q[at : at + 3]]
     accumulate(x, BASE, handed.H, H, kind.first, "Eq. 44")
+
+
+def keep_driving(x: Scope, kind: RegionKind, Q: Matrix, g: Vector) -> None:
+    """What forces along prescribed sources are made of: their rows, over what is known when the region's own are found."""
+    for c in kind.locked:
+        x.store(REGION, fields.source_driving_rest(c), g[c])
+        for i in range(kind.sources, len(g)):
+            x.store(REGION, fields.source_driving_gain(c, i), Q[c][i])
 
 
 def absolute_motions(x: Scope, kind: RegionKind, Q: Matrix, g: Vector) -> None:

@@ -16,7 +16,21 @@ from ...program.field import XYZ
 from ...program.scalar import Value, Vector
 from ...program.store import Store
 from ..spatial import UNIT, add, cross, is_zero, matvec
-from ..stores import CL_DP, CL_PARAMETER, CONSTANT, COORDINATES, DP, DQ, DU, LINK, PARAMETER, SPEEDS, TURNS
+from ..stores import (
+    CL_DP,
+    CL_PARAMETER,
+    CONSTANT,
+    COORDINATES,
+    DMOTION,
+    DP,
+    DQ,
+    DU,
+    LINK,
+    MOTION,
+    PARAMETER,
+    SPEEDS,
+    TURNS,
+)
 from ..tree.tangents import pattern, tangent
 from .geometry import EarGeometry
 
@@ -129,6 +143,8 @@ class WrittenTangents(EarTangents):
             elif store is COORDINATES[place]:
                 found = self.dq.get((place, int(name)))
                 self._seed(symbol, self.x.component(DQ[place], name) if found is None else found)
+            elif store is MOTION[place]:
+                self._seed(symbol, self.x.component(DMOTION[place], name))
             elif store is TURNS[place]:
                 member = self.ear.members[place]
                 self._seed(symbol, member.kind.joint.turn_seed(member.view, name))

@@ -14,7 +14,7 @@ from ..couplings import to_base
 from ..handing_on import add_to_sum
 from ..joints.inertia import shift_inertia
 from ..spatial import SIX, ZERO, add, cross, dot, is_zero, matmul, matvec, rotate, six, skew, symmetric, transpose
-from ..stores import CONSTANTS, EAR, ME, OWN, REGION, TAU
+from ..stores import CONSTANTS, EAR, HELD, ME, OWN, REGION, TAU
 from ..structure.kinds import EarKind
 from ..tree.triangularization import articulated_parts
 from .closures import own_sources
@@ -52,14 +52,23 @@ def ear_triangularize(x: Scope, kind: EarKind) -> None:
             for c in range(kind.total):
                 g[c] = g.get(c, 0) - x.load(EAR, fields.dependent_rate(d, c)) * tau
     for c, (k, j) in own.items():
-        if kind.links[k].forced[j]:
-            g[c] = g.get(c, 0) - x.entry(TAU[k], j)
+        tau = own_force(x, kind, k, j)
+        if not is_zero(tau):
+            g[c] = g.get(c, 0) - tau
     for (d, c), value in Q.items():
         x.store(REGION.sum, fields.source_inertia(d, c), x.let("Q", value, tag))
     for c, value in g.items():
         x.store(REGION.sum, fields.source_force(c), x.let("g", value, "Eq. 41"))
     for c, (n, f) in K.items():
         add_to_sum(x, REGION, fields.source_to_base(c), [*n, *f], "K", "Eq. 39")
+
+
+def own_force(x: Scope, kind: EarKind, k: int, j: int) -> Value:
+    """The model's own force along a freedom of a link, or along what is prescribed."""
+    link = kind.links[k]
+    if link.joint.driven:
+        return x.entry(HELD[k], 0) if link.held else 0
+    return x.entry(TAU[k], j) if link.forced[j] else 0
 
 
 def member_inertia(x: Scope, ear: EarGeometry, k: int) -> tuple[Matrix, Matrix, Matrix, Vector, Vector]:

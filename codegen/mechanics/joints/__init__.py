@@ -9,6 +9,7 @@ from typing import Final
 
 from .column import Column
 from .cylindrical import Cylindrical
+from .driven import DRIVEN_JOINTS
 from .free import Free
 from .link_joint import LinkJoint
 from .prismatic import Prismatic
@@ -17,7 +18,7 @@ from .screw import Screw
 from .slides import Slides
 from .spherical import Spherical
 
-__all__ = ["LINK_JOINTS", "Column", "LinkJoint"]
+__all__ = ["DRIVEN_JOINTS", "LINK_JOINTS", "Column", "LinkJoint"]
 
 LINK_JOINTS: Final[tuple[type[LinkJoint], ...]] = (Free, Cylindrical, Screw, Slides, Spherical, Revolute, Prismatic)
 """The longest chains first: of a body's chain each link takes as much as it can."""

@@ -15,7 +15,7 @@ from ...program.scalar import Matrix, Value, Vector
 from ...program.store import Store
 from .. import fields
 from ..spatial import cross
-from ..stores import CONSTANTS, DQ, MY_LANE, SPEEDS, TRIG, TURNS
+from ..stores import CONSTANTS, COORDINATES, DQ, MY_LANE, SPEEDS, TRIG, TURNS
 from .link_joint import LinkJoint, Primitives
 
 
@@ -24,11 +24,23 @@ class Axial(LinkJoint):
 
     slides: ClassVar[bool] = False
 
+    def own_coordinate(self) -> Value:
+        """The coordinate of a joint that has one."""
+        return self.x.entry(COORDINATES, 0)
+
+    def own_speed(self) -> Value:
+        """Its rate."""
+        return self.x.entry(SPEEDS, 0)
+
+    def own_change(self) -> Value:
+        """Its change along a direction."""
+        return self.x.entry(DQ, 0)
+
     # -- what a class of these says --------------------------------------------------------------------------------
 
     def turn_speed(self) -> Value:
         """Angular velocity about the axis."""
-        return 0 if self.angle is None else self.x.entry(SPEEDS, self.angle)
+        return 0 if self.angle is None else self.own_speed()
 
     def shift(self) -> Value:
         """Displacement along the axis."""
@@ -190,7 +202,7 @@ class Axial(LinkJoint):
     # -- displacements along directions ----------------------------------------------------------------------------
 
     def displacement(self) -> tuple[Vector, Vector]:
-        turn = 0 if self.angle is None else self.x.entry(DQ, self.angle)
+        turn = 0 if self.angle is None else self.own_change()
         return self._along_axis(turn), self._along_axis(self.shift_tangent())
 
     # -- differentiation -------------------------------------------------------------------------------------------

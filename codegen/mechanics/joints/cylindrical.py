@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ...model.motions import Slide, Turn
+from ...program.scalar import Value, Vector
+from ..stores import DQ, SPEEDS
 from .column import Column
 from .prismatic import Prismatic
 
@@ -14,6 +16,12 @@ class Cylindrical(Prismatic):
 
     motion = (Slide(axis=0, index=0), Turn(axis=0, index=1))
     freedoms, coordinates, angle = 2, 2, 1
+
+    def turn_speed(self) -> Value:
+        return self.x.entry(SPEEDS, 1)
+
+    def displacement(self) -> tuple[Vector, Vector]:
+        return self._along_axis(self.x.entry(DQ, 1)), self._along_axis(self.shift_tangent())
 
     @property
     def columns(self) -> Sequence[Column]:

@@ -39,10 +39,13 @@ class Jointed(Protocol):
         The coordinate axis of the link's frame that the joint turns about or slides along.
     aligned : bool
         The link's axes are its parent's at q = 0.
+    moves : tuple of bool
+        Of a coordinate that is prescribed: whether it, its rate and its acceleration can differ from zero.
     """
 
     axis: int
     aligned: bool
+    moves: tuple[bool, ...]
 
     @property
     def parameters(self) -> int:
@@ -71,6 +74,8 @@ class LinkJoint(ABC):
         Where a quaternion begins among the coordinates.
     swings : bool
         Whether the joint's own turning changes the direction in which it slides.
+    driven : bool
+        Its coordinate is prescribed.
     """
 
     motion: ClassVar[tuple[Motion, ...]]
@@ -79,6 +84,12 @@ class LinkJoint(ABC):
     angle: ClassVar[int | None] = None
     quaternion: ClassVar[int | None] = None
     swings: ClassVar[bool] = False
+    driven: ClassVar[bool] = False
+
+    @classmethod
+    def speeds(cls) -> int:
+        """How many it has, a prescribed one too."""
+        return cls.freedoms + cls.driven
 
     def __init__(self, x: Scope, kind: Jointed, lanes: bool = False):
         self.x = x
@@ -104,6 +115,16 @@ class LinkJoint(ABC):
     @abstractmethod
     def columns(self) -> Sequence[Column]:
         """Partial velocities of the freedoms."""
+
+    @property
+    def all_columns(self) -> Sequence[Column]:
+        """The same, and that of a coordinate that is prescribed."""
+        return self.columns
+
+    @property
+    def driven_column(self) -> Column:
+        """The partial velocity of a coordinate that is prescribed."""
+        raise TypeError(f"{type(self).__name__} is not prescribed")
 
     # -- place and attitude ----------------------------------------------------------------------------------------
 
@@ -191,6 +212,10 @@ class LinkJoint(ABC):
     def rates(self) -> Vector:
         """Time derivatives of the coordinates. Eq. 1."""
         return [self.x.entry(SPEEDS, i) for i in range(self.freedoms)]
+
+    def speed(self, j: int) -> Value:
+        """Of a freedom, or of the joint if it is prescribed."""
+        return self.x.entry(SPEEDS, j)
 
     # -- displacements along directions ----------------------------------------------------------------------------
 

@@ -7,7 +7,6 @@ from typing import ClassVar
 
 from ...model.motions import Motion, Slide
 from ...program.scalar import Value
-from ..stores import COORDINATES, DQ, SPEEDS
 from .axial import Axial
 from .column import Column
 
@@ -23,10 +22,10 @@ class Prismatic(Axial):
         return (Column(3 + self.kind.axis),)
 
     def shift(self) -> Value:
-        return self.x.entry(COORDINATES, 0)
+        return self.own_coordinate()
 
     def slide_speed(self) -> Value:
-        return self.x.entry(SPEEDS, 0)
+        return self.own_speed()
 
     def shift_tangent(self) -> Value:
-        return self.x.entry(DQ, 0)
+        return self.own_change()

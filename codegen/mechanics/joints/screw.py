@@ -9,7 +9,7 @@ from ...model.motions import Slide, Turn
 from ...program.scalar import Value
 from .. import fields
 from ..spatial import is_zero
-from ..stores import CONSTANTS, COORDINATES, DQ, SPEEDS
+from ..stores import CONSTANTS
 from .axial import Axial
 from .column import Column
 
@@ -28,22 +28,27 @@ class Screw(Axial):
         """Derivative of the pitch with respect to a design parameter."""
         return self.x.load(CONSTANTS, fields.joint_factor.derivative(parameter))
 
-    @cached_property
+    @property
     def columns(self) -> Sequence[Column]:
+        return (self.column,)
+
+    @cached_property
+    def column(self) -> Column:
+        """Of its freedom."""
         axis = self.kind.axis
         h = {3 + axis: self.pitch}
         by = [{3 + axis: self.pitch_by(j)} for j in range(self.kind.parameters)]
         others, *changes = ({i: v for i, v in s.items() if not is_zero(v)} for s in (h, *by))
-        return (Column(axis, others, tuple(changes)),)
+        return Column(axis, others, tuple(changes))
 
     def shift(self) -> Value:
-        return self.x.let("shift", self.pitch * self.x.entry(COORDINATES, 0), "Eq. 22")
+        return self.x.let("shift", self.pitch * self.own_coordinate(), "Eq. 22")
 
     def shift_by(self, parameter: int) -> Value:
-        return self.pitch_by(parameter) * self.x.entry(COORDINATES, 0)
+        return self.pitch_by(parameter) * self.own_coordinate()
 
     def slide_speed(self) -> Value:
-        return self.x.let("slide", self.pitch * self.x.entry(SPEEDS, 0), "Eq. 18")
+        return self.x.let("slide", self.pitch * self.own_speed(), "Eq. 18")
 
     def shift_tangent(self) -> Value:
-        return self.x.let("slide", self.pitch * self.x.entry(DQ, 0), "d Eq. 22", lanes=True)
+        return self.x.let("slide", self.pitch * self.own_change(), "d Eq. 22", lanes=True)

@@ -8,13 +8,13 @@ from .acceleration import ACCELERATION
 from .angular_velocity import ANGULAR_VELOCITY
 from .center_of_mass import CENTER_OF_MASS
 from .distance import DISTANCE
-from .measure import EnergyMeasure, FormulaMeasure, Measure, RecordMeasure
+from .measure import DrivingMeasure, EnergyMeasure, FormulaMeasure, Measure, RecordMeasure
 from .momentum import MOMENTUM
 from .points import POSITION, VELOCITY
 from .relative_position import RELATIVE_POSITION, RELATIVE_VELOCITY
 from .rotation import ROTATION
 
-__all__ = ["MEASURES", "EnergyMeasure", "FormulaMeasure", "Measure", "RecordMeasure"]
+__all__ = ["MEASURES", "DrivingMeasure", "EnergyMeasure", "FormulaMeasure", "Measure", "RecordMeasure"]
 
 MEASURES: Final[dict[str, Measure]] = {
     "position": POSITION,
@@ -27,6 +27,7 @@ MEASURES: Final[dict[str, Measure]] = {
     "distance": DISTANCE,
     "relative_position": RELATIVE_POSITION,
     "relative_velocity": RELATIVE_VELOCITY,
+    "driving_force": DrivingMeasure(),
     "value": FormulaMeasure(),
     "kinetic_energy": EnergyMeasure(0),
     "potential_energy": EnergyMeasure(1),

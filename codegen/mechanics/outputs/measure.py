@@ -67,4 +67,9 @@ class EnergyMeasure:
     entry: int
 
 
-Measure = RecordMeasure | FormulaMeasure | EnergyMeasure
+@dataclass(frozen=True, slots=True)
+class DrivingMeasure:
+    """The force that prescribed motion takes, which back substitution has found."""
+
+
+Measure = RecordMeasure | FormulaMeasure | EnergyMeasure | DrivingMeasure

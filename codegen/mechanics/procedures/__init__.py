@@ -16,7 +16,7 @@ from .closing import closing, initial
 from .dynamics import dynamics, jacobians, rates, state_rates
 from .frames import frames_of
 from .mass import inverse_dynamics, mass
-from .measures import energies, outputs, reactions_of
+from .measures import driving_forces, energies, outputs, reactions_of
 from .shared import Shared
 from .swept import checked_backwards, sweeps, swept_backwards, swept_together
 from .transposed import backwards
@@ -88,10 +88,15 @@ def left_out(system: System, kept: tuple[Procedure, ...]) -> list[str]:
 
 def every(w: Shared, reactions: bool) -> tuple[Procedure, ...]:
     """All functions that a solver of the system can have."""
-    found = [*dynamics(w), jacobians(w), *rates(w), *state_rates(w)]
-    if not w.loops:
+    moves = w.system.model.nu > 0  # something is not prescribed
+    found = [*dynamics(w), jacobians(w), *rates(w)] if moves else []
+    if w.system.independent[1]:  # there is something to integrate
+        found += state_rates(w)
+    if moves and not w.loops:
         found += [*mass(w), *inverse_dynamics(w)]
     found += energies(w)
+    if w.motions:
+        found += driving_forces(w)
     if reactions:
         found.append(reactions_of(w))
     if w.loops:

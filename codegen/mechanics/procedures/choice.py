@@ -13,7 +13,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "dynamics": ("accelerations", "sensitivities", "jacobians"),
     "rates": ("coordinate_rates", "coordinate_rate_sensitivities"),
     "mass": ("mass_matrix", "mass_matrix_sensitivities", "inverse_mass_matrix", "solve_mass", "solve_mass_sensitivities"),
-    "forces": ("inverse_dynamics", "inverse_dynamics_sensitivities"),
+    "forces": ("inverse_dynamics", "inverse_dynamics_sensitivities", "driving_forces", "driving_force_sensitivities"),
     "states": ("assemble_sensitivities", "closure_sensitivities", "initial_sensitivities"),
     "frames": (
         "frames", "frame_sensitivities", "frame_accelerations", "frame_acceleration_sensitivities", "point_places",

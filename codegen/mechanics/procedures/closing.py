@@ -23,7 +23,7 @@ def closing(w: Shared) -> list[Procedure]:
     position, velocity, dposition, step = w.of("position", "velocity", "dposition", "step")
     condition = w.one("condition")
     given = u.called("given_u")
-    state, seeds = w.of("q", "u", *w.p), w.of("dq", "du", *(["dp"] if w.p else []))
+    state, seeds = w.of("q", "u", *w.p), w.of("dq", "du", *(f"d{name}" for name in w.p))
     places = w.of("q", *w.p)
     return [
         Procedure(

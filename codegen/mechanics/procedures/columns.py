@@ -6,7 +6,7 @@ Force elements and loops make everything depend on everything: where a model has
 from __future__ import annotations
 
 from ...program.procedure import AllColumns, Array, Primitives, Run, Weighted
-from ..structure.system import System
+from ..structure.system import System, speeds_with_forces
 from .shared import Shared
 from .words import JOINT_FORCES, WIDTHS
 
@@ -113,15 +113,15 @@ def force_primitives(w: Shared) -> Primitives | None:
     model, system = w.system.model, w.system
     places = {f"q.{n}": ("q", i) for i, n in enumerate(model.coordinate_names)}
     places |= {f"u.{n}": ("u", i) for i, n in enumerate(model.speed_names)}
-    places |= {n: ("inputs", i) for i, n in enumerate(model.inputs)}
+    if "inputs" not in w.p:
+        places |= {n: ("inputs", i) for i, n in enumerate(model.inputs)}
     arguments: dict[int, set[tuple[str, int]]] = {}
-    for body, forces in system.force_of.items():
-        start = model.coordinate_slices[body][1].start
+    for forces in system.force_of.values():
         for force in forces:
-            for j, value in enumerate(force.values):
+            for i, value in speeds_with_forces(model, force):
                 of = {places[n] for n in value.names if n in places}
-                if of:
-                    arguments.setdefault(start + j, set()).update(of)
+                if of and i >= 0:
+                    arguments.setdefault(i, set()).update(of)
     users: dict[tuple[str, int], list[int]] = {}
     for i, of in arguments.items():
         for a in of:

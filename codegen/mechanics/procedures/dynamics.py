@@ -53,7 +53,7 @@ def jacobians(w: Shared) -> Procedure:
     state = ["q", "u"]
     primitives = columns.force_primitives(w) if columns.applies(w.system) else None
     weighted = primitives.weighted if primitives is not None else ()
-    driven = ["inputs"] if "inputs" in seeds else []
+    driven = ["inputs"] if "inputs" in seeds and "inputs" not in w.p else []
     rest = [n for n in seeds if n not in (*state, *driven)]
     steps: list[Step] = [*w.begin, *w.forward]
     if primitives is None:
@@ -78,13 +78,14 @@ def jacobians(w: Shared) -> Procedure:
 
 def rates(w: Shared) -> list[Procedure]:
     begin = w.begin if w.loops else run("rotations")
+    along = w.along if w.loops else run("turns")
     return w.pair(
         ("coordinate_rates", "coordinate_rate_sensitivities"),
         ("Time derivatives of the coordinates (Eq. 1).", "Their total derivative along seeds."),
         ["q", "u", *(w.p if w.loops else [])],
         ["qdot"],
         (*begin, *run("rates")),
-        (*begin, *w.along, *w.turns, *run("rate_tangents")),
+        (*begin, *along, *run("rate_tangents")),
     )
 
 

@@ -29,7 +29,7 @@ def mass(w: Shared) -> list[Procedure]:
     resting: tuple[Step, ...] = (w.start, w.at_rest, *run("kinematics"))
     factors: tuple[Step, ...] = (*resting, *run("triangularize"), Check())
     solve = run("solve_in", "balance_back")
-    at_rest: tuple[Step, ...] = (Own(du), Zero(du), Own(dforce), *run("turns"))
+    at_rest: tuple[Step, ...] = (Own(du), Zero(du), Own(dforce), *w.turns)
     one_by_one: tuple[Step, ...] = (
         Own(right),
         Zero(right),
@@ -120,7 +120,7 @@ def inverse_dynamics(w: Shared) -> list[Procedure]:
         (
             *begin,
             w.ground_tangent,
-            *run("turns"),
+            *w.turns,
             *w.applied_tangents,
             *run("inverse_out", "force_tangents"),
             Own(held),

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from ...program.procedure import (
     Check,
+    Copy,
     CopyEntry,
     Own,
     Procedure,
     Step,
     Zero,
 )
-from ..outputs import EnergyMeasure, RecordMeasure
+from ..outputs import DrivingMeasure, EnergyMeasure, RecordMeasure
 from ..quantities import ENERGIES, POSE, measured, missing, run
 from .shared import Shared
 from .words import OUTPUTS
@@ -23,11 +24,12 @@ def energies(w: Shared) -> list[Procedure]:
     values, tangents = w.measuring(quantities)
     read = set[str]().union(*(e.names for x in model.loads if x.has_energy for e in x.coefficients))
     more = [*(["inputs"] if read & set(model.inputs) else []), *(["t"] if "t" in read else [])]
+    given = [n for n in w.rest if n in (*w.p, *more)]
     check = (Check(True),) if any(q.pivots for q in quantities) else ()
     return w.pair(
         ("energies", "energy_sensitivities"),
         ("Kinetic and potential energy.", "Energies and their total derivative along seeds."),
-        ["q", "u", *w.p, *more],
+        ["q", "u", *given],
         ["energy"],
         (Zero(energy), *w.begin, *values),
         (Zero(energy), *w.begin, Zero(denergy), *w.along, *w.turns, *tangents, *check),
@@ -35,7 +37,9 @@ def energies(w: Shared) -> list[Procedure]:
 
 
 def outputs(w: Shared) -> list[Procedure]:
+    model = w.system.model
     outputs, doutputs, energy, denergy, udot = w.of("outputs", "doutputs", "energy", "denergy", "udot")
+    driving, ddriving = w.of("driving", "ddriving")
     read: set[str] = set()
     for o, m in zip(w.system.model.outputs, w.measures, strict=True):
         if isinstance(m, RecordMeasure):
@@ -47,7 +51,8 @@ def outputs(w: Shared) -> list[Procedure]:
     zero_along = tuple(step for a in sums for step in (Own(a.tangent()), Zero(a.tangent())))
     before: tuple[Step, ...] = w.begin
     along: tuple[Step, ...] = (*w.along, *w.turns)
-    if any(q.dynamics for q in quantities):
+    driven = any(isinstance(m, DrivingMeasure) for m in w.measures)
+    if driven or any(q.dynamics for q in quantities):
         before = (*before, Own(udot), *w.forward)
         along = (*w.along, Own(udot.tangent()), w.balance)
     values, tangents = w.measuring(quantities, before, along)
@@ -57,6 +62,10 @@ def outputs(w: Shared) -> list[Procedure]:
         if isinstance(measure, EnergyMeasure):
             copies.append(CopyEntry(outputs, i, energy, measure.entry))
             copies_along.append(CopyEntry(doutputs, i, denergy, measure.entry))
+        elif isinstance(measure, DrivingMeasure):
+            n = model.prescribed_names.index(model.outputs[i].choice[0])
+            copies.append(CopyEntry(outputs, i, driving, n))
+            copies_along.append(CopyEntry(doutputs, i, ddriving, n))
     check = (Check(True),) if w.formula_pivots or any(q.pivots for q in quantities) else ()
     return w.pair(
         ("outputs", "output_sensitivities"),
@@ -76,6 +85,25 @@ def outputs(w: Shared) -> list[Procedure]:
             *copies_along,
             *check,
         ),
+    )
+
+
+def driving_forces(w: Shared) -> list[Procedure]:
+    """What prescribed motion takes."""
+    udot, dudot, driving, ddriving, found, dfound = w.of(
+        "udot", "dudot", "driving", "ddriving", "actuation", "dactuation"
+    )
+    before: tuple[Step, ...] = (*w.begin, Own(udot), *w.forward)
+    return w.pair(
+        ("driving_forces", "driving_force_sensitivities"),
+        (
+            "Generalised forces that prescribed motion takes.",
+            "Generalised forces that prescribed motion takes, and their total derivative along seeds.",
+        ),
+        w.state,
+        ["actuation"],
+        (*before, Copy(found, driving)),
+        (*before, *w.along, Own(dudot), w.balance, Copy(found, driving), Copy(dfound, ddriving)),
     )
 
 

@@ -14,6 +14,7 @@ from ...program.procedure import (
     Routine,
     Step,
     Zero,
+    ZeroEntries,
     walk,
 )
 from ..outputs import MEASURES, RecordMeasure
@@ -26,7 +27,9 @@ from .words import (
     GROUND_AT_REST,
     GROUND_TANGENT,
     GROUND_TANGENT_AT_REST,
+    HELD_FORCES,
     JOINT_FORCES,
+    MOTIONS,
     OTHER_WIDTHS,
     arrays,
 )
@@ -40,11 +43,18 @@ class Shared:
         self.system = system
         self.array = arrays(system)
         names = set().union(*(e.names for e in model.expressions())) if model.bodies else set()
-        self.p = ["p"] if model.parameters else []
-        self.rest = self.p + (["inputs"] if model.inputs else []) + (["t"] if "t" in names else [])
+        rest = [*(["inputs"] if model.inputs else []), *(["t"] if "t" in names else [])]
+        given = ["p"] if model.parameters else []
+        read = set[str]().union(*(x.value.names for x in model.prescribed))
+        of_motion = {"inputs": not read.isdisjoint(model.inputs), "t": "t" in read}
+        self.p = given + [n for n in rest if of_motion[n]]
+        """What places of bodies depend on beside coordinates: parameters, and what prescribed motion reads."""
+        self.rest = given + rest
         self.state = ["q", "u", *self.rest]
         self.loops = bool(model.loops)
         self.forces: tuple[Formulas, ...] = (JOINT_FORCES,) if model.forces else ()
+        self.held: tuple[Formulas, ...] = (HELD_FORCES,) if system.held else ()
+        self.motions: tuple[Formulas, ...] = (MOTIONS,) if model.prescribed else ()
         self.elements = bool(system.elements)
         self.measures = [MEASURES[o.measure] for o in model.outputs]
         self.formula_pivots = any(isinstance(m, RecordMeasure) and m.pivots for m in self.measures)
@@ -85,12 +95,12 @@ class Shared:
     # -- what procedures share -------------------------------------------------------------------------------------
 
     def _routines(self) -> None:
-        u, dq, du = self.of("u", "dq", "du")
+        u, dq, du, motion = self.of("u", "dq", "du", "prescribed")
         held: tuple[Step, ...] = (Hold(u, u.called("given_u")), *run("closures")) if self.loops else ()
         start = Routine(
             "start",
             "Computes what depends on no other link: constants, sines and cosines, rotation matrices.",
-            (Prepare(CONSTANTS), Prepare(GROUND), Prepare(ANGLES), *run("rotations"), *held),
+            (Prepare(CONSTANTS), Prepare(GROUND), *self.motions, Prepare(ANGLES), *run("rotations"), *held),
         )
         self.start = Perform(start)
         self.begin: tuple[Step, ...] = (self.start, Check()) if self.loops else (self.start,)
@@ -100,11 +110,13 @@ class Shared:
             (
                 Hold(dq, dq.called("given_dq")),
                 Hold(du, du.called("given_du")),
+                *(m.tangents() for m in self.motions),
                 *run("turns", "complete"),
             ),
         )
         self.along: tuple[Step, ...] = (Perform(close),) if self.loops else ()
-        self.turns = () if self.loops else run("turns")  # what closes loops begins with them
+        # what closes loops begins with them
+        self.turns: tuple[Step, ...] = () if self.loops else (*(m.tangents() for m in self.motions), *run("turns"))
         coefficients = [c for c in (COEFFICIENTS, DRIVES) if {*c.targets} & self.system.coefficient_counts.keys()]
         known = (POSE, VELOCITY)
         self.applied: tuple[Step, ...] = ()
@@ -128,6 +140,7 @@ class Shared:
                     "Forward dynamics: the three sweeps.",
                     (
                         *self.forces,
+                        *self.held,
                         *self.applied[:1],
                         *run("kinematics", "triangularize"),
                         Check(),
@@ -144,7 +157,7 @@ class Shared:
                 "balance",
                 "From seeds to dudot, with the factors and accelerations of the forward dynamics at hand.",
                 (
-                    *(f.tangents() for f in self.forces),
+                    *(f.tangents() for f in (*self.forces, *self.held)),
                     self.ground_tangent,
                     *self.turns,
                     *self.applied_tangents,
@@ -153,6 +166,9 @@ class Shared:
             )
         )
         tau = self.one("tau")
+        moving = tuple(i for i in range(motion.size) if i % 3)  # rates and accelerations of what is prescribed
+        stopped = (ZeroEntries(motion, moving),) if moving else ()
+        stopped_along = (ZeroEntries(motion.tangent(), moving),) if moving else ()
         self.at_rest = Perform(
             Routine(
                 "at_rest",
@@ -160,6 +176,7 @@ class Shared:
                 (
                     Own(u),
                     Zero(u),
+                    *stopped,
                     *([Zero(tau)] if self.forces else []),
                     Prepare(GROUND_AT_REST),
                     *(run("clear") if self.elements else ()),
@@ -171,6 +188,7 @@ class Shared:
                 "mass_tangent",
                 "Tangent of M x along dq and dp at fixed x = udot; force becomes M x.",
                 (
+                    *stopped_along,
                     Prepare(GROUND_TANGENT_AT_REST, True),
                     *(run("clear_tangents") if self.elements else ()),
                     *run("inverse_out", "force_tangents"),

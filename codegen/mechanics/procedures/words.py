@@ -24,6 +24,8 @@ accelerates by -g or, for the mass matrix, not at all; memory of directions, whi
 
 JOINT_FORCES = Formulas("joint_forces", ("tau",))
 OUTPUTS = Formulas("output_formulas", ("outputs",))
+HELD_FORCES = Formulas("held_forces", ("held_force",))
+MOTIONS = Formulas("prescribed_motion", ("prescribed",))
 INITIAL = Formulas("initial_values", ("initial_q", "initial_u"))
 FRAMES = Formulas("body_frames", ("frames",))
 FRAME_ACCELERATIONS = Formulas("accelerations_of_frames", ("frame_accelerations",))
@@ -36,8 +38,10 @@ SHAPES: dict[str, tuple[str, ...]] = {
     "J_q": ("nu", "nq"), "J_u": ("nu", "nu"), "J_p": ("nu", "np"), "J_inputs": ("nu", "ninputs"), "J_t": ("nu",),
     "position": ("nclosure",), "velocity": ("nclosure",), "condition": ("nloops",), "reaction": ("6*nlinks",),
     "loop_reaction": ("6*nloops",), "step": ("nq",), "full_q": ("nq",), "full_u": ("nu",), "tau": ("nu",),
-    "masses": ("4",), "momenta": ("6",), "frames": ("18*nbodies",), "frame_accelerations": ("6*nbodies",),
+    "frames": ("18*nbodies",), "frame_accelerations": ("6*nbodies",),
     "point_places": ("3*npoints",),
+    "masses": ("4",), "momenta": ("6",),
+    "prescribed": ("3*nprescribed",), "driving": ("nprescribed",), "actuation": ("nprescribed",), "held_force": ("nprescribed",),
 }  # fmt: skip
 """Axes of arguments and results."""
 
@@ -50,6 +54,7 @@ def arrays(system: System) -> dict[str, Array]:
         "noutputs": len(model.outputs), "nclosure": len(model.closure_names), "nloops": len(model.loops),
         "6*nlinks": 6 * len(system.links), "6*nloops": 6 * len(model.loops),
         "18*nbodies": 18 * len(model.bodies), "6*nbodies": 6 * len(model.bodies), "3*npoints": 3 * len(model.points),
+        "nprescribed": len(model.prescribed), "3*nprescribed": 3 * len(model.prescribed),
     }  # fmt: skip
     found = {}
     for name, shape in SHAPES.items():

@@ -35,7 +35,7 @@ def describe_regions(model: Model, partition: Partition) -> list[str]:
 def _line(model: Model, links: list[Link], regions: Regions, region: Region) -> str:
     ears = [regions.ears[e] for e in region.ears]
     loops = listed([model.loops[c.loop].name for ear in ears for c in ear.closures])
-    names = [model.speed_names[links[i].u + j] for i, j in region.freedoms]
+    names = [model.released.speed_names[links[i].speed + j] for i, j in region.freedoms]
     sources = [f"{len(names)} independent speed{'s' * (len(names) > 1)} ({listed(names)})"] if names else []
     base = _name(links, region.base)
     if region.far:

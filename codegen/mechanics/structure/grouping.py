@@ -6,7 +6,7 @@ it has children, forces on its joint); those of ears and regions from how they h
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from ...model.model import GROUND
 from ...program import algebra
@@ -27,6 +27,7 @@ def find_link_kinds(
     forced_speeds: set[int],
     pulled: set[int],
     unrolled: bool,
+    held: Collection[int] = (),
 ) -> tuple[list[LinkKind], list[LinkKind]]:
     """Kinds of links, and the kind of each link.
 
@@ -38,6 +39,8 @@ def find_link_kinds(
         Links that force elements act on.
     unrolled : bool
         Every link is of a kind of its own.
+    held : collection of int
+        Of what is prescribed: that whose joint has a force of the model.
     """
     has_child = {link.parent for link in links}
     last_child: dict[int, int] = {}
@@ -59,7 +62,7 @@ def find_link_kinds(
         signature: object = (
             link.joint, link.axis, aligned, first, first_unit, link.parent != GROUND, i in has_child, forced,
             c.shape.index, pattern(c), order.place_in_ear(i), order.role_of(i), i in pulled,
-            order.partners_of_link(i).structure(),
+            order.partners_of_link(i).structure(), link.moves, link.driven in held,
         )  # fmt: skip
         if unrolled:
             signature = i
@@ -67,7 +70,7 @@ def find_link_kinds(
         if kind is None:
             kind = kinds[signature] = LinkKind(
                 c.shape, len(kinds), link.joint, link.axis, aligned, first, first_unit, link.parent != GROUND,
-                *order.role_of(i), i in pulled, forced, order.partners_of_link(i),
+                *order.role_of(i), i in pulled, forced, order.partners_of_link(i), link.moves, link.driven in held,
             )  # fmt: skip
         kind.members.append(i)
         kind_of.append(kind)
@@ -106,7 +109,8 @@ def find_unit_kinds(
             r, partners = len(region.freedoms), order.partners[n]
             far = tuple(-1 if i == GROUND else partners.links.index(i) for i in region.far)
             key: object = (
-                "region", r, region.carried, region.rigid, first, far, partners.structure(), unit.number if unrolled else 0,
+                "region", r, region.carried, region.rigid, first, far, partners.structure(), order.locked(region),
+                unit.number if unrolled else 0,
             )  # fmt: skip
             kind = found.setdefault(
                 key,
@@ -119,6 +123,7 @@ def find_unit_kinds(
                     first,
                     far,
                     partners,
+                    order.locked(region),
                 ),
             )
             kind.members.append(unit.number)
@@ -186,7 +191,7 @@ def _ear_kind(
             [order.first_follower.get(root) == n for root in ear.roots], [i in order.first_follower for i in ear.links],
             closures, ear.dependent, ear.columns, r, total_sources(region), region.carried,
             region.rigid, inverse if angular else algebra.ONE, inverse,
-            region.carried or order.slides(region), order.partners[n],
+            region.carried or order.slides(region), order.partners[n], locked=order.locked(region),
         )  # fmt: skip
     assert isinstance(kind, EarKind)
     kind.members.append(e)

@@ -46,6 +46,10 @@ class LinkKind(Folded):
         Which freedoms have a force of the model.
     partners : Partners
         Coupled links, of the first member; the structure is that of all.
+    moves : tuple of bool
+        See `Link`.
+    held : bool
+        A coordinate that is prescribed has a force of the model.
     members : list of int
         Links, in outward order.
     units : list of int
@@ -64,6 +68,8 @@ class LinkKind(Folded):
     pulled: bool
     forced: tuple[bool, ...]
     partners: Partners = NOBODY
+    moves: tuple[bool, ...] = ()
+    held: bool = False
     members: list[int] = field(default_factory=list)
     units: list[int] = field(default_factory=list)
 
@@ -128,6 +134,8 @@ class EarKind:
         Ears.
     form : FactorForm
         Of the factored closure matrix; the expansion of the closures gives it.
+    locked : tuple of int
+        Sources that are prescribed: their speeds are known, and their accelerations are in the remainders.
     """
 
     index: int
@@ -151,6 +159,7 @@ class EarKind:
     members: list[int] = field(default_factory=list)
     units: list[int] = field(default_factory=list)
     form: FactorForm = NO_FORM
+    locked: tuple[int, ...] = ()
 
     role = "ear"
 
@@ -190,10 +199,16 @@ class RegionKind:
     first: bool
     far: tuple[int, ...] = ()
     partners: Partners = NOBODY
+    locked: tuple[int, ...] = ()
     members: list[int] = field(default_factory=list)
     units: list[int] = field(default_factory=list)
 
     role = "region"
+
+    @property
+    def free(self) -> list[int]:
+        """Sources whose accelerations are unknown."""
+        return [c for c in range(self.sources) if c not in self.locked]
 
     def number_of(self, store: Store, name: str) -> Expr | None:
         """A region has no constants."""

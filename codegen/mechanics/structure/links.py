@@ -8,7 +8,7 @@ expressions, so that the repeated bodies of a chain are looked at once.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -21,7 +21,7 @@ from ...model.motions import Ball, Displacement, Motion, Slide, Turn
 from ...program.digits import are_long
 from ...program.field import XYZ
 from ...program.scalar import Matrix, Value, Vector
-from ..joints import LINK_JOINTS, LinkJoint
+from ..joints import DRIVEN_JOINTS, LINK_JOINTS, LinkJoint
 from ..spatial import add, cross, dot, matmul, matvec, scale, transpose
 
 Evaluate = Callable[[Expression], Value]
@@ -77,6 +77,12 @@ class Link:
         The axis of the link's frame that the joint turns about or slides along.
     factors : tuple of Expression
         Of the joint's motion, such as a pitch.
+    driven : int
+        Number of the coordinate among those that are prescribed; -1 where none is.
+    moves : tuple of bool
+        Whether that, its rate and its acceleration can differ from zero.
+    speed : int
+        Where its speeds begin in `Model.released`, where those that are prescribed have places too.
     members : list of (Body, tuple of Placement)
         Bodies that move with the link, with the way from its body frame to theirs.
     """
@@ -91,6 +97,9 @@ class Link:
     frame: Frame
     axis: int
     factors: tuple[Expression, ...] = ()
+    driven: int = -1
+    moves: tuple[bool, ...] = ()
+    speed: int = -1
     members: list[tuple[Body, tuple[Placement, ...]]] = field(default_factory=list)
 
     def key(self) -> tuple[object, ...]:
@@ -150,10 +159,11 @@ class Part(NamedTuple):
     factors: tuple[int, ...]
 
 
-def parts_of(chain: Sequence[Motion], triad: bool = False) -> list[Part]:
+def parts_of(chain: Sequence[Motion], triad: bool = False, held: Collection[int] = ()) -> list[Part]:
     """A chain of motions as joints of links, each of which takes as much of it as it can.
 
-    `triad` tells that its axes are a right-handed frame: only then a link's joint may have several.
+    `triad` tells that its axes are a right-handed frame: only then a link's joint may have several. Coordinates that are `held`,
+    prescribed, have links of their own.
 
     Raises
     ------
@@ -162,9 +172,11 @@ def parts_of(chain: Sequence[Motion], triad: bool = False) -> list[Part]:
     """
     found: list[Part] = []
     while chain:
-        for joint in LINK_JOINTS:
-            part = _share(joint, chain[: len(joint.motion)], triad)
-            if part is not None:
+        held_first = _is_held(chain[0], held)
+        for joint in DRIVEN_JOINTS if held_first else LINK_JOINTS:
+            of_joint = chain[: len(joint.motion)]
+            part = _share(joint, of_joint, triad)
+            if part is not None and all(_is_held(m, held) == held_first for m in of_joint):
                 found.append(part)
                 chain = chain[len(joint.motion) :]
                 break
@@ -174,6 +186,10 @@ def parts_of(chain: Sequence[Motion], triad: bool = False) -> list[Part]:
     if len(set(speeds)) < len(speeds):
         raise TypeError("motions that share a coordinate are those of no joint of a link (mechanics/joints)")
     return found
+
+
+def _is_held(motion: Motion, held: Collection[int]) -> bool:
+    return isinstance(motion, Turn | Slide) and motion.index in held
 
 
 def _share(joint: type[LinkJoint], chain: Sequence[Motion], triad: bool) -> Part | None:
@@ -215,6 +231,9 @@ def links_of(model: Model, evaluate: NumberOf) -> tuple[list[Link], list[Carrier
     """
     links: list[Link] = []
     carriers: list[Carrier] = [(GROUND, ())] * len(model.bodies)
+    held: dict[int, dict[int, int]] = {}
+    for (k, i), n in model.places_of_prescribed.items():
+        held.setdefault(k, {})[i] = n
     for k in model.outward:
         body = model.bodies[k]
         parent, steps = carriers[body.parent] if body.parent != GROUND else (GROUND, ())
@@ -222,7 +241,7 @@ def links_of(model: Model, evaluate: NumberOf) -> tuple[list[Link], list[Carrier
         joint = body.joint
         steps = (*steps, (joint.at, joint.rotation))
         q, u = (s.start for s in model.coordinate_slices[k])
-        parts = parts_of(joint.kind.motion, joint.kind.triad)
+        parts = parts_of(joint.kind.motion, joint.kind.triad, held.get(k, {}))
         if not parts:
             carriers[k] = parent, steps
             if parent != GROUND:
@@ -232,9 +251,14 @@ def links_of(model: Model, evaluate: NumberOf) -> tuple[list[Link], list[Carrier
             name = body.name if len(parts) == 1 else f"{body.name}.{n}"
             frame, axis = _frame_of(joint, part, evaluate)
             factors = tuple(joint.factors[i] for i in part.factors)
-            links.append(
-                Link(name, parent, part.joint, q + part.q, u + part.u, steps, parent_frame, frame, axis, factors)
-            )
+            before = sum(i < part.q for i in held.get(k, ()))  # all coordinates of such a joint are scalars
+            places = q + part.q - before, u + part.u - before
+            link = Link(name, parent, part.joint, *places, steps, parent_frame, frame, axis, factors)
+            link.speed = model.released.coordinate_slices[k][1].start + part.u
+            if part.joint.driven:
+                link.driven = held[k][part.q]
+                link.moves = tuple(e.tree != ("number", 0) for e in model.prescribed[link.driven].values)
+            links.append(link)
             parent, parent_frame, steps = len(links) - 1, frame, ((ORIGIN, ()),)
         links[-1].members.append((body, ()))
         carriers[k] = len(links) - 1, ()

@@ -117,9 +117,13 @@ class Neighbours:
             tuple((c.paths, c.roots, c.faces, c.gaps, c.dropped) for c in ear.closures),
             tuple(map(tuple, ear.dependent)), tuple(tuple(sorted(c.items())) for c in ear.columns), ear.length,
             len(region.freedoms), region.carried, region.rigid, tuple(self.role_of(i) for i in ear.links), self.far(e),
-            self.slides(region), tuple(i == GROUND for i in region.far),
+            self.slides(region), tuple(i == GROUND for i in region.far), self.locked(region),
             self.partners[n].structure() if n >= 0 else (),
         )  # fmt: skip
+
+    def locked(self, region: Region) -> tuple[int, ...]:
+        """Sources of a region that are prescribed."""
+        return tuple(c for c, (i, _) in enumerate(region.freedoms) if self.links[i].joint.driven)
 
     def slides(self, region: Region) -> bool:
         """Whether the way between the faces of some loop of a region matters."""

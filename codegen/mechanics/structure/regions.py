@@ -49,7 +49,7 @@ class Regions:
 
 def link_of_speeds(links: Sequence[Link]) -> dict[int, tuple[int, int]]:
     """Link and freedom of every speed."""
-    return {link.u + j: (i, j) for i, link in enumerate(links) for j in range(link.joint.freedoms)}
+    return {link.speed + j: (i, j) for i, link in enumerate(links) for j in range(link.joint.freedoms)}
 
 
 def find_regions(
@@ -73,7 +73,7 @@ def find_regions(
     for group, base in _components(links, faces, partition):
         bundles = _bundles(links, faces, group, dependent)
         on_cycles = sorted({i for b in bundles for i in b.links})
-        free = [(i, j) for i in on_cycles for j in range(links[i].joint.freedoms) if (i, j) not in dependent]
+        free = [(i, j) for i in on_cycles for j in range(links[i].joint.speeds()) if (i, j) not in dependent]
         made = _Maker(links, regions, ears, ear_of, faces, dependent, gaps, dropped)
         if len(free) > MOST_SOURCES:
             made.by_single_ears(bundles)
@@ -209,7 +209,7 @@ class _Maker:
             outside = {self.links[i].parent for i in members} | {f for loop in b.loops for f in self.faces[loop]}
             moving = list(outside - set(members) - {GROUND})
             inside = [
-                (i, j) for i in members for j in range(self.links[i].joint.freedoms) if (i, j) not in self.dependent
+                (i, j) for i in members for j in range(self.links[i].joint.speeds()) if (i, j) not in self.dependent
             ]
             # what hangs on the base has the shortest description
             hanging = [self.links[i].parent for i in members]
@@ -236,7 +236,7 @@ class _Maker:
 
         for i in members:
             ear.parents.append(where(links[i].parent))
-            freedoms = range(links[i].joint.freedoms)
+            freedoms = range(links[i].joint.speeds())
             ear.dependent.append([j for j in freedoms if (i, j) in self.dependent])
             ear.columns.append({j: number[i, j] for j in freedoms if (i, j) not in self.dependent})
             self.ear_of[i] = len(self.ears)

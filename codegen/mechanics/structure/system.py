@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import mpmath
@@ -99,6 +99,18 @@ class System:
         return {name: n for name, n in counts.items() if n}
 
     @property
+    def arrays(self) -> dict[str, int]:
+        """Arrays that are found before sweeps, or by them, for one call, and their sizes: coefficients, prescribed motion."""
+        n = len(self.model.prescribed)
+        of_motion = {"prescribed": 3 * n, "held_force": n * bool(self.held), "driving": n}
+        return self.coefficient_counts | {name: size for name, size in of_motion.items() if size}
+
+    @property
+    def held(self) -> set[int]:
+        """Of what is prescribed: that whose joint has a force of the model."""
+        return held_coordinates(self.model)
+
+    @property
     def fields_of_gravity(self) -> dict[str, str]:
         """What of the ground's record gravity sets, by component: which of gravity's.
 
@@ -169,7 +181,8 @@ def analyse(model: Model, unrolled: bool, partition: Partition | None = None, tu
         force_of.setdefault(force.body, []).append(force)
     order = Neighbours(links, regions, [loop.type for loop in model.loops])
     pulled = {i for e in elements for i in e.acted_on}
-    kinds, kind_of = find_link_kinds(links, constants_of, order, forced_speeds(model), pulled, unrolled)
+    held = held_coordinates(model)
+    kinds, kind_of = find_link_kinds(links, constants_of, order, forced_speeds(model), pulled, unrolled, held)
     unit_kinds, unit_kind_of = find_unit_kinds(regions, order, kinds, kind_of, faces, closure_constants, unrolled)
     kind_numbers = {GROUND: GROUND} | {i: kind.index for i, kind in enumerate(kind_of)}
     element_kinds = find_element_kinds(len(kinds) + len(unit_kinds), kind_numbers, elements, model)
@@ -184,11 +197,22 @@ def analyse(model: Model, unrolled: bool, partition: Partition | None = None, tu
 
 def forced_speeds(model: Model) -> set[int]:
     """Speeds whose joint has a force of the model that is not zero."""
-    found = set()
-    for force in model.forces:
-        start = model.coordinate_slices[force.body][1].start
-        found |= {start + j for j, value in enumerate(force.values) if value.tree != ("number", 0)}
-    return found
+    return {i for of in model.forces for i, _ in speeds_with_forces(model, of) if i >= 0}
+
+
+def held_coordinates(model: Model) -> set[int]:
+    """Of what is prescribed: that whose joint has a force of the model that is not zero."""
+    return {-1 - i for of in model.forces for i, _ in speeds_with_forces(model, of) if i < 0}
+
+
+def speeds_with_forces(model: Model, force: JointForce) -> Iterator[tuple[int, Expression]]:
+    """Speeds with the values of a joint force that are not zero; -1, -2, ... for what is prescribed."""
+    i, places = model.coordinate_slices[force.body][1].start, model.places_of_prescribed
+    for j, value in enumerate(force.values):
+        n = places.get((force.body, j))
+        if value.tree != ("number", 0):
+            yield (i if n is None else -1 - n), value
+        i += n is None
 
 
 def in_order_of_units(links: list[Link], carriers: list[Carrier], regions: Regions) -> tuple[list[Link], list[Carrier]]:

@@ -13,7 +13,7 @@ from ..couplings import partner_acceleration
 from ..elimination import OF_FREEDOMS, substitute
 from ..joints import LinkJoint
 from ..spatial import add, cross
-from ..stores import ME, UDOT, UP
+from ..stores import DDRIVING, DRIVING, ME, UDOT, UP
 from ..structure.kinds import LinkKind
 
 
@@ -37,6 +37,11 @@ def joint_accelerations(x: Scope, kind: LinkKind, A: Vector, store: Store, resul
     """Solve for the joint's own freedoms, the one eliminated last first. Eq. 53. Changes A."""
     partners = range(len(kind.partners.links)) if x.units else range(0)
     a = [*A, *(e for m in partners for e in partner_acceleration(x, kind, m, lanes))]
+    if kind.joint.driven:
+        force = x.load(store, fields.driving_rest)
+        for i, e in enumerate(a):
+            force = force + x.load(ME, fields.driving_gain(i)) * e
+        x.set_entry(DDRIVING if lanes else DRIVING, 0, x.let("driving", force, "Eq. 53", lanes=lanes))
     for j, s in enumerate(kind.joint(x, kind).columns):
         x.set_entry(result, j, substitute(x, OF_FREEDOMS, store, j, s, a, "udot", lanes))
     A[:] = a[:6]

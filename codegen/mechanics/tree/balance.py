@@ -15,7 +15,7 @@ from .. import fields
 from ..couplings import hand_force, others
 from ..elimination import OF_FREEDOMS, eliminate_force
 from ..joints import Column
-from ..stores import CONSTANTS, DFORCE, DTAU, DUDOT, LME, LUP, ME, MY_LANE, RIGHT_SIDE, TAU
+from ..stores import CONSTANTS, DFORCE, DHELD, DTAU, DUDOT, LME, LUP, ME, MY_LANE, RIGHT_SIDE, TAU
 from ..structure.kinds import LinkKind
 from .back_substitution import carry, joint_accelerations
 from .inverse_dynamics import hand_on_lanes, transfer
@@ -44,6 +44,10 @@ def balance_inward(x: Scope, kind: LinkKind) -> None:
         P.append(x.let("P", x.load(MY_LANE, own) + x.load(LME, of_children), "d Eq. 45", lanes=True))
         phi.append(x.load(ME, fields.total_needed.scalars()[i]) + handed)
     forces = [(x.entry(DTAU, j) if kind.forced[j] else 0) - s.change(x, phi) for j, s in enumerate(columns)]
+    if joint.driven:
+        s = joint.driven_column
+        rest = s.along(P) + s.change(x, phi) - (x.entry(DHELD, 0) if kind.held else 0)
+        x.store(MY_LANE, fields.driving_rest, x.let("ddrive", rest, "d Eq. 53", lanes=True))
     of_partners = eliminate(x, kind, columns, P, forces)
     for m in others(kind):
         hand_force(x, kind, m, of_partners[m], lanes=True)
@@ -60,6 +64,8 @@ def solve_inward(x: Scope, kind: LinkKind) -> None:
     """The same recursion for a given right side: ``M x = b``, several b at once."""
     joint = kind.joint(x, kind, lanes=True)
     P = x.load(LME, fields.articulated_force)
+    if joint.driven:
+        x.store(MY_LANE, fields.driving_rest, x.let("ddrive", joint.driven_column.along(P), "Eq. 53", lanes=True))
     eliminate(x, kind, joint.columns, P, [x.entry(RIGHT_SIDE, j) for j in range(joint.freedoms)])
     if kind.carried_on:
         n, f = force_to_parent(x, joint, joint.offset(), P[:3], P[3:], "Eq. 45")

@@ -14,10 +14,10 @@ from .. import fields
 from ..couplings import hand_force, hand_inertia, hand_on, others
 from ..elimination import OF_FREEDOMS, SymmetricSystem
 from ..handing_on import accumulate, accumulate_force
-from ..joints import LinkJoint
+from ..joints import Column, LinkJoint
 from ..joints.inertia import shift_inertia
 from ..spatial import SIX, add, cross, transpose
-from ..stores import CONSTANTS, ME, OWN, TAU, UP
+from ..stores import CONSTANTS, HELD, ME, OWN, TAU, UP
 from ..structure.elimination_order import CARRIER
 from ..structure.kinds import LinkKind
 
@@ -111,6 +111,8 @@ def triangularize(x: Scope, kind: LinkKind) -> None:
         s = joint.columns[j]
         tau = x.entry(TAU, j) if kind.forced[j] else 0
         system.eliminate(j, s, tau, s.squares_along(scales), unknowns_left(kind, j, len(p)))
+    if joint.driven:
+        keep_driving(x, kind, joint.driven_column, I, p)
     places = [6 + 6 * m for m in range(len(kind.partners.links))]
     for m in others(kind):
         hand_inertia(x, kind, m, system.block(places[m], places[m]))
@@ -145,6 +147,14 @@ def triangularize(x: Scope, kind: LinkKind) -> None:
     for field, block in ((fields.articulated.J, J), (fields.articulated.M, M), (fields.articulated.H, H)):
         accumulate(x, UP, field, block, first, "Eq. 44")
     hand_on(x, kind, remaining)
+
+
+def keep_driving(x: Scope, kind: LinkKind, s: Column, I: Matrix, p: Vector) -> None:
+    """What the force along a prescribed coordinate is made of: ``s . (I^ A + p^) - tau``, A the explicit accelerations."""
+    for i, row in enumerate(I):
+        x.store(ME, fields.driving_gain(i), x.let("dG", s.along(row), "Eq. 53"))
+    rest = s.along(p) - (x.entry(HELD, 0) if kind.held else 0)
+    x.store(ME, fields.driving_rest, x.let("drive", rest, "Eq. 53"))
 
 
 def coupling_to_parent(x: Scope, joint: LinkJoint, r: Vector, C: Matrix) -> Matrix:

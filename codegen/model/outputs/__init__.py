@@ -8,6 +8,7 @@ from .acceleration import Acceleration
 from .angular_velocity import AngularVelocity
 from .center_of_mass import CenterOfMass
 from .distance import Distance
+from .driving_force import DrivingForce
 from .energies import KineticEnergy, PotentialEnergy
 from .momentum import Momentum
 from .output import Measure, Output
@@ -31,6 +32,7 @@ MEASURES: Final[dict[str, type[Measure]]] = {
         Distance,
         RelativePosition,
         RelativeVelocity,
+        DrivingForce,
         Value,
         KineticEnergy,
         PotentialEnergy,

@@ -136,10 +136,20 @@ def _build(reader: Reader, section: BodySection) -> None:
         _report_finding(reader, sound[found[0]][0], found)
 
 
-def check_freedoms(reader: Reader, section: BodySection, held: Collection[int] = ()) -> None:
-    """Report joints that move no mass; `held` are the bodies that a loop holds, which others may carry."""
+def check_freedoms(
+    reader: Reader, section: BodySection, held: Collection[int] = (), prescribed: Collection[str] = ()
+) -> None:
+    """Report joints that move no mass; `held` are the bodies that a loop holds, which others may carry.
+
+    Coordinates that are `prescribed` need none to move.
+    """
     if section.is_sound:
-        for found in checks.check_freedoms(section.bodies, reader.numeric, held):
+        driven: dict[int, list[int]] = {}
+        for k, body in enumerate(section.bodies) if prescribed else ():
+            names = joint_coordinates(body.name, body.joint.type)[0]
+            if of := [i for i, name in enumerate(names) if name in prescribed]:
+                driven[k] = of
+        for found in checks.check_freedoms(section.bodies, reader.numeric, held, driven):
             _report_finding(reader, section.instances[found[0]], found)
 
 

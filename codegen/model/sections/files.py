@@ -13,7 +13,7 @@ from ..parts import MAX_PARTS, Given, Instance, Part
 from ..positions import Document
 from ..reading import Reader, some
 from ..repetition import CannotGoOn, name_of
-from ..schema import LATER_SECTIONS, SECTIONS, SubmodelEntry
+from ..schema import SECTIONS, SubmodelEntry
 from .quantities import read_constants
 
 
@@ -60,9 +60,7 @@ def _not_there(reader: Reader, part: Part, name: str) -> str:
 
 def _check_keys(reader: Reader, part: Part) -> None:
     for key in part.document.root:
-        if key in LATER_SECTIONS:
-            reader.report(part.entry(key), (), f"section {key!r} is not supported yet by this version", key=True)
-        elif key not in SECTIONS:
+        if key not in SECTIONS:
             hint = nearest(key, SECTIONS)
             reader.report(part.entry(key), (), f"unknown key {key!r}; keys here: {some(SECTIONS)}{hint}", key=True)
 

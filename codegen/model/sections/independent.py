@@ -50,6 +50,11 @@ def read_independent(reader: Reader, bodies: BodySection) -> tuple[str, ...]:
             continue
         else:
             coordinates = (name,)
+        if any(f"q.{c}" in reader.prescribed for c in coordinates):
+            reader.report(
+                at, sub, f"{name!r} is prescribed under `motion`, so it is no coordinate to choose; leave it out"
+            )
+            continue
         twice = [c for c in coordinates if c in result]
         if twice:
             reader.report(at, sub, f"{name!r} asks again for {some(twice)}; each coordinate may be given once")

@@ -86,6 +86,28 @@ class Meaning:
             return None
         return NamedJoint(joint, index, body.joint.name, joint_coordinates(joint, body.joint.name)[1])
 
+    def prescribed(self, reference: Expression, key: str) -> tuple[str, str] | None:
+        reader = self.reader
+        found = reader.reference(reference, self.at, (key,))
+        if found is None:
+            return None
+        name, known = found[2:], [n[2:] for n in reader.prescribed if n[:2] == "q."]
+        if name not in known:
+            own = [n for n in known if n.rpartition(".")[0] == name]
+            hint = f"; write one of {some(own)}" if own else nearest(name, known)
+            nothing = (
+                "; nothing is prescribed, see the section motion"
+                if not known
+                else f"; prescribed are {some(known)}{hint}"
+            )
+            reader.report(self.at, (key,), f"{name!r} is no coordinate with prescribed motion{nothing}")
+            return None
+        body = self.bodies.specs[self.bodies.index[name.partition(".")[0]]]
+        assert body is not None
+        of_joint = joint_coordinates(name.partition(".")[0], body.joint.type)[0]
+        unit = body.joint.coordinate_units[of_joint.index(name)]
+        return name, "N" if unit == "m" else "N m"
+
     def held_together(self, what: str, start: Point | Face, end: Point | Face, useless: str) -> bool:
         return held_together(self.reader, what, start.body, end.body, self.at, self.bodies, useless)
 

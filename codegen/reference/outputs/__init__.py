@@ -11,6 +11,7 @@ from .acceleration import acceleration
 from .angular_velocity import angular_velocity
 from .center_of_mass import center_of_mass
 from .distance import distance
+from .driving_force import driving_force
 from .momentum import momentum
 from .points import position, velocity
 from .relative_position import relative_position, relative_velocity
@@ -33,6 +34,7 @@ VALUES: Final[dict[str, Callable[[Output, Seen], Pair]]] = {
         distance,
         relative_position,
         relative_velocity,
+        driving_force,
         value,
         kinetic_energy,
         potential_energy,

@@ -50,6 +50,9 @@ class Seen(Protocol):
     def energies(self) -> tuple[Pair, Pair]:
         """Kinetic and potential energy, J, numbers."""
 
+    def driving_force(self, name: str) -> Pair:
+        """The generalised force that a prescribed coordinate takes, a number, N m or N."""
+
     def bodies(self) -> Sequence[Moving]:
         """All bodies, in the order of the model."""
 

@@ -141,12 +141,13 @@ static double growth(ordernm_motion *m, double h, double part)
     if (ordernm_close_loops(m, &c)) return INFINITY;
     c.full_u = m->qdot; /* as long as it is needed, and not needed itself */
     for (int i = 0; i < s->nfree_u; ++i) m->u[s->free_u[i]] = 0.0;
-    for (int i = 0; i < s->nfree_u; ++i) {
-        m->u[s->free_u[i]] = 1.0;
+    int i = 0;
+    do { /* once where all that is independent is prescribed */
+        if (i < s->nfree_u) m->u[s->free_u[i]] = 1.0;
         if (s->completion(&c)) return INFINITY;
-        m->u[s->free_u[i]] = 0.0;
+        if (i < s->nfree_u) m->u[s->free_u[i]] = 0.0;
         for (int k = 0; k < s->nu; ++k) largest = fmax(largest, fabs(m->qdot[k]));
-    }
+    } while (++i < s->nfree_u);
     return largest;
 }
 

@@ -28,7 +28,7 @@ def solve_together(newton: Newton, q: Array, p: Array) -> tuple[Array, Array, ND
         if not going.size:
             break
         failed: dict[int, SingularJointError] = {}
-        (step,) = target.values(step_of, {"q": q[going], "p": p[going]}, (going.size,), (), failed)
+        (step,) = target.values(step_of, newton.named(q[going], p[going]), (going.size,), (), failed)
         if failed:
             lost = np.array(list(failed), np.intp)
             flat[going[lost]] = True

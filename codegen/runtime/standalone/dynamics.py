@@ -64,6 +64,8 @@ class Dynamics(Package):
         if opened.manifest.get("opening") and "p" in asked:
             self._look_at_directions(opened, f, given, {"dp": np.eye(self.np)})
         shapes = {f"J_{n}": batch + self._shapes[f"J_{n}"] for n in asked}
+        if not f.has_entries():
+            return jacobians_of({n: empty(shapes[f"J_{n}"]) for n in asked})
         if out is not None and not isinstance(out, Jacobians):
             raise ValueError(f"out is {type(out).__name__}, expected Jacobians, such as those of an earlier call")
         J = out

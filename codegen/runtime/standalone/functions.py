@@ -20,12 +20,18 @@ ALONG = ("dq", "du", "dp", "dinputs", "dt")
 """Their seeds, in order."""
 
 WITHOUT_ENTRIES: Mapping[str, Mapping[str, Any]] = {
+    "accelerations": {"results": ("udot",)},
+    "sensitivities": {"seeds": ALONG, "results": ("udot", "dudot")},
+    "jacobians": {"arguments": STATE, "results": ("udot", "J_q", "J_u", "J_p", "J_inputs", "J_t")},
+    "coordinate_rates": {"results": ("qdot",)},
+    "coordinate_rate_sensitivities": {"seeds": ALONG, "results": ("qdot", "dqdot")},
     "outputs": {"results": ("outputs",)},
     "output_sensitivities": {"seeds": ALONG, "results": ("outputs", "doutputs")},
     "closure": {"results": ("position", "velocity")},
     "closure_sensitivities": {"seeds": ALONG, "results": ("position", "dposition")},
 }
-"""Functions that are not generated where their results have no entries, in models without outputs or without loops."""
+"""Functions that are not generated where their results have no entries, in models without outputs, without loops, or without
+anything that is free to move."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +81,7 @@ def shapes_of(manifest: Mapping[str, Any]) -> dict[str, Shape]:
         "inverse_M": (nu, nu),
         "J_q": (nu, nq), "J_u": (nu, nu), "J_p": (nu, n_p), "J_inputs": (nu, ninputs), "J_t": (nu,),
         "position": (nclosure,), "velocity": (nclosure,), "step": (nq,), "condition": (nloops,),
+        "actuation": (len(manifest["prescribed_names"]),),
         "full_q": (nq,), "full_u": (nu,), "reaction": (6 * len(manifest["links"]),), "loop_reaction": (6 * nloops,),
         "frames": (18 * nbodies,), "frame_accelerations": (6 * nbodies,), "point_places": (3 * len(manifest.get("points", ())),),
     }  # fmt: skip

@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from .arrays import Array, Numbers, Shape
+from .arrays import Array, Shape
 from .assembly import ROUNDING, Assembly
 from .closing_together import FEW
+from .newton import placing
 from .states import States
 from .targets import Opened
 
@@ -26,10 +27,10 @@ class Loops(States):
         if not self.closure_names:
             return q_new
         assembly = self._assembly
-        gaps = np.abs(assembly.newton.gaps(q_new, arrays["p"])).max(axis=-1)
+        p = placing(arrays, batch, self._opened.manifest)
+        gaps = np.abs(assembly.newton.gaps(q_new, p if self.prescribed_names else arrays["p"])).max(axis=-1)
         if (gaps <= ROUNDING).all():
             return q_new
-        p = np.broadcast_to(arrays["p"], (*batch, self.np))
         open_ones = np.nonzero(np.atleast_1d(~(gaps <= ROUNDING)))
         if batch and len(open_ones[0]) >= FEW and q_new.dtype == np.float64:
             closed = assembly.close_together(q_new[open_ones], p[open_ones], open_ones, q_new)
@@ -39,9 +40,9 @@ class Loops(States):
             q_new[at] = assembly.close(q_new[at].copy(), p[at].copy(), at)
         return q_new
 
-    def _moved(self, q: Array, p: Array) -> Array:
-        q_new = super()._moved(q, p)
-        return self._assembly.follow(q_new, p) if self.closure_names else q_new
+    def _moved(self, q: Array, arrays: Mapping[str, Any]) -> Array:
+        q_new = super()._moved(q, arrays)
+        return self._assembly.follow(q_new, placing(arrays, (), self._opened.manifest)) if self.closure_names else q_new
 
     def _completed(self, q_new: Array, arrays: Mapping[str, Any], batch: Shape) -> Array:
         if not self.closure_names:
@@ -49,10 +50,16 @@ class Loops(States):
         return self._values("completion", {**arrays, "q": q_new})[0]
 
     def _completed_along(
-        self, q_new: Array, arrays: Mapping[str, Any], batch: Shape, dq_new: Array, du_new: Array, dp: Numbers
+        self,
+        q_new: Array,
+        arrays: Mapping[str, Any],
+        batch: Shape,
+        dq_new: Array,
+        du_new: Array,
+        rest: Mapping[str, Any],
     ) -> tuple[Array, Array, Array, Array]:
         if not self.closure_names:
-            return super()._completed_along(q_new, arrays, batch, dq_new, du_new, dp)
-        given = {"q": q_new, "u": super()._completed(q_new, arrays, batch), "p": arrays["p"]}
-        along = {"dq": dq_new, "du": du_new, "dp": dp}
+            return super()._completed_along(q_new, arrays, batch, dq_new, du_new, rest)
+        given = {**arrays, "q": q_new, "u": super()._completed(q_new, arrays, batch)}
+        along = {**rest, "dq": dq_new, "du": du_new}
         return q_new, *self._along("completion_sensitivities", given, along)

@@ -115,7 +115,7 @@ class MotionRun(States, Partitions):
         k = len(problem.dp)
         q, u = (self._of_rows(last, i).copy() for i in (1, 2))
         dq, du = (self._derivatives_of_rows(last, problem, k, i).copy() for i in (1, 2))
-        conditions = self.condition(q, problem.p)
+        conditions = self.condition(q, problem.p, problem.inputs.at(float(last[0])), float(last[0]))
         conditions[opened.number] = math.inf
         other = int(np.argmin(conditions))
         here, there = segment.condition, float(conditions[other])

@@ -284,6 +284,13 @@ class Package:
 
     def _why_not(self, name: str) -> str:
         """Why there is no function of that name."""
+        if name.startswith("driving_force") and not self.prescribed_names:
+            return f"{self.name} has no prescribed motion (section motion of the model file), so nothing is driven"
+        if self.prescribed_names and not self.independent_speed_names:
+            where = (
+                "assemble, outputs and driving_forces tell" if self.closure_names else "outputs and driving_forces tell"
+            )
+            return f"{self.name} has no {name!r}: all its motion is prescribed; {where} of it at any t"
         if name == "reactions":
             return f"{self.name} was generated without reactions: generate it with --reactions"
         if name.startswith(("frame", "point")):
@@ -355,7 +362,8 @@ class Absent:
 for _name in (
     "energies", "energy_sensitivities", "mass_matrix", "mass_matrix_sensitivities", "inverse_mass_matrix", "solve_mass",
     "solve_mass_sensitivities",
-    "inverse_dynamics", "inverse_dynamics_sensitivities", "bias_force", "bias_force_sensitivities", "reactions", "outputs",
+    "inverse_dynamics", "inverse_dynamics_sensitivities", "bias_force", "bias_force_sensitivities", "reactions", "driving_forces",
+    "driving_force_sensitivities", "outputs",
     "output_sensitivities", "gradients", "coordinate_rate_gradients", "energy_gradients", "output_gradients",
     "assemble_gradients", "equilibrium", "linearize", "simulate", "judge", "diagnose",
     "frames", "frame_sensitivities", "frame_jacobians", "points", "point_sensitivities", "point_jacobians",

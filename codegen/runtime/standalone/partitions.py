@@ -6,8 +6,9 @@ import math
 
 import numpy as np
 
-from .arrays import Array, Numbers
+from .arrays import Array, Numbers, Times
 from .errors import SingularLoopError
+from .newton import Newton, placing
 from .package import Package
 from .targets import partitions_of
 
@@ -38,23 +39,24 @@ class Partitions(Package):
             raise ValueError(f"partition {partition}: there are {count}, counted from 0")
         self._use(self._open(int(partition)))
 
-    def condition(self, q: Numbers, p: Numbers = None) -> Array:
+    def condition(self, q: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0) -> Array:
         """Worst condition number of the closure matrices, for each partition, (..., len(partitions)).
 
         One is best; infinite where a loop has lost rank. The figure is the product of the Frobenius norms of the matrix and its
         inverse, divided by its size; linear conditions are divided by the characteristic length. Other threads may use the
         solver meanwhile: the partition in use stays.
         """
-        arrays, batch = self._arguments.take({"q": q, "p": p}, self._left_out)
+        arrays, batch = self._arguments.take({"q": q, "p": p, "inputs": inputs, "t": t}, self._left_out)
         found = np.ones((*batch, len(self.partitions)))
         if not self.closure_names:
             return found
         q_all = np.broadcast_to(arrays["q"], (*batch, self.nq))
-        p_all = np.broadcast_to(arrays["p"], (*batch, self.np))
+        p_all = placing(arrays, batch, self._opened.manifest)
+        newton = Newton(self._opened, np.arange(0))
         for k in range(found.shape[-1]):
             opened = self._open(k)
             for at in np.ndindex(batch):
-                given = {"q": q_all[at].copy(), "p": p_all[at].copy()}
+                given = newton.named(q_all[at].copy(), p_all[at].copy())
                 try:
                     (values,) = opened.target.values(opened.functions["conditions"], given, ())
                     found[(*at, k)] = values.max(initial=1.0)

@@ -28,6 +28,7 @@ from .errors import AssemblyError
 from .functions import Function
 from .jacobians import JACOBIANS, Jacobians, asked_for, jacobians_of
 from .manifest import check_files
+from .newton import placing
 from .numpy_target import NumpyTarget
 from .package import Package, state
 from .short_calls import NO_DESK
@@ -357,8 +358,9 @@ class Extended(Package):
         q_new = np.broadcast_to(arrays["q"], (*batch, self.nq)).astype(object)
         normalise(q_new, self._arguments.quaternions)
         if self.closure_names:
-            p = np.broadcast_to(arrays["p"], (*batch, self.np))
-            near = super()._assembled({"q": q_new.astype(float), "p": arrays["p"].astype(float)}, batch)  # type: ignore[misc]
+            p = placing(arrays, batch, self._opened.manifest)
+            rough = {n: np.asarray(arrays[n]).astype(float) for n in ("p", "inputs", "t") if n in arrays}
+            near = super()._assembled({"q": q_new.astype(float), **rough}, batch)  # type: ignore[misc]
             for at in np.ndindex(batch):
                 moved = np.abs(near[at] - q_new[at].astype(float)) > SAME * (1.0 + np.abs(near[at]))
                 q_new[at] = self._closed(np.where(moved, self._digits.to_mpf(near[at]), q_new[at]), p[at], at)
@@ -370,15 +372,15 @@ class Extended(Package):
     def _closed(self, q: Any, p: Any, at: tuple[int, ...]) -> Any:
         """Coordinates (nq,) that are closed in double precision, closed in this one."""
         opened, assembly = self._opened, self._assembly
-        u = np.zeros(self.nu)
+        u, named = np.zeros(self.nu), assembly.newton.named
 
         def gaps(q: Any) -> Any:
-            found = opened.target.values(opened.functions["closure"], {"q": q, "u": u, "p": p}, ())[0]
+            found = opened.target.values(opened.functions["closure"], named(q, p) | {"u": u}, ())[0]
             return np.abs(found)[assembly.kept]
 
         left = gaps(q)
         for _ in range(NEWTON):
-            (step,) = opened.target.values(opened.functions["newton_step"], {"q": q, "p": p}, ())
+            (step,) = opened.target.values(opened.functions["newton_step"], named(q, p), ())
             trial = q + step
             normalise(trial, self._arguments.quaternions)
             after = gaps(trial)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -196,7 +196,11 @@ class Simulation(MotionRun):
             of_model = self.initial_sensitivities(p_all, dp=directions.dp)
             dq = dq + (of_model[2] if q is None else 0.0)
             du = du + (of_model[3] if u is None else 0.0)
-        q_all, u_all = of_model[:2] if of_model and q is None and u is None else self._first_state(q, u, p_all)
+        first = {"p": p_all, "inputs": spline.at(start), "t": start}
+        if of_model and q is None and u is None and not self.prescribed_names:
+            q_all, u_all = of_model[:2]
+        else:
+            q_all, u_all = self._first_state(q, u, first)
         allowed = _tolerances("atol", atol, (self.nq + self.nu,))
         allowed_directions = None
         if atol_sensitivities is not None:
@@ -208,24 +212,25 @@ class Simulation(MotionRun):
         )  # fmt: skip
         return problem, directions
 
-    def _first_state(self, q: Numbers, u: Numbers, p: Array) -> tuple[Array, Array]:
-        """A consistent initial state."""
-        if q is None and u is None:
+    def _first_state(self, q: Numbers, u: Numbers, rest: Mapping[str, Any]) -> tuple[Array, Array]:
+        """A consistent initial state at parameters, and inputs and a time, which prescribed motion makes use of."""
+        p = rest["p"]
+        if q is None and u is None and not self.prescribed_names:
             return self.initial_state(p)
         first = self._first_values(p) if q is None or u is None else (q, u)
-        given = {"q": first[0] if q is None else q, "u": first[1] if u is None else u, "p": p}
+        given = {"q": first[0] if q is None else q, "u": first[1] if u is None else u, **rest}
         arrays, batch = self._arguments.take(given, self._left_out)
         if batch:
             raise ValueError(f"q, u have leading axes {batch}, expected (nq,) and (nu,): one motion at a time")
         if self.closure_names and q is not None:
-            gap = float(np.abs(self.closure(arrays["q"], arrays["u"], p)[0]).max())
+            gap = float(np.abs(self.closure(arrays["q"], arrays["u"], **rest)[0]).max())
             if gap > CLOSED:
-                closed = self.assemble(arrays["q"], arrays["u"], p)
+                closed = self.assemble(arrays["q"], arrays["u"], **rest)
                 warn(
                     f"the initial state is open by {gap:.3g} (scaled); assembled: dependent coordinates have been changed"
                 )
                 return closed
-        q_all, u_all = self.assemble(arrays["q"], arrays["u"], p)
+        q_all, u_all = self.assemble(arrays["q"], arrays["u"], **rest)
         if self.closure_names and u is not None and q is not None:
             off = float(np.abs(u_all - arrays["u"]).max())
             if off > 1e-6 * (1.0 + float(np.abs(u_all).max())):
@@ -248,7 +253,7 @@ class Simulation(MotionRun):
         if "energies" in self._functions and nt:
             extra["energy"] = lambda: self._energies_over(t, q, u, problem)
         if self.closure_names and nt:
-            extra["closure"] = lambda: self._gaps_over(q, u, problem.p)
+            extra["closure"] = lambda: self._gaps_over(t, q, u, problem)
         ended = {"end": FINISHED, "interrupted": INTERRUPTED, "event": "event"}.get(run.reason)
         stats = {"method": problem.method, "reason": ended or self._why_it_ended(problem, run)} | run.counts
         manifest = self._manifest
@@ -288,14 +293,18 @@ class Simulation(MotionRun):
 
     def _energies_over(self, t: Array, q: Array, u: Array, problem: Problem) -> Array:
         """Kinetic and potential energy over time, (nt, 2)."""
-        inputs = np.stack([problem.inputs.at(x) for x in t]) if self.ninputs else np.zeros((len(t), 0))
+        inputs = self._inputs_over(t, problem)
         return self._values("energies", {"q": q, "u": u, "p": problem.p, "inputs": inputs, "t": t})[0]
 
-    def _gaps_over(self, q: Array, u: Array, p: Array) -> Array:
+    def _inputs_over(self, t: Array, problem: Problem) -> Array:
+        return np.stack([problem.inputs.at(x) for x in t]) if self.ninputs else np.zeros((len(t), 0))
+
+    def _gaps_over(self, t: Array, q: Array, u: Array, problem: Problem) -> Array:
         """The largest scaled residual of closure over time, (nt,), of conditions that no others imply."""
         kept = np.ones(len(self.closure_names), bool)
         kept[self._opened.manifest.get("dropped", [])] = False
-        found: Array = np.abs(self.closure(q, u, p)[0])[:, kept].max(axis=1, initial=0.0)
+        gaps = self.closure(q, u, problem.p, self._inputs_over(t, problem), t)[0]
+        found: Array = np.abs(gaps)[:, kept].max(axis=1, initial=0.0)
         return found
 
     def _why_it_ended(self, problem: Problem, run: Run) -> str:

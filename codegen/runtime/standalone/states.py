@@ -85,7 +85,8 @@ class States(Package):
             e, de = q_new[..., i : i + 4], dq_new[..., i : i + 4]
             de /= length
             de -= e * np.sum(e * de, axis=-1, keepdims=True)
-        return self._completed_along(q_new, arrays, batch, dq_new, du_new, dp)
+        rest = {"dp": dp, "dinputs": dinputs, "dt": dt}
+        return self._completed_along(q_new, arrays, batch, dq_new, du_new, rest)
 
     def closure(
         self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0
@@ -161,7 +162,7 @@ class States(Package):
         normalise(q_new, self._arguments.quaternions)
         return q_new
 
-    def _moved(self, q: Array, p: Array) -> Array:
+    def _moved(self, q: Array, arrays: Mapping[str, Any]) -> Array:
         """Coordinates (nq,) of one state that was moved by little, assembled: by Newton's method alone."""
         q_new = q.copy()
         normalise(q_new, self._arguments.quaternions)
@@ -172,7 +173,13 @@ class States(Package):
         return np.broadcast_to(arrays["u"], (*batch, self.nu)).copy()
 
     def _completed_along(
-        self, q_new: Array, arrays: Mapping[str, Any], batch: Shape, dq_new: Array, du_new: Array, dp: Numbers
+        self,
+        q_new: Array,
+        arrays: Mapping[str, Any],
+        batch: Shape,
+        dq_new: Array,
+        du_new: Array,
+        rest: Mapping[str, Any],
     ) -> tuple[Array, Array, Array, Array]:
         """Assembled coordinates, the speeds that belong to them, and derivatives of both, (k, *batch, nq) and (k, *batch, nu)."""
         return q_new, self._completed(q_new, arrays, batch), dq_new, du_new

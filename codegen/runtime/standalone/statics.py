@@ -79,7 +79,7 @@ class Statics(Dynamics, States):
             return self._opened.target.values(f, at._replace(q=q).named(), ())[0][space.speeds]
 
         def retract(q: Array) -> Array:
-            return self._moved(q, at.p)
+            return self._moved(q, at.named())
 
         search = Search(motions, udot, retract, tolerance)
         found, m, relaxed = search.find(at.q, space.speed_names, relax)
@@ -182,11 +182,11 @@ class Statics(Dynamics, States):
             raise ValueError(
                 f"the arguments are a batch of shape {batch}, expected one state: call this for each of them"
             )
-        q, u = self.assemble(arrays["q"], arrays["u"], arrays["p"])
+        q, u = self.assemble(arrays["q"], arrays["u"], *(arrays[name] for name in ("p", "inputs", "t")))
         return Point(q, u, *(arrays[name] for name in ("p", "inputs", "t")))
 
     def _motions(self, space: TangentSpace, at: Point) -> Motions:
-        tangents = self.coordinate_rates(at.q, space.units, at.p)
+        tangents = self.coordinate_rates(at.q, space.units, *at[2:])
         udot, dudot = self.sensitivities(*at, dq=tangents)
         return Motions(tangents, udot[space.speeds], dudot[:, space.speeds].T)
 
