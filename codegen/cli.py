@@ -67,10 +67,13 @@ def _generate_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--reactions", action="store_true", help="the solver also gives what joints and loops transmit")
     parser.add_argument(
+        "--frames", action="store_true", help="the solver also gives the motions of all bodies and of points in them"
+    )
+    parser.add_argument(
         "--functions",
         metavar="NAME,...",
         help="the functions that the solver has, if not all: accelerations, sensitivities, gradients, outputs, ...; "
-        "dynamics, rates, mass, forces, states, statics, simulate and motion (simulate and adjoints) stand for several",
+        "dynamics, rates, mass, forces, states, statics, frames, simulate and motion (simulate and adjoints) stand for several",
     )
     parser.add_argument("--no-check", action="store_true", help="do not compare with the generic engine")
     compiling = parser.add_mutually_exclusive_group()
@@ -119,6 +122,7 @@ def run_generate(options: argparse.Namespace, status: StatusLine) -> int:
         report = generate(
             options.model, options.output, options.target, options.layout, partitions=options.partitions,
             reactions=options.reactions,
+            frames=options.frames,
             functions=options.functions,
             compile="all" if options.compile_all else not options.no_compile,
             check=not options.no_check and not options.no_compile,

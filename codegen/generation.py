@@ -40,6 +40,7 @@ def generate(
     *,
     partitions: int = 1,
     reactions: bool = False,
+    frames: bool = False,
     functions: Sequence[str] | str | None = None,
     compile: bool | str = True,
     check: bool = False,
@@ -61,10 +62,12 @@ def generate(
         `Solver.use_partition`.
     reactions : bool
         The solver has `Solver.reactions`: what joints and loops transmit.
+    frames : bool
+        The solver has `Solver.frames`, `Solver.points` and their derivatives: motions of all bodies and of points in them.
     functions : sequence of str, or str with commas, optional
         The functions that the solver has: names of its members, such as ``("accelerations", "gradients")``, or ``"dynamics"``,
-        ``"rates"``, ``"mass"``, ``"forces"``, ``"states"`` for several together. Left out: all. What makes states consistent
-        is always there.
+        ``"rates"``, ``"mass"``, ``"forces"``, ``"states"``, ``"frames"`` for several together. Left out: all, of reactions and
+        frames those that are asked for. What makes states consistent is always there.
     compile : bool or "all"
         Compile now what most calls need, accelerations and sensitivities; other functions are compiled when they are first
         called. With "all" everything is compiled now, for a machine that has no compiler.
@@ -118,7 +121,7 @@ def generate(
     from .emit.solver import write_solver
 
     try:
-        source = write_solver(model, layout, reactions=reactions, progress=progress, functions=functions)
+        source = write_solver(model, layout, reactions=reactions, progress=progress, functions=functions, frames=frames)
     except ModelError as error:
         if origin is None:
             raise
@@ -126,7 +129,7 @@ def generate(
     seconds |= source.seconds
     if partitions > 1 and source.chosen is not None:
         with _timed(seconds, "other partitions"):
-            add_others(model, layout, source, partitions, reactions, progress, functions)
+            add_others(model, layout, source, partitions, reactions, progress, functions, frames)
     progress("writing", 0, 0)
     with _timed(seconds, "write"):
         source.manifest["description"] = [*list_model(model), *(f"  {line}" for line in source.choice)]
@@ -171,6 +174,7 @@ def add_others(
     reactions: bool,
     progress: Progress = silent,
     functions: Sequence[str] | None = None,
+    frames: bool = False,
 ) -> None:
     """Add the solvers of other partitions, as many as there are, to the files and the manifest of the first."""
     from .emit.solver import write_solver
@@ -186,7 +190,7 @@ def add_others(
             return
         known.append(found)
         renamed = dataclasses.replace(model, name=f"{model.name}{suffix}")
-        other = write_solver(renamed, layout, found, reactions, progress, functions)
+        other = write_solver(renamed, layout, found, reactions, progress, functions, frames)
         source.files |= other.files
         source.manifest.setdefault("others", []).append(other.manifest)
         source.choice += [f"{word} partition:", *other.choice]

@@ -71,6 +71,17 @@ def test_the_loop_is_closed(run):
     assert found["q"][0] == 1.2 and np.abs(found["gap"]).max() < 1e-12 and np.abs(found["rate"]).max() < 1e-10
 
 
+def test_bodies_are_where_the_page_says(run):
+    """The point of the coupler, by hand; its Jacobian times u; a derivative by the crank's length as `assemble` has it."""
+    found = piece(run, "posed.point_jacobians")
+    q, u, tip, every = (found[n] for n in ("q", "u", "tip", "every"))
+    a, ab = q[0], q[0] + q[1]
+    place = 0.4 * np.array([np.cos(a), 0, np.sin(a)]) + 0.6 * np.array([np.cos(ab), 0, np.sin(ab)])
+    assert tip.position == pytest.approx(place + 0.1 * np.array([-np.sin(ab), 0, np.cos(ab)]), abs=1e-15)
+    assert found["J"] @ u == pytest.approx([*every.angular_velocity[1], *tip.velocity], abs=1e-14)
+    assert found["moved"].position.shape == (4, 3) and found["b"].acceleration.shape == (3,)
+
+
 @pytest.mark.parametrize(("solver", "parameter"), [("pendulum", 0), ("pendulum", 1), ("crank", 0), ("crank", 3)])
 def test_derivatives_of_motions(run, solver, parameter):
     """Against differences of motions, which are good for a few digits."""

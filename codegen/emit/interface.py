@@ -13,10 +13,12 @@ from ..mechanics.outputs.outputs import RecordFormula, pivoted_outputs
 from ..mechanics.procedures import WIDTHS
 from ..mechanics.structure.system import System
 from ..mechanics.sweeps import SWEEP
+from ..model.model import Model
 from ..program.operations import Operations, count
 from ..program.procedure import Array, Formulas, Procedure, Single, counted, walk
 from .c_functions import batch_arrays
-from .libraries import libraries
+from .libraries import FRAMES as FRAMES_LIBRARY
+from .libraries import libraries, library_of
 
 OUTSIDE = "start"
 """What constants, sines and cosines are called among the sweeps."""
@@ -116,6 +118,7 @@ def manifest(
         "loops": [loop.name for loop in model.loops],
         **_elements(system),
         **_singular_outputs(system),
+        **_bodies(model, functions),
         "joint_links": [_joint_link(system, k) for k in range(len(model.bodies))],
         "workspace": workspace,
         "widths": list(WIDTHS),
@@ -182,6 +185,16 @@ def _redundancy(system: System) -> dict[str, Any]:
     return ({"loop_tolerance": model.loop_tolerance, "dropped": dropped} if dropped else {}) | (
         {"opening": opening} if opening else {}
     )
+
+
+def _bodies(model: Model, functions: Mapping[str, Any]) -> dict[str, Any]:
+    """Names of bodies, and points with their bodies (-1 is the ground) and default places, where frames are asked for."""
+    if FRAMES_LIBRARY not in map(library_of, functions):
+        return {}
+    points = [
+        {"name": p.name, "body": p.body, "at": [float(e.evaluate(model.defaults)) for e in p.at]} for p in model.points
+    ]
+    return {"bodies": [b.name for b in model.bodies], **({"points": points} if points else {})}
 
 
 def _joint_link(system: System, body: int) -> int:

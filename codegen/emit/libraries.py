@@ -11,8 +11,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-LIBRARIES = ("dynamics", "jacobians", "mass", "forces", "outputs", "states", "gradients", "motion", "four")
+LIBRARIES = ("dynamics", "jacobians", "mass", "forces", "outputs", "states", "gradients", "motion", "four", "frames")
 """Their names; the number in C is the place here and one. The first is compiled when a package is generated or loaded."""
+
+FRAMES = "frames"
+"""Functions for motions of bodies."""
 
 FOUR = "four"
 """Functions for four directions, which motions call: ``NAME_four.c`` has them."""
@@ -36,6 +39,8 @@ def library_of(function: str) -> str:
         return _OF[function]
     if function.endswith("_transposed"):
         return "gradients"
+    if function.startswith(("frame", "point_place")):
+        return FRAMES
     return "mass" if "mass" in function else "states"
 
 
@@ -115,5 +120,6 @@ def libraries(functions: Mapping[str, Any]) -> dict[str, Any]:
 
 
 __all__ = [
-    "FOUR", "LIBRARIES", "guard", "guard_of_library", "guard_of_width", "libraries", "library_of", "number_of", "sharing",
+    "FOUR", "FRAMES", "LIBRARIES", "guard", "guard_of_library", "guard_of_width", "libraries", "library_of", "number_of",
+    "sharing",
 ]  # fmt: skip

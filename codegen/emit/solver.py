@@ -15,6 +15,7 @@ from ..mechanics.elimination import ZeroPivotError
 from ..mechanics.expansion import Place as MemoryPlace
 from ..mechanics.expansion import Program, expand
 from ..mechanics.formulas import FormulaKind, coefficient_formulas, force_formulas, initial_formulas, motion_formulas
+from ..mechanics.outputs.frames import SIZES, frame_formulas, place_formulas
 from ..mechanics.outputs.outputs import RecordFormula, output_formulas, potential_formula
 from ..mechanics.procedures import (
     arrays,
@@ -109,6 +110,7 @@ def write_solver(
     reactions: bool = False,
     progress: Progress = silent,
     functions: Collection[str] | None = None,
+    frames: bool = False,
 ) -> Source:
     """Expand a model and print its solver.
 
@@ -125,6 +127,8 @@ def write_solver(
         Hears what is being done; see `codegen.generation.generate`.
     functions : collection of str, optional
         Those that the solver has, all if left out; see `codegen.mechanics.procedures.procedures`.
+    frames : bool
+        The solver has functions for the frames of all bodies.
     """
     seconds: dict[str, float] = {}
     clock = time.perf_counter()
@@ -147,7 +151,7 @@ def write_solver(
     progress("analysing", 0, 0)
     system, unrolled = laid_out(model, layout, chosen, turning=not reactions)
     lap("analyse")
-    e = _expanded(system, reactions, progress, functions)
+    e = _expanded(system, reactions, progress, functions, frames)
     program, formulas, records, asked = e.program, e.formulas, e.records, e.asked
     lap("expand and simplify")
     progress("printing C", 0, 0)
@@ -204,17 +208,23 @@ def laid_out(model: Model, layout: str, chosen: Partition | None, turning: bool)
 
 
 def _expanded(
-    system: System, reactions: bool, progress: Progress = silent, functions: Collection[str] | None = None
+    system: System,
+    reactions: bool,
+    progress: Progress = silent,
+    functions: Collection[str] | None = None,
+    frames: bool = False,
 ) -> Expanded:
     """Expand and simplify; see `write_solver`."""
     model = system.model
-    asked = procedures(system, reactions, functions)
+    asked = procedures(system, reactions, functions, frames)
     read = {t for p in asked for s in walk(p.steps) if isinstance(s, Formulas) for t in s.targets}
     values, records = output_formulas(system)
     potential = potential_formula(system)
     if potential is not None:
         records.append(potential)
     records = [r for r in records if r.target in read]
+    for target in SIZES:
+        records += frame_formulas(system, target) if target in read else []
     try:
         wanted, backwards = sweeps(asked), swept_backwards(asked)
         program = expand(
@@ -232,7 +242,7 @@ def _expanded(
         message = f"nothing outboard of the joint of {body!r} has inertia about it in any state; give it mass or fix the joint"
         raise ModelError([model.problem(f"bodies.{body}.joint", message)]) from None
     formulas = [*force_formulas(system), *coefficient_formulas(system), *motion_formulas(model), *values]
-    formulas += initial_formulas(model)
+    formulas += [*initial_formulas(model), *place_formulas(model)]
     formulas = [f for f in formulas if f.target in read]
     tangents = [*(f.tangent for f in formulas), *(r.tangent for r in records)]
     # pivots are met whether the function that says so is among those asked for or not
@@ -253,11 +263,12 @@ def write_long(
     chosen: Partition | None = None,
     reactions: bool = False,
     functions: Collection[str] | None = None,
+    frames: bool = False,
 ) -> str:
     """The NumPy module of a solver with numbers of so many digits, where they are no doubles; see `write_solver`."""
     with long_numbers(digits):
         system, _ = laid_out(model, layout, chosen, turning=not reactions)
-        e = _expanded(system, reactions, functions=functions)
+        e = _expanded(system, reactions, functions=functions, frames=frames)
         return write_numpy(e.program, e.formulas, e.records, one_by_one(e.asked))
 
 

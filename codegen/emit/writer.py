@@ -470,7 +470,7 @@ class Writer(ABC):
 
                 def place_record(column: Column, store: Store, name: str, slots: int = slots) -> Located:
                     if store.name in (target, f"d{target}"):
-                        return self.element(store.name, column(0), store.lanes)
+                        return self.element(store.name, entry_from(column(0), int(name)), store.lanes)
                     if store.memory in (SUM, SUM_LANE):
                         return self.element(store.name, name, store.lanes)
                     if store.memory in LAID_OUT:
@@ -662,17 +662,17 @@ class Writer(ABC):
 
 
 FORMULA_ORDER = (
-    "tau",
-    "outputs",
-    "energy",
-    "coefficient",
-    "drive",
-    "prescribed",
-    "held_force",
-    "initial_q",
-    "initial_u",
-)
+    "tau", "outputs", "energy", "coefficient", "drive", "prescribed", "held_force", "initial_q", "initial_u", "frames",
+    "frame_accelerations", "point_places",
+)  # fmt: skip
 """The order in which the tables of formulas stand."""
+
+
+def entry_from(first: str, further: int) -> str:
+    """Index of an entry so many after the one that an expression says."""
+    if first.isdigit():
+        return str(int(first) + further)
+    return f"{first} + {further}" if further else first
 
 
 def _part(step: Formulas) -> str:

@@ -122,4 +122,5 @@ def _model(reader: Reader) -> Model | None:
         file=reader.document.file,
         places=reader.places,
         files=tuple(reader.files.names),
+        points=tuple(points.values()),
     )

@@ -232,6 +232,8 @@ class Model:
         File, line and column of entries by section and name.
     files : tuple of str
         The other files that it was read from: included ones and those of submodels.
+    points : tuple of Point
+        Those that have a name, in the order of the file.
     """
 
     name: str
@@ -253,6 +255,7 @@ class Model:
     file: str = "builder"
     places: dict[str, dict[str, tuple[str, int | None, int | None]]] = field(default_factory=dict, repr=False)
     files: tuple[str, ...] = ()
+    points: tuple[Point, ...] = ()
 
     def problem(self, path: str, message: str) -> Problem:
         """A problem found after loading, such as a force without a value, at the entry that a path leads to."""
@@ -358,6 +361,11 @@ class Model:
         """Whether initial values change with parameters, and so have derivatives."""
         given = (*self.initial_q.values(), *self.initial_u.values())
         return any(e.names & set(self.parameter_names) for e in given)
+
+    @property
+    def points_depend_on_parameters(self) -> bool:
+        """Whether a point with a name lies in its body where parameters say."""
+        return any(e.names for point in self.points for e in point.at)
 
     @property
     def nq(self) -> int:

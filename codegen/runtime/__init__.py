@@ -26,6 +26,7 @@ from .standalone.errors import (
     SingularOutputError,
     TargetsDifferError,
 )
+from .standalone.frame_motion import FrameMotion, PointMotion
 from .standalone.functionals import At, AtEvent, Final, Integral, LeastSquares
 from .standalone.jacobians import Jacobians
 from .standalone.linearization import Linearization
@@ -43,12 +44,14 @@ __all__ = [
     "EquilibriumError",
     "Event",
     "Final",
+    "FrameMotion",
     "Integral",
     "Jacobians",
     "LeastSquares",
     "Linearization",
     "NoCompilerError",
     "PackageError",
+    "PointMotion",
     "SimulationError",
     "SingularForceError",
     "SingularJointError",

@@ -51,7 +51,8 @@ class LongTexts:
             chosen = other_partition(self.model, known)
         made = self.manifest["functions"]
         asked = [f.get("member", name) for name, f in made.items()] if "left_out" in self.manifest else None
-        return write_long(self.model, self.digits + GUARD, self.manifest["layout"], chosen, "reactions" in made, asked)
+        more = "reactions" in made, asked, asked is None and "frames" in made
+        return write_long(self.model, self.digits + GUARD, self.manifest["layout"], chosen, *more)
 
 
 def _read(model: Any, manifest: Mapping[str, Any]) -> Model:

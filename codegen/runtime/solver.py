@@ -12,6 +12,7 @@ from .standalone.diagnosing import Diagnosing
 from .standalone.driving_forces import DrivingForces
 from .standalone.dynamics import Dynamics
 from .standalone.energies import Energies
+from .standalone.frames import Frames
 from .standalone.judging import Judging
 from .standalone.loop_forces import LoopForces
 from .standalone.loops import Loops
@@ -41,6 +42,7 @@ class Solver(
     Judging,
     DrivingForces,
     Reactions,
+    Frames,
     Loops,
     Redundancy,
     Partitions,

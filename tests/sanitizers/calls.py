@@ -174,6 +174,8 @@ class Part:
             "force": nu, "actuation": len(m["prescribed_names"]), "energy": 2, "outputs": len(m["output_names"]),
             "position": closure, "velocity": closure, "condition": loops, "step": nq, "full_q": nq, "full_u": nu,
             "reaction": 6 * links, "loop_reaction": 6 * loops,
+            **{n: size * len(m.get("bodies", ())) for n, size in (("frames", 18), ("frame_accelerations", 6))},
+            "point_places": 3 * len(m.get("points", ())),
         }  # fmt: skip
 
     def size(self, f: Prototype, name: str) -> int:

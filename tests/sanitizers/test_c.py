@@ -115,7 +115,7 @@ def packages() -> dict[str, Package]:
     for i, (name, (text, there)) in enumerate(SINGULAR.items()):
         model = parse_model(f"model: singular_{i}{text}")
         found.append(Package(name, model, (), ((GCC, CLANG_PLAIN)[i % 2], CLANG_MEMORY), singular=({}, there)))
-    everything = (("reactions", True), ("partitions", 2))
+    everything = (("reactions", True), ("frames", True), ("partitions", 2))
     small = [path for path in EXAMPLES if path.stem in SMALL]
     for i, path in enumerate(small):  # the campaign has all in all builds
         found.append(Package(path.stem, example(path), everything, ((GCC_NATIVE, CLANG)[i % 2],)))
@@ -130,7 +130,7 @@ def campaign() -> dict[str, Package]:
         found.append(Package(f"every {m.name}", m.model, tuple(m.options.items()), builds, warned, thorough=True))
     for path in EXAMPLES:
         for layout, builds in (("kinds", (GCC_NATIVE, CLANG)), ("unrolled", (GCC, CLANG_NATIVE))):
-            options = (("reactions", True), ("partitions", 2), ("layout", layout))
+            options = (("reactions", True), ("frames", True), ("partitions", 2), ("layout", layout))
             found.append(
                 Package(
                     f"{path.stem} {layout}", example(path), options, (*builds, CLANG_MEMORY), WARNED[0:2], thorough=True

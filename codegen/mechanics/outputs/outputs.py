@@ -5,7 +5,7 @@ Outputs of the same form share a block, like formulas; the links are data. What 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -17,7 +17,7 @@ from ...program.derivatives import Tangents
 from ...program.expressions import Expr, Symbol
 from ...program.functions import SYMBOLIC
 from ...program.passes import simplify
-from ...program.scalar import Vector
+from ...program.scalar import Value, Vector
 from .. import fields
 from ..formulas import FormulaKind, FormulaSlots, formula_kinds, seed_of, transpose_of_tangent
 from ..spatial import add, dot
@@ -40,7 +40,7 @@ class RecordFormula:
     value, tangent : Block
         From the records of the links, their lanes (the tangents), the ground's slot, parameters and numbers.
     rows : list of (int, tuple of int, list of int, list of float)
-        Target index, links, parameter indices, numbers.
+        Target index, of several entries that of the first, links, parameter indices, numbers.
     places : list of str
         For each of these its path in the model file.
     """
@@ -97,13 +97,13 @@ def _add_record(
     kind = kinds.get(repr(key))
     if kind is None:
 
-        def write(x: Expansion, tangents: bool) -> Expr:
+        def write(x: Expansion, tangents: bool) -> list[Value]:
             records = Records(x, system, links, canonical, tangents)
             for e in o.expressions():
                 records.evaluate(e)
-            return x.let("value", measure.write(records, o))
+            return [x.let("value", measure.write(records, o))]
 
-        value, tangent = _both(write, len(kinds), "outputs", "an output of the model")
+        value, tangent = value_and_tangent(write, len(kinds), "outputs", "an output of the model")
         kind = kinds[repr(key)] = RecordFormula(
             len(kinds), "outputs", value, tangent, [(c, j) for j, (c, _) in enumerate(slots.slots)]
         )
@@ -111,12 +111,15 @@ def _add_record(
     kind.places.append(f"outputs.{o.name}")
 
 
-def _both(write: Callable[[Expansion, bool], Expr], index: int, target: str, title: str) -> tuple[Block, Block]:
-    """The block of a value and that of its tangent."""
+def value_and_tangent(
+    write: Callable[[Expansion, bool], Sequence[Value]], index: int, target: str, title: str
+) -> tuple[Block, Block]:
+    """The block of values, which are the entries of the target from that of a row on, and that of their tangents."""
     x = Expansion(f"{target}_{index}", title, lambda a, f: True)
-    x.set_entry(argument(target), 0, write(x, False))
+    for i, e in enumerate(write(x, False)):
+        x.set_entry(argument(target), i, e)
     y = Expansion(f"d{target}_{index}", f"tangent of {title}", lambda a, f: True)
-    value = algebra.expression(write(y, True))
+    values = [algebra.expression(e) for e in write(y, True)]
     seeds: dict[Symbol, Expr] = {}
     for s, (a, n) in list(y.block.loads.items()):
         if a.memory is RECORD:
@@ -127,7 +130,8 @@ def _both(write: Callable[[Expansion, bool], Expr], index: int, target: str, tit
     d = Tangents(y, seeds, {})
     for s in list(y.block.statements):
         d.statement(s)
-    y.set_entry(argument(f"d{target}", lanes=True), 0, d.value(value))
+    for i, value in enumerate(values):
+        y.set_entry(argument(f"d{target}", lanes=True), i, d.value(value))
     return simplify(x.finish()), simplify(y.finish())
 
 
@@ -140,7 +144,7 @@ def potential_formula(system: System) -> RecordFormula | None:
     slots = FormulaSlots(model)
     grounded = [(model.bodies[k], steps) for k, (link, steps) in enumerate(system.carriers) if link == GROUND and steps]
 
-    def write(x: Expansion, tangents: bool) -> Expr:
+    def write(x: Expansion, tangents: bool) -> list[Value]:
         fresh = FormulaSlots(model)
 
         def leaf(node: Tree) -> Expr:
@@ -157,9 +161,9 @@ def potential_formula(system: System) -> RecordFormula | None:
             _, own, _ = rigid_inertia(grounded, evaluate, SYMBOLIC, x.let)
             h = [x.let("h", e) for e in add(h, own)]
         slots.slots, slots.numbers = fresh.slots, fresh.numbers
-        return x.let("value", -dot(g, h))
+        return [x.let("value", -dot(g, h))]
 
-    value, tangent = _both(write, 0, "energy", "potential energy of gravity")
+    value, tangent = value_and_tangent(write, 0, "energy", "potential energy of gravity")
     formula = RecordFormula(0, "energy", value, tangent, [(c, j) for j, (c, _) in enumerate(slots.slots)])
     formula.rows.append((1, (GROUND,), [j for _, j in slots.slots], list(slots.numbers)))
     return formula

@@ -16,6 +16,7 @@ from ...model.places import Point
 from ...program import algebra
 from ...program.block import Expansion
 from ...program.expressions import Expr
+from ...program.field import MatrixField, VectorField
 from ...program.functions import SYMBOLIC
 from ...program.scalar import Matrix, Value, Vector
 from ...program.store import Store
@@ -127,6 +128,14 @@ class Records:
         """Ground components from those of a body's link; None of the ground, which has the same."""
         link, _, _ = self.carried(body)
         return None if link == GROUND else self.x.load(self._record(link), fields.attitude)
+
+    def link_field(self, body: int, field: VectorField) -> Vector:
+        """A vector of the record of a body's link, in the link's axes."""
+        return self.x.load(self._record(self.carried(body)[0]), field)
+
+    def link_matrix(self, body: int, field: MatrixField) -> Matrix:
+        """A matrix of it."""
+        return self.x.load(self._record(self.carried(body)[0]), field)
 
     # -- motions -----------------------------------------------------------------------------------------------------
 

@@ -14,6 +14,7 @@ from ..structure.system import System
 from .choice import UnknownFunctionError, chosen
 from .closing import closing, initial
 from .dynamics import dynamics, jacobians, rates, state_rates
+from .frames import frames_of
 from .mass import inverse_dynamics, mass
 from .measures import driving_forces, energies, outputs, reactions_of
 from .shared import Shared
@@ -50,7 +51,7 @@ ALONG_MOTIONS = ("state_rate_sensitivities", "completion_sensitivities", "output
 
 
 def procedures(
-    system: System, reactions: bool = False, functions: Collection[str] | None = None
+    system: System, reactions: bool = False, functions: Collection[str] | None = None, frames: bool = False
 ) -> tuple[Procedure, ...]:
     """The functions that a solver has, in the order of its header.
 
@@ -59,22 +60,28 @@ def procedures(
     reactions : bool
         Reactions are among them.
     functions : collection of str, optional
-        Those that are wanted, by their names, by those of members of a solver, or by `GROUPS`; left out: all, without reactions.
+        Those that are wanted, by their names, by those of members of a solver, or by `GROUPS`; left out: all, without reactions
+        and frames.
+    frames : bool
+        Frames are among them.
 
     Raises
     ------
     UnknownFunctionError
     """
-    found = every(Shared(system), reactions or "reactions" in (functions or ()))
+    w = Shared(system)
+    found = every(w, reactions or "reactions" in (functions or ()))
+    if frames or functions is not None:
+        found += tuple(frames_of(w))
     if functions is not None:
-        found = chosen(found, [*functions, *(["reactions"] if reactions else [])])
+        found = chosen(found, [*functions, *(["reactions"] if reactions else []), *(["frames"] if frames else [])])
     if all(p.name != ALONG_MOTIONS[0] for p in found):
         return found
     return tuple(replace(p, apart=FOUR) if p.name in ALONG_MOTIONS else p for p in found)
 
 
 def left_out(system: System, kept: tuple[Procedure, ...]) -> list[str]:
-    """What users call the functions that a solver could have but for the choice, reactions apart."""
+    """What users call the functions that a solver could have but for the choice, reactions and frames apart."""
     names = {p.name for p in kept}
     return [p.called for p in every(Shared(system), False) if p.name not in names]
 

@@ -15,6 +15,10 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "mass": ("mass_matrix", "mass_matrix_sensitivities", "inverse_mass_matrix", "solve_mass", "solve_mass_sensitivities"),
     "forces": ("inverse_dynamics", "inverse_dynamics_sensitivities", "driving_forces", "driving_force_sensitivities"),
     "states": ("assemble_sensitivities", "closure_sensitivities", "initial_sensitivities"),
+    "frames": (
+        "frames", "frame_sensitivities", "frame_accelerations", "frame_acceleration_sensitivities", "point_places",
+        "point_place_sensitivities",
+    ),
     "statics": (
         "accelerations", "sensitivities", "coordinate_rates", "coordinate_rate_sensitivities", "assemble_sensitivities",
     ),
@@ -40,6 +44,8 @@ NEEDED = {
     "closing_step": {"state_rates", "state_rate_sensitivities"},
     "initial_sensitivities": {"state_rate_sensitivities"},
     "completion_sensitivities": {"initial_sensitivities", "state_rate_sensitivities"},
+    "point_places": {"frames", "frame_sensitivities"},
+    "point_place_sensitivities": {"frame_sensitivities"},
 }
 """Functions that are there wherever others are, which are of no use without them: no motion of closed loops without closing
 them, no derivatives of one without those of the state that it begins with."""

@@ -27,6 +27,9 @@ OUTPUTS = Formulas("output_formulas", ("outputs",))
 HELD_FORCES = Formulas("held_forces", ("held_force",))
 MOTIONS = Formulas("prescribed_motion", ("prescribed",))
 INITIAL = Formulas("initial_values", ("initial_q", "initial_u"))
+FRAMES = Formulas("body_frames", ("frames",))
+FRAME_ACCELERATIONS = Formulas("accelerations_of_frames", ("frame_accelerations",))
+PLACES = Formulas("places_of_points", ("point_places",))
 
 SHAPES: dict[str, tuple[str, ...]] = {
     "q": ("nq",), "u": ("nu",), "p": ("np",), "inputs": ("ninputs",), "t": (), "udot": ("nu",), "qdot": ("nq",),
@@ -35,6 +38,8 @@ SHAPES: dict[str, tuple[str, ...]] = {
     "J_q": ("nu", "nq"), "J_u": ("nu", "nu"), "J_p": ("nu", "np"), "J_inputs": ("nu", "ninputs"), "J_t": ("nu",),
     "position": ("nclosure",), "velocity": ("nclosure",), "condition": ("nloops",), "reaction": ("6*nlinks",),
     "loop_reaction": ("6*nloops",), "step": ("nq",), "full_q": ("nq",), "full_u": ("nu",), "tau": ("nu",),
+    "frames": ("18*nbodies",), "frame_accelerations": ("6*nbodies",),
+    "point_places": ("3*npoints",),
     "masses": ("4",), "momenta": ("6",),
     "prescribed": ("3*nprescribed",), "driving": ("nprescribed",), "actuation": ("nprescribed",), "held_force": ("nprescribed",),
 }  # fmt: skip
@@ -48,6 +53,7 @@ def arrays(system: System) -> dict[str, Array]:
         "nq": model.nq, "nu": model.nu, "np": len(model.parameters), "ninputs": len(model.inputs), "2": 2, "4": 4, "6": 6,
         "noutputs": len(model.outputs), "nclosure": len(model.closure_names), "nloops": len(model.loops),
         "6*nlinks": 6 * len(system.links), "6*nloops": 6 * len(model.loops),
+        "18*nbodies": 18 * len(model.bodies), "6*nbodies": 6 * len(model.bodies), "3*npoints": 3 * len(model.points),
         "nprescribed": len(model.prescribed), "3*nprescribed": 3 * len(model.prescribed),
     }  # fmt: skip
     found = {}

@@ -74,7 +74,7 @@ def shapes_of(manifest: Mapping[str, Any]) -> dict[str, Shape]:
     nq, nu, n_p, ninputs, noutputs, nclosure = (
         len(manifest[f"{n}_names"]) for n in ("coordinate", "speed", "parameter", "input", "output", "closure")
     )
-    nloops = len(manifest.get("loops", ()))
+    nloops, nbodies = len(manifest.get("loops", ())), len(manifest.get("joint_links", ()))
     return {
         "q": (nq,), "u": (nu,), "p": (n_p,), "inputs": (ninputs,), "t": (), "udot": (nu,), "b": (nu,),
         "qdot": (nq,), "x": (nu,), "force": (nu,), "energy": (2,), "outputs": (noutputs,), "M": (nu, nu),
@@ -83,6 +83,7 @@ def shapes_of(manifest: Mapping[str, Any]) -> dict[str, Shape]:
         "position": (nclosure,), "velocity": (nclosure,), "step": (nq,), "condition": (nloops,),
         "actuation": (len(manifest["prescribed_names"]),),
         "full_q": (nq,), "full_u": (nu,), "reaction": (6 * len(manifest["links"]),), "loop_reaction": (6 * nloops,),
+        "frames": (18 * nbodies,), "frame_accelerations": (6 * nbodies,), "point_places": (3 * len(manifest.get("points", ())),),
     }  # fmt: skip
 
 

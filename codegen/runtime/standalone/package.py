@@ -293,6 +293,8 @@ class Package:
             return f"{self.name} has no {name!r}: all its motion is prescribed; {where} of it at any t"
         if name == "reactions":
             return f"{self.name} was generated without reactions: generate it with --reactions"
+        if name.startswith(("frame", "point")):
+            return f"{self.name} was generated without {name}: generate it with --frames"
         left_out = self._manifest.get("left_out", ())
         if called := [MEMBERS.get(n, n) for n in MADE_OF.get(name, (name,)) if MEMBERS.get(n, n) in left_out]:
             have = [f.get("member", n) for n, f in self._manifest["functions"].items()]
@@ -364,6 +366,7 @@ for _name in (
     "driving_force_sensitivities", "outputs",
     "output_sensitivities", "gradients", "coordinate_rate_gradients", "energy_gradients", "output_gradients",
     "assemble_gradients", "equilibrium", "linearize", "simulate", "judge", "diagnose",
+    "frames", "frame_sensitivities", "frame_jacobians", "points", "point_sensitivities", "point_jacobians",
 ):  # fmt: skip
     setattr(Package, _name, Absent(_name))  # methods of sections stand before
 

@@ -1,0 +1,137 @@
+"""Frames of all bodies, without outputs that name them: where they are in the ground frame, how they move and accelerate.
+
+A body lies in its link as it does for outputs, so that bodies of links of one kind share a block; its numbers are data. The
+link's velocity is the one that is found without kinetic energy.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ...model.expressions import Expression, Tree
+from ...model.model import GROUND, Model
+from ...model.places import Point
+from ...program.block import Expansion
+from ...program.scalar import Value, Vector
+from .. import fields
+from ..formulas import FormulaKind, FormulaSlots, formula_kinds
+from ..spatial import add, cross, matvec, transpose
+from ..structure.links import ORIGIN
+from ..structure.system import System
+from .outputs import RecordFormula, value_and_tangent
+from .records import Records, carrier, expressions_of, structure_of
+
+FRAMES, ACCELERATIONS, PLACES = "frames", "frame_accelerations", "point_places"
+"""Arrays that are written."""
+
+SIZES = {FRAMES: 18, ACCELERATIONS: 6}
+"""How many entries a body has there: rotation matrix by rows, position, angular velocity, velocity; angular acceleration and
+acceleration. Of the origin, in the ground frame."""
+
+
+@dataclass(slots=True)
+class Body:
+    """Motion of one body, as the blocks of frames write it.
+
+    Parameters
+    ----------
+    records : Records
+    body : int
+    turned : bool
+        The axes in which all is computed are not those of the ground.
+    """
+
+    records: Records
+    body: int
+    turned: bool
+
+    def in_ground(self, v: Vector) -> Vector:
+        """Along the ground's axes, from those of the link."""
+        found = self.records.to_ground(self.body, v)
+        return self._along_ground([found])[0]
+
+    def _along_ground(self, vectors: list[Vector]) -> list[Vector]:
+        if not self.turned:
+            return vectors
+        back = transpose(self.records.attitude(GROUND))
+        return [[self.records.x.let("x", e) for e in matvec(back, v)] for v in vectors]
+
+    def motion(self) -> list[Value]:
+        """Entries of `FRAMES`."""
+        x, body = self.records.x, self.body
+        link, _, _ = self.records.carried(body)
+        columns = transpose(self.records.attitude(body))
+        position = self.records.position(Point("", body, ORIGIN))
+        *columns, position = self._along_ground([*columns, position])
+        found = [e for row in transpose(columns) for e in row] + position
+        if link == GROUND:
+            return [*found, *[0] * 6]
+        twist = fields.applied_twist
+        w, v = (self.records.link_field(body, f) for f in (twist.angular, twist.linear))
+        moved = [x.let("v", e) for e in add(v, cross(w, self.origin()))]
+        return [*found, *self.in_ground(w), *self.in_ground(moved)]
+
+    def acceleration(self) -> list[Value]:
+        """Entries of `ACCELERATIONS`."""
+        x, body = self.records.x, self.body
+        link, _, _ = self.records.carried(body)
+        if link == GROUND:
+            return [0] * 6
+        moving = fields.moving
+        al, a = (self.records.link_field(body, f) for f in (moving.al, moving.a))
+        B = self.records.link_matrix(body, moving.B)
+        moved = [x.let("a", e) for e in add(a, matvec(B, self.origin()))]
+        return [*self.in_ground(al), *self.in_ground(moved)]
+
+    def origin(self) -> Vector:
+        """Of the body's frame in its link."""
+        return self.records.in_link(self.body, self.records.vector(ORIGIN))
+
+
+def frame_formulas(system: System, target: str) -> list[RecordFormula]:
+    """The blocks of an array of frames, one per form."""
+    kinds: dict[str, RecordFormula] = {}
+    slots = FormulaSlots(system.model)
+    turned = bool(system.way_of_ground)
+    for body, spec in enumerate(system.model.bodies):
+        on = (body, GROUND) if turned else (body,)
+        links = (carrier(system, body)[0],)
+        slots.clear()
+        canonical: dict[Expression, Tree] = {}
+        for e in (*ORIGIN, *expressions_of(system, on)):
+            if e not in canonical:
+                canonical[e] = slots.convert(e.tree)
+        form = tuple(str(canonical[e]) for e in expressions_of(system, on))
+        key = repr((form, links[0] == GROUND, structure_of(system, on, links)))
+        kind = kinds.get(key)
+        if kind is None:
+            kind = kinds[key] = _formula(system, target, len(kinds), body, links, canonical, slots)
+        kind.rows.append((SIZES[target] * body, links, [j for _, j in slots.slots], list(slots.numbers)))
+        kind.places.append(f"bodies.{spec.name}")
+    return list(kinds.values())
+
+
+def _formula(
+    system: System,
+    target: str,
+    index: int,
+    body: int,
+    links: tuple[int, ...],
+    canonical: dict[Expression, Tree],
+    slots: FormulaSlots,
+) -> RecordFormula:
+    def write(x: Expansion, tangents: bool) -> list[Value]:
+        records = Records(x, system, links, canonical, tangents)
+        of = Body(records, body, bool(system.way_of_ground))
+        return of.motion() if target == FRAMES else of.acceleration()
+
+    value, tangent = value_and_tangent(write, index, target, "the frame of a body")
+    return RecordFormula(index, target, value, tangent, [(c, j) for j, (c, _) in enumerate(slots.slots)])
+
+
+def place_formulas(model: Model) -> list[FormulaKind]:
+    """Places of the model's points in their bodies; none where no parameter moves any."""
+    if not model.points_depend_on_parameters:
+        return []
+    trees = [(3 * k + i, e.tree) for k, point in enumerate(model.points) for i, e in enumerate(point.at)]
+    return formula_kinds(model, PLACES, trees, {i: f"points.{model.points[i // 3].name}.at" for i, _ in trees})

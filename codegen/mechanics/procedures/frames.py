@@ -1,0 +1,58 @@
+"""Frames of all bodies in a state, and where the model's points are in their bodies."""
+
+from __future__ import annotations
+
+from ...program.procedure import Own, Procedure
+from ..quantities import ACCELERATION, POSE, VELOCITY
+from .shared import Shared
+from .words import FRAME_ACCELERATIONS, FRAMES, PLACES
+
+
+def frames_of(w: Shared) -> list[Procedure]:
+    """Poses and velocities without forward dynamics, accelerations with it, each with derivatives; and places of points."""
+    values, tangents = w.measuring([POSE, VELOCITY], w.begin, (*w.along, *w.turns))
+    udot = w.one("udot")
+    before = (*w.begin, Own(udot), *w.forward)
+    along = (*w.along, Own(udot.tangent()), w.balance)
+    accelerated, accelerated_along = w.measuring([POSE, ACCELERATION], before, along)
+    found = [
+        *w.pair(
+            ("frames", "frame_sensitivities"),
+            (
+                "Frames of all bodies in that of the ground: rotation matrix by rows, position, angular velocity, velocity.",
+                "Frames of all bodies and their total derivative along seeds.",
+            ),
+            ["q", "u", *w.p],
+            ["frames"],
+            (*w.begin, *values, FRAMES),
+            (*w.begin, *values, *w.along, *w.turns, *tangents, FRAMES, FRAMES.tangents()),
+        ),
+        *w.pair(
+            ("frame_accelerations", "frame_acceleration_sensitivities"),
+            (
+                "Accelerations of the frames of all bodies, along the ground's axes: angular acceleration, acceleration.",
+                "These accelerations and their total derivative along seeds.",
+            ),
+            w.state,
+            ["frame_accelerations"],
+            (*before, *accelerated, FRAME_ACCELERATIONS),
+            (
+                *before,
+                *accelerated,
+                *along,
+                *accelerated_along,
+                FRAME_ACCELERATIONS,
+                FRAME_ACCELERATIONS.tangents(),
+            ),
+        ),
+    ]  # fmt: skip
+    if w.system.model.points_depend_on_parameters:
+        found += w.pair(
+            ("point_places", "point_place_sensitivities"),
+            ("Places of the model's points in their bodies.", "These places and their total derivative along seeds."),
+            ["p"],
+            ["point_places"],
+            (PLACES,),
+            (PLACES, PLACES.tangents()),
+        )
+    return found

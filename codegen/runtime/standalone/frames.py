@@ -1,0 +1,348 @@
+"""Motions of bodies and of points fixed in them, without outputs that name them; their derivatives and Jacobians."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from .arguments import some
+from .arrays import Array, Numbers, Times
+from .frame_motion import (
+    FrameMotion,
+    PointMotion,
+    alone,
+    frames_from,
+    point_tangents,
+    points_on,
+    taken,
+    with_ground,
+)
+from .package import Package, seeds, state
+
+Bodies = str | Sequence[str] | None
+"""Names of bodies, or one alone; left out: all."""
+Points = Any
+"""Names of the model's points or bodies, pairs of a body and a place in its frame, or one of these alone; left out: all of the
+model's points."""
+
+
+class Frames(Package):
+    """Motions of bodies and of points fixed in them."""
+
+    def frames(
+        self, q: Numbers, u: Numbers = None, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
+        bodies: Bodies = None, accelerations: bool = False,
+    ) -> FrameMotion:  # fmt: skip
+        """Where bodies are, how they turn and move, and with `accelerations` how these change.
+
+        Needs a package that was generated with frames. Through closed loops as over a tree: dependent speeds follow from the
+        others, coordinates are taken as they are passed.
+
+        Parameters
+        ----------
+        u : (..., nu), optional
+            Zero if left out.
+        bodies : str or sequence of str, optional
+            One alone, whose arrays are without the axis n, or several; left out: all, in the order of the model.
+        accelerations : bool
+            Accelerations too, which take the forward dynamics.
+
+        Returns
+        -------
+        FrameMotion
+            In the ground frame.
+        """
+        chosen, names, single = self._bodies(bodies)
+        found = self._frames(state(q, self._moving_at(u), p, inputs, t), accelerations, chosen, names)
+        return alone(found) if single else found
+
+    def frame_sensitivities(
+        self, q: Numbers, u: Numbers = None, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
+        bodies: Bodies = None, accelerations: bool = False, dq: Numbers = None, du: Numbers = None, dp: Numbers = None,
+        dinputs: Numbers = None, dt: Times | None = None,
+    ) -> tuple[FrameMotion, FrameMotion]:  # fmt: skip
+        """Motions of bodies, see `frames`, and their total derivatives along the seeds.
+
+        Returns
+        -------
+        FrameMotion
+        FrameMotion
+            Derivatives, with the k directions first: ``rotation (k, ..., n, 3, 3)``, ``position (k, ..., n, 3)`` and so on.
+        """
+        chosen, names, single = self._bodies(bodies)
+        given, along = state(q, self._moving_at(u), p, inputs, t), seeds(dq, du, dp, dinputs, dt)
+        values, tangents = self._frames_along(given, along, accelerations, chosen, names)
+        return (alone(values), alone(tangents)) if single else (values, tangents)
+
+    def frame_jacobians(
+        self, q: Numbers, u: Numbers = None, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
+        bodies: Bodies = None,
+    ) -> Array:  # fmt: skip
+        """Geometric Jacobians of bodies: what a unit of each speed adds to angular velocity and velocity of the origin.
+
+        Returns
+        -------
+        (..., n, 6, nu)
+            Rows: angular velocity, velocity, along the ground's axes. Columns of dependent speeds are zero, as what follows from
+            the independent ones is in the columns of these; so times u it is the velocity. It does not depend on u.
+        """
+        chosen, names, single = self._bodies(bodies)
+        _, along = self._by_speeds(q, p, inputs, t, chosen, names)
+        found = _columns(along.angular_velocity, along.velocity)
+        return found[..., 0, :, :] if single else found
+
+    def points(
+        self, q: Numbers, u: Numbers = None, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
+        points: Points = None, accelerations: bool = False,
+    ) -> PointMotion:  # fmt: skip
+        """Where points fixed in bodies are, and how they move.
+
+        Parameters
+        ----------
+        u : (..., nu), optional
+            Zero if left out.
+        points : optional
+            A list of points or one alone, whose arrays are without the axis n: the name of a point of the model, that of a body
+            for its origin, or a pair of a body (or ``"ground"``) and a place (3,) in its frame, m. Left out: all points of the
+            model.
+        accelerations : bool
+            Accelerations too, which take the forward dynamics.
+
+        Returns
+        -------
+        PointMotion
+            In the ground frame.
+        """
+        chosen = _Chosen(self, points)
+        given = state(q, self._moving_at(u), p, inputs, t)
+        frames = self._frames(given, accelerations, chosen.bodies, chosen.names)
+        found = points_on(chosen.carriers(frames, False), chosen.places(p), chosen.names)
+        return alone(found) if chosen.single else found
+
+    def point_sensitivities(
+        self, q: Numbers, u: Numbers = None, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
+        points: Points = None, accelerations: bool = False, dq: Numbers = None, du: Numbers = None, dp: Numbers = None,
+        dinputs: Numbers = None, dt: Times | None = None,
+    ) -> tuple[PointMotion, PointMotion]:  # fmt: skip
+        """Motions of points, see `points`, and their total derivatives along the seeds.
+
+        The place of a point of the model in its body may depend on parameters, and that is part of the derivative along dp;
+        places that are given are constants.
+
+        Returns
+        -------
+        PointMotion
+        PointMotion
+            Derivatives, with the k directions first: ``position (k, ..., n, 3)`` and so on.
+        """
+        chosen = _Chosen(self, points)
+        given, along = state(q, self._moving_at(u), p, inputs, t), seeds(dq, du, dp, dinputs, dt)
+        values, tangents = self._frames_along(given, along, accelerations, chosen.bodies, chosen.names)
+        frames, moved = chosen.carriers(values, False), chosen.carriers(tangents, True)
+        r = chosen.places(p)
+        found = points_on(frames, r, chosen.names)
+        found_along = point_tangents(frames, moved, r, chosen.moved_places(p, dp), chosen.names)
+        return (alone(found), alone(found_along)) if chosen.single else (found, found_along)
+
+    def point_jacobians(
+        self, q: Numbers, u: Numbers = None, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
+        points: Points = None,
+    ) -> Array:  # fmt: skip
+        """Geometric Jacobians of points: what a unit of each speed adds to the angular velocity of its body and to its velocity.
+
+        Returns
+        -------
+        (..., n, 6, nu)
+            See `frame_jacobians`.
+        """
+        chosen = _Chosen(self, points)
+        values, tangents = self._by_speeds(q, p, inputs, t, chosen.bodies, chosen.names)
+        frames, along = chosen.carriers(values, False), chosen.carriers(tangents, True)
+        moved = point_tangents(frames, along, chosen.places(p), 0.0, chosen.names)
+        found = _columns(along.angular_velocity, moved.velocity)
+        return found[..., 0, :, :] if chosen.single else found
+
+    # -- what these are made of ----------------------------------------------------------------------------------------
+
+    def _moving_at(self, u: Numbers) -> Numbers:
+        """Speeds, zero where they are left out."""
+        return np.zeros(self.nu) if u is None else u
+
+    def _bodies(self, bodies: Bodies) -> tuple[list[int], tuple[str, ...], bool]:
+        """Numbers of bodies, their names, and whether one was asked for alone."""
+        known = self._known_bodies("frames")
+        if bodies is None:
+            return list(range(len(known))), tuple(known), False
+        names = (bodies,) if isinstance(bodies, str) else tuple(_several(bodies, "bodies"))
+        return [_place(n, known, "bodies") for n in names], names, isinstance(bodies, str)
+
+    def _known_bodies(self, member: str) -> list[str]:
+        """Names of the model's bodies.
+
+        Raises
+        ------
+        AttributeError
+            The package was generated without frames.
+        """
+        if "bodies" not in self._manifest:
+            raise AttributeError(self._why_not(member))
+        found: list[str] = self._manifest["bodies"]
+        return found
+
+    def _frames(
+        self, given: dict[str, Any], accelerations: bool, bodies: Sequence[int], names: tuple[str, ...]
+    ) -> FrameMotion:
+        found = self._values("frames", given)[0]
+        a = self._values("frame_accelerations", given)[0] if accelerations else None
+        return frames_from(found, a, bodies, names)
+
+    def _frames_along(
+        self,
+        given: dict[str, Any],
+        along: dict[str, Any],
+        accelerations: bool,
+        bodies: Sequence[int],
+        names: tuple[str, ...],
+    ) -> tuple[FrameMotion, FrameMotion]:
+        found = self._along("frame_sensitivities", given, along)
+        a = self._along("frame_acceleration_sensitivities", given, along) if accelerations else (None, None)
+        values, tangents = (frames_from(x, y, bodies, names) for x, y in zip(found, a, strict=True))
+        return values, tangents
+
+    def _by_speeds(
+        self, q: Numbers, p: Numbers, inputs: Numbers, t: Times, bodies: Sequence[int], names: tuple[str, ...]
+    ) -> tuple[FrameMotion, FrameMotion]:
+        """Frames at rest, and their derivatives by each speed."""
+        unit = np.eye(self.nu)
+        return self._frames_along(
+            state(q, np.zeros(self.nu), p, inputs, t), seeds(None, unit, None, None, None), False, bodies, names
+        )
+
+
+class _Chosen:
+    """Points that were asked for.
+
+    Attributes
+    ----------
+    bodies : list of int
+        That carry some of them, each once, without the ground.
+    names : tuple of str
+    single : bool
+        One was asked for alone.
+    """
+
+    def __init__(self, solver: Frames, points: Points):
+        self.solver = solver
+        known = solver._known_bodies("points")
+        self.made: list[dict[str, Any]] = solver._manifest.get("points", [])
+        names = [point["name"] for point in self.made]
+        self.single = isinstance(points, str) or _is_pair(points)
+        asked = names if points is None else [points] if self.single else _several(points, "points")
+        self.of_model: list[int] = []
+        carriers: list[int] = []
+        places: list[Any] = []
+        called: list[str] = []
+        for point in asked:
+            number, at = -1, np.zeros(3)
+            if isinstance(point, str) and point in names:
+                number = names.index(point)
+                body, at = self.made[number]["body"], self.made[number]["at"]
+            elif isinstance(point, str):
+                if point not in (*known, "ground"):
+                    _place(point, [*names, *known], "points")
+                body = known.index(point) if point in known else -1
+            elif _is_pair(point):
+                body = -1 if point[0] == "ground" else _place(point[0], known, "points")
+                at = _vector(solver, point)
+            else:
+                raise ValueError(
+                    f"points: {point!r} is no point; expected the name of a point or a body, or a pair such as "
+                    f"({known[0]!r}, [0, 0, 0.1])"
+                )
+            carriers.append(body)
+            places.append(at)
+            self.of_model.append(number)
+            called.append(point if isinstance(point, str) else f"{point[0]} {[float(e) for e in at]}")
+        self.names = tuple(called)
+        self.bodies = list(dict.fromkeys(b for b in carriers if b >= 0))
+        self.on = [self.bodies.index(b) if b >= 0 else len(self.bodies) for b in carriers]
+        self.given = np.array(places).reshape(-1, 3)
+
+    def carriers(self, frames: FrameMotion, tangents: bool) -> FrameMotion:
+        """The frame of each point's body, from those of the bodies."""
+        return taken(with_ground(frames, tangents), self.on)
+
+    def places(self, p: Numbers) -> Array:
+        """Places of all in their bodies, (..., n, 3)."""
+        if not self.moved:
+            return self.given
+        found = self.solver._values("point_places", {"p": p})[0]
+        return self._from(found, self.given)
+
+    def moved_places(self, p: Numbers, dp: Numbers) -> Array | float:
+        """Their derivatives, (k, ..., n, 3); 0.0 of places that do not move."""
+        if not self.moved or dp is None:
+            return 0.0
+        found = self.solver._along("point_place_sensitivities", {"p": p}, {"dp": dp})[1]
+        return self._from(found, np.zeros_like(self.given))
+
+    @property
+    def moved(self) -> bool:
+        """Whether parameters move some of them in their bodies."""
+        return max(self.of_model, default=-1) >= 0 and "point_places" in self.solver._functions
+
+    def _from(self, found: Array, others: Array) -> Array:
+        """Places (..., 3 npoints) of the model's points, and others of points that are given."""
+        x = found.reshape(*found.shape[:-1], found.shape[-1] // 3, 3)
+        parts = [
+            x[..., n, :] if n >= 0 else np.broadcast_to(others[i], x[..., 0, :].shape)
+            for i, n in enumerate(self.of_model)
+        ]
+        return np.stack(parts, axis=-2)
+
+
+def _several(given: Any, what: str) -> list[Any]:
+    """What is given as a list."""
+    try:
+        return list(given)
+    except TypeError:
+        raise ValueError(f"{what} is {given!r}, expected a name, or a list of those that are wanted") from None
+
+
+def _is_pair(point: Any) -> bool:
+    """Whether something is a body with a place, and not two names."""
+    return (
+        isinstance(point, (tuple, list))
+        and len(point) == 2
+        and isinstance(point[0], str)
+        and not isinstance(point[1], str)
+        and not _is_pair(point[1])
+    )
+
+
+def _vector(solver: Frames, point: Any) -> Array:
+    """The place of a pair."""
+    name = f"points: the place in {point[0]!r}"
+    found = solver._arguments._numbers(name, point[1])
+    if found.shape != (3,):
+        raise ValueError(f"{name} has shape {found.shape}, expected (3,): x, y, z in the body's frame, m")
+    if not np.isfinite(found.astype(float)).all():
+        raise ValueError(f"{name} is {found}, expected finite numbers")
+    return found
+
+
+def _place(name: Any, known: Sequence[str], what: str) -> int:
+    """Where a name stands among those that are known."""
+    if name in known:
+        return known.index(name)
+    near = difflib.get_close_matches(str(name), known, 1)
+    hint = f"; did you mean {near[0]!r}?" if near else ""
+    raise ValueError(f"{what}: {name!r} is not known; expected is any of {some(known)}{hint}")
+
+
+def _columns(angular: Array, linear: Array) -> Array:
+    """Jacobians (..., n, 6, nu) from derivatives by each speed (nu, ..., n, 3)."""
+    return np.moveaxis(np.concatenate([angular, linear], axis=-1), 0, -1)
