@@ -33,6 +33,7 @@ OUTPUTS = {
     "x: {relative_position: [b, far], axis: x}": "m",
     "x: {relative_velocity: [b, far], axis: x}": "m/s",
     "x: {value: u.b}": "",
+    "x: {driving_force: moved}": "N",
     "x: kinetic_energy": "J",
     "x: potential_energy": "J",
 }
@@ -56,9 +57,16 @@ def test_what_turns_and_slides_is_an_angle():
 
 @pytest.mark.parametrize("text", OUTPUTS)
 def test_units_of_outputs(text):
+    motion = "  moved: {parent: far, joint: {type: prismatic, axis: x}, mass: 1}\nmotion: {moved: t}\n" * (
+        "driving" in text
+    )
     model = codegen.parse_model(
         "model: m\nbodies:\n  b: {parent: ground, joint: {type: prismatic, axis: x}, mass: 1}\n"
-        "  far: {parent: b, joint: {type: prismatic, axis: y, at: [1, 0, 0]}, mass: 1}\noutputs:\n  " + text + "\n"
+        "  far: {parent: b, joint: {type: prismatic, axis: y, at: [1, 0, 0]}, mass: 1}\n"
+        + motion
+        + "outputs:\n  "
+        + text
+        + "\n"
     )
     assert model.output_units == (OUTPUTS[text],)
     assert model.coordinate_units == ("m", "m") and model.speed_units == ("m/s", "m/s")

@@ -188,6 +188,26 @@ def broadcast(batch: Shape, lead: Shape, arrays: Mapping[str, Any]) -> Shape:
         ) from None
 
 
+def placing(arrays: Mapping[str, Any], batch: Shape, manifest: Mapping[str, Any]) -> Array:
+    """What places of bodies depend on beside coordinates, (*batch, n): parameters, and behind them, where motion is prescribed,
+    inputs and time."""
+    p = np.broadcast_to(arrays["p"], (*batch, len(manifest["parameter_names"])))
+    if not manifest["prescribed_names"]:
+        return p
+    inputs = np.broadcast_to(arrays["inputs"], (*batch, len(manifest["input_names"])))
+    t = np.broadcast_to(np.asarray(arrays["t"]), batch)[..., None]
+    return np.concatenate([p, inputs, t], axis=-1)
+
+
+def placed(q: Array, p: Array, count: int) -> dict[str, Any]:
+    """Arguments by name of coordinates and of what `placing` gives; count is how many parameters there are."""
+    if p.shape[-1] == count:
+        return {"q": q, "p": p}
+    t = np.ascontiguousarray(p[..., -1])
+    inputs = np.ascontiguousarray(p[..., count:-1])
+    return {"q": q, "p": np.ascontiguousarray(p[..., :count]), "inputs": inputs, "t": t if p.ndim > 1 else t[0]}
+
+
 def some(names: Sequence[str]) -> str:
     """Names for a message, not too many."""
     if not names:

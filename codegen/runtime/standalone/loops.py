@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from .arguments import placing
 from .arrays import Array, Shape
 from .assembly import ROUNDING, Assembly
 from .closing_together import FEW
-from .newton import placing
 from .states import States
 from .targets import Opened
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from .arrays import Array, Indices, Shape, normalise
+from .arguments import placed
+from .arrays import Array, Indices, normalise
 from .errors import SingularLoopError
 from .targets import Opened
 
@@ -18,17 +19,6 @@ SEARCH = tuple(0.5**i for i in range(12))
 
 NUDGE = 0.1
 """rad or m: how far loops that have lost rank are moved, to go on elsewhere."""
-
-
-def placing(arrays: Mapping[str, Any], batch: Shape, manifest: Mapping[str, Any]) -> Array:
-    """What places of bodies depend on beside coordinates, (*batch, n): parameters, and behind them, where motion is prescribed,
-    inputs and time."""
-    p = np.broadcast_to(arrays["p"], (*batch, len(manifest["parameter_names"])))
-    if not manifest["prescribed_names"]:
-        return p
-    inputs = np.broadcast_to(arrays["inputs"], (*batch, len(manifest["input_names"])))
-    t = np.broadcast_to(np.asarray(arrays["t"]), batch)[..., None]
-    return np.concatenate([p, inputs, t], axis=-1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,11 +66,7 @@ class Newton:
 
     def named(self, q: Array, p: Array) -> dict[str, Any]:
         """Arguments by name; behind the parameters p may have inputs and the time, see `placing`."""
-        if p.shape[-1] == self.np:
-            return {"q": q, "p": p}
-        t = np.ascontiguousarray(p[..., -1])
-        inputs = np.ascontiguousarray(p[..., self.np : -1])
-        return {"q": q, "p": np.ascontiguousarray(p[..., : self.np]), "inputs": inputs, "t": t if p.ndim > 1 else t[0]}
+        return placed(q, p, self.np)
 
     def all_gaps(self, q: Array, p: Array) -> Array:
         """Scaled position residuals of all conditions, (..., of them); p has the axes of q, or none."""

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
+from .arguments import placed, placing
 from .arrays import Array, Numbers, Times
 from .errors import SingularLoopError
-from .newton import Newton, placing
 from .package import Package
 from .targets import partitions_of
 
@@ -52,11 +52,10 @@ class Partitions(Package):
             return found
         q_all = np.broadcast_to(arrays["q"], (*batch, self.nq))
         p_all = placing(arrays, batch, self._opened.manifest)
-        newton = Newton(self._opened, np.arange(0))
         for k in range(found.shape[-1]):
             opened = self._open(k)
             for at in np.ndindex(batch):
-                given = newton.named(q_all[at].copy(), p_all[at].copy())
+                given = placed(q_all[at].copy(), p_all[at].copy(), self.np)
                 try:
                     (values,) = opened.target.values(opened.functions["conditions"], given, ())
                     found[(*at, k)] = values.max(initial=1.0)

@@ -22,13 +22,12 @@ from typing import Any
 
 import numpy as np
 
-from .arguments import Arguments
+from .arguments import Arguments, placing
 from .arrays import Array, Numbers, Shape, Times, normalise
 from .errors import AssemblyError
 from .functions import Function
 from .jacobians import JACOBIANS, Jacobians, asked_for, jacobians_of
 from .manifest import check_files
-from .newton import placing
 from .numpy_target import NumpyTarget
 from .package import Package, state
 from .short_calls import NO_DESK
