@@ -138,6 +138,18 @@ static const number numbers_of_constants_0[1][9] = {
     {2700.0, 0.0012566370614359175, 2700.0, 0.0012566370614359175, 0.0001, 12.0, 2700.0, 0.0012566370614359175, 0.0002},
 };
 
+/* Eight angles, written in the vectors that they are read in: processors wait where a vector is read of which parts have just been
+ * written one by one. */
+#if defined(ORDERNM_VECTORS) && defined(__AVX512F__)
+#define PUT_ANGLES(to, a, b, c, d, e, f, g, h) *(vector_8 *)(to) = (vector_8){a, b, c, d, e, f, g, h}
+#elif defined(ORDERNM_VECTORS) && defined(__AVX__)
+#define PUT_ANGLES(to, a, b, c, d, e, f, g, h) \
+    *(vector_8 *)(to) = (vector_8){a, b, c, d}, *(vector_8 *)((to) + 4) = (vector_8){e, f, g, h}
+#else
+#define PUT_ANGLES(to, a, b, c, d, e, f, g, h) \
+    (to)[0] = a, (to)[1] = b, (to)[2] = c, (to)[3] = d, (to)[4] = e, (to)[5] = f, (to)[6] = g, (to)[7] = h
+#endif
+
 /* Sines and cosines of n angles (what vectors have beyond these is worked out too), below one unit in the last place: trig[i]
  * becomes the cosine of trig[ANGLES + i], which becomes its sine.
  * Reduction by pi/2 in three parts (exact products up to 2^20 quarter turns), minimax polynomials on [-pi/4, pi/4];
@@ -391,8 +403,7 @@ static void start(call *a)
     a->gravity[1] = ALL(0.0);
     a->gravity[2] = ALL(9.81);
     a->records[LINKS].total_acceleration_z = a->gravity[2];
-    for (int i = 0; i < 1; ++i) a->trig[ANGLES + i] = a->q[i];
-    for (int i = 1; i < ANGLES; ++i) a->trig[ANGLES + i] = ALL(0.0);
+    PUT_ANGLES(a->trig + ANGLES + 0, a->q[0], ALL(0.0), ALL(0.0), ALL(0.0), ALL(0.0), ALL(0.0), ALL(0.0), ALL(0.0));
     sines_and_cosines(1, a->trig);
 }
 
