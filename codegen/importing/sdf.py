@@ -22,7 +22,7 @@ from .placement import Placement, Three, to_quaternion, without_dirt
 from .robot import WORLD, Closing, Coupling, Inertia, Link, Place, Robot, RobotJoint, Solid, as_three, symmetric
 from .robot_reader import RobotReader
 from .spanning import Edge, spanning_tree
-from .xml_reading import Element, parse_xml, read_bytes
+from .xml_reading import Element, parse_xml, read_robot_file
 from .xml_values import place_of
 
 TYPES: Final = {
@@ -129,7 +129,7 @@ class _Reader(RobotReader):
             )
             return None
         try:
-            root = parse_xml(read_bytes(path), str(path))
+            root = parse_xml(read_robot_file(path), str(path))
         except ModelError as error:
             self.problems += error.problems
             return None
