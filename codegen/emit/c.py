@@ -440,7 +440,9 @@ class CWriter(Writer):
         """Templates of what sines and cosines take."""
         if not self.layout.angles_padded or not self.prepares(procedures.ANGLES):
             return []
-        return [*(["c/put_angles.c.jinja"] if self.few_angles else []), "c/sincos.c.jinja"]
+        return [
+            "c/angles_at_once.c.jinja", *(["c/put_angles.c.jinja"] if self.few_angles else []), "c/sincos.c.jinja"
+        ]  # fmt: skip
 
     def prepared(self, what: str) -> list[str]:
         layout = self.layout
@@ -453,9 +455,9 @@ class CWriter(Writer):
                 return self.gravity() + self.ground()
             case procedures.ANGLES if n and self.few_angles:
                 each = [*(f"a->q[{i}]" for i in angles), *(f"a->prescribed[{i}]" for i in driven)]
-                each += [in_all("0.0")] * (layout.angles_padded - n)
+                each += [in_all("0.0")] * (-n % 4)
                 return [
-                    *(f"PUT_ANGLES(a->trig + ANGLES + {i}, {', '.join(each[i : i + 8])});" for i in range(0, n, 8)),
+                    *(f"PUT_ANGLES(a->trig + ANGLES + {i}, {', '.join(each[i : i + 4])});" for i in range(0, n, 4)),
                     f"sines_and_cosines({n}, a->trig);",
                 ]
             case procedures.ANGLES if n:
