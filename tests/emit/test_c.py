@@ -44,7 +44,7 @@ def check_random_trees(seeds: range, folder: Path, largest: int, layout: str = "
     for seed in seeds:
         rng = np.random.default_rng(seed)
         model = random_tree(rng, int(rng.integers(1, largest + 1)))
-        codegen.generate(model, folder / str(seed), layout=layout)
+        codegen.generate(model, folder / str(seed), layout=layout, compile="all")
         recursive, dense = RecursiveEngine(model), DenseEngine(model)
         for target in ("c", "numpy"):
             solver = codegen.load(folder / str(seed), target)
