@@ -45,8 +45,9 @@ def whole_run(tmp_path_factory):
 def python_compiled_once(whole_run):
     """Interpreters that tests start share compiled modules, also where the environment says that none are to be kept."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.delenv("PYTHONDONTWRITEBYTECODE", raising=False)
-        patch.setenv("PYTHONPYCACHEPREFIX", str(whole_run / "bytecode"))
+        if "PYTHONDONTWRITEBYTECODE" in os.environ:
+            patch.delenv("PYTHONDONTWRITEBYTECODE")
+            patch.setenv("PYTHONPYCACHEPREFIX", str(whole_run / "bytecode"))
         yield
 
 
