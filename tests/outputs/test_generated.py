@@ -107,7 +107,9 @@ def test_generated_and_both_engines_agree(
 ) -> None:
     model, state = drawn
     compiled = request.node.callspec.params["drawn"] in COMPILED
-    codegen.generate(model, tmp_path / "measured", "both" if compiled else "numpy", "kinds", functions=CHECKED)
+    codegen.generate(
+        model, tmp_path / "measured", "both" if compiled else "numpy", "kinds", functions=CHECKED, compile="all"
+    )
     for target in ("numpy", "c")[: 1 + compiled]:
         solver = codegen.load(tmp_path / "measured", target)
         check(model, state, solver)
