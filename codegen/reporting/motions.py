@@ -12,6 +12,7 @@ import numpy as np
 
 from ..choices import more_choices
 from ..runtime.standalone.errors import AssemblyError, SimulationError, SingularJointError, SingularLoopError
+from .roofline import operations
 from .skipped import Skipped
 
 if TYPE_CHECKING:
@@ -34,8 +35,12 @@ REFERENCE, BESIDE = 1e-13, 1e-12
 FIXED = [2**i for i in range(5, 15)]
 """Numbers of steps of the method with constant ones."""
 
-LONGEST = 0.5
-"""Seconds that one motion of a diagram may take; a method goes no further then."""
+MOTIONS = len(FIXED) + sum(map(len, ADAPTIVE.values()))
+"""So many settings a diagram has."""
+
+COSTLIEST = 1.5e9
+"""Operations that one motion of a diagram may take, half a second or so; a method goes no further then. Operations and not
+seconds, so that another run of the same report makes the same motions."""
 
 MOST_SENSITIVITIES = 4
 
@@ -45,8 +50,8 @@ SAMPLES = 201
 LARGEST_MATRIX = 300
 """Speeds up to which conditions of mass matrices are computed."""
 
-ROUNDS = 3
-"""A motion is timed so often; the least counts."""
+ROUNDS = 5
+"""A motion is timed so often."""
 
 
 def motions(
@@ -65,7 +70,8 @@ def motions(
         ``end``; ``choices``, of independent coordinates; ``ended``, why a motion is shorter than asked for; ``sensitivities``,
         names; ``reference_error``, of the state
         and of ``reference_error_sensitivities``; ``methods``: lists of points, each with ``setting``, ``error``,
-        ``sensitivity_error``, ``evaluations``, ``seconds``, ``ended``; ``conditions``, see `conditions`.
+        ``sensitivity_error``, ``evaluations``, ``seconds`` (the least) and ``seconds_high`` (the largest); ``conditions``, see
+        `conditions`.
     """
     names = list(model.parameter_names[:MOST_SENSITIVITIES])
     probe = _motion(solver, end, names, "dop853", 1e-6)
@@ -84,13 +90,18 @@ def motions(
         if not end > 0:
             skipped.append(Skipped("motions", found["ended"]))
             return None
-    stiff = float(probe.stats["seconds"]) > LONGEST / 4
+    stiff = _cost(solver, probe, names) > COSTLIEST / 4
     if stiff:  # an explicit method needs too many steps: the implicit one is the reference
         probe = _motion(solver, end, names, "radau", 1e-6)
-    taken = math.inf if isinstance(probe, str) else float(probe.stats["seconds"])
-    if taken > LONGEST / 4:
-        shorter = float(f"{end * LONGEST / 4 / min(taken, 1e3):.2g}")
-        skipped.append(Skipped(f"motions beyond {shorter:g} s", f"a motion of {end:g} s takes {taken:.2g} s"))
+    cost = math.inf if isinstance(probe, str) else _cost(solver, probe, names)
+    if cost > COSTLIEST / 4:
+        share = max(COSTLIEST / 4 / cost, 1e-4)
+        shorter = float(f"{end * share:.2g}")
+        seconds = None if isinstance(probe, str) else float(probe.stats["seconds"]) * ROUNDS * MOTIONS
+        why = "has no end" if isinstance(probe, str) else f"takes {cost:.1g} operations"
+        skipped.append(
+            Skipped(f"motions beyond {shorter:g} s", f"one of {end:g} s {why}, of {COSTLIEST / 4:.1g} allowed", seconds)
+        )
         end = shorter
     method = "radau" if stiff else "dop853"
     best, beside = (_motion(solver, end, names, method, e) for e in (REFERENCE, BESIDE))
@@ -142,16 +153,34 @@ def _point(solver: Solver, end: float, names: Sequence[str], method: str, tolera
     x = _motion(solver, end, names, method, tolerance, steps)
     if isinstance(x, str) or x.t[-1] != best.t[-1]:
         return None
-    seconds = float(x.stats["seconds"])
-    for _ in range(ROUNDS - 1):
-        again = _motion(solver, end, names, method, tolerance, steps)
-        if not isinstance(again, str):
-            seconds = min(seconds, float(again.stats["seconds"]))
+    taken = [_seconds(solver, end, names, method, tolerance, steps) for _ in range(ROUNDS)]
     error, sensitivity_error = _errors(x, best)
     return {
         "setting": end / steps if steps else tolerance, "error": error, "sensitivity_error": sensitivity_error if names else None,
-        "evaluations": int(x.stats["evaluations"]), "seconds": seconds,
+        "evaluations": int(x.stats["evaluations"]), "seconds": min(taken), "seconds_high": max(taken),
+        "operations": _cost(solver, x, names),
     }  # fmt: skip
+
+
+def _seconds(
+    solver: Solver, end: float, names: Sequence[str], method: str, tolerance: float, steps: int | None
+) -> float:
+    """What the integrator takes, but for what others have of the core meanwhile."""
+    began = time.thread_time()
+    x = _motion(solver, end, names, method, tolerance, steps)
+    spent = time.thread_time() - began
+    return spent if isinstance(x, str) else min(spent, float(x.stats["seconds"]))
+
+
+def _cost(solver: Solver, x: Trajectory, names: Sequence[str]) -> float:
+    """Operations of a motion: those of its evaluations, and of Jacobians and factors of an implicit method."""
+    n = solver.nq + solver.nu
+    along = operations(solver, "sensitivities", len(names)) if names else operations(solver, "accelerations")
+    found = float(x.stats["evaluations"]) * along
+    if "factorizations" in x.stats:
+        found += float(x.stats["jacobians"]) * operations(solver, "sensitivities", n)
+        found += float(x.stats["factorizations"]) * 10 / 3 * n**3  # one real matrix and one complex
+    return found
 
 
 def _adaptive(
@@ -162,7 +191,7 @@ def _adaptive(
         point = _point(solver, end, names, method, 10.0**-e, None, best)
         if point is not None:
             points.append(point)
-            if point["seconds"] > LONGEST:
+            if point["operations"] > COSTLIEST:
                 break
     return points
 
@@ -173,7 +202,7 @@ def _fixed(solver: Solver, end: float, names: Sequence[str], best: Trajectory) -
         point = _point(solver, end, names, "rk4", 1e-9, steps, best)
         if point is not None and np.isfinite(point["error"]) and point["error"] < 1:
             points.append(point)
-            if point["seconds"] > LONGEST:
+            if point["operations"] > COSTLIEST:
                 break
     return points
 
