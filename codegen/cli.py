@@ -304,7 +304,7 @@ def run_simulate(options: argparse.Namespace, status: StatusLine) -> int:
 def run_report(options: argparse.Namespace, status: StatusLine) -> int:
     """``ordernm report``: speed against error of a model, or of all models of a folder."""
     from .reporting import Request, gallery, report
-    from .reporting.agreement import NoReportError, disagreements, read_gallery, read_one
+    from .reporting.agreement import NoReportError, disagreements, read, read_gallery
     from .runtime import CompileError, NoCompilerError, SingularJointError
 
     if not options.time > 0 or not options.time < float("inf"):
@@ -313,7 +313,8 @@ def run_report(options: argparse.Namespace, status: StatusLine) -> int:
     target, whole, old = Path(options.output), Path(options.model).is_dir(), {}
     try:
         if options.compare is not None:  # before the work: the new report may take the place of the old one
-            old = (read_gallery if whole else read_one)(Path(options.compare))
+            earlier = Path(options.compare)
+            old = read_gallery(earlier) if whole else {Path(options.model).stem: read(earlier)}
         if whole:
             failed = gallery(Path(options.model), target, request, status)
             status.close()
@@ -335,9 +336,7 @@ def run_report(options: argparse.Namespace, status: StatusLine) -> int:
     status.close()
     left_out = [f"left out: {s['text']}" for s in data["skipped"]]
     write_lines([f"wrote {target / 'index.html'}, report.md, report.json", *left_out], sys.stdout, ["bold"])
-    new = read_one(target) if old else {}
-    differing = [disagreements(x, *new.values()) for x in old.values()]
-    return _print_differences(dict(zip(new, differing, strict=True)))
+    return _print_differences({name: disagreements(x, read(target)) for name, x in old.items()})
 
 
 def _print_differences(found: dict[str, list[str]]) -> int:

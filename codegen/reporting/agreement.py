@@ -56,12 +56,6 @@ def read(path: Path) -> dict[str, Any]:
     return found
 
 
-def read_one(path: Path) -> dict[str, dict[str, Any]]:
-    """The same by the model's name."""
-    found = read(path)
-    return {found["model"]: found}
-
-
 def read_gallery(folder: Path) -> dict[str, dict[str, Any]]:
     """All reports of a gallery by their folders' names.
 

@@ -29,8 +29,9 @@ DIGITS = 40
 MOST_PARAMETERS, MIXED = 16, 3
 """So many parameters' derivatives are compared, and so many along random directions of everything at once."""
 
-VANISHING = 1e-25
-"""What is less, in parts of its natural size, is zero but for the rounding of the reference."""
+VANISHING = 1e-12
+"""What is less, in parts of its natural size, is zero but for the rounding of the state, such as the derivatives by speeds of a
+parallelogram, whose links turn alike."""
 
 MOST_COLUMNS = 60
 """All columns of the Jacobians, and a gradient, are compared up to so many."""
@@ -81,7 +82,7 @@ def relative(x: Any, exact: Any, natural: float = 1.0) -> float:
 
 
 def vanishes(exact: Any, natural: float) -> bool:
-    """Whether nothing is left of it but what `DIGITS` digits may leave."""
+    """Whether nothing is left of it but what the rounding of a state may leave."""
     return max((abs(e) for e in np.ravel(exact)), default=0) <= VANISHING * natural
 
 
@@ -151,7 +152,11 @@ def errors(
         left = max(affordable, 1)
         why = f"one state with all {len(names)} would take longer than {budget:g} s"
         skipped.append(
-            Skipped(f"errors of derivatives along more than {left} directions", why, alone * (1 + len(names)))
+            Skipped(
+                f"errors of derivatives along more than {left} direction{'s' * (left > 1)}",
+                why,
+                alone * (1 + len(names)),
+            )
         )
         names, seeds = names[:left], {name: x[:left] for name, x in seeds.items()}
     engine = RecursiveEngine(model, numbers="mpmath")

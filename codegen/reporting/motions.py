@@ -6,12 +6,14 @@ import math
 import time
 import warnings
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..choices import more_choices
 from ..runtime.standalone.errors import AssemblyError, SimulationError, SingularJointError, SingularLoopError
+from .errors import VANISHING
 from .roofline import operations
 from .skipped import Skipped
 
@@ -29,11 +31,18 @@ END = 5.0
 ADAPTIVE = {"dop853": range(4, 13), "radau": range(4, 11)}
 """Tolerances 10^-e of the adaptive methods."""
 
-REFERENCE, BESIDE = 1e-13, 1e-12
-"""Tolerances of the motion that errors are against, and of the one beside it by which its own error is judged."""
+REFERENCES = (1e-13, 1e-12, 1e-11, 1e-10, 1e-9)
+"""Tolerances of the motion that errors are against: the first that a motion comes to its end with. Of large angles and speeds the
+last digits are not to be had. By the next one it is judged how far it is right."""
 
 FIXED = [2**i for i in range(5, 15)]
 """Numbers of steps of the method with constant ones."""
+
+FACTORS = 20
+"""So often an implicit method factors its matrices, at least; where that is too much it is left out."""
+
+PROBED, ALLOWED = 30, 4
+"""So many times `COSTLIEST` the first motion may cost, by which it is found how far motions go, and any later one."""
 
 MOTIONS = len(FIXED) + sum(map(len, ADAPTIVE.values()))
 """So many settings a diagram has."""
@@ -74,11 +83,11 @@ def motions(
         `conditions`.
     """
     names = list(model.parameter_names[:MOST_SENSITIVITIES])
-    probe = _motion(solver, end, names, "dop853", 1e-6)
+    probe = _motion(solver, end, names, "dop853", 1e-6, allowed=PROBED)
     choices = 1
     while not isinstance(probe, str) and (more := more_choices(solver, probe, choices)):
         choices, solver = more, remade(more)
-        probe = _motion(solver, end, names, "dop853", 1e-6)
+        probe = _motion(solver, end, names, "dop853", 1e-6, allowed=PROBED)
     if isinstance(probe, str):
         skipped.append(Skipped("motions", probe))
         return None
@@ -90,7 +99,8 @@ def motions(
         if not end > 0:
             skipped.append(Skipped("motions", found["ended"]))
             return None
-    stiff = _cost(solver, probe, names) > COSTLIEST / 4
+    implicit = FACTORS * _factoring(solver) <= COSTLIEST
+    stiff = implicit and _cost(solver, probe, names) > COSTLIEST / 4
     if stiff:  # an explicit method needs too many steps: the implicit one is the reference
         probe = _motion(solver, end, names, "radau", 1e-6)
     cost = math.inf if isinstance(probe, str) else _cost(solver, probe, names)
@@ -104,22 +114,30 @@ def motions(
         )
         end = shorter
     method = "radau" if stiff else "dop853"
-    best, beside = (_motion(solver, end, names, method, e) for e in (REFERENCE, BESIDE))
+    reference, best, beside = _reference(solver, end, names, method)
     if isinstance(best, str) or isinstance(beside, str):
         skipped.append(Skipped("motions", next(x for x in (best, beside) if isinstance(x, str))))
         return None
-    found |= {"end": end, "reference": f"{method} at {REFERENCE:g}"}
-    found["reference_error"], found["reference_error_sensitivities"] = _errors(beside, best)
+    found |= {"end": end, "reference": f"{method} at {reference:g}"}
+    found["reference_error"], found["reference_error_sensitivities"] = _errors(beside, best, _values(solver, names))
     found["methods"] = {"rk4": _fixed(solver, end, names, best)}
     for name, exponents in ADAPTIVE.items():
-        found["methods"][name] = _adaptive(solver, end, names, name, exponents, best)
+        if name == "radau" and not implicit:
+            rate = _cost(solver, best, names) / max(float(best.stats["seconds"]), 1e-9)
+            seconds = FACTORS * _factoring(solver) / rate * ROUNDS * len(exponents)
+            skipped.append(
+                Skipped("motions by an implicit method", f"it factors matrices of {solver.nu} columns", seconds)
+            )
+            continue
+        looser = [e for e in exponents if 10.0**-e > 1.5 * reference]
+        found["methods"][name] = _adaptive(solver, end, names, name, looser, best)
     found["conditions"] = conditions(solver, end, method, skipped)
     return found
 
 
 def _motion(
     solver: Solver, end: float, names: Sequence[str], method: str, tolerance: float, steps: int | None = None,
-    times: Array | None = None,
+    times: Array | None = None, allowed: float = ALLOWED,
 ) -> Trajectory | str:  # fmt: skip
     """A motion as far as it comes, or why there is none."""
     try:
@@ -128,23 +146,66 @@ def _motion(
             return solver.simulate(
                 [0.0, end] if times is None else times, sensitivities=names, method=method, rtol=tolerance, atol=tolerance,
                 step=None if steps is None else end / steps, atol_sensitivities=tolerance if names and steps is None else None,
-                on_failure="return",
+                most_steps=_most_steps(solver, names, allowed), on_failure="return",
             )  # fmt: skip
     except (SimulationError, AssemblyError, SingularLoopError, SingularJointError, ValueError) as error:
         return str(error)
 
 
-def _errors(x: Trajectory, exact: Trajectory) -> tuple[float, float]:
-    """Relative errors at the end: of the state, its coordinates and speeds apart, and of the worst derivative."""
+def _reference(
+    solver: Solver, end: float, names: Sequence[str], method: str
+) -> tuple[float, Trajectory | str, Trajectory | str]:
+    """Its tolerance; the motion itself, and one beside it, or why there is none."""
+    why = ""
+    for tolerance, looser in pairwise(REFERENCES):
+        both = []
+        for accuracy in (tolerance, looser):
+            x = _motion(solver, end, names, method, accuracy)
+            if isinstance(x, str) or x.t[-1] != end:
+                why = x if isinstance(x, str) else str(x.stats["reason"])
+                break
+            both.append(x)
+        else:
+            return tolerance, both[0], both[1]
+    return tolerance, why, why
 
-    def relative(a: Array, b: Array) -> float:
+
+def _most_steps(solver: Solver, names: Sequence[str], allowed: float) -> int:
+    """Of Dormand and Prince's method, twelve evaluations each, until a motion has cost so many times `COSTLIEST`."""
+    affordable = int(allowed * COSTLIEST / (12 * _evaluation(solver, names)))
+    return min(max(2 * max(FIXED), affordable), 1_000_000)
+
+
+def _evaluation(solver: Solver, names: Sequence[str]) -> int:
+    """Operations of the accelerations and their derivatives."""
+    return operations(solver, "sensitivities", len(names)) if names else operations(solver, "accelerations")
+
+
+def _errors(x: Trajectory, exact: Trajectory, values: Array) -> tuple[float, float]:
+    """Relative errors at the end: of the state, its coordinates and speeds apart, and of the worst derivative.
+
+    Derivatives that vanish but for rounding have errors in parts of what changes the state by as much as itself; `values` are
+    those of what they are by.
+    """
+
+    def relative(a: Array, b: Array, natural: float) -> float:
         size = float(np.max(np.abs(b), initial=0.0))
         difference = float(np.max(np.abs(a - b), initial=0.0))
-        return difference / size if size else (0.0 if not difference else math.inf)
+        return difference / (size if size > VANISHING * natural else natural or 1.0)
 
-    state = max(relative(a[-1], b[-1]) for a, b in ((x.q, exact.q), (x.u, exact.u)))
-    rows = [relative(a[i, -1], b[i, -1]) for a, b in ((x.dq, exact.dq), (x.du, exact.du)) for i in range(len(b))]
+    pairs = [(x.q, exact.q, x.dq, exact.dq), (x.u, exact.u, x.du, exact.du)]
+    largest = [float(np.max(np.abs(b), initial=0.0)) for _, b, _, _ in pairs]  # along the whole motion
+    state = max(relative(a[-1], b[-1], n) for (a, b, _, _), n in zip(pairs, largest, strict=True))
+    rows = [
+        relative(da[i, -1], db[i, -1], n / (abs(float(value)) or 1.0))
+        for (_, _, da, db), n in zip(pairs, largest, strict=True)
+        for i, value in enumerate(values)
+    ]
     return state, max(rows, default=0.0)
+
+
+def _values(solver: Solver, names: Sequence[str]) -> Array:
+    return np.array([solver.parameters[solver.parameter_names.index(name)] for name in names])
 
 
 def _point(solver: Solver, end: float, names: Sequence[str], method: str, tolerance: float, steps: int | None,
@@ -154,7 +215,7 @@ def _point(solver: Solver, end: float, names: Sequence[str], method: str, tolera
     if isinstance(x, str) or x.t[-1] != best.t[-1]:
         return None
     taken = [_seconds(solver, end, names, method, tolerance, steps) for _ in range(ROUNDS)]
-    error, sensitivity_error = _errors(x, best)
+    error, sensitivity_error = _errors(x, best, _values(solver, names))
     return {
         "setting": end / steps if steps else tolerance, "error": error, "sensitivity_error": sensitivity_error if names else None,
         "evaluations": int(x.stats["evaluations"]), "seconds": min(taken), "seconds_high": max(taken),
@@ -174,13 +235,16 @@ def _seconds(
 
 def _cost(solver: Solver, x: Trajectory, names: Sequence[str]) -> float:
     """Operations of a motion: those of its evaluations, and of Jacobians and factors of an implicit method."""
-    n = solver.nq + solver.nu
-    along = operations(solver, "sensitivities", len(names)) if names else operations(solver, "accelerations")
-    found = float(x.stats["evaluations"]) * along
+    found = float(x.stats["evaluations"]) * _evaluation(solver, names)
     if "factorizations" in x.stats:
-        found += float(x.stats["jacobians"]) * operations(solver, "sensitivities", n)
-        found += float(x.stats["factorizations"]) * 10 / 3 * n**3  # one real matrix and one complex
+        found += float(x.stats["jacobians"]) * operations(solver, "sensitivities", solver.nq + solver.nu)
+        found += float(x.stats["factorizations"]) * _factoring(solver)
     return found
+
+
+def _factoring(solver: Solver) -> float:
+    """Operations of an implicit method's factors, of one real matrix and one complex."""
+    return 10 / 3 * float(solver.nu) ** 3
 
 
 def _adaptive(

@@ -174,9 +174,9 @@ def _times(data: dict[str, Any]) -> Section:
         "Per evaluation",
         ["function", "in C, least", "median", "nine of ten", "one call from Python, least", "median", "nine of ten"],
         rows,
-        "in C: per state of a batch in one thread. All functions took turns, timed by what the thread had of the core. The range "
-        f"of another run, least to nine of ten, meets this one's where both are taken {agreement.SPREAD:.0%} further: ordernm "
-        "report --compare.",
+        "in C: per state of a batch in one thread. All functions took turns, timed by what the thread had of the core. Another "
+        f"run's range, from the least to nine of ten, meets this one's when both are widened by {agreement.SPREAD:.0%}: "
+        "ordernm report --compare tells.",
     )
     rows = [[n, seconds(x["least"]), seconds(x["median"])] for n, x in t["batches"].items()]
     batches = _table("Accelerations in batches", ["states", "per state, least", "median"], rows)

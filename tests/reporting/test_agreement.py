@@ -61,7 +61,7 @@ def entry(path):
         (("generated", "kinds"), lambda x: x + 1, r"generated\.kinds is \d+, and \d+"),
         (("generated", "operations", "accelerations"), lambda x: {}, r"generated\.operations\.accelerations\..* only"),
         (("states", 0, "q", 0), lambda x: x * (1 + 1e-8), r"states\[0\]\.q\[0\]"),
-        (("errors", 1, "udot"), lambda x: x + 1e-15, "errors at random 2: udot"),
+        (("errors", 1, "udot"), lambda x: x + 1e-15, "errors at many turns: udot"),
         (("errors", 0, "estimates"), lambda x: {k: 2 * e for k, e in x.items()}, "errors at random 1: estimates"),
         (("errors", 0, "jacobians"), lambda x: 2 * x + 1e-16, "errors at random 1: jacobians"),
         (("differences", "central", 10), lambda x: 1.0 + (x or 0), r"differences\.central\[10\]"),
