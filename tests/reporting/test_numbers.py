@@ -9,7 +9,7 @@ import pytest
 
 import codegen
 from codegen.reference import RecursiveEngine
-from codegen.reporting import Request, motions, report
+from codegen.reporting import Request, figures, motions, report
 from codegen.reporting.errors import DIGITS
 
 pytest.importorskip("matplotlib", reason="reports draw figures; the extra plot installs matplotlib")
@@ -177,6 +177,21 @@ def test_where_the_last_digits_are_not_to_be_had_the_reference_is_looser(solver,
     left_out = []
     assert motions.motions(codegen.load_model(MODEL), solver, END, left_out, lambda partitions: solver) is None
     assert [s.what for s in left_out] == ["motions"] and "steps" in left_out[0].why
+
+
+def test_a_motion_of_which_nothing_is_known_is_halved_and_its_empty_diagram_drawn(solver, monkeypatch):
+    """As chaotic ones are; what the error of the reference is stands for that here."""
+    judged = motions._errors
+    chaotic = 0.6 * END
+    monkeypatch.setattr(motions, "_errors", lambda x, y, v: (1.5, 2e4) if y.t[-1] > chaotic else judged(x, y, v))
+    monkeypatch.setattr(motions, "MOST_SENSITIVITIES", 1)
+    monkeypatch.setattr(motions, "ROUNDS", 1)
+    found = motions.motions(codegen.load_model(MODEL), solver, END, [], lambda partitions: solver)
+    assert found["end"] == END / 2 and found["asked"] == END and "differ by 2e+04" in found["ended"]
+    assert found["reference_error"] < 1e-9
+    drawn = figures.work_precision(found)
+    empty = figures.work_precision(found | {"methods": {name: [] for name in found["methods"]}})
+    assert drawn.startswith("<svg") and empty.startswith("<svg") and len(empty) < len(drawn)
 
 
 def test_conditions_along_the_motion(numbers, solver):
