@@ -159,7 +159,7 @@ def differences(data: dict[str, Any]) -> str:
         ax.set_ylim(top=10)
         ax.set_xlabel(f"step in {data['by']}")
         ax.set_ylabel("relative error of d udot")
-        ax.legend(loc="best", fontsize=8)
+        ax.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=3, fontsize=8, borderaxespad=0)
     return text[0]
 
 
