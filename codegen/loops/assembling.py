@@ -121,7 +121,7 @@ def assembled(geometry: Geometry, partition: Partition, q: Array, nearly: bool =
 def is_closed(geometry: Geometry, q: Array) -> bool:
     """Whether all loops are closed to rounding at coordinates ``(1, nq + 1)``."""
     cuts = Cuts(geometry, range(len(geometry.starts)))
-    residual = np.max(np.abs(cuts.place(cuts.faces(body_frames(geometry, q)))), axis=2)
+    residual = np.max(np.abs(cuts.place(cuts.faces(body_frames(geometry, q)), q)), axis=2)
     reach = np.linalg.norm(cuts.point, axis=2) / geometry.lengths
     return bool(np.all(residual <= 4 * ROUNDING * (1 + reach)))
 

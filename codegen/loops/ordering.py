@@ -160,6 +160,8 @@ class Sweep:
         regular = self.regular
         if not _follows(E[regular][..., free], *closure.disturbance(held, regular), rank, g.tolerance):
             return self._why_open(closure, E[regular], free, held, rank)
+        if len(loops) == 1 and loops[0] in g.couplings:
+            E = np.sign(E)  # no ratio makes a coordinate a better one: the first is that which the file gives by the others
         joints = whole_joints(g, closure.speeds, free)
         chosen = choose_dependents(E[regular], joints, rank, dense=len(loops) > 1)
         if chosen is None:

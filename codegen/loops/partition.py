@@ -434,6 +434,8 @@ def check_cycles(geometry: Geometry) -> None:
     """Every loop needs a joint that moves."""
     sums = geometry.ancestry.sums([len(speeds) for speeds in geometry.speeds], geometry.model.outward)
     for i, loop in enumerate(geometry.model.loops):
+        if loop.terms:
+            continue
         start, end = geometry.starts[i], geometry.ends[i]
         if sums[start] + sums[end] == 2 * sums[geometry.ancestry.meeting(start, end)]:
             names = [
@@ -468,6 +470,9 @@ def _ear(geometry: Geometry, draft: Draft, redundancy: Redundancy) -> Ear:
     outward = sorted({int(geometry.speed_body[s]) for s in chosen}, key=geometry.depth.__getitem__)
     ancestry = geometry.ancestry
     for loop in draft.loops:
+        if loop in geometry.couplings:
+            path += [int(s) for s in geometry.couplings[loop].speeds if s in chosen and s not in path]
+            continue
         start, end = geometry.starts[loop], geometry.ends[loop]
         base = geometry.depth[ancestry.meeting(start, end)]
         for side in (start, end):
