@@ -344,6 +344,14 @@ def open_loop(ring: Ring, outcome: Outcome, movable: Array) -> AssemblyError:
             "links may be too short or too long, or the other coordinates too far off: check lengths and axes, and the "
             "values under `initial`"
         )
+    if loop.terms:
+        missed = abs(mine[0][0])
+        return AssemblyError(
+            f"coupling {loop.name}{together} cannot be met: {missed:.3g} is left of its condition after moving "
+            f"{listed(moved) or 'nothing'}; check its ratios and offset, and the values under `initial`",
+            loop.name,
+            outcome.residual,
+        )
     return AssemblyError(
         f"loop {loop.name} ({loop.type} joint between {ends[0]} and {ends[1]}){together} cannot be closed: "
         f"{gap:.3g} m and {angle:.3g} rad are left after moving {listed(moved) or 'nothing'} (rank {rank}, "

@@ -30,7 +30,7 @@ from .redundancy import FAR, Redundancy, keep, kept_rows, nearly_redundant, open
 from .vectors import Array
 from .velocities import Motion, complete_speeds
 from .weighing import Weighed, weighed
-from .wording import listed
+from .wording import listed, loops_named
 
 __all__ = ["Ear", "Partition", "partition"]
 
@@ -113,6 +113,7 @@ def _found(model: Model, geometry: Geometry, guess: Array) -> Partition:
             raise
         geometry, random = Geometry(model), np.random.default_rng(SEED)
         q, chosen, warnings, redundancy = _chosen(geometry, order, guess, held, random, None)
+    check_couplings(model, chosen.drafts)
     warnings += [text for d in chosen.drafts for text in _doubts(model, geometry, d, held)]
     warnings += _locked(geometry, chosen.drafts, q, random)
     found = replace(
@@ -251,8 +252,7 @@ def _ignored_speeds(model: Model, found: Partition) -> Iterator[str]:
 
 def _doubts(model: Model, geometry: Geometry, draft: Draft, held: set[int]) -> Iterator[str]:
     """What a user should know about an ear."""
-    names = listed([model.loops[i].name for i in draft.loops])
-    loops = f"loop{'s' * (len(draft.loops) > 1)} {names}"
+    loops = loops_named(model, draft.loops)
     if draft.condition > POOR_CONDITION:
         yield (
             f"{loops}: the closure matrix of the dependent speeds has condition {draft.condition:.1e} at the initial "
@@ -314,7 +314,7 @@ def _choose(
     if open_ and open_.intersection(stuck):
         raise PartitionError("loops that are open and move nowhere are not nearly closed")
     advice = (
-        f"loop{'s' * (len(stuck) > 1)} {listed([geometry.model.loops[i].name for i in stuck])} cannot be closed otherwise "
+        f"{loops_named(geometry.model, stuck)} cannot be closed otherwise "
         f"anywhere near the initial configuration, which seems to be singular, so that the rank there says nothing: start "
         f"from another configuration, or check whether lengths are just long enough"
     )
@@ -323,7 +323,7 @@ def _choose(
     wrong = sorted(held & speeds_of_stuck) if len(configurations) > 1 else []
     if wrong:
         raise PartitionError(
-            f"loop{'s' * (len(stuck) > 1)} {listed([geometry.model.loops[i].name for i in stuck])}: "
+            f"{loops_named(geometry.model, stuck)}: "
             f"{listed([geometry.model.speed_names[s] for s in wrong])} cannot be independent; remove "
             f"{'them' if len(wrong) > 1 else 'it'} from `independent`; {advice}"
         )
@@ -416,7 +416,8 @@ def _partition(
     if not independent:
         raise PartitionError(
             f"no freedom left: closing {listed([x.name for x in geometry.model.loops])} takes all {geometry.nu} speeds "
-            f"(rank {len(dependent)}); remove a loop or give a joint one more freedom"
+            f"(rank {len(dependent)}); remove a loop{' or a coupling' * bool(geometry.couplings)} or give a joint one more "
+            f"freedom"
         )
     known = redundancy or Redundancy()
     ears = tuple(_ear(geometry, d, known) for d in drafts)
@@ -445,6 +446,21 @@ def check_cycles(geometry: Geometry) -> None:
             raise PartitionError(
                 f"loop {loop.name} joins {names[0]} and {names[1]}, which cannot move to each other (rank 0): "
                 f"no joint on the way between them has a freedom; remove the loop"
+            )
+
+
+def check_couplings(model: Model, drafts: list[Draft]) -> None:
+    """Every coupling has to determine a coordinate: ratios that are to agree do so for a moment only.
+
+    Of an ear with loops a condition may follow from the others; which one does, nobody can say.
+    """
+    for draft in drafts:
+        if draft.rows > len(draft.dependent) and all(model.loops[i].terms for i in draft.loops):
+            others = [model.loops[i].name for d in drafts for i in d.loops if model.loops[i].terms and d is not draft]
+            raise PartitionError(
+                f"{loops_named(model, draft.loops)}: its coordinates are determined already, by the other couplings "
+                f"({listed(others) or 'none'}) and loops; take one of them away, or let it relate a coordinate that none of "
+                f"them determines"
             )
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from .axes import Vector, coordinate_axis, least_along
+from .entries import ZERO
 from .errors import Problem
 from .expressions import Expression
 from .forces import ForceElement, JointForce
@@ -187,7 +188,7 @@ class Coupling(Loop):
     """
 
     related: tuple[Term, ...] = ()
-    offset: Expression = Expression.number(0)
+    offset: Expression = ZERO
 
     @property
     def closure(self) -> Closure:
@@ -206,7 +207,7 @@ COUPLING = "coupling"
 
 def coupling(name: str, related: tuple[Term, ...], offset: Expression) -> Coupling:
     """A coupling by what it relates."""
-    nowhere = Face(GROUND, (Expression.number(0),) * 3)
+    nowhere = Face(GROUND, (ZERO, ZERO, ZERO))
     return Coupling(name, COUPLING, (), nowhere, nowhere, related, offset)
 
 

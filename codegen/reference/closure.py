@@ -216,7 +216,9 @@ class EarClosure:
         For each member the partial velocities of its mass centre for the group's dependent speeds, (6, r).
     """
 
-    def __init__(self, model: Model, group: Group, pairs: Pairs, bodies: Sequence[Terms], cuts: Sequence[AnyCut]) -> None:
+    def __init__(
+        self, model: Model, group: Group, pairs: Pairs, bodies: Sequence[Terms], cuts: Sequence[AnyCut]
+    ) -> None:
         self._model, self._group, self._bodies = model, group, bodies
         self._loops = [(model.loops[i], cuts[i]) for i in group.loops]
         self.pairs = pairs

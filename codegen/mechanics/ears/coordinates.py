@@ -35,7 +35,7 @@ def open_by(ear: EarGeometry, c: int) -> Twist:
 
 
 def displacement(ear: EarGeometry, c: int, complete: bool) -> Twist:
-    """What a direction changes of that: parameters, and the joints, of which only `complete` seeds have the dependent ones. d Eq. 30."""
+    """What a direction changes of that, by parameters and joints; only `complete` seeds have the dependent ones. d Eq. 30."""
     x, closure = ear.x, ear.kind.closures[c]
     total: Value = 0
     for j in range(closure.parameters):

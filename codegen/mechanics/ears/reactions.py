@@ -130,9 +130,9 @@ def ear_transmitted(x: Scope, kind: EarKind) -> None:
             force: Vector = [0, 0, 0]
             if closure.terms:  # one number, along the coordinate whose factor is 1
                 along = [value for row, value in zip(rows, multipliers, strict=True) if row.loop == c]
-                for n in range(6):
-                    value = -along[0] if along and n == 0 else 0
-                    x.set_entry(LOOP_REACTION[c], n, x.let("reaction", value, "Eq. 9"))
+                for entry in range(6):
+                    on_first = -along[0] if along and entry == 0 else 0
+                    x.set_entry(LOOP_REACTION[c], entry, x.let("reaction", on_first, "Eq. 9"))
                 continue
             for row, value in zip(rows, multipliers, strict=True):
                 if row.loop == c:

@@ -100,7 +100,9 @@ def coupled_freedoms(model: Model, links: Sequence[Link]) -> Coupled:
     speeds = model.released.coordinate_slices
     place = {link.speed + j: (i, j) for i, link in enumerate(links) for j in range(link.joint.speeds())}
     return {
-        n: [place[speeds[t.body][1].start + t.index] for t in loop.terms] for n, loop in enumerate(model.loops) if loop.terms
+        n: [place[speeds[t.body][1].start + t.index] for t in loop.terms]
+        for n, loop in enumerate(model.loops)
+        if loop.terms
     }
 
 

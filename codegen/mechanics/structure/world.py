@@ -83,9 +83,7 @@ def common_rotation(model: Model) -> Rotation:
     for k in model.outward:
         if model.bodies[k].joint.is_fixed and model.bodies[k].parent in grounded:
             grounded.add(k)
-    closed = any(
-        face.body in grounded for loop in model.loops if not loop.terms for face in (loop.start, loop.end)
-    )
+    closed = any(face.body in grounded for loop in model.loops if not loop.terms for face in (loop.start, loop.end))
     if not closed or any(e.measured for e in model.elements):
         return ()
     votes: dict[Rotation, int] = {}

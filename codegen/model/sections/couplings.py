@@ -32,7 +32,7 @@ def read_couplings(reader: Reader, bodies: BodySection) -> list[Coupling]:
     for at in reader.section("couplings"):
         name = reader.key_name(at, "coupling", "body")
         spec = reader.spec(CouplingEntry, at)
-        if spec is None:
+        if spec is None or not reader.is_whole(spec):
             continue
         before = reader.errors
         own = _coordinate(reader, at, ("joint",), spec.joint, joints)
@@ -55,7 +55,7 @@ def read_couplings(reader: Reader, bodies: BodySection) -> list[Coupling]:
         offset = reader.bound(spec.offset, at, ("offset",), "parameters")
         if isinstance(why := reader.value(offset), str):
             reader.report(at, ("offset",), f"{offset} has no finite value at the default parameters: {why}")
-        if name is not None and reader.errors == before and reader.is_whole(spec):
+        if name is not None and reader.errors == before:
             found.append(coupling(name, tuple(terms), offset))
     return found
 
@@ -76,8 +76,9 @@ def _read_followed(
             reader.report(at, sub, str(error.message()))
             continue
         other = _coordinate(reader, at, sub, reference, joints)
+        errors = reader.errors
         value = reader.bound(ratio, at, sub, "parameters")
-        if other is None:
+        if other is None or reader.errors > errors:
             continue
         if other == own or other in seen:
             twice = "follows itself" if other == own else "stands here twice"
