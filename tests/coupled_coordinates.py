@@ -60,9 +60,7 @@ def coupled_tree(
     model = with_couplings(rng, tree, state.q, state.p, count)
     if not model.loops:
         return None
-    defaults = tuple(
-        dataclasses.replace(x, value=float(v)) for x, v in zip(model.parameters, state.p, strict=True)
-    )
+    defaults = tuple(dataclasses.replace(x, value=float(v)) for x, v in zip(model.parameters, state.p, strict=True))
     initial = dict(zip(model.coordinate_names, map(expression, map(float, state.q)), strict=True))
     model = dataclasses.replace(model, parameters=defaults, initial_q=initial)
     try:

@@ -456,11 +456,13 @@ def check_couplings(model: Model, drafts: list[Draft]) -> None:
     """
     for draft in drafts:
         if draft.rows > len(draft.dependent) and all(model.loops[i].terms for i in draft.loops):
-            others = [model.loops[i].name for d in drafts for i in d.loops if model.loops[i].terms and d is not draft]
+            others = [i for d in drafts for i in d.loops if d is not draft]
+            what = "what they relate is determined by fewer of them"
+            if len(draft.loops) == 1:
+                what = f"its coordinates are determined already, by {loops_named(model, others)}"
             raise PartitionError(
-                f"{loops_named(model, draft.loops)}: its coordinates are determined already, by the other couplings "
-                f"({listed(others) or 'none'}) and loops; take one of them away, or let it relate a coordinate that none of "
-                f"them determines"
+                f"{loops_named(model, draft.loops)}: {what}; take one of them away, or let one relate a coordinate that is "
+                f"free"
             )
 
 

@@ -103,7 +103,7 @@ def _term(name: str, joints: Joints, factor: Expression) -> Term:
 def _coordinate(reader: Reader, at: Instance, sub: Path_, reference: Expression, joints: Joints) -> str | None:
     """The single coordinate that a name means, or None after a problem."""
     try:
-        name = at.part.referred(name_of(reference.tree, reader.numbers(at)))[2:]
+        name = at.part.name(name_of(reference.tree, reader.numbers(at))[2:])
     except ExpressionError as error:
         reader.report(at, sub, error.message)
         return None
