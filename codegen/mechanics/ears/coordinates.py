@@ -3,7 +3,7 @@
 ``sum of factor q - offset = 0`` is a row of the closure matrix whose entries are the factors. What it sees of displacements,
 speeds and accelerations stands where that of faces does, as the first component of an angular part (`motions.Twist`): so
 conditions, factors and solutions are those of loops. Its multiplier is a force along the coordinates, in the same proportion.
-All coupled links are of the ear (`structure/regions.py`). Section 4.10 of the theory page.
+All coupled links are of the ear (`structure/regions.py`). Section 4.11 of the theory page.
 """
 
 from __future__ import annotations
