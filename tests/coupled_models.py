@@ -65,6 +65,7 @@ FIVE_INSIDE = FIVE.replace("BASE", "ground").replace(
     "joint: e, follows: {a: r}, offset: c", "joint: f, follows: {b: r}"
 )
 MANY = turning("x", "y", "z", "x", "[1, 1, 0]", "y", "z", "x", "y")
+BRANCHES = [(k, "b1" if k in (2, 8) else f"b{k - 1}", f"type: revolute, axis: {'xyz'[k % 3]}") for k in range(2, 14)]
 MODELS = {
     "neighbours": chain(*turning("x", "[1, 2, 0.5]", "z")) + "couplings:\n  g: {joint: b2, follows: {b1: r}, offset: c}\n",
     "over two": chain(*turning("x", "y", "z", "[1, 1, 0]", "x"))
@@ -86,5 +87,7 @@ MODELS = {
     "geared five-bar": FIVE.replace("BASE", "ground"),
     "geared five-bar on a cart": FIVE_ON_CART,
     "inside a loop": FIVE_INSIDE,
+    "tips of long branches": HEAD + body(1, "ground", "type: free") + "".join(body(*of) for of in BRANCHES)
+    + "couplings:\n  g: {joint: b7, follows: {b13: r}, offset: c}\n",
     "inside a loop, with a hint": FIVE_INSIDE + "independent: [a]\n",
 }  # fmt: skip

@@ -3,8 +3,7 @@
 The rate of a joint's coordinate is read off the motion of its body against the parent's, ``V_k - S^T V_pr = P u`` (Eq. 18). With
 p the row of a left inverse of P for that coordinate ``u_i = p (V_k - S^T V_pr)``, and the coupling asks for ``sum of factor u_i =
 0``. The same row serves displacements and accelerations, but for what parameters and the remainders add to either, which is no
-motion of the joint's own: that is taken off. So a coupling needs no lever and no cut; its bodies and their parents are the ends
-of its ear.
+motion of the joint's own: that is taken off. So a coupling needs no lever and no cut; its bodies are the members of its ear.
 """
 
 from __future__ import annotations

@@ -89,7 +89,8 @@ def new_bodies(model: Model, ear: Ear) -> list[int]:
     moved = {k for k in range(len(model.bodies)) if set(_speeds(model, k)) & set(ear.dependent)}
     found: list[int] = []
     for loop in (model.loops[i] for i in ear.loops):
-        found += [term.body for term in loop.terms if term.body in moved and term.body not in found]
+        # coupled bodies are resolved together: as ends they would be parted again by large inertias that cancel
+        found += [term.body for term in loop.terms if term.body not in found]
         for branch in _branches(model, loop.start.body, loop.end.body):
             first = next((i for i, k in enumerate(branch) if k in moved), len(branch))
             found += [k for k in branch[first:] if k not in found]
@@ -106,8 +107,6 @@ def _ends(model: Model, together: _Together, loops: dict[int, list[int]]) -> dic
         ends[together.of(k)].add(model.bodies[k].parent)
     for g, closed in loops.items():
         ends[g] |= {face.body for i in closed for face in (model.loops[i].start, model.loops[i].end)}
-        for body in (term.body for i in closed for term in model.loops[i].terms):
-            ends[g] |= {body, model.bodies[body].parent}
     return {g: {k for k in bodies if k != GROUND and together.of(k) != g} for g, bodies in ends.items()}
 
 
