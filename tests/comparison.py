@@ -32,6 +32,17 @@ def worst(rows: Any, references: Any) -> float:
     return max((error(x, y, floor) for x, y in zip(rows, references, strict=True)), default=0.0)
 
 
+def seeds_of(engine: Any, state: tuple[Any, ...], rng: np.random.Generator, k: int = 3) -> dict[str, Any]:
+    """k random seeds; none of the parameters where they would open redundant conditions."""
+    seeds = random_seeds(rng, engine.model, k)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        engine.sensitivities(*state, **seeds)
+    if any("redundant condition" in str(w.message) for w in caught):
+        seeds["dp"] = 0 * seeds["dp"]
+    return seeds
+
+
 TRANSPOSES = {
     "sensitivities": "gradients", "output_sensitivities": "output_gradients", "energy_sensitivities": "energy_gradients",
     "coordinate_rate_sensitivities": "coordinate_rate_gradients", "assemble_sensitivities": "assemble_gradients",

@@ -95,6 +95,9 @@ class Type:
     name: str
 
 
+FEW_ANGLES = 16
+"""Of so many angles sines wait for the last ones to be written, one by one; of more, most have been written long before."""
+
 SHARES = {1: 3, 2: 2}
 """How many of the parts of long functions each unit of a library compiles: the second has more functions over directions."""
 
@@ -428,14 +431,35 @@ class CWriter(Writer):
 
     # -- the files -------------------------------------------------------------------------------------------------
 
+    @property
+    def few_angles(self) -> bool:
+        """Whether angles are few enough to be named one by one."""
+        return len(self.layout.angles) + len(self.layout.driven_angles) <= FEW_ANGLES
+
+    def sines(self) -> list[str]:
+        """Templates of what sines and cosines take."""
+        if not self.layout.angles_padded or not self.prepares(procedures.ANGLES):
+            return []
+        return [
+            "c/angles_at_once.c.jinja", *(["c/put_angles.c.jinja"] if self.few_angles else []), "c/sincos.c.jinja"
+        ]  # fmt: skip
+
     def prepared(self, what: str) -> list[str]:
-        angles, driven = self.layout.angles, self.layout.driven_angles
+        layout = self.layout
+        angles, driven = layout.angles, layout.driven_angles
         free, n = len(angles), len(angles) + len(driven)
         match what:
             case procedures.CONSTANTS:
                 return self.constants[1]
             case procedures.GROUND:
                 return self.gravity() + self.ground()
+            case procedures.ANGLES if n and self.few_angles:
+                each = [*(f"a->q[{i}]" for i in angles), *(f"a->prescribed[{i}]" for i in driven)]
+                each += [in_all("0.0")] * (-n % 4)
+                return [
+                    *(f"PUT_ANGLES(a->trig + ANGLES + {i}, {', '.join(each[i : i + 4])});" for i in range(0, n, 4)),
+                    f"sines_and_cosines({n}, a->trig);",
+                ]
             case procedures.ANGLES if n:
                 angle = "i" if angles == list(range(free)) else "angle_of[i]"
                 places = f"a->trig[ANGLES + {free} + i] = a->prescribed[driven_angle_of[i]];"
@@ -596,7 +620,7 @@ class CWriter(Writer):
             "lane_places": [(n, f"({types[n]} *)(work + {at})") for n, at in places.items() if kept[n]],
             "tables": [*self.flat_tables(), *((head, [f"{{{row}}}," for row in rows]) for head, rows in self.tables)],
             "part_files": ["c/parts.c.jinja"] if self.has_parts else [],
-            "sines": ["c/sincos.c.jinja"] if layout.angles_padded and self.prepares(procedures.ANGLES) else [],
+            "sines": self.sines(),
             "routines": [lines.routine(r) for r in context["routines"]],
             "lane_functions": [(*guard(widths, used), functions) for widths, functions in context["lane_functions"] if functions],
             "lane_routines": [
@@ -668,9 +692,10 @@ class CWriter(Writer):
             if self.reads_numbers
             else []
         )
-        if self.prepares(procedures.ANGLES) and angles != list(range(len(angles))):
+        listed = self.prepares(procedures.ANGLES) and not self.few_angles
+        if listed and angles != list(range(len(angles))):
             found.append((f"static const int angle_of[{len(angles)}]", in_lines(list(map(str, angles)), 16)))
-        if self.prepares(procedures.ANGLES) and (driven := self.layout.driven_angles):
+        if listed and (driven := self.layout.driven_angles):
             found.append((f"static const int driven_angle_of[{len(driven)}]", in_lines(list(map(str, driven)), 16)))
         return found + self.columns.tables()
 

@@ -26,7 +26,7 @@ from .robot import Coupling, Robot
 from .side_file import SideFile, read_side_file
 from .words import number, one_line, wrapped
 from .writing import ModelWriter
-from .xml_reading import Element, parse_xml, read_bytes
+from .xml_reading import Element, parse_xml, read_robot_file
 
 FORMATS: Final = {"robot": "URDF", "mujoco": "MJCF", "sdf": "SDF"}
 """Formats by the root of their files."""
@@ -139,7 +139,7 @@ def import_model(path: str | os.PathLike[str], **options: Any) -> Imported:
     """
     chosen = Options(**options)
     file = os.fspath(path)
-    data = read_bytes(file)
+    data = read_robot_file(file)
     root = parse_xml(data, file)
     files = Files(Path(file), chosen.package_paths)
     with np.errstate(all="ignore"):  # `check_finite` judges

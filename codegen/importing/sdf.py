@@ -20,9 +20,10 @@ from .files import Files
 from .naming import made_name
 from .placement import Placement, Three, to_quaternion, without_dirt
 from .robot import WORLD, Closing, Coupling, Inertia, Link, Place, Robot, RobotJoint, Solid, as_three, symmetric
+from .robot_reader import RobotReader
 from .spanning import Edge, spanning_tree
-from .xml_reading import Element, parse_xml, read_bytes
-from .xml_values import Values, place_of
+from .xml_reading import Element, parse_xml, read_robot_file
+from .xml_values import place_of
 
 TYPES: Final = {
     "revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "ball": "spherical", "universal": "universal",
@@ -62,19 +63,12 @@ def read_sdf(root: Element, files: Files, exact_angles: bool = False) -> Robot:
     ModelError
         With every problem of the file.
     """
-    reader = _Reader(root, files, exact_angles)
-    reader.read()
-    if reader.problems:
-        raise ModelError(sorted(reader.problems, key=lambda p: (p.line or 0, p.column or 0)))
-    return reader.robot
+    return _Reader(root, files, exact_angles).whole()
 
 
-class _Reader(Values):
+class _Reader(RobotReader):
     def __init__(self, root: Element, files: Files, exact_angles: bool) -> None:
-        super().__init__(exact_angles)
-        self.root = root
-        self.files = files
-        self.robot = Robot("robot", root.file)
+        super().__init__(root, files, exact_angles)
         self.poses: dict[str, Element] = {}
         """What has a frame, by its name."""
         self.placed: dict[str, Placement | None] = {}
@@ -135,7 +129,7 @@ class _Reader(Values):
             )
             return None
         try:
-            root = parse_xml(read_bytes(path), str(path))
+            root = parse_xml(read_robot_file(path), str(path))
         except ModelError as error:
             self.problems += error.problems
             return None

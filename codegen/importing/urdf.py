@@ -7,14 +7,14 @@ from typing import Final
 
 import numpy as np
 
-from ..model import ModelError
 from ..model.errors import nearest
 from ..model.positions import shortened
 from .files import Files
 from .placement import Placement, Three
 from .robot import Coupling, Inertia, Link, Place, Robot, RobotJoint, Solid, as_three, symmetric
+from .robot_reader import RobotReader
 from .xml_reading import Element
-from .xml_values import Values, place_of
+from .xml_values import place_of
 
 TYPES: Final = {
     "revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "fixed": "fixed", "floating": "free",
@@ -43,19 +43,13 @@ def read_urdf(root: Element, files: Files, exact_angles: bool = False) -> Robot:
     ModelError
         With every problem of the file.
     """
-    reader = _Reader(root, files, exact_angles)
-    reader.read()
-    if reader.problems:
-        raise ModelError(sorted(reader.problems, key=lambda p: (p.line or 0, p.column or 0)))
-    return reader.robot
+    return _Reader(root, files, exact_angles).whole()
 
 
-class _Reader(Values):
+class _Reader(RobotReader):
     def __init__(self, root: Element, files: Files, exact_angles: bool) -> None:
-        super().__init__(exact_angles)
-        self.root = root
-        self.files = files
-        self.robot = Robot(root.attributes.get("name", "").strip() or "robot", root.file)
+        super().__init__(root, files, exact_angles)
+        self.robot.name = root.attributes.get("name", "").strip() or "robot"
         self.solids: dict[str, list[tuple[Element, Solid | None]]] = {}
 
     def read(self) -> None:

@@ -14,10 +14,13 @@ from xml.parsers import expat
 
 from ..model import ModelError
 from ..model.errors import Problem, within_a_line
+from ..model.file_bytes import read_bytes
 
 MAX_BYTES: Final = 64 * 2**20
 MAX_ELEMENTS: Final = 1_000_000
 MAX_DEPTH: Final = 100
+
+_NEEDED: Final = "a URDF, MJCF or SDF file is needed"
 
 
 @dataclass(slots=True)
@@ -58,27 +61,17 @@ class Element:
         return Problem(self.file, self.line, self.column, "", within_a_line(message), severity)
 
 
-def read_bytes(path: str | Path) -> bytes:
-    """The bytes of a file.
+def read_robot_file(path: str | Path) -> bytes:
+    """The bytes of a robot's file.
 
     Raises
     ------
     ModelError
         If it cannot be read, is empty or too large.
     """
-    file = str(path)
-    try:
-        with open(path, "rb") as stream:
-            data = stream.read(MAX_BYTES + 1)
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise ModelError(
-            [Problem(file, 1, 1, "", f"cannot be read: {reason}; a URDF, MJCF or SDF file is needed")]
-        ) from None
-    if len(data) > MAX_BYTES:
-        raise ModelError([Problem(file, 1, 1, "", f"is larger than {MAX_BYTES >> 20} MB; robots have far less")])
+    data = read_bytes(path, MAX_BYTES, _NEEDED, "robots have far less")
     if not data.strip():
-        raise ModelError([Problem(file, 1, 1, "", "the file is empty; a URDF, MJCF or SDF file is needed")])
+        raise ModelError([Problem(str(path), 1, 1, "", f"the file is empty; {_NEEDED}")])
     return data
 
 

@@ -9,7 +9,7 @@ is sought in which the loop comes before one of them, or that one after it; fail
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -88,11 +88,19 @@ class Draft:
 
 
 @dataclass(slots=True)
+class Open:
+    """Why some loops do not close by themselves: in words, and the names of hinted speeds that stand against it."""
+
+    text: str
+    refused: list[str] = field(default_factory=list)
+
+
+@dataclass(slots=True)
 class Stuck:
-    """An ear that does not close by itself: which, and why in words."""
+    """An ear that does not close by itself: which, and why."""
 
     place: int
-    reason: str
+    why: Open
 
 
 class Sweep:
@@ -131,7 +139,7 @@ class Sweep:
             self.geometry.lengths[list(loops)] = np.max(self.geometry.own_lengths[list(loops)])
             closure = self.motion.closure(loops)
             draft = self._draft(closure, loops)
-            if isinstance(draft, str):
+            if isinstance(draft, Open):
                 return drafts, Stuck(place, draft)
             self.motion.resolve(closure, draft.dependent)
             drafts.append(draft)
@@ -147,7 +155,7 @@ class Sweep:
         rms: Array = np.sqrt(np.mean(self.motion.u[0] ** 2, axis=1)) / self.unit
         return rms
 
-    def _draft(self, closure: VelocityClosure, loops: tuple[int, ...]) -> Draft | str:
+    def _draft(self, closure: VelocityClosure, loops: tuple[int, ...]) -> Draft | Open:
         """The ear of some loops; or why it does not close by itself."""
         g = self.geometry
         E = closure.scaled(g, float(g.lengths[loops[0]]))
@@ -171,7 +179,7 @@ class Sweep:
         if chosen is None:
             if not self.dividing:
                 self.would_divide = True
-                return f"rank {rank} cannot be made up of whole joints"
+                return Open(f"rank {rank} cannot be made up of whole joints")
             chosen = divide(E[regular], joints, rank)
         elif self.dividing_for_condition:
             divided = divide(E[regular], joints, rank)
@@ -180,7 +188,7 @@ class Sweep:
         dependent = [int(closure.speeds[c]) for c in chosen]
         return Draft(loops, dependent, E.shape[1], condition(E[:1][..., chosen]), rank == closure.possible())
 
-    def _why_open(self, closure: VelocityClosure, E: Array, free: Array, held: Array, rank: int) -> str:
+    def _why_open(self, closure: VelocityClosure, E: Array, free: Array, held: Array, rank: int) -> Open:
         names = [self.geometry.model.speed_names[s] for s in closure.speeds]
         motion, size = closure.disturbance(held, self.regular)
         everything = np.concatenate([E, motion / np.maximum(size, 1e-300)[:, None]], axis=2)
@@ -189,11 +197,14 @@ class Sweep:
             f"{listed([names[c] for c in free]) or 'what is left'} can meet {rank} of them"
         )
         if not len(held):
-            return text
+            return Open(text)
         wrong = [c for c in held if np.max(ranks(E[..., [*free, c]], self.geometry.tolerance)) > rank]
-        return (
-            f"{text}: {listed([names[c] for c in (wrong or held)])} cannot {'all ' * (len(wrong or held) > 1)}be "
-            f"independent; remove {'one of them' if len(wrong or held) > 1 else 'it'} from `independent`"
+        refused = [names[c] for c in (wrong or held)]
+        several = len(refused) > 1
+        return Open(
+            f"{text}: {listed(refused)} cannot {'all ' * several}be independent; remove "
+            f"{'one of them' if several else 'it'} from `independent`",
+            refused,
         )
 
 
@@ -243,7 +254,9 @@ def _mended(sweep: Sweep, order: Order, stuck: Stuck) -> Order:
     passed = _passed(sweep.geometry, ear)
     near = [j for j in reversed(range(i)) if _passed(sweep.geometry, order[j]) & passed]
     if not near:
-        raise PartitionError(f"{loops_named(sweep.geometry.model, ear)}: {stuck.reason}")
+        model = sweep.geometry.model
+        names = [model.loops[k].name for k in ear]
+        raise PartitionError(f"{loops_named(model, ear)}: {stuck.why.text}", names, stuck.why.refused)
     for other, length in _others(order, i, near[:NEIGHBOURS]):
         if sweep.run(other[:length])[1] is None:
             return other

@@ -82,11 +82,12 @@ def partition(model: Model) -> Partition:
     try:
         return _found(model, geometry, guess)
     except PartitionError as error:
-        asked = [n for n in prescribed if n in str(error)]
-        if not asked or "be independent" not in str(error):
+        asked = [n for n in prescribed if n in error.names]
+        if not asked:
             raise
+        named = loops_named(model, [i for i, x in enumerate(model.loops) if x.name in error.loops])
         raise PartitionError(
-            f"{str(error).partition(':')[0]}: {listed(asked)} cannot be prescribed{' together' if len(asked) > 1 else ''}, since "
+            f"{named}: {listed(asked)} cannot be prescribed{' together' if len(asked) > 1 else ''}, since "
             f"closure determines too much of that; take {'one of them' if len(asked) > 1 else 'it'} from `motion`, or give "
             f"the loop one more freedom"
         ) from None
@@ -313,26 +314,30 @@ def _choose(
     stuck = [i for loops in shared if still.intersection(loops) for i in loose_loops(geometry, q, loops) if i in still]
     if open_ and open_.intersection(stuck):
         raise PartitionError("loops that are open and move nowhere are not nearly closed")
+    names = [geometry.model.loops[i].name for i in stuck]
     advice = (
-        f"{loops_named(geometry.model, stuck)} cannot be closed otherwise "
-        f"anywhere near the initial configuration, which seems to be singular, so that the rank there says nothing: start "
-        f"from another configuration, or check whether lengths are just long enough"
+        f"{loops_named(geometry.model, stuck)} cannot be closed otherwise anywhere near the initial configuration, which seems "
+        f"to be singular, so that the rank there says nothing: start from another configuration, or check whether lengths are just "
+        f"long enough"
     )
     speeds_of_stuck = {s for i in stuck for side in geometry.cycle(i) for k in side for s in geometry.speeds[k]}
     # configurations were found that are the same again; where none was found, more may be possible
     wrong = sorted(held & speeds_of_stuck) if len(configurations) > 1 else []
     if wrong:
+        refused = [geometry.model.speed_names[s] for s in wrong]
         raise PartitionError(
-            f"{loops_named(geometry.model, stuck)}: "
-            f"{listed([geometry.model.speed_names[s] for s in wrong])} cannot be independent; remove "
-            f"{'them' if len(wrong) > 1 else 'it'} from `independent`; {advice}"
+            f"{loops_named(geometry.model, stuck)}: {listed(refused)} cannot be independent; remove "
+            f"{'them' if len(wrong) > 1 else 'it'} from `independent`; {advice}",
+            names,
+            refused,
         )
     others = [x for x in configurations[1:] if any(_moves(geometry, i, [q, x]) for i in doubtful)]
     try:
         sweep = Sweep(geometry, np.concatenate([q, *others]), held, random)
         drafts = arrange(sweep, order)
     except PartitionError as error:
-        raise PartitionError(f"{error}; {advice}" if stuck else str(error)) from None
+        message = f"{error}; {advice}" if stuck else str(error)
+        raise PartitionError(message, error.loops, error.names) from None
     if stuck:
         ranks = [f"{len(d.dependent)} of {d.rows} conditions" for d in drafts if {*d.loops} & {*stuck}]
         warnings.append(f"{advice} (rank {listed(ranks)})")

@@ -653,6 +653,12 @@ def _gap(what: str, start: Tree, end: Tree, c: str) -> Tree:
     return ("-", b, a)
 
 
+def _length(start: Tree, end: Tree) -> Tree:
+    """How far one point is from another."""
+    x, y, z = (("**", _gap("position", start, end, c), ("number", 2)) for c in "xyz")
+    return ("call", "sqrt", ("+", ("+", x, y), z))
+
+
 @lru_cache(maxsize=4096)
 def parse(text: str) -> Expression:
     """Parse a text of the expression grammar.
@@ -942,17 +948,14 @@ class _Parser:
         """``distance(a, b)``: of two points, m."""
         del nesting
         one, other = self.points("distance", start)
-        squares = [("**", _gap("position", one, other, c), ("number", 2)) for c in "xyz"]
-        return ("call", "sqrt", ("+", ("+", squares[0], squares[1]), squares[2])), 6
+        return _length(one, other), 6
 
     def _rate(self, start: int, nesting: int) -> tuple[Tree, int]:
         """``rate(a, b)``: of the distance of two points by time, m/s."""
         del nesting
         one, other = self.points("rate", start)
-        squares = [("**", _gap("position", one, other, c), ("number", 2)) for c in "xyz"]
-        far = ("call", "sqrt", ("+", ("+", squares[0], squares[1]), squares[2]))
         products = [("*", _gap("position", one, other, c), _gap("velocity", one, other, c)) for c in "xyz"]
-        return ("/", ("+", ("+", products[0], products[1]), products[2]), far), 7
+        return ("/", ("+", ("+", products[0], products[1]), products[2]), _length(one, other)), 7
 
     def points(self, name: str, start: int) -> tuple[Tree, Tree]:
         """Two names in parentheses, each perhaps with repeat indices."""

@@ -15,6 +15,7 @@ from typing import Any, Final
 import yaml
 
 from .errors import ModelError, Problem
+from .file_bytes import read_bytes
 
 MAX_BYTES: Final = 8 * 2**20
 MAX_VALUES: Final = 1_000_000
@@ -146,18 +147,7 @@ def read_file(path: str | Path) -> str:
         If it cannot be read, is too large or no text.
     """
     file = str(path)
-    try:
-        with open(path, "rb") as stream:
-            data = stream.read(MAX_BYTES + 1)
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise ModelError(
-            [Problem(file, 1, 1, "", f"cannot be read: {reason}; a readable model file is needed")]
-        ) from None
-    if len(data) > MAX_BYTES:
-        raise ModelError(
-            [Problem(file, 1, 1, "", f"is larger than {MAX_BYTES >> 20} MB; use repeat for repeated structure")]
-        )
+    data = read_bytes(path, MAX_BYTES, "a readable model file is needed", "use repeat for repeated structure")
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:

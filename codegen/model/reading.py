@@ -235,12 +235,12 @@ class Reader:
             self.report(at, sub, message)
         return False
 
-    def dimension(self, expression: Expression, at: Instance, sub: Path_) -> Dimension | None:
-        """What an expression is, as far as units in it tell; None after a problem too."""
+    def dimension(self, expression: Expression, at: Instance, sub: Path_ = (), quiet: bool = False) -> Dimension | None:
+        """What an expression is, as far as units in it tell; None after a problem too, which is not reported if `quiet`."""
         try:
             return dimension_of(expression.tree, at.part.dimensions)
         except DimensionError as error:
-            if not _is_said(expression):
+            if not quiet and not _is_said(expression):
                 self.report(at, sub, f"{expression}: {error}")
             return None
 
@@ -446,9 +446,10 @@ class Reader:
         one = self.scalar(given.at, path, given.value, scope) or ZERO
         at.part.values[name] = one.tree
         try:
-            dimension = dimension_of(_EXPRESSION.validate_python(given.value).tree, given.at.part.dimensions)
-        except (ValidationError, DimensionError):
-            dimension = None  # reported where it was bound
+            written = _EXPRESSION.validate_python(given.value)
+        except ValidationError:
+            return (one,)  # reported where it was bound, as is what does not fit in it
+        dimension = self.dimension(written, given.at, path, quiet=True)
         if dimension is not None:
             at.part.dimensions[name] = dimension
         return (one,)

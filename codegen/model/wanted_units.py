@@ -32,6 +32,8 @@ IN_JOINTS: Final[dict[str, Mapping[str, tuple[str, str]]]] = {
 def unit_wanted(section: str, path: Path_, entry: Any) -> Dimension | None:
     """The dimension of the number at a path of an entry; None where any, or none that is known, may stand."""
     keys = [k for k in path if isinstance(k, str)]
+    if keys[:1] == ["with"]:  # what a submodel is given has the names of its own numbers
+        return None
     key = keys[-1] if keys else section
     type_ = entry.get("type") if isinstance(entry, dict) else None
     if section == "forces" and len(keys) == 1:
@@ -40,11 +42,7 @@ def unit_wanted(section: str, path: Path_, entry: Any) -> Dimension | None:
         shape = entry.get("shape") if isinstance(entry, dict) else None
         unit = "kg/m" if isinstance(shape, dict) and shape.get("type") == "rod" else "kg/m**3"
     else:
-        unit = (
-            _BY_KEY.get(key)
-            if section not in ("parameters", "constants", "submodels") or keys[:1] != ["with"]
-            else None
-        )
+        unit = _BY_KEY.get(key)
     return None if unit is None else dimension_of_unit(unit)
 
 

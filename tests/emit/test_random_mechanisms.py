@@ -7,13 +7,12 @@ that are given up (rank lost, no freedom left) are counted.
 
 from __future__ import annotations
 
-import warnings
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from comparison import error, transposes, worst
+from comparison import error, seeds_of, transposes, worst
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 from random_elements import with_random_elements
@@ -28,25 +27,10 @@ from codegen.reference import DenseEngine, RecursiveEngine
 EPS = np.finfo(float).eps
 
 
-def consistent_seeds(engine: Any, drawn: Mechanism, rng: np.random.Generator, k: int = 3) -> dict[str, Any]:
-    """Random seeds; none of the parameters where they would break redundant conditions: no derivative exists along those."""
-    model = drawn.model
-    sizes = {"dq": model.nq, "du": model.nu, "dp": len(model.parameters), "dinputs": len(model.inputs)}
-    seeds: dict[str, Any] = {n: rng.uniform(-1, 1, (k, size)) for n, size in sizes.items()} | {
-        "dt": rng.uniform(-1, 1, k)
-    }
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        engine.sensitivities(*drawn[1:6], **seeds)
-    if any("redundant condition" in str(w.message) for w in caught):
-        seeds["dp"] = 0 * seeds["dp"]
-    return seeds
-
-
 def compare(drawn: Mechanism, solver: codegen.Solver, engine: Any, rng: np.random.Generator) -> dict[str, float]:
     """Relative errors of values and of derivatives at the drawn, assembled state."""
     model, q, u, p, inputs, t = drawn[:6]
-    seeds = consistent_seeds(engine, drawn, rng)
+    seeds = seeds_of(engine, (q, u, p, inputs, t), rng)
     dp = seeds["dp"]
     found = {"udot": error(solver.accelerations(q, u, p, inputs, t), engine.accelerations(q, u, p, inputs, t))}
     pairs = [

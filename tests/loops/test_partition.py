@@ -270,6 +270,8 @@ def test_two_hints_for_one_freedom_are_refused_with_coordinates_loop_and_rank():
         partition(four_bar(independent=("crank", "rocker")))
     assert "crank" in str(error.value)
     assert "rocker" in str(error.value)
+    assert error.value.loops == ("foot",)
+    assert sorted(error.value.names) == ["crank", "rocker"]
 
 
 def test_a_hint_that_never_moves_is_refused():

@@ -180,6 +180,27 @@ def test_included_files_are_read_as_if_they_stood_there(tmp_path: Path) -> None:
     assert mass == pytest.approx(3925 * np.pi * 0.02**2 * 0.4, rel=1e-14)
 
 
+def test_a_submodel_is_given_what_its_own_number_is_whatever_that_is_called(tmp_path: Path) -> None:
+    """A rod's density is by length; `mass` and `density` are names like any other there."""
+    rod = """\
+model: rod
+constants: {density: 3 kg/m, mass: 4 m}
+bodies:
+  rod:
+    parent: ground
+    joint: {type: revolute, axis: y}
+    shape: {type: rod, axis: z, length: mass, density: density}
+"""
+    two = (
+        "model: two\ngravity: [0, 0, -9.81]\nsubmodels: {left: {use: rod.yaml, with: {density: 2 kg/m, mass: 50 cm}}}\n"
+    )
+    model = load_model(written(tmp_path, two=two, rod=rod) / "two.yaml")
+    assert model.bodies[-1].mass.evaluate(model.defaults) == 1.0
+    wrong = two.replace("2 kg/m", "2 kg/m**3")
+    with pytest.raises(ModelError, match=r"a mass by length \(kg/m\) is needed"):
+        load_model(written(tmp_path, two=wrong, rod=rod) / "two.yaml")
+
+
 def test_a_submodel_may_include_and_have_submodels(tmp_path: Path) -> None:
     inner = "model: inner\nparameters: {size: 1.5}\n" + ARM.replace("length: length", "length: size").replace(
         "length/2", "size/2"

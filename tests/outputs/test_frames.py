@@ -6,7 +6,6 @@ along the motion are angular accelerations.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator
 from dataclasses import fields, replace
 from pathlib import Path
@@ -14,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from comparison import seeds_of
 from measured import TREE
 from random_mechanisms import Mechanism, random_mechanism
 from random_models import random_seeds, random_state, random_tree, vector
@@ -139,17 +139,6 @@ def error(found: Any, expected: Any) -> float:
     """Largest difference of vectors and rows of matrices, relative to the largest vector or one."""
     a, b = (np.asarray(x, float).reshape(-1, 3) for x in (found, expected))
     return float(np.max(np.linalg.norm(a - b, axis=1)) / max(1.0, float(np.max(np.linalg.norm(b, axis=1)))))
-
-
-def seeds_of(engine: Any, state: tuple[Any, ...], rng: np.random.Generator) -> dict[str, Any]:
-    """Random seeds; none of the parameters where they would open redundant conditions."""
-    seeds = random_seeds(rng, engine.model, 3)
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        engine.sensitivities(*state, **seeds)
-    if any("redundant condition" in str(w.message) for w in caught):
-        seeds["dp"] = 0 * seeds["dp"]
-    return seeds
 
 
 FAST = [*((seed, "") for seed in TREES), *MECHANISMS, (0, "askew")]

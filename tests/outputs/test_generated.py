@@ -5,7 +5,6 @@ Each measure draws its outputs in the file of its own tests, see `measured.with_
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -13,10 +12,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from comparison import error, worst
+from comparison import error, seeds_of, worst
 from measured import with_outputs
 from random_mechanisms import Mechanism, random_mechanism
-from random_models import random_seeds, random_state, random_tree
+from random_models import random_state, random_tree
 
 import codegen
 from codegen.loops.partition import partition
@@ -48,17 +47,6 @@ def mechanism(seed: int, scene: str) -> tuple[Model, tuple[Any, ...]]:
     drawn = random_mechanism(rng, scene, bodies=(3, 4), loops=(1, 2))
     assert isinstance(drawn, Mechanism)
     return with_outputs(rng, drawn.model), tuple(drawn[1:6])
-
-
-def seeds_of(engine: Any, state: tuple[Any, ...], rng: np.random.Generator) -> dict[str, Any]:
-    """Random seeds; none of the parameters where they would open redundant conditions."""
-    seeds = random_seeds(rng, engine.model, 3)
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        engine.sensitivities(*state, **seeds)
-    if any("redundant condition" in str(w.message) for w in caught):
-        seeds["dp"] = 0 * seeds["dp"]
-    return seeds
 
 
 def check(model: Model, state: tuple[Any, ...], solver: codegen.Solver) -> None:

@@ -241,9 +241,9 @@ def test_matrices_of_coordinates_have_a_short_way_and_a_long_one(double_pendulum
     M = of(q)
     short = getattr(double_pendulum._desk, name)
     for given in (None, p):
-        np.testing.assert_array_equal(short(q, given, None, 0.0), M)
-    assert all(short(x, None, None, 0.0) is None for x in (list(q), q[:1], q.astype(np.float32)))
-    assert short(q, None, None, np.array(0.0)) is None
+        np.testing.assert_array_equal(short(q, None, given, None, 0.0), M)
+    assert all(short(x, None, None, None, 0.0) is None for x in (list(q), q[:1], q.astype(np.float32)))
+    assert short(q, None, None, None, np.array(0.0)) is None
     for given in (list(q), np.repeat(q, 2)[::2], q[None][0]):
         np.testing.assert_array_equal(of(given), M)
     out = np.empty_like(M)

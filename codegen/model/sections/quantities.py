@@ -19,7 +19,7 @@ from ..positions import Path_
 from ..reading import Reader
 from ..repetition import name_of
 from ..schema import ParameterEntry
-from ..units import Dimension, DimensionError, dimension_of, in_units, in_words, unit_of
+from ..units import in_units, in_words, unit_of
 
 _MODULES: Final = frozenset({"cffi", "codegen", "generated", "numpy", "stdint"})
 _C_KEYWORDS: Final = frozenset(
@@ -124,7 +124,7 @@ def _parameter(reader: Reader, at: Instance, name: str, numbers: dict[str, float
 
 def _unit(reader: Reader, at: Instance, local: str, text: str, values: list[Expression]) -> str:
     """The unit of a parameter for people: what the file says, or that of its value."""
-    dimensions = {_dimension(at, e) for e in values} - {None}
+    dimensions = {reader.dimension(e, at, quiet=True) for e in values} - {None}  # problems: where they are bound
     if len(dimensions) > 1:
         reader.report(at, ("value",), "components of different units; those of a vector are of one kind")
     known = unit_of(text) if text else None
@@ -151,19 +151,12 @@ def _unit(reader: Reader, at: Instance, local: str, text: str, values: list[Expr
 def _note_dimension(reader: Reader, at: Instance, local: str, value: object) -> None:
     """Of a constant that is written with a unit."""
     try:
-        found = _dimension(at, parse(value)) if isinstance(value, str) else None
+        written = parse(value) if isinstance(value, str) else None
     except ExpressionError:
-        return  # reported where it is read
+        return  # reported where it is read, as is what does not fit in it
+    found = None if written is None else reader.dimension(written, at, quiet=True)
     if found is not None:
         at.part.dimensions[local] = found
-
-
-def _dimension(at: Instance, expression: Expression) -> Dimension | None:
-    """What units make an expression; None also where they do not fit, which is reported where it is read."""
-    try:
-        return dimension_of(expression.tree, at.part.dimensions)
-    except DimensionError:
-        return None
 
 
 def read_inputs(reader: Reader) -> None:

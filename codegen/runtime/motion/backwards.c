@@ -91,7 +91,8 @@ static void clear(ordernm_adjoint *a, ordernm_call *c)
 /* A state whose loops have been closed before. */
 static ordernm_call closed(ordernm_adjoint *a, double t, const double *z, double *q)
 {
-    ordernm_call c = ordernm_arguments(a->motion, t, z);
+    ordernm_call c;
+    ordernm_arguments(a->motion, t, z, &c);
     if (!a->motion->identity) c.q = q;
     return c;
 }
@@ -163,7 +164,8 @@ int ordernm_sample_transposed(ordernm_adjoint *a, int n, double t, const double 
                 functional < g->nfunctionals ? g->weights[((long)functional*g->ntimes + time)*s->noutputs + i] : 0.0;
         }
     if (!ordernm_any(a->weights, s->noutputs*width)) return 0;
-    ordernm_call c = ordernm_arguments(m, t, z);
+    ordernm_call c;
+    ordernm_arguments(m, t, z, &c);
     int status = ordernm_close_loops(m, &c);
     if (status) return status;
     clear(a, &c);
@@ -181,7 +183,8 @@ static int transposed_settling(ordernm_adjoint *a, int n, double t, const double
     const ordernm_system *const s = m->system;
     const int width = a->width;
     if (!s->split) return 0;
-    ordernm_call c = ordernm_arguments(m, t, z);
+    ordernm_call c;
+    ordernm_arguments(m, t, z, &c);
     int status = ordernm_close_loops(m, &c);
     if (status) return status;
     clear(a, &c);
@@ -213,7 +216,8 @@ static int transposed_completion(ordernm_adjoint *a, int n, double *lambda)
     const ordernm_system *const s = m->system;
     const ordernm_gradients *const g = a->gradients;
     const int width = a->width;
-    ordernm_call c = ordernm_arguments(m, m->t, m->z);
+    ordernm_call c;
+    ordernm_arguments(m, m->t, m->z, &c);
     c.q = g->whole_q, c.u = g->whole_u;
     clear(a, &c);
     for (int l = 0; l < width; ++l) {

@@ -22,7 +22,7 @@ static const double LEAST_POOR = 10.0;
  * some tens or hundreds, and both ways are to agree to rounding. A condition that is poor all the time comes of a mechanism's
  * proportions and does no such harm, so what is poor is as many times the best that has been met, by how long steps are: of the
  * method of order 8, of others; or this one in any case. And what no stage should have. */
-static const double WORSE_IN_LONG_STEPS = 3.0, WORSE = 6.0, POOR_IN_ANY_CASE = 30.0, TOO_POOR_FOR_DERIVATIVES = 100.0;
+static const double WORSE_IN_LONG_STEPS = 2.5, WORSE = 6.0, POOR_IN_ANY_CASE = 30.0, TOO_POOR_FOR_DERIVATIVES = 50.0;
 
 static const double LEAST_HOPELESS = 1e3, LEAST_TOO_POOR = 1e4; /* the latter of constant steps */
 

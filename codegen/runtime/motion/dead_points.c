@@ -119,7 +119,8 @@ static double lost_between(ordernm_motion *m, double h, double a, double b, cons
     for (int j = 1; j < PARTS; ++j) {
         double *const here = own + (long)(j - 1)*nloops;
         m->method->interpolate(m, h, t[j], m->trial);
-        ordernm_call c = ordernm_arguments(m, m->t + t[j]*h, m->trial);
+        ordernm_call c;
+        ordernm_arguments(m, m->t + t[j]*h, m->trial, &c);
         if (ordernm_close_loops(m, &c)) return t[j];
         for (int i = 0; i < nloops; ++i) here[i] = 1.0/m->condition[i];
         rank[j] = here;
@@ -137,7 +138,8 @@ static double growth(ordernm_motion *m, double h, double part)
     const ordernm_system *const s = m->system;
     double largest = 0.0;
     m->method->interpolate(m, h, part, m->trial);
-    ordernm_call c = ordernm_arguments(m, m->t + part*h, m->trial);
+    ordernm_call c;
+    ordernm_arguments(m, m->t + part*h, m->trial, &c);
     if (ordernm_close_loops(m, &c)) return INFINITY;
     c.full_u = m->qdot; /* as long as it is needed, and not needed itself */
     for (int i = 0; i < s->nfree_u; ++i) m->u[s->free_u[i]] = 0.0;

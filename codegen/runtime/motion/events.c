@@ -24,9 +24,10 @@ long ordernm_event_size(const ordernm_problem *p)
 int ordernm_crossings(ordernm_motion *m, double t, const double *z, double *g)
 {
     const ordernm_problem *const p = m->problem;
-    ordernm_call c = ordernm_arguments(m, t, z);
+    ordernm_call c;
+    ordernm_arguments(m, t, z, &c);
     int status = ordernm_close_loops(m, &c);
-    if (status) c = ordernm_arguments(m, t, z); /* where a loop has lost rank, as the step has predicted */
+    if (status) ordernm_arguments(m, t, z, &c); /* where a loop has lost rank, as the step has predicted */
     c.outputs = m->outputs;
     if ((status = m->system->outputs(&c))) return status;
     for (int i = 0; i < p->nevents; ++i) g[i] = m->outputs[p->events[i].output] - p->events[i].level;

@@ -24,7 +24,7 @@ static int stages(ordernm_adjoint *a, const double *step, int count)
     const method *const method = m->method;
     const double h = step[1];
     first_rate(m, step);
-    ordernm_arguments(m, m->t, m->z); /* loops are closed between steps */
+    ordernm_expand(m, m->z); /* loops are closed between steps */
     memcpy(a->stage[0], m->z, m->values*sizeof(double));
     if (!m->identity) memcpy(a->q[0], m->q, m->system->nq*sizeof(double));
     for (int i = 1; i < count; ++i) {
@@ -98,7 +98,7 @@ int ordernm_explicit_backwards(ordernm_adjoint *a, const double *step)
     if (within || m->system->split) {
         if ((status = stages(a, step, within ? m->method->all : m->method->stages))) return status;
     } else {
-        ordernm_arguments(m, m->t, m->z); /* of the first stage, whose loops are closed between steps */
+        ordernm_expand(m, m->z); /* of the first stage, whose loops are closed between steps */
         stages_kept(a, step);
     }
     if (m->system->split) {

@@ -169,7 +169,8 @@ enum { RATES = 1, INTEGRALS = 2, KNOWN_CLOSED = 4, PRECISE = 8 }; /* of the stat
 int ordernm_rates_of(ordernm_motion *m, double t, const double *z, double *rate, int ngroups, const group *groups, int what);
 int ordernm_rates(ordernm_motion *m, double t, const double *z, double *rate);
 int ordernm_rates_at_end(ordernm_motion *m, double t, double *rate);
-ordernm_call ordernm_arguments(ordernm_motion *m, double t, const double *z);
+void ordernm_expand(ordernm_motion *m, const double *z);
+void ordernm_arguments(ordernm_motion *m, double t, const double *z, ordernm_call *c);
 int ordernm_close_loops(ordernm_motion *m, ordernm_call *c);
 long ordernm_b_splines(const ordernm_motion *m, double t, double *value);
 void ordernm_keep_stage(ordernm_motion *m, int stage);

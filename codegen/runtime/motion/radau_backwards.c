@@ -170,7 +170,8 @@ int ordernm_radau_backwards(ordernm_adjoint *a, const double *row)
         double *const stage = a->stage[i];
         memcpy(stage, row + ORDERNM_STEP_HEAD + (1 + i)*state, state*sizeof(double));
         if (m->identity) continue;
-        ordernm_call c = ordernm_arguments(m, ordernm_time_of_stage(m->t, h, i), stage);
+        ordernm_call c;
+        ordernm_arguments(m, ordernm_time_of_stage(m->t, h, i), stage, &c);
         if (m->system->split && (status = ordernm_close_loops(m, &c))) return status; /* others are as they were closed */
         memcpy(a->q[i], m->q, m->system->nq*sizeof(double));
     }

@@ -145,24 +145,31 @@ static void keep_lengths(ordernm_motion *m, const double *before)
 
 /* ---- The state of the system. ---- */
 
-/* All coordinates and speeds, the dependent ones as predicted; m->q and m->u unless z has them as they are. */
-ordernm_call ordernm_arguments(ordernm_motion *m, double t, const double *z)
+/* All coordinates and speeds of a state, in m->q and m->u, the dependent ones as predicted. */
+void ordernm_expand(ordernm_motion *m, const double *z)
 {
-    const ordernm_system *s = m->system;
-    ordernm_call c = {.p = m->problem->p, .t = t, .dt = m->dt, .work = m->work, .precise_work = m->precise_work};
-    c.inputs = inputs_at(m, t);
-    if (m->identity) {
-        c.q = z;
-        c.u = z + s->nq;
-        return c;
-    }
+    const ordernm_system *const s = m->system;
+    if (m->identity) return;
     for (int i = 0; i < s->nfree_q; ++i) m->q[s->free_q[i]] = z[i];
     for (int i = 0; i < s->nfree_u; ++i) m->u[s->free_u[i]] = z[s->nfree_q + i];
     const double *predicted = z + m->ny + m->nx;
     for (int i = 0; i < m->nd; ++i) m->q[m->dependent[i]] = predicted[i];
-    c.q = m->q;
-    c.u = m->u;
-    return c;
+}
+
+/* Arguments of functions at a state; its coordinates and speeds are m->q and m->u unless z has them as they are. They are written
+ * where they stay: a struct that is returned is copied in vectors right after its parts were written, for which processors wait. */
+void ordernm_arguments(ordernm_motion *m, double t, const double *z, ordernm_call *c)
+{
+    ordernm_expand(m, z);
+    memset(c, 0, sizeof *c);
+    c->p = m->problem->p;
+    c->t = t;
+    c->dt = m->dt;
+    c->work = m->work;
+    c->precise_work = m->precise_work;
+    c->inputs = inputs_at(m, t);
+    c->q = m->identity ? z : m->q;
+    c->u = m->identity ? z + m->system->nq : m->u;
 }
 
 /* A row of as many numbers as there are lanes; sizes that compilers know cost no call. */
@@ -257,7 +264,8 @@ int ordernm_rates_of(ordernm_motion *m, double t, const double *z, double *rate,
 {
     const ordernm_system *s = m->system;
     const ordernm_problem *p = m->problem;
-    ordernm_call c = ordernm_arguments(m, t, z);
+    ordernm_call c;
+    ordernm_arguments(m, t, z, &c);
     const int closed = what & KNOWN_CLOSED && !s->split;
     int status = closed ? 0 : ordernm_close_loops(m, &c);
     if (status) return status;
@@ -330,7 +338,8 @@ int ordernm_settle(ordernm_motion *m, double t, double *z)
 {
     const ordernm_system *s = m->system;
     if (m->identity) return 0;
-    ordernm_call c = ordernm_arguments(m, t, z);
+    ordernm_call c;
+    ordernm_arguments(m, t, z, &c);
     if (m->closed_known) {
         memcpy(m->q, m->closed, s->nq*sizeof(double));
         m->results->condition_here = m->closed_condition;
@@ -364,7 +373,8 @@ int ordernm_report(ordernm_motion *m, double t, const double *z, double *row)
 {
     const ordernm_system *s = m->system;
     const ordernm_problem *p = m->problem;
-    ordernm_call c = ordernm_arguments(m, t, z);
+    ordernm_call c;
+    ordernm_arguments(m, t, z, &c);
     int status = ordernm_close_loops(m, &c);
     if (status) return status;
     double *q = row + 1, *u = q + s->nq, *outputs = u + s->nu, *integrals = outputs + s->noutputs;

@@ -34,6 +34,8 @@ class Inputs:
 
     def at(self, t: float) -> Array:
         """Inputs (ninputs,) at a time; outside of the knots as at the first and the last of them."""
+        if self.knots is None:
+            return self.values[0]
         first, weights = self.weights(t)
         found: Array = weights @ self.values[first : first + len(weights)]
         return found

@@ -77,7 +77,9 @@ class Problem:
         def pointer(x: Array | None) -> Any:
             if x is None or not x.size:
                 return ffi.NULL
-            held = ffi.from_buffer("double[]", np.ascontiguousarray(x, float))
+            if not x.flags.c_contiguous or x.dtype != np.float64:
+                x = np.ascontiguousarray(x, float)
+            held = ffi.from_buffer("double[]", x)
             self.kept.append(held)
             return held
 
@@ -94,17 +96,21 @@ class Problem:
         c.start, c.end = self.start, self.end
         c.ntimes, c.times = len(self.times), pointer(self.times)
         c.step, c.fixed, c.largest_step, c.most_steps = self.step, self.fixed, self.largest_step, self.most_steps
-        free = [
-            *(ffi.unpack(system.free_q, system.nfree_q) if system.nfree_q else ()),
-            *(system.nq + i for i in (ffi.unpack(system.free_u, system.nfree_u) if system.nfree_u else ())),
-            *range(system.nq + system.nu, len(self.atol)),
-        ]
-        counting = self.atol[free]
+        counting = self.atol
+        if system.nfree_q + system.nfree_u < system.nq + system.nu:
+            counting = self.atol[
+                [
+                    *(ffi.unpack(system.free_q, system.nfree_q) if system.nfree_q else ()),
+                    *(system.nq + i for i in (ffi.unpack(system.free_u, system.nfree_u) if system.nfree_u else ())),
+                    *range(system.nq + system.nu, len(self.atol)),
+                ]
+            ]
         c.rtol, c.atol, c.atol_directions = self.rtol, pointer(counting), pointer(self.atol_directions)
         c.poor, c.looked_at = self.poor, self.looked_at
-        integrals = ffi.new("int[]", list(self.integrals) or [0])
-        self.kept.append(integrals)
-        c.nintegrals, c.integrals = len(self.integrals), integrals
+        if self.integrals:
+            integrals = ffi.new("int[]", list(self.integrals))
+            self.kept.append(integrals)
+            c.nintegrals, c.integrals = len(self.integrals), integrals
         if self.events:
             events = ffi.new("ordernm_event[]", [tuple(e) for e in self.events])
             self.kept.append(events)

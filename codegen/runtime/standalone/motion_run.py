@@ -16,7 +16,7 @@ from .motion_library import four_lanes, motion_library, precise_functions
 from .motion_problem import REASONS, Problem, Run, Segment
 from .partitions import Partitions
 from .states import States
-from .targets import Opened
+from .targets import Opened, partitions_of
 from .warning import warn
 
 SLICE = 0.1
@@ -30,6 +30,9 @@ POOR = 30.0
 
 BETTER = 4.0
 """They are taken if their condition is less by this factor."""
+
+SUMMED = ("steps", "rejected", "evaluations", "closing_steps", "jacobians", "factorizations")
+"""Counts of segments that add up."""
 
 Progress = Callable[[float, float], None]
 
@@ -52,10 +55,10 @@ class MotionRun(States, Partitions):
         """Run a motion to its end; keep its steps in so many bytes, or what it takes to make them again."""
         self._ask_for_functions(problem, keep_steps)
         opened, began = self._opened, time.perf_counter()
-        several = len(self.partitions) > 1
+        several = len(partitions_of(self._manifest)) > 1
         run = Run(np.empty((0, 0)), "", {})
         rows: list[Array] = []
-        left = replace(problem, poor=POOR if several else 0.0)
+        left = replace(problem, poor=POOR) if several else problem
         before: Array | None = None
         while True:
             segment, found, last = self._segment(opened, left, progress, keep_steps, memory)
@@ -72,11 +75,11 @@ class MotionRun(States, Partitions):
         run.rows = np.concatenate(rows) if len(rows) > 1 else rows[0]
         run.reason, run.singular, run.component = segment.reason, segment.singular, segment.component
         counts = [s.counts for s in run.segments]
-        run.counts = {name: sum(c[name] for c in counts) for name in counts[0]} | {
-            "t": counts[-1]["t"], "condition": max(c["condition"] for c in counts),
-            "stiffness": max(c["stiffness"] for c in counts), "partitions_changed": len(counts) - 1,
-            "seconds": time.perf_counter() - began,
-        }  # fmt: skip
+        run.counts = counts[0] | {"partitions_changed": len(counts) - 1, "seconds": time.perf_counter() - began}
+        if len(counts) > 1:
+            run.counts |= {name: sum(c[name] for c in counts) for name in SUMMED}
+            run.counts |= {name: max(c[name] for c in counts) for name in ("condition", "stiffness")}
+            run.counts["t"] = counts[-1]["t"]
         used = {
             "closing_steps": bool(self.closure_names), "condition": bool(self.closure_names), "partitions_changed": several,
             "jacobians": problem.method == "radau", "factorizations": problem.method == "radau",
@@ -88,11 +91,12 @@ class MotionRun(States, Partitions):
     def _ask_for_functions(self, problem: Problem, backwards: bool) -> None:
         """AttributeError where a package of chosen functions lacks what a motion calls: in C there is nobody to ask."""
         along, outputs = len(problem.dp) > 0, bool(problem.events or problem.integrals)
+        several = len(partitions_of(self._manifest)) > 1
         jacobian = problem.method == "radau"
         wanted = {
             "state_rates": True, "closing_step": bool(self.closure_names), "outputs": outputs,
             "state_rate_sensitivities": along or jacobian,
-            "completion_sensitivities": (along or len(self.partitions) > 1) and bool(self.closure_names),
+            "completion_sensitivities": (along or several) and bool(self.closure_names),
             "output_sensitivities": (along and self._gives_outputs) or bool(problem.events),
             "coordinate_rates": bool(problem.events),
             "sensitivities_transposed": backwards, "output_sensitivities_transposed": backwards,
@@ -194,8 +198,10 @@ class MotionRun(States, Partitions):
         heads: list[Array | None] = []
         events: list[tuple[int, Array]] = []
         most = max(memory // (4 * 8 * step_size), 1)  # rows of a part: two are whole at a time, others are let go
-        places = np.empty((ROWS + len(problem.events) if problem.events else 0, library.ordernm_event_size(c)))
-        which = ffi.new("int[]", max(len(places), 1))
+        if problem.events:
+            places = np.empty((ROWS + len(problem.events), library.ordernm_event_size(c)))
+            which = ffi.new("int[]", len(places))
+            r.events, r.which, r.events_capacity = ffi.from_buffer("double[]", places), which, len(places)
 
         def more_rows() -> Array:
             rows = np.empty((len(problem.times) or ROWS * 2 ** min(len(full), 8), size))
@@ -213,8 +219,6 @@ class MotionRun(States, Partitions):
             events.extend((which[i], places[i].copy()) for i in range(r.events_count))
             r.events_count = 0
 
-        if problem.events:
-            r.events, r.which, r.events_capacity = ffi.from_buffer("double[]", places), which, len(places)
         rows = more_rows()
         kept = more_steps() if keep_steps else None
         told = time.perf_counter()
@@ -244,7 +248,8 @@ class MotionRun(States, Partitions):
                     more_events()
             elif reason != "paused":
                 break
-        more_events()
+        if problem.events:
+            more_events()
         if kept is not None:
             steps.append(kept[: r.steps_count])
             heads.append(None)

@@ -24,7 +24,7 @@ from .functions import ALONG, STATE, WITHOUT_ENTRIES, Function, function, shapes
 from .infinite import tell_infinite
 from .manifest import read_manifest
 from .results import empty, overlap, places, put
-from .short_calls import OF_COORDINATES, SHORT
+from .short_calls import SHORT
 from .targets import Opened, Target, c_target, open_partition
 
 
@@ -210,8 +210,7 @@ class Package:
         taken = [] if out is None else places([out], f.results, f.whole_shapes(batch))
         if name in SHORT and not batch and not taken:
             # what came as lists, by name or of another type is plain now
-            names = ("q", "p", "inputs", "t") if name in OF_COORDINATES else STATE
-            found = getattr(self._desk, name)(*(arrays[n] for n in names))
+            found = getattr(self._desk, name)(*(arrays.get(n) for n in STATE))
             if found is not None:
                 return [found]
         return self._compute(opened, f, arrays, batch, {}, 0, taken, bad)

@@ -22,7 +22,7 @@ SHORT = (
 """Functions that have a short way: those of a state and its seeds."""
 
 OF_COORDINATES = ("mass_matrix", "inverse_mass_matrix")
-"""Those whose short way takes no speeds: coordinates, parameters, and what prescribed motion depends on."""
+"""Those that speeds do not enter: the C gets coordinates, parameters, and what prescribed motion depends on."""
 
 ARRAY_HEAD = """\
 typedef struct { char *data; int dimensions; intptr_t *shape, *strides; void *base, *type; int flags; } ordernm_array;
@@ -101,9 +101,8 @@ class Desk(threading.local):
             return _short_along(target.take("along", f, desk), desk, f.shapes[0], f.shapes[1])
         if f.name == "jacobians":
             return _short_jacobians(target.take("matrices", f, desk), desk, target.shapes, f.results[1:])
-        if f.name in OF_COORDINATES:
-            return _short_of_coordinates(target.take("values", f, desk), desk, f.shapes[0])
-        return _short_values(target.take("values", f, desk), desk, f.shapes[0])
+        speeds = left_out if f.name in OF_COORDINATES else id
+        return _short_values(target.take("values", f, desk), desk, f.shapes[0], speeds)
 
 
 def no_short_way(*arguments: Any) -> None:
@@ -115,8 +114,15 @@ NO_DESK = types.SimpleNamespace(**dict.fromkeys(SHORT, no_short_way))
 """Stands for `Desk` where there is no short way."""
 
 
-def _short_values(call: Callable[..., int], desk: Any, shape: Shape) -> Callable[..., Any]:
-    """The short way of a function without directions."""
+def left_out(u: Any) -> int:
+    """What the C gets for an argument that is left out."""
+    return 0
+
+
+def _short_values(
+    call: Callable[..., int], desk: Any, shape: Shape, speeds: Callable[[Any], int]
+) -> Callable[..., Any]:
+    """The short way of a function without directions; `speeds` makes of u what the C gets: where it is, or 0."""
     empty, ndarray = np.empty, np.ndarray
 
     def short(q: Any, u: Any, p: Any, inputs: Any, t: Any, out: Any = None) -> Any:
@@ -130,27 +136,7 @@ def _short_values(call: Callable[..., int], desk: Any, shape: Shape) -> Callable
             return None
         p = 0 if p is None else id(p)
         inputs = 0 if inputs is None else id(inputs)
-        return None if call(desk, id(q), id(u), p, inputs, t, id(result)) else result
-
-    return short
-
-
-def _short_of_coordinates(call: Callable[..., int], desk: Any, shape: Shape) -> Callable[..., Any]:
-    """The short way of a function without speeds."""
-    empty, ndarray = np.empty, np.ndarray
-
-    def short(q: Any, p: Any, inputs: Any, t: Any, out: Any = None) -> Any:
-        if type(t) is not float and not isinstance(t, float):
-            return None
-        if out is None:
-            result = empty(shape)
-        elif type(out) is ndarray and out.shape == shape:
-            result = out
-        else:
-            return None
-        p = 0 if p is None else id(p)
-        inputs = 0 if inputs is None else id(inputs)
-        return None if call(desk, id(q), 0, p, inputs, t, id(result)) else result
+        return None if call(desk, id(q), speeds(u), p, inputs, t, id(result)) else result
 
     return short
 

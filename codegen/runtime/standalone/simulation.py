@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from .arrays import Array, Numbers
+from .arrays import Array, Numbers, is_finite
 from .errors import SimulationError, SingularLoopError
 from .motion_directions import Directions, take_sensitivities
 from .motion_events import DIRECTIONS as CROSSINGS
@@ -126,20 +126,23 @@ class Simulation(MotionRun):
                 f"stability, not accuracy, kept the steps of the explicit method {problem.method!r} small (step times largest "
                 f"eigenvalue: {run.counts['stiffness']:.1f}); method='radau' is for such models"
             )
-        if self._largest_growth(trajectory, directions, problem) > MEANINGLESS:
+        if directions.k and self._largest_growth(trajectory, directions, problem, run.rows) > MEANINGLESS:
             warn(meaningless("sensitivities have"))
         return trajectory
 
-    def _largest_growth(self, trajectory: Trajectory, directions: Directions, problem: Problem) -> float:
+    def _largest_growth(self, trajectory: Trajectory, directions: Directions, problem: Problem, rows: Array) -> float:
         """The largest change of an independent entry, in parts of its size, per part of what it changes with; or a bound of it.
 
         Its size is the largest in the motion of all with its unit; so the same motion in other units of length, mass and time
         has the same growth. Dependent entries are left out: they have no derivatives where a loop loses rank.
         """
-        if not directions.k:
-            return 0.0
-        q, u = np.abs(trajectory.q).max(axis=0), np.abs(trajectory.u).max(axis=0)
-        bound = 0.0 if directions.given else _bound_of_growth(trajectory, problem, [*q.tolist(), *u.tolist()])
+        largest = np.abs(rows).max(axis=0)
+        q, u = (self._of_rows(largest, i) for i in (1, 2))
+        bound = 0.0
+        if not directions.given:
+            start = sum(self._sizes())
+            changed = largest[start : start + directions.k * (self.nq + self.nu)].max(initial=0.0)
+            bound = _bound_of_growth(float(changed), problem, [*q.tolist(), *u.tolist()])
         if 0.0 < bound < MEANINGLESS:
             return bound
         by, q, u = self._sizes_of_directions(directions, q, u, problem)
@@ -378,15 +381,15 @@ def largest_of_unit(sizes: Array, units: Sequence[str]) -> Array:
     return np.array([largest[unit] or 1.0 for unit in units])
 
 
-def _bound_of_growth(trajectory: Trajectory, problem: Problem, entries: list[float]) -> float:
+def _bound_of_growth(changed: float, problem: Problem, entries: list[float]) -> float:
     """What growth is no larger than where directions are named, so of length one, in a tenth of its time; 0 if not known.
 
-    `entries` are the largest sizes of coordinates and speeds over time: those of a unit are no less, unless all are zero.
+    `changed` is the largest derivative; `entries` are the largest sizes of coordinates and speeds over time: those of a unit
+    are no less, unless all are zero.
     """
     sizes = [x for x in entries if x > 0.0]
     others = [float(np.abs(x).max(initial=0.0)) for x in (problem.p, problem.inputs.values)]
     largest = max(1.0, *sizes, *others)
-    changed = max(float(np.abs(x).max(initial=0.0)) for x in (trajectory.dq, trajectory.du))
     return changed * largest / min([1.0, *sizes])
 
 
@@ -416,7 +419,7 @@ def _interval(t: Any) -> tuple[float, float, Array]:
         times = np.asarray(t, float)
     except (TypeError, ValueError) as error:
         raise ValueError(f"t: {error}; expected a number of seconds, or times (nt,)") from None
-    if times.ndim > 1 or not np.isfinite(times).all() or not times.size:
+    if times.ndim > 1 or not times.size or not is_finite(times.reshape(-1)):
         raise ValueError(
             f"t has shape {times.shape}, or entries that are not finite; expected seconds, or rising times (nt,)"
         )
@@ -424,7 +427,7 @@ def _interval(t: Any) -> tuple[float, float, Array]:
         if times <= 0:
             raise ValueError(f"t is {float(times):g} s, expected a positive number, or times (nt,)")
         return 0.0, float(times), np.empty(0)
-    if len(times) < 2 or not (times[1:] > times[:-1]).all():
+    if len(times) < 2 or not (times[0] < times[1] if len(times) == 2 else (times[1:] > times[:-1]).all()):
         raise ValueError("t: times must rise, from the beginning of the motion to its end; at least two are needed")
     return float(times[0]), float(times[-1]), times
 

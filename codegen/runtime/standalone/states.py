@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from .arrays import Array, Numbers, Shape, Times, lengths, normalise
+from .arrays import Array, Numbers, Shape, Times, filled, lengths, normalise
 from .directions import take_directions
 from .errors import AssemblyError, SingularLoopError
 from .package import Package, seeds, state
@@ -79,8 +79,8 @@ class States(Package):
         along, k, batch = take_directions(self._arguments, seeds(dq, du, dp, dinputs, dt), arrays, batch)
         before = {i: lengths(arrays["q"][..., i : i + 4]) for i in self._arguments.quaternions}
         q_new = self._assembled(arrays, batch)
-        dq_new = np.broadcast_to(along.get("dq", 0.0), (k, *batch, self.nq)).astype(q_new.dtype)
-        du_new = np.broadcast_to(along.get("du", 0.0), (k, *batch, self.nu)).astype(q_new.dtype)
+        dq_new = filled((k, *batch, self.nq), along.get("dq", 0.0), q_new.dtype)
+        du_new = filled((k, *batch, self.nu), along.get("du", 0.0), q_new.dtype)
         for i, length in before.items():
             e, de = q_new[..., i : i + 4], dq_new[..., i : i + 4]
             de /= length
@@ -158,7 +158,7 @@ class States(Package):
 
     def _assembled(self, arrays: Mapping[str, Any], batch: Shape) -> Array:
         """Assembled coordinates, (*batch, nq)."""
-        q_new = np.broadcast_to(arrays["q"], (*batch, self.nq)).copy()
+        q_new = filled((*batch, self.nq), arrays["q"], arrays["q"].dtype)
         normalise(q_new, self._arguments.quaternions)
         return q_new
 
@@ -170,7 +170,7 @@ class States(Package):
 
     def _completed(self, q_new: Array, arrays: Mapping[str, Any], batch: Shape) -> Array:
         """Speeds that belong to assembled coordinates, (*batch, nu)."""
-        return np.broadcast_to(arrays["u"], (*batch, self.nu)).copy()
+        return filled((*batch, self.nu), arrays["u"], arrays["u"].dtype)
 
     def _completed_along(
         self,

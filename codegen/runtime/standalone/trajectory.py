@@ -113,7 +113,9 @@ class Trajectory:
         for name, x in self._later.items():
             if not callable(x):
                 self._now(name)
-        self.stats: dict[str, Any] = {str(name): _plain(f"stats[{name!r}]", x) for name, x in (stats or {}).items()}
+        self.stats: dict[str, Any] = {
+            str(name): x if type(x) in PLAIN else _plain(f"stats[{name!r}]", x) for name, x in (stats or {}).items()
+        }
         self.coordinate_units = _units("coordinate", coordinate_units, nq)
         self.speed_units = _units("speed", speed_units, nu)
         self.output_units = _units("output", output_units, noutputs)
@@ -435,6 +437,10 @@ WORDS = (
 """And as text."""
 
 
+PLAIN = (str, bool, int, float)
+"""Types that JSON gives back as they are."""
+
+
 def _shaped(name: str, value: ArrayLike | None, shape: Shape, may_lack: bool = False) -> Array:
     """An array of floats of that shape."""
     if value is None:
@@ -462,7 +468,7 @@ def _plain(where: str, value: Any) -> Any:
         return {str(key): _plain(f"{where}[{key!r}]", x) for key, x in value.items()}
     if isinstance(value, list | tuple):
         return [_plain(where, x) for x in value]
-    if value is None or isinstance(value, str | bool | int | float):
+    if value is None or isinstance(value, PLAIN):
         return value
     raise ValueError(f"{where} is {value!r}; text, numbers, lists and mappings of these are allowed")
 

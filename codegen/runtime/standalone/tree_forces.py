@@ -20,7 +20,7 @@ class TreeForces(Package):
         self, q: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, out: Array | None = None
     ) -> Array:
         """The mass matrix M of Eq. 4, (..., nu, nu); of `inputs` and `t` prescribed motion makes use."""
-        found: Array | None = self._desk.mass_matrix(q, p, inputs, t, out)
+        found: Array | None = self._desk.mass_matrix(q, None, p, inputs, t, out)
         return self._values("mass_matrix", _placed(q, p, inputs, t), out)[0] if found is None else found
 
     def mass_matrix_sensitivities(
@@ -35,7 +35,7 @@ class TreeForces(Package):
         self, q: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, out: Array | None = None
     ) -> Array:
         """The inverse of the mass matrix, (..., nu, nu), in O(n^2): M is not formed. Its columns are those of `solve_mass`."""
-        found: Array | None = self._desk.inverse_mass_matrix(q, p, inputs, t, out)
+        found: Array | None = self._desk.inverse_mass_matrix(q, None, p, inputs, t, out)
         return self._values("inverse_mass_matrix", _placed(q, p, inputs, t), out)[0] if found is None else found
 
     def solve_mass(

@@ -138,6 +138,21 @@ static const number numbers_of_constants_0[1][9] = {
     {2700.0, 0.0012566370614359175, 2700.0, 0.0012566370614359175, 0.0001, 12.0, 2700.0, 0.0012566370614359175, 0.0002},
 };
 
+#ifdef ORDERNM_VECTORS
+/* Angles whose sines are worked out at once: four also where vectors hold eight. What is around them is scalar, and waits longer than
+ * a vector of eight saves. */
+enum { ANGLES_AT_ONCE = VECTOR_8 < 4 ? VECTOR_8 : 4 };
+typedef double angles_at_once __attribute__((vector_size(8*ANGLES_AT_ONCE), aligned(8), may_alias));
+#endif
+
+/* Four angles, written in the vectors that they are read in: processors wait where a vector is read of which parts have just been
+ * written one by one. */
+#if defined(ORDERNM_VECTORS) && defined(__AVX__)
+#define PUT_ANGLES(to, a, b, c, d) *(angles_at_once *)(to) = (angles_at_once){a, b, c, d}
+#else
+#define PUT_ANGLES(to, a, b, c, d) (to)[0] = a, (to)[1] = b, (to)[2] = c, (to)[3] = d
+#endif
+
 /* Sines and cosines of n angles (what vectors have beyond these is worked out too), below one unit in the last place: trig[i]
  * becomes the cosine of trig[ANGLES + i], which becomes its sine.
  * Reduction by pi/2 in three parts (exact products up to 2^20 quarter turns), minimax polynomials on [-pi/4, pi/4];
@@ -147,34 +162,33 @@ static void sines_and_cosines(int n, double *trig)
 {
     double *const cosine = trig, *const sine = trig + ANGLES;
 #ifdef ORDERNM_VECTORS
-    typedef long long bits __attribute__((vector_size(sizeof(vector_8)), aligned(8), may_alias));
-    enum { LANES_AT_ONCE = sizeof(vector_8)/sizeof(number) };
-    const vector_8 zero = {0.0};
-    for (int i = 0; i < n; i += VECTOR_8) {
-        const vector_8 x = *(const vector_8 *)(sine + i);
-        const vector_8 shifted = x*0.6366197723675814 + 6755399441055744.0;
-        const vector_8 k = shifted - 6755399441055744.0;
+    typedef long long bits __attribute__((vector_size(sizeof(angles_at_once)), aligned(8), may_alias));
+    const angles_at_once zero = {0.0};
+    for (int i = 0; i < n; i += ANGLES_AT_ONCE) {
+        const angles_at_once x = *(const angles_at_once *)(sine + i);
+        const angles_at_once shifted = x*0.6366197723675814 + 6755399441055744.0;
+        const angles_at_once k = shifted - 6755399441055744.0;
         const bits quarter = (bits)shifted;
-        const vector_8 x1 = x - k*1.5707963267341256;
-        const vector_8 x2 = x1 - k*6.077100506303966e-11;
-        const vector_8 low = k*2.0222662487959506e-21 - ((x1 - x2) - k*6.077100506303966e-11);
-        const vector_8 r = x2 - low;
-        const vector_8 rest = (x2 - r) - low;
-        const vector_8 z = r*r;
-        const vector_8 s_tail = -0.16666666666666632 + z*(0.008333333333322427 + z*(-0.0001984126982981922
+        const angles_at_once x1 = x - k*1.5707963267341256;
+        const angles_at_once x2 = x1 - k*6.077100506303966e-11;
+        const angles_at_once low = k*2.0222662487959506e-21 - ((x1 - x2) - k*6.077100506303966e-11);
+        const angles_at_once r = x2 - low;
+        const angles_at_once rest = (x2 - r) - low;
+        const angles_at_once z = r*r;
+        const angles_at_once s_tail = -0.16666666666666632 + z*(0.008333333333322427 + z*(-0.0001984126982981922
             + z*(2.755731369604923e-06 + z*(-2.5050758787269184e-08 + z*1.589683597668156e-10))));
-        const vector_8 c_tail = 0.0416666666666666 + z*(-0.0013888888888874142 + z*(2.4801587289494277e-05
+        const angles_at_once c_tail = 0.0416666666666666 + z*(-0.0013888888888874142 + z*(2.4801587289494277e-05
             + z*(-2.7557314355980973e-07 + z*(2.087572378888479e-09 + z*-1.1359675470911669e-11))));
-        const vector_8 s = r + (r*z*s_tail + rest*(1.0 - 0.5*z));
-        const vector_8 half = 0.5*z;
-        const vector_8 w = 1.0 - half;
-        const vector_8 c = w + (((1.0 - w) - half) + (z*z*c_tail - r*rest));
+        const angles_at_once s = r + (r*z*s_tail + rest*(1.0 - 0.5*z));
+        const angles_at_once half = 0.5*z;
+        const angles_at_once w = 1.0 - half;
+        const angles_at_once c = w + (((1.0 - w) - half) + (z*z*c_tail - r*rest));
         const bits odd = -(quarter & 1);
         const bits s_sign = (quarter & 2) << 62;
         const bits c_sign = ((quarter + 1) & 2) << 62;
         const bits inside = (bits)((x > zero - 1.0e6) & (x < zero + 1.0e6) & (z < zero + 0.62));
         long long all = inside[0];
-        for (int l = 1; l < LANES_AT_ONCE; ++l) all &= inside[l];
+        for (int l = 1; l < ANGLES_AT_ONCE; ++l) all &= inside[l];
         const bits sin_x = (((bits)s & ~odd) | ((bits)c & odd)) ^ s_sign;
         const bits cos_x = (((bits)c & ~odd) | ((bits)s & odd)) ^ c_sign;
         bits *const to_sine = (bits *)(sine + i), *const to_cosine = (bits *)(cosine + i);
@@ -184,7 +198,7 @@ static void sines_and_cosines(int n, double *trig)
             continue;
         }
         number *const angles = (number *)(sine + i), *const cosines = (number *)(cosine + i);
-        for (int l = 0; l < LANES_AT_ONCE; ++l)
+        for (int l = 0; l < ANGLES_AT_ONCE; ++l)
             if (!inside[l]) {
                 cosines[l] = (cos)(angles[l]);
                 angles[l] = (sin)(angles[l]);
@@ -391,8 +405,7 @@ static void start(call *a)
     a->gravity[1] = ALL(0.0);
     a->gravity[2] = ALL(9.81);
     a->records[LINKS].total_acceleration_z = a->gravity[2];
-    for (int i = 0; i < 1; ++i) a->trig[ANGLES + i] = a->q[i];
-    for (int i = 1; i < ANGLES; ++i) a->trig[ANGLES + i] = ALL(0.0);
+    PUT_ANGLES(a->trig + ANGLES + 0, a->q[0], ALL(0.0), ALL(0.0), ALL(0.0));
     sines_and_cosines(1, a->trig);
 }
 
