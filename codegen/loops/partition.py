@@ -316,9 +316,9 @@ def _choose(
         raise PartitionError("loops that are open and move nowhere are not nearly closed")
     names = [geometry.model.loops[i].name for i in stuck]
     advice = (
-        f"{loops_named(geometry.model, stuck)} cannot be closed otherwise anywhere near the initial configuration, which seems "
-        f"to be singular, so that the rank there says nothing: start from another configuration, or check whether lengths are just "
-        f"long enough"
+        f"{loops_named(geometry.model, stuck)} cannot be closed otherwise anywhere near the initial configuration, which "
+        f"seems to be singular, so that the rank there says nothing: start from another configuration, or check whether "
+        f"lengths are just long enough"
     )
     speeds_of_stuck = {s for i in stuck for side in geometry.cycle(i) for k in side for s in geometry.speeds[k]}
     # configurations were found that are the same again; where none was found, more may be possible
