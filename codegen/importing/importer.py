@@ -264,6 +264,8 @@ def _mimic(robot: Robot, options: Options) -> list[Problem]:
         if options.free_mimic:
             kind = "gears" if coupling.unreadable else "<mimic>"
             robot.leave_out(kind, coupling.place.line, "the joints are independent, --free-mimic")
+        elif coupling.joint in robot.joints and robot.joints[coupling.joint].type == "fixed":
+            robot.leave_out("<mimic> of a fixed joint", coupling.place.line)
         elif why := _why_no_coupling(robot, coupling):
             found.append(coupling.place.problem(f"{what}, {why}"))
         else:

@@ -8,6 +8,7 @@ from comparison import error
 from imported_robots import joint, link, robot
 
 import codegen
+from codegen.bench.peers.pinocchio_models import robots_folder
 
 LIMIT = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
 
@@ -68,6 +69,53 @@ def test_a_gripper_moves_as_pinocchio_reduced_by_hand(tmp_path) -> None:
         assert error(solver.mass_matrix(here[0]), S.T @ M @ S) < 1e-12
         needed = solver.inverse_dynamics(here[0], here[1], np.zeros(4))
         assert error(needed, S.T @ bias) < 1e-12
+
+
+ROBOTS = [
+    "panda_description/urdf/panda.urdf", "baxter_description/urdf/baxter.urdf", "tiago_pro_description/robots/tiago_pro.urdf",
+    "talos_data/robots/talos_full_v2.urdf", "talos_data/robots/talos_reduced.urdf",
+]  # fmt: skip
+"""Grippers and hands of the package example-robot-data; the last one's followers are fixed."""
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("file", ROBOTS, ids=[file.rpartition("/")[2] for file in ROBOTS])
+def test_real_robots_move_as_pinocchio_reduced_by_hand(tmp_path, file: str) -> None:
+    pin = pytest.importorskip("pinocchio", reason="compares with Pinocchio: pip install pin")
+    path = robots_folder() / file
+    if not path.exists():
+        pytest.skip("the robots of example-robot-data are not installed: pip install example-robot-data")
+    found = codegen.import_model(path)
+    codegen.generate(found.model, tmp_path / "package", target="numpy")
+    solver, theirs = codegen.load(tmp_path / "package"), pin.buildModelFromUrdf(str(path))
+    data, model = theirs.createData(), found.model
+    joint_of = {body: name for name, body in found.joints.items()}
+    names = [joint_of[body] for body in solver.speed_names]
+    order = [theirs.joints[theirs.getJointId(n)].idx_v for n in names]
+    rng = np.random.default_rng(1)
+    q, S = rng.uniform(-1, 1, model.nu), np.eye(model.nu)
+    followers = []
+    for loop in model.loops:  # each after those that it follows
+        own, (other,) = loop.terms[0].body, loop.terms[1:]
+        row, of = (solver.speed_names.index(model.bodies[k].name) for k in (own, other.body))
+        ratio = -other.factor.value
+        q[row], S[row] = ratio * q[of] + loop.offset.value, ratio * S[of]
+        followers.append(row)
+    S = np.delete(S, followers, axis=1)
+    v, there_q, there_v = S @ rng.normal(size=S.shape[1]), pin.neutral(theirs), np.zeros(theirs.nv)
+    for name, value in zip(names, q, strict=True):
+        of = theirs.joints[theirs.getJointId(name)]
+        there_q[of.idx_q : of.idx_q + of.nq] = (np.cos(value), np.sin(value)) if of.nq == 2 else value
+    there_v[order] = v
+    M = pin.crba(theirs, data, there_q)
+    M = S.T @ (np.triu(M) + np.triu(M, 1).T)[np.ix_(order, order)] @ S
+    bias = S.T @ pin.nonLinearEffects(theirs, data, there_q, there_v)[order]
+    assert error(solver.mass_matrix(q), M) < 1e-9
+    known = {f"u.{n}": x for n, x in zip(solver.speed_names, v, strict=True)}
+    tau = np.zeros(model.nu)
+    for force in model.forces:
+        tau[solver.speed_names.index(model.bodies[force.body].name)] += force.values[0].evaluate(known)
+    assert error(solver.inverse_dynamics(q, v, np.zeros(model.nu)), bias - S.T @ tau) < 1e-9
 
 
 def test_objects_of_pinocchio_with_mimic_joints_have_couplings(tmp_path) -> None:
