@@ -435,11 +435,11 @@ def face_constants(faces: LoopFaces, evaluate: Evaluate, functions: Functions, l
     -------
     dict
         ``A`` the start, ``B`` the end: ``A.r.i`` origin, m; ``A.F.ij`` link components from those of the face, one of whose
-        axes is the joint's. Of a coupling ``g0`` ... its factors, and ``offset``.
+        axes is the joint's. Of a coupling ``factor0`` ... and ``offset``.
     """
     out: dict[str, Value] = {}
     if isinstance(faces.loop, Coupling):
-        out = {f"g{t}": let("g", evaluate(term.factor)) for t, term in enumerate(faces.loop.terms)}
+        out = {f"factor{t}": let("factor", evaluate(term.factor)) for t, term in enumerate(faces.loop.terms)}
         return out | {"offset": let("offset", evaluate(faces.loop.offset))}
     for side, name in enumerate("AB"):
         Q = frame_matrix(faces.link_frames[side], evaluate, functions["sqrt"], let)
