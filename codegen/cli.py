@@ -304,21 +304,29 @@ def run_simulate(options: argparse.Namespace, status: StatusLine) -> int:
 def run_report(options: argparse.Namespace, status: StatusLine) -> int:
     """``ordernm report``: speed against error of a model, or of all models of a folder."""
     from .reporting import Request, gallery, report
+    from .reporting.agreement import NoReportError, disagreements, read, read_gallery
     from .runtime import CompileError, NoCompilerError, SingularJointError
 
     if not options.time > 0 or not options.time < float("inf"):
         raise Failure(USAGE, f"report: --time is {options.time:g}; motions need a positive number of seconds")
     request = Request(end=options.time)
-    target = Path(options.output)
+    target, whole, old = Path(options.output), Path(options.model).is_dir(), {}
     try:
-        if Path(options.model).is_dir():
+        if options.compare is not None:  # before the work: the new report may take the place of the old one
+            earlier = Path(options.compare)
+            old = read_gallery(earlier) if whole else {Path(options.model).stem: read(earlier)}
+        if whole:
             failed = gallery(Path(options.model), target, request, status)
             status.close()
             for name, why in failed.items():
                 _problem(f"report: {name}: {why}")
             write_lines([f"wrote {target / 'index.html'}"], sys.stdout)
-            return MODEL_WRONG if failed else OK
+            new = read_gallery(target) if old else {}
+            differing = _print_differences({n: disagreements(x, new[n]) for n, x in old.items() if n in new})
+            return MODEL_WRONG if failed else differing
         data = report(options.model, target, request=request, progress=status)
+    except NoReportError as error:
+        raise Failure(USAGE, f"report: --compare: {error}") from None
     except ImportError as error:
         raise Failure(USAGE, f"report: {error}") from None
     except (CompileError, NoCompilerError) as error:
@@ -328,7 +336,14 @@ def run_report(options: argparse.Namespace, status: StatusLine) -> int:
     status.close()
     left_out = [f"left out: {s['text']}" for s in data["skipped"]]
     write_lines([f"wrote {target / 'index.html'}, report.md, report.json", *left_out], sys.stdout, ["bold"])
-    return OK
+    return _print_differences({name: disagreements(x, read(target)) for name, x in old.items()})
+
+
+def _print_differences(found: dict[str, list[str]]) -> int:
+    """What reports say differently from earlier ones, by name."""
+    for name, lines in found.items():
+        write_lines([f"{name}: {x}" for x in lines or ["agrees with the earlier report"]], sys.stdout)
+    return NUMBERS_FAILED if any(found.values()) else OK
 
 
 def run_bench(options: argparse.Namespace, status: StatusLine) -> int:
@@ -508,6 +523,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     reported.add_argument("-o", "--output", metavar="DIR", default="report", help="folder to write (default: ./report)")
     reported.add_argument(
         "-t", "--time", type=float, metavar="SECONDS", default=5.0, help="how long motions are (default: 5)"
+    )
+    reported.add_argument(
+        "--compare",
+        metavar="OLD",
+        help="tell what an earlier report, or gallery, says differently: its folder, or report.json",
     )
     reported.set_defaults(run=run_report)
     benched = commands.add_parser("bench", help="measure accuracy and speed on problems with known answers")

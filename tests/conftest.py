@@ -1,4 +1,4 @@
-"""What every test runs under: a private cache, and hypothesis without deadlines (compiling takes its time)."""
+"""What every test runs under: private caches, and hypothesis without deadlines (compiling takes its time)."""
 
 import os
 import shutil
@@ -6,8 +6,10 @@ import signal
 
 # Before anything imports NumPy: threads that wait for each other make small matrices slow on a busy machine.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-# what is compiled runs a few times only; tests/emit/test_c.py has the flags of users, and the sanitizers -O2 and -O3
-os.environ.setdefault("ORDERNM_CFLAGS", "-O0 -march=native")
+# What is compiled runs a few times only; tests/emit/test_c.py has the flags of users, and the sanitizers -O2 and -O3. Of a
+# library of some functions gcc -O0 compiles all the others too, which takes two to eight times as long as -Og. Where a test calls
+# functions of three libraries or more, `compile="all"` is cheaper still.
+os.environ.setdefault("ORDERNM_CFLAGS", "-Og -march=native")
 
 import hypothesis
 import pytest
@@ -32,16 +34,32 @@ def private_cache(tmp_path_factory):
         yield
 
 
+@pytest.fixture(scope="session")
+def whole_run(tmp_path_factory):
+    """A folder that all processes of this run have in common."""
+    run = tmp_path_factory.getbasetemp()
+    return run.parent if "PYTEST_XDIST_WORKER" in os.environ else run
+
+
 @pytest.fixture(scope="session", autouse=True)
-def compiled_once(tmp_path_factory):
+def python_compiled_once(whole_run):
+    """Interpreters that tests start share compiled modules, also where the environment says that none are to be kept."""
+    with pytest.MonkeyPatch.context() as patch:
+        if "PYTHONDONTWRITEBYTECODE" in os.environ:
+            patch.delenv("PYTHONDONTWRITEBYTECODE")
+            patch.setenv("PYTHONPYCACHEPREFIX", str(whole_run / "bytecode"))
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def compiled_once(whole_run):
     """What any process of this run has compiled is copied where the same is compiled again: sources, flags, compiler alike.
 
     Small sources, which tests of compiling itself write by hand, are compiled each time.
     """
     from codegen.runtime.standalone.build import Build
 
-    run = tmp_path_factory.getbasetemp()
-    kept = (run.parent if "PYTEST_XDIST_WORKER" in os.environ else run) / "libraries"
+    kept = whole_run / "libraries"
     kept.mkdir(exist_ok=True)
     compile_anew = Build._compile
 

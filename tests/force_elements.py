@@ -78,7 +78,7 @@ def with_elements(text: str, elements: str) -> Model:
 def tree_errors(elements: str, folder: Path, target: str = "numpy") -> dict[str, float]:
     """Errors of every function of the tree with elements against the dense engine, and of the recursive engine."""
     model = with_elements(TREE, elements)
-    package = codegen.generate(model, folder, target="both", compile=target == "c").folder
+    package = codegen.generate(model, folder, target="both", compile="all" if target == "c" else False).folder
     found = compare(model, codegen.load(package, target), DenseEngine(model), np.random.default_rng(1))
     return found | engine_errors(model, random_state(np.random.default_rng(2), model))
 
@@ -86,7 +86,7 @@ def tree_errors(elements: str, folder: Path, target: str = "numpy") -> dict[str,
 def loop_errors(elements: str, folder: Path, target: str = "numpy") -> dict[str, float]:
     """The same of the loop, as far as functions are the same."""
     model = with_elements(LOOP, elements)
-    package = codegen.generate(model, folder, target="both", compile=target == "c").folder
+    package = codegen.generate(model, folder, target="both", compile="all" if target == "c" else False).folder
     solver, engine, rng = codegen.load(package, target), DenseEngine(model), np.random.default_rng(3)
     _, u, p, inputs, t = random_state(rng, model)
     q, u = solver.assemble(solver.initial[0] + 0.05 * rng.normal(size=model.nq), u)

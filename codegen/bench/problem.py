@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+JOINT, SPEED = "joint ", "speed of joint "
+"""What names of directions begin with that are one of many alike: a page has the worst of them."""
+
 
 @dataclass(frozen=True)
 class Setting:
@@ -140,7 +143,7 @@ class Evaluation:
     reference : callable or None
         Gives the exact ones; None where there are none.
     directions : tuple of str
-        What the directions are; empty where they are arbitrary ones.
+        What the directions are; empty where they are arbitrary ones. Those of one joint begin with `JOINT` or `SPEED`.
     """
 
     text: str

@@ -193,11 +193,8 @@ def quaternion_product(a: list[Pair], b: list[Pair]) -> list[Pair]:
 
 def rotation_of(pairs: Pairs, e: list[Pair]) -> Pair:
     """The matrix of x -> e x e^-1, column by column, (3, 3); any length of e."""
-    one, zero = pairs.number(1), pairs.number(0)
     squared = e[0] * e[0] + e[1] * e[1] + e[2] * e[2] + e[3] * e[3]
     inverse = [e[0] / squared, -e[1] / squared, -e[2] / squared, -e[3] / squared]
-    columns = []
-    for i in range(3):
-        unit = [zero, *(one if j == i else zero for j in range(3))]
-        columns.append(quaternion_product(quaternion_product(e, unit), inverse)[1:])
+    times_units = [-e[1], e[0], e[3], -e[2]], [-e[2], -e[3], e[0], e[1]], [-e[3], e[2], -e[1], e[0]]
+    columns = [quaternion_product(e_times_unit, inverse)[1:] for e_times_unit in times_units]
     return pairs.matrix([[columns[j][i] for j in range(3)] for i in range(3)])

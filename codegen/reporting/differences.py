@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 
     Array = NDArray[np.float64]
 
+COARSE, CURVED = 1e-3, 1e-5
+"""A relative step, and the relative error of a one-sided difference with it where udot is no straight line."""
+
 STEPS = 10.0 ** np.arange(-16.0, 0.01, 0.5)
 """Steps h of the differences, relative to the size of what is changed."""
 
@@ -75,16 +78,28 @@ def differences(
 
 
 def _direction(model: Model, solver: Solver, state: State) -> tuple[str, dict[str, Any], float]:
-    """What is changed: the first parameter with a derivative, or the first independent coordinate."""
+    """What is changed: the first parameter that udot is no straight line of, else the first with a derivative; of a model without
+    parameters the first independent coordinate."""
     at = state.q, state.u, None, state.inputs, state.t
     if solver.np:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)
             dudot = solver.sensitivities(*at, dp=np.eye(solver.np))[1]
-        i = next((i for i, row in enumerate(dudot) if np.any(row)), 0)
+        i = next((i for i in range(solver.np) if _is_curved(solver, state, i, dudot[i])), None)
+        if i is None:
+            i = next((i for i, row in enumerate(dudot) if np.any(row)), 0)
         return model.parameter_names[i], {"dp": np.eye(solver.np)[i : i + 1]}, abs(float(solver.parameters[i])) or 1.0
     i = solver.coordinate_names.index(solver.independent_names[0])
     return solver.coordinate_names[i], {"dq": np.eye(solver.nq)[i : i + 1]}, 1.0
+
+
+def _is_curved(solver: Solver, state: State, i: int, derivative: Array) -> bool:
+    """Whether a coarse difference is off by more than rounding: of a straight line it never is, and there is no V."""
+    h = COARSE * (abs(float(solver.parameters[i])) or 1.0)
+    size = np.max(np.abs(derivative), initial=0.0)
+    ahead, middle = (_moved(solver, state, {"dp": np.eye(solver.np)[i : i + 1]}, x) for x in (h, 0.0))
+    return bool(size > 0 and ahead is not None and middle is not None
+                and np.max(np.abs((ahead - middle) / h - derivative)) > CURVED * size)  # fmt: skip
 
 
 def _moved(solver: Solver, state: State, seeds: dict[str, Array], h: float) -> Array | None:

@@ -29,6 +29,10 @@ DIGITS = 40
 MOST_PARAMETERS, MIXED = 16, 3
 """So many parameters' derivatives are compared, and so many along random directions of everything at once."""
 
+VANISHING = 1e-12
+"""What is less, in parts of its natural size, is zero but for the rounding of the state, such as the derivatives by speeds of a
+parallelogram, whose links turn alike."""
+
 MOST_COLUMNS = 60
 """All columns of the Jacobians, and a gradient, are compared up to so many."""
 
@@ -69,14 +73,31 @@ def slowdown() -> float:
     return seconds("mpmath") / seconds("float64")
 
 
-def relative(x: Any, exact: Any) -> float:
-    """max_i |x_i - exact_i| / max_i |exact_i|; where the exact ones vanish, zero if all of x do and infinite otherwise."""
+def relative(x: Any, exact: Any, natural: float = 1.0) -> float:
+    """max_i |x_i - exact_i| / max_i |exact_i|; in parts of a `natural` size where the exact ones vanish."""
     x, exact = np.ravel(x), np.ravel(exact)
-    size = max((abs(e) for e in exact), default=mpmath.mpf(0))
+    size = _size(exact, natural)
     difference = max((abs(mpmath.mpf(float(a)) - e) for a, e in zip(x, exact, strict=True)), default=mpmath.mpf(0))
-    if size == 0:
-        return 0.0 if difference == 0 else float("inf")
     return float(difference / size)
+
+
+def vanishes(exact: Any, natural: float) -> bool:
+    """Whether nothing is left of it but what the rounding of a state may leave."""
+    return max((abs(e) for e in np.ravel(exact)), default=0) <= VANISHING * natural
+
+
+def _size(exact: Any, natural: float) -> Any:
+    return mpmath.mpf(natural) if vanishes(exact, natural) else max(abs(e) for e in np.ravel(exact))
+
+
+def natural_sizes(udot: Any, values: Any) -> Array:
+    """Of derivatives by numbers that have these values: what changes udot by as much as itself when they change so (or by 1)."""
+    values = np.abs(np.asarray(values, float))
+    return _float_size(udot) / np.where(values > 0, values, 1.0)
+
+
+def _float_size(udot: Any) -> float:
+    return float(_size(udot, 1.0))
 
 
 def directions(model: Model, solver: Solver) -> tuple[list[str], dict[str, Any]]:
@@ -112,7 +133,8 @@ def errors(
     Returns
     -------
     records : list of dict
-        ``state``, ``udot``, ``derivatives`` (by direction), ``estimate`` and ``estimates`` of these by `Solver.diagnose`; at
+        ``state``, ``udot``, ``derivatives`` (by direction), ``estimate`` and ``estimates`` of these by `Solver.diagnose`;
+        ``vanish``, directions whose derivative is zero: their errors are in parts of `natural_sizes`; at
         the first state ``jacobians`` (the worst column) and ``gradient``, where the model is small enough.
     exact : dict of str to (nu,) numbers
         Exact derivatives at the first state by direction.
@@ -130,7 +152,11 @@ def errors(
         left = max(affordable, 1)
         why = f"one state with all {len(names)} would take longer than {budget:g} s"
         skipped.append(
-            Skipped(f"errors of derivatives along more than {left} directions", why, alone * (1 + len(names)))
+            Skipped(
+                f"errors of derivatives along more than {left} direction{'s' * (left > 1)}",
+                why,
+                alone * (1 + len(names)),
+            )
         )
         names, seeds = names[:left], {name: x[:left] for name, x in seeds.items()}
     engine = RecursiveEngine(model, numbers="mpmath")
@@ -147,18 +173,22 @@ def errors(
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)
             udot, dudot = solver.sensitivities(*at, **seeds)
-        estimate, estimates = _estimates(solver, at, seeds)
         start = time.process_time()
         with mpmath.workdps(DIGITS):
             exact, dexact = engine.sensitivities(*at, **seeds)
+            natural = natural_sizes(exact, _values(model, solver, names))
             found.append({
                 "state": state.name,
                 "udot": relative(udot, exact),
-                "derivatives": {n: relative(a, b) for n, a, b in zip(names, dudot, dexact, strict=True)},
-                "estimate": estimate, "estimates": dict(zip(names, estimates, strict=True)),
+                "derivatives": {
+                    n: relative(a, b, size) for n, a, b, size in zip(names, dudot, dexact, natural, strict=True)
+                },
+                "vanish": [n for n, b, size in zip(names, dexact, natural, strict=True) if vanishes(b, size)],
             })  # fmt: skip
+            sizes = [float(_size(b, size)) for b, size in zip(dexact, natural, strict=True)]
         expected = time.process_time() - start
         spent += expected
+        found[-1] |= _estimates(solver, at, seeds, names, _float_size(exact), sizes)
         derivatives = derivatives or dict(zip(names, dexact, strict=True))
     columns = model.nq + model.nu + len(model.parameters) + len(model.inputs) + 1
     cost = expected * columns / len(names)
@@ -171,14 +201,22 @@ def errors(
     return found, derivatives
 
 
-def _estimates(solver: Solver, at: Sequence[Any], seeds: dict[str, Any]) -> tuple[float, list[float]]:
-    """What `Solver.diagnose` takes the relative errors for, of udot and of each derivative."""
+def _values(model: Model, solver: Solver, names: Sequence[str]) -> Array:
+    """Of parameters; 1 for directions of everything at once."""
+    at = {name: float(x) for name, x in zip(model.parameter_names, solver.parameters, strict=True)}
+    return np.array([at.get(name, 1.0) for name in names])
+
+
+def _estimates(
+    solver: Solver, at: Sequence[Any], seeds: dict[str, Any], names: Sequence[str], size: float, sizes: Sequence[float]
+) -> dict[str, Any]:
+    """What `Solver.diagnose` takes the errors for, of udot and of each derivative, in parts of these sizes."""
     found = solver.diagnose(*at, **seeds)
-
-    def part(error: Array, of: Array) -> float:
-        return float(np.max(error, initial=0.0) / (np.max(np.abs(of), initial=0.0) or 1.0))
-
-    return part(found.udot_error, found.udot), [part(e, x) for e, x in zip(found.dudot_error, found.dudot, strict=True)]
+    parts = [float(np.max(e, initial=0.0)) / n for e, n in zip(found.dudot_error, sizes, strict=True)]
+    return {
+        "estimate": float(np.max(found.udot_error, initial=0.0)) / size,
+        "estimates": dict(zip(names, parts, strict=True)),
+    }
 
 
 def _seconds_of_udot(model: Model, state: State, budget: float) -> float | None:
@@ -203,15 +241,22 @@ def _of_all_columns(engine: RecursiveEngine, solver: Solver, at: Sequence[Any]) 
     """Of the Jacobians the worst column, and of one gradient the worst of its parts, by q, u, p, inputs and t."""
     exact = engine.jacobians(*at)
     given = solver.jacobians(*at)
+    udot = engine.accelerations(*at)
     weights = np.random.default_rng(3).normal(size=solver.nu)
     gradients = solver.gradients(*at, weights=weights)
     exact_weights = np.array([mpmath.mpf(float(w)) for w in weights], dtype=object)
+    q, u, _, inputs, t = at
     worst_column, worst_part = 0.0, 0.0
-    for part in ("q", "u", "p", "inputs", "t"):
+    for part, values in (("q", q), ("u", u), ("p", solver.parameters), ("inputs", inputs), ("t", [t])):
         columns, ours = (np.asarray(getattr(x, part)) for x in (exact, given))
         columns, ours = columns.reshape(solver.nu, -1), ours.reshape(solver.nu, -1)
-        for a, b in zip(ours.T, columns.T, strict=True):
-            worst_column = max(worst_column, relative(a, b))
-        if columns.size:
-            worst_part = max(worst_part, relative(np.ravel(getattr(gradients, part)), exact_weights @ columns))
+        if not columns.size:
+            continue
+        natural = natural_sizes(udot, values)
+        for a, b, size in zip(ours.T, columns.T, natural, strict=True):
+            worst_column = max(worst_column, relative(a, b, size))
+        worst_part = max(
+            worst_part,
+            relative(np.ravel(getattr(gradients, part)), exact_weights @ columns, float(np.max(natural))),
+        )
     return {"jacobians": worst_column, "gradient": worst_part}

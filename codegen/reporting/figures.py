@@ -127,6 +127,9 @@ def work_precision(data: dict[str, Any]) -> str:
                 shown = [p for p in points if p[key] is not None and p[key] < 1]
                 ax.plot([max(p[key], ROUNDING) for p in shown], [1e3 * p["seconds"] for p in shown], label=NAMES[method],
                         markersize=4, linewidth=1, **STYLES[method])  # fmt: skip
+            if not any(line.get_xdata().size for line in ax.get_lines()):  # a logarithm needs something to show
+                ax.set_xlim(ROUNDING, 1)
+                ax.set_ylim(0.1, 1e3)
             if data[floor] > 0:
                 ax.axvspan(ax.get_xlim()[0], data[floor], color="#eeeeee", linewidth=0)
             ax.set_xscale("log")
@@ -156,7 +159,7 @@ def differences(data: dict[str, Any]) -> str:
         ax.set_ylim(top=10)
         ax.set_xlabel(f"step in {data['by']}")
         ax.set_ylabel("relative error of d udot")
-        ax.legend(loc="best", fontsize=8)
+        ax.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=3, fontsize=8, borderaxespad=0)
     return text[0]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import tempfile
 import time
 from collections.abc import Callable
@@ -73,10 +74,13 @@ def report(
     pages.need()
     target = Path(folder)
     pages.refuse_foreign(target)
+    reading = time.perf_counter()
     if not isinstance(model, Model):
         progress("reading", 0, 0)
         model = load_model(model)
+    reading = time.perf_counter() - reading
     data = measure(model, request or Request(), progress)
+    data["generated"]["seconds"]["read"] = reading
     progress("drawing", 0, 0)
     pages.write(data, target)
     return data
@@ -85,7 +89,7 @@ def report(
 def measure(model: Model, request: Request, progress: Progress) -> dict[str, Any]:
     """All that a report says, as numbers and words that JSON can hold."""
     skipped: list[Skipped] = []
-    begin = time.perf_counter()
+    begin, cpu = time.perf_counter(), _cpu_seconds()
     with tempfile.TemporaryDirectory() as scratch:
         made = generate(model, Path(scratch) / model.name, check=False, progress=progress)
         solver = load(made.folder)
@@ -102,8 +106,10 @@ def measure(model: Model, request: Request, progress: Progress) -> dict[str, Any
             data["states"] = [_state(solver, s) for s in found]
             progress("timing", 0, 0)
             data["times"] = times(model, solver, found[0], request.timing)
+            best, middle = roofline.peaks()
             data["roofline"] = {
-                "peaks": roofline.peaks(),
+                "peaks": best,
+                "peaks_low": middle,
                 "points": roofline.points(solver, data["times"]["functions"]),
             }
             progress("comparing with the reference in extended precision", 0, 0)
@@ -125,7 +131,14 @@ def measure(model: Model, request: Request, progress: Progress) -> dict[str, Any
         data["motions"] = motions.motions(model, solver, request.end, skipped, remade)
     data["skipped"] = [{"what": s.what, "why": s.why, "seconds": s.seconds, "text": str(s)} for s in skipped]
     data["seconds"] = time.perf_counter() - begin
+    data["cpu_seconds"] = _cpu_seconds() - cpu
     return data
+
+
+def _cpu_seconds() -> float:
+    """Of this process and of those that it has waited for: compilers."""
+    x = os.times()
+    return x.user + x.system + x.children_user + x.children_system
 
 
 def _condition(solver: Solver, state: State) -> float:

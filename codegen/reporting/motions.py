@@ -6,12 +6,15 @@ import math
 import time
 import warnings
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..choices import more_choices
 from ..runtime.standalone.errors import AssemblyError, SimulationError, SingularJointError, SingularLoopError
+from .errors import VANISHING
+from .roofline import operations
 from .skipped import Skipped
 
 if TYPE_CHECKING:
@@ -28,14 +31,28 @@ END = 5.0
 ADAPTIVE = {"dop853": range(4, 13), "radau": range(4, 11)}
 """Tolerances 10^-e of the adaptive methods."""
 
-REFERENCE, BESIDE = 1e-13, 1e-12
-"""Tolerances of the motion that errors are against, and of the one beside it by which its own error is judged."""
+REFERENCES = (1e-13, 1e-12, 1e-11, 1e-10, 1e-9)
+"""Tolerances of the motion that errors are against: the first that a motion comes to its end with. Of large angles and speeds the
+last digits are not to be had. By the next one it is judged how far it is right."""
 
 FIXED = [2**i for i in range(5, 15)]
 """Numbers of steps of the method with constant ones."""
 
-LONGEST = 0.5
-"""Seconds that one motion of a diagram may take; a method goes no further then."""
+LOST, LEAST = 1e-3, 1e-3
+"""A motion whose reference is known no better, a chaotic one, is halved, down to this part of what was asked for."""
+
+FACTORS = 20
+"""So often an implicit method factors its matrices, at least; where that is too much it is left out."""
+
+PROBED, ALLOWED = 30, 4
+"""So many times `COSTLIEST` the first motion may cost, by which it is found how far motions go, and any later one."""
+
+MOTIONS = len(FIXED) + sum(map(len, ADAPTIVE.values()))
+"""So many settings a diagram has."""
+
+COSTLIEST = 1.5e9
+"""Operations that one motion of a diagram may take, half a second or so; a method goes no further then. Operations and not
+seconds, so that another run of the same report makes the same motions."""
 
 MOST_SENSITIVITIES = 4
 
@@ -45,8 +62,8 @@ SAMPLES = 201
 LARGEST_MATRIX = 300
 """Speeds up to which conditions of mass matrices are computed."""
 
-ROUNDS = 3
-"""A motion is timed so often; the least counts."""
+ROUNDS = 5
+"""A motion is timed so often."""
 
 
 def motions(
@@ -65,14 +82,15 @@ def motions(
         ``end``; ``choices``, of independent coordinates; ``ended``, why a motion is shorter than asked for; ``sensitivities``,
         names; ``reference_error``, of the state
         and of ``reference_error_sensitivities``; ``methods``: lists of points, each with ``setting``, ``error``,
-        ``sensitivity_error``, ``evaluations``, ``seconds``, ``ended``; ``conditions``, see `conditions`.
+        ``sensitivity_error``, ``evaluations``, ``seconds`` (the least) and ``seconds_high`` (the largest); ``conditions``, see
+        `conditions`.
     """
     names = list(model.parameter_names[:MOST_SENSITIVITIES])
-    probe = _motion(solver, end, names, "dop853", 1e-6)
+    probe = _motion(solver, end, names, "dop853", 1e-6, allowed=PROBED)
     choices = 1
     while not isinstance(probe, str) and (more := more_choices(solver, probe, choices)):
         choices, solver = more, remade(more)
-        probe = _motion(solver, end, names, "dop853", 1e-6)
+        probe = _motion(solver, end, names, "dop853", 1e-6, allowed=PROBED)
     if isinstance(probe, str):
         skipped.append(Skipped("motions", probe))
         return None
@@ -84,31 +102,54 @@ def motions(
         if not end > 0:
             skipped.append(Skipped("motions", found["ended"]))
             return None
-    stiff = float(probe.stats["seconds"]) > LONGEST / 4
+    implicit = FACTORS * _factoring(solver) <= COSTLIEST
+    stiff = implicit and _cost(solver, probe, names) > COSTLIEST / 4
     if stiff:  # an explicit method needs too many steps: the implicit one is the reference
         probe = _motion(solver, end, names, "radau", 1e-6)
-    taken = math.inf if isinstance(probe, str) else float(probe.stats["seconds"])
-    if taken > LONGEST / 4:
-        shorter = float(f"{end * LONGEST / 4 / min(taken, 1e3):.2g}")
-        skipped.append(Skipped(f"motions beyond {shorter:g} s", f"a motion of {end:g} s takes {taken:.2g} s"))
+    cost = math.inf if isinstance(probe, str) else _cost(solver, probe, names)
+    if cost > COSTLIEST / 4:
+        share = max(COSTLIEST / 4 / cost, 1e-4)
+        shorter = float(f"{end * share:.2g}")
+        seconds = None if isinstance(probe, str) else float(probe.stats["seconds"]) * ROUNDS * MOTIONS
+        why = "has no end" if isinstance(probe, str) else f"takes {cost:.1g} operations"
+        skipped.append(
+            Skipped(f"motions beyond {shorter:g} s", f"one of {end:g} s {why}, of {COSTLIEST / 4:.1g} allowed", seconds)
+        )
         end = shorter
     method = "radau" if stiff else "dop853"
-    best, beside = (_motion(solver, end, names, method, e) for e in (REFERENCE, BESIDE))
-    if isinstance(best, str) or isinstance(beside, str):
-        skipped.append(Skipped("motions", next(x for x in (best, beside) if isinstance(x, str))))
-        return None
-    found |= {"end": end, "reference": f"{method} at {REFERENCE:g}"}
-    found["reference_error"], found["reference_error_sensitivities"] = _errors(beside, best)
+    while True:
+        reference, best, beside = _reference(solver, end, names, method)
+        if isinstance(best, str) or isinstance(beside, str):
+            skipped.append(Skipped("motions", next(x for x in (best, beside) if isinstance(x, str))))
+            return None
+        own_errors = _errors(beside, best, _values(solver, names))
+        if max(own_errors) <= LOST or end < LEAST * found["asked"]:
+            break
+        found["ended"] = (
+            f"at {end:g} s motions that are integrated with tolerances of {reference:g} and ten times as much differ by "
+            f"{max(own_errors):.1g} of themselves"
+        )
+        end = float(f"{end / 2:.2g}")
+    found |= {"end": end, "reference": f"{method} at {reference:g}"}
+    found["reference_error"], found["reference_error_sensitivities"] = own_errors
     found["methods"] = {"rk4": _fixed(solver, end, names, best)}
     for name, exponents in ADAPTIVE.items():
-        found["methods"][name] = _adaptive(solver, end, names, name, exponents, best)
+        if name == "radau" and not implicit:
+            rate = _cost(solver, best, names) / max(float(best.stats["seconds"]), 1e-9)
+            seconds = FACTORS * _factoring(solver) / rate * ROUNDS * len(exponents)
+            skipped.append(
+                Skipped("motions by an implicit method", f"it factors matrices of {solver.nu} columns", seconds)
+            )
+            continue
+        looser = [e for e in exponents if 10.0**-e > 1.5 * reference]
+        found["methods"][name] = _adaptive(solver, end, names, name, looser, best)
     found["conditions"] = conditions(solver, end, method, skipped)
     return found
 
 
 def _motion(
     solver: Solver, end: float, names: Sequence[str], method: str, tolerance: float, steps: int | None = None,
-    times: Array | None = None,
+    times: Array | None = None, allowed: float = ALLOWED,
 ) -> Trajectory | str:  # fmt: skip
     """A motion as far as it comes, or why there is none."""
     try:
@@ -117,23 +158,66 @@ def _motion(
             return solver.simulate(
                 [0.0, end] if times is None else times, sensitivities=names, method=method, rtol=tolerance, atol=tolerance,
                 step=None if steps is None else end / steps, atol_sensitivities=tolerance if names and steps is None else None,
-                on_failure="return",
+                most_steps=_most_steps(solver, names, allowed), on_failure="return",
             )  # fmt: skip
     except (SimulationError, AssemblyError, SingularLoopError, SingularJointError, ValueError) as error:
         return str(error)
 
 
-def _errors(x: Trajectory, exact: Trajectory) -> tuple[float, float]:
-    """Relative errors at the end: of the state, its coordinates and speeds apart, and of the worst derivative."""
+def _reference(
+    solver: Solver, end: float, names: Sequence[str], method: str
+) -> tuple[float, Trajectory | str, Trajectory | str]:
+    """Its tolerance; the motion itself, and one beside it, or why there is none."""
+    why = ""
+    for tolerance, looser in pairwise(REFERENCES):
+        both = []
+        for accuracy in (tolerance, looser):
+            x = _motion(solver, end, names, method, accuracy)
+            if isinstance(x, str) or x.t[-1] != end:
+                why = x if isinstance(x, str) else str(x.stats["reason"])
+                break
+            both.append(x)
+        else:
+            return tolerance, both[0], both[1]
+    return tolerance, why, why
 
-    def relative(a: Array, b: Array) -> float:
+
+def _most_steps(solver: Solver, names: Sequence[str], allowed: float) -> int:
+    """Of Dormand and Prince's method, twelve evaluations each, until a motion has cost so many times `COSTLIEST`."""
+    affordable = int(allowed * COSTLIEST / (12 * _evaluation(solver, names)))
+    return min(max(2 * max(FIXED), affordable), 1_000_000)
+
+
+def _evaluation(solver: Solver, names: Sequence[str]) -> int:
+    """Operations of the accelerations and their derivatives."""
+    return operations(solver, "sensitivities", len(names)) if names else operations(solver, "accelerations")
+
+
+def _errors(x: Trajectory, exact: Trajectory, values: Array) -> tuple[float, float]:
+    """Relative errors at the end: of the state, its coordinates and speeds apart, and of the worst derivative.
+
+    Derivatives that vanish but for rounding have errors in parts of what changes the state by as much as itself; `values` are
+    those of what they are by.
+    """
+
+    def relative(a: Array, b: Array, natural: float) -> float:
         size = float(np.max(np.abs(b), initial=0.0))
         difference = float(np.max(np.abs(a - b), initial=0.0))
-        return difference / size if size else (0.0 if not difference else math.inf)
+        return difference / (size if size > VANISHING * natural else natural or 1.0)
 
-    state = max(relative(a[-1], b[-1]) for a, b in ((x.q, exact.q), (x.u, exact.u)))
-    rows = [relative(a[i, -1], b[i, -1]) for a, b in ((x.dq, exact.dq), (x.du, exact.du)) for i in range(len(b))]
+    pairs = [(x.q, exact.q, x.dq, exact.dq), (x.u, exact.u, x.du, exact.du)]
+    largest = [float(np.max(np.abs(b), initial=0.0)) for _, b, _, _ in pairs]  # along the whole motion
+    state = max(relative(a[-1], b[-1], n) for (a, b, _, _), n in zip(pairs, largest, strict=True))
+    rows = [
+        relative(da[i, -1], db[i, -1], n / (abs(float(value)) or 1.0))
+        for (_, _, da, db), n in zip(pairs, largest, strict=True)
+        for i, value in enumerate(values)
+    ]
     return state, max(rows, default=0.0)
+
+
+def _values(solver: Solver, names: Sequence[str]) -> Array:
+    return np.array([solver.parameters[solver.parameter_names.index(name)] for name in names])
 
 
 def _point(solver: Solver, end: float, names: Sequence[str], method: str, tolerance: float, steps: int | None,
@@ -142,16 +226,37 @@ def _point(solver: Solver, end: float, names: Sequence[str], method: str, tolera
     x = _motion(solver, end, names, method, tolerance, steps)
     if isinstance(x, str) or x.t[-1] != best.t[-1]:
         return None
-    seconds = float(x.stats["seconds"])
-    for _ in range(ROUNDS - 1):
-        again = _motion(solver, end, names, method, tolerance, steps)
-        if not isinstance(again, str):
-            seconds = min(seconds, float(again.stats["seconds"]))
-    error, sensitivity_error = _errors(x, best)
+    taken = [_seconds(solver, end, names, method, tolerance, steps) for _ in range(ROUNDS)]
+    error, sensitivity_error = _errors(x, best, _values(solver, names))
     return {
         "setting": end / steps if steps else tolerance, "error": error, "sensitivity_error": sensitivity_error if names else None,
-        "evaluations": int(x.stats["evaluations"]), "seconds": seconds,
+        "evaluations": int(x.stats["evaluations"]), "seconds": min(taken), "seconds_high": max(taken),
+        "operations": _cost(solver, x, names),
     }  # fmt: skip
+
+
+def _seconds(
+    solver: Solver, end: float, names: Sequence[str], method: str, tolerance: float, steps: int | None
+) -> float:
+    """What the integrator takes, but for what others have of the core meanwhile."""
+    began = time.thread_time()
+    x = _motion(solver, end, names, method, tolerance, steps)
+    spent = time.thread_time() - began
+    return spent if isinstance(x, str) else min(spent, float(x.stats["seconds"]))
+
+
+def _cost(solver: Solver, x: Trajectory, names: Sequence[str]) -> float:
+    """Operations of a motion: those of its evaluations, and of Jacobians and factors of an implicit method."""
+    found = float(x.stats["evaluations"]) * _evaluation(solver, names)
+    if "factorizations" in x.stats:
+        found += float(x.stats["jacobians"]) * operations(solver, "sensitivities", solver.nq + solver.nu)
+        found += float(x.stats["factorizations"]) * _factoring(solver)
+    return found
+
+
+def _factoring(solver: Solver) -> float:
+    """Operations of an implicit method's factors, of one real matrix and one complex."""
+    return 10 / 3 * float(solver.nu) ** 3
 
 
 def _adaptive(
@@ -162,7 +267,7 @@ def _adaptive(
         point = _point(solver, end, names, method, 10.0**-e, None, best)
         if point is not None:
             points.append(point)
-            if point["seconds"] > LONGEST:
+            if point["operations"] > COSTLIEST:
                 break
     return points
 
@@ -173,7 +278,7 @@ def _fixed(solver: Solver, end: float, names: Sequence[str], best: Trajectory) -
         point = _point(solver, end, names, "rk4", 1e-9, steps, best)
         if point is not None and np.isfinite(point["error"]) and point["error"] < 1:
             points.append(point)
-            if point["seconds"] > LONGEST:
+            if point["operations"] > COSTLIEST:
                 break
     return points
 

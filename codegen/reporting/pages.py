@@ -10,7 +10,7 @@ from typing import Any
 
 from ..emit.templates import render
 from ..folders import FolderError, write_folder
-from . import figures
+from . import agreement, figures
 
 PAGE, MARKDOWN, NUMBERS, FIGURES = "index.html", "report.md", "report.json", "figures"
 
@@ -174,8 +174,9 @@ def _times(data: dict[str, Any]) -> Section:
         "Per evaluation",
         ["function", "in C, least", "median", "nine of ten", "one call from Python, least", "median", "nine of ten"],
         rows,
-        "in C: per state of a batch in one thread. All functions took turns. Another run's medians lie between least and nine of "
-        "ten where the machine does nothing else.",
+        "in C: per state of a batch in one thread. All functions took turns, timed by what the thread had of the core. Another "
+        f"run's range, from the least to nine of ten, meets this one's when both are widened by {agreement.SPREAD:.0%}: "
+        "ordernm report --compare tells.",
     )
     rows = [[n, seconds(x["least"]), seconds(x["median"])] for n, x in t["batches"].items()]
     batches = _table("Accelerations in batches", ["states", "per state, least", "median"], rows)
@@ -202,9 +203,10 @@ def _roofline(data: dict[str, Any]) -> Section:
 
 def _errors(data: dict[str, Any]) -> Section:
     conditions = {s["name"]: s["condition"] for s in data["states"]}
-    rows = []
+    rows, vanishing = [], set[str]()
     for e in data["errors"]:
         by, worst = max(e["derivatives"].items(), key=lambda item: item[1])
+        vanishing.update(e["vanish"])
         figures_of = [number(x, 2) for x in (e["udot"], e["estimate"], worst, e["estimates"][by])]
         more = [number(e.get(name), 2) for name in ("jacobians", "gradient")]
         rows.append([e["state"], number(conditions[e["state"]]), *figures_of[:2], by, *figures_of[2:], *more])
@@ -212,6 +214,11 @@ def _errors(data: dict[str, Any]) -> Section:
         "largest difference over largest entry, of each direction (Jacobians: the worst column); estimated: by "
         "solver.diagnose, which has no reference; condition: of the closures, or of a tree's mass matrix"
     )
+    if vanishing:
+        note += (
+            f"; nothing depends on {', '.join(sorted(vanishing))}: what is left of such a derivative is in parts of udot over "
+            f"the parameter"
+        )
     head = [
         "state",
         "condition",

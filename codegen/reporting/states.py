@@ -61,10 +61,11 @@ def states(model: Model, solver: Solver, condition: Callable[[State], float]) ->
         Of a state: large near a singularity.
     """
     drawn = random_states(solver, np.random.default_rng(1))
-    found = [s for _, s in zip(range(RANDOM), drawn, strict=False)]
-    if not found:
+    ordinary = [s for _, s in zip(range(RANDOM), drawn, strict=False)]
+    if not ordinary:
         return []
-    first = found[0]
+    first = ordinary[0]
+    found = [first]
     found += [s for s in (_turned(model, solver, first), _fast(solver, first)) if s is not None]
     worst, worst_condition = None, -1.0
     for _, s in zip(range(SEARCHED), drawn, strict=False):
@@ -73,7 +74,7 @@ def states(model: Model, solver: Solver, condition: Callable[[State], float]) ->
             worst, worst_condition = s, c
     if worst is not None:
         found.append(State("worst condition", worst.q, worst.u, worst.inputs, worst.t))
-    return found
+    return found + ordinary[1:]  # where the reference has time for some of them only, the first ones
 
 
 def random_states(solver: Solver, rng: np.random.Generator, most: int = 10 * SEARCHED) -> Iterator[State]:

@@ -45,7 +45,9 @@ def test_the_json_has_machine_points_and_sizes(run):
     (point,) = found["problems"]["cart_pole"]["points"]
     assert point["error"] < 1e-6 and point["seconds"] > 0 and point["ended"] == "finished"
     (row,) = found["problems"]["coiled"]["sizes"]
-    assert row["errors"].keys() == {"udot", "first joint", "middle joint", "all joints", "length", "all speeds"}
+    of_all = {"udot", "first joint", "middle joint", "all joints", "length", "all speeds"}
+    of_each = {f"{words}{i}" for words in ("joint ", "speed of joint ") for i in range(1, 11)}
+    assert row["errors"].keys() == of_all | of_each
     assert row["error"] == max(row["errors"].values()) < 1e-13
     assert row["seconds"].keys() == {"udot", "udot + 8"} and min(row["seconds"].values()) > 0
 
@@ -58,6 +60,19 @@ def test_the_page_names_the_machine_and_has_the_tables(run):
     rows = [line.count("|") for line in text.splitlines() if line.startswith("|")]
     assert len(rows) > 8
     assert page.page_of(run[2]) == text, "the same page from the JSON"
+
+
+def test_long_chains_have_the_worst_of_joints_and_each_column_under_its_head(run):
+    row = run[2]["problems"]["coiled"]["sizes"][0]
+    less = {n: x for n, x in row["errors"].items() if "speed" not in n} | {"joint 7": 0.5}
+    text = page._digits({"a": {"title": "coiled", "source": "s", "sizes": [row]},
+                         "b": {"title": "straight", "source": "s", "sizes": [row | {"errors": less}]}})[1]  # fmt: skip
+    head, _, coiled, straight = (line.split("|") for line in text.splitlines())
+    column = {name.strip(): i for i, name in enumerate(head)}
+    assert straight[column["by any one joint"]].strip() == "5.0e-01"
+    assert straight[column["by all speeds"]].strip() == straight[column["by any one speed"]].strip() == ""
+    speeds = [x for n, x in row["errors"].items() if n.startswith("speed of joint ")]
+    assert len(speeds) == 10 and coiled[column["by any one speed"]].strip() == f"{max(speeds):.1e}"
 
 
 def test_a_run_is_compared_with_itself(run, capsys, monkeypatch):

@@ -17,7 +17,7 @@ MEASURED: dict[str, dict] = {}
 
 @pytest.mark.parametrize("name", [n for n in PROBLEMS if n not in LARGE + ELSEWHERE])
 def test_a_problem_keeps_its_error_at_a_cheap_setting(name, tmp_path, monkeypatch):
-    monkeypatch.setenv("ORDERNM_CFLAGS", "-O0")
+    monkeypatch.setenv("ORDERNM_CFLAGS", "-Og")
     told = []
     result = measure(PROBLEMS[name], tmp_path, True, told.append, budget=0.0)
     assert result["failed"] == []

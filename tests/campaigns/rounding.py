@@ -3,7 +3,8 @@
     python tests/campaigns/rounding.py --draws 60 --chains 10 100 1000
 
 Errors are relative: the largest difference over the largest entry, of udot, and direction by direction of derivatives; figures
-are multiples of 2^-53 = 1.1e-16. Both start from the same doubles, states and constants of the program. Random models and states
+are multiples of 2^-53 = 1.1e-16. What vanishes but for the rounding of the model's own constants (`VANISHING`) has no digits and
+is left out, and counted. Both start from the same doubles, states and constants of the program. Random models and states
 are those of the tests, mechanisms of any condition among them; the NumPy module computes. Of chains every rod has length and
 mass 1/n; the first is horizontal, and the others lie straight or coiled, every joint at 22.5 degrees; speeds are random.
 """
@@ -34,6 +35,8 @@ from codegen.model.errors import ModelError  # noqa: E402
 
 UNIT = 2.0**-53
 DIGITS = 40
+VANISHING = 1e-12
+"""Largest entries below, in parts of udot, or of the square of the speeds for udot itself."""
 FUNCTIONS = ("sensitivities", "gradients")
 
 CHAIN = """
@@ -64,19 +67,24 @@ def errors(
         seeds = {name: rng.uniform(-1, 1, (k, n))}
         values = solver.sensitivities(*state, **seeds)
         expected = exact.sensitivities(*state, **seeds)
-        found["udot"] = [relative(values[0], expected[0])]
-        found[name.replace("d", "udot by ")] = [relative(a, b) for a, b in zip(values[1], expected[1], strict=True)]
+        speeds, of_udot = (max(map(abs, x), default=0) for x in (state[1], expected[0]))
+        found["udot"] = [relative(values[0], expected[0], float(speeds) ** 2)]
+        found[name.replace("d", "udot by ")] = [
+            relative(a, b, float(of_udot)) for a, b in zip(values[1], expected[1], strict=True)
+        ]
     weights = rng.uniform(-1, 1, (k, solver.nu))
     g, g_exact = (s.gradients(*state, weights=weights) for s in (solver, exact))
     for name in ("q", "u", "p"):
         pairs = zip(getattr(g, name), getattr(g_exact, name), strict=True)
-        found[f"gradient by {name}"] = [relative(a, b) for a, b in pairs]
+        found[f"gradient by {name}"] = [relative(a, b, float(of_udot)) for a, b in pairs]
     return found
 
 
-def relative(x: Any, exact: Any) -> float:
-    """Largest difference over largest entry, in multiples of `UNIT`; zero where both are zero."""
+def relative(x: Any, exact: Any, beside: float) -> float:
+    """Largest difference over largest entry, in multiples of `UNIT`; zero where both are zero, NaN where it vanishes."""
     largest, difference = (max(map(abs, y), default=0) for y in (exact, x - exact))
+    if difference > 0 and largest <= VANISHING * beside:
+        return float("nan")
     return float(difference / largest) / UNIT if largest > 0 else float("inf") if difference > 0 else 0.0
 
 
@@ -136,8 +144,11 @@ def main() -> None:
                 of_all.setdefault(what, []).extend(values)
         print(f"\n{name}: {models} models", flush=True)
         for what, values in of_all.items():
-            median, most, worst = np.quantile(values, [0.5, 0.95, 1.0])
-            print(f"| {what} | {median:.2g} | {most:.2g} | {worst:.2g} |", flush=True)
+            median, most, worst = np.nanquantile(values, [0.5, 0.95, 1.0])
+            vanish = int(np.isnan(values).sum())
+            print(
+                f"| {what} | {median:.2g} | {most:.2g} | {worst:.2g} |{f' {vanish} vanish' * (vanish > 0)}", flush=True
+            )
     for n in arguments.chains:
         for name, angle in (("straight", 0.0), ("coiled", np.pi / 8)):
             found = measured(*chain(n, angle), np.random.default_rng(n))

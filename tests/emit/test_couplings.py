@@ -41,7 +41,7 @@ COMPILED = {"rails": "kinds", "platform": "unrolled"}
 )
 def test_generated_is_generic_is_dense(tmp_path: Path, name: str) -> None:
     model, target = by_hand(name).model, "both" if name in COMPILED else "numpy"
-    codegen.generate(model, tmp_path / "mechanism", target, COMPILED.get(name, "auto"))
+    codegen.generate(model, tmp_path / "mechanism", target, COMPILED.get(name, "auto"), compile="all")
     text = (tmp_path / "mechanism" / f"{model.name}_numpy.py").read_text()
     assert ("couplings" in text) == (name in COUPLED)
     solver = codegen.load(tmp_path / "mechanism", "numpy")

@@ -91,7 +91,7 @@ def test_springs_on_trees(tmp_path: Path, seed: int) -> None:
         values = [f"{float(k)!r}*(1 + {name})" for k in rng.uniform(0.5, 2, 3)]
         springs.append(Spring(f"s{n}", *points, *map(expression, values)))
     model = dataclasses.replace(model, loads=tuple(springs))
-    codegen.generate(model, tmp_path / "tree", target="both")
+    codegen.generate(model, tmp_path / "tree", target="both", compile="all")
     found = compare(model, codegen.load(tmp_path / "tree"), DenseEngine(model), rng)
     assert max(found.values()) < 1e-10, found
 

@@ -118,7 +118,7 @@ def test_c_is_generic_is_dense(tmp_path: Path, seed: int, layout: str, elements:
     assert drawn is not None
     if elements:
         drawn = drawn._replace(model=with_random_elements(np.random.default_rng(seed), drawn.model))
-    codegen.generate(drawn.model, tmp_path / "mechanism", target="c", layout=layout)
+    codegen.generate(drawn.model, tmp_path / "mechanism", target="c", layout=layout, compile="all")
     check(drawn, codegen.load(tmp_path / "mechanism"), seed)
 
 

@@ -19,7 +19,7 @@ COMPILED = ("rssr", "rods_on_platform")
 @pytest.mark.parametrize("name", BY_HAND)
 def test_generated_is_generic_is_dense(tmp_path: Path, name: str) -> None:
     drawn = by_hand(name)
-    codegen.generate(drawn.model, tmp_path / "mechanism", target="both" if name in COMPILED else "numpy")
+    codegen.generate(drawn.model, tmp_path / "mechanism", target="both" if name in COMPILED else "numpy", compile="all")
     solver = codegen.load(tmp_path / "mechanism", "numpy")
     check(drawn, solver, 1)
     if name in COMPILED:

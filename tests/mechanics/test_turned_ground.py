@@ -141,7 +141,9 @@ def everything(tmp_path_factory: pytest.TempPathFactory) -> tuple[Model, Path]:
         "accelerations", "sensitivities", "energies", "energy_sensitivities", "outputs", "output_sensitivities",
         "output_gradients",
     )  # fmt: skip
-    return model, codegen.generate(model, tmp_path_factory.mktemp("turned") / "out", "c", functions=functions).folder
+    return model, codegen.generate(
+        model, tmp_path_factory.mktemp("turned") / "out", "c", functions=functions, compile="all"
+    ).folder
 
 
 @pytest.mark.parametrize("target", ["numpy", "c"])

@@ -21,7 +21,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Made]:
         if key not in known:
             model, q, p = draw(*arguments)
             folder = tmp_path_factory.mktemp("motion") / model.name
-            codegen.generate(model, folder, check=False, **options)
+            codegen.generate(model, folder, **({"compile": "all"} | options))  # in one go: most of it is called
             known[key] = Made(codegen.load(folder), model, q, p)
         return known[key]
 

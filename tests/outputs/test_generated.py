@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from comparison import error, seeds_of, worst
 from measured import with_outputs
+from prescribed_models import with_prescribed
 from random_mechanisms import Mechanism, random_mechanism
 from random_models import random_state, random_tree
 
@@ -107,7 +108,9 @@ def test_generated_and_both_engines_agree(
 ) -> None:
     model, state = drawn
     compiled = request.node.callspec.params["drawn"] in COMPILED
-    codegen.generate(model, tmp_path / "measured", "both" if compiled else "numpy", "kinds", functions=CHECKED)
+    codegen.generate(
+        model, tmp_path / "measured", "both" if compiled else "numpy", "kinds", functions=CHECKED, compile="all"
+    )
     for target in ("numpy", "c")[: 1 + compiled]:
         solver = codegen.load(tmp_path / "measured", target)
         check(model, state, solver)
@@ -132,9 +135,11 @@ def test_outputs_of_bodies_run_no_dynamics(tmp_path: Path) -> None:
 def test_every_measure_has_a_value_statements_and_something_drawn() -> None:
     """The registries name the same measures, and what these read there is."""
     assert VALUES.keys() == WRITTEN.keys() == MEASURES.keys()
-    model, _ = tree(TREES[0])
-    assert {o.measure for o in model.outputs} == MEASURES.keys()
-    for o in model.outputs:
+    drawn = tree(TREES[0])[0]
+    outputs = with_prescribed(np.random.default_rng(1), drawn).outputs
+    assert {o.measure for o in drawn.outputs} == MEASURES.keys() - {"driving_force"}
+    assert {o.measure for o in outputs} == MEASURES.keys()
+    for o in outputs:
         measure = WRITTEN[o.measure]
         if isinstance(measure, RecordMeasure):
             assert {*measure.reads, *measure.also(o)} <= QUANTITIES.keys()

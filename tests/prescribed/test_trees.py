@@ -52,7 +52,7 @@ motion:
 def arm(tmp_path_factory):
     model = parse_model(ARM.replace("MOTION", MOTION))
     folder = tmp_path_factory.mktemp("arm")
-    codegen.generate(model, folder / "arm", target="both", compile=False)
+    codegen.generate(model, folder / "arm", target="both", compile="all")
     return model, codegen.load(folder / "arm")
 
 

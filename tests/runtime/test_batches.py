@@ -11,6 +11,7 @@ from random_models import random_seeds, random_state, random_tree
 import codegen
 from codegen.runtime import CompileError
 from codegen.runtime.standalone import batches, closing_together, loops
+from codegen.runtime.standalone.arrays import LONG, all_finite
 from codegen.runtime.standalone.errors import SingularForceError, SingularJointError
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -31,6 +32,29 @@ initial: {q: {cart: 1.0, bob: 1.0}}
 """
 
 FUNCTIONS = ["accelerations", "sensitivities", "energies"]
+
+
+class WithoutProducts(np.ndarray):
+    """An array that asks nothing of BLAS, whose threads make whoever waits for them spin on a busy machine."""
+
+    def dot(self, other):
+        raise AssertionError("a product")
+
+    def __array_ufunc__(self, ufunc, method, *given, **how):
+        assert ufunc is not np.matmul
+        return getattr(ufunc, method)(*(np.asarray(x) for x in given), **how)
+
+
+@pytest.mark.parametrize("count", [1, LONG, LONG + 1, 3 * LONG])
+def test_whether_all_numbers_are_finite(count):
+    x = np.full((count, 2), 1e200)  # their squares are not
+    assert all_finite(x) and all_finite(x[::2])
+    for number in (np.nan, np.inf, -np.inf):
+        for at in (0, count - 1):
+            x[at, 1] = number
+            assert not all_finite(x)
+            x[at, 1] = 1.0
+    assert all_finite(np.ones((LONG + 1, 1)).view(WithoutProducts))
 
 
 def model_of(name):

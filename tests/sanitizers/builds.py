@@ -35,18 +35,23 @@ class Build:
     def __str__(self) -> str:
         return " ".join([self.compiler, *self.flags])
 
-    @functools.cached_property
+    @property
     def missing(self) -> str:
         """What this machine lacks for it, and how to get it; nothing if it works."""
-        if not shutil.which(self.compiler):
-            return f"{self.compiler} is not installed (Debian: apt-get install {self.compiler})"
-        with tempfile.TemporaryDirectory() as folder:
-            source = Path(folder, "empty.c")
-            source.write_text("int main(void) { return 0; }\n")
-            command = [self.compiler, *self.flags, str(source), "-o", str(source.with_suffix(""))]
-            works = _runs(command) and _runs([str(source.with_suffix(""))])
-        sanitizers = "libasan8, libubsan1" if self.compiler == "gcc" else "libclang-rt-dev"
-        return "" if works else f"{self} makes no program that runs; its run time may be missing (Debian: {sanitizers})"
+        return _missing(self)
+
+
+@functools.cache  # of a process, which gets a copy of the build with each package
+def _missing(build: Build) -> str:
+    if not shutil.which(build.compiler):
+        return f"{build.compiler} is not installed (Debian: apt-get install {build.compiler})"
+    with tempfile.TemporaryDirectory() as folder:
+        source = Path(folder, "empty.c")
+        source.write_text("int main(void) { return 0; }\n")
+        command = [build.compiler, *build.flags, str(source), "-o", str(source.with_suffix(""))]
+        works = _runs(command) and _runs([str(source.with_suffix(""))])
+    sanitizers = "libasan8, libubsan1" if build.compiler == "gcc" else "libclang-rt-dev"
+    return "" if works else f"{build} makes no program that runs; its run time may be missing (Debian: {sanitizers})"
 
 
 def _runs(command: list[str]) -> bool:

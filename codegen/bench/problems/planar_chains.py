@@ -14,7 +14,7 @@ import numpy as np
 
 from .. import planar_chain
 from ..dual import cosine, sine
-from ..problem import Evaluation, Family, Reference
+from ..problem import JOINT, SPEED, Evaluation, Family, Reference
 from .families import DIGITS, along
 
 TEXT = """\
@@ -33,6 +33,8 @@ bodies:
 """
 DIRECTIONS = ("first joint", "middle joint", "all joints", "length", "all speeds")
 """A straight chain that turns as one has no derivative by its speeds."""
+ALL_TO, SOME = 100, 20
+"""Rods up to which every joint has a direction of its own, by its angle and by its speed; of longer chains so many have."""
 
 
 def planar(n: int, first: float, others: float) -> Evaluation:
@@ -40,12 +42,19 @@ def planar(n: int, first: float, others: float) -> Evaluation:
     k = np.arange(1, n + 1)
     q, u = np.full(n, others), 0.2 * np.cos(k)
     q[0] = first
-    names = DIRECTIONS if others else DIRECTIONS[:-1]
+    names = list(DIRECTIONS if others else DIRECTIONS[:-1])
+    each = np.arange(n) if n <= ALL_TO else np.linspace(0, n - 1, SOME).astype(int)
+    first_joint = len(names)
+    names += [f"{JOINT}{i + 1}" for i in each]
+    first_speed = len(names)
+    names += [f"{SPEED}{i + 1}" for i in each] if others else []
     dq, du, dp = np.zeros((len(names), n)), np.zeros((len(names), n)), np.zeros((len(names), 1))
+    dq[first_joint + np.arange(len(each)), each] = 1.0
     dq[0, 0] = dq[1, n // 2] = dp[3] = 1.0
     dq[2] = np.sin(2.0 * k)
     if others:
         du[4] = np.cos(3.0 * k)
+        du[first_speed + np.arange(len(each)), each] = 1.0
 
     def rates(q: Sequence[Any], u: Sequence[Any], length: Any) -> list[Any]:
         mass = 1 / mpmath.mpf(n)
@@ -54,7 +63,7 @@ def planar(n: int, first: float, others: float) -> Evaluation:
     def reference() -> Reference:
         return along(rates, q, u, 1.0, dq, du, dp)
 
-    return Evaluation(TEXT.format(n=n), q, u, dq, du, dp, reference, names)
+    return Evaluation(TEXT.format(n=n), q, u, dq, du, dp, reference, tuple(names))
 
 
 def straight(n: int) -> Evaluation:

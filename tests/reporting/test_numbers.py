@@ -1,0 +1,215 @@
+"""The numbers of a report are the solver's own: report.json is computed once more, from the model and the states in it."""
+
+import json
+from pathlib import Path
+
+import mpmath
+import numpy as np
+import pytest
+
+import codegen
+from codegen.reference import RecursiveEngine
+from codegen.reporting import Request, figures, motions, report
+from codegen.reporting.errors import DIGITS
+
+pytest.importorskip("matplotlib", reason="reports draw figures; the extra plot installs matplotlib")
+
+MODEL = Path(__file__).parents[2] / "examples" / "slider_crank.yaml"
+END = 0.4
+
+
+@pytest.fixture(scope="module")
+def numbers(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("report") / "report"
+    report(MODEL, folder, request=Request(end=END, timing=0.005, reference=300.0))
+    return json.loads((folder / "report.json").read_text())
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    return codegen.generate(MODEL, tmp_path_factory.mktemp("solver") / "package", check=False)
+
+
+@pytest.fixture(scope="module")
+def solver(made):
+    """Compiled as the report's was."""
+    return codegen.load(made.folder)
+
+
+def at(state):
+    return np.array(state["q"]), np.array(state["u"]), None, np.array(state["inputs"]), state["t"]
+
+
+def largest(x):
+    return max(abs(e) for e in np.ravel(x))
+
+
+def error(x, exact):
+    difference = [mpmath.mpf(float(a)) - e for a, e in zip(np.ravel(x), np.ravel(exact), strict=True)]
+    return float(largest(difference) / largest(exact))
+
+
+def test_what_was_generated(numbers, made, solver):
+    model, found = codegen.load_model(MODEL), numbers["generated"]
+    assert found["operations"] == solver.operations
+    assert found["freedoms"] == len(solver.independent_speed_names)
+    counts = (
+        len(model.bodies),
+        len(model.loops),
+        solver.nq,
+        solver.nu,
+        solver.np,
+        solver.ninputs,
+        len(solver.output_names),
+    )
+    names = ("bodies", "loops", "coordinates", "speeds", "parameters", "inputs", "outputs")
+    assert tuple(found[n] for n in names) == counts
+    assert (found["kinds"], found["layout"], found["links"]) == (made.kinds, made.layout, made.links)
+    sources = [p for p in Path(made.folder).rglob("*") if p.suffix in (".c", ".h") and p.parent.name != "motion"]
+    assert found["code_bytes"] == sum(p.stat().st_size for p in sources)
+    assert found["code_lines"] == sum(len(p.read_text().splitlines()) for p in sources)
+    assert found["seconds"]["read"] > 1e-4  # a model file is not read in no time
+
+
+def test_states_are_closed_and_have_the_condition_that_is_said(numbers, solver):
+    assert len(numbers["states"]) >= 5
+    for state in numbers["states"]:
+        q, u, _, inputs, t = at(state)
+        assert np.abs(np.concatenate([np.ravel(g) for g in solver.closure(q, u)])).max() < 1e-6
+        condition = max(c.condition for c in solver.diagnose(q, u, None, inputs, t).closures)
+        assert state["condition"] == pytest.approx(condition, rel=1e-9)
+
+
+def test_errors_and_estimates(numbers, solver):
+    """In all digits: the compiled code is the same, and so is what it is compared with."""
+    model = codegen.load_model(MODEL)
+    engine = RecursiveEngine(model, numbers="mpmath")
+    record, state = numbers["errors"][1], numbers["states"][1]
+    assert record["state"] == state["name"]
+    seeds = np.eye(solver.np)
+    udot, dudot = solver.sensitivities(*at(state), dp=seeds)
+    trusted = solver.diagnose(*at(state), dp=seeds)
+    with mpmath.workdps(DIGITS):
+        exact, dexact = engine.sensitivities(*at(state), dp=seeds)
+        assert record["udot"] == pytest.approx(error(udot, exact), rel=1e-9)
+        assert record["estimate"] == pytest.approx(trusted.udot_error.max() / float(largest(exact)), rel=1e-9)
+        for i, name in enumerate(model.parameter_names):
+            natural = float(largest(exact)) / abs(solver.parameters[i])
+            vanishes = largest(dexact[i]) <= 1e-12 * natural
+            assert (name in record["vanish"]) == vanishes
+            size = natural if vanishes else float(largest(dexact[i]))
+            difference = float(largest([mpmath.mpf(float(a)) - e for a, e in zip(dudot[i], dexact[i], strict=True)]))
+            assert record["derivatives"][name] == pytest.approx(difference / size, rel=1e-9)
+            assert record["estimates"][name] == pytest.approx(trusted.dudot_error[i].max() / size, rel=1e-9)
+
+
+def test_jacobians_and_gradient_of_the_first_state(numbers, solver):
+    engine = RecursiveEngine(codegen.load_model(MODEL), numbers="mpmath")
+    state = at(numbers["states"][0])
+    found = solver.jacobians(*state)
+    weights = np.random.default_rng(3).normal(size=solver.nu)
+    gradients = solver.gradients(*state, weights=weights)
+    columns, parts = [], []
+    with mpmath.workdps(DIGITS):
+        exact = engine.jacobians(*state)
+        for part in ("q", "u", "p", "t"):
+            a, b = (np.asarray(getattr(x, part)).reshape(solver.nu, -1) for x in (found, exact))
+            columns += [error(x, y) for x, y in zip(a.T, b.T, strict=True) if largest(y) > 1e-9]
+            if largest(b) > 0:
+                whole = [sum(mpmath.mpf(float(w)) * x for w, x in zip(weights, column, strict=True)) for column in b.T]
+                parts.append(error(getattr(gradients, part), whole))
+    assert numbers["errors"][0]["jacobians"] == pytest.approx(max(columns), rel=1e-9)
+    assert numbers["errors"][0]["gradient"] == pytest.approx(max(parts), rel=1e-9)
+
+
+def test_finite_differences(numbers, solver):
+    found, state = numbers["differences"], at(numbers["states"][0])
+    i = solver.parameter_names.index(found["by"])
+    q, u, _, inputs, t = state
+    derivative = solver.sensitivities(*state, dp=np.eye(solver.np)[i : i + 1])[1][0]
+
+    def udot(h):
+        p = solver.parameters + h * np.eye(solver.np)[i]
+        return solver.accelerations(solver.assemble(q, u, p)[0], u, p, inputs, t)
+
+    for n in (14, 20, 28):
+        h = found["steps"][n]
+        for kind, quotient in (("forward", (udot(h) - udot(0)) / h), ("central", (udot(h) - udot(-h)) / (2 * h))):
+            assert found[kind][n] == pytest.approx(largest(quotient - derivative) / largest(derivative), rel=1e-3)
+    assert found["exact"] == numbers["errors"][0]["derivatives"][found["by"]]
+
+
+def test_motions(numbers, solver):
+    found = numbers["motions"]
+    names = found["sensitivities"]
+    assert found["end"] == END and found["choices"] == 1
+
+    def moved(method, tolerance):
+        return solver.simulate([0.0, END], sensitivities=names, method=method, rtol=tolerance, atol=tolerance,
+                               atol_sensitivities=tolerance)  # fmt: skip
+
+    best = moved("dop853", 1e-13)
+    for method in ("dop853", "radau"):
+        for i in (0, 2):
+            point = found["methods"][method][i]
+            x = moved(method, point["setting"])
+            assert point["evaluations"] == x.stats["evaluations"]
+            parts = [largest(a[-1] - b[-1]) / largest(b[-1]) for a, b in ((x.q, best.q), (x.u, best.u))]
+            assert point["error"] == pytest.approx(max(parts), rel=1e-6, abs=1e-14)
+            pairs = [(a[k, -1], b[k, -1]) for a, b in ((x.dq, best.dq), (x.du, best.du)) for k in range(len(names))]
+            along = [largest(a - b) / largest(b) for a, b in pairs if largest(b)]
+            assert point["sensitivity_error"] == pytest.approx(max(along), rel=1e-6, abs=1e-13)
+            assert 0 < point["seconds"] <= point["seconds_high"]
+
+
+def test_where_the_last_digits_are_not_to_be_had_the_reference_is_looser(solver, monkeypatch):
+    """No diagram against a motion that never came to its end."""
+    counts = {t: solver.simulate(END, method="dop853", rtol=t, atol=t).stats for t in (1e-13, 1e-12)}
+    steps = {t: c["steps"] + c["rejected"] for t, c in counts.items()}
+    assert steps[1e-12] < steps[1e-13]
+    monkeypatch.setattr(motions, "_most_steps", lambda *_: steps[1e-12])
+    monkeypatch.setattr(motions, "MOST_SENSITIVITIES", 0)
+    monkeypatch.setattr(motions, "ROUNDS", 1)
+    found = motions.motions(codegen.load_model(MODEL), solver, END, [], lambda partitions: solver)
+    assert found["reference"] == "dop853 at 1e-12" and 0 < found["reference_error"] < 1e-9
+    assert min(p["setting"] for p in found["methods"]["dop853"]) == pytest.approx(1e-11)
+    monkeypatch.setattr(motions, "_most_steps", lambda *_: 1)
+    left_out = []
+    assert motions.motions(codegen.load_model(MODEL), solver, END, left_out, lambda partitions: solver) is None
+    assert [s.what for s in left_out] == ["motions"] and "steps" in left_out[0].why
+
+
+def test_a_motion_of_which_nothing_is_known_is_halved_and_its_empty_diagram_drawn(solver, monkeypatch):
+    """As chaotic ones are; what the error of the reference is stands for that here."""
+    judged = motions._errors
+    chaotic = 0.6 * END
+    monkeypatch.setattr(motions, "_errors", lambda x, y, v: (1.5, 2e4) if y.t[-1] > chaotic else judged(x, y, v))
+    monkeypatch.setattr(motions, "MOST_SENSITIVITIES", 1)
+    monkeypatch.setattr(motions, "ROUNDS", 1)
+    found = motions.motions(codegen.load_model(MODEL), solver, END, [], lambda partitions: solver)
+    assert found["end"] == END / 2 and found["asked"] == END and "differ by 2e+04" in found["ended"]
+    assert found["reference_error"] < 1e-9
+    drawn = figures.work_precision(found)
+    empty = figures.work_precision(found | {"methods": {name: [] for name in found["methods"]}})
+    assert drawn.startswith("<svg") and empty.startswith("<svg") and len(empty) < len(drawn)
+
+
+def test_conditions_along_the_motion(numbers, solver):
+    found = numbers["motions"]["conditions"]
+    x = solver.simulate(np.array(found["t"]), rtol=1e-9, atol=1e-9)
+    for n in (0, 77, 200):
+        here = solver.diagnose(x.q[n], x.u[n], t=x.t[n])
+        assert found["closures"][n] == pytest.approx(max(c.condition for c in here.closures), rel=1e-6)
+        assert found["mass_matrix"][n] == pytest.approx(here.mass.condition, rel=1e-6)
+
+
+def test_the_roofline_counts_what_a_call_takes(numbers, solver):
+    for point, function, k in zip(
+        numbers["roofline"]["points"], ("accelerations", *2 * ("sensitivities",)), (0, 1, 8), strict=True
+    ):
+        sweeps = solver.operations[function].values()
+        count = sum(sum(s["per_call"].values()) + k * sum(s["per_direction"].values()) for s in sweeps)
+        assert point["operations"] == count
+        assert point["per_second"] == pytest.approx(
+            count / numbers["times"]["functions"][point["name"]]["compiled"]["least"]
+        )
