@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from .model.expressions import Expression
+from .loops.wording import loops_counted
+from .model.expressions import Expression, combine
 from .model.forces import ForceElement
-from .model.model import GROUND, Body, Face, Model, Output, Point, Vector
+from .model.model import GROUND, Body, Coupling, Face, Model, Output, Point, Vector, joint_coordinates
 from .model.outputs import MEASURES
 from .summary import counted
 
@@ -56,7 +58,7 @@ class _Listing:
             counted(model.nu, "speed"),
         ]
         if model.loops:
-            sizes.append(counted(len(model.loops), "loop"))
+            sizes.append(loops_counted(model))
         lines = [f"{model.name}: {', '.join(sizes)}"]
         gravity = f"{self.vector(model.gravity)} m/s^2" if model.gravity else "none"
         lines.append(f"  gravity: {gravity}")
@@ -69,8 +71,10 @@ class _Listing:
             [
                 f"{loop.name}: {loop.type}{self.axes(loop.axes)} from {self.face(loop.start)} to {self.face(loop.end)}"
                 for loop in model.loops
+                if not loop.terms
             ],
         )
+        lines += self.section("coupling", [self.coupling(x) for x in model.loops if isinstance(x, Coupling)])
         lines += self.section(
             "force",
             [f"{f.name}: on joint {names(f.body)}: {', '.join(self.long(v) for v in f.values)}" for f in model.forces],
@@ -106,6 +110,20 @@ class _Listing:
 
     def initial(self, values: Mapping[str, Expression]) -> list[str]:
         return [f"{name} = {self.long(value)}" for name, value in values.items()]
+
+    def coupling(self, x: Coupling) -> str:
+        """``gear: wheel = -(z1/z2) crank + 0.1``."""
+        names = [
+            joint_coordinates(self.name(t.body), self.model.bodies[t.body].joint.type)[0][t.index] for t in x.terms
+        ]
+        text = ""
+        for name, term in zip(names[1:], x.terms[1:], strict=True):
+            ratio = self.long(Expression(combine("neg", term.factor.tree)))
+            sign, size = ("-", ratio[1:]) if re.fullmatch(r"-[\w.]+", ratio) else ("+", ratio)
+            size = "" if size == "1" else f"{size} " if re.fullmatch(r"[\w.]+", size) else f"({size}) "
+            text += f" {sign} {size}{name}" if text or sign == "-" else f" {size}{name}"
+        offset = "" if x.offset.tree == ("number", 0) else f" + {self.long(x.offset)}"
+        return f"{x.name}: {names[0]} ={text}{offset}"
 
     def output(self, o: Output) -> str:
         return MEASURES[o.measure].words(o, self)

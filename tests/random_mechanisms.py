@@ -409,6 +409,7 @@ class Poses:
         engine = DenseEngine(tree)
         state = engine._arguments(q, None, p, None, 0.0)
         self.q, self.pairs, self.u = q, state.pairs, state.u
+        self.coordinates, self.slices = state.q, tree.coordinate_slices
         self.frames, self.freedoms = engine._motion(state)
 
     def jacobian(self, loops: tuple[Loop, ...], lengths: tuple[float, ...] | None = None) -> Array:
@@ -416,7 +417,8 @@ class Poses:
         if not loops:
             return np.zeros((0, len(self.u.value)))
         lengths = lengths or (1.0,) * len(loops)
-        return conditions(self.pairs, loops, lengths, self.frames, self.freedoms, self.u, self.defaults).jacobian.value
+        at = self.pairs, loops, lengths, self.frames, self.freedoms, self.coordinates, self.u, self.slices
+        return conditions(*at, self.defaults).jacobian.value
 
 
 def loop_bodies(model: Model, start: int, end: int) -> tuple[list[int], list[int]]:

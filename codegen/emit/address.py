@@ -59,7 +59,7 @@ from ..mechanics.structure.folded import Folded
 from ..mechanics.structure.kinds import EarKind, RegionKind, UnitKind
 from ..mechanics.structure.owners import owner_links
 from ..mechanics.sweeps import SWEEP
-from ..model.model import CLOSURE_ROWS, GROUND
+from ..model.model import GROUND, closure_row_names
 from ..program.store import Owner, Store
 from .memory import IndexTable, Layout
 
@@ -217,7 +217,7 @@ class Addresses:
         found, at = [], 0
         for loop in self.system.model.loops:
             found.append(at)
-            at += sum(CLOSURE_ROWS[loop.type])
+            at += len(closure_row_names(loop))
         return found
 
     def _row(self, kind: UnitKind, sweep: str, store: Store, near: bool) -> Row:

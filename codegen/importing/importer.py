@@ -22,7 +22,7 @@ from .mass import FIXED, check_finite, check_inertias, fix_massless
 from .naming import model_name, names_a_model, names_for
 from .parameters import Parameters, requested_words
 from .placement import exact_sum
-from .robot import Robot
+from .robot import Coupling, Robot
 from .side_file import SideFile, read_side_file
 from .words import number, one_line, wrapped
 from .writing import ModelWriter
@@ -30,6 +30,9 @@ from .xml_reading import Element, parse_xml, read_robot_file
 
 FORMATS: Final = {"robot": "URDF", "mujoco": "MJCF", "sdf": "SDF"}
 """Formats by the root of their files."""
+
+SINGLE: Final = ("revolute", "prismatic", "screw")
+"""Types of joints with one coordinate."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -220,8 +223,9 @@ def imported(robot: Robot, options: Options, source: str) -> Imported:
     problems: list[Problem] = []
     names = names_for(robot.links)
     side = read_side_file(options.loops, robot, names) if options.loops is not None else SideFile()
-    held = {link for closing in robot.closings for link, _ in (closing.start, closing.end)} | side.links
     problems += _mimic(robot, options)
+    held = {link for closing in robot.closings for link, _ in (closing.start, closing.end)} | side.links
+    held |= {robot.joints[name].child for c in robot.couplings for name in (c.joint, c.of)}
     problems += fix_massless(robot, held, options.repair)
     bodies = merged_bodies(robot, options.keep_fixed, side.links)
     if not bodies.all:
@@ -253,25 +257,38 @@ def imported(robot: Robot, options: Options, source: str) -> Imported:
 
 
 def _mimic(robot: Robot, options: Options) -> list[Problem]:
-    """What becomes of joints that follow others."""
-    found = []
+    """Joints that follow others, as far as they can be couplings; what is wrong with the rest, unless it is left out."""
+    found, kept = [], []
     for coupling in robot.couplings:
         what = f"joint {shortened(coupling.joint)} {coupling.unreadable or f'follows {shortened(coupling.of)}'}"
         if options.free_mimic:
             kind = "gears" if coupling.unreadable else "<mimic>"
             robot.leave_out(kind, coupling.place.line, "the joints are independent, --free-mimic")
-        elif coupling.unreadable:
-            found.append(coupling.place.problem(f"{what}, which is not read; --free-mimic leaves it out"))
-        elif coupling.of not in robot.joints:
-            found.append(coupling.place.problem(f"{what}, which is no joint of this file; name one of it"))
+        elif coupling.joint in robot.joints and robot.joints[coupling.joint].type == "fixed":
+            robot.leave_out("<mimic> of a fixed joint", coupling.place.line)
+        elif why := _why_no_coupling(robot, coupling):
+            found.append(coupling.place.problem(f"{what}, {why}"))
         else:
-            found.append(
-                coupling.place.problem(
-                    f"{what}, which model files cannot say yet; --free-mimic leaves such joints independent"
-                )
-            )
-    robot.couplings = []
+            kept.append(coupling)
+    robot.couplings = kept
     return found
+
+
+def _why_no_coupling(robot: Robot, coupling: Coupling) -> str:
+    """What keeps a joint from following another, and what to do; nothing if it can."""
+    if coupling.unreadable:
+        return "which is not read; --free-mimic leaves it out"
+    if coupling.of not in robot.joints:
+        return "which is no joint of this file; name one of it"
+    if coupling.of == coupling.joint:
+        return "which is the joint itself; name another one"
+    if coupling.ratio == 0:
+        return "with a multiplier of 0, so that it stands still; make it a fixed joint"
+    for name in (coupling.joint, coupling.of):
+        if robot.joints[name].type not in SINGLE:
+            is_what = f"joint {shortened(name)} is {robot.joints[name].type}"
+            return f"but {is_what}, and {', '.join(SINGLE)} joints can follow each other; --free-mimic leaves it out"
+    return ""
 
 
 def _head(robot: Robot, bodies: Bodies, names: Mapping[str, str], source: str) -> list[str]:

@@ -257,6 +257,7 @@ class _Reader:
             self.problems.append(place.problem(f"{what} follows {shortened(self.joint_names[second])} {by}"))
         else:
             names = self.joint_names[first], self.joint_names[second]
+            self.robot.leave_out("softness of <equality>", place.line, "loops are closed exactly: no solref, no solimp")
             self.robot.couplings.append(Coupling(name, place, *names, float(data[1]), float(data[0])))
 
     def leave_out(self) -> None:

@@ -8,6 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from .bodies import Bodies, ImportedBody
+from .naming import free_name, made_name
 from .parameters import Parameters
 from .placement import Placement, Three
 from .robot import WORLD, Closing, Robot, Solid
@@ -72,6 +73,7 @@ class ModelWriter:
             ("bodies", bodies),
             ("points", self.points()),
             ("loops", [line for closing in self.robot.closings for line in self.closing(closing)]),
+            ("couplings", self.couplings()),
             ("forces", forces),
             ("initial", self.initial()),
         ]
@@ -147,6 +149,24 @@ class ModelWriter:
             holder, place = self.bodies.holders[link]
             face = place @ frame
             lines.append(f"  {key}: {{{', '.join([f'body: {self.names[holder]}', *_place_keys(face)])}}}")
+        return lines
+
+    def couplings(self) -> list[str]:
+        """Joints that follow others."""
+        lines: list[str] = []
+        used = {*self.names.values(), *(closing.name for closing in self.robot.closings)}
+        for coupling in self.robot.couplings:
+            joint, other = (self.robot.joints[name] for name in (coupling.joint, coupling.of))
+            own, followed = self.names[joint.child], self.names[other.child]
+            name = free_name(made_name(coupling.name) if coupling.name != coupling.joint else f"{own}_mimic", used)
+            used.add(name)
+            ratio = "" if coupling.ratio == 1 else number(coupling.ratio)
+            keys = [f"joint: {own}", f"follows: {{{followed}: {ratio}}}" if ratio else f"follows: {followed}"]
+            if coupling.offset:
+                keys.append(
+                    f"offset: {number(coupling.offset) if joint.type == 'prismatic' else angle(coupling.offset)}"
+                )
+            lines.append(f"{name}: {{{', '.join(keys)}}}")
         return lines
 
     def forces(self) -> tuple[list[str], list[str]]:

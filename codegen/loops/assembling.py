@@ -121,7 +121,7 @@ def assembled(geometry: Geometry, partition: Partition, q: Array, nearly: bool =
 def is_closed(geometry: Geometry, q: Array) -> bool:
     """Whether all loops are closed to rounding at coordinates ``(1, nq + 1)``."""
     cuts = Cuts(geometry, range(len(geometry.starts)))
-    residual = np.max(np.abs(cuts.place(cuts.faces(body_frames(geometry, q)))), axis=2)
+    residual = np.max(np.abs(cuts.place(cuts.faces(body_frames(geometry, q)), q)), axis=2)
     reach = np.linalg.norm(cuts.point, axis=2) / geometry.lengths
     return bool(np.all(residual <= 4 * ROUNDING * (1 + reach)))
 
@@ -343,6 +343,14 @@ def open_loop(ring: Ring, outcome: Outcome, movable: Array) -> AssemblyError:
         advice = (
             "links may be too short or too long, or the other coordinates too far off: check lengths and axes, and the "
             "values under `initial`"
+        )
+    if loop.terms:
+        missed = abs(mine[0][0])
+        return AssemblyError(
+            f"coupling {loop.name}{together} cannot be met: {missed:.3g} is left of its condition after moving "
+            f"{listed(moved) or 'nothing'}; check its ratios and offset, and the values under `initial`",
+            loop.name,
+            outcome.residual,
         )
     return AssemblyError(
         f"loop {loop.name} ({loop.type} joint between {ends[0]} and {ends[1]}){together} cannot be closed: "

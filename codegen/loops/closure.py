@@ -13,6 +13,7 @@ unturned  m . r, r twice the vector of the relative     m . w
           rotation's unit quaternion, abs(r) =
           2 sin(t/2), t the angle of the rotation
 universal a_end . a_start                               w . (a_end x a_start)
+coupling  sum of factor q - offset                      the factors, of the speeds themselves
 ========= ============================================= ==============================================================
 
 A sine would vanish at half a turn too, where a revolute or fixed joint is closed the wrong way round; 2 sin(t/2) grows up
@@ -32,6 +33,9 @@ from .vectors import Array, cross, turn
 
 Frames = tuple[Array, Array]
 """Rotations (body into base components) ``(S, n, 3, 3)`` and origins ``(S, n, 3)``, m."""
+
+COUPLED = 3
+"""The row of a coupling among the six of a loop."""
 
 HALF_TURN = 1e-12
 """1 + cos below which the direction of the way back from half a turn is arbitrary."""
@@ -66,9 +70,10 @@ def closure(
         geometry.lengths = np.asarray(lengths, dtype=float)
     q, cuts = padded(q), Cuts(geometry, range(len(model.loops)), geometry.rows)
     frames = body_frames(geometry, q)
-    position = cuts.place(cuts.faces(frames))
-    w, v = body_twists(geometry, q, frames, np.asarray(u, dtype=float)[None, :, None])
-    rates = cuts.difference(frames[1], w, v)
+    position = cuts.place(cuts.faces(frames), q)
+    speeds = np.asarray(u, dtype=float)[None, :, None]
+    w, v = body_twists(geometry, q, frames, speeds)
+    rates = cuts.difference(frames[1], w, v, speeds)
     return cuts.kept(position)[0], cuts.kept(rates)[0, :, 0]
 
 
@@ -93,14 +98,14 @@ def closure_matrix(
         geometry.lengths[loop] = length
     q, cuts = padded(q), Cuts(geometry, [loop])
     frames = body_frames(geometry, q)
-    cuts.place(cuts.faces(frames))
+    cuts.place(cuts.faces(frames), q)
     sides = [[s for k in reversed(side) for s in geometry.speeds[k]] for side in geometry.cycle(loop)]
     speeds = [*sides[0], *sides[1]]
     w, v = ground_screws(geometry, q, frames)
     o = frames[1][:, geometry.speed_body[speeds]]
     sign = np.array([[-1.0] * len(sides[0]) + [1.0] * len(sides[1])])
     at_cut = cuts.at_cut(w[:, speeds], v[:, speeds], o)
-    return tuple(speeds), cuts.matrix(w[:, speeds], at_cut, sign)[0]
+    return tuple(speeds), cuts.matrix(w[:, speeds], at_cut, sign, speeds)[0]
 
 
 # --- kinematics of all bodies -------------------------------------------------------------------------------------------
@@ -192,6 +197,7 @@ class Cuts:
         self.linear = g.linear[i] / g.lengths[i, None, None]
         self.angular, self.axis, self.end_axis = g.angular[i], g.axis[i], g.end_axis[i]
         self.whole, self.perpendicular = np.flatnonzero(g.is_whole_turn[i]), np.flatnonzero(g.is_perpendicular[i])
+        self.couplings = [(n, g.couplings[j]) for n, j in enumerate(self.loops) if j in g.couplings]
         self.row_index = np.array([6 * j + r for j, k in enumerate(self.loops) for r in rows[k]], dtype=int)
 
     def kept(self, six: Array) -> Array:
@@ -207,7 +213,7 @@ class Cuts:
             result += [C @ self.face_R[side], o[:, bodies] + turn(C, self.face_at[side])]
         return result[0], result[1], result[2], result[3]
 
-    def place(self, faces: tuple[Array, Array, Array, Array]) -> Array:
+    def place(self, faces: tuple[Array, Array, Array, Array], q: Array) -> Array:
         """Position residuals ``(S, l, 6)``; keeps where the cuts and how their conditions stand, for what follows."""
         C_s, x_s, C_e, x_e = faces
         back = np.swapaxes(C_s, -1, -2)
@@ -222,6 +228,8 @@ class Cuts:
             b = turn(R[:, self.perpendicular], self.end_axis[self.perpendicular])
             residual[:, self.perpendicular, 3] = np.sum(a * b, axis=-1)
             self.m[:, self.perpendicular, 0] = turn(C_s[:, self.perpendicular], cross(b, a))
+        for n, coupled in self.couplings:
+            residual[:, n, COUPLED] = coupled.open(q)
         return residual
 
     def _rotations(self, R: Array) -> Array:
@@ -240,7 +248,7 @@ class Cuts:
         """Velocities at the cuts ``(S, l, f, 3)`` of screws w, v about points o, base frame, ``(S, f, 3)`` each."""
         return v[:, None] + cross(w[:, None], self.point[:, :, None] - o[:, None])
 
-    def matrix(self, w: Array, at_cut: Array, sign: Array) -> Array:
+    def matrix(self, w: Array, at_cut: Array, sign: Array, speeds: Sequence[int] | Array) -> Array:
         """The closure matrix of f speeds, ``(S, rows, f)``.
 
         Parameters
@@ -251,21 +259,32 @@ class Cuts:
             Their velocities at the cuts.
         sign : (l, f) array
             1 on the end side of a loop, -1 on its start side, 0 where it does not pass the joint.
+        speeds : (f,)
+            Which speeds they are.
         """
         E = np.empty((len(w), len(self.loops), 6, w.shape[1]))
         E[:, :, :3] = self.n @ np.swapaxes(at_cut, -1, -2)
         E[:, :, 3:] = self.m @ np.swapaxes(w, -1, -2)[:, None]
         E *= sign[:, None]
+        for n, coupled in self.couplings:
+            for s, factor in zip(coupled.speeds, coupled.factors, strict=True):
+                E[:, n, COUPLED, np.asarray(speeds) == s] = factor
         return self.kept(E)
 
     def conditions(self, w: Array, v: Array) -> Array:
         """The rows' values ``(S, l, 6, K)`` for relative twists w, v ``(S, l, 3, K)`` at the cuts."""
         return np.concatenate([self.n @ v, self.m @ w], axis=-2)
 
-    def difference(self, o: Array, w: Array, v: Array) -> Array:
-        """Velocity residuals ``(S, l, 6, K)`` from the motion of all bodies: origins ``(S, n, 3)``, twists ``(S, n, 3, K)``."""
+    def difference(self, o: Array, w: Array, v: Array, u: Array) -> Array:
+        """Velocity residuals ``(S, l, 6, K)`` from the motion of all bodies: origins ``(S, n, 3)``, twists ``(S, n, 3, K)``.
+
+        Speeds are ``u (S, nu, K)``.
+        """
         at = [shifted(w[:, b], v[:, b], self.point - o[:, b]) for b in (self.starts, self.ends)]
-        return self.conditions(w[:, self.ends] - w[:, self.starts], at[1] - at[0])
+        found = self.conditions(w[:, self.ends] - w[:, self.starts], at[1] - at[0])
+        for n, coupled in self.couplings:
+            found[:, n, COUPLED] = np.einsum("t,stk->sk", coupled.factors, u[:, coupled.speeds])
+        return found
 
 
 def quaternion_vector(R: Array) -> Array:

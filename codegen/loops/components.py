@@ -27,6 +27,8 @@ def components(geometry: Geometry) -> list[list[int]]:
         return i
 
     for i, (start, end) in enumerate(zip(geometry.starts, geometry.ends, strict=True)):
+        if i in geometry.couplings:
+            continue
         a, b = carrier[start], carrier[end]
         touched: set[int] = set()
         while a != b:
@@ -42,6 +44,9 @@ def components(geometry: Geometry) -> list[list[int]]:
         base[i] = min([a, *(base[c] for c in touched)], key=depth.__getitem__)
         for c in touched:
             joined[c] = i
+    for i, coupled in geometry.couplings.items():  # of joints that need not be connected, so they come last
+        for k in coupled.bodies:
+            joined[find(owner.setdefault(k, i))] = i
     found: dict[int, list[int]] = {}
     for i in range(len(joined)):
         found.setdefault(find(i), []).append(i)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ..model.model import Model
 from .ears import Ear, Partition
-from .wording import listed
+from .wording import listed, loops_counted
 
 LINES = 12
 """More ears than this are not listed one by one: equal ones share a line."""
@@ -16,7 +16,7 @@ def describe(model: Model, partition: Partition) -> list[str]:
         return []
     ears, names = partition.ears, model.speed_names
     rows, rank = sum(ear.rows for ear in ears), sum(ear.rank for ear in ears)
-    count = f"{len(model.loops)} loop{'s' * (len(model.loops) > 1)}"
+    count = loops_counted(model)
     if clusters := sum(len(ear.loops) > 1 for ear in ears):
         count += f" ({clusters} cluster{'s' * (clusters > 1)})"
     freedoms = len(partition.independent)
@@ -95,6 +95,8 @@ def _line(model: Model, ears: list[Ear]) -> str:
         text += f" and {len(ears) - 1} alike, the last {names[1]}"
     dependent = listed([model.speed_names[s] for s in first.dependent]) or "no speeds"
     worst = max(ear.condition for ear in ears)
+    if len(ears) == 1 and all(model.loops[i].terms for i in first.loops):
+        return f"  {text}: {dependent} dependent"
     redundant = f", {first.redundant} redundant" if first.redundant else ""
     return (
         f"  {text}: {dependent} dependent{' (of the first)' * (len(ears) > 1)}; rank {first.rank} of {first.rows} "

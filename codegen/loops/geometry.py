@@ -7,11 +7,12 @@ first axis. The ground is a body too, the last one: index `Geometry.ground`.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..model.expressions import Expression
-from ..model.model import GROUND, Kind, Model, Vector, coordinate_axis, least_along
+from ..model.model import GROUND, Coupling, Kind, Model, Vector, coordinate_axis, least_along
 from ..model.motions import Ball, Displacement
 from .ancestry import Ancestry
 from .chains import Chain, speeds_of, step
@@ -66,6 +67,32 @@ def axis_frame(axis: Vector, a: Array, defaults: dict[str, float]) -> tuple[int,
     return 2, np.column_stack([first, cross(a, first), a])
 
 
+@dataclass(frozen=True, slots=True)
+class Coupled:
+    """A coupling of coordinates: ``sum of factor q - offset = 0``.
+
+    Attributes
+    ----------
+    bodies : list of int
+        Whose joints' coordinates they are, that which the file gives by the others first.
+    speeds, coordinates : (n,) array
+        Their rates, and where they stand in q.
+    factors : (n,) array
+    offset : float
+    """
+
+    bodies: list[int]
+    speeds: Array
+    coordinates: Array
+    factors: Array
+    offset: float
+
+    def open(self, q: Array) -> Array:
+        """By how much coordinates ``(S, nq + 1)`` miss it, ``(S,)``."""
+        missed: Array = q[:, self.coordinates] @ self.factors - self.offset
+        return missed
+
+
 class Geometry:
     """Joints and loop joints of a model at given parameters.
 
@@ -110,6 +137,8 @@ class Geometry:
         Start and end faces in their bodies, m.
     linear, angular : (L, 3, 3) array
         Directions of the loops' conditions in the start face; rows of zeros where there are fewer than three.
+    couplings : dict of int to Coupled
+        Those of the loops that are couplings; their condition stands in the fourth row, the first of angular ones.
     rows, kept : list of list of int
         Which of the six (linear, then angular) are conditions of a loop; and those of them that have not been dropped.
     tolerance : float
@@ -135,6 +164,9 @@ class Geometry:
         points = [self.at, *self.face_at, self._vectors(b.com for b in model.bodies)]
         self._extent = max(float(np.linalg.norm(x, axis=1).max(initial=0.0)) for x in points)
         self.own_lengths = np.array([self._length(i) for i in range(len(model.loops))])
+        joined = [i for i in range(len(model.loops)) if i not in self.couplings]
+        if joined:  # what has no length of its own does not weigh that of others
+            self.own_lengths[list(self.couplings)] = self.own_lengths[joined].min()
         self.lengths = self.own_lengths.copy()
 
     # --- joints -------------------------------------------------------------------------------------------------------
@@ -241,8 +273,18 @@ class Geometry:
             elif angular == 2:
                 self.angular[i, :2] = across
         self.kept = [list(rows) for rows in self.rows]
-        by_angles = np.array([x.closure.angular for x in loops], dtype=int)
+        self.couplings = {i: self._coupled(x) for i, x in enumerate(loops) if isinstance(x, Coupling)}
+        by_angles = np.array([0 if x.terms else x.closure.angular for x in loops], dtype=int)
         self.is_whole_turn, self.is_perpendicular = by_angles == 3, by_angles == 1
+
+    def _coupled(self, of: Coupling) -> Coupled:
+        """A coupling as numbers."""
+        places = [[s.start + t.index for s in self.slices[t.body]] for t in of.terms]
+        q, u = (np.array([place[i] for place in places], dtype=int) for i in (0, 1))
+        return Coupled(
+            list(dict.fromkeys(t.body for t in of.terms)), u, q,
+            np.array(self._evaluate(t.factor for t in of.terms)), self._evaluate([of.offset])[0],
+        )  # fmt: skip
 
     def _length(self, loop: int, window: int = 8) -> float:
         """The mean distance between neighbouring joints near the cut, rounded to a power of two, m.
@@ -270,8 +312,13 @@ class Geometry:
             self.kept[i] = [r for n, r in enumerate(self.rows[i]) if (i, n) not in ear.dropped]
 
     def cycle(self, loop: int) -> tuple[list[int], list[int]]:
-        """Bodies whose joints the loop passes, from the cut inward: on the start side, on the end side."""
+        """Bodies whose joints the loop passes, from the cut inward: on the start side, on the end side.
+
+        A coupling passes the joints that it relates, and none between them.
+        """
         known = self._cycles.get(loop)
+        if known is None and loop in self.couplings:
+            known = self._cycles[loop] = ([], self.couplings[loop].bodies)
         if known is None:
             start, end = [], []
             depth, parent = self.depth, self.parent

@@ -15,7 +15,7 @@ from .geometry import Geometry
 from .ordering import Draft
 from .vectors import Array
 from .velocities import Motion
-from .wording import listed
+from .wording import listed, loops_named
 
 SMALL = 1e-2
 """Singular values below this part of the largest stop motions by little."""
@@ -46,9 +46,9 @@ def nearly_locked(geometry: Geometry, drafts: Sequence[Draft], configurations: S
         _, shares, speeds = min(first, key=lambda found: found[0])
         order = np.argsort(-np.abs(shares), kind="stable")
         names = [geometry.model.speed_names[speeds[i]] for i in order if abs(shares[i]) > PART * abs(shares[order[0]])]
-        loops = listed([geometry.model.loops[i].name for i in draft.loops])
+        loops = loops_named(geometry.model, draft.loops)
         lines.append(
-            f"loop{'s' * (len(draft.loops) > 1)} {loops}: a motion of {listed(names)} is stopped by {ratio:.1e} of the largest "
+            f"{loops}: a motion of {listed(names)} is stopped by {ratio:.1e} of the largest "
             f"singular value only; if the loop should move that way, give its axes and lengths with all digits, or a larger "
             f"loop_tolerance"
         )

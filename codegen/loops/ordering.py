@@ -20,7 +20,7 @@ from .geometry import Geometry
 from .tangles import untangled
 from .vectors import Array
 from .velocities import Motion, VelocityClosure
-from .wording import listed, loops_listed
+from .wording import listed, loops_named
 
 MOTIONS = 12
 """Random motions carried along: more than a loop has conditions."""
@@ -168,6 +168,12 @@ class Sweep:
         regular = self.regular
         if not _follows(E[regular][..., free], *closure.disturbance(held, regular), rank, g.tolerance):
             return self._why_open(closure, E[regular], free, held, rank)
+        if len(loops) == 1 and loops[0] in g.couplings:
+            # no ratio makes a coordinate a better one: that which the file gives by the others comes first
+            E, given = np.sign(E), g.couplings[loops[0]].speeds.tolist()
+            free = np.array(
+                sorted(free, key=lambda c: given.index(s) if (s := closure.speeds[c]) in given else len(given))
+            )
         joints = whole_joints(g, closure.speeds, free)
         chosen = choose_dependents(E[regular], joints, rank, dense=len(loops) > 1)
         if chosen is None:
@@ -248,8 +254,9 @@ def _mended(sweep: Sweep, order: Order, stuck: Stuck) -> Order:
     passed = _passed(sweep.geometry, ear)
     near = [j for j in reversed(range(i)) if _passed(sweep.geometry, order[j]) & passed]
     if not near:
-        names = [sweep.geometry.model.loops[k].name for k in ear]
-        raise PartitionError(f"{loops_listed(names)}: {stuck.why.text}", names, stuck.why.refused)
+        model = sweep.geometry.model
+        names = [model.loops[k].name for k in ear]
+        raise PartitionError(f"{loops_named(model, ear)}: {stuck.why.text}", names, stuck.why.refused)
     for other, length in _others(order, i, near[:NEIGHBOURS]):
         if sweep.run(other[:length])[1] is None:
             return other

@@ -30,7 +30,7 @@ from .redundancy import FAR, Redundancy, keep, kept_rows, nearly_redundant, open
 from .vectors import Array
 from .velocities import Motion, complete_speeds
 from .weighing import Weighed, weighed
-from .wording import listed, loops_listed
+from .wording import listed, loops_named
 
 __all__ = ["Ear", "Partition", "partition"]
 
@@ -85,8 +85,9 @@ def partition(model: Model) -> Partition:
         asked = [n for n in prescribed if n in error.names]
         if not asked:
             raise
+        named = loops_named(model, [i for i, x in enumerate(model.loops) if x.name in error.loops])
         raise PartitionError(
-            f"{loops_listed(error.loops)}: {listed(asked)} cannot be prescribed{' together' if len(asked) > 1 else ''}, since "
+            f"{named}: {listed(asked)} cannot be prescribed{' together' if len(asked) > 1 else ''}, since "
             f"closure determines too much of that; take {'one of them' if len(asked) > 1 else 'it'} from `motion`, or give "
             f"the loop one more freedom"
         ) from None
@@ -113,6 +114,7 @@ def _found(model: Model, geometry: Geometry, guess: Array) -> Partition:
             raise
         geometry, random = Geometry(model), np.random.default_rng(SEED)
         q, chosen, warnings, redundancy = _chosen(geometry, order, guess, held, random, None)
+    check_couplings(model, chosen.drafts)
     warnings += [text for d in chosen.drafts for text in _doubts(model, geometry, d, held)]
     warnings += _locked(geometry, chosen.drafts, q, random)
     found = replace(
@@ -251,7 +253,7 @@ def _ignored_speeds(model: Model, found: Partition) -> Iterator[str]:
 
 def _doubts(model: Model, geometry: Geometry, draft: Draft, held: set[int]) -> Iterator[str]:
     """What a user should know about an ear."""
-    loops = loops_listed([model.loops[i].name for i in draft.loops])
+    loops = loops_named(model, draft.loops)
     if draft.condition > POOR_CONDITION:
         yield (
             f"{loops}: the closure matrix of the dependent speeds has condition {draft.condition:.1e} at the initial "
@@ -314,9 +316,9 @@ def _choose(
         raise PartitionError("loops that are open and move nowhere are not nearly closed")
     names = [geometry.model.loops[i].name for i in stuck]
     advice = (
-        f"{loops_listed(names)} cannot be closed otherwise anywhere near the initial configuration, which seems to be "
-        f"singular, so that the rank there says nothing: start from another configuration, or check whether lengths are just "
-        f"long enough"
+        f"{loops_named(geometry.model, stuck)} cannot be closed otherwise anywhere near the initial configuration, which "
+        f"seems to be singular, so that the rank there says nothing: start from another configuration, or check whether "
+        f"lengths are just long enough"
     )
     speeds_of_stuck = {s for i in stuck for side in geometry.cycle(i) for k in side for s in geometry.speeds[k]}
     # configurations were found that are the same again; where none was found, more may be possible
@@ -324,7 +326,7 @@ def _choose(
     if wrong:
         refused = [geometry.model.speed_names[s] for s in wrong]
         raise PartitionError(
-            f"{loops_listed(names)}: {listed(refused)} cannot be independent; remove "
+            f"{loops_named(geometry.model, stuck)}: {listed(refused)} cannot be independent; remove "
             f"{'them' if len(wrong) > 1 else 'it'} from `independent`; {advice}",
             names,
             refused,
@@ -419,7 +421,8 @@ def _partition(
     if not independent:
         raise PartitionError(
             f"no freedom left: closing {listed([x.name for x in geometry.model.loops])} takes all {geometry.nu} speeds "
-            f"(rank {len(dependent)}); remove a loop or give a joint one more freedom"
+            f"(rank {len(dependent)}); remove a loop{' or a coupling' * bool(geometry.couplings)} or give a joint one more "
+            f"freedom"
         )
     known = redundancy or Redundancy()
     ears = tuple(_ear(geometry, d, known) for d in drafts)
@@ -437,6 +440,8 @@ def check_cycles(geometry: Geometry) -> None:
     """Every loop needs a joint that moves."""
     sums = geometry.ancestry.sums([len(speeds) for speeds in geometry.speeds], geometry.model.outward)
     for i, loop in enumerate(geometry.model.loops):
+        if loop.terms:
+            continue
         start, end = geometry.starts[i], geometry.ends[i]
         if sums[start] + sums[end] == 2 * sums[geometry.ancestry.meeting(start, end)]:
             names = [
@@ -446,6 +451,23 @@ def check_cycles(geometry: Geometry) -> None:
             raise PartitionError(
                 f"loop {loop.name} joins {names[0]} and {names[1]}, which cannot move to each other (rank 0): "
                 f"no joint on the way between them has a freedom; remove the loop"
+            )
+
+
+def check_couplings(model: Model, drafts: list[Draft]) -> None:
+    """Every coupling has to determine a coordinate: ratios that are to agree do so for a moment only.
+
+    Of an ear with loops a condition may follow from the others; which one does, nobody can say.
+    """
+    for draft in drafts:
+        if draft.rows > len(draft.dependent) and all(model.loops[i].terms for i in draft.loops):
+            others = [i for d in drafts for i in d.loops if d is not draft]
+            what = "what they relate is determined by fewer of them"
+            if len(draft.loops) == 1:
+                what = f"its coordinates are determined already, by {loops_named(model, others)}"
+            raise PartitionError(
+                f"{loops_named(model, draft.loops)}: {what}; take one of them away, or let one relate a coordinate that is "
+                f"free"
             )
 
 
@@ -471,6 +493,9 @@ def _ear(geometry: Geometry, draft: Draft, redundancy: Redundancy) -> Ear:
     outward = sorted({int(geometry.speed_body[s]) for s in chosen}, key=geometry.depth.__getitem__)
     ancestry = geometry.ancestry
     for loop in draft.loops:
+        if loop in geometry.couplings:
+            path += [int(s) for s in geometry.couplings[loop].speeds if s in chosen and s not in path]
+            continue
         start, end = geometry.starts[loop], geometry.ends[loop]
         base = geometry.depth[ancestry.meeting(start, end)]
         for side in (start, end):

@@ -46,6 +46,10 @@ class Groups:
             link[k] = body
         return body
 
+    def is_known(self, body: int) -> bool:
+        """Whether a body's joint is known."""
+        return self.link[body] != body
+
     def _shorten(self, k: int, via: int) -> None:
         """What body k has relative to `via` is given relative to what `via` has its own relative to."""
 
@@ -53,6 +57,8 @@ class Groups:
         """Bodies with unknown joints on a loop's cycle, from the cut inward, on the start side and on the end side."""
         g = self.geometry
         sides: tuple[list[int], list[int]] = ([], [])
+        if loop in g.couplings:
+            return [], [k for k in g.couplings[loop].bodies if not self.is_known(k)]
         ends = [self.find(g.starts[loop]), self.find(g.ends[loop])]
         while ends[0] != ends[1]:
             i = int(g.depth[ends[1]] > g.depth[ends[0]])
@@ -153,6 +159,8 @@ class TwistGroups(Groups):
         g = self.geometry
         w, v = np.zeros_like(self.w[0]), np.zeros_like(self.v[0])
         size = np.zeros(w.shape[::2])
+        if loop in g.couplings:  # it asks for speeds, not for what bodies do
+            return w, v, size, sides
         for body, side, sign in ((g.starts[loop], sides[0], -1), (g.ends[loop], sides[1], 1)):
             for part in (body, *(g.parent[k] for k in side)):
                 if self.find(part) != part:

@@ -20,7 +20,7 @@ from math import comb
 import numpy as np
 
 from ..model.expressions import Expression
-from ..model.model import Model, Vector, closure_row_names
+from ..model.model import Coupling, Model, Vector, closure_row_names
 from .closure import Cuts
 from .dependents import ranks
 from .geometry import Geometry
@@ -233,6 +233,8 @@ def _names(model: Model) -> set[str]:
     for x in model.loops:
         place(x.start.at, x.start.rotation, x.axes)
         place(x.end.at, x.end.rotation, ())
+        if isinstance(x, Coupling):
+            found.update(name for e in (x.offset, *(t.factor for t in x.terms)) for name in e.names)
     return found
 
 
@@ -294,4 +296,4 @@ def _opened(
 def _residual(geometry: Geometry, loops: Sequence[int], motion: Motion) -> Array:
     """Position residuals ``(rows,)`` of some loops with bodies where a motion has them."""
     cuts = Cuts(geometry, loops, geometry.rows)
-    return cuts.kept(cuts.place(cuts.faces(motion.frames)))[0]
+    return cuts.kept(cuts.place(cuts.faces(motion.frames), motion.q))[0]

@@ -114,12 +114,12 @@ class Ring:
         for side in (0, 1):
             C = R[:, self.face_carriers[side]]
             faces += [C @ self.face_R[side], o[:, self.face_carriers[side]] + turn(C, self.face_o[side])]
-        residual = self.cuts.place((faces[0], faces[1], faces[2], faces[3]))
+        residual = self.cuts.place((faces[0], faces[1], faces[2], faces[3]), q)
         w, v = joints.screws(q)
         C = R[:, joints.place]
         w = turn(C, w)
         at_cut = self.cuts.at_cut(w, turn(C, v), o[:, joints.place])
-        E = self.cuts.matrix(w, at_cut, self.sign[:, joints.place])
+        E = self.cuts.matrix(w, at_cut, self.sign[:, joints.place], joints.speeds)
         return self.cuts.kept(residual), E
 
     def reach(self) -> float:

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..model.model import Model
-from .closure import Cuts, body_frames, ground_screws, shifted
+from .closure import COUPLED, Cuts, body_frames, ground_screws, shifted
 from .dependents import ranks
 from .ears import Partition
-from .geometry import Geometry, padded
+from .geometry import Coupled, Geometry, padded
 from .paths import TwistGroups
 from .vectors import Array
 
@@ -64,7 +64,7 @@ class Motion:
     """
 
     def __init__(self, geometry: Geometry, q: Array, u: Array, own: tuple[Array, Array] | None = None) -> None:
-        self.geometry, self.given, self.own = geometry, u, own
+        self.geometry, self.q, self.given, self.own = geometry, q, u, own
         self.frames = body_frames(geometry, q)
         self.screws = ground_screws(geometry, q, self.frames)
         self.restart()
@@ -114,12 +114,15 @@ class VelocityClosure:
     def __init__(self, motion: Motion, loops: Sequence[int], rows: Sequence[Sequence[int]] | None = None) -> None:
         g, self.loops = motion.geometry, list(loops)
         cuts = Cuts(g, loops, rows)
-        self.position = cuts.kept(cuts.place(cuts.faces(motion.frames)))
+        self.position = cuts.kept(cuts.place(cuts.faces(motion.frames), motion.q))
         self._tolerance = g.tolerance
         self._length = float(np.max(g.lengths[self.loops]))
         moved = [motion.groups.difference(i, cuts.point[:, j]) for j, i in enumerate(loops)]
         known_w, known_v, size = (np.stack([m[i] for m in moved], axis=1) for i in range(3))
         sides = [m[3] for m in moved]
+        of_known = [(n, self._of_known(motion, coupled)) for n, coupled in cuts.couplings]
+        for n, parts in of_known:
+            size[:, n] = np.abs(parts).sum(axis=1)
         self.size = np.max(size, axis=1)
         distance: dict[int, int] = {}
         for start, end in sides:
@@ -140,16 +143,27 @@ class VelocityClosure:
                 at_cut = shifted(w, v, cuts.point[:, j, None] - motion.frames[1][:, self.bodies])
                 known_w[:, j] += np.einsum("b,sbik->sik", sign[j], w)
                 known_v[:, j] += np.einsum("b,sbik->sik", sign[j], at_cut)
-        self.known = cuts.kept(cuts.conditions(known_w, known_v))
+        known = cuts.conditions(known_w, known_v)
+        for n, parts in of_known:
+            known[:, n, COUPLED] = parts.sum(axis=1)
+        self.known = cuts.kept(known)
         body = g.speed_body[self.speeds]
         sign = sign[:, [place[int(k)] for k in body]]
         w, v = motion.screws[0][:, self.speeds], motion.screws[1][:, self.speeds]
         self.screws, self.origins = (w, v), motion.frames[1][:, body]
         at_cut = cuts.at_cut(w, v, self.origins)
-        self.E = cuts.matrix(w, at_cut, sign)
+        self.E = cuts.matrix(w, at_cut, sign, self.speeds)
         self._u = motion.u
         self._passing = [sign[j] != 0 for j in range(len(loops))]
         self._cuts, self._w, self._at_cut, self._known_w, self._known_v = cuts, w, at_cut, known_w, known_v
+
+    @staticmethod
+    def _of_known(motion: Motion, coupled: Coupled) -> Array:
+        """What known speeds contribute to a coupling, one by one, ``(S, n, K)``."""
+        groups, body = motion.groups, motion.geometry.speed_body
+        known = [i for i, s in enumerate(coupled.speeds) if groups.is_known(int(body[s]))]
+        parts: Array = coupled.factors[known, None] * motion.u[:, coupled.speeds[known]]
+        return parts
 
     def disturbance(self, others: Array, configurations: Array) -> tuple[Array, Array]:
         """What known speeds and some further columns do to the conditions, ``(S, rows, K)``, and how large it could be."""
@@ -163,7 +177,8 @@ class VelocityClosure:
 
     def possible(self) -> int:
         """How many of the conditions motions of this kind can break: in a plane only those in the plane."""
-        cuts, total = self._cuts, 0
+        cuts = self._cuts
+        total = len(cuts.couplings)
         for j, passing in enumerate(self._passing):
             w = np.concatenate([self._w[0, passing].T, self._known_w[0, j]], axis=1)
             v = np.concatenate([self._at_cut[0, j, passing].T, self._known_v[0, j]], axis=1)

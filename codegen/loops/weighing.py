@@ -13,7 +13,7 @@ from .judging import Judge, is_compared
 from .ordering import Draft
 from .vectors import Array
 from .wandering import Surroundings, rigid_parts
-from .wording import listed
+from .wording import loops_named
 
 POOR_GROWTH = 1e5
 """How much faster than independent speeds dependent ones of many loops may be before the user is told."""
@@ -129,9 +129,8 @@ def _in_their_places(drafts: list[Draft], ears: list[list[Draft]], of_loop: dict
 def _poor(geometry: Geometry, found: Comparison, unasked: Judge | None) -> str:
     """What to say of a poor choice; `unasked` judges without the model's hints, if it has any for these loops."""
     model = geometry.model
-    names = listed([model.loops[i].name for i in found.loops])
     text = (
-        f"loop{'s' * (len(found.loops) > 1)} {names}: the closure matrix of all dependents is {found.loss:.0f} times worse "
+        f"{loops_named(model, found.loops)}: the closure matrix of all dependents is {found.loss:.0f} times worse "
         f"conditioned than the one that pivoting finds, here or at other assembled states"
     )
     other = unasked.own_choice() if unasked is not None else None

@@ -84,6 +84,8 @@ face_place = VectorField(
 face_axes = MatrixField(
     "{}.F", "1", LINK, "link components from those of a face, of a loop joint or of a force element"
 )
+coupling_factor = ScalarField("factor{}", "u/u", "", "what a coupling multiplies a coordinate by")
+coupling_offset = ScalarField("offset", "u", "", "what the coordinates of a coupling add up to, each with its factor")
 cosine, sine = ScalarField("cos", "1", "", "cosine of an angle"), ScalarField("sin", "1", "", "sine of an angle")
 
 # -- motion of a link --------------------------------------------------------------------------------------------------

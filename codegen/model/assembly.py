@@ -1,7 +1,7 @@
 """From the plain data of a file or the builder to a checked `Model`, with every problem on the way.
 
 One pass over the sections in the order in which they need each other: constants, parameters, inputs, gravity, bodies,
-prescribed motion, points, loops, forces, outputs, initial values, independent coordinates. A section that is wrong is
+prescribed motion, points, loops, couplings, forces, outputs, initial values, independent coordinates. A section that is wrong is
 reported and left out, so that the others are still read.
 """
 
@@ -16,6 +16,7 @@ from .reading import Reader, TooManyProblems
 from .repetition import CannotGoOn
 from .schema import SECTIONS
 from .sections.bodies import check_freedoms, read_bodies
+from .sections.couplings import read_couplings
 from .sections.files import check_given, read_files
 from .sections.forces import read_forces
 from .sections.gravity import is_constant, read_gravity, weights
@@ -80,9 +81,11 @@ def _model(reader: Reader) -> Model | None:
     check_named_expressions(reader, named)
     before = reader.errors
     loops = read_loops(reader, bodies, points)
+    couplings = read_couplings(reader, bodies)
     if reader.errors == before:  # a loop that could not be read may hold what seems to move no mass
         faces = [face for loop in loops for face in (loop.start, loop.end)]
-        check_freedoms(reader, bodies, {face.body for face in faces if face.body != GROUND}, motion)
+        coupled = {term.body for of in couplings for term in of.terms}
+        check_freedoms(reader, bodies, {face.body for face in faces if face.body != GROUND} | coupled, motion)
     elements = read_forces(reader, bodies, points)
     if gravity is not None and not is_constant(reader, gravity):
         if bodies.is_sound:
@@ -108,7 +111,7 @@ def _model(reader: Reader) -> Model | None:
         parameters=tuple(p for p, _ in parameters),
         inputs=tuple(reader.inputs),
         bodies=tuple(bodies.bodies),
-        loops=tuple(loops),
+        loops=(*loops, *couplings),
         forces=tuple(e for e in elements if isinstance(e, JointForce)),
         loads=tuple(e for e in elements if not isinstance(e, JointForce)),
         outputs=tuple(outputs),

@@ -189,6 +189,24 @@ class ModelBuilder:
         whole = {**_plain(joint), **placed} if isinstance(joint, Mapping) else {"type": joint, **placed}
         self._put("loops", name, {"joint": whole, "from": _plain(start), "to": _plain(end)})
 
+    def coupling(
+        self, name: str, joint: str, follows: str | Mapping[str, Scalar], *, offset: Scalar | None = None
+    ) -> None:
+        """A coordinate that follows others: ``joint = sum of ratio * other + offset``.
+
+        Parameters
+        ----------
+        name : str
+        joint : str
+            The coordinate, or a joint that has one only.
+        follows : str or mapping
+            Others with their ratios, expressions of parameters; a name alone is followed one to one.
+        offset : number or str, optional
+            rad or m.
+        """
+        whole = {"joint": joint, "follows": _plain(follows), **_given(offset=offset)}
+        self._put("couplings", name, whole)
+
     def independent(self, *names: str) -> None:
         """Coordinates that shall be independent, or joints for all of theirs; may be called several times."""
         self._root.setdefault("independent", []).extend(_plain(names))

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from .axes import Vector, coordinate_axis, least_along
+from .entries import ZERO
 from .errors import Problem
 from .expressions import Expression
 from .forces import ForceElement, JointForce
@@ -22,9 +23,11 @@ from .rates import rate
 
 __all__ = [
     "CLOSURE_ROWS",
+    "COUPLING",
     "GROUND",
     "LOOP_TOLERANCE",
     "Body",
+    "Coupling",
     "Face",
     "Joint",
     "JointForce",
@@ -34,9 +37,11 @@ __all__ = [
     "Output",
     "Parameter",
     "Point",
+    "Term",
     "Vector",
     "closure_row_names",
     "coordinate_axis",
+    "coupling",
     "joint_coordinates",
     "least_along",
 ]
@@ -144,6 +149,67 @@ class Loop:
         """The conditions that its type sets."""
         return CLOSURE_ROWS[self.type]
 
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        """Of a coupling: the coordinates that it relates. Joints have none."""
+        return ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Term:
+    """A coordinate in a coupling, with what it is multiplied by.
+
+    Attributes
+    ----------
+    body, index : int
+        Whose joint's coordinate it is, and which of that; the joint has no quaternion.
+    factor : Expression
+        Of parameters.
+    """
+
+    body: int
+    index: int
+    factor: Expression
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Coupling(Loop):
+    """A relation between coordinates of joints: ``q_0 = r_1 q_1 + r_2 q_2 + ... + c``. A loop without faces.
+
+    It sets one condition, ``sum of factor q - offset = 0``, in the unit of the first coordinate, whose factor is 1; those of the
+    others are minus the ratios. Its faces are on the ground, and nobody asks for them.
+
+    Attributes
+    ----------
+    related : tuple of Term
+        The first is the coordinate that the file gives by the others.
+    offset : Expression
+        c, of parameters.
+    """
+
+    related: tuple[Term, ...] = ()
+    offset: Expression = ZERO
+
+    @property
+    def closure(self) -> Closure:
+        """One condition, which is none of faces; it stands where angular ones do."""
+        return Closure(0, 1)
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        """The coordinates that it relates."""
+        return self.related
+
+
+COUPLING = "coupling"
+"""The type of couplings."""
+
+
+def coupling(name: str, related: tuple[Term, ...], offset: Expression) -> Coupling:
+    """A coupling by what it relates."""
+    nowhere = Face(GROUND, (ZERO, ZERO, ZERO))
+    return Coupling(name, COUPLING, (), nowhere, nowhere, related, offset)
+
 
 CLOSURE_ROWS = {kind.name: kind.closure for kind in JOINTS.values() if kind.closure}
 """How many linear and angular conditions a loop joint sets."""
@@ -159,8 +225,10 @@ def closure_row_names(loop: Loop) -> tuple[str, ...]:
     They are along, or about, directions of the start face, in this order. With a the joint's axis (its first) these are the
     face's own axes x, y, z if a is along one of them (two of them reversed if it is along its opposite); otherwise t1, t2
     and a, with t1 along e x a, t2 = a x t1, e the base vector that a is least along. Where a joint leaves out the direction
-    of its axis, the other two follow in cyclic order: y, z for x; z, x for y; x, y for z; t1, t2.
+    of its axis, the other two follow in cyclic order: y, z for x; z, x for y; x, y for z; t1, t2. A coupling has ``name.q``.
     """
+    if loop.terms:
+        return (f"{loop.name}.q",)
     linear, angular = loop.closure
     return tuple(f"{loop.name}.{c}{i + 1}" for c, n in (("l", linear), ("a", angular)) for i in range(n))
 
@@ -431,6 +499,10 @@ class Model:
                 for axis, angle in face.rotation:
                     yield from axis
                     yield angle
+            for term in loop.terms:
+                yield term.factor
+            if isinstance(loop, Coupling):
+                yield loop.offset
         for element in self.elements:
             yield from element.expressions()
         for output in self.outputs:

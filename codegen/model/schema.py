@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal, Unio
 from pydantic import Field, PlainValidator, TypeAdapter, WrapValidator, create_model, model_validator
 
 from .entries import (
+    ONE,
     ZERO,
     Axis,
     Entry,
@@ -24,6 +25,7 @@ from .entries import (
     Reference,
     Vector,
     complaint,
+    parse_name,
     seen,
     written,
 )
@@ -43,6 +45,7 @@ SECTIONS: Final = (
         "submodels",
         "points",
         "loops",
+        "couplings",
         "loop_tolerance",
         "forces",
         "initial",
@@ -240,6 +243,24 @@ class LoopEntry(Entry):
     joint: LoopJoint
     start: FaceOrName = Field(alias="from")
     end: FaceOrName = Field(alias="to")
+
+
+def _coordinate(value: Any) -> Expression:
+    return Expression(parse_name(value, prefix="q."))
+
+
+def _followed(value: Any, handler: Any) -> Any:
+    return handler({value: ONE} if isinstance(value, str) else value)
+
+
+class CouplingEntry(Entry):
+    """A coordinate by others: ``{joint: wheel, follows: {crank: -z1/z2}, offset: c}``."""
+
+    placeholders: ClassVar[dict[str, Any]] = {"joint": "joint", "follows": {}}
+
+    joint: Annotated[Expression, PlainValidator(_coordinate)]
+    follows: Annotated[dict[str, Expr], WrapValidator(_followed)]
+    offset: Expr = ZERO
 
 
 if TYPE_CHECKING:

@@ -38,6 +38,7 @@ import numpy as np
 
 from ..model.model import GROUND, Loop, Model
 from .arithmetic import Array, LeftInverse, SingularMatrixError
+from .couplings import CoupledCut
 from .ears import Group
 from .pairs import Pair, Pairs
 from .primitives import condition_frame, placed_rotation
@@ -203,6 +204,9 @@ def cut(
     )
 
 
+AnyCut = Cut | CoupledCut
+
+
 class EarClosure:
     """The closure of one group at a position: E with its left inverse, and what the dependent speeds move.
 
@@ -212,9 +216,11 @@ class EarClosure:
         For each member the partial velocities of its mass centre for the group's dependent speeds, (6, r).
     """
 
-    def __init__(self, model: Model, group: Group, pairs: Pairs, bodies: Sequence[Terms], cuts: Sequence[Cut]) -> None:
+    def __init__(
+        self, model: Model, group: Group, pairs: Pairs, bodies: Sequence[Terms], cuts: Sequence[AnyCut]
+    ) -> None:
         self._model, self._group, self._bodies = model, group, bodies
-        self._loops = [(model.loops[i].start.body, model.loops[i].end.body, cuts[i]) for i in group.loops]
+        self._loops = [(model.loops[i], cuts[i]) for i in group.loops]
         self.pairs = pairs
         self.G = self.partial_velocities(group.dependent)
         if not group.dependent:
@@ -242,7 +248,11 @@ class EarClosure:
         """K_end M_end - K_start M_start of kept conditions, loop below loop, for motions (6, c) of mass centres or none."""
         (still,) = {x.value.shape[1] for x in motion.values()} or {1}
         rows = []
-        for start, end, joint in self._loops:
+        for loop, joint in self._loops:
+            if isinstance(joint, CoupledCut):
+                rows.append([joint.of_motion(self.pairs, motion, still)])
+                continue
+            start, end = loop.start.body, loop.end.body
             total = self.pairs.constant(np.zeros((len(joint.kept), still), int))
             if end in motion:
                 total = total + joint.K_end[joint.kept] @ motion[end]
@@ -258,7 +268,7 @@ class EarClosure:
 
 
 def with_best_dependents(
-    model: Model, group: Group, pairs: Pairs, bodies: Sequence[Terms], cuts: Sequence[Cut]
+    model: Model, group: Group, pairs: Pairs, bodies: Sequence[Terms], cuts: Sequence[AnyCut]
 ) -> Group:
     """The group with those of its speeds dependent that have the best pivots here.
 
@@ -284,7 +294,7 @@ def closed_motion(
     groups: Sequence[Group],
     pairs: Pairs,
     bodies: Sequence[Terms],
-    cuts: Sequence[Cut],
+    cuts: Sequence[AnyCut],
     own: Sequence[Pair],
     of_faces: Sequence[Pair],
 ) -> Pair:

@@ -18,6 +18,8 @@ difference of two such products, an antisymmetric part of the relative rotation.
 c . d is a sine, which vanishes at half a turn too, where the joint is closed the wrong way round. The residual that is reported
 has 2 sin(t/2) in its place, t the angle between the axes that should be parallel, or of the turn between faces that should be:
 the same to first order at t = 0. A universal joint is closed either way.
+
+A coupling sets ``sum of factor q - offset = 0``, whose Jacobian are the factors; nothing is left in its second derivative.
 """
 
 from __future__ import annotations
@@ -28,7 +30,7 @@ from typing import Any
 
 import numpy as np
 
-from ..model.model import Face, Loop, Vector, coordinate_axis, least_along
+from ..model.model import Coupling, Face, Loop, Vector, coordinate_axis, least_along
 from .arithmetic import Array
 from .ground_frame import Frame, Freedoms, cross, placement
 from .pairs import Pair, Pairs
@@ -92,13 +94,19 @@ def conditions(
     lengths: Sequence[float],
     frames: list[Frame],
     freedoms: Freedoms,
+    q: Pair,
     u: Pair,
+    places: Sequence[tuple[slice, slice]],
     defaults: dict[str, float],
 ) -> Conditions:
-    """The conditions of all loops at a state."""
+    """The conditions of all loops at a state; `places` tells where the coordinates and speeds of bodies stand."""
     rows: list[Row] = []
     positions: list[Pair] = []
     for loop, length in zip(loops, lengths, strict=True):
+        if isinstance(loop, Coupling):
+            rows.append(_coupled(pairs, loop, places, q, u))
+            positions.append(rows[-1][0])
+            continue
         s, e = (side(pairs, face, frames[face.body], freedoms, u) for face in (loop.start, loop.end))
         linear, angular = directions(pairs, loop, s.R, e.R, defaults)
         scale = pairs.number(1) / pairs.number(length)
@@ -181,6 +189,17 @@ def axes_of_conditions(pairs: Pairs, axis: Vector, defaults: dict[str, float]) -
     e = np.eye(3, dtype=int)[:, [least_along(axis, defaults)]]
     first = pairs.unit(pairs.skew(pairs.constant(e)) @ a)
     return 2, pairs.block([[first, pairs.skew(a) @ first, a]])
+
+
+def _coupled(pairs: Pairs, loop: Coupling, places: Sequence[tuple[slice, slice]], q: Pair, u: Pair) -> Row:
+    """The condition that a sum of factor q, less the offset, is zero; its wrench is one number, a force along the first."""
+    value, row = -pairs.matrix([[pairs.expression(loop.offset)]]), pairs.constant(np.zeros((1, len(u.value)), int))
+    for term in loop.terms:
+        i, j = (place.start + term.index for place in places[term.body])
+        factor = pairs.matrix([[pairs.expression(term.factor)]])
+        value = value + factor @ q[i : i + 1]
+        row.value[:, [j]], row.tangent[:, :, [j]] = factor.value, factor.tangent
+    return value, row, pairs.constant([[0]]), pairs.constant([[1, 0, 0, 0, 0, 0]])
 
 
 def _linear(pairs: Pairs, s: Side, e: Side, n: Pair) -> Row:

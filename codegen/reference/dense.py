@@ -154,7 +154,9 @@ class DenseEngine(Engine):
     def _conditions(self, state: State) -> Conditions:
         frames, freedoms = self._motion(state)
         loops, defaults = self.model.loops, self.model.defaults
-        return conditions(state.pairs, loops, self.lengths, frames, freedoms, state.u, defaults)
+        return conditions(
+            state.pairs, loops, self.lengths, frames, freedoms, state.q, state.u, self.model.coordinate_slices, defaults
+        )
 
     def _closure(self, state: State) -> tuple[Pair, Pair]:
         known = self._conditions(state)

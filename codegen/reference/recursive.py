@@ -37,10 +37,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..loops.partition import Partition
-from ..model.model import GROUND, Model
+from ..model.model import GROUND, Coupling, Model
 from ..model.motions import Ball, Displacement, Slide, Turn
 from .arithmetic import Array, SingularMatrixError
-from .closure import Cut, EarClosure, closed_motion, cut, displacement, with_best_dependents
+from .closure import AnyCut, EarClosure, closed_motion, cut, displacement, with_best_dependents
+from .couplings import CoupledCut
 from .ears import groups
 from .embedding import embed
 from .engine import Engine, State
@@ -98,7 +99,9 @@ class RecursiveEngine(Engine):
         groups = [with_best_dependents(self.model, group, state.pairs, bodies, cuts) for group in self.groups]
         closures = [EarClosure(self.model, group, state.pairs, bodies, cuts) for group in groups]
         remainders = [
-            joint.remainder(state.pairs, bodies[loop.start.body], bodies[loop.end.body])
+            joint.of_coordinates(state.pairs, self._given_accelerations(state.pairs))
+            if isinstance(joint, CoupledCut)
+            else joint.remainder(state.pairs, bodies[loop.start.body], bodies[loop.end.body])
             for loop, joint in zip(self.model.loops, cuts, strict=True)
         ]
         return embed(self.model, groups, closures, bodies, remainders, state.pairs)
@@ -259,10 +262,16 @@ class RecursiveEngine(Engine):
 
     # --- loops: completion of dependent speeds and seeds ------------------------------------------------------------
 
-    def _cuts(self, pairs: Pairs, bodies: list[Terms]) -> list[Cut]:
-        """The loop joints at the position of the bodies."""
+    def _given_accelerations(self, pairs: Pairs) -> Pair:
+        """Those of what is prescribed, (nu, 1), zero for all others."""
+        return self._with_accelerations(pairs.constant(np.zeros((self.model.nu, 1), int)), pairs)
+
+    def _cuts(self, pairs: Pairs, bodies: list[Terms]) -> list[AnyCut]:
+        """The loop joints, and couplings, at the position of the bodies."""
         return [
-            cut(pairs, loop, length, bodies[loop.start.body], bodies[loop.end.body], self.model.defaults, dropped)
+            CoupledCut(pairs, self.model, loop, bodies)
+            if isinstance(loop, Coupling)
+            else cut(pairs, loop, length, bodies[loop.start.body], bodies[loop.end.body], self.model.defaults, dropped)
             for loop, length, dropped in zip(self.model.loops, self.lengths, self.dropped_rows, strict=True)
         ]
 
@@ -285,7 +294,9 @@ class RecursiveEngine(Engine):
         moved = [displacement(pairs, b.pair("N_C"), b.pair("x")) for b in bodies]
         own = [moved[k] - bodies[k].pair("S").mT @ moved[body.parent] for k, body in enumerate(self.model.bodies)]
         of_faces = [
-            joint.displacement_of_faces(
+            joint.besides(pairs, state.q, own)
+            if isinstance(joint, CoupledCut)
+            else joint.displacement_of_faces(
                 pairs, loop, self.model.defaults, bodies[loop.start.body], bodies[loop.end.body]
             )
             for loop, joint in zip(self.model.loops, cuts, strict=True)
@@ -296,6 +307,10 @@ class RecursiveEngine(Engine):
         pairs, bodies = state.pairs, self._motion(state)
         positions, velocities = [], []
         for loop, joint in zip(self.model.loops, self._cuts(pairs, bodies), strict=True):
+            if isinstance(joint, CoupledCut):
+                positions.append([joint.residual(pairs, state.q)])
+                velocities.append([joint.of_coordinates(pairs, state.u)])
+                continue
             positions.append([joint.position_residual(pairs, loop)])
             start, end = bodies[loop.start.body], bodies[loop.end.body]
             velocities.append([joint.K_end @ end.pair("V") - joint.K_start @ start.pair("V")])

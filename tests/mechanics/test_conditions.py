@@ -172,7 +172,7 @@ def test_a_joint_that_moves_along_its_freedoms_stays_closed(name, gaps):
         return tuple(v.tolist() for v in faces[side])
 
     rows = counted_conditions(at.ear)
-    seen = closing_accelerations(at.x, at.ear, rows, face, "b", [Twist.zero(), relative])
+    seen = closing_accelerations(at.x, at.ear, rows, face, [], "b", [Twist.zero(), relative])
     assert np.abs(np.array(seen, float)).max() < 1e-12
     assert max(np.abs(v).max() for v in faces[1]) > 0.1
 

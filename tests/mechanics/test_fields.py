@@ -164,7 +164,7 @@ def test_every_field_of_the_table_is_stored_and_loaded(monkeypatch):
     for name in MODELS:
         stored |= {site[3] for site in watched.sites(system(name))}
     names = {f.name: name for name, f in FIELDS.items()}
-    constants = {"m", "h", "J", "r", "R", "factor", "{}.r", "{}.F", "cos", "sin"}
+    constants = {"m", "h", "J", "r", "R", "factor", "{}.r", "{}.F", "factor{}", "offset", "cos", "sin"}
     along = {"lever_tangent", "arm_tangent"}  # tangents ask for them, which zero patterns do not have
     assert {names[n] for n in stored - watched.loaded} - along == set()
     assert {names[n] for n in names.keys() - stored - constants} == set()

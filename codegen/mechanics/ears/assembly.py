@@ -17,6 +17,7 @@ from ..structure.kinds import EarKind, LinkKind, RegionKind
 from .closures import stored_factor
 from .completion import dependent_displacements
 from .conditions import joint_conditions, kept_conditions, seen_by
+from .coordinates import open_by
 from .geometry import EarGeometry
 from .motions import Twist
 
@@ -34,6 +35,9 @@ def face_differences(x: Scope, ear: EarGeometry) -> list[Twist]:
     """Rotation vector, near closure, and displacement from the start face to the end face of every loop."""
     found = []
     for c, closure in enumerate(ear.kind.closures):
+        if closure.terms:
+            found.append(open_by(ear, c))
+            continue
         a, b = (ear.position_of_face(c, side) for side in (0, 1))
         linear = [x.let("gap", e, "Eq. 32") for e in minus(b, a)]
         angular: Vector = [0, 0, 0]
@@ -61,7 +65,7 @@ def residuals(x: Scope, kind: EarKind) -> None:
     roots = [root.measured_velocity() for root in ear.roots]
     speeds = [m.speeds if m.joint.driven else [m.view.entry(GIVEN_U, f.index) for f in m.freedoms] for m in ear.members]
     velocities = ear.walk(roots, speeds, "g", "Eq. 30")
-    rates = ear.face_difference(velocities, roots)
+    rates = ear.face_difference(velocities, roots, speeds)
     for c in range(len(kind.closures)):
         for i, row in enumerate(joint_conditions(ear, c)):
             gap, rate = (t[c].angular if row.angular else t[c].linear for t in (gaps, rates))

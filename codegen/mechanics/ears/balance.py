@@ -18,7 +18,7 @@ from ...program.scalar import Value, Vector
 from .. import fields
 from ..joints import Column
 from ..spatial import SIX, UNIT, add, cross, matvec, minus, transpose
-from ..stores import DDRIVING, DHELD, DTAU, DUDOT, EAR, LME, LREGION, ME, MY_LANE, TAU
+from ..stores import DDRIVING, DHELD, DTAU, DUDOT, EAR, LME, LREGION, ME, MY_LANE, TAU, UDOT
 from ..structure.kinds import EarKind, LinkKind
 from ..tree.inverse_dynamics import joint_acceleration
 from ..tree.kinematics import accelerated, acceleration_matrix, body_force, less_external, own_inertia
@@ -28,6 +28,7 @@ from .back_substitution import carried_accelerations, source_accelerations
 from .closing_accelerations import closing_accelerations
 from .closures import named_root_velocities, own_sources, stored_factor
 from .conditions import Condition, kept_conditions
+from .coordinates import Taken
 from .geometry import EarGeometry
 from .members import Member
 from .motions import Motion, Twist
@@ -124,7 +125,8 @@ def ear_balance_out(x: Scope, kind: EarKind) -> None:
     d.run()
     if rows:
         faces = partial(turned_face_motion, x, ear, motions, roots)
-        conditions = closing_accelerations(x, ear, rows, faces, "ca", slip_roots)
+        found = [m.given_accelerations or [m.view.entry(UDOT, f.index) for f in m.freedoms] for m in ear.members]
+        conditions = closing_accelerations(x, ear, rows, faces, found, "ca", slip_roots)
         d.run()
         rates = stored_factor(x, kind).solve([-d.of(v) for v in conditions], "dx", "d Eq. 31", lanes=True)
         pairs: list[tuple[Vector, Vector]] = []
@@ -203,6 +205,7 @@ def ear_balance_in(x: Scope, kind: EarKind) -> None:
         phi.append([sum(x.load(ME[k], field.scalars()[i]) for field, _, _ in parts) for i in SIX])
         d_phi.append([sum(x.load(store, field.scalars()[i]) for _, store, field in parts) for i in SIX])
     handed: list[Handed] = []
+    taken = Taken()
     if rows:
         # what the joints would transmit without the loops' wrenches
         held = transmitted(x, ear, phi)
@@ -211,14 +214,18 @@ def ear_balance_in(x: Scope, kind: EarKind) -> None:
             for k, j in dependents(kind)
         ]
         wrench = stored_factor(x, kind).solve_transposed([-v for v in gamma], "W", "Eq. 9")
-        for c in range(len(kind.closures)):
-            handed += apply_wrench(x, ear, c, rows, wrench, phi, d_phi, d)
-    handed += transmit(x, ear, phi, d_phi, d)
+        for c, closure in enumerate(kind.closures):
+            if closure.terms:
+                taken.add(ear, c, rows, wrench, d)
+            else:
+                handed += apply_wrench(x, ear, c, rows, wrench, phi, d_phi, d)
+    handed += transmit(x, ear, phi, d_phi, d, taken)
 
     def missing(k: int, j: int) -> Value:
         dtau = own_force_tangent(x, kind, k, j)
         s = column_of(ear, k, j)
         change = s.change(ear.members[k].view, phi[k])
+        change = change + taken.tangents.get((k, j), 0)
         return x.let("dgamma", s.along(d_phi[k]) + change - dtau, "d Eq. 53", lanes=True)
 
     r = {c: missing(k, j) for c, (k, j) in own_sources(kind).items()}
@@ -271,16 +278,21 @@ def transmitted(x: Scope, ear: EarGeometry, own: list[Vector]) -> list[Vector]:
     return held
 
 
-def transmit(x: Scope, ear: EarGeometry, phi: list[Vector], d_phi: list[Vector], d: EarTangents) -> list[Handed]:
+def transmit(
+    x: Scope, ear: EarGeometry, phi: list[Vector], d_phi: list[Vector], d: EarTangents, taken: Taken
+) -> list[Handed]:
     """The same with the loops' wrenches, and its tangent, left in `phi` and `d_phi`; what the roots get."""
     kind = ear.kind
     handed: list[Handed] = []
     for k in reversed(range(len(phi))):
         member = ear.members[k]
         for j in kind.dependent[k]:
-            # in equilibrium a dependent joint transmits its own force along its freedom
+            # in equilibrium a dependent joint transmits its own force along its freedom, and what couplings exert
             s = column_of(ear, k, j)
-            phi[k][s.lead] = s.completed(phi[k], tau(x, kind, k, j))
+            own = tau(x, kind, k, j)
+            if (k, j) in taken.forces:
+                own = x.let("tau", own - taken.forces[k, j], "Eq. 9")
+            phi[k][s.lead] = s.completed(phi[k], own)
         phi[k] = [x.name("phi", v, "Eq. 45") for v in phi[k]]
         d_phi[k] = [x.let("dphi", v, "d Eq. 45", lanes=True) for v in d_phi[k]]
         if member.parent < 0 and not ear.roots[-1 - member.parent].feels:

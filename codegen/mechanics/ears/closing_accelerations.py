@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from ...program.block import Scope
 from ...program.scalar import Vector
 from ..spatial import ZERO, add, cross, dot, matvec
 from ..tree.kinematics import acceleration_matrix
 from .closures import named_root_velocities
 from .conditions import Condition, seen_by
+from .coordinates import acceleration
 from .geometry import EarGeometry
 from .motions import FaceMotion, Twist
 
@@ -17,11 +20,12 @@ def closing_accelerations(
     ear: EarGeometry,
     rows: list[Condition],
     face: FaceMotion,
+    joints: Sequence[Vector],
     name: str,
     root_speeds: list[Twist] | None = None,
 ) -> Vector:
-    """What the conditions see of the faces' accelerations, with what their turning adds. Eq. 31."""
-    at_cuts, relative = cut_accelerations(x, ear, face, root_speeds)
+    """What the conditions see of the accelerations of faces, and of joints, with what their turning adds. Eq. 31."""
+    at_cuts, relative = cut_accelerations(x, ear, face, joints, root_speeds)
     result: Vector = []
     for row, value in zip(rows, seen_by(ear, rows, at_cuts, name, "Eq. 31"), strict=True):
         w = relative[row.loop]
@@ -33,7 +37,7 @@ def closing_accelerations(
 
 
 def cut_accelerations(
-    x: Scope, ear: EarGeometry, face: FaceMotion, root_speeds: list[Twist] | None = None
+    x: Scope, ear: EarGeometry, face: FaceMotion, joints: Sequence[Vector], root_speeds: list[Twist] | None = None
 ) -> tuple[list[Twist], list[Vector]]:
     """What the faces' accelerations differ by at every cut, and their angular velocities. Eq. 31.
 
@@ -45,6 +49,10 @@ def cut_accelerations(
     if ear.slides:
         slips = slip_velocities(x, ear, root_speeds or named_root_velocities(ear))
     for c, closure in enumerate(ear.kind.closures):
+        if closure.terms:
+            found.append(acceleration(ear, c, joints))
+            turning.append(list(ZERO))
+            continue
         if closure.roots == (-1, -1) and not any(closure.paths):
             found.append(Twist.zero())
             turning.append(list(ZERO))
@@ -76,7 +84,7 @@ def cut_accelerations(
 def slip_velocities(x: Scope, ear: EarGeometry, roots: list[Twist]) -> list[Twist]:
     """Relative velocities at the cuts, for joints that slide."""
     velocities = ear.walk(roots, [m.speeds for m in ear.members], "s", "Eq. 30")
-    return ear.face_difference(velocities, roots)
+    return ear.face_difference(velocities, roots, [m.speeds for m in ear.members])
 
 
 def universal_bias(

@@ -20,6 +20,7 @@ from ..tree.kinematics import angular_velocity, origin_velocity
 from ..tree.tangents import differentiate, store_tangent
 from .closures import named_root_velocities, stored_factor
 from .conditions import joint_conditions, kept_conditions, seen_by
+from .coordinates import displacement
 from .geometry import EarGeometry
 from .members import joint_motion
 from .motions import Twist
@@ -142,7 +143,7 @@ def complete_positions(
     dq: dict[tuple[int, int], Value] = {}
     rows = kept_conditions(ear)
     if rows:
-        b = seen_by(ear, rows, cut_displacements(x, ear, angles, moved), "b", "d Eq. 30", lanes=True)
+        b = seen_by(ear, rows, cut_displacements(x, ear, angles, moved, False), "b", "d Eq. 30", lanes=True)
         rates = stored_factor(x, kind).solve([-v for v in b], "dx", "d Eq. 30", lanes=True)
         for k, added in enumerate(ear.walk(ear.still(), ear.coefficients(rates), "dd", tag, lanes=True)):
             angles[k] = x.let_vector("th", add(angles[k], added.angular), tag, lanes=True)
@@ -164,7 +165,8 @@ def complete_velocities(
     roots = named_root_velocities(ear)
     velocities = ear.walk(roots, [m.speeds for m in ear.members], "r", "Eq. 30")
     rows = kept_conditions(ear)
-    conditions = seen_by(ear, rows, ear.face_difference(velocities, roots), "cv", "Eq. 30")
+    seen = ear.face_difference(velocities, roots, [m.speeds for m in ear.members])
+    conditions = seen_by(ear, rows, seen, "cv", "Eq. 30")
     seeds: dict[Symbol, Value] = {}
     held: Vector = []
     for t, root in enumerate(ear.roots):
@@ -247,10 +249,15 @@ def dependent_displacements(
     return result
 
 
-def cut_displacements(x: Scope, ear: EarGeometry, angles: dict[int, Vector], moved: dict[int, Vector]) -> list[Twist]:
-    """Displacements of the end faces against the start faces."""
+def cut_displacements(
+    x: Scope, ear: EarGeometry, angles: dict[int, Vector], moved: dict[int, Vector], complete: bool
+) -> list[Twist]:
+    """Displacements of the end faces against the start faces; with the dependent joints where seeds are complete."""
     found = []
     for c, closure in enumerate(ear.kind.closures):
+        if closure.terms:
+            found.append(displacement(ear, c, complete))
+            continue
         sides = []
         for side in (0, 1):
             place = closure.faces[side]
@@ -281,7 +288,7 @@ def seed_residuals(x: Scope, kind: EarKind) -> None:
     moved = {-1 - t: root.displacement(True) for t, root in enumerate(ear.roots)}
     for k in range(len(ear.members)):
         angles[k], moved[k] = x.load(MY_LANE[k], fields.shift.angular), x.load(MY_LANE[k], fields.shift.linear)
-    gaps = cut_displacements(x, ear, angles, moved)
+    gaps = cut_displacements(x, ear, angles, moved, True)
     for c in range(len(kind.closures)):
         for i, row in enumerate(joint_conditions(ear, c)):
             value = dot(row.n, gaps[c].angular if row.angular else gaps[c].linear)

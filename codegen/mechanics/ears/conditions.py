@@ -44,6 +44,9 @@ def counted_conditions(ear: EarGeometry) -> list[Condition]:
     """The conditions of all loops that count. Linear ones are divided by the characteristic length."""
     found: list[Condition] = []
     for c, closure in enumerate(ear.kind.closures):
+        if closure.terms:
+            found += [_of_coordinates(c)] if 0 not in closure.dropped else []
+            continue
         s = ear.x.number(ear.kind.scale)
         if closure.gaps:
             every = open_conditions(ear, c, s)
@@ -68,6 +71,8 @@ def kept_conditions(ear: EarGeometry) -> list[Condition]:
 def joint_conditions(ear: EarGeometry, c: int) -> list[Condition]:
     """All conditions of a loop joint: linear ones, scaled, then angular ones."""
     closure = ear.kind.closures[c]
+    if closure.terms:
+        return [_of_coordinates(c)]
     share = ear.x.number(ear.kind.per_length)
     if closure.gaps:
         return open_conditions(ear, c, share)
@@ -75,6 +80,11 @@ def joint_conditions(ear: EarGeometry, c: int) -> list[Condition]:
     linear = held(closure.holds.linear, closure.axis, columns, columns)
     angular = held_in_turning(ear, c, columns, columns)
     return [Condition(c, False, scale(share, n)) for n in linear] + [Condition(c, True, n) for n in angular]
+
+
+def _of_coordinates(c: int) -> Condition:
+    """That of a coupling; what it sees is the first of three components, see `ears.coordinates`."""
+    return Condition(c, True, [1, 0, 0])
 
 
 def held(count: int, axis: int, columns: list[Vector], every: list[Vector]) -> list[Vector]:

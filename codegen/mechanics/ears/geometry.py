@@ -7,7 +7,7 @@ page), and a velocity, an acceleration or a displacement goes from link to link 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -135,6 +135,8 @@ class EarGeometry:
     def _levers(self, c: int) -> tuple[dict[int, Vector], dict[int, Vector]]:
         """From the origins of the links on both sides of a loop to the cut. The root's has the key -1."""
         result: tuple[dict[int, Vector], dict[int, Vector]] = ({}, {})
+        if self.kind.closures[c].terms:
+            return result
         slip = self.slip(c)
         for side in (0, 1):
             closure = self.kind.closures[c]
@@ -220,10 +222,24 @@ class EarGeometry:
                 linear = [linear[i] + sign * t.linear[i] for i in range(3)]
         return Twist(angular, linear)
 
-    def face_difference(self, motions: list[Twist], roots: list[Twist]) -> list[Twist]:
-        """Motion of the end face against the start face at every cut, from motions of links and roots."""
+    def ratio(self, c: int, t: int) -> Value:
+        """What a coupling multiplies one of its coordinates by."""
+        return self.x.load(LOOP_CONSTANTS[c], fields.coupling_factor(t))
+
+    def coupled(self, c: int, values: Sequence[Vector], name: str, tag: str) -> Twist:
+        """What a coupling sees of speeds, or of accelerations, of joints, by link and freedom; see `ears.coordinates`."""
+        total: Value = 0
+        for t, (k, j) in enumerate(self.kind.closures[c].terms):
+            total = total + self.ratio(c, t) * values[k][j]
+        return Twist([self.x.let(name, total, tag), 0, 0], [0, 0, 0])
+
+    def face_difference(self, motions: list[Twist], roots: list[Twist], speeds: Sequence[Vector]) -> list[Twist]:
+        """Motion of the end face against the start face at every cut, from motions of links and roots, and of joints."""
         found = []
         for c, closure in enumerate(self.kind.closures):
+            if closure.terms:
+                found.append(self.coupled(c, speeds, "coupled", "Eq. 30"))
+                continue
             sides = []
             for side in (0, 1):
                 place = closure.faces[side]
@@ -241,6 +257,9 @@ class EarGeometry:
         found = []
         for c, closure in enumerate(self.kind.closures):
             total = Twist([0, 0, 0], [0, 0, 0])
+            for t, term in enumerate(closure.terms):
+                if term == (member, freedom.index):
+                    total = Twist([self.ratio(c, t), 0, 0], [0, 0, 0])
             for side, sign in ((0, -1), (1, 1)):
                 if member in closure.paths[side]:
                     e, linear = (None if v is None else scale(sign, v) for v in (freedom.angular, freedom.linear))

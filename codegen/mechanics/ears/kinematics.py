@@ -114,7 +114,8 @@ def ear_kinematics(x: Scope, kind: EarKind) -> None:
         before = motions[member.parent] if member.parent >= 0 else roots[-1 - member.parent]
         motions.append(member_motion(x, member, before))
     if rows:
-        b = closing_accelerations(x, ear, rows, partial(face_motion, ear, motions, roots), "b")
+        given = [m.given_accelerations or [0] * len(m.freedoms) for m in ear.members]
+        b = closing_accelerations(x, ear, rows, partial(face_motion, ear, motions, roots), given, "b")
         rates = stored_factor(x, kind).solve([-v for v in b], "y", "Eq. 38")
         added = ear.walk(ear.still(), ear.coefficients(rates), "e", "Eq. 38")
         for d, y in enumerate(rates):

@@ -59,6 +59,9 @@ class Driven(Axial):
     def along_freedom(self, j: int) -> Value:
         return self.change()
 
+    def coordinate(self, j: int) -> Value:
+        return self.known(VALUE)
+
     # -- in the place of coordinate, speed and seed ----------------------------------------------------------------
 
     def own_coordinate(self) -> Value:

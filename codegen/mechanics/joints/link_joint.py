@@ -22,7 +22,7 @@ from ...program.scalar import Matrix, Value, Vector
 from ...program.store import Store
 from .. import fields
 from ..spatial import add, matmul, matvec, transpose
-from ..stores import CONSTANTS, DQ, MY_LANE, SPEEDS
+from ..stores import CONSTANTS, COORDINATES, DQ, MY_LANE, SPEEDS
 from .column import Column
 from .inertia import rotate_all
 
@@ -216,6 +216,10 @@ class LinkJoint(ABC):
     def speed(self, j: int) -> Value:
         """Of a freedom, or of the joint if it is prescribed."""
         return self.x.entry(SPEEDS, j)
+
+    def coordinate(self, j: int) -> Value:
+        """That which a freedom is the rate of, of a joint without quaternion; or the one that is prescribed."""
+        return self.x.entry(COORDINATES, j)
 
     # -- displacements along directions ----------------------------------------------------------------------------
 

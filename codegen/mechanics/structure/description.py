@@ -50,7 +50,9 @@ def _line(model: Model, links: list[Link], regions: Regions, region: Region) -> 
         )
         sources.append("the motion of the base")
     else:
-        why = "where the ways inward from the faces of its loops meet"
+        couplings = all(model.loops[c.loop].terms for ear in ears for c in ear.closures)
+        what = "coupled joints" if couplings else "faces of its loops"
+        why = f"where the ways inward from the {what} meet"
     moved = listed([_name(links, i) for ear in ears for i in ear.links])
     return (
         f"region of {loops} (links {moved}): base {base}, {why}; moves with {' and '.join(sources) or 'nothing else'}"

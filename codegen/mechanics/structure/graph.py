@@ -25,6 +25,8 @@ class Closure:
         The faces may be apart in dropped conditions, or be moved apart by a parameter; see `loops.partition.Ear`.
     dropped : tuple of int
         Conditions that do not count.
+    terms : tuple of (int, int)
+        Of a coupling, which has no paths, roots and faces: place of each link and freedom.
     """
 
     loop: int
@@ -33,9 +35,12 @@ class Closure:
     faces: tuple[int, int]
     gaps: bool = False
     dropped: tuple[int, ...] = ()
+    terms: tuple[tuple[int, int], ...] = ()
 
     def slides(self, type: str) -> bool:
         """Whether the way between the faces matters, for a joint of some type."""
+        if self.terms:
+            return False
         linear, _ = CLOSURE_ROWS[type]
         return linear < 3 or (self.gaps and any(r not in self.dropped for r in range(linear)))
 

@@ -180,6 +180,7 @@ def _ear_kind(
                 c.gaps,
                 c.dropped,
                 c.slides(f.loop.type),
+                c.terms,
             )
             for f, c in zip(loops, ear.closures, strict=True)
         ]

@@ -100,6 +100,7 @@ class ClosureKind(Folded):
     gaps: bool
     dropped: tuple[int, ...]
     slides: bool
+    terms: tuple[tuple[int, int], ...] = ()
 
 
 @dataclass(slots=True, eq=False)

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import mpmath
 
 from ...model.expressions import Expression
-from ...model.model import GROUND, Body, Joint, Loop, Model, coordinate_axis
+from ...model.model import GROUND, Body, Coupling, Joint, Loop, Model, coordinate_axis
 from ...model.model import Vector as ExpressionVector
 from ...model.motions import Ball, Displacement, Motion, Slide, Turn
 from ...program.digits import are_long
@@ -395,6 +395,8 @@ class LoopFaces:
 
     def expressions(self) -> list[Expression]:
         """All expressions, in a fixed order."""
+        if isinstance(self.loop, Coupling):
+            return [*(term.factor for term in self.loop.terms), self.loop.offset]
         found: list[Expression] = []
         for side in (0, 1):
             for frame in (self.link_frames[side], self.frames[side]):
@@ -408,7 +410,7 @@ class LoopFaces:
     def structure(self) -> tuple[object, ...]:
         """Equal for loops whose constants are the same but for numbers and parameters."""
         return (
-            "faces", self.loop.type, *(f.form() for f in (*self.link_frames, *self.frames)),
+            "faces", self.loop.type, len(self.loop.terms), *(f.form() for f in (*self.link_frames, *self.frames)),
             *(tuple(len(r) for _, r in steps) for steps in self.steps),
         )  # fmt: skip
 
@@ -433,9 +435,12 @@ def face_constants(faces: LoopFaces, evaluate: Evaluate, functions: Functions, l
     -------
     dict
         ``A`` the start, ``B`` the end: ``A.r.i`` origin, m; ``A.F.ij`` link components from those of the face, one of whose
-        axes is the joint's.
+        axes is the joint's. Of a coupling ``factor0`` ... and ``offset``.
     """
     out: dict[str, Value] = {}
+    if isinstance(faces.loop, Coupling):
+        out = {f"factor{t}": let("factor", evaluate(term.factor)) for t, term in enumerate(faces.loop.terms)}
+        return out | {"offset": let("offset", evaluate(faces.loop.offset))}
     for side, name in enumerate("AB"):
         Q = frame_matrix(faces.link_frames[side], evaluate, functions["sqrt"], let)
         r, R = place(faces.steps[side], evaluate, functions, let)

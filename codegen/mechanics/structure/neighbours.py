@@ -114,7 +114,7 @@ class Neighbours:
         return (
             tuple(ear.parents), self.roles(e), tuple(self.first_follower.get(r) == n for r in ear.roots),
             tuple(i in self.first_follower for i in ear.links),
-            tuple((c.paths, c.roots, c.faces, c.gaps, c.dropped) for c in ear.closures),
+            tuple((c.paths, c.roots, c.faces, c.gaps, c.dropped, c.terms) for c in ear.closures),
             tuple(map(tuple, ear.dependent)), tuple(tuple(sorted(c.items())) for c in ear.columns), ear.length,
             len(region.freedoms), region.carried, region.rigid, tuple(self.role_of(i) for i in ear.links), self.far(e),
             self.slides(region), tuple(i == GROUND for i in region.far), self.locked(region),

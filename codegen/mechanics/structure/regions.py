@@ -60,21 +60,22 @@ def find_regions(
         ear_of: list[int | None] = [None] * len(links)
         return Regions([], [], ear_of, find_elimination(links, [], [], ear_of))
     place = link_of_speeds(links)
-    dependent = {place[u] for ear in partition.ears for u in ear.dependent}
     faces = [
         tuple(GROUND if f.body == GROUND else carriers[f.body][0] for f in (loop.start, loop.end))
         for loop in model.loops
     ]
+    coupled = coupled_freedoms(model, links)
+    dependent = {place[u] for ear in partition.ears for u in ear.dependent}
     regions: list[Region] = []
     ears: list[EarLinks] = []
     gaps = {i for ear in partition.ears if ear.gaps for i in ear.loops}
     dropped = partition.dropped_rows(model)
     ear_of = [None] * len(links)
-    for group, base in _components(links, faces, partition):
-        bundles = _bundles(links, faces, group, dependent)
+    for group, base in _components(links, faces, coupled, partition):
+        bundles = _bundles(links, faces, coupled, group, dependent)
         on_cycles = sorted({i for b in bundles for i in b.links})
         free = [(i, j) for i in on_cycles for j in range(links[i].joint.speeds()) if (i, j) not in dependent]
-        made = _Maker(links, regions, ears, ear_of, faces, dependent, gaps, dropped)
+        made = _Maker(links, regions, ears, ear_of, faces, coupled, dependent, gaps, dropped)
         if len(free) > MOST_SOURCES:
             made.by_single_ears(bundles)
             continue
@@ -90,14 +91,45 @@ def find_regions(
     return Regions(regions, ears, ear_of, find_elimination(links, regions, ears, ear_of))
 
 
+Coupled = dict[int, list[tuple[int, int]]]
+"""Of the loops that are couplings: link and freedom of each of their coordinates."""
+
+
+def coupled_freedoms(model: Model, links: Sequence[Link]) -> Coupled:
+    """What couplings relate; of what is prescribed too."""
+    speeds = model.released.coordinate_slices
+    place = {link.speed + j: (i, j) for i, link in enumerate(links) for j in range(link.joint.speeds())}
+    return {
+        n: [place[speeds[t.body][1].start + t.index] for t in loop.terms]
+        for n, loop in enumerate(model.loops)
+        if loop.terms
+    }
+
+
+def _ways(links: Sequence[Link], freedoms: list[tuple[int, int]]) -> list[tuple[int, int]]:
+    """Ways that take in the joints of a coupling: from each of its links to the one inboard of all of them."""
+    ends = list(dict.fromkeys(i for i, _ in freedoms))
+    front = set(ends)
+    while len(front) > 1:
+        i = max(front)  # links are numbered outward
+        front.remove(i)
+        front.add(links[i].parent)
+    (base,) = front
+    return [(i, links[base].parent if base in ends else base) for i in ends]
+
+
 def _components(
-    links: Sequence[Link], faces: Sequence[tuple[int, ...]], partition: Partition
+    links: Sequence[Link], faces: Sequence[tuple[int, ...]], coupled: Coupled, partition: Partition
 ) -> list[tuple[list[Bundle], int]]:
     """Ears that share links on their cycles, directly or through others, in their order, and the link that carries them all.
 
     Cycles are followed from both faces inward only to links that an earlier ear has: from there its component's base is next.
+    Couplings come last: the ways between their joints lead through loops, whose links they have nothing to do with.
     """
-    group = list(range(len(partition.ears)))
+    parts = [(ear, tuple(i for i in ear.loops if i not in coupled)) for ear in partition.ears]
+    parts = [(ear, loops) for ear, loops in parts if loops or not ear.loops]
+    parts += [(ear, loops) for ear in partition.ears if (loops := tuple(i for i in ear.loops if i in coupled))]
+    group = list(range(len(parts)))
     base: list[int] = [GROUND] * len(group)
     owner: dict[int, int] = {}
 
@@ -108,12 +140,11 @@ def _components(
         return e
 
     bundles: list[Bundle] = []
-    for e, ear in enumerate(partition.ears):
+    for e, (ear, loops) in enumerate(parts):
         new: list[int] = []
         lowest: list[int] = []
         reached: list[int] = []
-        for loop in ear.loops:
-            a, b = faces[loop]
+        for a, b in (way for i in loops for way in (_ways(links, coupled[i]) if i in coupled else [faces[i]])):
             # links are numbered outward, so the larger number is never an ancestor of the smaller one
             while a != b:
                 a, b = max(a, b), min(a, b)
@@ -135,7 +166,7 @@ def _components(
             else:
                 lowest.append(a)
         base[e] = min(lowest)
-        bundles.append(Bundle(ear.loops, sorted(new), ear.length))
+        bundles.append(Bundle(loops, sorted(new), ear.length))
     found: dict[int, list[Bundle]] = {}
     for e, bundle in enumerate(bundles):
         found.setdefault(find(e), []).append(bundle)
@@ -153,15 +184,24 @@ class Bundle:
 
 
 def _bundles(
-    links: Sequence[Link], faces: Sequence[tuple[int, ...]], bundles: list[Bundle], dependent: set[tuple[int, int]]
+    links: Sequence[Link],
+    faces: Sequence[tuple[int, ...]],
+    coupled: Coupled,
+    bundles: list[Bundle],
+    dependent: set[tuple[int, int]],
 ) -> list[Bundle]:
-    """The ears of a component with the links that they move; those that start from each other's are joined."""
+    """The ears of a component with the links that they move; those that start from each other's are joined.
+
+    So are couplings with whatever has their links, and with loops that they are closed together with.
+    """
+    bundles = _with_coupled_links(coupled, bundles)
+    held = {i for b in bundles for loop in b.loops for i, _ in coupled.get(loop, ())}
     while True:
         owner = {i: n for n, b in enumerate(bundles) for i in b.links}
-        ends = [[f for loop in b.loops for f in faces[loop]] for b in bundles]
+        ends = [[f for loop in b.loops if loop not in coupled for f in faces[loop]] for b in bundles]
 
         def is_moved(i: int) -> bool:
-            return any((i, j) in dependent for j in range(links[i].joint.freedoms))
+            return i in held or any((i, j) in dependent for j in range(links[i].joint.freedoms))
 
         members = ear_members({i: links[i].parent for i in owner}, owner, sorted(owner), ends, is_moved)
         for b, moved in zip(bundles, members.moved, strict=True):
@@ -170,6 +210,26 @@ def _bundles(
         if not tangled:
             return bundles
         bundles = joined(bundles, tangled, _as_one)
+
+
+def _with_coupled_links(coupled: Coupled, bundles: list[Bundle]) -> list[Bundle]:
+    """The same, every coupling in one with the bundles that have its links."""
+    owner = {i: n for n, b in enumerate(bundles) for i in b.links}
+    joined_to = list(range(len(bundles)))
+
+    def find(n: int) -> int:
+        while joined_to[n] != n:
+            joined_to[n] = joined_to[joined_to[n]]
+            n = joined_to[n]
+        return n
+
+    for n, b in enumerate(bundles):
+        for i in (i for loop in b.loops for i, _ in coupled.get(loop, ())):
+            joined_to[find(owner[i])] = find(n)
+    sets: dict[int, list[int]] = {}
+    for n in range(len(bundles)):
+        sets.setdefault(find(n), []).append(n)
+    return joined(bundles, [members for members in sets.values() if len(members) > 1], _as_one)
 
 
 def _as_one(bundles: list[Bundle]) -> Bundle:
@@ -189,6 +249,7 @@ class _Maker:
         ears: list[EarLinks],
         ear_of: list[int | None],
         faces: Sequence[tuple[int, ...]],
+        coupled: Coupled,
         dependent: set[tuple[int, int]],
         gaps: set[int],
         dropped: Sequence[set[int]],
@@ -200,13 +261,15 @@ class _Maker:
         self.ears = ears
         self.ear_of = ear_of
         self.faces = faces
+        self.coupled = coupled
         self.dependent = dependent
 
     def by_single_ears(self, bundles: list[Bundle]) -> None:
         """Every ear of a component as a region of its own, with the motion of the links that it starts from as sources."""
         for b in bundles:
             members = b.members
-            outside = {self.links[i].parent for i in members} | {f for loop in b.loops for f in self.faces[loop]}
+            loops = [loop for loop in b.loops if loop not in self.coupled]
+            outside = {self.links[i].parent for i in members} | {f for loop in loops for f in self.faces[loop]}
             moving = list(outside - set(members) - {GROUND})
             inside = [
                 (i, j) for i in members for j in range(self.links[i].joint.speeds()) if (i, j) not in self.dependent
@@ -241,6 +304,11 @@ class _Maker:
             ear.columns.append({j: number[i, j] for j in freedoms if (i, j) not in self.dependent})
             self.ear_of[i] = len(self.ears)
         for loop in loops:
+            if loop in self.coupled:
+                terms = tuple((place[i], j) for i, j in self.coupled[loop])
+                rows = tuple(sorted(self.dropped[loop]))
+                ear.closures.append(Closure(loop, ((), ()), (-1, -1), (-1, -1), False, rows, terms))
+                continue
             sides: list[tuple[int, ...]] = []
             roots: list[int] = []
             for face in self.faces[loop]:

@@ -1,0 +1,114 @@
+"""Couplings of coordinates in the recursive engine: conditions on what bodies do against their parents.
+
+The rate of a joint's coordinate is read off the motion of its body against the parent's, ``V_k - S^T V_pr = P u`` (Eq. 18). With
+p the row of a left inverse of P for that coordinate ``u_i = p (V_k - S^T V_pr)``, and the coupling asks for ``sum of factor u_i =
+0``. The same row serves displacements and accelerations, but for what parameters and the remainders add to either, which is no
+motion of the joint's own: that is taken off. So a coupling needs no lever and no cut; its bodies are the members of its ear.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..model.model import GROUND, Coupling, Model
+from .arithmetic import Array
+from .pairs import Pair, Pairs
+from .terms import Terms
+
+
+@dataclass(slots=True)
+class CoupledTerm:
+    """A coordinate in a coupling.
+
+    Attributes
+    ----------
+    body, parent : int
+    q, u : int
+        Where the coordinate and its rate stand.
+    factor : Pair
+        A number.
+    K : Pair
+        What is multiplied by it, of a motion of the body against its parent: (1, 6) times the factor.
+    S : Pair
+        The body's shift, (6, 6).
+    """
+
+    body: int
+    parent: int
+    q: int
+    u: int
+    factor: Pair
+    K: Pair
+    S: Pair
+
+
+class CoupledCut:
+    """A coupling at a state, in the place of a `Cut`.
+
+    Attributes
+    ----------
+    kept : array of int
+        Its condition.
+    """
+
+    def __init__(self, pairs: Pairs, model: Model, loop: Coupling, bodies: Sequence[Terms]) -> None:
+        self.kept = np.array([0])
+        self.offset = pairs.expression(loop.offset)
+        self.terms: list[CoupledTerm] = []
+        for term in loop.terms:
+            q, u = (place.start for place in model.coordinate_slices[term.body])
+            P, factor = bodies[term.body].pair("P"), pairs.expression(term.factor)
+            row = coordinate_row(pairs, P, term.index)
+            self.terms.append(
+                CoupledTerm(
+                    term.body, model.bodies[term.body].parent, q + term.index, u + term.index, factor, row * factor,
+                    bodies[term.body].pair("S"),
+                )
+            )  # fmt: skip
+
+    def of_motion(self, pairs: Pairs, motion: Mapping[int, Pair], columns: int) -> Pair:
+        """The condition of motions (6, columns) of mass centres; bodies that are not listed do not move."""
+        total = pairs.constant(np.zeros((1, columns), int))
+        for term in self.terms:
+            if term.body in motion:
+                total = total + term.K @ motion[term.body]
+            if term.parent in motion and term.parent != GROUND:
+                total = total - term.K @ term.S.mT @ motion[term.parent]
+        return total
+
+    def of_coordinates(self, pairs: Pairs, x: Pair) -> Pair:
+        """The sum of factor x, (1, 1), of what stands where the rates do, (nu, 1)."""
+        total = pairs.constant([[0]])
+        for term in self.terms:
+            total = total + x[term.u : term.u + 1] * term.factor
+        return total
+
+    def residual(self, pairs: Pairs, q: Pair) -> Pair:
+        """How far coordinates (nq, 1) are from meeting it, (1, 1)."""
+        total = -pairs.matrix([[self.offset]])
+        for term in self.terms:
+            total = total + q[term.q : term.q + 1] * term.factor
+        return total
+
+    def besides(self, pairs: Pairs, q: Pair, own: Sequence[Pair]) -> Pair:
+        """What displacements of bodies do not tell of the condition's, (1, 1): a pair without value.
+
+        `own` are displacements of the bodies against their parents, of which some is none of the joints: parameters shift these.
+        """
+        residual = self.residual(pairs, q)
+        total = Pair(0 * residual.value, residual.tangent)
+        for term in self.terms:
+            total = total - term.K @ own[term.body]
+        return total
+
+
+def coordinate_row(pairs: Pairs, P: Pair, index: int) -> Pair:
+    """p with ``p P`` one for a coordinate and zero for the joint's others, (1, 6), from its partial velocities P (6, f)."""
+    G, unit = P.mT @ P, np.eye(P.value.shape[1], dtype=int)[:, [index]]
+    y: Array = pairs.arithmetic.solve(G.value, pairs.arithmetic.array(unit))
+    columns = [pairs.arithmetic.solve(G.value, -dG @ y) for dG in G.tangent]
+    tangent = np.stack(columns) if columns else pairs.arithmetic.zeros(0, *y.shape)
+    return Pair(y, tangent).mT @ P.mT

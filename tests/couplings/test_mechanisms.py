@@ -1,0 +1,249 @@
+"""Coupled coordinates in trees and loops: both engines, reduced dynamics, the same motion by a joint or a loop, forces."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+from comparison import error, transposes, worst
+from coupled_coordinates import coupled_tree, with_couplings
+from coupled_models import HEAD, MODELS, chain
+from made_once import solvers
+from random_mechanisms import Discarded, random_mechanism
+from random_models import EVERY, random_seeds
+
+import codegen
+from codegen.loops.errors import AssemblyError, PartitionError
+from codegen.loops.partition import partition
+from codegen.model import parse_model
+from codegen.reference import DenseEngine, RecursiveEngine
+
+FUNCTIONS = ("sensitivities", "output_sensitivities", "energy_sensitivities", "coordinate_rate_sensitivities")
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    return solvers(tmp_path_factory)
+
+
+def closed_state(solver: codegen.Solver, seed: int, t: float = 0.6):
+    rng = np.random.default_rng(seed)
+    q, u = solver.initial
+    q, u = solver.assemble(q + 0.1 * rng.normal(size=solver.nq), rng.normal(size=solver.nu), t=t)
+    return q, u, None, rng.normal(size=solver.ninputs), t
+
+
+def errors(solver: codegen.Solver, engine, state, seeds) -> dict[str, float]:
+    found = {}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of parameters that open redundant conditions of a planar loop
+        for name in (*FUNCTIONS, *(["driving_force_sensitivities"] if solver.prescribed_names else [])):
+            (x, dx), (y, dy) = (getattr(of, name)(*state, **seeds) for of in (solver, engine))
+            if name.startswith("energy"):
+                x, y, dx, dy = np.array(x), np.array(y), np.array(dx).T, np.array(dy).T
+            found[name] = max(error(x, y), worst(dx, dy))
+        _, u, dq, du = solver.assemble_sensitivities(*state, **seeds)
+        expected = engine.complete(*state, **seeds)
+    return found | {"u": error(u, expected[0]), "dq": worst(dq, expected[1]), "du": worst(du, expected[2])}
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_every_function_is_that_of_both_engines(made, name: str) -> None:
+    model, solver = parse_model(MODELS[name]), made(MODELS[name])
+    state = closed_state(solver, 3)
+    seeds = random_seeds(np.random.default_rng(5), model, 3)
+    if "free" in MODELS[name]:  # assembly makes quaternions unit, and their seeds tangent to that
+        seeds["dq"][:, :7] = 0
+    for engine in (DenseEngine(model), RecursiveEngine(model)):
+        found = errors(solver, engine, state, seeds)
+        assert max(found.values()) < 2e-12, (type(engine).__name__, found)
+    assert max(transposes(solver, state, np.random.default_rng(7)).values()) < 1e-12
+    position, velocity = solver.closure(*state)
+    assert max(np.abs(position).max(), np.abs(velocity).max()) < 1e-13
+
+
+@pytest.mark.parametrize("name", ["geared five-bar on a cart"])
+def test_compiled_code_has_the_same_and_more_digits_agree(made, name: str) -> None:
+    compiled, solver = made(MODELS[name], "c"), made(MODELS[name])
+    state = closed_state(solver, 3)
+    seeds = random_seeds(np.random.default_rng(5), parse_model(MODELS[name]), 9)
+    for x, y in zip(compiled.sensitivities(*state, **seeds), solver.sensitivities(*state, **seeds), strict=True):
+        assert error(x, y) < 1e-13
+    more = solver.in_precision(30)
+    assert error(solver.accelerations(*state), more.accelerations(*state)) < 1e-13
+
+
+@pytest.mark.parametrize("seed", [3, 4])
+def test_random_trees_with_random_couplings_are_those_of_both_engines(tmp_path: Path, seed: int) -> None:
+    check_tree(seed, tmp_path)
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("seed", range(20, 120))
+def test_more_random_trees(tmp_path: Path, seed: int) -> None:
+    check_tree(seed, tmp_path)
+
+
+def check_tree(seed: int, folder: Path) -> None:
+    rng = np.random.default_rng(seed)
+    joints = EVERY if seed % 2 else ("revolute", "prismatic", "universal")
+    drawn = coupled_tree(rng, int(rng.integers(2, 8)), joints, int(rng.integers(1, 4)))
+    if drawn is None:
+        pytest.skip("nothing to couple, or nothing left to move")
+    model, state = drawn
+    codegen.generate(model, folder / "tree", target="numpy", layout=["kinds", "unrolled"][seed % 2])
+    solver = codegen.load(folder / "tree")
+    seeds = random_seeds(rng, model, 3)
+    for engine in (DenseEngine(model), RecursiveEngine(model)):
+        for name in FUNCTIONS:
+            (x, dx), (y, dy) = (getattr(of, name)(*state, **seeds) for of in (solver, engine))
+            if name.startswith("energy"):
+                x, y, dx, dy = np.array(x), np.array(y), np.array(dx).T, np.array(dy).T
+            assert max(error(x, y), worst(dx, dy)) < 1e-11, (type(engine).__name__, name)
+    assert max(transposes(solver, tuple(state), rng).values()) < 1e-12
+
+
+@pytest.mark.parametrize("seed", [1, 6])
+def test_random_mechanisms_with_random_couplings_are_those_of_both_engines(tmp_path: Path, seed: int) -> None:
+    check_mechanism(seed, tmp_path)
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("seed", range(20, 80))
+def test_more_random_mechanisms(tmp_path: Path, seed: int) -> None:
+    check_mechanism(seed, tmp_path)
+
+
+def check_mechanism(seed: int, folder: Path) -> None:
+    rng = np.random.default_rng(seed)
+    drawn = random_mechanism(np.random.default_rng(seed), bodies=(4, 6), loops=(1, 2))
+    if isinstance(drawn, Discarded):
+        pytest.skip(drawn.reason)
+    model = with_couplings(rng, drawn.model, drawn.q, drawn.p, int(rng.integers(1, 3)))
+    try:
+        cond = max(ear.condition for ear in partition(model).ears)
+    except (PartitionError, AssemblyError) as why:
+        pytest.skip(str(why))
+    codegen.generate(model, folder / "mechanism", target="numpy", layout=["kinds", "unrolled"][seed % 2])
+    solver = codegen.load(folder / "mechanism")
+    seeds = random_seeds(rng, model, 2)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # all have the same definition of derivatives that open redundant conditions
+        for engine in (DenseEngine(model), RecursiveEngine(model)):
+            (x, dx), (y, dy) = (of.sensitivities(*drawn[1:], **seeds) for of in (solver, engine))
+            assert max(error(x, y), worst(dx, dy)) < max(1e-9, 50 * np.finfo(float).eps * cond**2)
+        assert max(transposes(solver, drawn[1:], rng).values()) < 1e-9
+
+
+# ---- against something known -----------------------------------------------------------------------------------------
+
+
+def reduced(tree: codegen.Solver, S: np.ndarray, q, u, p, inputs, t) -> np.ndarray:
+    """Accelerations of a tree whose speeds are S times fewer ones: ``S (S^T M S)^-1 S^T (tau - bias)``."""
+    M, bias = tree.mass_matrix(q, p), tree.inverse_dynamics(q, u, np.zeros(tree.nu), p, inputs, t)
+    return S @ np.linalg.solve(S.T @ M @ S, -S.T @ bias)
+
+
+@pytest.mark.parametrize("name", ["neighbours", "over two", "inward", "racks", "far", "differential", "sharing"])
+def test_accelerations_are_those_of_the_tree_reduced_by_the_couplings(made, name: str) -> None:
+    """The mass matrix and the bias are the tree's own, generated without couplings; the rows of S are the ratios."""
+    text = MODELS[name]
+    model, solver, tree = parse_model(text), made(text), made(text[: text.index("couplings:")])
+    p = np.array([1.3, 0.4, -0.2, 0.7, 0.9])
+    q, u = solver.assemble(*closed_state(solver, 11)[:2], p)
+    at = dict(zip(model.parameter_names, p, strict=True))
+    first = [u.start for _, u in model.coordinate_slices]
+    rows = np.zeros((len(model.loops), model.nu))
+    for row, loop in zip(rows, model.loops, strict=True):
+        for term in loop.terms:
+            row[first[term.body] + term.index] = term.factor.evaluate(at)
+    S = np.linalg.svd(rows)[2][len(rows) :].T
+    udot = solver.accelerations(q, u, p)
+    assert error(udot, reduced(tree, S, q, u, p, None, 0.0)) < 1e-12
+    assert np.abs(rows @ udot).max() < 1e-11
+    Y = S @ np.linalg.inv(S[list(partition(model).independent)])
+    assert error(solver.mass_matrix(q, p), Y.T @ tree.mass_matrix(q, p) @ Y) < 1e-12
+
+
+def test_a_coupled_cylindrical_joint_is_a_screw(made) -> None:
+    """With everything that follows from the pitch: derivatives too."""
+    coupled = chain("type: revolute, axis: x", "type: cylindrical, axis: [1, 2, 0.5]", "type: revolute, axis: y")
+    coupled += "couplings:\n  thread: {joint: b2.1, follows: {b2.2: s*L}}\n"
+    screw = coupled[: coupled.index("couplings:")].replace(
+        "type: cylindrical, axis: [1, 2, 0.5]", "type: screw, axis: [1, 2, 0.5], pitch: s*L"
+    )
+    one, other = made(coupled), made(screw)
+    rng = np.random.default_rng(2)
+    q, u, k = rng.normal(size=3), rng.normal(size=3), 4
+    seeds = {n: rng.normal(size=(k, 3)) for n in ("dq", "du")}
+    dp = rng.normal(size=(k, other.np))
+    at = [0, 2, 3]  # a cylindrical joint slides before it turns
+
+    def spread(x):
+        whole = np.zeros((*x.shape[:-1], 4))
+        whole[..., at] = x
+        return whole
+
+    q4, u4 = one.assemble(spread(q), spread(u))
+    udot, dudot = one.sensitivities(q4, u4, dp=dp, **{n: spread(x) for n, x in seeds.items()})
+    expected, derivatives = other.sensitivities(q, u, dp=dp, **seeds)
+    assert error(udot[at], expected) < 1e-13
+    assert worst(dudot[:, at], derivatives) < 1e-13
+    assert error(one.jacobians(q4, u4).p[at], other.jacobians(q, u).p) < 1e-13
+
+
+def test_cranks_geared_one_to_one_are_a_parallelogram(made) -> None:
+    """A rod without mass between two equal cranks does what a coupling with ratio 1 does."""
+    bodies = HEAD.replace("[0.3, 0, -9.81]", "[0, 0, -9.81]")
+    crank = "mass: m, com: [0.3*L, 0, 0.1], inertia: {xx: 0.2, yy: 0.25, zz: 0.3}}\n"
+    bodies += "  a: {parent: ground, joint: {type: revolute, axis: y}, " + crank
+    bodies += "  b: {parent: ground, joint: {type: revolute, axis: y, at: [1, 0, 0]}, " + crank.replace("m,", "2*m,", 1)
+    geared = bodies + "couplings:\n  belt: {joint: b, follows: a}\n"
+    rod = bodies + "  rod: {parent: a, joint: {type: revolute, axis: y, at: [L, 0, 0]}}\n"
+    rod += "loops:\n  pin: {joint: {type: revolute, axis: y}, from: {body: rod, at: [1, 0, 0]}, to: {body: b, at: [L, 0, 0]}}\n"
+    rod += "initial: {q: {a: 0.7, b: 0.7, rod: -0.7}}\nindependent: [a]\n"
+    one, other = made(geared), made(rod)
+    seeds = {"dp": np.eye(one.np)}
+    udot, dudot = one.sensitivities([0.7, 0.7], [1.3, 1.3], **seeds)
+    expected, derivatives = other.sensitivities([0.7, 0.7, -0.7], [1.3, 1.3, -1.3], **seeds)
+    assert error(udot, expected[:2]) < 1e-13
+    assert worst(dudot, derivatives[:, :2]) < 1e-12
+
+
+def test_the_force_of_a_coupling_is_the_multiplier_of_its_condition(tmp_path: Path) -> None:
+    """Given to the tree as joint forces in proportion to the factors it makes the tree move as the coupled one does."""
+    for n, name in enumerate(("differential", "geared five-bar on a cart", "over two")):
+        model = parse_model(MODELS[name])
+        codegen.generate(model, tmp_path / f"train{n}", target="numpy", reactions=True)
+        solver = codegen.load(tmp_path / f"train{n}")
+        state = closed_state(solver, 3)
+        _, loops = solver.reactions(*state)
+        dense = DenseEngine(model)
+        assert error(loops, dense.reactions(*state)) < 1e-12
+        place = [x.name for x in model.loops].index("gear" if "five" in name else "g")
+        force, coupling = loops[place], model.loops[place]
+        assert force[0] != 0 and not force[1:].any()
+        if "five" in name:
+            continue
+        tree = DenseEngine(parse_model(MODELS[name][: MODELS[name].index("couplings:")]))
+        udot = solver.accelerations(*state)
+        needed = tree.inverse_dynamics(state[0], state[1], udot, *state[2:])
+        first = [u.start for _, u in model.coordinate_slices]
+        expected = np.zeros(model.nu)
+        for term in coupling.terms:
+            expected[first[term.body] + term.index] = term.factor.evaluate(model.defaults) * force[0]
+        assert error(needed, expected) < 1e-12
+
+
+def test_models_without_couplings_have_no_trace_of_them(tmp_path: Path) -> None:
+    text = MODELS["geared five-bar"]
+    plain = text.replace(text[text.index("couplings:") : text.index("forces:")], "")
+    codegen.generate(parse_model(plain), tmp_path / "five")
+    folder = tmp_path / "five"
+    written = "".join(f.read_text() for f in folder.glob("five*.[chp]*")) + (folder / "model.json").read_text()
+    assert "coupled" not in written and "gear" not in written
+    codegen.generate(parse_model(text), tmp_path / "geared")
+    more = "".join(f.read_text() for f in (tmp_path / "geared").glob("five*.[chp]*"))
+    assert "coupled" in more
