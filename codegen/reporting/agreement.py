@@ -70,27 +70,29 @@ def read_gallery(folder: Path) -> dict[str, dict[str, Any]]:
     return found
 
 
-def disagreements(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
+def disagreements(one: Mapping[str, Any], other: Mapping[str, Any], most: int = MOST_LINES) -> list[str]:
     """What two reports of one model say differently, in sentences; none if they agree.
 
     Parameters
     ----------
     one, other : mapping
         As `read` gives them.
+    most : int
+        So many sentences of a kind, and how many more there are.
     """
     if one["model"] != other["model"]:
         return [f"they are of different models, {one['model']} and {other['model']}"]
     elsewhere = [k for k in SAME_MACHINE if one["machine"][k] != other["machine"][k]]
     if elsewhere:
         return [f"they are of different machines: {k}: {one['machine'][k]}, {other['machine'][k]}" for k in elsewhere]
-    found = _first(list(_different("", one, other)))
-    found += _first(list(_errors(one, other)))
-    return found + _first(list(_times(one, other)))
+    found = _first(list(_different("", one, other)), most)
+    found += _first(list(_errors(one, other)), most)
+    return found + _first(list(_times(one, other)), most)
 
 
-def _first(lines: list[str]) -> list[str]:
-    more = len(lines) - MOST_LINES
-    return lines if more <= 0 else [*lines[:MOST_LINES], f"and {more} more"]
+def _first(lines: list[str], most: int) -> list[str]:
+    more = len(lines) - most
+    return lines if more <= 0 else [*lines[:most], f"and {more} more"]
 
 
 def _different(place: str, a: Any, b: Any) -> Iterator[str]:

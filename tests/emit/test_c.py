@@ -332,7 +332,10 @@ typedef double vector_8 __attribute__((vector_size(8*VECTOR_8), aligned(8), may_
 """
     )
     text = (
-        prelude + render("c/sincos.c.jinja", {}) + "\nvoid run(int n, double *trig) { sines_and_cosines(n, trig); }\n"
+        prelude
+        + render("c/angles_at_once.c.jinja", {})
+        + render("c/sincos.c.jinja", {})
+        + "\nvoid run(int n, double *trig) { sines_and_cosines(n, trig); }\n"
     )
     (tmp_path / "sc.c").write_text(text)
     command = [shutil.which("cc") or "cc", "-O2", *flags, "-fPIC", "-shared", "sc.c", "-o", "sc.so", "-lm"]

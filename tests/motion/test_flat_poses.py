@@ -194,7 +194,7 @@ def ways_differ(solver: Any, end: float, **options: Any) -> float:
     wrt += [f"u0.{n}" for n in solver.independent_speed_names]
     forward, adjoint = (solver.judge(end, wanted, wrt=wrt, method=m, **options) for m in ("forward", "adjoint"))
     assert forward.counts["steps"] == adjoint.counts["steps"]
-    assert forward.counts["condition"] > 80  # so it has been near a pose
+    assert forward.counts["condition"] > 50  # so it has been near a pose: stages that are nearer are made again
     np.testing.assert_array_equal(forward.values, adjoint.values)
     size = np.abs(forward.gradients).max(axis=1)
     return float((np.abs(forward.gradients - adjoint.gradients).max(axis=1) / size).max())

@@ -35,7 +35,7 @@ def one(twice):
 
 def test_a_second_run_computes_the_same(twice):
     """Times are left to a machine with nothing else to do; in tests they are taken for an instant."""
-    found = [x for x in disagreements(*map(read, twice)) if not TIMES.match(x)]
+    found = [x for x in disagreements(*map(read, twice), most=1000) if not TIMES.match(x)]
     assert found == []
 
 

@@ -145,7 +145,7 @@ def test_a_cluster_of_which_a_worker_is_killed(solver):
             solver, {"stiffness": stiffness}, sweep_measures.swung, client.get_executor(), progress=look, chunk=5
         )
     right(found, stiffness)
-    assert killed and len(set(found["process"])) >= 2, "others went on"
+    assert killed and set(found["process"]) - set(killed), "others went on"
 
 
 def test_failures_are_recorded_and_tables_are_tidy(solver, tmp_path):

@@ -140,14 +140,19 @@ static const number numbers_of_constants_0[1][9] = {
 
 #ifdef ORDERNM_VECTORS
 /* Angles whose sines are worked out at once: four also where vectors hold eight. What is around them is scalar, and waits longer than
- * a vector of eight saves. */
+ * a vector of eight saves. Of several states it is one angle of each. */
+#ifdef ORDERNM_STATES
+enum { ANGLES_AT_ONCE = 1 };
+typedef vector_8 angles_at_once;
+#else
 enum { ANGLES_AT_ONCE = VECTOR_8 < 4 ? VECTOR_8 : 4 };
 typedef double angles_at_once __attribute__((vector_size(8*ANGLES_AT_ONCE), aligned(8), may_alias));
+#endif
 #endif
 
 /* Four angles, written in the vectors that they are read in: processors wait where a vector is read of which parts have just been
  * written one by one. */
-#if defined(ORDERNM_VECTORS) && defined(__AVX__)
+#if defined(ORDERNM_VECTORS) && defined(__AVX__) && !defined(ORDERNM_STATES)
 #define PUT_ANGLES(to, a, b, c, d) *(angles_at_once *)(to) = (angles_at_once){a, b, c, d}
 #else
 #define PUT_ANGLES(to, a, b, c, d) (to)[0] = a, (to)[1] = b, (to)[2] = c, (to)[3] = d
@@ -163,6 +168,7 @@ static void sines_and_cosines(int n, double *trig)
     double *const cosine = trig, *const sine = trig + ANGLES;
 #ifdef ORDERNM_VECTORS
     typedef long long bits __attribute__((vector_size(sizeof(angles_at_once)), aligned(8), may_alias));
+    enum { LANES_AT_ONCE = sizeof(angles_at_once)/sizeof(number) };
     const angles_at_once zero = {0.0};
     for (int i = 0; i < n; i += ANGLES_AT_ONCE) {
         const angles_at_once x = *(const angles_at_once *)(sine + i);
@@ -188,7 +194,7 @@ static void sines_and_cosines(int n, double *trig)
         const bits c_sign = ((quarter + 1) & 2) << 62;
         const bits inside = (bits)((x > zero - 1.0e6) & (x < zero + 1.0e6) & (z < zero + 0.62));
         long long all = inside[0];
-        for (int l = 1; l < ANGLES_AT_ONCE; ++l) all &= inside[l];
+        for (int l = 1; l < LANES_AT_ONCE; ++l) all &= inside[l];
         const bits sin_x = (((bits)s & ~odd) | ((bits)c & odd)) ^ s_sign;
         const bits cos_x = (((bits)c & ~odd) | ((bits)s & odd)) ^ c_sign;
         bits *const to_sine = (bits *)(sine + i), *const to_cosine = (bits *)(cosine + i);
@@ -198,7 +204,7 @@ static void sines_and_cosines(int n, double *trig)
             continue;
         }
         number *const angles = (number *)(sine + i), *const cosines = (number *)(cosine + i);
-        for (int l = 0; l < ANGLES_AT_ONCE; ++l)
+        for (int l = 0; l < LANES_AT_ONCE; ++l)
             if (!inside[l]) {
                 cosines[l] = (cos)(angles[l]);
                 angles[l] = (sin)(angles[l]);
