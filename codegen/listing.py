@@ -71,7 +71,7 @@ class _Listing:
             [
                 f"{loop.name}: {loop.type}{self.axes(loop.axes)} from {self.face(loop.start)} to {self.face(loop.end)}"
                 for loop in model.loops
-                if not loop.terms
+                if not loop.is_coupling
             ],
         )
         lines += self.section("coupling", [self.coupling(x) for x in model.loops if isinstance(x, Coupling)])

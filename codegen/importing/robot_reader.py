@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+
 from ..model import ModelError
 from .files import Files
 from .robot import Robot
@@ -9,7 +11,7 @@ from .xml_reading import Element
 from .xml_values import Values
 
 
-class RobotReader(Values):
+class RobotReader(Values, ABC):
     """Reads the robot of a file; each format's reader fills `robot` in its `read`.
 
     Attributes
@@ -34,9 +36,9 @@ class RobotReader(Values):
         self.files = files
         self.robot = Robot("robot", root.file)
 
+    @abstractmethod
     def read(self) -> None:
         """Fill `robot`, and gather what is wrong."""
-        raise NotImplementedError
 
     def whole(self) -> Robot:
         """The robot of the file.

@@ -344,7 +344,7 @@ def open_loop(ring: Ring, outcome: Outcome, movable: Array) -> AssemblyError:
             "links may be too short or too long, or the other coordinates too far off: check lengths and axes, and the "
             "values under `initial`"
         )
-    if loop.terms:
+    if loop.is_coupling:
         missed = abs(mine[0][0])
         return AssemblyError(
             f"coupling {loop.name}{together} cannot be met: {missed:.3g} is left of its condition after moving "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from .disjoint_sets import DisjointSets
 from .geometry import Geometry
 
 
@@ -16,16 +17,9 @@ def components(geometry: Geometry) -> list[list[int]]:
     for k in geometry.model.outward:
         if not geometry.speeds[k]:
             carrier[k] = carrier[geometry.parent[k]]
-    joined = list(range(len(geometry.starts)))
-    base = [0] * len(joined)
+    joined = DisjointSets(len(geometry.starts))
+    base = [0] * len(geometry.starts)
     owner: dict[int, int] = {}
-
-    def find(i: int) -> int:
-        while joined[i] != i:
-            joined[i] = joined[joined[i]]
-            i = joined[i]
-        return i
-
     for i, (start, end) in enumerate(zip(geometry.starts, geometry.ends, strict=True)):
         if i in geometry.couplings:
             continue
@@ -35,7 +29,7 @@ def components(geometry: Geometry) -> list[list[int]]:
             if depth[a] < depth[b]:
                 a, b = b, a
             if a in owner and owner[a] != i:
-                known = find(owner[a])
+                known = joined.find(owner[a])
                 touched.add(known)
                 a = base[known]
             else:
@@ -43,11 +37,8 @@ def components(geometry: Geometry) -> list[list[int]]:
                 a = carrier[geometry.parent[a]]
         base[i] = min([a, *(base[c] for c in touched)], key=depth.__getitem__)
         for c in touched:
-            joined[c] = i
+            joined.join(c, i)
     for i, coupled in geometry.couplings.items():  # of joints that need not be connected, so they come last
         for k in coupled.bodies:
-            joined[find(owner.setdefault(k, i))] = i
-    found: dict[int, list[int]] = {}
-    for i in range(len(joined)):
-        found.setdefault(find(i), []).append(i)
-    return sorted(found.values())
+            joined.join(owner.setdefault(k, i), i)
+    return sorted(joined.members().values())

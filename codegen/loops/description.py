@@ -95,7 +95,7 @@ def _line(model: Model, ears: list[Ear]) -> str:
         text += f" and {len(ears) - 1} alike, the last {names[1]}"
     dependent = listed([model.speed_names[s] for s in first.dependent]) or "no speeds"
     worst = max(ear.condition for ear in ears)
-    if len(ears) == 1 and all(model.loops[i].terms for i in first.loops):
+    if len(ears) == 1 and all(model.loops[i].is_coupling for i in first.loops):
         return f"  {text}: {dependent} dependent"
     redundant = f", {first.redundant} redundant" if first.redundant else ""
     return (

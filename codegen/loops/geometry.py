@@ -274,7 +274,7 @@ class Geometry:
                 self.angular[i, :2] = across
         self.kept = [list(rows) for rows in self.rows]
         self.couplings = {i: self._coupled(x) for i, x in enumerate(loops) if isinstance(x, Coupling)}
-        by_angles = np.array([0 if x.terms else x.closure.angular for x in loops], dtype=int)
+        by_angles = np.array([0 if x.is_coupling else x.closure.angular for x in loops], dtype=int)
         self.is_whole_turn, self.is_perpendicular = by_angles == 3, by_angles == 1
 
     def _coupled(self, of: Coupling) -> Coupled:

@@ -440,7 +440,7 @@ def check_cycles(geometry: Geometry) -> None:
     """Every loop needs a joint that moves."""
     sums = geometry.ancestry.sums([len(speeds) for speeds in geometry.speeds], geometry.model.outward)
     for i, loop in enumerate(geometry.model.loops):
-        if loop.terms:
+        if loop.is_coupling:
             continue
         start, end = geometry.starts[i], geometry.ends[i]
         if sums[start] + sums[end] == 2 * sums[geometry.ancestry.meeting(start, end)]:
@@ -460,7 +460,7 @@ def check_couplings(model: Model, drafts: list[Draft]) -> None:
     Of an ear with loops a condition may follow from the others; which one does, nobody can say.
     """
     for draft in drafts:
-        if draft.rows > len(draft.dependent) and all(model.loops[i].terms for i in draft.loops):
+        if draft.rows > len(draft.dependent) and all(model.loops[i].is_coupling for i in draft.loops):
             others = [i for d in drafts for i in d.loops if d is not draft]
             what = "what they relate is determined by fewer of them"
             if len(draft.loops) == 1:

@@ -17,8 +17,8 @@ def loops_named(model: Model, loops: Sequence[int]) -> str:
     """Some of a model's loops and couplings by their names, with what they are: ``loops left, right and coupling gear``."""
     parts = []
     for word, named in (
-        ("loop", [model.loops[i].name for i in loops if not model.loops[i].terms]),
-        ("coupling", [model.loops[i].name for i in loops if model.loops[i].terms]),
+        ("loop", [model.loops[i].name for i in loops if not model.loops[i].is_coupling]),
+        ("coupling", [model.loops[i].name for i in loops if model.loops[i].is_coupling]),
     ):
         if named:
             parts.append(f"{word}{'s' * (len(named) > 1)} {listed(named)}")
@@ -27,6 +27,6 @@ def loops_named(model: Model, loops: Sequence[int]) -> str:
 
 def loops_counted(model: Model) -> str:
     """How many loops and couplings a model has: ``2 loops and 1 coupling``."""
-    couplings = sum(bool(loop.terms) for loop in model.loops)
+    couplings = sum(loop.is_coupling for loop in model.loops)
     counts = (("loop", len(model.loops) - couplings), ("coupling", couplings))
     return " and ".join(f"{n} {word}{'s' * (n > 1)}" for word, n in counts if n)

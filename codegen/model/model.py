@@ -150,9 +150,9 @@ class Loop:
         return CLOSURE_ROWS[self.type]
 
     @property
-    def terms(self) -> tuple[Term, ...]:
-        """Of a coupling: the coordinates that it relates. Joints have none."""
-        return ()
+    def is_coupling(self) -> bool:
+        """Whether it relates coordinates, and has no faces."""
+        return False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -181,13 +181,13 @@ class Coupling(Loop):
 
     Attributes
     ----------
-    related : tuple of Term
-        The first is the coordinate that the file gives by the others.
+    terms : tuple of Term
+        The coordinates that it relates; the first is the one that the file gives by the others.
     offset : Expression
         c, of parameters.
     """
 
-    related: tuple[Term, ...] = ()
+    terms: tuple[Term, ...] = ()
     offset: Expression = ZERO
 
     @property
@@ -196,19 +196,19 @@ class Coupling(Loop):
         return Closure(0, 1)
 
     @property
-    def terms(self) -> tuple[Term, ...]:
-        """The coordinates that it relates."""
-        return self.related
+    def is_coupling(self) -> bool:
+        """It is."""
+        return True
 
 
 COUPLING = "coupling"
 """The type of couplings."""
 
 
-def coupling(name: str, related: tuple[Term, ...], offset: Expression) -> Coupling:
+def coupling(name: str, terms: tuple[Term, ...], offset: Expression) -> Coupling:
     """A coupling by what it relates."""
     nowhere = Face(GROUND, (ZERO, ZERO, ZERO))
-    return Coupling(name, COUPLING, (), nowhere, nowhere, related, offset)
+    return Coupling(name, COUPLING, (), nowhere, nowhere, terms, offset)
 
 
 CLOSURE_ROWS = {kind.name: kind.closure for kind in JOINTS.values() if kind.closure}
@@ -227,7 +227,7 @@ def closure_row_names(loop: Loop) -> tuple[str, ...]:
     and a, with t1 along e x a, t2 = a x t1, e the base vector that a is least along. Where a joint leaves out the direction
     of its axis, the other two follow in cyclic order: y, z for x; z, x for y; x, y for z; t1, t2. A coupling has ``name.q``.
     """
-    if loop.terms:
+    if loop.is_coupling:
         return (f"{loop.name}.q",)
     linear, angular = loop.closure
     return tuple(f"{loop.name}.{c}{i + 1}" for c, n in (("l", linear), ("a", angular)) for i in range(n))
@@ -499,9 +499,8 @@ class Model:
                 for axis, angle in face.rotation:
                     yield from axis
                     yield angle
-            for term in loop.terms:
-                yield term.factor
             if isinstance(loop, Coupling):
+                yield from (term.factor for term in loop.terms)
                 yield loop.offset
         for element in self.elements:
             yield from element.expressions()

@@ -487,6 +487,11 @@ class Reader:
                 continue
             yield from self.expand(part, value, (name,))
 
+    def entries(self, name: str, cls: Any, what: str, space: str) -> Iterator[tuple[Instance, str | None, Any]]:
+        """The entries of a section with their names, registered, and what they say; None after a problem with either."""
+        for at in self.section(name):
+            yield at, self.key_name(at, what, space), self.spec(cls, at)
+
     def listed(self, name: str, example: str) -> Iterator[tuple[Instance, Path_, Any]]:
         """The names of a section that is a list: where to report each, with the path there, and what is written."""
         for part in self.parts:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 
 from ..loops.partition import Ear, Partition
-from ..model.model import GROUND, Model
+from ..model.model import GROUND, Coupling, Model
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +90,8 @@ def new_bodies(model: Model, ear: Ear) -> list[int]:
     found: list[int] = []
     for loop in (model.loops[i] for i in ear.loops):
         # coupled bodies are resolved together: as ends they would be parted again by large inertias that cancel
-        found += [term.body for term in loop.terms if term.body not in found]
+        if isinstance(loop, Coupling):
+            found += [term.body for term in loop.terms if term.body not in found]
         for branch in _branches(model, loop.start.body, loop.end.body):
             first = next((i for i, k in enumerate(branch) if k in moved), len(branch))
             found += [k for k in branch[first:] if k not in found]

@@ -17,7 +17,7 @@ from ..structure.kinds import EarKind, LinkKind, RegionKind
 from .closures import stored_factor
 from .completion import dependent_displacements
 from .conditions import joint_conditions, kept_conditions, seen_by
-from .coordinates import open_by
+from .couplings import open_by
 from .geometry import EarGeometry
 from .motions import Twist
 
@@ -35,7 +35,7 @@ def face_differences(x: Scope, ear: EarGeometry) -> list[Twist]:
     """Rotation vector, near closure, and displacement from the start face to the end face of every loop."""
     found = []
     for c, closure in enumerate(ear.kind.closures):
-        if closure.terms:
+        if closure.is_coupling:
             found.append(open_by(ear, c))
             continue
         a, b = (ear.position_of_face(c, side) for side in (0, 1))

@@ -28,7 +28,7 @@ from .back_substitution import carried_accelerations, source_accelerations
 from .closing_accelerations import closing_accelerations
 from .closures import named_root_velocities, own_sources, stored_factor
 from .conditions import Condition, kept_conditions
-from .coordinates import Taken
+from .couplings import CouplingForces
 from .geometry import EarGeometry
 from .members import Member
 from .motions import Motion, Twist
@@ -205,7 +205,7 @@ def ear_balance_in(x: Scope, kind: EarKind) -> None:
         phi.append([sum(x.load(ME[k], field.scalars()[i]) for field, _, _ in parts) for i in SIX])
         d_phi.append([sum(x.load(store, field.scalars()[i]) for _, store, field in parts) for i in SIX])
     handed: list[Handed] = []
-    taken = Taken()
+    taken = CouplingForces()
     if rows:
         # what the joints would transmit without the loops' wrenches
         held = transmitted(x, ear, phi)
@@ -215,7 +215,7 @@ def ear_balance_in(x: Scope, kind: EarKind) -> None:
         ]
         wrench = stored_factor(x, kind).solve_transposed([-v for v in gamma], "W", "Eq. 9")
         for c, closure in enumerate(kind.closures):
-            if closure.terms:
+            if closure.is_coupling:
                 taken.add(ear, c, rows, wrench, d)
             else:
                 handed += apply_wrench(x, ear, c, rows, wrench, phi, d_phi, d)
@@ -279,7 +279,7 @@ def transmitted(x: Scope, ear: EarGeometry, own: list[Vector]) -> list[Vector]:
 
 
 def transmit(
-    x: Scope, ear: EarGeometry, phi: list[Vector], d_phi: list[Vector], d: EarTangents, taken: Taken
+    x: Scope, ear: EarGeometry, phi: list[Vector], d_phi: list[Vector], d: EarTangents, taken: CouplingForces
 ) -> list[Handed]:
     """The same with the loops' wrenches, and its tangent, left in `phi` and `d_phi`; what the roots get."""
     kind = ear.kind

@@ -10,7 +10,6 @@ from ..spatial import ZERO, add, cross, dot, matvec
 from ..tree.kinematics import acceleration_matrix
 from .closures import named_root_velocities
 from .conditions import Condition, seen_by
-from .coordinates import acceleration
 from .geometry import EarGeometry
 from .motions import FaceMotion, Twist
 
@@ -49,8 +48,8 @@ def cut_accelerations(
     if ear.slides:
         slips = slip_velocities(x, ear, root_speeds or named_root_velocities(ear))
     for c, closure in enumerate(ear.kind.closures):
-        if closure.terms:
-            found.append(acceleration(ear, c, joints))
+        if closure.is_coupling:
+            found.append(ear.coupled(c, joints, "ca", "Eq. 31"))
             turning.append(list(ZERO))
             continue
         if closure.roots == (-1, -1) and not any(closure.paths):

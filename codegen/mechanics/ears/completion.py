@@ -20,7 +20,7 @@ from ..tree.kinematics import angular_velocity, origin_velocity
 from ..tree.tangents import differentiate, store_tangent
 from .closures import named_root_velocities, stored_factor
 from .conditions import joint_conditions, kept_conditions, seen_by
-from .coordinates import displacement
+from .couplings import displacement
 from .geometry import EarGeometry
 from .members import joint_motion
 from .motions import Twist
@@ -255,7 +255,7 @@ def cut_displacements(
     """Displacements of the end faces against the start faces; with the dependent joints where seeds are complete."""
     found = []
     for c, closure in enumerate(ear.kind.closures):
-        if closure.terms:
+        if closure.is_coupling:
             found.append(displacement(ear, c, complete))
             continue
         sides = []

@@ -44,7 +44,7 @@ def counted_conditions(ear: EarGeometry) -> list[Condition]:
     """The conditions of all loops that count. Linear ones are divided by the characteristic length."""
     found: list[Condition] = []
     for c, closure in enumerate(ear.kind.closures):
-        if closure.terms:
+        if closure.is_coupling:
             found += [_of_coordinates(c)] if 0 not in closure.dropped else []
             continue
         s = ear.x.number(ear.kind.scale)
@@ -71,7 +71,7 @@ def kept_conditions(ear: EarGeometry) -> list[Condition]:
 def joint_conditions(ear: EarGeometry, c: int) -> list[Condition]:
     """All conditions of a loop joint: linear ones, scaled, then angular ones."""
     closure = ear.kind.closures[c]
-    if closure.terms:
+    if closure.is_coupling:
         return [_of_coordinates(c)]
     share = ear.x.number(ear.kind.per_length)
     if closure.gaps:
@@ -83,7 +83,7 @@ def joint_conditions(ear: EarGeometry, c: int) -> list[Condition]:
 
 
 def _of_coordinates(c: int) -> Condition:
-    """That of a coupling; what it sees is the first of three components, see `ears.coordinates`."""
+    """That of a coupling; what it sees is the first of three components, see `ears.couplings`."""
     return Condition(c, True, [1, 0, 0])
 
 

@@ -135,7 +135,7 @@ class EarGeometry:
     def _levers(self, c: int) -> tuple[dict[int, Vector], dict[int, Vector]]:
         """From the origins of the links on both sides of a loop to the cut. The root's has the key -1."""
         result: tuple[dict[int, Vector], dict[int, Vector]] = ({}, {})
-        if self.kind.closures[c].terms:
+        if self.kind.closures[c].is_coupling:
             return result
         slip = self.slip(c)
         for side in (0, 1):
@@ -227,7 +227,7 @@ class EarGeometry:
         return self.x.load(LOOP_CONSTANTS[c], fields.coupling_factor(t))
 
     def coupled(self, c: int, values: Sequence[Vector], name: str, tag: str) -> Twist:
-        """What a coupling sees of speeds, or of accelerations, of joints, by link and freedom; see `ears.coordinates`."""
+        """What a coupling sees of speeds, or of accelerations, of joints, by link and freedom; see `ears.couplings`."""
         total: Value = 0
         for t, (k, j) in enumerate(self.kind.closures[c].terms):
             total = total + self.ratio(c, t) * values[k][j]
@@ -237,7 +237,7 @@ class EarGeometry:
         """Motion of the end face against the start face at every cut, from motions of links and roots, and of joints."""
         found = []
         for c, closure in enumerate(self.kind.closures):
-            if closure.terms:
+            if closure.is_coupling:
                 found.append(self.coupled(c, speeds, "coupled", "Eq. 30"))
                 continue
             sides = []

@@ -128,7 +128,7 @@ def ear_transmitted(x: Scope, kind: EarKind) -> None:
         for c, closure in enumerate(kind.closures):
             moment: Vector = [0, 0, 0]
             force: Vector = [0, 0, 0]
-            if closure.terms:  # one number, along the coordinate whose factor is 1
+            if closure.is_coupling:  # one number, along the coordinate whose factor is 1
                 along = [value for row, value in zip(rows, multipliers, strict=True) if row.loop == c]
                 for entry in range(6):
                     on_first = -along[0] if along and entry == 0 else 0

@@ -50,7 +50,7 @@ def _line(model: Model, links: list[Link], regions: Regions, region: Region) -> 
         )
         sources.append("the motion of the base")
     else:
-        couplings = all(model.loops[c.loop].terms for ear in ears for c in ear.closures)
+        couplings = all(model.loops[c.loop].is_coupling for ear in ears for c in ear.closures)
         what = "coupled joints" if couplings else "faces of its loops"
         why = f"where the ways inward from the {what} meet"
     moved = listed([_name(links, i) for ear in ears for i in ear.links])

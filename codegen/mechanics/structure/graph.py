@@ -37,9 +37,14 @@ class Closure:
     dropped: tuple[int, ...] = ()
     terms: tuple[tuple[int, int], ...] = ()
 
+    @property
+    def is_coupling(self) -> bool:
+        """Whether it relates coordinates of links, and has no faces."""
+        return bool(self.terms)
+
     def slides(self, type: str) -> bool:
         """Whether the way between the faces matters, for a joint of some type."""
-        if self.terms:
+        if self.is_coupling:
             return False
         linear, _ = CLOSURE_ROWS[type]
         return linear < 3 or (self.gaps and any(r not in self.dropped for r in range(linear)))

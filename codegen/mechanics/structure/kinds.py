@@ -102,6 +102,11 @@ class ClosureKind(Folded):
     slides: bool
     terms: tuple[tuple[int, int], ...] = ()
 
+    @property
+    def is_coupling(self) -> bool:
+        """Whether it relates coordinates of links, and has no faces."""
+        return bool(self.terms)
+
 
 @dataclass(slots=True, eq=False)
 class EarKind:

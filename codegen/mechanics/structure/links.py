@@ -409,8 +409,9 @@ class LoopFaces:
 
     def structure(self) -> tuple[object, ...]:
         """Equal for loops whose constants are the same but for numbers and parameters."""
+        related = len(self.loop.terms) if isinstance(self.loop, Coupling) else 0
         return (
-            "faces", self.loop.type, len(self.loop.terms), *(f.form() for f in (*self.link_frames, *self.frames)),
+            "faces", self.loop.type, related, *(f.form() for f in (*self.link_frames, *self.frames)),
             *(tuple(len(r) for _, r in steps) for steps in self.steps),
         )  # fmt: skip
 

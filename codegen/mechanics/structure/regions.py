@@ -12,9 +12,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from ...loops.disjoint_sets import DisjointSets
 from ...loops.partition import Partition
 from ...loops.tangles import ear_members, joined, tangles
-from ...model.model import GROUND, Model
+from ...model.model import GROUND, Coupling, Model
 from .elimination_order import Elimination, find_elimination
 from .graph import Closure, EarLinks, Region, Unit
 from .links import Link
@@ -102,7 +103,7 @@ def coupled_freedoms(model: Model, links: Sequence[Link]) -> Coupled:
     return {
         n: [place[speeds[t.body][1].start + t.index] for t in loop.terms]
         for n, loop in enumerate(model.loops)
-        if loop.terms
+        if isinstance(loop, Coupling)
     }
 
 
@@ -129,16 +130,9 @@ def _components(
     parts = [(ear, tuple(i for i in ear.loops if i not in coupled)) for ear in partition.ears]
     parts = [(ear, loops) for ear, loops in parts if loops or not ear.loops]
     parts += [(ear, loops) for ear in partition.ears if (loops := tuple(i for i in ear.loops if i in coupled))]
-    group = list(range(len(parts)))
-    base: list[int] = [GROUND] * len(group)
+    groups = DisjointSets(len(parts))
+    base: list[int] = [GROUND] * len(parts)
     owner: dict[int, int] = {}
-
-    def find(e: int) -> int:
-        while group[e] != e:
-            group[e] = group[group[e]]
-            e = group[e]
-        return e
-
     bundles: list[Bundle] = []
     for e, (ear, loops) in enumerate(parts):
         new: list[int] = []
@@ -153,24 +147,21 @@ def _components(
                     new.append(a)
                     a = links[a].parent
                     continue
-                known = find(owner[a])
+                known = groups.find(owner[a])
                 if known == e:  # this ear has been here: on to where that ended
                     a = reached[0] if owner[a] != e and len(reached) == 1 else links[a].parent
                     continue
-                group[known] = e
+                groups.join(known, e)
                 reached.append(base[known])
                 lowest.append(base[known])
-                if b in owner and find(owner[b]) == e:
+                if b in owner and groups.find(owner[b]) == e:
                     break
                 a = base[known]
             else:
                 lowest.append(a)
         base[e] = min(lowest)
         bundles.append(Bundle(loops, sorted(new), ear.length))
-    found: dict[int, list[Bundle]] = {}
-    for e, bundle in enumerate(bundles):
-        found.setdefault(find(e), []).append(bundle)
-    return [(bundles_here, base[root]) for root, bundles_here in found.items()]
+    return [([bundles[e] for e in members], base[root]) for root, members in groups.members().items()]
 
 
 @dataclass(slots=True)
@@ -215,21 +206,11 @@ def _bundles(
 def _with_coupled_links(coupled: Coupled, bundles: list[Bundle]) -> list[Bundle]:
     """The same, every coupling in one with the bundles that have its links."""
     owner = {i: n for n, b in enumerate(bundles) for i in b.links}
-    joined_to = list(range(len(bundles)))
-
-    def find(n: int) -> int:
-        while joined_to[n] != n:
-            joined_to[n] = joined_to[joined_to[n]]
-            n = joined_to[n]
-        return n
-
+    sets = DisjointSets(len(bundles))
     for n, b in enumerate(bundles):
         for i in (i for loop in b.loops for i, _ in coupled.get(loop, ())):
-            joined_to[find(owner[i])] = find(n)
-    sets: dict[int, list[int]] = {}
-    for n in range(len(bundles)):
-        sets.setdefault(find(n), []).append(n)
-    return joined(bundles, [members for members in sets.values() if len(members) > 1], _as_one)
+            sets.join(owner[i], n)
+    return joined(bundles, [members for members in sets.members().values() if len(members) > 1], _as_one)
 
 
 def _as_one(bundles: list[Bundle]) -> Bundle:

@@ -63,7 +63,7 @@ def turned_ground(model: Model) -> tuple[Model, tuple[Placement, ...]]:
             model,
             gravity=None if model.gravity is None else turn.vector(model.gravity),
             bodies=tuple(turn.body(b) for b in model.bodies),
-            loops=tuple(loop if loop.terms else turn.loop(loop) for loop in model.loops),
+            loops=tuple(loop if loop.is_coupling else turn.loop(loop) for loop in model.loops),
             loads=tuple(
                 replace(e, value=turn.vector(e.value)) if isinstance(e, OnBody) and e.axes == "ground" else e
                 for e in model.loads
@@ -83,7 +83,9 @@ def common_rotation(model: Model) -> Rotation:
     for k in model.outward:
         if model.bodies[k].joint.is_fixed and model.bodies[k].parent in grounded:
             grounded.add(k)
-    closed = any(face.body in grounded for loop in model.loops if not loop.terms for face in (loop.start, loop.end))
+    closed = any(
+        face.body in grounded for loop in model.loops if not loop.is_coupling for face in (loop.start, loop.end)
+    )
     if not closed or any(e.measured for e in model.elements):
         return ()
     votes: dict[Rotation, int] = {}
@@ -101,7 +103,7 @@ def common_rotation(model: Model) -> Rotation:
 
 def _rotations_on_ground(model: Model) -> Iterator[Rotation]:
     yield from (b.joint.rotation for b in model.bodies if b.parent == GROUND)
-    for loop in (x for x in model.loops if not x.terms):
+    for loop in (x for x in model.loops if not x.is_coupling):
         yield from (face.rotation for face in (loop.start, loop.end) if face.body == GROUND)
 
 

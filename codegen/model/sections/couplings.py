@@ -29,9 +29,7 @@ def read_couplings(reader: Reader, bodies: BodySection) -> list[Coupling]:
     }
     owner: dict[str, str] = {}
     found = []
-    for at in reader.section("couplings"):
-        name = reader.key_name(at, "coupling", "body")
-        spec = reader.spec(CouplingEntry, at)
+    for at, name, spec in reader.entries("couplings", CouplingEntry, "coupling", "body"):
         if spec is None or not reader.is_whole(spec):
             continue
         before = reader.errors

@@ -13,9 +13,7 @@ from .meaning import Meaning
 def read_forces(reader: Reader, bodies: BodySection, points: dict[str, Point]) -> list[ForceElement]:
     """Read the force elements in their order."""
     result = []
-    for at in reader.section("forces"):
-        name = reader.key_name(at, "force", "force")
-        spec = reader.spec(AnyForce, at)
+    for at, name, spec in reader.entries("forces", AnyForce, "force", "force"):
         element = None if spec is None else spec.read(Meaning(reader, at, name or "", bodies, points))
         if element is not None and name is not None:
             result.append(element)

@@ -14,9 +14,7 @@ from ..tables import MAX_POINTS, Table
 def read_tables(reader: Reader) -> list[Instance]:
     """Read the section: from here on the names may be called in expressions."""
     found = []
-    for at in reader.section("tables"):
-        name = reader.key_name(at, "table", "value")
-        spec = reader.spec(TableEntry, at)
+    for at, name, spec in reader.entries("tables", TableEntry, "table", "value"):
         if name is None or not reader.is_whole(spec):
             continue
         before = reader.errors

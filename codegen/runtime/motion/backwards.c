@@ -89,12 +89,10 @@ static void clear(ordernm_adjoint *a, ordernm_call *c)
 }
 
 /* A state whose loops have been closed before. */
-static ordernm_call closed(ordernm_adjoint *a, double t, const double *z, double *q)
+static void closed(ordernm_adjoint *a, double t, const double *z, double *q, ordernm_call *c)
 {
-    ordernm_call c;
-    ordernm_arguments(a->motion, t, z, &c);
-    if (!a->motion->identity) c.q = q;
-    return c;
+    ordernm_arguments(a->motion, t, z, c);
+    if (!a->motion->identity) c->q = q;
 }
 
 /* nu = f_z^T kappa at a state, and the gradients' parts; of independent coordinates and speeds. */
@@ -104,7 +102,8 @@ int ordernm_rates_transposed(ordernm_adjoint *a, int n, double t, const double *
     const ordernm_system *const s = m->system;
     const int width = a->width, index = a->index;
     const size_t entry = width*sizeof(double);
-    ordernm_call c = closed(a, t, z, q);
+    ordernm_call c;
+    closed(a, t, z, q, &c);
     int status;
     ++a->gradients->transposes;
     memset(nu, 0, a->n*entry);
@@ -135,7 +134,8 @@ int ordernm_integrals_transposed(ordernm_adjoint *a, int n, double t, const doub
     const ordernm_system *const s = m->system;
     const int width = a->width;
     if (!m->nx || !ordernm_any(kappa + m->ny*width, m->nx*width)) return 0;
-    ordernm_call c = closed(a, t, z, q);
+    ordernm_call c;
+    closed(a, t, z, q, &c);
     memset(a->weights, 0, s->noutputs*width*sizeof(double));
     for (int i = 0; i < m->nx; ++i)
         for (int l = 0; l < width; ++l) a->weights[m->problem->integrals[i]*width + l] += kappa[(m->ny + i)*width + l];

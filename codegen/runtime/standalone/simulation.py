@@ -427,7 +427,7 @@ def _interval(t: Any) -> tuple[float, float, Array]:
         if times <= 0:
             raise ValueError(f"t is {float(times):g} s, expected a positive number, or times (nt,)")
         return 0.0, float(times), np.empty(0)
-    if len(times) < 2 or not (times[0] < times[1] if len(times) == 2 else (times[1:] > times[:-1]).all()):
+    if len(times) < 2 or not (times[1:] > times[:-1]).all():
         raise ValueError("t: times must rise, from the beginning of the motion to its end; at least two are needed")
     return float(times[0]), float(times[-1]), times
 

@@ -50,13 +50,8 @@ def displacement(ear: EarGeometry, c: int, complete: bool) -> Twist:
     return _seen(x.let("cut", total, "d Eq. 30", lanes=True))
 
 
-def acceleration(ear: EarGeometry, c: int, joints: Sequence[Vector]) -> Twist:
-    """What a coupling sees of accelerations of the joints. Eq. 31."""
-    return ear.coupled(c, joints, "ca", "Eq. 31")
-
-
 @dataclass(slots=True)
-class Taken:
+class CouplingForces:
     """What couplings take along coordinates, the opposite of what they exert, by link and freedom; and its tangents.
 
     These are with the multipliers held, as those of loops' wrenches are.
