@@ -26,6 +26,12 @@ def is_finite(x: Array) -> bool:
     return all(map(math.isfinite, x.tolist())) if len(x) <= FEW else bool(np.isfinite(x).all())
 
 
+def largest(x: Array) -> float:
+    """The largest size of an entry; 0 where there is none."""
+    flat = x.reshape(-1)
+    return max(map(abs, flat.tolist()), default=0.0) if len(flat) <= FEW else float(np.abs(flat).max())
+
+
 LONG = 4096
 """Numbers up to which a product tells sooner. Longer ones go to the threads of BLAS, and whoever asked spins until they have had
 a core: 4 ms each time where others want it too, for what takes 20 us."""

@@ -135,6 +135,8 @@ class CTarget:
     def motion_system(self) -> int:
         """The address of what integrators are told of the model, an ``ordernm_system``."""
         symbol = f"{self.model}_motion"
+        if symbol in self._addresses:
+            return self._addresses[symbol]
         library = self.library_of("state_rates")
         with self._lock:
             if symbol not in self._addresses:

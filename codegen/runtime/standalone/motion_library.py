@@ -30,6 +30,8 @@ def motion_library(folder: Path) -> tuple[Any, Any]:
     ------
     NoCompilerError, CompileError, PackageError
     """
+    if folder in _opened:  # as it is but once: no lock then
+        return _opened[folder]
     from cffi import FFI
 
     with _opening:

@@ -74,13 +74,15 @@ class Problem:
         c = ffi.new("ordernm_problem *")
         self.kept = [c]
 
+        doubles, keep = ffi.typeof("double[]"), self.kept.append
+
         def pointer(x: Array | None) -> Any:
             if x is None or not x.size:
                 return ffi.NULL
             if not x.flags.c_contiguous or x.dtype != np.float64:
                 x = np.ascontiguousarray(x, float)
-            held = ffi.from_buffer("double[]", x)
-            self.kept.append(held)
+            held = ffi.from_buffer(doubles, x)
+            keep(held)
             return held
 
         c.system = system

@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -161,20 +162,19 @@ class MotionRun(States, Partitions):
 
     # -- rows of results -----------------------------------------------------------------------------------------------
 
-    def _sizes(self, problem: Problem | None = None) -> list[int]:
-        """Of what a row of results has: t, q, u, outputs, integrals."""
-        return [1, self.nq, self.nu, self.noutputs, len(problem.integrals) if problem else 0]
-
     def _of_rows(self, rows: Array, part: int, problem: Problem | None = None) -> Array:
-        """The values of a part, (..., n), of rows (..., row)."""
-        sizes = self._sizes(problem)
-        return rows[..., sum(sizes[:part]) : sum(sizes[: part + 1])]
+        """The values of a part, (..., n), of rows (..., row): t, q, u, outputs, integrals."""
+        integrals = len(problem.integrals) if problem else 0
+        start, size, _ = _places_in_rows(self.nq, self.nu, self.noutputs, integrals)[part]
+        return rows[..., start : start + size]
 
     def _derivatives_of_rows(self, rows: Array, problem: Problem, k: int, part: int) -> Array:
         """Their derivatives, (..., k, n); a view."""
-        sizes = self._sizes(problem)
-        start = sum(sizes) + k * sum(sizes[1:part])
-        found: Array = rows[..., start : start + k * sizes[part]].reshape(*rows.shape[:-1], k, sizes[part])
+        parts = _places_in_rows(self.nq, self.nu, self.noutputs, len(problem.integrals))
+        values = parts[-1][0] + parts[-1][1]
+        _, size, before = parts[part]
+        start = values + k * before
+        found: Array = rows[..., start : start + k * size].reshape(*rows.shape[:-1], k, size)
         return found
 
     # -- one partition -------------------------------------------------------------------------------------------------
@@ -278,6 +278,14 @@ class MotionRun(States, Partitions):
             int(ffi.cast("intptr_t", system.precise)),
         )
         return segment, found, last
+
+
+@lru_cache(64)
+def _places_in_rows(nq: int, nu: int, noutputs: int, integrals: int) -> tuple[tuple[int, int, int], ...]:
+    """Of t, q, u, outputs and integrals in a row of results: where they begin, how many there are, and of how many derivatives
+    come before theirs."""
+    sizes = (1, nq, nu, noutputs, integrals)
+    return tuple((sum(sizes[:i]), size, sum(sizes[1:i])) for i, size in enumerate(sizes))
 
 
 def _new_events(before: list[tuple[int, Array]], segment: Segment) -> list[tuple[int, Array]]:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from .arrays import Array, Numbers, is_finite
+from .arrays import Array, Numbers, is_finite, largest, normalise
 from .errors import SimulationError, SingularLoopError
 from .motion_directions import Directions, take_sensitivities
 from .motion_events import DIRECTIONS as CROSSINGS
@@ -136,13 +136,13 @@ class Simulation(MotionRun):
         Its size is the largest in the motion of all with its unit; so the same motion in other units of length, mass and time
         has the same growth. Dependent entries are left out: they have no derivatives where a loop loses rank.
         """
-        largest = np.abs(rows).max(axis=0)
-        q, u = (self._of_rows(largest, i) for i in (1, 2))
+        sizes = np.abs(rows).max(axis=0)
+        q, u = (self._of_rows(sizes, i) for i in (1, 2))
         bound = 0.0
         if not directions.given:
-            start = sum(self._sizes())
-            changed = largest[start : start + directions.k * (self.nq + self.nu)].max(initial=0.0)
-            bound = _bound_of_growth(float(changed), problem, [*q.tolist(), *u.tolist()])
+            start = 1 + self.nq + self.nu + self.noutputs
+            changed = sizes[start : start + directions.k * (self.nq + self.nu)]
+            bound = _bound_of_growth(largest(changed), problem, [*q.tolist(), *u.tolist()])
         if 0.0 < bound < MEANINGLESS:
             return bound
         by, q, u = self._sizes_of_directions(directions, q, u, problem)
@@ -195,7 +195,7 @@ class Simulation(MotionRun):
         directions = take_sensitivities(self, sensitivities, dq0, du0, spline)
         dq, du = directions.dq, directions.du
         of_model = None
-        if directions.k and not directions.given and (q is None or u is None):
+        if directions.k and not directions.given and (q is None or u is None) and not self._initial_is_fixed:
             of_model = self.initial_sensitivities(p_all, dp=directions.dp)
             dq = dq + (of_model[2] if q is None else 0.0)
             du = du + (of_model[3] if u is None else 0.0)
@@ -218,6 +218,10 @@ class Simulation(MotionRun):
     def _first_state(self, q: Numbers, u: Numbers, rest: Mapping[str, Any]) -> tuple[Array, Array]:
         """A consistent initial state at parameters, and inputs and a time, which prescribed motion makes use of."""
         p = rest["p"]
+        if q is None and u is None and self._initial_is_fixed:
+            q_all, u_all = self._initial[0].copy(), self._initial[1].copy()
+            normalise(q_all, self._arguments.quaternions)
+            return q_all, u_all
         if q is None and u is None and not self.prescribed_names:
             return self.initial_state(p)
         first = self._first_values(p) if q is None or u is None else (q, u)
@@ -388,9 +392,8 @@ def _bound_of_growth(changed: float, problem: Problem, entries: list[float]) -> 
     are no less, unless all are zero.
     """
     sizes = [x for x in entries if x > 0.0]
-    others = [float(np.abs(x).max(initial=0.0)) for x in (problem.p, problem.inputs.values)]
-    largest = max(1.0, *sizes, *others)
-    return changed * largest / min([1.0, *sizes])
+    most = max([1.0, *sizes, largest(problem.p), largest(problem.inputs.values)])
+    return changed * most / min([1.0, *sizes])
 
 
 def places(names: Sequence[str], among: Sequence[str]) -> list[int]:
@@ -427,9 +430,14 @@ def _interval(t: Any) -> tuple[float, float, Array]:
         if times <= 0:
             raise ValueError(f"t is {float(times):g} s, expected a positive number, or times (nt,)")
         return 0.0, float(times), np.empty(0)
-    if len(times) < 2 or not (times[1:] > times[:-1]).all():
+    if len(times) < 2 or not _rise(times):
         raise ValueError("t: times must rise, from the beginning of the motion to its end; at least two are needed")
     return float(times[0]), float(times[-1]), times
+
+
+def _rise(times: Array) -> bool:
+    """Whether each time is later than the one before."""
+    return bool(times[1] > times[0]) if len(times) == 2 else bool((times[1:] > times[:-1]).all())
 
 
 def _tolerances(name: str, given: Any, shape: tuple[int, ...]) -> Array:

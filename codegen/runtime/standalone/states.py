@@ -111,6 +111,16 @@ class States(Package):
 
     # -- how -----------------------------------------------------------------------------------------------------------
 
+    @property
+    def _initial_is_fixed(self) -> bool:
+        """Whether the initial state is a matter of numbers alone: nothing in it follows from parameters."""
+        return not (
+            self.closure_names
+            or self.prescribed_names
+            or "initial_at_rest" in self._manifest
+            or "initial" in self._functions
+        )
+
     def _at_rest(self, p: Numbers, dp: Numbers) -> tuple[Array, Array, Array, Array]:
         """The equilibrium that the initial values lead to, and its derivatives along dp: q, u, dq (k, nq), du (k, nu)."""
         at: Array = self._arguments.take({"p": p}, self._left_out)[0]["p"]

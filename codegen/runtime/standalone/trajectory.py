@@ -6,6 +6,7 @@ import difflib
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import astuple
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -121,10 +122,7 @@ class Trajectory:
         self.output_units = _units("output", output_units, noutputs)
         self.parameter_units = _units("parameter", parameter_units, len(self.parameter_names))
         self.events: tuple[Any, ...] = ()
-        names = self.names
-        self._index = {name: i for i, name in enumerate(names)}
-        if len(self._index) < len(names) or "t" in self._index:
-            raise ValueError(f"names of series must differ, and from t: {some(names)}")
+        self._index = _index_of(self.coordinate_names, self.speed_names, self.output_names)
         if len(set(self.sensitivity_names)) < k:
             raise ValueError(f"names of sensitivities must differ: {some(self.sensitivity_names)}")
 
@@ -133,11 +131,7 @@ class Trajectory:
     @property
     def names(self) -> tuple[str, ...]:
         """What `trajectory[name]` takes beside ``t``: ``q.NAME`` of coordinates, ``u.NAME`` of speeds, names of outputs."""
-        return (
-            *(f"q.{name}" for name in self.coordinate_names),
-            *(f"u.{name}" for name in self.speed_names),
-            *self.output_names,
-        )
+        return tuple(self._index)
 
     def __getitem__(self, name: str) -> Array:
         """A series over time, (nt,): of a coordinate, a speed or an output, see `names`; ``t`` are the times."""
@@ -451,6 +445,16 @@ def _shaped(name: str, value: ArrayLike | None, shape: Shape, may_lack: bool = F
     if found.shape != shape:
         raise ValueError(f"{name} has shape {found.shape}, expected {shape}")
     return found
+
+
+@lru_cache(64)
+def _index_of(coordinates: tuple[str, ...], speeds: tuple[str, ...], outputs: tuple[str, ...]) -> Mapping[str, int]:
+    """Where series stand, by name: looked up once a model, not once a motion."""
+    names = [*(f"q.{name}" for name in coordinates), *(f"u.{name}" for name in speeds), *outputs]
+    index = {name: i for i, name in enumerate(names)}
+    if len(index) < len(names) or "t" in index:
+        raise ValueError(f"names of series must differ, and from t: {some(names)}")
+    return index
 
 
 def _units(of: str, units: Sequence[str], n: int) -> tuple[str, ...]:
