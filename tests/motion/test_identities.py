@@ -207,11 +207,25 @@ def test_auto_takes_one_of_both(made: Callable[..., Made], integrator: str) -> N
     assert none.method == "none" and none.gradients.shape == (1, 0)
 
 
+def rounding_decides(made: Made, wanted: Any, wrt: list[str], inputs: Any, **options: Any) -> bool:
+    """Whether the last digits of the parameters change how many steps are made: a step that shrinks onto the kink of a force has
+    an error of rounding alone, from which the next step's size follows, and with it on which side of the next kink stages lie."""
+    rng = np.random.default_rng(0)
+    steps = set()
+    for _ in range(24):
+        p = made.p * (1.0 + rng.integers(-3, 4, made.p.shape) * 2.0**-53)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            of = made.solver.judge(END, wanted, made.q, p=p, inputs=inputs, wrt=wrt, method="forward", **options)
+        steps.add(of.counts["steps"])
+    return len(steps) > 1
+
+
 @pytest.mark.campaign
 @pytest.mark.parametrize("first", [100, 200])
 def test_campaign(made: Callable[..., Made], capsys: Any, first: int) -> None:
     """Random trees and random mechanisms of every scene and loop joint."""
-    told = []
+    told, undecided = [], []
     for seed in range(first, first + 25):
         rng = np.random.default_rng(seed)
         kind = ("tree", "spatial", "planar", "spherical")[seed % 4]
@@ -223,10 +237,18 @@ def test_campaign(made: Callable[..., Made], capsys: Any, first: int) -> None:
         wrt = directions(of.solver, inputs, rng, 12)
         try:
             for options in INTEGRATORS.values():
-                agree(*both(of, functionals(of.solver, rng, None), wrt, inputs, **options))
+                wanted = functionals(of.solver, rng, None)
+                forward, adjoint = both(of, wanted, wrt, inputs, **options)
+                if forward.counts["steps"] != adjoint.counts["steps"] and rounding_decides(
+                    of, wanted, wrt, inputs, **options
+                ):
+                    undecided.append(seed)
+                else:
+                    agree(forward, adjoint)
         except Exception as error:
             told.append((seed, kind, type(error).__name__, str(error)[:300]))
     with capsys.disabled():
         for line in told:
             print(line)
     assert not told
+    assert len(undecided) <= 1, undecided  # of 75
