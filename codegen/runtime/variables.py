@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from .standalone.arguments import some
 from .standalone.arrays import Array, Numbers
 from .standalone.motion_inputs import Inputs, take_inputs
-from .standalone.named_entries import Entry, look_up_all, names_of
+from .standalone.named_entries import Entry, apart, look_up_all, names_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,8 @@ class Variables:
     Attributes
     ----------
     names : tuple of str
-        A whole input stands here as its values, ``inputs.NAME[0]``, ``inputs.NAME[1]`` and so on.
+        A whole input stands here as its values, ``inputs.NAME[0]``, ``inputs.NAME[1]`` and so on, a vector as its entries,
+        ``hard_point.x`` and so on.
     start, lower, upper, origin, scale : array (n,)
     """
 
@@ -180,10 +181,12 @@ class Variables:
     # -- what is asked for ---------------------------------------------------------------------------------------------
 
     def _expanded(self, name: str) -> list[str]:
-        """A whole input as its values, anything else as it is."""
+        """A whole input as its values, a vector as its entries, anything else as it is."""
         count = len(self._inputs.values)
         of = name.removeprefix("inputs.")
-        return [f"{name}[{i}]" for i in range(count)] if of != name and of in self.solver.input_names else [name]
+        if of != name and of in self.solver.input_names:
+            return [f"{name}[{i}]" for i in range(count)]
+        return list(apart(names_of(self.solver), (name,)))
 
     def _looked_up(self) -> list[Entry]:
         """What the names stand for; inputs, one value each."""

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from codegen.runtime.standalone.named_directions import named_directions
-from codegen.runtime.standalone.named_entries import Entry, Names, look_up, look_up_all
+from codegen.runtime.standalone.named_entries import Entry, Names, apart, look_up, look_up_all
 
 NAMES = Names(("mass", "length"), ("motor", "brake"), ("a", "b", "c"), ("a", "b", "c"), ("a",), ("a", "c"))
 
@@ -49,3 +49,17 @@ def test_a_state_of_rest_has_whole_inputs_only() -> None:
             ValueError, match=re.escape(f"{name!r} is not known; expected is any of mass, length, inputs.motor")
         ):
             named_directions(name, NAMES.parameters, NAMES.inputs)
+
+
+def test_a_vector_stands_for_its_entries() -> None:
+    names = Names(
+        ("pin.x", "pin.y", "pin.z", "mass"), ("motor",), ("ball.e0", "ball.e1", "pinion", "a"), ("ball.wx", "ball.wy", "a"),
+        ("ball.e1", "a"), ("ball.wx", "ball.wy"),
+    )  # fmt: skip
+    asked = ("mass", "pin", "q0.ball", "u0.ball", "pin.y", "inputs.motor", "q0.a", "q0.pin", "pi", 3)
+    vector = ("pin.x", "pin.y", "pin.z")
+    expected = ("mass", *vector, "q0.ball.e1", "u0.ball.wx", "u0.ball.wy", *asked[4:])
+    assert apart(names, asked) == expected  # what stands for nothing stays, to be refused by its own name
+    assert named_directions("pin", names.parameters, names.inputs).names == vector
+    with pytest.raises(ValueError, match=re.escape("sensitivities name something twice")):
+        look_up_all(names, apart(names, ("pin.x", "pin")), 3)

@@ -11,7 +11,7 @@ import numpy as np
 from .arguments import some
 from .arrays import Array, Numbers
 from .motion_inputs import Inputs
-from .named_entries import Entry, look_up_all, names_of
+from .named_entries import Entry, apart, look_up_all, names_of
 
 
 @dataclass(slots=True)
@@ -51,13 +51,14 @@ def take_sensitivities(
     ------
     ValueError
     """
-    wanted = (names,) if isinstance(names, str) else tuple(names)
+    known = names_of(solver)
+    wanted = apart(known, (names,) if isinstance(names, str) else tuple(names))
     given = dq0 is not None or du0 is not None
     if not wanted and given:
         rows = len(np.atleast_2d(np.asarray(dq0 if dq0 is not None else du0, float)))
         wanted, entries = tuple(f"direction {i}" for i in range(rows)), list[Entry]()
     else:
-        entries = look_up_all(names_of(solver), wanted, len(inputs.values))
+        entries = look_up_all(known, wanted, len(inputs.values))
     k = len(wanted)
     found = Directions(
         wanted, np.zeros((k, solver.nq)), np.zeros((k, solver.nu)), np.zeros((k, solver.np)), None, given

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .arrays import Array
-from .named_entries import Names, look_up
+from .named_entries import Names, apart, look_up
 
 
 class Directions(NamedTuple):
@@ -34,8 +34,9 @@ def named_directions(asked: str | Sequence[str], parameters: Sequence[str], inpu
     ValueError
         A name is not known; tells the nearest one.
     """
-    names = (asked,) if isinstance(asked, str) else tuple(asked)
-    entries = [look_up(Names(parameters, inputs), name) for name in names]
+    known = Names(parameters, inputs)
+    names = apart(known, (asked,) if isinstance(asked, str) else tuple(asked))
+    entries = [look_up(known, name) for name in names]
     found = Directions(names, np.zeros((len(names), len(parameters))), np.zeros((len(names), len(inputs))))
     for row, entry in enumerate(entries):
         (found.p if entry.of == "p" else found.inputs)[row, entry.at] = 1.0

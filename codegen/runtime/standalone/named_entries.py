@@ -47,6 +47,28 @@ def names_of(solver: Any) -> Names:
     )  # fmt: skip
 
 
+def apart(names: Names, asked: Sequence[Any]) -> tuple[Any, ...]:
+    """Names, and in place of one that stands for several, a vector or a joint of several freedoms, those of its entries.
+
+    ``hard_point`` becomes ``hard_point.x``, ``hard_point.y``, ``hard_point.z``; ``q0.JOINT`` what is independent of the joint.
+    """
+    found: list[Any] = []
+    for name in asked:
+        parts = () if name in names.parameters or not isinstance(name, str) else _entries(names, name)
+        found.extend(parts or (name,))
+    return tuple(found)
+
+
+def _entries(names: Names, name: str) -> tuple[str, ...]:
+    """The names that begin with this one and a dot, if it is not one itself."""
+    kind, _, of = name.partition(".")
+    initial = {"q0": names.independent, "u0": names.independent_speeds}
+    if kind not in initial:
+        return tuple(n for n in names.parameters if n.startswith(f"{name}."))
+    known = names.coordinates if kind == "q0" else names.speeds
+    return () if of in known or not of else tuple(f"{kind}.{n}" for n in initial[kind] if n.startswith(f"{of}."))
+
+
 def look_up(names: Names, asked: Any, values: int | None = None) -> Entry:
     """What a name stands for: a parameter's, ``q0.NAME``, ``u0.NAME``, ``inputs.NAME``, ``inputs.NAME[i]``.
 

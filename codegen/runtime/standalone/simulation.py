@@ -67,7 +67,8 @@ class Simulation(MotionRun):
             control points of a cubic B-spline whose knots are times (ntimes + 2 of them).
         sensitivities : sequence of str
             What derivatives are with respect to: parameters, ``q0.NAME`` and ``u0.NAME`` for initial values of independent
-            coordinates and speeds, ``inputs.NAME`` for a number added to an input, ``inputs.NAME[i]`` for its i-th value.
+            coordinates and speeds, ``inputs.NAME`` for a number added to an input, ``inputs.NAME[i]`` for its i-th value. A
+            parameter that is a vector, and the joint of several freedoms, stand for their entries.
         dq0, du0 : (k, nq) and (k, nu), optional
             Derivatives of the initial state in place of those that follow from `sensitivities`; independent entries are read.
         rtol : float
