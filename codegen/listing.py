@@ -12,7 +12,7 @@ from typing import Any
 from .loops.wording import loops_counted
 from .model.expressions import Expression, combine
 from .model.forces import ForceElement
-from .model.model import GROUND, Body, Coupling, Face, Model, Output, Point, Vector, joint_coordinates
+from .model.model import GROUND, Body, Coupling, Face, Joint, Model, Output, Point, Vector, joint_coordinates
 from .model.outputs import MEASURES
 from .summary import counted
 
@@ -145,7 +145,10 @@ class _Listing:
         alike: dict[Any, list[int]] = {}
         for k, b in enumerate(model.bodies):
             alike.setdefault(
-                (b.joint.type, b.joint.axes, b.joint.at, b.joint.rotation, b.joint.factors, b.mass, b.com, b.inertia),
+                (
+                    *(b.joint.type, b.joint.axes, b.joint.at, b.joint.rotation, b.joint.factors, b.joint.armature),
+                    *(b.mass, b.com, b.inertia),
+                ),
                 [],
             ).append(k)
         entries = []
@@ -186,7 +189,13 @@ class _Listing:
         factors = "".join(
             f", {key} {self.short(e)}" for key, e in zip(joint.kind.factor_keys, joint.factors, strict=True)
         )
-        return f"{joint.type}{axes}{factors}{at}{self.turned(joint.rotation)}"
+        return f"{joint.type}{axes}{factors}{self.armature(joint)}{at}{self.turned(joint.rotation)}"
+
+    def armature(self, joint: Joint) -> str:
+        if not joint.armature:
+            return ""
+        told = [self.short(e) for e in joint.armature[: len(joint.kind.armature_units())]]
+        return f", armature {told[0] if len(told) == 1 else '[' + ', '.join(told) + ']'}"
 
     def turned(self, rotation: Iterable[tuple[Vector, Expression]]) -> str:
         turns = [f"{self.short(angle)} about {self.axis(axis)}" for axis, angle in rotation]

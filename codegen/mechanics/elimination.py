@@ -7,6 +7,9 @@ force along s is given: ``s . (Q (a + s udot) + p) = tau``. With ``U = Q s`` and
 
 and what is left for the others is ``Q - G U^T`` and ``p + G r``: no inertia along s, and the force tau.
 
+A rotor that turns with the freedom adds its reflected inertia a to D and to nothing else. Then ``s . G`` is ``1 - a/D``, and what
+is left has along s the inertia ``a G`` and the force ``tau - a r/D``: what the rotor resists with. Neither is a difference.
+
 The unknowns of a link are the six components of its acceleration, and those of its partners; the columns are its joint's. The
 unknowns of a region are its sources, a base that carries it, and partners; a source moves nothing but itself, so that its
 unknown is zero until it is found.
@@ -93,7 +96,9 @@ class SymmetricSystem:
     kept: PivotFields
     labels: Sequence[str]
 
-    def eliminate(self, j: int, s: Column, tau: Value, whole: Value, left: range | None = None) -> None:
+    def eliminate(
+        self, j: int, s: Column, tau: Value, whole: Value, left: range | None = None, rotor: Value = 0
+    ) -> None:
         """Eliminate a freedom; its pivot, right side and gains are kept.
 
         Parameters
@@ -108,6 +113,8 @@ class SymmetricSystem:
             Inertia along it that the pivot is measured against.
         left : range, optional
             Unknowns that still matter; all if left out.
+        rotor : value, optional
+            Reflected inertia of the rotor that turns with the freedom.
 
         Raises
         ------
@@ -118,13 +125,17 @@ class SymmetricSystem:
         unknowns = range(len(p))
         left = unknowns if left is None else left
         U = [let("U", s.along(row), "Eq. 46") for row in Q]
-        D = self._pivot(let("D", s.along(U), "Eq. 46"))
+        moved, geared = s.along(U), not is_zero(rotor)
+        D = self._pivot(let("D", moved + rotor if geared else moved, "Eq. 46"))
         inverse = let("Dinv", 1 / D, "Eq. 47")
         r = let("r", tau - s.along(p), "Eq. 53")
         self.x.set_entry(PIVOT, j, let("margin", D - self.x.number(SMALL) * whole, "zero pivot"))
         self.x.store(kept.store, kept.inverse(j), inverse)
-        self.x.store(kept.store, kept.right_side(j), let("rD", r * inverse, "Eq. 53"))
+        driven = let("rD", r * inverse, "Eq. 53")
+        self.x.store(kept.store, kept.right_side(j), driven)
         G = [0 if i == s.lead else let(f"G{self.labels[i]}", U[i] * inverse, "Eq. 46") for i in unknowns]
+        if geared:
+            G[s.lead] = let("G", moved * inverse, "Eq. 46")  # s . G, which is 1 without a rotor
         for i in unknowns:
             self.x.store(kept.store, kept.gain(j, i), G[i])
         others = [i for i in left if i != s.lead]
@@ -135,11 +146,13 @@ class SymmetricSystem:
         for i in others:
             p[i] = let(f"{kept.force}{self.labels[i]}", p[i] + G[i] * r, "Eq. 45")
         if s.lead in left:
-            # no force is left along s: the leading row follows from the others, and is zero if s has no others
+            # but for a rotor's no force is left along s: the leading row follows from the others, and is zero if s has no others
             for k in (*others, s.lead):
                 name = f"{kept.entry}{self.labels[s.lead]}{self.labels[k]}"
-                Q[s.lead][k] = Q[k][s.lead] = let(name, s.completed(Q[k]), "Eq. 44")
-            p[s.lead] = let(f"{kept.force}{self.labels[s.lead]}", s.completed(p, tau), "Eq. 45")
+                along = rotor * (U[k] * inverse if k == s.lead else G[k]) if geared else 0
+                Q[s.lead][k] = Q[k][s.lead] = let(name, s.completed(Q[k], along), "Eq. 44")
+            along = tau - rotor * driven if geared else tau
+            p[s.lead] = let(f"{kept.force}{self.labels[s.lead]}", s.completed(p, along), "Eq. 45")
 
     def _pivot(self, D: Value) -> Value:
         if not is_zero(D):
@@ -155,7 +168,7 @@ class SymmetricSystem:
 
 def eliminate_force(
     x: Scope, kept: PivotFields, right: Store, j: int, s: Column, P: Vector, tau: Value, labels: Sequence[str],
-    left: range | None = None,
+    left: range | None = None, rotor: Value = 0,
 ) -> None:  # fmt: skip
     """The same of another right side, along directions: ``r = tau - s . P``, ``P += G r``. Changes P.
 
@@ -170,18 +183,27 @@ def eliminate_force(
         if i != s.lead:
             P[i] = x.let(f"{kept.moving}{labels[i]}", P[i] + G[i] * r, "d Eq. 45", lanes=True)
     if s.lead in left:
-        P[s.lead] = x.let(f"{kept.moving}{labels[s.lead]}", s.completed(P, tau), "d Eq. 45", lanes=True)
+        along = tau if is_zero(rotor) else tau - rotor * driven
+        P[s.lead] = x.let(f"{kept.moving}{labels[s.lead]}", s.completed(P, along), "d Eq. 45", lanes=True)
 
 
 def substitute(
-    x: Scope, kept: PivotFields, right: Store, j: int, s: Column, a: Vector, name: str, lanes: bool
+    x: Scope,
+    kept: PivotFields,
+    right: Store,
+    j: int,
+    s: Column,
+    a: Vector,
+    name: str,
+    lanes: bool,
+    geared: bool = False,
 ) -> Value:
     """The acceleration of a freedom, ``r / D - G . a``; the one eliminated last comes first. Changes a.
 
-    `right` is where right sides are kept.
+    `right` is where right sides are kept; `geared` tells that a rotor turns with the freedom.
     """
-    # s . G = 1, so a along s counts once, and the other components what is left of them
-    G = [1 if i == s.lead else x.load(kept.store, kept.gain(j, i)) for i in range(len(a))]
+    # s . G = 1 but for rotors, so a along s counts once, and the other components what is left of them
+    G = [1 if i == s.lead and not geared else x.load(kept.store, kept.gain(j, i)) for i in range(len(a))]
     value = x.load(right, kept.right_side(j))
     for i, gain in enumerate(G):
         value = value - gain * s.remaining(x, i, a, lanes)

@@ -78,6 +78,7 @@ inertia = SymmetricField("J", "kg m^2", OWN, "inertia about the origin")
 joint_place = VectorField("r", "m", PARENT, "origin of the joint in the parent")
 joint_attitude = MatrixField("R", "1", PARENT, "parent components from joint components, at q = 0")
 joint_factor = ScalarField("factor", "m/rad", "", "displacement per angle of a joint, such as a screw's pitch")
+armature = ScalarField("rotor{}", "kg m^2 or kg", "", "reflected inertia of the rotor that turns with a speed")
 face_place = VectorField(
     "{}.r", "m", LINK, "origin of a face of a loop joint (A: start, B: end), or place of an end of a force element"
 )

@@ -101,6 +101,7 @@ class ModelBuilder:
         axes: Sequence[str | Sequence[Scalar]] | None = None,
         normal: str | Sequence[Scalar] | None = None,
         pitch: Scalar | None = None,
+        armature: Scalar | Sequence[Scalar] | None = None,
         at: Vector3 | None = None,
         rotate: Sequence[Mapping[str, Any]] | None = None,
         rpy: Vector3 | None = None,
@@ -115,12 +116,14 @@ class ModelBuilder:
         ----------
         name, parent : str
         joint : str or mapping
-            Type of the joint, with `axis`, `axes`, `normal`, `pitch`, `at`, `rotate` and `rpy` beside it; or everything in a
-            mapping.
+            Type of the joint, with `axis`, `axes`, `normal`, `pitch`, `armature`, `at`, `rotate` and `rpy` beside it; or
+            everything in a mapping.
         mass, com, inertia, shape
             As in a model file; left out: 0, or from `shape`.
         """
-        placed = _given(axis=axis, axes=axes, normal=normal, pitch=pitch, at=at, rotate=rotate, rpy=rpy)
+        placed = _given(
+            axis=axis, axes=axes, normal=normal, pitch=pitch, armature=armature, at=at, rotate=rotate, rpy=rpy
+        )
         whole = {**_plain(joint), **placed} if isinstance(joint, Mapping) else {"type": joint, **placed}
         entry = _given(parent=parent, joint=whole, mass=mass, com=com, inertia=inertia, shape=shape)
         self._put("bodies", name, entry)

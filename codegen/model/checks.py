@@ -9,7 +9,7 @@ import numpy as np
 
 from .expressions import Expression
 from .mobility import Driven, Value, placement, singular_joint
-from .model import GROUND, Body
+from .model import GROUND, Body, Joint
 from .motions import Ball, Displacement, Slide, Turn
 
 Finding = tuple[int, tuple[str, ...], str, str]
@@ -245,16 +245,22 @@ def check_freedoms(
         type_ = bodies[k].joint.type
         if k in driven:  # what is left of its joint is judged with all others
             continue
-        if light[k] and not inside[k] and not bodies[k].joint.is_fixed:
+        if light[k] and not inside[k] and not bodies[k].joint.is_fixed and not _all_geared(bodies[k].joint, value):
             inside[k] = True
             beyond = " and everything beyond it" if children[k] else ""
             message = (
                 f"the {type_} joint of {bodies[k].name!r} moves no mass: the body{beyond} has neither mass "
-                f"nor inertia; give it mass or fix the joint"
+                f"nor inertia; give it mass, the joint an armature, or fix the joint"
             )
             sound = False
             yield k, ("joint",), message, "error"
-        elif not children[k] and k not in held and not massless[k] and mass[k] >= 0:
+        elif (
+            not children[k]
+            and k not in held
+            and not massless[k]
+            and mass[k] >= 0
+            and not _all_geared(bodies[k].joint, value)
+        ):
             message = _idle_freedom(bodies[k], mass[k], inertia[k], value)
             if message:
                 sound = False
@@ -268,6 +274,11 @@ def check_freedoms(
                 f"configuration: what it carries gives way; give the body mass and inertia"
             )
             yield singular, ("joint",), message, "error"
+
+
+def _all_geared(joint: Joint, value: Value) -> bool:
+    """Whether a rotor resists every freedom of a joint, whatever the body's own inertia is."""
+    return bool(joint.armature) and all(value(e) > 0 for e in joint.armature)
 
 
 def _idle_freedom(body: Body, mass: float, inertia: np.ndarray, value: Value) -> str:

@@ -81,7 +81,7 @@ def _resists(body: Body, mass: float, inertia: np.ndarray, value: Value, driven:
     with np.errstate(all="ignore"):
         s = np.delete(_freedoms(body.joint, np.random.default_rng(2), value)[2], driven, axis=1)
         own = _spatial(mass, np.array([value(e) for e in body.com]), inertia)
-        pivot = s.T @ own @ s
+        pivot = s.T @ own @ s + armature_matrix(body.joint, value, driven)
         scale = float(np.abs(pivot).max())
     if not np.isfinite(scale) or scale == 0:
         return scale != 0
@@ -115,8 +115,9 @@ def _singular_at(
         s, a = freedoms[k], articulated[k]
         if s.shape[1]:
             u = a @ s
-            pivot = s.T @ u
-            full = np.sqrt(np.abs(np.diag(s.T @ composite[k] @ s)))
+            rotors = armature_matrix(bodies[k].joint, value, driven.get(k, ()))
+            pivot = s.T @ u + rotors
+            full = np.sqrt(np.abs(np.diag(s.T @ composite[k] @ s + rotors)))
             full[full == 0] = 1.0
             if not np.isfinite(pivot).all() or not np.isfinite(full).all():
                 return []  # numbers too large to tell
@@ -131,6 +132,12 @@ def _singular_at(
             articulated[parent] += shift[k].T @ a @ shift[k]
             composite[parent] += shift[k].T @ composite[k] @ shift[k]
     return singular
+
+
+def armature_matrix(joint: Joint, value: Value, driven: Sequence[int] = ()) -> np.ndarray:
+    """What rotors add to the inertia (f, f) along those freedoms of a joint that are not `driven`."""
+    found = np.array([value(e) for e in joint.armature]) if joint.armature else np.zeros(len(joint.kind.speeds))
+    return np.diag(np.delete(found, driven))
 
 
 def _freedoms(joint: Joint, rng: np.random.Generator, value: Value) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -78,6 +78,8 @@ class Joint:
         (not normalised), in sequence about the moving axes. Empty: the axes are parallel at q = 0.
     factors : tuple of Expression
         Of its motion, such as the pitch of a screw.
+    armature : tuple of Expression
+        Reflected inertia of the rotors that drive it, one for each speed, kg m^2 or kg; empty where none has any.
     """
 
     type: str
@@ -85,6 +87,7 @@ class Joint:
     at: Vector
     rotation: tuple[tuple[Vector, Expression], ...] = ()
     factors: tuple[Expression, ...] = ()
+    armature: tuple[Expression, ...] = ()
 
     @property
     def kind(self) -> Kind:
@@ -488,6 +491,7 @@ class Model:
                 yield from axis
                 yield angle
             yield from b.joint.factors
+            yield from b.joint.armature
             yield b.mass
             yield from b.com
             yield from b.inertia

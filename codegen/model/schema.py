@@ -25,6 +25,7 @@ from .entries import (
     Reference,
     Vector,
     complaint,
+    list_or_one,
     parse_name,
     seen,
     written,
@@ -55,8 +56,14 @@ SECTIONS: Final = (
 )
 
 
+def _armature(value: Any, handler: Any) -> Any:
+    return written(value, lambda given: list_or_one(given, handler))
+
+
 class JointEntry(PlacedEntry):
-    """What every joint between a body and its parent has: where it stands in the parent."""
+    """What every joint between a body and its parent has: where it stands in the parent, and rotors that turn with it."""
+
+    armature: Annotated[tuple[Expr, ...] | None, WrapValidator(_armature)] = None
 
 
 class LoopJointEntry(Entry):

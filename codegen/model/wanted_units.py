@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any, Final, get_args
 
 from .forces import FORCES, InJointEntry
+from .joints import JOINTS
 from .positions import Path_
 from .units import Dimension, unit_of
 
@@ -38,12 +39,23 @@ def unit_wanted(section: str, path: Path_, entry: Any) -> Dimension | None:
     type_ = entry.get("type") if isinstance(entry, dict) else None
     if section == "forces" and len(keys) == 1:
         unit = _BY_FORCE.get(str(type_), {}).get(key)
+    elif key == "armature":
+        unit = _unit_of_armature(path, entry)
     elif key == "density":
         shape = entry.get("shape") if isinstance(entry, dict) else None
         unit = "kg/m" if isinstance(shape, dict) and shape.get("type") == "rod" else "kg/m**3"
     else:
         unit = _BY_KEY.get(key)
     return None if unit is None else dimension_of_unit(unit)
+
+
+def _unit_of_armature(path: Path_, entry: Any) -> str | None:
+    """Of the reflected inertia of a rotor at a joint that turns, or slides."""
+    joint = entry.get("joint") if isinstance(entry, dict) else None
+    kind = JOINTS.get(str(joint.get("type"))) if isinstance(joint, dict) else None
+    units = kind.armature_units() if kind is not None else ()
+    place = path[-1] if isinstance(path[-1], int) else 0
+    return units[place][1] if place < len(units) else None
 
 
 def dimension_of_unit(text: str) -> Dimension | None:

@@ -239,7 +239,7 @@ class DenseEngine(Engine):
             part = (J_v @ J_v.mT) * m + J_w @ I @ J_w.mT
             M.value[np.ix_(index, index)] += part.value
             M.tangent[:, index[:, None], index] += part.tangent
-        return M
+        return M + pairs.diagonal(self._armature(pairs))
 
     def _right_side(self, state: State) -> Pair:
         """K of Eq. 4, (nu, 1)."""

@@ -67,6 +67,7 @@ def embed(
     closures: Sequence[EarClosure],
     bodies: Sequence[Terms],
     remainders: Sequence[Pair],
+    rotors: Pair,
     pairs: Pairs,
 ) -> Pair:
     """udot, (nu, 1), of a model with loops.
@@ -75,8 +76,10 @@ def embed(
     ----------
     remainders : sequence of Pair
         By loop, the kept conditions of the accelerations at udot = 0, (m, 1).
+    rotors : Pair
+        Their reflected inertia by speed, (nu, 1).
     """
-    inward = _Inward(model, bodies, pairs)
+    inward = _Inward(model, bodies, rotors, pairs)
     eliminated = [
         inward.eliminate(group, ear, remainders)
         for group, ear in zip(reversed(groups), reversed(closures), strict=True)
@@ -87,9 +90,9 @@ def embed(
 class _Inward:
     """The triangularization sweep: articulated inertias and forces, and the couplings between bodies, as they stand."""
 
-    def __init__(self, model: Model, bodies: Sequence[Terms], pairs: Pairs) -> None:
+    def __init__(self, model: Model, bodies: Sequence[Terms], rotors: Pair, pairs: Pairs) -> None:
         n = len(model.bodies)
-        self.model, self.bodies, self.pairs = model, bodies, pairs
+        self.model, self.bodies, self.rotors, self.pairs = model, bodies, rotors, pairs
         self.I_hat = [bodies[k].pair("I") for k in range(n)]
         self.F_hat = [bodies[k].pair("F") for k in range(n)]
         self.I_locked = [bodies[k].I for k in range(n)]  # I_hat as if no joint ever gave way: the scale of D
@@ -102,7 +105,7 @@ class _Inward:
         Z, f, outside = self._share(group, z, H, Y)
 
         D, r = Z[z.y, z.y], f[z.y]  # Eq. 47
-        D_inverse = self._inverse(group, z, H, D)
+        D_inverse = self._inverse(group, z, H, Y, D)
         h = {x: Z[place, z.y] for x, place in z.ends.items()} | {i: R[:, z.y] for i, R in outside.items()}
 
         # What the group is to its ends, and to those outside that its members were coupled to ...
@@ -141,6 +144,12 @@ class _Inward:
             tau = self.bodies[j].pair("tau")
             f = f + Y.mT @ selection(pairs, self.model, j, group.dependent).mT @ tau
             _add(f, z.y, slice(0, 1), selection(pairs, self.model, j, group.independent).mT @ tau)
+        # rotors resist the speeds of their joints: Y^T a Y of the dependent ones, remainders too, and a of the others
+        of_dependent, of_independent = (
+            pairs.diagonal(self.rotors[np.array(of, dtype=int)]) for of in (group.dependent, group.independent)
+        )
+        Z = Z + Y.mT @ of_dependent @ Y
+        _add(Z, z.y, z.y, of_independent)
         for x, place in z.ends.items():
             if x in outside:  # an end that members are coupled to is part of z: the block and its transpose
                 R = outside.pop(x)
@@ -163,12 +172,15 @@ class _Inward:
             known = self.Q[a].get(b)
             self.Q[a][b] = block if known is None else known + block
 
-    def _inverse(self, group: Group, z: Places, H: dict[int, Pair], D: Pair) -> Pair:
+    def _inverse(self, group: Group, z: Places, H: dict[int, Pair], Y: Pair, D: Pair) -> Pair:
         """D^-1 with its derivative, Eq. 52 with its minus; a body without inertia about its joint is named."""
         scale = 0 * D.value
         for j in group.members:
             N = H[j].value[:, z.y]
             scale = scale + N.mT @ self.I_locked[j] @ N
+        rates = Y.value[:, z.y]
+        scale = scale + rates.mT @ (self.rotors[np.array(group.dependent, dtype=int)].value * rates)
+        scale = scale + self.pairs.diagonal(self.rotors[np.array(group.independent, dtype=int)]).value
         try:
             inverse = self.pairs.arithmetic.inverse(D.value, [scale[i, i] for i in range(len(scale))])
         except SingularMatrixError as error:

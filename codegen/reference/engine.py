@@ -19,6 +19,7 @@ import numpy as np
 from ..loops.partition import Partition
 from ..loops.partition import partition as choose_partition
 from ..loops.speed_groups import SpeedGroup, coordinates_of
+from ..model.entries import ZERO
 from ..model.forces import ForceElement
 from ..model.model import Model, closure_row_names
 from ..model.places import Face, Point
@@ -324,6 +325,13 @@ class Engine(ABC):
         """`driving_forces` (nprescribed,) and their total derivatives, (k, nprescribed)."""
         seeds = self._seeds(dq=dq, du=du, dp=dp, dinputs=dinputs, dt=dt)
         return _flat(self._driving_forces(self._state(q, u, p, inputs, t, **seeds)))
+
+    def _armature(self, pairs: Pairs) -> Pair:
+        """Reflected inertia of the rotors by speed, (nu, 1): what stands in M beside the inertia of bodies."""
+        of_speeds = [
+            e for body in self.model.bodies for e in body.joint.armature or (ZERO,) * len(body.joint.kind.speeds)
+        ]
+        return pairs.column([pairs.expression(e) for e in of_speeds])
 
     def _driving_forces(self, state: State) -> Pair:
         """``b^T (M udot - K)``, (n, 1), b all speeds of the tree for a unit of a prescribed one: loops do no work along it."""

@@ -123,6 +123,11 @@ class Pairs:
         """A matrix of matrices."""
         return Pair(np.block([[x.value for x in r] for r in rows]), np.block([[x.tangent for x in r] for r in rows]))
 
+    def diagonal(self, column: Pair) -> Pair:
+        """The diagonal matrix with the entries of a column, (r, r)."""
+        unit = self.arithmetic.array(np.eye(len(column.value), dtype=int))
+        return Pair(unit * column.value, unit * column.tangent)
+
     @staticmethod
     def put(column: Pair, start: int, part: Pair) -> None:
         """Set rows of a column (r, 1), in place, beginning with one."""

@@ -93,8 +93,9 @@ class RecursiveEngine(Engine):
     def _explicit_accelerations(self, state: State) -> Pair:
         """The same, zero for what is prescribed: that is in the remainders."""
         bodies = self._motion(state)
+        rotors = self._armature(state.pairs)
         if not self.model.loops:
-            return self._back_substitution(bodies, self._triangularization(bodies))
+            return self._back_substitution(bodies, self._triangularization(bodies, rotors))
         cuts = self._cuts(state.pairs, bodies)
         groups = [with_best_dependents(self.model, group, state.pairs, bodies, cuts) for group in self.groups]
         closures = [EarClosure(self.model, group, state.pairs, bodies, cuts) for group in groups]
@@ -104,7 +105,7 @@ class RecursiveEngine(Engine):
             else joint.remainder(state.pairs, bodies[loop.start.body], bodies[loop.end.body])
             for loop, joint in zip(self.model.loops, cuts, strict=True)
         ]
-        return embed(self.model, groups, closures, bodies, remainders, state.pairs)
+        return embed(self.model, groups, closures, bodies, remainders, rotors, state.pairs)
 
     def _solve_mass(self, state: State, b: Pair) -> Pair:
         """M^-1 b, (nu, 1): the same sweeps with b for the joint forces and nothing else acting."""
@@ -112,10 +113,13 @@ class RecursiveEngine(Engine):
         for body, (_, rows) in zip(bodies, self.model.coordinate_slices, strict=False):
             body.F, body.dF = 0 * body.F, 0 * body.dF
             body.tau, body.dtau = b.value[rows], b.tangent[:, rows]
-        return self._back_substitution(bodies, self._triangularization(bodies))
+        return self._back_substitution(bodies, self._triangularization(bodies, self._armature(state.pairs)))
 
-    def _triangularization(self, bodies: list[Terms]) -> list[Articulated]:
-        """Articulated inertias and forces, inward, Eqs. 42 to 52; the ground's last, as in `bodies`."""
+    def _triangularization(self, bodies: list[Terms], rotors: Pair) -> list[Articulated]:
+        """Articulated inertias and forces, inward, Eqs. 42 to 52; the ground's last, as in `bodies`.
+
+        What the rotors of a joint resist with is in its M_k and nowhere else: T_k leaves their part of the inertia along P.
+        """
         # Every body starts as its own and collects its children: the sums over Dist[k] of Eqs. 48 to 50.
         articulated = [Articulated(b.I, b.dI, b.F, b.dF, b.I) for b in bodies]
         U = self.arithmetic.eye(6)
@@ -124,9 +128,13 @@ class RecursiveEngine(Engine):
             S, dS, P, dP, tau, dtau = b.S, b.dS, *self._freedoms(k, b)
             I_hat, dI_hat, F_hat, dF_hat = art.I_hat, art.dI_hat, art.F_hat, art.dF_hat
 
-            M = P.mT @ I_hat @ P  # Eq. 47
-            dM = dP.mT @ I_hat @ P + P.mT @ dI_hat @ P + P.mT @ I_hat @ dP  # Eq. 51, its first P transposed
-            M_inverse = self._inverse(k, M, P.mT @ art.I_locked @ P)
+            own = rotors[self._free_places(k)]
+            turn = self.arithmetic.eye(len(own.value))
+            M = P.mT @ I_hat @ P + turn * own.value  # Eq. 47, and the rotors
+            dM = (  # Eq. 51, its first P transposed
+                dP.mT @ I_hat @ P + P.mT @ dI_hat @ P + P.mT @ I_hat @ dP + turn * own.tangent
+            )
+            M_inverse = self._inverse(k, M, P.mT @ art.I_locked @ P + turn * own.value)
             dM_inverse = -M_inverse @ dM @ M_inverse  # Eq. 52 with its minus
 
             # H = I_hat P M^-1, (6, f), stands in Eq. 46 and in what the joint force hands on.
@@ -152,9 +160,9 @@ class RecursiveEngine(Engine):
         A_bar = [zeros(6, 1) for _ in bodies]  # Eq. 56: the ground's stays zero
         dA_bar = [zeros(k_directions, 6, 1) for _ in bodies]
         for k in model.outward:
-            b, art, pr, place = bodies[k], articulated[k], model.bodies[k].parent, model.coordinate_slices[k][1]
+            b, art, pr = bodies[k], articulated[k], model.bodies[k].parent
             S, dS, P, dP, tau, dtau = b.S, b.dS, *self._freedoms(k, b)
-            rows = [place.start + j for j in self.free[k]]
+            rows = self._free_places(k)
 
             A = S.mT @ A_bar[pr]
             dA = dS.mT @ A_bar[pr] + S.mT @ dA_bar[pr]
@@ -168,6 +176,10 @@ class RecursiveEngine(Engine):
             dA_bar[k] = dA + dP @ udot_k + P @ dudot_k  # Eq. 55, second line, with S^T
             udot[rows], dudot[:, rows] = udot_k, dudot_k
         return Pair(udot, dudot)
+
+    def _free_places(self, k: int) -> list[int]:
+        """Where the speeds of a joint that are not prescribed stand in u."""
+        return [self.model.coordinate_slices[k][1].start + j for j in self.free[k]]
 
     def _freedoms(self, k: int, b: Terms) -> tuple[Array, Array, Array, Array]:
         """P, dP, tau and dtau of what of a joint is not prescribed."""
@@ -320,7 +332,7 @@ class RecursiveEngine(Engine):
 
     def _inverse_dynamics(self, state: State, udot: Pair) -> Pair:
         """M udot - K, (nu, 1): Eqs. 19 outward, the balance of every body inward."""
-        model, zeros, udot = self.model, self.arithmetic.zeros, self._explicit(udot)
+        model, zeros, whole, udot = self.model, self.arithmetic.zeros, udot, self._explicit(udot)
         bodies = self._motion(state)
         A_bar = [zeros(6, 1) for _ in bodies]
         dA_bar = [zeros(state.pairs.k, 6, 1) for _ in bodies]
@@ -340,7 +352,7 @@ class RecursiveEngine(Engine):
             dresult[:, rows] = b.dP.mT @ Phi[k] + b.P.mT @ dPhi[k] - b.dtau
             Phi[pr] = Phi[pr] + b.S @ Phi[k]
             dPhi[pr] = dPhi[pr] + b.dS @ Phi[k] + b.S @ dPhi[k]
-        return Pair(result, dresult)
+        return Pair(result, dresult) + state.pairs.diagonal(self._armature(state.pairs)) @ whole
 
     def _explicit(self, udot: Pair) -> Pair:
         """Without what is prescribed, which the remainders have."""
@@ -369,10 +381,10 @@ class RecursiveEngine(Engine):
                 dM[:, columns, rows] = dM[:, rows, columns].mT
                 X, dX = b.S @ X, b.dS @ X + b.S @ dX
                 j = model.bodies[j].parent
-        return Pair(M, dM)
+        return Pair(M, dM) + state.pairs.diagonal(self._armature(state.pairs))
 
     def _energies(self, state: State, motion: list[Terms]) -> tuple[Pair, Pair]:
-        """Kinetic energy, the sum of V^T I V / 2, and potential energy, the sum of -m g^T x; (1, 1)."""
+        """Kinetic energy, the sum of V^T I V / 2 and that of rotors, and potential energy, the sum of -m g^T x; (1, 1)."""
         gravity = self._gravity(state.pairs)
         g, dg = gravity.value, gravity.tangent
         T, dT, W, dW = 0 * (g.mT @ g), 0 * (dg.mT @ g), 0 * (g.mT @ g), 0 * (dg.mT @ g)
@@ -382,6 +394,8 @@ class RecursiveEngine(Engine):
             m, dm = b.I[5:, 5:], b.dI[:, 5:, 5:]
             W = W - m * (g.mT @ b.x)
             dW = dW - dm * (g.mT @ b.x) - m * (dg.mT @ b.x + g.mT @ b.dx)
+        rotors = state.u.mT @ state.pairs.diagonal(self._armature(state.pairs)) @ state.u
+        T, dT = T + rotors.value / 2, dT + rotors.tangent / 2
         energy = self._potential(state.pairs, motion)
         W, dW = W + energy.value, dW + energy.tangent[:, None, None]
         return Pair(T, dT), Pair(W, dW)

@@ -17,8 +17,9 @@ from ...program.expressions import Symbol
 from ...program.scalar import Value, Vector
 from .. import fields
 from ..joints import Column
-from ..spatial import SIX, UNIT, add, cross, matvec, minus, transpose
-from ..stores import DDRIVING, DHELD, DTAU, DUDOT, EAR, LME, LREGION, ME, MY_LANE, TAU, UDOT
+from ..rotors import driven_rotor_change, rotor, rotor_force_change, transmitted_along
+from ..spatial import SIX, UNIT, add, cross, is_zero, matvec, minus, transpose
+from ..stores import DDRIVING, DHELD, DTAU, DUDOT, EAR, LME, LREGION, ME, MY_LANE, UDOT
 from ..structure.kinds import EarKind, LinkKind
 from ..tree.inverse_dynamics import joint_acceleration
 from ..tree.kinematics import accelerated, acceleration_matrix, body_force, less_external, own_inertia
@@ -30,7 +31,7 @@ from .closures import named_root_velocities, own_sources, stored_factor
 from .conditions import Condition, kept_conditions
 from .couplings import CouplingForces
 from .geometry import EarGeometry
-from .members import Member
+from .members import Member, MemberView
 from .motions import Motion, Twist
 from .orthogonal import product
 from .tangents import EarTangents, ear_tangents, tangents_of
@@ -249,16 +250,20 @@ def column_of(ear: EarGeometry, k: int, j: int) -> Column:
 
 
 def own_force_tangent(x: Scope, kind: EarKind, k: int, j: int) -> Value:
-    """The tangent of the model's own force along a freedom, or along what is prescribed."""
-    link = kind.links[k]
+    """The tangent of the model's own force along a freedom, or along what is prescribed, less what a rotor takes."""
+    link, view = kind.links[k], MemberView(x, k)
     if link.joint.driven:
-        return x.entry(DHELD[k], 0) if link.held else 0
-    return x.entry(DTAU[k], j) if link.forced[j] else 0
+        return (x.entry(DHELD[k], 0) if link.held else 0) - driven_rotor_change(view, link)
+    force = (x.entry(DTAU[k], j) if link.forced[j] else 0) - rotor_force_change(view, link, j)
+    a = rotor(view, link, j)
+    if is_zero(a) or j not in kind.dependent[k]:  # the others' accelerations are held
+        return force
+    return force - a * x.load(MY_LANE[k], fields.dependent_acceleration(j))
 
 
 def tau(x: Scope, kind: EarKind, k: int, j: int) -> Value:
-    """The model's own force along a freedom."""
-    return x.entry(TAU[k], j) if kind.links[k].forced[j] else 0
+    """The model's own force along a freedom, less what a rotor takes."""
+    return transmitted_along(MemberView(x, k), kind.links[k], j)
 
 
 def to_parent(x: Scope, member: Member, force: Vector, tag: str) -> Vector:

@@ -14,8 +14,9 @@ from ...program.store import Store
 from .. import fields
 from ..couplings import from_far, hand_force, others
 from ..handing_on import accumulate, clear
+from ..rotors import transmitted_along
 from ..spatial import add, cross, matvec, rotate, transpose
-from ..stores import BASE, LOOP_REACTION, ME, REACTION, REGION, TAU, UDOT
+from ..stores import BASE, LOOP_REACTION, ME, REACTION, REGION, UDOT
 from ..structure.kinds import EarKind, LinkKind, RegionKind
 from ..tree.inverse_dynamics import transfer
 from ..tree.kinematics import body_force
@@ -24,15 +25,15 @@ from .conditions import kept_conditions
 from .far_links import far_motions
 from .geometry import EarGeometry
 from .kinematics import hand_outward, less_external_of, link_constants, member_motion
-from .members import Freedom
+from .members import Freedom, MemberView
 from .motions import Motion
 from .orthogonal import product
 from .region_balance import transmitted_fields
 
 
 def along_freedom(x: Scope, kind: EarKind, k: int, freedom: Freedom, force: tuple[Vector, Vector]) -> Value:
-    """What a force misses along a dependent freedom: its component less the model's own joint force."""
-    tau = x.entry(TAU[k], freedom.index) if kind.links[k].forced[freedom.index] else 0
+    """What a force misses along a dependent freedom: its component less the model's own joint force and what a rotor takes."""
+    tau = transmitted_along(MemberView(x, k), kind.links[k], freedom.index)
     return x.let("gamma", freedom.along(*force) - tau, "Eq. 53")
 
 

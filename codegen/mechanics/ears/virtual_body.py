@@ -13,6 +13,7 @@ from .. import fields
 from ..couplings import to_base
 from ..handing_on import add_to_sum
 from ..joints.inertia import shift_inertia
+from ..rotors import driven_rotor, rotor
 from ..spatial import SIX, ZERO, add, cross, dot, is_zero, matmul, matvec, rotate, six, skew, symmetric, transpose
 from ..stores import CONSTANTS, EAR, HELD, ME, OWN, REGION, TAU
 from ..structure.kinds import EarKind
@@ -47,6 +48,14 @@ def ear_triangularize(x: Scope, kind: EarKind) -> None:
             _to_base(x, ear.position(k), J, H, M, n, f)
     couplings_of_ear(x, ear, Q, K)
     for d, (k, freedom) in enumerate(ear.dependents()):
+        a = rotor(ear.members[k].view, kind.links[k], freedom.index)
+        if not is_zero(a):
+            rates = {c: x.load(EAR, fields.dependent_rate(d, c)) for c in range(kind.total)}
+            taken = {c: x.let("aY", a * y, tag) for c, y in rates.items()}
+            for c in rates:
+                for b in range(c + 1):
+                    Q[b, c] = Q.get((b, c), 0) + rates[b] * taken[c]
+                g[c] = g.get(c, 0) + taken[c] * x.load(EAR, fields.dependent_remainder(d))
         if kind.links[k].forced[freedom.index]:
             tau = x.entry(TAU[k], freedom.index)
             for c in range(kind.total):
@@ -55,6 +64,13 @@ def ear_triangularize(x: Scope, kind: EarKind) -> None:
         tau = own_force(x, kind, k, j)
         if not is_zero(tau):
             g[c] = g.get(c, 0) - tau
+        view, link = ear.members[k].view, kind.links[k]
+        if c in kind.locked:
+            taken_by_rotor = driven_rotor(view, link)
+            if not is_zero(taken_by_rotor):
+                g[c] = g.get(c, 0) + taken_by_rotor
+        elif not is_zero(a := rotor(view, link, j)):
+            Q[c, c] = Q.get((c, c), 0) + a
     for (d, c), value in Q.items():
         x.store(REGION.sum, fields.source_inertia(d, c), x.let("Q", value, tag))
     for c, value in g.items():

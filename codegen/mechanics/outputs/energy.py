@@ -7,6 +7,7 @@ from ...program.expressions import Symbol
 from ...program.scalar import Value
 from .. import fields
 from ..handing_on import accumulate
+from ..rotors import rotor
 from ..spatial import add, cross, dot, matvec, scale
 from ..stores import CONSTANTS, DKINETIC, KINETIC, LME, LUP, ME, MY_LANE, UP
 from ..structure.kinds import LinkKind
@@ -28,7 +29,11 @@ def kinetic(x: Scope, kind: LinkKind) -> None:
     J = x.load(CONSTANTS, fields.inertia)
     angular = [x.let("L", e, "Eq. 23") for e in add(matvec(J, w), cross(h, v))]
     linear = [x.let("P", e, "Eq. 23") for e in add(scale(m, v), cross(w, h))]
-    twice = x.let("T2", dot(w, angular) + dot(v, linear), "kinetic energy")
+    doubled = dot(w, angular) + dot(v, linear)
+    for j, geared in enumerate(kind.geared):
+        if geared:
+            doubled = doubled + rotor(x, kind, j) * joint.speed(j) * joint.speed(j)
+    twice = x.let("T2", doubled, "kinetic energy")
     T = x.let("T", x.half * twice, "kinetic energy")
     x.store(ME, fields.angular_velocity, w)
     x.store(ME, fields.velocity, v)

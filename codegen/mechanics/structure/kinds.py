@@ -75,6 +75,11 @@ class LinkKind(Folded):
 
     role = "link"
 
+    @property
+    def geared(self) -> tuple[bool, ...]:
+        """Which of the joint's speeds, a prescribed one too, have the reflected inertia of a rotor."""
+        return tuple(f"rotor{j}" in self.shape.fields for j in range(self.joint.speeds()))
+
     def number_of(self, store: Store, name: str) -> Expr | None:
         """`number`, for the constants among all fields."""
         return self.number(name) if store is CONSTANTS else None

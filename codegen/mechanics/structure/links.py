@@ -81,6 +81,8 @@ class Link:
         Number of the coordinate among those that are prescribed; -1 where none is.
     moves : tuple of bool
         Whether that, its rate and its acceleration can differ from zero.
+    armature : tuple of Expression
+        Reflected inertia of rotors, for each speed, a prescribed one too; empty where none has any.
     speed : int
         Where its speeds begin in `Model.released`, where those that are prescribed have places too.
     members : list of (Body, tuple of Placement)
@@ -99,6 +101,7 @@ class Link:
     factors: tuple[Expression, ...] = ()
     driven: int = -1
     moves: tuple[bool, ...] = ()
+    armature: tuple[Expression, ...] = ()
     speed: int = -1
     members: list[tuple[Body, tuple[Placement, ...]]] = field(default_factory=list)
 
@@ -113,8 +116,12 @@ class Link:
         members = tuple(
             (id(b.mass), *map(id, b.com), *map(id, b.inertia), of_steps(steps)) for b, steps in self.members
         )
-        factors = tuple(map(id, self.factors))
-        return self.joint, self.parent_frame.key(), self.frame.key(), of_steps(self.steps), factors, members
+        factors, armature = tuple(map(id, self.factors)), tuple(map(id, self.armature))
+        return self.joint, self.parent_frame.key(), self.frame.key(), of_steps(self.steps), factors, armature, members
+
+    def geared(self) -> tuple[bool, ...]:
+        """Which of its speeds a rotor turns with."""
+        return tuple(e.tree != ("number", 0) for e in self.armature)
 
     @property
     def aligned(self) -> bool:
@@ -254,6 +261,9 @@ def links_of(model: Model, evaluate: NumberOf) -> tuple[list[Link], list[Carrier
             before = sum(i < part.q for i in held.get(k, ()))  # all coordinates of such a joint are scalars
             places = q + part.q - before, u + part.u - before
             link = Link(name, parent, part.joint, *places, steps, parent_frame, frame, axis, factors)
+            link.armature = joint.armature[part.u : part.u + part.joint.speeds()]
+            if not any(link.geared()):
+                link.armature = ()
             link.speed = model.released.coordinate_slices[k][1].start + part.u
             if part.joint.driven:
                 link.driven = held[k][part.q]
@@ -345,7 +355,8 @@ def link_constants(link: Link, evaluate: Evaluate, functions: Functions, let: Le
     -------
     dict
         ``m``; ``h.i`` = mass times centre of mass; ``J.ij`` about the origin; ``r.i`` joint's place in the parent's link
-        frame; ``R.ij`` parent's link components from this link's at q = 0; ``factor`` of the joint, if it has one. SI units.
+        frame; ``R.ij`` parent's link components from this link's at q = 0; ``factor`` of the joint, if it has one;
+        ``rotor0``, ... of speeds that rotors turn with. SI units.
     """
     sqrt = functions["sqrt"]
     Q_parent = frame_matrix(link.parent_frame, evaluate, sqrt, let)
@@ -369,6 +380,9 @@ def link_constants(link: Link, evaluate: Evaluate, functions: Functions, let: Le
             out[f"R.{i}{j}"] = R[k][n]
     for value in link.factors:
         out["factor"] = let("factor", evaluate(value))
+    for speed, value in enumerate(link.armature):
+        if link.geared()[speed]:
+            out[f"rotor{speed}"] = let("rotor", evaluate(value))
     return out
 
 

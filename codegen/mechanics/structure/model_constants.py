@@ -38,6 +38,7 @@ class ModelConstants:
             structure = (
                 link.parent_frame.form(), link.frame.form(), tuple(len(r) for _, r in link.steps),
                 tuple(tuple(len(r) for _, r in steps) for _, steps in link.members), len(link.factors), link.aligned,
+                link.geared(),
             )  # fmt: skip
             found = self._by_key[key] = make_constants(
                 self.shapes, structure, partial(_visit_link, link), partial(_write_link, link),
@@ -95,7 +96,7 @@ def _visit_link(link: Link, slots: Slots) -> None:
     for body, _ in link.members:
         for e in (body.mass, *body.com, *body.inertia):
             slots.tree(e)
-    for e in link.factors:
+    for e in (*link.factors, *link.armature):
         slots.tree(e)
 
 

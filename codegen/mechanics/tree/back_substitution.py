@@ -12,7 +12,8 @@ from .. import fields
 from ..couplings import partner_acceleration
 from ..elimination import OF_FREEDOMS, substitute
 from ..joints import LinkJoint
-from ..spatial import add, cross
+from ..rotors import rotor
+from ..spatial import add, cross, is_zero
 from ..stores import DDRIVING, DRIVING, ME, UDOT, UP
 from ..structure.kinds import LinkKind
 
@@ -43,5 +44,6 @@ def joint_accelerations(x: Scope, kind: LinkKind, A: Vector, store: Store, resul
             force = force + x.load(ME, fields.driving_gain(i)) * e
         x.set_entry(DDRIVING if lanes else DRIVING, 0, x.let("driving", force, "Eq. 53", lanes=lanes))
     for j, s in enumerate(kind.joint(x, kind).columns):
-        x.set_entry(result, j, substitute(x, OF_FREEDOMS, store, j, s, a, "udot", lanes))
+        geared = not is_zero(rotor(x, kind, j))
+        x.set_entry(result, j, substitute(x, OF_FREEDOMS, store, j, s, a, "udot", lanes, geared))
     A[:] = a[:6]

@@ -15,7 +15,9 @@ from .. import fields
 from ..couplings import hand_force, others
 from ..elimination import OF_FREEDOMS, eliminate_force
 from ..joints import Column
-from ..stores import CONSTANTS, DFORCE, DHELD, DTAU, DUDOT, LME, LUP, ME, MY_LANE, RIGHT_SIDE, TAU
+from ..rotors import driven_rotor_change, rotor, rotor_force_change, transmitted_along
+from ..spatial import is_zero
+from ..stores import CONSTANTS, DFORCE, DHELD, DTAU, DUDOT, LME, LUP, ME, MY_LANE, RIGHT_SIDE
 from ..structure.kinds import LinkKind
 from .back_substitution import carry, joint_accelerations
 from .inverse_dynamics import hand_on_lanes, transfer
@@ -28,7 +30,8 @@ def eliminate(x: Scope, kind: LinkKind, columns: Sequence[Column], P: Vector, fo
     whole = [*P, *([0] * 6 * len(partners))]
     for j in reversed(range(len(columns))):
         left = unknowns_left(kind, j, len(whole))
-        eliminate_force(x, OF_FREEDOMS, MY_LANE, j, columns[j], whole, forces[j], labels_of(kind), left)
+        own = rotor(x, kind, j)
+        eliminate_force(x, OF_FREEDOMS, MY_LANE, j, columns[j], whole, forces[j], labels_of(kind), left, own)
     P[:] = whole[:6]
     return {m: whole[6 + 6 * m : 12 + 6 * m] for m in partners}
 
@@ -43,10 +46,13 @@ def balance_inward(x: Scope, kind: LinkKind) -> None:
         own, of_children = fields.needed.scalars()[i], fields.articulated_force.scalars()[i]
         P.append(x.let("P", x.load(MY_LANE, own) + x.load(LME, of_children), "d Eq. 45", lanes=True))
         phi.append(x.load(ME, fields.total_needed.scalars()[i]) + handed)
-    forces = [(x.entry(DTAU, j) if kind.forced[j] else 0) - s.change(x, phi) for j, s in enumerate(columns)]
+    forces = [
+        (x.entry(DTAU, j) if kind.forced[j] else 0) - s.change(x, phi) - rotor_force_change(x, kind, j)
+        for j, s in enumerate(columns)
+    ]
     if joint.driven:
         s = joint.driven_column
-        rest = s.along(P) + s.change(x, phi) - (x.entry(DHELD, 0) if kind.held else 0)
+        rest = s.along(P) + s.change(x, phi) + driven_rotor_change(x, kind) - (x.entry(DHELD, 0) if kind.held else 0)
         x.store(MY_LANE, fields.driving_rest, x.let("ddrive", rest, "d Eq. 53", lanes=True))
     of_partners = eliminate(x, kind, columns, P, forces)
     for m in others(kind):
@@ -54,9 +60,9 @@ def balance_inward(x: Scope, kind: LinkKind) -> None:
         if kind.partners.first[m]:
             hand_force(x, kind, m, [0] * 6, fields.transmitted)
     if kind.carried_on:
-        # in equilibrium a joint transmits its own force along its freedoms
+        # in equilibrium a joint transmits its own force along its freedoms, less what its rotor takes
         for j, s in enumerate(columns):
-            phi[s.lead] = s.completed(phi, x.entry(TAU, j) if kind.forced[j] else 0)
+            phi[s.lead] = s.completed(phi, transmitted_along(x, kind, j))
         transfer(x, kind, joint, phi, P, of_partners.get(kind.partners.base))
 
 
@@ -105,7 +111,8 @@ def mass_inward(x: Scope, kind: LinkKind) -> None:
     ]
     joint = kind.joint(x, kind, lanes=True)
     for j, s in enumerate(joint.columns):
-        x.set_entry(DFORCE, j, s.along(P))
+        own = rotor(x, kind, j)
+        x.set_entry(DFORCE, j, s.along(P) if is_zero(own) else s.along(P) + own * x.entry(RIGHT_SIDE, j))
     if kind.carried_on:
         n, f = force_to_parent(x, joint, joint.offset(), P[:3], P[3:], "Eq. 45")
         hand_on_lanes(x, kind, n, f)

@@ -20,6 +20,7 @@ from .. import fields
 from ..elimination import OF_FREEDOMS
 from ..joints import LinkJoint
 from ..joints.quaternion import QuaternionJoint
+from ..rotors import rotor
 from ..spatial import ZERO, add, cross, is_zero
 from ..stores import DFORCE, DUDOT, ME, MY_COLUMNS, RIGHT_SIDE, UP_COLUMNS
 from ..structure.kinds import LinkKind
@@ -108,7 +109,9 @@ def column_in(x: Scope, kind: LinkKind) -> None:
             if i != s.lead:
                 G = x.load(ME, OF_FREEDOMS.gain(j, i))
                 P[i] = x.let("P", P[i] + G * r, "d Eq. 45", lanes=True)
-        P[s.lead] = x.let("P", s.completed(P), "d Eq. 45", lanes=True)
+        a = rotor(x, kind, j)
+        along = 0 if is_zero(a) else -a * driven
+        P[s.lead] = x.let("P", s.completed(P, along), "d Eq. 45", lanes=True)
     if kind.carried_on:
         n, f = force_to_parent(x, joint, joint.offset(), P[:3], P[3:], "Eq. 45")
         _add(x, UP_COLUMNS, [*n, *f])
@@ -119,7 +122,7 @@ def column_back(x: Scope, kind: LinkKind) -> None:
     joint = kind.joint(x, kind, lanes=True)
     A = _carried(x, joint)
     drive = [x.load(MY_COLUMNS, fields.column_drive(j)) for j in range(joint.freedoms)]
-    found = _substitute(x, joint, A, drive)
+    found = _substitute(x, kind, joint, A, drive)
     x.store(MY_COLUMNS, fields.column_acceleration, _moved(x, joint, A, found))
 
 
@@ -134,7 +137,7 @@ def column_turn(x: Scope, kind: LinkKind) -> None:
         for j in range(joint.freedoms):
             gain = [x.load(ME, fields.turning_gain(j, k)) for k in range(3)]
             drive[j] = drive[j] + _sum_of_products(gain, turned)
-    found = _substitute(x, joint, A, drive)
+    found = _substitute(x, kind, joint, A, drive)
     if kind.carried_on:
         values = kind.joint(x, kind)
         C = carried_change(x, values, x.load(ME, fields.parents_velocity))
@@ -170,7 +173,8 @@ def composite_in(x: Scope, kind: LinkKind) -> None:
     joint = kind.joint(x, kind, lanes=True)
     P = x.load(MY_COLUMNS, fields.column_force)
     for j, s in enumerate(joint.columns):
-        x.set_entry(DFORCE, j, s.along(P))
+        own = rotor(x, kind, j)
+        x.set_entry(DFORCE, j, s.along(P) if is_zero(own) else s.along(P) + own * x.entry(RIGHT_SIDE, j))
     if kind.carried_on:
         n, f = force_to_parent(x, joint, joint.offset(), P[:3], P[3:], "Eq. 45")
         _add(x, UP_COLUMNS, [*n, *f])
@@ -190,15 +194,15 @@ def _carried(x: Scope, joint: LinkJoint) -> Vector:
     return joint.to_child(A[:3], "dal", "d Eq. 54") + joint.to_child(moved, "da", "d Eq. 54")
 
 
-def _substitute(x: Scope, joint: LinkJoint, A: Vector, drive: Vector) -> Vector:
+def _substitute(x: Scope, kind: LinkKind, joint: LinkJoint, A: Vector, drive: Vector) -> Vector:
     """Accelerations of the freedoms, the one eliminated last first. Eq. 53."""
     a = list(A)
     found: Vector = []
     for j, s in enumerate(joint.columns):
-        # s . G = 1, so a along s counts once, and the other components what is left of them
-        value = drive[j]
+        # s . G = 1 but for rotors, so a along s counts once, and the other components what is left of them
+        value, geared = drive[j], not is_zero(rotor(x, kind, j))
         for i in range(6):
-            gain = 1 if i == s.lead else x.load(ME, OF_FREEDOMS.gain(j, i))
+            gain = 1 if i == s.lead and not geared else x.load(ME, OF_FREEDOMS.gain(j, i))
             value = value - gain * s.remaining(x, i, a, True)
         found.append(x.let("udot", value, "d Eq. 53", lanes=True))
         x.set_entry(DUDOT, j, found[j])

@@ -13,6 +13,7 @@ from ...program.store import Store
 from .. import fields
 from ..handing_on import accumulate_force
 from ..joints import LinkJoint
+from ..rotors import rotor, rotor_force_change
 from ..spatial import add, is_zero
 from ..stores import DFORCE, FORCE, LME, LUP, ME, MY_LANE, UDOT, UP
 from ..structure.kinds import LinkKind
@@ -106,9 +107,10 @@ def newton_euler_inward(x: Scope, kind: LinkKind) -> None:
             )
             d_phi.append(let("dphi", d_own + d_handed, "d Eq. 45", lanes=True))
     for j, s in enumerate(joint.columns):
-        x.set_entry(FORCE, j, s.along(phi))
+        along, own = s.along(phi), rotor(x, kind, j)
+        x.set_entry(FORCE, j, along if is_zero(own) else along + own * x.entry(UDOT, j))
         if x.tangents:
-            x.set_entry(DFORCE, j, s.along(d_phi) + s.change(x, phi))
+            x.set_entry(DFORCE, j, s.along(d_phi) + s.change(x, phi) + rotor_force_change(x, kind, j))
     if kind.carried_on:
         transfer(x, kind, joint, phi, d_phi)
 

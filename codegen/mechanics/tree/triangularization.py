@@ -1,7 +1,8 @@
 """Triangularization, inward: articulated inertias and forces. Eqs. 42-47.
 
 The joint's own row and column of the inertia that is handed on are structural zeros and the joint's entry of the force
-is the joint force itself (T_k annihilates P_k exactly): neither is ever computed. A joint of several freedoms is
+is the joint force itself (T_k annihilates P_k exactly): neither is ever computed. A rotor that turns with the joint changes both,
+see `elimination`. A joint of several freedoms is
 eliminated one unit column after the other, which is the LDL^T factorisation of its M_k.
 """
 
@@ -16,6 +17,7 @@ from ..elimination import OF_FREEDOMS, SymmetricSystem
 from ..handing_on import accumulate, accumulate_force
 from ..joints import Column, LinkJoint
 from ..joints.inertia import shift_inertia
+from ..rotors import driven_rotor, rotor
 from ..spatial import SIX, add, cross, transpose
 from ..stores import CONSTANTS, HELD, ME, OWN, TAU, UP
 from ..structure.elimination_order import CARRIER
@@ -110,7 +112,8 @@ def triangularize(x: Scope, kind: LinkKind) -> None:
     for j in reversed(range(joint.freedoms)):
         s = joint.columns[j]
         tau = x.entry(TAU, j) if kind.forced[j] else 0
-        system.eliminate(j, s, tau, s.squares_along(scales), unknowns_left(kind, j, len(p)))
+        left = unknowns_left(kind, j, len(p))
+        system.eliminate(j, s, tau, s.squares_along(scales), left, rotor(x, kind, j))
     if joint.driven:
         keep_driving(x, kind, joint.driven_column, I, p)
     places = [6 + 6 * m for m in range(len(kind.partners.links))]
@@ -150,10 +153,13 @@ def triangularize(x: Scope, kind: LinkKind) -> None:
 
 
 def keep_driving(x: Scope, kind: LinkKind, s: Column, I: Matrix, p: Vector) -> None:
-    """What the force along a prescribed coordinate is made of: ``s . (I^ A + p^) - tau``, A the explicit accelerations."""
+    """What the force along a prescribed coordinate is made of: ``s . (I^ A + p^) - tau``, A the explicit accelerations.
+
+    What its rotor takes is known: no freedom moves it.
+    """
     for i, row in enumerate(I):
         x.store(ME, fields.driving_gain(i), x.let("dG", s.along(row), "Eq. 53"))
-    rest = s.along(p) - (x.entry(HELD, 0) if kind.held else 0)
+    rest = s.along(p) + driven_rotor(x, kind) - (x.entry(HELD, 0) if kind.held else 0)
     x.store(ME, fields.driving_rest, x.let("drive", rest, "Eq. 53"))
 
 

@@ -18,8 +18,9 @@ from .. import fields
 from ..elimination import OF_FREEDOMS
 from ..handing_on import accumulate, accumulate_force
 from ..joints import LinkJoint
-from ..spatial import SIX, cross, matvec, skew, transpose
-from ..stores import ME, TAU, UP
+from ..rotors import rotor, transmitted_along
+from ..spatial import SIX, cross, is_zero, matvec, skew, transpose
+from ..stores import ME, UP
 from ..structure.kinds import LinkKind
 from .kinematics import own_inertia
 from .triangularization import articulated_inertia, force_to_parent, is_first
@@ -78,13 +79,17 @@ def turning(x: Scope, kind: LinkKind) -> None:
         s = joint.columns[j]
         D = x.load(ME, OF_FREEDOMS.inverse(j))
         G = [1 if i == s.lead else x.load(ME, OF_FREEDOMS.gain(j, i)) for i in SIX]
+        gains: dict[int, Value] = {}
         for k, P in enumerate(columns):
             r = x.let("r", -s.along(P), "d Eq. 53")
-            x.store(ME, fields.turning_gain(j, k), x.let("t", r * D, "d Eq. 53"))
+            gains[k] = x.let("t", r * D, "d Eq. 53")
+            x.store(ME, fields.turning_gain(j, k), gains[k])
             for i in SIX:
                 if i != s.lead:
                     P[i] = x.let("W", P[i] + G[i] * r, "d Eq. 45")
-            P[s.lead] = x.let("W", s.completed(P), "d Eq. 45")
+            a = rotor(x, kind, j)
+            along = 0 if is_zero(a) else -a * gains[k]
+            P[s.lead] = x.let("W", s.completed(P, along), "d Eq. 45")
     way = joint.offset()
     moved = [[*n, *f] for n, f in (force_to_parent(x, joint, way, P[:3], P[3:], "d Eq. 45") for P in columns)]
     rows = [joint.to_parent([P[i] for P in moved], "W", "d Eq. 45") for i in SIX]
@@ -99,9 +104,9 @@ def _transmitted(x: Scope, kind: LinkKind, joint: LinkJoint) -> None:
         return  # nobody asks what the ground carries
     own, handed = x.load(ME, fields.total_needed), x.load(ME, fields.transmitted)
     phi = [x.let("phi", a + b, "Eq. 45") for a, b in zip(own, handed, strict=True)]
-    # in equilibrium a joint transmits its own force along its freedoms
+    # in equilibrium a joint transmits its own force along its freedoms, less what its rotor takes
     for j, s in enumerate(joint.columns):
-        phi[s.lead] = s.completed(phi, x.entry(TAU, j) if kind.forced[j] else 0)
+        phi[s.lead] = s.completed(phi, transmitted_along(x, kind, j))
     x.store(ME, fields.joint_force, phi)
     n, f = force_to_parent(x, joint, joint.offset(), phi[:3], phi[3:], "Eq. 45")
     accumulate_force(x, UP, fields.transmitted, [*n, *f], is_first(x, kind), "Eq. 45")

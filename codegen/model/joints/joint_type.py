@@ -8,7 +8,7 @@ from typing import Any, ClassVar, NamedTuple, get_args
 from ..axes import Vector
 from ..entries import Entry
 from ..expressions import Expression
-from ..motions import Ball, Displacement, Motion, names, units
+from ..motions import Ball, Displacement, Motion, Turn, names, units
 
 
 class Closure(NamedTuple):
@@ -76,6 +76,22 @@ class JointType(Entry):
     factor_keys: ClassVar[tuple[str, ...]] = ()
 
     type: str
+
+    @classmethod
+    def armature_units(cls) -> tuple[tuple[str, str], ...]:
+        """For what the reflected inertia of rotors is given, in words, and its unit: for each speed, or once for a ball.
+
+        A ball's speeds are components in turning axes: numbers of their own would call for gyroscopic moments. Nothing is given
+        where bodies move freely.
+        """
+        found: dict[int, tuple[str, str]] = {}
+        for m in cls.motion:
+            if isinstance(m, Ball | Displacement):
+                return (("turning", "kg m^2"),) if len(cls.motion) == 1 and isinstance(m, Ball) else ()
+            turns = isinstance(m, Turn)
+            if turns or m.index not in found:
+                found[m.index] = ("turning", "kg m^2") if turns else ("sliding", "kg")
+        return tuple(found[i] for i in sorted(found))
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:

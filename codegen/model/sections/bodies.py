@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from .. import checks
 from ..entries import ZERO
-from ..errors import nearest
+from ..errors import count_of_values, nearest
 from ..expressions import Expression, ExpressionError
 from ..model import GROUND, Body, Joint, Vector, joint_coordinates
 from ..parts import Instance
@@ -272,4 +272,38 @@ def _joint(reader: Reader, spec: BodyJoint, at: Instance, bound: Bound, sound: b
         axes = spec.axes_of_motion(axes, reader.defaults)
     turns = rotation(reader, spec, at, ("joint",), bound)
     factors = tuple(bound["joint", key] for key in spec.factor_keys)
-    return Joint(spec.name, axes, vector(bound, "joint", "at"), turns, factors)
+    armature = _armature(reader, spec, at, bound, sound)
+    return Joint(spec.name, axes, vector(bound, "joint", "at"), turns, factors, armature)
+
+
+def _armature(reader: Reader, spec: BodyJoint, at: Instance, bound: Bound, sound: bool) -> tuple[Expression, ...]:
+    """Reflected inertia of rotors, one for each speed of the joint; nothing where all are the number 0."""
+    if spec.armature is None:
+        return ()
+    given = tuple(bound["joint", "armature", i] for i in range(len(spec.armature)))
+    wanted = spec.armature_units()
+    if not wanted:
+        message = (
+            f"armature of a {spec.name} joint, which no motor drives; joints that turn or slide by coordinates have it, "
+            f"and spherical ones: leave it out here, or add to mass and inertia of the body"
+        )
+        reader.report(at, ("joint", "armature"), message)
+        return ()
+    if len(given) != len(wanted):
+        each = ", ".join(f"{motion} ({unit})" for motion, unit in wanted)
+        needed = (
+            f"{len(wanted)} are needed, for {each}; 0 where there is no rotor" if len(wanted) > 1 else "one is needed"
+        )
+        reader.report(at, ("joint", "armature"), f"{count_of_values(len(given))} for a {spec.name} joint; {needed}")
+        return ()
+    for i, e in enumerate(given if sound else ()):
+        if reader.numeric(e) < 0:
+            seen = checks.with_value(e, reader.numeric(e))
+            message = (
+                f"{seen} is negative; the reflected inertia of a rotor is its inertia times the square of the gear ratio, "
+                f"at least 0 {wanted[i][1]}"
+            )
+            reader.report(at, ("joint", "armature", i) if len(given) > 1 else ("joint", "armature"), message)
+    if all(e.tree == ("number", 0) for e in given):
+        return ()
+    return given * (len(spec.speed_units) // len(given))
