@@ -23,7 +23,7 @@ _WATER: Final = 1000.0
 
 
 def fix_massless(robot: Robot, held: Collection[str], repair: bool) -> list[Problem]:
-    """Find joints that move nothing, and fix them on request.
+    """Find joints that move nothing, no rotor either, and fix them on request.
 
     Parameters
     ----------
@@ -46,12 +46,13 @@ def fix_massless(robot: Robot, held: Collection[str], repair: bool) -> list[Prob
         empty = robot.links[joint.child].inertia.is_nothing and joint.child not in held
         beyond[joint.child] = empty and all(beyond[c.child] for c in children.get(joint.child, []))
     for joint in order:
-        if not beyond[joint.child] or joint.type == "fixed":
+        if not beyond[joint.child] or joint.type == "fixed" or (joint.armature and all(joint.armature)):
             continue
         what = f"{_named(joint)} moves nothing: link {shortened(joint.child)} and all beyond it have neither mass nor inertia"
         if repair:
             found.append(joint.place.problem(f"{what}{FIXED}", "warning"))
             joint.type, joint.axes, joint.damping, joint.stiffness, joint.start = "fixed", (), 0.0, 0.0, ()
+            joint.armature = ()
         else:
             found.append(joint.place.problem(f"{what}; give it mass and inertia, or --repair fixes the joint"))
     if not repair:

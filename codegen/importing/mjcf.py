@@ -181,8 +181,7 @@ class _Reader:
         elif stiffness:
             self.robot.leave_out(f"stiffness of a {joint.type} joint", place.line)
         end = dof + {_FREE: 6, _BALL: 3}.get(type_, 1)
-        if np.any(model.dof_armature[dof:end]):
-            self.robot.leave_out_armature(place.line)
+        self.robot.give_armature(joint, model.dof_armature[dof:end], place.line)
         if np.any(model.dof_frictionloss[dof:end]):
             self.robot.leave_out("frictionloss of a joint", place.line)
         if model.jnt_limited[k]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..model import ModelError
 from ..model.errors import Problem
+from ..model.joints import JOINTS
 from .naming import free_name
 from .placement import Array, Placement, Three
 from .robot import WORLD, Coupling, Inertia, Link, Place, Robot, RobotJoint, as_three
@@ -61,6 +62,7 @@ class _Reader:
             above = self.links[model.parents[i]]
             frame = _placement(model.jointPlacements[i])
             self.links.append(link)
+            own_joints = []
             for k, step in enumerate(steps):
                 last = k == len(steps) - 1
                 child = link if last else free_name(f"{link}_{k + 1}", self.robot.links)
@@ -69,12 +71,14 @@ class _Reader:
                 self.robot.joints[own] = RobotJoint(
                     own, place, step.type, above, child, frame @ step.frame, step.axes, step.pitch
                 )
+                own_joints.append(self.robot.joints[own])
                 above, frame = child, Placement()
             inertia = model.inertias[i]
             self.robot.links[link].inertia = Inertia(
                 float(inertia.mass), as_three(inertia.lever), np.array(inertia.inertia, dtype=float)
             )
             self.strengths(i, self.robot.joints[own])
+            self.rotors(i, own_joints)
         self.frames()
         if self.problems:
             raise ModelError(self.problems)
@@ -107,11 +111,27 @@ class _Reader:
             joint.damping = float(damping[0])
         elif np.any(damping):
             self.robot.leave_out("damping that differs along the freedoms of a joint")
-        if np.any(model.armature[first : first + count]):
-            self.robot.leave_out_armature()
         friction = getattr(model, "upperDryFrictionLimit", getattr(model, "friction", np.zeros(0)))
         if np.any(friction[first : first + count]):
             self.robot.leave_out("dry friction of joints")
+
+    def rotors(self, i: int, joints: list[RobotJoint]) -> None:
+        """Reflected inertia, as Pinocchio's own algorithms have it: `armature`, speed by speed."""
+        model = self.model
+        at, end = int(model.idx_vs[i]), int(model.idx_vs[i]) + int(model.nvs[i])
+        armature = np.array(model.armature[at:end], dtype=float)
+        reflected = np.array(model.rotorInertia[at:end]) * np.array(model.rotorGearRatio[at:end]) ** 2
+        if np.any(reflected[armature == 0]):
+            self.robot.leave_out("rotorInertia without armature", remark="armature is rotorInertia*rotorGearRatio**2")
+        place = 0
+        for joint in joints:
+            count = len(JOINTS[joint.type].speeds)
+            mine = armature[place : place + count]
+            place += count
+            if joint.type == "planar" and np.any(mine):
+                self.robot.leave_out("armature of a planar joint", remark="along axes that turn with the body")
+            else:
+                self.robot.give_armature(joint, mine)
 
     def steps(self, joint: Any, name: str) -> list[_Step]:
         """The joints of ours that a joint is."""

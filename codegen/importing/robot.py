@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from ..model.errors import Problem
+from ..model.joints import JOINTS
 from .placement import Array, Placement, Three, exact_sum
 
 WORLD = ""
@@ -159,6 +160,8 @@ class RobotJoint:
         Of a screw, m/rad.
     damping, stiffness, rest : float
         A torque -stiffness (q - rest) - damping u, on every freedom.
+    armature : tuple of float
+        Reflected inertia of rotors, kg m^2 or kg, as the model format has it: for each freedom, for a ball once; or none.
     start : tuple of float
         Initial coordinates, of all freedoms or none.
     """
@@ -174,6 +177,7 @@ class RobotJoint:
     damping: float = 0.0
     stiffness: float = 0.0
     rest: float = 0.0
+    armature: tuple[float, ...] = ()
     start: tuple[float, ...] = ()
 
 
@@ -290,9 +294,20 @@ class Robot:
         if remark:
             entry.remark = remark
 
-    def leave_out_armature(self, line: int | None = None) -> None:
-        """Remember a rotor that turns with a joint: the model format has no word for its reflected inertia."""
-        self.leave_out("armature", line, "reflected inertia of rotors")
+    def give_armature(self, joint: RobotJoint, of_speeds: Sequence[float], line: int | None = None) -> None:
+        """Let rotors turn with a joint, one for each speed; remember what the model format cannot say of them."""
+        count = len(JOINTS[joint.type].armature_units())
+        of_speeds = tuple(float(a) for a in of_speeds)
+        if not any(of_speeds):
+            return
+        if count == 1 and len(set(of_speeds)) == 1:
+            joint.armature = of_speeds[:1]
+        elif count == len(of_speeds) > 1:
+            joint.armature = of_speeds
+        elif count:
+            self.leave_out(f"armature that differs along the freedoms of a {joint.type} joint", line)
+        else:
+            self.leave_out(f"armature of a {joint.type} joint", line, "it moves without a motor")
 
     def children(self) -> dict[str, list[RobotJoint]]:
         """For every link the joints that it carries, in the order of the file."""

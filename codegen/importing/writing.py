@@ -96,6 +96,9 @@ class ModelWriter:
         keys = [f"type: {joint.type}", *_axis_keys(joint.type, joint.axes)]
         if joint.pitch:
             keys.append(f"pitch: {number(joint.pitch)}")
+        if joint.armature:
+            values = [number(a) for a in joint.armature]
+            keys.append(f"armature: {values[0] if len(values) == 1 else '[' + ', '.join(values) + ']'}")
         parent = self.bodies.all.get(body.parent)
         name = self.names[body.link.name]
         at = self.parameters.at(name, body.frame.at, words, parent)

@@ -48,11 +48,29 @@ KINDS = {
 }  # fmt: skip
 
 
+UNGEARED = ("free", PLANAR)
+"""Types whose speeds in Pinocchio are components along axes that turn: the model format has no rotors along these."""
+
+
+def rotors(kind, model, rng):
+    """Reflected inertia for every speed of a chain, the same for those of a ball."""
+    found = rng.uniform(0.05, 1.5, model.nv)
+    for one in list(model.joints)[1:]:
+        if one.shortname() == "JointModelSpherical":
+            found[one.idx_v : one.idx_v + 3] = found[one.idx_v]
+    return found
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_type_of_joint_moves_as_pinocchio_says(tmp_path, kind):
     rng = np.random.default_rng(list(KINDS).index(kind))
     model = chain([KINDS[kind](rng), pin.JointModelRZ(), KINDS[kind](rng)], rng)
+    if kind not in UNGEARED:
+        model.rotorInertia, model.rotorGearRatio = rotors(kind, model, rng) / 16, np.full(model.nv, 4.0)
+        model.armature = model.rotorInertia * model.rotorGearRatio**2
     found = codegen.from_pinocchio(model)
+    assert found.left_out == ()
+    assert (sum(bool(b.joint.armature) for b in found.model.bodies) > 2) == (kind not in UNGEARED)
     assert found.model.nu == model.nv
     codegen.generate(found.model, tmp_path / "package", target="numpy")
     solver, data = codegen.load(tmp_path / "package"), model.createData()
@@ -117,10 +135,25 @@ def test_mimic_joints_and_what_has_no_place_are_told(tmp_path):
     model.armature = np.array([0.1, 0.2])
     model.damping = np.array([0.0, 0.5])
     found = codegen.from_pinocchio(model)
-    assert found.left_out == ("armature (2): reflected inertia of rotors",)
+    assert found.left_out == ()
+    assert "joint: {type: revolute, axis: x, armature: 0.1" in found.text
     assert "j1: {type: joint, joint: j1, value: -0.5*u.j1}" in found.text
     with pytest.raises(TypeError, match=r"takes a pinocchio\.Model, not str"):
         codegen.from_pinocchio("robot.urdf")
+
+
+def test_rotors_that_the_format_has_no_words_for_are_told():
+    rng = np.random.default_rng(0)
+    kinds = [pin.JointModelFreeFlyer(), pin.JointModelPlanar(), pin.JointModelSpherical(), pin.JointModelRX()]
+    model = chain(kinds, rng)
+    model.armature = np.array([*rng.uniform(0.1, 1, model.nv - 1), 0.0])
+    model.rotorInertia = np.array([*np.zeros(model.nv - 1), 0.01])
+    assert codegen.from_pinocchio(model).left_out == (
+        "armature of a free joint: it moves without a motor",
+        "armature of a planar joint: along axes that turn with the body",
+        "armature that differs along the freedoms of a spherical joint",
+        "rotorInertia without armature: armature is rotorInertia*rotorGearRatio**2",
+    )
 
 
 LIMIT = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
