@@ -131,7 +131,7 @@ class _Reader:
             if joint.type == "planar" and np.any(mine):
                 self.robot.leave_out("armature of a planar joint", remark="along axes that turn with the body")
             else:
-                self.robot.give_armature(joint, mine)
+                self.robot.give_armature(joint, mine.tolist())
 
     def steps(self, joint: Any, name: str) -> list[_Step]:
         """The joints of ours that a joint is."""

@@ -13,6 +13,7 @@ from codegen.mechanics.structure.system import LONG
 from codegen.model import parse_model
 from codegen.reference import DenseEngine
 from tests.random_models import EVERY, random_state, random_tree, relative_error
+from tests.rotor_models import with_rotors
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 ACCURACY = 1e-11
@@ -31,6 +32,8 @@ def made(model: codegen.Model, folder: Path, functions: tuple[str, ...] | None =
 def test_random_trees_agree_with_the_dense_method(seed: int, tmp_path: Path) -> None:
     rng = np.random.default_rng(seed)
     model = random_tree(rng, 6 + seed % 5, joints=EVERY)
+    if seed % 2:
+        model = with_rotors(np.random.default_rng(seed), model)
     solver, engine = made(model, tmp_path, BY_COLUMNS), DenseEngine(model)
     for _ in range(3):
         state = random_state(rng, model)

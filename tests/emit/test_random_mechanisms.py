@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 from random_elements import with_random_elements
 from random_mechanisms import LOOP_JOINTS, SCENES, TREE_JOINTS, Discarded, Mechanism, random_mechanism
 from random_models import EVERY
+from rotor_models import with_rotors_at
 
 import codegen
 from codegen.loops.errors import PartitionError
@@ -107,6 +108,8 @@ def test_numpy_is_generic_is_dense(
     assert drawn is not None
     if forces:
         drawn = drawn._replace(model=with_random_elements(np.random.default_rng(seed), drawn.model))
+    if seed % 2:
+        drawn = with_rotors_at(np.random.default_rng(seed), drawn)
     folder: Path = tmp_path_factory.mktemp("mechanism")
     codegen.generate(drawn.model, folder / "mechanism", target="numpy", layout=layout)
     check(drawn, codegen.load(folder / "mechanism"), seed)
@@ -118,6 +121,8 @@ def test_c_is_generic_is_dense(tmp_path: Path, seed: int, layout: str, elements:
     assert drawn is not None
     if elements:
         drawn = drawn._replace(model=with_random_elements(np.random.default_rng(seed), drawn.model))
+    else:
+        drawn = with_rotors_at(np.random.default_rng(seed), drawn)
     codegen.generate(drawn.model, tmp_path / "mechanism", target="c", layout=layout, compile="all")
     check(drawn, codegen.load(tmp_path / "mechanism"), seed)
 
@@ -141,6 +146,8 @@ def test_campaign(tmp_path: Path, capsys, first: int, count: int, target: str, o
             continue
         if seed % 2:
             drawn = drawn._replace(model=with_random_elements(np.random.default_rng(seed), drawn.model))
+        if seed % 3:
+            drawn = with_rotors_at(np.random.default_rng(seed), drawn)
         codegen.generate(drawn.model, tmp_path / f"m{seed}", target=target)
         check(drawn, codegen.load(tmp_path / f"m{seed}"), seed)
     with capsys.disabled():

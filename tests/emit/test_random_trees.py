@@ -13,6 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from random_elements import with_random_elements
 from random_models import EVERY, random_tree
+from rotor_models import with_rotors
 
 import codegen
 from codegen.reference import DenseEngine, RecursiveEngine
@@ -34,6 +35,8 @@ def test_numpy_is_generic_is_dense(
     model = random_tree(rng, bodies, tuple(joints), parameters, forces)
     if forces:
         model = with_random_elements(rng, model)
+    if seed % 2:
+        model = with_rotors(np.random.default_rng(seed), model)
     if model.nu == 0:
         return  # a draw of fixed joints only: nothing to compare
     folder: Path = tmp_path_factory.mktemp("tree")

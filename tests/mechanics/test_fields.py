@@ -6,10 +6,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from coupled_mechanisms import by_hand
 from prescribed_models import bars
 from random_mechanisms import random_mechanisms
+from rotor_models import with_rotors
 
 import codegen
 from codegen.loops.partition import partition
@@ -44,7 +46,7 @@ def system(name: str) -> System:
     if name == "random":
         model = next(m.model for seed, m in random_mechanisms(1, first=3))
     elif name == "driven_bars":
-        model = bars("cart")
+        model = with_rotors(np.random.default_rng(0), bars("cart"), 1.0)
     else:
         model = codegen.load_model(file) if file.exists() else by_hand(name).model
     return analyse(model, False, partition(model) if model.loops else None)
@@ -164,7 +166,7 @@ def test_every_field_of_the_table_is_stored_and_loaded(monkeypatch):
     for name in MODELS:
         stored |= {site[3] for site in watched.sites(system(name))}
     names = {f.name: name for name, f in FIELDS.items()}
-    constants = {"m", "h", "J", "r", "R", "factor", "{}.r", "{}.F", "factor{}", "offset", "cos", "sin"}
+    constants = {"m", "h", "J", "r", "R", "factor", "rotor{}", "{}.r", "{}.F", "factor{}", "offset", "cos", "sin"}
     along = {"lever_tangent", "arm_tangent"}  # tangents ask for them, which zero patterns do not have
     assert {names[n] for n in stored - watched.loaded} - along == set()
     assert {names[n] for n in names.keys() - stored - constants} == set()

@@ -40,7 +40,7 @@ def errors(solver: codegen.Solver, model: Model, state: tuple[Any, ...], seeds: 
     return found
 
 
-@pytest.mark.parametrize("seed", [0, 3, 6, 9])
+@pytest.mark.parametrize("seed", [0, 3])
 def test_random_mechanisms_are_those_of_both_engines(tmp_path: Path, seed: int) -> None:
     rng = np.random.default_rng(seed)
     drawn = draw(seed, bodies=(3, 5), loops=(1, 2))
@@ -63,7 +63,7 @@ def test_campaign(tmp_path: Path, target: str) -> None:
             check(drawn, codegen.load(tmp_path / f"m{seed}"), seed)
 
 
-@pytest.mark.parametrize("name", ["tips_joined", "rails"])
+@pytest.mark.parametrize("name", ["tips_joined", pytest.param("rails", marks=pytest.mark.campaign)])
 def test_long_branches_are_coupled_through_rotors(tmp_path: Path, name: str) -> None:
     drawn = with_rotors_at(np.random.default_rng(3), by_hand(name), 1.0)
     codegen.generate(drawn.model, tmp_path / "m", target="numpy")
@@ -80,7 +80,7 @@ def test_a_driven_crank_and_its_rotor(tmp_path: Path, frame: str, load: bool) ->
     assert max(found.values()) < 1e-12, found
 
 
-@pytest.mark.parametrize("seed", [1, 4])
+@pytest.mark.parametrize("seed", [4])
 def test_prescribed_joints_of_random_mechanisms(tmp_path: Path, seed: int) -> None:
     rng = np.random.default_rng(seed)
     drawn = draw(seed, bodies=(3, 4), loops=(1, 2))
@@ -91,7 +91,7 @@ def test_prescribed_joints_of_random_mechanisms(tmp_path: Path, seed: int) -> No
     assert max(found.values()) < 1e-10, found
 
 
-@pytest.mark.parametrize("name", ["racks", "differential", "geared five-bar on a cart", "tips of long branches"])
+@pytest.mark.parametrize("name", ["differential", "geared five-bar on a cart"])
 def test_coupled_joints(tmp_path: Path, name: str) -> None:
     model = with_rotors(np.random.default_rng(4), parse_model(MODELS[name]), 1.0)
     codegen.generate(model, tmp_path / "m", target="numpy")

@@ -291,9 +291,9 @@ def _armature(reader: Reader, spec: BodyJoint, at: Instance, bound: Bound, sound
         return ()
     if len(given) != len(wanted):
         each = ", ".join(f"{motion} ({unit})" for motion, unit in wanted)
-        needed = (
-            f"{len(wanted)} are needed, for {each}; 0 where there is no rotor" if len(wanted) > 1 else "one is needed"
-        )
+        needed = f"{len(wanted)} are needed, for {each}; 0 where there is no rotor"
+        if len(wanted) == 1:
+            needed = f"one is needed, for {each}" + (", the same about every axis" if len(spec.speed_units) > 1 else "")
         reader.report(at, ("joint", "armature"), f"{count_of_values(len(given))} for a {spec.name} joint; {needed}")
         return ()
     for i, e in enumerate(given if sound else ()):
