@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 from typing import Final
 
 from ..model.errors import Problem, nearest
+from ..model.joints import JOINTS
 from ..model.positions import shortened
 from .bodies import Bodies, ImportedBody
 from .placement import Three
@@ -20,6 +21,7 @@ WORDS: Final = {
     "at": "the three coordinates of the joint that carries the body, in its parent",
     "length": "how far the joint of the only body that it carries is from its own, along the same line",
     "damping": "the damping of the joint that carries the body",
+    "armature": "the reflected inertia of the rotors of the joint that carries the body",
 }
 _OF_ANY: Final = frozenset({"mass", "com", "inertia", "at"})
 
@@ -88,6 +90,15 @@ class Parameters:
             return None
         return self._new(f"{body}_damping", joint.damping, "N s/m" if joint.type == "prismatic" else "N m s/rad", 0.0)
 
+    def armature(self, body: str, joint: RobotJoint, words: set[str]) -> list[str]:
+        """The texts of the reflected inertia of rotors, of each coordinate or of a ball."""
+        if "armature" not in words:
+            return [number(a) for a in joint.armature]
+        units = JOINTS[joint.type].armature_units()
+        ends = [f"_{i + 1}" for i in range(len(units))] if len(units) > 1 else [""]
+        rows = zip(ends, joint.armature, units, strict=True)
+        return [self._new(f"{body}_armature{end}", a, unit, 0.0) for end, a, (_, unit) in rows]
+
     def _three(self, name: str, value: Three) -> str:
         return f"[{', '.join(self._new(f'{name}_{axis}', v, 'm') for axis, v in zip('xyz', value, strict=True))}]"
 
@@ -143,5 +154,7 @@ class Parameters:
             self._lengths[id(body)] = names[body.link.name]
         if word == "damping" and not body.joint.damping:
             return f"the joint of {link!r} has no damping in this file"
+        if word == "armature" and not body.joint.armature:
+            return f"the joint of {link!r} has no armature in this file"
         body.words.add(word)
         return None

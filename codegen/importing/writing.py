@@ -96,11 +96,10 @@ class ModelWriter:
         keys = [f"type: {joint.type}", *_axis_keys(joint.type, joint.axes)]
         if joint.pitch:
             keys.append(f"pitch: {number(joint.pitch)}")
-        if joint.armature:
-            values = [number(a) for a in joint.armature]
-            keys.append(f"armature: {values[0] if len(values) == 1 else '[' + ', '.join(values) + ']'}")
         parent = self.bodies.all.get(body.parent)
         name = self.names[body.link.name]
+        if rotors := self.parameters.armature(name, joint, words):
+            keys.append(f"armature: {rotors[0] if len(rotors) == 1 else '[' + ', '.join(rotors) + ']'}")
         at = self.parameters.at(name, body.frame.at, words, parent)
         keys += _place_keys(body.frame, at)
         title = f"{name}:" + (f"  # {one_line(body.link.name)}" if body.link.name != name else "")

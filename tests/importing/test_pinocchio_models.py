@@ -137,6 +137,14 @@ def test_mimic_joints_and_what_has_no_place_are_told(tmp_path):
     found = codegen.from_pinocchio(model)
     assert found.left_out == ()
     assert "joint: {type: revolute, axis: x, armature: 0.1" in found.text
+    asked = codegen.from_pinocchio(model, parameterize="j1:armature")
+    assert "j1_armature: {value: 0.2, unit: kg m^2, min: 0}" in asked.text
+    assert "axis: y, armature: j1_armature" in asked.text
+    free = chain([pin.JointModelUniversal(np.array([1.0, 0, 0]), np.array([0, 1.0, 0]))], np.random.default_rng(0))
+    with pytest.raises(codegen.ModelError, match="the joint of 'j0' has no armature in this file"):
+        codegen.from_pinocchio(free, parameterize="j0:armature")
+    free.armature = np.array([0.0, 0.3])
+    assert "armature: [j0_armature_1, j0_armature_2]" in codegen.from_pinocchio(free, parameterize="j0:armature").text
     assert "j1: {type: joint, joint: j1, value: -0.5*u.j1}" in found.text
     with pytest.raises(TypeError, match=r"takes a pinocchio\.Model, not str"):
         codegen.from_pinocchio("robot.urdf")
