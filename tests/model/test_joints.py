@@ -88,7 +88,9 @@ bodies:
     with pytest.raises(ModelError, match="unknown key 'axle'"):
         parse_model(text.replace(f"type: {kind.name}{keys}", f"type: {kind.name}{keys}, axle: y"))
     for key, *_ in kind.axis_keys:
-        with pytest.raises(ModelError, match=rf"key '{key}' is missing; keys here: at, rotate, rpy, armature, type, {key}"):
+        with pytest.raises(
+            ModelError, match=rf"key '{key}' is missing; keys here: at, rotate, rpy, armature, type, {key}"
+        ):
             parse_model(text.replace(keys, ""))
 
 
