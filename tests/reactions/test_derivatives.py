@@ -23,6 +23,7 @@ import codegen
 from codegen.emit.solver import write_solver
 from codegen.model import Model, load_model, parse_model
 from codegen.reference import DenseEngine
+from codegen.runtime import Event
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 CHOSEN = ("reactions", "reaction_sensitivities")
@@ -153,6 +154,41 @@ def test_a_pendulum_has_its_closed_form(tmp_path: Path, target: str) -> None:
     ]
     np.testing.assert_allclose(djoints[:, 0, 3:], expected, rtol=1e-13, atol=1e-13)
     np.testing.assert_allclose(djoints[:, 0, :3], 0, atol=1e-13)
+
+
+def test_a_bearing_force_along_a_motion_has_a_gradient(tmp_path: Path) -> None:
+    """Released at rest the rod pulls ``m g (3 cos q - 2 cos q0)``: at every time, at its peak, in a sum of squares.
+
+    Directions of a motion are seeds of the reactions in its states; those of a crossing are total, its time's change in them.
+    """
+    text = PENDULUM + "outputs: {angle: {value: q.bob}}\ninitial: {q: {bob: 1.1}}\n"
+    folder, chosen = tmp_path / "swing", ("simulate", "reaction_sensitivities")
+    codegen.generate(parse_model(text), folder, target="c", functions=chosen)
+    solver = codegen.load(folder)
+    m, g, start = 2.0, 9.81, 1.1
+    times = np.linspace(0, 1.5, 31)
+    directions = ("m", "L", "q0.bob")
+    run = solver.simulate(times, sensitivities=directions, rtol=1e-12, atol=1e-13, events=Event("angle", stop=False))
+    dp = np.eye(3, 2)
+    joints, _, djoints, _ = solver.reaction_sensitivities(run.q, run.u, dq=run.dq, du=run.du, dp=dp[:, None])
+    q, dq, of_mass, of_start = run.q[:, 0], run.dq[..., 0], np.eye(3)[0], np.eye(3)[2]
+    pull = m * g * (3 * np.cos(q) - 2 * np.cos(start))
+    dpull = (
+        np.outer(of_mass, pull / m) - 3 * m * g * np.sin(q) * dq + np.outer(of_start, 2 * m * g * np.sin(start) + 0 * q)
+    )
+    force, dforce = joints[:, 0, 3:], djoints[:, :, 0, 3:]
+    size = np.linalg.norm(force, axis=-1)
+    dsize = np.sum(force * dforce, axis=-1) / size
+    np.testing.assert_allclose(size, pull, rtol=1e-9)
+    np.testing.assert_allclose(dsize, dpull, rtol=1e-8, atol=1e-8)
+    squares = 2 * np.sum((size - 20) * dsize, axis=-1)
+    np.testing.assert_allclose(squares, 2 * np.sum((pull - 20) * dpull, axis=-1), rtol=1e-8)
+
+    at = run.events[0]
+    joints, _, djoints, _ = solver.reaction_sensitivities(at.q, at.u, dq=at.dq, du=at.du, dp=dp)
+    peak, dpeak = joints[0, 5], djoints[:, 0, 5]
+    np.testing.assert_allclose(peak, m * g * (3 - 2 * np.cos(start)), rtol=1e-9)
+    np.testing.assert_allclose(dpeak, [g * (3 - 2 * np.cos(start)), 0, 2 * m * g * np.sin(start)], rtol=1e-8, atol=1e-8)
 
 
 def test_bearing_forces_of_a_four_bar_have_fifty_digits_to_agree_with(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Tangents of reactions, once the balance has found the tangent of udot. Section 4.12 of the theory page.
+"""Tangents of reactions, once the balance has found the tangent of udot. Section 6 of the theory page.
 
 Outward, the force that every link's motion needs gets what the change of udot adds to it: the balance had held udot.
 Inward, these forces are summed up as the balance does, in the links' own axes. A loop's wrench changes with the directions
