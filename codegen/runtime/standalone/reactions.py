@@ -62,7 +62,7 @@ class Reactions(Package):
         batch = wrenches.shape[:-1]
         links = wrenches.reshape(*batch, wrenches.shape[-1] // 6, 6)
         of_bodies: list[int] = self._manifest["joint_links"]
-        joints = np.full((*batch, len(of_bodies), 6), math.nan)
+        joints = np.full((*batch, len(of_bodies), 6), math.nan, dtype=wrenches.dtype)
         for body, link in enumerate(of_bodies):
             if link >= 0:
                 joints[..., body, :] = links[..., link, :]
