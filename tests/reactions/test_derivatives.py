@@ -6,7 +6,6 @@ loops at once: nothing of the sweeps is in it.
 
 from __future__ import annotations
 
-import warnings
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +13,9 @@ import mpmath
 import numpy as np
 import pytest
 from comparison import error, seeds_of, worst
+from coupled_mechanisms import by_hand
 from coupled_models import MODELS
-from prescribed_models import bars
+from prescribed_models import bars, with_prescribed_at
 from random_mechanisms import Discarded, assemble, random_mechanism
 from random_models import random_seeds, random_state, random_tree
 
@@ -110,17 +110,35 @@ def test_those_of_couplings(tmp_path: Path, name: str) -> None:
     assert max(found.values()) < 1e-11, found
 
 
-def test_those_of_a_driven_crank(tmp_path: Path) -> None:
-    """What drives it is in the reaction of its joint, with its derivatives by time."""
-    model = bars("cart", True)
+@pytest.mark.parametrize("name", ["chain_on_four_bar", "platform", "tip_slides_on_own_link", "sprung_tips"])
+def test_those_of_loops_that_hang_together(tmp_path: Path, name: str) -> None:
+    """Ears that start from several links and from each other, joints that slide."""
+    drawn, rng = by_hand(name), np.random.default_rng(1)
+    model, state = drawn.model, tuple(drawn[1:])
+    solver = made(model, tmp_path / "mechanism")
+    found = errors(solver, model, state, seeds_of(DenseEngine(model), state, rng))
+    assert max(found.values()) < 1e-10, found
+
+
+@pytest.mark.parametrize("frame", ["cart", "ground"])
+def test_those_of_a_driven_crank(tmp_path: Path, frame: str) -> None:
+    """What drives it is in the reaction of its joint, with its derivatives by time; on the ground all motion is prescribed."""
+    model = bars(frame, frame == "cart")
     solver, rng = made(model, tmp_path / "driven"), np.random.default_rng(2)
     p, t = [1.1, 1.7, 0.4], 0.35
     q, u = solver.assemble(p=p, t=t)
-    state = (q, u, p, None, t)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # parameters that open redundant conditions: both hold the same combinations
-        found = errors(solver, model, state, random_seeds(rng, model, 3))
+    found = errors(solver, model, (q, u, p, None, t), random_seeds(rng, model, 3))
     assert max(found.values()) < 1e-11, found
+
+
+def test_those_of_a_mechanism_with_prescribed_coordinates(tmp_path: Path) -> None:
+    rng = np.random.default_rng(4)
+    drawn = random_mechanism(np.random.default_rng(4), bodies=(3, 5), loops=(1, 2))
+    assert not isinstance(drawn, Discarded)
+    drawn = with_prescribed_at(rng, drawn)
+    solver = made(drawn.model, tmp_path / "mechanism")
+    found = errors(solver, drawn.model, tuple(drawn[1:]), random_seeds(rng, drawn.model, 2))
+    assert max(found.values()) < 1e-10, found
 
 
 PENDULUM = """
