@@ -65,7 +65,11 @@ def _generate_arguments(parser: argparse.ArgumentParser) -> None:
         default=1,
         help="hold other choices of independent coordinates, to change to at dead points",
     )
-    parser.add_argument("--reactions", action="store_true", help="the solver also gives what joints and loops transmit")
+    parser.add_argument(
+        "--reactions",
+        action="store_true",
+        help="the solver also gives what joints and loops transmit, with derivatives",
+    )
     parser.add_argument(
         "--frames", action="store_true", help="the solver also gives the motions of all bodies and of points in them"
     )

@@ -61,7 +61,8 @@ def generate(
         With 2, and where another choice of independent coordinates closes the loops, the package holds both; see
         `Solver.use_partition`.
     reactions : bool
-        The solver has `Solver.reactions`: what joints and loops transmit.
+        The solver has `Solver.reactions`: what joints and loops transmit, and `Solver.reaction_sensitivities` unless `functions`
+        are chosen, which name that.
     frames : bool
         The solver has `Solver.frames`, `Solver.points` and their derivatives: motions of all bodies and of points in them.
     functions : sequence of str, or str with commas, optional

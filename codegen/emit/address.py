@@ -53,6 +53,7 @@ from ..mechanics.stores import (
     SUM,
     SUM_LANE,
     WRENCH,
+    WRENCH_LANE,
 )
 from ..mechanics.structure.element_kinds import ElementKind
 from ..mechanics.structure.folded import Folded
@@ -288,7 +289,7 @@ class Addresses:
             row = self.of_links(kind, sweep, store, "MOTION", [3 * link.driven for link in system.links])
         elif memory in (PER_DRIVE, PER_DRIVE_LANE):
             row = self.of_links(kind, sweep, store, "DRIVEN", [link.driven for link in system.links])
-        elif memory is WRENCH:
+        elif memory in (WRENCH, WRENCH_LANE):
             if store.owner is LOOP:
                 row = self.of_loops(kind, store, "_WRENCH", [6 * n for n in range(len(system.model.loops))])
             else:

@@ -19,6 +19,7 @@ from ..mechanics.outputs.frames import SIZES, frame_formulas, place_formulas
 from ..mechanics.outputs.outputs import RecordFormula, output_formulas, potential_formula
 from ..mechanics.procedures import (
     arrays,
+    asks_reactions,
     checked_backwards,
     left_out,
     procedures,
@@ -149,7 +150,7 @@ def write_solver(
             raise ModelError([model.problem("loops", str(error))]) from None
         lap("partition")
     progress("analysing", 0, 0)
-    system, unrolled = laid_out(model, layout, chosen, turning=not reactions)
+    system, unrolled = laid_out(model, layout, chosen, turning=not (reactions or asks_reactions(functions)))
     lap("analyse")
     e = _expanded(system, reactions, progress, functions, frames)
     program, formulas, records, asked = e.program, e.formulas, e.records, e.asked
@@ -267,7 +268,7 @@ def write_long(
 ) -> str:
     """The NumPy module of a solver with numbers of so many digits, where they are no doubles; see `write_solver`."""
     with long_numbers(digits):
-        system, _ = laid_out(model, layout, chosen, turning=not reactions)
+        system, _ = laid_out(model, layout, chosen, turning=not (reactions or asks_reactions(functions)))
         e = _expanded(system, reactions, functions=functions, frames=frames)
         return write_numpy(e.program, e.formulas, e.records, one_by_one(e.asked))
 

@@ -11,7 +11,17 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from ..program.block import Scope
-from .ears import assembly, closures, completion, far_links, reactions, region_balance, region_system, virtual_body
+from .ears import (
+    assembly,
+    closures,
+    completion,
+    far_links,
+    reaction_tangents,
+    reactions,
+    region_balance,
+    region_system,
+    virtual_body,
+)
 from .ears import back_substitution as ear_back_substitution
 from .ears import balance as ear_balance
 from .ears import kinematics as ear_kinematics
@@ -193,6 +203,11 @@ SWEEPS: tuple[Sweep, ...] = (
     Sweep("solve_in", "solve M x = b, inward (Eqs. 45, 53)", balance.solve_inward, INWARD, lanes=True),
     Sweep("balance_back", "balance, back substitution (Eqs. 53-55)", balance.balance_outward, OUTWARD, lanes=True, units=True,
           ear=ear_balance.ear_balance_back, region=region_balance.region_balance_back),
+    Sweep("reaction_out", "tangent of the forces that links need, with that of udot (Eqs. 19, 24)", reaction_tangents.needed,
+          OUTWARD, lanes=True, units=True, ear=reaction_tangents.ear_needed, region=reaction_tangents.region_needed),
+    Sweep("reaction_in", "tangent of wrenches that joints and loops transmit (Eqs. 9, 45)", reaction_tangents.link_tangents,
+          INWARD, lanes=True, tangents=True, units=True, ear=reaction_tangents.ear_reaction_tangents,
+          region=reaction_tangents.region_reaction_tangents),
     Sweep("inverse_out", "tangent of the inverse dynamics, outward (Eqs. 25-29)", inverse_dynamics.newton_euler_outward, OUTWARD,
           lanes=True, tangents=True),
     Sweep("force_tangents", "tangent of the inverse dynamics, inward", inverse_dynamics.newton_euler_inward, INWARD,

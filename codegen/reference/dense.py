@@ -29,7 +29,7 @@ from typing import Any
 
 import numpy as np
 
-from ..model.model import Body
+from ..model.model import GROUND, Body
 from ..model.motions import Ball, Displacement, Slide, Turn
 from .arithmetic import Array, LeftInverse, SingularMatrixError
 from .conditions import Conditions, conditions
@@ -132,6 +132,71 @@ class DenseEngine(Engine):
         seeds = self._seeds(dq=dq, du=du, dp=dp, dinputs=dinputs, dt=dt)
         result = self._reactions(self._state(q, u, p, inputs, t, **seeds))
         return result.value, result.tangent
+
+    def joint_reactions(self, q: Any, u: Any, p: Any = None, inputs: Any = None, t: Any = 0.0) -> Array:
+        """What the joint of each body does to it, (nbodies, 6): moment about the body's origin, N m, then force, N.
+
+        Components in the ground frame; from what the motion of all outboard bodies needs, less what else acts on them.
+        """
+        return self._joint_reactions(self._state(q, u, p, inputs, t)).value
+
+    def joint_reaction_sensitivities(
+        self,
+        q: Any,
+        u: Any,
+        p: Any = None,
+        inputs: Any = None,
+        t: Any = 0.0,
+        *,
+        dq: Any = None,
+        du: Any = None,
+        dp: Any = None,
+        dinputs: Any = None,
+        dt: Any = None,
+    ) -> tuple[Array, Array]:
+        """`joint_reactions`, (nbodies, 6), and their total derivatives, (k, nbodies, 6)."""
+        seeds = self._seeds(dq=dq, du=du, dp=dp, dinputs=dinputs, dt=dt)
+        result = self._joint_reactions(self._state(q, u, p, inputs, t, **seeds))
+        return result.value, result.tangent
+
+    def _joint_reactions(self, state: State) -> Pair:
+        """Newton's and Euler's laws of all that a joint carries, about the ground's origin and then the body's."""
+        pairs, udot, g = state.pairs, self._accelerations(state), self._gravity(state.pairs)
+        frames, freedoms = state_motion = self._motion(state)
+        needed: list[tuple[Pair, Pair]] = []
+        for body, frame in zip(self.model.bodies, frames, strict=False):
+            index = np.array(frame.freedoms, dtype=int)
+            m, I, x, xdot = self._mass(body, frame, pairs)
+            a = udot[index].mT @ freedoms.partial_velocities(index, x)
+            a = a + state.u[index].mT @ freedoms.partial_velocity_rates(index, x, xdot)
+            alpha = udot[index].mT @ freedoms.w[index] + state.u[index].mT @ freedoms.w_rate[index]
+            force = (a - g) * m
+            needed.append((alpha @ I + cross(frame.omega, frame.omega @ I) + cross(x, force), force))
+
+        def act(body: int, at: Pair, moment: Pair | None, force: Pair | None) -> None:
+            if body == GROUND:
+                return
+            n, f = needed[body]
+            if force is not None:
+                n, f = n - cross(at, force), f - force
+            needed[body] = (n if moment is None else n - moment, f)
+
+        for point, end, wrench in self._wrenches(pairs, state_motion):
+            torque, push = (None if v is None else v.mT for v in (wrench.torque, wrench.force))
+            act(point.body, end.x.mT, torque, push)
+        on_ends = self._reactions(state)
+        for i, loop in enumerate(self.model.loops):
+            if not loop.is_coupling:  # these act along freedoms, and joints bear them
+                at = self._point(state_motion, loop.end.body, pairs.vector(loop.end.at))[0].mT
+                moment, force = on_ends[i : i + 1, :3], on_ends[i : i + 1, 3:]
+                act(loop.end.body, at, moment, force)
+                act(loop.start.body, at, -moment, -force)
+        for i in reversed(self.model.outward):
+            (n, f), parent = needed[i], self.model.bodies[i].parent
+            if parent != GROUND:
+                needed[parent] = needed[parent][0] + n, needed[parent][1] + f
+        origins = [frame.o for frame in frames]
+        return pairs.block([[n - cross(o, f), f] for o, (n, f) in zip(origins, needed, strict=False)])
 
     def _reactions(self, state: State) -> Pair:
         pairs = state.pairs

@@ -26,7 +26,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
                    "inverse_dynamics", "inverse_dynamics_sensitivities"),
     "LoopForces": ("closure", "accelerations", "sensitivities", "energy_sensitivities"),
     "Judging": ("state_rates",), "DrivingForces": ("driving_forces", "driving_force_sensitivities"),
-    "Reactions": ("reactions",),
+    "Reactions": ("reactions", "reaction_sensitivities"),
     "Frames": ("frames", "frame_sensitivities", "frame_accelerations", "frame_acceleration_sensitivities"),
     "Loops": ("closure",), "States": (), "Redundancy": ("opening",), "Partitions": (),
     "Precision": (),

@@ -14,6 +14,7 @@ from functools import partial
 
 from ...program.block import Scope
 from ...program.expressions import Symbol
+from ...program.field import SixField
 from ...program.scalar import Value, Vector
 from .. import fields
 from ..joints import Column
@@ -183,38 +184,12 @@ def hold_roots(d: EarTangents, ear: EarGeometry, velocities: list[Twist]) -> Non
 def ear_balance_in(x: Scope, kind: EarKind) -> None:
     """Inward block over directions: forces transmitted by the joints, with the wrenches that close the loops, and their tangents;
     what they miss along the joints, projected on the sources. Eqs. 9, 45, 50."""
-    ear = EarGeometry(x, kind)
-    rows = kept_conditions(ear)
-    count = len(ear.members)
-    angles = {-1 - t: root.rotation(True) for t, root in enumerate(ear.roots)}
-    for k in range(count):
-        angles[k] = x.load(MY_LANE[k], fields.shift.angular)
-    for c in range(len(kind.closures)):
-        ear.slip(c)
-    d = ear_tangents(ear, angles, root_positions(ear))
-    d.turn_joints()
-    hold_roots(d, ear, [])
-    d.run()
-    phi: list[Vector] = []
-    d_phi: list[Vector] = []
-    for k in range(count):
-        parts = [(fields.total_needed, MY_LANE[k], fields.needed)]
-        if kind.followed[k]:
-            parts.append((fields.root_transmitted, LME[k], fields.root_transmitted))
-        if kind.links[k].carries:
-            parts.append((fields.transmitted, LME[k], fields.articulated_force))
-        phi.append([sum(x.load(ME[k], field.scalars()[i]) for field, _, _ in parts) for i in SIX])
-        d_phi.append([sum(x.load(store, field.scalars()[i]) for _, store, field in parts) for i in SIX])
+    ear, rows, d = begin_inward(x, kind)
+    phi, d_phi = forces_at_links(x, kind, fields.needed)
     handed: list[Handed] = []
     taken = CouplingForces()
     if rows:
-        # what the joints would transmit without the loops' wrenches
-        held = transmitted(x, ear, phi)
-        gamma = [
-            x.let("gamma", column_of(ear, k, j).along(held[k]) - tau(x, kind, k, j), "Eq. 53")
-            for k, j in dependents(kind)
-        ]
-        wrench = stored_factor(x, kind).solve_transposed([-v for v in gamma], "W", "Eq. 9")
+        wrench = closing_wrench(x, ear, phi)
         for c, closure in enumerate(kind.closures):
             if closure.is_coupling:
                 taken.add(ear, c, rows, wrench, d)
@@ -223,11 +198,7 @@ def ear_balance_in(x: Scope, kind: EarKind) -> None:
     handed += transmit(x, ear, phi, d_phi, d, taken)
 
     def missing(k: int, j: int) -> Value:
-        dtau = own_force_tangent(x, kind, k, j)
-        s = column_of(ear, k, j)
-        change = s.change(ear.members[k].view, phi[k])
-        change = change + taken.tangents.get((k, j), 0)
-        return x.let("dgamma", s.along(d_phi[k]) + change - dtau, "d Eq. 53", lanes=True)
+        return missed(x, ear, k, j, phi[k], d_phi[k], taken)
 
     r = {c: missing(k, j) for c, (k, j) in own_sources(kind).items()}
     for n, (k, j) in enumerate(dependents(kind)):
@@ -237,6 +208,57 @@ def ear_balance_in(x: Scope, kind: EarKind) -> None:
     for c, value in r.items():
         x.store(LREGION.sum, fields.source_tangent_force(c), x.let("r", value, "d Eq. 53", lanes=True))
     hand_to_roots(x, ear, handed)
+
+
+def begin_inward(x: Scope, kind: EarKind) -> tuple[EarGeometry, list[Condition], EarTangents]:
+    """Geometry and conditions of an ear, and tangents of what forces pass along, seeds and motions being known."""
+    ear = EarGeometry(x, kind)
+    rows = kept_conditions(ear)
+    angles = {-1 - t: root.rotation(True) for t, root in enumerate(ear.roots)}
+    for k in range(len(ear.members)):
+        angles[k] = x.load(MY_LANE[k], fields.shift.angular)
+    for c in range(len(kind.closures)):
+        ear.slip(c)
+    d = ear_tangents(ear, angles, root_positions(ear))
+    d.turn_joints()
+    hold_roots(d, ear, [])
+    d.run()
+    return ear, rows, d
+
+
+def forces_at_links(x: Scope, kind: EarKind, tangent: SixField) -> tuple[list[Vector], list[Vector]]:
+    """What the motions of links need and what is handed to them, and its tangents: of what they need themselves, by name."""
+    phi: list[Vector] = []
+    d_phi: list[Vector] = []
+    for k in range(len(kind.links)):
+        parts = [(fields.total_needed, MY_LANE[k], tangent)]
+        if kind.followed[k]:
+            parts.append((fields.root_transmitted, LME[k], fields.root_transmitted))
+        if kind.links[k].carries:
+            parts.append((fields.transmitted, LME[k], fields.articulated_force))
+        phi.append([sum(x.load(ME[k], field.scalars()[i]) for field, _, _ in parts) for i in SIX])
+        d_phi.append([sum(x.load(store, field.scalars()[i]) for _, store, field in parts) for i in SIX])
+    return phi, d_phi
+
+
+def closing_wrench(x: Scope, ear: EarGeometry, phi: list[Vector]) -> Vector:
+    """The loops' multipliers: with them dependent joints transmit their own force along their freedoms. Eqs. 9, 53."""
+    # what the joints would transmit without the loops' wrenches
+    held = transmitted(x, ear, phi)
+    gamma = [
+        x.let("gamma", column_of(ear, k, j).along(held[k]) - tau(x, ear.kind, k, j), "Eq. 53")
+        for k, j in dependents(ear.kind)
+    ]
+    return stored_factor(x, ear.kind).solve_transposed([-v for v in gamma], "W", "Eq. 9")
+
+
+def missed(x: Scope, ear: EarGeometry, k: int, j: int, phi: Vector, d_phi: Vector, taken: CouplingForces) -> Value:
+    """Tangent of what the force that a joint transmits misses along a freedom. Eq. 53."""
+    dtau = own_force_tangent(x, ear.kind, k, j)
+    s = column_of(ear, k, j)
+    change = s.change(ear.members[k].view, phi)
+    change = change + taken.tangents.get((k, j), 0)
+    return x.let("dgamma", s.along(d_phi) + change - dtau, "d Eq. 53", lanes=True)
 
 
 def dependents(kind: EarKind) -> list[tuple[int, int]]:

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from ...program.procedure import Procedure
 from ..structure.system import System
-from .choice import UnknownFunctionError, chosen
+from .choice import UnknownFunctionError, asks_reactions, chosen
 from .closing import closing, initial
 from .dynamics import dynamics, jacobians, rates, state_rates
 from .frames import frames_of
@@ -40,7 +40,7 @@ from .words import (
 __all__ = [
     "ADJOINTS", "ALONG_MOTIONS", "ANGLES", "CONSTANTS", "GROUND", "GROUND_AT_REST", "GROUND_TANGENT", "GROUND_TANGENT_AT_REST",
     "GROUND_TANGENT_TRANSPOSED", "OTHER_WIDTHS", "OUTPUTS", "PASSING_ADJOINTS", "SHAPES", "WIDTHS", "UnknownFunctionError",
-    "arrays", "checked_backwards", "left_out", "procedures", "sweeps", "swept_backwards", "swept_together",
+    "arrays", "asks_reactions", "checked_backwards", "left_out", "procedures", "sweeps", "swept_backwards", "swept_together",
 ]  # fmt: skip
 
 FOUR = (4,)
@@ -58,7 +58,7 @@ def procedures(
     Parameters
     ----------
     reactions : bool
-        Reactions are among them.
+        Reactions are among them; and their derivatives, unless `functions` are chosen, which name these.
     functions : collection of str, optional
         Those that are wanted, by their names, by those of members of a solver, or by `GROUPS`; left out: all, without reactions
         and frames.
@@ -70,7 +70,7 @@ def procedures(
     UnknownFunctionError
     """
     w = Shared(system)
-    found = every(w, reactions or "reactions" in (functions or ()))
+    found = every(w, reactions or asks_reactions(functions))
     if frames or functions is not None:
         found += tuple(frames_of(w))
     if functions is not None:
@@ -98,7 +98,7 @@ def every(w: Shared, reactions: bool) -> tuple[Procedure, ...]:
     if w.motions:
         found += driving_forces(w)
     if reactions:
-        found.append(reactions_of(w))
+        found += reactions_of(w)
     if w.loops:
         found += closing(w)
     if w.system.model.initial_depends_on_parameters:

@@ -51,8 +51,17 @@ NEEDED = {
 them, no derivatives of one without those of the state that it begins with."""
 
 
+REACTIONS = ("reactions", "reaction_sensitivities")
+"""Functions that are there on request only."""
+
+
 class UnknownFunctionError(ValueError):
     """A function was chosen that a solver of the model cannot have."""
+
+
+def asks_reactions(functions: Collection[str] | None) -> bool:
+    """Whether reactions, or their derivatives, are among chosen functions."""
+    return not set(REACTIONS).isdisjoint(functions or ())
 
 
 def chosen(found: tuple[Procedure, ...], functions: Collection[str]) -> tuple[Procedure, ...]:

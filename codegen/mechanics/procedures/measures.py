@@ -12,7 +12,7 @@ from ...program.procedure import (
     Zero,
 )
 from ..outputs import DrivingMeasure, EnergyMeasure, RecordMeasure
-from ..quantities import ENERGIES, POSE, measured, missing, run
+from ..quantities import ENERGIES, POSE, measured, run
 from .shared import Shared
 from .words import OUTPUTS
 
@@ -107,13 +107,31 @@ def driving_forces(w: Shared) -> list[Procedure]:
     )
 
 
-def reactions_of(w: Shared) -> Procedure:
-    wrenches = w.of("reaction", *(["loop_reaction"] if w.loops else []))
-    before: tuple[Step, ...] = (*w.begin, Own(w.one("udot")), *w.forward)
-    return Procedure(
-        "reactions",
-        "Wrenches on links at their joints and on loops' end faces: moment, force; ground frame.",
-        w.of(*w.state),
-        wrenches,
-        (*map(Zero, wrenches[1:]), *before, *missing((POSE,), before), *run("motion", "transmitted")),
+def reactions_of(w: Shared) -> list[Procedure]:
+    """What joints and loops transmit. Its derivatives take those of udot, and two sweeps over directions more."""
+    names = ["reaction", *(["loop_reaction"] if w.loops else [])]
+    wrenches = w.of(*names)
+    udot = w.one("udot")
+    before: tuple[Step, ...] = (*w.begin, Own(udot), *w.forward)
+    along: tuple[Step, ...] = (*w.along, Own(udot.tangent()), w.balance)
+    poses, turned = w.measuring([POSE], before, along)
+    zero = tuple(map(Zero, wrenches[1:]))
+    values = (*before, *poses, *run("motion", "transmitted"))
+    return w.pair(
+        ("reactions", "reaction_sensitivities"),
+        (
+            "Wrenches on links at their joints and on loops' end faces: moment, force; ground frame.",
+            "Wrenches on links at their joints and on loops' end faces, and their total derivative along seeds.",
+        ),
+        w.state,
+        names,
+        (*zero, *values),
+        (
+            *zero,
+            *values,
+            *(Zero(a.tangent()) for a in wrenches[1:]),
+            *along,
+            *turned,
+            *run("reaction_out", "reaction_in"),
+        ),
     )

@@ -290,8 +290,9 @@ class Package:
                 "assemble, outputs and driving_forces tell" if self.closure_names else "outputs and driving_forces tell"
             )
             return f"{self.name} has no {name!r}: all its motion is prescribed; {where} of it at any t"
-        if name == "reactions":
-            return f"{self.name} was generated without reactions: generate it with --reactions"
+        if name in ("reactions", "reaction_sensitivities"):
+            among = ", or name it among --functions" if "left_out" in self._manifest else ""
+            return f"{self.name} was generated without {name}: generate it with --reactions{among}"
         if name.startswith(("frame", "point")):
             return f"{self.name} was generated without {name}: generate it with --frames"
         left_out = self._manifest.get("left_out", ())
@@ -361,8 +362,8 @@ class Absent:
 for _name in (
     "energies", "energy_sensitivities", "mass_matrix", "mass_matrix_sensitivities", "inverse_mass_matrix", "solve_mass",
     "solve_mass_sensitivities",
-    "inverse_dynamics", "inverse_dynamics_sensitivities", "bias_force", "bias_force_sensitivities", "reactions", "driving_forces",
-    "driving_force_sensitivities", "outputs",
+    "inverse_dynamics", "inverse_dynamics_sensitivities", "bias_force", "bias_force_sensitivities", "reactions",
+    "reaction_sensitivities", "driving_forces", "driving_force_sensitivities", "outputs",
     "output_sensitivities", "gradients", "coordinate_rate_gradients", "energy_gradients", "output_gradients",
     "assemble_gradients", "equilibrium", "linearize", "simulate", "judge", "diagnose",
     "frames", "frame_sensitivities", "frame_jacobians", "points", "point_sensitivities", "point_jacobians",

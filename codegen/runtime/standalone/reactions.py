@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from .arrays import Array, Numbers, Times
-from .package import Package, state
+from .package import Package, seeds, state
 
 
 class Reactions(Package):
@@ -30,12 +31,45 @@ class Reactions(Package):
             they are not unique: these are, ear by ear, the ones with the least sum of squares of moments, and forces
             times the characteristic length.
         """
-        found = self._values("reactions", state(q, u, p, inputs, t))
-        batch = found[0].shape[:-1]
-        links, *loops = (x.reshape(*batch, x.shape[-1] // 6, 6) for x in found)
+        joints, *loops = self._values("reactions", state(q, u, p, inputs, t))
+        return self._of_joints(joints), _of_loops(loops, joints)
+
+    def reaction_sensitivities(
+        self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, dq: Numbers = None,
+        du: Numbers = None, dp: Numbers = None, dinputs: Numbers = None, dt: Times | None = None,
+    ) -> tuple[Array, Array, Array, Array]:  # fmt: skip
+        """`reactions` and their total derivatives along the seeds.
+
+        Through closed loops seeds of dependent coordinates and speeds follow from the others. Where conditions are
+        redundant it is the derivative of the reactions that `reactions` gives.
+
+        Returns
+        -------
+        joints : (..., nbodies, 6)
+        loops : (..., nloops, 6)
+        djoints : (k, ..., nbodies, 6)
+            Of the components in the ground frame, N m and N per unit of the seed. NaN where `joints` is.
+        dloops : (k, ..., nloops, 6)
+        """
+        along = seeds(dq, du, dp, dinputs, dt)
+        found = self._along("reaction_sensitivities", state(q, u, p, inputs, t), along)
+        values, tangents = found[: len(found) // 2], found[len(found) // 2 :]
+        joints, loops = self._of_joints(values[0]), _of_loops(values[1:], values[0])
+        return joints, loops, self._of_joints(tangents[0]), _of_loops(tangents[1:], tangents[0])
+
+    def _of_joints(self, wrenches: Array) -> Array:
+        """Those of the joints of bodies, from those of links."""
+        batch = wrenches.shape[:-1]
+        links = wrenches.reshape(*batch, wrenches.shape[-1] // 6, 6)
         of_bodies: list[int] = self._manifest["joint_links"]
-        joints = np.full((*batch, len(of_bodies), 6), math.nan)
+        joints = np.full((*batch, len(of_bodies), 6), math.nan, dtype=wrenches.dtype)
         for body, link in enumerate(of_bodies):
             if link >= 0:
                 joints[..., body, :] = links[..., link, :]
-        return joints, loops[0] if loops else np.zeros((*batch, 0, 6))
+        return joints
+
+
+def _of_loops(wrenches: Sequence[Array], like: Array) -> Array:
+    """Those of loops; none, of as many states, where there are no loops."""
+    batch = like.shape[:-1]
+    return wrenches[0].reshape(*batch, wrenches[0].shape[-1] // 6, 6) if wrenches else np.zeros((*batch, 0, 6))

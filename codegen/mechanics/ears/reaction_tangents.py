@@ -1,0 +1,294 @@
+"""Tangents of reactions, once the balance has found the tangent of udot. Section 6 of the theory page.
+
+Outward, the force that every link's motion needs gets what the change of udot adds to it: the balance had held udot.
+Inward, these forces are summed up as the balance does, in the links' own axes. A loop's wrench changes with the directions
+that its joint holds and by a change of its multipliers, ``E^T dW = -dgamma``: what the dependent joints miss while W is
+held, by the factor at hand. Where conditions are redundant W is the shortest, ``W = E z``, and ``dE z`` stays as far as E does
+not reach it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ...program.block import Scope
+from ...program.scalar import Matrix, Value, Vector
+from ...program.store import Store
+from .. import fields
+from ..couplings import hand_force, others
+from ..handing_on import accumulate
+from ..joints import LinkJoint
+from ..spatial import SIX, add, cross, dot, is_zero, matvec, transpose
+from ..stores import (
+    BASE,
+    CONSTANTS,
+    DLOOP_REACTION,
+    DREACTION,
+    DUDOT,
+    LANE_BASE,
+    LBASE,
+    LME,
+    LREGION,
+    LROOTS,
+    LUP,
+    ME,
+    MY_LANE,
+    REGION,
+)
+from ..structure.kinds import EarKind, LinkKind, RegionKind
+from ..tree.back_substitution import carry
+from ..tree.inverse_dynamics import transfer
+from ..tree.triangularization import constants_of_inertia, force_to_parent
+from .balance import (
+    Handed,
+    apply_wrench,
+    begin_inward,
+    closing_wrench,
+    dependents,
+    forces_at_links,
+    hand_to_roots,
+    missed,
+    transmit,
+)
+from .closures import stored_factor
+from .conditions import Condition, seen_by
+from .couplings import CouplingForces
+from .geometry import EarGeometry
+from .orthogonal import product
+from .region_balance import transmitted_fields
+from .roots import Frame, Ground, Root
+from .tangents import EarTangents
+
+# -- outward -----------------------------------------------------------------------------------------------------------
+
+
+def needed_by(x: Scope, joint: LinkJoint, before: Vector, rates: Sequence[Value]) -> Vector:
+    """Let the freedoms of a link accelerate by `rates` besides, its parent by `before`: what that adds to the force it needs.
+
+    Gives what it adds to the link's acceleration. Eqs. 19, 23.
+    """
+    A = carry(joint, before, "d Eq. 19")
+    for s, rate in zip(joint.columns, rates, strict=True):
+        for i, value in s.added(A, rate).items():
+            A[i] = x.let("A", value, "d Eq. 19", lanes=True)
+    x.store(LME, fields.explicit_acceleration, A)
+    force: Vector = list(x.load(MY_LANE, fields.needed))
+    for i, j, constant, sign in constants_of_inertia():
+        value = sign * x.load(CONSTANTS, constant)
+        force[i] = force[i] + value * A[j]
+        if i != j:
+            force[j] = force[j] + value * A[i]
+    x.store(MY_LANE, fields.total_needed, [x.let("f", e, "d Eq. 24", lanes=True) for e in force])
+    return A
+
+
+def needed(x: Scope, kind: LinkKind) -> None:
+    """Outward block over directions of a link: tangent of the force that all of its motion needs."""
+    joint = kind.joint(x, kind, lanes=True)
+    rates = [x.entry(DUDOT, j) for j in range(joint.freedoms)]
+    needed_by(x, joint, x.load(LUP, fields.explicit_acceleration), rates)
+
+
+def ear_needed(x: Scope, kind: EarKind) -> None:
+    """The same of an ear's links. What dependent joints do while the sources' udot are held, the balance has counted."""
+    ear = EarGeometry(x, kind)
+    added: list[Vector] = []
+    for k, member in enumerate(ear.members):
+        parent = member.parent
+        before = added[parent] if parent >= 0 else of_root(x, ear.roots[-1 - parent])
+        joint = kind.links[k].joint(member.view, kind.links[k], lanes=True)
+        rates: Vector = []
+        for j in range(len(joint.columns)):
+            held = x.load(MY_LANE[k], fields.dependent_acceleration(j)) if j in kind.dependent[k] else 0
+            rates.append(x.entry(DUDOT[k], j) - held)
+        added.append(needed_by(member.view, joint, before, rates))
+
+
+def of_root(x: Scope, root: Root) -> Vector:
+    """What the change of udot adds to the acceleration of a root, in its own axes."""
+    if isinstance(root, Ground) or (isinstance(root, Frame) and not root.feels):
+        return [0] * 6
+    return x.load(LBASE if isinstance(root, Frame) else LROOTS[root.place], fields.explicit_acceleration)
+
+
+def region_needed(x: Scope, kind: RegionKind) -> None:
+    """Nothing is summed up yet."""
+    for whole, balance in transmitted_fields(kind):
+        for i in SIX:
+            x.store(REGION, whole.scalars()[i], 0)
+            x.store(LREGION, balance.scalars()[i], 0)
+
+
+# -- inward ------------------------------------------------------------------------------------------------------------
+
+
+def store_tangent(x: Scope, store: Store, attitude: Matrix, turned: Matrix, force: Vector, tangent: Vector) -> None:
+    """Tangent of a moment and a force in the ground frame from those in a link's axes: ``dW f + W df``."""
+    for n in (0, 3):
+        v, dv = force[n : n + 3], tangent[n : n + 3]
+        for i in range(3):
+            value = dot(attitude[i], dv) + dot(turned[i], v)
+            x.set_entry(store, n + i, x.let("dreaction", value, "d Eq. 45", lanes=True))
+
+
+def link_tangents(x: Scope, kind: LinkKind) -> None:
+    """Inward block over directions of a link: tangent of what its joint does to it."""
+    phi: Vector = []
+    d_phi: Vector = []
+    for i in SIX:
+        own, handed = fields.total_needed.scalars()[i], fields.transmitted.scalars()[i]
+        phi.append(x.let("phi", x.load(ME, own) + x.load(ME, handed), "Eq. 45"))
+        moved = x.load(LME, fields.articulated_force.scalars()[i])
+        d_phi.append(x.let("dphi", x.load(MY_LANE, own) + moved, "d Eq. 45", lanes=True))
+    store_tangent(x, DREACTION, x.load(ME, fields.attitude), x.load(MY_LANE, fields.attitude), phi, d_phi)
+    for m in others(kind):
+        if kind.partners.first[m]:
+            hand_force(x, kind, m, [0] * 6, fields.transmitted)
+            hand_force(x, kind, m, [0] * 6, lanes=True)
+    if kind.carried_on:
+        transfer(x, kind, kind.joint(x, kind), phi, d_phi)
+
+
+def ear_reaction_tangents(x: Scope, kind: EarKind) -> None:
+    """Inward block over directions of an ear: tangents of what its joints and loops transmit."""
+    ear, rows, d = begin_inward(x, kind)
+    phi, d_phi = forces_at_links(x, kind, fields.total_needed)
+    handed: list[Handed] = []
+    taken = CouplingForces()
+    wrench: Vector = []
+    open_by: Vector = []
+    if rows:
+        wrench = closing_wrench(x, ear, phi)
+        if len(rows) > len(ear.dependents()):
+            open_by = redundant_part(x, ear, rows, wrench, d)
+        for c, closure in enumerate(kind.closures):
+            if closure.is_coupling:
+                taken.add(ear, c, rows, wrench, d)
+            else:
+                handed += apply_wrench(x, ear, c, rows, wrench, phi, d_phi, d)
+    handed += transmit(x, ear, phi, d_phi, d, taken)
+    if rows:
+        rest = [-missed(x, ear, k, j, phi[k], d_phi[k], taken) for k, j in dependents(kind)]
+        d_wrench = stored_factor(x, kind).solve_transposed(rest, "dW", "d Eq. 9", lanes=True)
+        if open_by:
+            d_wrench = [x.let("dW", a + b, "d Eq. 9", lanes=True) for a, b in zip(d_wrench, open_by, strict=True)]
+        for c in range(len(kind.closures)):
+            store_loop(x, ear, c, rows, wrench, d_wrench, d)
+        handed += let_act(x, ear, rows, d_wrench, d_phi)
+    else:
+        for c in range(len(kind.closures)):
+            for i in SIX:
+                x.set_entry(DLOOP_REACTION[c], i, 0)
+    for k in range(len(ear.members)):
+        W, dW = x.load(ME[k], fields.attitude), x.load(MY_LANE[k], fields.attitude)
+        store_tangent(x, DREACTION[k], W, dW, phi[k], d_phi[k])
+    hand_to_roots(x, ear, handed)
+
+
+def redundant_part(x: Scope, ear: EarGeometry, rows: list[Condition], wrench: Vector, d: EarTangents) -> Vector:
+    """``dE z`` less what E reaches of it, where the shortest multipliers are ``W = E z``. Eq. 9."""
+    factor = stored_factor(x, ear.kind)
+    z = [x.name("z", v, "Eq. 9") for v in factor.solve(wrench, "z", "Eq. 9")]
+    d.hold(z)
+    rates = ear.coefficients(z)
+    motions = ear.walk(ear.still(), rates, "z", "Eq. 9")
+    seen = seen_by(ear, rows, ear.face_difference(motions, ear.still(), rates), "Ez", "Eq. 9")
+    d.run()
+    moved = [x.let("dEz", d.of(v), "d Eq. 9", lanes=True) for v in seen]
+    for q in factor.q:
+        along: Value = 0
+        for e, v in zip(q, moved, strict=True):
+            along = along + product(e, v)
+        along = x.let("along", along, "d Eq. 9", lanes=True)
+        moved = [x.let("dEz", v - product(e, along), "d Eq. 9", lanes=True) for e, v in zip(q, moved, strict=True)]
+    return moved
+
+
+def of_loop(rows: list[Condition], c: int, multipliers: Vector, along: Sequence[Vector]) -> tuple[Vector, Vector]:
+    """Moment and force of a loop from its multipliers, along directions of the conditions or what these change by."""
+    found: tuple[Vector, Vector] = ([0, 0, 0], [0, 0, 0])
+    for row, value, n in zip(rows, multipliers, along, strict=True):
+        if row.loop == c:
+            part = [product(e, value) for e in n]
+            found = (add(found[0], part), found[1]) if row.angular else (found[0], add(found[1], part))
+    return found
+
+
+def store_loop(
+    x: Scope, ear: EarGeometry, c: int, rows: list[Condition], wrench: Vector, d_wrench: Vector, d: EarTangents
+) -> None:
+    """Tangent of a loop's reaction, which is the opposite of its multipliers' wrench."""
+    if ear.kind.closures[c].is_coupling:  # one number, along the coordinate whose factor is 1
+        own = [value for row, value in zip(rows, d_wrench, strict=True) if row.loop == c]
+        for i in SIX:
+            x.set_entry(
+                DLOOP_REACTION[c], i, x.let("dreaction", -own[0], "d Eq. 9", lanes=True) if own and not i else 0
+            )
+        return
+    directions = [row.n for row in rows]
+    acting = of_loop(rows, c, wrench, directions)
+    moved = of_loop(rows, c, wrench, [d.vector(row.n) if row.loop == c else row.n for row in rows])
+    added = of_loop(rows, c, d_wrench, directions)
+    force = [x.let("W", -e, "Eq. 9") for v in acting for e in v]
+    tangent = [
+        x.let("dW", -a - b, "d Eq. 9", lanes=True)
+        for v, w in zip(moved, added, strict=True)
+        for a, b in zip(v, w, strict=True)
+    ]
+    W, dW = x.load(BASE, fields.attitude), x.load(LANE_BASE, fields.attitude)
+    store_tangent(x, DLOOP_REACTION[c], W, dW, force, tangent)
+
+
+def let_act(x: Scope, ear: EarGeometry, rows: list[Condition], d_wrench: Vector, d_phi: list[Vector]) -> list[Handed]:
+    """Let changes of the multipliers act on the faces: what they add to `d_phi`, and to what the roots get."""
+    more: list[Vector] = [[0] * 6 for _ in d_phi]
+    handed: list[Handed] = []
+    for c, closure in enumerate(ear.kind.closures):
+        if closure.is_coupling:
+            continue
+        moment, force = of_loop(rows, c, d_wrench, [row.n for row in rows])
+        for side, sign in ((0, -1), (1, 1)):
+            place = closure.faces[side]
+            if place < 0 and not ear.roots[-1 - place].feels:
+                continue
+            slip = ear.slip(c) if side == 0 else None
+            at_face = moment if slip is None else add(moment, cross(slip, force))
+            back = transpose(ear.attitude(place))
+            n, f = ([x.let("own", e, "d Eq. 9", lanes=True) for e in matvec(back, v)] for v in (at_face, force))
+            n = add(n, cross(ear.face(c, side)[0], f))
+            acting = [sign * e for e in (*n, *f)]
+            if place < 0:
+                handed.append(Handed(-1 - place, [0] * 6, acting))
+            else:
+                more[place] = add(more[place], acting)
+    for k in reversed(range(len(more))):
+        if all(is_zero(v) for v in more[k]):
+            continue
+        member = ear.members[k]
+        more[k] = [x.let("dphi", v, "d Eq. 45", lanes=True) for v in more[k]]
+        d_phi[k] = [x.let("dphi", v, "d Eq. 45", lanes=True) for v in add(d_phi[k], more[k])]
+        if member.parent < 0 and not ear.roots[-1 - member.parent].feels:
+            continue
+        joint = ear.kind.links[k].joint(member.view, ear.kind.links[k], lanes=True)
+        n, f = force_to_parent(x, joint, member.r, more[k][:3], more[k][3:], "d Eq. 45")
+        on_parent = [*n, *f]
+        if member.parent >= 0:
+            more[member.parent] = add(more[member.parent], on_parent)
+        else:
+            handed.append(Handed(-1 - member.parent, [0] * 6, on_parent))
+    return handed
+
+
+def region_reaction_tangents(x: Scope, kind: RegionKind) -> None:
+    """Inward block over directions of a region: the links that it hangs on feel all of it."""
+    transmitted: dict[int, tuple[Vector, Vector]] = {m: ([0] * 6, [0] * 6) for m in others(kind)}
+    for f, m in enumerate(kind.far):
+        if m >= 0:  # what ears have handed to it is in its own axes
+            transmitted[m] = x.load(REGION, fields.far_transmitted(f)), x.load(LREGION, fields.far_balance(f))
+    for m, (force, tangent) in transmitted.items():
+        hand_force(x, kind, m, force, fields.transmitted)
+        hand_force(x, kind, m, tangent, lanes=True)
+    if kind.carried:
+        moved = x.load(LREGION, fields.region_balance)
+        accumulate(x, LBASE, fields.articulated_force, moved, kind.first, "Eq. 44", lanes=True)
+        accumulate(x, BASE, fields.transmitted, x.load(REGION, fields.region_transmitted), kind.first, "Eq. 44")
