@@ -18,6 +18,7 @@ from coupled_models import MODELS
 from prescribed_models import bars, with_prescribed_at
 from random_mechanisms import Discarded, assemble, random_mechanism
 from random_models import random_seeds, random_state, random_tree
+from rotor_models import with_rotors
 
 import codegen
 from codegen.emit.solver import write_solver
@@ -84,6 +85,28 @@ def test_those_of_random_mechanisms(tmp_path: Path, seed: int, scene: str, targe
     solver = made(model, tmp_path / "mechanism", target)
     found = errors(solver, model, state, seeds_of(DenseEngine(model), state, rng))
     assert max(found.values()) < 1e-10, found
+
+
+@pytest.mark.parametrize(
+    ("seed", "scene", "target"), [(0, "spatial", "numpy"), (6, "spatial", "both"), (6, "planar", "numpy")]
+)
+def test_those_of_mechanisms_with_rotors(tmp_path: Path, seed: int, scene: str, target: str) -> None:
+    """A joint transmits less by what the rotor that turns with it takes, and that changes with all of udot."""
+    rng = np.random.default_rng(seed)
+    drawn = random_mechanism(rng, scene=scene)
+    assert not isinstance(drawn, Discarded)
+    model, state = with_rotors(rng, drawn.model), tuple(drawn[1:])
+    solver = made(model, tmp_path / "mechanism", target)
+    found = errors(solver, model, state, seeds_of(DenseEngine(model), state, rng))
+    assert max(found.values()) < 1e-10, found
+
+
+def test_those_of_trees_with_rotors(tmp_path: Path) -> None:
+    rng = np.random.default_rng(5)
+    model = with_rotors(rng, random_tree(rng, 7))
+    state = tuple(random_state(rng, model))
+    found = errors(made(model, tmp_path / "tree", "both"), model, state, random_seeds(rng, model, 9))
+    assert max(found.values()) < 1e-11, found
 
 
 @pytest.mark.campaign

@@ -252,9 +252,11 @@ def closing_wrench(x: Scope, ear: EarGeometry, phi: list[Vector]) -> Vector:
     return stored_factor(x, ear.kind).solve_transposed([-v for v in gamma], "W", "Eq. 9")
 
 
-def missed(x: Scope, ear: EarGeometry, k: int, j: int, phi: Vector, d_phi: Vector, taken: CouplingForces) -> Value:
-    """Tangent of what the force that a joint transmits misses along a freedom. Eq. 53."""
-    dtau = own_force_tangent(x, ear.kind, k, j)
+def missed(
+    x: Scope, ear: EarGeometry, k: int, j: int, phi: Vector, d_phi: Vector, taken: CouplingForces, found: bool = False
+) -> Value:  # fmt: skip
+    """Tangent of what the force that a joint transmits misses along a freedom; `found` as of `own_force_tangent`. Eq. 53."""
+    dtau = own_force_tangent(x, ear.kind, k, j, found)
     s = column_of(ear, k, j)
     change = s.change(ear.members[k].view, phi)
     change = change + taken.tangents.get((k, j), 0)
@@ -271,8 +273,12 @@ def column_of(ear: EarGeometry, k: int, j: int) -> Column:
     return ear.members[k].joint.all_columns[j]
 
 
-def own_force_tangent(x: Scope, kind: EarKind, k: int, j: int) -> Value:
-    """The tangent of the model's own force along a freedom, or along what is prescribed, less what a rotor takes."""
+def own_force_tangent(x: Scope, kind: EarKind, k: int, j: int, found: bool = False) -> Value:
+    """The tangent of the model's own force along a freedom, or along what is prescribed, less what a rotor takes.
+
+    The balance holds udot of the independent freedoms, and dependent ones follow; once the tangent of udot has been `found`,
+    that is what a rotor resists.
+    """
     link, view = kind.links[k], MemberView(x, k)
     if link.joint.driven:
         return (x.entry(DHELD[k], 0) if link.held else 0) - driven_rotor_change(view, link)
@@ -280,7 +286,8 @@ def own_force_tangent(x: Scope, kind: EarKind, k: int, j: int) -> Value:
     a = rotor(view, link, j)
     if is_zero(a) or j not in kind.dependent[k]:  # the others' accelerations are held
         return force
-    return force - a * x.load(MY_LANE[k], fields.dependent_acceleration(j))
+    rate = x.entry(DUDOT[k], j) if found else x.load(MY_LANE[k], fields.dependent_acceleration(j))
+    return force - a * rate
 
 
 def tau(x: Scope, kind: EarKind, k: int, j: int) -> Value:

@@ -168,7 +168,7 @@ def ear_reaction_tangents(x: Scope, kind: EarKind) -> None:
                 handed += apply_wrench(x, ear, c, rows, wrench, phi, d_phi, d)
     handed += transmit(x, ear, phi, d_phi, d, taken)
     if rows:
-        rest = [-missed(x, ear, k, j, phi[k], d_phi[k], taken) for k, j in dependents(kind)]
+        rest = [-missed(x, ear, k, j, phi[k], d_phi[k], taken, found=True) for k, j in dependents(kind)]
         d_wrench = stored_factor(x, kind).solve_transposed(rest, "dW", "d Eq. 9", lanes=True)
         if open_by:
             d_wrench = [x.let("dW", a + b, "d Eq. 9", lanes=True) for a, b in zip(d_wrench, open_by, strict=True)]
