@@ -10,14 +10,16 @@ from typing import Any
 import numpy as np
 import pytest
 from prescribed_models import bars
+from rotor_models import with_rotors
 
 import codegen
 from codegen.model import Expression, Model, load_model, parse_model
 from codegen.model.forces import JointForce
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
-NAMES = ("four_bar", "stewart", "bricard", "double_wishbone", "driven")
-"""Examples, and a four-bar on a cart, with a pendulum on its coupler, whose crank is a function of time and parameters."""
+NAMES = ("four_bar", "stewart", "bricard", "double_wishbone", "driven", "geared")
+"""Examples, and a four-bar on a cart, with a pendulum on its coupler, whose crank is a function of time and parameters, without
+and with rotors."""
 T = 0.3
 
 
@@ -40,7 +42,8 @@ def pushed(model: Model, independent: tuple[str, ...]) -> Model:
 def case(request: Any, tmp_path_factory: pytest.TempPathFactory) -> tuple[Any, Any, Any]:
     """The solver, that of the pushed model, and that of the tree without its loops."""
     folder: Path = tmp_path_factory.mktemp(request.param)
-    model = bars("cart", True) if request.param == "driven" else load_model(EXAMPLES / f"{request.param}.yaml")
+    drawn = bars("cart", True) if request.param in NAMES[-2:] else load_model(EXAMPLES / f"{request.param}.yaml")
+    model = with_rotors(np.random.default_rng(1), drawn, 1.0) if request.param == "geared" else drawn
     tree = dataclasses.replace(model, name="tree", loops=(), independent=())
     functions = ("accelerations", "sensitivities", "energy_sensitivities", "mass_matrix", "energies")
     made = []
