@@ -166,6 +166,8 @@ class _Listing:
         for key, value in zip(e.keys, e.coefficients, strict=True):
             stem, listed, _ = key.partition("[")
             keyed.setdefault(stem + listed, []).append(self.long(value))
+        if len(keyed) > 1:  # of several lists those of zeros say nothing
+            keyed = {key: values for key, values in keyed.items() if not key.endswith("[") or set(values) != {"0"}}
         told = [self._keyed(key, values) for key, values in keyed.items()]
         return f"{e.name}: {where}{about}; {', '.join([*told, *e.remarks])}"
 

@@ -9,10 +9,10 @@ import numpy as np
 from random_models import expression, vector
 
 from codegen.model.expressions import Expression
-from codegen.model.forces import ALONG_LINES, AlongLine, Force, ForceElement, Spring, Torque, Torsion
+from codegen.model.forces import ALONG_LINES, AlongLine, Bushing, Force, ForceElement, Spring, Torque, Torsion
 from codegen.model.model import GROUND, Face, Model, Point, Vector
 
-TYPES = (Spring, Force, Torque, Torsion, *ALONG_LINES.values())
+TYPES = (Spring, Force, Torque, Torsion, Bushing, *ALONG_LINES.values())
 
 
 def with_random_elements(rng: np.random.Generator, model: Model, laws: Collection[str] = tuple(ALONG_LINES)) -> Model:
@@ -25,6 +25,7 @@ def with_random_elements(rng: np.random.Generator, model: Model, laws: Collectio
     ):  # a new law changes no other draw
         if kind.type in laws:
             more.append(_Draw(own, model).along_line(f"{kind.type}_0", kind))
+    more.append(_Draw(rng.spawn(1)[0], model).bushing("bushing_0"))
     assert {type(e) for e in more} == {t for t in TYPES if t not in ALONG_LINES.values() or t.type in laws}
     return dataclasses.replace(model, loads=(*model.loads, *more))
 
@@ -106,6 +107,19 @@ class _Draw:
         axis = vector(*exact[int(self.rng.integers(3))]) if self.rng.random() < 0.5 else self.vector()
         numbers = (expression(self.number(*limits)) for limits in ((1, 9), (0, 1), (-1, 1)))
         return Torsion(name, faces[0], faces[1], axis, *numbers)
+
+    def bushing(self, name: str) -> ForceElement:
+        """Of soft springs; a third of its rows are left out."""
+        faces = []
+        for point in self.points():
+            angle = str(self.rng.choice(["0.4", *(f"0.4*{p.name}" for p in self.model.parameters)]))
+            turned = ((self.vector(), expression(angle)),)
+            faces.append(Face(point.body, point.at, turned if self.rng.random() < 0.5 else ()))
+        values = []
+        for limits in ((1, 9), (0, 1), (-1, 1)) * 2:
+            a, b, c = (expression(self.number(*limits) if self.rng.random() < 0.7 else "0") for _ in range(3))
+            values.append((a, b, c))
+        return Bushing(name, faces[0], faces[1], tuple(values))
 
     def along_line(self, name: str, kind: type[AlongLine]) -> AlongLine:
         """Coefficients of ordinary size, which move where the law has no energy."""

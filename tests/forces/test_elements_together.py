@@ -26,6 +26,8 @@ push: {type: force, on: tip, value: [k*position.tip.z, pull*velocity.d.x, positi
 turn: {type: torque, on: d, value: [k, 0, -velocity.tip.y], axes: body}
 coil: {type: torsion, from: ground, to: d, axis: [1, w, 0], stiffness: k, damping: 0.1, free_angle: 0.1*l}
 ram: {type: actuator, from: c, to: d, force: pull - position.top.z*position.c.x}
+bush: {type: bushing, from: c, to: {body: d, rpy: [0.1, l, 0]}, stiffness: [k, 2, 0], damping: [0.1, 0, l], \
+rotational_stiffness: [1, w, 0], rotational_damping: [0, 0, 0.1], preload: [0, k, 0]}
 """
 """Points that an element looks at are on the link that it acts on, on others, and on the ground."""
 
@@ -105,7 +107,7 @@ def test_energies_ask_for_nothing_that_only_forces_without_energy_read() -> None
     parts = ALL.strip().splitlines()
     manifest = write_solver(with_elements(TREE, "\n".join(parts))).manifest
     assert manifest["functions"]["energies"]["arguments"] == ["q", "u", "p"]
-    assert manifest["elements"] == ["band", "push", "turn", "coil", "ram"]
+    assert manifest["elements"] == ["band", "push", "turn", "coil", "ram", "bush"]
     without = write_solver(with_elements(TREE, "\n".join((parts[1], parts[2], parts[4]))))
     assert "element_energy" not in without.program.blocks and "coefficient" not in without.files["pushed.c"]
 

@@ -6,6 +6,7 @@ from typing import Final
 
 from ...model.forces import (
     ALONG_LINES,
+    Bushing,
     Force,
     ForceElement,
     Spring,
@@ -13,6 +14,7 @@ from ...model.forces import (
     Torsion,
 )
 from .along_line import AlongLineLaw
+from .bushing import BushingLaw
 from .element import Law
 from .force import ForceLaw
 from .spring import SpringLaw
@@ -26,6 +28,7 @@ LAWS: Final[dict[type[ForceElement], Law]] = {
     Force: ForceLaw(),
     Torque: TorqueLaw(),
     Torsion: TorsionLaw(),
+    Bushing: BushingLaw(),
     **{element: AlongLineLaw(element.law) for element in ALONG_LINES.values()},
 }
 """Of every type that acts on bodies."""

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from typing import Final, get_args
 
 from .along_line import ALONG_LINES, ENTRIES, AlongLine
+from .bushing import Bushing, BushingEntry
 from .force import Force, ForceOnBodyEntry
 from .force_element import ForceElement, ForceEntry
 from .in_joint import FrictionEntry, InJointEntry, LimitEntry
@@ -25,6 +26,7 @@ __all__ = [
     "FORCES",
     "OTHER_WORDS",
     "AlongLine",
+    "Bushing",
     "Force",
     "ForceElement",
     "ForceEntry",
@@ -64,6 +66,7 @@ FORCES: Final[tuple[type[ForceEntry], ...]] = told_apart(
     ForceOnBodyEntry,
     TorqueEntry,
     TorsionEntry,
+    BushingEntry,
     FrictionEntry,
     LimitEntry,
     *ENTRIES,
@@ -76,6 +79,7 @@ _WORDS: Final = {
     "moment": "torque",
     "damper": "spring",
     "motor": "joint",
+    "bush": "bushing",
 }
 
 

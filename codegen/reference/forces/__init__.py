@@ -6,6 +6,7 @@ from typing import Any, Final
 
 from ...model.forces import (
     ALONG_LINES,
+    Bushing,
     Force,
     ForceElement,
     JointForce,
@@ -14,6 +15,7 @@ from ...model.forces import (
     Torsion,
 )
 from .along_line import AlongLineLaw
+from .bushing import BushingLaw
 from .force import ForceLaw
 from .joint_force import JointForceLaw
 from .law import End, Law, Wrench
@@ -29,6 +31,7 @@ LAWS: Final[dict[type[ForceElement], Law[Any]]] = {
     Force: ForceLaw(),
     Torque: TorqueLaw(),
     Torsion: TorsionLaw(),
+    Bushing: BushingLaw(),
     **dict.fromkeys(ALONG_LINES.values(), AlongLineLaw()),
 }
 """By the class of the element."""

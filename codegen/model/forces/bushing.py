@@ -1,0 +1,110 @@
+"""A bushing: springs and dampers along and about three axes between two bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar, Final, Literal
+
+from pydantic import Field
+
+from ..axes import Vector as Components
+from ..entries import FaceOrName, Origin, Vector
+from ..entry_reader import EntryReader
+from ..expressions import Expression
+from ..places import Face, Point
+from .force_element import ForceElement, ForceEntry
+
+LISTS: Final = ("stiffness", "damping", "preload", "rotational_stiffness", "rotational_damping", "rotational_preload")
+"""Keys of an entry; each has a number for every axis."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Bushing(ForceElement):
+    """Springs and dampers along and about the axes x, y, z of the first end.
+
+    With d the way from the start to the end and v its rate, both as seen in the axes of the start, the rotation vector r of the
+    end's face in the start's (its axis times its angle, less than half a turn), G = dr/d(rotation) and w the angular velocity of
+    the end against the start, what acts on the end is, along the axes of the start and component by component,
+
+        force = preload - stiffness d - damping v,   N
+        torque = G^T (rotational_preload - rotational_stiffness r) - rotational_damping w,   N m
+
+    and the opposite on the start, at the place of the end. So at rest the faces coincide, and the part without damping is
+    that of an energy for every pose. The coefficients are expressions of p, inputs and t; a row of zeros is left out.
+
+    This is the BUSHING of Adams/Solver, in the axes of its J marker, with the rotation vector for its small angles, as the
+    deformable joint of MBDyn has it.
+    """
+
+    type: ClassVar[str] = "bushing"
+    keys: ClassVar[tuple[str, ...]] = tuple(f"{name}[{i}]" for name in LISTS for i in range(3))
+    has_energy: ClassVar[bool] = True
+    singular: ClassVar[str] = "one end is turned over by half a turn, so that the axis of the turn is not determined"
+
+    start: Face
+    end: Face
+    values: tuple[Components, ...]
+
+    @property
+    def turns(self) -> bool:
+        """Whether it acts against rotation by an angle: what has only dampers needs none."""
+        return any(
+            not e.is_number or e.value != 0
+            for key in ("rotational_stiffness", "rotational_preload")
+            for e in self.values[LISTS.index(key)]
+        )
+
+    @property
+    def ends(self) -> tuple[Point | Face, ...]:
+        return self.start, self.end if self.turns else Point("", self.end.body, self.end.at)
+
+    @property
+    def coefficients(self) -> tuple[Expression, ...]:
+        return tuple(e for components in self.values for e in components)
+
+
+class BushingEntry(ForceEntry):
+    placeholders: ClassVar[dict[str, Any]] = {"from": "ground", "to": "ground"}
+    misspelt: ClassVar[dict[str, str]] = {
+        "force": "preload",
+        "torque": "rotational_preload",
+        "torsional_stiffness": "rotational_stiffness",
+        "torsional_damping": "rotational_damping",
+    }
+    units: ClassVar[Mapping[str, str]] = {
+        "stiffness": "N/m",
+        "damping": "N*s/m",
+        "preload": "N",
+        "rotational_stiffness": "N*m/rad",
+        "rotational_damping": "N*m*s/rad",
+        "rotational_preload": "N*m",
+    }
+
+    type: Literal["bushing"]
+    start: FaceOrName = Field(alias="from")
+    end: FaceOrName = Field(alias="to")
+    stiffness: Vector = Origin
+    damping: Vector = Origin
+    preload: Vector = Origin
+    rotational_stiffness: Vector = Origin
+    rotational_damping: Vector = Origin
+    rotational_preload: Vector = Origin
+
+    def read(self, x: EntryReader) -> Bushing | None:
+        start, end = x.face(self.start, "from"), x.face(self.end, "to")
+        values = []
+        for key in LISTS:
+            a, b, c = (x.bound(e, key, i, scope="inputs") for i, e in enumerate(getattr(self, key)))
+            values.append((a, b, c))
+        if start is None or end is None or not x.is_whole(self):
+            return None
+        if x.held_together(f"bushing {x.name!r}", start, end, "moves nothing"):
+            return None
+        if all(e.is_number and e.value == 0 for key in LISTS for e in getattr(self, key)):
+            x.report(
+                (),
+                f"every coefficient of bushing {x.name!r} is zero, so it does nothing; give one of {', '.join(LISTS)}",
+            )
+            return None
+        return Bushing(x.name, start, end, tuple(values))
