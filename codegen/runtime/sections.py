@@ -51,8 +51,6 @@ def sections_of(manifest: Mapping[str, Any]) -> dict[str, str]:
     left = set(manifest.get("left_out", ()))
 
     def needed(name: str, members: tuple[str, ...]) -> bool:
-        if name == "LoopForces" and manifest.get("prescribed_names"):
-            return False  # energies of unit speeds would have those of the motion in them
         if name in TOGETHER:
             return named.issuperset(members)
         return not members or not named.isdisjoint(members) or (name in ANYWAY and left.isdisjoint(members))

@@ -9,20 +9,23 @@ from typing import Any
 
 import numpy as np
 import pytest
+from prescribed_models import bars
 
 import codegen
 from codegen.model import Expression, Model, load_model, parse_model
 from codegen.model.forces import JointForce
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
-NAMES = ("four_bar", "stewart", "bricard", "double_wishbone")
+NAMES = ("four_bar", "stewart", "bricard", "double_wishbone", "driven")
+"""Examples, and a four-bar on a cart, with a pendulum on its coupler, whose crank is a function of time and parameters."""
+T = 0.3
 
 
 def pushed(model: Model, independent: tuple[str, ...]) -> Model:
     """The model with an input more for each independent speed: a force on it."""
     forces, inputs, at = list(model.forces), list(model.inputs), 0
     for k, body in enumerate(model.bodies):
-        speeds = model.speed_names[at : (at := at + len(body.joint.kind.speeds))]
+        speeds = model.released.speed_names[at : (at := at + len(body.joint.kind.speeds))]
         values = [
             Expression(("name", f"push_{n.replace('.', '_')}")) if n in independent else Expression.number(0)
             for n in speeds
@@ -37,7 +40,7 @@ def pushed(model: Model, independent: tuple[str, ...]) -> Model:
 def case(request: Any, tmp_path_factory: pytest.TempPathFactory) -> tuple[Any, Any, Any]:
     """The solver, that of the pushed model, and that of the tree without its loops."""
     folder: Path = tmp_path_factory.mktemp(request.param)
-    model = load_model(EXAMPLES / f"{request.param}.yaml")
+    model = bars("cart", True) if request.param == "driven" else load_model(EXAMPLES / f"{request.param}.yaml")
     tree = dataclasses.replace(model, name="tree", loops=(), independent=())
     functions = ("accelerations", "sensitivities", "energy_sensitivities", "mass_matrix", "energies")
     made = []
@@ -53,7 +56,7 @@ def case(request: Any, tmp_path_factory: pytest.TempPathFactory) -> tuple[Any, A
 def state(solver: Any, seed: int) -> tuple[np.ndarray, np.ndarray]:
     rng = np.random.default_rng(seed)
     q, u = solver.initial
-    return solver.assemble(q + 0.02 * rng.normal(size=solver.nq), u + rng.normal(size=solver.nu))
+    return solver.assemble(q + 0.02 * rng.normal(size=solver.nq), u + rng.normal(size=solver.nu), t=T)
 
 
 def test_the_mass_matrix_is_that_of_the_tree_on_closed_motions(case: tuple[Any, Any, Any]) -> None:
@@ -64,23 +67,26 @@ def test_the_mass_matrix_is_that_of_the_tree_on_closed_motions(case: tuple[Any, 
         free = [solver.speed_names.index(name) for name in solver.independent_speed_names]
         unit = np.zeros((n, solver.nu))
         unit[range(n), free] = 1.0
-        Y = np.stack([solver.assemble(q, x)[1] for x in unit], axis=1)
-        expected = Y.T @ tree.mass_matrix(q) @ Y
-        found = solver.mass_matrix(q)
+        rest = solver.assemble(q, 0 * u, t=T)[1]  # what prescribed motion makes of it
+        Y = np.stack([solver.assemble(q, x, t=T)[1] - rest for x in unit], axis=1)
+        expected = Y.T @ tree.mass_matrix(q, t=T) @ Y
+        found = solver.mass_matrix(q, t=T)
         size = np.sqrt(np.diag(expected))
         assert (np.abs(found - expected) <= 1e-12 * np.outer(size, size)).all()
-        assert tree.energies(q, u)[0] == pytest.approx(u[free] @ found @ u[free] / 2, rel=1e-13)
+        there, back, still = (tree.energies(q, x, t=T)[0] for x in (u, 2 * rest - u, rest))
+        assert (there + back) / 2 - still == pytest.approx(u[free] @ found @ u[free] / 2, rel=1e-13)
 
 
 def test_the_forces_found_make_the_accelerations_asked_for(case: tuple[Any, Any, Any]) -> None:
     solver, moved, _ = case
     rng = np.random.default_rng(4)
     q, u = state(solver, 5)
-    wanted, inputs, t = rng.normal(size=solver.nu), rng.normal(size=solver.ninputs), 0.3
+    wanted, inputs, t = rng.normal(size=solver.nu), rng.normal(size=solver.ninputs), T
     free = [solver.speed_names.index(name) for name in solver.independent_speed_names]
     seeds = {
         "dq": rng.normal(size=(3, solver.nq)), "du": rng.normal(size=(3, solver.nu)), "dudot": rng.normal(size=(3, solver.nu)),
         "dp": 0.1 * rng.normal(size=(3, solver.np)) * solver.parameters, "dinputs": rng.normal(size=(3, solver.ninputs)),
+        "dt": rng.normal(size=3),
     }  # fmt: skip
     tau, dtau = solver.inverse_dynamics_sensitivities(q, u, wanted, None, inputs, t, **seeds)
     assert np.array_equal(tau, solver.inverse_dynamics(q, u, wanted, None, inputs, t))
@@ -90,7 +96,9 @@ def test_the_forces_found_make_the_accelerations_asked_for(case: tuple[Any, Any,
     seeds["dinputs"] = np.concatenate([seeds["dinputs"], dtau], axis=1)
     udot, changed = moved.sensitivities(q, u, None, [*inputs, *tau], t, **seeds)
     assert np.abs(udot - wanted)[free].max() <= 1e-11 * (1 + np.abs(wanted).max())
-    size = np.abs(moved.sensitivities(q, u, None, [*inputs, *tau], t, dq=seeds["dq"], dp=seeds["dp"])[1]).max()
+    size = np.abs(
+        moved.sensitivities(q, u, None, [*inputs, *tau], t, dq=seeds["dq"], dp=seeds["dp"], dt=seeds["dt"])[1]
+    ).max()
     assert np.abs(changed - dudot)[:, free].max() <= 1e-11 * size
 
 
@@ -99,11 +107,12 @@ def test_derivatives_of_the_mass_matrix(case: tuple[Any, Any, Any]) -> None:
     rng = np.random.default_rng(6)
     q, u = state(solver, 7)
     dq, dp = rng.normal(size=(2, solver.nq)), 0.1 * rng.normal(size=(2, solver.np)) * solver.parameters
-    M, dM = solver.mass_matrix_sensitivities(q, dq=dq, dp=dp)
+    dt = rng.normal(size=2)
+    M, dM = solver.mass_matrix_sensitivities(q, t=T, dq=dq, dp=dp, dt=dt)
     wanted = rng.normal(size=solver.nu)
     free = [solver.speed_names.index(name) for name in solver.independent_speed_names]
-    dtau = solver.inverse_dynamics_sensitivities(q, u, wanted, dq=dq, dp=dp)[1]
-    udot, dudot = solver.sensitivities(q, u, dq=dq, dp=dp)
+    dtau = solver.inverse_dynamics_sensitivities(q, u, wanted, t=T, dq=dq, dp=dp, dt=dt)[1]
+    udot, dudot = solver.sensitivities(q, u, t=T, dq=dq, dp=dp, dt=dt)
     expected = dM @ (wanted - udot)[free] - dudot[:, free] @ M
     assert np.abs(dtau - expected).max() <= 1e-11 * (np.abs(expected).max() + np.abs(dudot).max() * np.abs(M).max())
     assert np.array_equal(dM, dM.swapaxes(1, 2)) and dM.shape == (2, *M.shape)
@@ -115,15 +124,16 @@ def test_batches(case: tuple[Any, Any, Any]) -> None:
     q, u = (np.stack(x) for x in zip(*states, strict=True))
     w = np.ones(solver.nu)
     dq = np.random.default_rng(1).normal(size=(3, 2, solver.nq))
-    M, dM = solver.mass_matrix_sensitivities(q, dq=dq)
-    tau, dtau = solver.inverse_dynamics_sensitivities(q, u, w, dq=dq)
+    t = np.array([T, T])
+    M, dM = solver.mass_matrix_sensitivities(q, t=t, dq=dq)
+    tau, dtau = solver.inverse_dynamics_sensitivities(q, u, w, t=t, dq=dq)
     for i, (one, speeds) in enumerate(states):
-        a, da = solver.mass_matrix_sensitivities(one, dq=dq[:, i])
-        b, db = solver.inverse_dynamics_sensitivities(one, speeds, w, dq=dq[:, i])
+        a, da = solver.mass_matrix_sensitivities(one, t=T, dq=dq[:, i])
+        b, db = solver.inverse_dynamics_sensitivities(one, speeds, w, t=T, dq=dq[:, i])
         for x, y in ((M[i], a), (dM[:, i], da), (tau[i], b), (dtau[:, i], db)):
             assert np.abs(x - y).max() <= 1e-12 * (1 + np.abs(y).max())
     out = np.empty_like(M)
-    assert solver.mass_matrix(q, out=out) is out and np.array_equal(out, M)
+    assert solver.mass_matrix(q, t=t, out=out) is out and np.array_equal(out, M)
 
 
 def test_what_there_is_not(case: tuple[Any, Any, Any]) -> None:

@@ -4,6 +4,9 @@ Joint forces of a loop are not unique; those of the joints whose speeds are inde
 energy of speeds x, to which the dependent ones are completed, is ``T(x) = x^T M x / 2``. Its derivative along a change y of them
 is ``x^T M y``, and its derivative along a change of configuration gives that of M, by ``4 x^T dM y = (x + y)^T dM (x + y) - (x -
 y)^T dM (x - y)``: no difference of neighbouring states, exact to rounding.
+
+Where motion is prescribed it moves the mechanism without any independent speed, ``T(x) = x^T M x / 2 + b^T x + c``. Of x and -x
+together b and c cancel; speeds are taken so large, by a power of two, that nothing of them is left in rounding either.
 """
 
 from __future__ import annotations
@@ -16,21 +19,26 @@ import numpy as np
 from .arrays import Array, Numbers, Times
 from .package import Package, seeds
 
+FAST = 2.0**40
+"""Times a unit speed, beside which prescribed motion stands still."""
+
 
 class LoopForces(Package):
     """Mass matrix and inverse dynamics on independent speeds; n is their number."""
 
-    def mass_matrix(self, q: Numbers, p: Numbers = None, *, out: Array | None = None) -> Array:
-        """The mass matrix M (..., n, n) on the independent speeds, in O(n^2)."""
-        M = self._independent_mass(self._configuration(q, p))
+    def mass_matrix(
+        self, q: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, out: Array | None = None
+    ) -> Array:
+        """The mass matrix M (..., n, n) on the independent speeds, in O(n^2); of `inputs` and `t` prescribed motion makes use."""
+        M = self._independent_mass(self._configuration(q, p, inputs, t))
         return _placed(M, out)
 
     def mass_matrix_sensitivities(
-        self, q: Numbers, p: Numbers = None, *, dq: Numbers = None, dp: Numbers = None,
-        out: tuple[Array, Array] | None = None,
+        self, q: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, dq: Numbers = None,
+        dp: Numbers = None, dinputs: Numbers = None, dt: Times | None = None, out: tuple[Array, Array] | None = None,
     ) -> tuple[Array, Array]:  # fmt: skip
         """M (..., n, n) and its total derivative (k, ..., n, n) along the seeds, in O(n^3)."""
-        at, along = self._configuration(q, p), {"dq": dq, "dp": dp}
+        at, along = self._configuration(q, p, inputs, t), {"dq": dq, "dp": dp, "dinputs": dinputs, "dt": dt}
         M = self._independent_mass(at)
         n = M.shape[-1]
         size = np.sqrt(np.diagonal(M, axis1=-2, axis2=-1))
@@ -52,7 +60,7 @@ class LoopForces(Package):
         """
         functions: Any = self  # those of other sections
         missing = self._missing(udot, functions.accelerations(q, u, p, inputs, t))
-        M = self._independent_mass(self._configuration(q, p))
+        M = self._independent_mass(self._configuration(q, p, inputs, t))
         return _placed((M @ missing[..., None])[..., 0], out)
 
     def inverse_dynamics_sensitivities(
@@ -68,15 +76,16 @@ class LoopForces(Package):
             given["du"] = np.zeros(self.nu)
         functions: Any = self
         free, changed = functions.sensitivities(q, u, p, inputs, t, **given)
-        at = self._configuration(q, p)
+        at = self._configuration(q, p, inputs, t)
         M, missing = self._independent_mass(at), self._missing(udot, free)
         more = self._missing(0.0 if dudot is None else self._arguments.array("dudot", dudot, "u"), changed)
         size = np.sqrt(np.diagonal(M, axis1=-2, axis2=-1))
         dtau = (M @ more[..., None])[..., 0]
-        if dq is not None or dp is not None:
+        along = {"dq": dq, "dp": dp} | ({"dinputs": dinputs, "dt": dt} if self.prescribed_names else {})
+        if any(x is not None for x in along.values()):
             largest = np.abs(missing * size).max(axis=-1, keepdims=True, initial=0.0)
             unit = missing / np.where(largest > 0.0, largest, 1.0)
-            dtau = dtau + largest * self._mass_along(at, unit, size, {"dq": dq, "dp": dp})
+            dtau = dtau + largest * self._mass_along(at, unit, size, along)
         found = (M @ missing[..., None])[..., 0], dtau
         return found if out is None else (_placed(found[0], out[0]), _placed(found[1], out[1]))
 
@@ -104,9 +113,10 @@ class LoopForces(Package):
         """Where the independent speeds stand in u."""
         return [self.speed_names.index(name) for name in self.independent_speed_names]
 
-    def _configuration(self, q: Numbers, p: Numbers) -> Mapping[str, Array]:
-        """q and p as arrays."""
-        found: Mapping[str, Array] = self._arguments.take({"q": q, "p": p}, self._left_out)[0]
+    def _configuration(self, q: Numbers, p: Numbers, inputs: Numbers, t: Times) -> Mapping[str, Array]:
+        """What places of bodies depend on, as arrays."""
+        given = {"q": q, "p": p} | ({"inputs": inputs, "t": t} if self.prescribed_names else {})
+        found: Mapping[str, Array] = self._arguments.take(given, self._left_out)[0]
         return found
 
     def _speeds(self, x: Array) -> Array:
@@ -117,30 +127,48 @@ class LoopForces(Package):
 
     def _independent_mass(self, at: Mapping[str, Array]) -> Array:
         """M, (..., n, n): row by row the derivatives of T at a unit speed along unit changes of speeds."""
-        q, p = at["q"], at["p"]
         n = len(self._free_speeds)
-        batch = np.broadcast_shapes(q.shape[:-1], p.shape[:-1])
+        batch = np.broadcast_shapes(*(np.shape(x)[: np.ndim(x) - (name != "t")] for name, x in at.items()))
         rows = self._speeds(np.eye(n)).reshape(n, *(1,) * len(batch), self.nu)
         along = rows.reshape(n, *(1,) * (1 + len(batch)), self.nu)
+        speeds = np.broadcast_to(rows, (n, *batch, self.nu))
         functions: Any = self
-        dT = functions.energy_sensitivities(q, np.broadcast_to(rows, (n, *batch, self.nu)), p, du=along)[1][0]
+
+        def slopes(u: Array) -> Array:
+            """Derivatives of T along unit changes of speeds, (n, n, ...)."""
+            found: Array = functions.energy_sensitivities(u=u, du=along, **at)[1][0]
+            return found
+
+        if self.prescribed_names:
+            dT = (slopes(FAST * speeds) - slopes(-FAST * speeds)) / (2.0 * FAST)
+        else:
+            dT = slopes(speeds)
         M = np.moveaxis(dT, (0, 1), (-2, -1))
         return 0.5 * (M + np.swapaxes(M, -1, -2))
 
     def _mass_along(self, at: Mapping[str, Array], y: Array, size: Array, along: Mapping[str, Any]) -> Array:
         """dM y along seeds, (k, ..., n), for y (..., n) about as large as 1/size."""
-        q, p = at["q"], at["p"]
         n = size.shape[-1]
         units = np.moveaxis(np.eye(n) / size[..., None], -2, 0)  # (n, ..., n): unit speeds of unit energy
         functions: Any = self
         same = {}  # (k, 1, ..., m): the same for all n states
         for name, x in along.items():
             seed = None if x is None else self._arguments.array(name, x, name[1:])
-            same[name] = seed if seed is None or seed.ndim < 2 else seed[:, None]
+            axes = 1 if name == "dt" else 2
+            same[name] = seed if seed is None or seed.ndim < axes else seed[:, None]
+
+        def change(x: Array) -> Array:
+            """dT at speeds, (k, n, ...)."""
+            found: Array = functions.energy_sensitivities(u=self._speeds(x), **at, **same)[1][0]
+            return found
+
+        if not self.prescribed_names:
+            total, difference = (change(units + sign * y) for sign in (1.0, -1.0))
+            return np.moveaxis(0.5 * (total - difference), 1, -1) * size
         total, difference = (
-            functions.energy_sensitivities(q, self._speeds(units + sign * y), p, **same)[1][0] for sign in (1.0, -1.0)
+            change(FAST * (units + sign * y)) + change(-FAST * (units + sign * y)) for sign in (1.0, -1.0)
         )
-        return np.moveaxis(0.5 * (total - difference), 1, -1) * size
+        return np.moveaxis(0.25 * (total - difference) / FAST**2, 1, -1) * size
 
     def _missing(self, udot: Any, free: Array) -> Array:
         """By how much accelerations differ from those wanted, at independent speeds."""
