@@ -127,12 +127,23 @@ def _rows(model: Model) -> list[str]:
     ]  # fmt: skip
 
 
+def _loops_or_couplings(manifest: Mapping[str, Any]) -> str:
+    """What a model that has couplings calls the two together, or couplings alone."""
+    return "coupling" if len(manifest["couplings"]) == len(manifest["loops"]) else "loop or coupling"
+
+
 def _codes(manifest: Mapping[str, Any]) -> list[str]:
     """Rows of the table of return codes."""
     rows, first = ["| 0 | done |"], 1
     for names, noun, meaning in (
         (manifest["links"], "link", "nothing outboard of this link's joint has inertia about it"),
-        (manifest["loops"], "loop", "this loop has lost rank: its dependent speeds are not determined there"),
+        (
+            manifest["loops"],
+            _loops_or_couplings(manifest),
+            "it has lost rank: its dependent speeds are not determined there",
+        )
+        if manifest.get("couplings")
+        else (manifest["loops"], "loop", "this loop has lost rank: its dependent speeds are not determined there"),
         (
             manifest.get("elements", ()),
             "force element",

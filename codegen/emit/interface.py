@@ -116,6 +116,7 @@ def manifest(
         "quaternions": quaternions,
         "links": [link.name for link in system.links],
         "loops": [loop.name for loop in model.loops],
+        **_couplings(model),
         **_elements(system),
         **_singular_outputs(system),
         **_bodies(model, functions),
@@ -133,6 +134,12 @@ def manifest(
 
 def _names(arrays: tuple[Array, ...]) -> list[str]:
     return [a.name for a in arrays]
+
+
+def _couplings(model: Model) -> dict[str, list[str]]:
+    """Those of the loops that are couplings, where there are any."""
+    names = [loop.name for loop in model.loops if loop.is_coupling]
+    return {"couplings": names} if names else {}
 
 
 def _elements(system: System) -> dict[str, Any]:

@@ -254,7 +254,9 @@ class NumpyWriter(Writer):
         if model.loops:
             names["LOOPS"] = [loop.name for loop in model.loops]
             singular.append(("SingularLoopError", "GROUND", "LOOPS[link - GROUND]"))
-            errors.append("numpy/singular_loop.py.jinja")
+            if couplings := [loop.name for loop in model.loops if loop.is_coupling]:
+                names["COUPLINGS"] = couplings
+            errors.append(f"numpy/singular_{'coupling' if couplings else 'loop'}.py.jinja")
         if any(e.singular for e in model.loads):
             names["ELEMENTS"] = [f"{e.type} {e.name}" for e in model.loads]
             first = f"GROUND + {len(model.loops)}" if model.loops else "GROUND"

@@ -19,6 +19,8 @@ from codegen.loops.errors import AssemblyError, PartitionError
 from codegen.loops.partition import partition
 from codegen.model import parse_model
 from codegen.reference import DenseEngine, RecursiveEngine
+from codegen.runtime import AssemblyError as OpenError
+from codegen.runtime import SingularLoopError
 
 FUNCTIONS = ("sensitivities", "output_sensitivities", "energy_sensitivities", "coordinate_rate_sensitivities")
 
@@ -135,6 +137,25 @@ def check_mechanism(seed: int, folder: Path) -> None:
             (x, dx), (y, dy) = (of.sensitivities(*drawn[1:], **seeds) for of in (solver, engine))
             assert max(error(x, y), worst(dx, dy)) < max(1e-9, 50 * np.finfo(float).eps * cond**2)
         assert max(transposes(solver, drawn[1:], rng).values()) < 1e-9
+
+
+def test_what_is_wrong_with_a_coupling_is_told_of_a_coupling(made) -> None:
+    geared = MODELS["neighbours"] + "independent: [b2]\n"
+    for solver in (made(geared), made(geared, "c")):
+        q, u, p, inputs, t = closed_state(solver, 3)
+        with pytest.raises(
+            SingularLoopError, match="coupling g has lost rank: its dependent coordinate is multiplied by zero"
+        ) as raised:
+            solver.accelerations(q, u, {"r": 0.0}, inputs, t)
+        assert raised.value.link == "g"
+        with pytest.raises(SingularLoopError, match="coupling g has lost rank"):
+            solver.assemble(q, u, {"r": 0.0})
+        assert "closure of coupling g: condition 1, " in str(solver.diagnose(q, u, p, inputs, t))
+    both = made(MODELS["inside a loop, with a hint"])
+    assert "closure of loop pin and coupling gear" in str(both.diagnose(*both.initial))
+    with pytest.raises(OpenError, match="loop pin cannot be closed"):
+        both.assemble(both.initial[0], p={"d": 9.0})
+    assert "coupling g cannot be met: 0.5 is left of its condition" in str(OpenError("g", 0.5, coupled=True))
 
 
 # ---- against something known -----------------------------------------------------------------------------------------

@@ -54,6 +54,23 @@ outputs: {stored: potential_energy}
 """,
         {"q": 0.0},
     ),
+    "a gear without a ratio": (
+        """
+parameters: {r: -2.0}
+bodies:
+  shaft: {parent: ground, joint: {type: revolute, axis: z}, mass: 1, inertia: {zz: 1}}
+  arm: {parent: ground, joint: {type: revolute, axis: y, at: [0.3, 0, 0]}, mass: 1, com: [0, 0, 0.5], inertia: {yy: 0.2}}
+  wheel: {parent: arm, joint: {type: revolute, axis: z, at: [0, 0, 1]}, mass: 1, com: [0.1, 0, 0], inertia: {zz: 0.3}}
+couplings:
+  gear: {joint: wheel, follows: {shaft: r}, offset: 0.1}
+independent: [wheel]
+forces:
+  mount: {type: bushing, from: shaft, to: {body: wheel, at: [0.1, 0, 0]}, stiffness: [3, 0, 2], rotational_stiffness: [1, 2, 3],
+    damping: [0, 0.1, 0], rotational_damping: [0.1, 0, 0]}
+outputs: {stored: potential_energy}
+""",
+        {"p": 0.0},
+    ),
     "a flattened four-bar": (
         """
 parameters: {l: 1.0}

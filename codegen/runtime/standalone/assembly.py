@@ -58,6 +58,7 @@ class Assembly:
         self.allowed = allowed_gaps(opened)
         self.kept = np.flatnonzero(self.allowed == 0)
         self.newton = Newton(opened, self.kept)
+        self.couplings = frozenset(manifest.get("couplings", ()))
         self.loops = [self.names[k].rpartition(".")[0] for k in self.kept]  # of each condition that counts
         independent = set(manifest.get("independent_names", manifest["coordinate_names"]))
         self.dependent = np.array([i for i, n in enumerate(manifest["coordinate_names"]) if n not in independent], int)
@@ -120,10 +121,15 @@ class Assembly:
         size = self.all.largest(gaps)
         where = _named(state)
         if not size <= CLOSED:
-            raise AssemblyError(self.loops[int(np.argmax(np.abs(gaps)))], size, where)
+            raise self.open(int(np.argmax(np.abs(gaps))), size, where)
         if len(self.kept) < len(self.names):
             self._warn_of_gaps(self.newton.all_gaps(q, p), where)
         return q
+
+    def open(self, condition: int, size: float, where: str) -> AssemblyError:
+        """The error for so much that is left of a condition, by its number among those that count."""
+        loop = self.loops[condition]
+        return AssemblyError(loop, size, where, loop in self.couplings)
 
     def _warn_of_gaps(self, gaps: Array, where: str) -> None:
         """Conditions that were dropped since they follow from others nearly, and that are open by more than that."""

@@ -57,6 +57,7 @@ class CTarget:
         self.model: str = manifest["name"]
         self.links: list[str] = manifest["links"]
         self.loops: list[str] = manifest.get("loops", [])
+        self.couplings = frozenset(manifest.get("couplings", ()))
         self.singular_forces = singular_forces(manifest)
         self.outputs: list[str] = manifest["output_names"]
         self.workspace: int = manifest["workspace"]
@@ -246,7 +247,8 @@ class CTarget:
         if status > links + loops:
             return SingularForceError(*self.singular_forces[status - 1 - links - loops], where)
         if status > links:
-            return SingularLoopError(self.loops[status - 1 - links], where)
+            loop = self.loops[status - 1 - links]
+            return SingularLoopError(loop, where, loop in self.couplings)
         return SingularJointError(self.links[status - 1], where)
 
     def along(

@@ -242,7 +242,8 @@ class Diagnosing(Dynamics):
         sizes, right = np.linalg.svd(E, full_matrices=False)[1:]
         names = tuple(self.speed_names[i] for i in dependent)
         weakest = names[int(np.argmax(np.abs(right[-1])))]
-        return ClosureCondition(loops, names, _quotient(sizes[::-1]), float(sizes[-1] / sizes[0]), weakest)
+        coupled = tuple(name for name in loops if name in self._manifest.get("couplings", ()))
+        return ClosureCondition(loops, names, _quotient(sizes[::-1]), float(sizes[-1] / sizes[0]), weakest, coupled)
 
 
 def _quotient(sizes: Any) -> float:

@@ -53,7 +53,7 @@ class ClosureCondition(NamedTuple):
     Attributes
     ----------
     loops : tuple of str
-        The loops that are closed together.
+        The loops, and couplings, that are closed together.
     dependents : tuple of str
         Speeds that they make dependent.
     condition : float
@@ -62,6 +62,8 @@ class ClosureCondition(NamedTuple):
         Its inverse: how far, in parts of the largest singular value, the nearest matrix is that has lost rank.
     weakest : str
         The dependent speed that the motion which is nearly free has most of.
+    couplings : tuple of str
+        Those of the loops that are couplings.
     """
 
     loops: tuple[str, ...]
@@ -69,6 +71,7 @@ class ClosureCondition(NamedTuple):
     condition: float
     distance: float
     weakest: str
+    couplings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, repr=False)
@@ -209,7 +212,9 @@ class Diagnosis:
     def _of_closures(self) -> Iterator[str]:
         worst = sorted(self.closures, key=lambda c: c.distance)
         for c in worst[:SHOWN]:
-            loops = _listed("loop", "loops", c.loops)
+            joined = [name for name in c.loops if name not in c.couplings]
+            parts = _listed("loop", "loops", joined), _listed("coupling", "couplings", c.couplings)
+            loops = " and ".join(text for names, text in zip((joined, c.couplings), parts, strict=True) if names)
             yield (
                 f"closure of {loops}: condition {_number(c.condition)}, {_away(c.distance)}; worst in {c.weakest}"
                 + self._why(c)

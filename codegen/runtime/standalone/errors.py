@@ -47,21 +47,29 @@ class SingularJointError(np.linalg.LinAlgError):
 
 
 class SingularLoopError(SingularJointError):
-    """A loop has lost rank: its dependent speeds are not determined by the independent ones.
+    """A loop, or a coupling, has lost rank: its dependent speeds are not determined by the independent ones.
 
     Attributes
     ----------
     link : str
-        The loop.
+        The loop, or the coupling.
     """
 
-    def __init__(self, loop: str, where: str = "") -> None:
+    def __init__(self, loop: str, where: str = "", coupled: bool = False) -> None:
+        self.link = loop
+        if coupled:
+            np.linalg.LinAlgError.__init__(
+                self,
+                f"coupling {loop} has lost rank{where}: its dependent coordinate is multiplied by zero there, or the loops "
+                f"that share it leave it no way, so its speed is not determined; change the ratio, step off this configuration, "
+                f"or choose other independent coordinates",
+            )
+            return
         np.linalg.LinAlgError.__init__(
             self,
             f"loop {loop} has lost rank{where}: its dependent joints move nothing of their own there (a dead point, a flattened "
             f"linkage), so their speeds are not determined; step off this configuration, or choose other independent coordinates",
         )
-        self.link = loop
 
 
 class SingularForceError(SingularJointError):
@@ -104,20 +112,29 @@ class SingularOutputError(SingularJointError):
 
 
 class AssemblyError(ValueError):
-    """A loop cannot be closed.
+    """A loop cannot be closed, or a coupling not be met.
 
     Attributes
     ----------
     loop : str
+        The loop, or the coupling.
     residual : float
         What is left of its largest condition, in parts of the loop's characteristic length, or radians.
     """
 
-    def __init__(self, loop: str, residual: float, where: str = "") -> None:
-        super().__init__(
-            f"loop {loop} cannot be closed{where}: {residual:.3g} is left of its conditions (in parts of its characteristic "
-            f"length, or radians) with the independent coordinates kept; check lengths, or begin nearer to a closed state"
-        )
+    def __init__(self, loop: str, residual: float, where: str = "", coupled: bool = False) -> None:
+        if coupled:
+            message = (
+                f"coupling {loop} cannot be met{where}: {residual:.3g} is left of its condition with the independent coordinates "
+                f"kept and the loops closed that share coordinates with it; check its ratios and offset, or begin nearer "
+                f"to a state that meets it"
+            )
+        else:
+            message = (
+                f"loop {loop} cannot be closed{where}: {residual:.3g} is left of its conditions (in parts of its characteristic "
+                f"length, or radians) with the independent coordinates kept; check lengths, or begin nearer to a closed state"
+            )
+        super().__init__(message)
         self.loop = loop
         self.residual = residual
 

@@ -24,6 +24,7 @@ class NumpyTarget:
     def __init__(self, folder: Path, manifest: Mapping[str, Any]):
         self.desk: Any = NO_DESK
         self.threads = 1
+        self.couplings = frozenset(manifest.get("couplings", ()))
         self.singular_forces = dict(singular_forces(manifest))
         module = f"{manifest['name']}_numpy"
         self.module: Any = self._load(module, folder / f"{module}.py")
@@ -123,8 +124,10 @@ class NumpyTarget:
             name = type(error).__name__
             if name == SingularForceError.__name__:
                 raise SingularForceError(error.link, self.singular_forces[error.link]) from None
-            kinds = {k.__name__: k for k in (SingularLoopError, SingularOutputError)}
-            raise kinds.get(name, SingularJointError)(error.link) from None
+            if name == SingularLoopError.__name__:
+                raise SingularLoopError(error.link, coupled=error.link in self.couplings) from None
+            kind = SingularOutputError if name == SingularOutputError.__name__ else SingularJointError
+            raise kind(error.link) from None
 
 
 def _full(x: Any, shape: Shape) -> Array:

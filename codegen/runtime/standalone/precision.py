@@ -24,7 +24,6 @@ import numpy as np
 
 from .arguments import Arguments, placing
 from .arrays import Array, Numbers, Shape, Times, normalise
-from .errors import AssemblyError
 from .functions import Function
 from .jacobians import JACOBIANS, Jacobians, asked_for, jacobians_of
 from .manifest import check_files
@@ -388,9 +387,7 @@ class Extended(Package):
             q, left = trial, after
         if not max(left) < self.mp.mpf(10) ** (LEFT - self.digits):
             where = f" (state {list(at)} of the batch)" if at else ""
-            raise AssemblyError(
-                assembly.loops[int(np.argmax(left))], float(max(left)), f" in {self.digits} digits{where}"
-            )
+            raise assembly.open(int(np.argmax(left)), float(max(left)), f" in {self.digits} digits{where}")
         return q
 
     def _look_at_directions(
