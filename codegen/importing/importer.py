@@ -262,7 +262,7 @@ def _mimic(robot: Robot, options: Options) -> list[Problem]:
     for coupling in robot.couplings:
         what = f"joint {shortened(coupling.joint)} {coupling.unreadable or f'follows {shortened(coupling.of)}'}"
         if options.free_mimic:
-            kind = "gears" if coupling.unreadable else "<mimic>"
+            kind = "gears" if coupling.is_gear else "<mimic>"
             robot.leave_out(kind, coupling.place.line, "the joints are independent, --free-mimic")
         elif coupling.joint in robot.joints and robot.joints[coupling.joint].type == "fixed":
             robot.leave_out("<mimic> of a fixed joint", coupling.place.line)

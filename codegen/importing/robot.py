@@ -213,6 +213,8 @@ class Coupling:
     ratio, offset : float
     unreadable : str
         What it is, where it cannot be read as such a line.
+    is_gear : bool
+        It is a joint of its own, between two links.
     """
 
     name: str
@@ -222,6 +224,7 @@ class Coupling:
     ratio: float
     offset: float
     unreadable: str = ""
+    is_gear: bool = False
 
 
 @dataclass(slots=True)

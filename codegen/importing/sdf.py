@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -37,6 +37,10 @@ _JOINT: Final = {
 _MODEL: Final = {"pose", "link", "joint", "frame", "static", "model", "include"}
 _GRAVITY: Final = (0.0, 0.0, -9.8)
 """Of a world that does not say it."""
+
+
+PARALLEL: Final = 1e-6
+"""rad: axes of a gear and of a hinge that differ by less are the same."""
 
 
 @dataclass(slots=True)
@@ -73,6 +77,7 @@ class _Reader(RobotReader):
         """What has a frame, by its name."""
         self.placed: dict[str, Placement | None] = {}
         self.joints: dict[str, _Joint] = {}
+        self.gears: list[_Joint] = []
         self.version = 1.0
 
     def read(self) -> None:
@@ -248,8 +253,7 @@ class _Reader(RobotReader):
             )
             return
         if type_ == "gearbox" and len(ends) == 2:
-            gear = f"is a gear between links {shortened(ends[0])} and {shortened(ends[1])}"
-            self.robot.couplings.append(Coupling(name, place_of(element), name, "", 0.0, 0.0, gear))
+            self.gears.append(_Joint(name, element, type_, ends[0], ends[1]))
         if len(ends) < 2 or type_ not in TYPES:
             return
         joint = self.joints[name] = _Joint(name, element, TYPES[type_], ends[0], ends[1])
@@ -388,6 +392,8 @@ class _Reader(RobotReader):
         for name in robot.links:
             robot.links[name].moved_to(poses[name].inverse() @ used[name])
         carried = {name for name, _ in tree.carriers}
+        for gear in self.gears:
+            robot.couplings.append(self.gear(gear, used))
         for left in self.joints.values():
             if left.name not in carried:
                 self.close(left, poses, used)
@@ -404,6 +410,46 @@ class _Reader(RobotReader):
             joint.name, place_of(joint.element), joint.type, above, below, used[above].inverse() @ used[below],
             tuple(as_three(np.array(a) + 0.0) for a in axes), joint.pitch, joint.damping, joint.stiffness, joint.rest,
         )  # fmt: skip
+
+    def gear(self, gear: _Joint, used: dict[str, Placement]) -> Coupling:
+        """A gearbox as a coupling of the two hinges that its links have on its reference body.
+
+        The specification: theta_2 = -gearbox_ratio theta_1, the angles of the parent about ``axis`` and of the child about
+        ``axis2``, both against ``gearbox_reference_body``.
+        """
+        place, told = (
+            place_of(gear.element),
+            f"is a gear between links {shortened(gear.parent)} and {shortened(gear.child)}",
+        )
+        reference, ratio = (gear.element.first(f"gearbox_{word}") for word in ("reference_body", "ratio"))
+        if reference is None:
+            return Coupling(gear.name, place, gear.name, "", 0.0, 0.0, told, is_gear=True)
+        body = WORLD if reference.text.strip() == "world" else reference.text.strip()
+        if body != WORLD and body not in self.robot.links:
+            self.unknown(reference, "link", body, list(self.robot.links))
+        hinges: list[tuple[str, int]] = []
+        for link, tag in ((gear.parent, "axis"), (gear.child, "axis2")):
+            axis = gear.element.first(tag) or gear.element.first("axis")
+            along = None if axis is None else np.array(self.direction(gear, axis, Placement()))
+            hinges += [] if along is None else self.hinge(body, link, along, used)[:1]
+        if len(hinges) < 2:
+            told += f", one of which has no hinge about the gear's axis on its reference body {shortened(reference.text.strip())}"
+            return Coupling(gear.name, place, gear.name, "", 0.0, 0.0, told, is_gear=True)
+        (of, first), (joint, second) = hinges
+        value = 1.0 if ratio is None else self.content(ratio, 1, (1.0,))[0]
+        return Coupling(gear.name, place, joint, of, -value * first * second, 0.0, is_gear=True)
+
+    def hinge(self, body: str, link: str, along: Any, used: dict[str, Placement]) -> list[tuple[str, int]]:
+        """Joints of the tree that turn a link against a body about an axis, and 1, or -1 where they count the other way."""
+        found = []
+        for name, joint in self.robot.joints.items():
+            if joint.type not in ("revolute", "continuous") or {joint.parent, joint.child} != {body, link}:
+                continue
+            axis = np.array(used[joint.child].vector(joint.axes[0]))
+            size = float(np.linalg.norm(axis) * np.linalg.norm(along))
+            if np.linalg.norm(np.cross(axis, along)) <= PARALLEL * size:
+                found.append((name, (1 if axis @ along > 0 else -1) * (1 if joint.child == link else -1)))
+        return found
 
     def close(self, joint: _Joint, poses: dict[str, Placement], used: dict[str, Placement]) -> None:
         """A joint that closes a loop."""

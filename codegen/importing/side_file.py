@@ -1,4 +1,4 @@
-"""Loops that a robot's file cannot say, from a small file beside it in the model format."""
+"""Loops and couplings that a robot's file cannot say, from a small file beside it in the model format."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .robot import Robot
 
 _PLAIN: Final = re.compile(r"[A-Za-z0-9_.(+-][^,\[\]{}#&*!|>'\"%@`:?\n\t\\]*|[A-Za-z0-9_.(+-][A-Za-z0-9_.()+*/ -]*")
 """What needs no quotes in YAML."""
-SECTIONS: Final = ("points", "loops", "loop_tolerance", "initial", "independent")
+SECTIONS: Final = ("points", "loops", "couplings", "loop_tolerance", "initial", "independent")
 
 
 @dataclass(slots=True)
@@ -55,8 +55,10 @@ def read_side_file(path: str | os.PathLike[str], robot: Robot, names: Mapping[st
     side = SideFile(document=document)
     problems = list(document.problems)
     root = document.root
-    if not isinstance(root, dict) or "loops" not in root:
-        problems.append(Problem(file, 1, 1, "", f"no section loops; it may hold {', '.join(SECTIONS)}"))
+    if not isinstance(root, dict) or ("loops" not in root and "couplings" not in root):
+        problems.append(
+            Problem(file, 1, 1, "", f"no section loops, and no couplings; it may hold {', '.join(SECTIONS)}")
+        )
         raise ModelError(problems)
     for key in root:
         if key not in SECTIONS:
@@ -73,6 +75,14 @@ def read_side_file(path: str | os.PathLike[str], robot: Robot, names: Mapping[st
                 if isinstance(value.get(key), str) and value[key] in new:
                     value[key] = new[value[key]]
                     side.links.add(by_new[value[key]])
+    for value in _mappings(root.get("couplings")):
+        if isinstance(value.get("joint"), str):
+            value["joint"] = _coordinate(value["joint"], new)
+        follows = value.get("follows")
+        if isinstance(follows, dict):
+            value["follows"] = {_coordinate(k, new): v for k, v in follows.items()}
+        elif isinstance(follows, str):
+            value["follows"] = _coordinate(follows, new)
     for key, value in root.items():
         if isinstance(value, dict):
             side.sections[key] = [f"{_flow(k)}: {_flow(v)}" for k, v in value.items()]
@@ -81,6 +91,14 @@ def read_side_file(path: str | os.PathLike[str], robot: Robot, names: Mapping[st
         elif value is not None:
             side.sections[key] = [_flow(value)]
     return side
+
+
+def _coordinate(name: Any, new: Mapping[str, str]) -> Any:
+    """A coordinate by the model's names: what stands before its number, ``arm.1``, may be a link of the robot's file."""
+    if not isinstance(name, str) or name in new:
+        return new.get(name, name)
+    stem, dot, part = name.rpartition(".")
+    return f"{new[stem]}.{part}" if dot and stem in new else name
 
 
 def _mappings(value: Any) -> list[dict[str, Any]]:

@@ -226,6 +226,44 @@ def test_gears_are_told_and_left_out_on_request(tmp_path):
     assert imported(tmp_path, text, free_mimic=True).model.nu == 2
 
 
+GEAR = """\
+<joint name="g" type="gearbox"><parent>a</parent><child>b</child><gearbox_ratio>-2.5</gearbox_ratio>
+<gearbox_reference_body>{body}</gearbox_reference_body>
+<axis><xyz expressed_in="__model__">{axis}</xyz></axis><axis2><xyz expressed_in="__model__">{axis2}</xyz></axis2></joint>
+"""
+
+
+@pytest.mark.parametrize(
+    ("axis", "axis2", "sign"), [("0 1 0", "0 1 0", 1), ("0 -1 0", "0 2 0", -1), ("0 1 0", "0 -1 0", -1)]
+)
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_gearbox_is_a_coupling_of_hinges_on_its_reference_body(tmp_path, axis, axis2, sign, turned):
+    """theta_b = -ratio theta_a, about the gear's axes; the second hinge is written from its child to its parent, or not."""
+    first, second = joint("j", "world", "frame", axis="1 0 0"), joint("k", "frame", "a")
+    third = joint("l", "b", "frame") if turned else joint("l", "frame", "b")
+    gear = GEAR.format(body="frame", axis=axis, axis2=axis2)
+    found = imported(tmp_path, sdf(link("frame"), link("a"), link("b"), first, second, third, gear))
+    (coupling,) = found.model.loops
+    assert coupling.is_coupling and coupling.name == "g"
+    own, other = (found.model.bodies[t.body].name for t in coupling.terms)
+    # as a motion: two turns of the parent about y are five of the child, the same way where both axes are the same
+    ratio = -float(coupling.terms[1].factor.value)
+    about = {b.name: [float(e.value) for e in b.joint.axes[0]] for b in found.model.bodies}
+    assert (own, other) == ("b", "a")
+    assert ratio * about["b"][1] * about["a"][1] == pytest.approx(2.5 * sign)
+
+
+def test_a_gearbox_without_hinges_about_its_axes_is_told(tmp_path):
+    hinges = joint("j", "world", "a"), joint("k", "world", "b", axis="1 0 0")
+    parts = (link("a"), link("b"), *hinges, GEAR.format(body="world", axis="0 1 0", axis2="0 1 0"))
+    message = "one of which has no hinge about the gear's axis on its reference body 'world', which is not"
+    with pytest.raises(codegen.ModelError, match=message):
+        imported(tmp_path, sdf(*parts))
+    with pytest.raises(codegen.ModelError, match="link 'wrld' is not in this file"):
+        imported(tmp_path, sdf(*parts).replace("<gearbox_reference_body>world", "<gearbox_reference_body>wrld"))
+    assert any("gears" in line for line in imported(tmp_path, sdf(*parts), free_mimic=True).left_out)
+
+
 def test_a_link_without_inertial_has_what_sdf_says(tmp_path):
     text = sdf(link("a"), '<link name="b"/>\n', joint("j", "a", "b"))
     found = imported(tmp_path, text)

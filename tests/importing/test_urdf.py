@@ -271,10 +271,30 @@ independent: [crank]
     np.testing.assert_allclose(solvers[0].accelerations(q, u), solvers[1].accelerations(q2, u2), rtol=1e-11)
 
 
+def test_a_side_file_adds_couplings(tmp_path):
+    side = tmp_path / "side.yaml"
+    side.write_text(
+        "couplings:\n  gear: {joint: rocker, follows: {coupler: -1/3, crank: 2}, offset: 0.1}\n"
+        "  belt: {joint: coupler, follows: crank}\n"
+    )
+    found = imported(tmp_path, four_bar(), loops=side)
+    gear, belt = found.model.loops
+    names = [found.model.bodies[t.body].name for t in gear.terms]
+    assert names == ["rocker", "coupler", "crank"] and [float(t.factor.evaluate({})) for t in gear.terms] == [
+        1,
+        1 / 3,
+        -2,
+    ]
+    assert [found.model.bodies[t.body].name for t in belt.terms] == ["coupler", "crank"] and gear.offset.value == 0.1
+    side.write_text("couplings: {gear: {joint: rockr, follows: crank}}")
+    with pytest.raises(codegen.ModelError, match=r"side.yaml:1:.*unknown"):
+        imported(tmp_path, four_bar(), loops=side)
+
+
 @pytest.mark.parametrize(
     ("side", "message"),
     [
-        ("points: {a: {body: crank}}", "side.yaml:1:1: no section loops"),
+        ("points: {a: {body: crank}}", "side.yaml:1:1: no section loops, and no couplings"),
         ("loops:\n", None),
         ("loops: {a: {joint: {type: revolute}}}", "side.yaml:1:"),
         ("lops: {}\nloops: {}\n", "side.yaml:1:1: 'lops' has no place here; points, loops"),
