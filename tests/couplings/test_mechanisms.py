@@ -139,6 +139,51 @@ def check_mechanism(seed: int, folder: Path) -> None:
         assert max(transposes(solver, drawn[1:], rng).values()) < 1e-9
 
 
+PARALLELOGRAM = """
+model: parallelogram
+gravity: [0.3, 0, -9.81]
+parameters: {l: 0.5, w: 1.0, r: 1.0, c: 0.0}
+bodies:
+  a: {parent: ground, joint: {type: revolute, axis: y}, mass: 1, com: [0.1, 0, l/2], inertia: {yy: 0.1}}
+  b: {parent: a, joint: {type: revolute, axis: y, at: [0, 0, l]}, mass: 1.2, com: [w/2, 0, 0.1], inertia: {yy: 0.1}}
+  c: {parent: ground, joint: {type: revolute, axis: y, at: [w, 0, 0]}, mass: 1.4, com: [0, 0, l/2], inertia: {yy: 0.1}}
+loops:
+  pin: {joint: {type: revolute, axis: y}, from: {body: b, at: [w, 0, 0]}, to: {body: c, at: [0, 0, l]}}
+couplings:
+  same: {joint: c, follows: {a: r}, offset: c}
+initial: {q: {a: 0.3, b: -0.3, c: 0.3}, u: {a: 2}}
+"""
+"""Its cranks turn alike whether they are coupled or not."""
+
+
+def test_a_coupling_that_says_what_loops_say_changes_nothing(made) -> None:
+    """Motion and derivatives are those without it, along what keeps it true; what does not is told."""
+    model, solver = parse_model(PARALLELOGRAM), made(PARALLELOGRAM)
+    without = made(PARALLELOGRAM.replace("couplings:\n  same: {joint: c, follows: {a: r}, offset: c}\n", ""))
+    assert solver.independent_names == without.independent_names == ("a",)
+    rng = np.random.default_rng(2)
+    q, u = solver.assemble([0.7, 0, 0], [1.3, 0, 0])
+    seeds = {"dq": rng.normal(size=(3, 3)), "du": rng.normal(size=(3, 3)), "dp": rng.normal(size=(3, 4)) * [1, 1, 0, 0]}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = solver.sensitivities(q, u, **seeds)
+        for other in (without, DenseEngine(model), RecursiveEngine(model)):
+            expected = other.sensitivities(q, u, **seeds)
+            assert max(error(found[0], expected[0]), worst(found[1], expected[1])) < 1e-12
+    assert np.abs(solver.closure(q, u)[0]).max() < 1e-14
+    with pytest.warns(RuntimeWarning, match=r"parameter r opens the redundant condition pin\.l1 by .* per unit"):
+        solver.sensitivities(q, u, dp=[0.0, 0.0, 1.0, 0.0])
+    with pytest.raises(OpenError, match=r"loop pin cannot be closed: 0\.00\d+ is left"):
+        solver.assemble(q, u, {"c": 0.01})
+
+
+@pytest.mark.parametrize("change", ["r: 0.9", "c: 0.1"])
+def test_a_coupling_that_contradicts_loops_leaves_no_freedom(change: str) -> None:
+    text = PARALLELOGRAM.replace("r: 1.0" if change[0] == "r" else "c: 0.0", change)
+    with pytest.raises(PartitionError, match="no freedom left: closing pin, same takes all 3 speeds"):
+        partition(parse_model(text))
+
+
 def test_what_is_wrong_with_a_coupling_is_told_of_a_coupling(made) -> None:
     geared = MODELS["neighbours"] + "independent: [b2]\n"
     for solver in (made(geared), made(geared, "c")):
