@@ -61,11 +61,10 @@ class Reactions(Package):
         """Those of the joints of bodies, from those of links."""
         batch = wrenches.shape[:-1]
         links = wrenches.reshape(*batch, wrenches.shape[-1] // 6, 6)
-        of_bodies: list[int] = self._manifest["joint_links"]
+        of_bodies = np.array(self._manifest["joint_links"], dtype=int)
+        moving = of_bodies >= 0
         joints = np.full((*batch, len(of_bodies), 6), math.nan, dtype=wrenches.dtype)
-        for body, link in enumerate(of_bodies):
-            if link >= 0:
-                joints[..., body, :] = links[..., link, :]
+        joints[..., moving, :] = links[..., of_bodies[moving], :]
         return joints
 
 
