@@ -56,7 +56,7 @@ seconds, so that another run of the same report makes the same motions."""
 
 MOST_SENSITIVITIES = 4
 
-SAMPLES = 201
+SAMPLES = 101
 """Times along a motion at which conditions are looked at."""
 
 LARGEST_MATRIX = 300
