@@ -136,9 +136,12 @@ def work_precision(data: dict[str, Any]) -> str:
             ax.set_yscale("log")
             ax.invert_xaxis()
             ax.set_xlabel("relative error at the end")
-            ax.set_title(title, fontsize=9)
+            ax.set_title(title, fontsize=9, pad=22 if sensitive else 34)  # room for the legend, which covers no point
         axes[0].set_ylabel("milliseconds, in C")
-        axes[0].legend(loc="best", fontsize=8)
+        legend = axes[0].legend(
+            loc="lower left", bbox_to_anchor=(0, 1.01), ncols=3 if sensitive else 2, fontsize=8, borderaxespad=0
+        )
+        legend.set_in_layout(False)  # it is wider than these axes
     return text[0]
 
 

@@ -41,7 +41,7 @@ class Request:
     """
 
     end: float = motions.END
-    timing: float = 0.25
+    timing: float = 0.15
     reference: float = 12.0
 
 

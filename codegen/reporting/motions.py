@@ -56,14 +56,14 @@ seconds, so that another run of the same report makes the same motions."""
 
 MOST_SENSITIVITIES = 4
 
-SAMPLES = 201
+SAMPLES = 101
 """Times along a motion at which conditions are looked at."""
 
 LARGEST_MATRIX = 300
 """Speeds up to which conditions of mass matrices are computed."""
 
-ROUNDS = 5
-"""A motion is timed so often."""
+ROUNDS, LEAST_ROUNDS, LONG = 5, 2, 0.2
+"""A motion is timed so often; a long one, which meets all that goes on on a core, until it has taken so many seconds."""
 
 
 def motions(
@@ -223,10 +223,12 @@ def _values(solver: Solver, names: Sequence[str]) -> Array:
 def _point(solver: Solver, end: float, names: Sequence[str], method: str, tolerance: float, steps: int | None,
            best: Trajectory) -> dict[str, Any] | None:  # fmt: skip
     """One point of a diagram; None if the motion did not come to its end."""
-    x = _motion(solver, end, names, method, tolerance, steps)
+    x, seconds = _timed(solver, end, names, method, tolerance, steps)
     if isinstance(x, str) or x.t[-1] != best.t[-1]:
         return None
-    taken = [_seconds(solver, end, names, method, tolerance, steps) for _ in range(ROUNDS)]
+    taken = [seconds]
+    while len(taken) < LEAST_ROUNDS or (len(taken) < ROUNDS and sum(taken) < LONG):
+        taken.append(_timed(solver, end, names, method, tolerance, steps)[1])
     error, sensitivity_error = _errors(x, best, _values(solver, names))
     return {
         "setting": end / steps if steps else tolerance, "error": error, "sensitivity_error": sensitivity_error if names else None,
@@ -235,14 +237,14 @@ def _point(solver: Solver, end: float, names: Sequence[str], method: str, tolera
     }  # fmt: skip
 
 
-def _seconds(
+def _timed(
     solver: Solver, end: float, names: Sequence[str], method: str, tolerance: float, steps: int | None
-) -> float:
-    """What the integrator takes, but for what others have of the core meanwhile."""
+) -> tuple[Trajectory | str, float]:
+    """A motion, and what the integrator takes for it but for what others have of the core meanwhile."""
     began = time.thread_time()
     x = _motion(solver, end, names, method, tolerance, steps)
     spent = time.thread_time() - began
-    return spent if isinstance(x, str) else min(spent, float(x.stats["seconds"]))
+    return x, spent if isinstance(x, str) else min(spent, float(x.stats["seconds"]))
 
 
 def _cost(solver: Solver, x: Trajectory, names: Sequence[str]) -> float:

@@ -25,7 +25,7 @@ RANDOM = 3
 NEARER = 0.7
 """Random states are drawn nearer by this after each that does not close, and farther by it after each that does."""
 
-SEARCHED = 200
+SEARCHED = 100
 """Among so many random states the one with the worst condition is taken for the one near a singularity."""
 
 TURNS, FAST = 1e5, 1e3

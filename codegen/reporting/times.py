@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 import warnings
 from collections.abc import Callable
 from functools import partial
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..bench.timing import Seconds, alternate, calibrated, one_core
+from ..bench.timing import Seconds, alternate, calibrated, elapsed, one_core
 from .states import State
 
 if TYPE_CHECKING:
@@ -26,6 +27,9 @@ LARGEST = 16e6
 
 BATCH = 2048
 """States a batch has where functions are compared, if its results are no larger: the cost of the call vanishes."""
+
+LONG, LEAST_BATCH = 0.03, 64
+"""Seconds that a call with a batch may take, about: of a slow function fewer states will do, though not less than so many."""
 
 
 def times(model: Model, solver: Solver, state: State, budget: float) -> dict[str, Any]:
@@ -48,18 +52,19 @@ def times(model: Model, solver: Solver, state: State, budget: float) -> dict[str
     rng = np.random.default_rng(4)
     runs: dict[str, Callable[[], object]] = {}
     counts: dict[str, int] = {}
-    for name, columns, function in _functions(model, solver, rng):
-        n = max(1, min(BATCH, int(LARGEST / (8 * solver.nu * max(columns, 1)))))
-        counts[name] = n
-        one, many = _states(state, 1), _states(state, n)
-        runs[f"{name} call"] = partial(function, one)
-        runs[f"{name} compiled"] = partial(function, many)
-    sizes = [n for n in BATCHES if 8 * n * (solver.nq + 2 * solver.nu) <= LARGEST]
-    for n in sizes:
-        many = _states(state, n)
-        runs[f"batch {n}"] = partial(solver.accelerations, *many)
     with warnings.catch_warnings(), one_core():
         warnings.simplefilter("ignore", RuntimeWarning)
+        for name, columns, function in _functions(model, solver, rng):
+            one = _states(state, 1)
+            n = max(1, min(BATCH, int(LARGEST / (8 * solver.nu * max(columns, 1))), _in_time(partial(function, one))))
+            counts[name] = n
+            many = _states(state, n)
+            runs[f"{name} call"] = partial(function, one)
+            runs[f"{name} compiled"] = partial(function, many)
+        sizes = [n for n in BATCHES if 8 * n * (solver.nq + 2 * solver.nu) <= LARGEST]
+        for n in sizes:
+            many = _states(state, n)
+            runs[f"batch {n}"] = partial(solver.accelerations, *many)
         taken = alternate({name: calibrated(run) for name, run in runs.items()}, budget)
     return {
         "functions": {
@@ -72,6 +77,12 @@ def times(model: Model, solver: Solver, state: State, budget: float) -> dict[str
         },
         "batches": {str(n): _record(taken[f"batch {n}"], n) for n in sizes},
     }
+
+
+def _in_time(call: Callable[[], object]) -> int:
+    """So many states take `LONG`, by the time of a single call."""
+    call()  # compiles and loads what it needs
+    return max(LEAST_BATCH, int(LONG / max(elapsed(call, clock=time.thread_time)(), 1e-9)))
 
 
 def _record(seconds: Seconds, states: int = 1) -> dict[str, float]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -30,6 +31,11 @@ def by_crank(build: Callable[..., Any]) -> Any:
 @pytest.fixture(scope="module")
 def by_piston(build: Callable[..., Any]) -> Any:
     return build(slider.model("piston"), partitions=2, **MOTION)
+
+
+@pytest.fixture(scope="module")
+def four_bar(build: Callable[..., Any]) -> Any:
+    return build((Path(__file__).parents[2] / "examples/four_bar.yaml").read_text(), partitions=3, **MOTION)
 
 
 def test_values_and_derivatives_go_on_with_the_crank(by_crank: Any, by_piston: Any) -> None:
@@ -83,3 +89,14 @@ def test_with_one_choice_of_independents_it_ends_and_says_why(by_piston: Any, mo
     reached = caught.value.trajectory
     assert abs(np.sin(reached["q.crank"][-1])) < 0.05
     assert np.isfinite(reached.q).all() and reached.closure_drift < 1e-10
+
+
+@pytest.mark.parametrize("steps", [4, 12, 16])
+def test_a_constant_step_that_is_poor_with_all_independents_changes_them_once_each(four_bar: Any, steps: int) -> None:
+    """Stages far behind the state may be poor with each choice; they were tried in turn until no steps were left, or for ever."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        found = four_bar.simulate([0.0, 5.0], method="rk4", step=5.0 / steps, on_failure="return", most_steps=300)
+    assert len(four_bar.partitions) == 3
+    assert found.stats["rejected"] <= (3 + 1) * (found.stats["steps"] + 1)
+    assert "allow more" not in found.ended

@@ -61,6 +61,7 @@ class MotionRun(States, Partitions):
         rows: list[Array] = []
         left = replace(problem, poor=POOR) if several else problem
         before: Array | None = None
+        tried: set[int] = set()
         while True:
             segment, found, last = self._segment(opened, left, progress, keep_steps, memory)
             self._carry_integrals(left, before, [found, *(row[None] for _, row in segment.events)], last)
@@ -69,7 +70,8 @@ class MotionRun(States, Partitions):
             run.segments.append(segment)
             if segment.reason != "poor" and not (several and segment.reason == "undetermined"):
                 break
-            other, left = self._go_on(opened, left, segment, last)
+            tried = {opened.number} if segment.counts["t"] > left.start else tried | {opened.number}
+            other, left = self._go_on(opened, left, segment, last, tried)
             if other is opened and segment.reason != "poor":
                 break
             opened, before = other, last
@@ -115,19 +117,28 @@ class MotionRun(States, Partitions):
 
     # -- other independent coordinates ---------------------------------------------------------------------------------
 
-    def _go_on(self, opened: Opened, problem: Problem, segment: Segment, last: Array) -> tuple[Opened, Problem]:
-        """The partition with which a motion goes on, and what is left of it."""
+    def _go_on(
+        self, opened: Opened, problem: Problem, segment: Segment, last: Array, tried: set[int]
+    ) -> tuple[Opened, Problem]:
+        """The partition with which a motion goes on, and what is left of it.
+
+        Partitions that were `tried` from the same time on, this one among them, are not taken again: where a constant step is
+        poor with each of them, it is made with the last.
+        """
         k = len(problem.dp)
         q, u = (self._of_rows(last, i).copy() for i in (1, 2))
         dq, du = (self._derivatives_of_rows(last, problem, k, i).copy() for i in (1, 2))
         conditions = self.condition(q, problem.p, problem.inputs.at(float(last[0])), float(last[0]))
-        conditions[opened.number] = math.inf
+        conditions[list(tried)] = math.inf
         other = int(np.argmin(conditions))
         here, there = segment.condition, float(conditions[other])
         t = segment.counts["t"]
         better = there * BETTER < here
         if not better and there < here * BETTER:  # where a loop loses rank with any independents
-            growth = [self._growth(self._open(k), q, problem.p) for k in range(len(conditions))]
+            growth = [
+                math.inf if k in tried - {opened.number} else self._growth(self._open(k), q, problem.p)
+                for k in range(len(conditions))
+            ]
             other = int(np.argmin(growth))
             better = growth[other] * BETTER < growth[opened.number]
         if better:
@@ -254,8 +265,13 @@ class MotionRun(States, Partitions):
             steps.append(kept[: r.steps_count])
             heads.append(None)
         last = np.zeros(size)
+        condition = (
+            r.condition_here
+        )  # of constant steps: of a stage of the next one, and not of the state that it begins with
         if reason in ("poor", "undetermined"):
             library.ordernm_row(motion, r, ffi.from_buffer("double[]", last))
+        if reason != "poor":
+            condition = r.condition_here
         counts = {
             "t": r.t, "steps": r.accepted, "rejected": r.rejected, "evaluations": r.evaluations,
             "closing_steps": r.closing_steps, "condition": r.condition, "jacobians": r.jacobians,
@@ -273,7 +289,7 @@ class MotionRun(States, Partitions):
             known,
             heads,
             events,
-            r.condition_here,
+            condition,
             r.next_step,
             int(ffi.cast("intptr_t", system.precise)),
         )
