@@ -18,6 +18,7 @@ from ...model.expressions import Expression
 from ...model.model import GROUND, Body, Coupling, Joint, Loop, Model, coordinate_axis
 from ...model.model import Vector as ExpressionVector
 from ...model.motions import Ball, Displacement, Motion, Slide, Turn
+from ...model.quarter_turns import cosine_and_sine, quarter_turns
 from ...program.digits import are_long
 from ...program.field import XYZ
 from ...program.scalar import Matrix, Value, Vector
@@ -330,12 +331,24 @@ def place(steps: Sequence[Placement], evaluate: Evaluate, functions: Functions, 
         v = [evaluate(a) for a in at]
         origin = [let("r", x) for x in add(origin, matvec(R, v) if turned else v)]
         for axis, angle in rotation:
-            value = evaluate(angle)
-            cos, sin = let("cosine", functions["cos"](value)), let("sine", functions["sin"](value))
+            cos, sin = _cosine_and_sine(angle, evaluate, functions, let)
             one = rotation_matrix([evaluate(a) for a in axis], cos, sin, functions["sqrt"], let)
             R = [[let("R", e) for e in row] for row in matmul(R, one)] if turned else one
             turned = True
     return origin, R
+
+
+def _cosine_and_sine(angle: Expression, evaluate: Evaluate, functions: Functions, let: Let) -> tuple[Value, Value]:
+    quarters = quarter_turns(angle)
+    if quarters is not None:
+        return cosine_and_sine(quarters)
+    value = evaluate(angle)
+    return let("cosine", functions["cos"](value)), let("sine", functions["sin"](value))
+
+
+def form_of_steps(steps: Sequence[Placement]) -> tuple[object, ...]:
+    """Equal for ways whose statements are the same but for numbers."""
+    return tuple(tuple(quarter_turns(angle) for _, angle in rotation) for _, rotation in steps)
 
 
 def link_constants(link: Link, evaluate: Evaluate, functions: Functions, let: Let) -> dict[str, Value]:
@@ -412,7 +425,7 @@ class LoopFaces:
         related = len(self.loop.terms) if isinstance(self.loop, Coupling) else 0
         return (
             "faces", self.loop.type, related, *(f.form() for f in (*self.link_frames, *self.frames)),
-            *(tuple(len(r) for _, r in steps) for steps in self.steps),
+            *map(form_of_steps, self.steps),
         )  # fmt: skip
 
 
