@@ -78,6 +78,8 @@ class Link:
         The axis of the link's frame that the joint turns about or slides along.
     factors : tuple of Expression
         Of the joint's motion, such as a pitch.
+    turned : float
+        What is added to the joint's angle: how far its frame is turned about its own axis in the parent, rad.
     driven : int
         Number of the coordinate among those that are prescribed; -1 where none is.
     moves : tuple of bool
@@ -98,6 +100,7 @@ class Link:
     frame: Frame
     axis: int
     factors: tuple[Expression, ...] = ()
+    turned: float = 0.0
     driven: int = -1
     moves: tuple[bool, ...] = ()
     speed: int = -1
@@ -254,7 +257,12 @@ def links_of(model: Model, evaluate: NumberOf) -> tuple[list[Link], list[Carrier
             factors = tuple(joint.factors[i] for i in part.factors)
             before = sum(i < part.q for i in held.get(k, ()))  # all coordinates of such a joint are scalars
             places = q + part.q - before, u + part.u - before
-            link = Link(name, parent, part.joint, *places, steps, parent_frame, frame, axis, factors)
+            angle = 0.0
+            if part.axis is not None and part.joint.angle is not None:
+                (at, rotation), along = steps[-1], joint.axes[0 if joint.kind.triad else part.axis]
+                rotation, angle = turned_about(rotation, along) if axis == frame.index else (rotation, 0.0)
+                steps = (*steps[:-1], (at, rotation))
+            link = Link(name, parent, part.joint, *places, steps, parent_frame, frame, axis, factors, angle)
             link.speed = model.released.coordinate_slices[k][1].start + part.u
             if part.joint.driven:
                 link.driven = held[k][part.q]
@@ -264,6 +272,24 @@ def links_of(model: Model, evaluate: NumberOf) -> tuple[list[Link], list[Carrier
         links[-1].members.append((body, ()))
         carriers[k] = len(links) - 1, ()
     return links, carriers
+
+
+def turned_about(
+    rotation: tuple[tuple[ExpressionVector, Expression], ...], axis: ExpressionVector
+) -> tuple[tuple[tuple[ExpressionVector, Expression], ...], float]:
+    """A joint frame's rotation without what of its end is one about the joint's own axis, by a number, and that angle.
+
+    Turning by it and by the joint's angle is turning by their sum: one addition in the place of a rotation by constants. Not by
+    several angles, whose sum would be rounded, nor by quarter turns, which cost nothing where they are.
+    """
+    if not rotation:
+        return rotation, 0.0
+    about, angle = rotation[-1]
+    along, own = coordinate_axis(about), coordinate_axis(axis)
+    same = 1 if about == axis else 0 if along is None or own is None or along[0] != own[0] else along[1] * own[1]
+    if not same or not angle.is_number or quarter_turns(angle) is not None:
+        return rotation, 0.0
+    return rotation[:-1], same * float(angle.value)
 
 
 def _frame_of(joint: Joint, part: Part, evaluate: NumberOf) -> tuple[Frame, int]:
