@@ -243,7 +243,7 @@ def links_of(model: Model, evaluate: NumberOf) -> tuple[list[Link], list[Carrier
         parent, steps = carriers[body.parent] if body.parent != GROUND else (GROUND, ())
         parent_frame = links[parent].frame if parent != GROUND else BODY_FRAME
         joint = body.joint
-        steps = (*steps, (joint.at, joint.rotation))
+        steps = (*steps, (joint.at, tuple(r for r in joint.rotation if quarter_turns(r[1]) != 0)))
         q, u = (s.start for s in model.coordinate_slices[k])
         parts = parts_of(joint.kind.motion, joint.kind.triad, held.get(k, {}))
         if not parts:
