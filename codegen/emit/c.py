@@ -455,6 +455,7 @@ class CWriter(Writer):
                 return self.gravity() + self.ground()
             case procedures.ANGLES if n and self.few_angles:
                 each = [*(f"a->q[{i}]" for i in angles), *(f"a->prescribed[{i}]" for i in driven)]
+                each = [f"{x} + {in_all(repr(v))}" if v else x for x, v in zip(each, layout.added_angles, strict=True)]
                 each += [in_all("0.0")] * (-n % 4)
                 return [
                     *(f"PUT_ANGLES(a->trig + ANGLES + {i}, {', '.join(each[i : i + 4])});" for i in range(0, n, 4)),
@@ -466,6 +467,11 @@ class CWriter(Writer):
                 return [
                     *([f"for (int i = 0; i < {free}; ++i) a->trig[ANGLES + i] = a->q[{angle}];"] if angles else []),
                     *([f"for (int i = 0; i < {n - free}; ++i) {places}"] if driven else []),
+                    *(
+                        [f"for (int i = 0; i < {n}; ++i) a->trig[ANGLES + i] += added_angle[i];"]
+                        if any(layout.added_angles)
+                        else []
+                    ),
                     f"for (int i = {n}; i < ANGLES; ++i) a->trig[ANGLES + i] = {in_all('0.0')};",
                     f"sines_and_cosines({n}, a->trig);",
                 ]
@@ -697,6 +703,8 @@ class CWriter(Writer):
             found.append((f"static const int angle_of[{len(angles)}]", in_lines(list(map(str, angles)), 16)))
         if listed and (driven := self.layout.driven_angles):
             found.append((f"static const int driven_angle_of[{len(driven)}]", in_lines(list(map(str, driven)), 16)))
+        if listed and any(added := self.layout.added_angles):
+            found.append((f"static const {NUMBER_TYPE} added_angle[{len(added)}]", in_lines(list(map(repr, added)), 6)))
         return found + self.columns.tables()
 
     @cached_property

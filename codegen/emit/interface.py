@@ -58,7 +58,8 @@ def operations(
     for c in program.system.constants:
         constants = constants + count(c.shape.block, False)
     angles = sum(link.joint.angle is not None for link in program.system.links)
-    result[OUTSIDE] = _both(constants + Operations(functions=2 * angles), Operations())
+    added = sum(link.turned != 0 for link in program.system.links)
+    result[OUTSIDE] = _both(constants + Operations(additions=added, functions=2 * angles), Operations())
     return result
 
 

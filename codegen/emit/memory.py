@@ -48,6 +48,8 @@ class Layout:
         Coordinates that are angles, and for each link the number of its angle.
     driven_angles
         What of prescribed motion is an angle; these have the numbers after the others.
+    added_angles : list of float
+        What is added to each of both, rad.
     """
 
     def __init__(self, program: Program):
@@ -79,6 +81,7 @@ class Layout:
         free, driven = ([link for link in turning if link.joint.driven is is_driven] for is_driven in (False, True))
         self.angles = [link.q + link.joint.angle for link in free if link.joint.angle is not None]
         self.driven_angles = [3 * link.driven for link in driven]
+        self.added_angles = [link.turned for link in (*free, *driven)]
         self.trig_of, counts = [], [0, len(self.angles)]
         for link in system.links:
             self.trig_of.append(counts[link.joint.driven])

@@ -166,11 +166,17 @@ class NumpyWriter(Writer):
                 free = [f"*a.q[{place}], "] if angles else []
                 return [
                     f"angles = [{''.join(free)}*(a.prescribed[i] for i in driven_angle_of)]",
+                    *(
+                        ["angles = [x + v for x, v in zip(angles, added_angle)]"]
+                        if any(self.layout.added_angles)
+                        else []
+                    ),
                     "a.cos, a.sin = [np.cos(x) for x in angles], [np.sin(x) for x in angles]",
                 ]
             case procedures.ANGLES if angles:
                 place = f":{len(angles)}" if angles == list(range(len(angles))) else "angle_of"
-                return [f"angles = a.q[{place}]", "a.cos, a.sin = np.cos(angles), np.sin(angles)"]
+                added = " + added_angle" if any(self.layout.added_angles) else ""
+                return [f"angles = a.q[{place}]{added}", "a.cos, a.sin = np.cos(angles), np.sin(angles)"]
             case procedures.GROUND_AT_REST:
                 return [f"a.records[GROUND]{_key(name)} = ZERO" for name in self.ground_accelerations()]
             case procedures.GROUND_TANGENT:
@@ -241,6 +247,8 @@ class NumpyWriter(Writer):
             found.append(("angle_of = [", in_lines(list(map(str, angles)), 16), "]"))
         if self.prepares(procedures.ANGLES) and (driven := self.layout.driven_angles):
             found.append(("driven_angle_of = [", in_lines(list(map(str, driven)), 16), "]"))
+        if self.prepares(procedures.ANGLES) and any(added := self.layout.added_angles):
+            found.append(("added_angle = np.array([", in_lines(list(map(text_of, added)), 6), "])"))
         return found
 
     def context(self) -> dict[str, Any]:

@@ -14,6 +14,7 @@ import numpy as np
 from ..model.expressions import Expression
 from ..model.model import GROUND, Coupling, Kind, Model, Vector, coordinate_axis, least_along
 from ..model.motions import Ball, Displacement
+from ..model.quarter_turns import cosine_and_sine, quarter_turns
 from .ancestry import Ancestry
 from .chains import Chain, speeds_of, step
 from .ears import Ear
@@ -178,7 +179,12 @@ class Geometry:
         R = np.eye(3)
         for axis, angle in rotations:
             K = skew(unit(self._vectors([axis])[0]))
-            R = R @ axis_rotation(K, K @ K, np.array(self._evaluate([angle])[0]))
+            quarters = quarter_turns(angle)
+            if quarters is None:
+                R = R @ axis_rotation(K, K @ K, np.array(self._evaluate([angle])[0]))
+            else:
+                cosine, sine = cosine_and_sine(quarters)
+                R = R @ (U + sine * K + (1 - cosine) * (K @ K))
         return R
 
     def turned_behind(self, body: int, q: Array) -> Array | None:

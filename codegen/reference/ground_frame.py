@@ -23,6 +23,7 @@ import numpy as np
 from ..model.expressions import Expression
 from ..model.model import Joint, Model, Vector
 from ..model.motions import Ball, Displacement, Slide, Turn
+from ..model.quarter_turns import quarter_turns
 from .arithmetic import Array
 from .engine import State
 from .pairs import Pair, Pairs
@@ -157,7 +158,8 @@ def placement(pairs: Pairs, rotation: Sequence[tuple[Vector, Expression]]) -> Pa
     """Components in a frame placed in a body, by rotations about the moving axes, into body components, (3, 3)."""
     A = pairs.constant(np.eye(3, dtype=int))
     for axis, angle in rotation:
-        A = A @ turn(pairs, axis, pairs.expression(angle))
+        quarters = quarter_turns(angle)
+        A = A @ (turn(pairs, axis, pairs.expression(angle)) if quarters is None else quarter(pairs, axis, quarters))
     return A
 
 
@@ -166,6 +168,13 @@ def turn(pairs: Pairs, axis: Vector, angle: Pair) -> Pair:
     a, half = pairs.unit(pairs.vector(axis)), angle * (pairs.number(1) / pairs.number(2))
     sine = pairs.call("sin", half)
     return rotation_of(pairs, [pairs.call("cos", half), *(a[i, 0] * sine for i in range(3))])
+
+
+def quarter(pairs: Pairs, axis: Vector, count: int) -> Pair:
+    """Rotation about an axis by quarter turns, (3, 3): that of the quaternion (1, a), of (0, a) or of (1, -a)."""
+    a = pairs.unit(pairs.vector(axis))
+    w, along = ((1, 0), (1, 1), (0, 1), (1, -1))[count]
+    return rotation_of(pairs, [pairs.number(w), *(a[i, 0] * pairs.number(along) for i in range(3))])
 
 
 def cross(a: Pair, b: Pair) -> Pair:

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..model.model import Body, Face, Joint, Vector, coordinate_axis, least_along
 from ..model.motions import Ball, Displacement, Slide, Turn
+from ..model.quarter_turns import cosine_and_sine, quarter_turns
 from .arithmetic import Array
 from .pairs import Pair, Pairs, skew
 
@@ -49,9 +50,12 @@ def generalised_inertia(body: Body, pairs: Pairs) -> tuple[Array, Array]:
 
 def axis_rotation(pairs: Pairs, axis: Pair, angle: Pair) -> Pair:
     """Rotation about a unit axis (Euler and Rodrigues): U + sin(angle) a x + (1 - cos(angle)) a x a x, (3, 3)."""
+    return _rodrigues(pairs, axis, pairs.call("cos", angle), pairs.call("sin", angle))
+
+
+def _rodrigues(pairs: Pairs, axis: Pair, cosine: Pair, sine: Pair) -> Pair:
     a = pairs.skew(axis)
-    sine, versine = pairs.call("sin", angle), pairs.number(1) - pairs.call("cos", angle)
-    return pairs.constant(np.eye(3, dtype=int)) + a * sine + (a @ a) * versine
+    return pairs.constant(np.eye(3, dtype=int)) + a * sine + (a @ a) * (pairs.number(1) - cosine)
 
 
 def quaternion_rotation(pairs: Pairs, e: Pair) -> Pair:
@@ -70,7 +74,11 @@ def placed_rotation(placed: Joint | Face, pairs: Pairs) -> Pair:
     """Components in a joint frame or face into components in the body it is placed in, (3, 3)."""
     C = pairs.constant(np.eye(3, dtype=int))
     for axis, angle in placed.rotation:
-        C = C @ axis_rotation(pairs, pairs.unit(pairs.vector(axis)), pairs.expression(angle))
+        about, quarters = pairs.unit(pairs.vector(axis)), quarter_turns(angle)
+        if quarters is None:
+            C = C @ axis_rotation(pairs, about, pairs.expression(angle))
+        else:
+            C = C @ _rodrigues(pairs, about, *map(pairs.number, cosine_and_sine(quarters)))
     return C
 
 

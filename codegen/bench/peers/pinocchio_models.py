@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ...importing.placement import Placement
 from ...model import Model, ModelBuilder
 from ..problem import Array
 
@@ -89,8 +90,6 @@ def axis_of(joint: Any) -> tuple[int, Array]:
 
 def ours(theirs: Any, name: str) -> Model:
     """The same model here, with a force along every freedom as an input."""
-    import pinocchio as pin
-
     builder = ModelBuilder(name, gravity=[0, 0, -9.81])
     entries = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
     for i in range(1, theirs.njoints):
@@ -100,7 +99,7 @@ def ours(theirs: Any, name: str) -> Model:
         builder.body(
             f"b{i}", "ground" if theirs.parents[i] == 0 else f"b{theirs.parents[i]}", TYPES[type_],
             **({} if type_ == FREE else {"axis": axis.tolist()}), at=at.translation.tolist(),
-            **({"rpy": pin.rpy.matrixToRpy(at.rotation).tolist()} if turned else {}),
+            rpy=Placement(rotation=at.rotation).rpy if turned else None,
             mass=float(body.mass), com=body.lever.tolist(),
             inertia={n: float(body.inertia[place]) for n, place in entries.items()},
         )  # fmt: skip

@@ -24,7 +24,7 @@ from .. import fields
 from ..spatial import add, cross, matmul, matvec, transpose
 from ..stores import MASSES, ME, MOMENTA, NUMBER, PIVOT, argument
 from ..structure.constants import Statements
-from ..structure.links import BODY_FRAME, Frame, Placement, frame_matrix, identity, place, unit
+from ..structure.links import BODY_FRAME, Frame, Placement, form_of_steps, frame_matrix, identity, place, unit
 from ..structure.system import System
 
 SHORTEST = 1e-100
@@ -229,7 +229,7 @@ def structure_of(system: System, bodies: tuple[int, ...], links: tuple[int, ...]
     def of(body: int) -> tuple[object, ...]:
         link, steps, frame = carrier(system, body)
         at = () if link == GROUND else (links.index(link), system.kind_of[link].index)
-        return (*at, "steps", *(len(r) for _, r in steps), frame.index, frame.flipped, frame.start)
+        return (*at, "steps", *form_of_steps(steps), frame.index, frame.flipped, frame.start)
 
     return tuple(map(of, bodies))
 

@@ -39,6 +39,7 @@ from .links import (
     NumberOf,
     Placement,
     axis_frame,
+    form_of_steps,
     frame_matrix,
     keep,
     place,
@@ -107,7 +108,7 @@ class PlacedElement:
         """Equal for elements whose constants are the same but for numbers and parameters."""
         return (
             "ends", self.oriented, self.axis.form(), *(f.form() for f in self.frames),
-            *(tuple(len(r) for _, r in steps) for steps in self.steps),
+            *map(form_of_steps, self.steps),
         )  # fmt: skip
 
 

@@ -18,6 +18,7 @@ from ...model.expressions import Expression
 from ...model.model import GROUND, Body, Coupling, Joint, Loop, Model, coordinate_axis
 from ...model.model import Vector as ExpressionVector
 from ...model.motions import Ball, Displacement, Motion, Slide, Turn
+from ...model.quarter_turns import cosine_and_sine, quarter_turns
 from ...program.digits import are_long
 from ...program.field import XYZ
 from ...program.scalar import Matrix, Value, Vector
@@ -77,6 +78,8 @@ class Link:
         The axis of the link's frame that the joint turns about or slides along.
     factors : tuple of Expression
         Of the joint's motion, such as a pitch.
+    turned : float
+        What is added to the joint's angle: how far its frame is turned about its own axis in the parent, rad.
     driven : int
         Number of the coordinate among those that are prescribed; -1 where none is.
     moves : tuple of bool
@@ -99,6 +102,7 @@ class Link:
     frame: Frame
     axis: int
     factors: tuple[Expression, ...] = ()
+    turned: float = 0.0
     driven: int = -1
     moves: tuple[bool, ...] = ()
     armature: tuple[Expression, ...] = ()
@@ -246,7 +250,7 @@ def links_of(model: Model, evaluate: NumberOf) -> tuple[list[Link], list[Carrier
         parent, steps = carriers[body.parent] if body.parent != GROUND else (GROUND, ())
         parent_frame = links[parent].frame if parent != GROUND else BODY_FRAME
         joint = body.joint
-        steps = (*steps, (joint.at, joint.rotation))
+        steps = (*steps, (joint.at, tuple(r for r in joint.rotation if quarter_turns(r[1]) != 0)))
         q, u = (s.start for s in model.coordinate_slices[k])
         parts = parts_of(joint.kind.motion, joint.kind.triad, held.get(k, {}))
         if not parts:
@@ -260,7 +264,12 @@ def links_of(model: Model, evaluate: NumberOf) -> tuple[list[Link], list[Carrier
             factors = tuple(joint.factors[i] for i in part.factors)
             before = sum(i < part.q for i in held.get(k, ()))  # all coordinates of such a joint are scalars
             places = q + part.q - before, u + part.u - before
-            link = Link(name, parent, part.joint, *places, steps, parent_frame, frame, axis, factors)
+            angle = 0.0
+            if part.axis is not None and part.joint.angle is not None:
+                (at, rotation), along = steps[-1], joint.axes[0 if joint.kind.triad else part.axis]
+                rotation, angle = turned_about(rotation, along) if axis == frame.index else (rotation, 0.0)
+                steps = (*steps[:-1], (at, rotation))
+            link = Link(name, parent, part.joint, *places, steps, parent_frame, frame, axis, factors, angle)
             link.armature = joint.armature[part.u : part.u + part.joint.speeds()]
             if not any(link.geared()):
                 link.armature = ()
@@ -273,6 +282,24 @@ def links_of(model: Model, evaluate: NumberOf) -> tuple[list[Link], list[Carrier
         links[-1].members.append((body, ()))
         carriers[k] = len(links) - 1, ()
     return links, carriers
+
+
+def turned_about(
+    rotation: tuple[tuple[ExpressionVector, Expression], ...], axis: ExpressionVector
+) -> tuple[tuple[tuple[ExpressionVector, Expression], ...], float]:
+    """A joint frame's rotation without what of its end is one about the joint's own axis, by a number, and that angle.
+
+    Turning by it and by the joint's angle is turning by their sum: one addition in the place of a rotation by constants. Not by
+    several angles, whose sum would be rounded, nor by quarter turns, which cost nothing where they are.
+    """
+    if not rotation:
+        return rotation, 0.0
+    about, angle = rotation[-1]
+    along, own = coordinate_axis(about), coordinate_axis(axis)
+    same = 1 if about == axis else 0 if along is None or own is None or along[0] != own[0] else along[1] * own[1]
+    if not same or not angle.is_number or quarter_turns(angle) is not None:
+        return rotation, 0.0
+    return rotation[:-1], same * float(angle.value)
 
 
 def _frame_of(joint: Joint, part: Part, evaluate: NumberOf) -> tuple[Frame, int]:
@@ -340,12 +367,24 @@ def place(steps: Sequence[Placement], evaluate: Evaluate, functions: Functions, 
         v = [evaluate(a) for a in at]
         origin = [let("r", x) for x in add(origin, matvec(R, v) if turned else v)]
         for axis, angle in rotation:
-            value = evaluate(angle)
-            cos, sin = let("cosine", functions["cos"](value)), let("sine", functions["sin"](value))
+            cos, sin = _cosine_and_sine(angle, evaluate, functions, let)
             one = rotation_matrix([evaluate(a) for a in axis], cos, sin, functions["sqrt"], let)
             R = [[let("R", e) for e in row] for row in matmul(R, one)] if turned else one
             turned = True
     return origin, R
+
+
+def _cosine_and_sine(angle: Expression, evaluate: Evaluate, functions: Functions, let: Let) -> tuple[Value, Value]:
+    quarters = quarter_turns(angle)
+    if quarters is not None:
+        return cosine_and_sine(quarters)
+    value = evaluate(angle)
+    return let("cosine", functions["cos"](value)), let("sine", functions["sin"](value))
+
+
+def form_of_steps(steps: Sequence[Placement]) -> tuple[object, ...]:
+    """Equal for ways whose statements are the same but for numbers."""
+    return tuple(tuple(quarter_turns(angle) for _, angle in rotation) for _, rotation in steps)
 
 
 def link_constants(link: Link, evaluate: Evaluate, functions: Functions, let: Let) -> dict[str, Value]:
@@ -426,7 +465,7 @@ class LoopFaces:
         related = len(self.loop.terms) if isinstance(self.loop, Coupling) else 0
         return (
             "faces", self.loop.type, related, *(f.form() for f in (*self.link_frames, *self.frames)),
-            *(tuple(len(r) for _, r in steps) for steps in self.steps),
+            *map(form_of_steps, self.steps),
         )  # fmt: skip
 
 

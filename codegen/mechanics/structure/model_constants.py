@@ -11,7 +11,7 @@ from ...program.functions import SYMBOLIC
 from ...program.scalar import Value
 from .constants import Constants, Leaf, Shape, Slots, Statements
 from .folded import make_constants
-from .links import NUMERIC, Link, LoopFaces, NumberOf, face_constants, keep, link_constants
+from .links import NUMERIC, Link, LoopFaces, NumberOf, face_constants, form_of_steps, keep, link_constants
 
 
 class ModelConstants:
@@ -36,8 +36,8 @@ class ModelConstants:
         found = self._by_key.get(key)
         if found is None:
             structure = (
-                link.parent_frame.form(), link.frame.form(), tuple(len(r) for _, r in link.steps),
-                tuple(tuple(len(r) for _, r in steps) for _, steps in link.members), len(link.factors), link.aligned,
+                link.parent_frame.form(), link.frame.form(), form_of_steps(link.steps),
+                tuple(form_of_steps(steps) for _, steps in link.members), len(link.factors), link.aligned,
                 link.geared(),
             )  # fmt: skip
             found = self._by_key[key] = make_constants(
