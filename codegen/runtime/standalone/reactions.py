@@ -62,9 +62,10 @@ class Reactions(Package):
         batch = wrenches.shape[:-1]
         links = wrenches.reshape(*batch, wrenches.shape[-1] // 6, 6)
         of_bodies = np.array(self._manifest["joint_links"], dtype=int)
-        moving = of_bodies >= 0
-        joints = np.full((*batch, len(of_bodies), 6), math.nan, dtype=wrenches.dtype)
-        joints[..., moving, :] = links[..., of_bodies[moving], :]
+        joints: Array = links.take(of_bodies, axis=-2)
+        fixed = np.flatnonzero(of_bodies < 0)
+        if len(fixed):
+            joints[..., fixed, :] = math.nan
         return joints
 
 
