@@ -1,9 +1,8 @@
 """Springs and dampers along and about three axes between two bodies, in the axes of the first.
 
 Of the rotation matrix C of the end in the axes of the start, a is its sine times its axis, half of
-(C_zy - C_yz, C_xz - C_zx, C_yx - C_xy), and c its cosine,
-so that the rotation vector is f a with f = atan2(s, c)/s, s = |a|. With m the derivative of an energy by the
-rotation vector, its derivative by rotations of the end is
+(C_zy - C_yz, C_xz - C_zx, C_yx - C_xy), and c its cosine; the rotation vector is f a with f = atan2(s, c)/s, s = |a|.
+With m the derivative of an energy by the rotation vector, its derivative by rotations of the end is
 
     m + f/2 a x m + h a x (a x m),    h = (1 - f (1 + c)/2)/s^2
 
@@ -42,9 +41,8 @@ class BushingLaw(Law):
             back = [-c for c in on_end.torque]
         if on_end.force is None:
             return Wrench(torque=back), on_end
-        moment = e.vector(
-            "moment", cross(minus(start.position, end.position), on_end.force)
-        )  # it acts at the end's place
+        # it acts at the end's place
+        moment = e.vector("moment", cross(minus(start.position, end.position), on_end.force))
         back = moment if back is None else e.vector("moment", add(moment, back))
         return Wrench([-c for c in on_end.force], back), on_end
 

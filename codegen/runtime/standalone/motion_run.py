@@ -265,13 +265,10 @@ class MotionRun(States, Partitions):
             steps.append(kept[: r.steps_count])
             heads.append(None)
         last = np.zeros(size)
-        condition = (
-            r.condition_here
-        )  # of constant steps: of a stage of the next one, and not of the state that it begins with
+        # where a constant step is poor it is one of its stages that is, not the state from which a row is made
+        poor = r.condition_here if reason == "poor" else None
         if reason in ("poor", "undetermined"):
             library.ordernm_row(motion, r, ffi.from_buffer("double[]", last))
-        if reason != "poor":
-            condition = r.condition_here
         counts = {
             "t": r.t, "steps": r.accepted, "rejected": r.rejected, "evaluations": r.evaluations,
             "closing_steps": r.closing_steps, "condition": r.condition, "jacobians": r.jacobians,
@@ -289,7 +286,7 @@ class MotionRun(States, Partitions):
             known,
             heads,
             events,
-            condition,
+            r.condition_here if poor is None else poor,
             r.next_step,
             int(ffi.cast("intptr_t", system.precise)),
         )
