@@ -345,7 +345,7 @@ def test_a_length_is_along_the_line_between_the_joints(tmp_path):
     ("asked", "message"),
     [
         ("forearm", "--parameterize forearm: names no link or no word; LINK:WORD is needed, such as arm:length"),
-        ("forearm:weight", "'weight' is no number of a body; mass, com, inertia, at, length, damping are"),
+        ("forearm:weight", "'weight' is no number of a body; mass, com, inertia, at, length, damping, armature are"),
         ("forearm:mas", "did you mean 'mass'?"),
         ("forarm:mass", "'forarm' is no body; bodies are upper_arm, forearm; did you mean 'forearm'?"),
         ("tool0:mass", "'tool0' is fixed to body 'forearm' and no body of its own"),
