@@ -150,10 +150,13 @@ class CTarget:
         if "sensitivities_transposed" not in self._part_of:
             return
         symbol = f"{self.model}_backwards"
-        library = self.library_of("sensitivities_transposed")
-        with self._lock:
-            self.ffi.cdef(f"void {symbol}(void *);", override=True)
-        getattr(library, symbol)(self.ffi.cast("void *", system))
+        give = self._calls.get(symbol)
+        if give is None:
+            library = self.library_of("sensitivities_transposed")
+            with self._lock:
+                self.ffi.cdef(f"void {symbol}(void *);", override=True)
+                give = self._calls[symbol] = getattr(library, symbol)
+        give(self.ffi.cast("void *", system))
 
     def _function(self, f: Function) -> Any:
         """The C function with the one signature of all; declared when first called, which keeps loading quick."""

@@ -53,8 +53,9 @@ def apart(names: Names, asked: Sequence[Any]) -> tuple[Any, ...]:
     ``hard_point`` becomes ``hard_point.x``, ``hard_point.y``, ``hard_point.z``; ``q0.JOINT`` what is independent of the joint.
     """
     found: list[Any] = []
+    parameters = set(names.parameters)
     for name in asked:
-        parts = () if name in names.parameters or not isinstance(name, str) else _entries(names, name)
+        parts = () if not isinstance(name, str) or name in parameters else _entries(names, name)
         found.extend(parts or (name,))
     return tuple(found)
 
@@ -122,9 +123,10 @@ def look_up_all(names: Names, asked: Sequence[Any], values: int) -> list[Entry]:
     """
     if len(set(asked)) < len(asked):
         raise ValueError(f"sensitivities name something twice: {some(asked)}")
+    places = {name: i for i, name in enumerate(names.parameters)}
     found = []
     for name in asked:
         if not isinstance(name, str):
             raise ValueError(f"sensitivities hold {name!r}; names are needed, such as 'length' or 'q0.crank'")
-        found.append(look_up(names, name, values))
+        found.append(Entry("p", places[name]) if name in places else look_up(names, name, values))
     return found
