@@ -76,6 +76,7 @@ typedef struct {
 
 /* A function of a system, as it is to be called at the state whose loops were closed last. */
 #define ORDERNM_OF(m, function) ((m)->precise ? (m)->system->precise->function : (m)->system->function)
+#define ORDERNM_VALUES_OF(m, function) ((m)->precise_values ? (m)->system->precise->function : (m)->system->function)
 
 /* A step that is tried. */
 typedef struct {
@@ -111,11 +112,12 @@ struct ordernm_motion {
     double *row;
     double *stages;           /* states of the stages behind the first, of explicit methods: values, coordinates with loops closed */
     void *precise_work;
-    double poor;              /* condition from which on loops are closed in long double ... */
-    double poor_rates;        /* ... and from which on rates, outputs and their derivatives are computed so */
+    double poor;              /* condition from which on loops are closed, and rates computed, in long double ... */
+    double poor_rates;        /* ... and from which on derivatives are, of rates and outputs, and rows of results */
     int derived;              /* derivatives are taken, of this motion or of steps that it keeps ... */
     double best;              /* ... and the least condition at the beginning of a step so far */
-    int precise;              /* they are at the state whose loops were closed last */
+    int precise;              /* derivatives are at the state whose loops were closed last */
+    int precise_values;       /* and so are rates themselves: else they are as in a motion without derivatives, as fast */
     int precise_at_end;       /* they were at the end of the step that was tried */
     unsigned precise_stages;  /* they were at the stages of a step, a bit for each */
     double too_poor;          /* condition that no stage should have: not even then is rounding less than what is allowed */

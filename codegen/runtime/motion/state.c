@@ -210,15 +210,15 @@ static double largest_residual(const ordernm_motion *m)
 }
 
 /* Closes the loops of m->q by Newton's method, in long double where rounding of the conditions would move the dependent
- * coordinates by too much, and says in m->precise whether what is computed of them is to be, too. Returns 0, what the function
- * returned, or -1 if they do not close. */
+ * coordinates by too much, and says in m->precise whether derivatives are to be computed so, too, and in m->precise_values whether
+ * rates are. Returns 0, what the function returned, or -1 if they do not close. */
 int ordernm_close_loops(ordernm_motion *m, ordernm_call *c)
 {
     const ordernm_system *s = m->system;
     if (!s->closing_step) return 0;
     ordernm_function *closing_step = s->closing_step;
     double before = INFINITY;
-    int precisely = m->precise = 0;
+    int precisely = m->precise = m->precise_values = 0;
     c->step = m->newton;
     c->position = m->position;
     c->condition = m->condition;
@@ -244,7 +244,8 @@ int ordernm_close_loops(ordernm_motion *m, ordernm_call *c)
         m->results->condition_here = condition;
         before = residual;
         m->precise = condition > m->poor_rates || precisely;
-        if (m->precise && !s->precise) m->imprecise = 1, m->precise = 0;
+        m->precise_values = m->method->gives_rate ? m->precise : precisely; /* implicit methods solve with both */
+        if (m->precise && !s->precise) m->imprecise = 1, m->precise = m->precise_values = 0;
         if (condition > m->poor && !precisely && s->precise) {
             precisely = 1;
             closing_step = s->precise->closing_step;
@@ -269,12 +270,13 @@ int ordernm_rates_of(ordernm_motion *m, double t, const double *z, double *rate,
     const int closed = what & KNOWN_CLOSED && !s->split;
     int status = closed ? 0 : ordernm_close_loops(m, &c);
     if (status) return status;
-    if (closed) m->precise = (what & PRECISE) != 0;
+    if (closed) m->precise = m->precise_values = (what & PRECISE) != 0;
     const int rates = what & RATES, integrals = what & INTEGRALS && m->nx;
     if (rates) ++m->results->evaluations;
     c.qdot = m->identity ? rate : m->qdot;
     c.udot = m->identity ? rate + s->nq : m->udot;
-    if (rates && !ngroups && (status = ORDERNM_OF(m, state_rates)(&c))) return status;
+    const int apart = m->precise != m->precise_values; /* values are not those that come with derivatives */
+    if (rates && !ngroups && (status = ORDERNM_VALUES_OF(m, state_rates)(&c))) return status;
     for (int n = 0; n < ngroups; ++n) {
         const group *g = groups + n;
         double *S = rate + g->at;
@@ -296,10 +298,11 @@ int ordernm_rates_of(ordernm_motion *m, double t, const double *z, double *rate,
                 copy_lanes(S + (m->ny + i)*width, m->doutputs + p->integrals[i]*width, width);
         }
     }
+    if (rates && ngroups && apart && (status = ORDERNM_VALUES_OF(m, state_rates)(&c))) return status;
     if (integrals) {
-        if (!ngroups) {
+        if (!ngroups || apart) {
             c.outputs = m->outputs;
-            if ((status = ORDERNM_OF(m, outputs)(&c))) return status;
+            if ((status = ORDERNM_VALUES_OF(m, outputs)(&c))) return status;
         }
         for (int i = 0; i < m->nx; ++i) rate[m->ny + i] = m->outputs[p->integrals[i]];
     }
