@@ -135,9 +135,8 @@ def measure(
             if n == "motion":
                 times["motion in C"].append(sum(in_c["_segment"][before:]))
                 steps = found.stats["steps"]
-            elif (
-                n == "adjoint"
-            ):  # whose motion keeps its steps, and near poses is in long double as derivatives need it
+            elif n == "adjoint":
+                # whose motion keeps its steps
                 times["kept in C"].append(sum(in_c["_segment"][before:]))
                 adjoint = found
     forward = found
