@@ -186,16 +186,8 @@ def ear_balance_in(x: Scope, kind: EarKind) -> None:
     what they miss along the joints, projected on the sources. Eqs. 9, 45, 50."""
     ear, rows, d = begin_inward(x, kind)
     phi, d_phi = forces_at_links(x, kind, fields.needed)
-    handed: list[Handed] = []
-    taken = CouplingForces()
-    if rows:
-        wrench = closing_wrench(x, ear, phi)
-        for c, closure in enumerate(kind.closures):
-            if closure.is_coupling:
-                taken.add(ear, c, rows, wrench, d)
-            else:
-                handed += apply_wrench(x, ear, c, rows, wrench, phi, d_phi, d)
-    handed += transmit(x, ear, phi, d_phi, d, taken)
+    wrench = closing_wrench(x, ear, phi) if rows else []
+    handed, taken = let_wrench_act(x, ear, rows, wrench, phi, d_phi, d)
 
     def missing(k: int, j: int) -> Value:
         return missed(x, ear, k, j, phi[k], d_phi[k], taken)
@@ -208,6 +200,22 @@ def ear_balance_in(x: Scope, kind: EarKind) -> None:
     for c, value in r.items():
         x.store(LREGION.sum, fields.source_tangent_force(c), x.let("r", value, "d Eq. 53", lanes=True))
     hand_to_roots(x, ear, handed)
+
+
+def let_wrench_act(
+    x: Scope, ear: EarGeometry, rows: list[Condition], wrench: Vector, phi: list[Vector], d_phi: list[Vector], d: EarTangents
+) -> tuple[list[Handed], CouplingForces]:  # fmt: skip
+    """Forces at the links, and their tangents, with the wrenches that close the loops, handed on from link to link; what roots
+    get, and what couplings take. Changes phi and d_phi. Eqs. 9, 45."""
+    handed: list[Handed] = []
+    taken = CouplingForces()
+    for c, closure in enumerate(ear.kind.closures if rows else ()):
+        if closure.is_coupling:
+            taken.add(ear, c, rows, wrench, d)
+        else:
+            handed += apply_wrench(x, ear, c, rows, wrench, phi, d_phi, d)
+    handed += transmit(x, ear, phi, d_phi, d, taken)
+    return handed, taken
 
 
 def begin_inward(x: Scope, kind: EarKind) -> tuple[EarGeometry, list[Condition], EarTangents]:

@@ -21,7 +21,6 @@ from ..joints import LinkJoint
 from ..spatial import SIX, add, cross, dot, is_zero, matvec, transpose
 from ..stores import (
     BASE,
-    CONSTANTS,
     DLOOP_REACTION,
     DREACTION,
     DUDOT,
@@ -36,23 +35,21 @@ from ..stores import (
     REGION,
 )
 from ..structure.kinds import EarKind, LinkKind, RegionKind
-from ..tree.back_substitution import carry
+from ..tree.balance import add_inertial_force, moved_by
 from ..tree.inverse_dynamics import transfer
-from ..tree.triangularization import constants_of_inertia, force_to_parent
+from ..tree.triangularization import force_to_parent
 from .balance import (
     Handed,
-    apply_wrench,
     begin_inward,
     closing_wrench,
     dependents,
     forces_at_links,
     hand_to_roots,
+    let_wrench_act,
     missed,
-    transmit,
 )
 from .closures import stored_factor
 from .conditions import Condition, seen_by
-from .couplings import CouplingForces
 from .geometry import EarGeometry
 from .orthogonal import product
 from .region_balance import transmitted_fields
@@ -67,17 +64,9 @@ def needed_by(x: Scope, joint: LinkJoint, before: Vector, rates: Sequence[Value]
 
     Gives what it adds to the link's acceleration. Eqs. 19, 23.
     """
-    A = carry(joint, before, "d Eq. 19")
-    for s, rate in zip(joint.columns, rates, strict=True):
-        for i, value in s.added(A, rate).items():
-            A[i] = x.let("A", value, "d Eq. 19", lanes=True)
-    x.store(LME, fields.explicit_acceleration, A)
+    A = moved_by(x, joint, before, rates, "d Eq. 19")
     force: Vector = list(x.load(MY_LANE, fields.needed))
-    for i, j, constant, sign in constants_of_inertia():
-        value = sign * x.load(CONSTANTS, constant)
-        force[i] = force[i] + value * A[j]
-        if i != j:
-            force[j] = force[j] + value * A[i]
+    add_inertial_force(x, force, A)
     x.store(MY_LANE, fields.total_needed, [x.let("f", e, "d Eq. 24", lanes=True) for e in force])
     return A
 
@@ -153,20 +142,10 @@ def ear_reaction_tangents(x: Scope, kind: EarKind) -> None:
     """Inward block over directions of an ear: tangents of what its joints and loops transmit."""
     ear, rows, d = begin_inward(x, kind)
     phi, d_phi = forces_at_links(x, kind, fields.total_needed)
-    handed: list[Handed] = []
-    taken = CouplingForces()
-    wrench: Vector = []
-    open_by: Vector = []
-    if rows:
-        wrench = closing_wrench(x, ear, phi)
-        if len(rows) > len(ear.dependents()):
-            open_by = redundant_part(x, ear, rows, wrench, d)
-        for c, closure in enumerate(kind.closures):
-            if closure.is_coupling:
-                taken.add(ear, c, rows, wrench, d)
-            else:
-                handed += apply_wrench(x, ear, c, rows, wrench, phi, d_phi, d)
-    handed += transmit(x, ear, phi, d_phi, d, taken)
+    wrench = closing_wrench(x, ear, phi) if rows else []
+    redundant = len(rows) > len(ear.dependents())
+    open_by = redundant_part(x, ear, rows, wrench, d) if redundant else []
+    handed, taken = let_wrench_act(x, ear, rows, wrench, phi, d_phi, d)
     if rows:
         rest = [-missed(x, ear, k, j, phi[k], d_phi[k], taken, found=True) for k, j in dependents(kind)]
         d_wrench = stored_factor(x, kind).solve_transposed(rest, "dW", "d Eq. 9", lanes=True)

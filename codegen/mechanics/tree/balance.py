@@ -7,14 +7,14 @@ recursion of the solve with the factors that the triangularization left. Outward
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from ...program.block import Scope
-from ...program.scalar import Vector
+from ...program.scalar import Value, Vector
 from .. import fields
 from ..couplings import hand_force, others
 from ..elimination import OF_FREEDOMS, eliminate_force
-from ..joints import Column
+from ..joints import Column, LinkJoint
 from ..rotors import driven_rotor_change, rotor, rotor_force_change, transmitted_along
 from ..spatial import is_zero
 from ..stores import CONSTANTS, DFORCE, DHELD, DTAU, DUDOT, LME, LUP, ME, MY_LANE, RIGHT_SIDE
@@ -89,18 +89,30 @@ def balance_outward(x: Scope, kind: LinkKind) -> None:
 def mass_outward(x: Scope, kind: LinkKind) -> None:
     """``M x`` over directions, outward: accelerations from x alone and the force they need."""
     joint = kind.joint(x, kind, lanes=True)
-    A = carry(joint, x.load(LUP, fields.explicit_acceleration), "Eq. 19")
-    for j, s in enumerate(joint.columns):
-        for i, value in s.added(A, x.entry(RIGHT_SIDE, j)).items():
-            A[i] = x.let("A", value, "Eq. 19", lanes=True)
-    x.store(LME, fields.explicit_acceleration, A)
+    rates = (x.entry(RIGHT_SIDE, j) for j in range(joint.freedoms))
+    A = moved_by(x, joint, x.load(LUP, fields.explicit_acceleration), rates, "Eq. 19")
     force: Vector = [0] * 6
+    add_inertial_force(x, force, A)
+    x.store(MY_LANE, fields.needed, [x.let("f", e, "Eq. 23", lanes=True) for e in force])
+
+
+def moved_by(x: Scope, joint: LinkJoint, before: Vector, rates: Iterable[Value], tag: str) -> Vector:
+    """A link's acceleration over directions from its parent's and rates of its freedoms alone; kept for its children. Eq. 19."""
+    A = carry(joint, before, tag)
+    for s, rate in zip(joint.columns, rates, strict=True):
+        for i, value in s.added(A, rate).items():
+            A[i] = x.let("A", value, tag, lanes=True)
+    x.store(LME, fields.explicit_acceleration, A)
+    return A
+
+
+def add_inertial_force(x: Scope, force: Vector, A: Vector) -> None:
+    """Add what a link's inertia takes to accelerate by A. Eq. 23."""
     for i, j, field, sign in constants_of_inertia():
         value = sign * x.load(CONSTANTS, field)
         force[i] = force[i] + value * A[j]
         if i != j:
             force[j] = force[j] + value * A[i]
-    x.store(MY_LANE, fields.needed, [x.let("f", e, "Eq. 23", lanes=True) for e in force])
 
 
 def mass_inward(x: Scope, kind: LinkKind) -> None:
