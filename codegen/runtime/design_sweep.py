@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import os
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping
 from concurrent.futures import (
     FIRST_COMPLETED,
     BrokenExecutor,
@@ -131,7 +131,7 @@ class _Crew:
         self.flying: dict[Future[Any], list[str]] = {}
         self.ahead, self.suspects = AHEAD, set[str]()
         self.in_vain = 0
-        self.wrong: list[Row] | None = None if any(row.failure is None for row in known.values()) else []
+        self.wrong: dict[str, Row] | None = None if any(row.failure is None for row in known.values()) else {}
 
     def work(self, executor: Any, chunk: int | None) -> None:
         """Go on until every case is known, or the executor is dead."""
@@ -183,7 +183,7 @@ class _Crew:
                 part = self.flying.pop(future)
                 why = CancelledError() if future.cancelled() else future.exception()
                 if why is None:
-                    self._take(future.result())
+                    self._take(dict(zip(part, future.result(), strict=True)))
                 elif isinstance(why, (BrokenExecutor, CancelledError)):
                     died = died or why
                     lost.append(part)
@@ -199,28 +199,28 @@ class _Crew:
             self._fewer(lost)
         return died
 
-    def _take(self, came: Sequence[tuple[Row, bool]]) -> None:
+    def _take(self, came: Mapping[str, tuple[Row, bool]]) -> None:
         """Keep what a task brought; but errors in the measure only when not all cases end in them."""
-        rows = [row for row, _ in came]
+        rows = {k: row for k, (row, _) in came.items()}
         if self.wrong is not None:
-            self.wrong += rows
-            if any(of_case for _, of_case in came):
+            self.wrong |= rows
+            if any(of_case for _, of_case in came.values()):
                 rows, self.wrong = self.wrong, None
             elif len(self.wrong) < min(len(self.cases), SAME_ERROR):
                 return
             else:
-                first = self.wrong[0]
+                first = next(iter(self.wrong.values()))
                 raise RuntimeError(
                     f"the measure fails in every case, so far {len(self.wrong)}: {first.failure}; the first was {first.case}"
                 )
         self._keep(rows)
 
-    def _keep(self, rows: Sequence[Row]) -> None:
+    def _keep(self, rows: dict[str, Row]) -> None:
         if self.book is not None:
-            self.book.add(rows)
-        self.known.update((key(row.case), row) for row in rows)
+            self.book.add(list(rows.values()))
+        self.known |= rows
         self.in_vain = 0
-        self.suspects -= self.known.keys()
+        self.suspects -= rows.keys()
         if not self.suspects:
             self.ahead = AHEAD
         self._tell()
@@ -242,7 +242,7 @@ class _Crew:
             self.waiting.extendleft([k] for k in reversed(part))
             return
         before = self.in_vain
-        self._keep([Row(self.cases[part[0]], None, "the process that computed it ended")])
+        self._keep({part[0]: Row(self.cases[part[0]], None, "the process that computed it ended")})
         self.in_vain = before
 
     def _tell(self) -> None:
