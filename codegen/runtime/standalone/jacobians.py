@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import functools
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -51,10 +52,24 @@ def asked_for(wrt: str | Iterable[str] | None) -> tuple[str, ...]:
     ------
     ValueError
         A name is not among them, or there is none.
+    TypeError
+        Neither names nor None.
     """
     if wrt is None:
         return JACOBIANS
-    names = [n.strip() for n in wrt.split(",")] if isinstance(wrt, str) else list(wrt)
+    if isinstance(wrt, str):
+        return _in_words(wrt)
+    if not isinstance(wrt, Iterable):
+        raise TypeError(f"wrt is {wrt!r}, expected names such as 'q, u', of {', '.join(JACOBIANS)}")
+    return _in_order(list(wrt))
+
+
+@functools.lru_cache(maxsize=64)  # loops ask for the same
+def _in_words(wrt: str) -> tuple[str, ...]:
+    return _in_order([n.strip() for n in wrt.split(",")])
+
+
+def _in_order(names: list[str]) -> tuple[str, ...]:
     for name in names:
         if name not in JACOBIANS:
             near = difflib.get_close_matches(str(name), JACOBIANS, 1, 0.4)
