@@ -20,9 +20,9 @@ has 2 sin(t/2) in its place, t the angle between the axes that should be paralle
 the same to first order at t = 0. A universal joint is closed either way.
 
 A condition on a point sets ``f(s) = 0``, s = R_s^T r the place of the end in the start face. With n = R_s grad f and
-v' = v_e - v_s - w_s x r it has the same row, and n . a' + v'^T (R_s H R_s^T) v' in the place of the remainder, a' the acceleration as
-the start face sees it at udot = 0. A distance needs no face: ``(r . r - l^2)/2 = 0``, r . (v_e - v_s), r . (a_e - a_s) + (v_e -
-v_s)^2. Both are divided by the size of their gradient and the length.
+v' = v_e - v_s - w_s x r it has the same row, and n . a' + v'^T (R_s H R_s^T) v' in the place of the remainder, a' the
+acceleration as the start face sees it at udot = 0. A distance needs no face: ``(r . r - l^2)/2 = 0``, r . (v_e - v_s),
+r . (a_e - a_s) + (v_e - v_s)^2. Both are divided by the size of their gradient and the length.
 
 A coupling sets ``sum of factor q - offset = 0``, whose Jacobian are the factors; nothing is left in its second derivative.
 """
