@@ -145,7 +145,8 @@ class SurfaceCondition:
 def written(x: Scope, tree: Tree, leaf: Callable[[str], Value]) -> Value:
     """The value of an expression: as statements, or whether it can differ from zero."""
     if isinstance(x, Expansion):
-        return _Tagged(x, lambda name: algebra.expression(leaf(name[1]))).write(tree)
+        value: Value = _Tagged(x, lambda name: algebra.expression(leaf(name[1]))).write(tree)
+        return value
     kind = tree[0]
     if kind == "number":
         return x.number(tree[1])

@@ -17,7 +17,7 @@ from .points import face_at, held_together
 
 def read_loops(reader: Reader, bodies: BodySection, points: dict[str, Point]) -> list[Loop]:
     """Read the loops; one that joins what is rigidly joined already is reported."""
-    result = []
+    result: list[Loop] = []
     for at, name, spec in reader.entries("loops", LoopEntry, "loop", "body"):
         if spec is None:
             continue
