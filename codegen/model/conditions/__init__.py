@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import Final
 
 from .condition_type import ConditionType
+from .curve import Curve
 from .distance import Distance
+from .surface import Surface
 
 __all__ = ["CONDITIONS", "ConditionType"]
 
-CONDITIONS: Final[dict[str, type[ConditionType]]] = {kind.name: kind for kind in (Distance,)}
-"""By name, in the order in which messages list them. `Surface` and `Curve` are not: derivatives of sines
-in them are not right yet."""
+CONDITIONS: Final[dict[str, type[ConditionType]]] = {kind.name: kind for kind in (Distance, Surface, Curve)}
+"""By name, in the order in which messages list them."""
