@@ -21,6 +21,7 @@ from loops.mechanisms import (
     rotation_matrix,
     stewart,
 )
+from random_mechanisms import LOOP_JOINTS
 
 from codegen.loops import closure, closure_matrix, initial_configuration
 from codegen.loops.closure import body_frames, body_twists
