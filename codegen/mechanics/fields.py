@@ -88,7 +88,7 @@ face_axes = MatrixField(
 coupling_factor = ScalarField("factor{}", "u/u", "", "what a coupling multiplies a coordinate by")
 coupling_offset = ScalarField("offset", "u", "", "what the coordinates of a coupling add up to, each with its factor")
 surface_part = ScalarField(
-    "part{}", "", "", "part of the equation of a condition on a point without its coordinates, or its length"
+    "part{}", "any", "", "part of the equation of a condition on a point without its coordinates, or its length"
 )
 cosine, sine = ScalarField("cos", "1", "", "cosine of an angle"), ScalarField("sin", "1", "", "sine of an angle")
 
@@ -303,7 +303,7 @@ triangular_entry = ScalarField("R{}.{}", "1", "", "entry of R of the factored cl
 inverse_diagonal = ScalarField("d{}", "1", "", "one over the diagonal of R")
 
 surface_share = ScalarField(
-    "share{}.{}", "", "", "one over the size of the gradient of a condition on a point, by loop and condition"
+    "share{}.{}", "any", "", "one over the size of the gradient of a condition on a point, by loop and condition"
 )
 
 # -- regions -----------------------------------------------------------------------------------------------------------

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from comparison import error, transposes, worst
 from made_once import solvers
+from point_condition_models import MODELS, PLANAR
 from random_mechanisms import Discarded, Mechanism, Poses, _closed_speeds, random_mechanism
 from random_models import expression, random_seeds, vector
 
@@ -24,48 +25,6 @@ from codegen.reference import DenseEngine, RecursiveEngine
 from codegen.reference.ground_frame import placement
 from codegen.runtime import Final, SingularLoopError
 
-INERTIA = "inertia: {xx: 0.1, yy: 0.2, zz: 0.13, xy: 0.01}"
-PLANAR = f"""
-model: rodded
-gravity: [0, 0, -9.81]
-parameters: {{l: 0.7, r: 0.4}}
-bodies:
-  crank: {{parent: ground, joint: {{type: revolute, axis: y}}, mass: 1.5, com: [0, 0, 0.15], {INERTIA}}}
-  rocker: {{parent: ground, joint: {{type: revolute, axis: y, at: [0.6, 0, 0]}}, mass: 1, com: [0.1, 0, 0.3], {INERTIA}}}
-loops:
-  rod: {{joint: {{type: distance, length: l}}, from: {{body: crank, at: [0, 0, r]}}, to: {{body: rocker, at: [0, 0, 0.6]}}}}
-initial: {{q: {{crank: 0.3, rocker: 0.1}}}}
-independent: [crank]
-outputs: {{kinetic: kinetic_energy, potential: potential_energy}}
-"""
-SPATIAL = f"""
-model: spatial
-gravity: [0.3, 0.2, -9.81]
-parameters: {{l: 0.7, r: 0.4, k: 0.8}}
-bodies:
-  base: {{parent: ground, joint: {{type: BASE}}, shape: {{type: box, size: [1, 0.5, 0.3], mass: 5}}}}
-  arm: {{parent: base, joint: {{type: universal, axes: [x, y], at: [0.1, 0.2, 0.3]}}, mass: 1.5, com: [0, 0, 0.15], {INERTIA}}}
-  ball: {{parent: arm, joint: {{type: spherical, at: [0.6, 0, 0]}}, mass: 1, com: [0.1, 0, 0.3], {INERTIA}}}
-  other: {{parent: base, joint: {{type: cylindrical, axis: [0.3, 0.2, 1], at: [0.6, 0.3, 0]}}, mass: 1, com: [0.1, 0, 0.3],
-    {INERTIA}}}
-loops:
-  rod: {{joint: {{type: distance, length: l}}, from: {{body: arm, at: [0, 0, r]}}, to: {{body: other, at: [0, 0.1, 0.6]}}}}
-  bead:
-    joint: {{type: surface, equation: "z - k*x**2 - 0.3*sin(y + r) + x*y*z**3"}}
-    from: {{body: base, at: [0, 0.1, r], rpy: [0.3, 0.2, 0.1]}}
-    to: {{body: ball, at: [0.2, 0.1, 0.5]}}
-  wire:
-    joint: {{type: curve, equations: ["z - k*x**2 - r", "y - r**2*sin(x)"]}}
-    from: {{body: other, at: [0, 0.1, r], rpy: [0.3, 0.2, 0.1]}}
-    to: {{body: ball, at: [0.2, 0.1, 0.1]}}
-initial: {{q: {{arm: [0.3, 0.2], other: [0.1, 0.4]}}}}
-outputs: {{kinetic: kinetic_energy, potential: potential_energy}}
-"""
-MODELS = {
-    "planar rod": PLANAR,
-    "in space": SPATIAL.replace("BASE", "fixed"),
-    "on a free base": SPATIAL.replace("BASE", "free"),
-}
 SLIDER = """
 model: slider
 gravity: [0, 0, -9.81]
@@ -185,7 +144,7 @@ def check_mechanism(seed: int, folder: Path) -> None:
         pytest.skip(drawn.reason)
     model, *state = with_point_conditions(rng, drawn, int(rng.integers(1, 4)))
     try:
-        cond = max(ear.condition for ear in partition(model).ears)
+        ears = partition(model).ears
     except (PartitionError, AssemblyError) as why:
         pytest.skip(str(why))
     codegen.generate(
@@ -193,16 +152,17 @@ def check_mechanism(seed: int, folder: Path) -> None:
     )
     solver = codegen.load(folder / "mechanism")
     seeds = random_seeds(rng, model, 2)
-    bound = max(1e-11, 50 * np.finfo(float).eps * cond**2)
+    bound = max(1e-11, 50 * np.finfo(float).eps * max(ear.condition for ear in ears) ** 2)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # all have the same definition of derivatives that open redundant conditions
         for engine in (DenseEngine(model), RecursiveEngine(model)):
             (x, dx), (y, dy) = (of.sensitivities(*state, **seeds) for of in (solver, engine))
             assert max(error(x, y), worst(dx, dy)) < bound, type(engine).__name__
         assert max(transposes(solver, tuple(state), rng).values()) < 1e-9
-        _, forces, _, d_forces = solver.reaction_sensitivities(*state, **seeds)
-        of_loops, of_loops_along = DenseEngine(model).reaction_sensitivities(*state, **seeds)
-        assert max(error(forces, of_loops), worst(d_forces, of_loops_along)) < bound
+        if all(ear.rank == ear.rows for ear in ears):  # else reactions are not unique
+            _, forces, _, d_forces = solver.reaction_sensitivities(*state, **seeds)
+            of_loops, of_loops_along = DenseEngine(model).reaction_sensitivities(*state, **seeds)
+            assert max(error(forces, of_loops), worst(d_forces, of_loops_along)) < bound
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3, 4])
