@@ -20,6 +20,7 @@ import numpy as np
 from random_models import _Maker, expression, random_state, vector
 
 from codegen.loops.partition import Ear, Partition
+from codegen.model.conditions import CONDITIONS
 from codegen.model.expressions import Expression
 from codegen.model.forces import Spring
 from codegen.model.model import (
@@ -41,7 +42,7 @@ from codegen.reference.pairs import Pair
 
 Array = np.ndarray
 
-LOOP_JOINTS = tuple(CLOSURE_ROWS)
+LOOP_JOINTS = tuple(type for type in CLOSURE_ROWS if type not in CONDITIONS)
 DRAWN = tuple(type for type in LOOP_JOINTS if type != "inline")
 """What is drawn from where nothing else is asked for: the seeds of older tests mean the mechanisms that they meant."""
 SCENES = ("spatial", "planar", "spherical")

@@ -87,6 +87,10 @@ FEATURES = {
         f"{PINNED}initial: {{q: {{a: 0.3, b: 0.1}}}}\n", "closure ear", "closure completion condition closures",
         "loops.py loop_forces.py assembly.py newton.py",
     ),
+    "distances": Feature(
+        "loops: {rod: {joint: {type: distance, length: 1.5}, from: c, to: {body: ground, at: [0.5, 0, -3]}}}\n",
+        "closure ear surface_share", "closure closures",
+    ),
     "couplings": Feature("couplings: {gear: {joint: b, follows: a}}\n", "closure COUPLINGS", "couplings closures"),
     "initial values from parameters": Feature(
         "parameters: {start: 0.2}\ninitial: {q: {a: start}}\n", "initial", "initial_sensitivities"

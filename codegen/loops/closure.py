@@ -14,6 +14,8 @@ unturned  m . r, r twice the vector of the relative     m . w
           2 sin(t/2), t the angle of the rotation
 universal a_end . a_start                               w . (a_end x a_start)
 coupling  sum of factor q - offset                      the factors, of the speeds themselves
+surface   f / abs(grad f) / length, f of x_end - x_start n . v / length, n = grad f / abs(grad f)
+          in the start face
 ========= ============================================= ==============================================================
 
 A sine would vanish at half a turn too, where a revolute or fixed joint is closed the wrong way round; 2 sin(t/2) grows up
@@ -197,6 +199,8 @@ class Cuts:
         self.linear = g.linear[i] / g.lengths[i, None, None]
         self.angular, self.axis, self.end_axis = g.angular[i], g.axis[i], g.end_axis[i]
         self.whole, self.perpendicular = np.flatnonzero(g.is_whole_turn[i]), np.flatnonzero(g.is_perpendicular[i])
+        self.lengths = g.lengths[i]
+        self.surfaces = [(n, g.surfaces[j]) for n, j in enumerate(self.loops) if j in g.surfaces]
         self.couplings = [(n, g.couplings[j]) for n, j in enumerate(self.loops) if j in g.couplings]
         self.row_index = np.array([6 * j + r for j, k in enumerate(self.loops) for r in rows[k]], dtype=int)
 
@@ -228,6 +232,11 @@ class Cuts:
             b = turn(R[:, self.perpendicular], self.end_axis[self.perpendicular])
             residual[:, self.perpendicular, 3] = np.sum(a * b, axis=-1)
             self.m[:, self.perpendicular, 0] = turn(C_s[:, self.perpendicular], cross(b, a))
+        for n, surfaced in self.surfaces:
+            distance, normal = surfaced.at(turn(back[:, n], x_e[:, n] - x_s[:, n]))
+            m = distance.shape[1]
+            residual[:, n, :m] = distance / self.lengths[n]
+            self.n[:, n, :m] = turn(C_s[:, n, None], normal) / self.lengths[n]
         for n, coupled in self.couplings:
             residual[:, n, COUPLED] = coupled.open(q)
         return residual

@@ -11,10 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..model.expressions import Expression
+from ..model.expressions import AT_LEAST, Expression, functions_for
 from ..model.model import GROUND, Coupling, Kind, Model, Vector, coordinate_axis, least_along
 from ..model.motions import Ball, Displacement
 from ..model.quarter_turns import cosine_and_sine, quarter_turns
+from ..model.surfaces import COORDINATES, SurfaceFunction
 from .ancestry import Ancestry
 from .chains import Chain, speeds_of, step
 from .ears import Ear
@@ -23,6 +24,12 @@ from .vectors import Array, U, axis_rotation, cross, skew, turn, turned_quaterni
 
 LEAST_TOLERANCE = 1e-12
 """Well above rounding: less than this cannot be told from nothing."""
+
+LEAST_GRADIENT = 1e-200
+"""Added to its square: where a gradient vanishes nothing is divided by zero."""
+
+ON_ARRAYS = functions_for(np) | {AT_LEAST: lambda a, b: np.where(np.greater_equal(a, b), 1.0, 0.0)}
+"""The functions of the grammar on many numbers at once."""
 
 
 def parameter_values(model: Model, p: Sequence[float] | Array | None) -> dict[str, float]:
@@ -94,6 +101,44 @@ class Coupled:
         return missed
 
 
+@dataclass(frozen=True, slots=True)
+class Surfaced:
+    """A condition on a point: functions of its place in the start face that are zero.
+
+    Attributes
+    ----------
+    functions : tuple of SurfaceFunction
+        One a condition.
+    parameters : dict of str to float64
+        Numpy's, so that nothing is raised where there is no value.
+    """
+
+    functions: tuple[SurfaceFunction, ...]
+    parameters: dict[str, np.float64]
+
+    @np.errstate(all="ignore")
+    def at(self, place: Array) -> tuple[Array, Array]:
+        """How far places ``(S, 3)`` in the start face are from the surfaces, m, and the normals there.
+
+        Returns
+        -------
+        distance : (S, m) array
+            To first order: the functions over the size of their gradients; 1 where they have no value.
+        normal : (S, m, 3) array
+            The gradients in unit length; zero where they vanish or have no value.
+        """
+        values = {**self.parameters, **dict(zip(COORDINATES, place.T, strict=True))}
+        distance, normal = np.empty((len(place), len(self.functions))), np.empty((len(place), len(self.functions), 3))
+        for i, f in enumerate(self.functions):
+            for column, e in zip(normal[:, i].T, f.gradient, strict=True):
+                column[:] = e.evaluate(values, ON_ARRAYS)
+            size = np.sqrt(np.sum(normal[:, i] ** 2, axis=-1) + LEAST_GRADIENT)
+            normal[:, i] /= size[:, None]
+            distance[:, i] = f.value.evaluate(values, ON_ARRAYS) / size
+        known = np.isfinite(distance) & np.isfinite(normal).all(axis=-1)
+        return np.where(known, distance, 1.0), np.where(known[..., None], normal, 0.0)
+
+
 class Geometry:
     """Joints and loop joints of a model at given parameters.
 
@@ -138,6 +183,8 @@ class Geometry:
         Start and end faces in their bodies, m.
     linear, angular : (L, 3, 3) array
         Directions of the loops' conditions in the start face; rows of zeros where there are fewer than three.
+    surfaces : dict of int to Surfaced
+        Those of the loops that are conditions on points.
     couplings : dict of int to Coupled
         Those of the loops that are couplings; their condition stands in the fourth row, the first of angular ones.
     rows, kept : list of list of int
@@ -153,7 +200,8 @@ class Geometry:
         self.tolerance = max(model.loop_tolerance, LEAST_TOLERANCE)
         n = self.ground = len(model.bodies)
         self.nq, self.nu = model.nq, model.nu
-        self._evaluate = evaluator(parameter_values(model, p))
+        self._parameters = parameter_values(model, p)
+        self._evaluate = evaluator(self._parameters)
         self.parent = [b.parent if b.parent != GROUND else n for b in model.bodies] + [n]
         self.depth = [0] * (n + 1)
         self._cycles: dict[int, tuple[list[int], list[int]]] = {}
@@ -280,6 +328,8 @@ class Geometry:
                 self.angular[i, :2] = across
         self.kept = [list(rows) for rows in self.rows]
         self.couplings = {i: self._coupled(x) for i, x in enumerate(loops) if isinstance(x, Coupling)}
+        parameters = {name: np.float64(value) for name, value in self._parameters.items()}
+        self.surfaces = {i: Surfaced(x.surfaces, parameters) for i, x in enumerate(loops) if x.surfaces}
         by_angles = np.array([0 if x.is_coupling else x.closure.angular for x in loops], dtype=int)
         self.is_whole_turn, self.is_perpendicular = by_angles == 3, by_angles == 1
 

@@ -235,6 +235,7 @@ def _names(model: Model) -> set[str]:
         place(x.end.at, x.end.rotation, ())
         if isinstance(x, Coupling):
             found.update(name for e in (x.offset, *(t.factor for t in x.terms)) for name in e.names)
+        found.update(name for f in x.surfaces for name in f.value.names)
     return found
 
 

@@ -87,6 +87,9 @@ face_axes = MatrixField(
 )
 coupling_factor = ScalarField("factor{}", "u/u", "", "what a coupling multiplies a coordinate by")
 coupling_offset = ScalarField("offset", "u", "", "what the coordinates of a coupling add up to, each with its factor")
+surface_part = ScalarField(
+    "part{}", "any", "", "part of the equation of a condition on a point without its coordinates, or its length"
+)
 cosine, sine = ScalarField("cos", "1", "", "cosine of an angle"), ScalarField("sin", "1", "", "sine of an angle")
 
 # -- motion of a link --------------------------------------------------------------------------------------------------
@@ -298,6 +301,10 @@ orthogonal_entry = ScalarField(
 )
 triangular_entry = ScalarField("R{}.{}", "1", "", "entry of R of the factored closure matrix, by columns")
 inverse_diagonal = ScalarField("d{}", "1", "", "one over the diagonal of R")
+
+surface_share = ScalarField(
+    "share{}.{}", "any", "", "one over the size of the gradient of a condition on a point, by loop and condition"
+)
 
 # -- regions -----------------------------------------------------------------------------------------------------------
 

@@ -177,18 +177,22 @@ class ModelBuilder:
         axis: str | Sequence[Scalar] | None = None,
         axes: Sequence[str | Sequence[Scalar]] | None = None,
         normal: str | Sequence[Scalar] | None = None,
+        length: Scalar | None = None,
+        equation: Scalar | None = None,
+        equations: Sequence[Scalar] | None = None,
     ) -> None:
-        """A joint that closes a loop.
+        """A joint, or a condition on a point, that closes a loop.
 
         Parameters
         ----------
         name : str
         joint : str or mapping
-            Type of the joint, with `axis`, `axes` or `normal` beside it; or everything in a mapping.
+            Type of the joint, with `axis`, `axes` or `normal` beside it, or of the condition, with `length`, `equation` or
+            `equations`; or everything in a mapping.
         start, end : str or mapping
             ``from`` and ``to`` of a model file: a body with ``at`` and ``rotate`` or ``rpy``, or the name of a point.
         """
-        placed = _given(axis=axis, axes=axes, normal=normal)
+        placed = _given(axis=axis, axes=axes, normal=normal, length=length, equation=equation, equations=equations)
         whole = {**_plain(joint), **placed} if isinstance(joint, Mapping) else {"type": joint, **placed}
         self._put("loops", name, {"joint": whole, "from": _plain(start), "to": _plain(end)})
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 from .axes import Vector, coordinate_axis, least_along
+from .conditions import CONDITIONS
 from .entries import ZERO
 from .errors import Problem
 from .expressions import Expression
@@ -20,6 +21,7 @@ from .joints import JOINTS, Closure, JointType
 from .outputs import MEASURES, Output
 from .places import GROUND, Face, Point
 from .rates import rate
+from .surfaces import SurfaceFunction, surface_function
 
 __all__ = [
     "CLOSURE_ROWS",
@@ -157,6 +159,11 @@ class Loop:
         """Whether it relates coordinates, and has no faces."""
         return False
 
+    @property
+    def surfaces(self) -> tuple[SurfaceFunction, ...]:
+        """Of a condition on a point: functions that are zero, one a condition; of joints and couplings none."""
+        return ()
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Term:
@@ -204,6 +211,29 @@ class Coupling(Loop):
         return True
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class PointCondition(Loop):
+    """A condition on where the origin of the face `end` is in the face `start`: a distance, a surface, a curve.
+
+    Attributes
+    ----------
+    type : str
+        A name of `conditions.CONDITIONS`.
+    equations : tuple of Expression
+        What is zero, each one condition: of parameters and `surfaces.COORDINATES`. Of a distance that of a sphere.
+    length : Expression or None
+        Of a distance, m.
+    """
+
+    equations: tuple[Expression, ...] = ()
+    length: Expression | None = None
+
+    @property
+    def surfaces(self) -> tuple[SurfaceFunction, ...]:
+        """The equations with their derivatives."""
+        return tuple(surface_function(e) for e in self.equations)
+
+
 COUPLING = "coupling"
 """The type of couplings."""
 
@@ -214,8 +244,11 @@ def coupling(name: str, terms: tuple[Term, ...], offset: Expression) -> Coupling
     return Coupling(name, COUPLING, (), nowhere, nowhere, terms, offset)
 
 
-CLOSURE_ROWS = {kind.name: kind.closure for kind in JOINTS.values() if kind.closure}
-"""How many linear and angular conditions a loop joint sets."""
+CLOSURE_ROWS = {
+    **{kind.name: kind.closure for kind in JOINTS.values() if kind.closure},
+    **{kind.name: kind.closure for kind in CONDITIONS.values()},
+}
+"""How many linear and angular conditions a loop joint, or a condition on a point, sets."""
 
 LOOP_TOLERANCE = 1e-4
 """Of models that give none. Angles of five significant digits, such as 1.5708 for pi/2 or 3.1416 for pi, are off by 4e-6 to
@@ -229,6 +262,7 @@ def closure_row_names(loop: Loop) -> tuple[str, ...]:
     face's own axes x, y, z if a is along one of them (two of them reversed if it is along its opposite); otherwise t1, t2
     and a, with t1 along e x a, t2 = a x t1, e the base vector that a is least along. Where a joint leaves out the direction
     of its axis, the other two follow in cyclic order: y, z for x; z, x for y; x, y for z; t1, t2. A coupling has ``name.q``.
+    Those of a condition on a point are its equations, each along its gradient.
     """
     if loop.is_coupling:
         return (f"{loop.name}.q",)
@@ -506,6 +540,8 @@ class Model:
             if isinstance(loop, Coupling):
                 yield from (term.factor for term in loop.terms)
                 yield loop.offset
+            if isinstance(loop, PointCondition):
+                yield from loop.equations
         for element in self.elements:
             yield from element.expressions()
         for output in self.outputs:

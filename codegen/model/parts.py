@@ -15,6 +15,7 @@ from typing import Any, Final
 from .errors import ModelError, Problem, nearest
 from .expressions import MEASURED, Binder, Expression, Number, Tree, combine
 from .positions import Document, Path_, compose, read_file
+from .surfaces import COORDINATES
 from .tables import Table
 from .units import Dimension
 
@@ -228,7 +229,7 @@ class Part:
         return combine(kind, *[self._tree(a) for a in tree[1:]])
 
     def _name(self, name: str) -> Tree:
-        if name == "t":
+        if name == "t" or name in COORDINATES:
             return ("name", name)
         first, dot, rest = name.partition(".")
         if dot and first in ("q", "u"):

@@ -33,6 +33,7 @@ from .parts import Files, Instance, Part
 from .positions import Document, Path_, show_path
 from .rates import with_names_replaced
 from .repetition import Counter, Repetition, labels, name_of
+from .surfaces import AS_WRITTEN, COORDINATES
 from .units import Dimension, DimensionError, dimension_of, in_words
 from .wanted_units import IN_JOINTS, dimension_of_unit, unit_wanted
 
@@ -47,6 +48,7 @@ _VECTOR: Final = TypeAdapter(entries.Vector)
 ALLOWED: Final = {
     "constants": "numbers and constants",
     "parameters": "numbers, constants and parameters",
+    "equations": "numbers, constants, parameters and the coordinates x, y and z of the point",
     "inputs": "numbers, constants, parameters, inputs and t",
     "motion": "numbers, constants, parameters, inputs, t, q.NAME and u.NAME",
 }
@@ -79,7 +81,8 @@ class Reader:
         Names that expressions have.
     allowed : dict of str to dict
         Names that expressions of a scope may have: ``constants``, ``parameters``, ``inputs`` (parameters, inputs and t)
-        or ``motion`` (coordinates and speeds too). A scope ``measured`` has, beside the last, positions and velocities of points.
+        or ``motion`` (coordinates and speeds too). A scope ``measured`` has, beside the last, positions and velocities of points,
+        a scope ``equations``, beside parameters, the coordinates of one.
     points : list of mapping
         What is a point, by name, once points are read.
     prescribed : dict of str to Tree
@@ -109,6 +112,7 @@ class Reader:
         self.first_seen: dict[tuple[str, str], str] = {}
         # dicts used as ordered sets: names are printed in the order of the file
         self.allowed: dict[str, dict[str, None]] = {"constants": {}, "parameters": {}, "inputs": {}, "motion": {}}
+        self.allowed["equations"] = self.allowed["parameters"]  # and coordinates of a point
         self.broken: set[str] = set()
         self.prescribed: dict[str, Tree] = {}
         self.units_of_motion: dict[tuple[str, str], tuple[str, ...]] = {}
@@ -265,6 +269,8 @@ class Reader:
         moving = scope in ("motion", "measured")
         allowed = self.allowed["motion" if moving else scope]
         unknown = [n for n in sorted(result.names) if n not in allowed]
+        if scope == "equations":
+            unknown = [n for n in unknown if n not in COORDINATES]
         if scope == "measured":
             unknown = [
                 n for n in unknown if not (is_measured(n) and any(n.split(".")[1] in known for known in self.points))
@@ -328,6 +334,7 @@ class Reader:
         those = self.allowed["motion" if scope == "measured" else scope]
         known = [n for n in at.part.constants if n[0] != "'" and "." not in n]
         known += at.part.own(n for n in those if n[:2] not in ("q.", "u."))
+        known += AS_WRITTEN if scope == "equations" else ()
         name = at.part.written(name)
         which = "constants written before it" if scope == "constants" else "known here"
         return f"unknown name {name!r}; {which}: {some(known)}{nearest(name, known)}"

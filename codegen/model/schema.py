@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal, Unio
 
 from pydantic import Field, PlainValidator, TypeAdapter, WrapValidator, create_model, model_validator
 
+from .conditions import CONDITIONS
 from .entries import (
     ONE,
     ZERO,
@@ -70,8 +71,8 @@ class LoopJointEntry(Entry):
     """What every joint that closes a loop has: nothing but its type, since its faces say where it stands."""
 
 
-def _in_role(kind: type[JointType], name: str, role: type[Entry]) -> type[Entry]:
-    """The entry of a type of joint under one of its names, for a body or for a loop."""
+def _in_role(kind: type[Entry], name: str, role: type[Entry]) -> type[Entry]:
+    """The entry of a type of joint, or of condition, under one of its names, for a body or for a loop."""
     tag: Any = Literal[name]
     return create_model(f"{kind.__name__}{role.__name__}", __base__=(kind, role), type=(tag, ...))
 
@@ -82,7 +83,7 @@ if TYPE_CHECKING:
         """A joint that carries a body."""
 
     class LoopJoint(JointType, LoopJointEntry):
-        """A joint that closes a loop."""
+        """A joint, or a condition on a point, that closes a loop."""
 
 else:
     BodyJoint = Annotated[
@@ -97,6 +98,7 @@ else:
                 if kind.closure
                 for name in (kind.name, *kind.synonyms)
             )
+            + tuple(_in_role(kind, kind.name, LoopJointEntry) for kind in CONDITIONS.values())
         ],
         Field(discriminator="type"),
     ]

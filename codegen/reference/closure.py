@@ -42,6 +42,7 @@ from .couplings import CoupledCut
 from .ears import Group
 from .pairs import Pair, Pairs
 from .primitives import condition_frame, placed_rotation
+from .surfaces import at, surface_at
 from .terms import Terms
 
 HALF_TURN = 1e-12
@@ -75,6 +76,9 @@ class Cut:
         From the start face's origin to the end face's, (3, 1), m.
     C : Pair
         End body's components into the start body's, (3, 3).
+    surfaces : list of (Pair, Pair, Pair)
+        Of a condition on a point, each in the scale of its row: the function (1, 1), its second derivatives along the start
+        body's axes (3, 3), and what parameters alone change of it, a pair without value (1, 1).
     """
 
     rows: Pair
@@ -87,6 +91,7 @@ class Cut:
     arm_end: Pair
     offset: Pair
     C: Pair
+    surfaces: list[tuple[Pair, Pair, Pair]]
 
     def remainder(self, pairs: Pairs, start: Terms, end: Terms) -> Pair:
         """The kept conditions of the accelerations at udot = 0, (m, 1): Eq. 31's A_t, and what the moving axes add."""
@@ -104,6 +109,8 @@ class Cut:
             for weight, c, d in terms:
                 rate = rate + (pairs.skew(pairs.skew(w) @ c) @ d).mT @ w * pairs.number(weight)
             turned.append(rate)
+        if self.surfaces:
+            turned = [v.mT @ hessian @ v for _, hessian, _ in self.surfaces]
         total = self.K_end @ end.pair("A_t") - self.K_start @ start.pair("A_t") + moving_axes
         return (total + pairs.block([[x] for x in turned]))[self.kept]
 
@@ -112,6 +119,8 @@ class Cut:
 
         Angular rows: along them, 2 sin(t/2) of the turn by t that is left. Of universal joints the cosine of their axes.
         """
+        if self.surfaces:
+            return pairs.block([[value] for value, _, _ in self.surfaces])
         linear = self.rows[: loop.closure.linear, 3:] @ self.offset
         if not self.turning:
             return linear
@@ -146,7 +155,10 @@ class Cut:
         (turn_s, shift_s), (turn_e, shift_e) = moved
         angular = self.C @ turn_e - turn_s
         linear = self.C @ shift_e - shift_s + pairs.skew(self.offset) @ turn_s
-        return (self.rows @ pairs.block([[angular], [linear]]))[self.kept]
+        total = self.rows @ pairs.block([[angular], [linear]])
+        if self.surfaces:
+            total = total + pairs.block([[by_parameters] for _, _, by_parameters in self.surfaces])
+        return total[self.kept]
 
 
 def cut(
@@ -173,7 +185,11 @@ def cut(
     frame, end_frame = placed_rotation(loop.start, pairs) @ frame, C @ placed_rotation(loop.end, pairs) @ end_frame
     s, e = ([axes[:, j : j + 1] for j in range(3)] for axes in (frame, end_frame))
     j, k = (i + 1) % 3, (i + 2) % 3
+    scale, none = pairs.number(1) / pairs.number(length), pairs.constant(np.zeros((1, 3), int))
     linear: list[Pair] = {0: [], 1: [s[i]], 2: [s[j], s[k]], 3: s}[loop.closure.linear]
+    surfaces: list[tuple[Pair, Pair, Pair]] = []
+    if loop.surfaces:
+        linear, surfaces = _on_surfaces(pairs, loop, scale, frame, offset)
     turning: list[Turning] = []
     if loop.closure.angular == 1:
         turning = [[(1, e[end_i], s[i])]]
@@ -182,7 +198,6 @@ def cut(
     elif loop.closure.angular == 3:
         half = pairs.arithmetic.number(1) / 2
         turning = [[(half, e[n - 2], s[n - 1]), (-half, e[n - 1], s[n - 2])] for n in range(3)]
-    scale, none = pairs.number(1) / pairs.number(length), pairs.constant(np.zeros((1, 3), int))
     angular = []
     for terms in turning:
         total = none
@@ -201,7 +216,25 @@ def cut(
         arm_end,
         offset,
         C,
+        surfaces,
     )
+
+
+def _on_surfaces(
+    pairs: Pairs, loop: Loop, scale: Pair, F: Pair, offset: Pair
+) -> tuple[list[Pair], list[tuple[Pair, Pair, Pair]]]:
+    """Unit normals, and what else `Cut.surfaces` has, of a condition on a point in a face with axes F of the start body."""
+    place = F.mT @ offset
+    normals, found = [], []
+    for function in loop.surfaces:
+        f = surface_at(pairs, function, place)
+        share = pairs.number(1) / pairs.call("sqrt", pairs.dot(f.gradient, f.gradient))
+        normals.append(F @ f.gradient * share)
+        size = share * scale
+        held = at(pairs, Pair(place.value, 0 * place.tangent)).expression(function.value)
+        by_parameters = shift_only(pairs.matrix([[held]]) * Pair(size.value, 0 * size.tangent))
+        found.append((f.value * size, F @ f.hessian @ F.mT * size, by_parameters))
+    return normals, found
 
 
 AnyCut = Cut | CoupledCut

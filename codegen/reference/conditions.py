@@ -19,6 +19,11 @@ c . d is a sine, which vanishes at half a turn too, where the joint is closed th
 has 2 sin(t/2) in its place, t the angle between the axes that should be parallel, or of the turn between faces that should be:
 the same to first order at t = 0. A universal joint is closed either way.
 
+A condition on a point sets ``f(s) = 0``, s = R_s^T r the place of the end in the start face. With n = R_s grad f and
+v' = v_e - v_s - w_s x r it has the same row, and n . a' + v'^T (R_s H R_s^T) v' in the place of the remainder, a' the
+acceleration as the start face sees it at udot = 0. A distance needs no face: ``(r . r - l^2)/2 = 0``, r . (v_e - v_s),
+r . (a_e - a_s) + (v_e - v_s)^2. Both are divided by the size of their gradient and the length.
+
 A coupling sets ``sum of factor q - offset = 0``, whose Jacobian are the factors; nothing is left in its second derivative.
 """
 
@@ -30,10 +35,11 @@ from typing import Any
 
 import numpy as np
 
-from ..model.model import Coupling, Face, Loop, Vector, coordinate_axis, least_along
+from ..model.model import Coupling, Face, Loop, PointCondition, Vector, coordinate_axis, least_along
 from .arithmetic import Array
 from .ground_frame import Frame, Freedoms, cross, placement
 from .pairs import Pair, Pairs
+from .surfaces import surface_at
 
 HALF_TURN = 1e-12
 """A squared cosine below this has no direction back any more."""
@@ -108,6 +114,11 @@ def conditions(
             positions.append(rows[-1][0])
             continue
         s, e = (side(pairs, face, frames[face.body], freedoms, u) for face in (loop.start, loop.end))
+        if isinstance(loop, PointCondition):
+            found = _on_point(pairs, loop, s, e, length)
+            rows += found
+            positions += [value for value, *_ in found]
+            continue
         linear, angular = directions(pairs, loop, s.R, e.R, defaults)
         scale = pairs.number(1) / pairs.number(length)
         found = [_linear(pairs, s, e, n) for n in linear]
@@ -211,6 +222,30 @@ def _linear(pairs: Pairs, s: Side, e: Side, n: Pair) -> Row:
         n @ (e.a - s.a).mT + turned @ v.mT * pairs.number(2) + (cross(s.alpha, n) + cross(s.omega, turned)) @ r.mT
     )
     return n @ r.mT, row, remainder, pairs.block([[pairs.constant([[0, 0, 0]]), n]])
+
+
+def _on_point(pairs: Pairs, loop: PointCondition, s: Side, e: Side, length: float) -> list[Row]:
+    """The conditions that a point keeps its distance, or stays on surfaces: over the size of the gradient and the length."""
+    r, v = e.x - s.x, e.v - s.v
+    if loop.length is not None:
+        l = pairs.matrix([[pairs.expression(loop.length)]])
+        value = (r @ r.mT - l @ l) * (pairs.number(1) / pairs.number(2))
+        found = [(value, r, r @ (e.J_v - s.J_v).mT, r @ (e.a - s.a).mT + v @ v.mT)]
+    else:
+        seen = v - cross(s.omega, r)  # from the start face
+        a = e.a - s.a - cross(s.alpha, r) - cross(s.omega, cross(s.omega, r)) - cross(s.omega, seen) * pairs.number(2)
+        found = []
+        for f in loop.surfaces:
+            surface, own = surface_at(pairs, f, s.R.mT @ r.mT), seen @ s.R
+            n = (s.R @ surface.gradient).mT
+            row = n @ (e.J_v - s.J_v).mT + cross(n, r) @ s.J_w.mT
+            found.append((surface.value, n, row, n @ a.mT + own @ surface.hessian @ own.mT))
+    rows: list[Row] = []
+    for value, n, row, more in found:
+        scale = pairs.number(1) / (pairs.call("sqrt", (n @ n.mT)[0, 0]) * pairs.number(length))
+        wrench = pairs.block([[pairs.constant([[0, 0, 0]]), n]])
+        rows.append((value * scale, row * scale, more * scale, wrench * scale))
+    return rows
 
 
 def _angular(pairs: Pairs, s: Side, e: Side, terms: Turning) -> Row:

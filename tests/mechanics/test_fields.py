@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from coupled_mechanisms import by_hand
+from point_condition_models import MODELS as ON_POINTS
 from prescribed_models import bars
 from random_mechanisms import random_mechanisms
 from rotor_models import with_rotors
@@ -30,7 +31,7 @@ from codegen.program.procedure import Run
 EXAMPLES = Path(__file__).parents[2] / "examples"
 MODELS = (
     "four_bar", "satellite", "arm", "closed_chain", "stewart", "planar_3rrr", "sprung_tips", "platform_on_ground",
-    "chain_on_slide", "tips_slide", "random", "shaken_pendulum", "driven_bars",
+    "chain_on_slide", "tips_slide", "random", "shaken_pendulum", "driven_bars", "on a free base",
 )  # fmt: skip
 """Between them they have every kind of link, ear, region and spring."""
 
@@ -47,6 +48,8 @@ def system(name: str) -> System:
         model = next(m.model for seed, m in random_mechanisms(1, first=3))
     elif name == "driven_bars":
         model = with_rotors(np.random.default_rng(0), bars("cart"), 1.0)
+    elif name in ON_POINTS:
+        model = codegen.parse_model(ON_POINTS[name])
     else:
         model = codegen.load_model(file) if file.exists() else by_hand(name).model
     return analyse(model, False, partition(model) if model.loops else None)
@@ -166,7 +169,22 @@ def test_every_field_of_the_table_is_stored_and_loaded(monkeypatch):
     for name in MODELS:
         stored |= {site[3] for site in watched.sites(system(name))}
     names = {f.name: name for name, f in FIELDS.items()}
-    constants = {"m", "h", "J", "r", "R", "factor", "rotor{}", "{}.r", "{}.F", "factor{}", "offset", "cos", "sin"}
+    constants = {
+        "m",
+        "h",
+        "J",
+        "r",
+        "R",
+        "factor",
+        "rotor{}",
+        "{}.r",
+        "{}.F",
+        "factor{}",
+        "offset",
+        "part{}",
+        "cos",
+        "sin",
+    }
     along = {"lever_tangent", "arm_tangent"}  # tangents ask for them, which zero patterns do not have
     assert {names[n] for n in stored - watched.loaded} - along == set()
     assert {names[n] for n in names.keys() - stored - constants} == set()

@@ -68,6 +68,10 @@ def residuals(x: Scope, kind: EarKind) -> None:
     rates = ear.face_difference(velocities, roots, speeds)
     for c in range(len(kind.closures)):
         for i, row in enumerate(joint_conditions(ear, c)):
+            if row.surface is not None:
+                x.set_entry(POSITION[c], i, row.gap)
+                x.set_entry(VELOCITY[c], i, x.let("rate", dot(row.n, rates[c].linear), "Eq. 30"))
+                continue
             gap, rate = (t[c].angular if row.angular else t[c].linear for t in (gaps, rates))
             x.set_entry(POSITION[c], i, x.let("gap", dot(row.axis or row.n, gap), "Eq. 32"))
             x.set_entry(VELOCITY[c], i, x.let("rate", dot(row.n, rate), "Eq. 30"))
@@ -88,6 +92,8 @@ def newton_step(x: Scope, kind: EarKind) -> None:
     if rows:
         b = seen_by(ear, rows, total, "b", "Eq. 32")
         for i, row in enumerate(rows):
+            if row.surface is not None:
+                b[i] = x.let("b", row.gap + dot(row.n, moved[row.loop].linear), "Eq. 32")
             if row.turning:  # what is open in this condition alone
                 sine = sum(weight * dot(one, other) for weight, one, other in row.turning)
                 b[i] = x.let("b", sine + dot(row.n, moved[row.loop].angular), "Eq. 32")

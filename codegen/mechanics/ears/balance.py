@@ -218,9 +218,16 @@ def let_wrench_act(
     return handed, taken
 
 
-def begin_inward(x: Scope, kind: EarKind) -> tuple[EarGeometry, list[Condition], EarTangents]:
-    """Geometry and conditions of an ear, and tangents of what forces pass along, seeds and motions being known."""
+def begin_inward(
+    x: Scope, kind: EarKind, moving_shares: bool = False
+) -> tuple[EarGeometry, list[Condition], EarTangents]:
+    """Geometry and conditions of an ear, and tangents of what forces pass along, seeds and motions being known.
+
+    `moving_shares`: what the gradients of conditions on points are divided by is differentiated too.
+    """
     ear = EarGeometry(x, kind)
+    if moving_shares:
+        ear.shares = "moving"
     rows = kept_conditions(ear)
     angles = {-1 - t: root.rotation(True) for t, root in enumerate(ear.roots)}
     for k in range(len(ear.members)):

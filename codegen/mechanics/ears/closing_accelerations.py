@@ -24,9 +24,14 @@ def closing_accelerations(
     root_speeds: list[Twist] | None = None,
 ) -> Vector:
     """What the conditions see of the accelerations of faces, and of joints, with what their turning adds. Eq. 31."""
-    at_cuts, relative = cut_accelerations(x, ear, face, joints, root_speeds)
+    slips = slip_velocities(x, ear, root_speeds or named_root_velocities(ear)) if ear.slides else []
+    at_cuts, relative = cut_accelerations(x, ear, face, joints, slips)
     result: Vector = []
     for row, value in zip(rows, seen_by(ear, rows, at_cuts, name, "Eq. 31"), strict=True):
+        if row.surface is not None:
+            bent = row.surface.curvature(slips[row.loop].linear)
+            result.append(x.let(name, value + row.share * bent, "Eq. 31"))
+            continue
         w = relative[row.loop]
         for weight, c, d in row.turning:  # c turns with the end: ((w x c) x d) . w
             turned = [x.let("nd", v, "Eq. 31") for v in cross([x.let("nc", v, "Eq. 31") for v in cross(w, c)], d)]
@@ -36,7 +41,7 @@ def closing_accelerations(
 
 
 def cut_accelerations(
-    x: Scope, ear: EarGeometry, face: FaceMotion, joints: Sequence[Vector], root_speeds: list[Twist] | None = None
+    x: Scope, ear: EarGeometry, face: FaceMotion, joints: Sequence[Vector], slips: list[Twist]
 ) -> tuple[list[Twist], list[Vector]]:
     """What the faces' accelerations differ by at every cut, and their angular velocities. Eq. 31.
 
@@ -44,9 +49,6 @@ def cut_accelerations(
     """
     found = []
     turning: list[Vector] = []
-    slips = []
-    if ear.slides:
-        slips = slip_velocities(x, ear, root_speeds or named_root_velocities(ear))
     for c, closure in enumerate(ear.kind.closures):
         if closure.is_coupling:
             found.append(ear.coupled(c, joints, "ca", "Eq. 31"))

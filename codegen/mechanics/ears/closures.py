@@ -45,6 +45,10 @@ def closures(x: Scope, kind: EarKind) -> FactorForm:
     kept = [i for i in range(len(rows)) if any(not is_zero(c[i]) for c in columns)]
     length = float(kind.scale / kind.per_length)  # of linear conditions; 1 where they are divided by it
     f = factor(x, [[c[i] for i in kept] for c in columns], "Eq. 35", length)
+    checked = len(dependents)
+    for row in rows:
+        if row.surface is not None and row.surface.check_direction(checked):
+            checked += 1
     form = f.store(kept, len(rows))
     kept_rows = [rows[i] for i in kept]
     rates: Vector = [0] * len(dependents)

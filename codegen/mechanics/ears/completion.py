@@ -19,7 +19,7 @@ from ..structure.kinds import EarKind, LinkKind
 from ..tree.kinematics import angular_velocity, origin_velocity
 from ..tree.tangents import differentiate, store_tangent
 from .closures import named_root_velocities, stored_factor
-from .conditions import joint_conditions, kept_conditions, seen_by
+from .conditions import Condition, joint_conditions, kept_conditions, seen_by
 from .couplings import displacement
 from .geometry import EarGeometry
 from .members import joint_motion
@@ -144,6 +144,7 @@ def complete_positions(
     rows = kept_conditions(ear)
     if rows:
         b = seen_by(ear, rows, cut_displacements(x, ear, angles, moved, False), "b", "d Eq. 30", lanes=True)
+        b = [with_parameters(x, row, value) for row, value in zip(rows, b, strict=True)]
         rates = stored_factor(x, kind).solve([-v for v in b], "dx", "d Eq. 30", lanes=True)
         for k, added in enumerate(ear.walk(ear.still(), ear.coefficients(rates), "dd", tag, lanes=True)):
             angles[k] = x.let_vector("th", add(angles[k], added.angular), tag, lanes=True)
@@ -278,6 +279,13 @@ def cut_displacements(
     return found
 
 
+def with_parameters(x: Scope, row: Condition, value: Value) -> Value:
+    """What a condition sees of a displacement, with what parameters change of its equation if it is one on a point."""
+    if row.surface is None:
+        return value
+    return x.let("b", value + row.share * row.surface.by_parameters(), "d Eq. 30", lanes=True)
+
+
 def seed_residuals(x: Scope, kind: EarKind) -> None:
     """Outward block over directions: by how much complete seeds open the loops, in all conditions of their joints.
 
@@ -291,7 +299,7 @@ def seed_residuals(x: Scope, kind: EarKind) -> None:
     gaps = cut_displacements(x, ear, angles, moved, True)
     for c in range(len(kind.closures)):
         for i, row in enumerate(joint_conditions(ear, c)):
-            value = dot(row.n, gaps[c].angular if row.angular else gaps[c].linear)
+            value = with_parameters(x, row, dot(row.n, gaps[c].angular if row.angular else gaps[c].linear))
             x.set_entry(DPOSITION[c], i, x.let("open", value, "d Eq. 32", lanes=True))
 
 

@@ -13,6 +13,7 @@ from ..spatial import UNIT, add, cross, scale
 from .geometry import EarGeometry
 from .motions import Twist
 from .orthogonal import product
+from .surfaces import SurfaceCondition
 
 
 @dataclass(slots=True)
@@ -31,6 +32,10 @@ class Condition:
         in the start, and n the sum of weight c x d.
     axis : Vector or None
         A direction of the start face in the place of n where what is open is told.
+    surface : SurfaceCondition or None
+        Of a condition on a point, whose n is a gradient.
+    share : Value
+        What that has been multiplied by.
     """
 
     loop: int
@@ -38,6 +43,14 @@ class Condition:
     n: Vector
     turning: list[tuple[Value, Vector, Vector]] = field(default_factory=list)
     axis: Vector | None = None
+    surface: SurfaceCondition | None = None
+    share: Value = 1
+
+    @property
+    def gap(self) -> Value:
+        """Of a condition on a point: by how much it is open, scaled."""
+        assert self.surface is not None
+        return self.surface.x.let("gap", self.share * self.surface.value, "Eq. 32")
 
 
 def counted_conditions(ear: EarGeometry) -> list[Condition]:
@@ -48,6 +61,9 @@ def counted_conditions(ear: EarGeometry) -> list[Condition]:
             found += [_of_coordinates(c)] if 0 not in closure.dropped else []
             continue
         s = ear.x.number(ear.kind.scale)
+        if closure.surfaces:
+            found += [row for i, row in enumerate(surface_conditions(ear, c, s)) if i not in closure.dropped]
+            continue
         if closure.gaps:
             every = open_conditions(ear, c, s)
             found += [row for i, row in enumerate(every) if i not in closure.dropped]
@@ -74,12 +90,25 @@ def joint_conditions(ear: EarGeometry, c: int) -> list[Condition]:
     if closure.is_coupling:
         return [_of_coordinates(c)]
     share = ear.x.number(ear.kind.per_length)
+    if closure.surfaces:
+        return surface_conditions(ear, c, share)
     if closure.gaps:
         return open_conditions(ear, c, share)
     columns = ear.face_axes(c, 0)
     linear = held(closure.holds.linear, closure.axis, columns, columns)
     angular = held_in_turning(ear, c, columns, columns)
     return [Condition(c, False, scale(share, n)) for n in linear] + [Condition(c, True, n) for n in angular]
+
+
+def surface_conditions(ear: EarGeometry, c: int, scaled: Value) -> list[Condition]:
+    """Those of a condition on a point, linear ones along the gradients of its equations."""
+    found = []
+    for i in range(len(ear.kind.closures[c].surfaces)):
+        surface = SurfaceCondition(ear, c, i)
+        share = ear.x.let("share", surface.size * scaled, "Eq. 33")
+        n = ear.x.let_vector("n", scale(share, surface.gradient), "Eq. 33")
+        found.append(Condition(c, False, n, surface=surface, share=share))
+    return found
 
 
 def _of_coordinates(c: int) -> Condition:

@@ -53,9 +53,16 @@ class EarGeometry:
         Attitudes are computed; otherwise they are loaded.
     positions : VectorField
         Of the roots.
+
+    Attributes
+    ----------
+    shares : {"found", "held", "moving"}
+        By what the gradients of conditions on points are divided: it is computed and kept, loaded and held along directions, or
+        computed and differentiated.
     """
 
     def __init__(self, x: Scope, kind: EarKind, fresh: bool = False, positions: VectorField = fields.ear_position):
+        self.shares = "found" if fresh else "held"
         self.x = x
         self.kind = kind
         self.roots = roots_of(x, kind, positions)

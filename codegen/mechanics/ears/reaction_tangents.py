@@ -140,10 +140,10 @@ def link_tangents(x: Scope, kind: LinkKind) -> None:
 
 def ear_reaction_tangents(x: Scope, kind: EarKind) -> None:
     """Inward block over directions of an ear: tangents of what its joints and loops transmit."""
-    ear, rows, d = begin_inward(x, kind)
+    redundant = len(kind.form.rows) > len(dependents(kind))
+    ear, rows, d = begin_inward(x, kind, moving_shares=redundant)
     phi, d_phi = forces_at_links(x, kind, fields.total_needed)
     wrench = closing_wrench(x, ear, phi) if rows else []
-    redundant = len(rows) > len(ear.dependents())
     open_by = redundant_part(x, ear, rows, wrench, d) if redundant else []
     handed, taken = let_wrench_act(x, ear, rows, wrench, phi, d_phi, d)
     if rows:

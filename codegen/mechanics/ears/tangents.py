@@ -6,10 +6,10 @@ link, plus what the design parameters change in its components: three numbers, n
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from ...program import algebra
-from ...program.block import ANY, Expansion, symbols_of
+from ...program.block import ANY, Expansion, Statement, symbols_of
 from ...program.derivatives import Tangents
 from ...program.expressions import Expr, Symbol
 from ...program.field import XYZ
@@ -126,6 +126,8 @@ class WrittenTangents(EarTangents):
         self.fixed = 0
         self.known: set[Symbol] = set()
         self.turned: set[Symbol] = set()
+        self.primitives: dict[Symbol, Statement] = {}
+        self.values: set[Symbol] = set()
         self.d = Tangents(x, {}, {})
         self.d.of.update({s: v for s, v in roots.items() if not is_zero(v)})
         for place in [*range(len(ear.members)), *(-1 - t for t in range(len(ear.kind.roots)))]:
@@ -227,11 +229,26 @@ class WrittenTangents(EarTangents):
         while self.done < len(statements):
             statement = statements[self.done]
             self.done += 1
-            if not statement.lanes and statement.tag != "primitive" and statement.target not in self.known:
+            if statement.lanes or statement.target in self.known:
+                continue
+            if statement.tag == "primitive":
+                self.primitives[statement.target] = statement
+            else:
+                self._as_values(symbols_of(statement.expression))
                 self.d.statement(statement)
+
+    def _as_values(self, symbols: Iterable[Symbol]) -> None:
+        """Differentiate primitives that are values too: the slope of a sine is the cosine that a gradient is made of."""
+        for symbol in sorted(symbols, key=str):
+            statement = self.primitives.pop(symbol, None)
+            if statement is not None:
+                self._as_values(symbols_of(statement.expression))
+                self.d.statement(statement)
+                self.values.add(symbol)
 
     def of(self, value: Value, name: str = "d") -> Value:
         self._scan()
+        self._as_values(symbols_of(algebra.expression(value)))
         found: Value = self.d.value(value, name)
         return found
 
@@ -249,7 +266,9 @@ class WrittenTangents(EarTangents):
         # what is turned into the region's axes has served
         right = listed | self.turned
         for statement in self.x.block.statements[: self.done]:
-            if statement.lanes or statement.tag == "primitive" or statement.target in right:
+            if statement.lanes or statement.target in right:
+                continue
+            if statement.tag == "primitive" and statement.target not in self.values:
                 continue
             if not changed.isdisjoint(symbols_of(statement.expression)):
                 self.d.statement(statement)

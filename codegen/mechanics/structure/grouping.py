@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 
-from ...model.model import GROUND
+from ...model.model import GROUND, PointCondition
 from ...program import algebra
 from ...program.digits import long_number, number
 from .constants import Constants
@@ -181,6 +181,8 @@ def _ear_kind(
                 c.dropped,
                 c.slides(f.loop.type),
                 c.terms,
+                f.surfaces,
+                isinstance(f.loop, PointCondition) and f.loop.length is not None,
             )
             for f, c in zip(loops, ear.closures, strict=True)
         ]

@@ -17,6 +17,7 @@ from .element_kinds import ElementKind
 from .elimination_order import NOBODY, Partners
 from .factor_form import NO_FORM, FactorForm
 from .folded import Folded
+from .surface_forms import SurfaceForm
 
 
 @dataclass(slots=True, eq=False)
@@ -93,7 +94,8 @@ class LinkKind(Folded):
 class ClosureKind(Folded):
     """A loop of a kind of ears: see `structure.Closure`; `axis` and `end_axis` are those of the joint among the faces' axes.
 
-    `holds`: how many directions the joint holds; `slides`: the way between the faces matters.
+    `holds`: how many directions the joint holds; `slides`: the way between the faces matters; `surfaces`: the equations of a
+    condition on a point.
     """
 
     holds: Closure
@@ -106,6 +108,8 @@ class ClosureKind(Folded):
     dropped: tuple[int, ...]
     slides: bool
     terms: tuple[tuple[int, int], ...] = ()
+    surfaces: tuple[SurfaceForm, ...] = ()
+    is_distance: bool = False
 
     @property
     def is_coupling(self) -> bool:

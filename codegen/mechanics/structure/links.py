@@ -15,7 +15,7 @@ from typing import NamedTuple
 import mpmath
 
 from ...model.expressions import Expression
-from ...model.model import GROUND, Body, Coupling, Joint, Loop, Model, coordinate_axis
+from ...model.model import GROUND, Body, Coupling, Joint, Loop, Model, PointCondition, coordinate_axis
 from ...model.model import Vector as ExpressionVector
 from ...model.motions import Ball, Displacement, Motion, Slide, Turn
 from ...model.quarter_turns import cosine_and_sine, quarter_turns
@@ -24,6 +24,7 @@ from ...program.field import XYZ
 from ...program.scalar import Matrix, Value, Vector
 from ..joints import DRIVEN_JOINTS, LINK_JOINTS, LinkJoint
 from ..spatial import add, cross, dot, matmul, matvec, scale, transpose
+from .surface_forms import SurfaceForm, forms_of
 
 Evaluate = Callable[[Expression], Value]
 NumberOf = Callable[[Expression], float]
@@ -438,6 +439,10 @@ class LoopFaces:
         From the body frames of those links to the faces.
     link_frames, frames : tuples of two Frame
         Of the links, and of the joint's axes in the faces.
+    surfaces : tuple of SurfaceForm
+        Of a condition on a point: its equations.
+    parts : tuple of Expression
+        What these are made of beside coordinates; of a distance the length.
     """
 
     loop: Loop
@@ -445,6 +450,8 @@ class LoopFaces:
     steps: tuple[tuple[Placement, ...], tuple[Placement, ...]]
     link_frames: tuple[Frame, Frame]
     frames: tuple[Frame, Frame]
+    surfaces: tuple[SurfaceForm, ...] = ()
+    parts: tuple[Expression, ...] = ()
 
     def expressions(self) -> list[Expression]:
         """All expressions, in a fixed order."""
@@ -458,14 +465,14 @@ class LoopFaces:
                 found += at
                 for axis, angle in rotation:
                     found += [*axis, angle]
-        return found
+        return [*found, *self.parts]
 
     def structure(self) -> tuple[object, ...]:
         """Equal for loops whose constants are the same but for numbers and parameters."""
         related = len(self.loop.terms) if isinstance(self.loop, Coupling) else 0
         return (
             "faces", self.loop.type, related, *(f.form() for f in (*self.link_frames, *self.frames)),
-            *map(form_of_steps, self.steps),
+            *map(form_of_steps, self.steps), *self.surfaces,
         )  # fmt: skip
 
 
@@ -479,7 +486,12 @@ def loop_faces(loop: Loop, links: Sequence[Link], carriers: Sequence[Carrier], e
         steps.append((*way, (face.at, face.rotation)))
     axes = [axis_frame(a, evaluate) for a in loop.axes] or [BODY_FRAME]
     frames = [BODY_FRAME if i == GROUND else links[i].frame for i in on]
-    return LoopFaces(loop, (on[0], on[1]), (steps[0], steps[1]), (frames[0], frames[1]), (axes[0], axes[-1]))
+    faces = LoopFaces(loop, (on[0], on[1]), (steps[0], steps[1]), (frames[0], frames[1]), (axes[0], axes[-1]))
+    if isinstance(loop, PointCondition):
+        faces.surfaces, faces.parts = forms_of(loop.surfaces)
+        if loop.length is not None:
+            faces.parts = (loop.length,)
+    return faces
 
 
 def face_constants(faces: LoopFaces, evaluate: Evaluate, functions: Functions, let: Let) -> dict[str, Value]:
@@ -489,7 +501,7 @@ def face_constants(faces: LoopFaces, evaluate: Evaluate, functions: Functions, l
     -------
     dict
         ``A`` the start, ``B`` the end: ``A.r.i`` origin, m; ``A.F.ij`` link components from those of the face, one of whose
-        axes is the joint's. Of a coupling ``factor0`` ... and ``offset``.
+        axes is the joint's. Of a coupling ``factor0`` ... and ``offset``, of a condition on a point ``part0`` ... besides.
     """
     out: dict[str, Value] = {}
     if isinstance(faces.loop, Coupling):
@@ -505,7 +517,7 @@ def face_constants(faces: LoopFaces, evaluate: Evaluate, functions: Functions, l
             out[f"{name}.r.{i}"] = let("r", r[k])
             for n, j in enumerate(XYZ):
                 out[f"{name}.F.{i}{j}"] = let("F", F[k][n])
-    return out
+    return out | {f"part{i}": let("part", evaluate(part)) for i, part in enumerate(faces.parts)}
 
 
 def rigid_inertia(

@@ -1,0 +1,172 @@
+"""Conditions on points: a function of where the end of a loop is in its start face is zero. Section 4.12 of the theory page.
+
+With s the place in the start face, F its axes and n = F grad f the condition is linear as those of sliding joints are,
+``n . (velocity of the end as the start face sees it) = 0``, but n moves along the surface: the accelerations have ``v . H v``
+besides. A distance is ``(r . r - l^2)/2 = 0``, r the way between the points, for which no axes of a face are needed. Rows are
+divided by the size of the gradient at the present state, which is held where others differentiate: what it multiplies is zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+
+from ...model.expressions import Tree
+from ...model.surfaces import COORDINATES, PAIRS
+from ...program import algebra
+from ...program.block import Expansion, Scope
+from ...program.expressions import Expr
+from ...program.scalar import Value, Vector
+from .. import fields
+from ..spatial import add, dot, is_zero, scale
+from ..stores import CL_DP, EAR, LOOP_CONSTANTS, RANK
+from ..structure.constants import Statements
+from ..structure.surface_forms import SurfaceForm, part_name
+from .geometry import EarGeometry
+
+TINY = 1e-200
+"""Added to the square of a gradient: where it vanishes a row of zeros is told, and nothing is divided by zero."""
+
+DIRECTED = 1e-16
+"""Squared: the part of characteristic lengths that a gradient's zero must be away, so that it has a direction."""
+
+
+class SurfaceCondition:
+    """One condition on a point in a block; what is asked for is written once.
+
+    Parameters
+    ----------
+    ear : EarGeometry
+    c : int
+        Loop of the ear.
+    i : int
+        Condition of the loop.
+    """
+
+    def __init__(self, ear: EarGeometry, c: int, i: int):
+        closure = ear.kind.closures[c]
+        assert closure.slides
+        slip = ear.slip(c)
+        assert slip is not None
+        self.ear, self.x, self.c, self.i = ear, ear.x, c, i
+        self.is_distance = closure.is_distance
+        self.form: SurfaceForm = closure.surfaces[i]
+        self.axes = [] if self.is_distance else ear.face_axes(c, 0)
+        self.place = slip if self.is_distance else self._own(slip, "at")
+
+    def _own(self, v: Vector, name: str) -> Vector:
+        """Components in the start face."""
+        return [self.x.let(name, dot(axis, v), "Eq. 33") for axis in self.axes]
+
+    def formula(self, tree: Tree, name: str) -> Value:
+        """The value of a form."""
+        return self.x.let(name, written(self.x, tree, self._leaf), "Eq. 33")
+
+    def _leaf(self, name: str) -> Value:
+        if name in COORDINATES:
+            return self.place[COORDINATES.index(name)]
+        return self.x.load(LOOP_CONSTANTS[self.c], fields.surface_part(int(name[1:-1])))
+
+    @cached_property
+    def value(self) -> Value:
+        """What is zero where the condition is met."""
+        if self.is_distance:
+            length = self._leaf(part_name(0))
+            return self.x.let("f", self.x.half * (dot(self.place, self.place) - length * length), "Eq. 33")
+        return self.formula(self.form.value, "f")
+
+    @cached_property
+    def gradient(self) -> Vector:
+        """In region axes."""
+        if self.is_distance:
+            return self.place
+        own = [self.formula(tree, "g") for tree in self.form.gradient]
+        return self.x.let_vector("grad", add(*(scale(g, a) for g, a in zip(own, self.axes, strict=True))), "Eq. 33")
+
+    @cached_property
+    def size(self) -> Value:
+        """One over the length of the gradient: held along directions, but where the ear's `shares` move."""
+        field = fields.surface_share(self.c, self.i)
+        if self.ear.shares == "held":
+            return self.x.load(EAR, field)
+        g = self.gradient
+        square = self.x.let("gg", dot(g, g) + self.x.number(TINY), "Eq. 33")
+        share = self.x.let("share", 1 / self.x.let("root", self.x.sqrt(square), "Eq. 33"), "Eq. 33")
+        if self.ear.shares == "found":
+            self.x.store(EAR, field, share)
+        return share
+
+    def check_direction(self, entry: int) -> bool:
+        """Demand that the gradient has a direction, where it may vanish; whether that was needed."""
+        x = self.x
+        if self.is_distance:
+            bend: Value = 1
+        else:
+            found = [self.formula(tree, "h") for tree in self.form.hessian]
+            bend = sum((1 if i == j else 2) * h * h for h, (i, j) in zip(found, PAIRS, strict=True))
+            if is_zero(bend):
+                return False
+        near = x.number(DIRECTED) * bend / (x.number(1) * self.ear.kind.per_length * self.ear.kind.per_length)
+        x.set_entry(RANK, entry, x.let("margin", dot(self.gradient, self.gradient) - near, "rank"))
+        return True
+
+    def curvature(self, v: Vector) -> Value:
+        """Second derivative along a velocity that the start face sees, in region axes."""
+        if self.is_distance:
+            return dot(v, v)
+        own = self._own(v, "vs")
+        total: Value = 0
+        for tree, (i, j) in zip(self.form.hessian, PAIRS, strict=True):
+            h = self.formula(tree, "h")
+            total = total + (h * own[i] * own[j] if i == j else 2 * h * own[i] * own[j])
+        return self.x.let("vhv", total, "Eq. 31")
+
+    def by_parameters(self) -> Value:
+        """What a direction changes of the function by parameters alone, the point held in the face. d Eq. 30."""
+        total: Value = 0
+        x = self.x
+        for j in range(self.ear.kind.closures[self.c].parameters):
+            change: Value = 0
+            for i, slope in self._slopes():
+                more = x.load(LOOP_CONSTANTS[self.c], fields.surface_part(i).derivative(j))
+                if not is_zero(more):
+                    change = change + slope() * more
+            if not is_zero(change):
+                total = total + x.let("df", change, "d Eq. 30") * x.entry(CL_DP[self.c], j)
+        return total
+
+    def _slopes(self) -> list[tuple[int, Callable[[], Value]]]:
+        """The parts that parameters may be in, each with the derivative by it."""
+        if self.is_distance:
+            return [(0, lambda: -self._leaf(part_name(0)))]
+        return [(i, lambda tree=tree: self.formula(tree, "fp")) for i, tree in self.form.by_part]  # type: ignore[misc]
+
+
+def written(x: Scope, tree: Tree, leaf: Callable[[str], Value]) -> Value:
+    """The value of an expression: as statements, or whether it can differ from zero."""
+    if isinstance(x, Expansion):
+        value: Value = _Tagged(x, lambda name: algebra.expression(leaf(name[1]))).write(tree)
+        return value
+    kind = tree[0]
+    if kind == "number":
+        return x.number(tree[1])
+    if kind == "name":
+        return leaf(tree[1])
+    values = [written(x, a, leaf) for a in tree[2 if kind == "call" else 1 :]]
+    match kind:
+        case "neg":
+            return -values[0]
+        case "+":
+            return values[0] + values[1]
+        case "-":
+            return values[0] - values[1]
+        case "*":
+            return values[0] * values[1]
+    return x.call("sqrt", 1)  # what a quotient, a power or a function is cannot be known from patterns
+
+
+class _Tagged(Statements):
+    """Statements that say which equation they belong to."""
+
+    def let(self, value: Expr) -> Expr:
+        return self.x.let("e", value, "Eq. 33")

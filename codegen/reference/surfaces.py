@@ -1,0 +1,44 @@
+"""Functions of a point's place that are zero, with their derivatives at a place: for conditions on points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..model.surfaces import COORDINATES, SurfaceFunction
+from .pairs import Pair, Pairs
+
+
+@dataclass(slots=True)
+class SurfaceAt:
+    """A function at a place ``(3, 1)``.
+
+    Attributes
+    ----------
+    value : Pair
+        (1, 1).
+    gradient : Pair
+        (3, 1).
+    hessian : Pair
+        (3, 3).
+    """
+
+    value: Pair
+    gradient: Pair
+    hessian: Pair
+
+
+def surface_at(pairs: Pairs, function: SurfaceFunction, place: Pair) -> SurfaceAt:
+    """A function, its gradient and its second derivatives."""
+    there = at(pairs, place)
+    xx, yy, zz, xy, xz, yz = (there.expression(e) for e in function.hessian)
+    return SurfaceAt(
+        there.matrix([[there.expression(function.value)]]),
+        there.vector(function.gradient),
+        there.matrix([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]),
+    )
+
+
+def at(pairs: Pairs, place: Pair) -> Pairs:
+    """Pairs that know the coordinates of a point."""
+    known = {name: place[i, 0] for i, name in enumerate(COORDINATES)}
+    return Pairs(pairs.arithmetic, pairs.k, {**pairs.environment, **known})
