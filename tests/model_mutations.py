@@ -28,7 +28,8 @@ from typing import Any, NamedTuple
 import yaml
 
 from codegen.model import Model, ModelError, parse_model
-from codegen.model.model import GROUND
+from codegen.model.model import GROUND, PointCondition
+from codegen.model.surfaces import COORDINATES
 
 ROOT = Path(__file__).parents[1]
 FILE = "m.yaml"
@@ -484,6 +485,9 @@ def nonsense(model: Model) -> str:
         e: {f"{what}.{point.name}.{axis}" for point in load.measured for what in ("position", "velocity") for axis in "xyz"}
         for load in model.loads for e in load.coefficients
     }  # fmt: skip
+    measured |= {
+        e: set(COORDINATES) for loop in model.loops if isinstance(loop, PointCondition) for e in loop.equations
+    }
     seen = set()
     for e in model.expressions():
         if e in seen:
