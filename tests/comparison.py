@@ -32,6 +32,40 @@ def worst(rows: Any, references: Any) -> float:
     return max((error(x, y, floor) for x, y in zip(rows, references, strict=True)), default=0.0)
 
 
+FUNCTIONS = ("sensitivities", "output_sensitivities", "energy_sensitivities", "coordinate_rate_sensitivities")
+"""What every model has along seeds."""
+
+
+def function_errors(
+    solver: codegen.Solver, engine: Any, state: tuple[Any, ...], seeds: dict[str, Any]
+) -> dict[str, float]:
+    """Errors of values and derivatives of `FUNCTIONS`, and of the forces that drive what is prescribed."""
+    found = {}
+    for name in (*FUNCTIONS, *(["driving_force_sensitivities"] if solver.prescribed_names else [])):
+        (x, dx), (y, dy) = (getattr(of, name)(*state, **seeds) for of in (solver, engine))
+        if name.startswith("energy"):
+            x, y, dx, dy = np.array(x), np.array(y), np.array(dx).T, np.array(dy).T
+        found[name] = max(error(x, y), worst(dx, dy))
+    return found
+
+
+def completion_errors(
+    solver: codegen.Solver, engine: Any, state: tuple[Any, ...], seeds: dict[str, Any]
+) -> dict[str, float]:
+    """Errors of what follows from independent speeds and seeds."""
+    _, u, dq, du = solver.assemble_sensitivities(*state, **seeds)
+    expected = engine.complete(*state, **seeds)
+    return {"u": error(u, expected[0]), "dq": worst(dq, expected[1]), "du": worst(du, expected[2])}
+
+
+def closed_state(solver: codegen.Solver, seed: int, spread: float, t: float = 0.0) -> tuple[Any, ...]:
+    """A random state near the initial one, loops closed: arguments of `accelerations`."""
+    rng = np.random.default_rng(seed)
+    q, u = solver.initial
+    q, u = solver.assemble(q + spread * rng.normal(size=solver.nq), rng.normal(size=solver.nu), t=t)
+    return q, u, None, rng.normal(size=solver.ninputs), t
+
+
 def seeds_of(engine: Any, state: tuple[Any, ...], rng: np.random.Generator, k: int = 3) -> dict[str, Any]:
     """k random seeds; none of the parameters where they would open redundant conditions."""
     seeds = random_seeds(rng, engine.model, k)

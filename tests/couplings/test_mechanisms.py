@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from comparison import error, transposes, worst
+from comparison import closed_state, completion_errors, error, function_errors, transposes, worst
 from coupled_coordinates import coupled_tree, with_couplings
 from coupled_models import HEAD, MODELS, chain
 from made_once import solvers
@@ -22,7 +22,7 @@ from codegen.reference import DenseEngine, RecursiveEngine
 from codegen.runtime import AssemblyError as OpenError
 from codegen.runtime import SingularLoopError
 
-FUNCTIONS = ("sensitivities", "output_sensitivities", "energy_sensitivities", "coordinate_rate_sensitivities")
+SPREAD, T = 0.1, 0.6
 
 
 @pytest.fixture(scope="module")
@@ -30,31 +30,16 @@ def made(tmp_path_factory):
     return solvers(tmp_path_factory)
 
 
-def closed_state(solver: codegen.Solver, seed: int, t: float = 0.6):
-    rng = np.random.default_rng(seed)
-    q, u = solver.initial
-    q, u = solver.assemble(q + 0.1 * rng.normal(size=solver.nq), rng.normal(size=solver.nu), t=t)
-    return q, u, None, rng.normal(size=solver.ninputs), t
-
-
 def errors(solver: codegen.Solver, engine, state, seeds) -> dict[str, float]:
-    found = {}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of parameters that open redundant conditions of a planar loop
-        for name in (*FUNCTIONS, *(["driving_force_sensitivities"] if solver.prescribed_names else [])):
-            (x, dx), (y, dy) = (getattr(of, name)(*state, **seeds) for of in (solver, engine))
-            if name.startswith("energy"):
-                x, y, dx, dy = np.array(x), np.array(y), np.array(dx).T, np.array(dy).T
-            found[name] = max(error(x, y), worst(dx, dy))
-        _, u, dq, du = solver.assemble_sensitivities(*state, **seeds)
-        expected = engine.complete(*state, **seeds)
-    return found | {"u": error(u, expected[0]), "dq": worst(dq, expected[1]), "du": worst(du, expected[2])}
+        return function_errors(solver, engine, state, seeds) | completion_errors(solver, engine, state, seeds)
 
 
 @pytest.mark.parametrize("name", MODELS)
 def test_every_function_is_that_of_both_engines(made, name: str) -> None:
     model, solver = parse_model(MODELS[name]), made(MODELS[name])
-    state = closed_state(solver, 3)
+    state = closed_state(solver, 3, SPREAD, T)
     seeds = random_seeds(np.random.default_rng(5), model, 3)
     if "free" in MODELS[name]:  # assembly makes quaternions unit, and their seeds tangent to that
         seeds["dq"][:, :7] = 0
@@ -69,7 +54,7 @@ def test_every_function_is_that_of_both_engines(made, name: str) -> None:
 @pytest.mark.parametrize("name", ["geared five-bar on a cart"])
 def test_compiled_code_has_the_same_and_more_digits_agree(made, name: str) -> None:
     compiled, solver = made(MODELS[name], "c"), made(MODELS[name])
-    state = closed_state(solver, 3)
+    state = closed_state(solver, 3, SPREAD, T)
     seeds = random_seeds(np.random.default_rng(5), parse_model(MODELS[name]), 9)
     for x, y in zip(compiled.sensitivities(*state, **seeds), solver.sensitivities(*state, **seeds), strict=True):
         assert error(x, y) < 1e-13
@@ -99,11 +84,8 @@ def check_tree(seed: int, folder: Path) -> None:
     solver = codegen.load(folder / "tree")
     seeds = random_seeds(rng, model, 3)
     for engine in (DenseEngine(model), RecursiveEngine(model)):
-        for name in FUNCTIONS:
-            (x, dx), (y, dy) = (getattr(of, name)(*state, **seeds) for of in (solver, engine))
-            if name.startswith("energy"):
-                x, y, dx, dy = np.array(x), np.array(y), np.array(dx).T, np.array(dy).T
-            assert max(error(x, y), worst(dx, dy)) < 1e-11, (type(engine).__name__, name)
+        found = function_errors(solver, engine, tuple(state), seeds)
+        assert max(found.values()) < 1e-11, (type(engine).__name__, found)
     assert max(transposes(solver, tuple(state), rng).values()) < 1e-12
 
 
@@ -187,7 +169,7 @@ def test_a_coupling_that_contradicts_loops_leaves_no_freedom(change: str) -> Non
 def test_what_is_wrong_with_a_coupling_is_told_of_a_coupling(made) -> None:
     geared = MODELS["neighbours"] + "independent: [b2]\n"
     for solver in (made(geared), made(geared, "c")):
-        q, u, p, inputs, t = closed_state(solver, 3)
+        q, u, p, inputs, t = closed_state(solver, 3, SPREAD, T)
         with pytest.raises(
             SingularLoopError, match="coupling g has lost rank: its dependent coordinate is multiplied by zero"
         ) as raised:
@@ -218,7 +200,7 @@ def test_accelerations_are_those_of_the_tree_reduced_by_the_couplings(made, name
     text = MODELS[name]
     model, solver, tree = parse_model(text), made(text), made(text[: text.index("couplings:")])
     p = np.array([1.3, 0.4, -0.2, 0.7, 0.9])
-    q, u = solver.assemble(*closed_state(solver, 11)[:2], p)
+    q, u = solver.assemble(*closed_state(solver, 11, SPREAD, T)[:2], p)
     at = dict(zip(model.parameter_names, p, strict=True))
     first = [u.start for _, u in model.coordinate_slices]
     rows = np.zeros((len(model.loops), model.nu))
@@ -284,7 +266,7 @@ def test_the_force_of_a_coupling_is_the_multiplier_of_its_condition(tmp_path: Pa
         model = parse_model(MODELS[name])
         codegen.generate(model, tmp_path / f"train{n}", target="numpy", reactions=True)
         solver = codegen.load(tmp_path / f"train{n}")
-        state = closed_state(solver, 3)
+        state = closed_state(solver, 3, SPREAD, T)
         _, loops = solver.reactions(*state)
         dense = DenseEngine(model)
         assert error(loops, dense.reactions(*state)) < 1e-12

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from comparison import error, transposes, worst
+from comparison import error, function_errors, transposes, worst
 from prescribed_models import bars, prescribed, with_prescribed_at
 from random_mechanisms import Discarded, random_mechanism
 from random_models import expression, random_seeds
@@ -19,23 +19,11 @@ from codegen.model import ModelError, parse_model
 from codegen.reference import DenseEngine, RecursiveEngine
 
 P, T = [0.9, 1.7, 0.4], 0.6
-FUNCTIONS = ("sensitivities", "output_sensitivities", "energy_sensitivities", "coordinate_rate_sensitivities",
-             "driving_force_sensitivities")  # fmt: skip
 
 
 def made(model, folder: Path, **options) -> codegen.Solver:
     codegen.generate(model, folder, target="numpy", **options)
     return codegen.load(folder)
-
-
-def errors(solver, engine, state, seeds) -> dict[str, float]:
-    found = {}
-    for name in FUNCTIONS:
-        (x, dx), (y, dy) = (getattr(of, name)(*state, **seeds) for of in (solver, engine))
-        if name.startswith("energy"):
-            x, y, dx, dy = np.array(x), np.array(y), np.array(dx).T, np.array(dy).T
-        found[name] = max(error(x, y), worst(dx, dy))
-    return found
 
 
 @pytest.mark.parametrize(("frame", "load"), [("ground", False), ("ground", True), ("cart", True)])
@@ -48,7 +36,7 @@ def test_a_driven_crank_is_that_of_both_engines(tmp_path: Path, frame: str, load
     state = (q, u, P, None, T)
     seeds = random_seeds(rng, model, 3)
     for engine in (DenseEngine(model), RecursiveEngine(model)):
-        found = errors(solver, engine, state, seeds)
+        found = function_errors(solver, engine, state, seeds)
         assert max(found.values()) < 1e-13, found
     assert max(transposes(solver, state, rng).values()) < 1e-13
     assert np.abs(solver.closure(*state)).max() < 1e-14
@@ -71,7 +59,7 @@ def test_random_mechanisms_are_those_of_both_engines(tmp_path: Path, seed: int) 
             "ignore"
         )  # of parameters that open redundant conditions; all have the same definition of these
         for engine in (DenseEngine(drawn.model), RecursiveEngine(drawn.model)):
-            found = errors(solver, engine, drawn[1:], seeds)
+            found = function_errors(solver, engine, drawn[1:], seeds)
             assert max(found.values()) < 1e-10, found
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from comparison import error, transposes, worst
+from comparison import error, function_errors, transposes
 from coupled_mechanisms import by_hand
 from coupled_models import MODELS
 from emit.test_random_mechanisms import check, draw
@@ -22,21 +22,15 @@ import codegen
 from codegen.model import Model, parse_model
 from codegen.reference import DenseEngine, RecursiveEngine
 
-FUNCTIONS = ("sensitivities", "output_sensitivities", "energy_sensitivities", "coordinate_rate_sensitivities")
-
 
 def errors(solver: codegen.Solver, model: Model, state: tuple[Any, ...], seeds: Any) -> dict[str, float]:
     """Of every function against both engines, and of the transposes."""
     found = transposes(solver, state, np.random.default_rng(0))
-    names = (*FUNCTIONS, *(["driving_force_sensitivities"] if solver.prescribed_names else []))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of parameters that open redundant conditions
         for engine in (DenseEngine(model), RecursiveEngine(model)):
-            for name in names:
-                (x, dx), (y, dy) = (getattr(of, name)(*state, **seeds) for of in (solver, engine))
-                if name.startswith("energy"):
-                    x, y, dx, dy = np.array(x), np.array(y), np.array(dx).T, np.array(dy).T
-                found[f"{type(engine).__name__}.{name}"] = max(error(x, y), worst(dx, dy))
+            of_engine = function_errors(solver, engine, state, seeds)
+            found |= {f"{type(engine).__name__}.{name}": x for name, x in of_engine.items()}
     return found
 
 

@@ -8,20 +8,17 @@ divided by the size of the gradient at the present state, which is held where ot
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from functools import cached_property
 
-from ...model.expressions import Tree
+from ...model.expressions import Expression, Tree
 from ...model.surfaces import COORDINATES, PAIRS
-from ...program import algebra
-from ...program.block import Expansion, Scope
-from ...program.expressions import Expr
 from ...program.scalar import Value, Vector
 from .. import fields
 from ..spatial import add, dot, is_zero, scale
 from ..stores import CL_DP, EAR, LOOP_CONSTANTS, RANK
-from ..structure.constants import Statements
-from ..structure.surface_forms import SurfaceForm, part_name
+from ..structure.constants import written
+from ..structure.surface_forms import SurfaceForm, part_number
 from .geometry import EarGeometry
 
 TINY = 1e-200
@@ -58,20 +55,24 @@ class SurfaceCondition:
         """Components in the start face."""
         return [self.x.let(name, dot(axis, v), "Eq. 33") for axis in self.axes]
 
-    def formula(self, tree: Tree, name: str) -> Value:
+    def formula(self, expression: Expression, name: str) -> Value:
         """The value of a form."""
-        return self.x.let(name, written(self.x, tree, self._leaf), "Eq. 33")
+        return self.x.let(name, written(self.x, expression.tree, self._leaf, "Eq. 33"), "Eq. 33")
 
-    def _leaf(self, name: str) -> Value:
+    def _leaf(self, tree: Tree) -> Value:
+        name = tree[1]
         if name in COORDINATES:
             return self.place[COORDINATES.index(name)]
-        return self.x.load(LOOP_CONSTANTS[self.c], fields.surface_part(int(name[1:-1])))
+        return self._part(part_number(name))
+
+    def _part(self, i: int) -> Value:
+        return self.x.load(LOOP_CONSTANTS[self.c], fields.surface_part(i))
 
     @cached_property
     def value(self) -> Value:
         """What is zero where the condition is met."""
         if self.is_distance:
-            length = self._leaf(part_name(0))
+            length = self._part(0)
             return self.x.let("f", self.x.half * (dot(self.place, self.place) - length * length), "Eq. 33")
         return self.formula(self.form.value, "f")
 
@@ -80,7 +81,7 @@ class SurfaceCondition:
         """In region axes."""
         if self.is_distance:
             return self.place
-        own = [self.formula(tree, "g") for tree in self.form.gradient]
+        own = [self.formula(e, "g") for e in self.form.gradient]
         return self.x.let_vector("grad", add(*(scale(g, a) for g, a in zip(own, self.axes, strict=True))), "Eq. 33")
 
     @cached_property
@@ -102,7 +103,7 @@ class SurfaceCondition:
         if self.is_distance:
             bend: Value = 1
         else:
-            found = [self.formula(tree, "h") for tree in self.form.hessian]
+            found = [self.formula(e, "h") for e in self.form.hessian]
             bend = sum((1 if i == j else 2) * h * h for h, (i, j) in zip(found, PAIRS, strict=True))
             if is_zero(bend):
                 return False
@@ -116,8 +117,8 @@ class SurfaceCondition:
             return dot(v, v)
         own = self._own(v, "vs")
         total: Value = 0
-        for tree, (i, j) in zip(self.form.hessian, PAIRS, strict=True):
-            h = self.formula(tree, "h")
+        for e, (i, j) in zip(self.form.hessian, PAIRS, strict=True):
+            h = self.formula(e, "h")
             total = total + (h * own[i] * own[j] if i == j else 2 * h * own[i] * own[j])
         return self.x.let("vhv", total, "Eq. 31")
 
@@ -127,46 +128,18 @@ class SurfaceCondition:
         x = self.x
         for j in range(self.ear.kind.closures[self.c].parameters):
             change: Value = 0
-            for i, slope in self._slopes():
+            for i in self._parts():
                 more = x.load(LOOP_CONSTANTS[self.c], fields.surface_part(i).derivative(j))
                 if not is_zero(more):
-                    change = change + slope() * more
+                    change = change + self._slope(i) * more
             if not is_zero(change):
                 total = total + x.let("df", change, "d Eq. 30") * x.entry(CL_DP[self.c], j)
         return total
 
-    def _slopes(self) -> list[tuple[int, Callable[[], Value]]]:
-        """The parts that parameters may be in, each with the derivative by it."""
-        if self.is_distance:
-            return [(0, lambda: -self._leaf(part_name(0)))]
-        return [(i, lambda tree=tree: self.formula(tree, "fp")) for i, tree in self.form.by_part]  # type: ignore[misc]
+    def _parts(self) -> Sequence[int]:
+        """The parts that parameters may be in."""
+        return [0] if self.is_distance else [i for i, _ in self.form.by_part]
 
-
-def written(x: Scope, tree: Tree, leaf: Callable[[str], Value]) -> Value:
-    """The value of an expression: as statements, or whether it can differ from zero."""
-    if isinstance(x, Expansion):
-        value: Value = _Tagged(x, lambda name: algebra.expression(leaf(name[1]))).write(tree)
-        return value
-    kind = tree[0]
-    if kind == "number":
-        return x.number(tree[1])
-    if kind == "name":
-        return leaf(tree[1])
-    values = [written(x, a, leaf) for a in tree[2 if kind == "call" else 1 :]]
-    match kind:
-        case "neg":
-            return -values[0]
-        case "+":
-            return values[0] + values[1]
-        case "-":
-            return values[0] - values[1]
-        case "*":
-            return values[0] * values[1]
-    return x.call("sqrt", 1)  # what a quotient, a power or a function is cannot be known from patterns
-
-
-class _Tagged(Statements):
-    """Statements that say which equation they belong to."""
-
-    def let(self, value: Expr) -> Expr:
-        return self.x.let("e", value, "Eq. 33")
+    def _slope(self, i: int) -> Value:
+        """The derivative by a part."""
+        return -self._part(0) if self.is_distance else self.formula(dict(self.form.by_part)[i], "fp")

@@ -11,14 +11,13 @@ from collections.abc import Callable, Collection, Sequence
 from typing import NamedTuple
 
 from ...model.expressions import Tree
-from ...program import algebra
-from ...program.block import Expansion, FieldError, Scope
+from ...program.block import FieldError, Scope
 from ...program.scalar import Matrix, Value, Vector
 from ...program.store import Store
 from .. import fields
 from ..spatial import add, cross, dot, is_zero, matmul, matvec, minus, transpose
 from ..stores import COEFFICIENT, DRIVE, ELEMENT_CONSTANTS, ENDS, PIVOT
-from ..structure.constants import Statements
+from ..structure.constants import written
 from ..structure.element_kinds import ElementKind, end_name
 
 SHORTEST = 1e-100
@@ -220,11 +219,7 @@ class Element:
 
     def formula(self, tree: Tree, leaf: Callable[[Tree], Value]) -> Value:
         """The value of a tree of the expression grammar, whose names have the values that `leaf` gives."""
-        if not isinstance(self.x, Expansion):
-            return self._pattern(tree, leaf)
-        x = self.x
-        value: Value = x.let("value", Statements(x, lambda name: algebra.expression(leaf(name))).write(tree))
-        return value
+        return self.x.let("value", written(self.x, tree, leaf))
 
     def _leaf(self, tree: Tree) -> Value:
         what = tree[1]
@@ -232,25 +227,6 @@ class Element:
             return self.x.entry(COEFFICIENT if self.kind.first.has_energy else DRIVE, tree[2])
         end = self.ends[tree[2]]
         return (end.position if what == "position" else end.velocity)[tree[3]]
-
-    def _pattern(self, tree: Tree, leaf: Callable[[Tree], Value]) -> Value:
-        """Whether it can differ from zero, with every operand asked for as when it is written."""
-        kind = tree[0]
-        if kind == "number":
-            return self.x.number(tree[1])
-        if kind == "name":
-            return leaf(tree)
-        values: list[Value] = [self._pattern(a, leaf) for a in tree[2 if kind == "call" else 1 :]]
-        match kind:
-            case "neg":
-                return -values[0]
-            case "+":
-                return values[0] + values[1]
-            case "-":
-                return values[0] - values[1]
-            case "*":
-                return values[0] * values[1]
-        return self.x.call("sqrt", 1)  # what a quotient, a power or a function is cannot be known from patterns
 
     # -- what acts -------------------------------------------------------------------------------------------------
 

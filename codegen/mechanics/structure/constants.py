@@ -13,7 +13,7 @@ import mpmath
 
 from ...model.expressions import FLOAT_FUNCTIONS, Expression, Tree, functions_for
 from ...program import algebra
-from ...program.block import Block, Expansion
+from ...program.block import Block, Expansion, Scope
 from ...program.derivatives import Tangents
 from ...program.digits import are_long, number, value_of
 from ...program.expressions import Expr, Number, Symbol
@@ -71,11 +71,15 @@ def to_slots(tree: Tree, numbers: list[float], slot: Callable[[str], Tree]) -> T
 
 
 class Statements:
-    """Writes an expression tree as statements of an expansion: names where the tree would grow a large expression."""
+    """Writes an expression tree as statements of an expansion: names where the tree would grow a large expression.
 
-    def __init__(self, x: Expansion, leaf: Leaf):
+    `tag`: the equation that they belong to.
+    """
+
+    def __init__(self, x: Expansion, leaf: Leaf, tag: str = ""):
         self.x = x
         self.leaf = leaf
+        self.tag = tag
 
     def write(self, tree: Tree) -> Expr:
         kind = tree[0]
@@ -116,7 +120,33 @@ class Statements:
         return self.let(value) if value.is_Add else value
 
     def let(self, value: Expr) -> Expr:
-        return self.x.let("e", value)
+        return self.x.let("e", value, self.tag)
+
+
+def written(x: Scope, tree: Tree, leaf: Callable[[Tree], Value], tag: str = "") -> Value:
+    """The value of an expression: as statements, or whether it can differ from zero, with every operand asked for all the same.
+
+    `leaf` gives the value of a name's tree; `tag` is the equation that the statements belong to.
+    """
+    if isinstance(x, Expansion):
+        value: Value = Statements(x, lambda name: algebra.expression(leaf(name)), tag).write(tree)
+        return value
+    kind = tree[0]
+    if kind == "number":
+        return x.number(tree[1])
+    if kind == "name":
+        return leaf(tree)
+    values = [written(x, a, leaf) for a in tree[2 if kind == "call" else 1 :]]
+    match kind:
+        case "neg":
+            return -values[0]
+        case "+":
+            return values[0] + values[1]
+        case "-":
+            return values[0] - values[1]
+        case "*":
+            return values[0] * values[1]
+    return x.call("sqrt", 1)  # what a quotient, a power or a function is cannot be known from patterns
 
 
 @dataclass(slots=True, eq=False)

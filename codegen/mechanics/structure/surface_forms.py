@@ -10,28 +10,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ...model.expressions import Expression, Tree
-from ...model.rates import derivative
+from ...model.rates import rate
 from ...model.surfaces import SurfaceFunction, depends
 
 
 @dataclass(frozen=True, slots=True)
-class SurfaceForm:
+class SurfaceForm(SurfaceFunction):
     """An equation, with parts by number in the place of what no coordinate is in.
 
     Attributes
     ----------
-    value : Tree
-    gradient : tuple of three Tree
-    hessian : tuple of six Tree
-        xx, yy, zz, xy, xz, yz.
-    by_part : tuple of (int, Tree)
+    by_part : tuple of (int, Expression)
         Its derivatives by those parts that parameters are in.
     """
 
-    value: Tree
-    gradient: tuple[Tree, ...]
-    hessian: tuple[Tree, ...]
-    by_part: tuple[tuple[int, Tree], ...]
+    by_part: tuple[tuple[int, Expression], ...]
 
 
 def part_name(i: int) -> str:
@@ -39,16 +32,28 @@ def part_name(i: int) -> str:
     return f"<{i}>"
 
 
+def part_number(name: str) -> int:
+    """Which part a name of a form is."""
+    return int(name[1:-1])
+
+
 def forms_of(functions: Sequence[SurfaceFunction]) -> tuple[tuple[SurfaceForm, ...], tuple[Expression, ...]]:
     """The forms of some equations, and their parts."""
     parts: list[Tree] = []
+
+    def split(e: Expression) -> Expression:
+        return Expression(_split(e.tree, parts))
+
     found = []
     for f in functions:
-        value = _split(f.value.tree, parts)
+        value = split(f.value)
         own = [i for i, part in enumerate(parts) if Expression(part).names]
-        gradient, hessian = (tuple(_split(e.tree, parts) for e in those) for those in (f.gradient, f.hessian))
-        by_part = tuple((i, derivative(value, part_name(i))) for i in own)
-        found.append(SurfaceForm(value, gradient, hessian, tuple((i, d) for i, d in by_part if d != ("number", 0))))
+        x, y, z = map(split, f.gradient)
+        hessian = tuple(map(split, f.hessian))
+        by_part = ((i, rate(value, part_name(i))) for i in own)
+        found.append(
+            SurfaceForm(value, (x, y, z), hessian, tuple((i, d) for i, d in by_part if d.tree != ("number", 0)))
+        )
     return tuple(found), tuple(map(Expression, parts))
 
 
