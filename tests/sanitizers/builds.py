@@ -13,7 +13,7 @@ from pathlib import Path
 ADDRESS = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 QUICK = (*ADDRESS, "-fno-sanitize=null,pointer-overflow,object-size")
 """Without checks that double the time to compile; what they find, the address sanitizer finds where the pointer is used."""
-MEMORY = ("-fsanitize=memory",)
+MEMORY = ("-fsanitize=memory", "-include", str(Path(__file__).with_name("masked.h")))
 PLAIN = ("-DORDERNM_PLAIN_C", "-std=c99", "-pedantic", "-D_POSIX_C_SOURCE=200112L")
 NATIVE = ("-march=native",)
 """The widest vectors that this machine has; without, those that every machine of its kind has."""
