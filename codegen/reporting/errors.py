@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
+import decimal
 import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -53,7 +55,19 @@ bodies:
 """A small model on which the reference is timed in both kinds of numbers."""
 
 Exact = Any
-"""Numbers of the reference, (nu,)."""
+"""Numbers of the reference, (nu,), as mpmath's."""
+
+NUMBERS = "decimal"
+"""Kind of the reference's numbers."""
+
+_as_mpf = np.frompyfunc(mpmath.mp.convert, 1, 1)
+
+
+@contextlib.contextmanager
+def _extended() -> Iterator[None]:
+    """In which the reference computes, and what it gives is converted and compared."""
+    with mpmath.workdps(DIGITS), decimal.localcontext(prec=DIGITS):
+        yield
 
 
 @cache
@@ -63,14 +77,14 @@ def slowdown() -> float:
 
     def seconds(numbers: str) -> float:
         engine, taken = RecursiveEngine(model, numbers=numbers), []
-        with mpmath.workdps(DIGITS):
+        with _extended():
             for _ in range(3):
                 start = time.process_time()
                 engine.accelerations([0.3, 0.4], [1.0, -1.0])
                 taken.append(time.process_time() - start)
         return min(taken)
 
-    return seconds("mpmath") / seconds("float64")
+    return seconds(NUMBERS) / seconds("float64")
 
 
 def relative(x: Any, exact: Any, natural: float = 1.0) -> float:
@@ -159,7 +173,7 @@ def errors(
             )
         )
         names, seeds = names[:left], {name: x[:left] for name, x in seeds.items()}
-    engine = RecursiveEngine(model, numbers="mpmath")
+    engine = RecursiveEngine(model, numbers=NUMBERS)
     found: list[dict[str, Any]] = []
     derivatives: dict[str, Exact] = {}
     spent, expected = 0.0, alone * (1 + len(names))
@@ -174,8 +188,8 @@ def errors(
             warnings.simplefilter("ignore", RuntimeWarning)
             udot, dudot = solver.sensitivities(*at, **seeds)
         start = time.process_time()
-        with mpmath.workdps(DIGITS):
-            exact, dexact = engine.sensitivities(*at, **seeds)
+        with _extended():
+            exact, dexact = map(_as_mpf, engine.sensitivities(*at, **seeds))
             natural = natural_sizes(exact, _values(model, solver, names))
             found.append({
                 "state": state.name,
@@ -193,7 +207,7 @@ def errors(
     columns = model.nq + model.nu + len(model.parameters) + len(model.inputs) + 1
     cost = expected * columns / len(names)
     if columns <= MOST_COLUMNS and spent + cost <= 2 * budget:
-        with mpmath.workdps(DIGITS):
+        with _extended():
             first = states[0]
             found[0] |= _of_all_columns(engine, solver, (first.q, first.u, None, first.inputs, first.t))
     else:
@@ -223,9 +237,9 @@ def _seconds_of_udot(model: Model, state: State, budget: float) -> float | None:
     """CPU seconds of the reference for the accelerations alone; None where that would be more than the budget."""
     if slowdown() * _seconds_of_udot_in_doubles(model, state) > budget:
         return None
-    engine = RecursiveEngine(model, numbers="mpmath")
+    engine = RecursiveEngine(model, numbers=NUMBERS)
     start = time.process_time()
-    with mpmath.workdps(DIGITS):
+    with _extended():
         engine.accelerations(state.q, state.u, None, state.inputs, state.t)
     return time.process_time() - start
 
@@ -241,14 +255,14 @@ def _of_all_columns(engine: RecursiveEngine, solver: Solver, at: Sequence[Any]) 
     """Of the Jacobians the worst column, and of one gradient the worst of its parts, by q, u, p, inputs and t."""
     exact = engine.jacobians(*at)
     given = solver.jacobians(*at)
-    udot = engine.accelerations(*at)
+    udot = _as_mpf(engine.accelerations(*at))
     weights = np.random.default_rng(3).normal(size=solver.nu)
     gradients = solver.gradients(*at, weights=weights)
     exact_weights = np.array([mpmath.mpf(float(w)) for w in weights], dtype=object)
     q, u, _, inputs, t = at
     worst_column, worst_part = 0.0, 0.0
     for part, values in (("q", q), ("u", u), ("p", solver.parameters), ("inputs", inputs), ("t", [t])):
-        columns, ours = (np.asarray(getattr(x, part)) for x in (exact, given))
+        columns, ours = _as_mpf(getattr(exact, part)), np.asarray(getattr(given, part))
         columns, ours = columns.reshape(solver.nu, -1), ours.reshape(solver.nu, -1)
         if not columns.size:
             continue

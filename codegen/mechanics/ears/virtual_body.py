@@ -38,7 +38,7 @@ def ear_triangularize(x: Scope, kind: EarKind) -> None:
             N = apply_inertia(x, J, H, M, zw, zv, "N", tag)
             for d, (yw, yv) in Z.items():
                 if d <= c:
-                    Q[d, c] = Q.get((d, c), 0) + dot(yw, N[0]) + dot(yv, N[1])
+                    Q[d, c] = x.let("Q", Q.get((d, c), 0) + dot(yw, N[0]) + dot(yv, N[1]), tag)
             g[c] = g.get(c, 0) + dot(zw, n) + dot(zv, f)
             if kind.carried and kind.rigid:
                 o = ear.position(k)

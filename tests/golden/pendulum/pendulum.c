@@ -230,20 +230,20 @@ static void constants_0(call *a)
     const double k_0 = ALL(k[0]);
     const double k_1 = ALL(k[1]);
     const double length = p[0];
-    const double k_2 = ALL(k[2]);
-    const double k_3 = ALL(k[3]);
-    const double k_4 = ALL(k[4]);
-    const double k_5 = ALL(k[5]);
-    const double k_6 = ALL(k[6]);
-    const double k_7 = ALL(k[7]);
-    const double k_8 = ALL(k[8]);
     const double m = k_0*k_1*length;
     c->mass = m;
+    const double k_4 = ALL(k[4]);
+    const double k_5 = ALL(k[5]);
     const double e = k_4 + (length*length)/k_5;
     const double h_1 = -0.5*m*length;
+    const double k_2 = ALL(k[2]);
+    const double k_3 = ALL(k[3]);
     const double J = length*(e*k_2*k_3 - 0.5*h_1);
     c->inertia_xx = J;
     c->first_moment_z = h_1;
+    const double k_6 = ALL(k[6]);
+    const double k_7 = ALL(k[7]);
+    const double k_8 = ALL(k[8]);
     const double J_1 = k_6*k_7*k_8*length;
     c->inertia_zz = J_1;
     const double d = k_0*k_1; /* primitive */
@@ -267,8 +267,8 @@ static void pose_0(call *a)
 {
     const double *restrict trig = a->trig + 0;
     link_record *restrict me = &a->records[0];
-    const double trig_cos = trig[COSINE];
     me->position_z = ALL(0.0);
+    const double trig_cos = trig[COSINE];
     me->attitude_zz = trig_cos;
 }
 
@@ -288,8 +288,8 @@ static void kinematics_0(call *a)
     link_record *restrict me = &a->records[0];
     const double trig_sin = trig[SINE];
     const double up_a_z = near_up[KINEMATICS_ACCELERATION_Z];
-    const double c_h_z = c->first_moment_z;
     const double ap_x = -trig_sin*up_a_z; /* Eq. 21 */
+    const double c_h_z = c->first_moment_z;
     const double n_y = ap_x*c_h_z; /* Eq. 24 */
     me->moment_y = n_y;
 }
@@ -312,13 +312,13 @@ static void triangularize_0(call *a)
     const double *restrict tau = a->tau;
     const double c_J_xx = c->inertia_xx;
     const double c_J_zz = c->inertia_zz;
-    const double me_n_y = me->moment_y;
-    const double tau_rod = tau[0];
     const double scale = c_J_zz + 2.0*c_J_xx; /* zero pivot */
     const double margin = c_J_xx - 2e-15*scale;
     REQUIRE(margin > 0.0, 0 + 1);
     const double Dinv = 1.0/c_J_xx; /* Eq. 47 */
     me->inverse_pivot_0 = Dinv;
+    const double me_n_y = me->moment_y;
+    const double tau_rod = tau[0];
     const double r = tau_rod - me_n_y; /* Eq. 53 */
     const double rD = Dinv*r;
     me->right_side_0 = rD;
@@ -372,8 +372,8 @@ static void outputs_of_link_0(call *a)
     double *restrict outputs = a->outputs;
     const double length = p[0];
     const double me_W_zz = me->attitude_zz;
-    const double me_pos_z = me->position_z;
     const double x_2 = -me_W_zz*length;
+    const double me_pos_z = me->position_z;
     const double value = me_pos_z + x_2;
     outputs[0] = value;
 }

@@ -44,18 +44,18 @@ static void DIRECTIONS(balance_out_0)(DIRECTIONS(call) *a)
     DIRECTIONS(link_lanes) *restrict lane = &a->lanes[0];
     EACH_VECTOR {
         const double trig_cos = trig[COSINE];
-        const double trig_sin = trig[SINE];
         const double up_ta_z = near_up[BALANCE_OUT_TOTAL_ACCELERATION_Z];
+        const double ap_z = trig_cos*up_ta_z; /* Eq. 21 */
+        const double trig_sin = trig[SINE];
+        const double ap_x = -trig_sin*up_ta_z;
+        const VECTOR dq_rod = dq[0].at[h];
+        const VECTOR d_ap_x = -ap_z*dq_rod; /* d Eq. 21 */
         const double udot_rod = udot[0];
-        const double c_h_z = c->first_moment_z;
         const double c_h_z_d0 = c->first_moment_z_d0;
         const double c_J_xx_d0 = c->inertia_xx_d0;
-        const VECTOR dq_rod = dq[0].at[h];
-        const VECTOR dp_length = dp[0].at[h];
-        const double ap_z = trig_cos*up_ta_z; /* Eq. 21 */
-        const double ap_x = -trig_sin*up_ta_z;
-        const VECTOR d_ap_x = -ap_z*dq_rod; /* d Eq. 21 */
         const double d_4 = ap_x*c_h_z_d0 + c_J_xx_d0*udot_rod; /* primitive */
+        const double c_h_z = c->first_moment_z;
+        const VECTOR dp_length = dp[0].at[h];
         const VECTOR d_n_y = c_h_z*d_ap_x + d_4*dp_length; /* d Eq. 24 */
         lane->moment_y.at[h] = d_n_y;
     }
@@ -80,8 +80,8 @@ static void DIRECTIONS(balance_in_0)(DIRECTIONS(call) *a)
     EACH_VECTOR {
         const VECTOR lane_n_y = lane->moment_y.at[h];
         const VECTOR dtau_rod = dtau[0].at[h];
-        const double me_Dinv_0 = me->inverse_pivot_0;
         const VECTOR r = dtau_rod - lane_n_y; /* d Eq. 53 */
+        const double me_Dinv_0 = me->inverse_pivot_0;
         const VECTOR rD = me_Dinv_0*r;
         lane->right_side_0.at[h] = rD;
     }
@@ -187,17 +187,17 @@ static void DIRECTIONS(gradient_in_0)(DIRECTIONS(call) *a)
     LANES *restrict du = a->du;
     EACH_VECTOR {
         const double trig_cos = trig[COSINE];
-        const double trig_sin = trig[SINE];
         const double up_ta_z = up->total_acceleration_z;
-        const double udot_rod = udot[0];
-        const double c_h_z = c->first_moment_z;
-        const double c_h_z_d0 = c->first_moment_z_d0;
-        const double c_J_xx_d0 = c->inertia_xx_d0;
-        const VECTOR lane_n_y = lane->moment_y.at[h];
         const double ap_z = trig_cos*up_ta_z; /* Eq. 21 */
+        const double c_h_z = c->first_moment_z;
+        const VECTOR lane_n_y = lane->moment_y.at[h];
         const VECTOR d_ap_x_bar = c_h_z*lane_n_y; /* T d Eq. 21 */
         const VECTOR dq_0_bar = -ap_z*d_ap_x_bar;
+        const double trig_sin = trig[SINE];
         const double ap_x = -trig_sin*up_ta_z; /* Eq. 21 */
+        const double udot_rod = udot[0];
+        const double c_h_z_d0 = c->first_moment_z_d0;
+        const double c_J_xx_d0 = c->inertia_xx_d0;
         const double d_4 = ap_x*c_h_z_d0 + c_J_xx_d0*udot_rod; /* primitive */
         const VECTOR dp_0_bar = d_4*lane_n_y;
         dq[0].at[h] = dq_0_bar;
