@@ -7,6 +7,7 @@ import shutil
 import tempfile
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +16,8 @@ from ..bench.machine import machine
 from ..generation import generate
 from ..model import Model, load_model
 from ..runtime import load
+from ..runtime.standalone.build import Build, build_apart, builds
+from ..runtime.standalone.manifest import read_manifest
 from ..version import __version__
 from . import differences, errors, generated, motions, pages, roofline
 from .skipped import Skipped
@@ -92,8 +95,11 @@ def measure(model: Model, request: Request, progress: Progress) -> dict[str, Any
     skipped: list[Skipped] = []
     begin, cpu = time.perf_counter(), _cpu_seconds()
     with tempfile.TemporaryDirectory() as scratch:
-        # all functions in one library: a report calls nearly all, and they share most of what is compiled
-        made = generate(model, Path(scratch) / model.name, compile="all", check=False, progress=progress)
+        made = generate(model, Path(scratch) / model.name, compile=False, check=False, progress=progress)
+        progress("compiling", 0, 0)
+        made.seconds["compile all functions"] = _compile(
+            made.folder, "states", *(["four"] if len(motions.sensitivities(model)) > 1 else [])
+        )
         solver = load(made.folder)
         data: dict[str, Any] = {
             "model": model.name,
@@ -129,8 +135,10 @@ def measure(model: Model, request: Request, progress: Progress) -> dict[str, Any
         def remade(partitions: int) -> Solver:
             folder = Path(scratch) / f"{model.name}_{partitions}"
             generate(model, folder, compile=False, check=False, progress=progress, partitions=partitions)
-            for library in made.folder.glob("*.so"):  # of the first choice, which has not changed
-                shutil.copy(library, folder)
+            for library in Path(scratch).glob("*/*.so"):  # of fewer choices, which have not changed
+                if library.parent != folder:
+                    shutil.copy(library, folder)
+            _compile(folder, "precise")
             return load(folder)
 
         data["motions"] = motions.motions(model, solver, request.end, skipped, remade)
@@ -138,6 +146,26 @@ def measure(model: Model, request: Request, progress: Progress) -> dict[str, Any
     data["seconds"] = time.perf_counter() - begin
     data["cpu_seconds"] = _cpu_seconds() - cpu
     return data
+
+
+def _compile(folder: Path, *apart: str) -> float:
+    """Compile a package, all partitions, side by side with what is compiled apart; seconds that the first takes.
+
+    All functions are in one library: a report calls nearly all, and they share most of what is compiled.
+    """
+    manifest = read_manifest(folder)
+    parts = [manifest, *manifest.get("others", [])]
+    wanted = [builds(folder, part)[""] for part in parts]
+    wanted += [build_apart(folder, part["name"], name) for part in parts for name in apart]
+
+    def seconds(build: Build) -> float:
+        begin = time.perf_counter()
+        build.library()
+        return time.perf_counter() - begin
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        first, *_ = pool.map(seconds, [build for build in wanted if build.exists()])
+        return first
 
 
 def _cpu_seconds() -> float:

@@ -44,15 +44,18 @@ LOST, LEAST = 1e-3, 1e-3
 FACTORS = 20
 """So often an implicit method factors its matrices, at least; where that is too much it is left out."""
 
-PROBED, ALLOWED = 30, 4
+PROBED, ALLOWED = 90, 12
 """So many times `COSTLIEST` the first motion may cost, by which it is found how far motions go, and any later one."""
 
 MOTIONS = len(FIXED) + sum(map(len, ADAPTIVE.values()))
 """So many settings a diagram has."""
 
-COSTLIEST = 1.5e9
-"""Operations that one motion of a diagram may take, half a second or so; a method goes no further then. Operations and not
-seconds, so that another run of the same report makes the same motions."""
+COSTLIEST = 5e8
+"""Operations that one motion of a diagram may take, a quarter of a second or so; a method goes no further then. Operations and
+not seconds, so that another run of the same report makes the same motions."""
+
+LONGEST = 0.75 * COSTLIEST
+"""Those of a motion at a tolerance of 1e-6: what takes more is not integrated as far as asked."""
 
 MOST_SENSITIVITIES = 4
 
@@ -85,7 +88,7 @@ def motions(
         ``sensitivity_error``, ``evaluations``, ``seconds`` (the least) and ``seconds_high`` (the largest); ``conditions``, see
         `conditions`.
     """
-    names = list(model.parameter_names[:MOST_SENSITIVITIES])
+    names = sensitivities(model)
     probe = _motion(solver, end, names, "dop853", 1e-6, allowed=PROBED)
     choices = 1
     while not isinstance(probe, str) and (more := more_choices(solver, probe, choices)):
@@ -103,17 +106,17 @@ def motions(
             skipped.append(Skipped("motions", found["ended"]))
             return None
     implicit = FACTORS * _factoring(solver) <= COSTLIEST
-    stiff = implicit and _cost(solver, probe, names) > COSTLIEST / 4
+    stiff = implicit and _cost(solver, probe, names) > LONGEST
     if stiff:  # an explicit method needs too many steps: the implicit one is the reference
         probe = _motion(solver, end, names, "radau", 1e-6)
     cost = math.inf if isinstance(probe, str) else _cost(solver, probe, names)
-    if cost > COSTLIEST / 4:
-        share = max(COSTLIEST / 4 / cost, 1e-4)
+    if cost > LONGEST:
+        share = max(LONGEST / cost, 1e-4)
         shorter = float(f"{end * share:.2g}")
         seconds = None if isinstance(probe, str) else float(probe.stats["seconds"]) * ROUNDS * MOTIONS
         why = "has no end" if isinstance(probe, str) else f"takes {cost:.1g} operations"
         skipped.append(
-            Skipped(f"motions beyond {shorter:g} s", f"one of {end:g} s {why}, of {COSTLIEST / 4:.1g} allowed", seconds)
+            Skipped(f"motions beyond {shorter:g} s", f"one of {end:g} s {why}, of {LONGEST:.1g} allowed", seconds)
         )
         end = shorter
     method = "radau" if stiff else "dop853"
@@ -145,6 +148,11 @@ def motions(
         found["methods"][name] = _adaptive(solver, end, names, name, looser, best)
     found["conditions"] = conditions(solver, end, method, skipped)
     return found
+
+
+def sensitivities(model: Model) -> list[str]:
+    """What motions are differentiated by."""
+    return list(model.parameter_names[:MOST_SENSITIVITIES])
 
 
 def _motion(
@@ -280,7 +288,7 @@ def _fixed(solver: Solver, end: float, names: Sequence[str], best: Trajectory) -
         point = _point(solver, end, names, "rk4", 1e-9, steps, best)
         if point is not None and np.isfinite(point["error"]) and point["error"] < 1:
             points.append(point)
-            if point["operations"] > COSTLIEST:
+            if 2 * point["operations"] > COSTLIEST:  # the next takes twice as many
                 break
     return points
 

@@ -62,6 +62,25 @@ def test_another_source_compiler_or_flag_is_another_library(pendulum, monkeypatc
     assert len(libraries(pendulum)) == 5
 
 
+def test_a_library_is_known_by_what_its_sources_include(tmp_path):
+    """Also what that includes; other files beside it do not matter."""
+    (tmp_path / "part").mkdir()
+    texts = {"m.c": '#include "part/a.h"\n#include <math.h>\n', "m_calls.c": "", "part/a.h": '#  include "b.h"\n', "part/b.h": "",
+             "m_other.h": ""}  # fmt: skip
+    for name, text in texts.items():
+        (tmp_path / name).write_text(text)
+    made = build.Build(tmp_path, "m")
+    before = made.key()
+    (tmp_path / "m_other.h").write_text("int x;\n")
+    assert made.key() == before
+    for name, text in texts.items():
+        if name != "m_other.h":
+            (tmp_path / name).write_text(text + "int y;\n")
+            assert made.key() != before, name
+            (tmp_path / name).write_text(text)
+            assert made.key() == before
+
+
 def test_the_processor_is_part_of_the_key(pendulum, monkeypatch):
     load(pendulum)
     monkeypatch.setattr(build, "processor", lambda: "another processor")

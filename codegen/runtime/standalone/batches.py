@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from .arrays import Array, Shape
-from .build import Build
+from .build import build_apart
 from .errors import CompileError, NoCompilerError
 from .functions import Function
 from .warning import warn
@@ -169,8 +169,7 @@ class Batches:
         with self._lock:
             if self._library is None:
                 try:
-                    name = f"{self._model}_states"
-                    build = Build(self._folder, name, [f"{name}.c"], [f"{self._model}.c"])
+                    build = build_apart(self._folder, self._model, "states")
                     self._ffi.cdef(STRIDED.format(", ".join(self._over_states["arrays"])), override=True)
                     self._library = self._ffi.dlopen(str(build.library()))
                 except (CompileError, NoCompilerError, OSError) as error:

@@ -5,15 +5,23 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import os
+import re
 import shlex
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from .compiler import COMMAND, STANDARD, compiler_version, find_compiler, optimization, processor, run_all
+from .compiler import CFLAGS, COMMAND, STANDARD, compiler_version, find_compiler, optimization, processor, run_all
 from .errors import CompileError, NoCompilerError
+
+FLAGS = {"four": ("-O3", "-march=native"), "precise": ("-O1",)}
+"""Of what is compiled apart, unless the environment says. Four directions: a motion with them is a twentieth faster by -O3, for
+more time to compile. Long double: it is needed at once, but derivatives near a pose take most of their time in it, and twice as
+long by -O0."""
+
+_INCLUDE = re.compile(rb'^ *# *include "([^"]+)"', re.MULTILINE)
 
 
 def user_cache() -> Path:
@@ -38,8 +46,6 @@ class Build:
         The model's name.
     sources : list of str
         C files; left out: ``<name>.c``, ``<name>_calls.c`` and, where there is one, ``<name>_motion.c``.
-    included : list of str
-        Further C files that these include.
     part : str
         The library of some functions, where it is not to have all.
     number, units
@@ -51,7 +57,6 @@ class Build:
         folder: Path,
         name: str,
         sources: Sequence[str] = (),
-        included: Sequence[str] = (),
         part: str = "",
         number: int = 0,
         units: Sequence[int] = (),
@@ -62,8 +67,6 @@ class Build:
         self.number = number
         self.units = units
         self.sources = [folder / s for s in sources or [f"{name}.c", f"{name}_calls.c"]]
-        self.included = [folder / s for s in included]
-        self.headers = "*.h" if sources else f"{name}*.h"
         motion = folder / f"{name}_motion.c"
         if not sources and motion.is_file():
             self.sources.append(motion)
@@ -79,14 +82,16 @@ class Build:
     def key(self) -> str:
         """Beginning of the library's name; ``*`` for the compiler if there is none."""
         source = hashlib.sha256()
-        headers = (*sorted(self.folder.glob(self.headers)), *sorted(self.folder.glob("motion/*.h")))
-        for file in (*self.sources, *self.included, *headers):
-            if file.name != f"{self.name}_model.h":  # defaults, which the library does not hold
-                source.update(file.read_bytes())
+        for text in _texts(self.sources):
+            source.update(text)
         machine = short_key(*STANDARD, *self.flags, processor())
         compiler = short_key(*self.compiler, compiler_version(tuple(self.compiler))) if self.compiler else "*"
         part = f".{self.part}" if self.part else ""
         return f"{self.name}{part}-{source.hexdigest()[:16]}-{machine}-{compiler}"
+
+    def exists(self) -> bool:
+        """Whether its sources are there: packages have what their functions need."""
+        return all(s.is_file() for s in self.sources)
 
     def found(self, key: str = "") -> Path | None:
         """The library if it exists; one that is damaged is removed."""
@@ -167,6 +172,28 @@ class Build:
         if refused:
             return refused, log
         return run_all([[*common, "-o", str(output), *map(str, objects), "-lm"]])
+
+
+def _texts(sources: Sequence[Path]) -> Iterator[bytes]:
+    """Of C files and of what they include, each once."""
+    known, waiting = set(sources), [*reversed(sources)]
+    while waiting:
+        file = waiting.pop()
+        text = file.read_bytes()
+        yield text
+        for name in _INCLUDE.findall(text):
+            found = file.parent / os.fsdecode(name)
+            if found not in known and found.is_file():
+                known.add(found)
+                waiting.append(found)
+
+
+def build_apart(folder: Path, name: str, part: str) -> Build:
+    """How ``NAME_<part>.c``, which includes ``NAME.c``, becomes a library: "states", "four" or "precise"."""
+    build = Build(folder, f"{name}_{part}", [f"{name}_{part}.c"])
+    if part in FLAGS and CFLAGS not in os.environ:
+        build.flags = list(FLAGS[part])
+    return build
 
 
 def builds(folder: Path, manifest: Mapping[str, Any]) -> dict[str, Build]:

@@ -20,8 +20,11 @@ from typing import Any
 from .errors import CompileError, FlagsError, NoCompilerError
 
 STANDARD = ("-std=gnu11", "-fPIC", "-shared")
+CFLAGS = "ORDERNM_CFLAGS"
+"""What gives other flags in the environment."""
+
 OPTIMIZATION = ("-O2", "-march=native")
-"""``ORDERNM_CFLAGS`` in the environment replaces these. Never -ffast-math: pivots are compared with zero."""
+"""`CFLAGS` in the environment replaces these. Never -ffast-math: pivots are compared with zero."""
 
 COMPILE_SECONDS = 600.0
 """A compiler that takes longer is stopped; ``ORDERNM_COMPILE_SECONDS`` in the environment gives another time."""
@@ -72,7 +75,7 @@ def optimization() -> list[str]:
     FlagsError
         ``ORDERNM_CFLAGS`` asks for arithmetic that breaks the solver.
     """
-    given = os.environ.get("ORDERNM_CFLAGS")
+    given = os.environ.get(CFLAGS)
     try:
         flags = list(OPTIMIZATION) if given is None else shlex.split(given)
     except ValueError as error:

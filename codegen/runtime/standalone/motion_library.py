@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import re
 import threading
 from pathlib import Path
 from typing import Any
 
-from .build import Build, user_cache
+from .build import Build, build_apart, user_cache
 from .errors import CompileError, PackageError
 
 FOLDER = "motion"
 HEADER = "motion.h"
-CFLAGS = "ORDERNM_CFLAGS"
-
-FOUR_LANES = ("-O3", "-march=native")
-"""Flags of the functions of four directions: -O3 makes a motion with them a twentieth faster, for more time to compile."""
 
 _opened: dict[Path, tuple[Any, Any]] = {}
 _opening = threading.Lock()
@@ -55,7 +50,7 @@ def motion_library(folder: Path) -> tuple[Any, Any]:
 _apart: dict[tuple[Path, str, str], tuple[Any, Any]] = {}
 
 
-def _library_apart(folder: Path, name: str, part: str, declaration: str, flags: list[str]) -> tuple[Any, Any]:
+def _library_apart(folder: Path, name: str, part: str, declaration: str) -> tuple[Any, Any]:
     """The cffi interface and the library of ``NAME_<part>.c``, which includes ``NAME.c``: compiled when first asked for."""
     from cffi import FFI
 
@@ -63,10 +58,7 @@ def _library_apart(folder: Path, name: str, part: str, declaration: str, flags: 
         if (folder, name, part) not in _apart:
             ffi = FFI()
             ffi.cdef(declaration)
-            build = Build(folder, f"{name}_{part}", [f"{name}_{part}.c"], [f"{name}.c"])
-            if CFLAGS not in os.environ:
-                build.flags = flags
-            path = build.library()
+            path = build_apart(folder, name, part).library()
             try:
                 _apart[folder, name, part] = ffi, ffi.dlopen(str(path))
             except OSError as error:
@@ -81,8 +73,7 @@ def precise_functions(folder: Path, name: str) -> int:
     ------
     NoCompilerError, CompileError
     """
-    # it is needed at once, but derivatives near a pose take most of their time in it: twice as fast as with -O0
-    ffi, library = _library_apart(folder, name, "precise", f"const void *{name}_precise(void);", ["-O1"])
+    ffi, library = _library_apart(folder, name, "precise", f"const void *{name}_precise(void);")
     return int(ffi.cast("intptr_t", getattr(library, f"{name}_precise")()))
 
 
@@ -93,7 +84,7 @@ def four_lanes(folder: Path, name: str) -> int:
     ------
     NoCompilerError, CompileError
     """
-    ffi, library = _library_apart(folder, name, "four", f"void {name}_four(void *);", list(FOUR_LANES))
+    ffi, library = _library_apart(folder, name, "four", f"void {name}_four(void *);")
     return int(ffi.cast("intptr_t", getattr(library, f"{name}_four")))
 
 
