@@ -85,8 +85,8 @@ double bytes(double *restrict a, const double *restrict b, long n, long rounds)
 TURNS = 7
 """A peak is the best of so many turns, and its spread goes down to the middle one."""
 
-LINE = 8
-"""Numbers in a line of the cache."""
+PAGE = 512
+"""Numbers in a page of memory, by whose last bits of addresses a core tells them apart at first."""
 
 IN_CACHE, IN_MEMORY = 1500, 8_000_000
 """Numbers in each of the two arrays of which sums are measured: in the first cache, and far beyond the last."""
@@ -115,7 +115,7 @@ def peaks() -> tuple[dict[str, float], dict[str, float]]:
                 name: [getattr(found, name)(long(1_000_000)) for _ in range(TURNS)] for name in ("numbers", "vectors")
             }
             for name, n, rounds in (("first cache", IN_CACHE, 20_000), ("memory", IN_MEMORY, 2)):
-                a, b = (_aligned(n) for _ in range(2))
+                a, b = _two_arrays(n)
                 result[name] = [
                     found.bytes(a.ctypes.data_as(pointer), b.ctypes.data_as(pointer), long(n), long(rounds))
                     for _ in range(TURNS)
@@ -123,11 +123,16 @@ def peaks() -> tuple[dict[str, float], dict[str, float]]:
     return {n: max(x) for n, x in result.items()}, {n: statistics.median(x) for n, x in result.items()}
 
 
-def _aligned(n: int) -> NDArray[np.float64]:
-    """Zeros that begin where a line of the cache does: otherwise it is chance that decides what a vector costs."""
-    numbers = np.zeros(n + LINE)
-    start = -(numbers.ctypes.data // numbers.itemsize) % LINE
-    return numbers[start : start + n]
+def _two_arrays(n: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Zeros, that begin where a page does and half a page later.
+
+    Otherwise it is chance that decides what a vector costs: whether it lies in two lines of the cache, and whether what has just
+    been written to one array is taken for what is read of the other.
+    """
+    apart = -(-n // PAGE) * PAGE + PAGE // 2
+    numbers = np.zeros(apart + n + PAGE)
+    start = -(numbers.ctypes.data // numbers.itemsize) % PAGE
+    return numbers[start : start + n], numbers[start + apart : start + apart + n]
 
 
 def operations(solver: Solver, function: str, directions: int = 0) -> int:

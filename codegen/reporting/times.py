@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from ..model import Model
     from ..runtime import Solver
 
+Function = Callable[..., object]
+
 DIRECTIONS = (1, 8)
 """Numbers of directions of the sensitivities that are timed."""
 
@@ -52,6 +54,11 @@ def times(model: Model, solver: Solver, state: State, budget: float) -> dict[str
     rng = np.random.default_rng(4)
     runs: dict[str, Callable[[], object]] = {}
     counts: dict[str, int] = {}
+
+    def into_its_results(function: Function, at: tuple[Any, ...]) -> Callable[[], object]:
+        """The call again and again, into the same arrays: new ones cost pages, more or less as memory happens to lie."""
+        return partial(function, at, function(at))
+
     with warnings.catch_warnings(), one_core():
         warnings.simplefilter("ignore", RuntimeWarning)
         for name, columns, function in _functions(model, solver, rng):
@@ -60,11 +67,11 @@ def times(model: Model, solver: Solver, state: State, budget: float) -> dict[str
             counts[name] = n
             many = _states(state, n)
             runs[f"{name} call"] = partial(function, one)
-            runs[f"{name} compiled"] = partial(function, many)
+            runs[f"{name} compiled"] = into_its_results(function, many)
         sizes = [n for n in BATCHES if 8 * n * (solver.nq + 2 * solver.nu) <= LARGEST]
         for n in sizes:
             many = _states(state, n)
-            runs[f"batch {n}"] = partial(solver.accelerations, *many)
+            runs[f"batch {n}"] = into_its_results(lambda at, out=None: solver.accelerations(*at, out=out), many)
         taken = alternate({name: calibrated(run) for name, run in runs.items()}, budget)
     return {
         "functions": {
@@ -98,32 +105,28 @@ def _states(state: State, n: int) -> tuple[Any, ...]:
     return np.tile(state.q, (n, 1)), state.u * scale, None, state.inputs, state.t
 
 
-def _functions(
-    model: Model, solver: Solver, rng: np.random.Generator
-) -> list[tuple[str, int, Callable[[tuple[Any, ...]], object]]]:
-    """Name, numbers of columns of the results, and what is called with a state."""
-    found: list[tuple[str, int, Callable[[tuple[Any, ...]], object]]] = [
-        ("udot", 1, lambda at: solver.accelerations(*at))
-    ]
+def _functions(model: Model, solver: Solver, rng: np.random.Generator) -> list[tuple[str, int, Function]]:
+    """Name, numbers of columns of the results, and what is called with a state and, if need be, arrays for the results."""
+    found: list[tuple[str, int, Function]] = [("udot", 1, lambda at, out=None: solver.accelerations(*at, out=out))]
     for k in DIRECTIONS:
         seeds = {"dq": rng.normal(size=(k, solver.nq)), "du": rng.normal(size=(k, solver.nu)),
                  "dp": rng.normal(size=(k, solver.np))}  # fmt: skip
 
-        def along(at: tuple[Any, ...], seeds: dict[str, Any] = seeds) -> object:
+        def along(at: tuple[Any, ...], out: Any = None, seeds: dict[str, Any] = seeds) -> object:
             batch = np.shape(at[0])[:-1]
             ones = (1,) * len(batch)
-            return solver.sensitivities(*at, **{n: x.reshape(len(x), *ones, -1) for n, x in seeds.items()})
+            return solver.sensitivities(*at, **{n: x.reshape(len(x), *ones, -1) for n, x in seeds.items()}, out=out)
 
         found.append((f"udot + {k} direction{'s' if k > 1 else ''}", k, along))
     found.append(("Jacobians", model.nq + model.nu + len(model.parameters) + len(model.inputs) + 1,
-                  lambda at: solver.jacobians(*at)))  # fmt: skip
+                  lambda at, out=None: solver.jacobians(*at, out=out)))  # fmt: skip
     weights = rng.normal(size=solver.nu)
 
-    def gradient(at: tuple[Any, ...]) -> object:
+    def gradient(at: tuple[Any, ...], _: Any = None) -> object:
         batch = np.shape(at[0])[:-1]
         return solver.gradients(*at, weights=weights.reshape(1, *(1,) * len(batch), -1))
 
     found.append(("gradient", 2, gradient))
     if solver.output_names:
-        found.append(("outputs", 1, lambda at: solver.outputs(*at)))
+        found.append(("outputs", 1, lambda at, out=None: solver.outputs(*at, out=out)))
     return found

@@ -103,6 +103,18 @@ def test_results_at_the_pose(flat: Any, tolerance: float) -> None:
     assert found.t[-1] == FLAT[0]
 
 
+def test_results_at_the_pose_and_beside_it_follow_every_tolerance(flat: Any) -> None:
+    """Where rounding times the square of the condition is more than what is allowed, they are those of the steps beside."""
+    for tolerance in np.logspace(-5.5, -12.5, 57):
+        for times in ([0.0, FLAT[0], 1.0], [0.0, FLAT[0]]):
+            found = flat.simulate(times, rtol=tolerance, atol=tolerance)
+            np.testing.assert_allclose(cranks(found, 1), SPEED, rtol=0, atol=50 * tolerance, err_msg=f"{tolerance:.2g}")
+        for apart in (-1e-4, -1e-6, -1e-7, -1e-9, 1e-10, 1e-8, 1e-5):
+            for times in ([0.0, FLAT[0] + apart, 1.0], [0.0, FLAT[0] + apart]):
+                found = flat.simulate(times, rtol=tolerance, atol=tolerance)
+                assert np.ptp(cranks(found, 1)) < 50 * tolerance, (tolerance, apart)
+
+
 @pytest.mark.parametrize("parts", [50, 100, 150])
 def test_constant_steps_that_meet_the_pose(flat: Any, parts: int) -> None:
     """One step is shorter, so that no stage is at the pose."""

@@ -232,7 +232,7 @@ def test_without_a_library_states_come_one_after_the_other(package, at_once, mon
     def refuses(*arguments):
         raise CompileError("no room")
 
-    monkeypatch.setattr(batches, "Build", refuses)
+    monkeypatch.setattr(batches, "build_apart", refuses)
     solver = load(folder)
     (q, u, *_), _ = draw(solver, model, 16)
     with pytest.warns(RuntimeWarning, match="one after the other: no room"):

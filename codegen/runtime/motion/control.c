@@ -194,7 +194,8 @@ ordernm_motion *ordernm_begin(const ordernm_problem *p, double *room)
     m->too_poor = m->adaptive ? fmax(fmin(by_rounding, 0.03/p->rtol), LEAST_POOR) : fmax(by_rounding, LEAST_TOO_POOR);
     /* constants are doubles: lengths that ought to be the same are off by so much where they were turned */
     m->telling = fmax(cbrt(0.01*p->rtol/(2.2e-16*rounding)), LEAST_POOR);
-    m->hopeless = fmax(0.1*p->rtol/2.2e-16, LEAST_HOPELESS); /* speeds are off by rounding times the condition */
+    /* speeds are off by rounding times the condition, and in long double by its square */
+    m->hopeless = fmax(fmin(0.1*p->rtol/2.2e-16, sqrt(0.1*p->rtol/(5.4e-20*rounding))), LEAST_HOPELESS);
     m->pose = m->refused_pose = -INFINITY;
     m->mark = p->start;
     m->looked_at = p->looked_at;
@@ -503,7 +504,9 @@ static int plan(ordernm_motion *m, trial *step)
 static int end_at_pose(ordernm_motion *m, trial *step)
 {
     if (m->results->steps) return 0; /* it is not a step's end, and the adjoint would not know */
-    if (!step->to_wall || step->end != m->problem->end || !(fabs(m->pose - step->end) <= AT_POSE*step->h)) return 0;
+    if (!step->to_wall || step->end != m->problem->end) return 0;
+    const int last = m->method->gives_rate ? m->method->stages - 1 : m->method->stages; /* at the end */
+    if (!(fabs(m->pose - step->end) <= AT_POSE*step->h || m->conditions[last] > m->hopeless)) return 0;
     step->at_pose = !ordernm_beside(m, step->h, ordernm_report, ordernm_row_size(m->problem));
     if (step->at_pose) {
         step->error = 0.0;
