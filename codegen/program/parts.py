@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from itertools import accumulate, pairwise
 
 from .block import Block, Component, Statement, symbols_of
@@ -59,7 +59,7 @@ def in_parts(
     handed = _HandedOn(handed_on)
     parts = []
     for begin, end in pairwise(ends):
-        handed.forget(lambda s, begin=begin: last[s] < begin)  # type: ignore[misc]
+        handed.forget({s for s in handed.places if last[s] < begin})
         part = Block(block.name, block.title)
         needed: dict[Symbol, None] = {}
         for step in steps[begin:end]:
@@ -118,8 +118,8 @@ class _HandedOn:
         self.places[symbol] = self.at(number, along)
         return self.places[symbol]
 
-    def forget(self, unneeded: Callable[[Symbol], bool]) -> None:
-        for symbol in [s for s in self.places if unneeded(s)]:
+    def forget(self, unneeded: Iterable[Symbol]) -> None:
+        for symbol in sorted(unneeded, key=str):
             along, number = self._numbers.pop(symbol)
             self._free[along].append(number)
             del self.places[symbol]

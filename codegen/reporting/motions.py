@@ -31,6 +31,8 @@ END = 5.0
 ADAPTIVE = {"dop853": range(4, 13), "radau": range(4, 11)}
 """Tolerances 10^-e of the adaptive methods."""
 
+ORDERS = {"dop853": 8, "radau": 5}
+
 REFERENCES = (1e-13, 1e-12, 1e-11, 1e-10, 1e-9)
 """Tolerances of the motion that errors are against: the first that a motion comes to its end with. Of large angles and speeds the
 last digits are not to be had. By the next one it is judged how far it is right."""
@@ -145,7 +147,7 @@ def motions(
             )
             continue
         looser = [e for e in exponents if 10.0**-e > 1.5 * reference]
-        found["methods"][name] = _adaptive(solver, end, names, name, looser, best)
+        found["methods"][name] = _adaptive(solver, end, names, name, looser, best, skipped)
     found["conditions"] = conditions(solver, end, method, skipped)
     return found
 
@@ -270,15 +272,21 @@ def _factoring(solver: Solver) -> float:
 
 
 def _adaptive(
-    solver: Solver, end: float, names: Sequence[str], method: str, exponents: Sequence[int], best: Trajectory
-) -> list[dict[str, Any]]:
+    solver: Solver, end: float, names: Sequence[str], method: str, exponents: Sequence[int], best: Trajectory,
+    skipped: list[Skipped],
+) -> list[dict[str, Any]]:  # fmt: skip
     points: list[dict[str, Any]] = []
-    for e in exponents:
+    for i, e in enumerate(exponents):
         point = _point(solver, end, names, method, 10.0**-e, None, best)
-        if point is not None:
-            points.append(point)
-            if point["operations"] > COSTLIEST:
-                break
+        if point is None:
+            continue
+        points.append(point)
+        if point["operations"] > COSTLIEST and (left := len(exponents) - i - 1):
+            tenth = 10 ** (1 / ORDERS[method])  # so much longer a motion takes for a tenth of the error
+            seconds = LEAST_ROUNDS * point["seconds"] * sum(tenth**n for n in range(1, left + 1))
+            why = f"one takes {point['operations']:.1g} operations, of {COSTLIEST:.1g} allowed"
+            skipped.append(Skipped(f"motions by {method} at tolerances below {point['setting']:.0e}", why, seconds))
+            break
     return points
 
 
