@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import statistics
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -70,6 +70,13 @@ def alternate(
     -------
     dict of str to Seconds
     """
+    return {name: summary(x) for name, x in turns(contestants, budget, least_turns, most_turns).items()}
+
+
+def turns(
+    contestants: Mapping[str, Timed], budget: float, least_turns: int, most_turns: int = 1000
+) -> dict[str, list[float]]:
+    """The same, every turn's seconds."""
     times: dict[str, list[float]] = {name: [] for name in contestants}
     spent = dict.fromkeys(contestants, 0.0)
     waiting = dict(contestants)
@@ -78,13 +85,16 @@ def alternate(
             start = time.perf_counter()
             times[name].append(run())
             spent[name] += time.perf_counter() - start
-            turns = len(times[name])
-            if turns >= most_turns or (turns >= least_turns and spent[name] >= budget):
+            taken = len(times[name])
+            if taken >= most_turns or (taken >= least_turns and spent[name] >= budget):
                 del waiting[name]
-    return {
-        name: Seconds(min(x), statistics.median(x), sorted(x)[(9 * len(x) - 1) // 10], len(x))
-        for name, x in times.items()
-    }
+    return times
+
+
+def summary(seconds: Sequence[float]) -> Seconds:
+    """Of all turns of a contestant."""
+    n = len(seconds)
+    return Seconds(min(seconds), statistics.median(seconds), sorted(seconds)[(9 * n - 1) // 10], n)
 
 
 @contextmanager

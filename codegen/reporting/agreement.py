@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 SPREAD = 0.15
-"""Times of two runs agree if their ranges meet, each from the least to what nine turns of ten took, and this part beyond: where
-the loader puts code and arrays is the same for all turns of a run and another one for the next."""
+"""Times of two runs agree if their ranges meet, each from the least to what nine turns of ten took in several processes, and this
+part beyond."""
 
 DIGITS = 1e-9
 """Relative; what is computed is the same on one machine, but for the last digits of what LAPACK gives."""

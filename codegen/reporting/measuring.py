@@ -6,7 +6,7 @@ import os
 import shutil
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,10 +19,9 @@ from ..runtime import load
 from ..runtime.standalone.build import Build, build_apart, builds
 from ..runtime.standalone.manifest import read_manifest
 from ..version import __version__
-from . import differences, errors, generated, motions, pages, roofline
+from . import differences, errors, generated, motions, pages, processes, roofline
 from .skipped import Skipped
 from .states import State, states
-from .times import times
 
 if TYPE_CHECKING:
     from ..runtime import Solver
@@ -45,7 +44,7 @@ class Request:
     """
 
     end: float = motions.END
-    timing: float = 0.15
+    timing: float = 0.1
     reference: float = 6.0
 
 
@@ -112,14 +111,6 @@ def measure(model: Model, request: Request, progress: Progress) -> dict[str, Any
         found = states(model, solver, lambda s: _condition(solver, s))
         if found:
             data["states"] = [_state(solver, s) for s in found]
-            progress("timing", 0, 0)
-            data["times"] = times(model, solver, found[0], request.timing)
-            best, middle = roofline.peaks()
-            data["roofline"] = {
-                "peaks": best,
-                "peaks_low": middle,
-                "points": roofline.points(solver, data["times"]["functions"]),
-            }
             progress("comparing with the reference in extended precision", 0, 0)
             data["errors"], exact = errors.errors(model, solver, found, request.reference, skipped)
             progress("finite differences", 0, 0)
@@ -132,8 +123,11 @@ def measure(model: Model, request: Request, progress: Progress) -> dict[str, Any
             )
         progress("integrating", 0, 0)
 
+        packages = [made.folder]
+
         def remade(partitions: int) -> Solver:
             folder = Path(scratch) / f"{model.name}_{partitions}"
+            packages.append(folder)
             generate(model, folder, compile=False, check=False, progress=progress, partitions=partitions)
             for library in Path(scratch).glob("*/*.so"):  # of fewer choices, which have not changed
                 if library.parent != folder:
@@ -142,10 +136,41 @@ def measure(model: Model, request: Request, progress: Progress) -> dict[str, Any
             return load(folder)
 
         data["motions"] = motions.motions(model, solver, request.end, skipped, remade)
+        progress("timing", 0, 0)
+        data |= _times(solver, packages, found[0] if found else None, data["motions"], request, progress)
     data["skipped"] = [{"what": s.what, "why": s.why, "seconds": s.seconds, "text": str(s)} for s in skipped]
     data["seconds"] = time.perf_counter() - begin
     data["cpu_seconds"] = _cpu_seconds() - cpu
     return data
+
+
+def _times(
+    solver: Solver, packages: Sequence[Path], state: State | None, moved: dict[str, Any] | None, request: Request,
+    progress: Progress,
+) -> dict[str, Any]:  # fmt: skip
+    """``times`` and ``roofline``, where there is a state; times of motions are entered into their points.
+
+    Parameters
+    ----------
+    packages : sequence of Path
+        Functions are those of the first, motions those of the last.
+    moved : dict, optional
+        See `motions.motions`.
+    """
+    points = motions.settings(moved) if moved else []
+    functions, taken = processes.timed(
+        packages[0], state, request.timing, packages[-1], [(s, p["seconds"]) for p, s in points],
+        lambda done, of: progress("timing", done, of),
+    )  # fmt: skip
+    for (point, _), seconds in zip(points, taken, strict=True):
+        point |= seconds
+    if not functions:
+        return {}
+    best, middle = roofline.peaks()
+    return {
+        "times": functions,
+        "roofline": {"peaks": best, "peaks_low": middle, "points": roofline.points(solver, functions["functions"])},
+    }
 
 
 def _compile(folder: Path, *apart: str) -> float:

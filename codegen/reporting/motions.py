@@ -6,6 +6,7 @@ import math
 import time
 import warnings
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -40,6 +41,9 @@ last digits are not to be had. By the next one it is judged how far it is right.
 FIXED = [2**i for i in range(5, 15)]
 """Numbers of steps of the method with constant ones."""
 
+FIXED_TOLERANCE = 1e-9
+"""Where the method with constant steps solves closures."""
+
 LOST, LEAST = 1e-3, 1e-3
 """A motion whose reference is known no better, a chaotic one, is halved, down to this part of what was asked for."""
 
@@ -67,8 +71,30 @@ SAMPLES = 101
 LARGEST_MATRIX = 300
 """Speeds up to which conditions of mass matrices are computed."""
 
-ROUNDS, LEAST_ROUNDS, LONG = 5, 2, 0.2
-"""A motion is timed so often; a long one, which meets all that goes on on a core, until it has taken so many seconds."""
+ROUNDS, SHORT = 5, 0.005
+"""A process times a motion so often, or until it has taken so many seconds."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A motion of a diagram.
+
+    Attributes
+    ----------
+    end : float
+    names : sequence of str
+        Of parameters that it is differentiated by.
+    method : str
+    tolerance : float
+    steps : int or None
+        Of the method with constant ones.
+    """
+
+    end: float
+    names: Sequence[str]
+    method: str
+    tolerance: float
+    steps: int | None = None
 
 
 def motions(
@@ -85,10 +111,9 @@ def motions(
     -------
     dict
         ``end``; ``choices``, of independent coordinates; ``ended``, why a motion is shorter than asked for; ``sensitivities``,
-        names; ``reference_error``, of the state
-        and of ``reference_error_sensitivities``; ``methods``: lists of points, each with ``setting``, ``error``,
-        ``sensitivity_error``, ``evaluations``, ``seconds`` (the least) and ``seconds_high`` (the largest); ``conditions``, see
-        `conditions`.
+        names; ``reference_error``, of the state and of ``reference_error_sensitivities``; ``methods``: lists of points, each
+        with ``setting``, ``error``, ``sensitivity_error``, ``evaluations``, ``operations`` and ``seconds``, of the one motion;
+        ``conditions``, see `conditions`.
     """
     names = sensitivities(model)
     probe = _motion(solver, end, names, "dop853", 1e-6, allowed=PROBED)
@@ -155,6 +180,34 @@ def motions(
 def sensitivities(model: Model) -> list[str]:
     """What motions are differentiated by."""
     return list(model.parameter_names[:MOST_SENSITIVITIES])
+
+
+def settings(found: dict[str, Any]) -> list[tuple[dict[str, Any], Setting]]:
+    """All points of the diagrams that `motions` gives, and how to make their motions again."""
+    end, names = found["end"], found["sensitivities"]
+    return [
+        (p, Setting(end, names, method, FIXED_TOLERANCE, round(end / p["setting"])))
+        if method == "rk4"
+        else (p, Setting(end, names, method, p["setting"]))
+        for method, points in found["methods"].items()
+        for p in points
+    ]
+
+
+def seconds(solver: Solver, setting: Setting) -> list[float]:
+    """Of the motion again and again."""
+    taken: list[float] = []
+    while len(taken) < ROUNDS and sum(taken) < SHORT:
+        taken.append(_timed(solver, setting)[1])
+    return taken
+
+
+def _timed(solver: Solver, s: Setting) -> tuple[Trajectory | str, float]:
+    """A motion, and what the integrator takes for it but for what others have of the core meanwhile."""
+    began = time.thread_time()
+    x = _motion(solver, s.end, s.names, s.method, s.tolerance, s.steps)
+    spent = time.thread_time() - began
+    return x, spent if isinstance(x, str) else min(spent, float(x.stats["seconds"]))
 
 
 def _motion(
@@ -233,28 +286,14 @@ def _values(solver: Solver, names: Sequence[str]) -> Array:
 def _point(solver: Solver, end: float, names: Sequence[str], method: str, tolerance: float, steps: int | None,
            best: Trajectory) -> dict[str, Any] | None:  # fmt: skip
     """One point of a diagram; None if the motion did not come to its end."""
-    x, seconds = _timed(solver, end, names, method, tolerance, steps)
+    x, seconds = _timed(solver, Setting(end, names, method, tolerance, steps))
     if isinstance(x, str) or x.t[-1] != best.t[-1]:
         return None
-    taken = [seconds]
-    while len(taken) < LEAST_ROUNDS or (len(taken) < ROUNDS and sum(taken) < LONG):
-        taken.append(_timed(solver, end, names, method, tolerance, steps)[1])
     error, sensitivity_error = _errors(x, best, _values(solver, names))
     return {
         "setting": end / steps if steps else tolerance, "error": error, "sensitivity_error": sensitivity_error if names else None,
-        "evaluations": int(x.stats["evaluations"]), "seconds": min(taken), "seconds_high": max(taken),
-        "operations": _cost(solver, x, names),
+        "evaluations": int(x.stats["evaluations"]), "operations": _cost(solver, x, names), "seconds": seconds,
     }  # fmt: skip
-
-
-def _timed(
-    solver: Solver, end: float, names: Sequence[str], method: str, tolerance: float, steps: int | None
-) -> tuple[Trajectory | str, float]:
-    """A motion, and what the integrator takes for it but for what others have of the core meanwhile."""
-    began = time.thread_time()
-    x = _motion(solver, end, names, method, tolerance, steps)
-    spent = time.thread_time() - began
-    return x, spent if isinstance(x, str) else min(spent, float(x.stats["seconds"]))
 
 
 def _cost(solver: Solver, x: Trajectory, names: Sequence[str]) -> float:
@@ -283,7 +322,7 @@ def _adaptive(
         points.append(point)
         if point["operations"] > COSTLIEST and (left := len(exponents) - i - 1):
             tenth = 10 ** (1 / ORDERS[method])  # so much longer a motion takes for a tenth of the error
-            seconds = LEAST_ROUNDS * point["seconds"] * sum(tenth**n for n in range(1, left + 1))
+            seconds = ROUNDS * point["seconds"] * sum(tenth**n for n in range(1, left + 1))
             why = f"one takes {point['operations']:.1g} operations, of {COSTLIEST:.1g} allowed"
             skipped.append(Skipped(f"motions by {method} at tolerances below {point['setting']:.0e}", why, seconds))
             break
@@ -293,7 +332,7 @@ def _adaptive(
 def _fixed(solver: Solver, end: float, names: Sequence[str], best: Trajectory) -> list[dict[str, Any]]:
     points: list[dict[str, Any]] = []
     for steps in FIXED:
-        point = _point(solver, end, names, "rk4", 1e-9, steps, best)
+        point = _point(solver, end, names, "rk4", FIXED_TOLERANCE, steps, best)
         if point is not None and np.isfinite(point["error"]) and point["error"] < 1:
             points.append(point)
             if 2 * point["operations"] > COSTLIEST:  # the next takes twice as many

@@ -10,7 +10,7 @@ from typing import Any
 
 from ..emit.templates import render
 from ..folders import FolderError, write_folder
-from . import agreement, figures
+from . import agreement, figures, processes
 
 PAGE, MARKDOWN, NUMBERS, FIGURES = "index.html", "report.md", "report.json", "figures"
 
@@ -174,7 +174,8 @@ def _times(data: dict[str, Any]) -> Section:
         "Per evaluation",
         ["function", "in C, least", "median", "nine of ten", "one call from Python, least", "median", "nine of ten"],
         rows,
-        "in C: per state of a batch in one thread. All functions took turns, timed by what the thread had of the core. Another "
+        "in C: per state of a batch in one thread. All functions took turns, timed by what the thread had of the core, in "
+        f"{processes.PROCESSES} processes one after another. Another "
         f"run's range, from the least to nine of ten, meets this one's when both are widened by {agreement.SPREAD:.0%}: "
         "ordernm report --compare tells.",
     )

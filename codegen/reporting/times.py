@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..bench.timing import Seconds, alternate, calibrated, elapsed, one_core
+from ..bench.timing import calibrated, elapsed, one_core, summary
+from ..bench.timing import turns as alternating
 from .states import State
 
 if TYPE_CHECKING:
-    from ..model import Model
     from ..runtime import Solver
 
 Function = Callable[..., object]
@@ -34,12 +34,12 @@ LONG, LEAST_BATCH = 0.03, 64
 """Seconds that a call with a batch may take, about: of a slow function fewer states will do, though not less than so many."""
 
 
-def times(model: Model, solver: Solver, state: State, budget: float) -> dict[str, Any]:
-    """Seconds per evaluation, all functions in turns.
+def turns(solver: Solver, state: State, budget: float) -> dict[str, Any]:
+    """Seconds per evaluation of all functions in turns, in this process.
 
     Parameters
     ----------
-    model, solver
+    solver : Solver
     state : State
         Where; the states of a batch lie about it.
     budget : float
@@ -48,8 +48,8 @@ def times(model: Model, solver: Solver, state: State, budget: float) -> dict[str
     Returns
     -------
     dict
-        ``functions``: for each, ``compiled`` (per state of a batch) and ``call`` (a single one from Python), each with
-        ``least``, ``median``, ``high`` (nine of ten turns took less) and ``turns``; ``batches``: for the accelerations, by size.
+        ``counts``, by function, and ``sizes``: numbers of states of the batches; ``seconds``: lists, by function or size, and
+        "call", "compiled" or "batch".
     """
     rng = np.random.default_rng(4)
     runs: dict[str, Callable[[], object]] = {}
@@ -61,7 +61,7 @@ def times(model: Model, solver: Solver, state: State, budget: float) -> dict[str
 
     with warnings.catch_warnings(), one_core():
         warnings.simplefilter("ignore", RuntimeWarning)
-        for name, columns, function in _functions(model, solver, rng):
+        for name, columns, function in _functions(solver, rng):
             one = _states(state, 1)
             n = max(1, min(BATCH, int(LARGEST / (8 * solver.nu * max(columns, 1))), _in_time(partial(function, one))))
             counts[name] = n
@@ -72,17 +72,32 @@ def times(model: Model, solver: Solver, state: State, budget: float) -> dict[str
         for n in sizes:
             many = _states(state, n)
             runs[f"batch {n}"] = into_its_results(lambda at, out=None: solver.accelerations(*at, out=out), many)
-        taken = alternate({name: calibrated(run) for name, run in runs.items()}, budget)
+        taken = alternating({name: calibrated(run) for name, run in runs.items()}, budget, least_turns=1)
+    for name, n in [(f"{name} compiled", n) for name, n in counts.items()] + [(f"batch {n}", n) for n in sizes]:
+        taken[name] = [x / n for x in taken[name]]
+    return {"counts": counts, "sizes": sizes, "seconds": taken}
+
+
+def times(taken: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Seconds per evaluation, from the turns of several processes.
+
+    Returns
+    -------
+    dict
+        ``functions``: for each, ``compiled`` (per state of a batch) and ``call`` (a single one from Python), each with
+        ``least``, ``median``, ``high`` (nine of ten turns took less) and ``turns``; ``batches``: for the accelerations, by size.
+    """
+
+    def record(name: str) -> dict[str, float]:
+        x = summary([seconds for process in taken for seconds in process["seconds"][name]])
+        return {"least": x.least, "median": x.median, "high": x.high, "turns": x.turns}
+
     return {
         "functions": {
-            name: {
-                "compiled": _record(taken[f"{name} compiled"], n),
-                "call": _record(taken[f"{name} call"]),
-                "states": n,
-            }
-            for name, n in counts.items()
+            name: {"compiled": record(f"{name} compiled"), "call": record(f"{name} call"), "states": n}
+            for name, n in taken[0]["counts"].items()
         },
-        "batches": {str(n): _record(taken[f"batch {n}"], n) for n in sizes},
+        "batches": {str(n): record(f"batch {n}") for n in taken[0]["sizes"]},
     }
 
 
@@ -90,11 +105,6 @@ def _in_time(call: Callable[[], object]) -> int:
     """So many states take `LONG`, by the time of a single call."""
     call()  # compiles and loads what it needs
     return max(LEAST_BATCH, int(LONG / max(elapsed(call, clock=time.thread_time)(), 1e-9)))
-
-
-def _record(seconds: Seconds, states: int = 1) -> dict[str, float]:
-    return {"least": seconds.least / states, "median": seconds.median / states, "high": seconds.high / states,
-            "turns": seconds.turns}  # fmt: skip
 
 
 def _states(state: State, n: int) -> tuple[Any, ...]:
@@ -105,7 +115,7 @@ def _states(state: State, n: int) -> tuple[Any, ...]:
     return np.tile(state.q, (n, 1)), state.u * scale, None, state.inputs, state.t
 
 
-def _functions(model: Model, solver: Solver, rng: np.random.Generator) -> list[tuple[str, int, Function]]:
+def _functions(solver: Solver, rng: np.random.Generator) -> list[tuple[str, int, Function]]:
     """Name, numbers of columns of the results, and what is called with a state and, if need be, arrays for the results."""
     found: list[tuple[str, int, Function]] = [("udot", 1, lambda at, out=None: solver.accelerations(*at, out=out))]
     for k in DIRECTIONS:
@@ -118,7 +128,7 @@ def _functions(model: Model, solver: Solver, rng: np.random.Generator) -> list[t
             return solver.sensitivities(*at, **{n: x.reshape(len(x), *ones, -1) for n, x in seeds.items()}, out=out)
 
         found.append((f"udot + {k} direction{'s' if k > 1 else ''}", k, along))
-    found.append(("Jacobians", model.nq + model.nu + len(model.parameters) + len(model.inputs) + 1,
+    found.append(("Jacobians", solver.nq + solver.nu + solver.np + solver.ninputs + 1,
                   lambda at, out=None: solver.jacobians(*at, out=out)))  # fmt: skip
     weights = rng.normal(size=solver.nu)
 
