@@ -307,7 +307,7 @@ def run_simulate(options: argparse.Namespace, status: StatusLine) -> int:
 
 def run_report(options: argparse.Namespace, status: StatusLine) -> int:
     """``ordernm report``: speed against error of a model, or of all models of a folder."""
-    from .reporting import Request, gallery, report
+    from .reporting import Request, report, write_gallery
     from .reporting.agreement import NoReportError, disagreements, read, read_gallery
     from .runtime import CompileError, NoCompilerError, SingularJointError
 
@@ -320,7 +320,7 @@ def run_report(options: argparse.Namespace, status: StatusLine) -> int:
             earlier = Path(options.compare)
             old = read_gallery(earlier) if whole else {Path(options.model).stem: read(earlier)}
         if whole:
-            failed = gallery(Path(options.model), target, request, status)
+            failed = write_gallery(Path(options.model), target, request, status)
             status.close()
             for name, why in failed.items():
                 _problem(f"report: {name}: {why}")

@@ -4,7 +4,21 @@
 `figures` draws them, `pages` prints them as HTML, Markdown and JSON.
 """
 
-from .gallery import gallery
-from .measuring import Request, report
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
-__all__ = ["Request", "gallery", "report"]
+if TYPE_CHECKING:
+    from .gallery import write_gallery
+    from .measuring import Request, report
+
+_PLACES = {"Request": "measuring", "report": "measuring", "write_gallery": "gallery"}
+
+
+def __getattr__(name: str) -> Any:
+    # imported when first asked for: processes that take times need neither sympy nor what draws
+    if name in _PLACES:
+        return getattr(import_module(f".{_PLACES[name]}", __name__), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+__all__ = ["Request", "report", "write_gallery"]

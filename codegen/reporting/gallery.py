@@ -26,7 +26,7 @@ HEAD = [
 ]
 
 
-def gallery(folder: Path, target: Path, request: Request, progress: Progress) -> dict[str, str]:
+def write_gallery(folder: Path, target: Path, request: Request, progress: Progress) -> dict[str, str]:
     """Reports of all ``*.yaml`` in a folder, each in a folder of its own beside ``index.html``.
 
     Returns

@@ -107,22 +107,14 @@ def measure(model: Model, request: Request, progress: Progress) -> dict[str, Any
             "machine": machine(),
             "generated": generated.generated(model, made, solver),
         }
-        progress("drawing states", 0, 0)
-        found = states(model, solver, lambda s: _condition(solver, s))
-        if found:
-            data["states"] = [_state(solver, s) for s in found]
-            progress("comparing with the reference in extended precision", 0, 0)
-            data["errors"], exact = errors.errors(model, solver, found, request.reference, skipped)
-            progress("finite differences", 0, 0)
-            data["differences"] = differences.differences(model, solver, found[0], exact, skipped)
-        else:
-            skipped.append(
-                Skipped(
-                    "times and errors", "no random state near the initial one closes the loops and has accelerations"
-                )
-            )
+        apart = build_apart(made.folder, model.name, "precise")
+        with ThreadPoolExecutor(1) as meanwhile:
+            # mechanisms with loops may meet poses that need it, and states leave a core free
+            precise = meanwhile.submit(apart.library) if model.loops and apart.exists() else None
+            found = _at_states(model, solver, request, data, skipped, progress)
+        if precise:
+            precise.result()
         progress("integrating", 0, 0)
-
         packages = [made.folder]
 
         def remade(partitions: int) -> Solver:
@@ -137,11 +129,29 @@ def measure(model: Model, request: Request, progress: Progress) -> dict[str, Any
 
         data["motions"] = motions.motions(model, solver, request.end, skipped, remade)
         progress("timing", 0, 0)
-        data |= _times(solver, packages, found[0] if found else None, data["motions"], request, progress)
+        data |= _times(solver, packages, found, data["motions"], request, progress)
     data["skipped"] = [{"what": s.what, "why": s.why, "seconds": s.seconds, "text": str(s)} for s in skipped]
     data["seconds"] = time.perf_counter() - begin
     data["cpu_seconds"] = _cpu_seconds() - cpu
     return data
+
+
+def _at_states(
+    model: Model, solver: Solver, request: Request, data: dict[str, Any], skipped: list[Skipped], progress: Progress
+) -> State | None:
+    """Enter ``states``, ``errors`` and ``differences`` into a report; the first state."""
+    progress("drawing states", 0, 0)
+    found = states(model, solver, lambda s: _condition(solver, s))
+    if not found:
+        why = "no random state near the initial one closes the loops and has accelerations"
+        skipped.append(Skipped("times and errors", why))
+        return None
+    data["states"] = [_state(solver, s) for s in found]
+    progress("comparing with the reference in extended precision", 0, 0)
+    data["errors"], exact = errors.errors(model, solver, found, request.reference, skipped)
+    progress("finite differences", 0, 0)
+    data["differences"] = differences.differences(model, solver, found[0], exact, skipped)
+    return found[0]
 
 
 def _times(

@@ -4,17 +4,25 @@ from __future__ import annotations
 
 import math
 import time
-import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..choices import more_choices
-from ..runtime.standalone.errors import AssemblyError, SimulationError, SingularJointError, SingularLoopError
 from .errors import VANISHING
+from .integrating import (
+    COSTLIEST,
+    FIXED,
+    FIXED_TOLERANCE,
+    PROBED,
+    ROUNDS,
+    Setting,
+    evaluation,
+    motion,
+    timed,
+)  # fmt: skip
 from .roofline import operations
 from .skipped import Skipped
 
@@ -38,27 +46,14 @@ REFERENCES = (1e-13, 1e-12, 1e-11, 1e-10, 1e-9)
 """Tolerances of the motion that errors are against: the first that a motion comes to its end with. Of large angles and speeds the
 last digits are not to be had. By the next one it is judged how far it is right."""
 
-FIXED = [2**i for i in range(5, 15)]
-"""Numbers of steps of the method with constant ones."""
-
-FIXED_TOLERANCE = 1e-9
-"""Where the method with constant steps solves closures."""
-
 LOST, LEAST = 1e-3, 1e-3
 """A motion whose reference is known no better, a chaotic one, is halved, down to this part of what was asked for."""
 
 FACTORS = 20
 """So often an implicit method factors its matrices, at least; where that is too much it is left out."""
 
-PROBED, ALLOWED = 90, 12
-"""So many times `COSTLIEST` the first motion may cost, by which it is found how far motions go, and any later one."""
-
 MOTIONS = len(FIXED) + sum(map(len, ADAPTIVE.values()))
 """So many settings a diagram has."""
-
-COSTLIEST = 5e8
-"""Operations that one motion of a diagram may take, a quarter of a second or so; a method goes no further then. Operations and
-not seconds, so that another run of the same report makes the same motions."""
 
 LONGEST = 0.75 * COSTLIEST
 """Those of a motion at a tolerance of 1e-6: what takes more is not integrated as far as asked."""
@@ -70,31 +65,6 @@ SAMPLES = 101
 
 LARGEST_MATRIX = 300
 """Speeds up to which conditions of mass matrices are computed."""
-
-ROUNDS, SHORT = 5, 0.005
-"""A process times a motion so often, or until it has taken so many seconds."""
-
-
-@dataclass(frozen=True)
-class Setting:
-    """A motion of a diagram.
-
-    Attributes
-    ----------
-    end : float
-    names : sequence of str
-        Of parameters that it is differentiated by.
-    method : str
-    tolerance : float
-    steps : int or None
-        Of the method with constant ones.
-    """
-
-    end: float
-    names: Sequence[str]
-    method: str
-    tolerance: float
-    steps: int | None = None
 
 
 def motions(
@@ -116,11 +86,11 @@ def motions(
         ``conditions``, see `conditions`.
     """
     names = sensitivities(model)
-    probe = _motion(solver, end, names, "dop853", 1e-6, allowed=PROBED)
+    probe = motion(solver, Setting(end, names, "dop853", 1e-6), allowed=PROBED)
     choices = 1
     while not isinstance(probe, str) and (more := more_choices(solver, probe, choices)):
         choices, solver = more, remade(more)
-        probe = _motion(solver, end, names, "dop853", 1e-6, allowed=PROBED)
+        probe = motion(solver, Setting(end, names, "dop853", 1e-6), allowed=PROBED)
     if isinstance(probe, str):
         skipped.append(Skipped("motions", probe))
         return None
@@ -135,7 +105,7 @@ def motions(
     implicit = FACTORS * _factoring(solver) <= COSTLIEST
     stiff = implicit and _cost(solver, probe, names) > LONGEST
     if stiff:  # an explicit method needs too many steps: the implicit one is the reference
-        probe = _motion(solver, end, names, "radau", 1e-6)
+        probe = motion(solver, Setting(end, names, "radau", 1e-6))
     cost = math.inf if isinstance(probe, str) else _cost(solver, probe, names)
     if cost > LONGEST:
         share = max(LONGEST / cost, 1e-4)
@@ -194,39 +164,6 @@ def settings(found: dict[str, Any]) -> list[tuple[dict[str, Any], Setting]]:
     ]
 
 
-def seconds(solver: Solver, setting: Setting) -> list[float]:
-    """Of the motion again and again."""
-    taken: list[float] = []
-    while len(taken) < ROUNDS and sum(taken) < SHORT:
-        taken.append(_timed(solver, setting)[1])
-    return taken
-
-
-def _timed(solver: Solver, s: Setting) -> tuple[Trajectory | str, float]:
-    """A motion, and what the integrator takes for it but for what others have of the core meanwhile."""
-    began = time.thread_time()
-    x = _motion(solver, s.end, s.names, s.method, s.tolerance, s.steps)
-    spent = time.thread_time() - began
-    return x, spent if isinstance(x, str) else min(spent, float(x.stats["seconds"]))
-
-
-def _motion(
-    solver: Solver, end: float, names: Sequence[str], method: str, tolerance: float, steps: int | None = None,
-    times: Array | None = None, allowed: float = ALLOWED,
-) -> Trajectory | str:  # fmt: skip
-    """A motion as far as it comes, or why there is none."""
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            return solver.simulate(
-                [0.0, end] if times is None else times, sensitivities=names, method=method, rtol=tolerance, atol=tolerance,
-                step=None if steps is None else end / steps, atol_sensitivities=tolerance if names and steps is None else None,
-                most_steps=_most_steps(solver, names, allowed), on_failure="return",
-            )  # fmt: skip
-    except (SimulationError, AssemblyError, SingularLoopError, SingularJointError, ValueError) as error:
-        return str(error)
-
-
 def _reference(
     solver: Solver, end: float, names: Sequence[str], method: str
 ) -> tuple[float, Trajectory | str, Trajectory | str]:
@@ -235,7 +172,7 @@ def _reference(
     for tolerance, looser in pairwise(REFERENCES):
         both = []
         for accuracy in (tolerance, looser):
-            x = _motion(solver, end, names, method, accuracy)
+            x = motion(solver, Setting(end, names, method, accuracy))
             if isinstance(x, str) or x.t[-1] != end:
                 why = x if isinstance(x, str) else str(x.stats["reason"])
                 break
@@ -243,17 +180,6 @@ def _reference(
         else:
             return tolerance, both[0], both[1]
     return tolerance, why, why
-
-
-def _most_steps(solver: Solver, names: Sequence[str], allowed: float) -> int:
-    """Of Dormand and Prince's method, twelve evaluations each, until a motion has cost so many times `COSTLIEST`."""
-    affordable = int(allowed * COSTLIEST / (12 * _evaluation(solver, names)))
-    return min(max(2 * max(FIXED), affordable), 1_000_000)
-
-
-def _evaluation(solver: Solver, names: Sequence[str]) -> int:
-    """Operations of the accelerations and their derivatives."""
-    return operations(solver, "sensitivities", len(names)) if names else operations(solver, "accelerations")
 
 
 def _errors(x: Trajectory, exact: Trajectory, values: Array) -> tuple[float, float]:
@@ -286,7 +212,7 @@ def _values(solver: Solver, names: Sequence[str]) -> Array:
 def _point(solver: Solver, end: float, names: Sequence[str], method: str, tolerance: float, steps: int | None,
            best: Trajectory) -> dict[str, Any] | None:  # fmt: skip
     """One point of a diagram; None if the motion did not come to its end."""
-    x, seconds = _timed(solver, Setting(end, names, method, tolerance, steps))
+    x, seconds = timed(solver, Setting(end, names, method, tolerance, steps))
     if isinstance(x, str) or x.t[-1] != best.t[-1]:
         return None
     error, sensitivity_error = _errors(x, best, _values(solver, names))
@@ -298,7 +224,7 @@ def _point(solver: Solver, end: float, names: Sequence[str], method: str, tolera
 
 def _cost(solver: Solver, x: Trajectory, names: Sequence[str]) -> float:
     """Operations of a motion: those of its evaluations, and of Jacobians and factors of an implicit method."""
-    found = float(x.stats["evaluations"]) * _evaluation(solver, names)
+    found = float(x.stats["evaluations"]) * evaluation(solver, names)
     if "factorizations" in x.stats:
         found += float(x.stats["jacobians"]) * operations(solver, "sensitivities", solver.nq + solver.nu)
         found += float(x.stats["factorizations"]) * _factoring(solver)
@@ -348,7 +274,7 @@ def conditions(solver: Solver, end: float, method: str, skipped: list[Skipped]) 
     dict
         ``t`` and, where there are any, ``closures`` and ``mass_matrix``: a number for each time, at least 1.
     """
-    x = _motion(solver, end, (), method, 1e-9, times=np.linspace(0.0, end, SAMPLES))
+    x = motion(solver, Setting(end, (), method, 1e-9), times=np.linspace(0.0, end, SAMPLES))
     if isinstance(x, str):
         return None
     if solver.nu > LARGEST_MATRIX:

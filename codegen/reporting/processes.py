@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, Any
 
 from ..bench.timing import summary
 from ..runtime import load
-from . import motions, times
+from . import integrating, times
+from .integrating import Setting
 from .states import State
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ LONG = 0.2
 
 
 def timed(
-    folder: Path, state: State | None, budget: float, moving: Path, settings: Sequence[tuple[motions.Setting, float]],
+    folder: Path, state: State | None, budget: float, moving: Path, settings: Sequence[tuple[Setting, float]],
     progress: Callable[[int, int], None] = lambda done, of: None,
 ) -> tuple[dict[str, Any], list[dict[str, float]]]:  # fmt: skip
     """Times of functions and of motions.
@@ -100,7 +101,7 @@ def _answer(wanted: dict[str, Any]) -> dict[str, Any]:
     moving = solver if wanted["moving"] == wanted["folder"] else load(wanted["moving"])
     return {
         "functions": [times.turns(solver, State.of(wanted["state"]), wanted["budget"])] if wanted["state"] else [],
-        "motions": [motions.seconds(moving, motions.Setting(**x)) for x in wanted["settings"]],
+        "motions": [integrating.seconds(moving, Setting(**x)) for x in wanted["settings"]],
     }
 
 

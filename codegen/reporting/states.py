@@ -22,8 +22,9 @@ if TYPE_CHECKING:
 RANDOM = 3
 """So many random states."""
 
-NEARER = 0.7
-"""Random states are drawn nearer by this after each that does not close, and farther by it after each that does."""
+NEARER, FARTHER = 0.7, 1.1
+"""Random states are drawn nearer by this after each that does not close, and farther after each that does: one of five does not,
+or so, and that takes longest to find."""
 
 SEARCHED = 100
 """Among so many random states the one with the worst condition is taken for the one near a singularity."""
@@ -89,7 +90,7 @@ def states(model: Model, solver: Solver, condition: Callable[[State], float]) ->
 def random_states(solver: Solver, rng: np.random.Generator, most: int = 10 * SEARCHED) -> Iterator[State]:
     """States about the initial one, loops closed; those that do not close or have no finite accelerations are left out.
 
-    Where few of them close they are drawn nearer to the initial one: it takes longest to find that one does not.
+    Where few of them close they are drawn nearer to the initial one.
     """
     try:
         q0, u0 = solver.initial
@@ -101,7 +102,7 @@ def random_states(solver: Solver, rng: np.random.Generator, most: int = 10 * SEA
         q, u = q0 + nearer * spread * rng.normal(size=solver.nq), u0 + rng.normal(size=solver.nu)
         inputs, t = rng.normal(size=solver.ninputs), float(rng.uniform(0.1, 1.0))
         state = _closed(solver, f"random {number + 1}", q, u, inputs, t)
-        nearer = min(nearer / NEARER, 1.0) if state else nearer * NEARER
+        nearer = min(nearer * FARTHER, 1.0) if state else nearer * NEARER
         if state is not None:
             number += 1
             yield state

@@ -1,0 +1,102 @@
+"""One motion of a work-precision diagram, and what it takes."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from ..runtime.standalone.errors import AssemblyError, SimulationError, SingularJointError, SingularLoopError
+from .roofline import operations
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from ..runtime import Solver, Trajectory
+
+    Array = NDArray[np.float64]
+
+COSTLIEST = 5e8
+"""Operations that one motion of a diagram may take, a quarter of a second or so; a method goes no further then. Operations and
+not seconds, so that another run of the same report makes the same motions."""
+
+PROBED, ALLOWED = 90, 12
+"""So many times `COSTLIEST` the first motion may cost, by which it is found how far motions go, and any later one."""
+
+FIXED = [2**i for i in range(5, 15)]
+"""Numbers of steps of the method with constant ones."""
+
+FIXED_TOLERANCE = 1e-9
+"""Where the method with constant steps solves closures."""
+
+ROUNDS, SHORT = 5, 0.005
+"""A process times a motion so often, or until it has taken so many seconds."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A motion of a diagram.
+
+    Attributes
+    ----------
+    end : float
+    names : sequence of str
+        Of parameters that it is differentiated by.
+    method : str
+    tolerance : float
+    steps : int or None
+        Of the method with constant ones.
+    """
+
+    end: float
+    names: Sequence[str]
+    method: str
+    tolerance: float
+    steps: int | None = None
+
+
+def motion(solver: Solver, s: Setting, times: Array | None = None, allowed: float = ALLOWED) -> Trajectory | str:
+    """A motion as far as it comes, or why there is none."""
+    tolerance = s.tolerance
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return solver.simulate(
+                [0.0, s.end] if times is None else times, sensitivities=s.names, method=s.method, rtol=tolerance,
+                atol=tolerance, step=None if s.steps is None else s.end / s.steps,
+                atol_sensitivities=tolerance if s.names and s.steps is None else None,
+                most_steps=_most_steps(solver, s.names, allowed), on_failure="return",
+            )  # fmt: skip
+    except (SimulationError, AssemblyError, SingularLoopError, SingularJointError, ValueError) as error:
+        return str(error)
+
+
+def timed(solver: Solver, setting: Setting) -> tuple[Trajectory | str, float]:
+    """A motion, and what the integrator takes for it but for what others have of the core meanwhile."""
+    began = time.thread_time()
+    x = motion(solver, setting)
+    spent = time.thread_time() - began
+    return x, spent if isinstance(x, str) else min(spent, float(x.stats["seconds"]))
+
+
+def seconds(solver: Solver, setting: Setting) -> list[float]:
+    """Of the motion again and again."""
+    taken: list[float] = []
+    while len(taken) < ROUNDS and sum(taken) < SHORT:
+        taken.append(timed(solver, setting)[1])
+    return taken
+
+
+def _most_steps(solver: Solver, names: Sequence[str], allowed: float) -> int:
+    """Of Dormand and Prince's method, twelve evaluations each, until a motion has cost so many times `COSTLIEST`."""
+    affordable = int(allowed * COSTLIEST / (12 * evaluation(solver, names)))
+    return min(max(2 * max(FIXED), affordable), 1_000_000)
+
+
+def evaluation(solver: Solver, names: Sequence[str]) -> int:
+    """Operations of the accelerations and their derivatives."""
+    return operations(solver, "sensitivities", len(names)) if names else operations(solver, "accelerations")
