@@ -11,7 +11,7 @@ import time
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from .folders import OTHERS, FolderError, put_right, refuse_foreign, write_folder
 from .for_c import package_context
@@ -21,6 +21,9 @@ from .model.loading import digest_of_files
 from .program.progress import Progress, silent
 from .summary import Report
 from .version import __version__
+
+if TYPE_CHECKING:
+    from .compiling_ahead import CompilingAhead
 
 LAYOUTS = ("auto", "kinds", "unrolled")
 TARGETS = ("c", "numpy", "both")
@@ -119,52 +122,64 @@ def generate(
     put_right(path)
     refuse_foreign(path)
 
+    from .compiling_ahead import CompilingAhead
     from .emit.solver import write_solver
 
-    try:
-        source = write_solver(model, layout, reactions=reactions, progress=progress, functions=functions, frames=frames)
-    except ModelError as error:
-        if origin is None:
-            raise
-        raise ModelError([dataclasses.replace(p, file=str(file)) for p in error.problems]) from None
-    seconds |= source.seconds
-    if partitions > 1 and source.chosen is not None:
-        with _timed(seconds, "other partitions"):
-            add_others(model, layout, source, partitions, reactions, progress, functions, frames)
-    progress("writing", 0, 0)
-    with _timed(seconds, "write"):
-        source.manifest["description"] = [*list_model(model), *(f"  {line}" for line in source.choice)]
-        files = source.files | package_files(source, target, origin)
-        written = write_folder(path, files)
-    report = Report(
-        folder=path, name=model.name, target=target, layout=source.layout, bodies=len(model.bodies),
-        links=len(source.system.links), kinds=len(source.system.kinds), nq=model.nq, nu=model.nu,
-        parameters=len(model.parameters), files={name: len(text.encode()) for name, text in sorted(files.items())},
-        operations=source.manifest["operations"],
-        passes=[(n, {"additions": o.additions, "multiplications": o.multiplications, "divisions": o.divisions,
-                     "functions": o.functions}, s) for n, o, s in source.passes],
-        sweep_seconds=source.program.sweep_seconds,
-        warnings=model.warnings, seconds=seconds, loops=source.choice, written=written,
-    )  # fmt: skip
-    if compile and target != "numpy":
-        from .runtime import NoCompilerError
-        from .runtime.standalone.build import builds
-
-        with _timed(seconds, "compile"):
-            try:
-                parts = [source.manifest, *source.manifest.get("others", ())]
-                for step, part in enumerate(parts, 1):
-                    progress("compiling", step, len(parts))
-                    whole, *first = builds(path, part).values()
-                    (whole if compile == "all" or not first else first[0]).library()
-                report.compiled = True
-            except NoCompilerError as error:
-                report.remarks.append(f"{error}; the NumPy target (--target numpy) serves until then, more slowly")
+    with CompilingAhead(path, compile == "all") as ahead:
+        try:
+            source = write_solver(
+                model, layout, reactions=reactions, progress=progress, functions=functions, frames=frames,
+                printed=ahead.begin if compile and target != "numpy" else None,
+            )  # fmt: skip
+        except ModelError as error:
+            if origin is None:
+                raise
+            raise ModelError([dataclasses.replace(p, file=str(file)) for p in error.problems]) from None
+        seconds |= source.seconds
+        if partitions > 1 and source.chosen is not None:
+            with _timed(seconds, "other partitions"):
+                add_others(model, layout, source, partitions, reactions, progress, functions, frames)
+        progress("writing", 0, 0)
+        with _timed(seconds, "write"):
+            source.manifest["description"] = [*list_model(model), *(f"  {line}" for line in source.choice)]
+            files = source.files | package_files(source, target, origin)
+            written = write_folder(path, files)
+        report = Report(
+            folder=path, name=model.name, target=target, layout=source.layout, bodies=len(model.bodies),
+            links=len(source.system.links), kinds=len(source.system.kinds), nq=model.nq, nu=model.nu,
+            parameters=len(model.parameters), files={name: len(text.encode()) for name, text in sorted(files.items())},
+            operations=source.manifest["operations"],
+            passes=[(n, {"additions": o.additions, "multiplications": o.multiplications, "divisions": o.divisions,
+                         "functions": o.functions}, s) for n, o, s in source.passes],
+            sweep_seconds=source.program.sweep_seconds,
+            warnings=model.warnings, seconds=seconds, loops=source.choice, written=written,
+        )  # fmt: skip
+        if compile and target != "numpy":
+            with _timed(seconds, "compile"):
+                _compile(path, [source.manifest, *source.manifest.get("others", ())], ahead, report, progress)
     if check:
         progress("checking", 0, 0)
         with _timed(seconds, "check"):
             check_solver(model, report)
     return report
+
+
+def _compile(
+    path: Path, parts: Sequence[dict[str, Any]], ahead: CompilingAhead, report: Report, progress: Progress
+) -> None:
+    """Compile every partition, of the first what is not compiled ahead."""
+    from .runtime.standalone.build import first_build
+    from .runtime.standalone.errors import NoCompilerError
+
+    try:
+        for step, part in enumerate(parts, 1):
+            progress("compiling", step, len(parts))
+            if step == 1:
+                ahead.place()
+            first_build(path, part, ahead.everything).library()
+        report.compiled = True
+    except NoCompilerError as error:
+        report.remarks.append(f"{error}; the NumPy target (--target numpy) serves until then, more slowly")
 
 
 def add_others(

@@ -34,11 +34,11 @@ from .c_functions import CFunctions, in_all
 from .columns import ColumnsInC
 from .divided import arrays_used, handed_on, in_stack, is_overwritten, linkage, reads, stack
 from .function import COMMENT, Function, called_with, in_lines
-from .libraries import guard_of_width, sharing
+from .libraries import guard_of_run, guard_of_width, sharing
 from .printer import C_FUNCTIONS, Printer
 from .states import over_states, states_context, write_states
 from .templates import render
-from .writer import Located, Place, Writer, notes, widest_first
+from .writer import Located, Place, Writer, called_for, called_once, notes, widest_first
 
 TYPES = {
     "records": "link_record", "slots": "link_slot", "lanes": "link_lanes", "ears": "ear_record",
@@ -247,6 +247,28 @@ class CWriter(Writer):
             whole.lines.append(f"{_function(called, lanes)}({', '.join(arguments)});")
         functions[0].before = linkage(shared) if shared else []
         return [*functions, whole]
+
+    @cached_property
+    def runs(self) -> dict[str, dict[int | None, dict[str, set[int]]]]:
+        """Which functions run something, by its name and width; of each function for how many directions at once."""
+        found: dict[str, dict[int | None, dict[str, set[int]]]] = {}
+        for p in self.asked:
+            for name in called_once(p):
+                found.setdefault(name, {}).setdefault(None, {})[p.name] = {*widest_first(p)}
+            for (name, width), its_widths in called_for(p).items():
+                found.setdefault(name, {}).setdefault(width, {})[p.name] = its_widths
+        return found
+
+    def where_run(self, name: str, functions: list[Function]) -> list[Function]:
+        if not functions or name not in self.runs:
+            return functions
+        shared = any(f.declared for f in functions)
+        condition = guard_of_run(self.runs[name], {p.name: widest_first(p) for p in self.asked}, shared)
+        if condition:
+            lines = textwrap.wrap(f"#if {condition}", COMMENT, subsequent_indent="    ")
+            functions[0].before = [*(f"{line} \\" for line in lines[:-1]), lines[-1], *functions[0].before]
+            functions[-1].after = ["#endif"]
+        return functions
 
     def shared_by_units(self, sweep: str) -> str:
         """The condition under which units of a library share the parts of a sweep."""
@@ -634,12 +656,12 @@ class CWriter(Writer):
             "tables": [*self.flat_tables(), *((head, [f"{{{row}}}," for row in rows]) for head, rows in self.tables)],
             "part_files": ["c/parts.c.jinja"] if self.has_parts else [],
             "sines": self.sines(),
-            "routines": [lines.routine(r) for r in context["routines"]],
+            "routines": [f for r in context["routines"] for f in self.where_run(r.name, [lines.routine(r)])],
             "lane_functions": [(*guard(widths, used), functions) for widths, functions in context["lane_functions"] if functions],
             "lane_routines": [
                 (*guard(widths, used), functions)
                 for widths, of in context["lane_routines"]
-                if (functions := [*map(lines.routine, of)])
+                if (functions := [f for r in of for f in self.where_run(r.name, [lines.routine(r)])])
             ],
             "lane_interfaces": [
                 (*guard(widths, used), functions)

@@ -26,6 +26,8 @@ class Function:
     """Whether it is declared where it is not compiled."""
     before: list[str] = field(default_factory=list)
     """Lines before it in any case."""
+    after: list[str] = field(default_factory=list)
+    """The same after it."""
 
     @property
     def begin(self) -> list[str]:
@@ -36,7 +38,7 @@ class Function:
     def end(self) -> list[str]:
         """Lines after it."""
         declaration = ["#else", f"{self.signature};"] if self.declared else []
-        return [*declaration, "#endif"] if self.guard else []
+        return [*([*declaration, "#endif"] if self.guard else []), *self.after]
 
     @property
     def head(self) -> list[str]:

@@ -8,7 +8,7 @@ part is compiled in one unit and the other calls it: twice the same would be mos
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 LIBRARIES = ("dynamics", "jacobians", "mass", "forces", "outputs", "states", "gradients", "motion", "four", "frames")
@@ -81,6 +81,39 @@ def guard_of_width(function: str, width: int | None) -> str:
     return guard(function, (width,) if width else ())
 
 
+def guard_of_run(
+    users: Mapping[int | None, Mapping[str, Collection[int]]],
+    all_functions: Mapping[str, Collection[int]],
+    in_all_units: bool,
+) -> str:
+    """The condition under which something that functions run is compiled; nothing if it always is.
+
+    Parameters
+    ----------
+    users : mapping
+        By width, None for what has no directions: functions that run it, and of these for how many directions at once.
+    all_functions : mapping
+        All functions of the solver, with their widths.
+    in_all_units : bool
+        Its parts are shared among the units of a library.
+    """
+    everywhere = {(number, unit) for number, units in _units(all_functions).items() for unit in units}
+
+    def condition(functions: Mapping[str, Collection[int]]) -> str:
+        places = {(number, unit) for number, units in _units(functions).items() for unit in units}
+        if in_all_units:
+            places = {place for place in everywhere if place[0] in {number for number, _ in places}}
+        return " || ".join(f"ORDERNM_HAS({n}, {u})" for n, u in sorted(places)) if places != everywhere else ""
+
+    found: dict[str, list[int | None]] = {}
+    for width, functions in users.items():
+        found.setdefault(condition(functions), []).append(width)
+    if len(found) == 1:
+        return next(iter(found))
+    of_widths = [(c, " || ".join(f"WIDTH == {w}" for w in widths)) for c, widths in found.items()]
+    return " || ".join(f"(({w}) && ({c}))" if c else f"({w})" for c, w in of_widths)
+
+
 def sharing(users: Mapping[str, Sequence[int]], all_functions: Mapping[str, Sequence[int]]) -> str:
     """The condition under which two units of a library share parts of a sweep, by functions that run it and all, with widths.
 
@@ -90,7 +123,7 @@ def sharing(users: Mapping[str, Sequence[int]], all_functions: Mapping[str, Sequ
     return f"ORDERNM_SHARED({sum(1 << n for n in _units(users) if len(units[n]) > 1):#x})"
 
 
-def _units(functions: Mapping[str, Sequence[int]]) -> dict[int, set[int]]:
+def _units(functions: Mapping[str, Collection[int]]) -> dict[int, set[int]]:
     """Units of each library, by number, that have some of these functions."""
     found: dict[int, set[int]] = {}
     for name, widths in functions.items():
@@ -120,6 +153,6 @@ def libraries(functions: Mapping[str, Any]) -> dict[str, Any]:
 
 
 __all__ = [
-    "FOUR", "FRAMES", "LIBRARIES", "guard", "guard_of_library", "guard_of_width", "libraries", "library_of", "number_of",
-    "sharing",
+    "FOUR", "FRAMES", "LIBRARIES", "guard", "guard_of_library", "guard_of_run", "guard_of_width", "libraries", "library_of",
+    "number_of", "sharing",
 ]  # fmt: skip

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -53,6 +53,9 @@ UNROLLED_LINKS = 8
 DIFFERENT_LINKS, DIFFERENT = 12, 0.75
 """The same for models of at most so many links of which such a part are of kinds of their own: to write each out takes little
 more code."""
+
+
+Printed = Callable[[Mapping[str, str], Mapping[str, Any]], None]
 
 
 @dataclass(slots=True)
@@ -112,6 +115,7 @@ def write_solver(
     progress: Progress = silent,
     functions: Collection[str] | None = None,
     frames: bool = False,
+    printed: Printed | None = None,
 ) -> Source:
     """Expand a model and print its solver.
 
@@ -130,6 +134,8 @@ def write_solver(
         Those that the solver has, all if left out; see `codegen.mechanics.procedures.procedures`.
     frames : bool
         The solver has functions for the frames of all bodies.
+    printed : callable, optional
+        Called with the files and the manifest when all of the C is printed, before the rest is.
     """
     seconds: dict[str, float] = {}
     clock = time.perf_counter()
@@ -159,10 +165,6 @@ def write_solver(
     writer = CWriter(program, formulas, records, tuple(for_target(p, True) for p in asked))
     context = writer.context()
     files = write_c(context)
-    lap("print")
-    progress("printing NumPy", 0, 0)
-    files[f"{model.name}_numpy.py"] = write_numpy(program, formulas, records, one_by_one(asked))
-    lap("print NumPy")
     counts = operations(program, [*formulas, *records], writer.procedures)
     made = manifest(system, writer.procedures, writer.workspace, counts, chosen.q if chosen else ())
     if functions is not None:
@@ -180,6 +182,13 @@ def write_solver(
             files[f"{model.name}_four.c"] = write_four(made)
         if model.loops:
             files[f"{model.name}_precise.c"] = write_precise(system, made)
+    lap("print")
+    if printed is not None:
+        printed(files, made)
+        lap("begin to compile")
+    progress("printing NumPy", 0, 0)
+    files[f"{model.name}_numpy.py"] = write_numpy(program, formulas, records, one_by_one(asked))
+    lap("print NumPy")
     return Source(
         files,
         made,

@@ -633,6 +633,10 @@ class Writer(ABC):
             case Prepare():
                 return bool(self.prepared(step.what))
 
+    def where_run(self, name: str, functions: list[Function]) -> list[Function]:
+        """Functions of a sweep or of formulas as they are printed; targets that are compiled in parts say in which."""
+        return functions
+
     def shared_context(self) -> dict[str, Any]:
         """What the templates of every target are rendered with."""
         model = self.model
@@ -647,9 +651,19 @@ class Writer(ABC):
                 (t.name, t.count, [f"{t.name.upper()}_{c}" for c in t.columns], t.rows())
                 for t in self.addresses.tables if t.columns
             ],
-            "functions": [*self.constants[0], *(f for n in parts if n not in lanes for f in parts[n])],
+            "functions": [
+                *self.constants[0], *(f for n in parts if n not in lanes for f in self.where_run(n, parts[n]))
+            ],
             "lane_functions": [
-                (widths, [f for n in parts if n in lanes and self.widths.get(n) == widths for f in parts[n]])
+                (
+                    widths,
+                    [
+                        f
+                        for n in parts
+                        if n in lanes and self.widths.get(n) == widths
+                        for f in self.where_run(n, parts[n])
+                    ],
+                )
                 for widths in self.sets_of_widths
             ],
             "routines": [r for r in routines(self.procedures) if not r.lanes],
@@ -692,33 +706,50 @@ def widest_first(procedure: Procedure) -> tuple[int, ...]:
     return tuple(sorted((*procedure.widths, *procedure.apart), reverse=True))
 
 
-def called_for(procedure: Procedure) -> set[tuple[str, int]]:
-    """What a procedure runs over directions, by name, and for how many at once."""
-    found: set[tuple[str, int]] = set()
+def called_for(procedure: Procedure) -> dict[tuple[str, int], set[int]]:
+    """What a procedure runs over directions, by name, and for how many at once; by which of its functions, by their widths."""
+    found: dict[tuple[str, int], set[int]] = {}
+    own = (*procedure.widths, *procedure.apart)
 
-    def add(steps: tuple[Step, ...], widths: Sequence[int]) -> None:
+    def call(name: str, width: int, within: int | None) -> None:
+        found.setdefault((name, width), set()).update(own if within is None else (within,))
+
+    def add(steps: tuple[Step, ...], widths: Sequence[int], apart: bool) -> None:
+        """Add steps; `apart` if they run for so many directions whatever the function's own width is."""
         for step in steps:
             match step:
-                case Run() | Formulas():
-                    found.update((_name(step), w) for w in widths if over_directions(step))
+                case Run() | Formulas() if over_directions(step):
+                    for w in widths:
+                        call(_name(step), w, None if apart else w)
                 case Single():
-                    found.update((s.sweep, 1) for s in step.steps)
+                    for s in step.steps:
+                        call(s.sweep, 1, None)
                 case Perform():
-                    found.update((step.routine.name, w) for w in widths if over_directions(step))
-                    add(step.routine.steps, widths)
-                case Columns():
-                    add(step.steps, widths or (max(WIDTHS),))
+                    for w in widths if over_directions(step) else ():
+                        call(step.routine.name, w, None if apart else w)
+                    add(step.routine.steps, widths, apart)
+                case Columns() | IfAsked():
+                    add(step.steps, widths or (max(WIDTHS),), apart or not widths)
                 case AllColumns():
-                    found.update((s.sweep, step.width) for s in step.steps if s.lanes)
+                    for s in step.steps:
+                        if s.lanes:
+                            call(s.sweep, step.width, None)
                 case Primitives():
-                    found.add((_name(step.formulas), max(WIDTHS)))
-                case IfAsked():
-                    add(step.steps, widths or (max(WIDTHS),))
+                    call(_name(step.formulas), max(WIDTHS), None)
                 case _:
                     pass
 
-    add(procedure.steps, (*procedure.widths, *procedure.apart))
+    add(procedure.steps, own, False)
     return found
+
+
+def called_once(procedure: Procedure) -> set[str]:
+    """Names of what a procedure runs without directions."""
+    return {
+        step.routine.name if isinstance(step, Perform) else _name(step)
+        for step in walk(procedure.steps)
+        if isinstance(step, (Run, Formulas, Perform)) and not over_directions(step)
+    }
 
 
 def notes(block: Block) -> list[str]:

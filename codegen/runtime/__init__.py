@@ -1,38 +1,69 @@
 """Running generated solvers: `load` opens a generated package wherever it lies."""
 
-from __future__ import annotations
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
-import hashlib
-import importlib.util
-import os
-import sys
-from pathlib import Path
-from types import ModuleType
+if TYPE_CHECKING:
+    from .loading import load, load_trajectory
+    from .solver import Solver
+    from .standalone.diagnosis import Diagnosis
+    from .standalone.equilibrium import Equilibrium
+    from .standalone.errors import (
+        AssemblyError,
+        CompileError,
+        EquilibriumError,
+        NoCompilerError,
+        PackageError,
+        SimulationError,
+        SingularForceError,
+        SingularJointError,
+        SingularLoopError,
+        SingularOutputError,
+        TargetsDifferError,
+    )
+    from .standalone.frame_motion import FrameMotion, PointMotion
+    from .standalone.functionals import At, AtEvent, Final, Integral, LeastSquares
+    from .standalone.jacobians import Jacobians
+    from .standalone.linearization import Linearization
+    from .standalone.motion_events import Event
+    from .standalone.trajectory import Trajectory
 
-from .sections import CARRIED, STANDALONE
-from .solver import Solver
-from .standalone.diagnosis import Diagnosis
-from .standalone.equilibrium import Equilibrium
-from .standalone.errors import (
-    AssemblyError,
-    CompileError,
-    EquilibriumError,
-    NoCompilerError,
-    PackageError,
-    SimulationError,
-    SingularForceError,
-    SingularJointError,
-    SingularLoopError,
-    SingularOutputError,
-    TargetsDifferError,
-)
-from .standalone.frame_motion import FrameMotion, PointMotion
-from .standalone.functionals import At, AtEvent, Final, Integral, LeastSquares
-from .standalone.jacobians import Jacobians
-from .standalone.linearization import Linearization
-from .standalone.manifest import SEAL, check_files, read_manifest
-from .standalone.motion_events import Event
-from .standalone.trajectory import Trajectory
+_PLACES = {
+    **dict.fromkeys(("load", "load_trajectory"), "loading"),
+    **dict.fromkeys(("Solver",), "solver"),
+    **dict.fromkeys(("Diagnosis",), "standalone.diagnosis"),
+    **dict.fromkeys(("Equilibrium",), "standalone.equilibrium"),
+    **dict.fromkeys(
+        (
+            "AssemblyError",
+            "CompileError",
+            "EquilibriumError",
+            "NoCompilerError",
+            "PackageError",
+            "SimulationError",
+            "SingularForceError",
+            "SingularJointError",
+            "SingularLoopError",
+            "SingularOutputError",
+            "TargetsDifferError",
+        ),
+        "standalone.errors",
+    ),
+    **dict.fromkeys(("FrameMotion", "PointMotion"), "standalone.frame_motion"),
+    **dict.fromkeys(("At", "AtEvent", "Final", "Integral", "LeastSquares"), "standalone.functionals"),
+    **dict.fromkeys(("Jacobians",), "standalone.jacobians"),
+    **dict.fromkeys(("Linearization",), "standalone.linearization"),
+    **dict.fromkeys(("Event",), "standalone.motion_events"),
+    **dict.fromkeys(("Trajectory",), "standalone.trajectory"),
+}
+
+
+def __getattr__(name: str) -> Any:
+    # imported when first asked for: what only compiles needs neither solvers nor mpmath
+    if name in _PLACES:
+        return getattr(import_module(f".{_PLACES[name]}", __name__), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
 
 __all__ = [
     "AssemblyError",
@@ -63,98 +94,3 @@ __all__ = [
     "load",
     "load_trajectory",
 ]
-
-
-def load(folder: str | os.PathLike[str], target: str | None = None) -> Solver:
-    """Open a generated package; its C is compiled on first use and cached.
-
-    A package of this version is run by `codegen.runtime.Solver`, so its errors are the classes above; one of another
-    version by the run time that it brings along.
-
-    Parameters
-    ----------
-    folder : path
-        What `generate` wrote.
-    target : {"c", "numpy", "both"}, optional
-        Left out: what it was generated for.
-
-    Returns
-    -------
-    Solver
-
-    Raises
-    ------
-    PackageError
-        The folder holds no generated package, or a damaged one.
-    CompileError
-    """
-    path = Path(folder).absolute()
-    brought = _brought(path)
-    ours = all(_is_own(file) for file in brought)
-    if ours or _is_sealed(path):  # what is not may be of a version that knew no seals
-        check_files(path, read_manifest(path), (".py",))
-    if ours:
-        return Solver(path, target)
-    found: Solver = _package(path, brought).Solver(target)
-    return found
-
-
-def load_trajectory(path: str | os.PathLike[str]) -> Trajectory:
-    """Read a trajectory that was saved; the same as `Trajectory.load`.
-
-    Parameters
-    ----------
-    path : path
-        What `Trajectory.save` wrote: ``.npz``, or ``.parquet``, which needs pyarrow.
-
-    Returns
-    -------
-    Trajectory
-
-    Raises
-    ------
-    ValueError
-        Another kind of file, or a damaged one.
-    """
-    return Trajectory.load(path)
-
-
-def _is_sealed(path: Path) -> bool:
-    """Whether there is a ``model.json`` with a seal, right or wrong."""
-    try:
-        return SEAL in (path / "model.json").read_text(encoding="utf-8")
-    except (OSError, ValueError):
-        return False
-
-
-def _brought(path: Path) -> list[Path]:
-    """The files of the run time that a package brings along: a single file in those of earlier versions."""
-    one = path / f"{CARRIED}.py"
-    return [one] if one.is_file() else sorted((path / CARRIED).glob("*.py"))
-
-
-def _is_own(file: Path) -> bool:
-    own = STANDALONE / file.name
-    return own.is_file() and own.read_bytes() == file.read_bytes()
-
-
-def _package(path: Path, brought: list[Path]) -> ModuleType:
-    """A generated package as a module; one that was written anew is another module."""
-    key = hashlib.sha256(str(path).encode())
-    for file in (path / "__init__.py", *brought):
-        key.update(file.read_bytes())
-    name = f"ordernm_generated_{key.hexdigest()[:16]}"
-    if name not in sys.modules:
-        spec = importlib.util.spec_from_file_location(
-            name, path / "__init__.py", submodule_search_locations=[str(path)]
-        )
-        assert spec is not None and spec.loader is not None
-        module = importlib.util.module_from_spec(spec)
-        sys.modules[name] = module
-        try:
-            spec.loader.exec_module(module)
-        except BaseException:
-            for begun in [m for m in sys.modules if m == name or m.startswith(f"{name}.")]:
-                del sys.modules[begun]
-            raise
-    return sys.modules[name]

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from .compiler import CFLAGS, COMMAND, STANDARD, compiler_version, find_compiler, optimization, processor, run_all
+from .compiler import CFLAGS, COMMAND, STANDARD, Stop, compiler_version, find_compiler, optimization, processor, run_all
 from .errors import CompileError, NoCompilerError
 
 FLAGS = {"four": ("-O3", "-march=native"), "precise": ("-O1",)}
@@ -76,6 +76,7 @@ class Build:
         except NoCompilerError as error:
             self.compiler, self.complaint = [], error
         self.places = [folder]
+        self.stop = Stop()
         with contextlib.suppress(RuntimeError):  # a user without a home
             self.places.append(user_cache() / name)
 
@@ -151,14 +152,14 @@ class Build:
         """Whether the compiler compiles anything."""
         source, made = output.with_name("one_line.c"), output.with_name("one_line.o")
         source.write_text("int one_line(void) { return 0; }\n", encoding="utf-8")
-        refused, _ = run_all([[*self.compiler, "-c", "-o", str(made), str(source)]])
+        refused, _ = run_all([[*self.compiler, "-c", "-o", str(made), str(source)]], self.stop)
         return not refused and made.exists()
 
     def _run(self, flags: list[str], output: Path) -> tuple[bool, str]:
         """Compile the sources, several at once, and link them; whether that was refused, and the log."""
         common = [*self.compiler, *STANDARD, *flags]
         if len(self.sources) == 1:
-            return run_all([[*common, "-o", str(output), str(self.sources[0]), "-lm"]])
+            return run_all([[*common, "-o", str(output), str(self.sources[0]), "-lm"]], self.stop)
         library = [f"-DORDERNM_LIBRARY={self.number}"] if self.part else []
         first, *others = self.sources
         tasks = [(first, f"{first.stem}_{n}", [*library, f"-DORDERNM_UNIT={n}"]) for n in self.units]
@@ -168,10 +169,10 @@ class Build:
             [*(f for f in common if f != "-shared"), *defined, "-c", "-o", str(o), str(s)]
             for (s, _, defined), o in zip(tasks, objects, strict=True)
         ]
-        refused, log = run_all(parts)
+        refused, log = run_all(parts, self.stop)
         if refused:
             return refused, log
-        return run_all([[*common, "-o", str(output), *map(str, objects), "-lm"]])
+        return run_all([[*common, "-o", str(output), *map(str, objects), "-lm"]], self.stop)
 
 
 def _texts(sources: Sequence[Path]) -> Iterator[bytes]:
@@ -202,6 +203,12 @@ def builds(folder: Path, manifest: Mapping[str, Any]) -> dict[str, Build]:
     parts = manifest.get("libraries", {})
     found = {part: Build(folder, name, part=part, number=x["number"], units=x["units"]) for part, x in parts.items()}
     return {"": Build(folder, name, sources)} | found
+
+
+def first_build(folder: Path, manifest: Mapping[str, Any], everything: bool = False) -> Build:
+    """What is compiled when a package is generated: what most calls need, or all."""
+    whole, *first = builds(folder, manifest).values()
+    return whole if everything or not first else first[0]
 
 
 def digest(file: Path) -> str:

@@ -162,7 +162,22 @@ def _interrupts_wait() -> Iterator[None]:
             usual(*came[0])
 
 
-def run_all(commands: list[list[str]]) -> tuple[bool, str]:
+class Stop:
+    """What another thread stops compilers by."""
+
+    def __init__(self) -> None:
+        self.asked = False
+        self.running: list[subprocess.Popen[bytes]] = []
+
+    def now(self) -> None:
+        """End those that run; none is begun afterwards."""
+        self.asked = True
+        for process in list(self.running):
+            with contextlib.suppress(OSError):
+                os.killpg(process.pid, signal.SIGKILL)
+
+
+def run_all(commands: list[list[str]], stop: Stop | None = None) -> tuple[bool, str]:
     """Run commands side by side; whether one failed, and what they said.
 
     Raises
@@ -172,12 +187,15 @@ def run_all(commands: list[list[str]]) -> tuple[bool, str]:
     """
     log = []
     failed = False
-    running: list[subprocess.Popen[bytes]] = []
+    stop = stop or Stop()
+    running = stop.running = []
     seconds = compile_seconds()
     end = time.monotonic() + seconds
     try:
         with _interrupts_wait():  # a process is known before anything can end its start
             for c in commands:
+                if stop.asked:
+                    return True, f"{COMMAND}{shlex.join(c)}\nstopped\n"
                 running.append(
                     subprocess.Popen(
                         c,

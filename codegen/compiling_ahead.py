@@ -1,0 +1,90 @@
+"""Compiling a package's first library while the rest of the package is still being written."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import tempfile
+import threading
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from .runtime.sections import carried_files
+from .runtime.standalone.build import Build, first_build
+from .runtime.standalone.compiler import CFLAGS
+from .runtime.standalone.errors import CompileError
+
+
+class CompilingAhead:
+    """Compiles a copy of a package's C in a thread, if it is not compiled already; a context that stops what still runs.
+
+    What goes wrong here is passed over: the package is compiled in its place then, and whoever waits for it is told there.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the package will be.
+    everything : bool
+        Compile all functions.
+    """
+
+    def __init__(self, folder: Path, everything: bool) -> None:
+        self.folder = folder
+        self.everything = everything
+        self._library: Path | None = None
+        self._thread = threading.Thread(target=self._compile, daemon=True)
+        self._build: Build | None = None
+        self._copy: Path | None = None
+
+    def begin(self, files: Mapping[str, str], manifest: Mapping[str, Any]) -> None:
+        """Compile.
+
+        Parameters
+        ----------
+        files : mapping of str to str
+            All of the C that is generated, and perhaps others.
+        manifest : mapping
+            See `codegen.emit.interface.manifest`.
+        """
+        if CFLAGS in os.environ:  # other flags may have the compiler write down where the C was
+            return
+        with contextlib.suppress(OSError, CompileError):
+            self._copy = Path(tempfile.mkdtemp(prefix="ordernm-"))
+            for name, text in {**files, **carried_files(manifest)}.items():
+                if name.endswith((".c", ".h")):
+                    file = self._copy / name
+                    file.parent.mkdir(exist_ok=True)
+                    file.write_text(text, encoding="utf-8")
+            self._build = first_build(self._copy, manifest, self.everything)
+            self._build.places[0] = self.folder
+            if self._build.compiler and self._build.found() is None:
+                self._build.places = [self._copy]
+                self._thread.start()
+
+    def _compile(self) -> None:
+        assert self._build is not None
+        with contextlib.suppress(CompileError):
+            self._library = self._build.library()
+
+    def place(self) -> None:
+        """Wait for the library and put it into the package."""
+        if self._thread.is_alive():
+            self._thread.join()
+        if self._library is not None:
+            hidden = self.folder / f".build-{self._library.name}"
+            with contextlib.suppress(OSError):
+                shutil.copyfile(self._library, hidden)
+                hidden.replace(self.folder / self._library.name)
+
+    def __enter__(self) -> CompilingAhead:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._build is not None:
+            self._build.stop.now()
+        if self._thread.is_alive():
+            self._thread.join()
+        if self._copy is not None:
+            shutil.rmtree(self._copy, ignore_errors=True)

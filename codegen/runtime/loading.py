@@ -1,0 +1,110 @@
+"""Opening generated packages, and trajectories that were saved."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import os
+import sys
+from pathlib import Path
+from types import ModuleType
+
+from .sections import CARRIED, STANDALONE
+from .solver import Solver
+from .standalone.manifest import SEAL, check_files, read_manifest
+from .standalone.trajectory import Trajectory
+
+
+def load(folder: str | os.PathLike[str], target: str | None = None) -> Solver:
+    """Open a generated package; its C is compiled on first use and cached.
+
+    A package of this version is run by `codegen.runtime.Solver`, so its errors are the classes above; one of another
+    version by the run time that it brings along.
+
+    Parameters
+    ----------
+    folder : path
+        What `generate` wrote.
+    target : {"c", "numpy", "both"}, optional
+        Left out: what it was generated for.
+
+    Returns
+    -------
+    Solver
+
+    Raises
+    ------
+    PackageError
+        The folder holds no generated package, or a damaged one.
+    CompileError
+    """
+    path = Path(folder).absolute()
+    brought = _brought(path)
+    ours = all(_is_own(file) for file in brought)
+    if ours or _is_sealed(path):  # what is not may be of a version that knew no seals
+        check_files(path, read_manifest(path), (".py",))
+    if ours:
+        return Solver(path, target)
+    found: Solver = _package(path, brought).Solver(target)
+    return found
+
+
+def load_trajectory(path: str | os.PathLike[str]) -> Trajectory:
+    """Read a trajectory that was saved; the same as `Trajectory.load`.
+
+    Parameters
+    ----------
+    path : path
+        What `Trajectory.save` wrote: ``.npz``, or ``.parquet``, which needs pyarrow.
+
+    Returns
+    -------
+    Trajectory
+
+    Raises
+    ------
+    ValueError
+        Another kind of file, or a damaged one.
+    """
+    return Trajectory.load(path)
+
+
+def _is_sealed(path: Path) -> bool:
+    """Whether there is a ``model.json`` with a seal, right or wrong."""
+    try:
+        return SEAL in (path / "model.json").read_text(encoding="utf-8")
+    except (OSError, ValueError):
+        return False
+
+
+def _brought(path: Path) -> list[Path]:
+    """The files of the run time that a package brings along: a single file in those of earlier versions."""
+    one = path / f"{CARRIED}.py"
+    return [one] if one.is_file() else sorted((path / CARRIED).glob("*.py"))
+
+
+def _is_own(file: Path) -> bool:
+    own = STANDALONE / file.name
+    return own.is_file() and own.read_bytes() == file.read_bytes()
+
+
+def _package(path: Path, brought: list[Path]) -> ModuleType:
+    """A generated package as a module; one that was written anew is another module."""
+    key = hashlib.sha256(str(path).encode())
+    for file in (path / "__init__.py", *brought):
+        key.update(file.read_bytes())
+    name = f"ordernm_generated_{key.hexdigest()[:16]}"
+    if name not in sys.modules:
+        spec = importlib.util.spec_from_file_location(
+            name, path / "__init__.py", submodule_search_locations=[str(path)]
+        )
+        assert spec is not None and spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        sys.modules[name] = module
+        try:
+            spec.loader.exec_module(module)
+        except BaseException:
+            for begun in [m for m in sys.modules if m == name or m.startswith(f"{name}.")]:
+                del sys.modules[begun]
+            raise
+    return sys.modules[name]
