@@ -18,10 +18,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, NoReturn
 
-from .bench.command import add_arguments as add_bench_arguments
 from .folders import OTHERS
-from .importing.command import add_arguments as add_import_arguments
-from .simulating import add_arguments as add_simulate_arguments
 from .terminal import StatusLine, width, write_lines
 from .version import __version__
 
@@ -505,6 +502,10 @@ def generate_main(arguments: Sequence[str] | None = None) -> int:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point of ``ordernm``."""
+    from .bench.command import add_arguments as add_bench_arguments
+    from .importing.command import add_arguments as add_import_arguments
+    from .simulating import add_arguments as add_simulate_arguments
+
     _tolerate_terminal()
     if arguments is None:
         _be_short_lived()
