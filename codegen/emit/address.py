@@ -168,7 +168,7 @@ class Addresses:
 
     def expression(self, kinds: Sequence[UnitKind], sweep: str, rows: Sequence[Row]) -> str:
         """Expression of integers that belong to the instances of kinds, from those of each; each is looked for once."""
-        key = (sweep, *kinds, *map(id, rows))
+        key = (self.table(sweep).name, SWEEP[sweep].units, *kinds, *map(id, rows))
         if key not in self._expressions:  # which keeps the rows, so that no others get their identities
             self._expressions[key] = rows, self._expression(kinds, sweep, rows)
         return self._expressions[key][1]
@@ -194,7 +194,7 @@ class Addresses:
 
     def of_links(self, kind: UnitKind, sweep: str, store: Store, column: str, of: list[int] | None = None) -> Row:
         """An integer of the link that a store is of: its number, or what `of` lists by link."""
-        key = (kind.index, kind.role, SWEEP[sweep].units, store, column)
+        key = (kind.index, kind.role, SWEEP[sweep].units, store.owner, store.place, column)
         if key not in self._rows:
             links = self.links_meant(kind, sweep, store)
             place = "" if store.place is None else str(store.place)

@@ -513,10 +513,10 @@ class Writer(ABC):
 
     def owners(self, constants: Sequence[Constants]) -> str:
         """Whose constants some are, in words."""
-        system, model = self.system, self.model
-        found = [link.name for link, c in zip(system.links, system.constants_of, strict=True) if c in constants]
-        found += [loop.name for loop, c in zip(model.loops, system.closure_constants, strict=True) if c in constants]
-        found += [e.element.name for e in system.elements if e.constants in constants]
+        system, model, those = self.system, self.model, {id(c) for c in constants}
+        found = [link.name for link, c in zip(system.links, system.constants_of, strict=True) if id(c) in those]
+        found += [loop.name for loop, c in zip(model.loops, system.closure_constants, strict=True) if id(c) in those]
+        found += [e.element.name for e in system.elements if id(e.constants) in those]
         return ", ".join(found[:3]) + (f", ... ({len(found)})" if len(found) > 3 else "") if found else "gravity"
 
     # -- the ground ------------------------------------------------------------------------------------------------

@@ -184,15 +184,17 @@ class Cuts:
         The cuts in the base frame, m, as `place` found them.
     n, m : (S, l, 3, 3) array
         Directions of linear and angular rows, base frame, the linear ones divided by the characteristic length.
+    residual : (S, l, 6) array
+        What `place` has returned.
     """
 
     point: Array
     n: Array
     m: Array
+    residual: Array
 
     def __init__(self, geometry: Geometry, loops: Sequence[int], rows: Sequence[Sequence[int]] | None = None) -> None:
         g, self.loops = geometry, list(loops)
-        rows = g.kept if rows is None else rows
         i = np.array(self.loops, dtype=int)
         self.starts, self.ends = (np.array([x[j] for j in self.loops], dtype=int) for x in (g.starts, g.ends))
         self.face_R, self.face_at = g.face_R[:, i], g.face_at[:, i]
@@ -201,8 +203,25 @@ class Cuts:
         self.whole, self.perpendicular = np.flatnonzero(g.is_whole_turn[i]), np.flatnonzero(g.is_perpendicular[i])
         self.lengths = g.lengths[i]
         self.surfaces = [(n, g.surfaces[j]) for n, j in enumerate(self.loops) if j in g.surfaces]
-        self.couplings = [(n, g.couplings[j]) for n, j in enumerate(self.loops) if j in g.couplings]
+        self._keep(g, rows)
+
+    def _keep(self, geometry: Geometry, rows: Sequence[Sequence[int]] | None) -> None:
+        rows = geometry.kept if rows is None else rows
+        self.couplings = [(n, geometry.couplings[j]) for n, j in enumerate(self.loops) if j in geometry.couplings]
         self.row_index = np.array([6 * j + r for j, k in enumerate(self.loops) for r in rows[k]], dtype=int)
+
+    def of(self, geometry: Geometry, loops: Sequence[int], rows: Sequence[Sequence[int]] | None = None) -> Cuts:
+        """The cuts of some loops where these, of all loops, have been placed: for conditions, not to be placed anew."""
+        found: Cuts = object.__new__(Cuts)
+        found.loops = i = list(loops)
+        found._keep(geometry, rows)
+        found.lengths = geometry.lengths[i]
+        other = self.lengths[i] / found.lengths
+        found.point, found.m = self.point[:, i], self.m[:, i]
+        found.n = self.n[:, i] * other[:, None, None]
+        found.residual = self.residual[:, i]
+        found.residual[..., :3] *= other[:, None]
+        return found
 
     def kept(self, six: Array) -> Array:
         """The true rows of ``(S, l, 6, ...)`` as ``(S, rows, ...)``."""
@@ -239,6 +258,7 @@ class Cuts:
             self.n[:, n, :m] = turn(C_s[:, n, None], normal) / self.lengths[n]
         for n, coupled in self.couplings:
             residual[:, n, COUPLED] = coupled.open(q)
+        self.residual = residual
         return residual
 
     def _rotations(self, R: Array) -> Array:

@@ -147,6 +147,8 @@ class Geometry:
     model : Model
     p : sequence of float, optional
         Design parameters; the defaults if left out.
+    lengths : (L,) array, optional
+        Characteristic lengths; those of the loops themselves if left out.
 
     Attributes
     ----------
@@ -195,7 +197,7 @@ class Geometry:
         Characteristic length of each loop, a power of two, m; and that of its ear, by which linear conditions are divided.
     """
 
-    def __init__(self, model: Model, p: Sequence[float] | Array | None = None) -> None:
+    def __init__(self, model: Model, p: Sequence[float] | Array | None = None, lengths: Array | None = None) -> None:
         self.model = model
         self.tolerance = max(model.loop_tolerance, LEAST_TOLERANCE)
         n = self.ground = len(model.bodies)
@@ -210,12 +212,7 @@ class Geometry:
         self.ancestry = Ancestry(self.parent, self.depth, model.outward, n)
         self._joints()
         self._loops()
-        points = [self.at, *self.face_at, self._vectors(b.com for b in model.bodies)]
-        self._extent = max(float(np.linalg.norm(x, axis=1).max(initial=0.0)) for x in points)
-        self.own_lengths = np.array([self._length(i) for i in range(len(model.loops))])
-        joined = [i for i in range(len(model.loops)) if i not in self.couplings]
-        if joined:  # what has no length of its own does not weigh that of others
-            self.own_lengths[list(self.couplings)] = self.own_lengths[joined].min()
+        self.own_lengths = self._own_lengths() if lengths is None else lengths
         self.lengths = self.own_lengths.copy()
 
     # --- joints -------------------------------------------------------------------------------------------------------
@@ -341,6 +338,15 @@ class Geometry:
             list(dict.fromkeys(t.body for t in of.terms)), u, q,
             np.array(self._evaluate(t.factor for t in of.terms)), self._evaluate([of.offset])[0],
         )  # fmt: skip
+
+    def _own_lengths(self) -> Array:
+        points = [self.at, *self.face_at, self._vectors(b.com for b in self.model.bodies)]
+        self._extent = max(float(np.linalg.norm(x, axis=1).max(initial=0.0)) for x in points)
+        found = np.array([self._length(i) for i in range(len(self.model.loops))])
+        joined = [i for i in range(len(self.model.loops)) if i not in self.couplings]
+        if joined:  # what has no length of its own does not weigh that of others
+            found[list(self.couplings)] = found[joined].min()
+        return found
 
     def _length(self, loop: int, window: int = 8) -> float:
         """The mean distance between neighbouring joints near the cut, rounded to a power of two, m.

@@ -247,9 +247,7 @@ def _changed(geometry: Geometry, j: int, by: float) -> Geometry:
     """The geometry with one parameter changed, with the lengths of the given one."""
     values = [p.value for p in geometry.model.parameters]
     values[j] += by
-    changed = Geometry(geometry.model, values)
-    changed.lengths = geometry.lengths
-    return changed
+    return Geometry(geometry.model, values, geometry.lengths)
 
 
 def _rate(values: Sequence[Array], step: float) -> Array:
@@ -275,13 +273,12 @@ def _opened(
         w[:, :n, :, c] = turn(inboard, spin[..., [2, 0, 1], [1, 2, 0]])
         v[:, :n, :, c] = turn(inboard, np.broadcast_to(_rate(moved, steps[c]), (1, n, 3)))
     motion = Motion(geometry, q, np.zeros((1, geometry.nu, K)), (w, v))
+    faces = np.stack([
+        _rate([_residuals(g, geometry, motion) for g in others], step) for others, step in zip(changed, steps, strict=True)
+    ], axis=-1)  # fmt: skip
     for draft in drafts:
         closure = motion.closure(draft.loops, geometry.rows)
-        faces = np.stack([
-            _rate([_residual(g, draft.loops, motion) for g in others], step)
-            for others, step in zip(changed, steps, strict=True)
-        ], axis=-1)  # fmt: skip
-        right = closure.known[0] + faces
+        right = closure.known[0] + np.concatenate([faces[i, geometry.rows[i]] for i in draft.loops])
         names = [(i, r) for i in draft.loops for r in geometry.rows[i]]
         kept = [m for m, (i, r) in enumerate(names) if r in geometry.kept[i]]
         A = closure.E[0][:, [closure.column[s] for s in draft.dependent]]
@@ -294,7 +291,7 @@ def _opened(
         yield from ((j, draft) for j, opens in zip(moving, left > allowed, strict=True) if opens)
 
 
-def _residual(geometry: Geometry, loops: Sequence[int], motion: Motion) -> Array:
-    """Position residuals ``(rows,)`` of some loops with bodies where a motion has them."""
-    cuts = Cuts(geometry, loops, geometry.rows)
-    return cuts.kept(cuts.place(cuts.faces(motion.frames), motion.q))[0]
+def _residuals(changed: Geometry, geometry: Geometry, motion: Motion) -> Array:
+    """Position residuals ``(L, 6)`` of all loops with bodies where a motion has them."""
+    cuts = Cuts(changed, range(len(geometry.model.loops)), geometry.rows)
+    return cuts.place(cuts.faces(motion.frames), motion.q)[0]

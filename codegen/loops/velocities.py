@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 
@@ -69,6 +70,13 @@ class Motion:
         self.screws = ground_screws(geometry, q, self.frames)
         self.restart()
 
+    @cached_property
+    def cuts(self) -> Cuts:
+        """Those of all loops, placed."""
+        found = Cuts(self.geometry, range(len(self.geometry.model.loops)))
+        found.place(found.faces(self.frames), self.q)
+        return found
+
     def restart(self) -> None:
         """Forget what has been resolved."""
         self.u = self.given.copy()
@@ -113,8 +121,8 @@ class VelocityClosure:
 
     def __init__(self, motion: Motion, loops: Sequence[int], rows: Sequence[Sequence[int]] | None = None) -> None:
         g, self.loops = motion.geometry, list(loops)
-        cuts = Cuts(g, loops, rows)
-        self.position = cuts.kept(cuts.place(cuts.faces(motion.frames), motion.q))
+        cuts = motion.cuts.of(g, loops, rows)
+        self.position = cuts.kept(cuts.residual)
         self._tolerance = g.tolerance
         self._length = float(np.max(g.lengths[self.loops]))
         moved = [motion.groups.difference(i, cuts.point[:, j]) for j, i in enumerate(loops)]

@@ -9,8 +9,9 @@ import pytest
 
 import codegen
 from codegen.reference import RecursiveEngine
-from codegen.reporting import Request, figures, motions, report
+from codegen.reporting import Request, figures, integrating, motions, processes, report
 from codegen.reporting.errors import DIGITS
+from codegen.reporting.states import State
 
 pytest.importorskip("matplotlib", reason="reports draw figures; the extra plot installs matplotlib")
 
@@ -162,18 +163,38 @@ def test_motions(numbers, solver):
             assert 0 < point["seconds"] <= point["seconds_high"]
 
 
+def test_times_are_of_several_processes(numbers, solver):
+    """A motion that takes long is timed twice, a short one by every process; functions by all of them."""
+    setting = integrating.Setting(END, ["L"], "dop853", 1e-6)
+    times, motions_ = processes.timed(
+        solver.folder, State.of(numbers["states"][0]), 0.01, solver.folder, [(setting, 1e-9), (setting, 9.0)]
+    )
+    assert set(times["functions"]) == set(numbers["times"]["functions"])
+    udot = times["functions"]["udot"]["compiled"]
+    assert 0 < udot["least"] <= udot["median"] <= udot["high"] and udot["turns"] >= processes.PROCESSES
+    short, long_ = motions_
+    assert short["seconds"] == 1e-9 < short["seconds_high"] < 1.0  # the one that this process has seen, and others
+    assert long_["seconds_high"] == 9.0 and long_["seconds"] < 1.0
+    alone, none = processes.timed(solver.folder, None, 0.01, solver.folder, [(setting, 1e-9)])
+    assert alone == {} and len(none) == 1
+
+
+def test_what_a_process_says_is_told(tmp_path):
+    with pytest.raises(RuntimeError, match="holds no generated solver that is whole"):
+        processes.timed(tmp_path, None, 0.01, tmp_path, [])
+
+
 def test_where_the_last_digits_are_not_to_be_had_the_reference_is_looser(solver, monkeypatch):
     """No diagram against a motion that never came to its end."""
     counts = {t: solver.simulate(END, method="dop853", rtol=t, atol=t).stats for t in (1e-13, 1e-12)}
     steps = {t: c["steps"] + c["rejected"] for t, c in counts.items()}
     assert steps[1e-12] < steps[1e-13]
-    monkeypatch.setattr(motions, "_most_steps", lambda *_: steps[1e-12])
+    monkeypatch.setattr(integrating, "_most_steps", lambda *_: steps[1e-12])
     monkeypatch.setattr(motions, "MOST_SENSITIVITIES", 0)
-    monkeypatch.setattr(motions, "ROUNDS", 1)
     found = motions.motions(codegen.load_model(MODEL), solver, END, [], lambda partitions: solver)
     assert found["reference"] == "dop853 at 1e-12" and 0 < found["reference_error"] < 1e-9
     assert min(p["setting"] for p in found["methods"]["dop853"]) == pytest.approx(1e-11)
-    monkeypatch.setattr(motions, "_most_steps", lambda *_: 1)
+    monkeypatch.setattr(integrating, "_most_steps", lambda *_: 1)
     left_out = []
     assert motions.motions(codegen.load_model(MODEL), solver, END, left_out, lambda partitions: solver) is None
     assert [s.what for s in left_out] == ["motions"] and "steps" in left_out[0].why
@@ -185,7 +206,6 @@ def test_a_motion_of_which_nothing_is_known_is_halved_and_its_empty_diagram_draw
     chaotic = 0.6 * END
     monkeypatch.setattr(motions, "_errors", lambda x, y, v: (1.5, 2e4) if y.t[-1] > chaotic else judged(x, y, v))
     monkeypatch.setattr(motions, "MOST_SENSITIVITIES", 1)
-    monkeypatch.setattr(motions, "ROUNDS", 1)
     found = motions.motions(codegen.load_model(MODEL), solver, END, [], lambda partitions: solver)
     assert found["end"] == END / 2 and found["asked"] == END and "differ by 2e+04" in found["ended"]
     assert found["reference_error"] < 1e-9

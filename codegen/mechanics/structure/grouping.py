@@ -194,7 +194,7 @@ def _ear_kind(
             [order.first_follower.get(root) == n for root in ear.roots], [i in order.first_follower for i in ear.links],
             closures, ear.dependent, ear.columns, r, total_sources(region), region.carried,
             region.rigid, inverse if angular else algebra.ONE, inverse,
-            region.carried or order.slides(region), order.partners[n], locked=order.locked(region),
+            region.carried or order.slides(ear.region), order.partners[n], locked=order.locked(region),
         )  # fmt: skip
     assert isinstance(kind, EarKind)
     kind.members.append(e)

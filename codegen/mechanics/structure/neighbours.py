@@ -33,6 +33,7 @@ class Neighbours:
         self.last_use: dict[int, int] = dict(self.unit_of_link)
         self.first_follower: dict[int, int] = {}
         self._structures: dict[int, tuple[object, ...]] = {}
+        self._of_regions: dict[int, tuple[bool, tuple[bool, ...], tuple[int, ...]]] = {}
         self.partners = regions.elimination.partners
         self.first_contributor = regions.elimination.first_contributor
         for n, unit in enumerate(regions.order):
@@ -117,17 +118,28 @@ class Neighbours:
             tuple((c.paths, c.roots, c.faces, c.gaps, c.dropped, c.terms) for c in ear.closures),
             tuple(map(tuple, ear.dependent)), tuple(tuple(sorted(c.items())) for c in ear.columns), ear.length,
             len(region.freedoms), region.carried, region.rigid, tuple(self.role_of(i) for i in ear.links), self.far(e),
-            self.slides(region), tuple(i == GROUND for i in region.far), self.locked(region),
-            self.partners[n].structure() if n >= 0 else (),
+            *self.of_region(ear.region), self.partners[n].structure() if n >= 0 else (),
         )  # fmt: skip
+
+    def of_region(self, n: int) -> tuple[bool, tuple[bool, ...], tuple[int, ...]]:
+        """What the ears of a region have in common: whether the way between faces matters, which far links are the ground,
+        sources that are prescribed."""
+        found = self._of_regions.get(n)
+        if found is None:
+            region = self.regions.regions[n]
+            found = self._of_regions[n] = (
+                any(c.slides(self.loop_types[c.loop]) for e in region.ears for c in self.regions.ears[e].closures),
+                tuple(i == GROUND for i in region.far), self.locked(region),
+            )  # fmt: skip
+        return found
+
+    def slides(self, n: int) -> bool:
+        """Whether the way between the faces of some loop of a region matters."""
+        return self.of_region(n)[0]
 
     def locked(self, region: Region) -> tuple[int, ...]:
         """Sources of a region that are prescribed."""
         return tuple(c for c, (i, _) in enumerate(region.freedoms) if self.links[i].joint.driven)
-
-    def slides(self, region: Region) -> bool:
-        """Whether the way between the faces of some loop of a region matters."""
-        return any(c.slides(self.loop_types[c.loop]) for e in region.ears for c in self.regions.ears[e].closures)
 
     def roles(self, e: int) -> tuple[str, ...]:
         ear = self.regions.ears[e]
