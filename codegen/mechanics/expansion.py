@@ -88,6 +88,7 @@ class Reach:
 
     def __init__(self, system: System):
         self.system = system
+        self._found: dict[tuple[UnitKind, str, Store], tuple[MemoryKey, set[KindKey]] | None] = {}
         self._of_links: dict[tuple[str, int, bool, Owner, int | None], set[KindKey]] = {}
         self._regions: dict[int, set[KindKey]] = {}
         self._handed_on: dict[tuple[int, int | None], set[KindKey]] = {}
@@ -110,10 +111,14 @@ class Reach:
 
     def of(self, kind: UnitKind, sweep: Sweep, store: Store) -> tuple[MemoryKey, set[KindKey]] | None:
         """Memory and kinds; None for what the layout does not place."""
-        if store.memory not in LAID_OUT:
-            return None
-        key = store.memory, sweep.name if store.memory.life is Life.SWEEP else ""
-        return key, self._kinds(kind, sweep, store)
+        key = kind, sweep.name, store
+        if key not in self._found:
+            if store.memory in LAID_OUT:
+                memory = store.memory, sweep.name if store.memory.life is Life.SWEEP else ""
+                self._found[key] = memory, self._kinds(kind, sweep, store)
+            else:
+                self._found[key] = None
+        return self._found[key]
 
     def _kinds(self, kind: UnitKind, sweep: Sweep, store: Store) -> set[KindKey]:
         """Kinds of what a store is of, in the blocks of a kind."""
@@ -139,6 +144,7 @@ class Patterns:
         self.system = system
         self.reach = Reach(system)
         self.nonzero: dict[tuple[MemoryKey, KindKey], dict[str, int | None]] = {}
+        self._fields: dict[tuple[UnitKind, str, Store], list[dict[str, int | None]] | None] = {}
         self.overruled = False
         """Whether a sweep has stored something else where an earlier one had stored 1 or -1."""
         self._known_from: dict[Place, str] = {}
@@ -168,17 +174,24 @@ class Patterns:
         if store.memory is CONSTANT:
             number = kind.number_of(store, name)
             return number is None or number != 0
-        found = self.reach.of(kind, sweep, store)
-        return found is None or any(name in self.of(found[0], k) for k in found[1])
+        found = self._meant(kind, sweep, store)
+        return found is None or any(name in of for of in found)
 
     def known(self, kind: UnitKind, sweep: Sweep, store: Store, name: str) -> int | None:
         """The number 1 or -1 that a field is in every state."""
         if store.memory is CONSTANT:
             number = kind.number_of(store, name)
             return int(number) if number in (1, -1) else None
-        found = self.reach.of(kind, sweep, store)
-        values = {self.of(found[0], k).get(name) for k in found[1]} if found else {None}
+        values = {of.get(name) for of in self._meant(kind, sweep, store) or ({},)}
         return values.pop() if len(values) == 1 else None
+
+    def _meant(self, kind: UnitKind, sweep: Sweep, store: Store) -> list[dict[str, int | None]] | None:
+        """Fields as `of` has them, of all kinds that a store can be of; None for what the layout does not place."""
+        key = kind, sweep.name, store
+        if key not in self._fields:
+            found = self.reach.of(kind, sweep, store)
+            self._fields[key] = None if found is None else [self.of(found[0], k) for k in found[1]]
+        return self._fields[key]
 
     def number(self, kind: UnitKind, sweep: Sweep, store: Store, name: str) -> Number | None:
         """A value that is known: a constant of the whole kind, or a field that is 1 or -1."""
