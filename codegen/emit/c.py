@@ -10,6 +10,7 @@ import textwrap
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
+from itertools import groupby
 from types import MappingProxyType
 from typing import Any
 
@@ -259,16 +260,23 @@ class CWriter(Writer):
                 found.setdefault(name, {}).setdefault(width, {})[p.name] = its_widths
         return found
 
-    def where_run(self, name: str, functions: list[Function]) -> list[Function]:
-        if not functions or name not in self.runs:
-            return functions
+    def where_run(self, named: Iterable[tuple[str, list[Function]]]) -> list[Function]:
+        found: list[Function] = []
+        for condition, several in groupby(named, lambda x: self.condition(*x)):
+            functions = [f for _, of in several for f in of]
+            if condition and functions:
+                lines = textwrap.wrap(f"#if {condition}", COMMENT, subsequent_indent="    ")
+                functions[0].before = [*(f"{line} \\" for line in lines[:-1]), lines[-1], *functions[0].before]
+                functions[-1].after = ["#endif"]
+            found += functions
+        return found
+
+    def condition(self, name: str, functions: list[Function]) -> str:
+        """When the functions of a sweep, of formulas or of a routine are compiled; nothing if always."""
+        if name not in self.runs:
+            return ""
         shared = any(f.declared for f in functions)
-        condition = guard_of_run(self.runs[name], {p.name: widest_first(p) for p in self.asked}, shared)
-        if condition:
-            lines = textwrap.wrap(f"#if {condition}", COMMENT, subsequent_indent="    ")
-            functions[0].before = [*(f"{line} \\" for line in lines[:-1]), lines[-1], *functions[0].before]
-            functions[-1].after = ["#endif"]
-        return functions
+        return guard_of_run(self.runs[name], {p.name: widest_first(p) for p in self.asked}, shared)
 
     def shared_by_units(self, sweep: str) -> str:
         """The condition under which units of a library share the parts of a sweep."""
@@ -656,12 +664,12 @@ class CWriter(Writer):
             "tables": [*self.flat_tables(), *((head, [f"{{{row}}}," for row in rows]) for head, rows in self.tables)],
             "part_files": ["c/parts.c.jinja"] if self.has_parts else [],
             "sines": self.sines(),
-            "routines": [f for r in context["routines"] for f in self.where_run(r.name, [lines.routine(r)])],
+            "routines": self.where_run((r.name, [lines.routine(r)]) for r in context["routines"]),
             "lane_functions": [(*guard(widths, used), functions) for widths, functions in context["lane_functions"] if functions],
             "lane_routines": [
                 (*guard(widths, used), functions)
                 for widths, of in context["lane_routines"]
-                if (functions := [f for r in of for f in self.where_run(r.name, [lines.routine(r)])])
+                if (functions := self.where_run((r.name, [lines.routine(r)]) for r in of))
             ],
             "lane_interfaces": [
                 (*guard(widths, used), functions)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import keyword
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property, partial
 from typing import Any
@@ -633,9 +633,9 @@ class Writer(ABC):
             case Prepare():
                 return bool(self.prepared(step.what))
 
-    def where_run(self, name: str, functions: list[Function]) -> list[Function]:
-        """Functions of a sweep or of formulas as they are printed; targets that are compiled in parts say in which."""
-        return functions
+    def where_run(self, named: Iterable[tuple[str, list[Function]]]) -> list[Function]:
+        """Functions of sweeps and formulas, by name, as they are printed; targets that are compiled in parts say in which."""
+        return [f for _, functions in named for f in functions]
 
     def shared_context(self) -> dict[str, Any]:
         """What the templates of every target are rendered with."""
@@ -651,19 +651,9 @@ class Writer(ABC):
                 (t.name, t.count, [f"{t.name.upper()}_{c}" for c in t.columns], t.rows())
                 for t in self.addresses.tables if t.columns
             ],
-            "functions": [
-                *self.constants[0], *(f for n in parts if n not in lanes for f in self.where_run(n, parts[n]))
-            ],
+            "functions": [*self.constants[0], *self.where_run((n, parts[n]) for n in parts if n not in lanes)],
             "lane_functions": [
-                (
-                    widths,
-                    [
-                        f
-                        for n in parts
-                        if n in lanes and self.widths.get(n) == widths
-                        for f in self.where_run(n, parts[n])
-                    ],
-                )
+                (widths, self.where_run((n, parts[n]) for n in parts if n in lanes and self.widths.get(n) == widths))
                 for widths in self.sets_of_widths
             ],
             "routines": [r for r in routines(self.procedures) if not r.lanes],

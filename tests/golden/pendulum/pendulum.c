@@ -261,6 +261,7 @@ static void constants_0(call *a)
     c->inertia_zz_d0 = d_6;
 }
 
+#if ORDERNM_HAS(5, 1) || ORDERNM_HAS(8, 1)
 /* positions and attitudes in the ground frame; rod
  * in: trig. out: me: position, attitude. operations: none */
 static void pose_0(call *a)
@@ -277,7 +278,9 @@ static void pose(call *a)
 {
     pose_0(a);
 }
+#endif
 
+#if ORDERNM_HAS(1, 1) || ORDERNM_HAS(1, 2) || ORDERNM_HAS(7, 1) || ORDERNM_HAS(7, 2)
 /* kinematic sweep (Eqs. 18-24, 31); rod
  * in: trig; up: acceleration; c: first_moment. out: me: moment. operations: 2 multiplications */
 static void kinematics_0(call *a)
@@ -362,7 +365,9 @@ static void joint_forces(call *a)
 {
     tau_0(a);
 }
+#endif
 
+#if ORDERNM_HAS(5, 1) || ORDERNM_HAS(8, 1)
 /* outputs.height of the model
  * in: p; me: attitude, position. out: outputs. operations: 1 addition, 1 multiplication */
 static void outputs_of_link_0(call *a)
@@ -383,6 +388,7 @@ static void output_formulas(call *a)
 {
     outputs_of_link_0(a);
 }
+#endif
 
 /* Takes the caller's workspace, from the next cache line on. */
 static double *aligned(double *work)
@@ -415,6 +421,7 @@ static void start(call *a)
     sines_and_cosines(1, a->trig);
 }
 
+#if ORDERNM_HAS(1, 1) || ORDERNM_HAS(1, 2) || ORDERNM_HAS(7, 1) || ORDERNM_HAS(7, 2)
 /* Forward dynamics: the three sweeps. */
 static int forward(call *a)
 {
@@ -425,6 +432,7 @@ static int forward(call *a)
     back_substitute(a);
     return 0;
 }
+#endif
 
 #if defined(ORDERNM_STATES)
 #define WIDTH 8

@@ -29,6 +29,7 @@ typedef struct {
     MORE_OF_A_CALL
 } DIRECTIONS(call);
 
+#if ((WIDTH == 8 || WIDTH == 2) && (ORDERNM_HAS(1, 2))) || ((WIDTH == 1) && (ORDERNM_HAS(1, 1)))
 /* balance, outward: tangent of the inverse dynamics at fixed udot (Eqs. 25-29); rod
  * in: trig; up: total_acceleration; udot; c: first_moment, inertia; dq; dp
  * out: lane: moment
@@ -129,8 +130,10 @@ static void DIRECTIONS(joint_forces_tangents)(DIRECTIONS(call) *a)
 {
     DIRECTIONS(dtau_0)(a);
 }
+#endif
 
 #if WIDTH == 8 || WIDTH == 1
+#if ((WIDTH == 8) && (ORDERNM_HAS(7, 2))) || ((WIDTH == 1) && (ORDERNM_HAS(7, 1)))
 /* transpose of balance, back substitution (Eqs. 53-55); rod
  * in: dudot. out: lane: right_side_0. operations: none */
 static void DIRECTIONS(balance_back_transposed_0)(DIRECTIONS(call) *a)
@@ -230,6 +233,7 @@ static void DIRECTIONS(joint_forces_transposed)(DIRECTIONS(call) *a)
 {
     DIRECTIONS(tau_0_transposed)(a);
 }
+#endif
 
 #endif
 /* Continues a call over directions. */
@@ -252,6 +256,7 @@ static void DIRECTIONS(open)(DIRECTIONS(call) *d, const call *c, double *work)
     d->singular = (status){0};
 }
 
+#if ((WIDTH == 8 || WIDTH == 2) && (ORDERNM_HAS(1, 2))) || ((WIDTH == 1) && (ORDERNM_HAS(1, 1)))
 /* From seeds to dudot, with the factors and accelerations of the forward dynamics at hand. */
 static void DIRECTIONS(balance)(DIRECTIONS(call) *a)
 {
@@ -260,8 +265,10 @@ static void DIRECTIONS(balance)(DIRECTIONS(call) *a)
     DIRECTIONS(balance_in)(a);
     DIRECTIONS(balance_back)(a);
 }
+#endif
 
 #if WIDTH == 8 || WIDTH == 1
+#if ((WIDTH == 8) && (ORDERNM_HAS(7, 2))) || ((WIDTH == 1) && (ORDERNM_HAS(7, 1)))
 /* The steps of sensitivities over directions, backwards. */
 static void DIRECTIONS(sensitivities_backwards)(DIRECTIONS(call) *a)
 {
@@ -272,6 +279,7 @@ static void DIRECTIONS(sensitivities_backwards)(DIRECTIONS(call) *a)
     DIRECTIONS(gradient_in)(a);
     DIRECTIONS(joint_forces_transposed)(a);
 }
+#endif
 
 #endif
 #ifndef ORDERNM_STATES
