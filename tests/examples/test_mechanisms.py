@@ -30,6 +30,7 @@ SIZES = {
     "double_wishbone": (8, 11, 3, 2),
     "excavator": (13, 12, 4, 4),
     "coupler": (4, 3, 1, 1),
+    "valve_train": (4, 4, 3, 1),
 }
 """Bodies, coordinates, loops, freedoms."""
 
@@ -106,6 +107,52 @@ def test_the_stewart_platform_needs_no_cluster():
 
 
 # --- closed forms ---------------------------------------------------------------------------------------------------
+
+
+def test_the_valve_train_is_one_equation():
+    """Where tappet, rocker and valve are by the camshaft's angle, and Lagrange's equation of that."""
+    model = load("valve_train")
+    of = {x.name: mpf(repr(x.value)) for x in model.parameters}
+    base, rod, arm, pad = (of[n] for n in ("base", "pushrod", "arm", "pad"))
+    shaft = mpf("8e-3")
+    about_pivot = mpf("6e-5") + mpf("0.15") * (mpf("0.004") ** 2 + mpf("0.002") ** 2)
+    g, theta, speed = mpf("9.81"), mpf("0.9"), mpf(40)
+
+    def tappet(a):
+        return base + of["lift"] * mpmath.cos(2 * a)
+
+    def rocker(a):
+        return mpmath.findroot(
+            lambda x: (arm * (1 - mpmath.cos(x))) ** 2 + (base + rod + arm * mpmath.sin(x) - tappet(a)) ** 2 - rod**2,
+            (tappet(a) - base) / arm,
+        )
+
+    def valve(a):
+        return -pad * mpmath.sin(rocker(a))
+
+    def mass(a):
+        parts = ((mpf("0.08"), tappet), (about_pivot, rocker), (of["valve_mass"], valve))
+        return shaft + sum(m * mpmath.diff(f, a) ** 2 for m, f in parts)
+
+    def potential(a):
+        x = rocker(a)
+        of_rocker = mpf("0.15") * g * (mpf("0.002") * mpmath.cos(x) - mpf("0.004") * mpmath.sin(x))
+        spring = -of["preload"] * valve(a) + of["stiffness"] * valve(a) ** 2 / 2
+        return mpf("0.08") * g * tappet(a) + of_rocker + of["valve_mass"] * g * valve(a) + spring
+
+    names, chosen = model.coordinate_names, partition(model)
+    q, u = initial_configuration(model)
+    q[names.index("camshaft")], u[names.index("camshaft")] = float(theta), float(speed)
+    q = assemble(model, chosen, q)
+    u = complete_speeds(model, chosen, q, u)
+    udot = DenseEngine(model, partition=chosen).accelerations(q, u, None, [0.3])
+    with mpmath.workdps(40):
+        slope = mpmath.diff(potential, theta) + mpmath.diff(mass, theta) * speed**2 / 2
+        wanted = (mpf("0.3") - mpf("0.01") * speed - slope) / mass(theta)
+        at = {"tappet": tappet(theta), "rocker": rocker(theta), "valve": valve(theta)}
+    for name, value in at.items():
+        assert q[names.index(name)] == pytest.approx(float(value), rel=1e-12)
+    assert udot[names.index("camshaft")] == pytest.approx(float(wanted), rel=1e-11)
 
 
 def test_the_screw_jack_is_two_equations():

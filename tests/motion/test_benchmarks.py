@@ -145,7 +145,7 @@ def test_examples_for_a_second(made: Callable[..., Made], name: str) -> None:
     [
         ("andrews", 1), ("bricard", 1), ("closed_chain", 4), ("coupler", 1), ("double_wishbone", 1), ("excavator", 1),
         ("four_bar", 1), ("hooke_ladder", 2), ("ladder", 1), ("n_four_bar", 1), ("pinned_chain", 4), ("planar_3rrr", 2),
-        ("screw_jack", 1), ("slider_crank", 1), ("stewart", 1),
+        ("screw_jack", 1), ("slider_crank", 1), ("stewart", 1), ("valve_train", 1),
     ],
 )  # fmt: skip
 def test_loops_stay_closed_for_a_minute(made: Callable[..., Made], name: str, partitions: int) -> None:
