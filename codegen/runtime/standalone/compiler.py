@@ -205,6 +205,8 @@ def run_all(commands: list[list[str]], stop: Stop | None = None) -> tuple[bool, 
                         start_new_session=True,
                     )
                 )
+        if stop.asked:  # by somebody who did not know the last one yet
+            return True, "stopped\n"
         for command, process in zip(commands, running, strict=True):
             said, _ = process.communicate(timeout=max(0.01, end - time.monotonic()))
             if process.returncode:
