@@ -48,7 +48,8 @@ def main() -> None:
     rows = []
     with tempfile.TemporaryDirectory() as folder:
         files = [
-            (EXAMPLES / f"{name}.yaml", name, claim) for name, claim in (("arm", "2.5"), ("tree", ""), ("satellite", ""))
+            (EXAMPLES / f"{name}.yaml", name, claim)
+            for name, claim in (("arm", "2.5"), ("tree", ""), ("satellite", ""))
         ]
         for n in (12, 100, 1000):
             path = Path(folder) / f"chain_{n}.yaml"

@@ -6,8 +6,8 @@ import signal
 
 # Before anything imports NumPy: threads that wait for each other make small matrices slow on a busy machine.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-# What is compiled runs a few times only; tests/emit/test_c.py has the flags of users, and the sanitizers -O2 and -O3. Where a test
-# calls functions of three libraries or more, `compile="all"` is cheaper still.
+# What is compiled runs a few times only; tests/emit/test_c.py has the flags of users, and the sanitizers -O2 and -O3. Where
+# a test calls functions of three libraries or more, `compile="all"` is cheaper still.
 os.environ.setdefault("ORDERNM_CFLAGS", "-O0 -march=native")
 
 import hypothesis
