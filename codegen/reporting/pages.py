@@ -176,7 +176,8 @@ def _times(data: dict[str, Any]) -> Section:
         rows,
         "in C: per state of a batch in one thread. All functions took turns, timed by what the thread had of the core, in "
         f"{processes.PROCESSES} processes one after another. Another "
-        f"run's range, from the least to nine of ten, meets this one's when both are widened by {agreement.SPREAD:.0%}: "
+        f"run's range, from the least to nine of ten, meets this one's when both are widened by {agreement.SPREAD:.0%}, "
+        "unless others use the machine: "
         "ordernm report --compare tells.",
     )
     rows = [[n, seconds(x["least"]), seconds(x["median"])] for n, x in t["batches"].items()]
