@@ -2,8 +2,9 @@
 
 python benchmarks/generate_time.py [--runs 5] [--layout auto]
 
-All functions of the header are compiled. The interpreter's own start, imports included, is in the time; Python's byte code
-is not written anew. What is asked for: 1.5 s for chains of any length, 2.5 s for the arm, 7 s for a Hooke ladder of 100 loops.
+Accelerations and sensitivities are compiled, as `generate` does. The interpreter's own start, imports included, is in the time;
+Python's byte code is not written anew. What is asked for: 1.5 s for chains of any length, 2.5 s for the arm, 7 s for a Hooke
+ladder of 100 loops.
 """
 
 from __future__ import annotations

@@ -9,8 +9,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from .deferred import deferred
 from .version import __version__
 
 if TYPE_CHECKING:
@@ -47,13 +48,8 @@ _PLACES = {
 }  # fmt: skip
 
 
-def __getattr__(name: str) -> Any:
-    # imported when first asked for: loading a solver needs neither sympy nor the model format
-    if name in _PLACES:
-        import importlib
-
-        return getattr(importlib.import_module(f".{_PLACES[name]}", __name__), name)
-    raise AttributeError(f"module 'codegen' has no attribute {name!r}; it has {', '.join(__all__)}")
+# loading a solver needs neither sympy nor the model format
+__getattr__ = deferred(__name__, _PLACES)
 
 
 def __dir__() -> list[str]:

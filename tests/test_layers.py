@@ -15,6 +15,7 @@ MODULES = sorted(PACKAGE.rglob("*.py"))
 
 FLOORS = {
     "version": set(),
+    "deferred": set(),  # names that are imported when first asked for
     "model": {"version"},
     "importing": {"model", "version"},  # robots of other formats
     "program": {"version"},  # knows no mechanics
@@ -22,7 +23,7 @@ FLOORS = {
     "mechanics": {"loops", "model", "program", "version"},  # knows no C and no files
     "reference": {"loops", "model", "version"},  # shares nothing with the generator but model, graph and partition
     "emit": {"loops", "mechanics", "model", "program", "version"},
-    "runtime": {"emit", "loops", "mechanics", "model", "program", "version"},
+    "runtime": {"deferred", "emit", "loops", "mechanics", "model", "program", "version"},
 }
 """What each floor may import beside itself. Floors that are not listed (generation, cli, report, ...) are the top:
 they may import everything, and no listed floor may import them."""

@@ -28,7 +28,7 @@ from ..program.expressions import Expr, Symbol
 from ..program.field import AnyField
 from ..program.parts import in_parts
 from ..program.passes import by_results
-from ..program.procedure import AllColumns, Columns, Own, Perform, Prepare, Primitives, Procedure, Run, walk, within
+from ..program.procedure import AllColumns, Columns, Own, Perform, Prepare, Primitives, Procedure, Run, within
 from ..program.store import Store
 from . import c_functions
 from .c_functions import CFunctions, in_all
@@ -250,12 +250,17 @@ class CWriter(Writer):
         return [*functions, whole]
 
     @cached_property
+    def all_widths(self) -> dict[str, tuple[int, ...]]:
+        """For how many directions at once each function is written."""
+        return {p.name: widest_first(p) for p in self.asked}
+
+    @cached_property
     def runs(self) -> dict[str, dict[int | None, dict[str, set[int]]]]:
         """Which functions run something, by its name and width; of each function for how many directions at once."""
         found: dict[str, dict[int | None, dict[str, set[int]]]] = {}
         for p in self.asked:
             for name in called_once(p):
-                found.setdefault(name, {}).setdefault(None, {})[p.name] = {*widest_first(p)}
+                found.setdefault(name, {}).setdefault(None, {})[p.name] = {*self.all_widths[p.name]}
             for (name, width), its_widths in called_for(p).items():
                 found.setdefault(name, {}).setdefault(width, {})[p.name] = its_widths
         return found
@@ -276,12 +281,11 @@ class CWriter(Writer):
         if name not in self.runs:
             return ""
         shared = any(f.declared for f in functions)
-        return guard_of_run(self.runs[name], {p.name: widest_first(p) for p in self.asked}, shared)
+        return guard_of_run(self.runs[name], self.all_widths, shared)
 
     def shared_by_units(self, sweep: str) -> str:
         """The condition under which units of a library share the parts of a sweep."""
-        users = [p for p in self.asked if any(isinstance(s, Run) and s.sweep == sweep for s in walk(p.steps))]
-        return sharing({p.name: p.widths for p in users}, {p.name: p.widths for p in self.asked})
+        return sharing(self.runs[sweep][None], self.all_widths)
 
     def signature(
         self, name: str, lanes: bool, indexed: bool, whose: str = "static void", arrays: Sequence[tuple[str, str]] = ()

@@ -60,20 +60,7 @@ def number_of(library: str) -> int:
 
 def guard(function: str, widths: Sequence[int] = ()) -> str:
     """The condition of the preprocessor under which a function is compiled; over directions by the macro ``WIDTH``."""
-
-    def condition(width: int | None) -> str:
-        return " || ".join(f"ORDERNM_HAS({n}, {u})" for n, u in _places(function, width))
-
-    if not widths:
-        return condition(None)
-    found: dict[str, list[int]] = {}
-    for w in widths:
-        found.setdefault(condition(w), []).append(w)
-    *first, (last, _) = found.items()
-    text = last
-    for c, of in reversed(first):
-        text = f"({' || '.join(f'WIDTH == {w}' for w in of)}) ? ({c}) : ({text})"
-    return text
+    return _by_width({w: _condition(_places(function, w)) for w in widths or (None,)})
 
 
 def guard_of_width(function: str, width: int | None) -> str:
@@ -97,24 +84,34 @@ def guard_of_run(
     in_all_units : bool
         Its parts are shared among the units of a library.
     """
-    everywhere = {(number, unit) for number, units in _units(all_functions).items() for unit in units}
+    units = _units(all_functions)
+    everywhere = {(n, u) for n in units for u in units[n]}
 
     def condition(functions: Mapping[str, Collection[int]]) -> str:
-        places = {(number, unit) for number, units in _units(functions).items() for unit in units}
-        if in_all_units:
-            places = {place for place in everywhere if place[0] in {number for number, _ in places}}
-        return " || ".join(f"ORDERNM_HAS({n}, {u})" for n, u in sorted(places)) if places != everywhere else ""
+        found = _units(functions)
+        places = {(n, u) for n in found for u in (units if in_all_units else found)[n]}
+        return _condition(places) if places != everywhere else ""
 
+    return _by_width({width: condition(functions) for width, functions in users.items()})
+
+
+def _condition(places: Collection[tuple[int, int]]) -> str:
+    """That one of these libraries and units is compiled."""
+    return " || ".join(f"ORDERNM_HAS({n}, {u})" for n, u in sorted(places))
+
+
+def _by_width(conditions: Mapping[int | None, str]) -> str:
+    """A condition for each width as one by the macro ``WIDTH``; they are nothing where that is always met."""
     found: dict[str, list[int | None]] = {}
-    for width, functions in users.items():
-        found.setdefault(condition(functions), []).append(width)
+    for width, condition in conditions.items():
+        found.setdefault(condition, []).append(width)
     if len(found) == 1:
         return next(iter(found))
     of_widths = [(c, " || ".join(f"WIDTH == {w}" for w in widths)) for c, widths in found.items()]
     return " || ".join(f"(({w}) && ({c}))" if c else f"({w})" for c, w in of_widths)
 
 
-def sharing(users: Mapping[str, Sequence[int]], all_functions: Mapping[str, Sequence[int]]) -> str:
+def sharing(users: Mapping[str, Collection[int]], all_functions: Mapping[str, Collection[int]]) -> str:
     """The condition under which two units of a library share parts of a sweep, by functions that run it and all, with widths.
 
     Elsewhere these parts are static: compilers drop them where nobody runs the sweep.

@@ -704,22 +704,22 @@ def called_for(procedure: Procedure) -> dict[tuple[str, int], set[int]]:
     def call(name: str, width: int, within: int | None) -> None:
         found.setdefault((name, width), set()).update(own if within is None else (within,))
 
-    def add(steps: tuple[Step, ...], widths: Sequence[int], apart: bool) -> None:
-        """Add steps; `apart` if they run for so many directions whatever the function's own width is."""
+    def add(steps: tuple[Step, ...], widths: Sequence[int], anyhow: bool) -> None:
+        """Add steps; `anyhow` if they run for so many directions whatever the function's own width is."""
         for step in steps:
             match step:
                 case Run() | Formulas() if over_directions(step):
                     for w in widths:
-                        call(_name(step), w, None if apart else w)
+                        call(_name(step), w, None if anyhow else w)
                 case Single():
                     for s in step.steps:
                         call(s.sweep, 1, None)
                 case Perform():
                     for w in widths if over_directions(step) else ():
-                        call(step.routine.name, w, None if apart else w)
-                    add(step.routine.steps, widths, apart)
+                        call(step.routine.name, w, None if anyhow else w)
+                    add(step.routine.steps, widths, anyhow)
                 case Columns() | IfAsked():
-                    add(step.steps, widths or (max(WIDTHS),), apart or not widths)
+                    add(step.steps, widths or (max(WIDTHS),), anyhow or not widths)
                 case AllColumns():
                     for s in step.steps:
                         if s.lanes:

@@ -4,8 +4,9 @@
 `figures` draws them, `pages` prints them as HTML, Markdown and JSON.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from ..deferred import deferred
 
 if TYPE_CHECKING:
     from .gallery import write_gallery
@@ -13,12 +14,7 @@ if TYPE_CHECKING:
 
 _PLACES = {"Request": "measuring", "report": "measuring", "write_gallery": "gallery"}
 
-
-def __getattr__(name: str) -> Any:
-    # imported when first asked for: processes that take times need neither sympy nor what draws
-    if name in _PLACES:
-        return getattr(import_module(f".{_PLACES[name]}", __name__), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-
+# processes that take times need neither sympy nor what draws
+__getattr__ = deferred(__name__, _PLACES)
 
 __all__ = ["Request", "report", "write_gallery"]

@@ -209,16 +209,16 @@ def _values(solver: Solver, names: Sequence[str]) -> Array:
     return np.array([solver.parameters[solver.parameter_names.index(name)] for name in names])
 
 
-def _point(solver: Solver, end: float, names: Sequence[str], method: str, tolerance: float, steps: int | None,
-           best: Trajectory) -> dict[str, Any] | None:  # fmt: skip
+def _point(solver: Solver, s: Setting, best: Trajectory) -> dict[str, Any] | None:
     """One point of a diagram; None if the motion did not come to its end."""
-    x, seconds = timed(solver, Setting(end, names, method, tolerance, steps))
+    x, seconds = timed(solver, s)
     if isinstance(x, str) or x.t[-1] != best.t[-1]:
         return None
-    error, sensitivity_error = _errors(x, best, _values(solver, names))
+    error, sensitivity_error = _errors(x, best, _values(solver, s.names))
     return {
-        "setting": end / steps if steps else tolerance, "error": error, "sensitivity_error": sensitivity_error if names else None,
-        "evaluations": int(x.stats["evaluations"]), "operations": _cost(solver, x, names), "seconds": seconds,
+        "setting": s.end / s.steps if s.steps else s.tolerance, "error": error,
+        "sensitivity_error": sensitivity_error if s.names else None, "evaluations": int(x.stats["evaluations"]),
+        "operations": _cost(solver, x, s.names), "seconds": seconds,
     }  # fmt: skip
 
 
@@ -242,7 +242,7 @@ def _adaptive(
 ) -> list[dict[str, Any]]:  # fmt: skip
     points: list[dict[str, Any]] = []
     for i, e in enumerate(exponents):
-        point = _point(solver, end, names, method, 10.0**-e, None, best)
+        point = _point(solver, Setting(end, names, method, 10.0**-e), best)
         if point is None:
             continue
         points.append(point)
@@ -258,7 +258,7 @@ def _adaptive(
 def _fixed(solver: Solver, end: float, names: Sequence[str], best: Trajectory) -> list[dict[str, Any]]:
     points: list[dict[str, Any]] = []
     for steps in FIXED:
-        point = _point(solver, end, names, "rk4", FIXED_TOLERANCE, steps, best)
+        point = _point(solver, Setting(end, names, "rk4", FIXED_TOLERANCE, steps), best)
         if point is not None and np.isfinite(point["error"]) and point["error"] < 1:
             points.append(point)
             if 2 * point["operations"] > COSTLIEST:  # the next takes twice as many

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Callable, Sequence
+from dataclasses import asdict
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -89,8 +90,7 @@ def times(taken: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """
 
     def record(name: str) -> dict[str, float]:
-        x = summary([seconds for process in taken for seconds in process["seconds"][name]])
-        return {"least": x.least, "median": x.median, "high": x.high, "turns": x.turns}
+        return asdict(summary([seconds for process in taken for seconds in process["seconds"][name]]))
 
     return {
         "functions": {

@@ -1,7 +1,8 @@
 """Running generated solvers: `load` opens a generated package wherever it lies."""
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from ..deferred import deferred
 
 if TYPE_CHECKING:
     from .loading import load, load_trajectory
@@ -57,13 +58,8 @@ _PLACES = {
     **dict.fromkeys(("Trajectory",), "standalone.trajectory"),
 }
 
-
-def __getattr__(name: str) -> Any:
-    # imported when first asked for: what only compiles needs neither solvers nor mpmath
-    if name in _PLACES:
-        return getattr(import_module(f".{_PLACES[name]}", __name__), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-
+# what only compiles needs neither solvers nor mpmath
+__getattr__ = deferred(__name__, _PLACES)
 
 __all__ = [
     "AssemblyError",

@@ -118,10 +118,10 @@ class Neighbours:
             tuple((c.paths, c.roots, c.faces, c.gaps, c.dropped, c.terms) for c in ear.closures),
             tuple(map(tuple, ear.dependent)), tuple(tuple(sorted(c.items())) for c in ear.columns), ear.length,
             len(region.freedoms), region.carried, region.rigid, tuple(self.role_of(i) for i in ear.links), self.far(e),
-            *self.of_region(ear.region), self.partners[n].structure() if n >= 0 else (),
+            *self.region_structure(ear.region), self.partners[n].structure() if n >= 0 else (),
         )  # fmt: skip
 
-    def of_region(self, n: int) -> tuple[bool, tuple[bool, ...], tuple[int, ...]]:
+    def region_structure(self, n: int) -> tuple[bool, tuple[bool, ...], tuple[int, ...]]:
         """What the ears of a region have in common: whether the way between faces matters, which far links are the ground,
         sources that are prescribed."""
         found = self._of_regions.get(n)
@@ -135,7 +135,7 @@ class Neighbours:
 
     def slides(self, n: int) -> bool:
         """Whether the way between the faces of some loop of a region matters."""
-        return self.of_region(n)[0]
+        return self.region_structure(n)[0]
 
     def locked(self, region: Region) -> tuple[int, ...]:
         """Sources of a region that are prescribed."""

@@ -283,7 +283,7 @@ static void DIRECTIONS(sensitivities_backwards)(DIRECTIONS(call) *a)
 
 #endif
 #ifndef ORDERNM_STATES
-#if (WIDTH == 8 || WIDTH == 2) ? (ORDERNM_HAS(1, 2)) : (ORDERNM_HAS(1, 1))
+#if ((WIDTH == 8 || WIDTH == 2) && (ORDERNM_HAS(1, 2))) || ((WIDTH == 1) && (ORDERNM_HAS(1, 1)))
 /* Forward dynamics and its total derivative along seeds (Eqs. 9, 10, by the balance). */
 int DIRECTIONS(pendulum_sensitivities)(const double *q, const double *u, const double *p, const double *dq,
     const double *du, const double *dp, double *udot, double *dudot, double *work)
@@ -304,7 +304,7 @@ int DIRECTIONS(pendulum_sensitivities)(const double *q, const double *u, const d
 #endif
 
 #if WIDTH == 8 || WIDTH == 1
-#if (WIDTH == 8) ? (ORDERNM_HAS(7, 2)) : (ORDERNM_HAS(7, 1))
+#if ((WIDTH == 8) && (ORDERNM_HAS(7, 2))) || ((WIDTH == 1) && (ORDERNM_HAS(7, 1)))
 /* Forward dynamics (Eqs. 18-24, 42-56), and gradients of their weighted sums (the transpose of sensitivities). */
 int DIRECTIONS(pendulum_sensitivities_transposed)(const double *q, const double *u, const double *p,
     const double *dudot, double *udot, double *dq, double *du, double *dp, double *work)
