@@ -172,8 +172,8 @@ def shifted(w: Array, v: Array, r: Array) -> Array:
 # --- conditions ---------------------------------------------------------------------------------------------------------
 
 
-class Cuts:
-    """The conditions of some loops, l of them, at S configurations.
+class PlacedCuts:
+    """The conditions of some loops, l of them, at S configurations: rates by what moves there.
 
     Every loop has six rows here, three linear and three angular, of which some are idle; `kept` leaves those out, and
     those that have been dropped. `rows` asks for others, loop by loop.
@@ -181,11 +181,11 @@ class Cuts:
     Attributes
     ----------
     point : (S, l, 3) array
-        The cuts in the base frame, m, as `place` found them.
+        The cuts in the base frame, m.
     n, m : (S, l, 3, 3) array
         Directions of linear and angular rows, base frame, the linear ones divided by the characteristic length.
     residual : (S, l, 6) array
-        What `place` has returned.
+        Position residuals.
     """
 
     point: Array
@@ -194,38 +194,61 @@ class Cuts:
     residual: Array
 
     def __init__(self, geometry: Geometry, loops: Sequence[int], rows: Sequence[Sequence[int]] | None = None) -> None:
-        g, self.loops = geometry, list(loops)
+        self.loops = list(loops)
+        self.lengths = geometry.lengths[self.loops]
+        self.couplings = [(n, geometry.couplings[j]) for n, j in enumerate(self.loops) if j in geometry.couplings]
+        rows = geometry.kept if rows is None else rows
+        self.row_index = np.array([6 * j + r for j, k in enumerate(self.loops) for r in rows[k]], dtype=int)
+
+    def kept(self, six: Array) -> Array:
+        """The true rows of ``(S, l, 6, ...)`` as ``(S, rows, ...)``."""
+        return six.reshape(len(six), 6 * six.shape[1], *six.shape[3:])[:, self.row_index]
+
+    def at_cut(self, w: Array, v: Array, o: Array) -> Array:
+        """Velocities at the cuts ``(S, l, f, 3)`` of screws w, v about points o, base frame, ``(S, f, 3)`` each."""
+        return v[:, None] + cross(w[:, None], self.point[:, :, None] - o[:, None])
+
+    def matrix(self, w: Array, at_cut: Array, sign: Array, speeds: Sequence[int] | Array) -> Array:
+        """The closure matrix of f speeds, ``(S, rows, f)``.
+
+        Parameters
+        ----------
+        w : (S, f, 3) array
+            Angular velocities of unit speeds, base frame.
+        at_cut : (S, l, f, 3) array
+            Their velocities at the cuts.
+        sign : (l, f) array
+            1 on the end side of a loop, -1 on its start side, 0 where it does not pass the joint.
+        speeds : (f,)
+            Which speeds they are.
+        """
+        E = np.empty((len(w), len(self.loops), 6, w.shape[1]))
+        E[:, :, :3] = self.n @ np.swapaxes(at_cut, -1, -2)
+        E[:, :, 3:] = self.m @ np.swapaxes(w, -1, -2)[:, None]
+        E *= sign[:, None]
+        for n, coupled in self.couplings:
+            for s, factor in zip(coupled.speeds, coupled.factors, strict=True):
+                E[:, n, COUPLED, np.asarray(speeds) == s] = factor
+        return self.kept(E)
+
+    def conditions(self, w: Array, v: Array) -> Array:
+        """The rows' values ``(S, l, 6, K)`` for relative twists w, v ``(S, l, 3, K)`` at the cuts."""
+        return np.concatenate([self.n @ v, self.m @ w], axis=-2)
+
+
+class Cuts(PlacedCuts):
+    """The same where faces can be placed: what `PlacedCuts` has is there once `place` has been called."""
+
+    def __init__(self, geometry: Geometry, loops: Sequence[int], rows: Sequence[Sequence[int]] | None = None) -> None:
+        super().__init__(geometry, loops, rows)
+        g = geometry
         i = np.array(self.loops, dtype=int)
         self.starts, self.ends = (np.array([x[j] for j in self.loops], dtype=int) for x in (g.starts, g.ends))
         self.face_R, self.face_at = g.face_R[:, i], g.face_at[:, i]
         self.linear = g.linear[i] / g.lengths[i, None, None]
         self.angular, self.axis, self.end_axis = g.angular[i], g.axis[i], g.end_axis[i]
         self.whole, self.perpendicular = np.flatnonzero(g.is_whole_turn[i]), np.flatnonzero(g.is_perpendicular[i])
-        self.lengths = g.lengths[i]
         self.surfaces = [(n, g.surfaces[j]) for n, j in enumerate(self.loops) if j in g.surfaces]
-        self._keep(g, rows)
-
-    def _keep(self, geometry: Geometry, rows: Sequence[Sequence[int]] | None) -> None:
-        rows = geometry.kept if rows is None else rows
-        self.couplings = [(n, geometry.couplings[j]) for n, j in enumerate(self.loops) if j in geometry.couplings]
-        self.row_index = np.array([6 * j + r for j, k in enumerate(self.loops) for r in rows[k]], dtype=int)
-
-    def of(self, geometry: Geometry, loops: Sequence[int], rows: Sequence[Sequence[int]] | None = None) -> Cuts:
-        """The cuts of some loops where these, of all loops, have been placed: for conditions, not to be placed anew."""
-        found: Cuts = object.__new__(Cuts)
-        found.loops = i = list(loops)
-        found._keep(geometry, rows)
-        found.lengths = geometry.lengths[i]
-        other = self.lengths[i] / found.lengths
-        found.point, found.m = self.point[:, i], self.m[:, i]
-        found.n = self.n[:, i] * other[:, None, None]
-        found.residual = self.residual[:, i]
-        found.residual[..., :3] *= other[:, None]
-        return found
-
-    def kept(self, six: Array) -> Array:
-        """The true rows of ``(S, l, 6, ...)`` as ``(S, rows, ...)``."""
-        return six.reshape(len(six), 6 * six.shape[1], *six.shape[3:])[:, self.row_index]
 
     def faces(self, frames: Frames) -> tuple[Array, Array, Array, Array]:
         """Rotation and origin of the start faces, then of the end faces, from the frames of all bodies."""
@@ -273,36 +296,15 @@ class Cuts:
             r[:, self.whole] = 2 * quaternion_vector(R[:, self.whole])
         return r
 
-    def at_cut(self, w: Array, v: Array, o: Array) -> Array:
-        """Velocities at the cuts ``(S, l, f, 3)`` of screws w, v about points o, base frame, ``(S, f, 3)`` each."""
-        return v[:, None] + cross(w[:, None], self.point[:, :, None] - o[:, None])
-
-    def matrix(self, w: Array, at_cut: Array, sign: Array, speeds: Sequence[int] | Array) -> Array:
-        """The closure matrix of f speeds, ``(S, rows, f)``.
-
-        Parameters
-        ----------
-        w : (S, f, 3) array
-            Angular velocities of unit speeds, base frame.
-        at_cut : (S, l, f, 3) array
-            Their velocities at the cuts.
-        sign : (l, f) array
-            1 on the end side of a loop, -1 on its start side, 0 where it does not pass the joint.
-        speeds : (f,)
-            Which speeds they are.
-        """
-        E = np.empty((len(w), len(self.loops), 6, w.shape[1]))
-        E[:, :, :3] = self.n @ np.swapaxes(at_cut, -1, -2)
-        E[:, :, 3:] = self.m @ np.swapaxes(w, -1, -2)[:, None]
-        E *= sign[:, None]
-        for n, coupled in self.couplings:
-            for s, factor in zip(coupled.speeds, coupled.factors, strict=True):
-                E[:, n, COUPLED, np.asarray(speeds) == s] = factor
-        return self.kept(E)
-
-    def conditions(self, w: Array, v: Array) -> Array:
-        """The rows' values ``(S, l, 6, K)`` for relative twists w, v ``(S, l, 3, K)`` at the cuts."""
-        return np.concatenate([self.n @ v, self.m @ w], axis=-2)
+    def of(self, geometry: Geometry, loops: Sequence[int], rows: Sequence[Sequence[int]] | None = None) -> PlacedCuts:
+        """The cuts of some loops, where these are of all loops and have been placed."""
+        found = PlacedCuts(geometry, loops, rows)
+        i, other = found.loops, self.lengths[found.loops] / found.lengths
+        found.point, found.m = self.point[:, i], self.m[:, i]
+        found.n = self.n[:, i] * other[:, None, None]
+        found.residual = self.residual[:, i]
+        found.residual[..., :3] *= other[:, None]
+        return found
 
     def difference(self, o: Array, w: Array, v: Array, u: Array) -> Array:
         """Velocity residuals ``(S, l, 6, K)`` from the motion of all bodies: origins ``(S, n, 3)``, twists ``(S, n, 3, K)``.
