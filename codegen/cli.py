@@ -305,7 +305,7 @@ def run_simulate(options: argparse.Namespace, status: StatusLine) -> int:
 def run_report(options: argparse.Namespace, status: StatusLine) -> int:
     """``ordernm report``: speed against error of a model, or of all models of a folder."""
     from .reporting import Request, report, write_gallery
-    from .reporting.agreement import NoReportError, disagreements, read, read_gallery
+    from .reporting.agreement import NoReportError, read, read_gallery
     from .runtime import CompileError, NoCompilerError, SingularJointError
 
     if not options.time > 0 or not options.time < float("inf"):
@@ -323,7 +323,7 @@ def run_report(options: argparse.Namespace, status: StatusLine) -> int:
                 _problem(f"report: {name}: {why}")
             write_lines([f"wrote {target / 'index.html'}"], sys.stdout)
             new = read_gallery(target) if old else {}
-            differing = _print_differences({n: disagreements(x, new[n]) for n, x in old.items() if n in new})
+            differing = _print_differences({n: (x, new[n]) for n, x in old.items() if n in new})
             return MODEL_WRONG if failed else differing
         data = report(options.model, target, request=request, progress=status)
     except NoReportError as error:
@@ -337,13 +337,16 @@ def run_report(options: argparse.Namespace, status: StatusLine) -> int:
     status.close()
     left_out = [f"left out: {s['text']}" for s in data["skipped"]]
     write_lines([f"wrote {target / 'index.html'}, report.md, report.json", *left_out], sys.stdout, ["bold"])
-    return _print_differences({name: disagreements(x, read(target)) for name, x in old.items()})
+    return _print_differences({name: (x, read(target)) for name, x in old.items()})
 
 
-def _print_differences(found: dict[str, list[str]]) -> int:
+def _print_differences(pairs: dict[str, tuple[dict[str, Any], dict[str, Any]]]) -> int:
     """What reports say differently from earlier ones, by name."""
+    from .reporting.agreement import agreed, disagreements
+
+    found = {name: disagreements(*pair) for name, pair in pairs.items()}
     for name, lines in found.items():
-        write_lines([f"{name}: {x}" for x in lines or ["agrees with the earlier report"]], sys.stdout)
+        write_lines([f"{name}: {x}" for x in lines or [agreed(*pairs[name])]], sys.stdout)
     return NUMBERS_FAILED if any(found.values()) else OK
 
 

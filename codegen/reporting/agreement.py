@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 SPREAD = 0.15
 """Times of two runs agree if their ranges meet, each from the least to what nine turns of ten took in several processes, and this
-part beyond."""
+part beyond. Where the core itself was slower in one of them, by the fixed work beside the least time, that one's range begins as
+much earlier."""
 
 DIGITS = 1e-9
 """Relative; what is computed is the same on one machine, but for the last digits of what LAPACK gives."""
@@ -20,6 +22,7 @@ SAME_MACHINE = ("processor", "instructions", "compiler", "flags")
 MEASURED = {
     "seconds",
     "seconds_high",
+    "core",
     "cpu_seconds",
     "date",
     "machine",
@@ -30,6 +33,9 @@ MEASURED = {
     "differences",
 }
 """Keys of what is compared in another way than entry by entry, or not at all: dates, and times that were taken once."""
+
+NOTABLE = 1.1
+"""A core that is so much slower is told."""
 
 MOST_LINES = 12
 """So many differences of a part are listed."""
@@ -90,6 +96,16 @@ def disagreements(one: Mapping[str, Any], other: Mapping[str, Any], most: int = 
     return found + _first(list(_times(one, other)), most)
 
 
+def agreed(one: Mapping[str, Any], other: Mapping[str, Any]) -> str:
+    """The sentence for two reports that do, with what the core did otherwise."""
+    cores = [(r.get("times") or {}).get("core", {}).get("least", 1.0) for r in (one, other)]
+    return "agrees with the earlier report" + _of_the_core(cores[1] / cores[0])
+
+
+def _of_the_core(slower: float) -> str:
+    return "" if 1 / NOTABLE < slower < NOTABLE else f"; the core takes {slower:.2f} times as long for fixed work now"
+
+
 def _first(lines: list[str], most: int) -> list[str]:
     more = len(lines) - most
     return lines if more <= 0 else [*lines[:most], f"and {more} more"]
@@ -142,23 +158,39 @@ def _errors(one: Mapping[str, Any], other: Mapping[str, Any]) -> Iterator[str]:
 def _times(one: Mapping[str, Any], other: Mapping[str, Any]) -> Iterator[str]:
     a, b = dict(_ranges(one)), dict(_ranges(other))
     for name in (n for n in a if n in b):
-        (low, high), (other_low, other_high) = a[name], b[name]
-        if low > other_high * (1 + SPREAD) or other_low > high * (1 + SPREAD):
-            yield f"{name}: {low:.3g} to {high:.3g}, and {other_low:.3g} to {other_high:.3g}"
+        x, y = a[name], b[name]
+        slower = y.core / x.core  # so much the core was, in the other run
+        if x.low / max(1 / slower, 1) > y.high * (1 + SPREAD) or y.low / max(slower, 1) > x.high * (1 + SPREAD):
+            yield f"{name}: {x.low:.3g} to {x.high:.3g}, and {y.low:.3g} to {y.high:.3g}{_of_the_core(slower)}"
 
 
-def _ranges(report: Mapping[str, Any]) -> Iterator[tuple[str, tuple[float, float]]]:
-    """What has a spread: its name, the least and the largest."""
+@dataclass(frozen=True)
+class Range:
+    """Seconds from the least to the largest, and those of the fixed work beside the least."""
+
+    low: float
+    high: float
+    core: float
+
+
+def _ranges(report: Mapping[str, Any]) -> Iterator[tuple[str, Range]]:
+    """What has a spread, by its name."""
+
+    def of(record: Mapping[str, Any]) -> Range:
+        return Range(record["least"], record["high"], record.get("core", 1.0))
+
     times = report.get("times") or {}
     for name, x in times.get("functions", {}).items():
-        for kind, words in (("compiled", "in C"), ("call", "one call")):
-            yield f"seconds of {name}, {words}", (x[kind]["least"], x[kind]["high"])
+        yield f"seconds of {name}, in C", of(x["compiled"])
+        yield f"seconds of {name}, one call", of(x["call"])
     for n, x in times.get("batches", {}).items():
-        yield f"seconds of a state in a batch of {n}", (x["least"], x["high"])
-    peaks = (report.get("roofline") or {}).get("peaks", {})
-    for name, best in peaks.items():
-        yield f"peak, {name}", (report["roofline"]["peaks_low"][name], best)
+        yield f"seconds of a state in a batch of {n}", of(x)
+    roofline = report.get("roofline") or {}
+    for name, best in roofline.get("peaks", {}).items():
+        core = roofline.get("core", {}).get(name, 1.0)
+        yield f"peak, seconds per operation or byte, {name}", Range(1 / best, 1 / roofline["peaks_low"][name], core)
     motions = report.get("motions") or {}
     for method, points in motions.get("methods", {}).items():
         for p in points:
-            yield f"seconds of {method} at {p['setting']:g}", (p["seconds"], p["seconds_high"])
+            name = f"seconds of {method} at {p['setting']:g}"
+            yield name, Range(p["seconds"], p["seconds_high"], p.get("core", 1.0))

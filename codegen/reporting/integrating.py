@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ..runtime.standalone.errors import AssemblyError, SimulationError, SingularJointError, SingularLoopError
+from .core import Core, Turn
 from .roofline import operations
 
 if TYPE_CHECKING:
@@ -75,19 +76,26 @@ def motion(solver: Solver, s: Setting, times: Array | None = None, allowed: floa
         return str(error)
 
 
-def timed(solver: Solver, setting: Setting) -> tuple[Trajectory | str, float]:
+def timed(solver: Solver, setting: Setting, core: Core) -> tuple[Trajectory | str, Turn]:
     """A motion, and what the integrator takes for it but for what others have of the core meanwhile."""
-    began = time.thread_time()
-    x = motion(solver, setting)
-    spent = time.thread_time() - began
-    return x, spent if isinstance(x, str) else min(spent, float(x.stats["seconds"]))
+    found: list[Trajectory | str] = []
+
+    def run() -> float:
+        began = time.thread_time()
+        x = motion(solver, setting)
+        spent = time.thread_time() - began
+        found.append(x)
+        return spent if isinstance(x, str) else min(spent, float(x.stats["seconds"]))
+
+    turn = core.turn(run)
+    return found[0], turn
 
 
-def seconds(solver: Solver, setting: Setting) -> list[float]:
+def turns(solver: Solver, setting: Setting, core: Core) -> list[Turn]:
     """Of the motion again and again."""
-    taken: list[float] = []
-    while len(taken) < ROUNDS and sum(taken) < SHORT:
-        taken.append(timed(solver, setting)[1])
+    taken: list[Turn] = []
+    while len(taken) < ROUNDS and sum(t.seconds for t in taken) < SHORT:
+        taken.append(timed(solver, setting, core)[1])
     return taken
 
 

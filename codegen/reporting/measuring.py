@@ -20,6 +20,7 @@ from ..runtime.standalone.build import Build, build_apart, builds
 from ..runtime.standalone.manifest import read_manifest
 from ..version import __version__
 from . import differences, errors, generated, motions, pages, processes, roofline
+from .core import Core
 from .skipped import Skipped
 from .states import State, states
 
@@ -27,6 +28,9 @@ if TYPE_CHECKING:
     from ..runtime import Solver
 
 Progress = Callable[[str, int, int], None]
+
+IN_MOTIONS = ("dynamics", "motion", "states")
+"""Libraries whose functions motions call."""
 
 
 @dataclass(frozen=True)
@@ -100,6 +104,7 @@ def measure(model: Model, request: Request, progress: Progress) -> dict[str, Any
             made.folder, "states", *(["four"] if len(motions.sensitivities(model)) > 1 else [])
         )
         solver = load(made.folder)
+        core = Core.compiled(Path(scratch))
         data: dict[str, Any] = {
             "model": model.name,
             "ordernm": __version__,
@@ -127,9 +132,9 @@ def measure(model: Model, request: Request, progress: Progress) -> dict[str, Any
             _compile(folder, "precise")
             return load(folder)
 
-        data["motions"] = motions.motions(model, solver, request.end, skipped, remade)
+        data["motions"] = motions.motions(model, solver, request.end, skipped, remade, core)
         progress("timing", 0, 0)
-        data |= _times(solver, packages, found, data["motions"], request, progress)
+        data |= _times(core, solver, packages, found, data["motions"], request, progress)
     data["skipped"] = [{"what": s.what, "why": s.why, "seconds": s.seconds, "text": str(s)} for s in skipped]
     data["seconds"] = time.perf_counter() - begin
     data["cpu_seconds"] = _cpu_seconds() - cpu
@@ -155,7 +160,7 @@ def _at_states(
 
 
 def _times(
-    solver: Solver, packages: Sequence[Path], state: State | None, moved: dict[str, Any] | None, request: Request,
+    core: Core, solver: Solver, packages: Sequence[Path], state: State | None, moved: dict[str, Any] | None, request: Request,
     progress: Progress,
 ) -> dict[str, Any]:  # fmt: skip
     """``times`` and ``roofline``, where there is a state; times of motions are entered into their points.
@@ -168,30 +173,38 @@ def _times(
         See `motions.motions`.
     """
     points = motions.settings(moved) if moved else []
-    functions, taken = processes.timed(
-        packages[0], state, request.timing, packages[-1], [(s, p["seconds"]) for p, s in points],
+    functions, taken, peaks = processes.timed(
+        core, packages[0], state, request.timing, packages[-1], [(s, p.pop("turn")) for p, s in points],
         lambda done, of: progress("timing", done, of),
     )  # fmt: skip
-    for (point, _), seconds in zip(points, taken, strict=True):
-        point |= seconds
+    for (point, _), x in zip(points, taken, strict=True):
+        point |= {"seconds": x["least"], "seconds_high": x["high"], "core": x["core"]}
     if not functions:
         return {}
-    best, middle = roofline.peaks()
     return {
         "times": functions,
-        "roofline": {"peaks": best, "peaks_low": middle, "points": roofline.points(solver, functions["functions"])},
+        "roofline": {
+            "peaks": {name: 1 / x["least"] for name, x in peaks.items()},
+            "peaks_low": {name: 1 / x["high"] for name, x in peaks.items()},
+            "core": {name: x["core"] for name, x in peaks.items()},
+            "points": roofline.points(solver, functions["functions"]),
+        },
     }
 
 
 def _compile(folder: Path, *apart: str) -> float:
     """Compile a package, all partitions, side by side with what is compiled apart; seconds that the first takes.
 
-    All functions are in one library: a report calls nearly all, and they share most of what is compiled.
+    All functions of the first partition are in one library: a report calls nearly all, and they share most of what is compiled.
+    Of the others motions alone are asked for.
     """
     manifest = read_manifest(folder)
     parts = [manifest, *manifest.get("others", [])]
-    wanted = [builds(folder, part)[""] for part in parts]
-    wanted += [build_apart(folder, part["name"], name) for part in parts for name in apart]
+    wanted = [builds(folder, manifest)[""]]
+    wanted += [build_apart(folder, part["name"], name) for part in parts for name in apart]  # long, and of one unit
+    for other in parts[1:]:
+        found = builds(folder, other)
+        wanted += [found[name] for name in IN_MOTIONS if name in found] or [found[""]]
 
     def seconds(build: Build) -> float:
         begin = time.perf_counter()

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
     from ..model import Model
     from ..runtime import Solver, Trajectory
+    from .core import Core
 
     Array = NDArray[np.float64]
 
@@ -68,7 +69,7 @@ LARGEST_MATRIX = 300
 
 
 def motions(
-    model: Model, solver: Solver, end: float, skipped: list[Skipped], remade: Callable[[int], Solver]
+    model: Model, solver: Solver, end: float, skipped: list[Skipped], remade: Callable[[int], Solver], core: Core
 ) -> dict[str, Any] | None:
     """Work-precision diagrams, and conditions along the motion; None if the model does not move.
 
@@ -76,13 +77,15 @@ def motions(
     ----------
     remade : callable
         Gives a solver with so many choices of independent coordinates, for motions through dead points.
+    core : Core
+        Timed beside motions.
 
     Returns
     -------
     dict
         ``end``; ``choices``, of independent coordinates; ``ended``, why a motion is shorter than asked for; ``sensitivities``,
         names; ``reference_error``, of the state and of ``reference_error_sensitivities``; ``methods``: lists of points, each
-        with ``setting``, ``error``, ``sensitivity_error``, ``evaluations``, ``operations`` and ``seconds``, of the one motion;
+        with ``setting``, ``error``, ``sensitivity_error``, ``evaluations``, ``operations`` and ``turn``, of the one motion;
         ``conditions``, see `conditions`.
     """
     names = sensitivities(model)
@@ -132,7 +135,7 @@ def motions(
         end = float(f"{end / 2:.2g}")
     found |= {"end": end, "reference": f"{method} at {reference:g}"}
     found["reference_error"], found["reference_error_sensitivities"] = own_errors
-    found["methods"] = {"rk4": _fixed(solver, end, names, best)}
+    found["methods"] = {"rk4": _fixed(solver, end, names, best, core)}
     for name, exponents in ADAPTIVE.items():
         if name == "radau" and not implicit:
             rate = _cost(solver, best, names) / max(float(best.stats["seconds"]), 1e-9)
@@ -142,7 +145,7 @@ def motions(
             )
             continue
         looser = [e for e in exponents if 10.0**-e > 1.5 * reference]
-        found["methods"][name] = _adaptive(solver, end, names, name, looser, best, skipped)
+        found["methods"][name] = _adaptive(solver, end, names, name, looser, best, skipped, core)
     found["conditions"] = conditions(solver, end, method, skipped)
     return found
 
@@ -209,16 +212,16 @@ def _values(solver: Solver, names: Sequence[str]) -> Array:
     return np.array([solver.parameters[solver.parameter_names.index(name)] for name in names])
 
 
-def _point(solver: Solver, s: Setting, best: Trajectory) -> dict[str, Any] | None:
+def _point(solver: Solver, s: Setting, best: Trajectory, core: Core) -> dict[str, Any] | None:
     """One point of a diagram; None if the motion did not come to its end."""
-    x, seconds = timed(solver, s)
+    x, turn = timed(solver, s, core)
     if isinstance(x, str) or x.t[-1] != best.t[-1]:
         return None
     error, sensitivity_error = _errors(x, best, _values(solver, s.names))
     return {
         "setting": s.end / s.steps if s.steps else s.tolerance, "error": error,
         "sensitivity_error": sensitivity_error if s.names else None, "evaluations": int(x.stats["evaluations"]),
-        "operations": _cost(solver, x, s.names), "seconds": seconds,
+        "operations": _cost(solver, x, s.names), "turn": turn,
     }  # fmt: skip
 
 
@@ -238,27 +241,27 @@ def _factoring(solver: Solver) -> float:
 
 def _adaptive(
     solver: Solver, end: float, names: Sequence[str], method: str, exponents: Sequence[int], best: Trajectory,
-    skipped: list[Skipped],
+    skipped: list[Skipped], core: Core,
 ) -> list[dict[str, Any]]:  # fmt: skip
     points: list[dict[str, Any]] = []
     for i, e in enumerate(exponents):
-        point = _point(solver, Setting(end, names, method, 10.0**-e), best)
+        point = _point(solver, Setting(end, names, method, 10.0**-e), best, core)
         if point is None:
             continue
         points.append(point)
         if point["operations"] > COSTLIEST and (left := len(exponents) - i - 1):
             tenth = 10 ** (1 / ORDERS[method])  # so much longer a motion takes for a tenth of the error
-            seconds = ROUNDS * point["seconds"] * sum(tenth**n for n in range(1, left + 1))
+            seconds = ROUNDS * point["turn"].seconds * sum(tenth**n for n in range(1, left + 1))
             why = f"one takes {point['operations']:.1g} operations, of {COSTLIEST:.1g} allowed"
             skipped.append(Skipped(f"motions by {method} at tolerances below {point['setting']:.0e}", why, seconds))
             break
     return points
 
 
-def _fixed(solver: Solver, end: float, names: Sequence[str], best: Trajectory) -> list[dict[str, Any]]:
+def _fixed(solver: Solver, end: float, names: Sequence[str], best: Trajectory, core: Core) -> list[dict[str, Any]]:
     points: list[dict[str, Any]] = []
     for steps in FIXED:
-        point = _point(solver, Setting(end, names, "rk4", FIXED_TOLERANCE, steps), best)
+        point = _point(solver, Setting(end, names, "rk4", FIXED_TOLERANCE, steps), best, core)
         if point is not None and np.isfinite(point["error"]) and point["error"] < 1:
             points.append(point)
             if 2 * point["operations"] > COSTLIEST:  # the next takes twice as many

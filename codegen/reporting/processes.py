@@ -10,13 +10,13 @@ import json
 import os
 import subprocess
 import sys
-from dataclasses import asdict
+from dataclasses import asdict, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..bench.timing import summary
 from ..runtime import load
 from . import integrating, times
+from .core import Core, Turn, record
 from .integrating import Setting
 from .states import State
 
@@ -30,13 +30,14 @@ LONG = 0.2
 
 
 def timed(
-    folder: Path, state: State | None, budget: float, moving: Path, settings: Sequence[tuple[Setting, float]],
+    core: Core, folder: Path, state: State | None, budget: float, moving: Path, settings: Sequence[tuple[Setting, Turn]],
     progress: Callable[[int, int], None] = lambda done, of: None,
-) -> tuple[dict[str, Any], list[dict[str, float]]]:  # fmt: skip
-    """Times of functions and of motions.
+) -> tuple[dict[str, Any], list[dict[str, Any]], dict[str, dict[str, Any]]]:  # fmt: skip
+    """Times of functions and of motions, and what the core does at best.
 
     Parameters
     ----------
+    core : Core
     folder : Path
         Of the package whose functions are timed.
     state : State, optional
@@ -45,8 +46,8 @@ def timed(
         Seconds for each function, about.
     moving : Path
         Of the package that is integrated.
-    settings : sequence of (Setting, float)
-        Of the motions, and the seconds that each has taken in this process.
+    settings : sequence of (Setting, Turn)
+        Of the motions, and what each has taken in this process.
     progress : callable, optional
         Called with how many processes have ended, and of how many.
 
@@ -55,7 +56,9 @@ def timed(
     dict
         See `times.times`; empty without a state.
     list of dict
-        For each motion ``seconds``, the least, and ``seconds_high``; nine of ten took no longer.
+        For each motion, see `record`.
+    dict of str to dict
+        Seconds per operation and per byte, see `Core.peaks` and `record`.
 
     Raises
     ------
@@ -63,47 +66,63 @@ def timed(
         A process ended with an error; it holds what it printed.
     """
     functions: list[dict[str, Any]] = []
-    taken = [[seconds] for _, seconds in settings]
+    taken = [[turn] for _, turn in settings]
+    peaks: dict[str, list[Turn]] = {}
     for i in range(PROCESSES):
         progress(i, PROCESSES)
-        wanted = [n for n, x in enumerate(taken) if i == 0 or sum(x) < LONG]
+        wanted = [n for n, x in enumerate(taken) if i == 0 or sum(t.seconds for t in x) < LONG]
         found = _in_process(
             {
+                "core": str(core.library),
                 "folder": str(folder),
-                "state": asdict(state) if state else None,
+                "state": state,
                 "budget": budget / PROCESSES,
                 "moving": str(moving),
-                "settings": [asdict(settings[n][0]) for n in wanted],
+                "settings": [settings[n][0] for n in wanted],
             }
         )
         functions += found["functions"]
-        for n, seconds in zip(wanted, found["motions"], strict=True):
-            taken[n] += seconds
-    records = [summary(x) for x in taken]
-    return times.times(functions) if functions else {}, [{"seconds": x.least, "seconds_high": x.high} for x in records]
+        for n, turns in zip(wanted, found["motions"], strict=True):
+            taken[n] += turns
+        for name, turns in found["peaks"].items():
+            peaks.setdefault(name, []).extend(turns)
+    summed = times.times(functions) if functions else {}
+    return summed, [record(x) for x in taken], {name: record(x) for name, x in peaks.items()}
 
 
 def _in_process(wanted: dict[str, Any]) -> dict[str, Any]:
     paths = os.pathsep.join(p for p in sys.path if p)
     done = subprocess.run(
-        [sys.executable, "-m", __name__], input=json.dumps(wanted, default=lambda x: x.tolist()), capture_output=True,
+        [sys.executable, "-m", __name__], input=json.dumps(wanted, default=_plain), capture_output=True,
         text=True, env={**os.environ, "PYTHONPATH": paths}, check=False,
     )  # fmt: skip
     if done.returncode:
         raise RuntimeError(f"a process that takes times ended with {done.returncode}: {done.stderr[-2000:]}")
-    result: dict[str, Any] = json.loads(done.stdout)
+    result: dict[str, Any] = json.loads(done.stdout, object_hook=_turns)
     return result
+
+
+def _plain(x: Any) -> Any:
+    return asdict(x) if is_dataclass(x) and not isinstance(x, type) else x.tolist()
+
+
+def _turns(x: dict[str, Any]) -> Any:
+    return Turn(**x) if x.keys() == {"seconds", "core"} else x
 
 
 def _answer(wanted: dict[str, Any]) -> dict[str, Any]:
     """What one process measures."""
+    core = Core(Path(wanted["core"]))
     solver = load(wanted["folder"])
     moving = solver if wanted["moving"] == wanted["folder"] else load(wanted["moving"])
-    return {
-        "functions": [times.turns(solver, State.of(wanted["state"]), wanted["budget"])] if wanted["state"] else [],
-        "motions": [integrating.seconds(moving, Setting(**x)) for x in wanted["settings"]],
-    }
+    found: dict[str, Any] = {"functions": [], "peaks": {}}
+    with core.fastest():
+        if wanted["state"] is not None:
+            found["functions"] = [times.turns(solver, State.of(wanted["state"]), wanted["budget"], core)]
+            found["peaks"] = core.peaks()
+        found["motions"] = [integrating.turns(moving, Setting(**x), core) for x in wanted["settings"]]
+    return found
 
 
 if __name__ == "__main__":
-    json.dump(_answer(json.load(sys.stdin)), sys.stdout)
+    json.dump(_answer(json.load(sys.stdin)), sys.stdout, default=_plain)

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..bench.timing import calibrated, elapsed, one_core, summary
+from ..bench.timing import calibrated, elapsed, summary
 from ..bench.timing import turns as alternating
+from .core import Core, Turn, Watched, record
 from .states import State
 
 if TYPE_CHECKING:
@@ -35,7 +36,7 @@ LONG, LEAST_BATCH = 0.03, 64
 """Seconds that a call with a batch may take, about: of a slow function fewer states will do, though not less than so many."""
 
 
-def turns(solver: Solver, state: State, budget: float) -> dict[str, Any]:
+def turns(solver: Solver, state: State, budget: float, core: Core) -> dict[str, Any]:
     """Seconds per evaluation of all functions in turns, in this process.
 
     Parameters
@@ -45,12 +46,13 @@ def turns(solver: Solver, state: State, budget: float) -> dict[str, Any]:
         Where; the states of a batch lie about it.
     budget : float
         Seconds for each function, about.
+    core : Core
 
     Returns
     -------
     dict
-        ``counts``, by function, and ``sizes``: numbers of states of the batches; ``seconds``: lists, by function or size, and
-        "call", "compiled" or "batch".
+        ``counts``, by function, and ``sizes``: numbers of states of the batches; ``turns``: lists of `Turn`, by function or
+        size, and "call", "compiled" or "batch".
     """
     rng = np.random.default_rng(4)
     runs: dict[str, Callable[[], object]] = {}
@@ -60,7 +62,7 @@ def turns(solver: Solver, state: State, budget: float) -> dict[str, Any]:
         """The call again and again, into the same arrays: new ones cost pages, more or less as memory happens to lie."""
         return partial(function, at, function(at))
 
-    with warnings.catch_warnings(), one_core():
+    with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)
         for name, columns, function in _functions(solver, rng):
             one = _states(state, 1)
@@ -73,10 +75,17 @@ def turns(solver: Solver, state: State, budget: float) -> dict[str, Any]:
         for n in sizes:
             many = _states(state, n)
             runs[f"batch {n}"] = into_its_results(lambda at, out=None: solver.accelerations(*at, out=out), many)
-        taken = alternating({name: calibrated(run) for name, run in runs.items()}, budget, least_turns=1)
-    for name, n in [(f"{name} compiled", n) for name, n in counts.items()] + [(f"batch {n}", n) for n in sizes]:
-        taken[name] = [x / n for x in taken[name]]
-    return {"counts": counts, "sizes": sizes, "seconds": taken}
+        watched = {name: Watched(calibrated(run), core) for name, run in runs.items()}
+        taken = alternating(watched, budget, least_turns=1)
+    states = {f"{name} compiled": n for name, n in counts.items()} | {f"batch {n}": n for n in sizes}
+    return {
+        "counts": counts,
+        "sizes": sizes,
+        "turns": {
+            name: [Turn(x / states.get(name, 1), c) for x, c in zip(seconds, watched[name].beside, strict=True)]
+            for name, seconds in taken.items()
+        },
+    }
 
 
 def times(taken: Sequence[dict[str, Any]]) -> dict[str, Any]:
@@ -85,19 +94,22 @@ def times(taken: Sequence[dict[str, Any]]) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``functions``: for each, ``compiled`` (per state of a batch) and ``call`` (a single one from Python), each with
-        ``least``, ``median``, ``high`` (nine of ten turns took less) and ``turns``; ``batches``: for the accelerations, by size.
+        ``functions``: for each, ``compiled`` (per state of a batch) and ``call`` (a single one from Python), each as `record`
+        has it; ``batches``: for the accelerations, by size; ``core``: of the fixed work beside all of them.
     """
 
-    def record(name: str) -> dict[str, float]:
-        return asdict(summary([seconds for process in taken for seconds in process["seconds"][name]]))
+    def of(name: str) -> dict[str, Any]:
+        return record(turn for process in taken for turn in process["turns"][name])
+
+    beside = [t.core for process in taken for turns in process["turns"].values() for t in turns]
 
     return {
         "functions": {
-            name: {"compiled": record(f"{name} compiled"), "call": record(f"{name} call"), "states": n}
+            name: {"compiled": of(f"{name} compiled"), "call": of(f"{name} call"), "states": n}
             for name, n in taken[0]["counts"].items()
         },
-        "batches": {str(n): record(f"batch {n}") for n in taken[0]["sizes"]},
+        "batches": {str(n): of(f"batch {n}") for n in taken[0]["sizes"]},
+        "core": asdict(summary(beside)),
     }
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from codegen.cli import main
 from codegen.reporting import Request, report
-from codegen.reporting.agreement import SPREAD, NoReportError, disagreements, read, read_gallery
+from codegen.reporting.agreement import SPREAD, NoReportError, agreed, disagreements, read, read_gallery
 
 pytest.importorskip("matplotlib", reason="reports draw figures; the extra plot installs matplotlib")
 
@@ -87,6 +87,29 @@ def test_times_may_differ_within_their_spread(one):
     assert disagreements(one, inside) == []
     (told,) = disagreements(outside, one)
     assert told.startswith("seconds of udot, in C: ")
+
+
+@pytest.mark.parametrize("which", ["this", "earlier"])
+def test_a_slower_core_is_no_difference(one, which):
+    """What took ten times as long beside a core that took as much longer agrees; a core alone excuses nothing."""
+    slow, faster = copy.deepcopy(one), copy.deepcopy(one)
+    for record in (x["compiled"] for x in slow["times"]["functions"].values()):
+        for key in ("least", "median", "high", "core"):
+            record[key] *= 10
+    slow["times"]["core"]["least"] *= 10
+    pair = (one, slow) if which == "this" else (slow, one)
+    assert disagreements(*pair) == []
+    assert agreed(*pair).endswith(f"{10.0 if which == 'this' else 0.1:.2f} times as long for fixed work now")
+    assert agreed(one, one) == "agrees with the earlier report"
+    udot = slow["times"]["functions"]["udot"]["compiled"]
+    for key in ("least", "median", "high"):
+        udot[key] *= 10
+    (told,) = disagreements(*pair)
+    assert told.startswith("seconds of udot, in C: ") and "for fixed work now" in told
+    for record in (x["compiled"] for x in faster["times"]["functions"].values()):
+        for key in ("least", "median", "high"):
+            record[key] /= 10  # beside a core that was as fast
+    assert disagreements(one, faster)
 
 
 @pytest.mark.parametrize("what", ["batches", "roofline", "motions"])

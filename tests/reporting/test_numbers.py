@@ -1,6 +1,7 @@
 """The numbers of a report are the solver's own: report.json is computed once more, from the model and the states in it."""
 
 import json
+import os
 from pathlib import Path
 
 import mpmath
@@ -10,6 +11,7 @@ import pytest
 import codegen
 from codegen.reference import RecursiveEngine
 from codegen.reporting import Request, figures, integrating, motions, processes, report
+from codegen.reporting.core import Core, Turn, record
 from codegen.reporting.errors import DIGITS
 from codegen.reporting.states import State
 
@@ -163,50 +165,91 @@ def test_motions(numbers, solver):
             assert 0 < point["seconds"] <= point["seconds_high"]
 
 
-def test_times_are_of_several_processes(numbers, solver):
+def test_times_are_of_several_processes(numbers, solver, tmp_path):
     """A motion that takes long is timed twice, a short one by every process; functions by all of them."""
     setting = integrating.Setting(END, ["L"], "dop853", 1e-6)
-    times, motions_ = processes.timed(
-        solver.folder, State.of(numbers["states"][0]), 0.01, solver.folder, [(setting, 1e-9), (setting, 9.0)]
+    core = Core.compiled(tmp_path)
+    here = [(setting, Turn(1e-9, 7.0)), (setting, Turn(9.0, 8.0))]
+    times, motions_, peaks = processes.timed(
+        core, solver.folder, State.of(numbers["states"][0]), 0.01, solver.folder, here
     )
     assert set(times["functions"]) == set(numbers["times"]["functions"])
     udot = times["functions"]["udot"]["compiled"]
     assert 0 < udot["least"] <= udot["median"] <= udot["high"] and udot["turns"] >= processes.PROCESSES
     short, long_ = motions_
-    assert short["seconds"] == 1e-9 < short["seconds_high"] < 1.0  # the one that this process has seen, and others
-    assert long_["seconds_high"] == 9.0 and long_["seconds"] < 1.0
-    alone, none = processes.timed(solver.folder, None, 0.01, solver.folder, [(setting, 1e-9)])
-    assert alone == {} and len(none) == 1
+    assert short["least"] == 1e-9 < short["high"] < 1.0  # the one that this process has seen, and others
+    assert short["core"] == 7.0 and long_["core"] < 1.0  # beside the least
+    assert long_["high"] == 9.0 and long_["least"] < 1.0
+    assert short["turns"] > processes.PROCESSES and long_["turns"] > 1
+    assert all(x["turns"] >= processes.PROCESSES for x in peaks.values())
+    alone, none, peaks = processes.timed(core, solver.folder, None, 0.01, solver.folder, here[:1])
+    assert alone == {} == peaks and len(none) == 1
+
+
+def test_the_core_is_timed_beside_everything(numbers):
+    """Its work never changes: all moments of a report are within what others on the machine make of it."""
+    of_all = numbers["times"]["core"]
+    assert 0 < of_all["least"] <= of_all["median"] <= of_all["high"]
+    records = [x[kind] for x in numbers["times"]["functions"].values() for kind in ("compiled", "call")]
+    records += numbers["times"]["batches"].values()
+    points = [p for points in numbers["motions"]["methods"].values() for p in points]
+    found = [x["core"] for x in (*records, *points)] + list(numbers["roofline"]["core"].values())
+    assert all(1e-6 < x < 1e-2 for x in found)
+    assert min(x["core"] for x in records) >= of_all["least"]
+
+
+def test_the_core_beside_the_least_time_counts():
+    found = record([Turn(3.0, 0.1), Turn(1.0, 0.3), Turn(2.0, 0.2)])
+    assert found == {"least": 1.0, "median": 2.0, "high": 3.0, "turns": 3, "core": 0.3}
+
+
+def test_a_turn_stays_on_a_core_and_all_are_free_afterwards(tmp_path):
+    if not hasattr(os, "sched_setaffinity"):
+        pytest.skip("this system does not say on which cores a process is")
+    core, allowed = Core.compiled(tmp_path), os.sched_getaffinity(0)
+    with core.fastest():
+        assert len(os.sched_getaffinity(0)) == 1
+        assert core.turn(lambda: 5.0).seconds == 5.0
+    assert os.sched_getaffinity(0) == allowed
 
 
 def test_what_a_process_says_is_told(tmp_path):
     with pytest.raises(RuntimeError, match="holds no generated solver that is whole"):
-        processes.timed(tmp_path, None, 0.01, tmp_path, [])
+        processes.timed(Core.compiled(tmp_path), tmp_path, None, 0.01, tmp_path, [])
 
 
-def test_where_the_last_digits_are_not_to_be_had_the_reference_is_looser(solver, monkeypatch):
+def test_where_the_last_digits_are_not_to_be_had_the_reference_is_looser(solver, tmp_path, monkeypatch):
     """No diagram against a motion that never came to its end."""
     counts = {t: solver.simulate(END, method="dop853", rtol=t, atol=t).stats for t in (1e-13, 1e-12)}
     steps = {t: c["steps"] + c["rejected"] for t, c in counts.items()}
     assert steps[1e-12] < steps[1e-13]
     monkeypatch.setattr(integrating, "_most_steps", lambda *_: steps[1e-12])
     monkeypatch.setattr(motions, "MOST_SENSITIVITIES", 0)
-    found = motions.motions(codegen.load_model(MODEL), solver, END, [], lambda partitions: solver)
+    found = motions.motions(
+        codegen.load_model(MODEL), solver, END, [], lambda partitions: solver, Core.compiled(tmp_path)
+    )
     assert found["reference"] == "dop853 at 1e-12" and 0 < found["reference_error"] < 1e-9
     assert min(p["setting"] for p in found["methods"]["dop853"]) == pytest.approx(1e-11)
     monkeypatch.setattr(integrating, "_most_steps", lambda *_: 1)
     left_out = []
-    assert motions.motions(codegen.load_model(MODEL), solver, END, left_out, lambda partitions: solver) is None
+    assert (
+        motions.motions(
+            codegen.load_model(MODEL), solver, END, left_out, lambda partitions: solver, Core.compiled(tmp_path)
+        )
+        is None
+    )
     assert [s.what for s in left_out] == ["motions"] and "steps" in left_out[0].why
 
 
-def test_a_motion_of_which_nothing_is_known_is_halved_and_its_empty_diagram_drawn(solver, monkeypatch):
+def test_a_motion_of_which_nothing_is_known_is_halved_and_its_empty_diagram_drawn(solver, tmp_path, monkeypatch):
     """As chaotic ones are; what the error of the reference is stands for that here."""
     judged = motions._errors
     chaotic = 0.6 * END
     monkeypatch.setattr(motions, "_errors", lambda x, y, v: (1.5, 2e4) if y.t[-1] > chaotic else judged(x, y, v))
     monkeypatch.setattr(motions, "MOST_SENSITIVITIES", 1)
-    found = motions.motions(codegen.load_model(MODEL), solver, END, [], lambda partitions: solver)
+    found = motions.motions(
+        codegen.load_model(MODEL), solver, END, [], lambda partitions: solver, Core.compiled(tmp_path)
+    )
     assert found["end"] == END / 2 and found["asked"] == END and "differ by 2e+04" in found["ended"]
     assert found["reference_error"] < 1e-9
     drawn = figures.work_precision(found)

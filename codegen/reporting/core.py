@@ -1,0 +1,254 @@
+"""The core that times are taken on: how fast it is at the moment, and what it can do at best.
+
+Others on a shared machine make a core slower by half and more, for milliseconds or for minutes. Times of two runs mean the same
+only beside what the core did meanwhile: a fixed piece of work of the kind that solvers do is timed before and after everything
+whose time a report states.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import statistics
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..bench.timing import Timed, summary
+from ..runtime.standalone.compiler import STANDARD, find_compiler, optimization, run_all
+from ..runtime.standalone.errors import CompileError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+CORE_C = """\
+/* Work that never changes, and what a core can do: fused multiply-adds that wait for nothing, one number or a whole vector at a
+   time, and sums of arrays. */
+#include <math.h>
+#include <stddef.h>
+#include <time.h>
+
+#if defined __AVX512F__
+#define WIDTH 8
+#elif defined __AVX__
+#define WIDTH 4
+#else
+#define WIDTH 2
+#endif
+typedef double vector __attribute__((vector_size(8 * WIDTH)));
+
+static double now(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t); /* what others have of the core meanwhile does not count */
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
+/* Seconds that it takes to fill a matrix, factor it and solve, as a mechanism's equations are: sines and cosines, sums of few
+   products, divisions, none of which a compiler turns into long vectors. */
+#define ROWS 12
+double work(long rounds)
+{
+    static double m[ROWS][ROWS], x[ROWS];
+    static volatile double kept;
+    double s = 0.3, begin = now();
+    for (long r = 0; r < rounds; ++r) {
+        for (int i = 0; i < ROWS; ++i) {
+            double c = cos(s + i);
+            x[i] = sin(s * i);
+            for (int j = 0; j <= i; ++j) m[i][j] = (i == j ? ROWS + 1.0 : 0.0) + c * x[j];
+        }
+        for (int j = 0; j < ROWS; ++j) {
+            for (int k = 0; k < j; ++k) m[j][j] -= m[j][k] * m[j][k] * m[k][k];
+            for (int i = j + 1; i < ROWS; ++i) {
+                double sum = m[i][j];
+                for (int k = 0; k < j; ++k) sum -= m[i][k] * m[j][k] * m[k][k];
+                m[i][j] = sum / m[j][j];
+            }
+        }
+        for (int i = 0; i < ROWS; ++i)
+            for (int k = 0; k < i; ++k) x[i] -= m[i][k] * x[k];
+        s = 1e-3 * x[ROWS - 1];
+    }
+    kept = s;
+    return now() - begin;
+}
+
+#if defined __x86_64__ || defined __i386__
+#define HOLD(x) __asm__ volatile("" : "+x"(x))
+#else
+#define HOLD(x) __asm__ volatile("" : "+w"(x))
+#endif
+
+/* Seconds per operation of 12 sums side by side, more than the latency of a multiply-add needs; HOLD keeps each in a register
+   and the compiler from making vectors of them. */
+#define MEASURE(name, type, lanes)                                                                                     \\
+    double name(long rounds)                                                                                           \\
+    {                                                                                                                  \\
+        type a = (type){0} + 0.999999999, b = (type){0} + 1e-9;                                                        \\
+        type s0 = a, s1 = a, s2 = a, s3 = a, s4 = a, s5 = a, s6 = a, s7 = a, s8 = a, s9 = a, s10 = a, s11 = a;         \\
+        HOLD(a); HOLD(b);                                                                                              \\
+        double begin = now();                                                                                          \\
+        for (long n = 0; n < rounds; ++n) {                                                                            \\
+            s0 = s0 * a + b; s1 = s1 * a + b; s2 = s2 * a + b; s3 = s3 * a + b;                                        \\
+            s4 = s4 * a + b; s5 = s5 * a + b; s6 = s6 * a + b; s7 = s7 * a + b;                                        \\
+            s8 = s8 * a + b; s9 = s9 * a + b; s10 = s10 * a + b; s11 = s11 * a + b;                                    \\
+            HOLD(s0); HOLD(s1); HOLD(s2); HOLD(s3); HOLD(s4); HOLD(s5);                                                \\
+            HOLD(s6); HOLD(s7); HOLD(s8); HOLD(s9); HOLD(s10); HOLD(s11);                                              \\
+        }                                                                                                              \\
+        type sum = s0 + s1 + s2 + s3 + s4 + s5 + s6 + s7 + s8 + s9 + s10 + s11;                                        \\
+        HOLD(sum);                                                                                                     \\
+        return (now() - begin) / (24.0 * (lanes) * (double)rounds);                                                    \\
+    }
+MEASURE(numbers, double, 1)
+MEASURE(vectors, vector, WIDTH)
+
+/* Seconds per byte that is read from an array of n numbers, or read from and written to another one. */
+double bytes(double *restrict a, const double *restrict b, long n, long rounds)
+{
+    double begin = now();
+    for (long r = 0; r < rounds; ++r) {
+        for (long i = 0; i < n; ++i) a[i] = a[i] + 0.5 * b[i];
+        __asm__ volatile("" : : "r"(a), "r"(b) : "memory");
+    }
+    return (now() - begin) / (24.0 * (double)n * (double)rounds);
+}
+"""
+
+WORK = 50
+"""Rounds of the work that never changes, some 60 microseconds: short beside a turn, long beside a clock."""
+
+TURNS = 3
+"""A process measures each peak so often."""
+
+TRIED = 15
+"""So often a core does the fixed work before it is chosen or not."""
+
+PAGE = 512
+"""Numbers in a page of memory, by whose last bits of addresses a core tells them apart at first."""
+
+IN_CACHE, IN_MEMORY = 1500, 8_000_000
+"""Numbers in each of the two arrays of which sums are measured: in the first cache, and far beyond the last."""
+
+
+@dataclass(frozen=True)
+class Turn:
+    """Seconds of something, and those of the fixed work about it."""
+
+    seconds: float
+    core: float
+
+
+@dataclass
+class Watched:
+    """A contestant with the core's own time beside each of its turns."""
+
+    run: Timed
+    core: Core
+    beside: list[float] = field(default_factory=list)
+
+    def __call__(self) -> float:
+        before = self.core.seconds()
+        found = self.run()
+        self.beside.append((before + self.core.seconds()) / 2)
+        return found
+
+
+class Core:
+    """What `compiled` has made, called in this process.
+
+    Parameters
+    ----------
+    library : Path
+    """
+
+    def __init__(self, library: Path) -> None:
+        self.library = library
+        self._c = ctypes.CDLL(str(library))
+        for name in ("work", "numbers", "vectors", "bytes"):
+            getattr(self._c, name).restype = ctypes.c_double
+
+    @classmethod
+    def compiled(cls, folder: Path) -> Core:
+        """Its library, in a folder.
+
+        Raises
+        ------
+        CompileError, NoCompilerError
+        """
+        source, library = folder / "core.c", folder / "core.so"
+        source.write_text(CORE_C, encoding="utf-8")
+        command = [*find_compiler(), *STANDARD, *optimization(), str(source), "-o", str(library), "-lm"]
+        failed, log = run_all([command])
+        if failed:
+            raise CompileError(log)
+        return cls(library)
+
+    def seconds(self) -> float:
+        """Of the work that never changes."""
+        return float(self._c.work(ctypes.c_long(WORK)))
+
+    def turn(self, run: Callable[[], float]) -> Turn:
+        """One turn of what says its own seconds."""
+        watched = Watched(run, self)
+        return Turn(watched(), watched.beside[0])
+
+    @contextmanager
+    def fastest(self) -> Iterator[None]:
+        """Stay on the core that does the fixed work fastest at the moment, where the system knows how; on all again afterwards.
+
+        Of two that are alike it is the one with which others interfere less.
+        """
+        if not hasattr(os, "sched_setaffinity"):
+            yield
+            return
+        allowed = os.sched_getaffinity(0)
+        taken = {}
+        try:
+            for cpu in sorted(allowed):
+                os.sched_setaffinity(0, {cpu})
+                taken[cpu] = statistics.median(self.seconds() for _ in range(TRIED))
+            os.sched_setaffinity(0, {min(taken, key=lambda cpu: taken[cpu])})
+            yield
+        finally:
+            os.sched_setaffinity(0, allowed)
+
+    def peaks(self) -> dict[str, list[Turn]]:
+        """Seconds per operation, one number or vectors at a time, and per byte from the first cache and from memory."""
+        pointer = ctypes.POINTER(ctypes.c_double)
+        runs = {name: partial(getattr(self._c, name), ctypes.c_long(400_000)) for name in ("numbers", "vectors")}
+        for name, n, rounds in (("first cache", IN_CACHE, 5000), ("memory", IN_MEMORY, 1)):
+            a, b = (x.ctypes.data_as(pointer) for x in _two_arrays(n))
+            runs[name] = partial(self._c.bytes, a, b, ctypes.c_long(n), ctypes.c_long(rounds))
+        return {name: [self.turn(run) for _ in range(TURNS)] for name, run in runs.items()}
+
+
+def record(turns: Iterable[Turn]) -> dict[str, Any]:
+    """All turns of a contestant in a few numbers.
+
+    Returns
+    -------
+    dict
+        ``least``, ``median``, ``high`` (nine of ten took no longer) and ``turns``; ``core``, the seconds of the fixed work
+        beside the least.
+    """
+    known = list(turns)
+    return asdict(summary([t.seconds for t in known])) | {"core": min(known, key=lambda t: t.seconds).core}
+
+
+def _two_arrays(n: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Zeros, that begin where a page does and half a page later.
+
+    Otherwise it is chance that decides what a vector costs: whether it lies in two lines of the cache, and whether what has just
+    been written to one array is taken for what is read of the other.
+    """
+    apart = -(-n // PAGE) * PAGE + PAGE // 2
+    numbers = np.zeros(apart + n + PAGE)
+    numbers[::PAGE] = 0.0  # its pages are there before they are timed
+    start = -(numbers.ctypes.data // numbers.itemsize) % PAGE
+    return numbers[start : start + n], numbers[start + apart : start + apart + n]
