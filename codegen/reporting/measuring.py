@@ -20,7 +20,7 @@ from ..runtime.standalone.build import Build, build_apart, builds
 from ..runtime.standalone.manifest import read_manifest
 from ..version import __version__
 from . import differences, errors, generated, motions, pages, processes, roofline
-from .core import Core
+from .core import Core, Turn
 from .skipped import Skipped
 from .states import State, states
 
@@ -174,7 +174,7 @@ def _times(
     """
     points = motions.settings(moved) if moved else []
     functions, taken, peaks = processes.timed(
-        core, packages[0], state, request.timing, packages[-1], [(s, p.pop("turn")) for p, s in points],
+        core, packages[0], state, request.timing, packages[-1], [(s, Turn(p["seconds"], p["core"])) for p, s in points],
         lambda done, of: progress("timing", done, of),
     )  # fmt: skip
     for (point, _), x in zip(points, taken, strict=True):

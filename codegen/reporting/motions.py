@@ -85,7 +85,7 @@ def motions(
     dict
         ``end``; ``choices``, of independent coordinates; ``ended``, why a motion is shorter than asked for; ``sensitivities``,
         names; ``reference_error``, of the state and of ``reference_error_sensitivities``; ``methods``: lists of points, each
-        with ``setting``, ``error``, ``sensitivity_error``, ``evaluations``, ``operations`` and ``turn``, of the one motion;
+        with ``setting``, ``error``, ``sensitivity_error``, ``evaluations``, ``operations``, and ``seconds`` and ``core`` of the one motion;
         ``conditions``, see `conditions`.
     """
     names = sensitivities(model)
@@ -221,7 +221,7 @@ def _point(solver: Solver, s: Setting, best: Trajectory, core: Core) -> dict[str
     return {
         "setting": s.end / s.steps if s.steps else s.tolerance, "error": error,
         "sensitivity_error": sensitivity_error if s.names else None, "evaluations": int(x.stats["evaluations"]),
-        "operations": _cost(solver, x, s.names), "turn": turn,
+        "operations": _cost(solver, x, s.names), "seconds": turn.seconds, "core": turn.core,
     }  # fmt: skip
 
 
@@ -251,7 +251,7 @@ def _adaptive(
         points.append(point)
         if point["operations"] > COSTLIEST and (left := len(exponents) - i - 1):
             tenth = 10 ** (1 / ORDERS[method])  # so much longer a motion takes for a tenth of the error
-            seconds = ROUNDS * point["turn"].seconds * sum(tenth**n for n in range(1, left + 1))
+            seconds = ROUNDS * point["seconds"] * sum(tenth**n for n in range(1, left + 1))
             why = f"one takes {point['operations']:.1g} operations, of {COSTLIEST:.1g} allowed"
             skipped.append(Skipped(f"motions by {method} at tolerances below {point['setting']:.0e}", why, seconds))
             break
