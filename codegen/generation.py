@@ -176,7 +176,7 @@ def _compile(
             progress("compiling", step, len(parts))
             if step == 1:
                 ahead.place()
-            first_build(path, part, ahead.everything).library()
+            first_build(path, part, ahead.everything, further=step > 1).library()
         report.compiled = True
     except NoCompilerError as error:
         report.remarks.append(f"{error}; the NumPy target (--target numpy) serves until then, more slowly")

@@ -12,7 +12,8 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 LIBRARIES = ("dynamics", "jacobians", "mass", "forces", "outputs", "states", "gradients", "motion", "four", "frames")
-"""Their names; the number in C is the place here and one. The first is compiled when a package is generated or loaded."""
+"""Their names; the number in C is the place here and one. The first is compiled when a package is generated or loaded; of other
+partitions each is compiled when it is called."""
 
 FRAMES = "frames"
 """Functions for motions of bodies."""
@@ -32,6 +33,9 @@ _OF = {
 _MOTION = ("closing_step", "completion", "completion_sensitivities", "outputs", "output_sensitivities")
 """Functions that motions call, and which are in another library too."""
 
+_ASKED_IN_MOTIONS = ("conditions", "completion_sensitivities")
+"""Those that Python calls while a motion changes its independent coordinates."""
+
 
 def library_of(function: str) -> str:
     """The library that has a function as Python calls it."""
@@ -50,7 +54,7 @@ def _places(function: str, width: int | None) -> list[tuple[int, int]]:
         return [(number_of(FOUR), 1)]
     unit = 1 if width in (None, 1) else 2
     found = [(number_of(library_of(function)), unit)]
-    return [*found, (number_of("motion"), unit)] if function in _MOTION else found
+    return [*found, (number_of("motion"), unit)] if function in (*_MOTION, *_ASKED_IN_MOTIONS) else found
 
 
 def number_of(library: str) -> int:
@@ -132,11 +136,13 @@ def _units(functions: Mapping[str, Collection[int]]) -> dict[int, set[int]]:
 
 def guard_of_library(function: str) -> str:
     """The condition under which ``NAME_calls.c`` has the call of a function."""
-    return f"ORDERNM_HAS({number_of(library_of(function))}, 0)"
+    found = [library_of(function), *(["motion"] if function in _ASKED_IN_MOTIONS else [])]
+    return _condition([(number_of(library), 0) for library in found])
 
 
 def libraries(functions: Mapping[str, Any]) -> dict[str, Any]:
-    """What the manifest says: of each library its number, how many units it has, and its functions."""
+    """What the manifest says: of each library its number, how many units it has, its functions, and those of another one that
+    can be called in it too."""
     found: dict[str, dict[str, Any]] = {}
     units = _units({name: f.get("widths", ()) for name, f in functions.items()})
     for name in functions:
@@ -146,6 +152,8 @@ def libraries(functions: Mapping[str, Any]) -> dict[str, Any]:
         )
     for entry in found.values():
         entry["units"] = sorted(units[entry["number"]])
+    if "motion" in found and (too := [name for name in _ASKED_IN_MOTIONS if name in functions]):
+        found["motion"]["too"] = too
     return {name: found[name] for name in LIBRARIES if name in found}
 
 

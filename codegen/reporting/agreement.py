@@ -11,7 +11,7 @@ from typing import Any
 
 SPREAD = 0.15
 """Times of two runs agree if their ranges meet, each from the least to what nine turns of ten took in several processes, and this
-part beyond. Where the core itself was slower in one of them, by the fixed work beside the least time, that one's range begins as
+part beyond. Where the core itself was slower in one of them, by the fixed work beside these turns, that one's range begins as
 much earlier."""
 
 DIGITS = 1e-9
@@ -98,7 +98,7 @@ def disagreements(one: Mapping[str, Any], other: Mapping[str, Any], most: int = 
 
 def agreed(one: Mapping[str, Any], other: Mapping[str, Any]) -> str:
     """The sentence for two reports that do, with what the core did otherwise."""
-    cores = [(r.get("times") or {}).get("core", {}).get("least", 1.0) for r in (one, other)]
+    cores = [(r.get("times") or {}).get("core", {}).get("median", 1.0) for r in (one, other)]
     return "agrees with the earlier report" + _of_the_core(cores[1] / cores[0])
 
 
@@ -166,7 +166,7 @@ def _times(one: Mapping[str, Any], other: Mapping[str, Any]) -> Iterator[str]:
 
 @dataclass(frozen=True)
 class Range:
-    """Seconds from the least to the largest, and those of the fixed work beside the least."""
+    """Seconds from the least to the largest, and those of the fixed work beside them."""
 
     low: float
     high: float

@@ -10,7 +10,7 @@ from __future__ import annotations
 import ctypes
 import os
 import statistics
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from functools import partial
@@ -123,6 +123,9 @@ double bytes(double *restrict a, const double *restrict b, long n, long rounds)
 WORK = 50
 """Rounds of the work that never changes, some 60 microseconds: short beside a turn, long beside a clock."""
 
+WATCHED, MOST_WATCHED = 2e-3, 30
+"""After a turn the fixed work is done once for each so many seconds of it, but not more often than that."""
+
 TURNS = 3
 """A process measures each peak so often."""
 
@@ -153,10 +156,9 @@ class Watched:
     beside: list[float] = field(default_factory=list)
 
     def __call__(self) -> float:
-        before = self.core.seconds()
-        found = self.run()
-        self.beside.append((before + self.core.seconds()) / 2)
-        return found
+        turn = self.core.turn(self.run)
+        self.beside.append(turn.core)
+        return turn.seconds
 
 
 class Core:
@@ -193,10 +195,12 @@ class Core:
         """Of the work that never changes."""
         return float(self._c.work(ctypes.c_long(WORK)))
 
-    def turn(self, run: Callable[[], float]) -> Turn:
-        """One turn of what says its own seconds."""
-        watched = Watched(run, self)
-        return Turn(watched(), watched.beside[0])
+    def turn(self, run: Timed) -> Turn:
+        """One turn of what says its own seconds: the longer it takes, the longer the core is watched afterwards."""
+        beside = [self.seconds()]
+        seconds = run()
+        beside += [self.seconds() for _ in range(min(max(round(seconds / WATCHED), 1), MOST_WATCHED))]
+        return Turn(seconds, statistics.mean(beside))
 
     @contextmanager
     def fastest(self) -> Iterator[None]:
@@ -234,11 +238,11 @@ def record(turns: Iterable[Turn]) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``least``, ``median``, ``high`` (nine of ten took no longer) and ``turns``; ``core``, the seconds of the fixed work
-        beside the least.
+        ``least``, ``median``, ``high`` (nine of ten took no longer) and ``turns``; ``core``, the median of the fixed work
+        beside them. That beside the least alone is not enough: cores change within a turn.
     """
     known = list(turns)
-    return asdict(summary([t.seconds for t in known])) | {"core": min(known, key=lambda t: t.seconds).core}
+    return asdict(summary([t.seconds for t in known])) | {"core": statistics.median(t.core for t in known)}
 
 
 def _two_arrays(n: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

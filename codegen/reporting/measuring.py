@@ -16,7 +16,7 @@ from ..bench.machine import machine
 from ..generation import generate
 from ..model import Model, load_model
 from ..runtime import load
-from ..runtime.standalone.build import Build, build_apart, builds
+from ..runtime.standalone.build import Build, build_apart, builds, first_build
 from ..runtime.standalone.manifest import read_manifest
 from ..version import __version__
 from . import differences, errors, generated, motions, pages, processes, roofline
@@ -28,9 +28,6 @@ if TYPE_CHECKING:
     from ..runtime import Solver
 
 Progress = Callable[[str, int, int], None]
-
-IN_MOTIONS = ("dynamics", "motion", "states")
-"""Libraries whose functions motions call."""
 
 
 @dataclass(frozen=True)
@@ -202,9 +199,7 @@ def _compile(folder: Path, *apart: str) -> float:
     parts = [manifest, *manifest.get("others", [])]
     wanted = [builds(folder, manifest)[""]]
     wanted += [build_apart(folder, part["name"], name) for part in parts for name in apart]  # long, and of one unit
-    for other in parts[1:]:
-        found = builds(folder, other)
-        wanted += [found[name] for name in IN_MOTIONS if name in found] or [found[""]]
+    wanted += [first_build(folder, other, further=True) for other in parts[1:]]
 
     def seconds(build: Build) -> float:
         begin = time.perf_counter()

@@ -85,8 +85,8 @@ def motions(
     dict
         ``end``; ``choices``, of independent coordinates; ``ended``, why a motion is shorter than asked for; ``sensitivities``,
         names; ``reference_error``, of the state and of ``reference_error_sensitivities``; ``methods``: lists of points, each
-        with ``setting``, ``error``, ``sensitivity_error``, ``evaluations``, ``operations``, and ``seconds`` and ``core`` of the one motion;
-        ``conditions``, see `conditions`.
+        with ``setting``, ``error``, ``sensitivity_error``, ``evaluations``, ``operations``, ``seconds`` of the one motion and
+        ``core`` beside it; ``conditions``, see `conditions`.
     """
     names = sensitivities(model)
     probe = motion(solver, Setting(end, names, "dop853", 1e-6), allowed=PROBED)

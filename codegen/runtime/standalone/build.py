@@ -205,10 +205,13 @@ def builds(folder: Path, manifest: Mapping[str, Any]) -> dict[str, Build]:
     return {"": Build(folder, name, sources)} | found
 
 
-def first_build(folder: Path, manifest: Mapping[str, Any], everything: bool = False) -> Build:
-    """What is compiled when a package is generated: what most calls need, or all."""
-    whole, *first = builds(folder, manifest).values()
-    return whole if everything or not first else first[0]
+def first_build(folder: Path, manifest: Mapping[str, Any], everything: bool = False, further: bool = False) -> Build:
+    """What is compiled when a package is generated: what most calls need, or all; of further partitions what motions call."""
+    found = builds(folder, manifest)
+    whole, *first = found.values()
+    if everything or not first:
+        return whole
+    return found.get("motion", first[0]) if further else first[0]
 
 
 def digest(file: Path) -> str:

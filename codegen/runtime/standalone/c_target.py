@@ -15,6 +15,7 @@ from .arrays import Array, Shape
 from .batches import Batches, Failed, spoil
 from .build import Build, builds
 from .caller import TAKES, find_caller
+from .compiler import find_compiler
 from .errors import (
     CompileError,
     NoCompilerError,
@@ -35,6 +36,16 @@ SLOT = {n: i for i, n in enumerate((*ARGUMENTS, *SEEDS, "default_p", "default_in
 class CTarget:
     """The compiled functions of a package, called through cffi, which releases the GIL.
 
+    Parameters
+    ----------
+    folder : Path
+    manifest : mapping
+        Of the partition.
+    functions : mapping of str to Function
+    shapes : mapping of str to Shape
+    first : bool
+        Of a package with several partitions this is the first. The libraries of others are compiled when they are called.
+
     Raises
     ------
     NoCompilerError, CompileError
@@ -48,6 +59,7 @@ class CTarget:
         manifest: Mapping[str, Any],
         functions: Mapping[str, Function],
         shapes: Mapping[str, Shape],
+        first: bool = True,
     ):
         try:
             from cffi import FFI
@@ -65,13 +77,19 @@ class CTarget:
         self.shapes = shapes
         self.defaults = np.array(manifest["parameters"], float), np.zeros(len(manifest["input_names"]))
         self.builds = builds(folder, manifest)
-        self._part_of = {f: part for part, x in manifest.get("libraries", {}).items() for f in x["functions"]}
+        parts = manifest.get("libraries", {})
+        self._part_of = {f: part for part, x in parts.items() for f in x["functions"]}
+        if not first:  # motions alone may ask for other partitions, and what they call is compiled once
+            self._part_of |= {f: part for part, x in parts.items() for f in x.get("too", ())}
         self._libraries: dict[str, Any] = {}
         self._kept: list[Any] = []
         self._opening = threading.Lock()
         if len(self.builds) == 1 or self.builds[""].found() is not None:
             self._part_of = {}
-        self._library(next(iter(manifest["libraries"])) if self._part_of else "")
+        if first or not self._part_of:
+            self._library(next(iter(parts)) if self._part_of else "")
+        elif not any(build.found() for build in self.builds.values()):
+            find_compiler()  # none is told now, where NumPy can serve instead
         caller = find_caller(folder)
         self.mode = "abi" if caller is None else "api"
         self._caller = caller
