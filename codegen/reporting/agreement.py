@@ -9,10 +9,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from .core import FIXED_WORK
+
 SPREAD = 0.15
 """Times of two runs agree if their ranges meet, each from the least to what nine turns of ten took in several processes, and this
-part beyond. Where the core itself was slower in one of them, by the fixed work beside these turns, that one's range begins as
-much earlier."""
+part beyond. Where the core itself or its caches were slower in one of them, by the fixed work beside these turns, the range of that
+one begins as much earlier."""
 
 DIGITS = 1e-9
 """Relative; what is computed is the same on one machine, but for the last digits of what LAPACK gives."""
@@ -23,6 +25,7 @@ MEASURED = {
     "seconds",
     "seconds_high",
     "core",
+    "cache",
     "cpu_seconds",
     "date",
     "machine",
@@ -98,12 +101,33 @@ def disagreements(one: Mapping[str, Any], other: Mapping[str, Any], most: int = 
 
 def agreed(one: Mapping[str, Any], other: Mapping[str, Any]) -> str:
     """The sentence for two reports that do, with what the core did otherwise."""
-    cores = [(r.get("times") or {}).get("core", {}).get("median", 1.0) for r in (one, other)]
-    return "agrees with the earlier report" + _of_the_core(cores[1] / cores[0])
+    cores = [
+        Beside.of({w: (r.get("times") or {}).get(w, {}).get("median", 1.0) for w in FIXED_WORK}) for r in (one, other)
+    ]
+    return "agrees with the earlier report" + _of_the_core(*cores)
 
 
-def _of_the_core(slower: float) -> str:
-    return "" if 1 / NOTABLE < slower < NOTABLE else f"; the core takes {slower:.2f} times as long for fixed work now"
+@dataclass(frozen=True)
+class Beside:
+    """Seconds of the fixed work, see `Core.turn`; 1 where it was not done."""
+
+    core: float
+    cache: float
+
+    @classmethod
+    def of(cls, record: Mapping[str, Any]) -> Beside:
+        return cls(*(record.get(work, 1.0) for work in FIXED_WORK))
+
+    def slower(self, than: Beside) -> float:
+        """By so much the core or its caches were slower than in another run; at least 1."""
+        return max(self.core / than.core, self.cache / than.cache, 1.0)
+
+
+def _of_the_core(before: Beside, now: Beside) -> str:
+    slower, faster = now.slower(before), before.slower(now)
+    if max(slower, faster) < NOTABLE:
+        return ""
+    return f"; fixed work takes {slower if slower > faster else 1 / faster:.2f} times as long now"
 
 
 def _first(lines: list[str], most: int) -> list[str]:
@@ -159,9 +183,10 @@ def _times(one: Mapping[str, Any], other: Mapping[str, Any]) -> Iterator[str]:
     a, b = dict(_ranges(one)), dict(_ranges(other))
     for name in (n for n in a if n in b):
         x, y = a[name], b[name]
-        slower = y.core / x.core  # so much the core was, in the other run
-        if x.low / max(1 / slower, 1) > y.high * (1 + SPREAD) or y.low / max(slower, 1) > x.high * (1 + SPREAD):
-            yield f"{name}: {x.low:.3g} to {x.high:.3g}, and {y.low:.3g} to {y.high:.3g}{_of_the_core(slower)}"
+        lows = x.low / x.beside.slower(y.beside), y.low / y.beside.slower(x.beside)
+        if lows[0] > y.high * (1 + SPREAD) or lows[1] > x.high * (1 + SPREAD):
+            told = _of_the_core(x.beside, y.beside)
+            yield f"{name}: {x.low:.3g} to {x.high:.3g}, and {y.low:.3g} to {y.high:.3g}{told}"
 
 
 @dataclass(frozen=True)
@@ -170,14 +195,14 @@ class Range:
 
     low: float
     high: float
-    core: float
+    beside: Beside
 
 
 def _ranges(report: Mapping[str, Any]) -> Iterator[tuple[str, Range]]:
     """What has a spread, by its name."""
 
     def of(record: Mapping[str, Any]) -> Range:
-        return Range(record["least"], record["high"], record.get("core", 1.0))
+        return Range(record["least"], record["high"], Beside.of(record))
 
     times = report.get("times") or {}
     for name, x in times.get("functions", {}).items():
@@ -187,10 +212,10 @@ def _ranges(report: Mapping[str, Any]) -> Iterator[tuple[str, Range]]:
         yield f"seconds of a state in a batch of {n}", of(x)
     roofline = report.get("roofline") or {}
     for name, best in roofline.get("peaks", {}).items():
-        core = roofline.get("core", {}).get(name, 1.0)
-        yield f"peak, seconds per operation or byte, {name}", Range(1 / best, 1 / roofline["peaks_low"][name], core)
+        beside = Beside.of({work: roofline.get(work, {}).get(name, 1.0) for work in FIXED_WORK})
+        yield f"peak, seconds per operation or byte, {name}", Range(1 / best, 1 / roofline["peaks_low"][name], beside)
     motions = report.get("motions") or {}
     for method, points in motions.get("methods", {}).items():
         for p in points:
             name = f"seconds of {method} at {p['setting']:g}"
-            yield name, Range(p["seconds"], p["seconds_high"], p.get("core", 1.0))
+            yield name, Range(p["seconds"], p["seconds_high"], Beside.of(p))

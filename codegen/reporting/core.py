@@ -1,8 +1,8 @@
 """The core that times are taken on: how fast it is at the moment, and what it can do at best.
 
-Others on a shared machine make a core slower by half and more, for milliseconds or for minutes. Times of two runs mean the same
-only beside what the core did meanwhile: a fixed piece of work of the kind that solvers do is timed before and after everything
-whose time a report states.
+Others on a shared machine make a core slower by half and more, and its caches twice as slow, for milliseconds or for minutes.
+Times of two runs mean the same only beside what the core did meanwhile: fixed pieces of work, one of the kind that solvers do and
+one on arrays as long as those of batches, are timed before and after everything whose time a report states.
 """
 
 from __future__ import annotations
@@ -121,7 +121,12 @@ double bytes(double *restrict a, const double *restrict b, long n, long rounds)
 """
 
 WORK = 50
-"""Rounds of the work that never changes, some 60 microseconds: short beside a turn, long beside a clock."""
+"""Rounds of the work that never changes, some 30 microseconds: short beside a turn, long beside a clock."""
+
+LENGTH = 32_768
+"""Numbers in each of the two arrays of the other fixed work: beyond the first cache, as those of batches are."""
+
+FIXED_WORK = ("core", "cache")
 
 WATCHED, MOST_WATCHED = 2e-3, 30
 """After a turn the fixed work is done once for each so many seconds of it, but not more often than that."""
@@ -141,24 +146,31 @@ IN_CACHE, IN_MEMORY = 1500, 8_000_000
 
 @dataclass(frozen=True)
 class Turn:
-    """Seconds of something, and those of the fixed work about it."""
+    """Seconds of something, and those of the fixed work about it.
+
+    Attributes
+    ----------
+    seconds : float
+    core, cache : float
+        Of the work in registers and the first cache, and of that on longer arrays.
+    """
 
     seconds: float
     core: float
+    cache: float
 
 
 @dataclass
 class Watched:
-    """A contestant with the core's own time beside each of its turns."""
+    """A contestant whose turns are kept with what is beside them."""
 
     run: Timed
     core: Core
-    beside: list[float] = field(default_factory=list)
+    turns: list[Turn] = field(default_factory=list)
 
     def __call__(self) -> float:
-        turn = self.core.turn(self.run)
-        self.beside.append(turn.core)
-        return turn.seconds
+        self.turns.append(self.core.turn(self.run))
+        return self.turns[-1].seconds
 
 
 class Core:
@@ -174,6 +186,7 @@ class Core:
         self._c = ctypes.CDLL(str(library))
         for name in ("work", "numbers", "vectors", "bytes"):
             getattr(self._c, name).restype = ctypes.c_double
+        self._arrays = _two_arrays(LENGTH)
 
     @classmethod
     def compiled(cls, folder: Path) -> Core:
@@ -197,10 +210,17 @@ class Core:
 
     def turn(self, run: Timed) -> Turn:
         """One turn of what says its own seconds: the longer it takes, the longer the core is watched afterwards."""
-        beside = [self.seconds()]
+        core, cache = [self.seconds()], [self._sums(self._arrays, 1)()]
         seconds = run()
-        beside += [self.seconds() for _ in range(min(max(round(seconds / WATCHED), 1), MOST_WATCHED))]
-        return Turn(seconds, statistics.mean(beside))
+        for _ in range(min(max(round(seconds / WATCHED), 1), MOST_WATCHED)):
+            core.append(self.seconds())
+            cache.append(self._sums(self._arrays, 1)())
+        return Turn(seconds, statistics.mean(core), statistics.mean(cache))
+
+    def _sums(self, arrays: tuple[NDArray[np.float64], NDArray[np.float64]], rounds: int) -> Timed:
+        """Seconds per byte of sums of two arrays."""
+        a, b = (x.ctypes.data_as(ctypes.POINTER(ctypes.c_double)) for x in arrays)
+        return partial(self._c.bytes, a, b, ctypes.c_long(len(arrays[0])), ctypes.c_long(rounds))
 
     @contextmanager
     def fastest(self) -> Iterator[None]:
@@ -224,11 +244,11 @@ class Core:
 
     def peaks(self) -> dict[str, list[Turn]]:
         """Seconds per operation, one number or vectors at a time, and per byte from the first cache and from memory."""
-        pointer = ctypes.POINTER(ctypes.c_double)
-        runs = {name: partial(getattr(self._c, name), ctypes.c_long(400_000)) for name in ("numbers", "vectors")}
+        runs: dict[str, Timed] = {
+            name: partial(getattr(self._c, name), ctypes.c_long(400_000)) for name in ("numbers", "vectors")
+        }
         for name, n, rounds in (("first cache", IN_CACHE, 5000), ("memory", IN_MEMORY, 1)):
-            a, b = (x.ctypes.data_as(pointer) for x in _two_arrays(n))
-            runs[name] = partial(self._c.bytes, a, b, ctypes.c_long(n), ctypes.c_long(rounds))
+            runs[name] = self._sums(_two_arrays(n), rounds)
         return {name: [self.turn(run) for _ in range(TURNS)] for name, run in runs.items()}
 
 
@@ -238,11 +258,12 @@ def record(turns: Iterable[Turn]) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``least``, ``median``, ``high`` (nine of ten took no longer) and ``turns``; ``core``, the median of the fixed work
-        beside them. That beside the least alone is not enough: cores change within a turn.
+        ``least``, ``median``, ``high`` (nine of ten took no longer) and ``turns``; ``core`` and ``cache``, the medians of the
+        fixed work beside them. That beside the least alone is not enough: cores change within a turn.
     """
     known = list(turns)
-    return asdict(summary([t.seconds for t in known])) | {"core": statistics.median(t.core for t in known)}
+    beside = {name: statistics.median(getattr(t, name) for t in known) for name in FIXED_WORK}
+    return asdict(summary([t.seconds for t in known])) | beside
 
 
 def _two_arrays(n: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -20,7 +20,7 @@ from ..runtime.standalone.build import Build, build_apart, builds, first_build
 from ..runtime.standalone.manifest import read_manifest
 from ..version import __version__
 from . import differences, errors, generated, motions, pages, processes, roofline
-from .core import Core, Turn
+from .core import FIXED_WORK, Core, Turn
 from .skipped import Skipped
 from .states import State, states
 
@@ -170,12 +170,13 @@ def _times(
         See `motions.motions`.
     """
     points = motions.settings(moved) if moved else []
-    functions, taken, peaks = processes.timed(
-        core, packages[0], state, request.timing, packages[-1], [(s, Turn(p["seconds"], p["core"])) for p, s in points],
+    taken = [(setting, Turn(p["seconds"], p["core"], p["cache"])) for p, setting in points]
+    functions, records, peaks = processes.timed(
+        core, packages[0], state, request.timing, packages[-1], taken,
         lambda done, of: progress("timing", done, of),
     )  # fmt: skip
-    for (point, _), x in zip(points, taken, strict=True):
-        point |= {"seconds": x["least"], "seconds_high": x["high"], "core": x["core"]}
+    for (point, _), x in zip(points, records, strict=True):
+        point |= {"seconds": x["least"], "seconds_high": x["high"], "core": x["core"], "cache": x["cache"]}
     if not functions:
         return {}
     return {
@@ -183,7 +184,7 @@ def _times(
         "roofline": {
             "peaks": {name: 1 / x["least"] for name, x in peaks.items()},
             "peaks_low": {name: 1 / x["high"] for name, x in peaks.items()},
-            "core": {name: x["core"] for name, x in peaks.items()},
+            **{work: {name: x[work] for name, x in peaks.items()} for work in FIXED_WORK},
             "points": roofline.points(solver, functions["functions"]),
         },
     }

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import asdict
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -86,7 +87,7 @@ def motions(
         ``end``; ``choices``, of independent coordinates; ``ended``, why a motion is shorter than asked for; ``sensitivities``,
         names; ``reference_error``, of the state and of ``reference_error_sensitivities``; ``methods``: lists of points, each
         with ``setting``, ``error``, ``sensitivity_error``, ``evaluations``, ``operations``, ``seconds`` of the one motion and
-        ``core`` beside it; ``conditions``, see `conditions`.
+        ``core`` and ``cache`` beside it; ``conditions``, see `conditions`.
     """
     names = sensitivities(model)
     probe = motion(solver, Setting(end, names, "dop853", 1e-6), allowed=PROBED)
@@ -221,7 +222,7 @@ def _point(solver: Solver, s: Setting, best: Trajectory, core: Core) -> dict[str
     return {
         "setting": s.end / s.steps if s.steps else s.tolerance, "error": error,
         "sensitivity_error": sensitivity_error if s.names else None, "evaluations": int(x.stats["evaluations"]),
-        "operations": _cost(solver, x, s.names), "seconds": turn.seconds, "core": turn.core,
+        "operations": _cost(solver, x, s.names), **asdict(turn),
     }  # fmt: skip
 
 

@@ -175,11 +175,12 @@ def _times(data: dict[str, Any]) -> Section:
         ["function", "in C, least", "median", "nine of ten", "one call from Python, least", "median", "nine of ten"],
         rows,
         "in C: per state of a batch in one thread. All functions took turns, timed by what the thread had of the core, in "
-        f"{processes.PROCESSES} processes one after another. The core itself: a piece of work that never changes, done before "
-        f"and after each turn, took {seconds(t['core']['least'])} at best, {seconds(t['core']['median'])} in the middle and up "
-        f"to {seconds(t['core']['high'])} in nine of ten; it is slower while others use the machine. Another run's range, from "
-        f"the least to nine of ten, meets this one's when both are widened by {agreement.SPREAD:.0%} and by how much slower the "
-        f"core was: ordernm report --compare tells.",
+        f"{processes.PROCESSES} processes one after another. Before and after each turn fixed work was timed, which takes longer "
+        f"while others use the machine: in registers and the first cache {seconds(t['core']['least'])} at best, "
+        f"{seconds(t['core']['median'])} in the middle and up to {seconds(t['core']['high'])} in nine of ten; on longer arrays "
+        f"{1e-9 / t['cache']['least']:.3g} GB/s, {1e-9 / t['cache']['median']:.3g} and {1e-9 / t['cache']['high']:.3g}. "
+        f"Another run's range, from the least to nine of ten, meets this one's when both are widened by {agreement.SPREAD:.0%} and "
+        f"by how much slower fixed work was: ordernm report --compare tells.",
     )
     rows = [[n, seconds(x["least"]), seconds(x["median"])] for n, x in t["batches"].items()]
     batches = _table("Accelerations in batches", ["states", "per state, least", "median"], rows)

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..runtime import load
 from . import integrating, times
-from .core import Core, Turn, record
+from .core import FIXED_WORK, Core, Turn, record
 from .integrating import Setting
 from .states import State
 
@@ -107,7 +107,7 @@ def _plain(x: Any) -> Any:
 
 
 def _turns(x: dict[str, Any]) -> Any:
-    return Turn(**x) if x.keys() == {"seconds", "core"} else x
+    return Turn(**x) if x.keys() == {"seconds", *FIXED_WORK} else x
 
 
 def _answer(wanted: dict[str, Any]) -> dict[str, Any]:

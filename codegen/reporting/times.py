@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from ..bench.timing import calibrated, elapsed, summary
 from ..bench.timing import turns as alternating
-from .core import Core, Turn, Watched, record
+from .core import FIXED_WORK, Core, Watched, record
 from .states import State
 
 if TYPE_CHECKING:
@@ -76,14 +76,14 @@ def turns(solver: Solver, state: State, budget: float, core: Core) -> dict[str, 
             many = _states(state, n)
             runs[f"batch {n}"] = into_its_results(lambda at, out=None: solver.accelerations(*at, out=out), many)
         watched = {name: Watched(calibrated(run), core) for name, run in runs.items()}
-        taken = alternating(watched, budget, least_turns=1)
+        alternating(watched, budget, least_turns=1)
     states = {f"{name} compiled": n for name, n in counts.items()} | {f"batch {n}": n for n in sizes}
     return {
         "counts": counts,
         "sizes": sizes,
         "turns": {
-            name: [Turn(x / states.get(name, 1), c) for x, c in zip(seconds, watched[name].beside, strict=True)]
-            for name, seconds in taken.items()
+            name: [replace(turn, seconds=turn.seconds / states.get(name, 1)) for turn in x.turns]
+            for name, x in watched.items()
         },
     }
 
@@ -95,13 +95,13 @@ def times(taken: Sequence[dict[str, Any]]) -> dict[str, Any]:
     -------
     dict
         ``functions``: for each, ``compiled`` (per state of a batch) and ``call`` (a single one from Python), each as `record`
-        has it; ``batches``: for the accelerations, by size; ``core``: of the fixed work beside all of them.
+        has it; ``batches``: for the accelerations, by size; ``core``, ``cache``: of the fixed work beside all of them.
     """
 
     def of(name: str) -> dict[str, Any]:
         return record(turn for process in taken for turn in process["turns"][name])
 
-    beside = [t.core for process in taken for turns in process["turns"].values() for t in turns]
+    all_turns = [t for process in taken for turns in process["turns"].values() for t in turns]
 
     return {
         "functions": {
@@ -109,7 +109,7 @@ def times(taken: Sequence[dict[str, Any]]) -> dict[str, Any]:
             for name, n in taken[0]["counts"].items()
         },
         "batches": {str(n): of(f"batch {n}") for n in taken[0]["sizes"]},
-        "core": asdict(summary(beside)),
+        **{name: asdict(summary([getattr(t, name) for t in all_turns])) for name in FIXED_WORK},
     }
 
 

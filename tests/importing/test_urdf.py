@@ -242,13 +242,7 @@ independent: [crank]
 """
 
 
-def test_a_side_file_adds_loops(tmp_path):
-    side = tmp_path / "side.yaml"
-    side.write_text(SIDE)
-    found = imported(tmp_path, four_bar(), loops=side)
-    assert len(found.model.loops) == 1 and found.model.independent
-    assert found.bodies["end-eye"] == "end_eye"  # it stays a body, since a loop is closed there
-    same = parse_model("""
+ARM = """\
 model: robot
 gravity: [0, 0, -9.81]
 bodies:
@@ -256,6 +250,16 @@ bodies:
           inertia: &i {xx: 0.02, yy: 0.02, zz: 0.001}}
   coupler: {parent: crank, joint: {<<: *hinge, at: [0, 0, 0.5]}, mass: 1, com: [0, 0, 0.25], inertia: *i}
   rocker: {parent: coupler, joint: {<<: *hinge, at: [0, 0, 0.5]}, mass: 1, com: [0, 0, 0.25], inertia: *i}
+"""
+
+
+def test_a_side_file_adds_loops(tmp_path):
+    side = tmp_path / "side.yaml"
+    side.write_text(SIDE)
+    found = imported(tmp_path, four_bar(), loops=side)
+    assert len(found.model.loops) == 1 and found.model.independent
+    assert found.bodies["end-eye"] == "end_eye"  # it stays a body, since a loop is closed there
+    same = parse_model(ARM + """
 loops:
   foot: {joint: {type: revolute, axis: y}, from: {body: rocker, at: [0, 0, 0.5]}, to: {body: ground, at: [0.6, 0, 0]}}
 initial:
@@ -269,6 +273,31 @@ independent: [crank]
     (q, u), (q2, u2) = (s.assemble(s.initial[0], [1.0, 0, 0]) for s in solvers)
     np.testing.assert_allclose(q, q2, atol=1e-13)
     np.testing.assert_allclose(solvers[0].accelerations(q, u), solvers[1].accelerations(q2, u2), rtol=1e-11)
+
+
+POINTS = """
+loops:
+  rod: {joint: {type: distance, length: 0.8}, from: EYE, to: {body: ground, at: [1.2, 0, 0.5]}}
+  track: {joint: {type: surface, equation: z - 0.45 - 0.05*x**2}, from: ground, to: rocker}
+initial:
+  q: {crank: 0.3, coupler: 1.27, rocker: 1.87}
+"""
+
+
+def test_a_side_file_closes_loops_by_conditions_on_points(tmp_path):
+    side = tmp_path / "side.yaml"
+    side.write_text(POINTS.replace("EYE", "end-eye"))
+    found = imported(tmp_path, four_bar(), loops=side)
+    same = parse_model(ARM + POINTS.replace("EYE", "{body: rocker, at: [0, 0, 0.5]}"))
+    solvers = []
+    for k, model in enumerate((found.model, same)):
+        codegen.generate(model, tmp_path / f"package{k}" / "robot", target="numpy")
+        solvers.append(codegen.load(tmp_path / f"package{k}" / "robot"))
+    states = [s.assemble(s.initial[0], [1.0, 0, 0]) for s in solvers]
+    assert np.abs(solvers[0].closure(*states[0])[0]).max() < 1e-13
+    udot = [s.accelerations(*state) for s, state in zip(solvers, states, strict=True)]
+    np.testing.assert_allclose(states[0], states[1], atol=1e-13)
+    np.testing.assert_allclose(*udot, rtol=1e-11)
 
 
 def test_a_side_file_adds_couplings(tmp_path):

@@ -89,23 +89,24 @@ def test_times_may_differ_within_their_spread(one):
     assert told.startswith("seconds of udot, in C: ")
 
 
+@pytest.mark.parametrize("work", ["core", "cache"])
 @pytest.mark.parametrize("which", ["this", "earlier"])
-def test_a_slower_core_is_no_difference(one, which):
-    """What took ten times as long beside a core that took as much longer agrees; a core alone excuses nothing."""
+def test_a_slower_core_is_no_difference(one, which, work):
+    """What took ten times as long beside fixed work that took as much longer agrees; slower times alone do not."""
     slow, faster = copy.deepcopy(one), copy.deepcopy(one)
     for record in (x["compiled"] for x in slow["times"]["functions"].values()):
-        for key in ("least", "median", "high", "core"):
+        for key in ("least", "median", "high", work):
             record[key] *= 10
-    slow["times"]["core"]["median"] *= 10
+    slow["times"][work]["median"] *= 10
     pair = (one, slow) if which == "this" else (slow, one)
     assert disagreements(*pair) == []
-    assert agreed(*pair).endswith(f"{10.0 if which == 'this' else 0.1:.2f} times as long for fixed work now")
+    assert agreed(*pair).endswith(f"fixed work takes {10.0 if which == 'this' else 0.1:.2f} times as long now")
     assert agreed(one, one) == "agrees with the earlier report"
     udot = slow["times"]["functions"]["udot"]["compiled"]
     for key in ("least", "median", "high"):
         udot[key] *= 10
     (told,) = disagreements(*pair)
-    assert told.startswith("seconds of udot, in C: ") and "for fixed work now" in told
+    assert told.startswith("seconds of udot, in C: ") and "; fixed work takes " in told
     for record in (x["compiled"] for x in faster["times"]["functions"].values()):
         for key in ("least", "median", "high"):
             record[key] /= 10  # beside a core that was as fast

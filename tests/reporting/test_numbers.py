@@ -169,7 +169,7 @@ def test_times_are_of_several_processes(numbers, solver, tmp_path):
     """A motion that takes long is timed twice, a short one by every process; functions by all of them."""
     setting = integrating.Setting(END, ["L"], "dop853", 1e-6)
     core = Core.compiled(tmp_path)
-    here = [(setting, Turn(1e-9, 7.0)), (setting, Turn(9.0, 8.0))]
+    here = [(setting, Turn(1e-9, 7.0, 7.0)), (setting, Turn(9.0, 8.0, 8.0))]
     times, motions_, peaks = processes.timed(
         core, solver.folder, State.of(numbers["states"][0]), 0.01, solver.folder, here
     )
@@ -188,27 +188,28 @@ def test_times_are_of_several_processes(numbers, solver, tmp_path):
 
 def test_the_core_is_timed_beside_everything(numbers):
     """Its work never changes: all moments of a report are within what others on the machine make of it."""
-    of_all = numbers["times"]["core"]
-    assert 0 < of_all["least"] <= of_all["median"] <= of_all["high"]
-    records = [x[kind] for x in numbers["times"]["functions"].values() for kind in ("compiled", "call")]
-    records += numbers["times"]["batches"].values()
+    times, roofline = numbers["times"], numbers["roofline"]
+    records = [x[kind] for x in times["functions"].values() for kind in ("compiled", "call")]
+    records += times["batches"].values()
     points = [p for points in numbers["motions"]["methods"].values() for p in points]
-    found = [x["core"] for x in (*records, *points)] + list(numbers["roofline"]["core"].values())
-    assert all(1e-6 < x < 1e-2 for x in found)
-    assert all(x["core"] >= of_all["least"] for x in records)
+    for work, low, high in (("core", 1e-6, 1e-2), ("cache", 1e-12, 1e-8)):  # seconds, and seconds a byte
+        assert 0 < times[work]["least"] <= times[work]["median"] <= times[work]["high"]
+        assert all(low < x[work] < high for x in (*records, *points))
+        assert all(low < x < high for x in roofline[work].values())
+        assert all(x[work] >= times[work]["least"] for x in records)
 
 
 def test_a_record_is_of_all_turns():
-    found = record([Turn(3.0, 0.1), Turn(1.0, 0.3), Turn(2.0, 0.2)])
-    assert found == {"least": 1.0, "median": 2.0, "high": 3.0, "turns": 3, "core": 0.2}
+    found = record([Turn(3.0, 0.1, 5.0), Turn(1.0, 0.3, 4.0), Turn(2.0, 0.2, 6.0)])
+    assert found == {"least": 1.0, "median": 2.0, "high": 3.0, "turns": 3, "core": 0.2, "cache": 5.0}
 
 
 def test_after_a_long_turn_the_core_is_watched_for_longer(tmp_path, monkeypatch):
     core, counted = Core.compiled(tmp_path), []
     monkeypatch.setattr(core, "seconds", lambda: counted.append(1) or len(counted))
-    assert core.turn(lambda: 1e-6) == Turn(1e-6, 1.5)
+    assert core.turn(lambda: 1e-6).core == 1.5
     counted.clear()
-    assert core.turn(lambda: 0.02) == Turn(0.02, 6.0)
+    assert core.turn(lambda: 0.02).core == 6.0
     counted.clear()
     core.turn(lambda: 100.0)
     assert len(counted) == 31

@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,8 @@ import pytest
 import codegen
 from codegen.runtime import PackageError, Solver
 from codegen.runtime.standalone.manifest import file_digest, seal
+
+FOUR_BAR = Path(__file__).parents[2] / "examples" / "four_bar.yaml"
 
 MODEL = """\
 model: pendulum
@@ -122,6 +125,24 @@ def test_a_package_may_be_moved(tmp_path):
     solver = codegen.load(tmp_path / "elsewhere")
     assert solver.mass_matrix([0.0])[0, 0] == pytest.approx(1.5)
     assert len(list((tmp_path / "elsewhere").glob("*.dynamics-*.so"))) == 1
+
+
+def test_of_further_partitions_what_motions_call_is_compiled_at_first(tmp_path):
+    folder = tmp_path / "four_bar"
+    codegen.generate(FOUR_BAR, folder, partitions=2, check=False)
+
+    def compiled():
+        return sorted(p.name.split("-")[0] for p in folder.glob("four_bar*.so"))
+
+    assert compiled() == ["four_bar.dynamics", "four_bar_second.motion"]
+    solver = codegen.load(folder)
+    assert np.isfinite(solver.condition(solver.initial[0])).all()  # of both
+    assert len(compiled()) == 2
+    q, u = solver.assemble(u={"crank": 0.5})
+    udot = solver.accelerations(q, u)
+    solver.use_partition(1)
+    np.testing.assert_allclose(solver.accelerations(q, u), udot, rtol=1e-12, atol=1e-12)
+    assert compiled() == ["four_bar.dynamics", "four_bar_second.dynamics", "four_bar_second.motion"]
 
 
 def test_a_model_that_cannot_move_is_refused():

@@ -58,9 +58,10 @@ outputs: {stored: potential_energy}
         """
 parameters: {r: -2.0}
 bodies:
-  shaft: {parent: ground, joint: {type: revolute, axis: z}, mass: 1, inertia: {zz: 1}}
+  shaft: {parent: ground, joint: {type: revolute, axis: z, armature: r**2/10}, mass: 1, inertia: {zz: 1}}
   arm: {parent: ground, joint: {type: revolute, axis: y, at: [0.3, 0, 0]}, mass: 1, com: [0, 0, 0.5], inertia: {yy: 0.2}}
-  wheel: {parent: arm, joint: {type: revolute, axis: z, at: [0, 0, 1]}, mass: 1, com: [0.1, 0, 0], inertia: {zz: 0.3}}
+  wheel:
+    {parent: arm, joint: {type: revolute, axis: z, at: [0, 0, 1], armature: 0.2}, mass: 1, com: [0.1, 0, 0], inertia: {zz: 0.3}}
 couplings:
   gear: {joint: wheel, follows: {shaft: r}, offset: 0.1}
 independent: [wheel]
