@@ -13,8 +13,8 @@ from .core import FIXED_WORK
 
 SPREAD = 0.15
 """Times of two runs agree if their ranges meet, each from the least to what nine turns of ten took in several processes, and this
-part beyond. Where the core itself or its caches were slower in one of them, by the fixed work beside these turns, its range begins
-as much earlier."""
+part beyond. Where the core itself or its caches were slower in one of them, by the fixed work beside these turns, its range is as
+much longer below."""
 
 DIGITS = 1e-9
 """Relative; what is computed is the same on one machine, but for the last digits of what LAPACK gives."""

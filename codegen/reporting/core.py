@@ -127,6 +127,7 @@ LENGTH = 32_768
 """Numbers in each of the two arrays of the other fixed work: beyond the first cache, as those of batches are."""
 
 FIXED_WORK = ("core", "cache")
+"""What it is called in a `Turn` and in a report."""
 
 WATCHED, MOST_WATCHED = 2e-3, 30
 """After a turn the fixed work is done once for each so many seconds of it, but not more often than that."""
@@ -218,7 +219,7 @@ class Core:
         return Turn(seconds, statistics.mean(core), statistics.mean(cache))
 
     def _sums(self, arrays: tuple[NDArray[np.float64], NDArray[np.float64]], rounds: int) -> Timed:
-        """Seconds per byte of sums of two arrays."""
+        """What adds arrays again and again, and says its seconds per byte."""
         a, b = (x.ctypes.data_as(ctypes.POINTER(ctypes.c_double)) for x in arrays)
         return partial(self._c.bytes, a, b, ctypes.c_long(len(arrays[0])), ctypes.c_long(rounds))
 
