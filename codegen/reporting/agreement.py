@@ -13,8 +13,13 @@ from .core import FIXED_WORK
 
 SPREAD = 0.15
 """Times of two runs agree if their ranges meet, each from the least to what nine turns of ten took in several processes, and this
-part beyond. Where the core itself or its caches were slower in one of them, by the fixed work beside these turns, its range is as
-much longer below."""
+part beyond. Where the core itself or its caches were slower in one of them, by the fixed work beside these turns, its range goes
+on below, by `slowed`."""
+
+MOST_SLOWED = 2.0
+"""Exponent: code that shares its core with others' loses up to the square of what the fixed work loses. Seen on two AVX2 cores of
+a virtual machine: where fixed work took 1.6 times as long most functions did, too, and the worst 2.5 times, of long code and of
+long arrays."""
 
 DIGITS = 1e-9
 """Relative; what is computed is the same on one machine, but for the last digits of what LAPACK gives."""
@@ -123,6 +128,11 @@ class Beside:
         return max(self.core / than.core, self.cache / than.cache, 1.0)
 
 
+def slowed(beside: Beside, other: Beside) -> float:
+    """How much longer something may have taken than in another run, by the fixed work beside both."""
+    return beside.slower(other) ** MOST_SLOWED
+
+
 def _of_the_core(before: Beside, now: Beside) -> str:
     slower, faster = now.slower(before), before.slower(now)
     if max(slower, faster) < NOTABLE:
@@ -183,7 +193,7 @@ def _times(one: Mapping[str, Any], other: Mapping[str, Any]) -> Iterator[str]:
     a, b = dict(_ranges(one)), dict(_ranges(other))
     for name in (n for n in a if n in b):
         x, y = a[name], b[name]
-        lows = x.low / x.beside.slower(y.beside), y.low / y.beside.slower(x.beside)
+        lows = x.low / slowed(x.beside, y.beside), y.low / slowed(y.beside, x.beside)
         if lows[0] > y.high * (1 + SPREAD) or lows[1] > x.high * (1 + SPREAD):
             told = _of_the_core(x.beside, y.beside)
             yield f"{name}: {x.low:.3g} to {x.high:.3g}, and {y.low:.3g} to {y.high:.3g}{told}"

@@ -180,7 +180,7 @@ def _times(data: dict[str, Any]) -> Section:
         f"{seconds(t['core']['median'])} in the middle and up to {seconds(t['core']['high'])} in nine of ten; on longer arrays "
         f"{1e-9 / t['cache']['least']:.3g} GB/s, {1e-9 / t['cache']['median']:.3g} and {1e-9 / t['cache']['high']:.3g}. "
         f"Another run's range, from the least to nine of ten, meets this one's when both are widened by {agreement.SPREAD:.0%} "
-        f"and by how much slower fixed work was: ordernm report --compare tells.",
+        f"and by the square of how much slower fixed work was, which is what it may cost: ordernm report --compare tells.",
     )
     rows = [[n, seconds(x["least"]), seconds(x["median"])] for n, x in t["batches"].items()]
     batches = _table("Accelerations in batches", ["states", "per state, least", "median"], rows)
