@@ -97,14 +97,19 @@ def summary(seconds: Sequence[float]) -> Seconds:
     return Seconds(min(seconds), statistics.median(seconds), sorted(seconds)[(9 * n - 1) // 10], n)
 
 
+def cores() -> list[int]:
+    """Those that this process may use; none where the system does not say."""
+    return sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_setaffinity") else []
+
+
 @contextmanager
-def one_core() -> Iterator[None]:
-    """Stay on one core, the last of those allowed, where the system knows how; all of them again afterwards."""
-    if not hasattr(os, "sched_setaffinity"):
+def one_core(core: int | None = None) -> Iterator[None]:
+    """Stay on one core, the last of those allowed if none is given, where the system knows how; all of them again afterwards."""
+    allowed = cores()
+    if not allowed:
         yield
         return
-    allowed = os.sched_getaffinity(0)
-    os.sched_setaffinity(0, {max(allowed)})
+    os.sched_setaffinity(0, {allowed[-1] if core is None else core})
     try:
         yield
     finally:

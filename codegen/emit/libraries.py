@@ -30,11 +30,11 @@ _OF = {
     "output_sensitivities": "outputs",
 }  # fmt: skip
 
-_MOTION = ("closing_step", "completion", "completion_sensitivities", "outputs", "output_sensitivities")
+_MOTION = ("closing_step", "completion", "completion_sensitivities", "conditions", "outputs", "output_sensitivities")
 """Functions that motions call, and which are in another library too."""
 
 _ASKED_IN_MOTIONS = ("conditions", "completion_sensitivities")
-"""Those that Python calls while a motion changes its independent coordinates."""
+"""Those of them that Python calls, while a motion changes its independent coordinates."""
 
 
 def library_of(function: str) -> str:
@@ -54,7 +54,7 @@ def _places(function: str, width: int | None) -> list[tuple[int, int]]:
         return [(number_of(FOUR), 1)]
     unit = 1 if width in (None, 1) else 2
     found = [(number_of(library_of(function)), unit)]
-    return [*found, (number_of("motion"), unit)] if function in (*_MOTION, *_ASKED_IN_MOTIONS) else found
+    return [*found, (number_of("motion"), unit)] if function in _MOTION else found
 
 
 def number_of(library: str) -> int:

@@ -8,10 +8,9 @@ one on arrays as long as those of batches, are timed before and after everything
 from __future__ import annotations
 
 import ctypes
-import os
 import statistics
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
+from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
@@ -19,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..bench.timing import Timed, summary
+from ..bench.timing import Timed, cores, one_core, summary
 from ..runtime.standalone.compiler import STANDARD, find_compiler, optimization, run_all
 from ..runtime.standalone.errors import CompileError
 
@@ -223,25 +222,17 @@ class Core:
         a, b = (x.ctypes.data_as(ctypes.POINTER(ctypes.c_double)) for x in arrays)
         return partial(self._c.bytes, a, b, ctypes.c_long(len(arrays[0])), ctypes.c_long(rounds))
 
-    @contextmanager
-    def fastest(self) -> Iterator[None]:
+    def fastest(self) -> AbstractContextManager[None]:
         """Stay on the core that does the fixed work fastest at the moment, where the system knows how; on all again afterwards.
 
         Of two that are alike it is the one with which others interfere less.
         """
-        if not hasattr(os, "sched_setaffinity"):
-            yield
-            return
-        allowed = os.sched_getaffinity(0)
-        taken = {}
-        try:
-            for cpu in sorted(allowed):
-                os.sched_setaffinity(0, {cpu})
-                taken[cpu] = statistics.median(self.seconds() for _ in range(TRIED))
-            os.sched_setaffinity(0, {min(taken, key=lambda cpu: taken[cpu])})
-            yield
-        finally:
-            os.sched_setaffinity(0, allowed)
+
+        def taken(core: int) -> float:
+            with one_core(core):
+                return statistics.median(self.seconds() for _ in range(TRIED))
+
+        return one_core(min(cores(), key=taken, default=None))
 
     def peaks(self) -> dict[str, list[Turn]]:
         """Seconds per operation, one number or vectors at a time, and per byte from the first cache and from memory."""
