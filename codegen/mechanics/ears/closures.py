@@ -93,12 +93,16 @@ def closures(x: Scope, kind: EarKind) -> FactorForm:
 def member_motions(x: Scope, ear: EarGeometry, rates: Vector) -> None:
     """Attitude, position and velocity, as `link_motion` gives them, of links of an ear that other loops close on. Eqs. 18, 22."""
     kind = ear.kind
-    W_base, o_base = x.load(BASE, fields.closing_attitude), x.load(BASE, fields.closing_position)
-    for k, twist in enumerate(member_velocities(x, ear, rates)):
-        if kind.links[k].closed_on == "origin":
+    for k, link in enumerate(kind.links):
+        if link.closed_on == "origin":
             at_rest(x, ME[k])
-        if kind.links[k].closed_on != "moving":
-            continue
+    moving = [k for k, link in enumerate(kind.links) if link.closed_on == "moving"]
+    if not moving:  # then the base need not be known against the origin either
+        return
+    W_base, o_base = x.load(BASE, fields.closing_attitude), x.load(BASE, fields.closing_position)
+    velocities = member_velocities(x, ear, rates)
+    for k in moving:
+        twist = velocities[k]
         W, o = ear.members[k].W, ear.position(k)
         x.store(ME[k], fields.closing_attitude, [[x.let("cW", e, "Eq. 22") for e in row] for row in matmul(W_base, W)])
         x.store(ME[k], fields.closing_position, [x.let("co", e, "Eq. 22") for e in add(o_base, matvec(W_base, o))])
