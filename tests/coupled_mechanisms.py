@@ -212,11 +212,12 @@ BY_HAND = {
     "ring_with_sub_loop": lambda: ring_with_sub_loop(),
     "rails": lambda: rails(),
     "platform": lambda: platform(),
-    "platform_on_ground": lambda: platform(third="ground"),
+    "platform_on_ground": lambda: platform(7, third="ground"),
+    "platform_on_short_legs": lambda: platform(third="ground"),
     "sprung_tips": lambda: sprung(tips_joined()),
 }
 
-HINTED = ("rails", "platform", "platform_on_ground")
+HINTED = ("rails", "platform", "platform_on_ground", "platform_on_short_legs")
 
 
 @cache

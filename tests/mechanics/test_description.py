@@ -47,8 +47,9 @@ def said(model: Model) -> list[str]:
         (
             "closed_chain",
             "region of end (links link_12, link_13, link_14, link_15, link_16): base link_11, a region of one ear, as its loops "
-            "share links with more than 5 independent speeds (docs/theory.md, 4.3): of the links outside that its links hang on, "
-            "or its loops end on, the only one that moves; the other is the ground; moves with the motion of the base",
+            "share links with more than 5 independent speeds and are no shorter as one region (docs/theory.md, 4.3): of the "
+            "links outside that its links hang on, or its loops end on, the only one that moves; the other is the ground; moves "
+            "with the motion of the base",
         ),
     ],
 )
@@ -59,8 +60,8 @@ def test_of_examples(name: str, line: str) -> None:
 def test_of_links_on_two_branches() -> None:
     assert said(parse_model(ARMS)) == [
         "region of hold (links b_0_6, b_1_5, b_1_6): base b_0_5, a region of one ear, as its loops share links with more than 5 "
-        "independent speeds (docs/theory.md, 4.3): of the moving links outside the one that most of its links hang on, of equals "
-        "the first: 1 on b_0_5, 1 on b_1_4; moves with the motion of b_1_4 against the base"
+        "independent speeds and are no shorter as one region (docs/theory.md, 4.3): of the moving links outside the one that "
+        "most of its links hang on, of equals the first: 1 on b_0_5, 1 on b_1_4; moves with the motion of b_1_4 against the base"
     ]
 
 

@@ -8,10 +8,14 @@ from ...model.expressions import Expression
 from ...model.model import GROUND, Model
 from .graph import Region
 from .links import Link, links_of
-from .regions import MOST_SOURCES, Regions, find_regions
+from .region_work import FEW_SOURCES
+from .regions import Regions, find_regions
 from .system import in_order_of_units
 
-_ALONE = f"a region of one ear, as its loops share links with more than {MOST_SOURCES} independent speeds (docs/theory.md, 4.3)"
+_ALONE = (
+    f"a region of one ear, as its loops share links with more than {FEW_SOURCES} independent speeds and are no shorter as one "
+    f"region (docs/theory.md, 4.3)"
+)
 LINES = 12
 """So many regions are described; the others are counted."""
 

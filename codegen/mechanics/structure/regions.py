@@ -10,7 +10,7 @@ is a region of its own; of the links it starts from one is the base, the others 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from ...loops.disjoint_sets import DisjointSets
 from ...loops.partition import Partition
@@ -19,10 +19,7 @@ from ...model.model import GROUND, Coupling, Model
 from .elimination_order import Elimination, find_elimination
 from .graph import Closure, EarLinks, Region, Unit
 from .links import Link
-
-MOST_SOURCES = 5
-"""Loops whose links share at most so many independent speeds form one region; with six or more a link's own acceleration is
-the shorter description."""
+from .region_work import Bundle, Freedoms, is_one_region
 
 
 @dataclass(slots=True)
@@ -67,6 +64,7 @@ def find_regions(
     ]
     coupled = coupled_freedoms(model, links)
     dependent = {place[u] for ear in partition.ears for u in ear.dependent}
+    freedoms = Freedoms(links, dependent, [() if i in coupled else faces[i] for i in range(len(faces))])
     regions: list[Region] = []
     ears: list[EarLinks] = []
     gaps = {i for ear in partition.ears if ear.gaps for i in ear.loops}
@@ -75,9 +73,9 @@ def find_regions(
     for group, base in _components(links, faces, coupled, partition):
         bundles = _bundles(links, faces, coupled, group, dependent)
         on_cycles = sorted({i for b in bundles for i in b.links})
-        free = [(i, j) for i in on_cycles for j in range(links[i].joint.speeds()) if (i, j) not in dependent]
-        made = _Maker(links, regions, ears, ear_of, faces, coupled, dependent, gaps, dropped)
-        if len(free) > MOST_SOURCES:
+        free = freedoms.independent(on_cycles)
+        made = _Maker(freedoms, regions, ears, ear_of, faces, coupled, gaps, dropped)
+        if not is_one_region(freedoms, bundles, free):
             made.by_single_ears(bundles)
             continue
         regions.append(Region(base, True, freedoms=free))
@@ -164,16 +162,6 @@ def _components(
     return [([bundles[e] for e in members], base[root]) for root, members in groups.members().items()]
 
 
-@dataclass(slots=True)
-class Bundle:
-    """Loops that are closed together, the links on their cycles that no earlier bundle has, and the links that they move."""
-
-    loops: tuple[int, ...]
-    links: list[int]
-    length: float
-    members: list[int] = field(default_factory=list)
-
-
 def _bundles(
     links: Sequence[Link],
     faces: Sequence[tuple[int, ...]],
@@ -195,8 +183,8 @@ def _bundles(
             return i in held or any((i, j) in dependent for j in range(links[i].joint.freedoms))
 
         members = ear_members({i: links[i].parent for i in owner}, owner, sorted(owner), ends, is_moved)
-        for b, moved in zip(bundles, members.moved, strict=True):
-            b.members = sorted(moved)
+        for b, moved, before in zip(bundles, members.moved, members.before, strict=True):
+            b.members, b.before = sorted(moved), sorted(before)
         tangled = tangles(members.before)
         if not tangled:
             return bundles
@@ -225,17 +213,17 @@ class _Maker:
 
     def __init__(
         self,
-        links: Sequence[Link],
+        freedoms: Freedoms,
         regions: list[Region],
         ears: list[EarLinks],
         ear_of: list[int | None],
         faces: Sequence[tuple[int, ...]],
         coupled: Coupled,
-        dependent: set[tuple[int, int]],
         gaps: set[int],
         dropped: Sequence[set[int]],
     ):
-        self.links = links
+        self.freedoms = freedoms
+        self.links = freedoms.links
         self.gaps = gaps
         self.dropped = dropped
         self.regions = regions
@@ -243,27 +231,13 @@ class _Maker:
         self.ear_of = ear_of
         self.faces = faces
         self.coupled = coupled
-        self.dependent = dependent
 
     def by_single_ears(self, bundles: list[Bundle]) -> None:
-        """Every ear of a component as a region of its own, with the motion of the links that it starts from as sources."""
+        """Every ear of a component as a region of its own."""
         for b in bundles:
-            members = b.members
-            loops = [loop for loop in b.loops if loop not in self.coupled]
-            outside = {self.links[i].parent for i in members} | {f for loop in loops for f in self.faces[loop]}
-            moving = list(outside - set(members) - {GROUND})
-            inside = [
-                (i, j) for i in members for j in range(self.links[i].joint.speeds()) if (i, j) not in self.dependent
-            ]
-            # what hangs on the base has the shortest description
-            hanging = [self.links[i].parent for i in members]
-            moving.sort(key=lambda i: (-hanging.count(i), i))
-            base = moving[0] if moving else GROUND
-            far = moving[1:] + ([GROUND] if moving[1:] and GROUND in outside else [])
-            # a loop that hangs on one link alone closes whatever that link does
-            rigid = not moving or bool(far) or GROUND not in outside
-            self.regions.append(Region(base, rigid, freedoms=inside, far=far))
-            self.add(members, b.loops, {f: c for c, f in enumerate(inside)}, b.length)
+            region = self.freedoms.alone(b)
+            self.regions.append(region)
+            self.add(b.members, b.loops, {f: c for c, f in enumerate(region.freedoms)}, b.length)
 
     def add(self, members: list[int], loops: Sequence[int], number: dict[tuple[int, int], int], length: float) -> None:
         """An ear of the last region."""
@@ -281,8 +255,8 @@ class _Maker:
         for i in members:
             ear.parents.append(where(links[i].parent))
             freedoms = range(links[i].joint.speeds())
-            ear.dependent.append([j for j in freedoms if (i, j) in self.dependent])
-            ear.columns.append({j: number[i, j] for j in freedoms if (i, j) not in self.dependent})
+            ear.dependent.append([j for j in freedoms if (i, j) in self.freedoms.dependent])
+            ear.columns.append({j: number[i, j] for j in freedoms if (i, j) not in self.freedoms.dependent})
             self.ear_of[i] = len(self.ears)
         for loop in loops:
             if loop in self.coupled:
