@@ -62,11 +62,16 @@ class CompilingAhead:
             if self._build.compiler and self._build.found() is None:
                 self._build.places = [self._copy]
                 self._thread.start()
+                # who goes on at once keeps the interpreter, and the compiler's start waits for a tenth of a second
+                self._build.stop.begun.wait()
 
     def _compile(self) -> None:
         assert self._build is not None
-        with contextlib.suppress(CompileError):
-            self._library = self._build.library()
+        try:
+            with contextlib.suppress(CompileError):
+                self._library = self._build.library()
+        finally:
+            self._build.stop.begun.set()
 
     def place(self) -> None:
         """Wait for the library and put it into the package."""

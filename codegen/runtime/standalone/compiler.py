@@ -163,10 +163,17 @@ def _interrupts_wait() -> Iterator[None]:
 
 
 class Stop:
-    """What another thread stops compilers by."""
+    """What another thread stops compilers by.
+
+    Attributes
+    ----------
+    begun : threading.Event
+        Compilers run.
+    """
 
     def __init__(self) -> None:
         self.asked = False
+        self.begun = threading.Event()
         self.running: list[subprocess.Popen[bytes]] = []
 
     def now(self) -> None:
@@ -205,6 +212,7 @@ def run_all(commands: list[list[str]], stop: Stop | None = None) -> tuple[bool, 
                         start_new_session=True,
                     )
                 )
+        stop.begun.set()
         if stop.asked:  # by somebody who did not know the last one yet
             return True, "stopped\n"
         for command, process in zip(commands, running, strict=True):
