@@ -11,7 +11,19 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
-LIBRARIES = ("dynamics", "jacobians", "mass", "forces", "outputs", "states", "gradients", "motion", "four", "frames")
+LIBRARIES = (
+    "dynamics",
+    "jacobians",
+    "mass",
+    "forces",
+    "outputs",
+    "states",
+    "gradients",
+    "motion",
+    "four",
+    "frames",
+    "few",
+)
 """Their names; the number in C is the place here and one. The first is compiled when a package is generated or loaded; of other
 partitions each is compiled when it is called."""
 
@@ -20,6 +32,10 @@ FRAMES = "frames"
 
 FOUR = "four"
 """Functions for four directions, which motions call: ``NAME_four.c`` has them."""
+
+FEW, FEW_DIRECTIONS = "few", (1, 2)
+"""Functions of the first library over one and over two directions, which many users never call: half of what gcc would have to
+do at first. The first library calls those of this one when it has been given them."""
 
 _OF = {
     "accelerations": "dynamics", "sensitivities": "dynamics", "coordinate_rates": "dynamics", "closure": "dynamics",
@@ -52,9 +68,16 @@ def _places(function: str, width: int | None) -> list[tuple[int, int]]:
     """Libraries and units, by number, that have a function for so many directions."""
     if width == 4:
         return [(number_of(FOUR), 1)]
+    if width is not None and few_of(function, (width,)):
+        return [(number_of(FEW), width)]
     unit = 1 if width in (None, 1) else 2
     found = [(number_of(library_of(function)), unit)]
     return [*found, (number_of("motion"), unit)] if function in _MOTION else found
+
+
+def few_of(function: str, widths: Collection[int]) -> list[int]:
+    """For how many directions at once a function is in another library than for many."""
+    return sorted({*widths} & {*FEW_DIRECTIONS}) if library_of(function) == LIBRARIES[0] else []
 
 
 def number_of(library: str) -> int:
@@ -141,8 +164,8 @@ def guard_of_library(function: str) -> str:
 
 
 def libraries(functions: Mapping[str, Any]) -> dict[str, Any]:
-    """What the manifest says: of each library its number, how many units it has, its functions, and those of another one that
-    can be called in it too."""
+    """What the manifest says: of each library its number, its units, its functions, and those of another one that can be called
+    in it too; of that over few directions its functions and over how many these are."""
     found: dict[str, dict[str, Any]] = {}
     units = _units({name: f.get("widths", ()) for name, f in functions.items()})
     for name in functions:
@@ -150,6 +173,10 @@ def libraries(functions: Mapping[str, Any]) -> dict[str, Any]:
         found.setdefault(library, {"number": number_of(library), "units": [], "functions": []})["functions"].append(
             name
         )
+    apart = {name: few_of(name, f.get("widths", ())) for name, f in functions.items()}
+    if any(apart.values()):
+        over_few = {name: few for name, few in apart.items() if few}
+        found[FEW] = {"number": number_of(FEW), "units": [], "functions": [], "over_few": over_few}
     for entry in found.values():
         entry["units"] = sorted(units[entry["number"]])
     if "motion" in found and (too := [name for name in _ASKED_IN_MOTIONS if name in functions]):
@@ -158,6 +185,6 @@ def libraries(functions: Mapping[str, Any]) -> dict[str, Any]:
 
 
 __all__ = [
-    "FOUR", "FRAMES", "LIBRARIES", "guard", "guard_of_library", "guard_of_run", "guard_of_width", "libraries", "library_of",
-    "number_of", "sharing",
+    "FOUR", "FRAMES", "LIBRARIES", "few_of", "guard", "guard_of_library", "guard_of_run", "guard_of_width", "libraries",
+    "library_of", "number_of", "sharing",
 ]  # fmt: skip

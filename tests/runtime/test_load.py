@@ -4,13 +4,15 @@ import json
 import os
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import codegen
-from codegen.runtime import PackageError, Solver
+from codegen.runtime import CompileError, PackageError, Solver
+from codegen.runtime.standalone.build import Build
 from codegen.runtime.standalone.manifest import file_digest, seal
 
 FOUR_BAR = Path(__file__).parents[2] / "examples" / "four_bar.yaml"
@@ -149,3 +151,51 @@ def test_a_model_that_cannot_move_is_refused():
     text = MODEL.replace("{type: revolute, axis: y}", "{type: fixed}")
     with pytest.raises(codegen.ModelError, match="nothing can move"):
         codegen.parse_model(text)
+
+
+def test_one_and_two_directions_are_compiled_when_they_are_called(tmp_path):
+    """Half of what gcc would do at first; beside eight others, in threads, and in batches they are the same functions."""
+    codegen.generate(FOUR_BAR, tmp_path / "four_bar")
+    solver = codegen.load(tmp_path / "four_bar", "c")
+    expected = codegen.load(tmp_path / "four_bar", "numpy")
+    (q, u), rng = solver.initial, np.random.default_rng(1)
+    dp = rng.normal(size=(11, solver.np))
+
+    def compiled():
+        return {name.split(".")[1].split("-")[0] for name in os.listdir(tmp_path / "four_bar") if name.endswith(".so")}
+
+    def check(k):
+        for given in (q, np.tile(q, (3, 1))):
+            for x, y in zip(
+                solver.sensitivities(given, u, dp=dp[:k]), expected.sensitivities(given, u, dp=dp[:k]), strict=True
+            ):
+                assert x.shape == y.shape
+                np.testing.assert_allclose(x, y, rtol=1e-10, atol=1e-12)
+
+    for k in (0, 3, 8, 11):
+        check(k)
+    assert compiled() == {"dynamics"}
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(check, (1, 2, 9, 10, 1, 2, 9, 10)))
+    assert compiled() == {"dynamics", "few"}
+    assert codegen.load(tmp_path / "four_bar", "c").sensitivities(q, u, dp=dp[0])[1].shape == (1, solver.nu)
+
+
+@pytest.mark.parametrize("batch", [False, True])
+def test_where_they_cannot_be_compiled_eight_directions_serve(tmp_path, monkeypatch, batch):
+    codegen.generate(FOUR_BAR, tmp_path / "four_bar")
+    solver, expected = (codegen.load(tmp_path / "four_bar", target) for target in ("c", "numpy"))
+    (q, u), dp = solver.initial, np.random.default_rng(1).normal(size=(9, solver.np))
+    q = np.tile(q, (3, 1)) if batch else q
+
+    def fail(build, output, log_file):
+        raise CompileError("the compiler is gone")
+
+    monkeypatch.setattr(Build, "_compile", fail)
+    with pytest.warns(
+        RuntimeWarning, match="four_bar: one or two directions take as long as eight: the compiler is gone"
+    ):
+        solver.sensitivities(q, u, dp=dp[:1])
+    for k in (1, 2, 9):
+        for x, y in zip(solver.sensitivities(q, u, dp=dp[:k]), expected.sensitivities(q, u, dp=dp[:k]), strict=True):
+            np.testing.assert_allclose(x, y, rtol=1e-10, atol=1e-12)

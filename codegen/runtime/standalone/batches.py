@@ -152,7 +152,7 @@ class Batches:
                 if not self._calls:
                     self._ffi.cdef(ROWS.format(", ".join(self._arrays)), override=True)
                 self._ffi.cdef(f"int {symbol}(batch *);", override=True)
-                self._calls[f.name, width] = getattr(self._target.library_of(f.name), symbol)
+                self._calls[f.name, width] = getattr(self._target.library_of(f.name, width), symbol)
             return self._calls[f.name, width]
 
     # -- several at once -----------------------------------------------------------------------------------------------

@@ -28,6 +28,10 @@ from .errors import (
 from .functions import ARGUMENTS, SEEDS, Function, split
 from .results import empty
 from .short_calls import ARRAY_HEAD, Desk
+from .warning import warn
+
+FEW = -3
+"""What ``NAME_calls.c`` returns where it needs functions over few directions, which are a library of their own."""
 
 SLOT = {n: i for i, n in enumerate((*ARGUMENTS, *SEEDS, "default_p", "default_inputs", "work", "lanes", "results"))}
 """Places in the table of pointers that the functions of ``NAME_calls.c`` take."""
@@ -81,11 +85,14 @@ class CTarget:
         self._part_of = {f: part for part, x in parts.items() for f in x["functions"]}
         if not first:  # motions alone may ask for other partitions, and what they call is compiled once
             self._part_of |= {f: part for part, x in parts.items() for f in x.get("too", ())}
+        self._over_few: Mapping[str, Sequence[int]] = parts.get("few", {}).get("over_few", {})
+        self._lacking: frozenset[str] = frozenset()
+        """Functions that are not to be had over few directions."""
         self._libraries: dict[str, Any] = {}
         self._kept: list[Any] = []
         self._opening = threading.Lock()
         if len(self.builds) == 1 or self.builds[""].found() is not None:
-            self._part_of = {}
+            self._part_of, self._over_few = {}, {}
         if first or not self._part_of:
             self._library(next(iter(parts)) if self._part_of else "")
         elif not any(build.found() for build in self.builds.values()):
@@ -123,9 +130,40 @@ class CTarget:
                 library = self._libraries[part]
         return library
 
-    def library_of(self, function: str) -> Any:
-        """The library that has a function."""
+    def library_of(self, function: str, width: int = 0) -> Any:
+        """The library that has a function; of one over directions, for so many at once."""
+        if width in self._over_few.get(function, ()):
+            return self._library("few")
         return self._library(self._part_of.get(function, ""))
+
+    def give_few(self) -> None:
+        """Give the first library the functions over few directions; nothing where they cannot be had."""
+        first = self.library_of(next(iter(self._over_few)))
+        with self._lock:
+            self.ffi.cdef(f"void {self.model}_give_few(void **);", override=True)
+            give = getattr(first, f"{self.model}_give_few")
+        try:
+            few = self._library("few")
+        except (CompileError, NoCompilerError) as error:
+            warn(f"{self.model}: one or two directions take as long as eight: {error}")
+            self._lacking = frozenset(self._over_few)
+            give(self.ffi.NULL)
+            return
+        symbols = [f"{self.model}_{f}_{w}" for f, widths in self._over_few.items() for w in widths]
+        with self._lock:
+            for symbol in symbols:
+                self.ffi.cdef(f"int {symbol}(void);", override=True)
+            functions = [self.ffi.cast("void *", getattr(few, symbol)) for symbol in symbols]
+            give(self.ffi.new("void *[]", functions))
+
+    def widths(self, f: Function, k: int) -> tuple[int, ...]:
+        """For how many directions at once there are functions over a batch, if k are asked for."""
+        if k % max(f.widths) in self._over_few.get(f.name, ()):
+            if "few" not in self._libraries and f.name not in self._lacking:
+                self.give_few()
+            if f.name in self._lacking:
+                return (max(f.widths),)
+        return f.widths
 
     def _open(self, build: Build) -> Any:
         path = build.library()
@@ -227,6 +265,9 @@ class CTarget:
         x, kept = self.table(f, given, results, self.desk.work)
         bits = sum(1 << SLOT[n] for n in given)
         status = self._function(f)(x, bits, arrays.get("t", 0.0), k)
+        if status == FEW:
+            self.give_few()
+            status = self._function(f)(x, bits, arrays.get("t", 0.0), k)
         del kept
         if status > 0:
             raise self.singular(status)
@@ -300,7 +341,7 @@ class CTarget:
             return results
         found: Failed = {}
         start = 0
-        for width in split(k, f.widths) or [min(f.widths)]:  # without directions there are values still
+        for width in split(k, self.widths(f, k)) or [max(f.widths)]:  # without directions there are values still
             end = min(start + width, k)
             given = list(arguments)
             for s, n in f.seeds.items():

@@ -280,7 +280,8 @@ static void pose(call *a)
 }
 #endif
 
-#if ORDERNM_HAS(1, 1) || ORDERNM_HAS(1, 2) || ORDERNM_HAS(7, 1) || ORDERNM_HAS(7, 2)
+#if ORDERNM_HAS(1, 1) || ORDERNM_HAS(1, 2) || ORDERNM_HAS(7, 1) || ORDERNM_HAS(7, 2) || ORDERNM_HAS(11, 1) || \
+    ORDERNM_HAS(11, 2)
 /* kinematic sweep (Eqs. 18-24, 31); rod
  * in: trig; up: acceleration; c: first_moment. out: me: moment. operations: 2 multiplications */
 static void kinematics_0(call *a)
@@ -421,7 +422,8 @@ static void start(call *a)
     sines_and_cosines(1, a->trig);
 }
 
-#if ORDERNM_HAS(1, 1) || ORDERNM_HAS(1, 2) || ORDERNM_HAS(7, 1) || ORDERNM_HAS(7, 2)
+#if ORDERNM_HAS(1, 1) || ORDERNM_HAS(1, 2) || ORDERNM_HAS(7, 1) || ORDERNM_HAS(7, 2) || ORDERNM_HAS(11, 1) || \
+    ORDERNM_HAS(11, 2)
 /* Forward dynamics: the three sweeps. */
 static int forward(call *a)
 {
@@ -507,14 +509,14 @@ int pendulum_sensitivities_8_batch(pendulum_batch *b)
 }
 #endif
 
-#if ORDERNM_HAS(1, 2)
+#if ORDERNM_HAS(11, 2)
 int pendulum_sensitivities_2_batch(pendulum_batch *b)
 {
     EACH_STATE(pendulum_sensitivities_2(AT(q), AT(u), AT(p), AT(dq), AT(du), AT(dp), AT(udot), AT(dudot), b->work));
 }
 #endif
 
-#if ORDERNM_HAS(1, 1)
+#if ORDERNM_HAS(11, 1)
 int pendulum_sensitivities_1_batch(pendulum_batch *b)
 {
     EACH_STATE(pendulum_sensitivities_1(AT(q), AT(u), AT(p), AT(dq), AT(du), AT(dp), AT(udot), AT(dudot), b->work));

@@ -29,7 +29,8 @@ typedef struct {
     MORE_OF_A_CALL
 } DIRECTIONS(call);
 
-#if ((WIDTH == 8 || WIDTH == 2) && (ORDERNM_HAS(1, 2))) || ((WIDTH == 1) && (ORDERNM_HAS(1, 1)))
+#if ((WIDTH == 8) && (ORDERNM_HAS(1, 2))) || ((WIDTH == 2) && (ORDERNM_HAS(11, 2))) || ((WIDTH == 1) && \
+    (ORDERNM_HAS(11, 1)))
 /* balance, outward: tangent of the inverse dynamics at fixed udot (Eqs. 25-29); rod
  * in: trig; up: total_acceleration; udot; c: first_moment, inertia; dq; dp
  * out: lane: moment
@@ -256,7 +257,8 @@ static void DIRECTIONS(open)(DIRECTIONS(call) *d, const call *c, double *work)
     d->singular = (status){0};
 }
 
-#if ((WIDTH == 8 || WIDTH == 2) && (ORDERNM_HAS(1, 2))) || ((WIDTH == 1) && (ORDERNM_HAS(1, 1)))
+#if ((WIDTH == 8) && (ORDERNM_HAS(1, 2))) || ((WIDTH == 2) && (ORDERNM_HAS(11, 2))) || ((WIDTH == 1) && \
+    (ORDERNM_HAS(11, 1)))
 /* From seeds to dudot, with the factors and accelerations of the forward dynamics at hand. */
 static void DIRECTIONS(balance)(DIRECTIONS(call) *a)
 {
@@ -283,7 +285,7 @@ static void DIRECTIONS(sensitivities_backwards)(DIRECTIONS(call) *a)
 
 #endif
 #ifndef ORDERNM_STATES
-#if ((WIDTH == 8 || WIDTH == 2) && (ORDERNM_HAS(1, 2))) || ((WIDTH == 1) && (ORDERNM_HAS(1, 1)))
+#if ((WIDTH == 8) && (ORDERNM_HAS(1, 2))) || ((WIDTH == 2) && (ORDERNM_HAS(11, 2))) || ((WIDTH == 1) && (ORDERNM_HAS(11, 1)))
 /* Forward dynamics and its total derivative along seeds (Eqs. 9, 10, by the balance). */
 int DIRECTIONS(pendulum_sensitivities)(const double *q, const double *u, const double *p, const double *dq,
     const double *du, const double *dp, double *udot, double *dudot, double *work)
