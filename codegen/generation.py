@@ -74,7 +74,8 @@ def generate(
         frames those that are asked for. What makes states consistent is always there.
     compile : bool or "all"
         Compile now what most calls need, accelerations and sensitivities; other functions, and sensitivities along one or
-        two directions, are compiled when they are first called. With "all" everything is compiled now, for a machine that has no compiler.
+        two directions, are compiled when they are first called. With "all" everything is compiled now, for a machine that
+        has no compiler.
     check : bool
         Compare with `codegen.reference.RecursiveEngine` at three random states.
     progress : callable, optional

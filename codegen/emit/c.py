@@ -37,7 +37,7 @@ from .divided import arrays_used, handed_on, in_stack, is_overwritten, linkage, 
 from .function import COMMENT, Function, called_with, in_lines
 from .libraries import guard_of_run, guard_of_width, sharing
 from .printer import C_FUNCTIONS, Printer
-from .states import over_states, states_context, write_states
+from .states import over_states, states_context
 from .templates import render
 from .writer import Located, Place, Writer, called_for, called_once, notes, widest_first
 
@@ -880,15 +880,12 @@ def _function(name: str, lanes: bool) -> str:
 
 
 def write_c(context: dict[str, Any]) -> dict[str, str]:
-    """The C files of a solver, by name."""
+    """The C files of a solver, by name, but for those that are compiled apart."""
     name = context["name"]
     files = {f"{name}.c": "c/module.c.jinja", f"{name}.h": "c/module.h.jinja"}
     if any(line.startswith("#include") for line in context["inclusions"]):
         files[f"{name}_directions.h"] = "c/directions.h.jinja"
-    made = {file: render(template, context) for file, template in files.items()}
-    if context["functions_over_states"]:
-        made[f"{name}_states.c"] = write_states(context)
-    return made
+    return {file: render(template, context) for file, template in files.items()}
 
 
 __all__ = ["CWriter", "write_c"]

@@ -45,7 +45,7 @@ from .calls import write_calls
 from .interface import manifest, operations
 from .motion import has_motion, write_four, write_motion, write_precise
 from .numpy import write_numpy
-from .states import arrays_of, over_states
+from .states import arrays_of, over_states, write_states
 
 UNROLLED_LINKS = 8
 """Models of at most so many links get one function per link unless another layout is asked for."""
@@ -178,14 +178,12 @@ def write_solver(
     files[f"{model.name}_calls.c"] = write_calls(made, {n: a.size for n, a in arrays(system).items()})
     if has_motion(made["functions"]):
         files[f"{model.name}_motion.c"] = write_motion(system, made)
-        if "state_rate_sensitivities" in made["functions"]:
-            files[f"{model.name}_four.c"] = write_four(made)
-        if model.loops:
-            files[f"{model.name}_precise.c"] = write_precise(system, made)
     lap("print")
     if printed is not None:
         printed(files, made)
         lap("begin to compile")
+    files |= write_apart(context, system, made)
+    lap("print what is compiled apart")
     progress("printing NumPy", 0, 0)
     files[f"{model.name}_numpy.py"] = write_numpy(program, formulas, records, one_by_one(asked))
     lap("print NumPy")
@@ -200,6 +198,19 @@ def write_solver(
         describe(model.released, chosen) if chosen else [],
         chosen,
     )
+
+
+def write_apart(context: dict[str, Any], system: System, made: Mapping[str, Any]) -> dict[str, str]:
+    """C files that are compiled apart, when they are needed."""
+    name, files = system.model.name, {}
+    if context["functions_over_states"]:
+        files[f"{name}_states.c"] = write_states(context)
+    if has_motion(made["functions"]):
+        if "state_rate_sensitivities" in made["functions"]:
+            files[f"{name}_four.c"] = write_four(made)
+        if system.model.loops:
+            files[f"{name}_precise.c"] = write_precise(system, made)
+    return files
 
 
 def laid_out(model: Model, layout: str, chosen: Partition | None, turning: bool) -> tuple[System, bool]:
