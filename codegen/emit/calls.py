@@ -50,7 +50,7 @@ def write_calls(manifest: Mapping[str, Any], sizes: Mapping[str, int]) -> str:
             "take_parts": ["c/calls_matrices.c.jinja"] if matrices else [],
             "values": [_value(name, n, f, sizes) for n, f in functions if not f.get("seeds")],
             "along": along,
-            "few": _few(name, [symbol for f in along for symbol in f["few"]]),
+            "few": _few([symbol for f in along for symbol in f["few"]]),
         },
     )
 
@@ -84,23 +84,15 @@ FIRST = f"ORDERNM_LIBRARY == {number_of(LIBRARIES[0])}"
 """That the first library is compiled."""
 
 
-def _few(model: str, symbols: list[str]) -> list[str]:
+def _few(symbols: list[str]) -> list[str]:
     """Lines for functions over few directions, which are in another library than those that call them."""
     if not symbols:
         return []
     return [
         f"#if {FIRST}",
-        "/* Over few directions they are in another library, which is compiled when FEW is returned, and given here; nothing is",
-        " * given where it cannot be had, and as many directions as there may be are computed instead. */",
-        "static int done_without;",
-        *(f"static __typeof__({symbol}) *given_{symbol};" for symbol in symbols),
-        f"void {model}_give_few(void *const *functions)",
-        "{",
-        "    done_without = !functions;",
-        "    if (!functions) return;",
-        *(f"    given_{symbol} = (__typeof__({symbol}) *)functions[{i}];" for i, symbol in enumerate(symbols)),
-        "}",
-        *(f"#define {symbol} given_{symbol}" for symbol in symbols),
+        "/* Over few directions they are in another library, which is opened when FEW_LACK is returned; x[FEW] points to them. What",
+        " * stands behind them says whether they cannot be had: then as many directions as may be are computed instead. */",
+        *(f"#define {symbol} ((__typeof__({symbol}) *)few[{i}])" for i, symbol in enumerate(symbols)),
         "#endif",
         "",
     ]
@@ -128,21 +120,21 @@ def _along(model: str, name: str, f: Mapping[str, Any], sizes: Mapping[str, int]
     widths = sorted(f["widths"])
     # without directions there are values still, by the function that is there at first
     width = "".join(f"rest {'== 1' if w == 1 else f'&& rest <= {w}'} ? {w} : " for w in widths[:-1]) + str(widths[-1])
-    few = few_of(name, widths)
+    few = [f"{model}_{name}_{w}" for w in few_of(name, widths)]
     given = ", ".join([*_given(f), *passed, "x[WORK]"])
     return {
         "name": name, "given": _defaults(f), "seeds": seeds, "derived": derived, "finite": finite, "width": width,
         "calls": [(w, f"{model}_{name}_{w}({given})") for w in widths], "guard": guard_of_library(name),
-        "few": (symbols := [f"{model}_{name}_{w}" for w in few]),
+        "few": few, "type": "int" if few else "const int",
         "asks": [
             f"#if {FIRST}",
-            f"        if (({' || '.join(f'width == {w}' for w in few)}) && !given_{symbols[0]}) {{",
-            "            if (!done_without) return FEW;",
+            "        void *const *const few = (void *const *)x[FEW];",
+            f"        if (width < {widths[-1]} && few[{len(few)}])",
             f"            width = {widths[-1]};",
-            "        }",
+            f"        else if (width < {widths[-1]} && !few[0])",
+            "            return FEW_LACK;",
             "#endif",
         ] if few else [],
-        "type": "int" if few else "const int",
     }  # fmt: skip
 
 

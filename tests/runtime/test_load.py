@@ -1,5 +1,6 @@
 """Opening packages: where they lie, when they are written anew, and from other versions."""
 
+import gc
 import json
 import os
 import subprocess
@@ -179,6 +180,17 @@ def test_one_and_two_directions_are_compiled_when_they_are_called(tmp_path):
         list(pool.map(check, (1, 2, 9, 10, 1, 2, 9, 10)))
     assert compiled() == {"dynamics", "few"}
     assert codegen.load(tmp_path / "four_bar", "c").sensitivities(q, u, dp=dp[0])[1].shape == (1, solver.nu)
+
+
+def test_a_solver_that_is_gone_takes_no_functions_along(tmp_path):
+    """The first library of a package is one for all its solvers; each has its own functions over one and two directions."""
+    codegen.generate(FOUR_BAR, tmp_path / "four_bar")
+    first, second = (codegen.load(tmp_path / "four_bar", "c") for _ in range(2))
+    q, u = first.initial
+    expected = first.sensitivities(q, u, dp=np.ones(first.np))[1]
+    del first
+    gc.collect()
+    np.testing.assert_array_equal(second.sensitivities(q, u, dp=np.ones(second.np))[1], expected)
 
 
 @pytest.mark.parametrize("batch", [False, True])

@@ -30,10 +30,12 @@ from .results import empty
 from .short_calls import ARRAY_HEAD, Desk
 from .warning import warn
 
-FEW = -3
+FEW_LACK = -3
 """What ``NAME_calls.c`` returns where it needs functions over few directions, which are a library of their own."""
 
-SLOT = {n: i for i, n in enumerate((*ARGUMENTS, *SEEDS, "default_p", "default_inputs", "work", "lanes", "results"))}
+SLOT = {
+    n: i for i, n in enumerate((*ARGUMENTS, *SEEDS, "default_p", "default_inputs", "work", "lanes", "few", "results"))
+}
 """Places in the table of pointers that the functions of ``NAME_calls.c`` take."""
 
 
@@ -86,8 +88,10 @@ class CTarget:
         if not first:  # motions alone may ask for other partitions, and what they call is compiled once
             self._part_of |= {f: part for part, x in parts.items() for f in x.get("too", ())}
         self._over_few: Mapping[str, Sequence[int]] = parts.get("few", {}).get("over_few", {})
-        self._lacking: frozenset[str] = frozenset()
-        """Functions that are not to be had over few directions."""
+        self._of_few = [f"{self.model}_{f}_{w}" for f, widths in self._over_few.items() for w in widths]
+        self._few = self.ffi.new("void *[]", len(self._of_few) + 1)
+        """What ``x[FEW]`` of ``NAME_calls.c`` points to: functions over few directions, and whether they cannot be had."""
+        self._few_at = self.ffi.cast("double *", self._few)
         self._libraries: dict[str, Any] = {}
         self._kept: list[Any] = []
         self._opening = threading.Lock()
@@ -137,31 +141,24 @@ class CTarget:
         return self._library(self._part_of.get(function, ""))
 
     def give_few(self) -> None:
-        """Give the first library the functions over few directions; nothing where they cannot be had."""
-        first = self.library_of(next(iter(self._over_few)))
-        with self._lock:
-            self.ffi.cdef(f"void {self.model}_give_few(void **);", override=True)
-            give = getattr(first, f"{self.model}_give_few")
+        """Open the library of functions over few directions, for the first one to call them; say so where it cannot be had."""
         try:
             few = self._library("few")
         except (CompileError, NoCompilerError) as error:
             warn(f"{self.model}: one or two directions take as long as eight: {error}")
-            self._lacking = frozenset(self._over_few)
-            give(self.ffi.NULL)
+            self._few[len(self._few) - 1] = self._few
             return
-        symbols = [f"{self.model}_{f}_{w}" for f, widths in self._over_few.items() for w in widths]
         with self._lock:
-            for symbol in symbols:
+            for i, symbol in reversed([*enumerate(self._of_few)]):  # of the first one is looked whether all are there
                 self.ffi.cdef(f"int {symbol}(void);", override=True)
-            functions = [self.ffi.cast("void *", getattr(few, symbol)) for symbol in symbols]
-            give(self.ffi.new("void *[]", functions))
+                self._few[i] = self.ffi.cast("void *", getattr(few, symbol))
 
     def widths(self, f: Function, k: int) -> tuple[int, ...]:
         """For how many directions at once there are functions over a batch, if k are asked for."""
         if k % max(f.widths) in self._over_few.get(f.name, ()):
-            if "few" not in self._libraries and f.name not in self._lacking:
+            if not self._few[0] and not self._few[len(self._few) - 1]:
                 self.give_few()
-            if f.name in self._lacking:
+            if not self._few[0]:
                 return (max(f.widths),)
         return f.widths
 
@@ -251,7 +248,7 @@ class CTarget:
         lanes = self.pointer(np.empty((sum(f.seeds.values()) + derived) * widest))
         of_given = {n: self.pointer(a) for n, a in given.items()}
         of_results = [self.pointer(r) for r in results]
-        x = self.ffi.new("double *[]", [*self._blank, *self._default_pointers, work, lanes, *of_results])
+        x = self.ffi.new("double *[]", [*self._blank, *self._default_pointers, work, lanes, self._few_at, *of_results])
         for name, pointer in of_given.items():
             x[SLOT[name]] = pointer
         return x, (of_given, lanes, of_results)
@@ -265,7 +262,7 @@ class CTarget:
         x, kept = self.table(f, given, results, self.desk.work)
         bits = sum(1 << SLOT[n] for n in given)
         status = self._function(f)(x, bits, arrays.get("t", 0.0), k)
-        if status == FEW:
+        if status == FEW_LACK:
             self.give_few()
             status = self._function(f)(x, bits, arrays.get("t", 0.0), k)
         del kept
