@@ -90,8 +90,8 @@ def _few(symbols: list[str]) -> list[str]:
         return []
     return [
         f"#if {FIRST}",
-        "/* Over few directions they are in another library, which is opened when FEW_LACK is returned; x[FEW] points to them. What",
-        " * stands behind them says whether they cannot be had: then as many directions as may be are computed instead. */",
+        "/* Over few directions they are in another library, which is opened when FEW_LACK is returned; x[FEW] points to them.",
+        " * What stands behind them says whether they cannot be had: then as many directions as may be are computed instead. */",
         *(f"#define {symbol} ((__typeof__({symbol}) *)few[{i}])" for i, symbol in enumerate(symbols)),
         "#endif",
         "",
