@@ -15,6 +15,7 @@ from random_mechanisms import Mechanism
 import codegen
 from codegen.emit.solver import write_solver
 from codegen.loops import partition
+from codegen.mechanics.structure import regions
 from codegen.reference import DenseEngine
 
 COUPLED = {*BY_HAND} - {
@@ -70,12 +71,18 @@ def newton_converges(drawn: Mechanism, solver: codegen.Solver) -> None:
 
 
 @pytest.mark.campaign
+@pytest.mark.parametrize("coupled", [True, False])
 @pytest.mark.parametrize("seed", [13])
-def test_random_mechanisms_of_many_bodies(tmp_path: Path, seed: int) -> None:
+def test_random_mechanisms_of_many_bodies(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seed: int, coupled: bool
+) -> None:
+    """With couplings, and as one region, which is shorter."""
     drawn = draw(seed, bodies=(9, 14), loops=(2, 4))
     assert drawn is not None
+    if coupled:
+        monkeypatch.setattr(regions, "is_one_region", lambda *_: False)
     source = write_solver(drawn.model)
-    assert source.system.regions.elimination.slots
+    assert bool(source.system.regions.elimination.slots) == coupled
     codegen.generate(drawn.model, tmp_path / "mechanism", target="numpy")
     check(drawn, codegen.load(tmp_path / "mechanism"), seed)
 

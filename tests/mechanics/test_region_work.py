@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from coupled_mechanisms import assembled, by_hand
-from emit.test_random_mechanisms import check
+from emit.test_random_mechanisms import check, draw
 
 import codegen
 from codegen.emit.solver import write_solver
@@ -103,6 +103,14 @@ def test_sources_are_counted_along_the_way() -> None:
     bundle = Bundle((0,), list(range(n)), 1.0, [n - 2, n - 1])
     found = sources_of_links(Freedoms(system.links, dependent, ends), [bundle])
     assert found == {i: min(i + 1, n - 2) for i in range(n)}
+
+
+def test_ears_that_move_links_of_earlier_ones_are_counted_too() -> None:
+    """Of three loops that share links, one moves what lies on the ways of another."""
+    drawn = draw(13, bodies=(9, 14), loops=(2, 4))
+    assert drawn is not None
+    (ears,) = regions_of(drawn.model)
+    assert ears == 8
 
 
 def test_thousands_of_loops_are_no_deep_recursion() -> None:

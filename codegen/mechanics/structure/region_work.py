@@ -43,7 +43,7 @@ class Bundle:
     links : list of int
         On their cycles, that no earlier bundle has.
     members : list of int
-        Those of them that the dependents move.
+        Links on cycles that their dependents move: of these, or of an earlier bundle's.
     before : list of int
         The bundles that move what this one starts from.
     """
@@ -111,24 +111,33 @@ def work_apart(freedoms: Freedoms, bundles: Sequence[Bundle]) -> float:
         work += work_of_ear(freedoms, bundle, dict.fromkeys(bundle.members, sources))
         work += elimination(len(region.freedoms), unknowns)
         work += len(region.far) * TO_GROUND * unknowns + LINK_OF_TREE * partners
-        work += LINK_OF_TREE * (len(bundle.links) - len(bundle.members))
-    return work
+    return work + LINK_OF_TREE * len(loopless(bundles))
 
 
 def work_together(freedoms: Freedoms, bundles: Sequence[Bundle], free: Sequence[Freedom]) -> float:
     """Multiplications with one region for all bundles."""
     sources = sources_of_links(freedoms, bundles)
-    work = elimination(len(free), len(free))
-    return work + sum(work_of_ear(freedoms, b, {i: sources[i] for i in b.links}) for b in bundles)
+    work = elimination(len(free), len(free)) + sum(map(work_of_link, (sources[i] for i in loopless(bundles))))
+    return work + sum(work_of_ear(freedoms, b, {i: sources[i] for i in b.members}) for b in bundles)
+
+
+def loopless(bundles: Sequence[Bundle]) -> set[int]:
+    """Links on cycles that no dependent moves."""
+    return {i for b in bundles for i in b.links}.difference(*(b.members for b in bundles))
 
 
 def work_of_ear(freedoms: Freedoms, bundle: Bundle, sources: dict[int, int]) -> float:
-    """Multiplications of a closure, and of the inertia of its links along their sources: of each link how many these are."""
+    """Multiplications of a closure and of its links: of each of them by how many sources it is moved."""
     dependents = sum(
         (i, j) in freedoms.dependent for i in bundle.members for j in range(freedoms.links[i].joint.speeds())
     )
-    most = max((sources[i] for i in bundle.members), default=0)
-    return dependents**3 / 3 + dependents**2 * most + sum(3 * n**2 + 36 * n for n in sources.values())
+    closure = dependents**3 / 3 + dependents**2 * max(sources.values(), default=0)
+    return closure + sum(map(work_of_link, sources.values()))
+
+
+def work_of_link(sources: int) -> float:
+    """Multiplications of a link's motion, and of its inertia, along so many sources."""
+    return 3.0 * sources**2 + 36.0 * sources
 
 
 def elimination(eliminated: int, unknowns: int) -> float:
@@ -143,7 +152,7 @@ def sources_of_links(freedoms: Freedoms, bundles: Sequence[Bundle]) -> dict[int,
     on_ways: dict[int, frozenset[Freedom]] = {}
     """Of links that no dependent of their bundle moves: the speeds on the way inward to one that is moved, or off the cycles."""
     mover: dict[int, int | None] = {}
-    for i in sorted(i for b in bundles for i in b.links):  # links are numbered outward
+    for i in sorted({i for b in bundles for i in (*b.links, *b.members)}):  # links are numbered outward
         parent = freedoms.links[i].parent
         if i in owner:
             on_ways[i], mover[i] = frozenset(), owner[i]
