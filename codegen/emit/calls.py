@@ -90,9 +90,9 @@ def _few(symbols: list[str]) -> list[str]:
         return []
     return [
         f"#if {FIRST}",
-        "/* Over few directions they are in another library, which is opened when FEW_LACK is returned; x[FEW] points to them.",
-        " * What stands behind them says whether they cannot be had: then as many directions as may be are computed instead. */",
-        *(f"#define {symbol} ((__typeof__({symbol}) *)few[{i}])" for i, symbol in enumerate(symbols)),
+        "/* Over few directions they are in another library, which is opened when FEW_LACK is returned. x[FEW] points to whether",
+        " * they cannot be had, when as many directions as may be are computed instead, and behind that to them. */",
+        *(f"#define {symbol} ((__typeof__({symbol}) *)few[{i}])" for i, symbol in enumerate(symbols, 1)),
         "#endif",
         "",
     ]
@@ -125,14 +125,12 @@ def _along(model: str, name: str, f: Mapping[str, Any], sizes: Mapping[str, int]
     return {
         "name": name, "given": _defaults(f), "seeds": seeds, "derived": derived, "finite": finite, "width": width,
         "calls": [(w, f"{model}_{name}_{w}({given})") for w in widths], "guard": guard_of_library(name),
-        "few": few, "type": "int" if few else "const int",
+        "few": few,
         "asks": [
             f"#if {FIRST}",
             "        void *const *const few = (void *const *)x[FEW];",
-            f"        if (width < {widths[-1]} && few[{len(few)}])",
-            f"            width = {widths[-1]};",
-            f"        else if (width < {widths[-1]} && !few[0])",
-            "            return FEW_LACK;",
+            f"        if (few[0]) width = {widths[-1]};",
+            f"        else if (width < {widths[-1]} && !few[1]) return FEW_LACK;",
             "#endif",
         ] if few else [],
     }  # fmt: skip

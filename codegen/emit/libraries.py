@@ -12,18 +12,8 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 LIBRARIES = (
-    "dynamics",
-    "jacobians",
-    "mass",
-    "forces",
-    "outputs",
-    "states",
-    "gradients",
-    "motion",
-    "four",
-    "frames",
-    "few",
-)
+    "dynamics", "jacobians", "mass", "forces", "outputs", "states", "gradients", "motion", "four", "frames", "few",
+)  # fmt: skip
 """Their names; the number in C is the place here and one. The first is compiled when a package is generated or loaded; of other
 partitions each is compiled when it is called."""
 
@@ -34,8 +24,8 @@ FOUR = "four"
 """Functions for four directions, which motions call: ``NAME_four.c`` has them."""
 
 FEW, FEW_DIRECTIONS = "few", (1, 2)
-"""Functions of the first library over one and over two directions, which many users never call: half of what gcc would have to
-do at first. The first library calls those of this one when it has been given them."""
+"""Functions of the first library over one and over two directions, which many users never call, and gcc would take a third
+of its time for. The first library calls them when a solver has opened this one."""
 
 _OF = {
     "accelerations": "dynamics", "sensitivities": "dynamics", "coordinate_rates": "dynamics", "closure": "dynamics",

@@ -90,7 +90,7 @@ class CTarget:
         self._over_few: Mapping[str, Sequence[int]] = parts.get("few", {}).get("over_few", {})
         self._of_few = [f"{self.model}_{f}_{w}" for f, widths in self._over_few.items() for w in widths]
         self._few = self.ffi.new("void *[]", len(self._of_few) + 1)
-        """What ``x[FEW]`` of ``NAME_calls.c`` points to: functions over few directions, and whether they cannot be had."""
+        """What ``x[FEW]`` of ``NAME_calls.c`` points to: whether functions over few directions cannot be had, and these."""
         self._few_at = self.ffi.cast("double *", self._few)
         self._libraries: dict[str, Any] = {}
         self._kept: list[Any] = []
@@ -146,19 +146,19 @@ class CTarget:
             few = self._library("few")
         except (CompileError, NoCompilerError) as error:
             warn(f"{self.model}: one or two directions take as long as eight: {error}")
-            self._few[len(self._few) - 1] = self._few
+            self._few[0] = self._few
             return
         with self._lock:
-            for i, symbol in reversed([*enumerate(self._of_few)]):  # of the first one is looked whether all are there
+            for i, symbol in reversed([*enumerate(self._of_few, 1)]):  # the C looks for the first one only
                 self.ffi.cdef(f"int {symbol}(void);", override=True)
                 self._few[i] = self.ffi.cast("void *", getattr(few, symbol))
 
     def widths(self, f: Function, k: int) -> tuple[int, ...]:
         """For how many directions at once there are functions over a batch, if k are asked for."""
         if k % max(f.widths) in self._over_few.get(f.name, ()):
-            if not self._few[0] and not self._few[len(self._few) - 1]:
+            if not self._few[0] and not self._few[1]:
                 self.give_few()
-            if not self._few[0]:
+            if self._few[0]:
                 return (max(f.widths),)
         return f.widths
 
