@@ -65,7 +65,7 @@ def refuse_foreign(folder: Path) -> None:
         )
     others = "|".join(OTHERS)
     own = re.compile(
-        rf"{re.escape(str(manifest.get('name')))}({others})?(_precise|_four|_states)?(\.[a-z]+)?(-[0-9a-f-]+\.so|\.log)|motion/motion(-[0-9a-f-]+\.so|\.log)|ordernm_call-[0-9a-f-]+\.so|(.*/)?__pycache__|\.build-.*"
+        rf"{re.escape(str(manifest.get('name')))}({others})?(_precise|_four|_states|_threads)?(\.[a-z]+)?(-[0-9a-f-]+\.so|\.log)|motion/motion(-[0-9a-f-]+\.so|\.log)|ordernm_call-[0-9a-f-]+\.so|(.*/)?__pycache__|\.build-.*"
     )
     foreign = sorted(n for n in found if n not in listed and not own.fullmatch(n))
     if foreign:

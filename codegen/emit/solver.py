@@ -45,7 +45,7 @@ from .calls import write_calls
 from .interface import manifest, operations
 from .motion import has_motion, write_four, write_motion, write_precise
 from .numpy import write_numpy
-from .states import arrays_of, over_states, write_states
+from .states import arrays_of, over_states, write_states, write_threads
 
 UNROLLED_LINKS = 8
 """Models of at most so many links get one function per link unless another layout is asked for."""
@@ -205,6 +205,7 @@ def write_apart(context: dict[str, Any], system: System, made: Mapping[str, Any]
     name, files = system.model.name, {}
     if context["functions_over_states"]:
         files[f"{name}_states.c"] = write_states(context)
+        files[f"{name}_threads.c"] = write_threads(context, made["over_states"]["arrays"])
     if has_motion(made["functions"]):
         if "state_rate_sensitivities" in made["functions"]:
             files[f"{name}_four.c"] = write_four(made)

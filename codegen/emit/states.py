@@ -1,6 +1,7 @@
-"""Writes ``NAME_states.c``: functions over a batch with several states at once, in the lanes of vectors.
+"""Writes ``NAME_states.c``: functions over a batch with several states at once, in the lanes of vectors, and
+``NAME_threads.c``, which shares such a batch among threads.
 
-It includes ``NAME.c`` with vectors in the place of doubles, so that every statement is that of one state. What this needs of
+The first includes ``NAME.c`` with vectors in the place of doubles, so that every statement is that of one state. What this needs of
 ``NAME.c`` are the few words that ``states_of_one.c.jinja`` defines for one state and ``states.c.jinja`` for several.
 """
 
@@ -139,4 +140,9 @@ def write_states(context: dict[str, Any]) -> str:
     return render("c/states.c.jinja", context)
 
 
-__all__ = ["OVER_STATES", "arrays_of", "over_states", "states_context", "write_states"]
+def write_threads(context: dict[str, Any], arrays: Iterable[str]) -> str:
+    """The C that runs them on threads; `arrays` are those of their struct."""
+    return render("c/threads.c.jinja", {**context, "arrays": arrays})
+
+
+__all__ = ["OVER_STATES", "arrays_of", "over_states", "states_context", "write_states", "write_threads"]

@@ -1,6 +1,8 @@
 """Batches: several states at once, on threads, with states that cannot be computed, and assembled together."""
 
+import os
 import warnings
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -223,6 +225,50 @@ def test_threads_give_the_same(package, monkeypatch, worth):
     solver.bad_states = "nan"
     with pytest.warns(RuntimeWarning, match=r"2 of 1001 states are NaN: state \[700\].*state \[900\]"):
         assert np.argwhere(np.isnan(solver.accelerations(q, u)).any(axis=1)).ravel().tolist() == [700, 900]
+
+
+@pytest.mark.parametrize("package", ["rope"], indirect=True)
+def test_callers_of_several_threads_and_forked_ones_share_the_threads_of_c(package, at_once):
+    solver = load(package[0])
+    rng = np.random.default_rng(3)
+    q, u = 1.0 + rng.uniform(size=(4001, 2)), rng.normal(size=(4001, 2))
+    dq = rng.normal(size=(5, 4001, 2))
+    one = solver.accelerations(q, u), *solver.sensitivities(q, u, dq=dq)
+    solver.batch_threads = 4
+    with ThreadPoolExecutor(3) as pool:
+        for found in pool.map(lambda _: (solver.accelerations(q, u), *solver.sensitivities(q, u, dq=dq)), range(60)):
+            same(one, found)
+    assert solver._target.batches._sharing
+    child = os.fork()
+    if not child:  # it has none of the threads
+        code = 1
+        try:
+            for _ in range(20):
+                same(one, (solver.accelerations(q, u), *solver.sensitivities(q, u, dq=dq)))
+            code = 0
+        finally:
+            os._exit(code)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+    same(one[:1], [solver.accelerations(q, u)])
+
+
+@pytest.mark.parametrize("package", ["rope"], indirect=True)
+def test_a_batch_that_no_thread_can_be_had_for_is_computed(package, at_once, monkeypatch):
+    folder, model = package
+    solver = load(folder)
+    (q, u, *_), _ = draw(solver, model, 400)
+    one = solver.accelerations(q, u)
+    build = batches.build_apart
+
+    def refuses(folder, name, part):
+        if part == "threads":
+            raise CompileError("no threads")
+        return build(folder, name, part)
+
+    monkeypatch.setattr(batches, "build_apart", refuses)
+    solver.batch_threads = 2
+    with pytest.warns(RuntimeWarning, match="one thread: no threads"):
+        same([one], [solver.accelerations(q, u)])
 
 
 @pytest.mark.parametrize("package", ["rope"], indirect=True)

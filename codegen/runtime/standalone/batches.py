@@ -81,6 +81,7 @@ class Batches:
         self._calls: dict[tuple[str, int], Callable[[Any], int]] = {}
         self._several: dict[str, Callable[[Any], int]] = {}
         self._library: Any = None
+        self._sharing: Any = None
         self._seen = 0
         self._lock = threading.RLock()
 
@@ -200,17 +201,31 @@ class Batches:
             n = math.prod(shape)
             arrays[name] = target.pointer(r), n, count * n
 
-        def part(start: int, end: int) -> Failed:
-            codes = np.zeros(end - start, np.intc)
-            work = np.empty(self._over_states["workspace"])
-            b = ffi.new("states *", {"count": end - start, "directions": k, "work": target.pointer(work)})
-            b.codes = ffi.from_buffer("int[]", codes)
-            for name, (at, state, direction) in arrays.items():
-                setattr(b, name, (at + start * state, state, direction, 1))
-            call(b)
-            return {start + int(i): int(codes[i]) for i in np.flatnonzero(codes)} if b.code else {}
+        threads = min(self.threads, count // WORTH_A_THREAD)
+        shared = self._shared() if threads > 1 else False
+        codes = np.zeros(count, np.intc)
+        work = np.empty(self._over_states["workspace"] * (threads if shared else 1))
+        b = ffi.new("states *", {"count": count, "directions": k, "work": target.pointer(work)})
+        b.codes = ffi.from_buffer("int[]", codes)
+        for name, (at, state, direction) in arrays.items():
+            setattr(b, name, (at, state, direction, 1))
+        code = shared(call, b, threads) if shared else call(b)
+        return {int(i): int(codes[i]) for i in np.flatnonzero(codes)} if code else {}
 
-        return self._run(part, count)
+    def _shared(self) -> Any:
+        """The C function that shares a batch over states among threads; False where it cannot be had."""
+        with self._lock:
+            if self._sharing is None:
+                try:
+                    path, ffi = build_apart(self._folder, self._model, "threads").library(), self._ffi
+                    symbol = f"{self._model}_on_threads"
+                    ffi.cdef(f"int {symbol}(int (*)(states *), states *, int);", override=True)
+                    # never unloaded: its threads outlive whoever has opened it
+                    self._sharing = getattr(ffi.dlopen(str(path), ffi.RTLD_NOW | ffi.RTLD_NODELETE), symbol)
+                except (CompileError, NoCompilerError, OSError) as error:
+                    warn(f"{self._model}: batches are worked on by one thread: {error}")
+                    self._sharing = False
+            return self._sharing
 
 
 def spoil(results: Sequence[Array], f: Function, failed: Iterable[int], batch: Shape) -> None:

@@ -190,10 +190,12 @@ def _texts(sources: Sequence[Path]) -> Iterator[bytes]:
 
 
 def build_apart(folder: Path, name: str, part: str) -> Build:
-    """How ``NAME_<part>.c``, which includes ``NAME.c``, becomes a library: "states", "four" or "precise"."""
+    """How ``NAME_<part>.c`` becomes a library: "states", "four" or "precise", which include ``NAME.c``, or "threads"."""
     build = Build(folder, f"{name}_{part}", [f"{name}_{part}.c"])
     if part in FLAGS and CFLAGS not in os.environ:
         build.flags = list(FLAGS[part])
+    if part == "threads":
+        build.flags.append("-pthread")
     return build
 
 
