@@ -2,9 +2,9 @@
 
     python benchmarks/batches.py [--rounds 5] [--instructions avx2] [--threads 2]
 
-First in C, on one core: a loop of calls, against `NAME_accelerations_states` and `NAME_sensitivities_states`. Then a batch as
-Python calls it, on one thread and on several, by the wall clock: that has the conversion of seeds too,
-which C in lanes does not need.
+First in C, on one core: a loop of calls, against `NAME_accelerations_states` and `NAME_sensitivities_states`, by CPU time. Then
+these on one thread and on several with `NAME_on_threads`, by the wall clock, twenty calls of each in turns: caches are then those
+of the one or of the other. Last a batch as Python calls it, by the wall clock, with directions first.
 """
 
 from __future__ import annotations
@@ -25,8 +25,7 @@ from codegen.emit.solver import Source, write_solver
 from codegen.model import Model
 from codegen.runtime.standalone import batches
 
-STATES = 1024
-"""Few enough for a batch to end before the system lets others on the core, and many enough to share among threads."""
+STATES = 4096
 
 DIRECTIONS = 8
 ASKED = ("accelerations", "sensitivities")
@@ -117,6 +116,42 @@ def of_python(model: Model, folder: Path, threads: int, rounds: int) -> list[dic
     return found
 
 
+def in_c_on_threads(model: Model, folder: Path, threads: int, rounds: int) -> list[dict[str, float]]:
+    """Seconds of a batch in C by the wall clock, for each function: on one thread, and on several."""
+    solver = codegen.load(folder)
+    solver.batch_threads = threads
+    rng = np.random.default_rng(3)
+    q, u = (rng.uniform(-1.0, 1.0, (STATES, n)) for n in (model.nq, model.nu))
+    solver.accelerations(q, u)  # what is called below is compiled and opened
+    solver.sensitivities(q, u, dq=rng.uniform(-1.0, 1.0, (DIRECTIONS, STATES, model.nq)))
+    over = solver._target.batches
+    ffi, sizes, found = over._ffi, sizes_of(model), []
+    for function in ASKED:
+        b = ffi.new("states *", {"count": STATES, "directions": DIRECTIONS})
+        kept = [np.empty(threads * over._over_states["workspace"])]
+        b.work = solver._target.pointer(kept[0])
+        for name in over._over_states["arrays"]:
+            lanes = DIRECTIONS if name.startswith("d") else 1
+            shared, entries = name in ("p", "dp"), sizes[name] * lanes
+            array = rng.uniform(-1.0, 1.0, (1 if shared else STATES, entries))
+            kept.append(np.array([list(model.defaults.values())]) if name == "p" else array)
+            setattr(b, name, (solver._target.pointer(kept[-1]), 0 if shared else entries, 1, lanes))
+        call = over._several[f"{model.name}_{function}_states"]
+        runs: dict[str, Callable[[], object]] = {
+            "one": lambda call=call, b=b: call(b),
+            "threads": lambda call=call, b=b: over._shared()(call, b, threads),
+        }
+        best = dict.fromkeys(runs, np.inf)
+        for _ in range(rounds):
+            for kind, run in runs.items():
+                for _ in range(20):
+                    begin = time.perf_counter()
+                    run()
+                    best[kind] = min(best[kind], time.perf_counter() - begin)
+        found.append(best)
+    return found
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--rounds", type=int, default=5)
@@ -134,9 +169,10 @@ def main() -> None:
     rows = []
     with tempfile.TemporaryDirectory() as folder:
         for model in models:
-            python = of_python(model, Path(folder), arguments.threads, 100 * arguments.rounds)
+            python = of_python(model, Path(folder), arguments.threads, 20 * arguments.rounds)
+            shared = in_c_on_threads(model, Path(folder) / model.name, arguments.threads, 4 * arguments.rounds)
             source = write_solver(model, functions=ASKED)
-            for function, wall in zip(ASKED, python, strict=True):
+            for function, wall, in_c in zip(ASKED, python, shared, strict=True):
                 times = alternate(
                     contestants(source, model, function), arguments.cache, arguments.rounds, arguments.batches
                 )
@@ -147,21 +183,28 @@ def main() -> None:
                     f"{model.name}, {model.nu} joints, udot{along}",
                     *(f"{t.median / STATES * 1e9:.0f}" for t in (one, several)),
                 ]
-                row += [f"{several.ratio(one):.2f}", *(f"{t / STATES * 1e9:.0f}" for t in wall.values())]
-                rows.append([*row, *(f"{wall[kind] / wall['one']:.2f}" for kind in ("several", "threads"))])
+                row += [f"{several.ratio(one):.2f}", *(f"{t / STATES * 1e9:.0f}" for t in in_c.values())]
+                row += [f"{in_c['one'] / in_c['threads']:.2f}", *(f"{t / STATES * 1e9:.0f}" for t in wall.values())]
+                rows.append([*row, f"{wall['several'] / wall['one']:.2f}", f"{wall['several'] / wall['threads']:.2f}"])
     heads = [
         "ns per state",
         "calls in C",
         "several at once",
         "ratio",
+        "C, one thread",
+        f"{arguments.threads} threads",
+        "times",
         "Python: one by one",
         "several at once",
         f"{arguments.threads} threads",
+        "ratio",
+        "times",
     ]
     print(
-        f"{instructions}, {STATES} states; C: median over the rounds, best of -O2 and -O3; Python: fastest by the wall clock\n"
+        f"{instructions}, {STATES} states; calls in C and several at once: CPU time, median over the rounds, "
+        "best of -O2 and -O3; others: fastest by the wall clock\n"
     )
-    print(table([*heads, "ratio", "ratio"], rows))
+    print(table(heads, rows))
 
 
 def check(a: list[np.ndarray], b: list[np.ndarray]) -> None:
