@@ -18,7 +18,9 @@ from codegen.reference import RecursiveEngine
 from codegen.version import __version__
 
 ROOT = Path(__file__).parents[1]
-TEMPLATES = sorted(p.relative_to(ROOT).as_posix() for p in (ROOT / "templates").rglob("*") if p.is_file())
+TEMPLATES = sorted(
+    p.relative_to(ROOT).as_posix() for p in (ROOT / "templates").rglob("*.jinja")
+)  # without what is compiled
 EXAMPLE = ROOT / "examples" / "double_pendulum.yaml"
 OFFLINE = ("No matching distribution found", "Could not find a version", "NewConnectionError", "Max retries exceeded")
 

@@ -1,8 +1,8 @@
 """Writes ``NAME_states.c``: functions over a batch with several states at once, in the lanes of vectors, and
 ``NAME_threads.c``, which shares such a batch among threads.
 
-The first includes ``NAME.c`` with vectors in the place of doubles, so that every statement is that of one state. What this needs of
-``NAME.c`` are the few words that ``states_of_one.c.jinja`` defines for one state and ``states.c.jinja`` for several.
+The first includes ``NAME.c`` with vectors in the place of doubles, so that every statement is that of one state. What this
+needs of ``NAME.c`` are the few words that ``module.c.jinja`` defines for one state and ``states.c.jinja`` for several.
 """
 
 from __future__ import annotations

@@ -202,7 +202,7 @@ class Batches:
             arrays[name] = target.pointer(r), n, count * n
 
         threads = min(self.threads, count // WORTH_A_THREAD)
-        shared = self._shared() if threads > 1 else False
+        shared: Any = self._shared() if threads > 1 else False
         codes = np.zeros(count, np.intc)
         work = np.empty(self._over_states["workspace"] * (threads if shared else 1))
         b = ffi.new("states *", {"count": count, "directions": k, "work": target.pointer(work)})

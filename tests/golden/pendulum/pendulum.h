@@ -107,6 +107,10 @@ typedef struct {
 int pendulum_accelerations_states(pendulum_states *b);
 int pendulum_sensitivities_states(pendulum_states *b);
 
+/* One of them on so many threads, the caller's among them, each with a workspace of its own behind the first; compile
+ * pendulum_threads.c too, with -pthread. Of callers at the same time only one has the threads: the others work alone. */
+int pendulum_on_threads(int (*function)(pendulum_states *), pendulum_states *b, int count);
+
 #ifdef __cplusplus
 }
 #endif
