@@ -40,7 +40,7 @@ def chain_seeds(n: int, width: int = 8) -> tuple[np.ndarray, np.ndarray, np.ndar
 
 def c_files(source: Source) -> dict[str, str]:
     """What a C program needs: without what only calls from Python and integration over time need."""
-    apart = ("_calls.c", "_motion.c", "_precise.c", "_four.c", "_states.c")
+    apart = ("_calls.c", "_motion.c", "_precise.c", "_four.c", "_states.c", "_threads.c")
     return {
         name: text for name, text in source.files.items() if name.endswith((".c", ".h")) and not name.endswith(apart)
     }

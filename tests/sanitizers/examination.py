@@ -67,7 +67,8 @@ def works(build: Build) -> bool:
 
 def warnings_of(part: Part, build: Build) -> list[str]:
     found = []
-    for source in sorted({f"{part.name}.c", f"{part.name}_states.c"} & {file.name for file in part.folder.iterdir()}):
+    apart = {f"{part.name}_{what}.c" for what in ("states", "threads")}
+    for source in sorted(({f"{part.name}.c"} | apart) & {file.name for file in part.folder.iterdir()}):
         command = [build.compiler, *build.flags, *WARNINGS, "-c", source, "-o", "warned.o"]
         said = subprocess.run(command, cwd=part.folder, capture_output=True, text=True, check=False)
         found += [f"{source}, {build}: {said.stderr[:1000]}"] if said.returncode else []

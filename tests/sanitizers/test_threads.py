@@ -25,5 +25,7 @@ def test_batches_on_threads_are_those_of_one(build, tmp_path):
     ]  # fmt: skip
     made = subprocess.run(command, cwd=tmp_path / "arm", capture_output=True, text=True, check=False)
     assert made.returncode == 0, made.stderr
-    done = subprocess.run(["./program"], cwd=tmp_path / "arm", capture_output=True, text=True, env=ENVIRONMENT, check=False)
+    done = subprocess.run(
+        ["./program"], cwd=tmp_path / "arm", capture_output=True, text=True, env=ENVIRONMENT, check=False
+    )
     assert (done.returncode, done.stdout) == (0, "same\n"), done.stdout + done.stderr
