@@ -1,6 +1,9 @@
 """Assembly against closed forms, and what it leaves alone."""
 
+import re
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,8 +24,11 @@ from loops.mechanisms import (
 )
 from random_models import expression, vector
 
+import codegen
 from codegen.loops import AssemblyError, assemble, closure, complete_speeds, initial_configuration, partition
 from codegen.model.model import Parameter
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 def residual(made, q, p=None):
@@ -93,6 +99,27 @@ def test_independent_coordinates_are_kept_to_the_bit_and_closed_ones_are_not_mov
         assert np.array_equal(result[kept], q[kept])
         assert residual(made, result) < 1e-13
         assert np.abs(result - q).max() > 1e-4
+
+
+def long_ladder(lean: str):
+    """The example with 1200 loops, whose 2400 joints are alike: what rounding turns too far adds up."""
+    text = (EXAMPLES / "ladder.yaml").read_text()
+    text, n = re.subn(r"L: \d+", "L: 1200", text, count=1)
+    return codegen.parse_model(text.replace("rung_0: lean,", f"rung_0: {lean},", 1)), n
+
+
+def test_a_long_ladder_is_closed_as_it_is_given(monkeypatch):
+    made, n = long_ladder("lean")
+    assert n == 1 and len(made.loops) == 1200
+    called = []
+    modules = sys.modules["codegen.loops.partition"]
+    assembly = modules.first_assembly
+    monkeypatch.setattr(modules, "first_assembly", lambda *a: called.append(1) or assembly(*a))
+    chosen = partition(made)
+    assert not called and set(chosen.q) == {np.pi / 6, -np.pi / 6}
+    made, _ = long_ladder("lean + 1e-9")  # a gap that is no rounding
+    partition(made)
+    assert called
 
 
 def test_assembly_follows_the_parameters():
