@@ -15,7 +15,7 @@ from .ears import Partition
 from .errors import AssemblyError
 from .geometry import Geometry, advance, evaluator, padded, parameter_values
 from .paths import PoseGroups
-from .rings import ROUNDING, Outcome, Ring, close, closed_as_given, is_settled
+from .rings import ROUNDING, Outcome, Ring, close, is_closed_as_given, is_settled
 from .vectors import Array
 from .wording import listed
 
@@ -168,8 +168,7 @@ def first_assembly(
     for place, loop in enumerate(order):
         start, end = groups.unknown(loop)
         ring = Ring(groups, [loop], [*start, *end])
-        given = closed_as_given(ring, q)
-        if given is not None:
+        if is_closed_as_given(ring, q):
             groups.found(ring.joints, q)
             continue
         movable = ~np.isin(ring.joints.speeds, list(held))

@@ -154,11 +154,10 @@ class Outcome:
         return float(np.max(np.abs(self.rows), initial=0.0))
 
 
-def closed_as_given(ring: Ring, q: Array) -> Outcome | None:
-    """What `close` finds where it has nothing to do, whatever may move: the loops are closed to rounding; None elsewhere."""
+def is_closed_as_given(ring: Ring, q: Array) -> bool:
+    """Whether `close` has nothing to do, whatever may move."""
     rows, _ = ring.evaluate(q)
-    to_rounding = float(np.linalg.norm(rows)) <= ROUNDING * (1 + ring.reach())
-    return Outcome(q, rows[0], True) if to_rounding else None
+    return float(np.linalg.norm(rows)) <= ROUNDING * (1 + ring.reach())
 
 
 def close(ring: Ring, q: Array, movable: Array, pivot: float = LEAST_PIVOT) -> Outcome:
