@@ -112,9 +112,9 @@ def test_a_long_ladder_is_closed_as_it_is_given(monkeypatch):
     made, n = long_ladder("lean")
     assert n == 1 and len(made.loops) == 1200
     called = []
-    modules = sys.modules["codegen.loops.partition"]
-    assembly = modules.first_assembly
-    monkeypatch.setattr(modules, "first_assembly", lambda *a: called.append(1) or assembly(*a))
+    module = sys.modules["codegen.loops.partition"]  # the package has a function of that name
+    assembly = module.first_assembly
+    monkeypatch.setattr(module, "first_assembly", lambda *a: called.append(1) or assembly(*a))
     chosen = partition(made)
     assert not called and set(chosen.q) == {np.pi / 6, -np.pi / 6}
     made, _ = long_ladder("lean + 1e-9")  # a gap that is no rounding

@@ -117,7 +117,7 @@ def test_several_states_at_once_give_the_bits_of_one(package, at_once, n):
     state, seeds = draw(solver, model, n)
     udot = solver.accelerations(*state)
     both = solver.sensitivities(*state, **seeds)
-    assert solver._target.batches._library
+    assert solver._target.batches._libraries["states"]
     one = load(folder)
     singles = [[x[i] if np.ndim(x) > 1 else float(x[i]) for x in state] for i in range(n)]
     np.testing.assert_array_equal(udot, [one.accelerations(*s) for s in singles])
@@ -141,7 +141,7 @@ def test_directions_and_what_states_share(package, at_once, monkeypatch, k):
     same(found, other.sensitivities(q, u, p[0], t=0.5, **given))
     same(only, other.sensitivities(q[0], u, p[0], dp=given["dp"]))
     same([grid], [other.accelerations(q[:, None], u[None, :4])])
-    assert other._target.batches._library is None
+    assert "states" not in other._target.batches._libraries
 
 
 @pytest.mark.parametrize("package", ["tree"], indirect=True)
@@ -238,7 +238,7 @@ def test_callers_of_several_threads_and_forked_ones_share_the_threads_of_c(packa
     with ThreadPoolExecutor(3) as pool:
         for found in pool.map(lambda _: (solver.accelerations(q, u), *solver.sensitivities(q, u, dq=dq)), range(60)):
             same(one, found)
-    assert solver._target.batches._sharing
+    assert solver._target.batches._libraries["threads"]
     child = os.fork()
     if not child:  # it has none of the threads
         code = 1

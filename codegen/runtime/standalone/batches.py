@@ -80,8 +80,7 @@ class Batches:
         self._over_states: Mapping[str, Any] = manifest.get("over_states", {})
         self._calls: dict[tuple[str, int], Callable[[Any], int]] = {}
         self._several: dict[str, Callable[[Any], int]] = {}
-        self._library: Any = None
-        self._sharing: Any = None
+        self._libraries: dict[str, Any] = {}
         self._seen = 0
         self._lock = threading.RLock()
 
@@ -163,20 +162,33 @@ class Batches:
         if f.name not in self._over_states.get("functions", ()) or count < EVEN:
             return False
         self._seen += count * (1 + k)
-        return (self._library is not None or self._seen >= WORTH_COMPILING) and self._opened() is not False
+        return ("states" in self._libraries or self._seen >= WORTH_COMPILING) and self._opened() is not False
 
     def _opened(self) -> Any:
         """The library of ``NAME_states.c``; False where it cannot be had."""
+        declared = STRIDED.format(", ".join(self._over_states["arrays"]))
+        return self._apart("states", declared, "states of batches are worked on one after the other")
+
+    def _shared(self) -> Any:
+        """The C function that shares a batch over states among threads; False where it cannot be had."""
+        symbol = f"{self._model}_on_threads"
+        declared = f"int {symbol}(int (*)(states *), states *, int);"
+        # never unloaded: its threads outlive whoever has opened it
+        library = self._apart("threads", declared, "batches are worked on by one thread", self._ffi.RTLD_NODELETE)
+        return library and getattr(library, symbol)
+
+    def _apart(self, part: str, declared: str, instead: str, flags: int = 0) -> Any:
+        """The library of ``NAME_<part>.c``; False where it cannot be had, and then what happens instead is told once."""
         with self._lock:
-            if self._library is None:
+            if part not in self._libraries:
                 try:
-                    build = build_apart(self._folder, self._model, "states")
-                    self._ffi.cdef(STRIDED.format(", ".join(self._over_states["arrays"])), override=True)
-                    self._library = self._ffi.dlopen(str(build.library()))
+                    path, ffi = build_apart(self._folder, self._model, part).library(), self._ffi
+                    ffi.cdef(declared, override=True)
+                    self._libraries[part] = ffi.dlopen(str(path), ffi.RTLD_NOW | flags)
                 except (CompileError, NoCompilerError, OSError) as error:
-                    warn(f"{self._model}: states of batches are worked on one after the other: {error}")
-                    self._library = False
-            return self._library
+                    warn(f"{self._model}: {instead}: {error}")
+                    self._libraries[part] = False
+            return self._libraries[part]
 
     def states(
         self,
@@ -194,7 +206,7 @@ class Batches:
         with self._lock:
             if symbol not in self._several:
                 ffi.cdef(f"int {symbol}(states *);", override=True)
-                self._several[symbol] = getattr(self._library, symbol)
+                self._several[symbol] = getattr(self._opened(), symbol)
             call = self._several[symbol]
         arrays = dict(given)
         for r, name, shape in zip(results, f.results, f.shapes, strict=True):
@@ -211,21 +223,6 @@ class Batches:
             setattr(b, name, (at, state, direction, 1))
         code = shared(call, b, threads) if shared else call(b)
         return {int(i): int(codes[i]) for i in np.flatnonzero(codes)} if code else {}
-
-    def _shared(self) -> Any:
-        """The C function that shares a batch over states among threads; False where it cannot be had."""
-        with self._lock:
-            if self._sharing is None:
-                try:
-                    path, ffi = build_apart(self._folder, self._model, "threads").library(), self._ffi
-                    symbol = f"{self._model}_on_threads"
-                    ffi.cdef(f"int {symbol}(int (*)(states *), states *, int);", override=True)
-                    # never unloaded: its threads outlive whoever has opened it
-                    self._sharing = getattr(ffi.dlopen(str(path), ffi.RTLD_NOW | ffi.RTLD_NODELETE), symbol)
-                except (CompileError, NoCompilerError, OSError) as error:
-                    warn(f"{self._model}: batches are worked on by one thread: {error}")
-                    self._sharing = False
-            return self._sharing
 
 
 def spoil(results: Sequence[Array], f: Function, failed: Iterable[int], batch: Shape) -> None:
