@@ -31,7 +31,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         help="take an earlier run (JSON) in place of a new one; several make one",
     )
-    parser.add_argument("--plots", metavar="FOLDER", help="draw what grows how, and robots beside Pinocchio (SVG)")
+    parser.add_argument(
+        "--plots", metavar="FOLDER", help="draw what grows how, a roofline, and robots beside Pinocchio (SVG)"
+    )
     parser.add_argument("--page", metavar="FILE", help="write it as a page of the manual (Markdown)")
 
 
@@ -107,7 +109,7 @@ def run(
 ) -> dict[str, Any]:
     """Measure problems, and other programs on them; `keep` is given what there is after every problem."""
     from .machine import machine
-    from .measuring import measure
+    from .measuring import measure, peaks
     from .results import FORMAT
     from .timing import one_core
 
@@ -120,6 +122,9 @@ def run(
 
             results["problems"][problem.name] = measure(problem, Path(folder), quick, progress, 0.05 if quick else 0.1)
             keep(results)
+        if any(r["kind"] == "family" for r in results["problems"].values()):
+            status("measuring what the core can do", len(problems), len(problems))
+            results["peaks"] = peaks(Path(folder))
         if peers:
             from .peers.comparing import compare_with_peers
 

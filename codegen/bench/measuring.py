@@ -14,6 +14,8 @@ import numpy as np
 
 from .. import generation
 from ..model import parse_model
+from ..reporting.core import Core
+from ..reporting.roofline import point
 from ..runtime import Solver, load
 from ..runtime.standalone.manifest import read_manifest
 from .c_clock import Clock
@@ -177,7 +179,10 @@ def _evaluation(x: Evaluation, name: str, folder: Path, progress: Progress, budg
             "reference_seconds": time.perf_counter() - start,
         }  # fmt: skip
     progress(f"{name}: timing")
-    return result | {"seconds": _times(solver, folder / name, Clock(folder), q, u, x, budget)}
+    times = _times(solver, folder / name, Clock(folder), q, u, x, budget)
+    functions = zip(times.items(), (("accelerations", 0), ("sensitivities", WIDTH)), strict=True)
+    roofline = [point(solver, label, function, k, seconds) for (label, seconds), (function, k) in functions]
+    return result | {"seconds": times, "roofline": roofline}
 
 
 def relative_errors(udot: Array, dudot: Array, exact: Reference) -> list[float]:
@@ -205,6 +210,11 @@ def _times(
         ),
     }
     return {name: s.least for name, s in alternate(contestants, budget).items()}
+
+
+def peaks(folder: Path) -> dict[str, float]:
+    """What the core can do: operations per second, vectors and one number at a time, and bytes per second, for a roofline."""
+    return {name: 1 / min(turn.seconds for turn in turns) for name, turns in Core.compiled(folder).peaks().items()}
 
 
 def exponent(sizes: Sequence[int], seconds: Sequence[float]) -> float:

@@ -1,11 +1,12 @@
-"""Pictures of what the benchmark found, SVG, to be read in black and white: what grows how, and robots beside Pinocchio."""
+"""Pictures of what the benchmark found, SVG, to be read in black and white: what grows how, a roofline, and robots beside
+Pinocchio."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
 
-from ..reporting.figures import drawing
+from ..reporting.figures import drawing, under_the_roof
 from .measuring import exponent
 
 STYLES: tuple[dict[str, Any], ...] = (
@@ -34,6 +35,8 @@ def plots(results: dict[str, Any]) -> dict[str, str]:
     problems = results["problems"]
     families = {n: r for n, r in problems.items() if r["kind"] == "family" and len(r["sizes"]) > 1}
     found = {"time_by_size": time_by_size(families)} if families else {}
+    if "peaks" in results and any("roofline" in row for r in families.values() for row in r["sizes"]):
+        found["roofline"] = roofline(families, results["peaks"])
     for r in problems.values():
         if r["kind"] == "robots" and r["rows"]:
             found["robots"] = robots(r["rows"])
@@ -56,6 +59,18 @@ def time_by_size(families: dict[str, Any]) -> str:
             ax.set_title(f"{function} directions" if "+" in function else function, fontsize=9)
             ax.legend(loc="upper left", fontsize=7)
         axes[0].set_ylabel("microseconds, in C")
+    return text[0]
+
+
+def roofline(families: dict[str, Any], peaks: dict[str, float]) -> str:
+    """Operations per second of an evaluation in C under what the core can do: udot hollow, with directions filled."""
+    with under_the_roof(peaks) as (ax, text):
+        for (name, r), style in zip(families.items(), STYLES, strict=False):
+            points = [row["roofline"] for row in r["sizes"] if "roofline" in row]
+            for function, face in zip(zip(*points, strict=True), ("none", style["color"]), strict=True):
+                ax.plot([p["per_byte"] for p in function], [p["per_second"] / 1e9 for p in function], linestyle="none",
+                        marker=style["marker"], color=style["color"], markerfacecolor=face, markersize=4,
+                        label=f"{name}, {function[0]['name']}")  # fmt: skip
     return text[0]
 
 

@@ -67,6 +67,7 @@ def joined(parts: Sequence[tuple[Path, dict[str, Any]]]) -> dict[str, Any]:
         if part["quick"] != whole["quick"]:
             raise ResultsError(f"one of {path} and {first} was measured with --quick; give runs of one kind")
         whole["problems"] |= part["problems"]
+        whole |= {"peaks": part["peaks"]} if "peaks" in part else {}
         if "peers" in part:
             rows = {**whole.get("peers", {}).get("problems", {}), **part["peers"]["problems"]}
             whole["peers"] = {"skipped": part["peers"]["skipped"], "problems": rows}

@@ -186,7 +186,17 @@ def conditions(data: dict[str, Any]) -> str:
 
 def roofline(data: dict[str, Any]) -> str:
     """Operations per second over operations per byte, under what the core can do."""
-    peaks = data["peaks"]
+    with under_the_roof(data["peaks"]) as (ax, text):
+        for point, marker in zip(data["points"], "os^", strict=True):
+            ax.plot(
+                point["per_byte"], point["per_second"] / 1e9, marker, color="#000000", markersize=6, label=point["name"]
+            )
+    return text[0]
+
+
+@contextmanager
+def under_the_roof(peaks: dict[str, float]) -> Iterator[tuple[Any, list[str]]]:
+    """Axes with what a core can do, for points to be drawn in; the SVG text is left in the list."""
     with drawing(7.2, 3.6) as (_, (ax,), text):
         x = np.logspace(-2, 2, 200)
         for name, dashes in (("first cache", "-"), ("memory", (0, (5, 2)))):
@@ -194,13 +204,9 @@ def roofline(data: dict[str, Any]) -> str:
                     label=f"{name}, {peaks[name] / 1e9:.0f} GB/s")  # fmt: skip
         ax.axhline(peaks["numbers"] / 1e9, color="#8a8a8a", linewidth=1, linestyle=(0, (1, 1.2)),
                    label=f"one number at a time, {peaks['numbers'] / 1e9:.1f} GFlop/s")  # fmt: skip
-        for point, marker in zip(data["points"], "os^", strict=True):
-            ax.plot(
-                point["per_byte"], point["per_second"] / 1e9, marker, color="#000000", markersize=6, label=point["name"]
-            )
+        yield ax, text
         ax.set_xscale("log")
         ax.set_yscale("log")
         ax.set_xlabel("operations per byte of arguments and results")
         ax.set_ylabel("GFlop/s")
         ax.legend(loc="upper left", bbox_to_anchor=(1, 1), fontsize=8)
-    return text[0]

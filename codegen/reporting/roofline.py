@@ -16,19 +16,26 @@ def operations(solver: Solver, function: str, directions: int = 0) -> int:
     )
 
 
+def point(solver: Solver, name: str, function: str, directions: int, seconds: float) -> dict[str, Any]:
+    """Of a call that takes so many seconds: operations per second, and operations per byte of arguments and results."""
+    n, k = operations(solver, function, directions), directions
+    moved = 8 * ((solver.nq + 2 * solver.nu + solver.ninputs) * (1 + k) + solver.np * k + 1)
+    return {"name": name, "operations": n, "per_second": n / seconds, "per_byte": n / moved}
+
+
 def points(solver: Solver, times: dict[str, Any]) -> list[dict[str, Any]]:
-    """For udot and sensitivities: operations per second, and operations per byte of arguments and results.
+    """`point` for udot and sensitivities.
 
     Parameters
     ----------
     times : dict
         ``functions`` of `times.times`.
     """
-    found = []
-    for name, function, k in (("udot", "accelerations", 0), ("udot + 1 direction", "sensitivities", 1),
-                              ("udot + 8 directions", "sensitivities", 8)):  # fmt: skip
-        n = operations(solver, function, k)
-        moved = 8 * ((solver.nq + 2 * solver.nu + solver.ninputs) * (1 + k) + solver.np * k + 1)
-        seconds = times[name]["compiled"]["least"]
-        found.append({"name": name, "operations": n, "per_second": n / seconds, "per_byte": n / moved})
-    return found
+    return [
+        point(solver, name, function, k, times[name]["compiled"]["least"])
+        for name, function, k in (
+            ("udot", "accelerations", 0),
+            ("udot + 1 direction", "sensitivities", 1),
+            ("udot + 8 directions", "sensitivities", 8),
+        )
+    ]

@@ -57,3 +57,19 @@ def test_pictures_have_families_with_their_exponents_and_robots(tmp_path):
     assert "chain, exponent 1.00" in texts[0] and "chain, exponent 2.00" in texts[0] and "UR5, 6" in texts[1]
     assert texts == [p.read_text() for p in write_plots({"problems": problems}, tmp_path / "again")]
     assert write_plots({"problems": {}}, tmp_path / "none") == []
+
+
+def test_a_roofline_has_every_family_under_what_the_core_can_do(tmp_path):
+    pytest.importorskip("matplotlib")
+    rows = [
+        {"bodies": n, "seconds": {"udot": 1e-8 * n, "udot + 8": 2e-8 * n},
+         "roofline": [{"name": name, "operations": n, "per_second": 2e9, "per_byte": 3.0} for name in ("udot", "udot + 8")]}
+        for n in (10, 100)
+    ]  # fmt: skip
+    problems = {name: {"kind": "family", "sizes": rows} for name in ("chain", "ladder")}
+    peaks = {"vectors": 1e11, "numbers": 8e9, "first cache": 4e11, "memory": 2e10}
+    written = write_plots({"problems": problems, "peaks": peaks}, tmp_path)
+    assert [p.name for p in written] == ["time_by_size.svg", "roofline.svg"]
+    text = written[1].read_text()
+    for label in ("chain, udot", "ladder, udot + 8", "memory, 20 GB/s", "one number at a time, 8.0 GFlop/s"):
+        assert f">{label}<" in text, label
