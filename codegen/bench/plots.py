@@ -14,7 +14,7 @@ STYLES: tuple[dict[str, Any], ...] = (
     {"color": "#0072b2", "marker": "^", "linestyle": (0, (5, 2))},
     {"color": "#8a8a8a", "marker": "s", "linestyle": (0, (1, 1.2))},
     {"color": "#d55e00", "marker": "D", "linestyle": (0, (5, 1, 1, 1))},
-    {"color": "#000000", "marker": "x", "linestyle": (0, (8, 3))},
+    {"color": "#000000", "marker": "P", "linestyle": (0, (8, 3))},
     {"color": "#0072b2", "marker": "v", "linestyle": (0, (3, 1, 1, 1, 1, 1))},
 )
 """They differ by marker and dashes, not by colour alone."""
