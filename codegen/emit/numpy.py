@@ -155,28 +155,13 @@ class NumpyWriter(Writer):
         return [*lines, "a.kept[GROUND] = a.records[GROUND]"] if self.layout.kept else lines
 
     def prepared(self, what: str) -> list[str]:
-        angles, driven = self.layout.angles, self.layout.driven_angles
         match what:
             case procedures.CONSTANTS:
                 return self.constants[1]
             case procedures.GROUND:
                 return self.ground()
-            case procedures.ANGLES if driven:
-                place = f":{len(angles)}" if angles == list(range(len(angles))) else "angle_of"
-                free = [f"*a.q[{place}], "] if angles else []
-                return [
-                    f"angles = [{''.join(free)}*(a.prescribed[i] for i in driven_angle_of)]",
-                    *(
-                        ["angles = [x + v for x, v in zip(angles, added_angle)]"]
-                        if any(self.layout.added_angles)
-                        else []
-                    ),
-                    "a.cos, a.sin = [np.cos(x) for x in angles], [np.sin(x) for x in angles]",
-                ]
-            case procedures.ANGLES if angles:
-                place = f":{len(angles)}" if angles == list(range(len(angles))) else "angle_of"
-                added = " + added_angle" if any(self.layout.added_angles) else ""
-                return [f"angles = a.q[{place}]{added}", "a.cos, a.sin = np.cos(angles), np.sin(angles)"]
+            case procedures.ANGLES:
+                return self.angles()
             case procedures.GROUND_AT_REST:
                 return [f"a.records[GROUND]{_key(name)} = ZERO" for name in self.ground_accelerations()]
             case procedures.GROUND_TANGENT:
@@ -192,6 +177,24 @@ class NumpyWriter(Writer):
             case procedures.ADJOINTS | procedures.PASSING_ADJOINTS:
                 return self.adjoints()
         return []
+
+    def angles(self) -> list[str]:
+        """Lines that compute cosines and sines of the coordinates that are angles, which come before their batch axes."""
+        angles, driven = self.layout.angles, self.layout.driven_angles
+        if not angles and not driven:
+            return []
+        free = f"a.q[{f':{len(angles)}' if angles == list(range(len(angles))) else 'angle_of'}]"
+        added = any(self.layout.added_angles)
+        if not driven:  # one array
+            return [
+                f"angles = ({free}.T + added_angle).T" if added else f"angles = {free}",
+                "a.cos, a.sin = np.cos(angles), np.sin(angles)",
+            ]
+        return [
+            f"angles = [{f'*{free}, ' if angles else ''}*(a.prescribed[i] for i in driven_angle_of)]",
+            *(["angles = [x + v for x, v in zip(angles, added_angle)]"] if added else []),
+            "a.cos, a.sin = [np.cos(x) for x in angles], [np.sin(x) for x in angles]",
+        ]
 
     def adjoints(self) -> list[str]:
         """Lines that empty the memory of the directions: what is not there is zero."""
