@@ -30,15 +30,16 @@ ALIKE = 1e-11
 
 DIGITS = 30
 
-TURNED = """
+MASS = "mass: {m}, com: [0.3, 0, 0], inertia: {{xx: 0.1, yy: 0.1, zz: 0.1}}"
+TURNED = f"""
 model: turned
 gravity: [0, 0, -9.81]
-parameters: {m: 1.3}
+parameters: {{m: 1.3}}
 bodies:
-  a: {parent: ground, joint: {type: revolute, axis: y, rpy: [0, 0.4, 0]}, mass: m, com: [0.3, 0, 0], inertia: {xx: 0.1, yy: 0.1, zz: 0.1}}
-  b: {parent: a, joint: {type: revolute, axis: y, at: [0.5, 0, 0], rpy: [0, 0.3, 0]}, mass: 1, com: [0.3, 0, 0], inertia: {xx: 0.1, yy: 0.1, zz: 0.1}}
-  slide: {parent: a, joint: {type: prismatic, axis: x}, mass: 1, com: [0.1, 0.2, 0], inertia: {xx: 0.1, yy: 0.1, zz: 0.1}}
-  c: {parent: slide, joint: {type: revolute, axis: z, at: [0.5, 0, 0], rpy: [0, 0, -1.1]}, mass: 1, com: [0.3, 0, 0], inertia: {xx: 0.1, yy: 0.1, zz: 0.1}}
+  a: {{parent: ground, joint: {{type: revolute, axis: y, rpy: [0, 0.4, 0]}}, {MASS.format(m="m")}}}
+  b: {{parent: a, joint: {{type: revolute, axis: y, at: [0.5, 0, 0], rpy: [0, 0.3, 0]}}, {MASS.format(m=1)}}}
+  slide: {{parent: a, joint: {{type: prismatic, axis: x}}, {MASS.format(m=1)}}}
+  c: {{parent: slide, joint: {{type: revolute, axis: z, at: [0.5, 0, 0], rpy: [0, 0, -1.1]}}, {MASS.format(m=1)}}}
 """
 
 
