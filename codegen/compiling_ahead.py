@@ -15,6 +15,7 @@ from .runtime.sections import carried_files
 from .runtime.standalone.build import Build, first_build
 from .runtime.standalone.compiler import CFLAGS
 from .runtime.standalone.errors import CompileError
+from .runtime.standalone.user_cache import PRIVATE, in_cache
 
 
 class CompilingAhead:
@@ -81,6 +82,8 @@ class CompilingAhead:
             hidden = self.folder / f".build-{self._library.name}"
             with contextlib.suppress(OSError):
                 shutil.copyfile(self._library, hidden)
+                if in_cache(hidden):
+                    hidden.chmod(PRIVATE)
                 hidden.replace(self.folder / self._library.name)
 
     def __enter__(self) -> CompilingAhead:

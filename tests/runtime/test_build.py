@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from codegen.runtime import CompileError, NoCompilerError, SingularJointError, TargetsDifferError, load
-from codegen.runtime.standalone import build
+from codegen.runtime.standalone import build, user_cache
 
 EXPECTED = -9.81 / 0.5 * np.sin(0.3)
 
@@ -348,3 +348,36 @@ def test_loading_what_is_compiled_takes_no_time(pendulum):
     start = time.perf_counter()
     load(pendulum)
     assert time.perf_counter() - start < 0.5
+
+
+@pytest.mark.parametrize("mode", [0o777, 0o775, 0o700])
+def test_a_library_that_others_planted_is_not_loaded(pendulum, monkeypatch, tmp_path, mode):
+    """It has the right name and its own digest; only where nobody else can write is it taken for ours."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr(sys, "platform", "linux")
+    place = tmp_path / "cache" / "ordernm" / "pendulum"
+    place.mkdir(parents=True)
+    for folder in (place.parent, place):
+        folder.chmod(mode)
+    key = build.Build(pendulum, "pendulum").key()
+    planted = place / "planted.so"
+    planted.write_bytes(b"planted")
+    planted = planted.rename(place / f"{key}-{build.digest(planted)}.so")
+    planted.chmod(0o700)
+    made = build.Build(pendulum, "pendulum")
+    if mode == 0o700:
+        assert made.found() == planted
+        return
+    with pytest.warns(RuntimeWarning, match="the cache is not used"):
+        assert made.library().parent == pendulum
+    assert accelerate(load(pendulum)) == pytest.approx(EXPECTED, rel=1e-15)
+
+
+def test_a_cache_of_another_user_is_not_used(pendulum, monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr(sys, "platform", "linux")
+    made = user_cache.make_private(tmp_path / "cache" / "ordernm" / "pendulum")
+    assert stat.S_IMODE(made.stat().st_mode) == 0o700
+    monkeypatch.setattr(os, "geteuid", lambda: made.stat().st_uid + 1)
+    with pytest.raises(user_cache.CacheError, match=rf"ordernm belongs to user {made.stat().st_uid}"):
+        user_cache.make_private(made)

@@ -7,7 +7,6 @@ import hashlib
 import os
 import re
 import shlex
-import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -15,6 +14,7 @@ from typing import Any
 
 from .compiler import CFLAGS, COMMAND, STANDARD, Stop, compiler_version, find_compiler, optimization, processor, run_all
 from .errors import CompileError, NoCompilerError
+from .user_cache import PRIVATE, in_cache, make_private, trusted, user_cache
 
 FLAGS = {"four": ("-O3", "-march=native"), "precise": ("-O1",)}
 """Of what is compiled apart, unless the environment says. Four directions: a motion with them is a twentieth faster by -O3, for
@@ -22,13 +22,6 @@ more time to compile. Long double: it is needed at once, but derivatives near a 
 long by -O0."""
 
 _INCLUDE = re.compile(rb'^ *# *include "([^"]+)"', re.MULTILINE)
-
-
-def user_cache() -> Path:
-    """Where libraries go whose package cannot be written to."""
-    if sys.platform == "darwin":
-        return Path.home() / "Library" / "Caches" / "ordernm"
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "ordernm"
 
 
 class Build:
@@ -95,9 +88,11 @@ class Build:
         return all(s.is_file() for s in self.sources)
 
     def found(self, key: str = "") -> Path | None:
-        """The library if it exists; one that is damaged is removed."""
+        """The library if it exists; one that is damaged is removed, one of the cache that others can write to is not used."""
         for place in self.places:
             for found in sorted(place.glob(f"{key or self.key()}-*.so")):
+                if not trusted(found):
+                    continue
                 with contextlib.suppress(OSError):
                     if found.stem.endswith(f"-{digest(found)}"):
                         return found
@@ -120,14 +115,21 @@ class Build:
         refusals = []
         for place in self.places:
             try:
-                place.mkdir(parents=True, exist_ok=True)
+                if in_cache(place):
+                    make_private(place)
+                else:
+                    place.mkdir(parents=True, exist_ok=True)
                 with tempfile.TemporaryDirectory(prefix=".build-", dir=place, ignore_cleanup_errors=True) as temporary:
                     made = Path(temporary) / "library.so"
                     self._compile(made, place / f"{self.name}.log")
                     library = place / f"{key}-{digest(made)}.so"
+                    if in_cache(place):
+                        made.chmod(PRIVATE)
                     os.replace(made, library)
                 return library
-            except OSError as error:  # read-only, not ours, full, or a folder is where the library shall be
+            except (
+                OSError
+            ) as error:  # read-only, not ours, open to others, full, or a folder is where the library shall be
                 refusals.append(str(error))
         raise CompileError(f"no folder to write the library of {self.name} to: {'; '.join(refusals)}")
 

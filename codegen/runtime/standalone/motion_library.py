@@ -8,8 +8,9 @@ import threading
 from pathlib import Path
 from typing import Any
 
-from .build import Build, build_apart, user_cache
+from .build import Build, build_apart
 from .errors import CompileError, PackageError
+from .user_cache import user_cache
 
 FOLDER = "motion"
 HEADER = "motion.h"
