@@ -13,11 +13,11 @@ import gc
 import os
 import signal
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from types import FrameType
-from typing import Any, NoReturn
+from typing import Any
 
+from .ending import Ending
 from .folders import OTHERS
 from .terminal import StatusLine, width, write_lines
 from .version import __version__
@@ -281,11 +281,11 @@ def run_import(options: argparse.Namespace, status: StatusLine) -> int:
 def run_simulate(options: argparse.Namespace, status: StatusLine) -> int:
     """``ordernm simulate``: a motion, its table, its file and its picture; Ctrl-C leaves what was computed until then."""
     from .runtime import CompileError, NoCompilerError, PackageError, SingularJointError, TargetsDifferError
-    from .simulating import MotionError, RequestError, lines_of, simulate
+    from .simulating import MotionError, RequestError, simulate
 
     remarks: list[str] = []
     try:
-        run = simulate(options, status, remarks)
+        run = simulate(options, status, remarks, width(sys.stdout))
     except (RequestError, PackageError, ImportError) as error:
         raise Failure(USAGE, f"simulate: {error}") from None
     except (CompileError, NoCompilerError) as error:
@@ -298,8 +298,8 @@ def run_simulate(options: argparse.Namespace, status: StatusLine) -> int:
         status.close()
         for remark in remarks:
             _problem(remark if "warning: " in remark else f"warning: {remark}")
-    write_lines(lines_of(run, width(sys.stdout)), sys.stdout, ["bold"])
-    return _how_it_ended(run, options.received)
+    write_lines(run.lines, sys.stdout, ["bold"])
+    return _how_it_ended(run, options.ending.received)
 
 
 def run_report(options: argparse.Namespace, status: StatusLine) -> int:
@@ -376,7 +376,7 @@ def _how_it_ended(run: Any, received: Sequence[int]) -> int:
 
     where = f"at t = {run.reached:.6g} of {run.end:.6g} s"
     left = f"; until then: {', '.join(map(str, run.written))}" if run.written else ""
-    if run.trajectory.ended == INTERRUPTED:
+    if run.trajectory.ended == INTERRUPTED or received:
         number = received[-1] if received else signal.SIGINT
         how = "interrupted" if number == signal.SIGINT else f"ended by {signal.Signals(number).name}"
         _problem(f"simulate: {how} {where}{left}")
@@ -414,40 +414,6 @@ class Failure(Exception):
         self.code = code
 
 
-class Terminated(KeyboardInterrupt):
-    """A signal asks the process to end.
-
-    Attributes
-    ----------
-    number : int
-    """
-
-    def __init__(self, number: int):
-        super().__init__(number)
-        self.number = number
-
-
-@contextlib.contextmanager
-def _signals() -> Iterator[list[int]]:
-    """A signal to end becomes an exception meanwhile, so that what is half-done is cleared away; those that came are listed."""
-    received: list[int] = []
-
-    def end(number: int, frame: FrameType | None) -> NoReturn:
-        received.append(number)
-        raise Terminated(number)
-
-    before = {}
-    with contextlib.suppress(ValueError):  # not in the main thread: whoever runs it there has handlers of their own
-        for number in (signal.SIGTERM, signal.SIGHUP):
-            if signal.getsignal(number) == signal.SIG_DFL:  # nohup ignores one: that stays
-                before[number] = signal.signal(number, end)
-    try:
-        yield received
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-
 def _run(options: argparse.Namespace) -> int:
     """Run a command; its errors become messages and exit codes."""
     command, status = options.command, StatusLine(sys.stderr)
@@ -456,7 +422,7 @@ def _run(options: argparse.Namespace) -> int:
         from .model.errors import ModelError
 
         try:
-            with _signals() as options.received, status:
+            with Ending().handling() as options.ending, status:
                 code: int = options.run(options, status)
                 sys.stdout.flush()
             return code

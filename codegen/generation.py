@@ -17,7 +17,6 @@ from .folders import OTHERS, FolderError, put_right, refuse_foreign, write_folde
 from .for_c import package_context
 from .listing import list_model
 from .model import Model, ModelError, load_model
-from .model.loading import digest_of_files
 from .program.progress import Progress, silent
 from .summary import Report
 from .version import __version__
@@ -118,7 +117,7 @@ def generate(
             model = load_model(file)
             origin = {"file": file.name}
             if file.is_file():  # what comes from a pipe is read once
-                origin["sha256"] = digest_of_files(file, model)
+                origin["sha256"] = model.digest
     path = (Path("generated") / model.name if folder is None else Path(folder)).absolute()
     put_right(path)
     refuse_foreign(path)

@@ -10,9 +10,11 @@ import argparse
 import contextlib
 import dataclasses
 import hashlib
+import importlib.metadata
 import math
 import os
 import shutil
+import sys
 import tempfile
 import warnings
 from collections.abc import Callable, Iterator, Sequence
@@ -24,6 +26,7 @@ from .folders import unwritable
 from .terminal import StatusLine
 
 if TYPE_CHECKING:
+    from .ending import Ending
     from .model import Model
     from .runtime import Solver, Trajectory
 
@@ -34,6 +37,12 @@ METHODS = ("dop853", "rk4", "radau")
 
 KEPT = 20
 """So many generated packages are kept for models that are simulated again."""
+
+SOURCES = (".py", ".jinja", ".c", ".h")
+"""Files of the generator that its output depends on."""
+
+NEEDED = ("numpy", "sympy", "scipy", "jinja2", "PyYAML", "pydantic")
+"""Packages that its output depends on."""
 
 ROWS, COLUMNS = 24, 6
 """Of the table of final values: so many outputs, and derivatives of each."""
@@ -59,12 +68,15 @@ class Run:
     written : list of Path
     failed : OSError, ValueError or None
         What could not be written, though the simulation went well.
+    lines : list of str
+        What is printed of it.
     """
 
     trajectory: Trajectory
     end: float
     written: list[Path] = dataclasses.field(default_factory=list)
     failed: OSError | ValueError | None = None
+    lines: list[str] = dataclasses.field(default_factory=list)
 
     @property
     def reached(self) -> float:
@@ -105,13 +117,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--plot", metavar="FILE", help="draw outputs and their derivatives: .svg, .png, .pdf")
 
 
-def simulate(options: argparse.Namespace, status: StatusLine, remarks: list[str]) -> Run:
+def simulate(options: argparse.Namespace, status: StatusLine, remarks: list[str], width: int | None = None) -> Run:
     """Do what the command line asks for, but for printing.
 
     Parameters
     ----------
+    options : argparse.Namespace
+        With the `Ending` of the command as ``ending``: once the motion has ended signals are deferred, so that what has been
+        computed is written.
     remarks : list of str
         Takes what was warned of, also where an error ends the work.
+    width : int, optional
+        Columns of the lines to print.
 
     Raises
     ------
@@ -122,6 +139,7 @@ def simulate(options: argparse.Namespace, status: StatusLine, remarks: list[str]
         Those of `codegen.generate` and `codegen.load`.
     """
     times = times_of(options)
+    ending: Ending = options.ending
     p, inputs = (
         numbers_by_name(word, getattr(options, at)) for word, at in (("-p", "parameter"), ("--inputs", "inputs"))
     )
@@ -129,29 +147,38 @@ def simulate(options: argparse.Namespace, status: StatusLine, remarks: list[str]
     rtol, atol = (_positive(f"--{name}", getattr(options, name)) for name in ("rtol", "atol"))
     writers = _writers(options)
 
+    def progress(t: float, end: float) -> None:
+        ending.deferred = t >= end  # until then the integrator keeps what there is
+        status.share(f"simulating, t = {t:.4g} of {end:.4g} s", t / end if end else 1.0)
+
     def moved(solver: Solver) -> Trajectory:
         status("simulating", 0, 0)
         with _motion_errors():
             return solver.simulate(
                 times, p=p or None, inputs=inputs or None, sensitivities=sensitivities, method=options.method, rtol=rtol,
-                atol=atol, on_failure="return",
-                progress=lambda t, end: status.share(f"simulating, t = {t:.4g} of {end:.4g} s", t / end if end else 1.0),
+                atol=atol, on_failure="return", progress=progress,
             )  # fmt: skip
 
     with contextlib.ExitStack() as stack:
         with _remarks(remarks):
-            solver = stack.enter_context(solver_of(options.model, status))
+            model = read(options.model, status)
+            solver = stack.enter_context(solver_of(model, status))
             trajectory = moved(solver)
         held = 1
-        while Path(options.model).is_file() and (more := more_choices(solver, trajectory, held)):
-            held = more
-            remarks[:] = [
+        while not isinstance(model, Path) and (more := more_choices(solver, trajectory, held)):
+            ending.deferred, held = False, more
+            again = [
                 f"the dependent coordinates were hardly determined at t = {trajectory.stats['t']:.6g} s, as at a dead point: "
                 f"made a solver with {held} choices of independent coordinates, and began again"
             ]
-            with _remarks(remarks):
-                solver = stack.enter_context(solver_of(options.model, status, partitions=held))
-                trajectory = moved(solver)
+            try:
+                with _remarks(again):
+                    solver = stack.enter_context(solver_of(model, status, partitions=held))
+                    trajectory = moved(solver)
+            except KeyboardInterrupt:  # before the second motion began: the first one is kept
+                break
+            remarks[:] = again
+        ending.deferred = True
         done = Run(trajectory, times[-1])
         for path, write in writers if len(trajectory) else ():
             status(f"writing {path}", 0, 0)
@@ -160,6 +187,7 @@ def simulate(options: argparse.Namespace, status: StatusLine, remarks: list[str]
                 done.written.append(path)
             except (OSError, ValueError) as error:  # a model without coordinates cannot be drawn
                 done.failed = done.failed or error
+        done.lines = lines_of(done, width)  # units are read from the package, which may be in a temporary folder
     return done
 
 
@@ -277,29 +305,36 @@ def _writers(options: argparse.Namespace) -> list[tuple[Path, Callable[[Trajecto
 # -- the solver ----------------------------------------------------------------------------------------------------------
 
 
-@contextlib.contextmanager
-def solver_of(model: str, status: StatusLine, partitions: int = 1) -> Iterator[Solver]:
-    """The solver of a generated package, or of a model file: generated into a cache, where it is found again.
+def read(file: str, status: StatusLine) -> Model | Path:
+    """The model of a file, or the folder of a generated package."""
+    from .model import load_model
 
-    A model that is no file (a pipe), and one for which there is no cache, is generated into a temporary folder.
+    if Path(file).is_dir():
+        return Path(file)
+    status("reading", 0, 0)
+    model = load_model(file)
+    for remark in model.warnings:
+        warnings.warn(str(remark), RuntimeWarning, stacklevel=1)
+    return model
+
+
+@contextlib.contextmanager
+def solver_of(model: Model | Path, status: StatusLine, partitions: int = 1) -> Iterator[Solver]:
+    """The solver of a generated package, or of a model: generated into a cache, where it is found again.
+
+    Where there is no cache that only this user can write to, a temporary folder serves.
     """
     from .runtime import load
 
-    if Path(model).is_dir():
+    if isinstance(model, Path):
         status("loading", 0, 0)
         yield load(model)
         return
-    from .model import load_model
-
-    status("reading", 0, 0)
-    read = load_model(model)
-    for remark in read.warnings:
-        warnings.warn(str(remark), RuntimeWarning, stacklevel=1)
     with contextlib.ExitStack() as stack:
-        folder = _cached(model, read.name, partitions) or Path(
-            stack.enter_context(tempfile.TemporaryDirectory(prefix="ordernm-", ignore_cleanup_errors=True)), read.name
+        folder = _cached(model, partitions) or Path(
+            stack.enter_context(tempfile.TemporaryDirectory(prefix="ordernm-", ignore_cleanup_errors=True)), model.name
         )
-        _generate(read, folder, status, partitions)
+        _generate(model, folder, status, partitions)
         status("loading", 0, 0)
         yield load(folder)
 
@@ -309,47 +344,59 @@ def _generate(model: Model, folder: Path, status: StatusLine, partitions: int) -
     from .generation import generate
     from .runtime import PackageError
     from .runtime.standalone.manifest import check_files, read_manifest
+    from .runtime.standalone.user_cache import trusted
 
-    with contextlib.suppress(PackageError):
-        check_files(folder, read_manifest(folder), ("",))
-        os.utime(folder)  # used just now, so it is kept
-        return
+    with contextlib.suppress(PackageError, OSError):
+        if all(trusted(file) for file in folder.rglob("*")):
+            check_files(folder, read_manifest(folder), ("",))
+            os.utime(folder)  # used just now, so it is kept
+            return
     shutil.rmtree(folder, ignore_errors=True)  # one that is damaged would be refused
-    generate(model, folder, progress=status, partitions=partitions)
+    mask = os.umask(0o077)
+    try:
+        generate(model, folder, progress=status, partitions=partitions)
+    finally:
+        os.umask(mask)
     _forget_old(folder.parent)
 
 
-def _cached(file: str, name: str, partitions: int) -> Path | None:
-    """Where the package of a model file is kept; None if that cannot be known or written to."""
-    from .runtime.standalone.build import user_cache
+def _cached(model: Model, partitions: int) -> Path | None:
+    """Where the package of a model is kept; None if nothing can be kept: a warning says why, but for a user without a home.
 
-    if not Path(file).is_file():
-        return None
+    The name holds a digest of all that the package depends on: every file of the model as it was read, the generator, the
+    packages that it computes and prints with, and the options. Compiled libraries have flags, compiler and processor in names
+    of their own.
+    """
+    from .runtime.standalone.user_cache import make_private, user_cache
+
+    key = hashlib.sha256(f"{model.digest} {partitions}".encode())
+    key.update(_generator())
     try:
-        key = hashlib.sha256(Path(file).read_bytes())
-        key.update(_generator())
-        place = user_cache() / "simulated"
-        place.mkdir(parents=True, exist_ok=True)
-    except (OSError, RuntimeError):  # a user without a home, or with one that cannot be written to
+        place = make_private(user_cache() / "simulated")
+    except RuntimeError:  # a user without a home
         return None
-    return (
-        place / f"{name}-{key.hexdigest()[:16]}{'-2' * (partitions == 2)}"
-        if os.access(place, os.W_OK | os.X_OK)
-        else None
-    )
+    except OSError as error:
+        warnings.warn(f"nothing is kept for the next time: {error}", RuntimeWarning, stacklevel=1)
+        return None
+    if not os.access(place, os.W_OK | os.X_OK):
+        warnings.warn(
+            f"nothing is kept for the next time: no permission to write in {place}", RuntimeWarning, stacklevel=1
+        )
+        return None
+    return place / f"{model.name}-{key.hexdigest()[:16]}"
 
 
 def _generator() -> bytes:
-    """A digest of the generator itself: a package of another one is another package, also between two versions."""
+    """A digest of the generator, also between two versions, and of the versions of what it needs."""
     package = Path(__file__).parent
-    found = hashlib.sha256()
-    for folder, pattern in (
-        (package, "**/*.py"),
-        (package / "templates", "**/*.*"),
-        (package.parent / "templates", "**/*.*"),
-    ):
-        for file in sorted(folder.glob(pattern)):
-            found.update(file.read_bytes() if file.is_file() else b"")
+    found = hashlib.sha256(sys.version.encode())
+    for folder in (package, package.parent / "templates"):
+        for file in sorted(folder.rglob("*")):
+            if file.suffix in SOURCES:
+                found.update(f"{file.relative_to(folder).as_posix()}\0".encode() + file.read_bytes())
+    for name in NEEDED:
+        with contextlib.suppress(importlib.metadata.PackageNotFoundError):
+            found.update(f"{name} {importlib.metadata.version(name)}\0".encode())
     return found.digest()
 
 
@@ -398,6 +445,7 @@ __all__ = [
     "add_arguments",
     "lines_of",
     "numbers_by_name",
+    "read",
     "simulate",
     "solver_of",
     "times_of",

@@ -501,3 +501,91 @@ def test_progress_is_told_to_the_status_line(here, monkeypatch, capsys):
     monkeypatch.setattr(StatusLine, "share", lambda self, stage, share: seen.append((stage, share)))
     assert run("swing.yaml", "-t", 1, "--samples", 3) == 0
     assert seen == [("simulating, t = 0.5 of 1 s", 0.5), ("simulating, t = 1 of 1 s", 1.0)]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_while_files_are_written_costs_none_of_them(here, capsys, monkeypatch, number):
+    """Nor does a second one behind the first, as ``timeout`` sends it."""
+    save = Trajectory.save
+
+    def slowly(trajectory, path):
+        signal.raise_signal(number)
+        signal.raise_signal(number)
+        save(trajectory, path)
+
+    monkeypatch.setattr(Trajectory, "save", slowly)
+    assert run("swing.yaml", "-t", 0.1, "-o", "run.npz") == 128 + number
+    assert len(Trajectory.load("run.npz")) == simulating.SAMPLES
+    assert "until then: run.npz" in capsys.readouterr().err
+
+
+def test_an_edited_include_is_another_model(here, capsys):
+    """Nothing of the main file has changed; the numbers are those of what it includes now."""
+    Path("part.yaml").write_text("constants: {pull: 2.0}\n")
+    Path("whole.yaml").write_text(MODEL.replace("model: swing\n", "model: swing\ninclude: [part.yaml]\n").replace(
+        "[0, 0, -9.81]", "[0, 0, -pull]"))  # fmt: skip
+    heights = []
+    for pull in (2.0, 9.0, 2.0):
+        Path("part.yaml").write_text(f"constants: {{pull: {pull}}}\n")
+        assert run("whole.yaml", "-t", 1, "-o", "run.npz") == 0
+        heights.append(Trajectory.load("run.npz")["height"][-1])
+    assert heights[0] == heights[2] != heights[1]
+
+
+def test_choices_of_independents_are_part_of_the_key(here, capsys):
+    model = codegen.load_model("swing.yaml")
+    assert len({simulating._cached(model, n) for n in (1, 2, 4)}) == 3
+
+
+def test_the_generator_and_what_it_needs_are_part_of_the_key(here, monkeypatch, tmp_path):
+    before = simulating._generator()
+    monkeypatch.setattr("importlib.metadata.version", lambda name: "another")
+    other = simulating._generator()
+    monkeypatch.setattr("codegen.simulating.SOURCES", (".py", ".jinja"))  # without the integrators' C
+    assert len({before, other, simulating._generator()}) == 3
+
+
+def test_a_pipe_without_a_cache(here, monkeypatch, capsys, tmp_path):
+    """What is printed is made while the package is there."""
+    monkeypatch.setattr(Solver, "simulate", REAL)
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
+    reading, writing = os.pipe()
+    os.write(writing, MODEL.encode())
+    os.close(writing)
+    assert run(f"/dev/fd/{reading}", "-t", 0.1, "--sensitivities", "length") == 0
+    os.close(reading)
+    out, err = capsys.readouterr()
+    assert "height" in out and "nothing is kept for the next time" in err
+
+
+def test_the_cache_is_made_for_the_user_alone(here, monkeypatch, tmp_path, capsys):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "private"))
+    mask = os.umask(0)
+    try:
+        assert run("swing.yaml", "-t", 0.1) == 0
+        assert run("swing.yaml", "-t", 0.1) == 0  # and it is used
+    finally:
+        os.umask(mask)
+    assert capsys.readouterr().err == ""
+    found = list((tmp_path / "private").rglob("*"))
+    assert any(p.suffix == ".so" for p in found)
+    assert all(p.stat().st_mode & 0o077 == 0 for p in found if p.is_dir())
+    assert all(p.stat().st_mode & 0o022 == 0 for p in found)
+
+
+@pytest.mark.parametrize("open_to_others", ["", "simulated", "simulated/*", "simulated/*/swing.c", "simulated/*/*.so"])
+def test_a_cache_that_others_can_write_to_is_not_used(here, monkeypatch, tmp_path, capsys, open_to_others):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "shared"))
+    assert run("swing.yaml", "-t", 0.1) == 0
+    capsys.readouterr()
+    place = tmp_path / "shared" / "ordernm"
+    (mine, *_) = place.glob(open_to_others) if open_to_others else [place]
+    mine.chmod(mine.stat().st_mode | 0o022)
+    library = next(place.glob("simulated/*/*.so"))
+    inode = library.stat().st_ino
+    assert run("swing.yaml", "-t", 0.1) == 0
+    err = capsys.readouterr().err
+    assert "the cache is not used" in err or library.stat().st_ino != inode
+    if open_to_others in ("", "simulated"):
+        assert f"{mine} can be written to by other users (mode" in err and f"remove {place}" in err

@@ -11,7 +11,7 @@ from .entries import seen
 from .errors import ModelError, Problem
 from .forces import JointForce
 from .model import GROUND, Model
-from .positions import Document
+from .positions import Document, digest_of_documents
 from .reading import Reader, TooManyProblems
 from .repetition import CannotGoOn
 from .schema import SECTIONS
@@ -125,5 +125,6 @@ def _model(reader: Reader) -> Model | None:
         file=reader.document.file,
         places=reader.places,
         files=tuple(reader.files.names),
+        digest=digest_of_documents(reader.files.opened.values()),
         points=tuple(points.values()),
     )

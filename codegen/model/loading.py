@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 from os import PathLike, fspath
-from pathlib import Path
 
 from .assembly import assemble
 from .collector import collector_paused
@@ -33,22 +31,6 @@ def load_model(path: str | PathLike[str]) -> Model:
     """
     name = fspath(path)
     return parse_model(read_file(name), name, os.path.dirname(name) or ".")
-
-
-def digest_of_files(path: str | PathLike[str], model: Model) -> str:
-    """SHA-256 of a model's file, with those that it includes or uses.
-
-    Parameters
-    ----------
-    path : str or path
-        The model's own file.
-    model : Model
-        What was read from it.
-    """
-    digest = hashlib.sha256(Path(path).read_bytes())
-    for name in model.files:
-        digest.update(hashlib.sha256(Path(name).read_bytes()).digest())
-    return digest.hexdigest()
 
 
 def parse_model(text: str, filename: str = "<string>", folder: str | PathLike[str] | None = None) -> Model:

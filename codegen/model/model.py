@@ -337,6 +337,8 @@ class Model:
         File, line and column of entries by section and name.
     files : tuple of str
         The other files that it was read from: included ones and those of submodels.
+    digest : str
+        SHA-256 of the texts of all its files as they were read; ``""`` for a model of the builder.
     points : tuple of Point
         Those that have a name, in the order of the file.
     """
@@ -360,6 +362,7 @@ class Model:
     file: str = "builder"
     places: dict[str, dict[str, tuple[str, int | None, int | None]]] = field(default_factory=dict, repr=False)
     files: tuple[str, ...] = ()
+    digest: str = field(default="", repr=False, compare=False)
     points: tuple[Point, ...] = ()
 
     def problem(self, path: str, message: str) -> Problem:

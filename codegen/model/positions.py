@@ -7,10 +7,11 @@ not YAML's decides what a number is (``1e-4`` is a string in YAML 1.1).
 
 from __future__ import annotations
 
+import hashlib
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 import yaml
 
@@ -38,6 +39,8 @@ Path_ = tuple[Key, ...]
 _TAGS = {"tag:yaml.org,2002:" + t for t in ("str", "int", "float", "map", "seq")}
 _MERGE = "<<"
 
+Digest: TypeAlias = "hashlib._Hash"
+
 
 class Document:
     """Plain data with the place of every value.
@@ -48,12 +51,18 @@ class Document:
         Name for messages.
     root : Any
         Mappings, lists, and scalars; scalars of a file are str, or None where nothing is written.
+
+    Attributes
+    ----------
+    digest : hash object or None
+        SHA-256 of the text that it was read from.
     """
 
     def __init__(self, file: str, root: Any = None) -> None:
         self.file = file
         self.root = root
         self.problems: list[Problem] = []
+        self.digest: Digest | None = None
         self._kept: list[Any] = []  # keeps ids valid
         # by id of a mapping: for every key the places of key and value in one number; of a list: the places of its values
         self._places: dict[int, dict[str, int] | list[int]] = {}
@@ -157,6 +166,17 @@ def read_file(path: str | Path) -> str:
         raise ModelError([Problem(file, line, column, "", message)]) from None
 
 
+def digest_of_documents(documents: Iterable[Document]) -> str:
+    """SHA-256 of a model's own text, followed by the SHA-256 of each of its other files; ``""`` for what came from no text."""
+    first, *others = (document.digest for document in documents)
+    if first is None:
+        return ""
+    whole = first.copy()
+    for other in others:
+        whole.update(b"" if other is None else other.digest())
+    return whole.hexdigest()
+
+
 def compose(text: str, file: str) -> Document:
     """Read YAML text.
 
@@ -166,6 +186,7 @@ def compose(text: str, file: str) -> Document:
         If the text is no YAML, or its nesting or aliases go beyond every model.
     """
     document = Document(file)
+    document.digest = hashlib.sha256(text.encode("utf-8", "surrogatepass"))
     try:
         document.root = _Composer(document).compose(_events(text))
     except yaml.MarkedYAMLError as error:

@@ -57,14 +57,13 @@ class LongTexts:
 
 def _read(model: Any, manifest: Mapping[str, Any]) -> Model:
     from ..model import Model, load_model
-    from ..model.loading import digest_of_files
 
     if isinstance(model, Model):
         return model
     file = Path(model)
     known = (manifest.get("origin") or {}).get("sha256")
     read = load_model(file)
-    if known and file.is_file() and digest_of_files(file, read) != known:
+    if known and file.is_file() and read.digest != known:
         raise ValueError(
             f"model: {file} is not what the package was generated from, or was changed since; generate the package again"
         )
