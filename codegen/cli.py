@@ -196,7 +196,7 @@ def _choice(model: Any, file: str, status: StatusLine, regions: bool = False) ->
     status("choosing dependent coordinates", 0, 0)
     try:
         chosen = partition(model)
-        lines = first(describe(model.released, chosen), PROBLEMS, "and {} lines more")
+        lines = first(describe(model, chosen), PROBLEMS, "and {} lines more")
     except (AssemblyError, PartitionError) as error:
         raise ModelError([Problem(file, None, None, "loops", str(error))]) from None
     if not regions:

@@ -294,7 +294,7 @@ class Lines:
         )
         if self.opened:
             head.append("DIRECTIONS(call) d;")
-        if any(isinstance(s, Single) for s in p.steps):
+        if any(isinstance(s, Single) and s.steps for s in p.steps):
             head.append("call_1 one;")
         return [*head, *self.functions.laid_out(p), *body]
 
@@ -356,15 +356,17 @@ class Lines:
             case Tolerate():
                 return []
             case Own():
+                if not step.array.size:
+                    return []
                 return [f"{self.base(step.array.lanes)}{step.array.name} = {self.own(step.array)};"]
             case Hold():
                 return [*self.of(Own(step.array)), *self.of(Copy(step.array, step.given))]
             case Bind():
                 return [f"{self.base(step.array.lanes)}{step.array.name} = {self.bound_to(step.to)};"]
             case Zero():
-                return [self.each(step.array.size, f"{self.array(step.array)}[i] = {_nothing(step.array)};")]
+                return self.each(step.array.size, f"{self.array(step.array)}[i] = {_nothing(step.array)};")
             case Copy():
-                return [self.each(step.to.size, f"{self.array(step.to)}[i] = {self.array(step.of)}[i];")]
+                return self.each(step.to.size, f"{self.array(step.to)}[i] = {self.array(step.of)}[i];")
             case CopyEntry():
                 return [f"{self.array(step.to)}[{step.index}] = {self.array(step.of)}[{step.entry}];"]
             case AddEntry():
@@ -373,7 +375,7 @@ class Lines:
             case ZeroEntries():
                 return self.zero_entries(step)
             case Combine():
-                return [self.combine(step)]
+                return self.combine(step)
             case Single():
                 return self.single(step)
             case Columns():
@@ -384,7 +386,8 @@ class Lines:
                 return primitives(step, self.array, self.call(step.formulas.called, True))
             case IfAsked():
                 asked = " || ".join(self.array(r) for r in step.results)
-                return [f"if ({asked}) {{", *(f"    {line}" for s in step.steps for line in self.of(s)), "}"]
+                lines = [f"    {line}" for s in step.steps for line in self.of(s)]
+                return [f"if ({asked}) {{", *lines, "}"] if lines else []
             case Together():
                 raise TypeError("which of the two is taken is said before, see procedure.for_target")
 
@@ -398,8 +401,9 @@ class Lines:
         return [f"if ({call.removesuffix(';')}) return {self.base(step.routine.lanes)}singular;"]
 
     @staticmethod
-    def each(n: int, line: str) -> str:
-        return f"for (int i = 0; i < {n}; ++i) {line}"
+    def each(n: int, line: str) -> list[str]:
+        """A line for each entry; none where there are no entries."""
+        return [f"for (int i = 0; i < {n}; ++i) {line}"] if n else []
 
     def own(self, a: Array) -> str:
         place = f"{self.base(a.lanes)}own + {self.memory.own[a]}"
@@ -410,7 +414,7 @@ class Lines:
             return self.caller(a, True)
         return self.array(a)
 
-    def combine(self, step: Combine) -> str:
+    def combine(self, step: Combine) -> list[str]:
         h = ".at[h]" if step.to.lanes else ""
         terms = " + ".join(f"{self.array(a)}[i]{h}" for a in step.plus)
         terms += "".join(f" - {self.array(a)}[i]{h}" for a in step.minus)
@@ -423,9 +427,11 @@ class Lines:
         if not n:
             return []
         table = f"static const int zero_{a.name}[{n}] = {{{', '.join(map(str, step.entries))}}};"
-        return [table, self.each(n, f"{self.array(a)}[zero_{a.name}[i]] = {_nothing(a)};")]
+        return [table, *self.each(n, f"{self.array(a)}[zero_{a.name}[i]] = {_nothing(a)};")]
 
     def single(self, step: Single) -> list[str]:
+        if not step.steps:  # of no speeds
+            return []
         lines = ["open_1(&one, &c, work);"]
         lines += [f"one.{a.name} = (lanes_1 *){of.name};" for a, of in (*step.reads, *step.writes)]
         return [*lines, *(f"{s.sweep}_1(&one);" for s in step.steps)]
@@ -435,20 +441,24 @@ class Lines:
         unit, free = step.unit, step.among
         count = unit.size if free is None else len(free)
         at = "j + l" if free is None else f"free_{unit.name}[j + l]"
+        takes = [t for t in step.takes if t.into.size]
         lines = []
         if free is not None:
-            lines.append(f"static const int free_{unit.name}[{count}] = {{{', '.join(map(str, free))}}};")
             lines += [
                 f"for (long i = 0; i < {t.into.size}L; ++i) {self.array(t.into)}[i] = {_nothing(t.into)};"
-                for t in step.takes
+                for t in takes
             ]
+        if not count or not takes:
+            return lines
+        if free is not None:
+            lines.insert(0, f"static const int free_{unit.name}[{count}] = {{{', '.join(map(str, free))}}};")
         lines += [
             f"for (int j = 0; j < {count}; j += WIDTH) {{",
             f"    const int m = {count} - j < WIDTH ? {count} - j : WIDTH;",
             f"    for (int l = 0; l < m; ++l) *component({self.array(unit)} + {at}, l) = 1.0;",
         ]
         lines += [f"    {line}" for s in step.steps for line in self.of(s)]
-        for t in step.takes:
+        for t in takes:
             rows, columns = t.of.size, t.into.size // t.of.size
             taken = f"*component({self.array(t.of)} + i, l);"
             into = self.array(t.into)
@@ -467,6 +477,8 @@ class Lines:
 
     def columns_of_values(self, step: Columns) -> list[str]:
         """One column at a time, all directions of its tangent together."""
+        if not step.unit.size:
+            return []
         unit = self.array(step.unit)
         lines = [f"for (int j = 0; j < {step.unit.size}; ++j) {{", f"    {unit}[j] = 1.0;"]
         lines += [f"    {line}" for s in step.steps for line in self.of(s)]
@@ -474,7 +486,7 @@ class Lines:
         for t in step.takes:
             columns = t.into.size // t.of.size
             line = f"{self.array(t.into)}[{columns}L*i + j] = {self.array(t.of)}[i];"
-            lines.append(f"    {self.each(t.of.size, line)}")
+            lines += [f"    {each}" for each in self.each(t.of.size, line)]
         return [*lines, "}"]
 
 

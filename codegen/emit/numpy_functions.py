@@ -203,8 +203,8 @@ class _Lines:
         lines = []
         for t in step.takes:
             self.matrices.add(t.into.name)
-            columns = t.into.size // t.of.size
-            size = AXES.get(t.into.shape[-1], str(columns)) if len(t.into.shape) > 1 else str(columns)
+            columns = str(unit.size)
+            size = AXES.get(t.into.shape[-1], columns) if len(t.into.shape) > 1 else columns
             lead = "*a.k, *a.batch" if t.into.lanes else "*a.batch"
             lines.append(f"a.{t.into.name} = np.zeros(({lead}, {count(t.of)}, {size}))")
         among = "" if step.among is None else f", among={list(step.among)}"

@@ -195,7 +195,7 @@ def write_solver(
         "unrolled" if unrolled else "kinds",
         seconds,
         program.report,
-        describe(model.released, chosen) if chosen else [],
+        describe(model, chosen) if chosen else [],
         chosen,
     )
 

@@ -11,7 +11,11 @@ LINES = 12
 
 
 def describe(model: Model, partition: Partition) -> list[str]:
-    """Lines for a reader: loops, ears, dependents, ranks, redundant conditions, clusters and degrees of freedom."""
+    """Lines for a reader: loops, ears, dependents, ranks, redundant conditions, clusters and degrees of freedom.
+
+    The model's prescribed motion counts as none of the freedoms; the partition is that of the released model.
+    """
+    prescribed, model = set(model.prescribed_names), model.released
     if not partition.ears:
         return []
     ears, names = partition.ears, model.speed_names
@@ -19,10 +23,12 @@ def describe(model: Model, partition: Partition) -> list[str]:
     count = loops_counted(model)
     if clusters := sum(len(ear.loops) > 1 for ear in ears):
         count += f" ({clusters} cluster{'s' * (clusters > 1)})"
-    freedoms = len(partition.independent)
+    free = [names[s] for s in partition.independent if names[s] not in prescribed]
+    freedoms = f"{len(free) or 'no'} degree{'s' * (len(free) > 1)} of freedom"
+    driven = listed([names[s] for s in partition.independent if names[s] in prescribed])
     lines = [
-        f"{count}: {rank} of {len(names)} speeds are dependent, {freedoms} degree{'s' * (freedoms > 1)} of freedom: "
-        f"{listed([names[s] for s in partition.independent])}"
+        f"{count}: {rank} of {len(names)} speeds are dependent, {freedoms}"
+        f"{': ' * bool(free)}{listed(free) if free else ''}{f'; prescribed: {driven}' if prescribed else ''}"
     ]
     type_of = [
         b.joint.type

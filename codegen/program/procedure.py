@@ -514,7 +514,7 @@ def pruned(procedure: Procedure, lives: Callable[[Run | Formulas | Prepare], boo
                     found.append(Perform(replace(step.routine, steps=inner)))
             elif isinstance(step, (Columns, IfAsked)):
                 found.append(replace(step, steps=kept(step.steps)))
-            elif isinstance(step, AllColumns):
+            elif isinstance(step, (AllColumns, Single)):
                 found.append(replace(step, steps=tuple(s for s in step.steps if lives(s))))
             else:
                 found.append(step)

@@ -88,11 +88,8 @@ def left_out(system: System, kept: tuple[Procedure, ...]) -> list[str]:
 
 def every(w: Shared, reactions: bool) -> tuple[Procedure, ...]:
     """All functions that a solver of the system can have."""
-    moves = w.system.model.nu > 0  # something is not prescribed
-    found = [*dynamics(w), jacobians(w), *rates(w)] if moves else []
-    if w.system.independent[1]:  # there is something to integrate
-        found += state_rates(w)
-    if moves and not w.loops:
+    found = [*dynamics(w), jacobians(w), *rates(w), *state_rates(w)]
+    if not w.loops:
         found += [*mass(w), *inverse_dynamics(w)]
     found += energies(w)
     if w.motions:

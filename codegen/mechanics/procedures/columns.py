@@ -24,7 +24,8 @@ Entries = tuple[tuple[Array, int], ...]
 
 def applies(system: System) -> bool:
     """Whether columns of a system can be computed at once."""
-    return not system.model.loops and not system.elements and len(system.links) <= MOST_LINKS
+    model = system.model
+    return model.nu > 0 and not model.loops and not system.elements and len(system.links) <= MOST_LINKS
 
 
 def room(system: System) -> int:

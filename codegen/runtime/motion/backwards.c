@@ -40,7 +40,7 @@ static size_t lay_out(ordernm_adjoint *a, const ordernm_problem *problem, ordern
     a->weights = ordernm_numbers(&of, s->noutputs*width);
     a->p = ordernm_numbers(&of, a->ngroups*s->np*width);
     a->inputs = ordernm_numbers(&of, a->ngroups*problem->inputs.count*s->ninputs*width);
-    if (problem->method == ORDERNM_RADAU)
+    if (problem->method == ORDERNM_RADAU && s->nfree_q + s->nfree_u)
         a->of_stages = ordernm_take(&of, ordernm_radau_layout_stages(0, s->nfree_q + s->nfree_u, 0));
     return of.used;
 }

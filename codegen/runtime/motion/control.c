@@ -51,7 +51,9 @@ static long whole_lines(long n) { return (n + 7)/8*8; }
 
 static const method *method_of(const ordernm_problem *p)
 {
-    return p->method == ORDERNM_RK4 ? &ordernm_rk4 : p->method == ORDERNM_RADAU ? &ordernm_radau : &ordernm_dop853;
+    const ordernm_system *s = p->system;
+    const int solves = s->nfree_q + s->nfree_u > 0; /* else an implicit method has no equations */
+    return p->method == ORDERNM_RK4 ? &ordernm_rk4 : p->method == ORDERNM_RADAU && solves ? &ordernm_radau : &ordernm_dop853;
 }
 
 /* Of long doubles: the workspace, and what NAME_precise.c has beside it. */
@@ -155,7 +157,7 @@ long ordernm_step_size(const ordernm_problem *p)
 long ordernm_known_size(const ordernm_problem *p)
 {
     const ordernm_system *s = p->system;
-    return p->method == ORDERNM_RADAU ? 4 + 4*whole_lines(s->nq + s->nfree_u + p->nintegrals) : 0;
+    return method_of(p) == &ordernm_radau ? 4 + 4*whole_lines(s->nq + s->nfree_u + p->nintegrals) : 0;
 }
 
 ordernm_motion *ordernm_begin(const ordernm_problem *p, double *room)
@@ -238,6 +240,13 @@ int ordernm_row(ordernm_motion *m, ordernm_results *results, double *row)
 
 /* ---- Errors. ---- */
 
+/* How many entries of the state have errors that count: those that are integrated; where nothing is independent, predictions too,
+ * by which dependent coordinates are followed. */
+static int counted(const ordernm_motion *m)
+{
+    return m->ny + m->nx + (m->ny ? 0 : m->nd);
+}
+
 /* The mean square of n errors in units of what is allowed: absolute, and relative to the larger of two sizes. */
 static double mean_square(long n, long step, const double *error, const double *a, const double *b, const double *atol,
     int same, double rtol)
@@ -262,9 +271,9 @@ static double of_both(double first, double second)
 double ordernm_error_norm(const ordernm_motion *m, const double *next, const double *error, const double *second)
 {
     const ordernm_problem *const p = m->problem;
-    const long n = m->ny + m->nx;
-    const double state = mean_square(n, 1, error, m->z, next, p->atol, 0, p->rtol);
-    const double other = mean_square(n, 1, second, m->z, next, p->atol, 0, p->rtol);
+    const long n = m->ny + m->nx, all = counted(m);
+    const double state = mean_square(all, 1, error, m->z, next, p->atol, 0, p->rtol);
+    const double other = mean_square(all, 1, second, m->z, next, p->atol, 0, p->rtol);
     double largest = of_both(state, other);
     if (!p->atol_directions || !(largest == largest)) return largest;
     for (int g = 0; g < m->ngroups; ++g) {
@@ -287,7 +296,7 @@ static int worst_entry(const ordernm_motion *m)
     const ordernm_problem *const p = m->problem;
     int worst = 0;
     double largest = -1.0;
-    for (int i = 0; i < m->ny + m->nx; ++i) {
+    for (int i = 0; i < counted(m); ++i) {
         const double of = fabs(m->error[0][i])/(p->atol[i] + p->rtol*fabs(m->z[i]));
         if (!(of <= largest)) largest = of, worst = i;
         if (of != of) break;
@@ -301,8 +310,10 @@ static int worst_entry(const ordernm_motion *m)
 static int first_step(ordernm_motion *m, double limit, double *h)
 {
     const ordernm_problem *const p = m->problem;
-    const int n = m->ny + m->nx;
+    const int n = counted(m);
     double size = 0.0, rate = 0.0, bend = 0.0;
+    *h = limit;
+    if (!n) return 0;
     for (int i = 0; i < n; ++i) {
         const double scale = p->atol[i] + p->rtol*fabs(m->z[i]);
         size += m->z[i]/scale*(m->z[i]/scale);
@@ -353,7 +364,7 @@ static int failed(ordernm_results *r, int status)
 /* Rates of these entries have no value. */
 static int not_finite(ordernm_motion *m, const double *rate)
 {
-    for (int i = 0; i < m->ny + m->nx; ++i)
+    for (int i = 0; i < counted(m); ++i)
         if (rate[i]*0.0 != 0.0) m->results->component = i;
     return ORDERNM_NOT_FINITE;
 }

@@ -110,7 +110,7 @@ typedef struct {
     double poor;              /* condition of loops above which the motion stops with ORDERNM_POOR, between steps; 0 for any */
     double looked_at;         /* until it has been below that, it stops only beyond three times this one */
     double rtol;
-    const double *atol;       /* [nfree_q + nfree_u + nintegrals] */
+    const double *atol;       /* [nfree_q + nfree_u + nintegrals]; where nothing is independent, the nq coordinates behind them */
     const double *atol_directions; /* [ndirections]: errors of sensitivities count too; 0: those of the state only */
     int nintegrals;
     const int *integrals;     /* outputs that are integrated over time */

@@ -159,7 +159,7 @@ class Diagnosing(Dynamics):
 
     def _mass_condition(self, arrays: Mapping[str, Any]) -> MassCondition | None:
         names = self.independent_speed_names
-        if len(names) > LARGEST:
+        if not 0 < len(names) <= LARGEST:
             return None
         try:
             M = self._mass(arrays, [self.speed_names.index(n) for n in names])

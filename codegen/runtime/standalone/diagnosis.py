@@ -177,6 +177,7 @@ class Diagnosis:
             return
         digits, names = self.digits, self.speed_names
         if not len(digits):
+            yield "there are no speeds, so there are no accelerations whose digits could be lost"
             return
         if not np.isfinite(self.udot_error).all():
             yield "rounding errors are not known: the rounding of operations cannot be directed on this machine"

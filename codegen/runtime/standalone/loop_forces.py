@@ -46,6 +46,10 @@ class LoopForces(Package):
             self._mass_along(at, np.eye(n)[j] / size[..., j : j + 1], size, along) * size[..., j, None]
             for j in range(n)
         ]
+        if not columns:
+            raise ValueError(
+                f"{self.name} has no independent speeds, for its motion is wholly prescribed: its mass matrix has no entries"
+            )
         dM = np.stack(columns, axis=-1)
         found = M, 0.5 * (dM + np.swapaxes(dM, -1, -2))
         return found if out is None else (_placed(found[0], out[0]), _placed(found[1], out[1]))

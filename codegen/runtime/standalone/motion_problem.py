@@ -105,6 +105,7 @@ class Problem:
                     *(ffi.unpack(system.free_q, system.nfree_q) if system.nfree_q else ()),
                     *(system.nq + i for i in (ffi.unpack(system.free_u, system.nfree_u) if system.nfree_u else ())),
                     *range(system.nq + system.nu, len(self.atol)),
+                    *(range(system.nq) if not system.nfree_q + system.nfree_u else ()),
                 ]
             ]
         c.rtol, c.atol, c.atol_directions = self.rtol, pointer(counting), pointer(self.atol_directions)

@@ -285,11 +285,6 @@ class Package:
         """Why there is no function of that name."""
         if name.startswith("driving_force") and not self.prescribed_names:
             return f"{self.name} has no prescribed motion (section motion of the model file), so nothing is driven"
-        if self.prescribed_names and not self.independent_speed_names:
-            where = (
-                "assemble, outputs and driving_forces tell" if self.closure_names else "outputs and driving_forces tell"
-            )
-            return f"{self.name} has no {name!r}: all its motion is prescribed; {where} of it at any t"
         if name in ("reactions", "reaction_sensitivities"):
             among = ", or name it among --functions" if "left_out" in self._manifest else ""
             return f"{self.name} was generated without {name}: generate it with --reactions{among}"

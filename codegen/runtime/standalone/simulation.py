@@ -26,6 +26,9 @@ CLOSED = 1e-10
 MOST_STEPS = 1_000_000
 """So many steps are made unless a caller allows more."""
 
+STEPS_OF_PRESCRIBED = 100
+"""Where nothing is integrated, steps have no error, and results are wanted between the ends of the motion all the same."""
+
 SMALLEST_TOLERANCE = 1e-14
 """Relative errors below it are rounding."""
 
@@ -212,7 +215,7 @@ class Simulation(MotionRun):
         problem = Problem(
             start, end, q_all, u_all, p_all, spline, times, dq, du, directions.dp, directions.dinputs, float(rtol),
             allowed, allowed_directions, method, float(step or 0.0),
-            float(largest_step or 0.0), int(most_steps),
+            float(largest_step or (0.0 if self.nq + self.nu else (end - start) / STEPS_OF_PRESCRIBED)), int(most_steps),
         )  # fmt: skip
         return problem, directions
 
@@ -338,7 +341,9 @@ class Simulation(MotionRun):
             f"u.{n}" for n in manifest["independent_speed_names"]
         ]
         names += [f"integral {i}" for i in range(len(problem.integrals))]
-        entry = names[min(run.component, len(names) - 1)]
+        if not self.independent_speed_names:  # dependent coordinates are followed by their rates
+            names += [f"q.{n}" for n in self.coordinate_names]
+        entry = names[min(run.component, len(names) - 1)] if names else "nothing"
         match run.reason:
             case "singular":
                 error = self._in_c(run.opened).singular(run.singular, f" {at}")
