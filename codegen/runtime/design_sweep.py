@@ -49,6 +49,7 @@ def sweep(
     solver: Any, cases: Any, measure: Callable[[Any, Case], Any],
     executor: Executor | Callable[[], Executor] | None = None, *,
     journal: str | os.PathLike[str] | None = None, chunk: int | None = None, progress: Callable[[int, int], None] | None = None,
+    retry_failed: bool = False,
 ) -> Sweep:  # fmt: skip
     """Measure many cases of a model, by any executor.
 
@@ -65,12 +66,16 @@ def sweep(
         anew when it dies: ``functools.partial(ProcessPoolExecutor, 8)``. Workers open the solver's package by its path.
     journal : path, optional
         A file to which every case that was computed is written at once. When it is there already, the cases in it are not
-        computed again.
+        computed again, and `Sweep.from_journal` says how many these are. It serves the same package and the same measure only:
+        code of the measure, variables that it closes over, and functions and values of modules that are not installed are
+        compared; installed packages, files that the measure reads and variables that it changes itself are not.
     chunk : int, optional
         Cases that are sent together. Left out: the cases in 200 parts, at most 50 of them together.
     progress : callable, optional
         Called as ``progress(done, n)``; KeyboardInterrupt in it, or Ctrl-C, ends the sweep, and what was computed until then is
         returned.
+    retry_failed : bool
+        Compute cases again that failed according to the journal.
 
     Returns
     -------
@@ -99,6 +104,9 @@ def sweep(
     book = None if journal is None else Journal(journal, solver, measure)
     try:
         known = {} if book is None else {k: book.rows[k] for k in keys if k in book.rows}
+        if retry_failed:
+            known = {k: row for k, row in known.items() if row.failure is None}
+        from_journal = sum(k in known for k in keys)
         todo = {k: case for k, case in zip(keys, wanted, strict=True) if k not in known}
         crew = _Crew(solver, measure, todo, known, book, progress)
         try:
@@ -114,6 +122,7 @@ def sweep(
         [None if row is None else row.values for row in rows],
         {i: row.failure for i, row in enumerate(rows) if row is not None and row.failure is not None},
         [i for i, row in enumerate(rows) if row is None],
+        from_journal,
     )
 
 

@@ -2,27 +2,30 @@
 
 The first line says of what solver and measure it is; each of the others holds a case and what was measured, or why it failed.
 Lines are added and never changed, so that whatever stops the program leaves at most one that is cut short, which is forgotten.
+A file is looked at before anything is written to it: one that is no journal, or a damaged one, stays byte for byte as it was.
 """
 
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import json
 import os
+import stat
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from .measure_digest import measure_digest, package_digest
 from .sweep_cases import Case, key
 
-FORMAT, VERSION = "ordernm sweep", 1
-SOURCES = (".c", ".h", ".py", ".json")
-"""Of these files a package's identity is made."""
+FORMAT, VERSION = "ordernm sweep", 2
+BEGIN = json.dumps({"format": FORMAT}).encode().rstrip(b"}")
+DAMAGE = (ValueError, RecursionError, TypeError, KeyError)
+"""What reading a line may raise that no journal holds."""
 
 
 class SweepJournalError(ValueError):
-    """A journal that belongs to something else, or that another sweep is writing."""
+    """A file that is no journal, one that belongs to something else, or one that another sweep is writing."""
 
 
 class Row(NamedTuple):
@@ -56,6 +59,8 @@ class Journal:
 
     def __init__(self, path: str | os.PathLike[str], solver: Any, measure: Callable[..., Any]):
         self.path = Path(path)
+        if self.path.exists() and not stat.S_ISREG(self.path.stat().st_mode):
+            raise SweepJournalError(f"{self.path} is not a regular file; a journal needs one: choose another name")
         self._file = open(self.path, "a+b")  # noqa: SIM115, closed by `close`
         try:
             self._lock()
@@ -90,45 +95,74 @@ class Journal:
                 ) from None
 
     def _read(self, header: Case) -> dict[str, Row]:
+        """The rows of the file; nothing is written before all of it has been found to be a journal of this sweep."""
         self._file.seek(0)
         whole, _, cut = self._file.read().rpartition(b"\n")
-        if cut:
-            self._file.truncate(len(whole) + 1 if whole else 0)
-        lines = whole.split(b"\n") if whole else []
-        if not lines:
-            self._file.write(json.dumps(header).encode() + b"\n")
+        first = json.dumps(header).encode()
+        if not whole:
+            if cut and not (first.startswith(cut) and cut.startswith(BEGIN)):  # the first line may be cut short too
+                raise self._no_journal()
+            self._file.truncate(0)
+            self._file.write(first + b"\n")
             self._file.flush()
             return {}
+        top, *lines = whole.split(b"\n")
+        self._compare(top, header)
+        rows = [self._row(number, line) for number, line in enumerate(lines, 2)]
+        if cut:
+            self._file.truncate(len(whole) + 1)
+        return {key(row.case): row for row in rows}
+
+    def _compare(self, line: bytes, header: Case) -> None:
         try:
-            seen, *rows = [json.loads(line) for line in lines]
-            if not isinstance(seen, dict) or seen.get("format") != FORMAT:
-                raise ValueError
-        except ValueError:
-            raise SweepJournalError(
-                f"{self.path} is no journal of a sweep, and is left as it is; choose another file"
-            ) from None
+            seen = json.loads(line)
+        except DAMAGE:
+            raise self._no_journal() from None
+        if not isinstance(seen, dict) or seen.get("format") != FORMAT:
+            raise self._no_journal()
         for name, mine in header.items():
-            if seen.get(name) != mine:
-                raise SweepJournalError(
-                    f"{self.path} is the journal of another sweep: {name} was {seen.get(name)!r}, here {mine!r}; "
-                    f"choose another file, or remove this one to begin anew"
-                )
-        found = (Row(r["case"], r.get("values"), r.get("failed")) for r in rows)
-        return {key(row.case): row for row in found}
+            if seen.get(name) == mine:
+                continue
+            what = f"{name} was {seen.get(name)!r}, here {mine!r}"
+            if name == "code":
+                what = "the code of the measure, or a value that it refers to, has changed since"
+            raise SweepJournalError(
+                f"{self.path} is the journal of another sweep: {what}; "
+                f"choose another file, or remove this one to begin anew"
+            )
+
+    def _row(self, number: int, line: bytes) -> Row:
+        try:
+            seen = json.loads(line)
+            case, values, failure = seen["case"], seen.get("values"), seen.get("failed")
+            if not _is_flat(case) or not (_is_flat(values) if failure is None else isinstance(failure, str)):
+                raise ValueError
+        except (*DAMAGE, AttributeError):
+            raise SweepJournalError(
+                f"{self.path} is damaged in line {number}, and is left as it is; remove that line to have its case computed "
+                f"anew, or choose another file"
+            ) from None
+        return Row(case, values, failure)
+
+    def _no_journal(self) -> SweepJournalError:
+        return SweepJournalError(f"{self.path} is no journal of a sweep, and is left as it is; choose another file")
+
+
+def _is_flat(row: Any) -> bool:
+    """Whether it holds names with numbers, words and truth values."""
+    return isinstance(row, dict) and all(x is None or isinstance(x, (bool, int, float, str)) for x in row.values())
 
 
 def _header(solver: Any, measure: Callable[..., Any]) -> Case:
-    whole = hashlib.sha256()
-    for path in sorted(Path(solver.folder).rglob("*")):
-        if path.suffix in SOURCES and "__pycache__" not in path.parts:
-            whole.update(str(path.relative_to(solver.folder)).encode() + b"\0" + path.read_bytes())
-    name = getattr(measure, "__qualname__", type(measure).__qualname__)
+    """All that the results depend on, but for what `measure_digest` says and rounding by another compiler or processor."""
     return {
         "format": FORMAT,
         "version": VERSION,
         "solver": solver.name,
-        "package": whole.hexdigest()[:16],
-        "measure": name,
+        "package": package_digest(solver.folder),
+        "bad_states": solver.bad_states,
+        "measure": getattr(measure, "__qualname__", type(measure).__qualname__),
+        "code": measure_digest(measure),
     }
 
 

@@ -34,12 +34,15 @@ class Sweep(Sequence[Case | None]):
         Why, by the case's number, from 0.
     left : list of int
         Cases that were not computed: Ctrl-C was pressed, or the executor died.
+    from_journal : int
+        How many of the cases were found in the journal, and not computed.
     """
 
     cases: list[Case]
     values: list[Case | None]
     failures: dict[int, str]
     left: list[int]
+    from_journal: int = 0
 
     def __len__(self) -> int:
         return len(self.cases)
@@ -143,7 +146,8 @@ class Sweep(Sequence[Case | None]):
 
     def __repr__(self) -> str:
         measured = f", measured: {', '.join(self.names)}" if self.names else ""
-        lines = [f"{len(self)} cases, {len(self.failures)} failed, {len(self.left)} not computed{measured}"]
+        journal = f", {self.from_journal} from the journal" if self.from_journal else ""
+        lines = [f"{len(self)} cases, {len(self.failures)} failed, {len(self.left)} not computed{journal}{measured}"]
         lines += [f"  {i} {self.cases[i]}: {why}" for i, why in list(self.failures.items())[:5]]
         if len(self.failures) > 5:
             lines.append(f"  and {len(self.failures) - 5} more")
