@@ -69,7 +69,7 @@ MOST_TRIED = 40
 
 
 def worst(chosen: Partition) -> float:
-    """The largest condition number of its ears."""
+    """The largest condition of its ears."""
     return max((ear.condition for ear in chosen.ears), default=1.0)
 
 

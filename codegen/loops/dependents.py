@@ -47,15 +47,25 @@ def ranks(A: Array, tolerance: float = RANK_TOLERANCE) -> Array:
 
 
 def conditions(A: Array) -> Array:
-    """Condition numbers ``(S,)`` of matrices ``(S, rows, f)``."""
+    """Condition ``(S,)`` of the columns of dependent speeds, ``(S, rows, f)``, scaled: section 4.7 of the theory page.
+
+    How far dependent speeds follow what opens the loop by one, in parts of the least that f of them can: the Frobenius norm
+    of the inverse times that of the matrix, or of a unit matrix if it is smaller, over f. So it grows too where the columns
+    become small all together; of a single column it is one over its length.
+    """
+    f = A.shape[-1]
     if 0 in A.shape:
         return np.ones(len(A))
     s = np.linalg.svd(A, compute_uv=False)
-    return np.where(s[:, -1] > 0, s[:, 0] / np.maximum(s[:, -1], 1e-300), np.inf)
+    with np.errstate(divide="ignore", over="ignore"):
+        inverse = np.sqrt(np.sum(1 / s**2, axis=1)) if s.shape[1] == f else np.full(len(s), np.inf)
+        size = np.sqrt(np.maximum(np.sum(s**2, axis=1), f)) / f if f > 1 else 1.0
+        found: Array = np.maximum(inverse * size, 1.0)
+    return np.where(np.isfinite(found), found, np.inf)
 
 
 def condition(A: Array) -> float:
-    """The worst condition number of matrices ``(S, rows, f)``."""
+    """The worst condition of matrices ``(S, rows, f)``."""
     return float(np.max(conditions(A), initial=1.0))
 
 

@@ -78,7 +78,7 @@ def _comparison(model: Model, partition: Partition) -> list[str]:
         which = ""
         if len(compared) > 1:
             which = f" of {listed([model.loops[i].name for i in found.loops])}, the worst of {len(compared)},"
-        text = f"  dependents{which} together: condition number {found.condition:.2g}, by pivoting {found.pivoted:.2g}"
+        text = f"  dependents{which} together: condition {found.condition:.2g}, by pivoting {found.pivoted:.2g}"
         if found.worst == found.worst:
             text += f"; in three of four other states at most {found.worst:.2g}, by pivoting {found.worst_pivoted:.2g}"
         if found.reach == found.reach:
@@ -106,5 +106,5 @@ def _line(model: Model, ears: list[Ear]) -> str:
     redundant = f", {first.redundant} redundant" if first.redundant else ""
     return (
         f"  {text}: {dependent} dependent{' (of the first)' * (len(ears) > 1)}; rank {first.rank} of {first.rows} "
-        f"conditions{redundant}; condition number {worst:.2g}"
+        f"conditions{redundant}; condition {worst:.2g}"
     )

@@ -22,6 +22,7 @@ from .errors import PartitionError
 from .geometry import Geometry
 from .ordering import Draft, Sweep, arrange
 from .vectors import Array
+from .velocities import is_lone_coupling
 from .wandering import Surroundings
 
 FEW = 30
@@ -75,7 +76,8 @@ class Judge:
         self.near, self.geometry, self.loops, self.held, self.rank, self.seed = (
             near, near.geometry, list(loops), held, rank, seed,
         )  # fmt: skip
-        self.q, self.E, self.speeds = near.q, near.E, [int(s) for s in near.speeds]
+        self.q, self.speeds = near.q, [int(s) for s in near.speeds]
+        self.E = np.sign(near.E) if is_lone_coupling(near.geometry, self.loops) else near.E
         self.column = {s: c for c, s in enumerate(self.speeds)}
         self._known: dict[tuple[tuple[int, ...], int], Comparison] = {}
         sizes = np.linalg.svd(self.E, compute_uv=False)

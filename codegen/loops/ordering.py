@@ -19,7 +19,7 @@ from .errors import PartitionError
 from .geometry import Geometry
 from .tangles import untangled
 from .vectors import Array
-from .velocities import Motion, VelocityClosure
+from .velocities import Motion, VelocityClosure, is_lone_coupling
 from .wording import listed, loops_named
 
 MOTIONS = 12
@@ -168,9 +168,9 @@ class Sweep:
         regular = self.regular
         if not _follows(E[regular][..., free], *closure.disturbance(held, regular), rank, g.tolerance):
             return self._why_open(closure, E[regular], free, held, rank)
-        if len(loops) == 1 and loops[0] in g.couplings:
-            # no ratio makes a coordinate a better one: that which the file gives by the others comes first
-            E, given = np.sign(E), g.couplings[loops[0]].speeds.tolist()
+        if is_lone_coupling(g, loops):
+            # that which the file gives by the others comes first
+            E, given = closure.weighed(g, float(g.lengths[loops[0]])), g.couplings[loops[0]].speeds.tolist()
             free = np.array(
                 sorted(free, key=lambda c: given.index(s) if (s := closure.speeds[c]) in given else len(given))
             )

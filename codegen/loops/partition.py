@@ -403,7 +403,7 @@ def _judged(geometry: Geometry, drafts: list[Draft], q: Array) -> list[Draft]:
     result = []
     for draft in drafts:
         closure = motion.closure(draft.loops)
-        E = closure.scaled(geometry, float(geometry.lengths[draft.loops[0]]))
+        E = closure.weighed(geometry, float(geometry.lengths[draft.loops[0]]))
         result.append(replace(draft, condition=condition(E[..., [closure.column[s] for s in draft.dependent]])))
         motion.groups.found(closure.bodies, motion.u)
     return result

@@ -197,6 +197,16 @@ class VelocityClosure:
         """E with the columns of displacements per characteristic length."""
         return self.E * np.where(geometry.turning[self.speeds], 1.0, length)
 
+    def weighed(self, geometry: Geometry, length: float) -> Array:
+        """The same for a choice of dependent speeds: the ratios of a coupling alone are constant and do not count."""
+        E = self.scaled(geometry, length)
+        return np.sign(E) if is_lone_coupling(geometry, self._cuts.loops) else E
+
+
+def is_lone_coupling(geometry: Geometry, loops: Sequence[int]) -> bool:
+    """Whether these loops are one coupling: no ratio makes a coordinate a better dependent one."""
+    return len(loops) == 1 and loops[0] in geometry.couplings
+
 
 def _possible(n: Array, m: Array, w: Array, v: Array, tolerance: float) -> int:
     """Rank of a loop's conditions n, m ``(3, 3)`` for all motions of the kind of some twists ``(3, f)`` at its cut.

@@ -7,11 +7,12 @@ characteristic length. A rotation is measured by 2 sin(t/2), which grows up to h
 from __future__ import annotations
 
 from ...program.block import Scope
+from ...program.expressions import Number
 from ...program.scalar import Value, Vector
 from ...program.store import Store
 from .. import fields
 from ..couplings import partner_store
-from ..spatial import ZERO, add, cross, dot, minus, rotate, transpose
+from ..spatial import ZERO, add, cross, dot, is_zero, minus, rotate, transpose
 from ..stores import BASE, CONDITION, GIVEN_U, ME, POSITION, REGION, STEP, UP, VELOCITY
 from ..structure.kinds import EarKind, LinkKind, RegionKind
 from .closures import stored_factor
@@ -19,7 +20,9 @@ from .completion import dependent_displacements
 from .conditions import joint_conditions, kept_conditions, seen_by
 from .couplings import open_by
 from .geometry import EarGeometry
+from .members import MemberView
 from .motions import Twist
+from .orthogonal import Factor
 
 TINY = 1e-30
 """Keeps the measure of a rotation finite at half a turn."""
@@ -145,20 +148,44 @@ def far_steps(x: Scope, kind: RegionKind) -> None:
 
 
 def conditions(x: Scope, kind: EarKind) -> None:
-    """Block of an ear: the condition number of its closure matrix, in Frobenius norms over the least there can be."""
+    """Block of an ear: the condition of its closure matrix, section 4.7 of the theory page.
+
+    With rows and columns scaled it is ``|R^-1| max(|R|, sqrt(n))/n`` in Frobenius norms, and ``|1/r|`` of a single column; 1
+    where nothing depends on the configuration.
+    """
     f = stored_factor(x, kind)
     n = len(f.order)
     value: Value = 1
-    if n > 1:
+    if n == 1 and not all(c.is_coupling for c in kind.closures):
+        value = x.let("condition", x.call("abs", _divided(x, f.inverse[0], _units(x, kind, f)[0])), "Eq. 35")
+    elif n > 1:
+        units = _units(x, kind, f)
         R: dict[tuple[int, int], Value] = {}
         for j in range(n):
             R[j, j] = x.let("r", 1 / f.inverse[j], "Eq. 35")
             R |= {(i, j): f.R[i, j] for i in range(j) if (i, j) in f.R}
-        inverse = _inverse(x, R, f.inverse)
+        inverse = {(i, j): _divided(x, v, units[i]) for (i, j), v in _inverse(x, R, f.inverse).items()}
+        R = {(i, j): v if units[j] == 1 else v * x.number(units[j]) for (i, j), v in R.items()}
         size, share = (x.let("size", sum(v * v for v in m.values()), "Eq. 35") for m in (R, inverse))
-        value = x.let("condition", x.sqrt(size * share) / n, "Eq. 35")
+        value = x.let("condition", x.sqrt(x.call("max", size, x.number(n)) * share) / n, "Eq. 35")
     for c in range(len(kind.closures)):
         x.set_entry(CONDITION[c], 0, value if n else 0)
+
+
+def _units(x: Scope, kind: EarKind, f: Factor) -> list[Number]:
+    """Scales of the columns, in the order of the factor: displacements, and rows, in parts of the characteristic length."""
+    dependents = [(k, j) for k, own in enumerate(kind.dependent) for j in own]
+    found = []
+    for column in f.order:
+        k, j = dependents[column]
+        link = kind.links[k]
+        turns = any(not is_zero(e) for e in link.joint(MemberView(x, k), link).all_columns[j].angular)
+        found.append(kind.per_length / kind.scale if turns else 1 / kind.scale)
+    return found
+
+
+def _divided(x: Scope, value: Value, unit: Number) -> Value:
+    return value if unit == 1 else value * x.number(1 / unit)
 
 
 def _inverse(x: Scope, R: dict[tuple[int, int], Value], diagonal: Vector) -> dict[tuple[int, int], Value]:

@@ -36,7 +36,7 @@ def closing(w: Shared) -> list[Procedure]:
         ),
         Procedure(
             "conditions",
-            "Condition number of the closure matrix that each loop belongs to.",
+            "Condition of the closure matrix that each loop belongs to.",
             places,
             (condition,),
             (Own(given), Zero(given), *w.begin, *run("condition_numbers")),
@@ -52,7 +52,7 @@ def closing(w: Shared) -> list[Procedure]:
         ),
         Procedure(
             "closing_step",
-            "The same, the scaled residuals of position before it, and the condition numbers.",
+            "The same, the scaled residuals of position before it, and the conditions.",
             places,
             (step, position, condition),
             (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -225,7 +226,7 @@ class Diagnosing(Dynamics):
             return tuple(found), None, np.nan, gap
         whole = self._condition(tuple(loops), all_columns, every[np.ix_(all_rows, all_columns)])
         sizes = np.linalg.svd(every[all_rows], compute_uv=False)
-        return tuple(found), whole, float(sizes[len(all_columns) - 1] / sizes[0]), gap
+        return tuple(found), whole, _distance(sizes[: len(all_columns)]), gap
 
     def _slides(self) -> list[int]:
         """Speeds that are velocities, and no angular ones."""
@@ -243,7 +244,23 @@ class Diagnosing(Dynamics):
         names = tuple(self.speed_names[i] for i in dependent)
         weakest = names[int(np.argmax(np.abs(right[-1])))]
         coupled = tuple(name for name in loops if name in self._manifest.get("couplings", ()))
-        return ClosureCondition(loops, names, _quotient(sizes[::-1]), float(sizes[-1] / sizes[0]), weakest, coupled)
+        if len(coupled) == len(loops) == 1:  # its ratios are constant, and no dead point
+            sizes = sizes / sizes[0]
+        return ClosureCondition(loops, names, _condition(sizes), _distance(sizes), weakest, coupled)
+
+
+def _condition(sizes: Any) -> float:
+    """The condition of a closure matrix by its singular values, as `Solver.condition` gives it."""
+    n = len(sizes)
+    if not sizes[-1] > 0.0:
+        return math.inf
+    size = math.sqrt(max(float(np.sum(sizes**2)), n)) / n if n > 1 else 1.0
+    return max(1.0, math.sqrt(float(np.sum(sizes**-2.0))) * size)
+
+
+def _distance(sizes: Any) -> float:
+    """The least singular value in parts of the largest, or of 1 where that is larger."""
+    return float(sizes[-1] / max(sizes[0], 1.0))
 
 
 def _quotient(sizes: Any) -> float:

@@ -57,9 +57,9 @@ class ClosureCondition(NamedTuple):
     dependents : tuple of str
         Speeds that they make dependent.
     condition : float
-        The largest singular value over the smallest.
+        As `Solver.condition` gives it: how far dependent speeds move per unit of what opens the loops, 1 at best.
     distance : float
-        Its inverse: how far, in parts of the largest singular value, the nearest matrix is that has lost rank.
+        How far the nearest matrix is that has lost rank, in parts of the largest singular value, or of 1 where that is larger.
     weakest : str
         The dependent speed that the motion which is nearly free has most of.
     couplings : tuple of str

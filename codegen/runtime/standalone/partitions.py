@@ -40,11 +40,13 @@ class Partitions(Package):
         self._use(self._open(int(partition)))
 
     def condition(self, q: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0) -> Array:
-        """Worst condition number of the closure matrices, for each partition, (..., len(partitions)).
+        """Worst condition of the closure matrices of the dependent speeds, for each partition, (..., len(partitions)).
 
-        One is best; infinite where a loop has lost rank. The figure is the product of the Frobenius norms of the matrix and its
-        inverse, divided by its size; linear conditions are divided by the characteristic length. Other threads may use the
-        solver meanwhile: the partition in use stays.
+        One is best; infinite where a loop has lost rank, as at a dead point of the independent coordinates. The figure says how
+        far dependent speeds move per unit of what opens a loop: the Frobenius norm of the inverse of the matrix, times that of
+        the matrix, at least sqrt(n), over the number n of dependent speeds; of a single one, one over its entry. Linear
+        conditions and displacements are in parts of the characteristic length. Other threads may use the solver meanwhile: the
+        partition in use stays.
         """
         arrays, batch = self._arguments.take({"q": q, "p": p, "inputs": inputs, "t": t}, self._left_out)
         found = np.ones((*batch, len(self.partitions)))

@@ -1,0 +1,89 @@
+"""Loops of a single condition at their dead points: what they are measured by, and motions over them.
+
+The condition number of a matrix with one entry is always 1, so such a loop seemed to be as far from a dead point as can be, up
+to the dead point itself.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from hard.one_condition import Body, Mechanism
+
+from codegen.loops.partition import partition
+from codegen.model import parse_model
+
+MOTION = {"target": "c", "functions": ("motion", "energies")}
+TIMES = np.linspace(0.0, 2.0, 9)
+
+
+def rod_slider_crank() -> Mechanism:
+    """A crank of 0.3 m, a massless rod of about 1 m and a slider."""
+    crank = Body(True, (0.0, 0.0), 0.0, 1.0, 0.1, 0.05, 0.3)
+    slider = Body(False, (0.0, 0.0), 0.0, 1.0, 0.0, 0.0, 0.0)
+    m = Mechanism([crank, slider], np.array([1.2, 1.06]))
+    m.distance(0, 1)
+    J = m.jacobian()[0]
+    m.u = np.array([-J[1] / J[0], 1.0]) * -1.5
+    return m
+
+
+@pytest.fixture(scope="module")
+def rod(build: Callable[..., Any]) -> Any:
+    return build(rod_slider_crank().text([1]), partitions=2, **MOTION)
+
+
+@pytest.mark.parametrize("angle", [1e-1, 1e-3, 1e-6, 1e-9])
+def test_the_condition_of_one_condition_grows_towards_its_dead_point(rod: Any, angle: float) -> None:
+    """By the slider, as one over what the crank's unit speed does along the rod; not by the crank."""
+    q, _ = rod.initial
+    length = 0.0
+    for _ in range(2):  # the length, then the place of the slider
+        x = 0.3 * np.cos(q[0]) + np.sqrt(length**2 - (0.3 * np.sin(q[0])) ** 2) if length else q[1]
+        length = length or float(np.hypot(q[1] - 0.3 * np.cos(q[0]), 0.3 * np.sin(q[0])))
+    x = 0.3 * np.cos(angle) + np.sqrt(length**2 - (0.3 * np.sin(angle)) ** 2)
+    found = rod.condition([angle, x])
+    along = 0.3 * x * np.sin(angle) / length / 0.25  # in parts of the characteristic length, a power of two
+    assert found[0] == pytest.approx(1 / along, rel=1e-6) or found[0] == pytest.approx(2 / along, rel=1e-6)
+    assert found[1] < 2
+
+
+@pytest.mark.parametrize("method", ["dop853", "radau", "rk4"])
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-9])
+def test_a_motion_over_the_dead_points_keeps_its_energy(rod: Any, method: str, tolerance: float) -> None:
+    """Radau went over the dead centre with an energy drift of 0.3, the explicit method stood still before it."""
+    q, u, _ = rod_slider_crank().reference(TIMES)
+    step = {"step": 1e-3} if method == "rk4" else {}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = rod.simulate(TIMES, method=method, rtol=tolerance, atol=tolerance, **step)
+    assert rod.independent_names == ("b1",)
+    assert found.stats["partitions_changed"] >= 1
+    allowed = 3e-3 if method == "rk4" else 3e3 * tolerance
+    np.testing.assert_allclose(found.q, q, rtol=0, atol=allowed)
+    np.testing.assert_allclose(found.u, u, rtol=0, atol=10 * allowed)
+    energy = np.sum(found.energy, axis=-1)
+    np.testing.assert_allclose(energy, energy[0], rtol=0, atol=allowed)
+
+
+@pytest.mark.parametrize("method", ["dop853", "radau"])
+def test_with_one_choice_it_ends_before_the_dead_point_and_says_so(rod: Any, monkeypatch: Any, method: str) -> None:
+    monkeypatch.setattr(rod, "_manifest", {k: x for k, x in rod._manifest.items() if k != "others"})
+    with pytest.warns(RuntimeWarning, match=r"--partitions 2"):
+        found = rod.simulate(2.0, method=method, on_failure="return")
+    assert abs(np.sin(found.q[-1, 0])) < 0.05
+    energy = np.sum(found.energy, axis=-1)
+    np.testing.assert_allclose(energy, energy[0], rtol=0, atol=1e-5)
+
+
+def test_a_coupling_alone_has_no_dead_point() -> None:
+    """Its ratios are constant: no choice of its dependent coordinate is a poor one."""
+    crank, wheel = (Body(True, (x, 0.0), 0.0, 1.0, 0.0, 0.1, 0.1) for x in (0.0, 1.0))
+    for independent in (0, 1):
+        m = Mechanism([crank, wheel], np.array([0.1, 0.2]), u=np.zeros(2))
+        m.gear(0, 1, 1e-3)
+        assert partition(parse_model(m.text([independent]))).ears[0].condition == 1.0
