@@ -19,7 +19,7 @@ from ..mechanics.expansion import Program
 from ..mechanics.fields import field_of, identifier
 from ..mechanics.formulas import FormulaKind
 from ..mechanics.outputs.outputs import RecordFormula, pivoted_outputs
-from ..mechanics.stores import KEPT, LANE, MARGIN, ME, SLOT
+from ..mechanics.stores import KEPT, LANE, MARGIN, ME, MODES, SLOT
 from ..mechanics.structure.kinds import UnitKind
 from ..mechanics.sweeps import FALLING, SWEEP
 from ..model.model import Model
@@ -173,6 +173,8 @@ class CWriter(Writer):
             value = access(store, name)
             if at.type == NUMBER_TYPE:
                 value = in_all(value)
+            if store is MODES:
+                value = f"MODE({value.partition('[')[0]}, {value})"
             type_ = "VECTOR" if store.lanes else "double"
             waiting[symbol] = number, lines, f"const {type_} {names.get(symbol.name, symbol.name)} = {value};"
             soon += [symbol] if (at.row, at.text) in overwritten else []
@@ -646,7 +648,8 @@ class CWriter(Writer):
         used = sorted({w for widths in self.sets_of_widths for w in widths}, key=lambda w: (w != of_columns, w))
         apart = sorted({w for f in found for w in f.apart})
         states = over_states(found)
-        of_width = [(f, w) for f in found for w in (f.widths or (None,))]
+        public = [f for f in found if not f.internal]
+        of_width = [(f, w) for f in public for w in (f.widths or (None,))]
         return context | {
             "NAME": model.name.upper(),
             "about_names": about_names(bool(model.loops)),
@@ -678,7 +681,7 @@ class CWriter(Writer):
             "lane_interfaces": [
                 (*guard(widths, used), functions)
                 for widths in self.sets_of_widths
-                if (functions := [lines.function(f) for f in found if widest_first(f) == widths])
+                if (functions := [of for f in found if widest_first(f) == widths for of in lines.functions(f)])
             ],
             "inclusions": self.inclusions(used, apart, states),
             "ends": ["#endif"] if apart or states else [],
@@ -693,17 +696,12 @@ class CWriter(Writer):
                 *(["c/component.c.jinja"] if any(map(fills_lanes, found)) else []),
                 *(["c/columns.c.jinja"] if self.columns.width else []),
             ],
-            "header_functions": [lines.function(f) for f in found if not f.seeds],
-            "prototypes": [
-                (
-                    Function(f.doc, "").head,
-                    [c_functions.signature(f, f"{model.name}_{c_functions.symbol(f, w)}") for w in f.widths or (None,)],
-                )
-                for f in found
-            ],
+            "header_functions": [of for f in found if not f.seeds for of in lines.functions(f)],
+            "prototypes": [(Function(f.doc, "").head, c_functions.signatures(f, model.name)) for f in found],
+            "mode_words": ["c/modes.c.jinja"] if any(f.modes is not None for f in found) else [],
             "batch_arrays": [
                 (type_, called_with("", names, ";").split("\n"))
-                for type_, names in zip(("given", "rows"), c_functions.batch_arrays(found), strict=True)
+                for type_, names in zip(("given", "rows"), c_functions.batch_arrays(public), strict=True)
                 if names
             ],
             "batches": [

@@ -56,9 +56,33 @@ def parameters(procedure: Procedure) -> list[str]:
     return [*found, *(f"double *{a.name}" for a in procedure.results), "double *work"]
 
 
-def signature(procedure: Procedure, name: str) -> str:
+def parameters_in_modes(procedure: Procedure) -> list[str]:
+    """The same of a function that takes modes."""
+    assert procedure.modes is not None
+    *rest, work = parameters(procedure)
+    return [*rest, f"const double *{procedure.modes.name}", work]
+
+
+def in_modes(name: str) -> str:
+    """What a function is called that takes modes."""
+    return f"{name}_in_modes"
+
+
+def signature(procedure: Procedure, name: str, modes: bool = False) -> str:
     """Declaration under a name, without the semicolon."""
-    return called_with(f"int {name}(", parameters(procedure))
+    return called_with(f"int {name}(", parameters_in_modes(procedure) if modes else parameters(procedure))
+
+
+def signatures(procedure: Procedure, model: str) -> list[str]:
+    """Declarations of a function for all its widths, without modes and with them."""
+    found = []
+    for w in procedure.widths or (None,):
+        if not procedure.internal:
+            found.append(signature(procedure, f"{model}_{symbol(procedure, w)}"))
+        if procedure.modes is not None:
+            name = f"{model}_{in_modes(procedure.name)}"
+            found.append(signature(procedure, f"{name}_{w}" if w else name, True))
+    return found
 
 
 def in_all(number: str) -> str:
@@ -129,6 +153,8 @@ def memory(procedures: tuple[Procedure, ...]) -> Memory:
     together: dict[Array, set[Array]] = {}
     for p in procedures:
         held, apart = p.held(), p.written_apart()
+        if p.modes is not None:
+            found.fields.setdefault(p.modes.name, False)
         for a in (*p.arguments, *p.seeds):
             name = held[a.name].name if a.name in held else a.name
             if not a.shape and not a.lanes:
@@ -232,10 +258,24 @@ class CFunctions:
 
     def function(self, procedure: Procedure) -> Function:
         """A function of the header; one over directions for the width at hand."""
-        name = f"{self.model}_{procedure.name}"
-        head = signature(procedure, f"DIRECTIONS({name})" if procedure.seeds else name)
+        modes = procedure.modes is not None
+        name = f"{self.model}_{in_modes(procedure.name) if modes else procedure.name}"
+        head = signature(procedure, f"DIRECTIONS({name})" if procedure.seeds else name, modes)
         lines = Lines(self, procedure, False).function()
         return Function(procedure.doc, head, lines, guard=guard(procedure.name, (*procedure.widths, *procedure.apart)))
+
+    def functions(self, procedure: Procedure) -> list[Function]:
+        """The functions of the header that a procedure is: with modes, and without."""
+        found = [self.function(procedure)]
+        if procedure.modes is None or procedure.internal:
+            return found
+        plain, held = (f"{self.model}_{n}" for n in (procedure.name, in_modes(procedure.name)))
+        if procedure.seeds:
+            plain, held = f"DIRECTIONS({plain})", f"DIRECTIONS({held})"
+        *given, work = [p.rpartition(" ")[2].lstrip("*") for p in parameters(procedure)]
+        call = called_with(f"return {held}(", [*given, "0", work], ");")
+        doc = "The same, each switch in the branch that its arguments are in."
+        return [*found, Function(doc, signature(procedure, plain), call.split("\n"), guard=found[0].guard)]
 
 
 class Lines:
@@ -289,6 +329,8 @@ class Lines:
             body.pop()
         body += self.end()
         values = {**self.bound(p.arguments), **self.bound_results(False)}
+        if p.modes is not None:
+            values[p.modes.name] = p.modes.name
         head = called_with("call c = {", [f".{name} = {value}" for name, value in values.items()] or ["0"], "};").split(
             "\n"
         )

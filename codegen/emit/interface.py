@@ -90,6 +90,8 @@ def manifest(
     functions: dict[str, Any] = {}
     independent_q, independent_u = system.independent
     for f in procedures:
+        if f.internal:
+            continue
         sweeps = [s for s in counted(f, OUTSIDE) if s in operations]
         functions[f.name] = {"arguments": _names(f.arguments), "results": _names(f.results), "sweeps": sweeps}
         if f.member:
@@ -104,6 +106,7 @@ def manifest(
         "parameters": [p.value for p in model.parameters],
         "coordinate_units": list(model.coordinate_units),
         "speed_units": list(model.speed_units),
+        **_switches(model, procedures),
         "parameter_units": [p.unit for p in model.parameters],
         "input_names": list(model.inputs),
         "output_names": [o.name for o in model.outputs],
@@ -126,7 +129,7 @@ def manifest(
         "widths": list(WIDTHS),
         "functions": functions,
         "libraries": libraries(functions),
-        "batch": list(itertools.chain.from_iterable(batch_arrays(procedures))),
+        "batch": list(itertools.chain.from_iterable(batch_arrays(p for p in procedures if not p.internal))),
         "operations": operations,
         **_closures(system),
         **_redundancy(system),
@@ -135,6 +138,14 @@ def manifest(
 
 def _names(arrays: tuple[Array, ...]) -> list[str]:
     return [a.name for a in arrays]
+
+
+def _switches(model: Model, procedures: tuple[Procedure, ...]) -> dict[str, Any]:
+    """Where forces and outputs change their branch, in words, where motions see it."""
+    found = model.switches.found
+    if not any(p.name == "switches" for p in procedures):
+        return {}
+    return {"switches": [{"changes": s.words, "places": s.places} for s in found]}
 
 
 def _couplings(model: Model) -> dict[str, list[str]]:

@@ -33,7 +33,7 @@ _OF = {
     "jacobians": "jacobians", "state_rates": "motion", "state_rate_sensitivities": "motion", "inverse_dynamics": "forces",
     "inverse_dynamics_sensitivities": "forces", "driving_forces": "forces", "driving_force_sensitivities": "forces",
     "energies": "outputs", "energy_sensitivities": "outputs", "outputs": "outputs",
-    "output_sensitivities": "outputs",
+    "output_sensitivities": "outputs", "switches": "motion", "switch_sensitivities": "motion",
 }  # fmt: skip
 
 _MOTION = ("closing_step", "completion", "completion_sensitivities", "conditions", "outputs", "output_sensitivities")

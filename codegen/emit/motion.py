@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from ..mechanics.procedures import ALONG_MOTIONS
 from ..mechanics.structure.system import System
+from ..program.procedure import Procedure
 from ..version import __version__
+from .c_functions import in_modes
 from .function import called_with
 from .libraries import FOUR, number_of
 from .templates import render
 
-VALUES = ("state_rates", "closing_step", "completion", "outputs")
+VALUES = ("state_rates", "closing_step", "completion", "outputs", "switches")
 """Functions of values that integration calls, those of them that a solver has."""
 
 ALONG = (
     "state_rate_sensitivities", "completion_sensitivities", "output_sensitivities", "sensitivities_transposed",
     "coordinate_rate_sensitivities_transposed", "completion_sensitivities_transposed", "output_sensitivities_transposed",
+    "switch_sensitivities", "switch_sensitivities_transposed",
 )  # fmt: skip
 """Those over directions."""
 
@@ -30,15 +33,28 @@ def has_motion(functions: Mapping[str, Any]) -> bool:
     return "state_rates" in functions
 
 
-def write_motion(system: System, manifest: Mapping[str, Any]) -> str:
+def by_name(procedures: Iterable[Procedure]) -> dict[str, dict[str, Any]]:
+    """Functions as integration calls them: names of arguments, seeds and results, and whether they take modes."""
+    return {
+        p.name: {
+            "arguments": [a.name for a in p.arguments], "seeds": [a.name for a in p.seeds],
+            "results": [a.name for a in p.results], "modes": p.modes is not None,
+        }
+        for p in procedures
+    }  # fmt: skip
+
+
+def write_motion(system: System, manifest: Mapping[str, Any], procedures: Iterable[Procedure]) -> str:
     """The C of the calls.
 
     Parameters
     ----------
     manifest : dict
         See `codegen.emit.interface.manifest`.
+    procedures : iterable of Procedure
+        The functions of the solver, those among them that only integration calls.
     """
-    name, functions = manifest["name"], manifest["functions"]
+    name, functions = manifest["name"], by_name(procedures)
     calls = [(f, _call(name, f, functions[f], "")) for f in VALUES if f in functions]
     calls += [(f"{f}_{w}", _call(name, f, functions[f], f"_{w}")) for f in ALONG if f in functions for w in WIDTHS]
     model = system.model
@@ -59,6 +75,13 @@ def write_motion(system: System, manifest: Mapping[str, Any]) -> str:
         "split": int(split),
     }  # fmt: skip
     members = [f".{key} = {value}" for key, value in numbers.items()]
+    if "switches" in functions:
+        found = model.switches.found
+        tables["drives"] = [int(s.drives) for s in found]
+        members += [f".nswitches = {len(found)}", ".drives = drives"]
+        if pairs := [(s.number, output) for s in found for output in sorted(s.outputs)]:
+            tables["switch_of_output"] = [n for pair in pairs for n in pair]
+            members += [f".nswitch_outputs = {len(pairs)}", ".switch_of_output = switch_of_output"]
     for table, counter in (
         ("free_q", "nfree_q"),
         ("free_u", "nfree_u"),
@@ -104,12 +127,13 @@ OWN = ("sin", "cos")
 """Those that ``NAME_precise.c`` has of its own."""
 
 
-def write_precise(system: System, manifest: Mapping[str, Any]) -> str:
+def write_precise(system: System, manifest: Mapping[str, Any], procedures: Iterable[Procedure]) -> str:
     """The C of closure, rates and outputs, their derivatives and transposes, in long double, of a model with loops."""
-    name, functions, model = manifest["name"], manifest["functions"], system.model
+    name, functions, model = manifest["name"], by_name(procedures), system.model
     sizes = {
         "q": model.nq, "u": model.nu, "p": len(model.parameters), "inputs": len(model.inputs), "qdot": model.nq, "udot": model.nu,
         "outputs": len(model.outputs), "full_q": model.nq, "full_u": model.nu, "t": 1,
+        **({"switches": len(model.switches.found)} if "switches" in functions else {}),
     }  # fmt: skip
 
     def function(f: str, lanes: int, width: int) -> dict[str, Any]:
@@ -147,6 +171,7 @@ def write_precise(system: System, manifest: Mapping[str, Any]) -> str:
             "renamed": [f for f in PRECISE if f not in OWN],
             "nq": model.nq,
             "given": [(a, sizes[a]) for a in ("q", "u", "p", "inputs")],
+            "modes": [sizes["switches"]] if "switches" in functions else [],
             "nclosure": len(model.closure_names),
             "nloops": len(model.loops),
             "closing_step": _call(name, "closing_step", functions["closing_step"], "", "x->"),
@@ -156,9 +181,9 @@ def write_precise(system: System, manifest: Mapping[str, Any]) -> str:
     )
 
 
-def write_four(manifest: Mapping[str, Any]) -> str:
+def write_four(manifest: Mapping[str, Any], procedures: Iterable[Procedure]) -> str:
     """The C of the functions that integration calls, for four directions at once."""
-    name, functions = manifest["name"], manifest["functions"]
+    name, functions = manifest["name"], by_name(procedures)
     found = [f for f in ALONG_MOTIONS if f in functions]
     return render(
         "c/four.c.jinja",
@@ -173,8 +198,9 @@ def write_four(manifest: Mapping[str, Any]) -> str:
 
 
 def _call(model: str, name: str, function: Mapping[str, Any], width: str, of: str = "c->") -> str:
-    arguments = [*function["arguments"], *function.get("seeds", ()), *function["results"], "work"]
-    return called_with(f"{model}_{name}{width}(", [f"{of}{a}" for a in arguments])
+    modes = ["modes"] if function["modes"] else []
+    arguments = [*function["arguments"], *function["seeds"], *function["results"], *modes, "work"]
+    return called_with(f"{model}_{in_modes(name) if modes else name}{width}(", [f"{of}{a}" for a in arguments])
 
 
 __all__ = ["has_motion", "write_four", "write_motion", "write_precise"]

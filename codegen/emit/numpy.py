@@ -14,7 +14,7 @@ from ..mechanics.expansion import Program
 from ..mechanics.fields import identifier
 from ..mechanics.formulas import FormulaKind
 from ..mechanics.outputs.outputs import RecordFormula
-from ..mechanics.stores import COUPLING_BLOCK, EAR_RECORD, KEPT, MARGIN, RECORD, REGION_RECORD
+from ..mechanics.stores import COUPLING_BLOCK, EAR_RECORD, KEPT, MARGIN, MODES, RECORD, REGION_RECORD
 from ..mechanics.structure.kinds import UnitKind
 from ..program.block import Block
 from ..program.digits import text_of
@@ -69,6 +69,9 @@ class NumpyWriter(Writer):
             return f"{variable}{at.text}"
 
         for symbol, (store, name) in block.loads.items():
+            if store is MODES:
+                body.append(f"{symbol.name} = 0.0")
+                continue
             body.append(f"{names.get(symbol.name, symbol.name)} = {access(store, name)}")
         tag = ""
         for s in block.statements:

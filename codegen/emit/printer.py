@@ -8,10 +8,16 @@ from types import MappingProxyType
 from typing import Self
 
 from ..program.algebra import HALF, MINUS_ONE
+from ..program.algebra import function as _function
 from ..program.digits import text_of
 from ..program.expressions import Expr, Function, Number, Pow
 
 SUM, PRODUCT, ATOM = 0, 1, 2
+
+HELD = {
+    "HeldAtLeast": "AtLeast", "HeldSign": "Sign", "HeldAbsolute": "Absolute", "HeldMaximum": "Maximum", "HeldMinimum": "Minimum",
+}  # fmt: skip
+"""Functions that take a mode, with those that they are without."""
 
 C_FUNCTIONS = {
     "sin": "sin", "cos": "cos", "tan": "tan", "asin": "asin", "acos": "acos", "atan": "atan", "atan2": "atan2",
@@ -123,12 +129,29 @@ class Printer:
         arguments = [self._print(a, SUM) for a in e.args]
         if name == "AtLeast":
             return self.at_least(*arguments)
+        if name in HELD:
+            return self.held(name, arguments[-1], arguments[:-1], self._call(_function(HELD[name], *e.args[:-1])))
         if name == "Sign" and "Sign" not in self.functions:
             return f"(TRUTH({arguments[0]} > 0.0) - TRUTH({arguments[0]} < 0.0))"
         return f"{self.functions[name]}({', '.join(arguments)})"
 
     def at_least(self, a: str, b: str) -> str:
         return f"TRUTH({a} >= {b})"
+
+    def held(self, name: str, mode: str, arguments: list[str], free: str) -> str:
+        """A function whose branch a mode chooses; `free` is the function without."""
+        match name:
+            case "HeldAtLeast":
+                above, below = "1.0", "0.0"
+            case "HeldSign":
+                above, below = "1.0", "-1.0"
+            case "HeldAbsolute":
+                above, below = arguments[0], f"-({arguments[0]})"
+            case "HeldMaximum":
+                above, below = arguments
+            case _:
+                below, above = arguments
+        return f"HELD({mode}, {above}, {below}, {free})"
 
 
 class NumpyPrinter(Printer):
@@ -139,3 +162,7 @@ class NumpyPrinter(Printer):
 
     def at_least(self, a: str, b: str) -> str:
         return f"np.where({a} >= {b}, 1.0, 0.0)"
+
+    def held(self, name: str, mode: str, arguments: list[str], free: str) -> str:
+        """No integrator calls NumPy, so no mode is ever given."""
+        return free

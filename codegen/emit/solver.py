@@ -17,7 +17,9 @@ from ..mechanics.expansion import Program, expand
 from ..mechanics.formulas import FormulaKind, coefficient_formulas, force_formulas, initial_formulas, motion_formulas
 from ..mechanics.outputs.frames import SIZES, frame_formulas, place_formulas
 from ..mechanics.outputs.outputs import RecordFormula, output_formulas, potential_formula
+from ..mechanics.outputs.switches import switch_formulas
 from ..mechanics.procedures import (
+    SWITCHES,
     arrays,
     asks_reactions,
     checked_backwards,
@@ -177,12 +179,12 @@ def write_solver(
         }
     files[f"{model.name}_calls.c"] = write_calls(made, {n: a.size for n, a in arrays(system).items()})
     if has_motion(made["functions"]):
-        files[f"{model.name}_motion.c"] = write_motion(system, made)
+        files[f"{model.name}_motion.c"] = write_motion(system, made, writer.procedures)
     lap("print")
     if printed is not None:
         printed(files, made)
         lap("begin to compile")
-    files |= write_apart(context, system, made)
+    files |= write_apart(context, system, made, writer.procedures)
     lap("print what is compiled apart")
     progress("printing NumPy", 0, 0)
     files[f"{model.name}_numpy.py"] = write_numpy(program, formulas, records, one_by_one(asked))
@@ -200,7 +202,9 @@ def write_solver(
     )
 
 
-def write_apart(context: dict[str, Any], system: System, made: Mapping[str, Any]) -> dict[str, str]:
+def write_apart(
+    context: dict[str, Any], system: System, made: Mapping[str, Any], procedures: tuple[Procedure, ...]
+) -> dict[str, str]:
     """C files that are compiled apart, when they are needed."""
     name, files = system.model.name, {}
     if context["functions_over_states"]:
@@ -208,9 +212,9 @@ def write_apart(context: dict[str, Any], system: System, made: Mapping[str, Any]
         files[f"{name}_threads.c"] = write_threads(context, made["over_states"]["arrays"])
     if has_motion(made["functions"]):
         if "state_rate_sensitivities" in made["functions"]:
-            files[f"{name}_four.c"] = write_four(made)
+            files[f"{name}_four.c"] = write_four(made, procedures)
         if system.model.loops:
-            files[f"{name}_precise.c"] = write_precise(system, made)
+            files[f"{name}_precise.c"] = write_precise(system, made, procedures)
     return files
 
 
@@ -241,6 +245,10 @@ def _expanded(
     asked = procedures(system, reactions, functions, frames)
     read = {t for p in asked for s in walk(p.steps) if isinstance(s, Formulas) for t in s.targets}
     values, records = output_formulas(system)
+    if SWITCHES.targets[0] in read:
+        of_state, of_points = switch_formulas(system)
+        values += of_state
+        records += of_points
     potential = potential_formula(system)
     if potential is not None:
         records.append(potential)
@@ -296,7 +304,7 @@ def write_long(
 
 def one_by_one(asked: tuple[Procedure, ...]) -> tuple[Procedure, ...]:
     """Functions as NumPy has them: columns of matrices one after the other."""
-    return tuple(for_target(p, False) for p in asked)
+    return tuple(for_target(p, False) for p in asked if not p.internal)
 
 
 def _read_by_formulas(system: System, records: list[RecordFormula]) -> set[MemoryPlace]:

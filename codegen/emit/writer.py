@@ -666,8 +666,8 @@ class Writer(ABC):
 
 
 FORMULA_ORDER = (
-    "tau", "outputs", "energy", "coefficient", "drive", "prescribed", "held_force", "initial_q", "initial_u", "frames",
-    "frame_accelerations", "point_places",
+    "tau", "outputs", "switches", "energy", "coefficient", "drive", "prescribed", "held_force", "initial_q", "initial_u",
+    "frames", "frame_accelerations", "point_places",
 )  # fmt: skip
 """The order in which the tables of formulas stand."""
 

@@ -12,6 +12,7 @@ from functools import cached_property
 from ..model.errors import ModelError
 from ..model.expressions import Expression, Tree
 from ..model.model import Model
+from ..model.switches import MODE
 from ..program import algebra
 from ..program.block import Block, Expansion
 from ..program.derivatives import Tangents
@@ -19,12 +20,17 @@ from ..program.expressions import Expr
 from ..program.passes import simplify
 from ..program.store import Store
 from ..program.transpose import transposed
-from .stores import MARGIN, NUMBER, argument
+from .stores import MARGIN, MODES, NUMBER, argument
 from .structure.constants import Statements, to_slots
 from .structure.system import System, speeds_with_forces
 
 Row = tuple[int, list[int], list[float]]
 """Target index, indices for the slots, numbers."""
+
+
+def has_derivative(store: Store) -> bool:
+    """Whether formulas have derivatives by what they load: not by numbers, nor by the modes of switches."""
+    return store is not NUMBER and store.name != MODES.name
 
 
 def seed_of(store: Store) -> Store:
@@ -97,7 +103,7 @@ class FormulaSlots:
         return to_slots(tree, self.numbers, self._slot)
 
     def _slot(self, name: str) -> Tree:
-        place = self._places[name]
+        place = ("modes", int(name.removeprefix(MODE))) if name.startswith(MODE) else self._places[name]
         return ("name", place[0], self.slots.setdefault(place, len(self.slots)))
 
 
@@ -180,7 +186,9 @@ def _make(index: int, target: str, tree: Tree, places: list[tuple[str, int]]) ->
     x, value = expansion(target, "a formula of the model")
     x.set_entry(argument(target), 0, value)
     y, value = expansion(f"d{target}", "tangent of a formula of the model")
-    seeds = {s: y.component(seed_of(store), n) for s, (store, n) in list(y.block.loads.items()) if store is not NUMBER}
+    seeds = {
+        s: y.component(seed_of(store), n) for s, (store, n) in list(y.block.loads.items()) if has_derivative(store)
+    }
     statements = list(y.block.statements)
     d = Tangents(y, seeds, {})
     for s in statements:
@@ -192,10 +200,12 @@ def _make(index: int, target: str, tree: Tree, places: list[tuple[str, int]]) ->
 def force_formulas(system: System) -> list[FormulaKind]:
     """Joint forces, summed per freedom; the target index is that of the speed."""
     trees: dict[int, Tree] = {}
+    hold = system.model.switches.hold
     for forces in system.force_of.values():
         for f in forces:
             for i, value in speeds_with_forces(system.model, f):
-                trees[i] = ("+", trees[i], value.tree) if i in trees else value.tree
+                tree = hold(value.tree)
+                trees[i] = ("+", trees[i], tree) if i in trees else tree
     on_speeds = [(i, tree) for i, tree in sorted(trees.items()) if i >= 0]
     held = [(-1 - i, tree) for i, tree in sorted(trees.items()) if i < 0]
     return formula_kinds(system.model, "tau", on_speeds) + formula_kinds(system.model, "held_force", held)

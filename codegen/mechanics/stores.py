@@ -170,3 +170,6 @@ def argument(name: str, lanes: bool = False) -> Store:
 
 
 _ARGUMENTS: dict[tuple[str, bool], Store] = {}
+
+MODES = argument("modes")
+"""Of the switches of a model: the sign of each switching function that a step of an integrator goes on with, or zero."""

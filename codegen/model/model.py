@@ -22,6 +22,7 @@ from .outputs import MEASURES, Output
 from .places import GROUND, Face, Point
 from .rates import rate
 from .surfaces import SurfaceFunction, surface_function
+from .switches import Switches
 
 __all__ = [
     "CLOSURE_ROWS",
@@ -454,6 +455,19 @@ class Model:
     def elements(self) -> tuple[ForceElement, ...]:
         """All that exerts forces: on joints, then on bodies."""
         return (*self.forces, *self.loads)
+
+    @cached_property
+    def switches(self) -> Switches:
+        """Where forces and outputs change their branches."""
+        found = Switches(self.inputs)
+        for force in self.elements:
+            keys = force.keys or ("value",) * len(force.coefficients)
+            for key, e in zip(keys, force.coefficients, strict=True):
+                found.add(e.tree, f"forces.{force.name}.{key}")
+        for i, output in enumerate(self.outputs):
+            if output.expression is not None:
+                found.add(output.expression.tree, f"outputs.{output.name}.value", i)
+        return found
 
     @cached_property
     def defaults(self) -> dict[str, float]:

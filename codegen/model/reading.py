@@ -54,6 +54,9 @@ ALLOWED: Final = {
 }
 """What may stand in expressions of a scope, in words."""
 
+SWITCHED = ("expressions", "forces", "outputs")
+"""Sections in which expressions may change their branch: where they are used, motions find when they do."""
+
 
 class TooManyProblems(Exception):
     """Enough problems to print."""
@@ -218,10 +221,10 @@ class Reader:
                 return ZERO
             self._checked.add((result, scope))
             self.used |= result.names
-            if at.section != ("expressions",) and compares(result.tree):
+            if (at.section or ("",))[0] not in SWITCHED and compares(result.tree):
                 message = (
-                    f"{expression} changes from one branch to the other at once; derivatives are those of the branch taken, "
-                    f"and a motion takes small steps there; step(x, from, to) is smooth"
+                    f"{expression} changes from one branch to the other at once; derivatives are those of the branch taken; "
+                    f"step(x, from, to) is smooth"
                 )
                 self.report(at, sub, message, severity="warning")
         return with_names_replaced(result, self.prescribed) if self.prescribed else result

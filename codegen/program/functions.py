@@ -98,6 +98,13 @@ Absolute = _plain("Absolute")
 """|x|; at zero the derivative is taken as zero."""
 
 
+HeldAtLeast, HeldMaximum, HeldMinimum, HeldSign, HeldAbsolute = map(
+    _plain, ("HeldAtLeast", "HeldMaximum", "HeldMinimum", "HeldSign", "HeldAbsolute")
+)
+"""The same with a mode as the last argument. A positive mode chooses the branch of a positive difference of the arguments,
+or of a positive argument, a negative one the other; zero leaves it to the arguments, as above."""
+
+
 def Power(*arguments: object) -> Expr:
     """base**exponent of numbers not known before: what could be multiplied out, taken apart or put together stays as written.
 
@@ -126,7 +133,8 @@ def _square_root(*arguments: object) -> Expr:
 SYMBOLIC: dict[str, Made] = {
     "sin": sin, "cos": cos, "tan": tan, "asin": asin, "acos": acos, "atan": atan, "atan2": atan2, "sinh": sinh, "cosh": cosh,
     "tanh": tanh, "sqrt": _square_root, "exp": exp, "log": log, "abs": Absolute, "sign": Sign, "min": Minimum, "max": Maximum,
-    "at_least": AtLeast,
+    "at_least": AtLeast, "held_at_least": HeldAtLeast, "held_max": HeldMaximum, "held_min": HeldMinimum,
+    "held_sign": HeldSign, "held_abs": HeldAbsolute,
 }  # fmt: skip
 """The functions of the model format."""
 
@@ -162,8 +170,14 @@ def slope(e: Function, place: int) -> Expr:
             return 1 / x
         case "Absolute":
             return Sign(x)
-        case "Sign" | "AtLeast":
+        case "Sign" | "AtLeast" | "HeldSign" | "HeldAtLeast":
             return ZERO
+        case "HeldAbsolute":
+            return HeldSign(*e.args) if place == 0 else ZERO
+        case "HeldMaximum" | "HeldMinimum":
+            a, b, mode = e.args
+            first = HeldAtLeast(a, b, mode) if e.name == "HeldMaximum" else HeldAtLeast(b, a, negative(mode))
+            return (first, ONE - first, ZERO)[place]
         case "Maximum" | "Minimum":
             a, b = e.args
             first = AtLeast(a, b) if e.name == "Maximum" else AtLeast(b, a)
@@ -179,6 +193,8 @@ MEANINGS |= {
     for name, make in [
         *((name, SYMBOLIC[name]) for name in _TRANSCENDENTAL),
         *(("AtLeast", AtLeast), ("Maximum", Maximum), ("Minimum", Minimum), ("Sign", Sign), ("Absolute", Absolute)),
+        *(("HeldAtLeast", HeldAtLeast), ("HeldMaximum", HeldMaximum), ("HeldMinimum", HeldMinimum)),
+        *(("HeldSign", HeldSign), ("HeldAbsolute", HeldAbsolute)),
         ("Power", Power),
     ]
 }

@@ -373,6 +373,10 @@ class Procedure:
         States cannot be made consistent without it: a solver of chosen functions has it too.
     apart : tuple of int
         Further widths, for integration over time, compiled when they are first used.
+    modes : Array or None
+        It is there a second time, with this as a further argument: the modes of the model's switches.
+    internal : bool
+        Integrators call it, and nobody else.
     """
 
     name: str
@@ -385,6 +389,8 @@ class Procedure:
     member: str = ""
     basic: bool = False
     apart: tuple[int, ...] = ()
+    modes: Array | None = None
+    internal: bool = False
 
     @property
     def called(self) -> str:

@@ -97,11 +97,13 @@ def test_names_stand_for_their_expressions() -> None:
     ]
 
 
-def test_a_jump_is_told() -> None:
-    (warning,) = parse_model(MODEL).warnings
-    assert "forces.stop.value" in warning and "changes from one branch to the other at once" in warning
-    quiet = MODEL.replace("q.leg > edge and (u.leg > 0 or q.leg >= 2*edge)", "k > edge")
-    assert parse_model(quiet).warnings == ()
+def test_switching_functions_are_found() -> None:
+    model = parse_model(MODEL)
+    assert model.warnings == ()  # a motion finds where forces jump
+    assert {"forces.stop.value"} <= {place for s in model.switches.found for place in s.places}
+    assert {s.words for s in model.switches.found} >= {"edge >= q.leg", "0 >= u.leg", "q.leg >= 2*edge"}
+    fixed = MODEL.replace("q.leg > edge and (u.leg > 0 or q.leg >= 2*edge)", "k > edge")
+    assert "forces.stop.value" not in {place for s in parse_model(fixed).switches.found for place in s.places}
 
 
 @pytest.mark.parametrize("target", ["c", "numpy"])

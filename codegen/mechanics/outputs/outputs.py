@@ -19,7 +19,7 @@ from ...program.functions import SYMBOLIC
 from ...program.passes import simplify
 from ...program.scalar import Value, Vector
 from .. import fields
-from ..formulas import FormulaKind, FormulaSlots, formula_kinds, seed_of, transpose_of_tangent
+from ..formulas import FormulaKind, FormulaSlots, formula_kinds, has_derivative, seed_of, transpose_of_tangent
 from ..spatial import add, dot
 from ..stores import LME, ME, MY_LANE, NUMBER, RECORD, TANGENT_OF, argument
 from ..structure.constants import Statements
@@ -74,7 +74,7 @@ def output_formulas(system: System) -> tuple[list[FormulaKind], list[RecordFormu
         measure = MEASURES[o.measure]
         if isinstance(measure, FormulaMeasure):
             assert o.expression is not None
-            values.append((i, o.expression.tree))
+            values.append((i, model.switches.hold(o.expression.tree)))
         elif isinstance(measure, RecordMeasure):
             _add_record(system, kinds, slots, i, o, measure)
     return formula_kinds(model, "outputs", values), list(kinds.values())
@@ -125,7 +125,7 @@ def value_and_tangent(
         if a.memory is RECORD:
             lanes = LME if n in OUTBOARD else MY_LANE
             seeds[s] = y.component(lanes if a.place is None else lanes[a.place], n)
-        elif a is not NUMBER:
+        elif has_derivative(a):
             seeds[s] = y.component(TANGENT_OF.get(a) or seed_of(a), n)
     d = Tangents(y, seeds, {})
     for s in list(y.block.statements):

@@ -16,7 +16,7 @@ from .closing import closing, initial
 from .dynamics import dynamics, jacobians, rates, state_rates
 from .frames import frames_of
 from .mass import inverse_dynamics, mass
-from .measures import driving_forces, energies, outputs, reactions_of
+from .measures import driving_forces, energies, outputs, reactions_of, switches
 from .shared import Shared
 from .swept import checked_backwards, sweeps, swept_backwards, swept_together
 from .transposed import backwards
@@ -33,21 +33,29 @@ from .words import (
     OUTPUTS,
     PASSING_ADJOINTS,
     SHAPES,
+    SWITCHES,
     WIDTHS,
     arrays,
 )  # fmt: skip
 
 __all__ = [
     "ADJOINTS", "ALONG_MOTIONS", "ANGLES", "CONSTANTS", "GROUND", "GROUND_AT_REST", "GROUND_TANGENT", "GROUND_TANGENT_AT_REST",
-    "GROUND_TANGENT_TRANSPOSED", "OTHER_WIDTHS", "OUTPUTS", "PASSING_ADJOINTS", "SHAPES", "WIDTHS", "UnknownFunctionError",
+    "GROUND_TANGENT_TRANSPOSED", "OTHER_WIDTHS", "OUTPUTS", "PASSING_ADJOINTS", "SHAPES", "SWITCHES",
+    "WIDTHS", "UnknownFunctionError",
     "arrays", "asks_reactions", "checked_backwards", "left_out", "procedures", "sweeps", "swept_backwards", "swept_together",
 ]  # fmt: skip
 
 FOUR = (4,)
 """Beside them, for motions with two to four directions, of the functions that integration calls."""
 
-ALONG_MOTIONS = ("state_rate_sensitivities", "completion_sensitivities", "output_sensitivities")
+ALONG_MOTIONS = ("state_rate_sensitivities", "completion_sensitivities", "output_sensitivities", "switch_sensitivities")
 """These functions."""
+
+IN_MODES = (
+    "state_rates", "state_rate_sensitivities", "sensitivities_transposed", "outputs", "output_sensitivities",
+    "output_sensitivities_transposed", "switches", "switch_sensitivities", "switch_sensitivities_transposed",
+)  # fmt: skip
+"""Functions that integration calls with the modes of switches."""
 
 
 def procedures(
@@ -75,9 +83,23 @@ def procedures(
         found += tuple(frames_of(w))
     if functions is not None:
         found = chosen(found, [*functions, *(["reactions"] if reactions else []), *(["frames"] if frames else [])])
+    found = switching(w, found)
     if all(p.name != ALONG_MOTIONS[0] for p in found):
         return found
     return tuple(replace(p, apart=FOUR) if p.name in ALONG_MOTIONS else p for p in found)
+
+
+def switching(w: Shared, found: tuple[Procedure, ...]) -> tuple[Procedure, ...]:
+    """Functions of a model, those of its switches among them where motions need them, and which take modes."""
+    names = {p.name for p in found}
+    if not w.system.model.switches.found or "state_rates" not in names:
+        return found
+    further = switches(w)
+    if "sensitivities_transposed" in names:
+        further += backwards(w, further)
+    found += tuple(replace(p, internal=True) for p in further)
+    modes = w.one("modes")
+    return tuple(replace(p, modes=modes) if p.name in IN_MODES else p for p in found)
 
 
 def left_out(system: System, kept: tuple[Procedure, ...]) -> list[str]:

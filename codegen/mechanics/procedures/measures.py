@@ -12,9 +12,10 @@ from ...program.procedure import (
     Zero,
 )
 from ..outputs import DrivingMeasure, EnergyMeasure, RecordMeasure
+from ..outputs.switches import quantities_of
 from ..quantities import ENERGIES, POSE, measured, run
 from .shared import Shared
-from .words import OUTPUTS
+from .words import OUTPUTS, SWITCHES
 
 
 def energies(w: Shared) -> list[Procedure]:
@@ -85,6 +86,29 @@ def outputs(w: Shared) -> list[Procedure]:
             *copies_along,
             *check,
         ),
+    )
+
+
+def switches(w: Shared) -> list[Procedure]:
+    """Switching functions of the model, for integration over time."""
+    model = w.system.model
+    read: set[str] = set()
+    for s in model.switches.found:
+        read |= quantities_of(s)
+    quantities = measured(w.system, read, ())
+    energy = w.one("energy")
+    sums = (Own(energy), Zero(energy)) if any(q.energy for q in quantities) else ()
+    denergy = energy.tangent()
+    sums_along = (Own(denergy), Zero(denergy)) if sums else ()
+    along: tuple[Step, ...] = (*w.along, *w.turns)
+    values, tangents = w.measuring(quantities, w.begin, along)
+    return w.pair(
+        ("switches", "switch_sensitivities"),
+        ("The switching functions of the model.", "Switching functions and their total derivative along seeds."),
+        w.state,
+        ["switches"],
+        (*sums, *w.begin, *values, SWITCHES),
+        (*sums, *w.begin, *sums_along, *along, *tangents, SWITCHES, SWITCHES.tangents()),
     )
 
 

@@ -30,13 +30,13 @@ from .words import ADJOINTS, GROUND_TANGENT, GROUND_TANGENT_TRANSPOSED, OTHER_WI
 
 TRANSPOSED = {
     "accelerations": "sensitivities", "coordinate_rates": "coordinate_rate_sensitivities", "energies": "energy_sensitivities",
-    "outputs": "output_sensitivities", "completion": "completion_sensitivities",
+    "outputs": "output_sensitivities", "completion": "completion_sensitivities", "switches": "switch_sensitivities",
 }  # fmt: skip
 """Functions that have a transpose, with those that give their derivatives."""
 
 GRADIENTS = {
     "accelerations": "gradients", "coordinate_rates": "coordinate_rate_gradients", "energies": "energy_gradients",
-    "outputs": "output_gradients", "completion": "assemble_gradients",
+    "outputs": "output_gradients", "completion": "assemble_gradients", "switches": "switch_gradients",
 }  # fmt: skip
 """What a solver calls these transposes, by the functions of values."""
 

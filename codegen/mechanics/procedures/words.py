@@ -27,6 +27,7 @@ OUTPUTS = Formulas("output_formulas", ("outputs",))
 HELD_FORCES = Formulas("held_forces", ("held_force",))
 MOTIONS = Formulas("prescribed_motion", ("prescribed",))
 INITIAL = Formulas("initial_values", ("initial_q", "initial_u"))
+SWITCHES = Formulas("switch_formulas", ("switches",))
 FRAMES = Formulas("body_frames", ("frames",))
 FRAME_ACCELERATIONS = Formulas("accelerations_of_frames", ("frame_accelerations",))
 PLACES = Formulas("places_of_points", ("point_places",))
@@ -41,6 +42,7 @@ SHAPES: dict[str, tuple[str, ...]] = {
     "frames": ("18*nbodies",), "frame_accelerations": ("6*nbodies",),
     "point_places": ("3*npoints",),
     "masses": ("4",), "momenta": ("6",),
+    "modes": ("nswitches",), "switches": ("nswitches",),
     "prescribed": ("3*nprescribed",), "driving": ("nprescribed",), "actuation": ("nprescribed",), "held_force": ("nprescribed",),
 }  # fmt: skip
 """Axes of arguments and results."""
@@ -54,7 +56,7 @@ def arrays(system: System) -> dict[str, Array]:
         "noutputs": len(model.outputs), "nclosure": len(model.closure_names), "nloops": len(model.loops),
         "6*nlinks": 6 * len(system.links), "6*nloops": 6 * len(model.loops),
         "18*nbodies": 18 * len(model.bodies), "6*nbodies": 6 * len(model.bodies), "3*npoints": 3 * len(model.points),
-        "nprescribed": len(model.prescribed), "3*nprescribed": 3 * len(model.prescribed),
+        "nswitches": len(model.switches.found), "nprescribed": len(model.prescribed), "3*nprescribed": 3 * len(model.prescribed),
     }  # fmt: skip
     found = {}
     for name, shape in SHAPES.items():

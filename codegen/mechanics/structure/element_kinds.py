@@ -7,7 +7,7 @@ whose coefficients are alike but for those parts are of one kind.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -217,7 +217,7 @@ def placed_elements(
     carriers = [*carriers, (GROUND, way_of_ground)]  # which is the one at `GROUND`
     first = {True: 0, False: 0}
     for element in model.loads:
-        e = _placed(element, links, carriers, evaluate, first[element.has_energy])
+        e = _placed(element, links, carriers, evaluate, first[element.has_energy], model.switches.hold)
         first[element.has_energy] += len(e.parts)
         key = (e.structure(), *map(id, e.expressions()))
         if key not in known:
@@ -232,7 +232,12 @@ def placed_elements(
 
 
 def _placed(
-    element: ForceElement, links: Sequence[Link], carriers: Sequence[Carrier], evaluate: NumberOf, first: int
+    element: ForceElement,
+    links: Sequence[Link],
+    carriers: Sequence[Carrier],
+    evaluate: NumberOf,
+    first: int,
+    hold: Callable[[Tree], Tree],
 ) -> PlacedElement:
     places: list[Point | Face] = [*element.ends, *element.measured]
     on: list[int] = []
@@ -247,7 +252,7 @@ def _placed(
     keys: list[str] = []
     forms = []
     for name, e in zip(element.keys, element.coefficients, strict=True):
-        forms.append(split(e.tree, ends, parts))
+        forms.append(split(hold(e.tree), ends, parts))
         keys += [name] * (len(parts) - len(keys))
     return PlacedElement(
         element, distinct, tuple(distinct.index(i) for i in on), tuple(steps),

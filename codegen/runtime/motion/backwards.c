@@ -38,6 +38,8 @@ static size_t lay_out(ordernm_adjoint *a, const ordernm_problem *problem, ordern
     a->dp = ordernm_numbers(&of, s->np*width);
     a->dinputs = ordernm_numbers(&of, s->ninputs*width);
     a->weights = ordernm_numbers(&of, s->noutputs*width);
+    a->next = ordernm_numbers(&of, s->nswitches ? values : 0);
+    a->next_modes = ordernm_numbers(&of, s->nswitches);
     a->p = ordernm_numbers(&of, a->ngroups*s->np*width);
     a->inputs = ordernm_numbers(&of, a->ngroups*problem->inputs.count*s->ninputs*width);
     if (problem->method == ORDERNM_RADAU && s->nfree_q + s->nfree_u)
@@ -176,6 +178,28 @@ int ordernm_sample_transposed(ordernm_adjoint *a, int n, double t, const double 
     return 0;
 }
 
+/* The adjoint of a group before a switch where rates jump by -`jump`, whose switching function changes at a speed. */
+int ordernm_switch_transposed(ordernm_adjoint *a, int n, double t, const double *z, int k, const double *jump, double speed)
+{
+    ordernm_motion *const m = a->motion;
+    const ordernm_system *const s = m->system;
+    const int width = a->width;
+    double *const lambda = a->lambda + (long)n*a->n*width;
+    ordernm_call c;
+    ordernm_arguments(m, t, z, &c);
+    int status = ordernm_close_loops(m, &c);
+    if (status) return status;
+    memset(m->dswitches, 0, s->nswitches*width*sizeof(double));
+    for (int i = 0; i < a->n; ++i)
+        for (int l = 0; l < width; ++l) m->dswitches[k*width + l] -= lambda[i*width + l]*jump[i]/speed;
+    clear(a, &c);
+    c.switches = m->switches;
+    c.dswitches = m->dswitches;
+    status = ORDERNM_OF(m, switch_sensitivities_transposed[a->index])(&c);
+    if (!status) add(a, n, &c, t, lambda);
+    return status;
+}
+
 /* The transpose of what is done between steps to joints with independent and dependent speeds. */
 static int transposed_settling(ordernm_adjoint *a, int n, double t, const double *z, double *lambda)
 {
@@ -272,10 +296,18 @@ int ordernm_backwards(ordernm_adjoint *a, const double *steps, long count)
     for (long k = count - 1; k >= 0; --k) {
         const double *const step = steps + k*size;
         m->t = step[0];
-        memcpy(m->z, step + ORDERNM_STEP_HEAD, (m->ny + m->nx + m->nd)*sizeof(double));
+        memcpy(m->z, step + m->head, (m->ny + m->nx + m->nd)*sizeof(double));
         ordernm_find_segment(m, m->t, step[1]);
         ordernm_take_derivatives(m, step[4]);
-        const int status = m->method->backwards(a, step);
+        ordernm_take_modes(m, step + ORDERNM_STEP_HEAD);
+        int status = a->has_next ? ordernm_switches_transposed(a, a->next_t, a->next, a->next_modes) : 0;
+        if (!status) status = m->method->backwards(a, step);
+        if (m->nheld) {
+            a->has_next = 1;
+            a->next_t = m->t;
+            memcpy(a->next, m->z, (m->ny + m->nx + m->nd)*sizeof(double));
+            memcpy(a->next_modes, step + ORDERNM_STEP_HEAD, m->system->nswitches*sizeof(double));
+        }
         if (!status) continue;
         a->gradients->singular = status;
         return status < -1 ? ORDERNM_COLLAPSED : status < 0 ? ORDERNM_OPEN : ORDERNM_SINGULAR;
@@ -318,11 +350,12 @@ int ordernm_replay(ordernm_motion *m, const double *known, double *steps, long c
     int status;
     ordernm_results none = {.steps = steps};
     m->results = &none;
-    memcpy(m->z, steps + ORDERNM_STEP_HEAD, state);
+    memcpy(m->z, steps + m->head, state);
+    ordernm_take_modes(m, steps + ORDERNM_STEP_HEAD);
     for (long k = 0; k < count; ++k) {
         double *const step = steps + k*size;
         m->t = step[0];
-        memcpy(step + ORDERNM_STEP_HEAD, m->z, state);
+        memcpy(step + m->head, m->z, state);
         ordernm_find_segment(m, m->t, step[1]);
         ordernm_take_derivatives(m, step[4]);
         if (m->method->replay(m, k ? 0 : known, !k, step)) return ORDERNM_SINGULAR;
@@ -331,7 +364,7 @@ int ordernm_replay(ordernm_motion *m, const double *known, double *steps, long c
         const double end = step[size], knot = ordernm_next_knot(m, m->t);
         m->closed_known = 0;
         if (!m->method->gives_rate && ordernm_rates_at_end(m, end, m->rate[m->method->stages])) return ORDERNM_SINGULAR;
-        if ((status = ordernm_next_step(m, end, knot, 0))) return status < 0 ? ORDERNM_OPEN : ORDERNM_SINGULAR;
+        if ((status = ordernm_next_step(m, end, knot, 0, step + size + ORDERNM_STEP_HEAD))) return status < 0 ? ORDERNM_OPEN : ORDERNM_SINGULAR;
     }
     return ORDERNM_ENDED;
 }

@@ -17,6 +17,8 @@ struct ordernm_adjoint {
     double *stage[MOST_STAGES], *q[MOST_STAGES]; /* states, and coordinates with loops closed */
     double *weights_q, *weights_u, *dq, *du, *dp, *dinputs, *weights;
     void *of_stages;                  /* of an implicit method, for its equations */
+    int has_next;                     /* there is a step behind, which begins ... */
+    double next_t, *next, *next_modes;/* ... then, in that state, with these modes */
     double *p, *inputs;               /* [ngroups][np][width], [ngroups][count][ninputs][width] */
 };
 
@@ -43,6 +45,8 @@ static inline void ordernm_accumulate(double *to, double factor, const double *o
 int ordernm_rates_transposed(ordernm_adjoint *a, int n, double t, const double *z, double *q, const double *kappa, double *nu);
 int ordernm_integrals_transposed(ordernm_adjoint *a, int n, double t, const double *z, double *q, const double *kappa, double *nu);
 int ordernm_sample_transposed(ordernm_adjoint *a, int n, double t, const double *z, double *nu);
+int ordernm_switch_transposed(ordernm_adjoint *a, int n, double t, const double *z, int k, const double *jump, double speed);
+int ordernm_switches_transposed(ordernm_adjoint *a, double t, const double *z, const double *row);
 int ordernm_settling_transposed(ordernm_adjoint *a, double t, const double *z);
 
 #endif

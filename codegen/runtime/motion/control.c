@@ -11,6 +11,9 @@ enum { CLOCK_STEPS = 16 };    /* the clock is read once in so many steps */
 enum { STUCK_STEPS = 2000 };
 static const double STUCK = 1e-9;
 
+/* So many switches that are passed in such a time accumulate. */
+enum { MOST_PASSED = 100 };
+
 /* Of DOP853. Steps at the limit that are too many, and steps away from it after which they are forgotten. */
 static const double LIMIT_OF_STABILITY = 6.1;
 enum { FAR_STEPS = 15, NEAR_STEPS = 6 };
@@ -117,14 +120,26 @@ static size_t lay_out(const ordernm_problem *p, void *at)
     m->inputs = ordernm_numbers(&of, s->ninputs);
     m->dinputs = ordernm_numbers(&of, s->ninputs*LANES);
     m->dt = ordernm_numbers(&of, LANES);
+    const int switching = s->switches != 0;
+    m->held = ordernm_take(&of, (s->nswitches + 1)*sizeof(int));
+    if (at) ordernm_hold_switches(m);
+    double **of_switches[] = {&m->modes, &m->switches, &m->crossed, &m->changed};
+    for (int i = 0; i < 4; ++i) *of_switches[i] = ordernm_numbers(&of, s->nswitches);
+    m->dswitches = ordernm_numbers(&of, (long)s->nswitches*LANES);
+    m->switch_along = ordernm_numbers(&of, switching ? (long)m->ngroups*LANES : 0);
+    m->input_rates = ordernm_numbers(&of, switching ? s->ninputs : 0);
+    m->no_dp = ordernm_numbers(&of, switching ? s->np : 0);
+    m->head = ordernm_head_size(p);
+    m->nwatched = p->nevents + m->nheld;
+    const int most_watched = p->nevents + s->nswitches;
     const long described = ordernm_event_size(p);
     double **rows[] = {&m->row, &m->known_row};
     for (int i = 0; i < 2; ++i) *rows[i] = ordernm_numbers(&of, described);
     m->beside = ordernm_numbers(&of, m->identity ? 0 : BESIDE*described);
     m->stages = ordernm_numbers(&of, ordernm_step_size(p));
     double **of_events[] = {&m->crossing, &m->after, &m->within, &m->part, &m->happened, &m->paces, &m->at_first};
-    for (int i = 0; i < 7; ++i) *of_events[i] = ordernm_numbers(&of, p->nevents);
-    m->samples = ordernm_numbers(&of, (long)EVENT_SAMPLES*p->nevents);
+    for (int i = 0; i < 7; ++i) *of_events[i] = ordernm_numbers(&of, most_watched);
+    m->samples = ordernm_numbers(&of, (long)EVENT_SAMPLES*most_watched);
     if (m->method == &ordernm_radau) {
         void *own = ordernm_take(&of, ordernm_radau_layout(m, 0));
         if (own) ordernm_radau_layout(m, own);
@@ -151,8 +166,10 @@ long ordernm_step_size(const ordernm_problem *p)
     const long state = s->nq + s->nfree_u + p->nintegrals;
     /* with the stages that are not its beginning; explicit ones with coordinates for which loops are closed, and the first rate */
     const long stages = method->rows ? (method->stages - 1)*(state + (s->closing_step ? s->nq : 0)) + state : method->stages*state;
-    return ORDERNM_STEP_HEAD + state + stages;
+    return ordernm_head_size(p) + state + stages;
 }
+
+long ordernm_head_size(const ordernm_problem *p) { return ORDERNM_STEP_HEAD + p->system->nswitches; }
 
 long ordernm_known_size(const ordernm_problem *p)
 {
@@ -357,6 +374,7 @@ static void keep_row(ordernm_results *r, const double *row, long size)
 /* Why rates could not be computed. */
 static int failed(ordernm_results *r, int status)
 {
+    if (status == SLIDES) return ORDERNM_SLIDING;
     r->singular = status;
     return status < 0 ? ORDERNM_OPEN : ORDERNM_SINGULAR;
 }
@@ -428,7 +446,8 @@ static void keep_step(const ordernm_motion *m, double h)
     row[0] = m->t;
     row[1] = h;
     row[4] = m->best;
-    memcpy(row + ORDERNM_STEP_HEAD, m->z, (m->ny + m->nx + m->nd)*sizeof(double));
+    ordernm_keep_modes(m, row + ORDERNM_STEP_HEAD);
+    memcpy(row + m->head, m->z, (m->ny + m->nx + m->nd)*sizeof(double));
     m->method->keep(m, row);
     ++r->steps_count;
 }
@@ -440,13 +459,15 @@ static int begin(ordernm_motion *m)
     if (ordernm_settle(m, m->t, m->z) < 0) return failed(m->results, -1);
     ordernm_note_condition(m, 0, 0);
     note_best(m);
-    const int status = ordernm_rates(m, m->t, m->z, m->rate[0]);
+    int status = m->nheld ? ordernm_choose_modes(m, m->t, m->z) : 0;
+    if (!status) status = ordernm_rates(m, m->t, m->z, m->rate[0]);
     ordernm_note_precise(m, 0);
     if (wants_precise(m)) return ORDERNM_IMPRECISE;
     if (status) return failed(m->results, status);
     if (!ordernm_all_finite(m->rate[0], m->size)) return not_finite(m, m->rate[0]);
     ordernm_note_condition(m, 0, 0);
-    const int unknown = p->nevents ? ordernm_crossings(m, m->t, m->z, m->crossing) : 0;
+    int unknown = p->nevents ? ordernm_crossings(m, m->t, m->z, m->crossing) : 0;
+    if (!unknown && m->nheld) unknown = ordernm_sides(m, m->t, m->z, m->crossing + p->nevents);
     if (unknown) return failed(m->results, unknown);
     if (!p->ntimes || p->times[0] <= p->start) {
         const int reason = keep(m, m->t, m->z);
@@ -561,7 +582,7 @@ static int attempt(ordernm_motion *m, trial *step)
     if (!ordernm_all_finite(rate, m->values)) step->error = NAN;
     if (!(step->error <= 1.0)) return 0;
     if (m->nd && (step->dead = ordernm_dead_point_within(m, step->h)) > 0.0) return 0;
-    if (!p->nevents) return 0;
+    if (!m->nwatched) return 0;
     const double whole = step->h;
     status = ordernm_look_for_events(m, step);
     if (step->event < 0 || status) return status;
@@ -602,6 +623,10 @@ static int refuse(ordernm_motion *m, const trial *step, int status)
     const ordernm_problem *const p = m->problem;
     ordernm_results *const r = m->results;
     const method *const method = m->method;
+    if (m->nheld && (status || step->error != step->error) && ordernm_let_go(m)) {
+        ++r->rejected;
+        return ORDERNM_ENDED; /* the same step again, every switch in the branch that the state is in */
+    }
     if (!m->adaptive) {
         if (status) return failed(r, status);
         return method->gives_rate ? ORDERNM_COLLAPSED : not_finite(m, m->rate[method->stages]);
@@ -645,8 +670,9 @@ static void exchange(double **one, double **other)
 
 /* The end of a step, before which the next knot of the inputs was that one, becomes the beginning of the next step; a state
  * at a pose is settled. Steps that are made again go this way too, for rounding to be the same. */
-int ordernm_next_step(ordernm_motion *m, double end, double knot, int settled)
+int ordernm_next_step(ordernm_motion *m, double end, double knot, int settled, const double *modes)
 {
+    int status;
     m->t = end;
     exchange(&m->z, &m->next);
     exchange(&m->rate[0], &m->rate[m->method->stages]);
@@ -656,9 +682,20 @@ int ordernm_next_step(ordernm_motion *m, double end, double knot, int settled)
     if (changed < 0) return changed;
     ordernm_note_condition(m, 0, 0);
     note_best(m);
-    if (!changed && ordernm_next_knot(m, m->t) == knot) return 0;
+    const int at_knot = ordernm_next_knot(m, m->t) != knot;
+    m->switched = 0;
+    if (modes) {
+        ordernm_take_modes(m, modes);
+        for (int k = 0; k < m->system->nswitches; ++k) m->switched |= m->crossed[k] != 0.0;
+    } else if (m->nheld) {
+        for (int k = 0; k < m->system->nswitches; ++k) m->switched |= m->crossed[k] != 0.0;
+        if (m->switched && (status = ordernm_pass_switches(m))) return status;
+        if ((status = ordernm_hold_again(m))) return status;
+    }
+    if (!changed && !at_knot && !m->switched) return 0;
     ordernm_find_segment(m, m->t, 1e-9*(1.0 + fabs(m->t)));
-    const int status = ordernm_rates(m, m->t, m->z, m->rate[0]);
+    if (m->nheld && at_knot && !modes && (status = ordernm_follow_inputs(m))) return status;
+    status = ordernm_rates(m, m->t, m->z, m->rate[0]);
     ordernm_note_precise(m, 0);
     return status;
 }
@@ -667,8 +704,14 @@ static int go_on(ordernm_motion *m, const trial *step)
 {
     ordernm_results *const r = m->results;
     r->t = step->end;
+    const ordernm_problem *const p = m->problem;
     exchange(&m->crossing, &m->after);
-    const int failure = ordernm_next_step(m, step->end, step->knot, step->at_pose);
+    for (int i = 0; i < m->nheld; ++i)
+        m->crossed[m->held[i]] = step->event >= 0 && m->happened[p->nevents + i] > 0.0 ? fmax(m->paces[p->nevents + i], 1e-300) : 0.0;
+    int failure = ordernm_next_step(m, step->end, step->knot, step->at_pose, 0);
+    if (!failure && m->nheld && (m->switched || ordernm_next_knot(m, m->t) != step->knot))
+        failure = ordernm_sides(m, m->t, m->z, m->crossing + p->nevents);
+    if (failure == SLIDES && !p->ntimes) keep(m, m->t, m->z);
     if (failure) return failed(r, failure);
     r->next_step = m->h;
     return m->problem->ntimes ? ORDERNM_ENDED : keep(m, m->t, m->z);
@@ -680,7 +723,7 @@ static int accept(ordernm_motion *m, const trial *step)
     const ordernm_problem *const p = m->problem;
     ordernm_results *const r = m->results;
     int stop, reason;
-    m->moved = m->refused = 0;
+    m->moved = m->refused = m->not_held = 0;
     m->shorter = 0.0;
     if (p->method == ORDERNM_DOP853 && step->event < 0) watch_stability(m, step->h); /* while the last stage is there */
     if (p->ntimes && (reason = sample(m, step->end)) != ORDERNM_ENDED) return reason;
@@ -691,6 +734,7 @@ static int accept(ordernm_motion *m, const trial *step)
     resize(m, step);
     if ((reason = go_on(m, step)) != ORDERNM_ENDED) return reason;
     if (stop) return ORDERNM_EVENT;
+    if (m->switched) return ORDERNM_ENDED; /* the step behind it says what has changed */
     if (r->condition_here <= p->poor) m->looked_at = 0.0;
     const int poor = p->poor > 0.0 && r->condition_here > fmax(p->poor, LOOK_AGAIN*m->looked_at);
     if (poor && m->t < p->end) return ORDERNM_POOR;
@@ -734,6 +778,7 @@ int ordernm_go(ordernm_motion *m, ordernm_results *r, double seconds)
     for (long n = 1; reason == ORDERNM_ENDED && m->t < p->end; ++n) {
         if (is_full(m)) return ORDERNM_FULL;
         if (p->most_steps && r->accepted + r->rejected >= p->most_steps) return ORDERNM_MANY_STEPS;
+        if (m->nheld && m->passed >= MOST_PASSED && ordernm_accumulates(m)) return ORDERNM_ACCUMULATED;
         if (is_stuck(m)) return ORDERNM_COLLAPSED;
         if (n%CLOCK_STEPS == 0 && seconds_now() > deadline) return ORDERNM_PAUSED;
         trial step;
@@ -755,5 +800,5 @@ int ordernm_go(ordernm_motion *m, ordernm_results *r, double seconds)
         }
         reason = status || !(step.error <= 1.0) ? refuse(m, &step, status) : accept(m, &step);
     }
-    return reason;
+    return reason == ORDERNM_COLLAPSED && m->nheld && ordernm_accumulates(m) ? ORDERNM_ACCUMULATED : reason;
 }

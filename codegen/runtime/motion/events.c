@@ -29,13 +29,20 @@ int ordernm_crossings(ordernm_motion *m, double t, const double *z, double *g)
     int status = ordernm_close_loops(m, &c);
     if (status) ordernm_arguments(m, t, z, &c); /* where a loop has lost rank, as the step has predicted */
     c.outputs = m->outputs;
-    if ((status = m->system->outputs(&c))) return status;
+    if (p->nevents && (status = m->system->outputs(&c))) return status;
     for (int i = 0; i < p->nevents; ++i) g[i] = m->outputs[p->events[i].output] - p->events[i].level;
-    return 0;
+    if (!m->nheld) return 0;
+    c.switches = m->switches;
+    status = m->system->switches(&c);
+    for (int i = 0; i < m->nheld; ++i) g[p->nevents + i] = m->modes[m->held[i]]*m->switches[m->held[i]];
+    return status;
 }
 
-static int crosses(const ordernm_event *e, double before, double after)
+/* Whether what is looked for crosses zero: an event's output less its level; a switching function, which leaves the side of its mode. */
+static int crosses(const ordernm_motion *m, int number, double before, double after)
 {
+    if (number >= m->problem->nevents) return before >= 0.0 && after < 0.0;
+    const ordernm_event *const e = m->problem->events + number;
     return (e->direction >= 0 && before < 0.0 && after >= 0.0) || (e->direction <= 0 && before > 0.0 && after <= 0.0);
 }
 
@@ -100,7 +107,7 @@ static int look_at_turn(ordernm_motion *m, double h, int e, double turn, double 
  * function returned, less 1 where that is negative. */
 static int bracket(ordernm_motion *m, double h, int e, double at[2], double g[2], int *found)
 {
-    const long events = m->problem->nevents;
+    const long events = m->nwatched;
     double x[MOST_PLACES], y[MOST_PLACES], turn[EVENT_SAMPLES];
     for (int i = 0; i <= PARTS; ++i) {
         x[i] = ordernm_event_point(i);
@@ -114,7 +121,7 @@ static int bracket(ordernm_motion *m, double h, int e, double at[2], double g[2]
     }
     *found = 0;
     for (int i = 0; i < n - 1 && !*found; ++i) {
-        *found = crosses(m->problem->events + e, y[i], y[i + 1]);
+        *found = crosses(m, e, y[i], y[i + 1]);
         at[0] = x[i], at[1] = x[i + 1];
         g[0] = y[i], g[1] = y[i + 1];
     }
@@ -125,9 +132,8 @@ static int bracket(ordernm_motion *m, double h, int e, double at[2], double g[2]
  * interpolant, the Illinois way). */
 static int locate(ordernm_motion *m, double h, double *first, int *which)
 {
-    const ordernm_problem *const p = m->problem;
     *first = 2.0;
-    for (int e = 0; e < p->nevents; ++e) {
+    for (int e = 0; e < m->nwatched; ++e) {
         double ends[2], values[2];
         int found;
         m->part[e] = 2.0;
@@ -159,7 +165,7 @@ static int locate(ordernm_motion *m, double h, double *first, int *which)
         }
         m->part[e] = high;
         if (high < *first) {
-            if (within(m, h, high, m->at_first)) memset(m->at_first, 0, p->nevents*sizeof(double));
+            if (within(m, h, high, m->at_first)) memset(m->at_first, 0, m->nwatched*sizeof(double));
             *first = high;
             *which = e;
             for (int i = 0; i < 2; ++i) m->around_event[i] = ends[i]*h;
@@ -215,7 +221,7 @@ static int take_samples(ordernm_motion *m, double h)
     if (status) return status;
     m->complete = 1;
     for (int i = 1; i < PARTS; ++i)
-        if ((status = within(m, h, ordernm_event_point(i), m->samples + (i - 1)*m->problem->nevents))) return status;
+        if ((status = within(m, h, ordernm_event_point(i), m->samples + (i - 1)*m->nwatched))) return status;
     return 0;
 }
 
@@ -224,7 +230,7 @@ static double pace(const ordernm_motion *m, double h, int e)
 {
     double low = m->crossing[e], high = low;
     for (int i = 1; i < PARTS; ++i) {
-        const double g = m->samples[(i - 1)*m->problem->nevents + e];
+        const double g = m->samples[(i - 1)*m->nwatched + e];
         low = fmin(low, g), high = fmax(high, g);
     }
     return (high - low)/h;
@@ -250,8 +256,8 @@ static int event_at_pose(ordernm_motion *m, double whole, double part, trial *st
     int stop = 0, status = ordernm_beside(m, step->h, describe, ordernm_event_size(p) - 1);
     if (status) return status;
     double cut = fmin(part + CUT_BEHIND, 1.0);
-    for (int e = 0; e < p->nevents; ++e) {
-        if (m->part[e] <= part + 1e-13) stop |= p->events[e].stop;
+    for (int e = 0; e < m->nwatched; ++e) {
+        if (m->part[e] <= part + 1e-13) stop |= e < p->nevents && p->events[e].stop;
         else if (m->part[e] < cut) cut = 0.5*(part + m->part[e]);
     }
     if (stop && m->results->steps) return -1; /* this end is not a step's, and the adjoint would not know */
@@ -274,7 +280,7 @@ int ordernm_look_for_events(ordernm_motion *m, trial *step)
     if (!status) status = take_samples(m, whole);
     if (!status) status = locate(m, whole, &part, &step->event);
     if (status || step->event < 0) return status;
-    for (int e = 0; e < p->nevents; ++e) m->paces[e] = pace(m, whole, e);
+    for (int e = 0; e < m->nwatched; ++e) m->paces[e] = pace(m, whole, e);
     m->complete = 0;
     status = within(m, whole, part, m->within);
     if (m->nd && (status || m->results->condition_here > m->too_poor)) {
@@ -288,9 +294,10 @@ int ordernm_look_for_events(ordernm_motion *m, trial *step)
     }
     /* it is behind now, on whichever side rounding has left it, and so are others that happened at the same time; those that
      * have happened just before stay behind */
-    for (int e = 0; e < p->nevents; ++e) {
-        if (m->part[e] <= part + 1e-13 || (m->after[e] == 0.0 && crosses(p->events + e, m->crossing[e], m->after[e]))) {
-            const double behind = p->events[e].direction ? p->events[e].direction : m->crossing[e] < 0.0 ? 1.0 : -1.0;
+    for (int e = 0; e < m->nwatched; ++e) {
+        if (m->part[e] <= part + 1e-13 || (m->after[e] == 0.0 && crosses(m, e, m->crossing[e], m->after[e]))) {
+            const int way = e < p->nevents ? p->events[e].direction : -1;
+            const double behind = way ? way : m->crossing[e] < 0.0 ? 1.0 : -1.0;
             m->happened[e] = 1.0;
             if (!(m->row_known && m->after[e]*behind > 0.0)) m->after[e] = behind*BEHIND;
         } else {

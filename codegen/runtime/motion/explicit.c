@@ -73,7 +73,7 @@ void ordernm_keep_stage(ordernm_motion *m, int i)
 
 static void keep(const ordernm_motion *m, double *row)
 {
-    const long state = m->ny + m->nx + m->nd, begins = ORDERNM_STEP_HEAD + state, ends = ordernm_step_size(m->problem) - state;
+    const long state = m->ny + m->nx + m->nd, begins = m->head + state, ends = ordernm_step_size(m->problem) - state;
     row[2] = m->precise_stages;
     row[3] = 0.0;
     memcpy(row + begins, m->stages, (ends - begins)*sizeof(double));

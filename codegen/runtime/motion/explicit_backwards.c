@@ -44,7 +44,7 @@ static void stages_kept(ordernm_adjoint *a, const double *step)
 {
     ordernm_motion *const m = a->motion;
     const long state = m->ny + m->nx + m->nd, nq = m->identity ? 0 : m->system->nq;
-    const double *at = step + ORDERNM_STEP_HEAD + state;
+    const double *at = step + m->head + state;
     memcpy(a->stage[0], m->z, state*sizeof(double));
     memcpy(a->q[0], m->q, nq*sizeof(double));
     for (int i = 1; i < m->method->stages; ++i, at += state + nq) {

@@ -159,6 +159,20 @@ struct ordernm_motion {
     double error_before;      /* of the step before, as a share of what is allowed; 0 at the beginning */
     double advice;            /* how many times as large the next step should be, 0: as its error says */
     struct radau *radau;      /* what that method has of its own, else 0 */
+    /* switches */
+    int nheld, nwatched;      /* switches whose modes are held; with events, what is looked for within a step */
+    int *held;                /* [nheld] which ones */
+    double *modes, *switches; /* [nswitches] their modes, and switching functions */
+    double *crossed;          /* [nswitches] how fast functions change in the step before that has ended at their zero; else 0 */
+    double *dswitches, *switch_along; /* [nswitches][LANES]; [ngroups][LANES] */
+    double *input_rates, *no_dp; /* [ninputs]; zeros, [np] */
+    double *changed;          /* [nswitches] when modes changed last */
+    double accumulating;      /* when the passing of switches that is counted began ... */
+    long passed;              /* ... and how often switches have been passed since */
+    int last_passed;          /* the switch that was passed last */
+    int not_held;             /* steps in a row that were refused because held rates have no value */
+    int switched;             /* modes have changed between the step before and this one */
+    long head;                /* numbers of a row of steps before the state */
 };
 
 static inline void ordernm_note_precise(ordernm_motion *m, int stage)
@@ -166,7 +180,13 @@ static inline void ordernm_note_precise(ordernm_motion *m, int stage)
     m->precise_stages = (m->precise_stages & ~(1u << stage)) | (unsigned)m->precise << stage;
 }
 
+/* What switching functions are at least on the side that they have just come to, whatever rounding says. */
+static const double LEAST_SIDE = 1e-300;
+enum { SLIDES = -1000 };      /* beside what functions return: a switch is pushed back to from both sides */
+
 /* state.c */
+void ordernm_input_rates(ordernm_motion *m, double t, double *rates);
+void ordernm_seeds(ordernm_motion *m, double t, const double *z, const group *g, ordernm_call *c);
 enum { RATES = 1, INTEGRALS = 2, KNOWN_CLOSED = 4, PRECISE = 8 }; /* of the state; of integrals; loops are known to be closed, and poor */
 int ordernm_rates_of(ordernm_motion *m, double t, const double *z, double *rate, int ngroups, const group *groups, int what);
 int ordernm_rates(ordernm_motion *m, double t, const double *z, double *rate);
@@ -220,12 +240,25 @@ int ordernm_crossings(ordernm_motion *m, double t, const double *z, double *g);
 int ordernm_look_for_events(ordernm_motion *m, trial *step);
 int ordernm_keep_events(ordernm_motion *m, const trial *step, int *stop);
 
+/* switches.c */
+void ordernm_hold_switches(ordernm_motion *m);
+int ordernm_switching(ordernm_motion *m, double t, const double *z);
+int ordernm_sides(ordernm_motion *m, double t, const double *z, double *sides);
+int ordernm_choose_modes(ordernm_motion *m, double t, const double *z);
+int ordernm_pass_switches(ordernm_motion *m);
+int ordernm_hold_again(ordernm_motion *m);
+int ordernm_accumulates(const ordernm_motion *m);
+int ordernm_let_go(ordernm_motion *m);
+int ordernm_follow_inputs(ordernm_motion *m);
+void ordernm_keep_modes(const ordernm_motion *m, double *row);
+void ordernm_take_modes(ordernm_motion *m, const double *row);
+
 /* extremes.c */
 double ordernm_event_point(int i);
 int ordernm_extremes(const double *value, double *where);
 
 /* control.c */
-int ordernm_next_step(ordernm_motion *m, double end, double knot, int settled);
+int ordernm_next_step(ordernm_motion *m, double end, double knot, int settled, const double *modes);
 void ordernm_take_derivatives(ordernm_motion *m, double best);
 double ordernm_error_norm(const ordernm_motion *m, const double *next, const double *error, const double *second);
 

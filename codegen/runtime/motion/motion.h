@@ -27,6 +27,8 @@ typedef struct {
     double *dq, *du, *dp, *dinputs, *dt;
     double *qdot, *udot, *dqdot, *dudot;
     double *outputs, *doutputs;
+    const double *modes;      /* the signs of switching functions that are gone on with; 0 where they have */
+    double *switches, *dswitches;
     double *full_u, *dfull_q, *dfull_u;
     double *step, *position, *condition;
     double *work;
@@ -42,11 +44,12 @@ enum { ORDERNM_ONE, ORDERNM_EIGHT, ORDERNM_FOUR, ORDERNM_WIDTHS };
 /* The same in long double, for poses near which a loop loses rank; NAME_precise.c. But for closing_step they close the loops
  * themselves once more. What the package has not is 0. */
 typedef struct {
-    ordernm_function *closing_step, *state_rates, *completion, *outputs;
+    ordernm_function *closing_step, *state_rates, *completion, *outputs, *switches;
     ordernm_function *state_rate_sensitivities[ORDERNM_WIDTHS], *completion_sensitivities[ORDERNM_WIDTHS],
-        *output_sensitivities[ORDERNM_WIDTHS];
+        *output_sensitivities[ORDERNM_WIDTHS], *switch_sensitivities[ORDERNM_WIDTHS];
     ordernm_function *sensitivities_transposed[ORDERNM_WIDTHS], *coordinate_rate_sensitivities_transposed[ORDERNM_WIDTHS],
-        *completion_sensitivities_transposed[ORDERNM_WIDTHS], *output_sensitivities_transposed[ORDERNM_WIDTHS];
+        *completion_sensitivities_transposed[ORDERNM_WIDTHS], *output_sensitivities_transposed[ORDERNM_WIDTHS],
+        *switch_sensitivities_transposed[ORDERNM_WIDTHS];
 } ordernm_precise;
 
 typedef struct {
@@ -60,13 +63,18 @@ typedef struct {
     int nkept;
     const int *kept;                       /* conditions of closure that no others imply */
     int split;                             /* a joint has independent and dependent speeds */
+    int nswitches;                         /* switching functions, at whose zeros forces or outputs change their branch ... */
+    const int *drives;                     /* ... which of them forces have ... */
+    int nswitch_outputs;                   /* ... and pairs of one that an output has, and that output */
+    const int *switch_of_output;
     /* What has not been generated is 0. */
     const ordernm_precise *precise;        /* to be had when ordernm_go asks for it */
-    ordernm_function *state_rates, *closing_step, *completion, *outputs;
+    ordernm_function *state_rates, *closing_step, *completion, *outputs, *switches;
     ordernm_function *state_rate_sensitivities[ORDERNM_WIDTHS], *completion_sensitivities[ORDERNM_WIDTHS],
-        *output_sensitivities[ORDERNM_WIDTHS];
+        *output_sensitivities[ORDERNM_WIDTHS], *switch_sensitivities[ORDERNM_WIDTHS];
     ordernm_function *sensitivities_transposed[ORDERNM_WIDTHS], *coordinate_rate_sensitivities_transposed[ORDERNM_WIDTHS],
-        *completion_sensitivities_transposed[ORDERNM_WIDTHS], *output_sensitivities_transposed[ORDERNM_WIDTHS];
+        *completion_sensitivities_transposed[ORDERNM_WIDTHS], *output_sensitivities_transposed[ORDERNM_WIDTHS],
+        *switch_sensitivities_transposed[ORDERNM_WIDTHS];
 } ordernm_system;
 
 /* ---- What is asked for. ---- */
@@ -123,7 +131,9 @@ typedef struct {
 enum {
     ORDERNM_ENDED, ORDERNM_PAUSED, ORDERNM_FULL, ORDERNM_EVENT, ORDERNM_SINGULAR, ORDERNM_OPEN, ORDERNM_COLLAPSED,
     ORDERNM_NOT_FINITE, ORDERNM_MANY_STEPS, ORDERNM_IMPRECISE, ORDERNM_POOR,
-    ORDERNM_UNDETERMINED /* dependent speeds are known far less exactly than rtol asks for, as at a dead point */
+    ORDERNM_UNDETERMINED, /* dependent speeds are known far less exactly than rtol asks for, as at a dead point */
+    ORDERNM_SLIDING,     /* forces on both sides of a switch push back to it: see component */
+    ORDERNM_ACCUMULATED  /* switches follow each other faster and faster: see component */
 };
 
 /* Rows of results: t, q, u, outputs, integrals, then dq [ndirections][nq], du, doutputs, dintegrals. */
@@ -141,6 +151,7 @@ typedef struct {
     long events_capacity, events_count; /* as many as there are events may come at once */
     double t;                 /* how far it has come */
     int singular;             /* what the function returned that failed */
+    int grazed;               /* 0, or 1 + a switch that was touched only: derivatives do not exist from there on */
     int component;            /* which of the state's entries kept the step small, or was not finite */
     long accepted, rejected, evaluations, closing_steps, jacobians, factorizations;
     int as_is;                /* set: there is nothing in long double */
@@ -155,10 +166,12 @@ typedef struct ordernm_motion ordernm_motion;
 /* Doubles of memory that a motion needs. */
 long ordernm_room(const ordernm_problem *problem);
 
-/* Doubles of a row of results, of a row of events, of a row of steps, of what a method knows between two steps beside the state. */
+/* Doubles of a row of results, of a row of events, of a row of steps and of its head, of what a method knows between two steps beside
+ * the state. */
 long ordernm_row_size(const ordernm_problem *problem);
 long ordernm_event_size(const ordernm_problem *problem);
 long ordernm_step_size(const ordernm_problem *problem);
+long ordernm_head_size(const ordernm_problem *problem);
 long ordernm_known_size(const ordernm_problem *problem);
 
 /* Begins a motion; the problem, and what it points to, must stay as they are. */
@@ -202,8 +215,8 @@ ordernm_adjoint *ordernm_adjoint_begin(const ordernm_problem *problem, ordernm_g
 int ordernm_backwards(ordernm_adjoint *adjoint, const double *steps, long count);
 void ordernm_adjoint_end(ordernm_adjoint *adjoint);
 
-/* Makes steps again that were kept: from the first row of steps, whose state is there, from the first ORDERNM_STEP_HEAD numbers
- * of all rows, and from what was known before the first. */
+/* Makes steps again that were kept: from the first row of steps, whose state is there, from the heads of all rows, which are
+ * ORDERNM_STEP_HEAD numbers and the modes of switches, and from what was known before the first. */
 enum { ORDERNM_STEP_HEAD = 5 };
 int ordernm_replay(ordernm_motion *motion, const double *known, double *steps, long count);
 

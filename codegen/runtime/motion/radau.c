@@ -306,6 +306,13 @@ static void go_on(struct radau *r, double h)
     ++r->accepted;
 }
 
+/* Behind a switch nothing of the step before is of use. */
+static void begin_anew(struct radau *r)
+{
+    r->accepted = 0;
+    r->theta = 1.0;
+}
+
 /* Errors that count in Newton's method, and where it ends, see iterate. */
 static void limits(ordernm_motion *m, double *limit, double *usual)
 {
@@ -338,9 +345,10 @@ static int radau_step(ordernm_motion *m, double h, double *error)
     const ordernm_problem *const p = m->problem;
     if (r->tried && m->t != r->t_tried) { /* the step that was tried last has been accepted */
         go_on(r, r->h_tried);
-        r->formed_here = r->formed && m->identity && m->segment == r->segment;
+        r->formed_here = r->formed && m->identity && m->segment == r->segment && !m->switched;
+        if (m->switched) begin_anew(r);
     }
-    if (m->ngroups && (!r->tried || m->system->split || m->segment != r->segment)) {
+    if (m->ngroups && (!r->tried || m->system->split || m->segment != r->segment || m->switched)) {
         /* By the function that gives them without directions, so that steps are the same to the last bit. */
         const int status = ordernm_rates_of(m, m->t, m->z, m->rate[0], 0, 0, RATES);
         if (status) return status;
@@ -439,7 +447,7 @@ static void radau_keep(const ordernm_motion *m, double *row)
     const long state = m->ny + m->nx + m->nd;
     row[2] = r->jacobian_here + 2.0*m->precise_stages;
     row[3] = r->slowness_before;
-    double *to = row + ORDERNM_STEP_HEAD + state;
+    double *to = row + m->head + state;
     for (int i = 0; i < STAGES; ++i)
         for (long k = 0; k < state; ++k) *to++ = m->z[k] + r->stage[i][k];
     double *const known = m->results->known;
@@ -470,6 +478,7 @@ static int radau_replay(ordernm_motion *m, const double *known, int first, doubl
         for (int i = 0; i < STAGES; ++i) memcpy(r->last[i], known + 4 + (1 + i)*m->values, m->values*sizeof(double));
     } else {
         go_on(r, r->h_tried);
+        if (m->switched) begin_anew(r);
     }
     r->h_tried = h;
     r->jacobian_here = 0;

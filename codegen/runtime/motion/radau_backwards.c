@@ -168,7 +168,7 @@ int ordernm_radau_backwards(ordernm_adjoint *a, const double *row)
     m->precise_stages = (unsigned)row[2] >> 1;
     for (int i = 0; i < STAGES; ++i) {
         double *const stage = a->stage[i];
-        memcpy(stage, row + ORDERNM_STEP_HEAD + (1 + i)*state, state*sizeof(double));
+        memcpy(stage, row + m->head + (1 + i)*state, state*sizeof(double));
         if (m->identity) continue;
         ordernm_call c;
         ordernm_arguments(m, ordernm_time_of_stage(m->t, h, i), stage, &c);

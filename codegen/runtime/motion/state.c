@@ -48,8 +48,8 @@ void ordernm_find_segment(ordernm_motion *m, double t, double h)
     m->segment = low;
 }
 
-/* The B-splines that are not zero at t, degree + 1 of them; returns the number of the first (de Boor). */
-long ordernm_b_splines(const ordernm_motion *m, double t, double *value)
+/* The B-splines of a degree that are not zero at t; returns the number of the first (de Boor). */
+static long b_splines(const ordernm_motion *m, double t, int degree, double *value)
 {
     const ordernm_inputs *in = &m->problem->inputs;
     const double *knot = in->knots;
@@ -58,7 +58,7 @@ long ordernm_b_splines(const ordernm_motion *m, double t, double *value)
     const double x = t < first ? first : t > last ? last : t;
     double left[4], right[4];
     value[0] = 1.0;
-    for (int j = 1; j <= in->degree; ++j) {
+    for (int j = 1; j <= degree; ++j) {
         left[j] = x - knot[at + 1 - j];
         right[j] = knot[at + j] - x;
         double saved = 0.0;
@@ -69,7 +69,28 @@ long ordernm_b_splines(const ordernm_motion *m, double t, double *value)
         }
         value[j] = saved;
     }
-    return at - in->degree;
+    return at - degree;
+}
+
+/* Those that inputs are sums of, degree + 1 of them. */
+long ordernm_b_splines(const ordernm_motion *m, double t, double *value)
+{
+    return b_splines(m, t, m->problem->inputs.degree, value);
+}
+
+/* Time derivatives of the inputs: sums of splines of one degree less. */
+void ordernm_input_rates(ordernm_motion *m, double t, double *rates)
+{
+    const ordernm_inputs *const in = &m->problem->inputs;
+    const int n = m->system->ninputs, degree = in->degree;
+    memset(rates, 0, n*sizeof(double));
+    if (!in->knots || degree == 0 || t < in->knots[degree] || t > in->knots[in->count]) return;
+    double value[4];
+    const long first = b_splines(m, t, degree - 1, value);
+    for (int b = 0; b < degree; ++b) {
+        const double by = degree*value[b]/(in->knots[first + b + degree] - in->knots[first + b]);
+        for (int i = 0; i < n; ++i) rates[i] += by*(in->values[(first + b)*n + i] - in->values[(first + b - 1)*n + i]);
+    }
 }
 
 static const double *inputs_at(ordernm_motion *m, double t)
@@ -165,6 +186,7 @@ void ordernm_arguments(ordernm_motion *m, double t, const double *z, ordernm_cal
     c->p = m->problem->p;
     c->t = t;
     c->dt = m->dt;
+    c->modes = m->modes;
     c->work = m->work;
     c->precise_work = m->precise_work;
     c->inputs = inputs_at(m, t);
@@ -181,7 +203,7 @@ static inline void copy_lanes(double *to, const double *from, int width)
 }
 
 /* Seeds of a group. */
-static void seeds(ordernm_motion *m, double t, const double *z, const group *g, ordernm_call *c)
+void ordernm_seeds(ordernm_motion *m, double t, const double *z, const group *g, ordernm_call *c)
 {
     const ordernm_system *s = m->system;
     const int width = g->width;
@@ -281,7 +303,7 @@ int ordernm_rates_of(ordernm_motion *m, double t, const double *z, double *rate,
         const group *g = groups + n;
         double *S = rate + g->at;
         const int width = g->width;
-        seeds(m, t, z, g, &c);
+        ordernm_seeds(m, t, z, g, &c);
         c.dqdot = m->identity ? S : m->dqdot;
         c.dudot = m->identity ? S + s->nq*width : m->dudot;
         if (rates && (status = ORDERNM_OF(m, state_rate_sensitivities[g->index])(&c))) return status;
@@ -360,7 +382,7 @@ int ordernm_settle(ordernm_motion *m, double t, double *z)
         const group *g = m->groups + n;
         const int width = g->width;
         double *S = z + g->at;
-        seeds(m, t, z, g, &c);
+        ordernm_seeds(m, t, z, g, &c);
         c.dfull_q = m->full_dq;
         c.dfull_u = m->full_du;
         if (ORDERNM_OF(m, completion_sensitivities[g->index])(&c)) return -1;
@@ -400,7 +422,7 @@ int ordernm_report(ordernm_motion *m, double t, const double *z, double *row)
         const group *g = m->groups + n;
         const int width = g->width;
         double *S = (double *)z + g->at;
-        seeds(m, t, z, g, &c);
+        ordernm_seeds(m, t, z, g, &c);
         double *of_q = c.dq, *of_u = c.du;
         if (!m->identity) {
             c.full_u = m->qdot;

@@ -16,7 +16,7 @@ METHODS = ("rk4", "dop853", "radau")
 
 REASONS = (
     "end", "paused", "full", "event", "singular", "open loop", "step collapsed", "not finite", "too many steps",
-    "imprecise", "poor", "undetermined",
+    "imprecise", "poor", "undetermined", "sliding", "accumulated",
 )  # fmt: skip
 """Why a motion ended, in the order of the constants of ``motion.h``."""
 
@@ -144,6 +144,8 @@ class Segment:
         Of the loops at the end, and the step that would be tried there.
     precise : int
         The address of the functions in long double, where the motion came near a pose at which a loop loses rank; else 0.
+    grazed : int
+        1 and the number of a switch that the motion has only touched, where there is one with derivatives; else 0.
     """
 
     opened: Opened
@@ -159,6 +161,7 @@ class Segment:
     condition: float
     next_step: float
     precise: int
+    grazed: int
 
 
 @dataclass(slots=True, eq=False)

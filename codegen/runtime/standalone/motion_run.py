@@ -15,6 +15,7 @@ from .arrays import Array
 from .errors import CompileError, NoCompilerError, SingularLoopError
 from .motion_library import four_lanes, motion_library, precise_functions
 from .motion_problem import REASONS, Problem, Run, Segment
+from .motion_switches import touched
 from .partitions import Partitions
 from .states import States
 from .targets import Opened, partitions_of
@@ -79,6 +80,9 @@ class MotionRun(States, Partitions):
         run.reason, run.singular, run.component = segment.reason, segment.singular, segment.component
         counts = [s.counts for s in run.segments]
         run.counts = counts[0] | {"partitions_changed": len(counts) - 1, "seconds": time.perf_counter() - began}
+        for segment in run.segments:
+            if segment.grazed:
+                warn(touched(segment.opened.manifest, segment.grazed - 1))
         if len(counts) > 1:
             run.counts |= {name: sum(c[name] for c in counts) for name in SUMMED}
             run.counts |= {name: max(c[name] for c in counts) for name in ("condition", "stiffness")}
@@ -253,7 +257,7 @@ class MotionRun(States, Partitions):
                     steps.append(kept)
                     heads.append(None)
                     if 8 * sum(x.size for x in steps) > memory // 2:
-                        let_go(steps, heads, library.ORDERNM_STEP_HEAD)
+                        let_go(steps, heads, library.ordernm_head_size(c))
                     kept = more_steps()
                 if problem.events and r.events_count + len(problem.events) > r.events_capacity:
                     more_events()
@@ -289,6 +293,7 @@ class MotionRun(States, Partitions):
             r.condition_here if poor is None else poor,
             r.next_step,
             int(ffi.cast("intptr_t", system.precise)),
+            r.grazed,
         )
         return segment, found, last
 

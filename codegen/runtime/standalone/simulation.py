@@ -16,6 +16,7 @@ from .motion_events import Crossing, Event, crossing, take_events
 from .motion_inputs import take_inputs
 from .motion_problem import METHODS, Problem, Run
 from .motion_run import MotionRun, Progress
+from .motion_switches import switch_words
 from .package import seeds, state
 from .trajectory import FINISHED, INTERRUPTED, Trajectory
 from .warning import warn
@@ -370,6 +371,17 @@ class Simulation(MotionRun):
                 return (
                     f"the motion ends {at} after {made} steps, kept small by {entry}; "
                     f"allow more with most_steps, or loosen rtol and atol; method='radau' serves stiff models"
+                )
+            case "sliding":
+                return (
+                    f"the motion ends {at}: where {switch_words(manifest, run.component)} changes its branch, forces on both "
+                    f"sides push the motion back, so that it sticks or slides there, which is in neither branch; smooth the "
+                    f"change, as by tanh or step(x, from, to)"
+                )
+            case "accumulated":
+                return (
+                    f"the motion ends {at}: {switch_words(manifest, run.component)} changes its branch faster and faster; "
+                    f"smooth the change, as by tanh or step(x, from, to)"
                 )
             case _:
                 return run.reason

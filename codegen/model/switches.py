@@ -1,0 +1,209 @@
+"""Where the expressions of a model change their branch: switching functions.
+
+A comparison, a sign, an absolute value, the larger or smaller of two numbers: each is smooth but where a *switching
+function* of coordinates, speeds, parameters, inputs and time is zero. The sign of that function is the *mode* of the switch.
+An expression whose modes are held is smooth everywhere, which is what a step of an integrator needs; between steps modes
+change.
+
+A function of the grammar that has branches needs one entry in `BRANCHES`, and its held form in `codegen.program.functions`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+from .expressions import Expression, Tree
+
+HELD: Final = "held_"
+"""Begins the names of functions that take a mode as their last argument: ``held_max(a, b, mode)``."""
+
+MODE: Final = "mode."
+"""Begins the names of modes in trees: ``mode.0``, ``mode.1`` and so on."""
+
+JUMPS: Final = ("at_least", "sign")
+"""Functions whose value jumps; that of the others has a kink."""
+
+
+def _difference(arguments: Sequence[Tree]) -> Tree:
+    a, b = arguments
+    return a if b == ("number", 0) else ("-", a, b)
+
+
+BRANCHES: Final[dict[str, Callable[[Sequence[Tree]], Tree]]] = {
+    "at_least": _difference,
+    "max": _difference,
+    "min": _difference,
+    "sign": lambda arguments: arguments[0],
+    "abs": lambda arguments: arguments[0],
+}
+"""Functions that have branches, with the switching functions of their arguments."""
+
+PARTLY_DEFINED: Final = ("sqrt", "log", "asin", "acos")
+"""Functions whose argument has bounds: a branch of it that is held may leave them, so switches in it are not held."""
+
+
+def branching(tree: Tree, varies: Callable[[str], bool]) -> list[Tree]:
+    """Calls in a tree of functions that have branches, with a switching function that a varying name is in.
+
+    Parameters
+    ----------
+    tree : tuple
+        Of a bound expression.
+    varies : callable (str) -> bool
+        Whether a name changes during a motion.
+
+    Returns
+    -------
+    list of tuple
+        Inner calls before those that they are in, each once.
+    """
+    found: dict[Tree, None] = {}
+    for part in _inner_first(tree):
+        if part[0] == "call" and part[1] in BRANCHES and any(varies(n) for n in Expression(part).names):
+            found[part] = None
+    return list(found)
+
+
+def _inner_first(tree: Tree) -> Iterator[Tree]:
+    for part in _parts(tree):
+        yield from _inner_first(part)
+    yield tree
+
+
+def _parts(tree: Tree) -> tuple[Tree, ...]:
+    if tree[0] in ("number", "name"):
+        return ()
+    return tree[2:] if tree[0] == "call" else tree[1:]
+
+
+def varies_in_motion(inputs: Collection[str]) -> Callable[[str], bool]:
+    """Whether a name changes during a motion of a model with these inputs."""
+    known = frozenset((*inputs, "t"))
+    return lambda name: name in known or name.startswith(("q.", "u.", "position.", "velocity."))
+
+
+@dataclass(slots=True, eq=False)
+class Switch:
+    """A switching function of a model.
+
+    Attributes
+    ----------
+    number : int
+        Among all of the model.
+    call : tuple
+        The tree of the first function that it is of.
+    value : tuple
+        The tree of the switching function, in which the modes of other switches are held.
+    places : list of str
+        Paths in the model file.
+    drives : bool
+        It is in a force.
+    outputs : set of int
+        Outputs that it is in.
+    """
+
+    number: int
+    call: Tree
+    value: Tree
+    places: list[str] = field(default_factory=list)
+    drives: bool = False
+    outputs: set[int] = field(default_factory=set)
+
+    @property
+    def words(self) -> str:
+        """What changes its branch, for messages: ``sign(u.slope)``, ``q.band > s``."""
+        if self.call[1] != "at_least":
+            return str(Expression(self.call))
+        a, b = self.call[2:]
+        return f"{Expression(a)} >= {Expression(b)}"
+
+
+class Switches:
+    """The switches of a model's forces and outputs.
+
+    Parameters
+    ----------
+    inputs : collection of str
+        Names of the model's inputs.
+
+    Attributes
+    ----------
+    found : list of Switch
+        Those whose modes are held within a step.
+    """
+
+    def __init__(self, inputs: Collection[str]):
+        self.found: list[Switch] = []
+        self._varies = varies_in_motion(inputs)
+        self._by_value: dict[Tree, Switch] = {}
+        self._held: dict[Tree, Tree] = {}
+        self._within: dict[Tree, frozenset[int]] = {}
+
+    def add(self, tree: Tree, place: str, output: int | None = None) -> None:
+        """Find the switches of an expression of a force, or of an output."""
+        for number in self._numbers(self.hold(tree)):
+            switch = self.found[number]
+            if place not in switch.places:
+                switch.places.append(place)
+            if output is None:
+                switch.drives = True
+            else:
+                switch.outputs.add(output)
+
+    def hold(self, tree: Tree) -> Tree:
+        """The tree with held functions in the place of those that have branches."""
+        if tree[0] in ("number", "name"):
+            return tree
+        if tree not in self._held:
+            self._held[tree] = self._hold(tree)
+        return self._held[tree]
+
+    def _hold(self, tree: Tree) -> Tree:
+        kind = tree[0]
+        if kind == "**" and not _is_whole(tree[2]):
+            return (kind, tree[1], self.hold(tree[2]))
+        if kind == "call" and tree[1] in PARTLY_DEFINED:
+            return tree
+        if _is_smooth_step(tree):
+            return tree
+        if kind != "call":
+            return (kind, *(self.hold(a) for a in tree[1:]))
+        arguments = tuple(self.hold(a) for a in tree[2:])
+        if tree[1] not in BRANCHES or not any(self._varies(n) for n in Expression(tree).names):
+            return (kind, tree[1], *arguments)
+        value = BRANCHES[tree[1]](arguments)
+        switch = self._by_value.get(value)
+        if switch is None:
+            switch = self._by_value[value] = Switch(len(self.found), tree, value)
+            self.found.append(switch)
+        return (kind, HELD + tree[1], *arguments, ("name", f"{MODE}{switch.number}"))
+
+    def _numbers(self, tree: Tree) -> frozenset[int]:
+        """The switches in a held tree."""
+        if tree not in self._within:
+            names = Expression(tree).names
+            self._within[tree] = frozenset(int(n.removeprefix(MODE)) for n in names if n.startswith(MODE))
+        return self._within[tree]
+
+
+def _is_whole(tree: Tree) -> bool:
+    """Whether an exponent is a whole number: then a negative base has a power."""
+    return bool(tree[0] == "number") and float(tree[1]).is_integer()
+
+
+def _is_smooth_step(tree: Tree) -> bool:
+    """Whether a tree is a part of a cubic table, or of the function ``step``, whose second derivatives are continuous.
+
+    Both are polynomials of ``s = min(max(..), ..)``: ``s*(a + s*(b + c*s))`` and ``s**3*(10 - 15*s + 6*s**2)``.
+    """
+    if tree[0] != "*":
+        return False
+    first, rest = tree[1], tree[2]
+    s = first[1] if first[0] == "**" and first[2] == ("number", 3) else first
+    return bool(s[0] == "call" and s[1] == "min" and s[2][:2] == ("call", "max")) and _contains(rest, s)
+
+
+def _contains(tree: Tree, part: Tree) -> bool:
+    return tree is part or tree == part or any(_contains(a, part) for a in _parts(tree))

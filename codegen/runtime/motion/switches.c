@@ -1,0 +1,302 @@
+/* Switches: where forces or outputs change their branch.
+ *
+ * Within a step every switch keeps its mode, the sign of its switching function, so that a step sees one smooth extension of the
+ * rates. A step that a switching function changes its sign in is made again so that it ends there; then the mode changes. The state
+ * is continuous there, and its derivatives along directions jump,
+ *
+ *     S+ = S- + (f- - f+) dt,  dt = -(g_z S- + g_p)/g',  g' = g_z f- + g_t,
+ *
+ * with f- and f+ the rates before and after. Backwards, with the adjoint lambda+ behind it,
+ *
+ *     w = -lambda+ . (f- - f+)/g',  lambda- = lambda+ + w g_z,  gradient += w g_p.
+ */
+#include "backwards.h"
+
+#include <math.h>
+#include <string.h>
+
+/* A switching function that changes at less than this part of its pace in the step touches zero only. */
+static const double GRAZING = 1e-9;
+
+/* Rates that differ by less, relative to their size, do not jump. */
+static const double SAME = 1e-13;
+
+/* As near to zero at the beginning, in the time of the motion, a switching function is taken as zero. */
+static const double AT_ZERO = 1e-13;
+
+/* In parts of the motion's time: switches that are passed within the first accumulate, one that is passed twice within the other has
+ * rounding only to thank for it. */
+static const double ACCUMULATED = 1e-8, AT_ONCE = 1e-12;
+
+enum { FEW_REFUSED = 3 };
+
+static double sign_of(double x) { return (x > 0.0) - (x < 0.0); }
+
+/* The modes of switches that the rates of this motion depend on are held. */
+void ordernm_hold_switches(ordernm_motion *m)
+{
+    const ordernm_system *const s = m->system;
+    const ordernm_problem *const p = m->problem;
+    m->nheld = 0;
+    if (!s->switches) return;
+    for (int k = 0; k < s->nswitches; ++k) {
+        int held = s->drives[k];
+        for (int i = 0; i < s->nswitch_outputs && !held; ++i)
+            for (int n = 0; s->switch_of_output[2*i] == k && n < m->nx; ++n) held |= p->integrals[n] == s->switch_of_output[2*i + 1];
+        if (held) m->held[m->nheld++] = k;
+    }
+}
+
+/* All switching functions at a state, in the modes at hand. Returns what a function returned. */
+int ordernm_switching(ordernm_motion *m, double t, const double *z)
+{
+    ordernm_call c;
+    ordernm_arguments(m, t, z, &c);
+    int status = ordernm_close_loops(m, &c);
+    if (status) ordernm_arguments(m, t, z, &c); /* where a loop has lost rank, as the step has predicted */
+    c.switches = m->switches;
+    return ORDERNM_VALUES_OF(m, switches)(&c);
+}
+
+/* How fast a switching function changes along rates. Returns what a function returned. */
+static int slope(ordernm_motion *m, double t, const double *z, const double *rate, int k, double *found)
+{
+    const ordernm_system *const s = m->system;
+    ordernm_call c;
+    ordernm_arguments(m, t, z, &c);
+    int status = ordernm_close_loops(m, &c);
+    if (status) return status;
+    double one[LANES] = {1.0};
+    for (int i = 0; i < s->nfree_q; ++i) m->dq[s->free_q[i]] = rate[i];
+    for (int i = 0; i < s->nfree_u; ++i) m->du[s->free_u[i]] = rate[s->nfree_q + i];
+    ordernm_input_rates(m, t, m->input_rates);
+    c.dq = m->dq, c.du = m->du, c.dp = m->no_dp, c.dinputs = m->input_rates, c.dt = one;
+    c.switches = m->switches, c.dswitches = m->dswitches;
+    status = ORDERNM_OF(m, switch_sensitivities[ORDERNM_ONE])(&c);
+    *found = m->dswitches[k];
+    return status;
+}
+
+/* The derivatives of a switching function along all directions at a fixed time, LANES numbers for each group. */
+static int along_directions(ordernm_motion *m, double t, const double *z, int k)
+{
+    ordernm_call c;
+    ordernm_arguments(m, t, z, &c);
+    int status = ordernm_close_loops(m, &c);
+    for (int n = 0; n < m->ngroups && !status; ++n) {
+        const group *const g = m->groups + n;
+        ordernm_seeds(m, t, z, g, &c);
+        c.switches = m->switches, c.dswitches = m->dswitches;
+        status = ORDERNM_OF(m, switch_sensitivities[g->index])(&c);
+        memcpy(m->switch_along + n*LANES, m->dswitches + (long)k*g->width, g->width*sizeof(double));
+    }
+    return status;
+}
+
+/* Gives switches other than `but` the modes that their functions have. Those of which nobody knows the side stay. */
+static int follow(ordernm_motion *m, double t, const double *z, const double *crossed)
+{
+    const int status = ordernm_switching(m, t, z);
+    for (int i = 0; i < m->nheld && !status; ++i) {
+        const int k = m->held[i];
+        if (crossed && crossed[k] != 0.0) continue;
+        if (m->modes[k]*m->switches[k] < 0.0) m->modes[k] = -m->modes[k];
+    }
+    return status;
+}
+
+static int jumps(const ordernm_motion *m, const double *before, const double *after)
+{
+    for (int i = 0; i < m->ny + m->nx; ++i)
+        if (fabs(before[i] - after[i]) > SAME*(fabs(before[i]) + fabs(after[i]))) return 1;
+    return 0;
+}
+
+/* How far switching functions are from zero at the beginning of a step, on the side of their modes. */
+int ordernm_sides(ordernm_motion *m, double t, const double *z, double *sides)
+{
+    const int status = ordernm_switching(m, t, z);
+    for (int i = 0; i < m->nheld; ++i) {
+        const double side = m->modes[m->held[i]]*m->switches[m->held[i]];
+        sides[i] = side > LEAST_SIDE ? side : LEAST_SIDE;
+    }
+    return status;
+}
+
+/* The modes at the beginning. Where a switching function is zero there, it is asked where it goes to with either mode. Returns 0, what
+ * a function returned, or SLIDES with the switch in the results. */
+int ordernm_choose_modes(ordernm_motion *m, double t, const double *z)
+{
+    const double reach = AT_ZERO*(m->problem->end - m->problem->start);
+    double *const rate = m->trial;
+    int status;
+    for (int k = 0; k < m->system->nswitches; ++k) m->modes[k] = 0.0, m->changed[k] = -INFINITY;
+    if ((status = ordernm_switching(m, t, z))) return status;
+    for (int i = 0; i < m->nheld; ++i) m->crossed[m->held[i]] = m->switches[m->held[i]];
+    for (int i = 0; i < m->nheld; ++i) {
+        const int k = m->held[i];
+        const double g = m->crossed[k];
+        double way[3]; /* with the mode -1, 0, 1 */
+        for (int mode = -1; mode <= 1; ++mode) {
+            m->modes[k] = mode;
+            if ((status = ordernm_rates_of(m, t, z, rate, 0, 0, RATES))) return status;
+            if ((status = slope(m, t, z, rate, k, way + 1 + mode))) return status;
+            if (mode == -1 && fabs(g) > reach*fabs(way[0])) break; /* it is not zero */
+        }
+        if (fabs(g) > reach*fabs(way[0])) m->modes[k] = g > 0.0 ? 1.0 : -1.0;
+        else if (way[2] >= 0.0 && way[0] >= 0.0 && way[2] + way[0] > 0.0) m->modes[k] = 1.0;
+        else if (way[2] <= 0.0 && way[0] <= 0.0 && way[2] + way[0] < 0.0) m->modes[k] = -1.0;
+        else if (way[1] == 0.0) m->modes[k] = 0.0; /* it rests there */
+        else if (way[2] < 0.0) {
+            m->results->component = k;
+            return SLIDES;
+        } else m->modes[k] = 1.0;
+    }
+    memset(m->crossed, 0, m->system->nswitches*sizeof(double));
+    return 0;
+}
+
+/* Counts switches that are passed, again and again in a time that is nothing beside the motion's. */
+static void count(ordernm_motion *m, int k)
+{
+    if (m->passed == 0 || m->t - m->accumulating > ACCUMULATED*(m->problem->end - m->problem->start)) {
+        m->accumulating = m->t;
+        m->passed = 0;
+    }
+    ++m->passed;
+    m->last_passed = k;
+}
+
+/* At the end of a step, where switching functions of the switches in m->crossed are zero and the rates in rate[0] are those before:
+ * modes, and derivatives along directions, become those behind. Returns 0, what a function returned, or SLIDES. */
+int ordernm_pass_switches(ordernm_motion *m)
+{
+    const ordernm_system *const s = m->system;
+    const long n = m->ny + m->nx;
+    double *const before = m->trial, *const after = m->rate[0];
+    int left = 0, status;
+    for (int k = 0; k < s->nswitches; ++k) left += m->crossed[k] != 0.0;
+    for (int k = 0; k < s->nswitches; ++k) {
+        if (m->crossed[k] == 0.0) continue;
+        double speed, way;
+        const double mode = m->modes[k];
+        memcpy(before, m->rate[0], n*sizeof(double));
+        if ((status = slope(m, m->t, m->z, before, k, &speed))) return status;
+        if (m->ngroups && (status = along_directions(m, m->t, m->z, k))) return status;
+        const int at_once = m->t - m->changed[k] <= AT_ONCE*(m->problem->end - m->problem->start);
+        m->modes[k] = -mode;
+        m->changed[k] = m->t;
+        count(m, k);
+        if (--left == 0 && (status = follow(m, m->t, m->z, m->crossed))) return status;
+        if ((status = ordernm_rates_of(m, m->t, m->z, after, 0, 0, RATES | INTEGRALS))) return status;
+        if (!jumps(m, before, after)) {
+            if (at_once) m->modes[k] = 0.0; /* rounding goes to and fro across a kink */
+            continue;
+        }
+        if ((status = slope(m, m->t, m->z, after, k, &way))) return status;
+        if (!(mode*way < 0.0)) {
+            m->results->component = k;
+            return SLIDES;
+        }
+        if (!m->ngroups && !m->results->steps) continue;
+        if (!(fabs(speed) > GRAZING*m->crossed[k])) {
+            m->results->grazed = k + 1;
+            continue;
+        }
+        for (int g = 0; g < m->ngroups; ++g) {
+            const group *const of = m->groups + g;
+            double *const S = m->z + of->at;
+            for (int i = 0; i < n; ++i)
+                for (int l = 0; l < of->width; ++l)
+                    S[i*of->width + l] -= (before[i] - after[i])*m->switch_along[g*LANES + l]/speed;
+        }
+    }
+    return 0;
+}
+
+/* Whether switches have been passed faster and faster. */
+int ordernm_accumulates(const ordernm_motion *m)
+{
+    if (m->passed < 3 || m->t - m->accumulating > ACCUMULATED*(m->problem->end - m->problem->start)) return 0;
+    m->results->component = m->last_passed;
+    return 1;
+}
+
+/* Rates that are held may have no value beyond a switch, such as a root of what is negative there. Such a step is made in whichever
+ * branches its states are in, once smaller steps have not helped. Returns whether modes have been let go. */
+int ordernm_let_go(ordernm_motion *m)
+{
+    int held = 0;
+    if (++m->not_held < FEW_REFUSED) return 0;
+    for (int i = 0; i < m->nheld; ++i) held |= m->modes[m->held[i]] != 0.0;
+    for (int i = 0; i < m->nheld; ++i) m->modes[m->held[i]] = 0.0;
+    m->not_held = 0;
+    return held && !ordernm_rates(m, m->t, m->z, m->rate[0]);
+}
+
+/* What was let go for a step is held again. Returns what a function returned. */
+int ordernm_hold_again(ordernm_motion *m)
+{
+    int status = 0, free = 0;
+    for (int i = 0; i < m->nheld; ++i) free |= m->modes[m->held[i]] == 0.0 && m->changed[m->held[i]] < m->t;
+    if (!free || (status = ordernm_switching(m, m->t, m->z))) return status;
+    for (int i = 0; i < m->nheld; ++i) {
+        const int k = m->held[i];
+        if (m->modes[k] != 0.0 || !(m->changed[k] < m->t)) continue;
+        m->modes[k] = sign_of(m->switches[k]);
+        m->switched |= m->modes[k] != 0.0;
+    }
+    return 0;
+}
+
+/* At a knot of the inputs switching functions may jump; its time depends on nothing. */
+int ordernm_follow_inputs(ordernm_motion *m)
+{
+    return follow(m, m->t, m->z, 0);
+}
+
+/* ---- Backwards. ---- */
+
+/* Modes as they are kept with a step: three times as large where the switch has just been crossed. */
+void ordernm_keep_modes(const ordernm_motion *m, double *row)
+{
+    for (int k = 0; k < m->system->nswitches; ++k) row[k] = m->modes[k]*(m->crossed[k] != 0.0 ? 3.0 : 1.0);
+}
+
+/* Modes from such a row. */
+void ordernm_take_modes(ordernm_motion *m, const double *row)
+{
+    for (int k = 0; k < m->system->nswitches; ++k) {
+        m->modes[k] = sign_of(row[k]);
+        m->crossed[k] = fabs(row[k]) > 2.0;
+    }
+}
+
+/* The adjoint before the switches that are crossed where the next step begins, whose modes are those of a row; the modes at hand are
+ * those before. */
+int ordernm_switches_transposed(ordernm_adjoint *a, double t, const double *z, const double *row)
+{
+    ordernm_motion *const m = a->motion;
+    const int count = m->system->nswitches, n = m->ny + m->nx;
+    int last = -1, status = 0;
+    for (int k = 0; k < count; ++k)
+        if (fabs(row[k]) > 2.0) last = k;
+    if (last < 0) return 0;
+    double *const first = m->crossed;
+    memcpy(first, m->modes, count*sizeof(double));
+    for (int k = last; k >= 0 && !status; --k) {
+        if (fabs(row[k]) <= 2.0) continue;
+        double *const after = m->next, *const before = m->trial, speed;
+        for (int i = 0; i < count; ++i) m->modes[i] = k == last || (i <= k && fabs(row[i]) > 2.0) ? sign_of(row[i]) : first[i];
+        if ((status = ordernm_rates_of(m, t, z, after, 0, 0, RATES | INTEGRALS))) break;
+        for (int i = 0; i < count; ++i) m->modes[i] = i < k && fabs(row[i]) > 2.0 ? sign_of(row[i]) : first[i];
+        if ((status = ordernm_rates_of(m, t, z, before, 0, 0, RATES | INTEGRALS))) break;
+        if (!jumps(m, before, after)) continue;
+        if ((status = slope(m, t, z, before, k, &speed))) break;
+        for (int i = 0; i < n; ++i) before[i] -= after[i];
+        for (int g = 0; g < a->ngroups && !status; ++g) status = ordernm_switch_transposed(a, g, t, z, k, before, speed);
+    }
+    memcpy(m->modes, first, count*sizeof(double));
+    memset(m->crossed, 0, count*sizeof(double));
+    return status;
+}
