@@ -19,6 +19,7 @@ from typing import Any
 
 from .ending import Ending
 from .folders import OTHERS
+from .own_files import add_force
 from .terminal import StatusLine, width, write_lines
 from .version import __version__
 
@@ -85,6 +86,7 @@ def _generate_arguments(parser: argparse.ArgumentParser) -> None:
         help="compile all functions now; else those that are not called by nearly everybody are compiled when first called",
     )
     parser.add_argument("-v", "--verbose", action="store_true", help="print passes and operations of every sweep")
+    add_force(parser)
 
 
 def _problem(text: object) -> None:
@@ -117,8 +119,12 @@ def run_generate(options: argparse.Namespace, status: StatusLine) -> int:
     """``generate``."""
     from .generation import generate
     from .mechanics.procedures import UnknownFunctionError
-    from .runtime import CompileError, SingularJointError, TargetsDifferError
+    from .runtime import CompileError, NoCompilerError, SingularJointError, TargetsDifferError
 
+    if options.compile_all and options.target == "numpy":
+        raise Failure(
+            USAGE, "generate: --compile-all compiles the C, which --target numpy does not use; leave out one of them"
+        )
     try:
         report = generate(
             options.model, options.output, options.target, options.layout, partitions=options.partitions,
@@ -127,13 +133,13 @@ def run_generate(options: argparse.Namespace, status: StatusLine) -> int:
             functions=options.functions,
             compile="all" if options.compile_all else not options.no_compile,
             check=not options.no_check and not options.no_compile,
-            progress=status,
+            progress=status, force=options.force,
         )  # fmt: skip
     except UnknownFunctionError as error:
         raise Failure(USAGE, f"generate: {error}") from None
     except SingularJointError as error:
         raise Failure(MODEL_WRONG, str(error)) from None
-    except CompileError as error:
+    except (CompileError, NoCompilerError) as error:
         raise Failure(COMPILING_FAILED, f"generate: {error}") from None
     except TargetsDifferError as error:
         raise Failure(NUMBERS_FAILED, f"generate: {error}") from None
@@ -211,7 +217,7 @@ def run_show(options: argparse.Namespace, status: StatusLine) -> int:
     from .listing import list_model, list_package
 
     if Path(options.model).is_dir():
-        lines = list_package(Path(options.model))
+        lines = list_package(Path(options.model), options.verbose)
         status.close()
         write_lines(lines, sys.stdout)
         return OK
@@ -228,6 +234,7 @@ def run_show(options: argparse.Namespace, status: StatusLine) -> int:
 def run_new(options: argparse.Namespace, status: StatusLine) -> int:
     """``ordernm new``: write a first model file."""
     from .model import ModelError, parse_model
+    from .runtime.standalone.whole_file import write_whole
 
     path = Path(options.model)
     text = NEW_MODEL.format(name=path.stem)
@@ -238,15 +245,9 @@ def run_new(options: argparse.Namespace, status: StatusLine) -> int:
             USAGE, f"new: {path.stem!r} cannot name a model; call the file after one, such as pendulum.yaml"
         ) from None
     try:
-        with open(path, "x", encoding="utf-8") as file:
-            try:
-                file.write(text)
-                file.flush()
-            except BaseException:  # no half a model
-                path.unlink()
-                raise
-    except FileExistsError:
-        raise Failure(USAGE, f"new: {path} exists; choose another name") from None
+        if os.path.lexists(path) and not options.force:
+            raise Failure(USAGE, f"new: {path} exists; choose another name, or --force to replace it")
+        write_whole(path, lambda file: file.write(text.encode()))
     except OSError as error:
         raise Failure(USAGE, f"new: cannot write {path}: {error.strerror or error}") from None
     print(f"wrote {path}; now: generate {path}")
@@ -304,8 +305,8 @@ def run_simulate(options: argparse.Namespace, status: StatusLine) -> int:
 
 def run_report(options: argparse.Namespace, status: StatusLine) -> int:
     """``ordernm report``: speed against error of a model, or of all models of a folder."""
-    from .reporting import Request, report, write_gallery
-    from .reporting.agreement import NoReportError, read, read_gallery
+    from .reporting import Request, report
+    from .reporting.agreement import NoReportError, read
     from .runtime import CompileError, NoCompilerError, SingularJointError
 
     if not options.time > 0 or not options.time < float("inf"):
@@ -314,18 +315,10 @@ def run_report(options: argparse.Namespace, status: StatusLine) -> int:
     target, whole, old = Path(options.output), Path(options.model).is_dir(), {}
     try:
         if options.compare is not None:  # before the work: the new report may take the place of the old one
-            earlier = Path(options.compare)
-            old = read_gallery(earlier) if whole else {Path(options.model).stem: read(earlier)}
+            old = _earlier_reports(options, status)
         if whole:
-            failed = write_gallery(Path(options.model), target, request, status)
-            status.close()
-            for name, why in failed.items():
-                _problem(f"report: {name}: {why}")
-            write_lines([f"wrote {target / 'index.html'}"], sys.stdout)
-            new = read_gallery(target) if old else {}
-            differing = _print_differences({n: (x, new[n]) for n, x in old.items() if n in new})
-            return MODEL_WRONG if failed else differing
-        data = report(options.model, target, request=request, progress=status)
+            return _run_gallery(options, request, old, status)
+        data = report(options.model, target, request=request, progress=status, force=options.force)
     except NoReportError as error:
         raise Failure(USAGE, f"report: --compare: {error}") from None
     except ImportError as error:
@@ -338,6 +331,44 @@ def run_report(options: argparse.Namespace, status: StatusLine) -> int:
     left_out = [f"left out: {s['text']}" for s in data["skipped"]]
     write_lines([f"wrote {target / 'index.html'}, report.md, report.json", *left_out], sys.stdout, ["bold"])
     return _print_differences({name: (x, read(target)) for name, x in old.items()})
+
+
+def _earlier_reports(options: argparse.Namespace, status: StatusLine) -> dict[str, dict[str, Any]]:
+    """The reports to compare with, by name; NoReportError for those of other models or machines, with which nothing agrees."""
+    from .bench.machine import machine
+    from .model import load_model
+    from .reporting.agreement import NoReportError, incomparable, read, read_gallery
+
+    earlier, model = Path(options.compare), Path(options.model)
+    old = read_gallery(earlier) if model.is_dir() else {model.stem: read(earlier)}
+    status("reading", 0, 0)
+    here = {"machine": machine()}
+    for name, found in old.items():
+        file = model / f"{name}.yaml" if model.is_dir() else model
+        if not model.is_dir() or file.is_file():
+            new = here | {"model": load_model(file).name if file.is_file() else found["model"]}
+            if why := incomparable(found, new):
+                raise NoReportError(f"{earlier}: {why}")
+    return old
+
+
+def _run_gallery(options: argparse.Namespace, request: Any, old: dict[str, dict[str, Any]], status: StatusLine) -> int:
+    """Reports of a folder of models; what failed is said in the end."""
+    from .reporting import write_gallery
+    from .reporting.agreement import read_gallery
+
+    target = Path(options.output)
+    failed = write_gallery(Path(options.model), target, request, status, options.force)
+    status.close()
+    for name, why in failed.items():
+        _problem(f"report: {name}: {why}")
+    write_lines([f"wrote {target / 'index.html'}"], sys.stdout)
+    new = read_gallery(target) if old else {}
+    for name in sorted(new.keys() ^ old.keys()) if old else ():
+        which = "earlier" if name in new else "new"
+        write_lines([f"{name}: there is no {which} report to compare"], sys.stdout)
+    differing = _print_differences({n: (x, new[n]) for n, x in old.items() if n in new})
+    return MODEL_WRONG if failed else differing
 
 
 def _print_differences(pairs: dict[str, tuple[dict[str, Any], dict[str, Any]]]) -> int:
@@ -475,13 +506,18 @@ def generate_main(arguments: Sequence[str] | None = None) -> int:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point of ``ordernm``."""
+    _tolerate_terminal()
+    if arguments is None:
+        _be_short_lived()
+    return _run(parser_of_commands().parse_args(arguments))
+
+
+def parser_of_commands() -> argparse.ArgumentParser:
+    """All commands of ``ordernm`` with their options."""
     from .bench.command import add_arguments as add_bench_arguments
     from .importing.command import add_arguments as add_import_arguments
     from .simulating import add_arguments as add_simulate_arguments
 
-    _tolerate_terminal()
-    if arguments is None:
-        _be_short_lived()
     parser = argparse.ArgumentParser(prog="ordernm", description="Multibody solvers with exact design sensitivities.")
     parser.add_argument("--version", action="version", version=f"ordernm {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
@@ -507,6 +543,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         metavar="OLD",
         help="tell what an earlier report, or gallery, says differently: its folder, or report.json",
     )
+    add_force(reported)
     reported.set_defaults(run=run_report)
     benched = commands.add_parser("bench", help="measure accuracy and speed on problems with known answers")
     add_bench_arguments(benched)
@@ -519,9 +556,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         command = commands.add_parser(name, help=help_text)
         command.add_argument("model", help="model file (YAML)" + (", or generated package" if run is run_show else ""))
         if run is run_show:
-            command.add_argument("-v", "--verbose", action="store_true", help="list all bodies of a large model")
+            command.add_argument("-v", "--verbose", action="store_true",
+                                 help="list all bodies of a large model, all functions of a package")  # fmt: skip
+        if run is run_new:
+            command.add_argument("--force", action="store_true", help="replace a file of that name")
         command.set_defaults(run=run)
-    return _run(parser.parse_args(arguments))
+    return parser
 
 
 if __name__ == "__main__":

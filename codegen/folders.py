@@ -20,7 +20,7 @@ import secrets
 import shutil
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -35,12 +35,24 @@ class FolderError(ValueError):
     """The output folder cannot be written, or holds something that `generate` did not write."""
 
 
-def refuse_foreign(folder: Path) -> None:
-    """Raise `FolderError` unless the folder is absent, empty, or an earlier output and nothing else."""
+def refuse_foreign(folder: Path, force: bool = False) -> list[str]:
+    """Raise `FolderError` unless the folder is absent, empty, or an earlier output and nothing else.
+
+    Parameters
+    ----------
+    folder : Path
+    force : bool
+        Whatever it holds; generated files are replaced then, and others stay.
+
+    Returns
+    -------
+    list of str
+        What is to stay.
+    """
     try:
         if not folder.exists():
             _refuse_unwritable(folder)
-            return
+            return []
         if not folder.is_dir():
             raise FolderError(f"{folder} is a file; give a folder to write into with -o")
         here = Path.cwd()
@@ -57,22 +69,24 @@ def refuse_foreign(folder: Path) -> None:
         found = list(_names(folder, {n.partition("/")[0] for n in listed if "/" in n}))
     except (OSError, RuntimeError) as error:  # a link that leads to itself
         raise FolderError(f"cannot write {folder}: {getattr(error, 'strerror', None) or error}") from None
-    if not found:
-        return
     if not isinstance(manifest, dict) or manifest.get("generator") != "ordernm":
+        if force or not found:
+            return found
         raise FolderError(
-            f"{folder} holds something that generate did not write; choose another folder with -o, or empty this one"
+            f"{folder} holds something that generate did not write; choose another folder with -o, or --force to replace "
+            f"files of the same names and leave the others"
         )
     others = "|".join(OTHERS)
     own = re.compile(
         rf"{re.escape(str(manifest.get('name')))}({others})?(_precise|_four|_states|_threads)?(\.[a-z]+)?(-[0-9a-f-]+\.so|\.log)|motion/motion(-[0-9a-f-]+\.so|\.log)|ordernm_call-[0-9a-f-]+\.so|(.*/)?__pycache__|\.build-.*"
     )
     foreign = sorted(n for n in found if n not in listed and not own.fullmatch(n))
-    if foreign:
+    if foreign and not force:
         raise FolderError(
             f"{folder} holds beside generated files {', '.join(foreign[:5])}{', ...' if len(foreign) > 5 else ''}, which "
-            f"writing anew would lose; move that away, or choose another folder with -o"
+            f"writing anew would lose; move that away, choose another folder with -o, or --force to leave it there"
         )
+    return foreign
 
 
 def unwritable(file: Path) -> str | None:
@@ -109,11 +123,11 @@ def _refuse_unwritable(folder: Path) -> None:
         )
 
 
-def write_folder(folder: Path, files: dict[str, str]) -> bool:
+def write_folder(folder: Path, files: dict[str, str], keep: Sequence[str] = ()) -> bool:
     """Write a package as a whole: it is complete beside its place before it takes it.
 
     A folder that holds these very files stays as it is, with its compiled library: False is returned. Where only files have
-    changed that are not compiled, libraries are taken along.
+    changed that are not compiled, libraries are taken along; so is what else is to be kept, unless a file has its name.
     """
     folder = folder.resolve()  # a link to a folder stays one
     new = {name: text.encode() for name, text in files.items()}
@@ -126,6 +140,7 @@ def write_folder(folder: Path, files: dict[str, str]) -> bool:
                 (temporary / name).parent.mkdir(exist_ok=True)
                 (temporary / name).write_bytes(content)
             _keep_libraries(folder, temporary)
+            _keep_others(folder, temporary, keep)
             _take_place(temporary, folder)
         return True
     except OSError as error:
@@ -146,6 +161,19 @@ def _keep_libraries(old: Path, new: Path) -> None:
     for library in old.glob("*.so"):
         with contextlib.suppress(OSError):
             shutil.copy2(library, new / library.name)
+
+
+def _keep_others(old: Path, new: Path, names: Sequence[str]) -> None:
+    """Take files and folders along, but for those that are there anew."""
+    for name in names:
+        source, target = old / name, new / name
+        if os.path.lexists(target) and not source.is_dir():
+            continue
+        target.parent.mkdir(parents=True, exist_ok=True)
+        if source.is_dir() and not source.is_symlink():
+            _keep_others(source, target, [p.name for p in source.iterdir()])
+        else:
+            shutil.copy2(source, target, follow_symlinks=False)
 
 
 def put_right(folder: Path) -> None:

@@ -47,6 +47,7 @@ def generate(
     compile: bool | str = True,
     check: bool = False,
     progress: Progress | None = None,
+    force: bool = False,
 ) -> Report:
     """Write the solver of a model.
 
@@ -54,7 +55,7 @@ def generate(
     ----------
     model : Model or path
     folder : path, optional
-        The package to write, ``generated/<name>`` if left out. It may hold an earlier output, nothing else.
+        The package to write, ``generated/<name>`` if left out. It may hold an earlier output, and nothing else without `force`.
     target : {"c", "numpy", "both"}
         What the package's `Solver` uses. Both are always written.
     layout : {"auto", "kinds", "unrolled"}
@@ -81,6 +82,8 @@ def generate(
         Called as ``progress(stage, step, steps)`` whenever something else is begun: the stage in words, such as
         ``"expanding"``, and how far it has come, ``0, 0`` where that is not counted. What it raises ends the work; nothing is
         half-written.
+    force : bool
+        Write into a folder that holds something else, too: files of the same names are replaced, and others stay.
 
     Returns
     -------
@@ -96,6 +99,8 @@ def generate(
         The folder cannot be written, or holds something that `generate` did not write.
     CompileError
         The C compiler failed; the package stays, with the compiler's log.
+    NoCompilerError
+        There is no C compiler, and `compile` is "all"; the package stays.
     """
     if target not in TARGETS:
         raise ValueError(f"target is {target!r}; allowed are {', '.join(TARGETS)}")
@@ -120,7 +125,7 @@ def generate(
                 origin["sha256"] = model.digest
     path = (Path("generated") / model.name if folder is None else Path(folder)).absolute()
     put_right(path)
-    refuse_foreign(path)
+    keep = refuse_foreign(path, force)
 
     from .compiling_ahead import CompilingAhead
     from .emit.solver import write_solver
@@ -136,14 +141,15 @@ def generate(
                 raise
             raise ModelError([dataclasses.replace(p, file=str(file)) for p in error.problems]) from None
         seconds |= source.seconds
-        if partitions > 1 and source.chosen is not None:
+        alone = partitions > 1 and source.chosen is None
+        if partitions > 1 and not alone:
             with _timed(seconds, "other partitions"):
                 add_others(model, layout, source, partitions, reactions, progress, functions, frames)
         progress("writing", 0, 0)
         with _timed(seconds, "write"):
             source.manifest["description"] = [*list_model(model), *(f"  {line}" for line in source.choice)]
             files = source.files | package_files(source, target, origin)
-            written = write_folder(path, files)
+            written = write_folder(path, files, keep)
         report = Report(
             folder=path, name=model.name, target=target, layout=source.layout, bodies=len(model.bodies),
             links=len(source.system.links), kinds=len(source.system.kinds), nq=model.nq, nu=model.nu,
@@ -154,6 +160,11 @@ def generate(
             sweep_seconds=source.program.sweep_seconds,
             warnings=model.warnings, seconds=seconds, loops=source.choice, written=written,
         )  # fmt: skip
+        if alone:
+            report.remarks.append(
+                f"partitions: {model.name} has no closed loops, so there is one choice of independent coordinates, "
+                f"and not {partitions}"
+            )
         if compile and target != "numpy":
             with _timed(seconds, "compile"):
                 _compile(path, [source.manifest, *source.manifest.get("others", ())], ahead, report, progress)
@@ -179,6 +190,8 @@ def _compile(
             first_build(path, part, ahead.everything, further=step > 1).library()
         report.compiled = True
     except NoCompilerError as error:
+        if ahead.everything:
+            raise
         report.remarks.append(f"{error}; the NumPy target (--target numpy) serves until then, more slowly")
 
 
@@ -284,8 +297,11 @@ def check_solver(model: Model, report: Report) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # a missing compiler has been told
         solver = load(report.folder)
-    if "sensitivities" not in solver.operations:
-        report.remarks.append("not checked against the generic engine: generated without sensitivities")
+    derivatives = "sensitivities" in solver.operations
+    if not derivatives and "accelerations" not in solver.operations:
+        report.remarks.append(
+            "not checked against the generic engine: generated without accelerations and sensitivities"
+        )
         return
     engine = RecursiveEngine(model)
     rng = np.random.default_rng(1)
@@ -295,7 +311,7 @@ def check_solver(model: Model, report: Report) -> None:
     except SingularLoopError as singular:
         report.remarks.append(f"{unchecked}at the initial configuration {singular}")
         return
-    errors = {"udot": 0.0, "dudot": 0.0}
+    errors = {"udot": 0.0} | ({"dudot": 0.0} if derivatives else {})
     checked = 0
     why = "the accelerations are not finite"
     for _ in range(CHECK_DRAWS):
@@ -315,16 +331,18 @@ def check_solver(model: Model, report: Report) -> None:
         with np.errstate(all="ignore"), warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # states where a force has no value are left out below
             try:
-                given = solver.sensitivities(q, u, None, inputs, t, **seeds)
+                state = (q, u, None, inputs, t)
+                given = solver.sensitivities(*state, **seeds) if derivatives else (solver.accelerations(*state),)
             except SingularLoopError as singular:
                 why = f"loops lose rank, the last because {singular}"
                 continue
-            expected = [np.asarray(x) for x in engine.sensitivities(q, u, None, inputs, t, **seeds)]
+            of_engine = engine.sensitivities(*state, **seeds) if derivatives else (engine.accelerations(*state),)
+            expected = [np.asarray(x) for x in of_engine]
         if not all(np.isfinite(x).all() for x in expected):
             continue  # a force such as log(q.a - 1) has no value there: nothing to compare with
         # where large terms cancel in a derivative, their rounding is measured against udot and the other directions
         floors = 1e-6, max(1e-6, 1e-3 * max(float(np.max(np.abs(y), initial=0.0)) for y in expected))
-        for name, x, y, floor in zip(("udot", "dudot"), given, expected, floors, strict=True):
+        for name, x, y, floor in zip(errors, given, expected, floors, strict=False):
             for a, b in zip(np.atleast_2d(x), np.atleast_2d(y), strict=True):
                 error = float(np.max(np.abs(a - b), initial=0.0)) / max(float(np.max(np.abs(b), initial=0.0)), floor)
                 errors[name] = max(errors[name], error) if error == error else math.inf

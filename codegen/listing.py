@@ -252,8 +252,13 @@ def _is_zero(expression: Expression) -> bool:
     return expression.is_number and expression.value == 0
 
 
-def list_package(folder: Path) -> list[str]:
-    """What a generated package was made from and what it uses; its first lines, then those of its model.
+def list_package(folder: Path, verbose: bool = False) -> list[str]:
+    """What a generated package was made from, what it uses and which functions it has; then the lines of its model.
+
+    Parameters
+    ----------
+    verbose : bool
+        List functions also where the package has all.
 
     Raises
     ------
@@ -271,9 +276,21 @@ def list_package(folder: Path) -> list[str]:
     lines = [
         f"package {folder.absolute()}, generated{origin} by ordernm {manifest.get('version')}",
         f"  target {manifest.get('target')}, layout {manifest.get('layout')}; {_code(folder, manifest)}",
+        *_functions(manifest, verbose),
         *manifest.get("description", ()),
     ]
     return lines
+
+
+def _functions(manifest: Mapping[str, Any], verbose: bool) -> list[str]:
+    """The members that a package's Solver has by its functions, where it has not all of them, and what was left out."""
+    made = list(dict.fromkeys(f.get("member", name) for name, f in manifest["functions"].items()))
+    left_out = manifest.get("left_out", ())
+    if not left_out and not verbose:
+        extra = ", ".join(f"{'with' if name in made else 'without'} {name}" for name in ("reactions", "frames"))
+        return [f"  all functions, {extra}"]
+    lines = [f"  functions: {', '.join(made)}"]
+    return lines + ([f"  generated without: {', '.join(left_out)}"] if left_out else [])
 
 
 def _code(folder: Path, manifest: Mapping[str, Any]) -> str:

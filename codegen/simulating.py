@@ -19,10 +19,10 @@ import tempfile
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from .choices import more_choices
-from .folders import unwritable
+from .own_files import add_force, refuse_foreign_file
 from .terminal import StatusLine
 
 if TYPE_CHECKING:
@@ -43,6 +43,9 @@ SOURCES = (".py", ".jinja", ".c", ".h")
 
 NEEDED = ("numpy", "sympy", "scipy", "jinja2", "PyYAML", "pydantic")
 """Packages that its output depends on."""
+
+TOLERANCE = 1e-9
+"""Relative and absolute, if nobody gives others."""
 
 ROWS, COLUMNS = 24, 6
 """Of the table of final values: so many outputs, and derivatives of each."""
@@ -95,7 +98,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help=f"so many times from 0 to the end, equally far apart (default: {SAMPLES})",
     )
-    sampled.add_argument("--at", metavar="T,...", help="these times, such as 0,0.1,0.5; 0 is added if it is not there")
+    sampled.add_argument(
+        "--at",
+        metavar="T,...",
+        help="these times, such as 0,0.1,0.5; 0, and the end where -t gives it, are added if they are not there",
+    )
     parser.add_argument(
         "--sensitivities", metavar="NAME,...", default="", help="parameters that the motion is differentiated by"
     )
@@ -111,10 +118,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--inputs", metavar="NAME=VALUE", action="append", default=[], help="a constant input; those not given are 0"
     )
     parser.add_argument("--method", choices=METHODS, default=METHODS[0], help="the integrator (default: %(default)s)")
-    parser.add_argument("--rtol", type=float, default=1e-9, help="relative tolerance (default: %(default)s)")
-    parser.add_argument("--atol", type=float, default=1e-9, help="absolute tolerance (default: %(default)s)")
+    parser.add_argument(
+        "--step", type=float, metavar="SECONDS", help="the step of rk4, the first step of other methods"
+    )
+    for name, kind in (("rtol", "relative"), ("atol", "absolute")):
+        parser.add_argument(
+            f"--{name}", type=float, help=f"{kind} tolerance of dop853 and radau (default: {TOLERANCE:g})"
+        )
     parser.add_argument("-o", "--output", metavar="FILE", help="write the trajectory: .npz, .parquet")
     parser.add_argument("--plot", metavar="FILE", help="draw outputs and their derivatives: .svg, .png, .pdf")
+    add_force(parser)
 
 
 def simulate(options: argparse.Namespace, status: StatusLine, remarks: list[str], width: int | None = None) -> Run:
@@ -144,7 +157,7 @@ def simulate(options: argparse.Namespace, status: StatusLine, remarks: list[str]
         numbers_by_name(word, getattr(options, at)) for word, at in (("-p", "parameter"), ("--inputs", "inputs"))
     )
     sensitivities = tuple(name.strip() for name in options.sensitivities.split(",") if name.strip())
-    rtol, atol = (_positive(f"--{name}", getattr(options, name)) for name in ("rtol", "atol"))
+    steps = _steps(options)
     writers = _writers(options)
 
     def progress(t: float, end: float) -> None:
@@ -155,8 +168,8 @@ def simulate(options: argparse.Namespace, status: StatusLine, remarks: list[str]
         status("simulating", 0, 0)
         with _motion_errors():
             return solver.simulate(
-                times, p=p or None, inputs=inputs or None, sensitivities=sensitivities, method=options.method, rtol=rtol,
-                atol=atol, on_failure="return", progress=progress,
+                times, p=p or None, inputs=inputs or None, sensitivities=sensitivities, method=options.method,
+                on_failure="return", progress=progress, **steps,
             )  # fmt: skip
 
     with contextlib.ExitStack() as stack:
@@ -183,6 +196,7 @@ def simulate(options: argparse.Namespace, status: StatusLine, remarks: list[str]
         for path, write in writers if len(trajectory) else ():
             status(f"writing {path}", 0, 0)
             try:  # what fails here costs no other file, and not the table
+                refuse_foreign_file(path, options.force)  # once more: a motion may take hours
                 write(trajectory)
                 done.written.append(path)
             except (OSError, ValueError) as error:  # a model without coordinates cannot be drawn
@@ -223,7 +237,7 @@ def _motion_errors() -> Iterator[None]:
 
 
 def times_of(options: argparse.Namespace) -> list[float]:
-    """The times of the trajectory, from 0 on, s."""
+    """The times of the trajectory, from 0 to the end, s."""
     end = None if options.time is None else _positive("-t", options.time)
     if options.at is None:
         if end is None:
@@ -247,6 +261,7 @@ def times_of(options: argparse.Namespace) -> list[float]:
         times.append(t)
     if end is not None and times[-1] > end:
         raise RequestError(f"--at: {times[-1]:g} is after the end, -t {end:g}")
+    times += [end] if end is not None and times[-1] < end else []
     times = times if times[0] == 0 else [0.0, *times]
     if len(times) < 2:
         raise RequestError("--at 0 is the initial state alone; give a later time")
@@ -272,6 +287,21 @@ def numbers_by_name(option: str, given: Sequence[str]) -> dict[str, float]:
     return found
 
 
+def _steps(options: argparse.Namespace) -> dict[str, Any]:
+    """What `Solver.simulate` takes for the sizes of steps: tolerances, and a step where one is given."""
+    given = {name: getattr(options, name) for name in ("rtol", "atol", "step") if getattr(options, name) is not None}
+    given = {name: _positive(f"--{name}", value) for name, value in given.items()}
+    if options.method != "rk4":
+        return {"rtol": TOLERANCE, "atol": TOLERANCE} | given
+    if tolerances := [f"--{name}" for name in given if name != "step"]:
+        raise RequestError(
+            f"--method rk4 has constant steps and no error control: leave out {' and '.join(tolerances)}"
+        )
+    if "step" not in given:
+        raise RequestError("--method rk4 takes constant steps: give --step SECONDS, such as --step 0.001")
+    return given
+
+
 def _positive(option: str, value: float) -> float:
     if not (math.isfinite(value) and value > 0):
         raise RequestError(f"{option} is {value:g}; expected is a positive number")
@@ -295,10 +325,10 @@ def _writers(options: argparse.Namespace) -> list[tuple[Path, Callable[[Trajecto
         found.append((Path(options.output), lambda x: x.save(options.output)))
     if options.plot is not None:
         found.append((Path(options.plot), lambda x: x.plot(path=options.plot)))
+    if options.force and not found:
+        raise RequestError("--force is for the files of -o and --plot, and neither is given")
     for path, _ in found:
-        why_not = unwritable(path)
-        if why_not is not None:
-            raise RequestError(why_not)
+        refuse_foreign_file(path, options.force)
     return found
 
 

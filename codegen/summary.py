@@ -37,7 +37,7 @@ class Report:
     seconds : dict of str to float
         By stage.
     errors : dict of str to float
-        Largest relative errors of the check: of udot, and of its derivative per direction.
+        Largest relative errors of the check: of ``udot``, and of its derivatives per direction (``dudot``) if there are any.
     remarks : list of str
         What was left out, and why.
     loops : list of str
@@ -130,9 +130,9 @@ class Report:
             lines += [f"  {size:>9} {name}" for name, size in self.files.items()]
         lines.append("  " + ", ".join(f"{stage} {s:.2f} s" for stage, s in self.seconds.items()))
         if self.errors:
+            derivatives = f", of its derivatives {self.errors['dudot']:.1e}" if "dudot" in self.errors else ""
             lines.append(
-                f"  checked against the generic engine: relative error of udot {self.errors['udot']:.1e}, "
-                f"of its derivatives {self.errors['dudot']:.1e}"
+                f"  checked against the generic engine: relative error of udot {self.errors['udot']:.1e}{derivatives}"
             )
         return lines + [f"  {remark}" for remark in self.remarks]
 

@@ -185,7 +185,7 @@ def test_what_is_asked_for_arrives(here, stand_in, capsys):
     assert run("swing.yaml", "-t", 1, "--samples", 5) == 0
     assert stand_in.calls[1]["t"] == [0.0, 0.25, 0.5, 0.75, 1.0] and stand_in.calls[1]["p"] is None
     assert run("swing.yaml", "-t", 1, "--at", "0,0.2", "-p", "length=2,damping=1") == 0
-    assert stand_in.calls[2]["t"] == [0.0, 0.2] and stand_in.calls[2]["p"] == {"length": 2.0, "damping": 1.0}
+    assert stand_in.calls[2]["t"] == [0.0, 0.2, 1.0] and stand_in.calls[2]["p"] == {"length": 2.0, "damping": 1.0}
 
 
 def test_the_last_time_is_the_one_asked_for():

@@ -9,6 +9,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..folders import FolderError
+from ..own_files import add_force, refuse_foreign_file
+
 if TYPE_CHECKING:
     from ..terminal import StatusLine
 
@@ -35,6 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--plots", metavar="FOLDER", help="draw what grows how, a roofline, and robots beside Pinocchio (SVG)"
     )
     parser.add_argument("--page", metavar="FILE", help="write it as a page of the manual (Markdown)")
+    add_force(parser)
 
 
 def bench(options: argparse.Namespace, status: StatusLine) -> tuple[list[str], list[str]]:
@@ -47,33 +51,32 @@ def bench(options: argparse.Namespace, status: StatusLine) -> tuple[list[str], l
 
     Raises
     ------
-    UnknownProblemError, ResultsError
+    UnknownProblemError, ResultsError, FolderError
         Before the work.
     CompileError, NoCompilerError, OSError
     """
-    from ..folders import unwritable
+    from ..runtime.standalone.whole_file import write_whole
     from ..terminal import width
     from .catalogue import chosen
     from .lines import compare_lines, failures, list_lines, machine_line, peer_lines, problem_lines
     from .page import page_of
+    from .problem import Family, Robots
     from .results import ResultsError, joined, read_results, write_results
 
     problems = chosen(options.names)
     if options.list:
+        _refuse_beside_list(options)
         return list_lines(problems), []
+    if (
+        options.plots is not None
+        and options.results is None
+        and not any(isinstance(p, Family | Robots) for p in problems)
+    ):
+        raise ResultsError(
+            "--plots: only families and robots have pictures, and none of them is measured; name one, or leave it out"
+        )
     old = None if options.compare is None else read_results(Path(options.compare))
-    for option, place in (("-o", options.output), ("--page", options.page)):
-        if place is not None:
-            why_not = unwritable(Path(place))
-            if why_not is not None:
-                raise ResultsError(f"{option}: {why_not}")
-    if options.plots is not None:
-        from ..runtime.standalone.trajectory_plot import need
-
-        try:
-            need()
-        except ImportError as error:
-            raise ResultsError(f"--plots: {error}") from None
+    _refuse_places(options)
     if options.results is not None:
         if options.names or options.quick or options.peers:
             raise ResultsError("--results takes an earlier run; names, --quick and --peers are of a new one")
@@ -85,14 +88,17 @@ def bench(options: argparse.Namespace, status: StatusLine) -> tuple[list[str], l
                 write_results(results, Path(options.output))
 
         results = run(problems, options.quick, options.peers, status, keep)
+    _refuse_places(options)  # once more: measuring takes long
     if options.output is not None:
         write_results(results, Path(options.output))
     if options.plots is not None:
         from .plots import write_plots
 
-        write_plots(results, Path(options.plots))
+        if not write_plots(results, Path(options.plots)):
+            raise ResultsError("--plots: nothing of what was measured has a picture; families and robots have")
     if options.page is not None:
-        Path(options.page).write_text(page_of(results), encoding="utf-8")
+        text = page_of(results)
+        write_whole(Path(options.page), lambda file: file.write(text.encode()))
     columns = width(sys.stdout)
     lines = [machine_line(results["machine"])]
     for name, result in results["problems"].items():
@@ -102,6 +108,39 @@ def bench(options: argparse.Namespace, status: StatusLine) -> tuple[list[str], l
     if old is not None:
         lines += ["", *compare_lines(results, old, columns)]
     return lines, failures(results["problems"])
+
+
+def _refuse_beside_list(options: argparse.Namespace) -> None:
+    """Raise ResultsError for options that a list of names leaves without a meaning."""
+    from .results import ResultsError
+
+    names = ("quick", "peers", "output", "compare", "results", "plots", "page", "force")
+    if given := [f"--{name}" for name in names if getattr(options, name)]:
+        raise ResultsError(f"--list measures nothing: leave out {', '.join(given)}")
+
+
+def _refuse_places(options: argparse.Namespace) -> None:
+    """Raise ResultsError or FolderError for a place where something cannot be written, or that holds something else."""
+    from .results import ResultsError
+
+    named = {"-o": options.output, "--page": options.page}
+    places = {option: Path(place) for option, place in named.items() if place is not None}
+    if options.force and not places and options.plots is None:
+        raise ResultsError("--force is for what -o, --page and --plots write, and none of them is given")
+    for option, place in places.items():
+        try:
+            refuse_foreign_file(place, options.force)
+        except FolderError as error:
+            raise ResultsError(f"{option}: {error}") from None
+    if options.plots is not None:
+        from ..runtime.standalone.trajectory_plot import need
+        from .plots import refuse_foreign
+
+        try:
+            need()
+        except ImportError as error:
+            raise ResultsError(f"--plots: {error}") from None
+        refuse_foreign(Path(options.plots), options.force)
 
 
 def run(

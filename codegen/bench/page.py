@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from ..runtime.standalone.whole_file import MARK
 from .lines import PEER_HEAD, peer_row, plain, robot_head, robot_row, setting, size, time
 from .measuring import exponent
 from .problem import JOINT, SPEED
@@ -61,7 +62,13 @@ it only CasADi's has derivatives.
 def page_of(results: dict[str, Any]) -> str:
     """The page, Markdown."""
     machine, problems = results["machine"], results["problems"]
-    parts = [f"# {TITLE}", ORIGIN, MACHINE.format(**machine), *([QUICK] if results["quick"] else [])]
+    parts = [
+        f"# {TITLE}",
+        f"<!-- {MARK} -->",
+        ORIGIN,
+        MACHINE.format(**machine),
+        *([QUICK] if results["quick"] else []),
+    ]
     motions = {n: r for n, r in problems.items() if r["kind"] == "motion"}
     families = {n: r for n, r in problems.items() if r["kind"] == "family"}
     named = {n: r for n, r in families.items() if any(_named(row) for row in r["sizes"])}

@@ -3,9 +3,12 @@ Pinocchio."""
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
+from ..folders import FolderError
+from ..own_files import refuse_foreign_file
 from ..reporting.figures import drawing, under_the_roof
 from .measuring import exponent
 
@@ -18,6 +21,17 @@ STYLES: tuple[dict[str, Any], ...] = (
     {"color": "#0072b2", "marker": "v", "linestyle": (0, (3, 1, 1, 1, 1, 1))},
 )
 """They differ by marker and dashes, not by colour alone."""
+
+
+PICTURES = ("time_by_size", "roofline", "robots")
+
+
+def refuse_foreign(folder: Path, force: bool) -> None:
+    """Raise `FolderError` where a picture cannot be written, or would replace a file that ordernm did not write."""
+    if os.path.lexists(folder) and not folder.is_dir():
+        raise FolderError(f"{folder} is a file; give a folder for the pictures")
+    for name in PICTURES if folder.is_dir() else ():
+        refuse_foreign_file(folder / f"{name}.svg", force)
 
 
 def write_plots(results: dict[str, Any], folder: Path) -> list[Path]:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..runtime.standalone.whole_file import write_whole
+from ..runtime.standalone.whole_file import MARK, write_whole
 
 FORMAT = 1
 """Raised when figures change their names or meaning."""
@@ -19,7 +19,7 @@ class ResultsError(ValueError):
 
 def write_results(results: dict[str, Any], path: Path) -> None:
     """Write results whole, or leave what was there."""
-    text = json.dumps(results, indent=1, allow_nan=False) + "\n"
+    text = json.dumps({"written": MARK, **results}, indent=1, allow_nan=False) + "\n"
     write_whole(path, lambda file: file.write(text.encode()))
 
 
@@ -37,15 +37,17 @@ def read_results(path: Path) -> dict[str, Any]:
         raise ResultsError(f"{path} cannot be read: {error.strerror or error}; {hint}") from None
     except (UnicodeDecodeError, ValueError, RecursionError) as error:
         raise ResultsError(f"{path} is no JSON ({error}); {hint}") from None
+    if isinstance(found, dict) and found.get("format", FORMAT) != FORMAT:
+        raise ResultsError(
+            f"{path} has format {found['format']!r}, this version reads {FORMAT}; measure again with `ordernm bench -o`"
+        )
     try:
-        given = found["format"]
-        if given != FORMAT:
-            raise ResultsError(
-                f"{path} has format {given!r}, this version reads {FORMAT}; measure again with `ordernm bench -o`"
-            )
-        list(figures(found))
+        compare(found, found)
+        other_machine(found, found)
+        if not isinstance(found["quick"], bool):
+            raise TypeError
         return dict(found)
-    except (KeyError, TypeError, AttributeError):
+    except (KeyError, TypeError, AttributeError, ValueError, ArithmeticError):
         raise ResultsError(f"{path} does not hold results of the benchmark; {hint}") from None
 
 

@@ -39,6 +39,8 @@ MEASURED = {
     "errors",
     "skipped",
     "differences",
+    "written",
+    "files",
 }
 """Keys of what is compared in another way than entry by entry, or not at all: dates, and times that were taken once."""
 
@@ -63,10 +65,17 @@ def read(path: Path) -> dict[str, Any]:
     file = path / "report.json" if path.is_dir() else path
     try:
         found = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise NoReportError(f"{file}: {error}") from None
+    except OSError as error:
+        raise NoReportError(f"{file} cannot be read: {error.strerror or error}") from None
+    except (ValueError, RecursionError) as error:
+        raise NoReportError(f"{file} holds no report: it is no JSON ({error})") from None
     if not isinstance(found, dict) or "generated" not in found or "model" not in found:
         raise NoReportError(f"{file} holds no report; give the folder that ordernm report wrote, or its report.json")
+    try:
+        disagreements(found, found)
+        agreed(found, found)
+    except (KeyError, TypeError, AttributeError, ValueError, IndexError, ArithmeticError, RecursionError) as error:
+        raise NoReportError(f"{file} is damaged, or of another version: {type(error).__name__}: {error}") from None
     return found
 
 
@@ -94,14 +103,20 @@ def disagreements(one: Mapping[str, Any], other: Mapping[str, Any], most: int = 
     most : int
         So many sentences of a kind, and how many more there are.
     """
-    if one["model"] != other["model"]:
-        return [f"they are of different models, {one['model']} and {other['model']}"]
-    elsewhere = [k for k in SAME_MACHINE if one["machine"][k] != other["machine"][k]]
-    if elsewhere:
-        return [f"they are of different machines: {k}: {one['machine'][k]}, {other['machine'][k]}" for k in elsewhere]
+    if why := incomparable(one, other):
+        return [why]
     found = _first(list(_different("", one, other)), most)
     found += _first(list(_errors(one, other)), most)
     return found + _first(list(_times(one, other)), most)
+
+
+def incomparable(one: Mapping[str, Any], other: Mapping[str, Any]) -> str:
+    """Why nothing of two reports can be compared, by their entries ``model`` and ``machine``; nothing if it can."""
+    if one["model"] != other["model"]:
+        return f"they are of different models, {one['model']} and {other['model']}"
+    elsewhere = [k for k in SAME_MACHINE if one["machine"][k] != other["machine"][k]]
+    several = [f"{k}: {one['machine'][k]}, {other['machine'][k]}" for k in elsewhere]
+    return f"they are of different machines: {'; '.join(several)}" if several else ""
 
 
 def agreed(one: Mapping[str, Any], other: Mapping[str, Any]) -> str:

@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from ..runtime.standalone.whole_file import MARK
+
 SETTINGS: dict[Any, Any] = {
     "svg.hashsalt": "ordernm", "svg.fonttype": "none", "font.family": "sans-serif", "font.sans-serif": ["DejaVu Sans"],
     "font.size": 9, "axes.grid": True, "axes.grid.which": "major", "grid.linewidth": 0.4, "grid.color": "#cccccc",
@@ -52,7 +54,7 @@ def drawing(width: float, height: float, columns: int = 1) -> Iterator[tuple[Any
                     axis.set_major_locator(LogLocator(numticks=7))
         figure.tight_layout()
         buffer = io.StringIO()
-        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": MARK})
         svg = buffer.getvalue()
         text.append(svg[svg.index("<svg") :])
 

@@ -6,10 +6,14 @@ import html
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ..emit.templates import render
 from ..folders import FolderError
 from ..model.errors import ModelError
-from ..runtime.standalone.errors import SingularJointError
+from ..own_files import refuse_foreign_file
+from ..runtime.standalone.errors import AssemblyError, CompileError
+from ..runtime.standalone.whole_file import MARK
 from . import pages
 from .measuring import Progress, Request, report
 
@@ -26,8 +30,16 @@ HEAD = [
 ]
 
 
-def write_gallery(folder: Path, target: Path, request: Request, progress: Progress) -> dict[str, str]:
+FAILURES = (ModelError, FolderError, CompileError, AssemblyError, np.linalg.LinAlgError, ArithmeticError)
+"""Errors that are of one model, and leave the others as they are."""
+
+
+def write_gallery(
+    folder: Path, target: Path, request: Request, progress: Progress, force: bool = False
+) -> dict[str, str]:
     """Reports of all ``*.yaml`` in a folder, each in a folder of its own beside ``index.html``.
+
+    A model that cannot be read, compiled or computed costs no other one its report.
 
     Returns
     -------
@@ -43,14 +55,15 @@ def write_gallery(folder: Path, target: Path, request: Request, progress: Progre
     if not files:
         raise FolderError(f"{folder} holds no model files (*.yaml)")
     pages.need()
-    _refuse_foreign(target, {f.stem for f in files})
+    _refuse_foreign(target, {f.stem for f in files}, force)
+    target.mkdir(parents=True, exist_ok=True)
     rows: list[list[str]] = []
     failed: dict[str, str] = {}
     for i, file in enumerate(files):
         progress(f"{file.stem}", i, len(files))
         try:
-            rows.append(row(file.stem, report(file, target / file.stem, request=request)))
-        except (ModelError, SingularJointError) as error:
+            rows.append(row(file.stem, report(file, target / file.stem, request=request, force=force)))
+        except FAILURES as error:
             failed[file.stem] = str(error)
         _write(folder, target, rows, failed)  # after each: what is there can be looked at meanwhile
     return failed
@@ -71,18 +84,23 @@ def row(name: str, data: dict[str, Any]) -> list[str]:
             str(len(data["skipped"]))]  # fmt: skip
 
 
-def _refuse_foreign(target: Path, names: set[str]) -> None:
+def _refuse_foreign(target: Path, names: set[str], force: bool) -> None:
     if target.exists() and not target.is_dir():
         raise FolderError(f"{target} is a file; give a folder to write into with -o")
+    if target.is_dir():
+        refuse_foreign_file(target / pages.PAGE, force)
     foreign = sorted({p.name for p in target.glob("*")} - names - {pages.PAGE})
-    if foreign:
+    if foreign and not force:
         raise FolderError(
-            f"{target} holds {', '.join(foreign[:5])}, which no gallery wrote; choose another folder with -o"
+            f"{target} holds {', '.join(foreign[:5])}, which no gallery wrote; choose another folder with -o, or --force to "
+            f"leave that where it is"
         )
+    for name in sorted(names):
+        pages.refuse_foreign(target / name, force)
 
 
 def _write(folder: Path, target: Path, rows: list[list[str]], failed: dict[str, str]) -> None:
     lines = [{"name": html.escape(r[0]), "cells": [html.escape(c) for c in r[1:]]} for r in rows]
     told = [{"name": html.escape(n), "why": html.escape(why)} for n, why in failed.items()]
-    context = {"title": html.escape(folder.resolve().name), "head": HEAD, "rows": lines, "failed": told}
+    context = {"title": html.escape(folder.resolve().name), "mark": MARK, "head": HEAD, "rows": lines, "failed": told}
     (target / pages.PAGE).write_text(render("report/gallery.html.jinja", context), encoding="utf-8")

@@ -51,7 +51,7 @@ class Request:
 
 def report(
     model: Model | str | Path, folder: str | Path = "report", *, request: Request | None = None,
-    progress: Progress = lambda stage, done, of: None,
+    progress: Progress = lambda stage, done, of: None, force: bool = False,
 ) -> dict[str, Any]:  # fmt: skip
     """Measure a model and write ``index.html``, ``report.md``, ``report.json`` and ``figures/`` into a folder.
 
@@ -63,6 +63,8 @@ def report(
     request : Request, optional
     progress : callable, optional
         Called with the stage, how much of it is done, and of how much.
+    force : bool
+        Also replace files of those names that no report wrote; others in the folder stay.
 
     Returns
     -------
@@ -77,7 +79,7 @@ def report(
     """
     pages.need()
     target = Path(folder)
-    pages.refuse_foreign(target)
+    pages.refuse_foreign(target, force)
     reading = time.perf_counter()
     if not isinstance(model, Model):
         progress("reading", 0, 0)
@@ -86,7 +88,7 @@ def report(
     data = measure(model, request or Request(), progress)
     data["generated"]["seconds"]["read"] = reading
     progress("drawing", 0, 0)
-    pages.write(data, target)
+    pages.write(data, target, force)
     return data
 
 

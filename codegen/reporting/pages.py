@@ -10,6 +10,8 @@ from typing import Any
 
 from ..emit.templates import render
 from ..folders import FolderError, write_folder
+from ..runtime.standalone.manifest import file_digest
+from ..runtime.standalone.whole_file import MARK
 from . import agreement, figures, processes
 
 PAGE, MARKDOWN, NUMBERS, FIGURES = "index.html", "report.md", "report.json", "figures"
@@ -28,27 +30,58 @@ def need() -> None:
     need_matplotlib()
 
 
-def refuse_foreign(folder: Path) -> None:
-    """Raise `FolderError` unless the folder is absent, empty, or an earlier report and nothing else."""
+def refuse_foreign(folder: Path, force: bool = False) -> list[str]:
+    """Raise `FolderError` unless a report may be written into a folder.
+
+    It may be absent, empty, or hold what ``report.json`` lists as the files of an earlier report, with these contents.
+
+    Parameters
+    ----------
+    folder : Path
+    force : bool
+        Whatever it holds; files of a report are replaced then, and others stay.
+
+    Returns
+    -------
+    list of str
+        What is to stay.
+    """
     if folder.exists() and not folder.is_dir():
         raise FolderError(f"{folder} is a file; give a folder to write into with -o")
     if not folder.exists():
-        return
+        return []
     here = Path.cwd()
     if folder.resolve() in (here, *here.parents):
         raise FolderError(f"{folder} is, or holds, the working directory; give a folder of its own with -o")
-    foreign = sorted({p.name for p in folder.iterdir()} - {PAGE, MARKDOWN, NUMBERS, FIGURES})
-    foreign += sorted(f"{FIGURES}/{p.name}" for p in (folder / FIGURES).glob("*") if p.suffix != ".svg")
-    if foreign:
+    listed = _listed(folder)
+    found = sorted(p.relative_to(folder).as_posix() for p in folder.rglob("*") if not p.is_dir())
+    foreign = [n for n in found if n != NUMBERS and n not in listed]
+    changed = [n for n in found if n in listed and file_digest((folder / n).read_bytes()) != listed[n]]
+    if NUMBERS in found and not listed:
+        foreign.append(NUMBERS)
+    if not force and (foreign or changed):
+        several = [*foreign, *(f"{n} (changed since)" for n in changed)]
         raise FolderError(
-            f"{folder} holds {', '.join(foreign[:5])}{', ...' if len(foreign) > 5 else ''}, which no report wrote; "
-            f"choose another folder with -o"
+            f"{folder} holds {', '.join(several[:5])}{', ...' if len(several) > 5 else ''}, which no report wrote; "
+            f"choose another folder with -o, or --force to replace the files of a report in it"
         )
+    return foreign
 
 
-def write(data: dict[str, Any], folder: Path) -> None:
+def _listed(folder: Path) -> dict[str, str]:
+    """Files of an earlier report, with digests of their contents."""
+    try:
+        found = json.loads((folder / NUMBERS).read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return {}
+    files = found.get("files") if isinstance(found, dict) and found.get("written") == MARK else None
+    return files if isinstance(files, dict) else {}
+
+
+def write(data: dict[str, Any], folder: Path, force: bool = False) -> None:
     """Write all files of a report at once."""
-    write_folder(folder, texts(data))
+    keep = refuse_foreign(folder, force)  # once more: a report takes its time
+    write_folder(folder, texts(data), keep)
 
 
 def texts(data: dict[str, Any]) -> dict[str, str]:
@@ -58,12 +91,13 @@ def texts(data: dict[str, Any]) -> dict[str, str]:
     head = {"title": html.escape(data["model"]), "data": data}
     page = head | {"sections": [_for_html(s, drawn) for s in sections]}
     plain = head | {"title": data["model"], "sections": [_for_markdown(s, drawn) for s in sections]}
-    return {
+    found = {
         PAGE: render("report/index.html.jinja", page),
         MARKDOWN: render("report/report.md.jinja", plain),
-        NUMBERS: json.dumps(_plain(data), indent=1, allow_nan=False) + "\n",
         **{f"{FIGURES}/{name}.svg": svg + "\n" for name, svg in drawn.items()},
     }
+    own = {"written": MARK, "files": {name: file_digest(text.encode()) for name, text in found.items()}}
+    return found | {NUMBERS: json.dumps(_plain(data | own), indent=1, allow_nan=False) + "\n"}
 
 
 def _for_html(section: Section, drawn: dict[str, str]) -> Section:

@@ -15,10 +15,14 @@ from typing import Any
 import numpy as np
 
 from .arrays import Array
-from .whole_file import suffix_among, write_whole
+from .whole_file import MARK, suffix_among, write_whole
 
-FORMATS: dict[str, dict[str, None]] = {".svg": {"Date": None}, ".png": {}, ".pdf": {"CreationDate": None}}
-"""By suffix, and what of the day is left out of the file."""
+FORMATS: dict[str, dict[str, str | None]] = {
+    ".svg": {"Date": None, "Creator": MARK},
+    ".png": {"Software": MARK},
+    ".pdf": {"CreationDate": None, "Creator": MARK},
+}
+"""By suffix, and what the file says of itself: nothing of the day."""
 
 MOST_PANELS, CUT = 60, 24
 """So many series a picture can have, and so many it shows when none were chosen."""

@@ -9,6 +9,9 @@ from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any
 
+MARK = "ordernm wrote this file, and replaces it when told to write it again"
+"""Stands in files that commands write, so that they are known from files of other people."""
+
 
 def suffix_among(path: str | os.PathLike[str], known: Collection[str], error: type[ValueError], said: str) -> str:
     """The suffix of a file, in small letters; an error that ends in what is said where it is none of those known."""
@@ -22,9 +25,14 @@ def suffix_among(path: str | os.PathLike[str], known: Collection[str], error: ty
 def write_whole(path: Path, write: Callable[[Any], object]) -> None:
     """Let `write` fill a binary file beside its place, then put it there.
 
-    A link to a file stays one. What fails leaves what was there before.
+    A link to a file stays one. What fails leaves what was there before. What is no regular file, such as a pipe, is written to
+    where it is.
     """
     path = path.resolve()
+    if path.exists() and not path.is_file():
+        with open(path, "wb") as file:
+            write(file)
+        return
     beside = path.with_name(f".{path.name[:100]}-{secrets.token_hex(4)}.part")
     try:
         with open(beside, "xb") as file:

@@ -1,0 +1,46 @@
+"""Files that commands write: only one that ordernm has written, by the mark in it, is replaced without ``--force``."""
+
+from __future__ import annotations
+
+import argparse
+import mmap
+from pathlib import Path
+
+from .folders import FolderError, unwritable
+from .runtime.standalone.whole_file import MARK
+
+MARKS = (MARK.encode(), b'"format": "ordernm trajectory"')
+"""What files of ordernm hold, one or the other; the second stands in trajectories of earlier versions too."""
+
+
+def add_force(parser: argparse.ArgumentParser) -> None:
+    """The option ``--force``."""
+    parser.add_argument("--force", action="store_true", help="also replace files that ordernm did not write")
+
+
+def refuse_foreign_file(path: Path, force: bool = False) -> None:
+    """Raise `FolderError` where a file cannot be written, or holds something that ordernm did not write.
+
+    Parameters
+    ----------
+    path : Path
+        What is to be written. An empty file, and what is no file (``/dev/null``, a pipe), may be written to.
+    force : bool
+        Do not look at what is in it.
+    """
+    why_not = unwritable(path)
+    if why_not is not None:
+        raise FolderError(why_not)
+    if not force and not is_own(path):
+        raise FolderError(f"{path} exists, and ordernm did not write it; give another name, or --force to replace it")
+
+
+def is_own(path: Path) -> bool:
+    """Whether nothing would be lost by replacing a file: there is none, it is empty, no regular file, or has a mark of ours."""
+    if not path.is_file() or path.stat().st_size == 0:
+        return True
+    with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+        return any(content.find(mark) >= 0 for mark in MARKS)
+
+
+__all__ = ["add_force", "is_own", "refuse_foreign_file"]
