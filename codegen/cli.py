@@ -13,7 +13,7 @@ import gc
 import os
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -492,6 +492,19 @@ def _forget_output() -> None:
 
 def generate_main(arguments: Sequence[str] | None = None) -> int:
     """Entry point of ``generate``."""
+    return _ended(_generate_main, arguments, "generate")
+
+
+def _ended(run: Callable[[Sequence[str] | None], int], arguments: Sequence[str] | None, program: str) -> int:
+    """The exit code of a program; Ctrl-C is a message also before a command runs, while Python imports its modules."""
+    try:
+        return run(arguments)
+    except KeyboardInterrupt:
+        _problem(f"{program}: interrupted")
+        return SIGNALLED + signal.SIGINT
+
+
+def _generate_main(arguments: Sequence[str] | None) -> int:
     _tolerate_terminal()
     if arguments is None:
         _be_short_lived()
@@ -506,6 +519,10 @@ def generate_main(arguments: Sequence[str] | None = None) -> int:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Entry point of ``ordernm``."""
+    return _ended(_main, arguments, "ordernm")
+
+
+def _main(arguments: Sequence[str] | None) -> int:
     _tolerate_terminal()
     if arguments is None:
         _be_short_lived()

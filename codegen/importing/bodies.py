@@ -65,6 +65,12 @@ class Bodies:
     holders: dict[str, tuple[str, Placement]] = field(default_factory=dict)
     grounded: list[tuple[Link, Placement]] = field(default_factory=list)
 
+    def merged_frames(self) -> list[tuple[str, str, Placement]]:
+        """Links that are no bodies: the link of their body, or `WORLD`, and where the frame of the file stands in it."""
+        every = [(WORLD, link, frame) for link, frame in self.grounded]
+        every += [(name, link, frame) for name, body in self.all.items() for link, frame in body.merged]
+        return [(link.name, holder, frame @ link.origin) for holder, link, frame in every]
+
     def children(self, link: str) -> list[ImportedBody]:
         """The bodies that a body carries."""
         return [body for body in self.all.values() if body.parent == link]

@@ -9,6 +9,7 @@ from typing import Any
 
 from .bodies import BASES
 from .importer import Imported, import_model
+from .parameters import WORDS
 
 
 class ExistsError(Exception):
@@ -23,16 +24,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--force", action="store_true", help="replace a model file that differs")
     parser.add_argument("--name", help="name of the model (default: the robot's)")
+    parser.add_argument("--model", metavar="NAME", help="which model of a world of SDF (default: the one that moves)")
+    parser.add_argument("--key", metavar="NAME", help="keyframe of an MJCF to begin in (default: the first; '': none)")
     parser.add_argument("--base", choices=BASES, help="how the root of a URDF stands on the ground (default: fixed)")
     parser.add_argument("--keep-fixed", action="store_true", help="keep links on fixed joints as bodies of their own")
-    parser.add_argument("--loops", metavar="FILE", help="YAML with a section loops in the model format, which is added")
+    parser.add_argument(
+        "--loops", metavar="FILE", help="YAML with a section loops in the model format, or Gepetto's robot.yaml"
+    )
     parser.add_argument("--motors", action="store_true", help="an input for the force along every freedom of a joint")
     parser.add_argument(
         "--exact-angles", action="store_true", help="1.5708 means pi/2: axes are parallel to all digits"
     )
     parser.add_argument(
         "--parameterize", metavar="LINK:WORD,...",
-        help="make parameters of numbers: mass, com, inertia, at, length, damping",
+        help=f"make parameters of numbers: link, colon, word, and commas between such pairs; WORD is {', '.join(WORDS)}",
     )  # fmt: skip
     parser.add_argument(
         "--repair", action="store_true", help="mend inertias that no body has, and fix joints that move nothing"
@@ -40,7 +45,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--free-mimic", action="store_true", help="leave joints that mimic others independent")
     parser.add_argument(
         "--package-path", action="append", default=[], metavar="DIR",
-        help="where packages are that package:// names, beside ROS_PACKAGE_PATH and the folders above the file",
+        help="where packages are that package:// and model:// name; may be given more than once. Other files than the "
+        "robot's are read in its folder and in these only",
     )  # fmt: skip
 
 
@@ -56,6 +62,8 @@ def run(options: argparse.Namespace) -> tuple[Imported, Path | None]:
         key: getattr(options, key)
         for key in (
             "name",
+            "model",
+            "key",
             "base",
             "keep_fixed",
             "loops",

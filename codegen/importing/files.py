@@ -1,11 +1,21 @@
-"""Where the files are that a robot's file names: ``package://``, ``model://``, ``file://``, or a path beside it."""
+"""Where the files are that a robot's file names, and which of them may be read.
+
+Names are ``package://``, ``model://``, ``file://``, or a path beside the file. What is read stands in the folder of the
+robot's file, in folders there, or in those of ``--package-path``: the rule for the includes of a model file, with one
+option to widen it.
+"""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Final
 from urllib.parse import unquote
+
+from .xml_reading import no_regular_file
+
+WIDEN: Final = "--package-path"
 
 
 class Files:
@@ -23,12 +33,22 @@ class Files:
         self.folder = file.resolve().parent if file is not None else None
         from_ros = os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep)
         self.paths = [Path(p) for p in (*package_paths, *filter(None, from_ros))]
+        own = [] if self.folder is None else [str(self.folder)]
+        self.allowed = [*own, *(os.path.realpath(p) for p in package_paths)]
 
-    def find(self, name: str) -> Path | None:
-        """The file, or folder, of that name; None if there is none."""
+    def find(self, name: str, folder: Path | None = None) -> Path | None:
+        """The file, or folder, of that name; None if there is none.
+
+        Parameters
+        ----------
+        name : str
+        folder : path, optional
+            Where paths begin; left out: the folder of the robot's file.
+        """
         scheme, _, rest = name.partition("://")
+        start = self.folder if folder is None else folder
         if not rest:
-            return _existing(self.folder / name) if self.folder is not None and name else None
+            return _existing(start / name) if start is not None and name else None
         rest = unquote(rest)
         if scheme == "file":
             return _existing(Path(rest))
@@ -36,8 +56,8 @@ class Files:
             return None
         package, _, inside = rest.partition("/")
         for root in self.package_roots():
-            for folder in (root / package, root) if root.name == package else (root / package,):
-                found = _existing(folder / inside)
+            for place in (root / package, root) if root.name == package else (root / package,):
+                found = _existing(place / inside)
                 if found is not None:
                     return found
         return None
@@ -47,11 +67,11 @@ class Files:
         above = [] if self.folder is None else [self.folder, *self.folder.parents]
         return [*self.paths, *above]
 
-    def missing(self, name: str) -> str | None:
+    def missing(self, name: str, folder: Path | None = None) -> str | None:
         """``not found: ...`` for a file that is not there."""
         if not name:
             return "without a file's name"
-        if self.find(name) is not None:
+        if self.find(name, folder) is not None:
             return None
         scheme, _, rest = name.partition("://")
         if scheme in ("package", "model") and rest:
@@ -59,6 +79,23 @@ class Files:
             if self.find(f"{scheme}://{package}/") is None:
                 return f"package {package!r} not found (--package-path)"
         return "file not found"
+
+    def forbidden(self, path: str | os.PathLike[str]) -> str | None:
+        """Why a file that is there is not read; None if it may be."""
+        resolved = os.path.realpath(path)
+        if not any(_is_within(resolved, folder) for folder in self.allowed):
+            folder = resolved if os.path.isdir(resolved) else os.path.dirname(resolved)
+            shown = min(folder, os.path.relpath(folder), key=len)
+            return f"outside the folder of the robot's file; {WIDEN} {shown} lets files there be read"
+        kind = no_regular_file(resolved)
+        return None if kind is None else f"not read: {kind}; a regular file is needed"
+
+
+def _is_within(path: str, folder: str) -> bool:
+    try:
+        return os.path.commonpath((path, folder)) == folder
+    except ValueError:
+        return False
 
 
 def _existing(path: Path) -> Path | None:

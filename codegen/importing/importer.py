@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import reduce
 from pathlib import Path
 from typing import Any, Final
@@ -18,21 +19,19 @@ from ..model.errors import Problem
 from ..model.positions import shortened
 from .bodies import BASES, Bodies, merged_bodies, put_on_ground
 from .files import Files
+from .gepetto import apply_gepetto, beside, is_gepettos
 from .mass import FIXED, check_finite, check_inertias, fix_massless
 from .naming import model_name, names_a_model, names_for
 from .parameters import Parameters, requested_words
-from .placement import exact_sum
-from .robot import Coupling, Robot
+from .placement import Three, exact_sum
+from .robot import SINGLE, WORLD, BodyForce, Coupling, Effect, Mark, Robot
 from .side_file import SideFile, read_side_file
-from .words import number, one_line, wrapped
+from .words import number, one_line, vector, wrapped
 from .writing import ModelWriter
 from .xml_reading import Element, parse_xml, read_robot_file
 
 FORMATS: Final = {"robot": "URDF", "mujoco": "MJCF", "sdf": "SDF"}
 """Formats by the root of their files."""
-
-SINGLE: Final = ("revolute", "prismatic", "screw")
-"""Types of joints with one coordinate."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +39,8 @@ class Options:
     """What an import may be asked for; see `import_model`."""
 
     name: str | None = None
+    model: str | None = None
+    key: str | None = None
     base: str | None = None
     keep_fixed: bool = False
     repair: bool = False
@@ -61,11 +62,16 @@ class Imported:
         The model file.
     model : Model
     left_out : tuple of str
-        What the file says and the model does not, with the lines where it stands.
+        What the file says and the model does not, with the lines where it stands and what its absence does to the motion.
+    differences : tuple of str
+        Those of them without which the model moves otherwise than the file says, though nothing drives it.
     warnings : tuple of str
         What is doubtful, and what was repaired.
     bodies : dict of str to str
         For every link of the file the body of the model that it is part of, or ``ground``.
+    frames : dict of str to (str, tuple of float, tuple of float)
+        For every link of the file that is no body: the body that it is part of, or ``ground``, the place there, m, and roll,
+        pitch and yaw, rad.
     joints : dict of str to str
         For every joint of the file that moves the body that it carries, whose name its coordinates have.
     renamed : dict of str to str
@@ -75,14 +81,18 @@ class Imported:
     text: str
     model: Model
     left_out: tuple[str, ...] = ()
+    differences: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     bodies: dict[str, str] = field(default_factory=dict)
+    frames: dict[str, tuple[str, Three, Three]] = field(default_factory=dict)
     joints: dict[str, str] = field(default_factory=dict)
     renamed: dict[str, str] = field(default_factory=dict)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the model file, as a whole or not at all; what stands there is replaced."""
         target = Path(path)
+        if not target.parent.is_dir():
+            raise FileNotFoundError(errno.ENOENT, "no such folder; make it first", str(target.parent))
         handle, temporary = tempfile.mkstemp(prefix=f".{target.name}-", dir=target.parent)
         try:
             with open(handle, "w", encoding="utf-8") as file:
@@ -108,7 +118,11 @@ def import_model(path: str | os.PathLike[str], **options: Any) -> Imported:
     ----------
     path : str or path
     name : str, optional
-        Of the model; left out: from the file.
+        Of the model; left out: from the file, or the file's own name.
+    model : str, optional
+        Which model of a world of SDF; left out: the only one that moves.
+    key : str, optional
+        Which keyframe of an MJCF the model begins in; left out: the first. ``""``: none, the reference pose.
     base : {"fixed", "free"}, optional
         How the root of a URDF stands on the ground; left out: fixed. SDF and MJCF say it themselves.
     keep_fixed : bool
@@ -124,9 +138,11 @@ def import_model(path: str | os.PathLike[str], **options: Any) -> Imported:
     parameterize : str, mapping or list of str, optional
         Numbers that become parameters: ``"arm:length,forearm:mass"``, or ``{"arm": ["length"]}``.
     loops : str or path, optional
-        A model file with a section ``loops`` that is added.
+        A model file with a section ``loops`` that is added, or a ``robot.yaml`` of Gepetto's; one that stands beside a
+        URDF is read anyway.
     package_paths : sequence of str or path
-        Where packages are that the file names by ``package://``.
+        Where packages are that the file names by ``package://`` and ``model://``; beside the folder of the file these are
+        the only ones of which other files are read.
 
     Returns
     -------
@@ -173,7 +189,8 @@ def from_mujoco(model: Any, **options: Any) -> Imported:
     from .mjcf import read_mujoco
 
     with np.errstate(all="ignore"):  # `check_finite` judges
-        return imported(read_mujoco(model), Options(**options), "A model of MuJoCo")
+        chosen = Options(**options)
+        return imported(read_mujoco(model, chosen.key), chosen, "A model of MuJoCo")
 
 
 def _read(root: Element, files: Files, options: Options) -> Robot:
@@ -181,26 +198,35 @@ def _read(root: Element, files: Files, options: Options) -> Robot:
         from .urdf import read_urdf
 
         robot = read_urdf(root, files, options.exact_angles)
+        robot.format = "URDF"
+        _refuse(root, "--model", options.model, "for a world of SDF, which may have several models; a URDF has one")
+        _refuse(root, "--key", options.key, "for MJCF, which has keyframes")
+        if options.loops is None and (found := beside(root.file)) is not None and not files.forbidden(found):
+            options = replace(options, loops=found)
+        if options.loops is not None and is_gepettos(options.loops):
+            apply_gepetto(robot, options.loops)
+            robot.notes.append(f"Loops and types of joints of {os.path.basename(options.loops)}.")
         put_on_ground(robot, options.base or "fixed")
         return robot
     if root.tag in ("mujoco", "mujocoinclude"):
         from .mjcf import read_mjcf
 
-        _refuse_base(root, options)
-        return read_mjcf(root, Path(root.file))
+        _refuse(root, "--base", options.base, "for URDF; MJCF says itself what stands on the ground")
+        _refuse(root, "--model", options.model, "for a world of SDF, which may have several models; an MJCF is one")
+        return read_mjcf(root, Path(root.file), files, options.key)
     if root.tag == "sdf":
         from .sdf import read_sdf
 
-        _refuse_base(root, options)
-        return read_sdf(root, files, options.exact_angles)
+        _refuse(root, "--base", options.base, "for URDF; SDF says itself what stands on the ground")
+        _refuse(root, "--key", options.key, "for MJCF, which has keyframes")
+        return read_sdf(root, files, options.exact_angles, options.model)
     expected = ", ".join(f"<{tag}> ({name})" for tag, name in FORMATS.items())
     raise ModelError([root.problem(f"the root is <{root.tag}>; {expected} are read")])
 
 
-def _refuse_base(root: Element, options: Options) -> None:
-    if options.base is not None:
-        message = f"--base {options.base} is for URDF; {FORMATS.get(root.tag, root.tag)} says itself what stands on the ground"
-        raise ModelError([root.problem(message)])
+def _refuse(root: Element, option: str, value: str | None, what: str) -> None:
+    if value is not None:
+        raise ModelError([root.problem(f"{option} {value} is {what}; leave it out")])
 
 
 def imported(robot: Robot, options: Options, source: str) -> Imported:
@@ -222,14 +248,16 @@ def imported(robot: Robot, options: Options, source: str) -> Imported:
         raise ModelError([Problem(robot.file, None, None, "--name", message)])
     problems: list[Problem] = []
     names = names_for(robot.links)
-    side = read_side_file(options.loops, robot, names) if options.loops is not None else SideFile()
+    is_side = options.loops is not None and not is_gepettos(options.loops)
+    side = read_side_file(options.loops, robot, names) if is_side and options.loops is not None else SideFile()
     problems += _mimic(robot, options)
     held = {link for closing in robot.closings for link, _ in (closing.start, closing.end)} | side.links
     held |= {robot.joints[name].child for c in robot.couplings for name in (c.joint, c.of)}
     problems += fix_massless(robot, held, options.repair)
     bodies = merged_bodies(robot, options.keep_fixed, side.links)
     if not bodies.all:
-        message = "everything is fixed to the ground, nothing moves; give a link a joint, or --base free to the root of a URDF"
+        instead = ", or --base free to the root" if robot.format == "URDF" else ""
+        message = f"everything is fixed to the ground, nothing moves; give a link a joint that moves{instead}"
         problems.append(Problem(robot.file, None, None, "", message))
     too_large = check_finite(robot, bodies)
     problems += too_large or check_inertias(robot, bodies, options.repair)
@@ -238,6 +266,7 @@ def imported(robot: Robot, options: Options, source: str) -> Imported:
     if any(p.severity == "error" for p in problems):
         raise ModelError(sorted(problems, key=lambda p: (p.severity != "error", p.line or 0)))
     robot.warnings += problems
+    _lift(robot, bodies)
     head = _head(robot, bodies, names, source)
     name = model_name(robot.name) if options.name is None else options.name
     writer = ModelWriter(robot, bodies, name, names, parameters, head, side.sections, options.motors)
@@ -246,14 +275,28 @@ def imported(robot: Robot, options: Options, source: str) -> Imported:
     return Imported(
         text=text,
         model=model,
-        left_out=tuple(str(entry) for entry in robot.left_out.values()),
+        left_out=tuple(map(str, robot.listed())),
+        differences=tuple(str(entry) for entry in robot.listed() if entry.effect is Effect.DIFFERS),
         warnings=tuple(str(p) for p in robot.warnings),
         bodies={link: writer.names[holder] for link, (holder, _) in bodies.holders.items() if link},
+        frames={link: (writer.names[holder], own.at, own.rpy) for link, holder, own in bodies.merged_frames()},
         joints={
             b.joint.name: names[link] for link, b in bodies.all.items() if b.joint.name and b.joint.type != "fixed"
         },
         renamed={link: new for link, new in names.items() if link != new},
     )
+
+
+def _lift(robot: Robot, bodies: Bodies) -> None:
+    """Forces that carry a part of the weight of links, each in its centre of mass."""
+    for name, part in robot.lifted.items():
+        inertia = robot.links[name].inertia
+        if bodies.holders[name][0] == WORLD or inertia.mass * part == 0 or not any(robot.gravity):
+            continue
+        mark = f"{name} com"
+        robot.marks.append(Mark(mark, name, inertia.com))
+        value = vector(-part * inertia.mass * g for g in robot.gravity)
+        robot.forces.append(BodyForce(f"{name} lift", f"type: force, on: {{}}, value: {value}", (mark,)))
 
 
 def _mimic(robot: Robot, options: Options) -> list[Problem]:
@@ -263,9 +306,9 @@ def _mimic(robot: Robot, options: Options) -> list[Problem]:
         what = f"joint {shortened(coupling.joint)} {coupling.unreadable or f'follows {shortened(coupling.of)}'}"
         if options.free_mimic:
             kind = "gears" if coupling.is_gear else "<mimic>"
-            robot.leave_out(kind, coupling.place.line, "the joints are independent, --free-mimic")
+            robot.leave_out(kind, coupling.place, Effect.DIFFERS, "the joints are independent, --free-mimic")
         elif coupling.joint in robot.joints and robot.joints[coupling.joint].type == "fixed":
-            robot.leave_out("<mimic> of a fixed joint", coupling.place.line)
+            robot.leave_out("<mimic> of a fixed joint", coupling.place, Effect.NONE)
         elif why := _why_no_coupling(robot, coupling):
             found.append(coupling.place.problem(f"{what}, {why}"))
         else:
@@ -293,7 +336,7 @@ def _why_no_coupling(robot: Robot, coupling: Coupling) -> str:
 
 def _head(robot: Robot, bodies: Bodies, names: Mapping[str, str], source: str) -> list[str]:
     """The comment at the head of the file: what it was, and what of it is not here."""
-    lines = [f"{one_line(source)}, imported by ordernm."]
+    lines = [f"{one_line(source)}, imported by ordernm.", *map(one_line, robot.notes)]
     if bodies.grounded and any(not link.inertia.is_nothing for link, _ in bodies.grounded):
         mass = reduce(exact_sum, (link.inertia.mass for link, _ in bodies.grounded))
         lines.append(f"Fixed to the ground: {_listed(link.name for link, _ in bodies.grounded)}, {number(mass)} kg.")
@@ -306,7 +349,7 @@ def _head(robot: Robot, bodies: Bodies, names: Mapping[str, str], source: str) -
         lines += _entries(fixed)
     if robot.left_out:
         lines.append("Left out:")
-        lines += _entries(map(str, robot.left_out.values()))
+        lines += _entries(map(str, robot.listed()))
     return [part for line in lines for part in (wrapped(line) if not line.startswith(" ") else [line])]
 
 

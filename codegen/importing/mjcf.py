@@ -7,18 +7,36 @@ has the mass. Coordinates are those of MuJoCo less the ones of the model's refer
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 from ..model import ModelError
-from ..model.errors import Problem
+from ..model.errors import Problem, nearest
 from ..model.positions import shortened
+from .files import Files
+from .mjcf_files import MjcfFiles
+from .mjcf_forces import PassiveForces, law, terms_of
 from .naming import free_name, made_name
 from .placement import Placement, direction, of_quaternion, plus
-from .robot import WORLD, Closing, Coupling, Inertia, Link, Place, Robot, RobotJoint, Solid, as_three
+from .robot import (
+    WORLD,
+    Closing,
+    Coupling,
+    Effect,
+    Inertia,
+    JointTerm,
+    Link,
+    Place,
+    Robot,
+    RobotJoint,
+    Solid,
+    as_three,
+)
 from .xml_reading import Element
+from .xml_values import place_of
 
 _FREE, _BALL, _SLIDE, _HINGE = range(4)
 _TYPES: Final = {_FREE: "free", _BALL: "spherical", _SLIDE: "prismatic", _HINGE: "revolute"}
@@ -28,16 +46,34 @@ _SITE: Final = 6
 _SPHERE, _CAPSULE, _CYLINDER, _BOX = 2, 3, 5, 6
 _DIRT: Final = 1e-15
 
-_LISTED: Final = {
-    "site": "", "tendon": "", "actuator": "--motors makes inputs", "sensor": "", "contact": "", "keyframe": "", "camera": "",
-    "light": "", "skin": "", "flex": "", "flexcomp": "", "composite": "", "plugin": "", "extension": "",
-    "deformable": "", "custom": "",
+_LISTED: Final[dict[str, tuple[str, str, str, Effect]]] = {
+    "nsite": ("site", "", "", Effect.NONE), "nsensor": ("sensor", "sensor", "", Effect.NONE),
+    "ncam": ("camera", "", "", Effect.NONE), "nlight": ("light", "", "", Effect.NONE), "nskin": ("skin", "", "", Effect.NONE),
+    "nflex": ("flex", "", "bodies that bend; here their masses are loose", Effect.DIFFERS),
+    "nplugin": ("plugin", "", "", Effect.UNKNOWN), "npair": ("contact", "contact", "", Effect.STOPS),
+    "nexclude": ("contact", "contact", "", Effect.STOPS), "nnumeric": ("custom", "custom", "", Effect.NONE),
+    "ntext": ("custom", "custom", "", Effect.NONE), "ntuple": ("custom", "custom", "", Effect.NONE),
 }  # fmt: skip
-"""Elements that have no place in a model, wherever they stand."""
+"""What a compiled model has and a file of ours has not.
+
+By its count: the tag, that of the list in which it stands, what it is, and the effect of its absence.
+"""
+_SOFT: Final = "loops are closed exactly: no solref, no solimp"
+_UNNAMED: Final = "MuJoCo Model"
+_MEDIUM: Final = ("density", "viscosity", "wind")
 
 
-def read_mjcf(root: Element, path: Path) -> Robot:
+def read_mjcf(root: Element, path: Path, files: Files, key: str | None = None) -> Robot:
     """The robot of a file.
+
+    Parameters
+    ----------
+    root : Element
+    path : path
+    files : Files
+        Says which other files may be read.
+    key : str, optional
+        The keyframe that it begins in; left out: the first one. ``""``: none.
 
     Raises
     ------
@@ -46,6 +82,9 @@ def read_mjcf(root: Element, path: Path) -> Robot:
     """
     file = root.file
     mujoco = _mujoco()
+    if not path.is_file():
+        raise ModelError([root.problem("MuJoCo reads MJCF from a file; write it into one")])
+    parts = MjcfFiles(root, files)
     said: list[str] = []
     before = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(said.append)  # which else go to a file in the working directory
@@ -55,19 +94,21 @@ def read_mjcf(root: Element, path: Path) -> Robot:
         raise ModelError([_said(file, str(error))]) from None
     finally:
         mujoco.set_mju_user_warning(before)
-    robot = _Reader(model, file, root).read()
+    robot = _Reader(model, file, parts, key).read()
+    if robot.name == _UNNAMED and not parts.is_named():
+        robot.name = path.stem
     robot.warnings += [Problem(file, None, None, "", f"MuJoCo says: {' '.join(w.split())}", "warning") for w in said]
     return robot
 
 
-def read_mujoco(model: Any) -> Robot:
-    """The robot of an `mujoco.MjModel`."""
+def read_mujoco(model: Any, key: str | None = None) -> Robot:
+    """The robot of an `mujoco.MjModel`, in the keyframe of that name, or the first one."""
     mujoco = _mujoco()
     if not isinstance(model, mujoco.MjModel):
         raise TypeError(
             f"from_mujoco takes a mujoco.MjModel, not {type(model).__name__}; such as MjModel.from_xml_path(...)"
         )
-    return _Reader(model, "MjModel", None).read()
+    return _Reader(model, "MjModel", None, key).read()
 
 
 def _mujoco() -> Any:
@@ -87,20 +128,21 @@ def _said(file: str, text: str) -> Problem:
 
 
 class _Reader:
-    def __init__(self, model: Any, file: str, root: Element | None) -> None:
+    def __init__(self, model: Any, file: str, parts: MjcfFiles | None, key: str | None) -> None:
         self.model = model
         self.file = file
-        self.places = _places(root) if root is not None else {}
+        self.parts = parts
+        self.key = key
+        self.places = parts.places() if parts is not None else {}
         name = model.names[: model.names.index(b"\0")].decode("utf-8", "replace") if b"\0" in model.names else ""
         self.robot = Robot(name or "robot", file, as_three(model.opt.gravity))
-        self.root = root
         self.links: list[str] = [WORLD]
         self.joint_names: list[str] = []
         self.problems: list[Problem] = []
 
     def read(self) -> Robot:
         model = self.model
-        if int(model.opt.disableflags) & int(_mujoco().mjtDisableBit.mjDSBL_GRAVITY):
+        if self.disabled("GRAVITY"):
             self.robot.gravity = (0.0, 0.0, 0.0)
         self.names = self.unique("body", model.nbody)
         self.joint_names = self.unique("joint", model.njnt)
@@ -108,10 +150,17 @@ class _Reader:
             self.body(b)
         for e in range(model.neq):
             self.equality(e)
+        PassiveForces(_mujoco(), model, self.robot, self.links, self.joint_names, self.origin, self.place).read()
+        self.begin()
         self.leave_out()
         if self.problems:
             raise ModelError(self.problems)
         return self.robot
+
+    def disabled(self, *words: str) -> bool:
+        """Whether one of some flags is disabled."""
+        bits = _mujoco().mjtDisableBit
+        return any(int(self.model.opt.disableflags) & int(getattr(bits, f"mjDSBL_{word}")) for word in words)
 
     def unique(self, kind: str, count: int) -> list[str]:
         """Names of all objects of a kind; those that have none get one."""
@@ -124,9 +173,20 @@ class _Reader:
                 used.add(given[i])
         return given
 
-    def place(self, kind: str, name: str) -> Place:
-        element = self.places.get((kind, name))
-        return Place(self.file) if element is None else Place(self.file, element.line, element.column)
+    def place(self, kind: str, name: str, number: int | None = None) -> Place:
+        """Where something of a kind stands: by its name, or as the so many-th of a list in the file."""
+        found = self.places.get((kind, name)) if name else None
+        if found is None and number is not None and self.parts is not None:
+            listed = self.parts.listed(kind)
+            if len(listed) == len(self.ranked(kind)):
+                found = place_of(listed[number])
+        return found or Place(self.file)
+
+    def ranked(self, kind: str) -> range:
+        """The numbers of what a list of the file makes."""
+        model = self.model
+        counts = {"equality": model.neq, "tendon": model.ntendon, "keyframe": model.nkey}
+        return range(int(counts.get(kind, len(model.actuator_trntype))))
 
     def origin(self, b: int) -> Placement:
         """A body's frame of MuJoCo's in that used here."""
@@ -173,24 +233,50 @@ class _Reader:
         if type_ in (_SLIDE, _HINGE):
             joint.axes = (direction(model.jnt_axis[k]),)
         dof, q = int(model.jnt_dofadr[k]), int(model.jnt_qposadr[k])
-        joint.damping = float(model.dof_damping[dof])
-        stiffness = float(np.ravel(model.jnt_stiffness[k])[0])
-        if stiffness and type_ in (_SLIDE, _HINGE):
-            joint.stiffness = stiffness
-            joint.rest = float(model.qpos_spring[q] - model.qpos0[q])
-        elif stiffness:
-            self.robot.leave_out(f"stiffness of a {joint.type} joint", place.line)
         end = dof + {_FREE: 6, _BALL: 3}.get(type_, 1)
-        self.robot.give_armature(joint, model.dof_armature[dof:end], place.line)
-        if np.any(model.dof_frictionloss[dof:end]):
-            self.robot.leave_out("frictionloss of a joint", place.line)
-        if model.jnt_limited[k]:
-            self.robot.leave_out("range of a joint", place.line)
-        for what, poly in (("damping", "dof_dampingpoly"), ("stiffness", "jnt_stiffnesspoly")):
-            rows = getattr(model, poly, None)
-            if rows is not None and np.any(rows[dof if what == "damping" else k]):
-                self.robot.leave_out(f"{what} of a joint by powers of its motion", place.line)
+        single = type_ in (_SLIDE, _HINGE)
+        if not self.disabled("DAMPER"):
+            self.damper(joint, dof, single)
+        if not self.disabled("SPRING"):
+            self.spring(joint, k, q, single)
+        self.robot.give_armature(joint, model.dof_armature[dof:end], place)
+        if np.any(model.dof_frictionloss[dof:end]) and not self.disabled("FRICTIONLOSS", "CONSTRAINT"):
+            self.robot.leave_out("frictionloss of a joint", place, Effect.DIFFERS, "dry friction")
+        if model.jnt_limited[k] and not self.disabled("LIMIT", "CONSTRAINT"):
+            self.robot.leave_out("range of a joint", place, Effect.STOPS)
         return joint
+
+    def damper(self, joint: RobotJoint, dof: int, single: bool) -> None:
+        """The damping of a joint; by powers of the speed, a term of its own."""
+        damping, more = float(self.model.dof_damping[dof]), _row(self.model, "dof_dampingpoly", dof)
+        if not np.any(more):
+            joint.damping = damping
+        elif single:
+            self.robot.terms.append(
+                JointTerm(joint.name, text := law(damping, more, "u.{}"), (joint.name,) * text.count("{}"))
+            )
+        else:
+            self.robot.leave_out(
+                f"damping of a {joint.type} joint by powers of its motion", joint.place, Effect.DIFFERS
+            )
+
+    def spring(self, joint: RobotJoint, k: int, q: int, single: bool) -> None:
+        """The spring of a joint; by powers of the way, a term of its own."""
+        model = self.model
+        stiffness, more = float(np.ravel(model.jnt_stiffness[k])[0]), _row(model, "jnt_stiffnesspoly", k)
+        if not stiffness and not np.any(more):
+            return
+        if not single:
+            self.robot.leave_out(f"stiffness of a {joint.type} joint", joint.place, Effect.DIFFERS)
+            return
+        rest = float(model.qpos_spring[q] - model.qpos0[q])
+        if not np.any(more):
+            joint.stiffness, joint.rest = stiffness, rest
+        else:
+            text = law(stiffness, more, terms_of([(1.0, "q.{}")], -rest))
+            self.robot.terms.append(JointTerm(joint.name, text, (joint.name,) * text.count("{}")))
+        if np.any(_row(model, "jnt_springyield", k)):
+            self.robot.leave_out("springyield of a joint", joint.place, Effect.DIFFERS, "here the spring is elastic")
 
     def inertia(self, b: int) -> Inertia:
         model = self.model
@@ -220,16 +306,16 @@ class _Reader:
         model = self.model
         type_, data = int(model.eq_type[e]), model.eq_data[e]
         name = model.equality(e).name or free_name(f"equality_{e}", [c.name for c in self.robot.closings])
-        place = self.place("equality", model.equality(e).name)
+        place = self.place("equality", model.equality(e).name, e)
         ids = int(model.eq_obj1id[e]), int(model.eq_obj2id[e])
-        if not model.eq_active0[e]:
-            self.robot.leave_out("equality that is not active", place.line)
+        if not model.eq_active0[e] or self.disabled("EQUALITY", "CONSTRAINT"):
+            self.robot.leave_out("equality that is not active", place, Effect.NONE)
         elif type_ == _JOINT:
             self.coupled(name, place, ids, data)
         elif type_ not in (_CONNECT, _WELD):
-            self.robot.leave_out("equality of tendons or flexible bodies", place.line)
+            self.robot.leave_out("equality of tendons or flexible bodies", place, Effect.DIFFERS)
         else:
-            self.robot.leave_out("softness of <equality>", place.line, "loops are closed exactly: no solref, no solimp")
+            self.robot.leave_out("softness of <equality>", place, Effect.DIFFERS, _SOFT)
             if int(model.eq_objtype[e]) == _SITE:
                 bodies = tuple(int(model.site_bodyid[i]) for i in ids)
                 first, second = (_frame(model.site_pos[i], model.site_quat[i]) for i in ids)
@@ -247,80 +333,111 @@ class _Reader:
 
     def coupled(self, name: str, place: Place, joints: tuple[int, int], data: Any) -> None:
         first, second = joints
-        what = f"joint {shortened(self.joint_names[first])}"
-        if second < 0:
-            self.problems.append(place.problem(f"{what} is held at a value by an equality; take the joint out instead"))
+        unreadable, of = "", self.joint_names[second] if second >= 0 else ""
+        if second < 0 and np.any(data[1:5]):
+            unreadable = "is held at a value by an equality"
         elif np.any(data[2:5]):
             coefficients = " ".join(f"{v:g}" for v in data[:5])
-            by = f"by a polynomial, polycoef {coefficients}; a line, of which the last three are 0, is read"
-            self.problems.append(place.problem(f"{what} follows {shortened(self.joint_names[second])} {by}"))
+            unreadable = f"follows {shortened(of)} by a polynomial, polycoef {coefficients}; one of degree 1 is read"
+        self.robot.leave_out("softness of <equality>", place, Effect.DIFFERS, _SOFT)
+        own = self.joint_names[first]
+        if second < 0:
+            self.robot.locked[own] = float(data[0])
         else:
-            names = self.joint_names[first], self.joint_names[second]
-            self.robot.leave_out("softness of <equality>", place.line, "loops are closed exactly: no solref, no solimp")
-            self.robot.couplings.append(Coupling(name, place, *names, float(data[1]), float(data[0])))
+            self.robot.couplings.append(Coupling(name, place, own, of, float(data[1]), float(data[0]), unreadable))
+
+    def begin(self) -> None:
+        """Let the model begin in a keyframe."""
+        model, count = self.model, int(self.model.nkey)
+        names = [model.key(i).name for i in range(count)]
+        if self.key == "" or (self.key is None and not count):
+            k = -1
+        elif self.key is None:
+            k = 0
+        elif self.key in names:
+            k = names.index(self.key)
+        else:
+            shown = ", ".join(filter(None, names[:12])) or "none with a name"
+            message = (
+                f"--key {self.key}: there is no keyframe of that name; there are {shown}{nearest(self.key, names)}"
+            )
+            self.problems.append(Place(self.file).problem(message))
+            return
+        for i in range(count):
+            if i != k:
+                place = self.place("keyframe", names[i], i)
+                self.robot.leave_out("<key>", place, Effect.NONE, "--key NAME begins in it")
+        if k >= 0:
+            called = f"keyframe {names[k]}" if names[k] else "first keyframe"
+            self.robot.notes.append(f"Begins in the {called}.")
+            for j in range(int(model.njnt)):
+                self.begin_joint(j, model.key_qpos[k], model.key_qvel[k])
+
+    def begin_joint(self, j: int, qpos: Any, qvel: Any) -> None:
+        model, joint = self.model, self.robot.joints[self.joint_names[j]]
+        type_, q, v = int(model.jnt_type[j]), int(model.jnt_qposadr[j]), int(model.jnt_dofadr[j])
+        if type_ in (_SLIDE, _HINGE):
+            joint.start = (float(qpos[q] - model.qpos0[q]),)
+            self.robot.speeds[joint.name] = (float(qvel[v]),)
+            return
+        at = [float(x) for x in qpos[q : q + 3]] if type_ == _FREE else []
+        e = np.array(qpos[q + len(at) : q + len(at) + 4], dtype=float)
+        size = float(np.linalg.norm(e))
+        e = e / size if size > 0 else np.array([1.0, 0.0, 0.0, 0.0])
+        joint.start = (*at, *(float(x) for x in e))
+        speeds = [float(x) for x in qvel[v : v + (6 if type_ == _FREE else 3)]]
+        if type_ == _FREE:
+            turned = of_quaternion(*joint.start[3:]).T @ np.array(speeds[:3])
+            speeds = [*speeds[3:], *(float(x) for x in turned)]
+        self.robot.speeds[joint.name] = tuple(speeds)
 
     def leave_out(self) -> None:
-        """What the model has and a file of ours has not."""
+        """What the compiled model has and a file of ours has not; lines are those of the files."""
         model, robot = self.model, self.robot
-        if self.root is not None:
-            _leave_out_elements(robot, self.root)
-        else:
-            for what, count in (
-                ("sites", model.nsite), ("tendons", model.ntendon), ("actuators", len(model.actuator_trntype)),
-                ("sensors", model.nsensor), ("keyframes", model.nkey), ("cameras", model.ncam), ("plugins", model.nplugin),
-                ("flexible bodies", model.nflex),
-            ):  # fmt: skip
-                for _ in range(int(count)):
-                    robot.leave_out(what)
-        if np.any(model.geom_contype) and np.any(model.geom_conaffinity):
-            robot.leave_out("contacts of geoms")
-        for name, value in (
-            ("density", model.opt.density),
-            ("viscosity", model.opt.viscosity),
-            ("wind", model.opt.wind),
-        ):
-            if np.any(value):
-                robot.leave_out(f"{name} of the medium")
-        if np.any(model.body_gravcomp):
-            robot.leave_out("gravcomp of bodies")
+        seen: set[str] = set()
+        for count, (tag, group, remark, effect) in _LISTED.items():
+            total = int(getattr(model, count, 0))
+            if not total or tag in seen:
+                continue
+            seen.add(tag)
+            found = self.lines(tag, group)
+            for place in found or [None] * total:
+                robot.leave_out(f"<{tag}>", place, effect, remark)
+        mesh = int(_mujoco().mjtGeom.mjGEOM_MESH)
+        meshes = int(np.sum(np.ravel(model.geom_type) == mesh)) if model.ngeom else 0
+        found = [place_of(e) for e in self.elements("geom") if e.attributes.get("type") == "mesh"]
+        places: list[Place | None] = [*(found if meshes else ())]
+        for place in places or [None] * meshes:
+            robot.leave_out("<geom> of a mesh", place, Effect.NONE, "its mass is counted")
+        collides = np.any(model.geom_contype) and np.any(model.geom_conaffinity)
+        if collides and not self.disabled("CONTACT", "CONSTRAINT"):
+            robot.leave_out("contacts of geoms", None, Effect.STOPS)
+        for name in _MEDIUM:
+            if np.any(getattr(model.opt, name)):
+                robot.leave_out(f"{name} of the medium", None, Effect.DIFFERS)
+        for b in range(1, int(model.nbody)):
+            if model.body_gravcomp[b]:
+                robot.lifted[self.links[b]] = float(model.body_gravcomp[b])
         if np.any(model.body_mocapid >= 0):
-            robot.leave_out("mocap of bodies", remark="they stand still")
+            robot.leave_out("mocap of bodies", None, Effect.NONE, "they stand still")
+
+    def elements(self, *tags: str) -> Iterator[Element]:
+        """Elements of these tags in all files, but those of defaults."""
+        return iter(()) if self.parts is None else (e for e in self.parts.used() if e.tag in tags)
+
+    def lines(self, tag: str, group: str) -> list[Place | None]:
+        """Where elements of a kind stand."""
+        if group:
+            return [place_of(child) for element in self.elements(group) for child in element.children]
+        also = {"flex": ("flex", "flexcomp")}.get(tag, (tag,))
+        return [place_of(element) for element in self.elements(*also)]
+
+
+def _row(model: Any, name: str, k: int) -> Any:
+    """The numbers of one joint or freedom; none where this MuJoCo has no such field."""
+    rows = getattr(model, name, None)
+    return np.zeros(1) if rows is None or not len(rows) else np.ravel(rows[k])
 
 
 def _frame(at: Any, quaternion: Any) -> Placement:
     return Placement(at, of_quaternion(*map(float, quaternion)))
-
-
-def _places(root: Element) -> dict[tuple[str, str], Element]:
-    """Named elements of a file, by what they are."""
-    found: dict[tuple[str, str], Element] = {}
-    stack = [(root, "")]
-    while stack:
-        element, above = stack.pop()
-        kind = {"freejoint": "joint"}.get(element.tag, element.tag)
-        if above == "equality":
-            kind = "equality"
-        if above not in ("default", "actuator", "sensor", "tendon") and "name" in element.attributes:
-            found.setdefault((kind, element.attributes["name"]), element)
-        stack.extend((child, element.tag) for child in reversed(element.children))
-    return found
-
-
-def _leave_out_elements(robot: Robot, root: Element) -> None:
-    stack = [root]
-    while stack:
-        element = stack.pop()
-        if element.tag == "default":
-            continue
-        if element.tag in _LISTED:
-            listed = (
-                element.children
-                if element.tag in ("tendon", "actuator", "sensor", "contact", "keyframe")
-                else [element]
-            )
-            for child in listed:
-                robot.leave_out(f"<{element.tag}>", child.line, _LISTED[element.tag])
-            continue
-        if element.tag == "geom" and element.attributes.get("type") == "mesh":
-            robot.leave_out("<geom> of a mesh", element.line, "its mass is counted")
-        stack.extend(reversed(element.children))

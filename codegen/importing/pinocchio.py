@@ -11,7 +11,7 @@ from ..model.errors import Problem
 from ..model.joints import JOINTS
 from .naming import free_name
 from .placement import Array, Placement, Three
-from .robot import WORLD, Coupling, Inertia, Link, Place, Robot, RobotJoint, as_three
+from .robot import WORLD, Coupling, Effect, Inertia, Link, Place, Robot, RobotJoint, as_three
 
 _FILE: Final = "pinocchio.Model"
 _NOTHING: Final = 1e-200
@@ -110,10 +110,10 @@ class _Reader:
         if count and np.all(damping == damping[0]):
             joint.damping = float(damping[0])
         elif np.any(damping):
-            self.robot.leave_out("damping that differs along the freedoms of a joint")
+            self.robot.leave_out("damping that differs along the freedoms of a joint", None, Effect.DIFFERS)
         friction = getattr(model, "upperDryFrictionLimit", getattr(model, "friction", np.zeros(0)))
         if np.any(friction[first : first + count]):
-            self.robot.leave_out("dry friction of joints")
+            self.robot.leave_out("dry friction of joints", None, Effect.DIFFERS)
 
     def rotors(self, i: int, joints: list[RobotJoint]) -> None:
         """Reflected inertia, as Pinocchio's own algorithms have it: `armature`, speed by speed."""
@@ -122,14 +122,16 @@ class _Reader:
         armature = np.array(model.armature[at:end], dtype=float)
         reflected = np.array(model.rotorInertia[at:end]) * np.array(model.rotorGearRatio[at:end]) ** 2
         if np.any(reflected[armature == 0]):
-            self.robot.leave_out("rotorInertia without armature", remark="armature is rotorInertia*rotorGearRatio**2")
+            remark = "armature is rotorInertia*rotorGearRatio**2"
+            self.robot.leave_out("rotorInertia without armature", None, Effect.NONE, remark)
         place = 0
         for joint in joints:
             count = len(JOINTS[joint.type].speeds)
             mine = armature[place : place + count]
             place += count
             if joint.type == "planar" and np.any(mine):
-                self.robot.leave_out("armature of a planar joint", remark="along axes that turn with the body")
+                remark = "along axes that turn with the body"
+                self.robot.leave_out("armature of a planar joint", None, Effect.DIFFERS, remark)
             else:
                 self.robot.give_armature(joint, mine.tolist())
 

@@ -148,6 +148,23 @@ def of_quaternion(w: float, x: float, y: float, z: float) -> Array:
     )
 
 
+def turning(a: Three, b: Three) -> Array:
+    """The shortest rotation that takes unit vector a to unit vector b; half a turn about an axis across where b is -a."""
+    x, y = np.array(a), np.array(b)
+    c = float(x @ y)
+    if a == b:
+        return np.eye(3)
+    if c < -1 + 1e-12:
+        across = np.cross(x, np.eye(3)[int(np.argmin(np.abs(x)))])
+        across /= np.linalg.norm(across)
+        half: Array = 2 * np.outer(across, across) - np.eye(3)
+        return half
+    v = np.cross(x, y)
+    skew = np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
+    result: Array = np.eye(3) + skew + skew @ skew / (1 + c)
+    return result
+
+
 def without_dirt(x: Any) -> Three:
     """The vector without components that rounding has left."""
     v = np.asarray(x, dtype=float)

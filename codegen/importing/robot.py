@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from enum import Enum
+from typing import Any, Final
 
 import numpy as np
 
@@ -14,6 +16,10 @@ from .placement import Array, Placement, Three, exact_sum
 
 WORLD = ""
 """The parent of what stands on the ground."""
+
+
+SINGLE: Final = ("revolute", "prismatic", "screw")
+"""Types of joints with one coordinate."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -231,6 +237,69 @@ class Coupling:
     is_gear: bool = False
 
 
+@dataclass(frozen=True, slots=True)
+class JointTerm:
+    """A term of the generalised force of a joint of one freedom.
+
+    Attributes
+    ----------
+    joint : str
+    text : str
+        An expression of the model format with ``{}`` for names of coordinates: ``-3*(q.{} - 2*q.{})``.
+    of : tuple of str
+        The joints whose coordinates these are.
+    """
+
+    joint: str
+    text: str
+    of: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """A point fixed in a link, which forces name.
+
+    Attributes
+    ----------
+    name : str
+    link : str
+        Or `WORLD`.
+    at : three float
+        m.
+    """
+
+    name: str
+    link: str
+    at: Three
+
+
+@dataclass(frozen=True, slots=True)
+class BodyForce:
+    """A force element between points: an entry of the model format with ``{}`` for the names of points.
+
+    Attributes
+    ----------
+    name : str
+    text : str
+    at : tuple of str
+        Names of marks.
+    """
+
+    name: str
+    text: str
+    at: tuple[str, ...]
+
+
+class Effect(Enum):
+    """What an element that is left out does to the motion."""
+
+    DIFFERS = "the dynamics differ"
+    STOPS = "acts at stops and contacts only"
+    DRIVEN = "acts when driven only"
+    UNKNOWN = "its effect is unknown"
+    NONE = "no effect on the dynamics"
+
+
 @dataclass(slots=True)
 class LeftOut:
     """Something of the file that the model does not say.
@@ -238,24 +307,27 @@ class LeftOut:
     Attributes
     ----------
     what : str
-    lines : list of int
-        Where it stands.
+    effect : Effect
+    lines : list of str
+        Where it stands; in another file than the robot's, with that file's name.
+    count : int
     remark : str
     """
 
     what: str
-    lines: list[int] = field(default_factory=list)
+    effect: Effect
+    lines: list[str] = field(default_factory=list)
     count: int = 0
     remark: str = ""
 
     def __str__(self) -> str:
-        shown = ", ".join(map(str, self.lines[:3]))
+        shown = ", ".join(self.lines[:3])
         if self.lines:
             more = f" and {len(self.lines) - 3} more" if len(self.lines) > 3 else ""
             shown = f" (line{'s' * (len(self.lines) > 1)} {shown}{more})"
         else:
             shown = f" ({self.count})" if self.count > 1 else ""
-        return f"{self.what}{shown}" + (f": {self.remark}" if self.remark else "")
+        return f"{self.what}{shown}: {self.remark}{'; ' * bool(self.remark)}{self.effect.value}"
 
 
 @dataclass(slots=True)
@@ -273,9 +345,22 @@ class Robot:
         One for each link but the root of a URDF.
     closings : list of Closing
     couplings : list of Coupling
-    left_out : dict of str to LeftOut
-        By what it is.
+    terms : list of JointTerm
+    marks : list of Mark
+    forces : list of BodyForce
+    lifted : dict of str to float
+        Links of whose weight a part is carried, and which part.
+    locked : dict of str to float
+        Joints of one freedom that are held, and where.
+    speeds : dict of str to tuple of float
+        Initial speeds of joints, all freedoms of each.
+    left_out : dict of (str, Effect) to LeftOut
+        By what it is, and what its absence does.
+    notes : list of str
+        What the comment at the head of the model says of its origin.
     warnings : list of Problem
+    format : str
+        ``URDF``, or another one.
     """
 
     name: str
@@ -285,19 +370,46 @@ class Robot:
     joints: dict[str, RobotJoint] = field(default_factory=dict)
     closings: list[Closing] = field(default_factory=list)
     couplings: list[Coupling] = field(default_factory=list)
-    left_out: dict[str, LeftOut] = field(default_factory=dict)
+    terms: list[JointTerm] = field(default_factory=list)
+    marks: list[Mark] = field(default_factory=list)
+    forces: list[BodyForce] = field(default_factory=list)
+    lifted: dict[str, float] = field(default_factory=dict)
+    locked: dict[str, float] = field(default_factory=dict)
+    speeds: dict[str, tuple[float, ...]] = field(default_factory=dict)
+    left_out: dict[tuple[str, Effect], LeftOut] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
     warnings: list[Problem] = field(default_factory=list)
+    format: str = ""
 
-    def leave_out(self, what: str, line: int | None = None, remark: str = "") -> None:
-        """Remember something that the model will not say."""
-        entry = self.left_out.setdefault(what, LeftOut(what))
+    def leave_out(self, what: str, at: Place | int | None, effect: Effect, remark: str = "") -> None:
+        """Remember something that the model will not say.
+
+        Parameters
+        ----------
+        what : str
+        at : Place, int or None
+            Where it stands; a number is a line of the robot's file.
+        effect : Effect
+            Of its absence.
+        remark : str
+        """
+        entry = self.left_out.setdefault((what, effect), LeftOut(what, effect))
         entry.count += 1
-        if line is not None and (not entry.lines or entry.lines[-1] != line):
-            entry.lines.append(line)
+        line = at.line if isinstance(at, Place) else at
+        if line is not None:
+            other = isinstance(at, Place) and at.file != self.file
+            shown = f"{os.path.basename(at.file)}:{line}" if other and isinstance(at, Place) else str(line)
+            if shown not in entry.lines[-1:]:
+                entry.lines.append(shown)
         if remark:
             entry.remark = remark
 
-    def give_armature(self, joint: RobotJoint, of_speeds: Sequence[float], line: int | None = None) -> None:
+    def listed(self) -> list[LeftOut]:
+        """What is left out, first what changes the dynamics."""
+        order = list(Effect)
+        return sorted(self.left_out.values(), key=lambda entry: order.index(entry.effect))
+
+    def give_armature(self, joint: RobotJoint, of_speeds: Sequence[float], at: Place | None = None) -> None:
         """Let rotors turn with a joint, one for each speed; remember what the model format cannot say of them."""
         count = len(JOINTS[joint.type].armature_units())
         of_speeds = tuple(float(a) for a in of_speeds)
@@ -308,9 +420,9 @@ class Robot:
         elif count == len(of_speeds) > 1:
             joint.armature = of_speeds
         elif count:
-            self.leave_out(f"armature that differs along the freedoms of a {joint.type} joint", line)
+            self.leave_out(f"armature that differs along the freedoms of a {joint.type} joint", at, Effect.DIFFERS)
         else:
-            self.leave_out(f"armature of a {joint.type} joint", line, "it moves without a motor")
+            self.leave_out(f"armature of a {joint.type} joint", at, Effect.DIFFERS, "it moves without a motor")
 
     def children(self) -> dict[str, list[RobotJoint]]:
         """For every link the joints that it carries, in the order of the file."""

@@ -40,6 +40,10 @@ class RobotReader(Values, ABC):
     def read(self) -> None:
         """Fill `robot`, and gather what is wrong."""
 
+    @abstractmethod
+    def leave_out(self, element: Element) -> None:
+        """List an element that has no place in a model."""
+
     def whole(self) -> Robot:
         """The robot of the file.
 
@@ -50,5 +54,6 @@ class RobotReader(Values, ABC):
         """
         self.read()
         if self.problems:
-            raise ModelError(sorted(self.problems, key=lambda p: (p.line or 0, p.column or 0)))
+            once = {str(problem): problem for problem in self.problems}
+            raise ModelError(sorted(once.values(), key=lambda p: (p.line or 0, p.column or 0)))
         return self.robot

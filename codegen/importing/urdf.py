@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -10,29 +11,77 @@ import numpy as np
 from ..model.errors import nearest
 from ..model.positions import shortened
 from .files import Files
-from .placement import Placement, Three
-from .robot import Coupling, Inertia, Link, Place, Robot, RobotJoint, Solid, as_three, symmetric
+from .naming import made_name
+from .placement import Placement, Three, direction, turning
+from .robot import (
+    SINGLE,
+    WORLD,
+    Closing,
+    Coupling,
+    Effect,
+    Inertia,
+    Link,
+    Place,
+    Robot,
+    RobotJoint,
+    Solid,
+    as_three,
+    symmetric,
+)
 from .robot_reader import RobotReader
 from .xml_reading import Element
-from .xml_values import place_of
+from .xml_values import place_of, shown_effect, version_of
 
 TYPES: Final = {
     "revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "fixed": "fixed", "floating": "free",
     "planar": "planar",
 }  # fmt: skip
 
+LOOP_TYPES: Final = {
+    "revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "fixed": "fixed", "planar": "planar",
+    "spherical": "point", "ball": "point", "universal": "universal", "cylindrical": "cylindrical",
+}  # fmt: skip
+"""Types of <constraint>."""
+
 _LINK: Final = {"inertial", "visual", "collision"}
 _JOINT: Final = {"origin", "parent", "child", "axis", "limit", "dynamics", "mimic"}
+_CONSTRAINT: Final = {"parent", "child", "parent_origin", "child_origin", "parent_axis", "child_axis"}
 _MEANT: Final = {
-    "gazebo": "settings of a simulator", "transmission": "transmissions", "material": "materials",
-    "sensor": "sensors", "safety_controller": "limits of controllers", "calibration": "calibrations of joints",
+    "gazebo": ("settings of a simulator", Effect.NONE), "material": ("materials", Effect.NONE),
+    "transmission": ("transmissions", Effect.DRIVEN), "sensor": ("sensors", Effect.NONE),
+    "safety_controller": ("limits of controllers", Effect.DRIVEN), "calibration": ("calibrations of joints", Effect.NONE),
+    "mujoco": ("settings of MuJoCo", Effect.NONE), "ros2_control": ("controllers", Effect.DRIVEN),
+    "hardwareInterface": ("controllers", Effect.DRIVEN), "contact": ("contacts", Effect.STOPS),
+    "contact_coefficients": ("contacts", Effect.STOPS), "self_collision_checking": ("contacts", Effect.STOPS),
+    "verbose": ("", Effect.NONE), "collision_checking": ("contacts", Effect.STOPS), "audio_source": ("", Effect.NONE),
+    "loop_joint": ("a loop; say it with --loops", Effect.DIFFERS),
+    "drake:joint": ("a joint of Drake's", Effect.DIFFERS),
+    "drake:ball_constraint": ("a constraint of Drake's", Effect.DIFFERS),
+    "drake:linear_bushing_rpy": ("a force of Drake's", Effect.DIFFERS),
+    "linear_bushing_rpy": ("a force of Drake's", Effect.DIFFERS),
+    "force_element": ("a force of Drake's", Effect.DIFFERS),
+    "frame": ("a frame of Drake's", Effect.NONE),
+    "drake:collision_filter_group": ("contacts", Effect.STOPS), "collision_filter_group": ("contacts", Effect.STOPS),
 }  # fmt: skip
+"""Elements that have no place in a model: what they are for, and what their absence does."""
+_ACTING: Final = {
+    "joint", "link", "springStiffness", "springReference", "spring_stiffness", "dampingFactor", "damping", "gravity",
+    "turnGravityOff", "implicitSpringDamper", "kinematic", "static",
+}  # fmt: skip
+"""Children of <gazebo> that change how a robot moves there."""
 _ATTRIBUTES: Final = {
-    "origin": {"xyz", "rpy"}, "axis": {"xyz"}, "mass": {"value"}, "parent": {"link"}, "child": {"link"},
+    "origin": {"xyz", "rpy", "quat_xyzw"}, "axis": {"xyz"}, "mass": {"value"}, "parent": {"link"}, "child": {"link"},
     "inertia": {"ixx", "iyy", "izz", "ixy", "ixz", "iyz"}, "dynamics": {"damping", "friction"},
-    "mimic": {"joint", "multiplier", "offset"}, "limit": {"lower", "upper", "effort", "velocity"},
-    "joint": {"name", "type"}, "link": {"name", "type"}, "inertial": set(),
+    "mimic": {"joint", "multiplier", "offset"}, "joint": {"name", "type"}, "link": {"name", "type"}, "inertial": set(),
+    "limit": {"lower", "upper", "effort", "velocity", "acceleration", "deceleration", "jerk", "drake:acceleration"},
+    "parent_origin": {"xyz", "rpy", "quat_xyzw"}, "child_origin": {"xyz", "rpy", "quat_xyzw"},
+    "parent_axis": {"xyz"}, "child_axis": {"xyz"}, "constraint": {"name", "type"},
 }  # fmt: skip
+_XACRO: Final = (
+    "the file is a xacro, which Pinocchio and others do not read either; expand it first: xacro FILE > robot.urdf"
+)
+_QUATERNIONS_SINCE: Final = (1, 1)
+"""The version of URDF that has quat_xyzw."""
 
 
 def read_urdf(root: Element, files: Files, exact_angles: bool = False) -> Robot:
@@ -49,14 +98,13 @@ def read_urdf(root: Element, files: Files, exact_angles: bool = False) -> Robot:
 class _Reader(RobotReader):
     def __init__(self, root: Element, files: Files, exact_angles: bool) -> None:
         super().__init__(root, files, exact_angles)
-        self.robot.name = root.attributes.get("name", "").strip() or "robot"
-        self.solids: dict[str, list[tuple[Element, Solid | None]]] = {}
+        self.robot.name = root.attributes.get("name", "").strip() or Path(root.file).stem
+        self.version = version_of(root.attributes.get("version", "1.0"))
 
     def read(self) -> None:
-        for tag in ("include", "macro", "property"):
-            for element in self.root.all(f"xacro:{tag}"):
-                self.wrong(element, f"<xacro:{tag}>: this file is a xacro; expand it first: xacro FILE > robot.urdf")
-                return
+        if (xacro := self.xacro()) is not None:
+            self.wrong(xacro, f"<{xacro.tag}>: {_XACRO}")
+            return
         links: dict[str, Place] = {}
         joints: dict[str, Place] = {}
         for element in self.root.children:
@@ -69,16 +117,34 @@ class _Reader(RobotReader):
                 name = self.new_name(element, joints, "joint")
                 if name is not None:
                     self.joint(element, name)
-            elif element.tag != "link":
+            elif element.tag not in ("link", "constraint", "transmission"):
                 self.leave_out(element)
+        for element in self.root.all("constraint"):
+            name = self.new_name(element, joints, "constraint")
+            if name is not None:
+                self.constraint(element, name)
+        for element in self.root.all("transmission"):
+            self.transmission(element)
         if not self.robot.links and not self.problems:
             self.wrong(self.root, 'no <link>; a robot has at least one, such as <link name="arm"/>')
         if not self.problems:
             self.check_tree()
 
+    def xacro(self) -> Element | None:
+        """The first element that xacro would have replaced."""
+        stack = [self.root]
+        while stack:
+            element = stack.pop()
+            if element.tag.startswith("xacro:"):
+                return element
+            stack.extend(reversed(element.children))
+        return None
+
     def leave_out(self, element: Element) -> None:
-        what = _MEANT.get(element.tag, "")
-        self.robot.leave_out(f"<{element.tag}>", element.line, what)
+        what, effect = _MEANT.get(element.tag, ("", Effect.UNKNOWN))
+        if element.tag == "gazebo" and any(child.tag in _ACTING for child in element.children):
+            what, effect = "what Gazebo alone reads", Effect.DIFFERS
+        self.robot.leave_out(f"<{element.tag}>", element.line, effect, what)
 
     def leave_out_rest(self, element: Element, known: set[str]) -> None:
         """List the children that are not known, and attributes."""
@@ -90,15 +156,26 @@ class _Reader(RobotReader):
             for key in element.attributes:
                 if key not in allowed:
                     hint = nearest(key, sorted(allowed)) if element.tag != "limit" else ""
-                    self.robot.leave_out(f"attribute {shortened(key)} of <{element.tag}>{hint}", element.line)
+                    self.robot.leave_out(
+                        f"attribute {shortened(key)} of <{element.tag}>{hint}", element.line, Effect.UNKNOWN
+                    )
 
-    def origin(self, element: Element) -> Placement:
+    def origin(self, element: Element, tag: str = "origin") -> Placement:
         """The frame of an element's <origin>."""
-        found = self.one(element, "origin")
+        found = self.one(element, tag)
         if found is None:
             return Placement()
         self.leave_out_rest(found, set())
         xyz = self.attribute(found, "xyz", 3, (0, 0, 0))
+        if "quat_xyzw" in found.attributes:
+            if self.version < _QUATERNIONS_SINCE:
+                message = 'of version 1.1, ignored as others do; <robot version="1.1"> has it read'
+                self.robot.leave_out("attribute 'quat_xyzw' of <origin>", found.line, Effect.NONE, message)
+            elif "rpy" in found.attributes:
+                self.wrong(found, f"<{tag}> has both rpy and quat_xyzw; one of them is allowed")
+            else:
+                x, y, z, w = self.attribute(found, "quat_xyzw", 4, (0, 0, 0, 1))
+                return Placement(xyz, self.quaternion(found, (w, x, y, z)))
         return Placement(xyz, rpy=self.angles(self.attribute(found, "rpy", 3, (0, 0, 0))))
 
     def link(self, element: Element, name: str) -> Link:
@@ -154,18 +231,18 @@ class _Reader(RobotReader):
         found = None
         for child in geometry.children:
             if child.tag == "mesh":
-                self.mesh(child)
+                self.mesh(child, shown_effect(element))
             elif child.tag in read:
-                self.robot.leave_out(f"<{element.tag}> of a {child.tag}", child.line)
+                self.robot.leave_out(f"<{element.tag}> of a {child.tag}", child.line, shown_effect(element))
                 found = Solid(child.tag, read[child.tag](child), frame)
             else:
                 self.leave_out(child)
         return found
 
-    def mesh(self, element: Element) -> None:
+    def mesh(self, element: Element, effect: Effect) -> None:
         name = element.attributes.get("filename", "")
         missing = self.files.missing(name)
-        self.robot.leave_out("<mesh>" if missing is None else f"<mesh>, {missing}", element.line)
+        self.robot.leave_out("<mesh>" if missing is None else f"<mesh>, {missing}", element.line, effect)
 
     def joint(self, element: Element, name: str) -> None:
         self.leave_out_rest(element, _JOINT | set(_MEANT))
@@ -178,24 +255,13 @@ class _Reader(RobotReader):
                 element,
                 f"joint {shortened(name)} is {shortened(type_)}; {', '.join(TYPES)} are joints{nearest(type_, TYPES)}",
             )
-        ends = []
-        for tag in ("parent", "child"):
-            end = self.one(element, tag)
-            if end is None:
-                self.wrong(element, f'joint {shortened(name)} has no {tag}; <{tag} link="..."/> is needed')
-                continue
-            link = self.name(end, "link")
-            if link is None:
-                continue
-            if link not in self.robot.links:
-                self.unknown(end, "link", link, list(self.robot.links))
-            ends.append(link)
+        ends = self.ends(element, f"joint {shortened(name)}")
         frame = self.origin(element)
         axis = self.axis(element) if type_ not in ("fixed", "floating") else None
         damping = self.dynamics(element)
         for limit in element.all("limit"):
             self.leave_out_rest(limit, set())
-            self.robot.leave_out("<limit>", limit.line, "of position, speed and force")
+            self.robot.leave_out("<limit>", limit.line, Effect.STOPS, "of position, speed and force")
         if type_ not in TYPES or len(ends) < 2:
             return
         joint = RobotJoint(name, place_of(element), TYPES[type_], ends[0], ends[1], frame, damping=damping)
@@ -205,8 +271,76 @@ class _Reader(RobotReader):
         if mimic is not None:
             self.mimic(mimic, name)
 
-    def axis(self, element: Element) -> Three:
-        found = self.one(element, "axis")
+    def ends(self, element: Element, what: str) -> list[str]:
+        """The links of <parent> and <child>; fewer than two after a problem."""
+        ends = []
+        for tag in ("parent", "child"):
+            end = self.one(element, tag)
+            if end is None:
+                self.wrong(element, f'{what} has no {tag}; <{tag} link="..."/> is needed')
+                continue
+            link = self.name(end, "link")
+            if link is None:
+                continue
+            if link == "world" and tag == "parent" and link not in self.robot.links:
+                link = WORLD  # as Drake reads it
+            elif link not in self.robot.links:
+                self.unknown(end, "link", link, list(self.robot.links))
+            ends.append(link)
+        return ends
+
+    def constraint(self, element: Element, name: str) -> None:
+        """A <constraint>: a joint that closes a loop, with a face and an axis in each of its links."""
+        self.leave_out_rest(element, _CONSTRAINT)
+        what = f"constraint {shortened(name)}"
+        type_ = self.name(element, "type")
+        if type_ is not None and type_ not in LOOP_TYPES:
+            known = ", ".join(LOOP_TYPES)
+            self.wrong(element, f"{what} is {shortened(type_)}; {known} are allowed{nearest(type_, LOOP_TYPES)}")
+        ends = self.ends(element, what)
+        start, end = (self.origin(element, f"{tag}_origin") for tag in ("parent", "child"))
+        closing = LOOP_TYPES.get(type_ or "", "")
+        axes: tuple[Three, ...] = ()
+        if closing not in ("", "point", "fixed"):
+            first = self.axis(element, "parent_axis")
+            second = self.axis(element, "child_axis") if element.first("child_axis") is not None else first
+            if closing == "universal":
+                axes = (first, second)
+                if element.first("child_axis") is None:
+                    self.wrong(element, f"{what}, universal, has no <child_axis>; both axes are needed")
+            else:
+                axes = (first,)
+                if closing == "prismatic" and direction(first) != direction(second):
+                    message = (
+                        "has other axes in its links; turn the faces by <parent_origin> and <child_origin> instead"
+                    )
+                    self.wrong(element, f"{what}, prismatic, {message}")
+                end = end @ Placement(rotation=turning(direction(first), direction(second)))
+        if len(ends) == 2 and ends[0] == ends[1]:
+            self.wrong(element, f"{what} joins link {shortened(ends[0])} to itself; two links are needed")
+        if len(ends) < 2 or not closing:
+            return
+        if closing == "point":
+            start, end = Placement(start.at), Placement(end.at)
+        place = place_of(element)
+        self.robot.closings.append(Closing(made_name(name), place, closing, (ends[0], start), (ends[1], end), axes))
+
+    def transmission(self, element: Element) -> None:
+        """A <transmission>: what Drake adds, the inertia of a rotor, is the armature of the joint."""
+        self.leave_out(element)
+        joint, actuator = element.first("joint"), element.first("actuator")
+        if joint is None or actuator is None:
+            return
+        values = []
+        for tag, default in (("drake:rotor_inertia", 0.0), ("drake:gear_ratio", 1.0)):
+            found = actuator.first(tag)
+            values.append(default if found is None else self.number(found, "value", None))
+        moved = self.robot.joints.get(joint.attributes.get("name", "").strip())
+        if moved is not None and moved.type in SINGLE:
+            self.robot.give_armature(moved, (values[0] * values[1] ** 2,), place_of(element))
+
+    def axis(self, element: Element, tag: str = "axis") -> Three:
+        found = self.one(element, tag)
         if found is None:
             return (1.0, 0.0, 0.0)
         self.leave_out_rest(found, set())
@@ -222,7 +356,7 @@ class _Reader(RobotReader):
             return 0.0
         self.leave_out_rest(found, set())
         if self.number(found, "friction"):
-            self.robot.leave_out("friction of <dynamics>", found.line, "dry friction of joints")
+            self.robot.leave_out("friction of <dynamics>", found.line, Effect.DIFFERS, "dry friction of joints")
         return self.number(found, "damping")
 
     def mimic(self, element: Element, joint: str) -> None:
@@ -241,10 +375,12 @@ class _Reader(RobotReader):
             if other is not joint:
                 self.problems.append(joint.place.problem(
                     f"link {shortened(joint.child)} is the child of joint {shortened(joint.name)} and of {shortened(other.name)} "
-                    f"in line {other.place.line}; links of a URDF are a tree: take one joint out, and close the loop with --loops"
+                    f"in line {other.place.line}; links of a URDF are a tree: "
+                    "make one joint a <constraint>, or take it out and close the loop with --loops"
                 ))  # fmt: skip
         roots = [name for name in robot.links if name not in carried]
-        if not roots:
+        on_ground = [joint.child for joint in robot.joints.values() if joint.parent == WORLD]
+        if not roots and not on_ground:
             joint = next(iter(robot.joints.values()))
             circle = self.circle(joint.child, carried)
             self.problems.append(carried[circle[0]].place.problem(
@@ -258,7 +394,8 @@ class _Reader(RobotReader):
             ))  # fmt: skip
         if self.problems:
             return
-        reached, stack, children = {roots[0]}, [roots[0]], robot.children()
+        children, stack = robot.children(), [*roots, *([WORLD] if on_ground else [])]
+        reached = set(stack)
         while stack:
             for joint in children.get(stack.pop(), []):
                 reached.add(joint.child)
@@ -268,7 +405,7 @@ class _Reader(RobotReader):
             circle = self.circle(lost, carried)
             self.problems.append(robot.links[circle[0]].place.problem(
                 f"links carry each other in a circle: {_around(circle)}; "
-                f"one of them must be the child of a link that leads to the root {shortened(roots[0])}"
+                f"one of them must be the child of a link that leads to the root {shortened((roots or on_ground)[0])}"
             ))  # fmt: skip
 
     def circle(self, start: str, carried: dict[str, RobotJoint]) -> list[str]:

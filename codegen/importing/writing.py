@@ -12,10 +12,13 @@ from .naming import free_name, made_name
 from .parameters import Parameters
 from .placement import Placement, Three
 from .robot import WORLD, Closing, Robot, Solid
+from .solids import moments
 from .words import WIDTH, angle, axis_text, number, one_line, vector, wrapped
 
 _AGREES: Final = 1e-9
 """So nearly, relative to the largest, the numbers of a shape must be those of the file."""
+SHAPES: Final = ("box", "cylinder", "capsule", "sphere")
+"""Solids that the model format has."""
 _COORDINATES: Final = {
     "cylindrical": ("1", "2"), "planar": ("1", "2", "3"), "universal": ("1", "2"),
     "spherical": ("wx", "wy", "wz"), "free": ("wx", "wy", "wz", "vx", "vy", "vz"),
@@ -62,18 +65,24 @@ class ModelWriter:
         self.head = head
         self.sections = dict(sections or {})
         self.motors = motors
+        self.mark_names: dict[str, str] = {}
 
     def text(self) -> str:
         """The whole file."""
         bodies = [line for body in self.bodies.all.values() for line in self.body(body)]  # may need parameters
+        points = self.points()
         inputs, forces = self.forces()
         parts: list[tuple[str, Sequence[str]]] = [
             ("parameters", self.parameters.lines()),
             ("inputs", inputs),
             ("bodies", bodies),
-            ("points", self.points()),
+            ("points", points),
             ("loops", [line for closing in self.robot.closings for line in self.closing(closing)]),
             ("couplings", self.couplings()),
+            (
+                "motion",
+                [f"{self.names[self.robot.joints[j].child]}: {number(v)}" for j, v in self.robot.locked.items()],
+            ),
             ("forces", forces),
             ("initial", self.initial()),
         ]
@@ -82,7 +91,8 @@ class ModelWriter:
             lines.append(f"gravity: {vector(self.robot.gravity)}")
         known = dict(parts)
         for key in (*known, *(k for k in self.sections if k not in known)):
-            content = [*known.get(key, ()), *self.sections.get(key, ())]
+            own = () if key == "initial" and key in self.sections else known.get(key, ())
+            content = [*own, *self.sections.get(key, ())]
             inline = f"{key}: [{', '.join(line[2:] for line in content)}]"
             if content and all(line.startswith("- ") for line in content) and len(inline) <= WIDTH:
                 lines += ["", inline]
@@ -130,18 +140,29 @@ class ModelWriter:
         return lines
 
     def points(self) -> list[str]:
-        """Links that are no bodies, as points."""
+        """Links that are no bodies, as points, with how they are turned as a comment; then marks."""
         lines = []
-        every = [(WORLD, link, frame) for link, frame in self.bodies.grounded]
-        every += [(name, link, frame) for name, body in self.bodies.all.items() for link, frame in body.merged]
-        for holder, link, frame in every:
-            at = frame.point(link.origin.at)
-            if holder != WORLD or any(at):
-                place = f", at: {vector(at)}" if any(at) else ""
-                name = self.names[link.name]
-                meant = f"  # {one_line(link.name)}" if link.name != name else ""
-                lines.append(f"{name}: {{body: {self.names[holder]}{place}}}{meant}")
+        every = self.bodies.merged_frames()
+        for link, holder, own in every:
+            if holder != WORLD or not own.is_identity:
+                name = self.names[link]
+                remarks = [one_line(link)] if link != name else []
+                remarks += [f"turned by rpy [{', '.join(map(angle, own.rpy))}]"] if own.is_turned else []
+                lines.append(self.point(name, holder, own.at, ", ".join(remarks)))
+        used = set(self.names.values())
+        for mark in self.robot.marks:
+            holder, place = self.bodies.holders[mark.link]
+            name = self.mark_names[mark.name] = free_name(made_name(mark.name), used)
+            used.add(name)
+            lines.append(
+                self.point(name, holder, place.point(mark.at), one_line(mark.name) if mark.name != name else "")
+            )
         return lines
+
+    def point(self, name: str, holder: str, at: Three, remark: str) -> str:
+        """The entry of a point."""
+        place = f", at: {vector(at)}" if any(at) else ""
+        return f"{name}: {{body: {self.names[holder]}{place}}}" + (f"  # {remark}" if remark else "")
 
     def closing(self, closing: Closing) -> list[str]:
         """The entry of a loop."""
@@ -174,6 +195,11 @@ class ModelWriter:
     def forces(self) -> tuple[list[str], list[str]]:
         """Inputs, and forces in joints: dampers, springs, motors."""
         inputs, forces = [], []
+        named: dict[str, str] = {}
+        further: dict[str, list[str]] = {}
+        for term in self.robot.terms:
+            coordinates = [self.names[self.robot.joints[of].child] for of in term.of]
+            further.setdefault(self.robot.joints[term.joint].child, []).append(term.text.format(*coordinates))
         for link, body in self.bodies.all.items():
             joint, name = body.joint, self.names[link]
             if joint.type == "fixed":
@@ -192,22 +218,36 @@ class ModelWriter:
                     terms.append(_times(-joint.stiffness, q))
                 if joint.damping:
                     terms.append(f"-{damping}*u.{freedom}" if damping else _times(-joint.damping, f"u.{freedom}"))
+                terms += further.get(link, ())
                 values.append(" + ".join(terms).replace("+ -", "- "))
             if any(values):
-                value = values[0] if len(values) == 1 else f"[{', '.join(values)}]"
-                forces.append(f"{name}: {{type: joint, joint: {name}, value: {value}}}")
+                named[name] = name
+                forces.append(f"{name}: {{type: joint, joint: {name}, value: {_listed(values)}}}")
+        for force in self.robot.forces:
+            name = free_name(made_name(force.name), named)
+            named[name] = name
+            forces.append(f"{name}: {{{force.text.format(*(self.mark_names[m] for m in force.at))}}}")
         return inputs, forces
 
     def initial(self) -> list[str]:
-        """Coordinates in which the robot begins."""
-        entries = []
+        """Coordinates and speeds in which the robot begins."""
+        q, u = [], []
         for link, body in self.bodies.all.items():
-            start = body.joint.start
-            if not any(start) or (len(start) > 3 and start == _unit(len(start))):
+            if body.joint.name in self.robot.locked:
                 continue
-            value = angle(start[0]) if len(start) == 1 else f"[{', '.join(map(number, start))}]"
-            entries.append(f"{self.names[link]}: {value}")
-        return [f"q: {{{', '.join(entries)}}}"] if entries else []
+            start, speeds = body.joint.start, self.robot.speeds.get(body.joint.name, ())
+            if any(start) and not (len(start) > 3 and start == _unit(len(start))):
+                q.append(f"{self.names[link]}: {_listed([angle(v) if len(start) == 1 else number(v) for v in start])}")
+            if any(speeds) and body.joint.type != "fixed":
+                u.append(f"{self.names[link]}: {_listed([number(v) for v in speeds])}")
+        return [f"{key}: {{{', '.join(entries)}}}" for key, entries in (("q", q), ("u", u)) if entries]
+
+
+def _listed(values: Sequence[str]) -> str:
+    """One value, or a list; quoted where a comma would end it."""
+    if len(values) == 1:
+        return f'"{values[0]}"' if "," in values[0] else values[0]
+    return f"[{', '.join(_listed([value or '0']) for value in values)}]"
 
 
 def _times(factor: float, what: str) -> str:
@@ -250,33 +290,15 @@ def shape_of(body: ImportedBody) -> str | None:
 
 def _agrees(solid: Solid, mass: float, com: Three, matrix: Any) -> bool:
     """Whether the homogeneous solid of this mass has these mass properties."""
-    if min(solid.sizes) <= 0 or (solid.type == "box" and _box_axes(solid.frame) is None):
+    if solid.type not in SHAPES or min(solid.sizes) <= 0 or (solid.type == "box" and _box_axes(solid.frame) is None):
         return False
-    own = mass * np.diag(_moments(solid))
+    own = mass * np.diag(moments(solid))
     turned = solid.frame.rotation @ own @ solid.frame.rotation.T
     largest = max(solid.sizes)
     return bool(
         np.abs(turned - matrix).max() <= _AGREES * np.abs(matrix).max()
         and np.abs(np.subtract(solid.frame.at, com)).max() <= _AGREES * largest
     )
-
-
-def _moments(solid: Solid) -> list[float]:
-    """Moments about the middle along the solid's axes, of 1 kg."""
-    if solid.type == "box":
-        a, b, c = (s * s / 12 for s in solid.sizes)
-        return [b + c, a + c, a + b]
-    r = solid.sizes[0]
-    if solid.type == "sphere":
-        return [0.4 * r * r] * 3
-    length = solid.sizes[1]
-    if solid.type == "cylinder":
-        across = r * r / 4 + length * length / 12
-        return [across, across, r * r / 2]
-    ball = 4 * r / 3 / (length + 4 * r / 3)  # its part of the mass
-    ends = 0.4 * r * r + length * length / 4 + 3 * length * r / 8
-    across = (1 - ball) * (r * r / 4 + length * length / 12) + ball * ends
-    return [across, across, (1 - ball) * r * r / 2 + ball * 0.4 * r * r]
 
 
 def _box_axes(frame: Placement) -> list[int] | None:

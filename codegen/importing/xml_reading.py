@@ -1,16 +1,23 @@
 """XML to elements that remember their lines; nothing but elements, attributes and text is read.
 
-A parser of our own over expat, since those of the standard library drop the lines. Entities that a file declares and
-documents that it refers to are refused, so no file can blow up in memory or read another one.
+The parser is that of defusedxml, which refuses document types, and with them entities, default attributes and files
+elsewhere. Two liberties that Pinocchio, MuJoCo and Drake take are taken here too: two dashes within a comment, and
+blanks before the declaration.
 """
 
 from __future__ import annotations
 
+import io
+import os
+import re
+import stat
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
-from xml.parsers import expat
+from xml.sax import SAXException, SAXParseException
+from xml.sax.handler import ContentHandler
+from xml.sax.xmlreader import InputSource
 
 from ..model import ModelError
 from ..model.errors import Problem, within_a_line
@@ -20,6 +27,10 @@ MAX_BYTES: Final = 64 * 2**20
 MAX_ELEMENTS: Final = 1_000_000
 MAX_DEPTH: Final = 100
 
+_KINDS: Final = ((stat.S_ISSOCK, "a socket"), (stat.S_ISBLK, "a device"))
+_ENDINGS: Final = {b"<!--": b"-->", b"<![CDATA[": b"]]>", b"<?": b"?>"}
+_OPENINGS: Final = re.compile(rb"<!--|<!\[CDATA\[|<\?")
+_NOT_A_LINE_END: Final = re.compile(rb"[^\r\n]+")
 _NEEDED: Final = "a URDF, MJCF or SDF file is needed"
 
 
@@ -67,12 +78,27 @@ def read_robot_file(path: str | Path) -> bytes:
     Raises
     ------
     ModelError
-        If it cannot be read, is empty or too large.
+        If it cannot be read, is a named pipe or another file without an end, is empty or too large.
     """
+    message = no_regular_file(path)
+    if message is not None:
+        raise ModelError([Problem(str(path), 1, 1, "", f"cannot be read: {message}; {_NEEDED}")])
     data = read_bytes(path, MAX_BYTES, _NEEDED, "robots have far less")
     if not data.strip():
         raise ModelError([Problem(str(path), 1, 1, "", f"the file is empty; {_NEEDED}")])
     return data
+
+
+def no_regular_file(path: str | Path) -> str | None:
+    """What a path names that is there and cannot be read to an end; pipes of this process, such as /dev/stdin, can be."""
+    try:
+        mode = os.stat(path).st_mode
+        resolved = os.path.realpath(path)
+    except (OSError, ValueError):
+        return None
+    if stat.S_ISFIFO(mode) and not resolved.startswith(("/proc/", "/dev/fd/")):
+        return "it is a named pipe"
+    return next((f"it is {kind}" for is_kind, kind in _KINDS if is_kind(mode)), None)
 
 
 def parse_xml(data: bytes | str, file: str) -> Element:
@@ -81,73 +107,113 @@ def parse_xml(data: bytes | str, file: str) -> Element:
     Raises
     ------
     ModelError
-        If it is no XML, declares entities, or goes beyond every robot.
+        If it is no XML, has a document type, or goes beyond every robot.
     """
-    builder = _Builder(file)
+    from defusedxml import DefusedXmlException
+    from defusedxml.expatreader import create_parser
+
+    if isinstance(data, str):
+        data = data.encode("utf-8", "surrogatepass")
+        encoding: str | None = "utf-8"
+    else:
+        encoding = None
+    text, lines = _tolerated(data)
+    handler = _Handler(file, lines)
+    parser: Any = create_parser(forbid_dtd=True)
+    parser.setContentHandler(handler)
+    source = InputSource(file)
+    source.setByteStream(io.BytesIO(text))
+    if encoding is not None:
+        source.setEncoding(encoding)
     try:
-        if isinstance(data, str):
-            builder.parser = builder.new_parser("utf-8")
-            data = data.encode("utf-8")
-        builder.parser.Parse(data, True)
-    except expat.ExpatError as error:
-        what = expat.errors.messages.get(error.code, "not well-formed")
-        message = f"this is not XML: {what}; every <element> needs its </element>, every attribute its quotes"
-        raise ModelError([Problem(file, error.lineno, error.offset + 1, "", message)]) from None
-    except (LookupError, ValueError) as error:  # encodings; characters that no text has
+        parser.parse(source)
+    except DefusedXmlException:
+        message = (
+            "a document type (DOCTYPE), with which entities and default attributes come, is not read; leave it out"
+        )
+        raise ModelError([handler.problem(message)]) from None
+    except SAXParseException as error:
+        message = (
+            f"this is not XML: {error.getMessage()}; every <element> needs its </element>, every attribute its quotes"
+        )
+        line, column = (error.getLineNumber() or 1) + lines, (error.getColumnNumber() or 0) + 1
+        raise ModelError([Problem(file, line, column, "", message)]) from None
+    except (SAXException, LookupError, ValueError) as error:  # encodings; characters that no text has
         raise ModelError([Problem(file, 1, 1, "", f"this is not XML: {error}; write the file in UTF-8")]) from None
-    if builder.root is None:
+    if handler.root is None:
         raise ModelError([Problem(file, 1, 1, "", "this is not XML: no element")])
-    return builder.root
+    return handler.root
 
 
-class _Builder:
-    """Takes what expat finds."""
+def _tolerated(data: bytes) -> tuple[bytes, int]:
+    """The text without what only a strict parser refuses, every byte in its place; and how many lines were cut off before it.
 
-    def __init__(self, file: str) -> None:
+    Comments become blank ones, and blanks before a declaration are cut off.
+    """
+    if b"\0" in data[:4] or data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return data, 0  # of two or four bytes a character
+    mark = b"\xef\xbb\xbf"
+    rest = data.removeprefix(mark).lstrip()
+    lines = 0
+    if rest.startswith(b"<?xml") and len(rest) < len(data):
+        before = data[: len(data) - len(rest)]
+        lines, data = before.count(b"\n"), rest
+    found, place = [], 0
+    while (opening := _OPENINGS.search(data, place)) is not None:
+        ending = _ENDINGS[opening[0]]
+        end = data.find(ending, opening.end())
+        if end < 0:
+            break
+        if opening[0] == b"<!--":
+            found += [data[place : opening.end()], _NOT_A_LINE_END.sub(_blanks, data[opening.end() : end]), ending]
+        else:
+            found.append(data[place : end + len(ending)])
+        place = end + len(ending)
+    return b"".join([*found, data[place:]]), lines
+
+
+def _blanks(match: re.Match[bytes]) -> bytes:
+    return b" " * len(match[0])
+
+
+class _Handler(ContentHandler):
+    """Takes what the parser finds."""
+
+    def __init__(self, file: str, lines: int) -> None:
+        super().__init__()
         self.file = file
+        self.lines = lines
         self.root: Element | None = None
-        self.open: list[Element] = []
+        self.open: list[tuple[Element, list[str]]] = []
         self.count = 0
-        self.parser = self.new_parser(None)
+        self.locator: Any = None
 
-    def new_parser(self, encoding: str | None) -> Any:
-        parser = expat.ParserCreate(encoding)
-        parser.buffer_text = True
-        parser.StartElementHandler = self.start
-        parser.EndElementHandler = self.end
-        parser.CharacterDataHandler = self.characters
-        parser.EntityDeclHandler = self.refuse_entity
-        parser.StartDoctypeDeclHandler = self.doctype
-        return parser
+    def setDocumentLocator(self, locator: Any) -> None:
+        self.locator = locator
 
-    def stop(self, message: str) -> None:
-        line, column = self.parser.CurrentLineNumber, self.parser.CurrentColumnNumber + 1
-        raise ModelError([Problem(self.file, line, column, "", message)])
+    def place(self) -> tuple[int, int]:
+        return (self.locator.getLineNumber() or 1) + self.lines, (self.locator.getColumnNumber() or 0) + 1
 
-    def start(self, tag: str, attributes: dict[str, str]) -> None:
+    def problem(self, message: str) -> Problem:
+        return Problem(self.file, *self.place(), "", message)
+
+    def startElement(self, name: str, attrs: Any) -> None:
         self.count += 1
         if self.count > MAX_ELEMENTS:
-            self.stop(f"more than {MAX_ELEMENTS} elements; robots have far fewer")
+            raise ModelError([self.problem(f"more than {MAX_ELEMENTS} elements; robots have far fewer")])
         if len(self.open) >= MAX_DEPTH:
-            self.stop(f"more than {MAX_DEPTH} levels of nesting; robots have far fewer")
-        parser = self.parser
-        element = Element(tag, attributes, parser.CurrentLineNumber, parser.CurrentColumnNumber + 1, self.file)
+            raise ModelError([self.problem(f"more than {MAX_DEPTH} levels of nesting; robots have far fewer")])
+        element = Element(name, dict(attrs.items()), *self.place(), self.file)
         if self.open:
-            self.open[-1].children.append(element)
+            self.open[-1][0].children.append(element)
         else:
             self.root = element
-        self.open.append(element)
+        self.open.append((element, []))
 
-    def end(self, tag: str) -> None:
-        self.open.pop()
+    def endElement(self, name: str) -> None:
+        element, texts = self.open.pop()
+        element.text = "".join(texts)
 
-    def characters(self, text: str) -> None:
+    def characters(self, content: str) -> None:
         if self.open:
-            self.open[-1].text += text
-
-    def refuse_entity(self, name: str, *rest: object) -> None:
-        self.stop(f"declares the entity {name!r}; files with entities are not read: write out what it stands for")
-
-    def doctype(self, name: str, system: str | None, public: str | None, has_internal: bool) -> None:
-        if system or public:
-            self.stop("refers to a document type in another file, which is not read; leave the DOCTYPE out")
+            self.open[-1][1].append(content)

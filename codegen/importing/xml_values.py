@@ -10,11 +10,13 @@ from typing import Final
 from ..model.errors import Problem, nearest
 from ..model.positions import shortened
 from ..model.sections.digits import cut_twelfths
-from .placement import pi_multiple
-from .robot import Place
+from .placement import Array, of_quaternion, pi_multiple
+from .robot import Effect, Place
 from .xml_reading import Element
 
 _NUMBER: Final = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+_LARGEST: Final = 1e150
+"""Of numbers whose squares are still numbers."""
 _LONGEST: Final = 400
 """Characters of a number."""
 
@@ -79,6 +81,15 @@ class Values:
             return 0.0
         return self.attribute(element, key, 1, (default or 0.0,))[0]
 
+    def quaternion(self, element: Element, wxyz: Sequence[float]) -> Array:
+        """The rotation of a quaternion; a problem where it is none."""
+        size = math.sqrt(sum(v * v for v in wxyz)) if max(map(abs, wxyz)) < _LARGEST else math.inf
+        if not 0 < size < math.inf:
+            self.wrong(element, "the quaternion is 0 0 0 0 or too large; x y z w of length 1 are needed")
+            return of_quaternion(1.0, 0.0, 0.0, 0.0)
+        w, x, y, z = (float(v) for v in wxyz)
+        return of_quaternion(w, x, y, z)
+
     def content(self, element: Element | None, count: int, default: Sequence[float]) -> tuple[float, ...]:
         """Numbers between an element's tags; the default where it is None or wrong."""
         if element is None:
@@ -123,6 +134,24 @@ class Values:
         self.wrong(
             element, f"{what} {shortened(name)} is not in this file; known are {shown or 'none'}{nearest(name, known)}"
         )
+
+
+def version_of(text: str) -> tuple[int, int]:
+    """Major and minor of a version, such as 1.11, which is after 1.5; (1, 0) for what is none."""
+    parts = text.strip().split(".")
+    if not all(part.isdigit() and len(part) < 7 for part in parts):
+        return 1, 0
+    return int(parts[0]), int(parts[1]) if len(parts) > 1 else 0
+
+
+def is_true(text: str) -> bool:
+    """Whether a text says yes: 1 or true, however it is written."""
+    return text.strip().lower() in ("1", "true")
+
+
+def shown_effect(element: Element) -> Effect:
+    """What the absence of a <visual> or a <collision> does."""
+    return Effect.STOPS if element.tag == "collision" else Effect.NONE
 
 
 def place_of(element: Element) -> Place:

@@ -23,8 +23,8 @@ def test_a_model_file_is_written_and_what_is_left_out_listed(here, capsys):
     assert not err
     assert out.splitlines() == [
         "wrote model.yaml: 2 bodies, 2 speeds; now: generate model.yaml",
-        "  left out: <visual> of a cylinder (line 14)",
-        "  left out: <limit> (line 40): of position, speed and force",
+        "  left out: <limit> (line 40): of position, speed and force; acts at stops and contacts only",
+        "  left out: <visual> of a cylinder (line 14): no effect on the dynamics",
     ]
     assert sorted(p.name for p in here.iterdir()) == ["arm.urdf", "model.yaml"]
     assert main(["check", "model.yaml"]) == 0
@@ -65,7 +65,7 @@ def test_what_is_wrong_is_told_and_nothing_is_written(here, capsys):
     assert main(["import", "arm.urdf", "--name", "2 b"]) == 1
     assert "--name: '2 b' cannot name a model" in capsys.readouterr().err
     assert main(["import", "arm.urdf", "-o", "no/such/folder/model.yaml"]) == 2
-    assert "No such file or directory" in capsys.readouterr().err
+    assert "import: no/such/folder: no such folder; make it first" in capsys.readouterr().err
     assert main(["import", "arm.urdf", "--parameterize", "forearm:weight"]) == 1
     assert "'weight' is no number of a body" in capsys.readouterr().err
     assert not list(here.rglob("*.yaml")) and not list(here.glob(".*"))

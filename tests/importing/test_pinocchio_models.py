@@ -157,10 +157,10 @@ def test_rotors_that_the_format_has_no_words_for_are_told():
     model.armature = np.array([*rng.uniform(0.1, 1, model.nv - 1), 0.0])
     model.rotorInertia = np.array([*np.zeros(model.nv - 1), 0.01])
     assert codegen.from_pinocchio(model).left_out == (
-        "armature of a free joint: it moves without a motor",
-        "armature of a planar joint: along axes that turn with the body",
-        "armature that differs along the freedoms of a spherical joint",
-        "rotorInertia without armature: armature is rotorInertia*rotorGearRatio**2",
+        "armature of a free joint: it moves without a motor; the dynamics differ",
+        "armature of a planar joint: along axes that turn with the body; the dynamics differ",
+        "armature that differs along the freedoms of a spherical joint: the dynamics differ",
+        "rotorInertia without armature: armature is rotorInertia*rotorGearRatio**2; no effect on the dynamics",
     )
 
 

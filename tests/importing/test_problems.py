@@ -27,15 +27,15 @@ WRONG = [
     ("", "robot.urdf:1:1: the file is empty; a URDF, MJCF or SDF file is needed"),
     ("<robot>\n<link name='a'>\n</robot>", "robot.urdf:3:3: this is not XML: mismatched tag"),
     ("<robot name=x/>", "robot.urdf:1:13: this is not XML: not well-formed (invalid token)"),
-    ("<!DOCTYPE r [\n<!ENTITY a 'b'>]>\n<robot/>", "robot.urdf:2:12: declares the entity 'a'; files with entities are not read"),
-    ("<!DOCTYPE r SYSTEM 'http://x/y.dtd'>\n<robot/>", "refers to a document type in another file, which is not read"),
+    ("<!DOCTYPE r [\n<!ENTITY a 'b'>]>\n<robot/>", "robot.urdf:1:13: a document type (DOCTYPE)"),
+    ("<!DOCTYPE r SYSTEM 'http://x/y.dtd'>\n<robot/>", "a document type (DOCTYPE), with which entities"),
     ("<robot>&a;</robot>", "robot.urdf:1:8: this is not XML: undefined entity"),
     (b"\xff\xfe\x00", "this is not XML"),
     (b"<?xml version='1.0' encoding='klingon'?><robot/>", "robot.urdf:1:"),
     (b"<robot name='\xe9'/>", "this is not XML"),
     ("<html/>", "robot.urdf:1:1: the root is <html>; <robot> (URDF), <mujoco> (MJCF), <sdf> (SDF) are read"),
     ("<robot name='x'/>", "robot.urdf:1:1: no <link>; a robot has at least one"),
-    ("<robot xmlns:xacro='x'>\n<xacro:include filename='x'/></robot>", "robot.urdf:2:1: <xacro:include>: this file is a xacro"),
+    ("<robot xmlns:xacro='x'>\n<xacro:include filename='x'/></robot>", "robot.urdf:2:1: <xacro:include>: the file is a xacro"),
     (robot(BASE, BASE), "robot.urdf:3:1: link 'base' is there already in line 2; every link needs a name of its own"),
     (robot("<link/>\n"), 'robot.urdf:2:1: <link> has no name; name="..." is needed'),
     (robot(BASE, A, joint("j", "base", "a"), joint("j", "base", "a")), "robot.urdf:5:1: joint 'j' is there already in line 4"),
@@ -100,10 +100,10 @@ def test_depth_and_entities_do_no_harm():
     with pytest.raises(codegen.ModelError, match="levels of nesting"):
         parse_xml("<a>" * (MAX_DEPTH + 1) + "</a>" * (MAX_DEPTH + 1), "x")
     laughs = '<!DOCTYPE l [<!ENTITY a "ha"><!ENTITY b "&a;&a;">]><robot name="&b;"/>'
-    with pytest.raises(codegen.ModelError, match="entities are not read"):
+    with pytest.raises(codegen.ModelError, match="a document type"):
         parse_xml(laughs, "x")
     outside = '<!DOCTYPE l [<!ENTITY a SYSTEM "file:///etc/hostname">]><robot>&a;</robot>'
-    with pytest.raises(codegen.ModelError, match="entities are not read"):
+    with pytest.raises(codegen.ModelError, match="a document type"):
         parse_xml(outside, "x")
 
 

@@ -176,12 +176,12 @@ def test_a_world_gives_its_gravity_and_its_one_model(tmp_path):
     ground = f'<model name="ground"><static>1</static>{link("plane")}</model>'
     world = f'<sdf version="1.6"><world name="w"><gravity>0 0 -1.62</gravity><light/>\n{ground}{{}}</world></sdf>'
     found = imported(tmp_path, world.format(model))
-    assert "gravity: [0, 0, -1.62]" in found.text and "<light> (line 1)" in found.left_out
+    assert "gravity: [0, 0, -1.62]" in found.text and "<light> (line 1): no effect on the dynamics" in found.left_out
     assert (
         "gravity: [0, 0, -9.8]\n"
         in imported(tmp_path, world.format(model).replace("<gravity>0 0 -1.62</gravity>", "")).text
     )
-    with pytest.raises(codegen.ModelError, match="a second model, 'm' and 'n'"):
+    with pytest.raises(codegen.ModelError, match=r"2 models .* 'm', 'n'; one is read: choose it by --model m"):
         imported(tmp_path, world.format(model + model.replace('"m"', '"n"')))
     folder = tmp_path / "arm"
     folder.mkdir()
@@ -195,8 +195,8 @@ def test_a_world_gives_its_gravity_and_its_one_model(tmp_path):
     ("parts", "message"),
     [
         ([], "robot.sdf:2:1: no <link>; a model has at least one"),
-        ([link("a"), link("a")], "name 'a' is there already in line 3"),
-        ([link("a"), joint("j", "a", "b")], "link 'b' is not in this file; known are a"),
+        ([link("a"), link("a")], "name 'a' is there already in line 3; every name in a model stands once"),
+        ([link("a"), joint("j", "a", "b")], "link or frame 'b' is not in this file; known are __model__, a"),
         ([link("a"), joint("j", "a", "a")], "joint 'j' joins link 'a' to itself"),
         ([link("a"), link("b"), joint("j", "a", "b", "hinge")], "joint 'j' is 'hinge'; revolute, continuous"),
         ([link("a"), link("b"), joint("j", "a", "b", axis="0 0 0")], "the axis is 0 0 0"),
@@ -204,7 +204,8 @@ def test_a_world_gives_its_gravity_and_its_one_model(tmp_path):
         ([link("a"), link("b"), joint("j", "a", "b", how=' expressed_in="c"')], "frame 'c' is not in this file"),
         ([link("a").replace("<mass>1", "<mass>one")], "the text of <mass> holds 'one'; a finite number"),
         ([link("a").replace("<mass>1", "<mass>-1")], "the mass is -1"),
-        ([link("a"), "<model/>"], "robot.sdf:5:1: <model> within a model is not read; write the file flat"),
+        ([link("a"), "<model/>"], 'robot.sdf:5:1: <model> has no name; name="..." is needed'),
+        ([link("a"), '<model name="a"/>'], "name 'a' is there already in line 3; every name in a model stands once"),
         (
             [link("a").replace("<pose>", '<pose relative_to="b">', 1), link("b").replace("<pose>", '<pose relative_to="a">', 1)],
             "is relative to itself by way of others",
@@ -259,7 +260,7 @@ def test_a_gearbox_without_hinges_about_its_axes_is_told(tmp_path):
     message = "one of which has no hinge about the gear's axis on its reference body 'world', which is not"
     with pytest.raises(codegen.ModelError, match=message):
         imported(tmp_path, sdf(*parts))
-    with pytest.raises(codegen.ModelError, match="link 'wrld' is not in this file"):
+    with pytest.raises(codegen.ModelError, match="link or frame 'wrld' is not in this file"):
         imported(tmp_path, sdf(*parts).replace("<gearbox_reference_body>world", "<gearbox_reference_body>wrld"))
     assert any("gears" in line for line in imported(tmp_path, sdf(*parts), free_mimic=True).left_out)
 

@@ -33,7 +33,7 @@ def test_the_file_is_as_a_person_would_write_it(tmp_path):
 # robot.urdf, imported by ordernm.
 # Fixed to the ground: base, 1 kg.
 # Left out:
-#   <collision> of a cylinder (line 3)
+#   <collision> of a cylinder (line 3): acts at stops and contacts only
 model: robot
 gravity: [0, 0, -9.81]
 
@@ -188,11 +188,19 @@ def test_what_is_left_out_is_listed_with_its_lines(tmp_path):
     ).replace("<axis ", '<axis frame="x" ')  # fmt: skip
     found = imported(tmp_path, text)
     assert set(found.left_out) == {
-        "<mesh>, package 'nowhere' not found (--package-path) (line 3)", "<limit> (line 4): of position, speed and force",
-        "friction of <dynamics> (line 4): dry friction of joints", "<safety_controller> (line 4): limits of controllers",
-        "<transmission> (line 5): transmissions", "<gazebo> (lines 6, 7): settings of a simulator", "<wings> (line 8)",
-        "attribute 'frame' of <axis> (line 4)",
+        "<mesh>, package 'nowhere' not found (--package-path) (line 3): no effect on the dynamics",
+        "<limit> (line 4): of position, speed and force; acts at stops and contacts only",
+        "friction of <dynamics> (line 4): dry friction of joints; the dynamics differ",
+        "<safety_controller> (line 4): limits of controllers; acts when driven only",
+        "<transmission> (line 5): transmissions; acts when driven only",
+        "<gazebo> (lines 6, 7): settings of a simulator; no effect on the dynamics",
+        "<wings> (line 8): its effect is unknown", "attribute 'frame' of <axis> (line 4): its effect is unknown",
     }  # fmt: skip
+    assert (
+        found.differences
+        == found.left_out[:1]
+        == ("friction of <dynamics> (line 4): dry friction of joints; the dynamics differ",)
+    )
     for what in found.left_out:
         assert f"#   {what}\n" in found.text
 
@@ -202,19 +210,22 @@ def test_packages_are_found_where_they_may_be(tmp_path, monkeypatch):
     text = robot(link("base"), link("arm", more=mesh), joint("j", "base", "arm"))
     folder = tmp_path / "ws" / "arm_description"
     (folder / "meshes").mkdir(parents=True)
-    missing = "<mesh>, package 'arm_description' not found (--package-path) (line 3)"
+    missing = "<mesh>, package 'arm_description' not found (--package-path) (line 3): no effect on the dynamics"
     assert missing in imported(tmp_path, text).left_out
-    assert "<mesh>, file not found (line 3)" in imported(tmp_path, text, package_paths=[tmp_path / "ws"]).left_out
+    assert (
+        "<mesh>, file not found (line 3): no effect on the dynamics"
+        in imported(tmp_path, text, package_paths=[tmp_path / "ws"]).left_out
+    )
     (folder / "meshes" / "arm.stl").write_text("solid")
     for paths in ([tmp_path / "ws"], [folder]):
-        assert "<mesh> (line 3)" in imported(tmp_path, text, package_paths=paths).left_out
+        assert "<mesh> (line 3): no effect on the dynamics" in imported(tmp_path, text, package_paths=paths).left_out
     monkeypatch.setenv("ROS_PACKAGE_PATH", f"{tmp_path / 'x'}:{tmp_path / 'ws'}")
-    assert "<mesh> (line 3)" in imported(tmp_path, text).left_out
+    assert "<mesh> (line 3): no effect on the dynamics" in imported(tmp_path, text).left_out
     monkeypatch.delenv("ROS_PACKAGE_PATH")
     (folder / "urdf").mkdir()
     path = folder / "urdf" / "arm.urdf"
     path.write_text(text)
-    assert "<mesh> (line 3)" in codegen.import_model(path).left_out
+    assert "<mesh> (line 3): no effect on the dynamics" in codegen.import_model(path).left_out
 
 
 # ---- loops and parameters --------------------------------------------------------------------------------------------

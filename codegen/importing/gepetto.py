@@ -1,0 +1,151 @@
+"""Gepetto's ``robot.yaml`` beside a URDF: which frames are held together, and which joints are of other types.
+
+``closed_loop`` lists pairs of frames, ``type`` for each pair 3D (their origins coincide) or 6D (they coincide);
+``joint_name`` and ``joint_type`` make balls, universal joints and fixed joints of joints that the URDF can only call
+revolute.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any, Final
+
+from ..model import ModelError
+from ..model.errors import Problem, nearest
+from ..model.positions import Document, compose, read_file, shortened
+from .naming import made_name
+from .placement import Placement, Three
+from .robot import Closing, Effect, Place, Robot
+
+BESIDE: Final = "robot.yaml"
+KEYS: Final = ("closed_loop", "type", "joint_name", "joint_type", "name_mot")
+_X, _Y, _Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+JOINTS: Final[dict[str, tuple[str, tuple[Three, ...]]]] = {
+    "SPHERICAL": ("spherical", ()), "FIXED": ("fixed", ()), "CARDAN": ("universal", (_X, _Y)),
+    "UJOINT_XY": ("universal", (_X, _Y)), "UJOINT_YZ": ("universal", (_Y, _Z)), "UJOINT_ZX": ("universal", (_Z, _X)),
+}  # fmt: skip
+"""What its types of joints are, with axes in the joint's frame."""
+LOOPS: Final = {"3D": "point", "6D": "fixed"}
+
+
+def beside(urdf: str) -> str | None:
+    """The ``robot.yaml`` in the folder of a URDF, if it is Gepetto's."""
+    path = Path(urdf).parent / BESIDE
+    return str(path) if path.is_file() and is_gepettos(path) else None
+
+
+def is_gepettos(path: str | os.PathLike[str]) -> bool:
+    """Whether a file is one of Gepetto's, and not a side file in the model format."""
+    try:
+        root = compose(read_file(os.fspath(path)), os.fspath(path)).root
+    except ModelError:
+        return False
+    return isinstance(root, dict) and any(key in root for key in ("closed_loop", "joint_type", "name_mot"))
+
+
+def apply_gepetto(robot: Robot, path: str | os.PathLike[str]) -> None:
+    """Close loops and change types of joints as the file says.
+
+    Raises
+    ------
+    ModelError
+        With everything that is wrong with it.
+    """
+    file = os.fspath(path)
+    _Reader(robot, compose(read_file(file), file)).read()
+
+
+class _Reader:
+    def __init__(self, robot: Robot, document: Document) -> None:
+        self.robot = robot
+        self.document = document
+        self.problems: list[Problem] = list(document.problems)
+
+    def read(self) -> None:
+        root = self.document.root
+        for key in root:
+            if key == "name_mot":
+                self.robot.leave_out("name_mot", self.place(key), Effect.DRIVEN, "--motors makes inputs of all joints")
+            elif key not in KEYS:
+                self.robot.leave_out(f"key {shortened(str(key))}", self.place(key), Effect.UNKNOWN)
+        names, types = self.strings("joint_name"), self.strings("joint_type")
+        if self.as_many("joint_type", types, "joint_name", names):
+            for k, (name, type_) in enumerate(zip(names, types, strict=True)):
+                self.joint(k, name, type_)
+        pairs = root.get("closed_loop") or []
+        kinds = self.strings("type") if "type" in root else ["6D"] * len(pairs)
+        if not isinstance(pairs, list):
+            self.wrong("a list of pairs of frames is needed, such as [[foot_a, foot_b]]", "closed_loop")
+        elif self.as_many("type", kinds, "closed_loop", pairs):
+            for k, (pair, kind) in enumerate(zip(pairs, kinds, strict=True)):
+                self.loop(k, pair, kind)
+        if self.problems:
+            raise ModelError(self.problems)
+
+    def place(self, *path: Any) -> Place:
+        line, column = self.document.place(self.document.root, path)
+        return Place(self.document.file, line, column)
+
+    def wrong(self, message: str, *path: Any) -> None:
+        self.problems.append(self.place(*path).problem(message))
+
+    def strings(self, key: str) -> list[str]:
+        value = self.document.root.get(key) or []
+        if isinstance(value, list) and all(isinstance(v, str) for v in value):
+            return value
+        self.wrong(f"{key} is no list of names; such as [left, right] is needed", key)
+        return []
+
+    def as_many(self, key: str, values: list[Any], other: str, others: list[Any]) -> bool:
+        """Whether two lists have as many entries."""
+        if len(values) == len(others):
+            return True
+        if key in self.document.root:
+            self.wrong(f"{key} has {len(values)} entries and {other} has {len(others)}; as many are needed", key)
+        else:
+            self.wrong(f"{other} has {len(others)} entries, and there is no {key}; as many are needed", other)
+        return False
+
+    def joint(self, k: int, name: str, type_: str) -> None:
+        joint = self.robot.joints.get(name)
+        if joint is None:
+            known = list(self.robot.joints)
+            self.wrong(f"joint {shortened(name)} is not in the URDF{nearest(name, known)}", "joint_name", k)
+        elif type_ not in JOINTS:
+            hint = nearest(type_, JOINTS)
+            self.wrong(f"joint_type {shortened(type_)}; {', '.join(JOINTS)} are allowed{hint}", "joint_type", k)
+        else:
+            if joint.damping:
+                self.robot.leave_out("<dynamics> of a joint of another type", joint.place, Effect.DIFFERS)
+            joint.type, joint.axes = JOINTS[type_]
+            joint.damping, joint.armature = 0.0, ()
+
+    def loop(self, k: int, pair: Any, kind: str) -> None:
+        if not isinstance(pair, list) or len(pair) != 2 or not all(isinstance(name, str) for name in pair):
+            self.wrong("two frames of the URDF are needed, such as [foot_a, foot_b]", "closed_loop", k)
+            return
+        if kind.upper() not in LOOPS:
+            self.wrong(f"type {shortened(kind)}; {' or '.join(LOOPS)} is allowed", "type", k)
+            return
+        links = [self.link(name, k, i) for i, name in enumerate(pair)]
+        if None in links:
+            return
+        first, second = (link for link in links if link is not None)
+        place = self.place("closed_loop", k)
+        name = made_name("_".join(pair))
+        ends = (first, Placement()), (second, Placement())
+        self.robot.closings.append(Closing(name, place, LOOPS[kind.upper()], *ends))
+
+    def link(self, name: str, k: int, i: int) -> str | None:
+        """The link of a frame: of that name, or that of the joint of that name."""
+        if name in self.robot.links:
+            return name
+        joint = self.robot.joints.get(name)
+        if joint is not None:
+            return joint.child
+        known = [*self.robot.links, *self.robot.joints]
+        self.wrong(
+            f"frame {shortened(name)} is no link or joint of the URDF{nearest(name, known)}", "closed_loop", k, i
+        )
+        return None

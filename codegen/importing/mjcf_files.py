@@ -1,0 +1,238 @@
+"""The files of an MJCF: what MuJoCo would read, looked at before it does, and where its elements stand."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+from ..model import ModelError
+from ..model.errors import Problem
+from ..model.positions import shortened
+from .files import Files
+from .robot import Place
+from .xml_reading import Element, parse_xml, read_robot_file
+from .xml_values import is_true, place_of
+
+MAX_COMPILED: Final = 200_000
+"""Elements that a model may have once its copies are made."""
+MAX_PIXELS: Final = 100_000_000
+MAX_SIZE: Final = 1_000_000
+_FOLDERS: Final = {
+    "mesh": ("meshdir", "assetdir"),
+    "skin": ("meshdir", "assetdir"),
+    "texture": ("texturedir", "assetdir"),
+}
+_UNNAMED: Final = ("default", "actuator", "sensor", "tendon")
+_COPIES: Final = {"replicate": 1, "composite": 3, "flexcomp": 3}
+"""Elements that stand for as many as their ``count`` says, of so many numbers."""
+
+
+class MjcfFiles:
+    """The files of an MJCF.
+
+    Attributes
+    ----------
+    parts : list of (Element, str)
+        Roots of the file, of those that it includes and of models that it attaches, with what stands before the names in them.
+
+    Parameters
+    ----------
+    root : Element
+    files : Files
+        Says which files may be read.
+
+    Raises
+    ------
+    ModelError
+        If a file may not be read, or the compiled model would be too large.
+    """
+
+    def __init__(self, root: Element, files: Files) -> None:
+        self.files = files
+        self.main = Path(root.file).resolve().parent
+        self.root = root
+        self.problems: list[Problem] = []
+        self.parts: list[tuple[Element, str]] = []
+        self.models: dict[str, Element] = {}
+        self.parsed: dict[str, Element] = {}
+        self.included: dict[int, Element] = {}
+        self.weights: dict[int, int] = {}
+        self.gather(root, "", ())
+        self.folders = {
+            key: {v for e in self.elements("compiler") if (v := e.attributes.get(key, ""))}
+            for key in ("meshdir", "texturedir", "assetdir")
+        }
+        self.strips = any(is_true(e.attributes.get("strippath", "")) for e in self.elements("compiler"))
+        for element in self.every():
+            self.check(element)
+        weight = self.weight(root, ())
+        if weight > MAX_COMPILED and not self.problems:
+            heaviest = max(self.elements(*_COPIES, "attach"), key=lambda e: self.weight(e, ()), default=root)
+            message = f"the model would have more than {MAX_COMPILED} elements once its copies are made; make fewer"
+            self.problems.append(heaviest.problem(message))
+        if self.problems:
+            raise ModelError(self.problems)
+
+    def every(self) -> Iterator[Element]:
+        """All elements of all files."""
+        seen = set()
+        for part, _ in self.parts:
+            if id(part) not in seen:
+                seen.add(id(part))
+                yield from _within(part)
+
+    def used(self) -> Iterator[Element]:
+        """All elements of all files but those of defaults, an included file in the place of the <include>."""
+        attached = {id(model): model for model in self.models.values()}
+        stack = [*reversed(attached.values()), self.root]
+        while stack:
+            element = stack.pop()
+            if element.tag == "include" and (found := self.included.get(id(element))) is not None:
+                stack.extend(reversed(found.children))
+            elif element.tag != "default":
+                yield element
+                stack.extend(reversed(element.children))
+
+    def listed(self, kind: str) -> list[Element]:
+        """The children of the elements of a kind."""
+        return [child for element in self.used() if element.tag == kind for child in element.children]
+
+    def elements(self, *tags: str) -> Iterator[Element]:
+        """All elements of these tags."""
+        return (element for element in self.every() if element.tag in tags)
+
+    def gather(self, root: Element, prefix: str, chain: tuple[str, ...]) -> None:
+        """The files that a file includes, and the models that it attaches."""
+        self.parts.append((root, prefix))
+        attached: dict[str, str] = {}
+        for element in _within(root):
+            name = element.attributes.get("file", "")
+            if element.tag == "include" and name:
+                found = self.opened(element, name)
+                if found is not None and found.file not in chain:
+                    self.included[id(element)] = found
+                    self.gather(found, prefix, (*chain, found.file))
+            elif element.tag == "model" and name:
+                found = self.opened(element, name)
+                if found is not None and found.file not in chain:
+                    own = element.attributes.get("name") or found.attributes.get("model") or Path(name).stem
+                    self.models[own] = found
+                    attached.setdefault(own, "")
+        uses = [
+            (e.attributes.get("model", ""), e.attributes.get("prefix", "")) for e in _within(root) if e.tag == "attach"
+        ]
+        for own in attached:
+            for prefix_ in dict.fromkeys(p for m, p in uses if m == own) or {"": None}:
+                if len(self.parts) < MAX_SIZE:
+                    self.gather(self.models[own], prefix + prefix_, (*chain, self.models[own].file))
+
+    def opened(self, element: Element, name: str) -> Element | None:
+        """The root of a file, or None where MuJoCo will say what is wrong."""
+        for folder in (self.main, Path(element.file).resolve().parent):
+            path = Path(os.path.join(folder, name))
+            if not _exists(path):
+                continue
+            key = str(path.resolve())
+            if key not in self.parsed:
+                why = self.files.forbidden(path)
+                if why is not None:
+                    self.problems.append(element.problem(f"file {shortened(name)} of <{element.tag}> is {why}"))
+                    return None
+                try:
+                    self.parsed[key] = parse_xml(read_robot_file(path), str(path))
+                except ModelError as error:
+                    self.problems += error.problems
+                    return None
+            return self.parsed[key]
+        return None
+
+    def check(self, element: Element) -> None:
+        """Find files that may not be read, and sizes that no machine has."""
+        attributes = element.attributes
+        for key, name in attributes.items():
+            if key.startswith("file") and name and element.tag not in ("include", "model"):
+                self.check_file(element, name)
+        sizes = {"hfield": ("nrow", "ncol"), "texture": ("width", "height")}.get(element.tag, ())
+        if sizes and math.prod(_whole(attributes.get(key, "1")) for key in sizes) > MAX_PIXELS:
+            what = " x ".join(attributes.get(key, "1") for key in sizes)
+            self.problems.append(element.problem(f"{what} points of <{element.tag}>; at most {MAX_PIXELS} are read"))
+        if element.tag == "size":
+            for key, text in attributes.items():
+                if key.startswith(("nuser", "nkey")) and _whole(text) > MAX_SIZE:
+                    message = f"{key} of <size> is {shortened(text)}; at most {MAX_SIZE} is read"
+                    self.problems.append(element.problem(message))
+
+    def check_file(self, element: Element, name: str) -> None:
+        """Find out whether a file that MuJoCo would read may be read."""
+        keys = _FOLDERS.get(element.tag, ("meshdir", "texturedir", "assetdir"))
+        folders = ["", *(folder for key in keys for folder in sorted(self.folders[key]))]
+        names = [name, os.path.basename(name.replace("\\", "/"))] if self.strips else [name]
+        for base in dict.fromkeys((self.main, Path(element.file).resolve().parent)):
+            for folder in folders:
+                for text in names:
+                    path = Path(os.path.join(base, folder, text))
+                    if _exists(path) and (why := self.files.forbidden(path)) is not None:
+                        self.problems.append(element.problem(f"file {shortened(name)} of <{element.tag}> is {why}"))
+                        return
+
+    def weight(self, element: Element, chain: tuple[int, ...]) -> int:
+        """How many elements an element stands for once copies are made."""
+        if id(element) in self.weights:
+            return self.weights[id(element)]
+        if id(element) in chain:
+            return 0
+        within = (*chain, id(element)) if element.tag in ("mujoco", "mujocoinclude") else chain
+        total = 1 + sum(self.weight(child, within) for child in element.children)
+        if element.tag == "attach":
+            model = self.models.get(element.attributes.get("model", ""))
+            total += 0 if model is None else self.weight(model, within)
+        if element.tag in _COPIES:
+            counts = element.attributes.get("count", "1").split()[: _COPIES[element.tag]]
+            total *= max(1, math.prod(_whole(count) for count in counts))
+        self.weights[id(element)] = total
+        return total
+
+    def places(self) -> dict[tuple[str, str], Place]:
+        """Where named elements stand, by what they are and their names in the compiled model."""
+        found: dict[tuple[str, str], Place] = {}
+        for part, prefix in self.parts:
+            stack = [(part, "")]
+            while stack:
+                element, above = stack.pop()
+                kind = {"freejoint": "joint"}.get(element.tag, element.tag)
+                kind = above if above in ("equality", "actuator", "tendon", "keyframe") else kind
+                if above not in ("default", "sensor") and "name" in element.attributes:
+                    found.setdefault((kind, prefix + element.attributes["name"]), place_of(element))
+                stack.extend((child, element.tag) for child in reversed(element.children))
+        return found
+
+    def is_named(self) -> bool:
+        """Whether the model has a name."""
+        return any("model" in part.attributes for part, prefix in self.parts if part is self.root or not prefix)
+
+
+def _within(root: Element) -> Iterator[Element]:
+    stack = [root]
+    while stack:
+        element = stack.pop()
+        yield element
+        stack.extend(reversed(element.children))
+
+
+def _exists(path: Path) -> bool:
+    try:
+        return path.exists()
+    except (OSError, ValueError):
+        return False
+
+
+def _whole(text: str) -> int:
+    """A whole number of a text; 1 for what is none, which MuJoCo refuses."""
+    try:
+        value = float(text)
+    except ValueError:
+        return 1
+    return int(min(max(value, 0.0), 1e18)) if math.isfinite(value) else 10**18

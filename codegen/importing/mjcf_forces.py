@@ -1,0 +1,353 @@
+"""What acts in an MJCF while nothing drives it: springs, dampers and rotors of joints, of tendons, and of actuators.
+
+An actuator acts with the control 0, or the number of its range that is nearest to 0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from .naming import made_name
+from .robot import WORLD, BodyForce, Effect, JointTerm, Mark, Place, Robot, RobotJoint
+from .words import number
+
+_SLIDE, _HINGE = 2, 3
+_TO_JOINT: Final = ("mjTRN_JOINT", "mjTRN_JOINTINPARENT")
+_PARTS: Final = ("stiffness", "damping", "armature", "frictionloss")
+
+
+@dataclass(slots=True)
+class Length:
+    """A length, or an angle, of an actuator or a tendon, as texts with ``{}`` for names.
+
+    Attributes
+    ----------
+    value, rate : str
+    of : tuple of str
+        What stands for the ``{}`` of each: joints, or marks.
+    factors : dict of str to float
+        Of joints: how much of its force each gets.
+    segments : list of (str, str, float)
+        Of a tendon between points: both, and by what its force is divided there.
+    """
+
+    value: str
+    rate: str
+    of: tuple[str, ...]
+    factors: dict[str, float]
+    segments: list[tuple[str, str, float]]
+
+
+def terms_of(pairs: list[tuple[float, str]], constant: float = 0.0) -> str:
+    """``2*q.{} - q.{} + 0.5`` of factors and texts."""
+    texts = [_scaled(factor, text) for factor, text in pairs if factor]
+    if constant:
+        texts.append(number(constant))
+    return " + ".join(texts).replace("+ -", "- ") or "0"
+
+
+def _scaled(factor: float, text: str) -> str:
+    whole = text if factor in (1.0, -1.0) and " " not in text else f"({text})" if " " in text else text
+    return f"-{whole}" if factor == -1 else whole if factor == 1 else f"{number(factor)}*{whole}"
+
+
+def law(factor: float, more: Any, of: str) -> str:
+    """-x (factor + more[0] |x| + more[1] x^2 ...), which is MuJoCo's polynomial."""
+    whole = f"({of})" if " " in of else of
+    parts = [number(factor)] if factor else []
+    for k, value in enumerate(np.ravel(more)):
+        if value:
+            power = f"abs({of})" if k == 0 else f"{whole}**2" if k == 1 else f"abs({of})**{k + 1}"
+            parts.append(_scaled(float(value), power))
+    if not parts:
+        return ""
+    if len(parts) == 1 and factor:
+        return _scaled(-factor, of)
+    return f"-{whole}*({' + '.join(parts).replace('+ -', '- ')})"
+
+
+class PassiveForces:
+    """Gives a robot the forces of a compiled model's tendons and actuators.
+
+    Parameters
+    ----------
+    mujoco : module
+    model : mujoco.MjModel
+    robot : Robot
+    links, joints : list of str
+        Names by MuJoCo's numbers.
+    origin : callable
+        The frame of a body of MuJoCo's in that of its link.
+    place : callable
+        Where something of a kind and name stands.
+    """
+
+    def __init__(
+        self, mujoco: Any, model: Any, robot: Robot, links: list[str], joints: list[str], origin: Any, place: Any
+    ):
+        self.mujoco = mujoco
+        self.model = model
+        self.robot = robot
+        self.links = links
+        self.joints = joints
+        self.origin = origin
+        self.place = place
+        self.lengths: dict[int, Length | None] = {}
+        self.data: Any = None
+
+    def disabled(self, word: str) -> bool:
+        """Whether a flag is disabled."""
+        return bool(int(self.model.opt.disableflags) & int(getattr(self.mujoco.mjtDisableBit, f"mjDSBL_{word}")))
+
+    def read(self) -> None:
+        """Add everything."""
+        for t in range(int(self.model.ntendon)):
+            self.tendon(t)
+        for a in range(len(self.model.actuator_trntype)):
+            self.actuator(a)
+
+    # ---- lengths -------------------------------------------------------------------------------------------------------
+
+    def of_joint(self, k: int, gear: float) -> Length:
+        """The length of an actuator of a hinge or slide."""
+        zero = gear * float(self.model.qpos0[self.model.jnt_qposadr[k]])
+        name = self.joints[k]
+        return Length(terms_of([(gear, "q.{}")], zero), terms_of([(gear, "u.{}")]), (name,), {name: gear}, [])
+
+    def of_tendon(self, t: int) -> Length | None:
+        """The length of a tendon; None for one that wraps round geoms."""
+        if t not in self.lengths:
+            model, wrap = self.model, self.mujoco.mjtWrap
+            first, count = int(model.tendon_adr[t]), int(model.tendon_num[t])
+            kinds = {int(k) for k in model.wrap_type[first : first + count]}
+            if kinds <= {int(wrap.mjWRAP_JOINT)}:
+                self.lengths[t] = self.of_joints(first, count)
+            elif kinds <= {int(wrap.mjWRAP_SITE), int(wrap.mjWRAP_PULLEY)}:
+                self.lengths[t] = self.of_sites(t, first, count)
+            else:
+                self.lengths[t] = None
+        return self.lengths[t]
+
+    def of_joints(self, first: int, count: int) -> Length:
+        """A fixed tendon: a sum of coordinates."""
+        model, zero = self.model, 0.0
+        factors: dict[str, float] = {}
+        for w in range(first, first + count):
+            k, factor = int(model.wrap_objid[w]), float(model.wrap_prm[w])
+            name = self.joints[k]
+            factors[name] = factors.get(name, 0.0) + factor
+            zero += factor * float(model.qpos0[model.jnt_qposadr[k]])
+        factors = {name: factor for name, factor in factors.items() if factor}
+        value, rate = ([(factor, f"{c}.{{}}") for factor in factors.values()] for c in "qu")
+        return Length(terms_of(value, zero), terms_of(rate), tuple(factors), factors, [])
+
+    def of_sites(self, t: int, first: int, count: int) -> Length:
+        """A spatial tendon: a path of straight lines between points."""
+        model, wrap = self.model, self.mujoco.mjtWrap
+        divisor, before, constant = 1.0, -1, 0.0
+        segments: list[tuple[str, str, float]] = []
+        for w in range(first, first + count):
+            site = int(model.wrap_objid[w])
+            if int(model.wrap_type[w]) == int(wrap.mjWRAP_PULLEY):
+                divisor, before = float(model.wrap_prm[w]), -1
+                continue
+            if before >= 0:
+                bodies = [int(model.body_weldid[model.site_bodyid[s]]) for s in (before, site)]
+                if bodies[0] == bodies[1]:
+                    constant += self.apart(before, site) / divisor
+                else:
+                    segments.append((self.mark(before), self.mark(site), divisor))
+            before = site
+        of = tuple(m for segment in segments for m in segment[:2])
+        value, rate = ([(1 / d, f"{f}({{}}, {{}})") for _, _, d in segments] for f in ("distance", "rate"))
+        return Length(terms_of(value, constant), terms_of(rate), of, {}, segments)
+
+    def apart(self, a: int, b: int) -> float:
+        """The distance of two sites of one body."""
+        if self.data is None:
+            self.data = self.mujoco.MjData(self.model)
+            self.mujoco.mj_kinematics(self.model, self.data)
+        return float(np.linalg.norm(self.data.site_xpos[a] - self.data.site_xpos[b]))
+
+    def mark(self, site: int) -> str:
+        """A site as a point."""
+        name = self.model.site(site).name or f"site_{site}"
+        if all(mark.name != name for mark in self.robot.marks):
+            body = int(self.model.site_bodyid[site])
+            at = self.origin(body).point(self.model.site_pos[site])
+            self.robot.marks.append(Mark(name, self.links[body] if body else WORLD, at))
+        return name
+
+    # ---- elements ------------------------------------------------------------------------------------------------------
+
+    def tendon(self, t: int) -> None:
+        """The spring, damper and rotor of a tendon."""
+        model, robot = self.model, self.robot
+        name = model.tendon(t).name
+        place = self.place("tendon", name, t)
+        named = name or f"tendon_{t}"
+        stiffness, damping, armature, friction = (float(np.ravel(getattr(model, f"tendon_{p}")[t])[0]) for p in _PARTS)
+        more = {
+            p: np.ravel(getattr(model, f"tendon_{p}poly", np.zeros((t + 1, 1)))[t]) for p in ("stiffness", "damping")
+        }
+        has_spring = bool(stiffness or np.any(more["stiffness"])) and not self.disabled("SPRING")
+        has_damper = bool(damping or np.any(more["damping"])) and not self.disabled("DAMPER")
+        robot.leave_out("<tendon>", place, Effect.NONE, "its spring and damper are read, its path is not drawn")
+        if friction and not self.disabled("FRICTIONLOSS") and not self.disabled("CONSTRAINT"):
+            robot.leave_out("frictionloss of a tendon", place, Effect.DIFFERS, "dry friction")
+        if np.any(model.tendon_limited[t]):
+            robot.leave_out("range of a tendon", place, Effect.STOPS)
+        if has_spring and np.any(getattr(model, "tendon_springyield", np.zeros(t + 1))[t]):
+            robot.leave_out("springyield of a tendon", place, Effect.DIFFERS, "here the spring is elastic")
+        if armature:
+            self.rotor(t, armature, "armature of a tendon", place)
+        if not has_spring and not has_damper:
+            return
+        length = self.of_tendon(t)
+        if length is None:
+            robot.leave_out("spring or damper of a tendon that wraps round geoms", place, Effect.DIFFERS)
+            return
+        if has_spring:
+            low, high = (float(v) for v in model.tendon_lengthspring[t])
+            beyond, below = (terms_of([(1.0, length.value)], -v) if v else length.value for v in (high, low))
+            stretch = beyond if low == high else f"max({beyond}, 0) + min({below}, 0)"
+            end = "_spring" if has_damper and length.segments else ""
+            self.act(f"{named}{end}", length, law(stiffness, more["stiffness"], stretch), 1.0)
+        if has_damper:
+            end = "_damper" if has_spring and length.segments else ""
+            self.act(f"{named}{end}", length, law(damping, more["damping"], length.rate), 1.0)
+
+    def rotor(self, t: int, armature: float, what: str, place: Place) -> None:
+        """The inertia of a tendon, or of what drives it: that of a joint, where the tendon has one."""
+        length = self.of_tendon(t)
+        if length is None or len(length.factors) != 1:
+            why = "the joints that it moves share an inertia"
+            self.robot.leave_out(what, place, Effect.DIFFERS, why)
+            return
+        ((name, factor),) = length.factors.items()
+        self.add_armature(self.robot.joints[name], armature * factor * factor, place)
+
+    def add_armature(self, joint: RobotJoint, value: float, place: Place) -> None:
+        if joint.type in ("revolute", "prismatic"):
+            before = joint.armature[0] if joint.armature else 0.0
+            self.robot.give_armature(joint, (before + value,), place)
+
+    def act(self, name: str, length: Length, text: str, factor: float) -> None:
+        """A force along a length: on joints, or between points."""
+        if not text:
+            return
+        count = text.count("{}")
+        of = length.of * (count // len(length.of)) if length.of else ()
+        for joint, own in length.factors.items():
+            self.robot.terms.append(JointTerm(joint, _scaled(factor * own, text), of))
+        for k, (start, end, divisor) in enumerate(length.segments):
+            whole = _scaled(factor / divisor, text)
+            own_name = made_name(name) if len(length.segments) == 1 else f"{made_name(name)}_{k + 1}"
+            entry = f'type: actuator, from: {{}}, to: {{}}, force: "{whole}"'
+            self.robot.forces.append(BodyForce(own_name, entry, (start, end, *of)))
+
+    # ---- actuators -----------------------------------------------------------------------------------------------------
+
+    def actuator(self, a: int) -> None:
+        """The passive part of an actuator: what it does without control."""
+        model, robot, mujoco = self.model, self.robot, self.mujoco
+        name = model.actuator(a).name
+        place = self.place("actuator", name, a)
+        robot.leave_out("<actuator>", place, Effect.DRIVEN, "--motors makes inputs; what acts without control is read")
+        kind, target = int(model.actuator_trntype[a]), int(model.actuator_trnid[a][0])
+        gear = float(model.actuator_gear[a][0])
+        to_joint = kind in [int(getattr(mujoco.mjtTrn, word)) for word in _TO_JOINT]
+        if to_joint and int(model.jnt_type[target]) in (_SLIDE, _HINGE):
+            length: Length | None = self.of_joint(target, gear)
+        elif kind == int(mujoco.mjtTrn.mjTRN_TENDON):
+            length = self.of_tendon(target)
+            if length is not None and gear != 1:
+                value, rate = (_scaled(gear, text) for text in (length.value, length.rate))
+                factors = {joint: gear * own for joint, own in length.factors.items()}
+                segments = [(start, end, divisor / gear) for start, end, divisor in length.segments] if gear else []
+                length = Length(value, rate, length.of, factors, segments)
+        else:
+            length = None
+        self.reflected(a, place, length, target if to_joint else -1)
+        if self.disabled("ACTUATION") or self.is_off(a):
+            return
+        law_ = self.affine(a)
+        if law_ is None:
+            robot.leave_out("force of an actuator without control", place, Effect.DIFFERS, "of a type that is not read")
+            return
+        constant, by_length, by_rate = law_
+        if not (constant or by_length or by_rate):
+            return
+        if length is None:
+            what = "force of an actuator without control"
+            robot.leave_out(what, place, Effect.DIFFERS, "neither of a hinge or slide nor of a tendon along them")
+            return
+        text = terms_of([(by_length, length.value), (by_rate, length.rate)], constant)
+        if model.actuator_forcelimited[a]:
+            low, high = (number(float(v)) for v in model.actuator_forcerange[a])
+            text = f"min(max({text}, {low}), {high})"
+        self.act(name or f"actuator_{a}", length, text, 1.0)
+        if to_joint and model.jnt_actfrclimited[target]:
+            robot.leave_out("actuatorfrcrange of a joint", place, Effect.STOPS)
+
+    def is_off(self, a: int) -> bool:
+        """Whether the group of an actuator is disabled."""
+        group = int(self.model.actuator_group[a])
+        return 0 <= group <= 30 and bool(int(getattr(self.model.opt, "disableactuator", 0)) >> group & 1)
+
+    def affine(self, a: int) -> tuple[float, float, float] | None:
+        """The force without control: constant, by length, by its rate; None for what is another law."""
+        model, mujoco = self.model, self.mujoco
+        bias, gain, dynamics = (int(getattr(model, f"actuator_{word}type")[a]) for word in ("bias", "gain", "dyn"))
+        control = 0.0
+        if model.actuator_ctrllimited[a] and not self.disabled("CLAMPCTRL"):
+            low, high = (float(v) for v in model.actuator_ctrlrange[a])
+            control = min(max(0.0, low), high)
+        if bias not in (int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFINE)):
+            return None
+        b = [float(v) for v in model.actuator_biasprm[a][:3]] if bias else [0.0, 0.0, 0.0]
+        if getattr(model, "actuator_plugin", np.full(a + 1, -1))[a] >= 0:
+            return None
+        if control == 0:
+            return (b[0], b[1], b[2]) if gain <= int(mujoco.mjtGain.mjGAIN_MUSCLE) else None
+        if dynamics != int(mujoco.mjtDyn.mjDYN_NONE):
+            return None
+        g = [float(v) for v in model.actuator_gainprm[a][:3]]
+        if gain == int(mujoco.mjtGain.mjGAIN_FIXED):
+            g = [g[0], 0.0, 0.0]
+        elif gain != int(mujoco.mjtGain.mjGAIN_AFFINE):
+            return None
+        first, second, third = (x + control * y for x, y in zip(b, g, strict=True))
+        return first, second, third
+
+    def reflected(self, a: int, place: Place, length: Length | None, joint: int) -> None:
+        """Armature and damping of the rotor of an actuator."""
+        model = self.model
+        zeros = np.zeros((a + 1, 1))
+        armature = float(np.ravel(getattr(model, "actuator_armature", zeros)[a])[0])
+        damping = float(np.ravel(getattr(model, "actuator_damping", zeros)[a])[0])
+        more = np.ravel(getattr(model, "actuator_dampingpoly", zeros)[a])
+        is_damped = bool(damping or np.any(more)) and not self.disabled("DAMPER")
+        if not armature and not is_damped:
+            return
+        if armature:
+            if length is not None and len(length.factors) == 1:
+                ((name, factor),) = length.factors.items()
+                self.add_armature(self.robot.joints[name], armature * factor * factor, place)
+            else:
+                why = "the joints that it moves share an inertia"
+                self.robot.leave_out("armature of an actuator", place, Effect.DIFFERS, why)
+        if is_damped and length is not None and (joint >= 0 or not np.any(more)):
+            if joint >= 0:  # MuJoCo's polynomial is that of the joint's own speed
+                gear = float(model.actuator_gear[a][0])
+                own = self.of_joint(joint, 1.0)
+                self.act("", own, law(damping, more, own.rate), gear * gear)
+            else:
+                self.act(
+                    f"{model.actuator(a).name or f'actuator_{a}'}_damper", length, law(damping, [], length.rate), 1.0
+                )
+        elif is_damped:
+            self.robot.leave_out("damping of an actuator", place, Effect.DIFFERS)

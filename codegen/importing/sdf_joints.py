@@ -1,0 +1,243 @@
+"""Joints of an SDF as they are written: their links, axes, and what acts in them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+from ..model.errors import nearest
+from ..model.positions import shortened
+from .robot import WORLD, Coupling, Effect
+from .robot_reader import RobotReader
+from .sdf_frames import Frames
+from .sdf_scopes import Item, Scope
+from .xml_reading import Element
+from .xml_values import place_of
+
+TYPES: Final = {
+    "revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "ball": "spherical", "universal": "universal",
+    "fixed": "fixed", "screw": "screw",
+}  # fmt: skip
+GEARBOX: Final = "gearbox"
+_JOINT: Final = {
+    "pose", "parent", "child", "axis", "axis2", "thread_pitch", "screw_thread_pitch", "gearbox_ratio", "gearbox_reference_body",
+    "drake:rotor_inertia", "drake:gear_ratio", "drake:mimic",
+}  # fmt: skip
+_MEANT: Final = {
+    "limit": ("of position, speed and force", Effect.STOPS), "physics": ("settings of a simulator", Effect.NONE),
+    "sensor": ("sensors", Effect.NONE), "drake:controller_gains": ("controllers", Effect.DRIVEN),
+    "initial_position": ("the model begins at 0", Effect.NONE),
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class SdfJoint:
+    """A joint as read.
+
+    Attributes
+    ----------
+    name : str
+        With the models that it is in.
+    scope : Scope
+        Of its name.
+    item : Item
+    path : str
+        Of the scope, in what is read: ``arm::``, or nothing.
+    type : str
+        A type of the model format, or ``gearbox``.
+    parent, child : str
+        Links, by their full names, or `WORLD`.
+    axes : tuple of Element
+    pitch, damping, stiffness, rest, armature : float
+    cut : str
+        Of a joint of the world: what names begin with there, and not in the robot.
+    """
+
+    name: str
+    scope: Scope
+    item: Item
+    path: str
+    type: str
+    parent: str
+    child: str
+    axes: tuple[Element, ...] = ()
+    pitch: float = 0.0
+    damping: float = 0.0
+    stiffness: float = 0.0
+    rest: float = 0.0
+    armature: float = 0.0
+    cut: str = ""
+
+    @property
+    def element(self) -> Element:
+        """Where it stands."""
+        return self.item.element
+
+
+class JointReader:
+    """Reads joints.
+
+    Parameters
+    ----------
+    reader : RobotReader
+    frames : Frames
+    """
+
+    def __init__(self, reader: RobotReader, frames: Frames) -> None:
+        self.reader = reader
+        self.frames = frames
+
+    def read(self, scope: Scope, item: Item, path: str) -> SdfJoint | None:
+        """The joint of an item; None after a problem."""
+        reader, element = self.reader, item.element
+        for child in element.children:
+            if child.tag not in _JOINT:
+                self.leave_out(child)
+        known, type_ = [*TYPES, GEARBOX], reader.name(element, "type")
+        what = f"joint {shortened(item.name)}"
+        if type_ is not None and type_ not in known:
+            reader.wrong(element, f"{what} is {shortened(type_)}; {', '.join(known)} are joints{nearest(type_, known)}")
+        ends = self.ends(scope, item, path, what)
+        if len(ends) < 2 or type_ not in known:
+            return None
+        first, last = ends
+        if first == last:
+            reader.wrong(element, f"{what} joins link {shortened(first or 'world')} to itself; two links are needed")
+            return None
+        if type_ == GEARBOX:
+            return SdfJoint(path + item.name, scope, item, path, GEARBOX, first, last)
+        axes = self.axes(element, type_, what)
+        damping, stiffness, rest = self.dynamics(axes)
+        pitch = self.pitch(element) if type_ == "screw" else 0.0
+        joint = SdfJoint(
+            path + item.name,
+            scope,
+            item,
+            path,
+            TYPES[type_],
+            first,
+            last,
+            axes,
+            pitch,
+            damping,
+            stiffness,
+            rest,
+            self.rotor(element),
+        )
+        self.mimic(joint)
+        return joint
+
+    def leave_out(self, element: Element) -> None:
+        what, effect = _MEANT.get(element.tag, ("", Effect.UNKNOWN))
+        self.reader.robot.leave_out(f"<{element.tag}>", place_of(element), effect, what)
+
+    def ends(self, scope: Scope, item: Item, path: str, what: str) -> list[str]:
+        """The links of <parent> and <child>, of which frames may be named; fewer than two after a problem."""
+        ends = []
+        for tag in ("parent", "child"):
+            end = self.reader.one(item.element, tag)
+            if end is None:
+                self.reader.wrong(item.element, f"{what} has no {tag}; <{tag}>LINK</{tag}> is needed")
+                continue
+            link = self.frames.link(scope, item.home, end.text.strip(), end)
+            if link is not None:
+                ends.append(path + link if link != WORLD else WORLD)
+        return ends
+
+    def axes(self, element: Element, type_: str, what: str) -> tuple[Element, ...]:
+        """The axes that a type of joint has."""
+        reader = self.reader
+        tags = {"universal": ("axis", "axis2"), "ball": (), "fixed": ()}.get(type_, ("axis",))
+        for tag in ("axis", "axis2"):
+            if tag not in tags and (more := element.first(tag)) is not None:
+                reader.robot.leave_out(f"<{tag}> of a {type_} joint", place_of(more), Effect.NONE)
+        found = [reader.one(element, tag) for tag in tags]
+        for axis in found:
+            if axis is None:
+                needed = "<axis><xyz>0 0 1</xyz></axis>" + (" and <axis2>" if type_ == "universal" else "")
+                reader.wrong(element, f"{what}, {type_}, has not all its axes; {needed} is needed")
+                continue
+            for child in axis.children:
+                if child.tag not in ("xyz", "use_parent_model_frame", "dynamics", "mimic"):
+                    self.leave_out(child)
+            if not any(reader.content(axis.first("xyz"), 3, (0, 0, 1))):
+                reader.wrong(axis, "the axis is 0 0 0, which is no direction; such as <xyz>0 0 1</xyz> is needed")
+        return tuple(axis for axis in found if axis is not None)
+
+    def pitch(self, element: Element) -> float:
+        """The pitch of a screw: ``screw_thread_pitch`` is in metres a turn, ``thread_pitch`` in radians a metre, negative."""
+        pitch, old = element.first("screw_thread_pitch"), element.first("thread_pitch")
+        if pitch is not None or old is None:
+            return self.reader.content(pitch, 1, (1.0,))[0] / (2 * math.pi)
+        value = self.reader.content(old, 1, (0,))[0]
+        if value == 0:
+            self.reader.wrong(old, "thread_pitch is 0; a number of radians a metre is needed")
+        return -1.0 / value if value else 0.0
+
+    def dynamics(self, axes: tuple[Element, ...]) -> tuple[float, float, float]:
+        """Damping, stiffness and rest position."""
+        found = []
+        for axis in axes:
+            values, element = {}, axis.first("dynamics")
+            for child in element.children if element is not None else ():
+                if child.tag in ("damping", "friction", "spring_reference", "spring_stiffness"):
+                    values[child.tag] = self.reader.content(child, 1, (0,))[0]
+                else:
+                    self.leave_out(child)
+            if values.get("friction") and element is not None:
+                where, what = place_of(element), "dry friction of joints"
+                self.reader.robot.leave_out("<friction> of <dynamics>", where, Effect.DIFFERS, what)
+            stiffness = values.get("spring_stiffness", 0.0)
+            found.append(
+                (values.get("damping", 0.0), stiffness, values.get("spring_reference", 0.0) if stiffness else 0.0)
+            )
+        if len(set(found)) > 1:
+            what = "<dynamics> that differ along the axes of a universal joint"
+            self.reader.robot.leave_out(what, place_of(axes[0]), Effect.DIFFERS)
+            return 0.0, 0.0, 0.0
+        return found[0] if found else (0.0, 0.0, 0.0)
+
+    def rotor(self, element: Element) -> float:
+        """The reflected inertia of a rotor, of Drake's elements."""
+        inertia, ratio = (element.first(f"drake:{word}") for word in ("rotor_inertia", "gear_ratio"))
+        if inertia is None:
+            return 0.0
+        n = self.reader.content(ratio, 1, (1.0,))[0]
+        value = self.reader.content(inertia, 1, (0.0,))[0]
+        if value < 0:
+            self.reader.wrong(inertia, f"the inertia of a rotor is {value:g}; at least 0 is needed")
+        return value * n * n
+
+    def mimic(self, joint: SdfJoint) -> None:
+        """A joint that follows another: q = multiplier (q_other - reference) + offset."""
+        reader = self.reader
+        for axis in joint.axes:
+            element = axis.first("mimic")
+            if element is None:
+                continue
+            other = reader.name(element, "joint")
+            numbers = [
+                reader.content(element.first(tag), 1, (default,))[0]
+                for tag, default in (("multiplier", 1.0), ("offset", 0.0), ("reference", 0.0))
+            ]
+            ratio, offset, reference = numbers
+            second = element.attributes.get("axis", "axis").strip() == "axis2"
+            unreadable = "follows the second axis of another joint" if second or axis is not joint.axes[0] else ""
+            self.follow(
+                joint, element, other, ratio, offset - ratio * reference if ratio * reference else offset, unreadable
+            )
+        drakes = joint.element.first("drake:mimic")
+        if drakes is not None:
+            other = reader.name(drakes, "joint")
+            ratio, offset = reader.number(drakes, "multiplier", 1.0), reader.number(drakes, "offset")
+            self.follow(joint, drakes, other, ratio, offset, "")
+
+    def follow(
+        self, joint: SdfJoint, element: Element, other: str | None, ratio: float, offset: float, unreadable: str
+    ) -> None:
+        if other is not None:
+            place, name = place_of(element), joint.name
+            self.reader.robot.couplings.append(
+                Coupling(name, place, name, joint.path + other, ratio, offset, unreadable)
+            )

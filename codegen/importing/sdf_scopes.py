@@ -1,0 +1,283 @@
+"""Worlds and models of an SDF as scopes of names, with what they include read and put in its place.
+
+A scope is a world or a model. Names in it are those of its links, joints, frames and models; ``a::b`` is b in the model a.
+What ``merge="true"`` includes has names in the including model, and poses relative to its own frame.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+from ..model import ModelError
+from ..model.errors import Problem
+from ..model.positions import shortened
+from .files import Files
+from .xml_reading import Element, parse_xml, read_robot_file
+from .xml_values import is_true, place_of, version_of
+
+MAX_SCOPES: Final = 1000
+NAMED: Final = ("link", "joint", "frame")
+_INCLUDE: Final = {"uri", "name", "pose", "static", "placement_frame", "plugin", "merge"}
+
+
+@dataclass(slots=True, eq=False)
+class Scope:
+    """A world or a model.
+
+    Attributes
+    ----------
+    name : str
+    element : Element
+    version : tuple of int
+        Of the file in which it stands.
+    parent : Scope or None
+        In which its name is; None for a world, or a model beside none.
+    home : Scope or None
+        Whose frame its pose is relative to: the parent, or what was merged into it.
+    pose : Element or None
+    placement_frame : str
+        The frame of the model that stands where the pose says.
+    static : bool
+    is_merged : bool
+        Its names are those of the parent.
+    items : dict of str to Item
+        Links, joints and frames by name.
+    models : dict of str to Scope
+    """
+
+    name: str
+    element: Element
+    version: tuple[int, int]
+    parent: Scope | None = None
+    home: Scope | None = None
+    pose: Element | None = None
+    placement_frame: str = ""
+    static: bool = False
+    is_merged: bool = False
+    items: dict[str, Item] = field(default_factory=dict)
+    models: dict[str, Scope] = field(default_factory=dict)
+
+    @property
+    def is_world(self) -> bool:
+        """Whether it is a world, or what stands in the place of one."""
+        return self.element.tag != "model"
+
+    def known(self) -> list[str]:
+        """Names that mean a frame here."""
+        return [*([] if self.is_world else ["__model__"]), *self.items, *self.models]
+
+    def all(self) -> Iterator[tuple[str, Scope]]:
+        """This scope and those within, with what stands before their names here."""
+        yield "", self
+        for name, model in self.models.items():
+            for prefix, scope in model.all():
+                yield f"{name}::{prefix}", scope
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Item:
+    """A link, a joint or a frame.
+
+    Attributes
+    ----------
+    name : str
+    element : Element
+    home : Scope
+        In whose axes its pose is where it says nothing else: the scope of its name, or what was merged into that.
+    """
+
+    name: str
+    element: Element
+    home: Scope
+
+
+class Scopes:
+    """Makes scopes of elements, and reads what they include.
+
+    Parameters
+    ----------
+    files : Files
+    wrong : callable
+        Takes an element and what is wrong with it.
+    problems : list of Problem
+        Takes what is wrong with other files.
+    left : callable
+        Takes an element that is left out.
+    """
+
+    def __init__(
+        self,
+        files: Files,
+        wrong: Callable[[Element, str], None],
+        problems: list[Problem],
+        left: Callable[[Element], None],
+    ) -> None:
+        self.files = files
+        self.wrong = wrong
+        self.problems = problems
+        self.left = left
+        self.count = 0
+        self.read: dict[str, Element] = {}
+
+    def world(self, element: Element, version: tuple[int, int]) -> Scope:
+        """The scope of a world, or of a file without one."""
+        scope = Scope(element.attributes.get("name", "").strip(), element, version)
+        self.fill(scope, scope, element, ())
+        return scope
+
+    def fill(self, names: Scope, home: Scope, element: Element, chain: tuple[str, ...]) -> None:
+        """Give a scope what stands in an element.
+
+        Parameters
+        ----------
+        names : Scope
+            Takes the names.
+        home : Scope
+            The same, or what is merged into it.
+        element : Element
+        chain : tuple of str
+            Files that include each other on the way here.
+        """
+        for child in element.children:
+            if child.tag == "model":
+                self.model(names, home, child, home.version, chain)
+            elif child.tag == "include":
+                self.include(names, home, child, chain)
+            elif child.tag in NAMED:
+                name = self.new_name(child, names)
+                if name is not None:
+                    names.items[name] = Item(name, child, home)
+
+    def new_name(self, element: Element, scope: Scope, given: str | None = None) -> str | None:
+        """A name that the scope has not yet; None after a problem."""
+        name = (given if given is not None else element.attributes.get("name", "")).strip()
+        if not name:
+            self.wrong(element, f'<{element.tag}> has no name; name="..." is needed')
+            return None
+        if "::" in name or name == "world" or re.fullmatch("__.*__", name):
+            self.wrong(element, f"name {shortened(name)} means something else in SDF; choose a name without :: and __")
+            return None
+        other = scope.items.get(name) or scope.models.get(name)
+        if other is not None:
+            where = place_of(other.element)
+            line = f"in line {where.line}" + (f" of {where.file}" if where.file != element.file else "")
+            self.wrong(element, f"name {shortened(name)} is there already {line}; every name in a model stands once")
+            return None
+        return name
+
+    def model(
+        self, names: Scope, home: Scope, element: Element, version: tuple[int, int], chain: tuple[str, ...],
+        include: Element | None = None,
+    ) -> None:  # fmt: skip
+        """A model, in a file or included; what the <include> says goes before what the model says."""
+        self.count += 1
+        if self.count > MAX_SCOPES:
+            place = place_of(include or element)
+            raise ModelError([place.problem(f"more than {MAX_SCOPES} models; worlds have fewer: read a part of it")])
+
+        def said(tag: str) -> Element | None:
+            own = include.first(tag) if include is not None else None
+            return own if own is not None else element.first(tag)
+
+        merged = include is not None and is_true(include.attributes.get("merge", ""))
+        given = include.first("name") if include is not None else None
+        frame = include.first("placement_frame") if include is not None else None
+        static = said("static")
+        scope = Scope(
+            "", element, version, names, home, said("pose"),
+            element.attributes.get("placement_frame", "").strip() if frame is None else frame.text.strip(),
+            static is not None and is_true(static.text), merged,
+        )  # fmt: skip
+        if frame is None and include is not None and include.first("pose") is not None:
+            scope.placement_frame = ""  # the pose of an <include> is that of the model's own frame
+        if merged:
+            self.fill(names, scope, element, chain)
+            return
+        own = element.attributes.get("name", "") if given is None else given.text
+        name = self.new_name(include or element, names, own)
+        if name is None:
+            return
+        scope.name = name
+        names.models[name] = scope
+        self.fill(scope, scope, element, chain)
+
+    def include(self, names: Scope, home: Scope, include: Element, chain: tuple[str, ...]) -> None:
+        """The model that an <include> means."""
+        for child in include.children:
+            if child.tag == "experimental:params":
+                self.wrong(
+                    child, "<experimental:params> changes what is included, which is not read; write the file flat"
+                )
+            elif child.tag not in _INCLUDE:
+                self.left(child)
+        uri = include.first("uri")
+        name = uri.text.strip() if uri is not None else ""
+        found = self.opened(name, Path(include.file).resolve().parent)
+        if isinstance(found, str):
+            self.wrong(include, f"<include> of {shortened(name)}: {found}")
+            return
+        path = str(found.resolve())
+        if path in chain:
+            self.wrong(
+                include, f"<include> of {shortened(name)}: files that include each other in a circle; leave one out"
+            )
+            return
+        try:
+            root = self.read.get(path)
+            if root is None:
+                root = self.read[path] = parse_xml(read_robot_file(found), str(found))
+        except ModelError as error:
+            self.problems += error.problems
+            return
+        if root.tag != "sdf":
+            self.wrong(include, f"<include> of {shortened(name)}, whose root is <{root.tag}>; a file of SDF is needed")
+            return
+        models = list(root.all("model"))
+        if not models:
+            kinds = [child.tag for child in root.children if child.tag in ("actor", "light")]
+            if kinds:
+                self.left(include)
+            else:
+                self.wrong(include, f"<include> of {shortened(name)}, in which there is no <model>; one is needed")
+            return
+        if len(models) > 1:
+            self.wrong(
+                include, f"<include> of {shortened(name)}, in which there are {len(models)} models; one is needed"
+            )
+            return
+        self.model(names, home, models[0], version_of(root.attributes.get("version", "1.0")), (*chain, path), include)
+
+    def opened(self, name: str, folder: Path) -> Path | str:
+        """The file of a URI, or what is wrong."""
+        path = self.files.find(name, folder)
+        if path is None:
+            return self.files.missing(name, folder) or "file not found"
+        forbidden = self.files.forbidden(path)
+        if forbidden is not None:
+            return forbidden
+        if path.is_dir():
+            inner = self.of_folder(path)
+            if inner is None:
+                return "no .sdf in that folder"
+            path = inner
+            forbidden = self.files.forbidden(path)
+        return path if forbidden is None else forbidden
+
+    def of_folder(self, folder: Path) -> Path | None:
+        """The file of a folder of a model: that of the newest version in model.config, else model.sdf or another one."""
+        config = folder / "model.config"
+        if config.is_file() and self.files.forbidden(config) is None:
+            try:
+                root = parse_xml(read_robot_file(config), str(config))
+            except ModelError:
+                root = None
+            listed = list(root.all("sdf")) if root is not None else []
+            for element in sorted(listed, key=lambda e: version_of(e.attributes.get("version", "1.0")), reverse=True):
+                path = folder / element.text.strip()
+                if element.text.strip() and path.is_file():
+                    return path
+        return next((p for p in (folder / "model.sdf", *sorted(folder.glob("*.sdf"))) if p.exists()), None)

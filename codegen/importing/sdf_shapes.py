@@ -1,0 +1,119 @@
+"""Shapes of an SDF, and the mass properties that ``<inertial auto="true">`` means by them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Final
+
+from ..model.positions import shortened
+from .placement import Placement
+from .robot import Inertia, Place, Solid
+from .robot_reader import RobotReader
+from .sdf_frames import Frames
+from .sdf_scopes import Item, Scope
+from .solids import of_density
+from .xml_reading import Element
+from .xml_values import place_of, shown_effect
+
+_WATER: Final = 1000.0
+"""The density that SDF takes where none is said, kg/m^3."""
+
+
+class ShapeReader:
+    """Reads <visual> and <collision>.
+
+    Parameters
+    ----------
+    reader : RobotReader
+    frames : Frames
+    """
+
+    def __init__(self, reader: RobotReader, frames: Frames) -> None:
+        self.reader = reader
+        self.frames = frames
+
+    def solid(self, scope: Scope, item: Item, element: Element) -> Solid | None:
+        """The primitive of an element, in the frame of its link; what is none is listed."""
+        reader = self.reader
+        effect = shown_effect(element)
+        for child in element.children:
+            if child.tag not in ("pose", "geometry", "density", "auto_inertia_params"):
+                reader.leave_out(child)
+        geometry = reader.one(element, "geometry")
+        if geometry is None:
+            return None
+        frame = self.frame(scope, item, reader.one(element, "pose"))
+        for child in geometry.children:
+            where = place_of(child)
+            if child.tag in _SIZES:
+                reader.robot.leave_out(f"<{element.tag}> of a {child.tag}", where, effect)
+                return Solid(child.tag, _SIZES[child.tag](reader, child), frame)
+            if child.tag == "mesh":
+                self.mesh(child, where, element)
+            else:
+                reader.robot.leave_out(f"<{element.tag}> of a {child.tag}", where, effect)
+        return None
+
+    def mesh(self, element: Element, where: Place, shown: Element) -> None:
+        uri = element.first("uri")
+        missing = self.reader.files.missing(uri.text.strip() if uri is not None else "")
+        what = "<mesh>" if missing is None else f"<mesh>, {missing}"
+        self.reader.robot.leave_out(what, where, shown_effect(shown))
+
+    def frame(self, scope: Scope, item: Item, pose: Element | None) -> Placement:
+        """A pose in the frame of a link; only one with ``relative_to`` is in another."""
+        own = self.frames.pose(pose)
+        if pose is None or not pose.attributes.get("relative_to", "").strip():
+            return own
+        link = self.frames.named(scope, item.name, item.element)
+        return link.inverse() @ self.frames.relative_to(scope, item.home, pose, item.element) @ own
+
+    def of_collisions(self, inertial: Element, collisions: Sequence[tuple[Element, Solid | None]]) -> Inertia:
+        """The mass properties of all collisions of a link by their densities."""
+        reader, total = self.reader, Inertia()
+        wanted = "write <mass> and <inertia>, without auto"
+        if not collisions:
+            reader.wrong(inertial, f'<inertial auto="true"> of a link without <collision>; {wanted}')
+        whole = self.density(inertial, _WATER)
+        for element, solid in collisions:
+            if solid is None:
+                geometry = element.first("geometry")
+                kinds = [child.tag for child in geometry.children] if geometry is not None else []
+                kind = shortened(kinds[0]) if kinds else "no geometry"
+                message = f'<inertial auto="true"> in line {inertial.line} with a collision of {kind}'
+                reader.wrong(element, f"{message}; {', '.join(_SIZES)} are read: {wanted}")
+            elif min(solid.sizes) > 0:
+                total = total + of_density(solid, self.density(element, whole))
+            else:
+                reader.wrong(element, "a size of the geometry is not above zero; its mass is needed here")
+        mass = inertial.first("mass")
+        if mass is None or total.mass <= 0:
+            return total
+        given = reader.content(mass, 1, (total.mass,))[0]
+        if given <= 0:
+            reader.wrong(mass, f"the mass is {given:g}; more than 0 kg is needed")
+            return total
+        return Inertia(given, total.com, total.matrix * (given / total.mass))
+
+    def density(self, element: Element, otherwise: float) -> float:
+        """The density in an element, kg/m^3."""
+        found = element.first("density")
+        value = self.reader.content(found, 1, (otherwise,))[0]
+        if value <= 0 and found is not None:
+            self.reader.wrong(found, f"the density is {value:g}; more than 0 kg/m^3 is needed")
+            return otherwise
+        return value
+
+
+def _texts(*tags: str) -> Callable[[RobotReader, Element], tuple[float, ...]]:
+    return lambda reader, element: tuple(reader.content(element.first(tag), 1, (1.0,))[0] for tag in tags)
+
+
+_SIZES: Final[dict[str, Callable[[RobotReader, Element], tuple[float, ...]]]] = {
+    "box": lambda reader, element: reader.content(element.first("size"), 3, (1, 1, 1)),
+    "cylinder": _texts("radius", "length"),
+    "capsule": _texts("radius", "length"),
+    "sphere": _texts("radius"),
+    "cone": _texts("radius", "length"),
+    "ellipsoid": lambda reader, element: reader.content(element.first("radii"), 3, (1, 1, 1)),
+}
