@@ -639,6 +639,8 @@ class CWriter(Writer):
             at += -(-count * (8 if lanes else 1) // 8) * 8
         kept = {name: lanes for name, lanes, _ in regions}
         self.workspace = at + 8
+        columns = {r[0] for r in self.columns.regions(len(layout.column), len(self.system.links))}
+        self.memory_of_sweeps = sum(n * (8 if lanes else 1) for name, lanes, n in of_sweeps if name not in columns)
         types = {name: self._type(name, lanes) for name, lanes in kept.items()}
         fields, lane_fields = memory.declarations({n: t for n, t in types.items() if not kept[n]},
                                                   {n: t for n, t in types.items() if kept[n]})  # fmt: skip

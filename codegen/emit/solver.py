@@ -176,6 +176,7 @@ def write_solver(
             "functions": [p.name for p in over],
             "arrays": [name for names in arrays_of(over) for name in names],
             "workspace": context["states_workspace"],
+            "swept": writer.memory_of_sweeps,
         }
     files[f"{model.name}_calls.c"] = write_calls(made, {n: a.size for n, a in arrays(system).items()})
     if has_motion(made["functions"]):

@@ -311,3 +311,22 @@ def test_who_asks_for_neither_gets_no_functions_over_states(tmp_path):
     codegen.generate(codegen.parse_model(ROPE), tmp_path / "rope", functions=["energies"], compile=False)
     assert not (tmp_path / "rope" / "rope_states.c").exists()
     assert "_states" not in (tmp_path / "rope" / "rope.h").read_text()
+
+
+def test_large_models_are_worked_on_state_by_state(package, at_once, monkeypatch):
+    """Where lanes would need much memory, or leave the caches: the same numbers, and nothing is compiled for them."""
+    folder, model = package
+    monkeypatch.setattr(batches, "MOST_SWEPT", 0)
+    solver = load(folder)
+    state, seeds = draw(solver, model, 16)
+    together = solver.sensitivities(*state, **seeds)
+    assert "states" not in solver._target.batches._libraries
+    solver.accelerations(*state)
+    assert solver._target.batches._libraries["states"]
+    monkeypatch.setattr(batches, "MOST_IN_LANES", 0)
+    one = load(folder)
+    one.accelerations(*state)
+    assert "states" not in one._target.batches._libraries
+    monkeypatch.undo()
+    monkeypatch.setattr(batches, "WORTH_COMPILING", 0)
+    same(together, load(folder).sensitivities(*state, **seeds))

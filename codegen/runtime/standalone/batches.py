@@ -39,6 +39,13 @@ WORTH_A_THREAD = 64
 EVEN = 8
 """Parts of a batch are multiples of as many states as vectors hold at most."""
 
+MOST_SWEPT = 48_000
+"""Doubles that sweeps along directions go over for one state, up to which several states at once are faster: with more they
+are beyond the caches of a core, where those of one state still are within."""
+
+MOST_IN_LANES = 8_000_000
+"""Doubles of memory of several states at once; with more they gain nothing over one after the other."""
+
 Failed = dict[int, int]
 """Numbers of states of a batch, and what was singular there, as the C says it."""
 
@@ -160,6 +167,8 @@ class Batches:
     def takes(self, f: Function, count: int, k: int = 0) -> bool:
         """Whether to work on several states of so many at once; what that needs is compiled when it has become worth it."""
         if f.name not in self._over_states.get("functions", ()) or count < EVEN:
+            return False
+        if self._over_states["workspace"] > MOST_IN_LANES or (f.seeds and self._over_states["swept"] > MOST_SWEPT):
             return False
         self._seen += count * (1 + k)
         return ("states" in self._libraries or self._seen >= WORTH_COMPILING) and self._opened() is not False
