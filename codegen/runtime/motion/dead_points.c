@@ -70,6 +70,9 @@ int ordernm_undetermined(ordernm_motion *m)
 
 /* ---- Steps over dead points. ---- */
 
+/* The place that stands for a dead point near which a step comes too near. */
+static const double HALF = 0.5;
+
 enum { PARTS = 8, LEVELS = RANKS_BETWEEN/(PARTS - 1) };
 
 /* Two ends of an interval may have this many times what inverse conditions are seen to change by in it. */
@@ -153,6 +156,55 @@ static double growth(ordernm_motion *m, double h, double part)
     return largest;
 }
 
+/* Inverse conditions in a step: the least and the largest that stages have, of the loop whose least is smallest, and where. */
+typedef struct {
+    double least, largest, at_least, at_largest;
+} spread;
+
+static spread spread_of(const ordernm_motion *m, int n, const double *t, const double *const *rank)
+{
+    spread worst = {INFINITY, 0.0, 0.0, 0.0};
+    for (int loop = 0; loop < m->system->nloops; ++loop) {
+        spread found = {INFINITY, 0.0, 0.0, 0.0};
+        for (int k = 0; k < n; ++k) {
+            const double here = rank[k][loop];
+            if (here < found.least) found.least = here, found.at_least = t[k];
+            if (here > found.largest) found.largest = here, found.at_largest = t[k];
+        }
+        if (found.least < worst.least) worst = found;
+    }
+    return worst;
+}
+
+/* Inverse conditions that change by more than this in a step: it is too long for a dead point that it comes near to. */
+static const double LEAST_LEFT = 0.5;
+
+/* Conditions from which on a dead point matters to steps of constant size, whose errors nobody sees; and from which on one does that
+ * no step may come nearer to: of constant ones, and of others where the motion turns before it and may have been meant to pass. */
+static const double COARSE = 10.0, TOO_NEAR = 100.0;
+
+/* Of steps of constant size: what inverse condition and growth were where the condition has become larger than COARSE. */
+static void note_calm(ordernm_motion *m, double h, const double *rank)
+{
+    double least = INFINITY;
+    for (int i = 0; i < m->system->nloops; ++i) least = fmin(least, rank[i]);
+    if (least*COARSE >= 1.0) m->calm_rank = 0.0;
+    else if (m->calm_rank == 0.0) m->calm_rank = least, m->calm_growth = growth(m, h, 0.0);
+}
+
+/* Whether a step comes so near to a dead point that it says nothing of what is behind. Dependent speeds grow there as the condition
+ * does; near a flattened linkage they do not. */
+static int comes_too_near(ordernm_motion *m, double h, const spread *of)
+{
+    const int too_near = of->least*TOO_NEAR < 1.0;
+    if (m->adaptive && !too_near) return 0;
+    double rank = of->largest, far = 0.0;
+    if (m->calm_rank > rank) rank = m->calm_rank, far = m->calm_growth;
+    if (!(of->least < LEAST_LEFT*(too_near ? rank : of->largest))) return 0;
+    if (far == 0.0) far = growth(m, h, of->at_largest);
+    return !(growth(m, h, of->at_least) < far*sqrt(rank/of->least));
+}
+
 /* Where a loop itself loses rank, as in a flattened linkage, dependents follow all the same, and the motion passes. */
 static int is_dead(ordernm_motion *m, double h, double part)
 {
@@ -183,7 +235,11 @@ double ordernm_dead_point_within(ordernm_motion *m, double h)
     }
     n = other + 1;
     int k = suspicious(m, n, time, rank, 0);
-    if (k >= n - 1) return 0.0;
+    const spread seen = spread_of(m, n, time, rank);
+    const int coarse = !m->adaptive && seen.least*COARSE < 1.0;
+    if (!coarse) m->calm_rank = 0.0;
+    if (k >= n - 1 && !coarse) return 0.0;
+    const int turns = k < n - 1;
     if (!m->complete) {
         if (method->complete(m, h)) return 0.0;
         m->complete = 1;
@@ -192,10 +248,12 @@ double ordernm_dead_point_within(ordernm_motion *m, double h)
     const double poor = m->poor, poor_rates = m->poor_rates, condition = m->results->condition, here = m->results->condition_here;
     double found = 0.0;
     m->poor = m->poor_rates = INFINITY;
+    if (!m->adaptive) note_calm(m, h, rank[0]);
     for (; k < n - 1 && found == 0.0; k = suspicious(m, n, time, rank, k + 1)) {
         const double part = lost_between(m, h, time[k], time[k + 1], rank[k], rank[k + 1], 0);
         if (part < INFINITY && is_dead(m, h, part)) found = part;
     }
+    if (found == 0.0 && (coarse || turns) && comes_too_near(m, h, &seen)) found = HALF;
     m->poor = poor, m->poor_rates = poor_rates;
     m->results->condition = condition, m->results->condition_here = here;
     return found;

@@ -128,6 +128,7 @@ struct ordernm_motion {
     double conditions[MOST_STAGES]; /* of the stages of a step, and at its end */
     double *ranks;            /* [MOST_STAGES][nloops] the same of each loop: inverse conditions */
     double *ranks_between;    /* as above, at places between them */
+    double calm_rank, calm_growth; /* inverse condition, and growth of dependent speeds, at the beginning of an approach; see dead_points.c */
     double shorter;           /* the next step's size, where it is to end before a dead point; else 0 */
     int refused;              /* how often a step has been made again because of a dead point */
     double hopeless;          /* condition from which on results are those beside the pose */

@@ -30,6 +30,9 @@ ROWS = 256
 POOR = 30.0
 """Condition of loops from which on other independent coordinates are looked at."""
 
+POOR_OF_CONSTANT_STEPS = 10.0
+"""The same of steps of constant size, which do not become smaller there."""
+
 BETTER = 4.0
 """They are taken if their condition is less by this factor."""
 
@@ -60,7 +63,8 @@ class MotionRun(States, Partitions):
         several = len(partitions_of(self._manifest)) > 1
         run = Run(np.empty((0, 0)), "", {})
         rows: list[Array] = []
-        left = replace(problem, poor=POOR) if several else problem
+        constant = problem.fixed or problem.method == "rk4"
+        left = replace(problem, poor=POOR_OF_CONSTANT_STEPS if constant else POOR) if several else problem
         before: Array | None = None
         tried: set[int] = set()
         while True:

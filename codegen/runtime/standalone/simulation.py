@@ -360,9 +360,11 @@ class Simulation(MotionRun):
                     f"there, jump, or be known less exactly than rtol and atol ask for"
                 )
             case "undetermined":
+                constant = problem.fixed or problem.method == "rk4"
+                allowing = "steps of this size" if constant else "rounding, rtol and atol"
                 return (
-                    f"the motion ends {at}: there, or just behind, small errors of the independent speeds, as rounding, rtol "
-                    f"and atol allow, become large ones of dependent speeds"
+                    f"the motion ends {at}: there, or just behind, small errors of the independent speeds, as {allowing} "
+                    f"allow, become large ones of dependent speeds"
                 )
             case "not finite":
                 return f"the motion ends {at}: the time derivative of {entry} is not finite"
