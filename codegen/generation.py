@@ -292,7 +292,7 @@ def check_solver(model: Model, report: Report) -> None:
     import numpy as np
 
     from .reference import RecursiveEngine
-    from .runtime import AssemblyError, SingularLoopError, load
+    from .runtime import AssemblyError, SingularJointError, load
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # a missing compiler has been told
@@ -308,7 +308,7 @@ def check_solver(model: Model, report: Report) -> None:
     unchecked = "warning: not checked against the generic engine: "
     try:
         q0, u0 = solver.initial
-    except SingularLoopError as singular:
+    except (AssemblyError, SingularJointError) as singular:  # of a loop; of a joint, a loop or a force
         report.remarks.append(f"{unchecked}at the initial configuration {singular}")
         return
     errors = {"udot": 0.0} | ({"dudot": 0.0} if derivatives else {})
@@ -321,7 +321,7 @@ def check_solver(model: Model, report: Report) -> None:
         if model.loops:
             try:
                 q, u = solver.assemble(q, u, None, inputs, t)
-            except (AssemblyError, SingularLoopError) as open_loop:
+            except (AssemblyError, SingularJointError) as open_loop:
                 why = f"none of them can be assembled, the last because {open_loop}"
                 continue
         sizes = {"dq": solver.nq, "du": solver.nu, "dp": solver.np, "dinputs": solver.ninputs}
@@ -333,8 +333,8 @@ def check_solver(model: Model, report: Report) -> None:
             try:
                 state = (q, u, None, inputs, t)
                 given = solver.sensitivities(*state, **seeds) if derivatives else (solver.accelerations(*state),)
-            except SingularLoopError as singular:
-                why = f"loops lose rank, the last because {singular}"
+            except SingularJointError as singular:
+                why = f"the accelerations have no value, the last because {singular}"
                 continue
             try:
                 of_engine = engine.sensitivities(*state, **seeds) if derivatives else (engine.accelerations(*state),)

@@ -263,6 +263,9 @@ def _expanded(
         )
     except RankLossError as error:
         raise ModelError([model.problem("loops", str(error))]) from None
+    except OverflowError as error:
+        message = f"numbers of the model overflow when they are multiplied ({error}); check lengths, masses and units"
+        raise ModelError([model.problem("bodies", message)]) from None
     except ZeroPivotError as error:
         if isinstance(error.kind, RegionKind):
             what = system.regions.regions[error.kind.members[0]]

@@ -104,8 +104,10 @@ def _left(geometry: Geometry, closure: VelocityClosure, draft: Draft) -> float:
 def kept_rows(geometry: Geometry, draft: Draft, configurations: Sequence[Array]) -> list[tuple[int, int]]:
     """Conditions of an ear, loop and number among the six, that determine its dependents best at the worst configuration.
 
-    Singular configurations say nothing; where all are, all conditions are kept.
+    Singular configurations say nothing; where all are, all conditions are kept. Of an ear that makes no speed dependent none is.
     """
+    if not draft.dependent:
+        return []
     matrices = []
     for q in configurations:
         closure = Motion(geometry, q, np.zeros((1, geometry.nu, 1))).closure(draft.loops, geometry.rows)

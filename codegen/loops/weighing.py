@@ -115,7 +115,7 @@ def weighed(
             f"{name} is {worst:.1e} times as fast as the independent speeds that it follows, and as many times less exact; "
             f"other coordinates under `independent` may do better"
         )
-    uncompared = sum(len(components[n]) for n in rest)
+    uncompared = sum(len(components[n]) for n in rest if any(d.dependent for d in ears[n]))
     return Weighed(drafts, growth, worst, tuple(compared), uncompared, tuple(warnings), elsewhere if small else q[:0])
 
 

@@ -7,6 +7,7 @@ later block reads is removed, across blocks.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -388,6 +389,8 @@ def _check_pattern(patterns: Patterns, kind: UnitKind, sweep: Sweep, block: Bloc
         known = patterns.known(kind, sweep, store, name)
         if known is None and value == 0:
             continue
+        if isinstance(value, Number) and not math.isfinite(float(value)):
+            raise OverflowError(f"{name} of {sweep.name} is {value}")
         if not patterns.is_nonzero(kind, sweep, store, name) or (known is not None and value != known):
             raise AssertionError(
                 f"{sweep.name}, {kind.role} {kind.index}: {store}.{name} = {value} is not in its pattern"

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from hard import slider
 
+import codegen
 from codegen.runtime import AssemblyError
 
 ROD, PISTON = 0.1, 0.05
@@ -78,3 +80,62 @@ def test_what_cannot_be_closed_is_refused_with_the_gap(crank: Any) -> None:
         ) as caught:
             call({"rod": 0.3})
         assert caught.value.loop == "pin"
+
+
+# --- loops that make no speed dependent ---------------------------------------------------------------------------------
+
+DOOR = """
+model: door
+gravity: [0, 0, -9.81]
+bodies:
+  door: {parent: ground, joint: {type: revolute, axis: z}, mass: 20, com: [0.4, 0, 1], inertia: {zz: 1}}
+loops:
+  upper: {joint: {type: revolute, axis: z}, from: {body: door, at: [OFF, 0, 1.8]}, to: {body: ground, at: [0, 0, 1.8]}}
+initial: {u: {door: 1.0}}
+"""
+
+
+@pytest.mark.parametrize("off", [0.0, 1e-12, 1e-6, 1e-3])
+def test_a_second_hinge_asks_nothing_new(build: Callable[..., Any], off: float) -> None:
+    """Off by less than the tolerance of the model it is dropped whole; there was an IndexError."""
+    solver = build(DOOR.replace("OFF", repr(off)), target="numpy", functions=None)
+    q, u = solver.initial
+    assert solver.accelerations(q, u)[0] == 0.0
+    assert solver.condition(q)[0] == 1.0
+    found = solver.diagnose(q, u)
+    assert found.closures == () and found.all_loops is None and found.distance == 1.0
+    np.testing.assert_array_equal(solver.assemble([[0.3], [0.5]], [[1.0], [1.0]])[0], [[0.3], [0.5]])
+
+
+def test_a_second_hinge_too_far_off_is_an_error(tmp_path: Path) -> None:
+    with pytest.raises(codegen.ModelError, match=r"loop upper .* cannot be closed"):
+        codegen.generate(codegen.parse_model(DOOR.replace("OFF", "0.01")), tmp_path / "p")
+
+
+FAR = """
+model: far
+gravity: [0, 0, -9.81]
+bodies:
+  crank: {parent: ground, joint: {type: revolute, axis: -y}, mass: 1}
+  coupler: {parent: crank, joint: {type: revolute, axis: -y, at: [0.4, 0, 0]}, mass: 1, inertia: {yy: 1}}
+  rocker: {parent: coupler, joint: {type: revolute, axis: -y, at: [1.2, 0, 0]}, mass: 1, com: [FAR, 0, 0]}
+loops:
+  bearing: {joint: {type: revolute, axis: -y}, from: {body: rocker, at: [0.9, 0, 0]}, to: {body: ground, at: [1.1, 0, 0]}}
+initial: {q: {crank: 0.8, coupler: -0.4, rocker: -1.9}}
+independent: [crank]
+"""
+
+
+@pytest.mark.parametrize("far", [1e60, 1e120, 4.5e307])
+def test_a_mass_centre_as_far_as_can_be_is_no_traceback(tmp_path: Path, far: float) -> None:
+    """The engine that checks a package finds no closure then, for it moves mass centres: that is a remark."""
+    with np.errstate(all="ignore"):
+        model = codegen.parse_model(FAR.replace("FAR", repr(far)))
+        if far > 1e154:  # its square is no number
+            with pytest.raises(
+                codegen.ModelError, match=r"numbers of the model overflow .* check lengths, masses and units"
+            ):
+                codegen.generate(model, tmp_path / "p", target="numpy")
+            return
+        report = codegen.generate(model, tmp_path / "p", target="numpy", check=True)
+    assert report.errors or any("not checked against the generic engine" in x for x in report.remarks)

@@ -56,7 +56,7 @@ class Assembly:
         manifest = opened.manifest
         self.names: list[str] = manifest["closure_names"]
         self.allowed = allowed_gaps(opened)
-        self.kept = np.flatnonzero(self.allowed == 0)
+        self.kept = np.setdiff1d(np.arange(len(self.names)), manifest.get("dropped", []))
         self.newton = Newton(opened, self.kept)
         self.couplings = frozenset(manifest.get("couplings", ()))
         self.loops = [self.names[k].rpartition(".")[0] for k in self.kept]  # of each condition that counts

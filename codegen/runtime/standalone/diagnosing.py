@@ -211,6 +211,8 @@ class Diagnosing(Dynamics):
         found, all_rows, all_columns = [], list[int](), list[int]()
         for c in manifest["closures"]:
             names, columns = tuple(loops[i] for i in c["loops"]), c["dependent"]
+            if not columns:  # the second hinge of a door: it makes no speed dependent
+                continue
             rows = [i for name in names for i in of_loop[name]]
             if small:
                 # displacements in parts of the characteristic length, as linear conditions are
@@ -222,6 +224,8 @@ class Diagnosing(Dynamics):
             found.append(self._condition(names, columns, E))
             all_rows += rows
             all_columns += columns
+        if not all_columns:
+            return (), None, 1.0, gap
         if not small:
             return tuple(found), None, np.nan, gap
         whole = self._condition(tuple(loops), all_columns, every[np.ix_(all_rows, all_columns)])

@@ -28,7 +28,9 @@ class Loops(States):
             return q_new
         assembly = self._assembly
         p = placing(arrays, batch, self._opened.manifest)
-        gaps = np.abs(assembly.newton.gaps(q_new, p if self.prescribed_names else arrays["p"])).max(axis=-1)
+        gaps = np.abs(assembly.newton.gaps(q_new, p if self.prescribed_names else arrays["p"])).max(
+            axis=-1, initial=0.0
+        )
         if (gaps <= ROUNDING).all():
             return q_new
         open_ones = np.nonzero(np.atleast_1d(~(gaps <= ROUNDING)))
