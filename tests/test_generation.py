@@ -116,7 +116,7 @@ def test_the_run_time_is_copied_as_it_is(written):
     assert {n for n in listed if n.startswith("_runtime/")} == {f"_runtime/{n}.py" for n in carried(written)}
 
 
-OF_LOOPS = {"loops", "loop_forces", "assembly", "closing_together", "newton"}
+OF_LOOPS = {"loops", "loop_forces", "assembly", "following", "newton", "starting"}
 OF_MOTIONS = {"trajectory", "trajectory_files", "trajectory_html", "trajectory_plot", "trajectory_table", "whole_file"}
 LATE = OF_MOTIONS - {"trajectory"}
 """Imported by functions that use them."""

@@ -1,17 +1,22 @@
-"""Assembly: the loops of one state closed from a guess; where that does not lead there, from others."""
+"""Assembly: loops closed from guesses, on the branch that the guess belongs to.
+
+A guess beside a closed state is closed by Newton's method at once. Any other one is a closed state of which something has
+been changed: the independent coordinates, the parameters, or the time. That state is found and followed to what the guess
+asks for (`following`). Where there is none, the loops close along the Newton path, or from other guesses, with a warning.
+"""
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .arrays import Array, Indices, normalise
-from .closing_together import solve_together
 from .errors import AssemblyError, SingularLoopError
-from .newton import Newton, Part
+from .following import FIRST, Followed, Follower, Line
+from .newton import CLOSED, Newton, Parts
+from .starting import Starts
 from .targets import Opened
 from .warning import warn
 
@@ -27,14 +32,20 @@ FURTHEST = 3.0
 SEVERAL = 200
 """Dependent coordinates; with more of them no other guesses are tried, they would cost too much."""
 
-CLOSED = 1e-10
-"""The largest scaled residual of a closed loop; Newton's method goes on below it as long as it gets better."""
-
 ROUNDING = 1e-14
 """A scaled residual that Newton's method would not mend: assembly leaves such a state as it is."""
 
 ALLOWED = 10.0
-"""Tolerances of the model that a dropped condition may be open by, and by which a unit of a parameter may open it, untold."""
+"""Tolerances of the model: a larger residual of a dropped condition, or change of it by a unit of a parameter, is reported."""
+
+ALIAS = 3.0
+"""rad, or characteristic lengths: independent coordinates that differ by more may be whole turns apart from a closed state."""
+
+FAR = 1.6
+"""rad, or characteristic lengths: dependent coordinates that assembly moves by more than about a quarter turn are reported."""
+
+HALF = 0.5
+"""Part of the way from one state of a path to the next that the first step takes at most."""
 
 
 def allowed_gaps(opened: Opened) -> Array:
@@ -44,148 +55,305 @@ def allowed_gaps(opened: Opened) -> Array:
     return allowed
 
 
-def _named(state: Sequence[int]) -> str:
-    """Which state of a batch, for messages."""
-    return f" (state {list(state)} of the batch)" if state else ""
-
-
 class Assembly:
     """Closes the loops of a partition."""
 
     def __init__(self, opened: Opened):
         manifest = opened.manifest
+        self.coordinates: list[str] = manifest["coordinate_names"]
         self.names: list[str] = manifest["closure_names"]
         self.allowed = allowed_gaps(opened)
         self.kept = np.setdiff1d(np.arange(len(self.names)), manifest.get("dropped", []))
         self.newton = Newton(opened, self.kept)
         self.couplings = frozenset(manifest.get("couplings", ()))
         self.loops = [self.names[k].rpartition(".")[0] for k in self.kept]  # of each condition that counts
-        independent = set(manifest.get("independent_names", manifest["coordinate_names"]))
-        self.dependent = np.array([i for i, n in enumerate(manifest["coordinate_names"]) if n not in independent], int)
-        self.all = Part(slice(None), slice(None), set(self.loops))
+        self.all_loops: list[str] = manifest["loops"]
+        independent = set(manifest.get("independent_names", self.coordinates))
+        self.dependent = np.array([i for i, n in enumerate(self.coordinates) if n not in independent], int)
+        self.follower = Follower(self.newton, self._followed_coordinates(opened, independent))
+        self.timed = bool(manifest["prescribed_names"])
+        self.starts = Starts(self.newton, self.follower, self.timed)
+        self.whole = Parts(np.zeros(len(self.kept), int), np.zeros(len(self.coordinates), int))
+        # the model's initial state is closed at the default parameters, inputs of zero and t = 0
+        package = opened.package
+        self._initial = np.array(package["initial"]["q"], float)
+        rest = [0.0] * (len(package["input_names"]) + 1) if self.timed else []
+        self._x = np.array([*package["parameters"], *rest], float)
+        self._parts: Parts | None = None
+        self.placing = (*package["parameter_names"], *((*package["input_names"], "t") if self.timed else ()))
 
-    def close(self, q: Array, p: Array, state: tuple[int, ...]) -> Array:
-        """Coordinates (nq,) of one state with its loops closed; `state` says which one of a batch it is.
+    def _followed_coordinates(self, opened: Opened, independent: set[str]) -> Indices:
+        """Independent coordinates but for those of joints that share them with dependent speeds."""
+        speeds = opened.manifest["speed_names"]
+        moved = {speeds[s] for c in opened.manifest.get("closures", ()) for s in c["dependent"]}
+        shared = {name.rpartition(".")[0] for name in moved if name not in self.coordinates}
+        return np.array(
+            [i for i, n in enumerate(self.coordinates) if n in independent and n.rpartition(".")[0] not in shared], int
+        )
+
+    # -- states --------------------------------------------------------------------------------------------------------
+
+    def _of_initial(self, q: Array) -> NDArray[np.bool_]:
+        """Which guesses (..., nq) have the dependent coordinates of the initial state."""
+        others = self.follower.others
+        found: NDArray[np.bool_] = (q[..., others] == self._initial[others]).all(axis=-1)
+        return found
+
+    def is_turned(self, q: Array, x: Array) -> NDArray[np.bool_]:
+        """Which guesses (..., nq) are the initial state with independent coordinates, or a time, whole turns away perhaps.
+
+        Even if they close the loops, they need not be what the initial state leads to.
+        """
+        found = self._of_initial(q)
+        if found.any():
+            i = self.follower.independent
+            far = (np.abs(q[..., i] - self._initial[i]) > ALIAS * self.newton.scale[i]).any(axis=-1)
+            if self.timed:
+                far |= (x[..., self.newton.np :] != self._x[self.newton.np :]).any(axis=-1)
+            found &= far
+        return found
+
+    def close(self, q: Array, x: Array, called: Sequence[tuple[int, ...]]) -> Array:
+        """Coordinates (n, nq) of n guesses with their loops closed; `called` are the places of the states in their batch.
 
         Raises
         ------
         AssemblyError, SingularLoopError
         """
-        failure: AssemblyError | SingularLoopError
-        try:
-            return self._closed(q, p, state)
-        except AssemblyError as error:
-            failure = error
-        except SingularLoopError as error:
-            failure = error
-            # no two of the numbers are the same, nor opposite: no symmetry that the guess may have is kept
-            direction = np.sin(1.0 + np.arange(len(self.dependent)))
-            for size in STEPS_OFF:
-                trial = q.copy()
-                trial[self.dependent] += size * direction
-                normalise(trial, self.newton.quaternions)
-                with contextlib.suppress(SingularLoopError, AssemblyError):
-                    return self._closed(trial, p, state)
-        found = self._from_elsewhere(q, p)
-        if found is None:
-            raise failure
-        return self._closed(found, p, state)
+        of_initial, tried = self._of_initial(q), np.logical_not(self.is_turned(q, x))
+        found, near = q.copy(), np.zeros(len(q), bool)
+        if tried.any():
+            found[tried], near[tried] = self.newton.quick(q[tried], x[tried])
+        if not near.all():
+            far = np.flatnonzero(~near)
+            names = [_named(called[int(n)]) for n in far]
+            found[far] = self._from_afar(q[far], x[far], of_initial[far], names)
+        return self._checked(found, x, called)
 
-    def close_together(self, q: Array, p: Array, states: tuple[Indices, ...], into: Array) -> NDArray[np.bool_]:
-        """Close many states (n, nq) of a batch, and put those that Newton's method closes into their places; which these are.
+    def continued(self, q: Array, x: Array, called: Sequence[Sequence[tuple[int, ...]]]) -> Array:
+        """Closed states (m, n, nq) along m paths: each is followed from the one before it, and the first from its guess."""
+        found = np.empty_like(q)
+        found[:, 0] = self.close(q[:, 0], x[:, 0], [row[0] for row in called])
+        for k in range(1, q.shape[1]):
+            line = self._line(found[:, k - 1], x[:, k - 1], q[:, k], x[:, k])
+            names = [_named(row[k]) for row in called]
+            way = self._followed(found[:, k - 1], line, q[:, k], names, HALF)
+            for n in np.flatnonzero(way.s < 1.0):
+                raise self._ended(int(n), way, line, names[n])
+            found[:, k] = self._checked(way.q, x[:, k], [row[k] for row in called])
+        return found
 
-        The others are left to `close`, which tries other guesses, and tells what is wrong.
-        """
-        found, gaps, flat = solve_together(self.newton, q, p)
-        closed: NDArray[np.bool_] = np.logical_not(flat) & (np.abs(gaps).max(axis=1, initial=0.0) <= CLOSED)
-        into[tuple(i[closed] for i in states)] = found[closed]
-        if len(self.kept) < len(self.names) and closed.any():
-            at = [i[closed] for i in states]
-            open_by = self.newton.all_gaps(found[closed], p[closed])
-            for n in np.flatnonzero(((self.allowed > 0) & (np.abs(open_by) > self.allowed)).any(axis=1)):
-                self._warn_of_gaps(open_by[n], _named([int(i[n]) for i in at]))
-        return closed
-
-    def follow(self, q: Array, p: Array) -> Array:
-        """What Newton's method makes of a guess that is near a closed state; no others are tried.
+    def follow(self, q: Array, x: Array) -> Array:
+        """The closed state (nq,) beside a guess, by Newton's method alone.
 
         Raises
         ------
         AssemblyError, SingularLoopError
         """
-        return self._closed(q, p, ())
+        found, near = self.newton.quick(q[None], x[None])
+        if not near[0]:
+            raise self._open(q, x, "")
+        return self._checked(found, x[None], [()])[0]
 
-    def _closed(self, q: Array, p: Array, state: tuple[int, ...]) -> Array:
-        """What Newton's method makes of a guess, as exact as it can be."""
-        q, gaps = self.newton.solve(q, p, [self.all], 0.0)
-        size = self.all.largest(gaps)
-        where = _named(state)
-        if not size <= CLOSED:
-            raise self.open(int(np.argmax(np.abs(gaps))), size, where)
-        if len(self.kept) < len(self.names):
-            self._warn_of_gaps(self.newton.all_gaps(q, p), where)
-        return q
+    # -- from afar -----------------------------------------------------------------------------------------------------
 
-    def open(self, condition: int, size: float, where: str) -> AssemblyError:
-        """The error for so much that is left of a condition, by its number among those that count."""
-        loop = self.loops[condition]
-        return AssemblyError(loop, size, where, loop in self.couplings)
+    def _from_afar(self, q: Array, x: Array, of_initial: NDArray[np.bool_], names: list[str]) -> Array:
+        """Guesses (n, nq) that are beside no closed state, closed."""
+        first, x_first, started, found = q.copy(), x.copy(), of_initial.copy(), q.copy()
+        first[of_initial], x_first[of_initial] = self._initial, self._x
+        if not of_initial.all():
+            n = np.flatnonzero(~of_initial)
+            first[n], x_first[n], started[n] = self.starts.find(q[n], x[n], self.parts(q[0], x[0]))
+        left, n = np.logical_not(started), np.flatnonzero(started)
+        if n.size:
+            line = self._line(first[n], x_first[n], q[n], x[n])
+            way = self._followed(first[n], line, q[n], [names[i] for i in n])
+            for k in np.flatnonzero((way.s < 1.0) & (way.rank > 0.0).all(axis=1)):
+                raise self._ended(int(k), way, line, names[n[k]])
+            found[n], left[n] = way.q, way.s < 1.0
+        for k in np.flatnonzero(left):
+            found[k] = self._along_newton_path(q[k], x[k], names[k])
+        return found
 
-    def _warn_of_gaps(self, gaps: Array, where: str) -> None:
-        """Conditions that were dropped since they follow from others nearly, and that are open by more than that."""
-        excess = np.where(self.allowed > 0, np.abs(gaps) - self.allowed, 0.0)
-        worst = int(np.argmax(excess))
-        if excess[worst] > 0:
+    def _line(self, q0: Array, x0: Array, q1: Array, x1: Array) -> Line:
+        """The lines from states to others."""
+        i = self.follower.independent
+        first, last = q0[:, i], q1[:, i].copy()
+        for k in self.newton.quaternions:  # the shorter way of two
+            of = np.flatnonzero((i >= k) & (i < k + 4))
+            last[:, of] *= np.where((first[:, of] * last[:, of]).sum(axis=1) < 0.0, -1.0, 1.0)[:, None]
+        return Line(first, last, x0, x1)
+
+    def _followed(self, first: Array, line: Line, wanted: Array, names: Sequence[str], part: float = FIRST) -> Followed:
+        """Where closed states lead along lines to others; those that have arrived are closed to rounding."""
+        way = self.follower.follow(first, line, part)
+        n, i = np.flatnonzero(way.s == 1.0), self.follower.independent
+        if n.size:
+            way.q[np.ix_(n, i)] = wanted[np.ix_(n, i)]
+            way.q[n] = self.newton.path(way.q[n], line.x1[n], self.whole)[0]
+        crossed = np.flatnonzero((way.s == 1.0) & (way.crossed >= 0))
+        if crossed.size:
+            n = crossed[0]
+            more = f", and those of {len(crossed) - 1} more" if len(crossed) > 1 else ""
             warn(
-                f"condition {self.names[worst]}, which was dropped since it follows from others but for the model's "
-                f"tolerance, is open by {abs(gaps[worst]):.2g}{where}; the loop is not what it was taken for there"
+                f"loop {self.all_loops[way.crossed[n]]} loses rank on the way to the guess{names[n]}{more}: branches meet there, "
+                f"and it was followed straight on. To choose the branch, give dependent coordinates near to those behind it"
             )
+        return way
 
-    def _from_elsewhere(self, q: Array, p: Array) -> Array | None:
-        """A closed state with the independent coordinates of a guess that leads to none; or None where none is found.
+    def _along_newton_path(self, q: Array, x: Array, name: str) -> Array:
+        """A guess (nq,) closed along the Newton path, or from guesses beside it and further off.
+
+        Raises
+        ------
+        AssemblyError, SingularLoopError
+        """
+        parts = self.parts(q, x)
+        found, gaps, flat = self.newton.path(q[None], x[None], parts)
+        if not flat[0] and parts.open_by(gaps).max() <= CLOSED:
+            self._warn_of_moves(q, found[0], name)
+            return np.asarray(found[0])
+        trials = q + (np.array(STEPS_OFF) if flat[0] else np.zeros(0))[:, None] * self._off()
+        if len(trials):
+            normalise(trials, self.newton.quaternions)
+            found, gaps, flat_there = self.newton.path(trials, np.tile(x, (len(trials), 1)), parts)
+            closed = np.flatnonzero(~flat_there & (parts.open_by(gaps).max(axis=1) <= CLOSED))
+            if closed.size:
+                return np.asarray(found[closed[0]])
+        elsewhere = self._from_elsewhere(q, x, parts)
+        if elsewhere is None:
+            raise self._open(q, x, name)
+        warn(
+            f"the guess{name} leads to no closed state; the loops were closed from other values of dependent coordinates, "
+            f"perhaps on another branch than the guess. Check the result, or begin nearer to a closed state"
+        )
+        return elsewhere
+
+    def _off(self) -> Array:
+        """A direction off a guess; no two of the numbers are the same, nor opposite: no symmetry of the guess is kept."""
+        direction = np.zeros(len(self.coordinates))
+        others = self.follower.others
+        direction[others] = np.sin(1.0 + np.arange(len(others)))
+        return direction
+
+    def _from_elsewhere(self, q: Array, x: Array, parts: Parts) -> Array | None:
+        """A closed state with the independent coordinates of a guess that leads to none; None where none is found.
 
         Loops that share no dependent coordinates are closed apart: one that does not close holds up no other.
         """
-        if len(self.dependent) > SEVERAL:
+        others = self.follower.others
+        if len(others) > SEVERAL:
             return None
         rng = np.random.default_rng(0)  # the same guess leads to the same state
-        left, closed = self._parts(q, p), q.copy()
-        for n in range(GUESSES + 1):
-            trial = closed.copy()
-            for part in left:
-                guess = q[part.coordinates]
-                trial[part.coordinates] = guess + FURTHEST * n / GUESSES * rng.uniform(-1.0, 1.0, guess.size)
-            normalise(trial, self.newton.quaternions)
-            trial, gaps = self.newton.solve(trial, p, left, CLOSED, rng)
-            done = [part for part in left if part.largest(gaps) <= CLOSED]
-            for part in done:
-                closed[part.coordinates] = trial[part.coordinates]
-            left = [part for part in left if part not in done]
-            if not left:
-                return closed
-        return None
+        trials = np.tile(q, (GUESSES + 1, 1))
+        far = FURTHEST * np.arange(GUESSES + 1)[:, None] / GUESSES
+        trials[:, others] += far * rng.uniform(-1.0, 1.0, (GUESSES + 1, len(others))) * self.newton.scale[others]
+        normalise(trials, self.newton.quaternions)
+        found, gaps, _ = self.newton.path(trials, np.tile(x, (len(trials), 1)), parts)
+        closed = parts.open_by(gaps) <= CLOSED
+        if not closed.any(axis=0).all():
+            return None
+        first = closed.argmax(axis=0)
+        together = np.where(np.isin(np.arange(len(q)), others), found[first[parts.coordinates], np.arange(len(q))], q)
+        closed_q, gaps, flat = self.newton.path(together[None], x[None], parts)
+        return None if flat[0] or parts.open_by(gaps).max() > CLOSED else np.asarray(closed_q[0])
 
-    def _parts(self, q: Array, p: Array) -> list[Part]:
-        """Loops in sets that share no dependent coordinates, as is seen from what each coordinate changes."""
-        n = len(self.dependent)
+    def parts(self, q: Array, x: Array) -> Parts:
+        """Loops in sets that share no coordinates that follow, by what each of these changes beside a state."""
+        if self._parts is None:
+            self._parts = self._found_parts(q, x)
+        return self._parts
+
+    def _found_parts(self, q: Array, x: Array) -> Parts:
+        others = self.follower.others
+        n = len(others)
         moved = np.tile(q, (n + 1, 1))
-        moved[:, self.dependent] += 0.1 * np.sin(1.0 + np.arange(n))  # off guesses that are special
-        moved[1:, self.dependent] += 0.3 * np.eye(n)
+        moved[:, others] += 0.1 * np.sin(1.0 + np.arange(n))  # off guesses that are special
+        moved[1:, others] += 0.3 * np.eye(n)
         normalise(moved, self.newton.quaternions)
-        gaps = self.newton.gaps(moved, np.tile(p, (n + 1, 1)))
+        gaps = self.newton.gaps(moved, np.tile(x, (n + 1, 1)))
         concerned = np.abs(gaps[1:] - gaps[0]) > 1e-9 * (1.0 + np.abs(gaps[0]))
-        parts: list[tuple[set[int], set[int]]] = []  # rows, and places among the dependent coordinates
+        sets: list[tuple[set[int], set[int]]] = []  # conditions, and places among the coordinates that follow
         for name in dict.fromkeys(self.loops):
             rows = {k for k, loop in enumerate(self.loops) if loop == name}
             columns = {int(i) for i in np.flatnonzero(concerned[:, sorted(rows)].any(axis=1))}
             for i in self.newton.quaternions:  # as a whole
-                whole = {k for k, c in enumerate(self.dependent) if i <= c < i + 4}
+                whole = {k for k, c in enumerate(others) if i <= c < i + 4}
                 columns |= whole if columns & whole else set()
-            for other in [part for part in parts if columns & part[1]]:
-                parts.remove(other)
+            for other in [part for part in sets if columns & part[1]]:
+                sets.remove(other)
                 rows, columns = rows | other[0], columns | other[1]
-            parts.append((rows, columns))
-        return [
-            Part(np.array(sorted(rows)), self.dependent[sorted(columns)], {self.loops[k] for k in rows})
-            for rows, columns in parts
-        ]
+            sets.append((rows, columns))
+        of_rows, of_coordinates = np.zeros(len(self.loops), int), np.zeros(len(q), int)
+        for k, (rows, columns) in enumerate(sets):
+            of_rows[sorted(rows)] = k
+            of_coordinates[others[sorted(columns)]] = k
+        return Parts(of_rows, of_coordinates)
+
+    # -- what is said --------------------------------------------------------------------------------------------------
+
+    def _checked(self, q: Array, x: Array, called: Sequence[tuple[int, ...]]) -> Array:
+        """Closed states (n, nq), where dropped conditions are looked at."""
+        if len(self.kept) < len(self.names):
+            gaps = np.abs(self.newton.all_gaps(q, x))
+            for n in np.flatnonzero(((self.allowed > 0) & (gaps > self.allowed)).any(axis=1)):
+                worst = int(np.argmax(np.where(self.allowed > 0, gaps[n] - self.allowed, 0.0)))
+                warn(
+                    f"condition {self.names[worst]}, which was dropped since it follows from others but for the model's "
+                    f"tolerance, is open by {gaps[n, worst]:.2g}{_named(called[int(n)])}; "
+                    f"the loop is not what it was taken for there"
+                )
+        return q
+
+    def _warn_of_moves(self, guess: Array, q: Array, name: str) -> None:
+        """Dependent coordinates that were moved so far from a rough guess that another branch may be meant."""
+        others = self.follower.others
+        moved = np.abs(q - guess)[others] / self.newton.scale[others]
+        worst = int(np.argmax(moved)) if len(moved) else 0
+        if moved.max(initial=0.0) > FAR:
+            i = others[worst]
+            warn(
+                f"closing the loops has moved {self.coordinates[i]} from {guess[i]:.4g} to {q[i]:.4g}{name}: the guess is "
+                f"far from a closed state, and another branch may be meant. Begin nearer to the state that is wanted"
+            )
+
+    def _ended(self, n: int, way: Followed, line: Line, name: str) -> AssemblyError:
+        """The error for a branch that ends on the way to a guess: how far it came, and in which loop."""
+        loop = self.all_loops[int(np.argmin(way.rank[n]))]
+        first, last = (np.concatenate(ends) for ends in ((line.q0[n], line.x0[n]), (line.q1[n], line.x1[n])))
+        names = [*(self.coordinates[i] for i in self.follower.independent), *self.placing]
+        change = np.abs(last - first)
+        moving = [int(i) for i in np.argsort(-change, kind="stable")[:3] if change[i] > 0.0]
+        began, came, wanted = (
+            ", ".join(f"{names[i]} = {first[i] + s * (last[i] - first[i]):.6g}" for i in moving)
+            for s in (0.0, way.s[n], 1.0)
+        )
+        q, x = self.follower.placed(way.q[n : n + 1], line.of(np.array([n])), np.ones(1))
+        size = float(np.abs(self.newton.gaps(q, x)).max(initial=0.0))
+        why = (
+            f"{size:.3g} is left of its conditions at {wanted}. Followed from the closed state at {began}, its branch ends at "
+            f"{came}, where it is at a dead point or at the end of its reach: stay before that pose, go another way, or give "
+            f"dependent coordinates on another branch"
+        )
+        return AssemblyError(loop, size, name, loop in self.couplings, why)
+
+    def _open(self, q: Array, x: Array, name: str) -> AssemblyError | SingularLoopError:
+        """The error for a guess (nq,) that leads to no closed state."""
+        _, gaps, flat = self.newton.path(q[None], x[None], self.whole)
+        if flat[0]:
+            opened = self.newton.opened
+            try:
+                opened.target.values(opened.functions["newton_step"], self.newton.named(q, x), ())
+            except SingularLoopError as error:
+                return error
+        return self.open(int(np.argmax(np.abs(gaps[0]))), float(np.abs(gaps).max(initial=0.0)), name)
+
+    def open(self, condition: int, size: float, where: str) -> AssemblyError:
+        """The error for what is left of a condition, by its number among those that count."""
+        loop = self.loops[condition]
+        return AssemblyError(loop, size, where, loop in self.couplings)
+
+
+def _named(state: Sequence[int]) -> str:
+    """Which state of a batch, for messages."""
+    return f" (state {list(state)} of the batch)" if state else ""

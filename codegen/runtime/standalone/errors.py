@@ -122,8 +122,12 @@ class AssemblyError(ValueError):
         What is left of its largest condition, in parts of the loop's characteristic length, or radians.
     """
 
-    def __init__(self, loop: str, residual: float, where: str = "", coupled: bool = False) -> None:
-        if coupled:
+    def __init__(self, loop: str, residual: float, where: str = "", coupled: bool = False, why: str = "") -> None:
+        if why:
+            message = (
+                f"{'coupling' if coupled else 'loop'} {loop} cannot be {'met' if coupled else 'closed'}{where}: {why}"
+            )
+        elif coupled:
             message = (
                 f"coupling {loop} cannot be met{where}: {residual:.3g} is left of its condition with the independent coordinates "
                 f"kept and the loops closed that share coordinates with it; check its ratios and offset, or begin nearer "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -10,7 +11,6 @@ import numpy as np
 from .arguments import placing
 from .arrays import Array, Shape
 from .assembly import ROUNDING, Assembly
-from .closing_together import FEW
 from .states import States
 from .targets import Opened
 
@@ -22,25 +22,49 @@ class Loops(States):
         super()._use(opened)
         self._assembly = Assembly(opened)
 
-    def _assembled(self, arrays: Mapping[str, Any], batch: Shape) -> Array:
+    def _assembled(self, arrays: Mapping[str, Any], batch: Shape, follow: bool | None = None) -> Array:
         q_new = super()._assembled(arrays, batch)
         if not self.closure_names:
             return q_new
         assembly = self._assembly
-        p = placing(arrays, batch, self._opened.manifest)
-        gaps = np.abs(assembly.newton.gaps(q_new, p if self.prescribed_names else arrays["p"])).max(
+        x = placing(arrays, batch, self._opened.manifest)
+        axis = self._path_axis(arrays, batch) if follow is None else len(batch) - 1 if follow and batch else None
+        if axis is not None and batch[axis] > 1:
+            states = np.moveaxis(np.arange(math.prod(batch)).reshape(batch), axis, -1).reshape(-1, batch[axis])
+            called = [[_place(n, batch) for n in row] for row in states]
+            flat_q, flat_x = q_new.reshape(-1, self.nq), x.reshape(-1, x.shape[-1])
+            flat_q[states] = assembly.continued(flat_q[states], flat_x[states], called)
+            return q_new
+        gaps = np.abs(assembly.newton.gaps(q_new, x if self.prescribed_names else arrays["p"])).max(
             axis=-1, initial=0.0
         )
-        if (gaps <= ROUNDING).all():
+        open_ones = ~(gaps <= ROUNDING) | assembly.is_turned(q_new, x)
+        if not open_ones.any():
             return q_new
-        open_ones = np.nonzero(np.atleast_1d(~(gaps <= ROUNDING)))
-        if batch and len(open_ones[0]) >= FEW and q_new.dtype == np.float64:
-            closed = assembly.close_together(q_new[open_ones], p[open_ones], open_ones, q_new)
-            open_ones = tuple(i[~closed] for i in open_ones)
-        for found in zip(*open_ones, strict=True):
-            at = tuple(int(i) for i in found[: len(batch)])
-            q_new[at] = assembly.close(q_new[at].copy(), p[at].copy(), at)
+        at = np.nonzero(open_ones) if batch else ()
+        q_open, x_open = (q_new[at], x[at]) if batch else (q_new[None], x[None])
+        places: list[tuple[int, ...]] = (
+            [tuple(int(i) for i in place) for place in zip(*at, strict=True)] if batch else [()]
+        )
+        found = assembly.close(q_open, x_open, places)
+        if not batch:
+            return found[0]
+        q_new[at] = found
         return q_new
+
+    def _path_axis(self, arrays: Mapping[str, Any], batch: Shape) -> int | None:
+        """The axis along which states are followed unless the caller says otherwise: that of the time, where a mechanism with
+        prescribed motion is given one guess for all times."""
+        t = np.asarray(arrays["t"])
+        if not self.prescribed_names or t.ndim == 0:
+            return None
+        axes = [k for k in range(len(batch)) if k >= len(batch) - t.ndim and t.shape[k - len(batch) + t.ndim] > 1]
+        if not axes:
+            return None
+        q = arrays["q"][..., self._assembly.follower.others]
+        k = axes[-1] - len(batch) - 1  # counted from the end, for q may have fewer axes
+        same = q.ndim < -k or q.shape[k] == 1 or bool((q == np.take(q, [0], axis=k)).all())
+        return axes[-1] if same else None
 
     def _moved(self, q: Array, arrays: Mapping[str, Any]) -> Array:
         q_new = super()._moved(q, arrays)
@@ -65,3 +89,8 @@ class Loops(States):
         given = {**arrays, "q": q_new, "u": super()._completed(q_new, arrays, batch)}
         along = {**rest, "dq": dq_new, "du": du_new}
         return q_new, *self._along("completion_sensitivities", given, along)
+
+
+def _place(number: int, batch: Shape) -> tuple[int, ...]:
+    """Where a state is in its batch."""
+    return tuple(int(i) for i in np.unravel_index(number, batch))

@@ -352,13 +352,13 @@ class Extended(Package):
 
     # -- consistent states ---------------------------------------------------------------------------------------------
 
-    def _assembled(self, arrays: Mapping[str, Any], batch: Shape) -> Array:
+    def _assembled(self, arrays: Mapping[str, Any], batch: Shape, follow: bool | None = None) -> Array:
         q_new = np.broadcast_to(arrays["q"], (*batch, self.nq)).astype(object)
         normalise(q_new, self._arguments.quaternions)
         if self.closure_names:
             p = placing(arrays, batch, self._opened.manifest)
             rough = {n: np.asarray(arrays[n]).astype(float) for n in ("p", "inputs", "t") if n in arrays}
-            near = super()._assembled({"q": q_new.astype(float), **rough}, batch)  # type: ignore[misc]
+            near = super()._assembled({"q": q_new.astype(float), **rough}, batch, follow)  # type: ignore[misc]
             for at in np.ndindex(batch):
                 moved = np.abs(near[at] - q_new[at].astype(float)) > SAME * (1.0 + np.abs(near[at]))
                 q_new[at] = self._closed(np.where(moved, self._digits.to_mpf(near[at]), q_new[at]), p[at], at)

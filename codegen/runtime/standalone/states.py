@@ -45,40 +45,60 @@ class States(Package):
         return self.assemble_sensitivities(q, u, p, dq=dq, du=du, dp=dp)
 
     def assemble(
-        self, q: Numbers = None, u: Numbers = None, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0
-    ) -> tuple[Array, Array]:
+        self, q: Numbers = None, u: Numbers = None, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *,
+        follow: bool | None = None,
+    ) -> tuple[Array, Array]:  # fmt: skip
         """A consistent state (q, u): loops closed, quaternions of unit length.
+
+        Loops stay on the branch of the guess. A guess whose dependent coordinates are those of a closed state, at other
+        independent coordinates or another time, is followed from there as a motion along the straight way would go; so is the
+        initial state, from the default parameters and t = 0 too.
 
         Parameters
         ----------
         q, u : (..., nq) and (..., nu), optional
             The guess; its independent entries are kept, dependent ones are changed. What is left out is the model's initial
             state.
+        follow : bool, optional
+            Whether the states along the last axis of a batch are a path: each is followed from the one before it, whatever its
+            own dependent entries are, and the first from its guess. Left out: along the axis of t where motion is prescribed
+            and all times have the same guess, else not.
 
         Raises
         ------
         AssemblyError
-            Names the loop and what is left of its conditions.
+            Names the loop and what is left of its conditions, or where its branch ends on the way.
+
+        Warns
+        -----
+        RuntimeWarning
+            Where the branch is in doubt: loops lose rank on the way, or the guess is far from any closed state.
+
+        Examples
+        --------
+        >>> q, u = solver.assemble({"crank": np.linspace(0.0, 6.28, 100)}, follow=True)
         """
         if q is None or u is None:
             first = self._initial_values(p)
             q, u = first[0] if q is None else q, first[1] if u is None else u
         arrays, batch = self._arguments.take(state(q, u, p, inputs, t), self._left_out)
-        q_new = self._assembled(arrays, batch)
+        q_new = self._assembled(arrays, batch, follow)
         return q_new, self._completed(q_new, arrays, batch)
 
     def assemble_sensitivities(
         self, q: Numbers, u: Numbers, p: Numbers = None, inputs: Numbers = None, t: Times = 0.0, *, dq: Numbers = None,
         du: Numbers = None, dp: Numbers = None, dinputs: Numbers = None, dt: Times | None = None,
+        follow: bool | None = None,
     ) -> tuple[Array, Array, Array, Array]:  # fmt: skip
         """A consistent state and its derivatives along the seeds: q, u, dq (k, ..., nq), du (k, ..., nu).
 
-        Only the independent entries of the seeds are read; the dependent ones follow from closure.
+        Only the independent entries of the seeds are read; the dependent ones follow from closure. `follow` as for
+        `assemble`.
         """
         arrays, batch = self._arguments.take(state(q, u, p, inputs, t), self._left_out)
         along, k, batch = take_directions(self._arguments, seeds(dq, du, dp, dinputs, dt), arrays, batch)
         before = {i: lengths(arrays["q"][..., i : i + 4]) for i in self._arguments.quaternions}
-        q_new = self._assembled(arrays, batch)
+        q_new = self._assembled(arrays, batch, follow)
         dq_new = filled((k, *batch, self.nq), along.get("dq", 0.0), q_new.dtype)
         du_new = filled((k, *batch, self.nu), along.get("du", 0.0), q_new.dtype)
         for i, length in before.items():
@@ -166,7 +186,7 @@ class States(Package):
                 return self.initial_state(p)[name == "u"]
         return self._initial_values(p)[name == "u"]
 
-    def _assembled(self, arrays: Mapping[str, Any], batch: Shape) -> Array:
+    def _assembled(self, arrays: Mapping[str, Any], batch: Shape, follow: bool | None = None) -> Array:
         """Assembled coordinates, (*batch, nq)."""
         q_new = filled((*batch, self.nq), arrays["q"], arrays["q"].dtype)
         normalise(q_new, self._arguments.quaternions)

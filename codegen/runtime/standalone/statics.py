@@ -148,8 +148,8 @@ class Statics(Dynamics, States):
                 m = Motions(equations.tangents, udot, matrices.A[n:, :n])
                 dq, du = self._following(at, m, space, along), np.zeros((len(along.names), self.nu))
             else:
-                held = {"dq": np.zeros((len(along.names), self.nq)), "dp": along.p}
-                _, _, dq, du = self.assemble_sensitivities(*at[:3], **held)
+                held = np.zeros((len(along.names), self.nq))
+                _, _, dq, du = self.assemble_sensitivities(*at[:3], dq=held, dp=along.p)
             lost = np.isnan(dq).any(axis=1)
             dq[lost] = 0.0
             found = equations.derivatives(second(), Motion(dq, du, along.p, along.inputs))
