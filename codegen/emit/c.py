@@ -715,6 +715,7 @@ class CWriter(Writer):
                 )
                 for f, w in of_width
             ],
+            "own": self.printer.own,
         }  # fmt: skip
 
     def inclusions(self, used: list[int], apart: list[int], states: list[Procedure]) -> list[str]:

@@ -168,7 +168,7 @@ def write_precise(system: System, manifest: Mapping[str, Any], procedures: Itera
             "NAME": name.upper(),
             "version": __version__,
             "library": " || ".join(f"(library) == {number_of(x)}" for x in ("motion", "gradients")),
-            "renamed": [f for f in PRECISE if f not in OWN],
+            "renamed": [*(f for f in PRECISE if f not in OWN), "floor"],
             "nq": model.nq,
             "given": [(a, sizes[a]) for a in ("q", "u", "p", "inputs")],
             "modes": [sizes["switches"]] if "switches" in functions else [],

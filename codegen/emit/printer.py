@@ -15,7 +15,8 @@ from ..program.expressions import Expr, Function, Number, Pow
 SUM, PRODUCT, ATOM = 0, 1, 2
 
 HELD = {
-    "HeldAtLeast": "AtLeast", "HeldSign": "Sign", "HeldAbsolute": "Absolute", "HeldMaximum": "Maximum", "HeldMinimum": "Minimum",
+    "HeldAtLeast": "AtLeast", "HeldFloor": "Floor", "HeldSign": "Sign", "HeldAbsolute": "Absolute",
+    "HeldMaximum": "Maximum", "HeldMinimum": "Minimum",
 }  # fmt: skip
 """Functions that take a mode, with those that they are without."""
 
@@ -23,21 +24,34 @@ C_FUNCTIONS = {
     "sin": "sin", "cos": "cos", "tan": "tan", "asin": "asin", "acos": "acos", "atan": "atan", "atan2": "atan2",
     "sinh": "sinh", "cosh": "cosh", "tanh": "tanh", "exp": "exp", "log": "log", "sqrt": "sqrt",
     "Absolute": "fabs", "Maximum": "fmax", "Minimum": "fmin", "pow": "pow", "Power": "pow",
+    "Floor": "FLOOR", "Choice": "CHOICE", "Vanishing": "VANISHING", "Along": "DIRECTIONS(ALONG)",
 }  # fmt: skip
 NUMPY_FUNCTIONS = {
     "sin": "np.sin", "cos": "np.cos", "tan": "np.tan", "asin": "np.arcsin", "acos": "np.arccos", "atan": "np.arctan",
     "atan2": "np.arctan2", "sinh": "np.sinh", "cosh": "np.cosh", "tanh": "np.tanh", "exp": "np.exp", "log": "np.log",
     "sqrt": "np.sqrt", "Absolute": "np.abs", "Maximum": "np.maximum", "Minimum": "np.minimum", "Sign": "np.sign",
-    "pow": "np.power", "Power": "np.power",
+    "pow": "np.power", "Power": "np.power", "Floor": "np.floor", "Choice": "choice", "Vanishing": "vanishing",
+    "Along": "vanishing",
 }  # fmt: skip
 
 
+OWN = ("Floor", "Choice", "Vanishing", "Along")
+"""Functions that generated files define themselves, where they call them."""
+
+
 class Printer:
-    """Prints one right side; `functions` names the elementary functions of the language, `names` calls symbols otherwise."""
+    """Prints one right side; `functions` names the elementary functions of the language, `names` calls symbols otherwise.
+
+    Attributes
+    ----------
+    own : set of str
+        Those of `OWN` that have been printed.
+    """
 
     def __init__(self, functions: dict[str, str], names: Mapping[str, str] = MappingProxyType({})):
         self.functions = functions
         self.names = names
+        self.own: set[str] = set()
 
     def calling(self, names: Mapping[str, str]) -> Self:
         """A printer that calls some symbols by other names. The order of terms and factors stays that of the symbols."""
@@ -127,6 +141,8 @@ class Printer:
         assert isinstance(e, Function)
         name = e.name
         arguments = [self._print(a, SUM) for a in e.args]
+        if name in OWN:
+            self.own.add(name)
         if name == "AtLeast":
             return self.at_least(*arguments)
         if name in HELD:
@@ -145,6 +161,10 @@ class Printer:
                 above, below = "1.0", "0.0"
             case "HeldSign":
                 above, below = "1.0", "-1.0"
+            case "HeldFloor":
+                above, below = (
+                    f"({c}2.0*FLOOR(0.5*({arguments[0]}) {s} 0.25))" for c, s in (("", "+"), ("1.0 + ", "-"))
+                )
             case "HeldAbsolute":
                 above, below = arguments[0], f"-({arguments[0]})"
             case "HeldMaximum":

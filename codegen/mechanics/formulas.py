@@ -12,11 +12,13 @@ from functools import cached_property
 from ..model.errors import ModelError
 from ..model.expressions import Expression, Tree
 from ..model.model import Model
+from ..model.slopes import has_quotient, is_singular, leaves, slope
 from ..model.switches import MODE
 from ..program import algebra
 from ..program.block import Block, Expansion
 from ..program.derivatives import Tangents
 from ..program.expressions import Expr
+from ..program.functions import Along
 from ..program.passes import simplify
 from ..program.store import Store
 from ..program.transpose import transposed
@@ -173,7 +175,7 @@ def has_values(block: Block) -> bool:
 def _make(index: int, target: str, tree: Tree, places: list[tuple[str, int]]) -> FormulaKind:
     slots = [(category, i) for i, (category, _) in enumerate(places)]
 
-    def expansion(name: str, title: str) -> tuple[Expansion, Expr]:
+    def expansion(name: str, title: str) -> tuple[Expansion, Statements]:
         x = Expansion(f"{name}_{index}", title, lambda a, f: True)
 
         def leaf(node: Tree) -> Expr:
@@ -181,20 +183,43 @@ def _make(index: int, target: str, tree: Tree, places: list[tuple[str, int]]) ->
                 return x.entry(NUMBER, node[1])
             return x.entry(argument(node[1]), node[2])
 
-        return x, x.let(target, Statements(x, leaf).write(tree))
+        return x, Statements(x, leaf)
 
-    x, value = expansion(target, "a formula of the model")
-    x.set_entry(argument(target), 0, value)
-    y, value = expansion(f"d{target}", "tangent of a formula of the model")
-    seeds = {
-        s: y.component(seed_of(store), n) for s, (store, n) in list(y.block.loads.items()) if has_derivative(store)
-    }
-    statements = list(y.block.statements)
-    d = Tangents(y, seeds, {})
-    for s in statements:
-        d.statement(s)
-    y.set_entry(argument(f"d{target}", lanes=True), 0, algebra.expression(d.value(value)))
+    x, written = expansion(target, "a formula of the model")
+    x.set_entry(argument(target), 0, x.let(target, written.write(tree)))
+    y, written = expansion(f"d{target}", "tangent of a formula of the model")
+    of_value = slopes_of(tree, target == "outputs")
+    if of_value is None:
+        value = y.let(target, written.write(tree))
+        seeds = {
+            s: y.component(seed_of(store), n) for s, (store, n) in list(y.block.loads.items()) if has_derivative(store)
+        }
+        statements = list(y.block.statements)
+        d = Tangents(y, seeds, {})
+        for s in statements:
+            d.statement(s)
+        along = d.value(value)
+    else:
+        terms = [
+            Along(y.entry(seed_of(argument(leaf[1])), leaf[2]), y.let("d", written.write(slope), "primitive"))
+            for leaf, slope in of_value
+        ]
+        along = y.let("d", algebra.add(*terms), "", lanes=True)
+    y.set_entry(argument(f"d{target}", lanes=True), 0, along)
     return FormulaKind(index, target, simplify(x.finish()), simplify(y.finish()), slots)
+
+
+def slopes_of(tree: Tree, optional: bool = False) -> list[tuple[Tree, Tree]] | None:
+    """The derivatives of a tree by its leaves, of one whose derivatives may be infinite; None for others.
+
+    `optional`: nobody may ask for it, so that a quotient of what moves counts as well.
+    """
+    found = [leaf for leaf in leaves(tree) if leaf[1] != MODES.name]
+    moving = frozenset(leaf for leaf in found if leaf[1] != "p")
+    if not (is_singular(tree) or (optional and has_quotient(tree, moving))):
+        return None
+    slopes = [(leaf, slope(tree, leaf)) for leaf in found]
+    return [(leaf, d) for leaf, d in slopes if d != ("number", 0)]
 
 
 def force_formulas(system: System) -> list[FormulaKind]:

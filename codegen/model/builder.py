@@ -87,9 +87,17 @@ class ModelBuilder:
         self._put("expressions", name, _plain(value))
         return Name(name)
 
-    def table(self, name: str, x: Sequence[Scalar], y: Sequence[Scalar], outside: str, kind: str = "linear") -> None:
+    def table(
+        self,
+        name: str,
+        x: Sequence[Scalar],
+        y: Sequence[Scalar],
+        outside: str,
+        kind: str = "linear",
+        period: Scalar | None = None,
+    ) -> None:
         """A function of one number by its points, called in expressions by its name: ``torque(u.wheel)``."""
-        self._put("tables", name, _given(x=x, y=y, outside=outside, kind=kind))
+        self._put("tables", name, _given(x=x, y=y, outside=outside, kind=kind, period=period))
 
     def body(
         self,

@@ -37,12 +37,28 @@ Number = int | float
 
 FUNCTIONS: Final[dict[str, int]] = {
     "sin": 1, "cos": 1, "tan": 1, "asin": 1, "acos": 1, "atan": 1, "atan2": 2, "sinh": 1, "cosh": 1, "tanh": 1,
-    "sqrt": 1, "exp": 1, "log": 1, "abs": 1, "sign": 1, "min": 2, "max": 2,
+    "sqrt": 1, "exp": 1, "log": 1, "abs": 1, "sign": 1, "min": 2, "max": 2, "mod": 2,
 }  # fmt: skip
 """Functions of the grammar and how many arguments they take (``min`` and ``max``: at least so many)."""
 
 AT_LEAST: Final = "at_least"
 """Of trees alone: 1 where the first argument is at least the second, else 0. Comparisons are made of it."""
+
+CHOICE: Final = "choice"
+"""Of trees alone: the second argument where the first is 1, the third where it is 0. The other one does not contribute, whatever
+its value. ``if`` is made of it."""
+
+VANISHING: Final = "vanishing"
+"""Of trees alone: a product that is 0 where its first factor is, even where the second is infinite or has no value there; see
+`regular`."""
+
+WRAPPED: Final = "wrapped"
+"""Of trees alone: ``mod`` in an expression that is smooth where the remainder jumps, such as a periodic cubic table."""
+
+OF_TREES: Final = (AT_LEAST, CHOICE, VANISHING, WRAPPED)
+
+JUMPS: Final = (AT_LEAST, "sign", "mod")
+"""Functions whose value jumps."""
 
 WRITTEN_OUT: Final = {"if": "if(condition, x, y)", "step": "step(x, from, to)", "distance": "distance(POINT, POINT)",
                       "rate": "rate(POINT, POINT)"}  # fmt: skip
@@ -229,11 +245,11 @@ def has_factors(tree: Tree) -> bool:
 
 
 def compares(tree: Tree) -> bool:
-    """Whether a bound tree compares numbers that move, or time: where they are equal it jumps or has a kink."""
+    """Whether a bound tree compares numbers that move, or time, or has their `sign` or `mod`: it jumps or has a kink."""
     kind = tree[0]
     if kind in ("number", "name"):
         return False
-    if kind == "call" and tree[1] == AT_LEAST:
+    if kind == "call" and tree[1] in JUMPS:
         found: set[str] = set()
         _collect(tree, found)
         return any(n == "t" or n.startswith(("q.", "u.", "position.", "velocity.")) for n in found)
@@ -258,7 +274,11 @@ FLOAT_FUNCTIONS: Final[dict[str, Callable[..., Any]]] = {
     "sign": _float_sign,
     "min": min,
     "max": max,
+    "mod": operator.mod,
     AT_LEAST: lambda a, b: float(a >= b),
+    CHOICE: lambda c, a, b: a if c else b,
+    VANISHING: lambda a, b: a * b if a else a,
+    WRAPPED: operator.mod,
     "number": float,
     "**": _float_power,
 }
@@ -270,7 +290,7 @@ _OTHER_NAMES = {
         "**": "power",
     },
     "mpmath": {"abs": "fabs", "**": "power", "number": "mpf"},
-    "sympy": {"abs": "Abs", "min": "Min", "max": "Max", "**": "Pow", "number": "sympify"},
+    "sympy": {"abs": "Abs", "min": "Min", "max": "Max", "mod": "Mod", "**": "Pow", "number": "sympify"},
 }  # fmt: skip
 
 
@@ -291,6 +311,7 @@ def functions_for(module: ModuleType | Any) -> dict[str, Callable[..., Any]]:
         "min": min,
         "max": max,
         "sign": _float_sign,
+        "mod": operator.mod,
         "**": operator.pow,
     }
     functions: dict[str, Callable[..., Any]] = {}
@@ -302,6 +323,10 @@ def functions_for(module: ModuleType | Any) -> dict[str, Callable[..., Any]]:
         functions[name] = found
     number = functions["number"]
     functions[AT_LEAST] = lambda a, b: number(1 if a >= b else 0)
+    where = getattr(module, "where", None)  # of arrays; of single numbers one branch alone is evaluated
+    functions[CHOICE] = where or FLOAT_FUNCTIONS[CHOICE]
+    functions[VANISHING] = (lambda a, b: where(a == 0, 0 * a, a * b)) if where else FLOAT_FUNCTIONS[VANISHING]
+    functions[WRAPPED] = functions["mod"]
     return functions
 
 
@@ -311,6 +336,13 @@ def _evaluate(tree: Tree, values: Mapping[str, Any], functions: Mapping[str, Cal
         return functions["number"](tree[1])
     if kind == "name":
         return values[tree[1]]
+    if kind == "call" and tree[1] in (CHOICE, VANISHING):
+        first = _evaluate(tree[2], values, functions)
+        if not getattr(first, "ndim", 0):  # what does not contribute may have no value
+            if tree[1] == CHOICE:
+                return _evaluate(tree[3] if first else tree[4], values, functions)
+            return first * _evaluate(tree[3], values, functions) if first else first
+        return functions[tree[1]](first, *[_evaluate(a, values, functions) for a in tree[3:]])
     if kind == "call":
         return functions[tree[1]](*[_evaluate(a, values, functions) for a in tree[2:]])
     a = _evaluate(tree[1], values, functions)
@@ -347,6 +379,12 @@ def _print(tree: Tree, around: int) -> str:
         return str(tree[1])
     if kind == "call" and tree[1] == AT_LEAST:
         return f"({_print(tree[2], 0)} >= {_print(tree[3], 0)})"
+    if kind == "call" and tree[1] == CHOICE:
+        return f"if({_condition(tree[2])}, {_print(tree[3], 0)}, {_print(tree[4], 0)})"
+    if kind == "call" and tree[1] == VANISHING:
+        return _print(("*", *tree[2:]), around)
+    if kind == "call" and tree[1] == WRAPPED:
+        return _print(("call", "mod", *tree[2:]), around)
     if kind == "call":
         return f"{tree[1]}({', '.join(_print(a, 0) for a in tree[2:])})"
     if kind == "indexed":
@@ -364,6 +402,20 @@ def _print(tree: Tree, around: int) -> str:
         space = " " if own == 1 else ""
         text = f"{_print(tree[1], own)}{space}{kind}{space}{_print(tree[2], own + 1)}"
     return f"({text})" if own < around else text
+
+
+def _condition(tree: Tree) -> str:
+    """Text of a condition: a tree of comparisons that is 1 where it holds, else 0."""
+    match tree:
+        case ("call", "at_least", a, b):
+            return f"{_print(a, 0)} >= {_print(b, 0)}"
+        case ("-", ("number", 1), ("call", "at_least", a, b)):
+            return f"{_print(a, 0)} < {_print(b, 0)}"
+        case ("*", a, b):
+            return f"({_condition(a)} and {_condition(b)})"
+        case ("call", "max", a, b):
+            return f"({_condition(a)} or {_condition(b)})"
+    return _print(tree, 0)
 
 
 # --- numbers ----------------------------------------------------------------------------------------------------
@@ -413,6 +465,11 @@ def combine(kind: str, *arguments: Tree) -> Tree:
     ExpressionError
         If the numbers have no finite result.
     """
+    if kind == CHOICE:
+        condition, x, y = arguments
+        if condition[0] == "number":
+            return x if condition[1] else y
+        return x if x == y else ("call", kind, *arguments)
     if arguments[0][0] == "number" and (len(arguments) == 1 or arguments[1][0] == "number"):
         try:
             if kind == "neg":
@@ -432,7 +489,9 @@ def combine(kind: str, *arguments: Tree) -> Tree:
             raise ExpressionError(f"{_print(_node(kind, arguments), 0)} has no real value") from None
     if kind == "neg":
         return arguments[0][1] if arguments[0][0] == "neg" else ("neg", arguments[0])
-    if kind in FUNCTIONS or kind == AT_LEAST:
+    if kind == VANISHING and (arguments[0][0] == "number" or arguments[1][0] == "number"):
+        kind = "*"  # nothing is infinite, or the first factor never 0
+    if kind in FUNCTIONS or kind in OF_TREES:
         return ("call", kind, *arguments)
     a, b = arguments
     if kind == "*":
@@ -468,7 +527,7 @@ def combine(kind: str, *arguments: Tree) -> Tree:
 
 
 def _node(kind: str, arguments: tuple[Tree, ...]) -> Tree:
-    return ("call", kind, *arguments) if kind in FUNCTIONS or kind == AT_LEAST else (kind, *arguments)
+    return ("call", kind, *arguments) if kind in FUNCTIONS or kind in OF_TREES else (kind, *arguments)
 
 
 # --- binding ----------------------------------------------------------------------------------------------------
@@ -561,6 +620,11 @@ def _bind(tree: Tree, numbers: Numbers) -> Tree:
         if isinstance(value, str):
             raise ExpressionError(f"{tree[1]} is the label {value!r} here, not a number; a label can only be an index")
         return ("number", _canonical(value))
+    if kind == "call" and tree[1] == CHOICE:
+        condition = _bind(tree[2], numbers)
+        if condition[0] == "number":  # what is never taken need not have a value
+            return _bind(tree[3] if condition[1] else tree[4], numbers)
+        return combine(CHOICE, condition, *[_bind(a, numbers) for a in tree[3:]])
     if kind == "call":
         return combine(tree[1], *[_bind(a, numbers) for a in tree[2:]])
     if kind == "indexed":
@@ -864,10 +928,10 @@ class _Parser:
         return result
 
     def _if(self, start: int, nesting: int) -> tuple[Tree, int]:
-        """``if(a < b, x, y)``: x times the condition, which is 0 or 1, and y times what is left of 1."""
+        """``if(a < b, x, y)``: x where the condition holds, else y."""
         opened = self.start
         self.advance()
-        (holds, fails), deep = self.condition(nesting + 1)
+        (holds, _), deep = self.condition(nesting + 1)
         others = []
         for _ in range(2):
             if self.token != ",":
@@ -876,7 +940,7 @@ class _Parser:
             others.append(self.expression(1, nesting + 1))
         self.close(opened)
         (x, of_x), (y, of_y) = others
-        return self.node(("+", ("*", holds, x), ("*", fails, y)), 2 + max(deep, of_x, of_y))
+        return self.node(("call", CHOICE, holds, x, y), 1 + max(deep, of_x, of_y))
 
     def condition(self, nesting: int) -> tuple[tuple[Tree, Tree], int]:
         """Two trees, of which one is 1 and the other 0: the first where the condition here holds. Comparisons with ``not``,

@@ -13,7 +13,18 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from .errors import ModelError, Problem, nearest
-from .expressions import MEASURED, Binder, Expression, Number, Tree, combine
+from .expressions import (
+    MEASURED,
+    Binder,
+    Expression,
+    ExpressionError,
+    Number,
+    Numbers,
+    Scope,
+    Tree,
+    combine,
+    index_text,
+)
 from .positions import Document, Path_, compose, read_file
 from .surfaces import COORDINATES
 from .tables import Table
@@ -115,7 +126,7 @@ class Part:
     binder: Binder = field(init=False)
     asked: set[str] = field(default_factory=set, init=False)
     _renamed: dict[Expression, Expression] = field(default_factory=dict, init=False)
-    _written_out: dict[Expression, Expression] = field(default_factory=dict, init=False)
+    _written_out: dict[tuple[object, ...], Expression] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
         self.binder = Binder(self.constants)
@@ -186,7 +197,7 @@ class Part:
             As `bind`.
         """
         if self.tables:
-            expression = self._with_tables(expression)
+            expression = self._with_tables(expression, indices)
         result = self.binder(expression, indices)
         if result.is_number or not (self.prefix or self.values):
             return result
@@ -195,28 +206,54 @@ class Part:
             known = self._renamed[result] = Expression(self._tree(result.tree))
         return known
 
-    def _with_tables(self, expression: Expression) -> Expression:
+    def _with_tables(self, expression: Expression, indices: Mapping[str, int | str]) -> Expression:
         """The expression with tables written out."""
-        found = self._written_out.get(expression)
+        key = expression, tuple((i, n) for i, n in indices.items() if i in expression.names)
+        found = self._written_out.get(key)
         if found is None:
-            tree = self._of_tables(expression.tree)
+            tree = self._of_tables(expression.tree, Scope(indices, self.constants))
             found = expression if tree is expression.tree else Expression(tree)
-            self._written_out[expression] = found
+            self._written_out[key] = found
         return found
 
-    def _of_tables(self, tree: Tree) -> Tree:
+    def _of_tables(self, tree: Tree, numbers: Numbers) -> Tree:
         kind = tree[0]
         if kind in ("number", "name", "quantity"):
             return tree
         if kind == "indexed":
-            if tree[1] not in self.tables or tree[3] or len(tree[2]) != 1:
+            name = "" if tree[3] else self._table(tree, numbers)
+            if not name:
                 return tree
-            self.asked.add(tree[1])
-            return self.tables[tree[1]].at(self._of_tables(tree[2][0]))
+            self.asked.add(name)
+            return self.tables[name].at(self._of_tables(tree[2][-1], numbers))
         parts = tuple(
-            self._of_tables(a) if isinstance(a, tuple) and a and isinstance(a[0], str) else a for a in tree[1:]
+            self._of_tables(a, numbers) if isinstance(a, tuple) and a and isinstance(a[0], str) else a for a in tree[1:]
         )
         return tree if all(a is b for a, b in zip(parts, tree[1:], strict=True)) else (kind, *parts)
+
+    def _table(self, tree: Tree, numbers: Numbers) -> str:
+        """The name of the table that is called, with indices before its argument; empty where there is none."""
+        name: str = tree[1]
+        if name in self.tables and len(tree[2]) == 1:
+            return name
+        repeated = [known for known in self.tables if known.startswith(f"{name}_")]
+        if not repeated:
+            return ""
+        try:
+            indices = [index_text(i, numbers) for i in tree[2]]
+        except ExpressionError:
+            try:
+                name = "_".join([name, *(index_text(i, numbers) for i in tree[2][:-1])])
+            except ExpressionError:
+                return ""  # reported where the expression is bound
+            if name in self.tables:
+                return name
+            message = (
+                f"{name} is no table; there are {', '.join(repeated[:6])}, called {tree[1]}(k)(x) or {repeated[0]}(x)"
+            )
+            raise ExpressionError(message) from None
+        name = "_".join([name, *indices[:-1]])
+        return name if name in self.tables else ""
 
     def _tree(self, tree: Tree) -> Tree:
         kind = tree[0]

@@ -9,6 +9,7 @@ from __future__ import annotations
 from functools import lru_cache
 
 from .expressions import AT_LEAST, Expression, Tree, combine
+from .slopes import is_singular, slope
 
 ZERO: Tree = ("number", 0)
 ONE: Tree = ("number", 1)
@@ -23,7 +24,8 @@ def rate(expression: Expression, name: str = "t") -> Expression:
     ExpressionError
         A number of the derivative is not finite.
     """
-    return Expression(derivative(expression.tree, name))
+    tree = expression.tree
+    return Expression(slope(tree, ("name", name)) if is_singular(tree) else derivative(tree, name))
 
 
 @lru_cache(maxsize=4096)
@@ -61,6 +63,10 @@ def _of_call(function: str, of: tuple[Tree, ...], d: tuple[Tree, ...]) -> Tree:
         (a, b), (da, db) = of, d
         less = combine("*", combine("sign", combine("-", a, b)), combine("-", da, db))
         return combine("/", combine("-" if function == "min" else "+", combine("+", da, db), less), TWO)
+    if function in ("mod", "wrapped"):
+        (x, m), (dx, dm) = of, d
+        turns = combine("/", combine("-", x, combine(function, x, m)), m)
+        return combine("-", dx, combine("*", turns, dm))
     if function == "atan2":
         (y, x), (dy, dx) = of, d
         above = combine("-", combine("*", x, dy), combine("*", y, dx))

@@ -33,6 +33,7 @@ from .parts import Files, Instance, Part
 from .positions import Document, Path_, show_path
 from .rates import with_names_replaced
 from .repetition import Counter, Repetition, labels, name_of
+from .slopes import regular
 from .surfaces import AS_WRITTEN, COORDINATES
 from .units import Dimension, DimensionError, dimension_of, in_words
 from .wanted_units import IN_JOINTS, dimension_of_unit, unit_wanted
@@ -227,7 +228,10 @@ class Reader:
                     f"step(x, from, to) is smooth"
                 )
                 self.report(at, sub, message, severity="warning")
-        return with_names_replaced(result, self.prescribed) if self.prescribed else result
+        if self.prescribed:
+            result = with_names_replaced(result, self.prescribed)
+        tree = regular(result.tree)
+        return result if tree is result.tree else Expression(tree)
 
     def _fits(self, expression: Expression, at: Instance, sub: Path_) -> bool:
         """Whether what an expression is, by the units in it, may stand where it stands."""

@@ -229,7 +229,7 @@ class SubmodelEntry(PlacedEntry):
 def _one_of(choices: tuple[str, ...], what: str) -> Any:
     def check(value: Any) -> str:
         if value not in choices:
-            raise complaint(f"{seen(value)}; {' or '.join(choices)} is allowed: {what}")
+            raise complaint(f"{seen(value)}; {', '.join(choices[:-1])} or {choices[-1]} is allowed: {what}")
         return str(value)
 
     return PlainValidator(check)
@@ -244,6 +244,7 @@ class TableEntry(Entry):
     y: tuple[Expr, ...]
     kind: Annotated[str, _one_of(KINDS, "what lies between the points")] = "linear"
     outside: Annotated[str, _one_of(OUTSIDE, "what lies beyond the first and last point")]
+    period: OptionalExpr = None
 
 
 class LoopEntry(Entry):

@@ -22,7 +22,7 @@ AS_WRITTEN: Final = dict(zip("xyz", COORDINATES, strict=True))
 PAIRS: Final = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 """Coordinates by which a second derivative is, in the order xx, yy, zz, xy, xz, yz."""
 
-KINKED: Final = ("abs", "sign", "min", "max", AT_LEAST)
+KINKED: Final = ("abs", "sign", "min", "max", "mod", AT_LEAST)
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,6 +10,7 @@ A function of the grammar that has branches needs one entry in `BRANCHES`, and i
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Final
@@ -22,7 +23,7 @@ HELD: Final = "held_"
 MODE: Final = "mode."
 """Begins the names of modes in trees: ``mode.0``, ``mode.1`` and so on."""
 
-JUMPS: Final = ("at_least", "sign")
+JUMPS: Final = ("at_least", "sign", "mod")
 """Functions whose value jumps; that of the others has a kink."""
 
 
@@ -31,12 +32,19 @@ def _difference(arguments: Sequence[Tree]) -> Tree:
     return a if b == ("number", 0) else ("-", a, b)
 
 
+def _turns(arguments: Sequence[Tree]) -> Tree:
+    """Positive where an even number of moduli is in a number, negative where it is odd."""
+    x, m = arguments
+    return ("call", "sin", ("/", ("*", ("number", math.pi), x), m))
+
+
 BRANCHES: Final[dict[str, Callable[[Sequence[Tree]], Tree]]] = {
     "at_least": _difference,
     "max": _difference,
     "min": _difference,
     "sign": lambda arguments: arguments[0],
     "abs": lambda arguments: arguments[0],
+    "mod": _turns,
 }
 """Functions that have branches, with the switching functions of their arguments."""
 

@@ -4,6 +4,9 @@ On a segment of length h that begins at x_i, ``s_i = min(max(0, x - x_i), h)`` i
 p_i that begin at zero, ``y_0 + sum p_i(s_i)`` is the table: what lies behind is passed altogether, what lies ahead not yet. That
 is an expression of the grammar, so every engine knows it, and its derivatives. Of equal arguments the derivative is that of the
 first, so exactly on a point it is the slope on its left.
+
+A periodic table begins anew after its last point: x is what is left of it after whole periods, above 0 and up to a period, so
+that the slope at the seam is that on its left, too. A cubic one is as smooth at the seam as elsewhere.
 """
 
 from __future__ import annotations
@@ -13,13 +16,15 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
 
-from .expressions import Expression, Tree, combine
+import numpy as np
+
+from .expressions import WRAPPED, Expression, Tree, combine
 
 MAX_POINTS: Final = 200
 """More would make expressions of thousands of operations."""
 
 KINDS: Final = ("linear", "cubic")
-OUTSIDE: Final = ("constant", "linear")
+OUTSIDE: Final = ("constant", "linear", "periodic")
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,9 +38,10 @@ class Table:
     y : tuple of Expression
         Of parameters where it is linear, else numbers.
     kind : str
-        ``linear``, or ``cubic``: the natural spline, whose second derivative is continuous, and zero at both ends.
+        ``linear``, or ``cubic``: the natural spline, whose second derivative is continuous, and zero at both ends; or the
+        periodic one.
     outside : str
-        ``constant`` or ``linear``: beyond the first and last point.
+        ``constant`` or ``linear``: beyond the first and last point; or ``periodic``: the last point is the first one again.
     """
 
     x: tuple[float, ...]
@@ -47,11 +53,14 @@ class Table:
         """The expression of the table at an argument."""
         n = len(self.x) - 1
         y = [e.tree for e in self.y]
-        slopes = self._slopes()
+        is_periodic = self.outside == "periodic"
+        origin = self.x[0] if is_periodic else 0.0
+        if is_periodic:
+            argument = self._within(argument)
         result = y[0]
         for i in range(n):
-            h = self.x[i + 1] - self.x[i]
-            s = combine("min", combine("max", _number(0), combine("-", argument, _number(self.x[i]))), _number(h))
+            h, start = self.x[i + 1] - self.x[i], _number(self.x[i] - origin)
+            s = combine("min", combine("max", _number(0), combine("-", argument, start)), _number(h))
             if self.kind == "linear":
                 part = combine("*", combine("/", combine("-", y[i + 1], y[i]), _number(h)), s)
             else:
@@ -62,9 +71,15 @@ class Table:
         if self.outside == "linear":
             below = combine("min", combine("-", argument, _number(self.x[0])), _number(0))
             above = combine("max", _number(0), combine("-", argument, _number(self.x[n])))
-            for slope, beyond in zip(slopes, (below, above), strict=True):
+            for slope, beyond in zip(self._slopes(), (below, above), strict=True):
                 result = combine("+", result, combine("*", slope, beyond))
         return result
+
+    def _within(self, argument: Tree) -> Tree:
+        """How far the argument has come in its period. Of a cubic table nothing jumps where the next period begins."""
+        period = _number(self.x[-1] - self.x[0])
+        left = combine("neg", combine("-", argument, _number(self.x[0])))
+        return combine("-", period, combine("mod" if self.kind == "linear" else WRAPPED, left, period))
 
     def _slopes(self) -> tuple[Tree, Tree]:
         """At the first and last point."""
@@ -82,7 +97,8 @@ class Table:
 
     @cached_property
     def _bends(self) -> list[float]:
-        return natural_spline(self.x, self._values)
+        spline = periodic_spline if self.outside == "periodic" else natural_spline
+        return spline(self.x, self._values)
 
     def _cubic(self, i: int, h: float) -> tuple[float, float, float]:
         """Coefficients of s, s^2 and s^3 on a segment."""
@@ -109,6 +125,20 @@ def natural_spline(x: Sequence[float], y: Sequence[float]) -> list[float]:
     for i in reversed(range(n - 1)):
         bend[i + 1] = (right[i] - h[i + 1] * bend[i + 2]) / diagonal[i]
     return bend
+
+
+def periodic_spline(x: Sequence[float], y: Sequence[float]) -> list[float]:
+    """Second derivatives, at its points, of the cubic spline whose last point is the first one again."""
+    n = len(x) - 1
+    h = [x[i + 1] - x[i] for i in range(n)]
+    rise = [(y[i + 1] - y[i]) / h[i] for i in range(n)]
+    matrix = np.zeros((n, n))
+    for i in range(n):
+        matrix[i, i] += 2 * (h[i - 1] + h[i])
+        matrix[i, i - 1] += h[i - 1]
+        matrix[i, (i + 1) % n] += h[i]
+    bend = np.linalg.solve(matrix, [6 * (rise[i] - rise[i - 1]) for i in range(n)]).tolist()
+    return [*bend, bend[0]]
 
 
 def _number(value: float) -> Tree:

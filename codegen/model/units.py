@@ -169,6 +169,9 @@ def _dimension(tree: Any, known: Any) -> Any:
         return _dimension(tree[1], known)
     if kind == "indexed" or kind == "%":
         return None
+    if kind == "call" and tree[1] == "choice":
+        _dimension(tree[2], known)
+        return _alike(_dimension(tree[3], known), _dimension(tree[4], known), "the other value beside")
     if kind == "call":
         return _of_call(tree[1], [_dimension(a, known) for a in tree[2:]])
     a, b = (_dimension(x, known) for x in tree[1:])

@@ -12,9 +12,13 @@ often a value that the block has named already.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+
 from . import algebra
 from .block import Expansion, Statement
 from .expressions import Expr, Symbol
+from .functions import Along
 
 
 def partials(expression: Expr) -> dict[Symbol, Expr]:
@@ -56,6 +60,8 @@ class Tangents:
         need no statement of their own, only an entry in `seeds`.
     lanes : bool
         Whether the tangent statements are one per direction.
+    known : dict of Symbol to list of (Expr, Expr)
+        Of targets of statements whose derivative is known: operands, and the derivatives by them, which may be infinite.
     """
 
     def __init__(
@@ -64,7 +70,9 @@ class Tangents:
         seeds: dict[Symbol, Expr],
         transparent: dict[Symbol, dict[Symbol, Expr]],
         lanes: bool = True,
+        known: Mapping[Symbol, Sequence[tuple[Expr, Expr]]] = MappingProxyType({}),
     ):
+        self.known = known
         self.expansion = expansion
         self.of = dict(seeds)
         self.transparent = transparent
@@ -89,10 +97,22 @@ class Tangents:
 
     def statement(self, statement: Statement) -> None:
         """Write the tangent of one statement, unless it is zero."""
-        value = self.expression(statement.expression)
+        known = self.known.get(statement.target)
+        value = self.expression(statement.expression) if known is None else self._by(known)
         if value != 0:
             tag = f"d {statement.tag}" if statement.tag else ""
             self.of[statement.target] = self.expansion.let(f"d_{statement.target.name}", value, tag, lanes=self.lanes)
+
+    def _by(self, operands: Sequence[tuple[Expr, Expr]]) -> Expr:
+        """Tangent of what is known with its derivatives by operands."""
+        terms = []
+        for operand, slope in operands:
+            along = self.value(operand)
+            sign, symbol = (algebra.ONE, along) if along.is_Symbol else algebra.coefficient(along)
+            terms.append(
+                Along(symbol, self.expansion.let("d", sign * slope, "primitive")) if along != 0 else algebra.ZERO
+            )
+        return algebra.add(*terms)
 
     def value(self, expression: Expr, name: str = "d") -> Expr:
         """Tangent of an expression of named values, as a symbol or number."""

@@ -55,6 +55,12 @@ def value_of_function(name: str, values: Sequence[float]) -> float:
             return (a > 0) - (a < 0)
         case "Absolute":
             return abs(a)
+        case "Floor":
+            return mpmath.floor(a) if are_long() else math.floor(a)
+        case "Choice":
+            return values[1] if a else values[2]
+        case "Vanishing" | "Along":
+            return a * b if a else 0
         case "Power":
             name = "power" if are_long() else "pow"
     found: float = getattr(mpmath if are_long() else math, name)(*values)
@@ -104,6 +110,49 @@ HeldAtLeast, HeldMaximum, HeldMinimum, HeldSign, HeldAbsolute = map(
 """The same with a mode as the last argument. A positive mode chooses the branch of a positive difference of the arguments,
 or of a positive argument, a negative one the other; zero leaves it to the arguments, as above."""
 
+Floor = _elementary("Floor")
+"""The largest whole number that is not above x; its derivative is taken as zero."""
+
+HeldFloor = _plain("HeldFloor")
+"""The same with a mode: a positive one chooses the nearest even number, a negative one the nearest odd one."""
+
+
+def Modulo(*arguments: object) -> Expr:
+    """What is left of x after whole multiples of m, ``x - m floor(x/m)``: from 0 on, below m."""
+    x, m = map(expression, arguments)
+    return x - m * Floor(x / m)
+
+
+def HeldModulo(*arguments: object) -> Expr:
+    """The same with a mode, which holds the whole number."""
+    x, m, mode = map(expression, arguments)
+    return x - m * HeldFloor(x / m, mode)
+
+
+def Choice(*arguments: object) -> Expr:
+    """The second argument where the first, 0 or 1, is 1; else the third. The other one is passed over, infinite or not."""
+    c, x, y = map(expression, arguments)
+    if isinstance(c, Number):
+        return x if c else y
+    return x if x is y else function("Choice", c, x, y)
+
+
+def Vanishing(*arguments: object) -> Expr:
+    """A product that is zero where its first factor is, whatever the second."""
+    a, b = map(expression, arguments)
+    return a * b if a.is_Number or b.is_Number else function("Vanishing", a, b)
+
+
+def Along(*arguments: object) -> Expr:
+    """A value per direction times a number that may be infinite: directions along which it is zero stay so.
+
+    It is linear in the first argument; see `transpose.coefficients`.
+    """
+    along, factor = map(expression, arguments)
+    if along is ZERO or factor.is_Number:
+        return along * factor
+    return function("Along", along, factor)
+
 
 def Power(*arguments: object) -> Expr:
     """base**exponent of numbers not known before: what could be multiplied out, taken apart or put together stays as written.
@@ -134,7 +183,8 @@ SYMBOLIC: dict[str, Made] = {
     "sin": sin, "cos": cos, "tan": tan, "asin": asin, "acos": acos, "atan": atan, "atan2": atan2, "sinh": sinh, "cosh": cosh,
     "tanh": tanh, "sqrt": _square_root, "exp": exp, "log": log, "abs": Absolute, "sign": Sign, "min": Minimum, "max": Maximum,
     "at_least": AtLeast, "held_at_least": HeldAtLeast, "held_max": HeldMaximum, "held_min": HeldMinimum,
-    "held_sign": HeldSign, "held_abs": HeldAbsolute,
+    "held_sign": HeldSign, "held_abs": HeldAbsolute, "held_mod": HeldModulo, "mod": Modulo,
+    "wrapped": Modulo, "choice": Choice, "vanishing": Vanishing,
 }  # fmt: skip
 """The functions of the model format."""
 
@@ -170,7 +220,7 @@ def slope(e: Function, place: int) -> Expr:
             return 1 / x
         case "Absolute":
             return Sign(x)
-        case "Sign" | "AtLeast" | "HeldSign" | "HeldAtLeast":
+        case "Sign" | "AtLeast" | "Floor" | "HeldSign" | "HeldAtLeast" | "HeldFloor":
             return ZERO
         case "HeldAbsolute":
             return HeldSign(*e.args) if place == 0 else ZERO
@@ -178,6 +228,10 @@ def slope(e: Function, place: int) -> Expr:
             a, b, mode = e.args
             first = HeldAtLeast(a, b, mode) if e.name == "HeldMaximum" else HeldAtLeast(b, a, negative(mode))
             return (first, ONE - first, ZERO)[place]
+        case "Choice":
+            return ZERO if place == 0 else Choice(x, *((ONE, ZERO) if place == 1 else (ZERO, ONE)))
+        case "Vanishing":
+            return e.args[1 - place]
         case "Maximum" | "Minimum":
             a, b = e.args
             first = AtLeast(a, b) if e.name == "Maximum" else AtLeast(b, a)
@@ -195,6 +249,7 @@ MEANINGS |= {
         *(("AtLeast", AtLeast), ("Maximum", Maximum), ("Minimum", Minimum), ("Sign", Sign), ("Absolute", Absolute)),
         *(("HeldAtLeast", HeldAtLeast), ("HeldMaximum", HeldMaximum), ("HeldMinimum", HeldMinimum)),
         *(("HeldSign", HeldSign), ("HeldAbsolute", HeldAbsolute)),
-        ("Power", Power),
+        ("HeldFloor", HeldFloor),
+        *(("Floor", Floor), ("Choice", Choice), ("Vanishing", Vanishing), ("Along", Along), ("Power", Power)),
     ]
 }

@@ -7,7 +7,7 @@ from functools import lru_cache
 
 from . import algebra
 from .block import Block
-from .expressions import Expr
+from .expressions import Expr, Function
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,8 +64,9 @@ def count_expression(e: Expr) -> Operations:
             divisions = int(bool(e.exp < 0))
         else:
             functions = 1
-    elif e.is_Function:
-        functions = 1
+    elif isinstance(e, Function):
+        is_product = e.name in ("Vanishing", "Along")
+        multiplications, functions = int(is_product), int(not is_product)
     return sum(map(count_expression, e.args), Operations(additions, multiplications, divisions, functions))
 
 

@@ -14,10 +14,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 from . import algebra
 from .block import Block, Component, Expansion, symbols_of
-from .expressions import Expr, Symbol
+from .expressions import Expr, Function, Symbol
+from .functions import Along
 from .passes import drop_dead
 from .store import Store
 
@@ -40,11 +42,13 @@ def coefficients(e: Expr, lanes: set[Symbol]) -> dict[Symbol, Expr]:
     """
     if e in lanes:
         return {e: algebra.ONE}
+    if isinstance(e, Function) and e.name == "Along" and e.args[0] in lanes and isinstance(e.args[0], Symbol):
+        return {e.args[0]: guarded(e.args[1])}
     if e.is_Add:
         total: dict[Symbol, Expr] = {}
         for term in e.args:
             for s, c in coefficients(term, lanes).items():
-                total[s] = total[s] + c if s in total else c
+                total[s] = _scaled(algebra.add, total[s], c) if s in total else c
         return total
     if not (symbols_of(e) & lanes):
         if e == 0:
@@ -54,8 +58,30 @@ def coefficients(e: Expr, lanes: set[Symbol]) -> dict[Symbol, Expr]:
         inner = [f for f in e.args if symbols_of(f) & lanes]
         if len(inner) == 1:
             rest = algebra.multiply(*(f for f in e.args if f is not inner[0]))
-            return {s: rest * c for s, c in coefficients(inner[0], lanes).items()}
+            return {s: _scaled(algebra.multiply, rest, c) for s, c in coefficients(inner[0], lanes).items()}
     raise ValueError(f"{e} is not linear in values per direction")
+
+
+class Operation(Protocol):
+    """Puts expressions together."""
+
+    def __call__(self, *args: Expr) -> Expr: ...
+
+
+GUARDED = "Guarded"
+"""Function that marks a factor that may be infinite: what is multiplied by it stays zero where it is zero. See `Along`."""
+
+
+def guarded(factor: Expr) -> Expr:
+    """A factor that may be infinite."""
+    return algebra.function(GUARDED, factor)
+
+
+def _scaled(operation: Operation, *factors: Expr) -> Expr:
+    """The sum or product of factors, of which some may be infinite."""
+    if not any(isinstance(f, Function) and f.name == GUARDED for f in factors):
+        return operation(*factors)
+    return guarded(operation(*(f.args[0] if isinstance(f, Function) and f.name == GUARDED else f for f in factors)))
 
 
 @dataclass(frozen=True)
@@ -128,6 +154,9 @@ def transposed(
 
     def give(e: Expr, bar: Expr) -> None:
         for s, c in coefficients(e, lanes).items():
+            if isinstance(c, Function) and c.name == GUARDED:
+                bars.setdefault(s, []).append(Along(bar, x.let("c", c.args[0], "primitive")))
+                continue
             factor = c if c.is_Number or c.is_Symbol or (-c).is_Symbol else x.let("c", c, "primitive")
             bars.setdefault(s, []).append(factor * bar)
 

@@ -212,7 +212,8 @@ def _decimal(x: Any) -> Decimal:
 
 
 _DECIMAL: dict[str, Callable[..., Any]] = {
-    "abs": abs, "sqrt": Decimal.sqrt, "exp": Decimal.exp, "log": Decimal.ln, "sign": lambda x: Decimal((x > 0) - (x < 0)),
+    "floor": lambda x: x.to_integral_value(decimal.ROUND_FLOOR), "abs": abs, "sqrt": Decimal.sqrt,
+    "exp": Decimal.exp, "log": Decimal.ln, "sign": lambda x: Decimal((x > 0) - (x < 0)),
 }  # fmt: skip
 """Functions of decimal numbers that need no mpmath."""
 

@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from ..model.expressions import Expression
+from ..model.expressions import Expression, Tree
+from ..model.slopes import is_singular, leaves, slope
 from .arithmetic import Arithmetic, Array
 
 
@@ -159,6 +160,9 @@ class Pairs:
             return self._atan2(*arguments)
         if name == "at_least":
             return self.number(1 if arguments[0].value >= arguments[1].value else 0)
+        if name in ("mod", "wrapped"):
+            x, m = arguments
+            return x - self.number(self.arithmetic.function("floor")(x.value / m.value)) * m
         (a,) = arguments
         x, f = a.value, self.arithmetic.function
         value = f(name)(x)
@@ -206,8 +210,24 @@ class Pairs:
         """Value and derivatives of a model expression, a number."""
         key = id(expression)
         if key not in self._known:
-            self._known[key] = expression, self._tree(expression.tree)
+            tree = expression.tree
+            found = self._with_limits(tree) if self.k and is_singular(tree) else self._tree(tree)
+            self._known[key] = expression, found
         return self._known[key][1]
+
+    def _with_limits(self, tree: Tree) -> Pair:
+        """A tree whose derivatives may be infinite: only along directions that move what they are by."""
+        tangent = self._zero
+        for leaf in leaves(tree):
+            along = self.environment[leaf[1]].tangent
+            if any(along != 0):
+                d = self._value(slope(tree, leaf))
+                tangent = tangent + self.arithmetic.array([d * x if x != 0 else 0 for x in along])
+        return Pair(self._value(tree), tangent)
+
+    def _value(self, tree: Tree) -> Any:
+        names = {leaf[1]: Pair(self.environment[leaf[1]].value, self.arithmetic.zeros(0)) for leaf in leaves(tree)}
+        return Pairs(self.arithmetic, 0, names)._tree(tree).value
 
     def vector(self, expressions: Sequence[Expression]) -> Pair:
         """A column of model expressions."""
@@ -219,6 +239,11 @@ class Pairs:
             return self.number(operands[0])
         if operator == "name":
             return self.environment[operands[0]]
+        if operator == "call" and operands[0] == "choice":
+            return self._tree(operands[2] if self._tree(operands[1]).value else operands[3])
+        if operator == "call" and operands[0] == "vanishing":
+            a = self._tree(operands[1])
+            return a * self._tree(operands[2]) if a.value else self.number(0)
         if operator == "call":
             return self.call(operands[0], *(self._tree(a) for a in operands[1:]))
         if operator == "neg":

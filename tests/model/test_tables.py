@@ -121,7 +121,7 @@ def test_the_builder_and_submodels_have_tables(tmp_path: Path) -> None:
         ("x: [0, 1, 2.5, 4]", "x: [0, 1, 1, 4]", "tables.torque.x[2]: 1 after 1; places grow from one to the next"),
         ("x: [0, 1], y: [-1, peak]", "x: [0], y: [-1]", "tables.level.x: 1 points; 2 to 200 are allowed"),
         (", outside: constant", "", "tables.level: key 'outside' is missing"),
-        ("outside: constant", "outside: error", "tables.level.outside: 'error'; constant or linear is allowed: what lies beyond"),
+        ("outside: constant", "outside: error", "tables.level.outside: 'error'; constant, linear or periodic is allowed: what lies beyond"),
         ("kind: cubic", "kind: quintic", "tables.drag.kind: 'quintic'; linear or cubic is allowed"),
         ("y: [1, 0, 1, 3, -2]", "y: [1, 0, 1, peak, -2]", "tables.drag.y[3]: unknown name 'peak'; constants written before it"),
         ("y: [1, 0, 1, 3, -2]", "y: [1, 0, 1, q.arm(1), -2]", "tables.drag.y[3]: "),

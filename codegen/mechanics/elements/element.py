@@ -11,10 +11,13 @@ from collections.abc import Callable, Collection, Sequence
 from typing import NamedTuple
 
 from ...model.expressions import Tree
-from ...program.block import FieldError, Scope
+from ...program import algebra
+from ...program.block import Expansion, FieldError, Scope
+from ...program.expressions import Expr, Symbol
 from ...program.scalar import Matrix, Value, Vector
 from ...program.store import Store
 from .. import fields
+from ..formulas import slopes_of
 from ..spatial import add, cross, dot, is_zero, matmul, matvec, minus, transpose
 from ..stores import COEFFICIENT, DRIVE, ELEMENT_CONSTANTS, ENDS, PIVOT
 from ..structure.constants import written
@@ -141,6 +144,8 @@ class Element:
         Where it acts, then the points that its coefficients look at.
     axis : int
         Which base vector of its faces is its axis.
+    slopes : dict of Symbol to list of (Expr, Expr)
+        Of formulas whose derivatives may be infinite: operands, and the derivatives by them.
     """
 
     def __init__(self, x: Scope, kind: ElementKind):
@@ -150,6 +155,7 @@ class Element:
         self._tag = kind.first.type
         self._known: dict[int, Value] = {}
         self._required = 0
+        self.slopes: dict[Symbol, list[tuple[Expr, Expr]]] = {}
         self.ends = [End(self, i) for i in range(len(kind.ends))]
 
     def let(self, name: str, value: Value) -> Value:
@@ -219,7 +225,13 @@ class Element:
 
     def formula(self, tree: Tree, leaf: Callable[[Tree], Value]) -> Value:
         """The value of a tree of the expression grammar, whose names have the values that `leaf` gives."""
-        return self.x.let("value", written(self.x, tree, leaf))
+        value = self.x.let("value", written(self.x, tree, leaf))
+        if isinstance(self.x, Expansion) and self.x.tangents and (slopes := slopes_of(tree)) is not None:
+            sign, symbol = algebra.coefficient(algebra.expression(value))
+            if isinstance(symbol, Symbol):
+                parts = [(leaf(of), written(self.x, d, leaf)) for of, d in slopes]
+                self.slopes[symbol] = [(algebra.expression(of), sign * algebra.expression(d)) for of, d in parts]
+        return value
 
     def _leaf(self, tree: Tree) -> Value:
         what = tree[1]

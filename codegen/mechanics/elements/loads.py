@@ -65,7 +65,7 @@ def loads(x: Scope, kind: ElementKind) -> None:
         for link, wrench in acting:
             x.store(link.sum, fields.external, wrench)
     else:
-        d = _tangents(x, kind)
+        d = _tangents(x, kind, e)
         for link, wrench in acting:
             assert link.place is not None
             x.store(LANE_ENDS[link.place].sum, fields.external, [tangent(d, c) for c in wrench])
@@ -78,7 +78,7 @@ def energy(x: Scope, kind: ElementKind) -> None:
     found = LAWS[type(kind.first)].energy(e)
     x.set_entry(POTENTIAL.sum, 0, found)
     if x.tangents:
-        d = _tangents(x, kind)
+        d = _tangents(x, kind, e)
         x.set_entry(DPOTENTIAL.sum, 0, tangent(d, found))
     _check(x, kind, "its energy")
 
@@ -89,7 +89,7 @@ def _check(x: Scope, kind: ElementKind, what: str) -> None:
         raise kind.no_value(what)
 
 
-def _tangents(x: Scope, kind: ElementKind) -> Tangents | None:
+def _tangents(x: Scope, kind: ElementKind, e: Element) -> Tangents | None:
     """Tangents of all statements so far."""
     if not isinstance(x, Expansion):
         return None
@@ -111,7 +111,7 @@ def _tangents(x: Scope, kind: ElementKind) -> Tangents | None:
                     seeds[root] = x.entry(CE_DP, j)
             if inner:
                 transparent[symbol] = inner
-    d = Tangents(x, {s: v for s, v in seeds.items() if v != 0}, transparent)
+    d = Tangents(x, {s: v for s, v in seeds.items() if v != 0}, transparent, known=e.slopes)
     for statement in list(x.block.statements):
         d.statement(statement)
     return d

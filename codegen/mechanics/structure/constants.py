@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import mpmath
 
-from ...model.expressions import FLOAT_FUNCTIONS, Expression, Tree, functions_for
+from ...model.expressions import CHOICE, FLOAT_FUNCTIONS, VANISHING, Expression, Tree, functions_for
 from ...program import algebra
 from ...program.block import Block, Expansion, Scope
 from ...program.derivatives import Tangents
@@ -92,6 +92,8 @@ class Statements:
             if all(a.is_Number for a in arguments) and not all(-_LARGE < float(a) < _LARGE for a in arguments):
                 functions = functions_for(mpmath) if are_long() else FLOAT_FUNCTIONS
                 return computed(lambda: functions[tree[1]](*map(value_of, arguments)))
+            if tree[1] in (CHOICE, VANISHING):
+                arguments[0] = self.let(arguments[0])
             function = SYMBOLIC[tree[1]]
             if tree[1] in ("min", "max"):
                 value = arguments[0]

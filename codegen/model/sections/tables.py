@@ -30,14 +30,40 @@ def read_tables(reader: Reader) -> list[Instance]:
             if not a < b:
                 reader.report(at, ("x", i + 1), f"{b:g} after {a:g}; places grow from one to the next")
                 break
+        period = None if spec.period is None else float(reader.bound(spec.period, at, ("period",), "constants").value)
+        if reader.errors == before:
+            _check_period(reader, at, spec, x, period)
         y = [ZERO, ZERO]
         if reader.errors > before:  # what calls it is sound
             x = [0.0, 1.0]
         else:  # in names of the file: they become the model's where the table is called
             y = [at.part.binder(e, at.indices) for e in spec.y]
+            if period is not None and x[0] + period > x[-1]:
+                x, y = [*x, x[0] + period], [*y, y[0]]
         at.part.tables[at.part.written(name)] = Table(tuple(x), tuple(y), spec.kind, spec.outside)
         found.append(at)
     return found
+
+
+def _check_period(reader: Reader, at: Instance, spec: TableEntry, x: list[float], period: float | None) -> None:
+    """Report a period that is none, or the last value of a periodic table that is not the first one."""
+    length = x[-1] - x[0]
+    if spec.outside != "periodic":
+        if period is not None:
+            message = f"a period beside outside: {spec.outside}; a table with a period has outside: periodic"
+            reader.report(at, ("period",), message, key=True)
+        return
+    if period is not None and not period >= length:
+        message = f"{period:g}, and from the first point to the last one it is {length:g}; a period is at least that"
+        reader.report(at, ("period",), message)
+        return
+    first, last = (at.part.binder(spec.y[i], at.indices) for i in (0, -1))
+    if (period is None or period == length) and first is not last:
+        message = (
+            f"{last} at the end, {first} at the beginning; the last point of a periodic table is its first one again: give "
+            f"both the same value, or leave the last point out and write its period: {length:g}"
+        )
+        reader.report(at, ("y", len(spec.y) - 1), message)
 
 
 def warn_of_unused_tables(reader: Reader, found: list[Instance]) -> None:

@@ -96,7 +96,8 @@ def _wide(x: Any) -> Array:
 
 def _scaled(*terms: tuple[Any, Any]) -> Array:
     """The sum of factors times slopes, of those that are jets."""
-    parts = [_wide(factor()) * x.slope for factor, x in terms if isinstance(x, Jet)]
+    # what does not move contributes nothing, even where the factor is infinite
+    parts = [np.where(x.slope != 0.0, _wide(factor()) * x.slope, 0.0) for factor, x in terms if isinstance(x, Jet)]
     found: Array = parts[0] if len(parts) == 1 else parts[0] + parts[1]
     return found
 
@@ -138,6 +139,31 @@ def _power(x: Any, y: Any) -> Jet:
     return Jet(found, _scaled((lambda: np.where(np.equal(b, 0.0), 0.0, b * np.power(a, b - 1.0)), x), (by_exponent, y)))
 
 
+def choice(c: Any, x: Any, y: Any) -> Any:
+    """Stands for the function of that name in generated modules: x where c is 1, y where it is 0."""
+    holds = np.not_equal(value_of(c), 0.0)
+    value = np.where(holds, value_of(x), value_of(y))
+    slopes = [z.slope for z in (x, y) if isinstance(z, Jet)]
+    if not slopes:
+        return value
+    a, b = (z.slope if isinstance(z, Jet) else np.zeros(1) for z in (x, y))
+    return Jet(value, np.where(_wide(holds), a, b))
+
+
+def vanishing(x: Any, y: Any) -> Any:
+    """Stands for the function of that name in generated modules: the product, zero where x is, whatever y."""
+    a, b = value_of(x), value_of(y)
+    value = np.where(np.not_equal(a, 0.0), a * b, 0.0)
+    if not isinstance(x, Jet) and not isinstance(y, Jet):
+        return value
+    slope: Any = 0.0
+    if isinstance(x, Jet):
+        slope = np.where(x.slope != 0.0, _wide(b) * x.slope, 0.0)
+    if isinstance(y, Jet):
+        slope = slope + np.where(_wide(a) != 0.0, _wide(a) * y.slope, 0.0)
+    return Jet(value, slope)
+
+
 def _arctan2(x: Any, y: Any) -> Jet:
     a, b = value_of(x), value_of(y)
     square = a * a + b * b
@@ -160,14 +186,16 @@ def _of_one(function: Callable[[Any], Any], derivative: Callable[[Any, Any], Any
 
     def rule(x: Jet) -> Jet:
         found = function(x.value)
-        return Jet(found, _wide(derivative(x.value, found)) * x.slope)
+        return Jet(found, np.where(x.slope != 0.0, _wide(derivative(x.value, found)) * x.slope, 0.0))
 
     return rule
 
 
 RULES: dict[str, Callable[..., Any]] = {
     "add": _add, "subtract": _subtract, "multiply": _multiply, "divide": _divide, "power": _power, "arctan2": _arctan2,
-    "negative": Jet.__neg__, "greater": lambda x, y: value_of(x) > value_of(y), "less": lambda x, y: value_of(x) < value_of(y),
+    "negative": Jet.__neg__, "floor": lambda x: np.floor(x.value),
+    "greater": lambda x, y: value_of(x) > value_of(y),
+    "less": lambda x, y: value_of(x) < value_of(y),
     "greater_equal": lambda x, y: value_of(x) >= value_of(y), "less_equal": lambda x, y: value_of(x) <= value_of(y),
     "maximum": _chosen(np.greater_equal), "minimum": _chosen(np.less_equal),
     "sin": _of_one(np.sin, lambda x, f: np.cos(x)), "cos": _of_one(np.cos, lambda x, f: -np.sin(x)),

@@ -162,6 +162,7 @@ class Functions:
         self.exp = np.frompyfunc(lambda x: Decimal(x).exp(), 1, 1)
         self.log = np.frompyfunc(lambda x: Decimal(x).ln(), 1, 1)
         self.power = np.frompyfunc(_power, 2, 1)
+        self.floor = np.frompyfunc(lambda x: Decimal(x).to_integral_value(decimal.ROUND_FLOOR), 1, 1)
         self.float64 = Decimal
 
     def __getattr__(self, name: str) -> Any:

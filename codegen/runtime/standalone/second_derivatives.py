@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from .arrays import Array, Shape
-from .jets import Jet, value_of
+from .jets import Jet, choice, value_of, vanishing
 from .numpy_target import NumpyTarget
 from .targets import Opened
 
@@ -25,6 +25,7 @@ class SecondDerivatives:
         # a module of its own: what it calls to take arguments and to give results is replaced
         module: Any = NumpyTarget(opened.folder, opened.manifest).module
         module.Call, module.result = _call_of_jets(module.Call), _result_of_jets(module.result)
+        module.choice, module.vanishing = choice, vanishing
         self.module = module
 
     def along(self, name: str, given: Mapping[str, Any], seeds: Mapping[str, Any]) -> list[Jet]:

@@ -1,0 +1,545 @@
+"""Values and derivatives of expressions that are finite where plain rules give 0/0 or 0 times infinity.
+
+A product is taken apart into powers of bases, and powers of one base are put together before anything is computed: the
+derivative of ``x*x**n`` has ``x**n``, not ``x*x**(n - 1)``. Two factors have bounds, or grow slower than any power, so that a
+product with them is zero where the rest of it is (`VANISHING`): a logarithm, and a component of a vector divided by the
+vector's length. That makes
+``x*log(x)``, ``k*d**n`` by n, and ``c*sqrt(v.v)*v`` with their derivatives exact where x, d or v is zero. Branches that are not
+taken do not contribute (`CHOICE`). Where nothing of that helps, the result is infinite or no number, as the derivative is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from functools import lru_cache
+
+from .expressions import AT_LEAST, CHOICE, VANISHING, Expression, Tree, combine
+
+ZERO: Tree = ("number", 0)
+ONE: Tree = ("number", 1)
+TWO: Tree = ("number", 2)
+MINUS_ONE: Tree = ("number", -1)
+HALF: Tree = ("number", 0.5)
+
+NORM = "norm"
+"""Key of a power of the length of a vector: ``(NORM, ((weight, component), ...))``, the root of weights times squares."""
+
+SIZE = "size"
+"""Key of a power of an absolute value: ``(SIZE, ((1, x),))``."""
+
+Factors = list[tuple[Tree, Tree]]
+"""Trees, or keys, with their exponents."""
+
+_LEAVES = ("number", "name", "slot", "parameter")
+_MOST_MOVES = 64
+
+
+def slope(tree: Tree, by: Tree) -> Tree:
+    """The derivative of a tree by one of its leaves.
+
+    At a kink of ``min`` and ``max`` it is that of the first argument, of ``abs`` zero. Where ``sign``, comparisons and ``mod``
+    jump it is that beside the jump.
+
+    Raises
+    ------
+    ExpressionError
+        A number of the derivative is not finite.
+    """
+    return _slope(tree, by)
+
+
+@lru_cache(maxsize=1 << 14)
+def _slope(tree: Tree, by: Tree) -> Tree:
+    if tree == by:
+        return ONE
+    kind = tree[0]
+    if kind in _LEAVES:
+        return ZERO
+    if kind == "neg":
+        return combine("neg", _slope(tree[1], by))
+    if kind in ("+", "-"):
+        return combine(kind, _slope(tree[1], by), _slope(tree[2], by))
+    if kind == "call" and tree[1] not in ("sqrt", "abs", VANISHING):
+        return _of_call(tree[1], tree[2:], tuple(_slope(a, by) for a in tree[2:]))
+    return _of_product(Product().times(tree), by)
+
+
+def _of_call(function: str, of: tuple[Tree, ...], d: tuple[Tree, ...]) -> Tree:
+    """The derivative of a function's value from those of its arguments."""
+    if all(x == ZERO for x in d) or function in (AT_LEAST, "sign", "held_at_least", "held_sign"):
+        return ZERO
+    x, dx = of[0], d[0]
+    match function:
+        case "held_max":
+            return combine(CHOICE, ("call", "held_at_least", *of), *d[:2])
+        case "held_min":
+            return combine(CHOICE, ("call", "held_at_least", of[1], x, ("neg", of[2])), *d[:2])
+        case "held_abs":
+            return product((("call", "held_sign", *of), ONE), (dx, ONE))
+        case "held_mod":
+            return combine("-", dx, combine("*", combine("/", combine("-", x, ("call", function, *of)), of[1]), d[1]))
+        case "choice":
+            return combine(CHOICE, x, d[1], d[2])
+        case "min" | "max":
+            return combine(CHOICE, combine(AT_LEAST, *(of if function == "max" else of[::-1])), *d)
+        case "mod" | "wrapped":
+            whole = combine("/", combine("-", x, combine(function, *of)), of[1])
+            return combine("-", dx, combine("*", whole, d[1]))
+        case "atan2":
+            y, dy = of[1], d[1]
+            square = combine("+", combine("**", y, TWO), combine("**", x, TWO))
+            return combine("-", product((y, ONE), (square, MINUS_ONE), (dx, ONE)),
+                           product((x, ONE), (square, MINUS_ONE), (dy, ONE)))  # fmt: skip
+        case "asin" | "acos":  # two factors: 1 - x**2 loses digits where x is near 1
+            power = ("number", -0.5)
+            found = product((combine("-", ONE, x), power), (combine("+", ONE, x), power), (dx, ONE))
+            return found if function == "asin" else combine("neg", found)
+        case "log":
+            return product((dx, ONE), (x, MINUS_ONE))
+    whole = combine(function, x)
+    factor: Tree = {
+        "sin": lambda: combine("cos", x),
+        "cos": lambda: combine("neg", combine("sin", x)),
+        "tan": lambda: combine("+", ONE, combine("**", whole, TWO)),
+        "atan": lambda: combine("/", ONE, combine("+", ONE, combine("**", x, TWO))),
+        "sinh": lambda: combine("cosh", x),
+        "cosh": lambda: combine("sinh", x),
+        "tanh": lambda: combine("/", ONE, combine("**", combine("cosh", x), TWO)),
+        "exp": lambda: whole,
+    }[function]()
+    return product((factor, ONE), (dx, ONE))
+
+
+def _of_product(of: Product, by: Tree) -> Tree:
+    """The derivative of a product, power by power."""
+    total = ZERO
+    for key, exponent in of.powers.items():
+        rest = of.without(key)
+        for factors in _of_power(key, exponent, by):
+            total = combine("+", total, _finished(rest.copy().with_all(factors), rest, by))
+        if key[0] in ("*", "/") and exponent[0] == "number":
+            total = combine("+", total, _of_power_of_product(rest, key, exponent, by))
+    for i, choice in enumerate(of.choices):
+        d = _slope(choice, by)
+        if d != ZERO:
+            term = of.copy()
+            del term.choices[i]
+            total = combine("+", total, term.times(d).tree())
+    return total
+
+
+def _of_power(key: Tree, exponent: Tree, by: Tree) -> Iterator[Factors]:
+    """The terms of the derivative of a power, as factors with their exponents."""
+    less = plus(exponent, MINUS_ONE)
+    if key[0] in (NORM, SIZE):
+        for weight, x in key[1]:
+            two_less = (key, plus(exponent, ("number", -2)))
+            d, of_weight = _slope(x, by), _slope(weight, by)
+            if d != ZERO:
+                yield [(exponent, ONE), two_less, (weight, ONE), (x, ONE), (d, ONE)]
+            if of_weight != ZERO:
+                yield [(exponent, ONE), (HALF, ONE), two_less, (x, TWO), (of_weight, ONE)]
+    elif key[0] not in ("*", "/") or exponent[0] != "number":
+        d = _slope(key, by)
+        if d != ZERO:
+            yield [(exponent, ONE), (key, less), (d, ONE)]
+    d = _slope(exponent, by)
+    if d != ZERO:
+        yield [(key, exponent), (combine("log", _power(key, ONE)), ONE), (d, ONE)]
+
+
+def _finished(term: Product, others: Product, by: Tree) -> Tree:
+    """The tree of a term of a derivative: zero where another factor of the product, that does not depend on `by`, is."""
+    if not term.may_be_infinite:
+        return term.tree()
+    apart = Product()
+    for key, e in others.powers.items():
+        if e[0] == "number" and e[1] > 0 and key in term.powers and by not in leaves(_power(key, e)):
+            apart.times(key, e)
+            term.times(key, plus(ZERO, e, -1))
+    return combine(VANISHING, apart.tree(), term.tree()) if apart.powers else term.tree()
+
+
+def _of_power_of_product(others: Product, key: Tree, exponent: Tree, by: Tree) -> Tree:
+    """The derivative of a power of a product that may not be taken apart, as its factors may be negative, times others.
+
+    Divided by the factor that varies, where that is not zero, it is zero where another factor is; else the power is one less.
+    """
+    total = ZERO
+    inside = Product().times(key)
+    for factor, e in inside.powers.items():
+        d = _of_product(Product().times(factor, e), by)
+        if d == ZERO:
+            continue
+        base = _power(factor, e)
+        rest = inside.without(factor)
+        here = others.copy().with_all([(exponent, ONE), (d, ONE)])
+        n = here.powers.get(factor, ZERO)
+        less = plus(exponent, MINUS_ONE)
+        at_zero = here.copy()
+        if e == ONE and n[0] == "number" and n[1] > 0:  # times the factor: the product divided by what else is in it
+            at_zero = here.without(factor).with_all([(rest.copy().tree(), combine("neg", n))])
+            less = plus(less, n)
+        at_zero.with_all([(key, less), (rest.tree(), ONE)])
+        if not rest.powers:
+            total = combine("+", total, _finished(at_zero, others, by))
+            continue
+        apart = here.with_all([(key, exponent), (base, MINUS_ONE)])
+        none = combine(AT_LEAST, ZERO, combine("abs", base))
+        total = combine("+", total, combine(CHOICE, none, *(_finished(of, others, by) for of in (at_zero, apart))))
+    return total
+
+
+def plus(a: Tree, b: Tree, times: float = 1) -> Tree:
+    """The sum of two exponents, each times a number; equal terms are put together: n + (1 - n) is 1."""
+    terms: dict[Tree, float] = {}
+    _add_terms(a, times, terms)
+    _add_terms(b, times, terms)
+    found, number = ZERO, terms.pop(ONE, 0)
+    for term, factor in terms.items():
+        size = combine("*", _number(abs(factor)), term)
+        found = combine("+" if factor > 0 else "-", found, size)
+    return combine("+" if number > 0 else "-", found, _number(abs(number)))
+
+
+def _add_terms(e: Tree, factor: float, terms: dict[Tree, float]) -> None:
+    """Add the terms of an exponent, each with its number, to others."""
+    match e:
+        case ("number", value):
+            terms[ONE] = terms.get(ONE, 0) + factor * value
+        case ("neg", a):
+            _add_terms(a, -factor, terms)
+        case ("+" | "-", a, b):
+            _add_terms(a, factor, terms)
+            _add_terms(b, factor if e[0] == "+" else -factor, terms)
+        case ("*", ("number", value), a) | ("*", a, ("number", value)):
+            _add_terms(a, factor * value, terms)
+        case _:
+            terms[e] = terms.get(e, 0) + factor
+    for term in [t for t, n in terms.items() if n == 0]:
+        del terms[term]
+
+
+def _number(value: float) -> Tree:
+    return Expression.number(value).tree
+
+
+def product(*factors: tuple[Tree, Tree]) -> Tree:
+    """A product of trees and their exponents, written so that it is finite where it can be."""
+    return Product().with_all(factors).tree()
+
+
+class Product:
+    """A product, taken apart.
+
+    Attributes
+    ----------
+    number : Tree
+    powers : dict of Tree to Tree
+        Exponents of bases, which are trees or keys of norms.
+    choices : list of Tree
+        Factors with branches.
+    merges : bool
+        Whether powers have been put together of which one may be infinite.
+    """
+
+    __slots__ = ("choices", "merges", "number", "powers")
+
+    def __init__(self) -> None:
+        self.number: Tree = ONE
+        self.powers: dict[Tree, Tree] = {}
+        self.choices: list[Tree] = []
+        self.merges = False
+
+    def copy(self) -> Product:
+        found = Product()
+        found.number, found.powers, found.choices = self.number, dict(self.powers), list(self.choices)
+        return found
+
+    def without(self, key: Tree) -> Product:
+        """The others."""
+        found = self.copy()
+        found.powers.pop(key, None)
+        return found
+
+    def with_all(self, factors: Iterable[tuple[Tree, Tree]]) -> Product:
+        """With more factors, trees or keys and their exponents."""
+        for tree, e in factors:
+            self.times(tree, e)
+        return self
+
+    def times(self, tree: Tree, e: Tree = ONE) -> Product:
+        """With one more factor, a tree or a key, to the power of an exponent."""
+        kind, is_whole = tree[0], e[0] == "number" and isinstance(e[1], int)
+        if kind in (NORM, SIZE):
+            self._add(tree, e)
+        elif kind == "number" and is_whole and (tree[1] != 0 or e[1] > 0):
+            self.number = combine("*", self.number, combine("**", tree, e))
+        elif kind == "neg" and is_whole:
+            self.number = combine("neg", self.number) if e[1] % 2 else self.number
+            self.times(tree[1], e)
+        elif kind == "*" and is_whole:
+            self.times(tree[1], e).times(tree[2], e)
+        elif kind == "/" and is_whole:
+            self.times(tree[1], e).times(tree[2], combine("neg", e))
+        elif kind == "**" and (is_whole or self._is_positive(tree)):
+            self.times(tree[1], combine("*", tree[2], e))
+        elif tree[:2] == ("call", "sqrt"):
+            self.times(tree[2], plus(e, ZERO, 0.5))
+        elif tree[:2] == ("call", "abs"):
+            self._add((SIZE, ((ONE, tree[2]),)), e)
+        elif tree[:2] == ("call", VANISHING) and is_whole:
+            self.times(tree[2], e).times(tree[3], e)
+        elif tree[:2] == ("call", CHOICE) and e == ONE:
+            self.choices.append(tree)
+        elif kind == "*" and tree[1][0] == "number" and tree[1][1] > 0 and e[0] == "number":
+            self.number = combine("*", self.number, combine("**", tree[1], e))
+            self.times(tree[2], e)
+        elif (parts := squares(tree)) and not (len(parts) == 1 and is_whole):
+            self._add((NORM, tuple(sorted(parts, key=repr))), plus(e, ZERO, 2))
+        else:
+            self._add(tree, e)
+        return self
+
+    @staticmethod
+    def _is_positive(tree: Tree) -> bool:
+        """Whether a power has a base that cannot be negative, so that exponents may be multiplied."""
+        return tree[1][:2] in (("call", "abs"), ("call", "sqrt")) or is_positive(tree[1])
+
+    def _add(self, key: Tree, e: Tree) -> None:
+        before = self.powers.get(key)
+        if before is not None:
+            self.merges = self.merges or _may_be_negative(before) or _may_be_negative(e)
+            e = plus(before, e)
+        self.powers[key] = e
+        if e == ZERO:
+            del self.powers[key]
+
+    # -- as a tree -------------------------------------------------------------------------------------------------
+
+    @property
+    def may_be_infinite(self) -> bool:
+        """Whether a power has an exponent that may be negative, or is a logarithm."""
+        return any(_may_be_negative(e) or k[:2] == ("call", "log") for k, e in self.powers.items())
+
+    @property
+    def is_better(self) -> bool:
+        """Whether putting powers together, and setting factors with bounds apart, can make a value finite."""
+        logarithm = any(k[:2] == ("call", "log") for k in self.powers) and len(self.powers) + len(self.choices) > 1
+        chosen = self.may_be_infinite and any(ZERO in c[3:] for c in self.choices)
+        return self.merges or logarithm or chosen or bool(self._split()[1])
+
+    def _split(self) -> tuple[dict[Tree, Tree], list[Tree], list[Tree]]:
+        """Powers, factors that have bounds, and signs: components of vectors are divided by lengths that are to be divided by."""
+        powers, bounded, signs = dict(self.powers), [], []
+        for key in [k for k in powers if k[0] in (NORM, SIZE)]:
+            e = powers[key]
+            moves: list[Tree] = []
+            left = {x: powers.get(x, ZERO) for _, x in key[1]}
+            while _may_be_negative(e) and len(moves) < _MOST_MOVES:
+                x = next((x for x, n in left.items() if n[0] == "number" and n[1] >= 1), None)
+                if x is None:
+                    break
+                moves.append(x)
+                left[x], e = plus(left[x], MINUS_ONE), plus(e, ONE)
+            if not moves or (e[0] == "number" and e[1] < 0):
+                continue  # it is infinite all the same
+            powers[key] = e
+            for x in moves:
+                powers[x] = plus(powers[x], MINUS_ONE)
+                if key[0] == SIZE:
+                    signs.append(combine("sign", x))
+                else:
+                    bounded.append(combine("/", x, _power(key, ONE)))
+        return {k: e for k, e in powers.items() if e != ZERO}, bounded, signs
+
+    def tree(self) -> Tree:
+        """The product as a tree."""
+        if self.number[0] == "number" and self.number[1] <= 0:
+            if self.number == ZERO:
+                return ZERO
+            opposite = self.copy()
+            opposite.number = combine("neg", self.number)
+            return combine("neg", opposite.tree())
+        for i, (_, _, condition, x, y) in enumerate(self.choices):
+            if ZERO in (x, y):
+                rest = self.copy()
+                del rest.choices[i]
+                return _chosen(rest, condition, x, y)
+        powers, slow, signs = self._split()
+        above, below = self.number, ONE
+        for key, e in powers.items():
+            if key[:2] == ("call", "log") and e[0] == "number" and e[1] > 0:
+                slow.append(_power(key, e))
+            elif e[0] == "number" and e[1] < 0:
+                below = combine("*", below, _power(key, combine("neg", e)))
+            else:
+                above = combine("*", above, _power(key, e))
+        for factor in (*signs, *self.choices):
+            above = combine("*", above, factor)
+        found = combine("/", above, below)
+        if not slow:
+            return found
+        factor = slow[0]
+        for more in slow[1:]:
+            factor = combine("*", factor, more)
+        return combine(VANISHING, found, factor)
+
+
+def _chosen(rest: Product, condition: Tree, x: Tree, y: Tree) -> Tree:
+    """A product with a factor that is zero in one of its branches: no other factor counts there."""
+    if y == ZERO:
+        return combine(CHOICE, condition, rest.times(x).tree(), ZERO)
+    if condition[:2] == ("call", AT_LEAST) and rest.may_be_infinite:
+        # where both are equal an infinite slope of the rest is not passed over: there it is one-sided
+        edge = combine("*", rest.copy().tree(), combine(CHOICE, condition, ZERO, y))
+        return combine(CHOICE, combine(AT_LEAST, condition[3], condition[2]), edge, ZERO)
+    return combine(CHOICE, condition, ZERO, rest.times(y).tree())
+
+
+def _may_be_negative(e: Tree) -> bool:
+    return bool(e[0] != "number" or e[1] < 0)
+
+
+def _power(key: Tree, e: Tree) -> Tree:
+    """A power as a tree."""
+    if key[0] == SIZE:
+        base = combine("abs", key[1][0][1])
+    elif key[0] == NORM:
+        square = ZERO
+        for weight, x in key[1]:
+            square = combine("+", square, combine("*", weight, combine("**", x, TWO)))
+        if e[0] == "number" and isinstance(e[1], int) and e[1] % 2 == 0:
+            return combine("**", square, ("number", e[1] // 2))
+        base = combine("sqrt", square)
+    elif e == HALF:
+        return combine("sqrt", key)
+    else:
+        base = key
+    return combine("**", base, e)
+
+
+def squares(tree: Tree) -> tuple[tuple[Tree, Tree], ...]:
+    """Weights and what is squared, of a sum of such terms; empty for anything else."""
+    if tree[0] == "+":
+        one = squares(tree[1])
+        other = squares(tree[2]) if one else ()
+        return one + other if other else ()
+    if tree[0] not in ("*", "**"):
+        return ()
+    of = Product().times(tree) if tree[0] == "*" else None
+    powers = of.powers if of is not None else {tree[1]: tree[2]}
+    root, weight = Product(), Product()
+    for key, e in powers.items():
+        if e[0] == "number" and isinstance(e[1], int) and e[1] > 0 and e[1] % 2 == 0:
+            root.times(key, ("number", e[1] // 2))
+        else:
+            weight.times(key, e)
+    if of is not None and (of.choices or of.number[1] < 0):
+        return ()
+    weight.number = ONE if of is None else of.number
+    return ((weight.tree(), root.tree()),) if root.powers else ()
+
+
+# --- where a value or a derivative may be infinite ---------------------------------------------------------------------
+
+
+def is_positive(tree: Tree) -> bool:
+    """Whether a tree is seen to be above zero whatever its names are."""
+    kind = tree[0]
+    if kind == "number":
+        return bool(tree[1] > 0)
+    if kind == "+":
+        a, b = tree[1:]
+        return (is_positive(a) and _is_not_negative(b)) or (_is_not_negative(a) and is_positive(b))
+    if kind in ("*", "/"):
+        return is_positive(tree[1]) and is_positive(tree[2])
+    if kind == "**":
+        return is_positive(tree[1])
+    return bool(
+        kind == "call" and (tree[1] in ("exp", "cosh") or (tree[1] in ("sqrt", "abs") and is_positive(tree[2])))
+    )
+
+
+def _is_not_negative(tree: Tree) -> bool:
+    kind = tree[0]
+    if kind in ("+", "*"):
+        return _is_not_negative(tree[1]) and _is_not_negative(tree[2])
+    if kind == "**" and tree[2][0] == "number" and isinstance(tree[2][1], int) and tree[2][1] % 2 == 0:
+        return True
+    return tree == ZERO or is_positive(tree) or (kind == "call" and tree[1] in ("sqrt", "abs", AT_LEAST))
+
+
+def is_singular(tree: Tree) -> bool:
+    """Whether a derivative of a tree may be infinite, or have terms that are: a root, a power below one, a branch, ..."""
+    kind = tree[0]
+    if kind in _LEAVES:
+        return False
+    inner = tree[2:] if kind == "call" else tree[1:]
+    found = False
+    if kind == "call":
+        found = tree[1] in ("asin", "acos", "atan2", CHOICE, VANISHING) or (
+            tree[1] in ("sqrt", "log") and not is_positive(tree[2])
+        )
+    elif kind == "**":
+        base, e = tree[1:]
+        found = not (e[0] == "number" and (e[1] >= 1 or e[1] == 0)) and not is_positive(base)
+        found = found and not (e[0] == "number" and isinstance(e[1], int))  # a quotient
+    return bool(found or any(is_singular(a) for a in inner))
+
+
+def has_quotient(tree: Tree, of: frozenset[Tree]) -> bool:
+    """Whether something is divided by what some leaves are in."""
+    kind = tree[0]
+    if kind in _LEAVES:
+        return False
+    inner = tree[2:] if kind == "call" else tree[1:]
+    below = tree[2] if kind == "/" else tree[1] if kind == "**" and tree[2][0] == "number" and tree[2][1] < 0 else ONE
+    return (not is_positive(below) and not of.isdisjoint(leaves(below))) or any(has_quotient(a, of) for a in inner)
+
+
+def leaves(tree: Tree) -> list[Tree]:
+    """The names of a tree, each once, in the order in which they stand."""
+    found: dict[Tree, None] = {}
+
+    def walk(node: Tree) -> None:
+        if node[0] in ("name", "parameter"):
+            found[node] = None
+        elif node[0] not in _LEAVES:
+            for a in node[2:] if node[0] == "call" else node[1:]:
+                walk(a)
+
+    walk(tree)
+    return list(found)
+
+
+def regular(tree: Tree) -> Tree:
+    """The same expression, with products whose limits are finite written so that they are.
+
+    ``x*log(x)`` is 0 at 0, ``v*abs(v)**(n - 1)`` too, and ``x/x`` is 1. All other trees stay as they are.
+    """
+    kind = tree[0]
+    if kind in _LEAVES:
+        return tree
+    first = 2 if kind == "call" else 1
+    inner = tuple(regular(a) for a in tree[first:])
+    if any(a is not b for a, b in zip(inner, tree[first:], strict=True)):
+        tree = (*tree[:first], *inner)
+    if kind in ("*", "/") and _may_be_better(tree):
+        found = Product().times(tree)
+        if found.is_better:
+            return found.tree()
+    return tree
+
+
+def _may_be_better(tree: Tree) -> bool:
+    """Whether a factor of a product is a quotient, a power, a logarithm or the like."""
+    kind = tree[0]
+    if kind == "*":
+        return _may_be_better(tree[1]) or _may_be_better(tree[2])
+    if kind == "neg":
+        return _may_be_better(tree[1])
+    return kind in ("/", "**") or (kind == "call" and tree[1] in ("log", "sqrt", "abs", VANISHING, CHOICE))
+
+
+__all__ = ["has_quotient", "is_singular", "leaves", "regular", "slope"]
