@@ -629,6 +629,9 @@ class CWriter(Writer):
         places: dict[str, int] = {}
         at = 0
         memory = c_functions.memory(found)
+        switching = bool(model.switches.found)
+        if switching:  # functions that nobody calls with modes read that there are none
+            memory.fields.setdefault(MODES.name, False)
         _ = self.swept
         of_sweeps = self.regions()
         own = [("own", False, memory.size)] if memory.size else []
@@ -700,7 +703,7 @@ class CWriter(Writer):
             ],
             "header_functions": [of for f in found if not f.seeds for of in lines.functions(f)],
             "prototypes": [(Function(f.doc, "").head, c_functions.signatures(f, model.name)) for f in found],
-            "mode_words": ["c/modes.c.jinja"] if any(f.modes is not None for f in found) else [],
+            "mode_words": ["c/modes.c.jinja"] if switching else [],
             "batch_arrays": [
                 (type_, called_with("", names, ";").split("\n"))
                 for type_, names in zip(("given", "rows"), c_functions.batch_arrays(public), strict=True)
